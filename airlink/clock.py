@@ -1,0 +1,66 @@
+"""Instants and the clocks that give them. Engines get `now`; only the drivers ask a clock."""
+
+from __future__ import annotations
+
+import time
+from typing import NewType, Protocol
+
+Instant = NewType("Instant", int)
+"""Nanoseconds since the epoch of the run's clock."""
+
+NANOSECONDS = 1_000_000_000
+
+
+def after(instant: Instant, seconds: float) -> Instant:
+    """Return the instant that lies `seconds` after `instant`."""
+    return Instant(instant + round(seconds * NANOSECONDS))
+
+
+def seconds_between(earlier: Instant, later: Instant) -> float:
+    """Return the seconds from `earlier` to `later`, negative when they are the other way round."""
+    return (later - earlier) / NANOSECONDS
+
+
+class Clock(Protocol):
+    """Gives the present instant."""
+
+    def now(self) -> Instant:
+        """Return the present instant."""
+        ...
+
+
+class VirtualClock:
+    """A clock that stands still until its owner moves it."""
+
+    def __init__(self, start: Instant = Instant(0)) -> None:
+        """Start at `start`."""
+        self._now = start
+
+    def now(self) -> Instant:
+        """Return the instant that the clock was last moved to."""
+        return self._now
+
+    def move_to(self, instant: Instant) -> None:
+        """Move the clock; it never goes back."""
+        self._now = max(self._now, instant)
+
+
+class RealClock:
+    """The machine's monotonic clock, run `speedup` times faster from `origin_ns` on.
+
+    Processes that are given the same origin and speed-up share their instants: CLOCK_MONOTONIC is
+    the same for every process of a machine.
+    """
+
+    def __init__(self, speedup: float = 1.0, origin_ns: int | None = None) -> None:
+        """Count from `origin_ns` of the monotonic clock, from this moment when it's None."""
+        self.speedup = speedup
+        self.origin_ns = time.monotonic_ns() if origin_ns is None else origin_ns
+
+    def now(self) -> Instant:
+        """Return the present instant."""
+        return Instant(int((time.monotonic_ns() - self.origin_ns) * self.speedup))
+
+    def wall_seconds_until(self, instant: Instant) -> float:
+        """Return how long the machine has to wait for `instant`; 0 when it has passed."""
+        return max(0.0, seconds_between(self.now(), instant) / self.speedup)

@@ -1,0 +1,203 @@
+"""Typed messages to and from MAVLink payloads. Units change here and nowhere else.
+
+How a field is scaled follows from the unit that the dialect declares for it, so a message needs no code
+of its own. Source: MAVLink guide, "Serialization".
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import struct
+from collections.abc import Callable, Sequence
+from operator import itemgetter
+from typing import Any, get_args
+
+from airlink.mavlink import Layout, layout
+from airlink.messages import Message
+
+SI_SUFFIX_AND_SCALE: dict[str, tuple[str, float]] = {
+    "ms": ("s", 1e-3),
+    "m": ("m", 1.0),
+    "mm": ("m", 1e-3),
+    "m/s": ("mps", 1.0),
+    "cm/s": ("mps", 1e-2),
+    "m/s/s": ("mps2", 1.0),
+    "rad": ("rad", 1.0),
+    "rad/s": ("radps", 1.0),
+    "deg": ("rad", math.pi / 180),
+    "cdeg": ("rad", math.pi / 180e2),
+    "degE7": ("rad", math.pi / 180e7),
+    "mV": ("v", 1e-3),
+    "cA": ("a", 1e-2),
+}
+"""Declared unit -> the suffix of our field's name, and what one unit is in SI."""
+
+_RANGES = {
+    "int8_t": (-(2**7), 2**7 - 1),
+    "uint8_t": (0, 2**8 - 1),
+    "uint8_t_mavlink_version": (0, 2**8 - 1),
+    "int16_t": (-(2**15), 2**15 - 1),
+    "uint16_t": (0, 2**16 - 1),
+    "int32_t": (-(2**31), 2**31 - 1),
+    "uint32_t": (0, 2**32 - 1),
+    "int64_t": (-(2**63), 2**63 - 1),
+    "uint64_t": (0, 2**64 - 1),
+}
+_UNKNOWN_UINT16 = 2**16 - 1
+_FLOAT32_MAX: float = struct.unpack("<f", b"\xff\xff\x7f\x7f")[0]
+
+Convert = Callable[[Any], Any]
+Scatter = Callable[[list[Any]], Sequence[Any]]
+
+
+def wire_name(message_class: type[Any]) -> str:
+    """Return MAVLink's name of a message class: GlobalPositionInt -> GLOBAL_POSITION_INT."""
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", message_class.__name__).upper()
+
+
+class PayloadCodec:
+    """Payload bytes to a typed message and back, for one message."""
+
+    def __init__(self, message_class: type[Any]) -> None:
+        """Work out from the dialect's layout how each field of `message_class` is converted."""
+        self.layout = layout(wire_name(message_class))
+        self._make: Callable[[Any], Message] = message_class._make
+        count = len(message_class._fields)
+        self._decoders = tuple(_decoder(self.layout, place) for place in range(count))
+        self._fits = tuple(_fit(self.layout, place) for place in range(count))
+        self._units_in_si = _units_in_si(self.layout, count)
+        self._unpack = self.layout.packer.unpack
+        self._pack = self.layout.packer.pack
+        self._length = self.layout.packer.size
+        self._scatter = _scatter(self.layout, count)
+
+    def decode(self, payload: bytes) -> Message:
+        """Return the message; missing bytes count as zeros, surplus ones (newer extensions) are left out."""
+        values = self._unpack(payload[: self._length].ljust(self._length, b"\0"))
+        return self._make([convert(values) for convert in self._decoders])
+
+    def encode(self, message: tuple[Any, ...]) -> bytes:
+        """Return the whole payload, extension fields included and not yet truncated.
+
+        A value outside its field's range is sent as the nearest that fits, NaN in an integer as unknown.
+        """
+        if self._units_in_si is not None:
+            pairs = zip(message, self._units_in_si, strict=True)
+            try:
+                row = [value if units is None else round(value * units) for value, units in pairs]
+                return self._pack(*self._scatter(row))
+            except (struct.error, ValueError, OverflowError):
+                pass  # a value is NaN or doesn't fit
+        return self._pack(*self._scatter([fit(v) for fit, v in zip(self._fits, message, strict=True)]))
+
+
+def _starts(source: Layout) -> dict[int, int]:
+    """Return where each field, numbered in the XML's order, begins among the unpacked values."""
+    starts: dict[int, int] = {}
+    position = 0
+    for place in _packed_order(source):
+        starts[place] = position
+        position += _values(source, place)
+    return starts
+
+
+def _packed_order(source: Layout) -> list[int]:
+    return sorted(range(len(source.fields)), key=source.wire_order.__getitem__)
+
+
+def _values(source: Layout, place: int) -> int:
+    """Return how many of the unpacked values a field has; a text is one."""
+    return 1 if source.types[place] == "char" else max(source.array_lengths[place], 1)
+
+
+def _scale(source: Layout, place: int) -> float | None:
+    """Return what one unit of a field is in SI, None for a field that stays as it is."""
+    entry = SI_SUFFIX_AND_SCALE.get(source.units[place])
+    return entry[1] if entry else None
+
+
+def _is_float(source: Layout, place: int) -> bool:
+    return source.types[place] in {"float", "double"}
+
+
+def _decoder(source: Layout, place: int) -> Convert:
+    start = _starts(source)[place]
+    scale = _scale(source, place)
+    if source.types[place] == "char":
+        return lambda values: values[start].split(b"\0", 1)[0].decode("utf-8", "replace")
+    if source.array_lengths[place]:
+        return itemgetter(slice(start, start + source.array_lengths[place]))
+    if scale is None or (scale == 1.0 and _is_float(source, place)):
+        return itemgetter(start)
+    if source.types[place] == "uint16_t":
+        return lambda values: math.nan if values[start] == _UNKNOWN_UINT16 else values[start] * scale
+    return lambda values: values[start] * scale
+
+
+def _units_in_si(source: Layout, count: int) -> list[float | None] | None:
+    """Return how many units of each field the SI unit has, None for a field that is sent as it is.
+
+    None altogether when a field asks for more than a product, rounded: a text, an array, a scaled float.
+    """
+    scales = [_scale(source, place) for place in range(count)]
+    for place, scale in enumerate(scales):
+        if source.types[place] == "char" or source.array_lengths[place]:
+            return None
+        if _is_float(source, place):
+            if scale not in {None, 1.0}:
+                return None
+            scales[place] = None
+    return [1 / scale if scale else None for scale in scales]
+
+
+def _fit(source: Layout, place: int) -> Convert:
+    """Return what makes any value of a field one that can be packed."""
+    kind, array = source.types[place], source.array_lengths[place]
+    units = 1 / (_scale(source, place) or 1.0)
+    if kind == "char":
+        return lambda text: text.encode("utf-8", "replace")[:array]
+    if array:
+        return lambda values: [_nearest_float32(value) for value in (*values, *[0.0] * array)[:array]]
+    if _is_float(source, place):
+        return lambda value: _nearest_float32(value * units)
+    low, high = _RANGES[kind]
+    if _scale(source, place) is None:
+        return lambda value: int(min(max(value, low), high))
+    unknown = high if high == _UNKNOWN_UINT16 else 0
+    return lambda value: unknown if math.isnan(value) else round(min(max(value * units, low), high))
+
+
+def _nearest_float32(value: float) -> float:
+    return min(max(value, -_FLOAT32_MAX), _FLOAT32_MAX) if math.isfinite(value) else value
+
+
+def _scatter(source: Layout, count: int) -> Scatter:
+    """Return what puts a message's values into the order in which they are packed, zeros for the left-out."""
+    packed = _packed_order(source)
+    blanks = [_blank(source, place) for place in range(count, len(packed))]
+    if any(_values(source, place) > 1 for place in packed):
+        arrays = [place for place in packed if _values(source, place) > 1]
+        return lambda row: _flat([*row, *blanks], packed, arrays)
+    if packed == sorted(packed):
+        return lambda row: row + blanks
+    reorder = itemgetter(*packed)
+    return lambda row: reorder(row + blanks)
+
+
+def _blank(source: Layout, place: int) -> Any:
+    if source.types[place] == "char":
+        return b""
+    values = _values(source, place)
+    return [0] * values if values > 1 else 0
+
+
+def _flat(row: list[Any], packed: list[int], arrays: list[int]) -> list[Any]:
+    flat: list[Any] = []
+    for place in packed:
+        flat.extend(row[place] if place in arrays else (row[place],))
+    return flat
+
+
+CODECS: dict[type[Any], PayloadCodec] = {kind: PayloadCodec(kind) for kind in get_args(Message)}
+CODEC_OF_ID: dict[int, PayloadCodec] = {codec.layout.message_id: codec for codec in CODECS.values()}

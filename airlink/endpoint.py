@@ -1,0 +1,61 @@
+"""Connection strings, in the syntax of pymavlink and MAVProxy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+from airlink.errors import EndpointError
+
+MAX_PORT = 65535
+ANY_HOST = "0.0.0.0"
+LOOPBACK = "127.0.0.1"
+SYNTAX = "udpin:HOST:PORT, udpout:HOST:PORT or udp:HOST:PORT"
+
+
+class Address(NamedTuple):
+    """An IPv4 host and a UDP port."""
+
+    host: str
+    port: int
+
+    def __str__(self) -> str:
+        """Return "host:port"."""
+        return f"{self.host}:{self.port}"
+
+
+@dataclass(frozen=True)
+class Endpoint:
+    """One end of a UDP link: `udpin` listens at the address, `udpout` sends to it."""
+
+    kind: Literal["udpin", "udpout"]
+    address: Address
+
+    def __str__(self) -> str:
+        """Return the connection string."""
+        return f"{self.kind}:{self.address}"
+
+    def opposite(self) -> Endpoint:
+        """Return the endpoint that talks to this one from the same machine or, by address, from another."""
+        if self.kind == "udpout":
+            return Endpoint("udpin", self.address)
+        host = LOOPBACK if self.address.host == ANY_HOST else self.address.host
+        return Endpoint("udpout", Address(host, self.address.port))
+
+
+def parse_endpoint(text: str) -> Endpoint:
+    """Parse a connection string: `udpin:`, `udpout:` or `udp:` (the same as `udpin:`), host and port.
+
+    Raises:
+        EndpointError: the text isn't of that form; the message says what is allowed.
+    """
+    kind, _, rest = text.partition(":")
+    host, _, port_text = rest.removeprefix("//").rpartition(":")
+    if kind not in {"udp", "udpin", "udpout"}:
+        raise EndpointError(f"connection string '{text}': found '{kind}'; allowed: {SYNTAX}")
+    if not host or not (port_text.isascii() and port_text.isdigit()):
+        raise EndpointError(f"connection string '{text}': host and port not found; allowed: {SYNTAX}")
+    port = int(port_text)
+    if not 1 <= port <= MAX_PORT:
+        raise EndpointError(f"connection string '{text}': found port {port}; allowed: 1 to {MAX_PORT}")
+    return Endpoint("udpout" if kind == "udpout" else "udpin", Address(host, port))

@@ -1,0 +1,173 @@
+"""MAVLink 1 and 2 frames: typed messages to bytes, and a stream of bytes from one remote to messages.
+
+Source: MAVLink guide, "Packet Serialization" and "MAVLink 2".
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from typing import Final, Literal, NamedTuple
+
+from fastcrc import crc16
+
+from airlink.codec import CODEC_OF_ID, CODECS
+from airlink.mavlink import crc_extras
+from airlink.messages import Message
+
+MARKER_V1: Final = 0xFE
+MARKER_V2: Final = 0xFD
+HEADER_V1: Final = 6
+HEADER_V2: Final = 10
+CHECKSUM: Final = 2
+SIGNATURE: Final = 13
+SIGNED_FLAG: Final = 0x01
+
+_MARKERS: Final = {1: bytes([MARKER_V1]), 2: bytes([MARKER_V2])}
+_pack_header_v1 = struct.Struct("<BBBBB").pack
+_pack_header_v2 = struct.Struct("<BBBBBBHB").pack
+_pack_checksum = struct.Struct("<H").pack
+_EXTRA_BYTE = {message_id: bytes([extra]) for message_id, extra in crc_extras().items()}
+_checksum = crc16.mcrf4xx
+
+
+class Frame(NamedTuple):
+    """A frame whose checksum held."""
+
+    system: int
+    component: int
+    sequence: int
+    message_id: int
+    version: Literal[1, 2]
+    message: Message | None
+    """None when the message isn't one of `airlink.messages`."""
+    raw: bytes
+
+
+class FrameWriter:
+    """Turns one component's messages into frames and numbers them."""
+
+    def __init__(self, system: int, component: int) -> None:
+        """Speak as `component` of `system`."""
+        self.system = system
+        self.component = component
+        self._sequence = 0
+
+    def encode(self, message: Message, version: Literal[1, 2] = 2) -> bytes:
+        """Return the frame of `message`, with the next sequence number."""
+        codec = CODECS[type(message)]
+        payload = codec.encode(message)
+        number = codec.layout.message_id
+        sequence, self._sequence = self._sequence, (self._sequence + 1) & 0xFF
+        if version == 2:
+            payload = payload.rstrip(b"\0") or b"\0"
+            sender = (sequence, self.system, self.component, number & 0xFFFF, number >> 16)
+            body = _pack_header_v2(len(payload), 0, 0, *sender) + payload
+        else:
+            payload = payload[: codec.layout.base_length]
+            body = _pack_header_v1(len(payload), sequence, self.system, self.component, number) + payload
+        return _MARKERS[version] + body + _pack_checksum(_checksum(body + _EXTRA_BYTE[number]))
+
+
+@dataclass
+class ParserCounts:
+    """What a parser has seen."""
+
+    frames: int = 0
+    garbage_bytes: int = 0
+    """Bytes of no sound frame, those of refused frames included."""
+    bad_checksums: int = 0
+    unknown_messages: int = 0
+    incompatible: int = 0
+
+    @property
+    def bad(self) -> int:
+        """Frames that were dropped, whatever the cause."""
+        return self.bad_checksums + self.unknown_messages + self.incompatible
+
+
+class StreamParser:
+    """Finds frames in what one remote sends, wherever datagrams begin; garbage is skipped and counted.
+
+    A sound frame is taken as soon as it's complete, even where the bytes before it look like the start of
+    a longer one. So the frames found don't depend on how the bytes were cut.
+    """
+
+    def __init__(self) -> None:
+        """Start with nothing heard."""
+        self.counts = ParserCounts()
+        self._pending = b""
+
+    def feed(self, data: bytes) -> list[Frame]:
+        """Return the frames that `data` completes. Never raises, whatever the bytes."""
+        data = self._pending + data
+        frames: list[Frame] = []
+        offset, end = 0, len(data)
+        kept = end  # the earliest start of what may yet become a frame
+        refused_to = sound = 0
+        while offset < end:
+            following = offset + _frame_length(data, offset)
+            if following > end:
+                kept = min(kept, offset)
+            elif following > offset:
+                frame = self._accept(data[offset:following], offset >= refused_to and kept == end)
+                if frame is not None:
+                    frames.append(frame)
+                    sound += following - offset
+                    offset, kept = following, end
+                    continue
+                refused_to = max(refused_to, following)
+            offset += 1
+        self._pending = data[kept:]
+        self.counts.frames += len(frames)
+        self.counts.garbage_bytes += kept - sound
+        return frames
+
+    def _accept(self, raw: bytes, counted: bool) -> Frame | None:
+        """Return the frame, None when it's refused; `counted` unless that lies inside another candidate."""
+        version, message_id, header = _identify(raw)
+        extra = _EXTRA_BYTE.get(message_id)
+        end = header + raw[1]
+        if extra is None:
+            self.counts.unknown_messages += counted
+        elif _checksum(raw[1:end] + extra) != raw[end] | raw[end + 1] << 8:
+            self.counts.bad_checksums += counted
+        elif version == 2 and raw[2] & ~SIGNED_FLAG:
+            self.counts.incompatible += counted
+        else:
+            codec = CODEC_OF_ID.get(message_id)
+            message = codec.decode(raw[header:end]) if codec else None
+            sequence, system, component = raw[4:7] if version == 2 else raw[2:5]
+            return Frame(system, component, sequence, message_id, version, message, raw)
+        return None
+
+
+def _frame_length(data: bytes, offset: int) -> int:
+    """Return the length of the frame that starts at `offset`, 0 when none can."""
+    marker = data[offset]
+    if marker == MARKER_V2:
+        if offset + 2 >= len(data):
+            return HEADER_V2 + CHECKSUM
+        signature = SIGNATURE if data[offset + 2] & SIGNED_FLAG else 0
+        return HEADER_V2 + data[offset + 1] + CHECKSUM + signature
+    if marker == MARKER_V1:
+        if offset + 1 >= len(data):
+            return HEADER_V1 + CHECKSUM
+        return HEADER_V1 + data[offset + 1] + CHECKSUM
+    return 0
+
+
+def _identify(raw: bytes) -> tuple[Literal[1, 2], int, int]:
+    """Return the protocol version, the message id and the header's length of a whole frame."""
+    if raw[0] == MARKER_V2:
+        return 2, raw[7] | raw[8] << 8 | raw[9] << 16, HEADER_V2
+    return 1, raw[5], HEADER_V1
+
+
+def first_system(data: bytes) -> int | None:
+    """Return the system id of the frame that a datagram starts with, unverified; None when none starts it."""
+    if len(data) >= HEADER_V2 and data[0] == MARKER_V2:
+        return data[5]
+    if len(data) >= HEADER_V1 and data[0] == MARKER_V1:
+        return data[3]
+    return None

@@ -1,0 +1,125 @@
+"""Drives one engine over UDP sockets and the real clock."""
+
+from __future__ import annotations
+
+import errno
+import selectors
+import socket
+import time
+from collections.abc import Callable
+from types import TracebackType
+from typing import Final, Self
+
+from airlink.clock import RealClock
+from airlink.endpoint import Address, Endpoint
+from airlink.engine import Datagram, Engine
+from airlink.errors import PortError
+
+MAX_DATAGRAM: Final = 65535
+RECEIVE_BUFFER: Final = 4 * 1024 * 1024
+"""Bytes: a burst of 250 vehicles' telemetry while we're busy, kernel overhead included."""
+DRAIN_LIMIT: Final = 4096
+"""Datagrams taken from one socket before the timers get their turn again."""
+IDLE_WAIT_S: Final = 0.1
+SELECTOR_RESOLUTION_S: Final = 1e-3
+
+
+def open_socket(endpoint: Endpoint) -> socket.socket:
+    """Return a non-blocking UDP socket: bound for `udpin`, on a port of the system's choice for `udpout`.
+
+    Raises:
+        PortError: the address is taken or isn't this machine's.
+    """
+    opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+        opened.setblocking(False)
+        opened.bind(endpoint.address if endpoint.kind == "udpin" else ("", 0))
+    except OSError as error:
+        opened.close()
+        cause = "is taken by another program" if error.errno == errno.EADDRINUSE else error.strerror
+        raise PortError(f"cannot listen at {endpoint}: {endpoint.address} {cause}") from error
+    return opened
+
+
+class UdpDriver:
+    """Moves an engine's datagrams through sockets and wakes it for its timer, in the calling thread."""
+
+    def __init__(self, engine: Engine, clock: RealClock) -> None:
+        """Open the engine's sockets.
+
+        Raises:
+            PortError: one of them can't be opened; none is left open.
+        """
+        self._engine = engine
+        self._clock = clock
+        self._selector = selectors.DefaultSelector()
+        self._sockets: list[socket.socket] = []
+        try:
+            for index, endpoint in enumerate(engine.endpoints()):
+                opened = open_socket(endpoint)
+                self._sockets.append(opened)
+                self._selector.register(opened, selectors.EVENT_READ, index)
+        except PortError:
+            self.close()
+            raise
+
+    def __enter__(self) -> Self:
+        """Return the driver."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close the sockets."""
+        self.close()
+
+    def close(self) -> None:
+        """Close the sockets."""
+        for opened in self._sockets:
+            opened.close()
+        self._selector.close()
+
+    def run(self, until: Callable[[], bool]) -> None:
+        """Go on until `until` holds; it's asked after every wake, at least ten times a second."""
+        self._send()
+        while not until():
+            self._wait()
+            timer = self._engine.next_timer()
+            now = self._clock.now()
+            if timer is not None and timer <= now:
+                self._engine.handle_timer(now)
+            self._send()
+
+    def _wait(self) -> None:
+        """Sleep until a datagram or the timer comes, and take in what has arrived.
+
+        The selector's time-out is rounded up to milliseconds; the last one is slept away instead.
+        """
+        timer = self._engine.next_timer()
+        wait_s = IDLE_WAIT_S if timer is None else min(self._clock.wall_seconds_until(timer), IDLE_WAIT_S)
+        coarse_s = max(0.0, wait_s - SELECTOR_RESOLUTION_S)
+        ready = self._selector.select(coarse_s)
+        if not ready and wait_s > 0 and coarse_s == 0.0:
+            time.sleep(wait_s)
+            ready = self._selector.select(0)
+        for key, _ in ready:
+            self._drain(key.data)
+
+    def _drain(self, index: int) -> None:
+        opened = self._sockets[index]
+        for _ in range(DRAIN_LIMIT):
+            try:
+                data, peer = opened.recvfrom(MAX_DATAGRAM)
+            except BlockingIOError:
+                return
+            except OSError:  # the kernel's report that an earlier datagram found nobody: not ours to act on
+                continue
+            self._engine.receive(Datagram(index, Address(*peer), data), self._clock.now())
+
+    def _send(self) -> None:
+        for index, peer, data in self._engine.datagrams_to_send():
+            try:
+                self._sockets[index].sendto(data, peer)
+            except OSError:  # a full buffer or an unreachable peer loses the datagram, as any network may
+                continue

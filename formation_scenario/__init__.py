@@ -1,0 +1,32 @@
+"""The scenario: YAML -> frozen typed objects; slots, path geometry and start states that follow from it."""
+
+from formation_scenario.errors import Problem, ScenarioError
+from formation_scenario.links import Impairment, LinkStep
+from formation_scenario.load import dump_scenario, load_scenario
+from formation_scenario.model import Scenario
+from formation_scenario.path import PathError, PathPoint, PathPoints, SplinePath
+from formation_scenario.placement import StartStates, start_states
+from formation_scenario.shapes import SlotStep, slot_schedule, slot_table, slots
+from formation_scenario.vehicles import Vehicle, VehicleModel
+
+__all__ = [
+    "Impairment",
+    "LinkStep",
+    "PathError",
+    "PathPoint",
+    "PathPoints",
+    "Problem",
+    "Scenario",
+    "ScenarioError",
+    "SlotStep",
+    "SplinePath",
+    "StartStates",
+    "Vehicle",
+    "VehicleModel",
+    "dump_scenario",
+    "load_scenario",
+    "slot_schedule",
+    "slot_table",
+    "slots",
+    "start_states",
+]

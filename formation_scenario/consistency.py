@@ -1,0 +1,155 @@
+"""Rules between keys, for scenarios whose every key holds by itself."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+
+from airlink.endpoint import parse_endpoint
+from airlink.errors import EndpointError
+from formation_scenario.errors import Problem
+from formation_scenario.expectation import RUN_METRICS
+from formation_scenario.fields import VehicleRef, VehicleSelection
+from formation_scenario.formation import Shape, Slots
+from formation_scenario.model import Scenario, long_ref
+from formation_scenario.path import PathError, SplinePath
+from formation_scenario.source import KeyPath, Source
+from formation_scenario.vehicles import Vehicle, VehicleModel
+
+
+def inconsistencies(scenario: Scenario, source: Source) -> list[Problem]:
+    """Return every broken rule between keys of a typed scenario."""
+    rules = (_identities, _roles, _endpoints, _speeds, _references, _slots, _consensus, _path, _expectations)
+    return [problem for rule in rules for problem in rule(scenario, source)]
+
+
+def _identities(scenario: Scenario, source: Source) -> Iterator[Problem]:
+    seen: dict[tuple[int, int], int] = {}
+    for index, vehicle in enumerate(scenario.vehicles):
+        first = seen.setdefault(vehicle.vehicle_id, index)
+        if first != index:
+            found = f"found {vehicle.id} again on network {vehicle.network}, first at vehicles.{first}"
+            yield source.problem(("vehicles", index, "id"), found, "each id once on a network")
+
+
+def _roles(scenario: Scenario, source: Source) -> Iterator[Problem]:
+    leaders = [index for index, vehicle in enumerate(scenario.vehicles) if vehicle.role == "leader"]
+    for index in leaders[1:]:
+        found = f"found a second leader, first at vehicles.{leaders[0]}"
+        yield source.problem(("vehicles", index, "role"), found, "one leader, or none (a virtual one)")
+
+
+def _endpoints(scenario: Scenario, source: Source) -> Iterator[Problem]:
+    networks: dict[str, int] = {}
+    refused: set[str] = set()
+    for index, vehicle in enumerate(scenario.vehicles):
+        if vehicle.endpoint in refused:
+            continue
+        path: KeyPath = ("vehicles", index, "endpoint")
+        try:
+            endpoint = str(parse_endpoint(vehicle.endpoint))
+        except EndpointError as error:
+            refused.add(vehicle.endpoint)
+            yield source.problem(path, str(error))
+            continue
+        if networks.setdefault(endpoint, vehicle.network) != vehicle.network:
+            found = f"found {endpoint} for networks {networks[endpoint]} and {vehicle.network}"
+            yield source.problem(path, found, "endpoints of its own for each network")
+
+
+def _speeds(scenario: Scenario, source: Source) -> Iterator[Problem]:
+    refused: set[VehicleModel] = set()
+    for index, vehicle in enumerate(scenario.vehicles):
+        low, high = vehicle.model.speed_min_mps, vehicle.model.speed_max_mps
+        if low > high and vehicle.model not in refused:
+            refused.add(vehicle.model)
+            path: KeyPath = ("vehicles", index, "model", "speed_min_mps")
+            yield source.problem(path, f"found {low:g}", f"at most speed_max_mps, {high:g}")
+
+
+def _references(scenario: Scenario, source: Source) -> Iterator[Problem]:
+    groups: dict[str, tuple[KeyPath, Iterable[VehicleSelection]]] = {
+        "changes": (("links", "changes"), (change.vehicles for change in scenario.links.changes)),
+        "disturbances": (("disturbances",), (entry.vehicles for entry in scenario.disturbances)),
+        "faults": (("faults",), (entry.vehicles for entry in scenario.faults)),
+    }
+    for path, selections in groups.values():
+        for index, selection in enumerate(selections):
+            yield from _unknown(selection, scenario.vehicles, (*path, index, "vehicles"), source)
+    for index, entry in enumerate(scenario.expect):
+        path = ("expect", index, "followers")
+        yield from _unknown(entry.followers, scenario.followers, path, source)
+
+
+def _unknown(
+    selection: VehicleSelection, vehicles: tuple[Vehicle, ...], path: KeyPath, source: Source
+) -> Iterator[Problem]:
+    if selection != "all":
+        for index, ref in enumerate(selection):
+            yield from _one_vehicle(ref, vehicles, (*path, index), source)
+
+
+def _one_vehicle(ref: VehicleRef, vehicles: tuple[Vehicle, ...], path: KeyPath, source: Source) -> Iterator[Problem]:
+    named = [vehicle for vehicle in vehicles if ref in {vehicle.id, long_ref(vehicle)}]
+    if not named:
+        ids = ", ".join(str(vehicle.vehicle_id) for vehicle in vehicles) or "none"
+        yield source.problem(path, f"found {ref}", f"{ids}")
+    elif len(named) > 1:
+        full = ", ".join(f"'{long_ref(vehicle)}'" for vehicle in named)
+        yield source.problem(path, f"found {ref}, the id of {len(named)} vehicles", full)
+
+
+def _slots(scenario: Scenario, source: Source) -> Iterator[Problem]:
+    formation = scenario.formation
+    steps: list[tuple[KeyPath, Shape, Slots | None]] = [(("formation",), formation.shape, formation.slots_m)]
+    for index, change in enumerate(formation.changes):
+        steps.append((("formation", "changes", index), change.shape, change.slots_m))
+    for above, shape, own in steps:
+        path: KeyPath = (*above, "slots_m")
+        for ref in own or ():
+            yield from _one_vehicle(ref, scenario.followers, (*path, ref), source)
+        slots = own if own is not None else formation.slots_m
+        if shape == "custom":
+            known = slots or {}
+            missing = [f for f in scenario.followers if f.id not in known and long_ref(f) not in known]
+            if missing:
+                ids = ", ".join(str(vehicle.vehicle_id) for vehicle in missing)
+                yield source.problem(path, f"found no slot for follower {ids}", "a slot for each follower")
+
+
+def _consensus(scenario: Scenario, source: Source) -> Iterator[Problem]:
+    graph, count = scenario.law.consensus.graph, len(scenario.vehicles)
+    if isinstance(graph, str):
+        return
+    path: KeyPath = ("law", "consensus", "graph")
+    sizes = {len(graph), *(len(row) for row in graph)}
+    if sizes != {count}:
+        found = f"found {len(graph)} rows of {', '.join(str(len(row)) for row in graph)}"
+        yield source.problem(path, found, f"{count} rows of {count} weights, one for each vehicle")
+    elif any(graph[index][index] for index in range(count)):
+        yield source.problem(path, "found a weight on the diagonal", "0 there: no vehicle hears itself")
+
+
+def _path(scenario: Scenario, source: Source) -> Iterator[Problem]:
+    try:
+        SplinePath(scenario.path.waypoints_m)
+    except PathError as error:
+        path: KeyPath = ("path", "waypoints_m", error.waypoint)
+        yield source.problem(path, str(error), "waypoints 1 m or more apart, without turning straight back")
+
+
+def _expectations(scenario: Scenario, source: Source) -> Iterator[Problem]:
+    for index, entry in enumerate(scenario.expect):
+        if entry.below is None and entry.above is None:
+            yield source.problem(("expect", index), "found no bound", "below, above or both")
+        if entry.from_s >= entry.to_s:
+            found = f"found a window from {entry.from_s:g} to {entry.to_s:g} s"
+            yield source.problem(("expect", index, "from_s"), found, "from_s before to_s")
+        if entry.metric in RUN_METRICS and entry.followers != "all":
+            found = f"found followers for {entry.metric}, a figure of the whole run"
+            yield source.problem(("expect", index, "followers"), found, "all")
+        if (entry.below if entry.below is not None else math.inf) <= (
+            entry.above if entry.above is not None else -math.inf
+        ):
+            found = f"found above {entry.above:g} and below {entry.below:g}"
+            yield source.problem(("expect", index, "below"), found, "more than above")

@@ -1,0 +1,157 @@
+"""pydantic's errors -> problems in the user's terms: what was found, what is allowed."""
+
+from __future__ import annotations
+
+import types
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Literal, NamedTuple, TypeGuard, Union, cast, get_args, get_origin
+
+from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
+
+from formation_scenario.errors import Problem, did_you_mean
+from formation_scenario.fields import Allowed
+from formation_scenario.source import Key, KeyPath, Plain, Source, dotted, kind, show
+
+MAPPING_KEY = "[key]"
+
+
+class _Expected(NamedTuple):
+    """A key path as far as the types follow it, and the type there with its constraints."""
+
+    path: KeyPath
+    type: object
+    constraints: tuple[object, ...]
+
+
+def problems_of(error: ValidationError, model: type[BaseModel], source: Source, above: KeyPath = ()) -> list[Problem]:
+    """Return one problem for each wrong value that pydantic found in a model read from `above`."""
+    problems = [_problem(details["type"], details["loc"], model, source, above) for details in error.errors()]
+    return list(dict.fromkeys(problems))
+
+
+def _problem(error: str, loc: tuple[Key, ...], model: type[BaseModel], source: Source, above: KeyPath) -> Problem:
+    if error == "extra_forbidden":
+        parent = _expected(model, loc[:-1]).type
+        return _unknown_key((*above, *loc), _keys(parent) if _is_group(parent) else [], source)
+    if MAPPING_KEY in loc:
+        return _wrong_id(loc[: loc.index(MAPPING_KEY)], model, source, above)
+    expected = _expected(model, loc)
+    path = (*above, *expected.path)
+    allowed = describe(expected.type, expected.constraints)
+    if error == "missing" and expected.path == loc:
+        return source.problem(path, "not found", allowed)
+    value = _value_at(source.data, path)
+    found = f"found {kind(value) if _is_group(expected.type) else show(value)}"
+    near = did_you_mean(value, _choices(expected)) if isinstance(value, str) else ""
+    return Problem(*source.place((*above, *loc)), dotted(path), found, allowed + near)
+
+
+def _wrong_id(loc: tuple[Key, ...], model: type[BaseModel], source: Source, above: KeyPath) -> Problem:
+    key_type, constraints = _bare(get_args(_expected(model, loc[:-1]).type)[0])
+    return source.problem((*above, *loc), f"found key {show(loc[-1])}", describe(key_type, constraints))
+
+
+def _unknown_key(path: KeyPath, keys: Sequence[str], source: Source) -> Problem:
+    near = did_you_mean(str(path[-1]), keys)
+    return source.problem(path, f"found an unknown key '{path[-1]}'", ", ".join(keys) + near)
+
+
+def _keys(model: type[BaseModel]) -> list[str]:
+    return [field.alias or name for name, field in model.model_fields.items()]
+
+
+def _value_at(data: Plain, path: KeyPath) -> Plain:
+    for key in path:
+        if isinstance(data, dict):
+            data = data.get(key)
+        elif isinstance(data, list) and isinstance(key, int) and key < len(data):
+            data = data[key]
+    return data
+
+
+def _expected(model: type[BaseModel], loc: tuple[Key, ...]) -> _Expected:
+    """Follow an error's location through the types; it ends at a union, whose tags aren't keys."""
+    expected = _Expected((), model, ())
+    for key in loc:
+        inner = _inner(expected.type, key)
+        if inner is None:
+            break
+        annotation, constraints = _bare(inner)
+        expected = _Expected((*expected.path, key), annotation, constraints)
+    return expected
+
+
+def _inner(annotation: object, key: Key) -> object:
+    if _is_group(annotation):
+        fields = annotation.model_fields
+        return next((field for name, field in fields.items() if (field.alias or name) == key), None)
+    arguments = get_args(annotation)
+    if get_origin(annotation) is tuple and arguments[1:] == (...,):
+        return arguments[0]
+    return arguments[1] if get_origin(annotation) is Mapping else None
+
+
+def _bare(annotation: object) -> tuple[object, tuple[object, ...]]:
+    """Return a type without `Annotated`, `FieldInfo` and `| None`, and the constraints they held."""
+    constraints: tuple[object, ...] = ()
+    while True:
+        if isinstance(annotation, FieldInfo):
+            constraints = (*constraints, *annotation.metadata)
+            annotation = annotation.annotation
+        elif get_origin(annotation) is Annotated:
+            annotation, *metadata = get_args(annotation)
+            constraints = (*constraints, *_flat(metadata))
+        elif len(rest := _not_none(annotation)) == 1:
+            annotation = rest[0]
+        else:
+            return annotation, constraints
+
+
+def _flat(metadata: Sequence[object]) -> list[object]:
+    return [item for entry in metadata for item in (entry.metadata if isinstance(entry, FieldInfo) else [entry])]
+
+
+def _not_none(annotation: object) -> list[object]:
+    if get_origin(annotation) not in {Union, types.UnionType}:
+        return []
+    return [argument for argument in get_args(annotation) if argument is not types.NoneType]
+
+
+def describe(annotation: object, constraints: Sequence[object] = ()) -> str:
+    """Return what a value of a type may be, for a user: "a number from 0 to 1", "diamond, square, ..."."""
+    for constraint in constraints:
+        if isinstance(constraint, Allowed):
+            return constraint.text
+    if annotation is int or annotation is float:
+        return ("a whole number" if annotation is int else "a number") + _range(constraints)
+    if annotation is bool:
+        return "true or false"
+    if get_origin(annotation) is Literal:
+        return ", ".join(str(choice) for choice in get_args(annotation))
+    if _is_group(annotation):
+        return "a mapping with " + ", ".join(_keys(annotation))
+    origins = {tuple: "a list", Mapping: "a mapping of vehicle ids to [forward, right, up]"}
+    return origins.get(cast("type", get_origin(annotation)), "text")
+
+
+def _range(constraints: Sequence[object]) -> str:
+    bounds = {name: getattr(item, name) for item in constraints for name in _BOUNDS if hasattr(item, name)}
+    low, high = bounds.get("ge"), bounds.get("le")
+    if low is not None and high is not None and high < _UNBOUNDED:
+        return f" from {low:g} to {high:g}"
+    phrases = [f"{_BOUNDS[name]} {bound:g}" for name, bound in bounds.items() if abs(bound) < _UNBOUNDED]
+    return " " + " and ".join(phrases) if phrases else ""
+
+
+_BOUNDS = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
+_UNBOUNDED = 1e9
+
+
+def _choices(expected: _Expected) -> list[str]:
+    named = [choice for item in expected.constraints if isinstance(item, Allowed) for choice in item.choices]
+    return named or [str(choice) for choice in get_args(expected.type) if get_origin(expected.type) is Literal]
+
+
+def _is_group(annotation: object) -> TypeGuard[type[BaseModel]]:
+    return isinstance(annotation, type) and issubclass(annotation, BaseModel)

@@ -1,0 +1,66 @@
+"""The kinds of values that scenario keys take, each with the words that tell a user what is allowed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal, TypeAlias
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, StrictBool, StrictStr
+from pydantic_core import PydanticCustomError
+
+MAX_SYSTEM_ID = 254
+MAX_NETWORK = 1000
+MAX_NAME_LENGTH = 80
+MAX_NUMBER = 1e9
+
+
+class Keys(BaseModel):
+    """Base of every group of keys: frozen, and unknown keys are refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Allowed:
+    """What a value may be, where its type alone doesn't say it well; `choices` are the words it may be."""
+
+    text: str
+    choices: tuple[str, ...] = ()
+
+
+def _printable(value: object) -> object:
+    if not (isinstance(value, str) and 1 <= len(value) <= MAX_NAME_LENGTH and value.isprintable()):
+        raise PydanticCustomError("name", "not a name")
+    return value
+
+
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-MAX_NUMBER, le=MAX_NUMBER)]
+NonNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=MAX_NUMBER)]
+Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, le=MAX_NUMBER)]
+Fraction = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=1.0)]
+Rate = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, le=1000.0)]
+Flag = StrictBool
+Text = StrictStr
+Name = Annotated[str, BeforeValidator(_printable), Allowed(f"text of 1 to {MAX_NAME_LENGTH} printable characters")]
+SystemId = Annotated[
+    int,
+    Field(strict=True, ge=1, le=MAX_SYSTEM_ID),
+    Allowed(f"a whole number from 1 to {MAX_SYSTEM_ID} (for more vehicles give some another `network`)"),
+]
+NetworkId = Annotated[int, Field(strict=True, ge=1, le=MAX_NETWORK)]
+Vector: TypeAlias = Annotated[tuple[Number, Number, Number], Allowed("a list of 3 numbers")]
+VehicleRef: TypeAlias = Annotated[
+    Annotated[int, Field(strict=True, ge=1, le=MAX_SYSTEM_ID)]
+    | Annotated[str, Field(strict=True, pattern=r"^[1-9][0-9]{0,3}:[1-9][0-9]{0,2}$")],
+    Allowed("a vehicle's id, or 'network:id'"),
+]
+VehicleSelection: TypeAlias = Annotated[
+    Literal["all"] | tuple[VehicleRef, ...], Allowed("all, or a list of vehicle ids such as [2, 3]")
+]
+
+
+class Timed(Keys):
+    """What happens at a time to some vehicles."""
+
+    at_s: NonNegative = Field(description="when, s")
+    vehicles: VehicleSelection = Field(default="all", description="all, or a list of ids")

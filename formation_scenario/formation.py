@@ -1,0 +1,34 @@
+"""Keys of the formation: its shape, the frame of its slots, and its changes in flight."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from formation_scenario.fields import Keys, NonNegative, Positive, Vector, VehicleRef
+
+Shape = Literal["follower", "diamond", "triangle", "square", "plus", "arrow", "line", "echelon", "circle", "custom"]
+Frame = Literal["leader_heading", "follower_heading"]
+Slots = Mapping[VehicleRef, Vector]
+Spacing = Annotated[Positive, Field(le=10_000.0)]
+
+
+class FormationChange(Keys):
+    """Another shape, from a time on."""
+
+    at_s: NonNegative = Field(description="when the change begins, s")
+    shape: Shape = Field(description="the new shape")
+    spacing_m: Spacing = Field(default=30.0, description="the new spacing, m; default: formation.spacing_m")
+    slots_m: Slots | None = Field(default=None, description="custom: the new slots; default: formation.slots_m")
+
+
+class Formation(Keys):
+    """Where each follower is to be."""
+
+    shape: Shape = Field(default="diamond", description="the shape at the start")
+    spacing_m: Spacing = Field(default=30.0, description="unit of the shape, m; no two slots are nearer")
+    frame: Frame = Field(default="leader_heading", description="frame of the slots and of the errors")
+    slots_m: Slots | None = Field(default=None, description="custom: by follower, m forward, right and up of leader")
+    changes: tuple[FormationChange, ...] = Field(default=(), description="later shapes")

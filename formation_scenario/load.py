@@ -1,0 +1,100 @@
+"""File or mapping -> scenario, and back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import ValidationError
+
+from formation_scenario.availability import unavailable
+from formation_scenario.consistency import inconsistencies
+from formation_scenario.describe import problems_of
+from formation_scenario.errors import Problem, ScenarioError
+from formation_scenario.feasibility import check
+from formation_scenario.model import Scenario
+from formation_scenario.overrides import apply_overrides
+from formation_scenario.resolve import resolve
+from formation_scenario.source import Dumper, Key, KeyPath, Plain, Source, dotted, plain_mapping, read_file
+from formation_scenario.vehicles import VehicleGroup
+
+ONE_VEHICLE: dict[Key, Plain] = {"id": 1, "role": "leader"}
+
+
+def load_scenario(source: str | Path | Mapping[Any, Any] | Scenario, overrides: Sequence[str] = ()) -> Scenario:
+    """Return a scenario, validated, with every default filled in.
+
+    Args:
+        source: a YAML file, the mapping that it would hold, or a scenario.
+        overrides: `dotted.key=value` settings, the values in YAML.
+
+    Raises:
+        ScenarioError: anything that can't be read, isn't allowed, contradicts itself or can't be flown.
+    """
+    read = apply_overrides(_read(source), overrides)
+    scenario, resolved = _typed(read)
+    problems = inconsistencies(scenario, resolved) or check(scenario, resolved)
+    if problems:
+        raise ScenarioError(problems)
+    return scenario
+
+
+def dump_scenario(scenario: Scenario) -> str:
+    """Return a scenario as YAML; loading it gives an equal scenario."""
+    return yaml.dump(
+        _plain(scenario),
+        Dumper=Dumper,
+        sort_keys=False,
+        allow_unicode=True,
+        default_flow_style=None,
+        width=110,
+    )
+
+
+def _read(source: str | Path | Mapping[Any, Any] | Scenario) -> Source:
+    if isinstance(source, Scenario):
+        return Source(None, _plain(source))
+    return Source(None, plain_mapping(source)) if isinstance(source, Mapping) else read_file(Path(source))
+
+
+def _plain(scenario: Scenario) -> dict[Key, Plain]:
+    return plain_mapping(scenario.model_dump(by_alias=True, exclude_none=True))
+
+
+def _typed(source: Source) -> tuple[Scenario, Source]:
+    missing = unavailable(source)
+    problems = _group_problems(source)
+    if problems:
+        # The rest is still worth checking, beside a list that is right.
+        data = dict(source.data)
+        data["vehicles"] = [dict(ONE_VEHICLE)]
+        source = Source(source.file, data, source.places)
+    resolved = resolve(source)
+    try:
+        scenario = Scenario.model_validate(resolved.data)
+    except ValidationError as error:
+        scenario = None
+        problems = [*problems, *problems_of(error, Scenario, resolved)]
+    problems = [*missing.values(), *(problem for problem in problems if not _beside(problem, missing))]
+    if problems or scenario is None:
+        raise ScenarioError(list(dict.fromkeys(problems)))
+    return scenario, resolved
+
+
+def _group_problems(source: Source) -> list[Problem]:
+    group = source.data.get("vehicles")
+    if not isinstance(group, dict):
+        return []
+    try:
+        VehicleGroup.model_validate(group)
+    except ValidationError as error:
+        return problems_of(error, VehicleGroup, source, ("vehicles",))
+    return []
+
+
+def _beside(problem: Problem, missing: Mapping[KeyPath, Problem]) -> bool:
+    """Tell whether a problem is about a key beside `navigation.source` where that source isn't available."""
+    groups = [dotted(path[:-1]) for path in missing if path[-2:] == ("navigation", "source")]
+    return any(problem.key.startswith(f"{group}.") for group in groups)

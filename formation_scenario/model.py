@@ -1,0 +1,146 @@
+"""The scenario: every key, typed, in the units that its name carries."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from formation_scenario.expectation import Expectation
+from formation_scenario.fields import (
+    Allowed,
+    Flag,
+    Keys,
+    Name,
+    NonNegative,
+    Number,
+    Positive,
+    Rate,
+    Timed,
+    Vector,
+    VehicleSelection,
+)
+from formation_scenario.formation import Formation
+from formation_scenario.law import Law
+from formation_scenario.links import Links, LinkStep, link_steps
+from formation_scenario.vehicles import Vehicle
+
+Seconds = Annotated[Positive, Field(le=1e6)]
+Waypoints = Annotated[tuple[Vector, ...], Field(min_length=2), Allowed("a list of 2 or more [north, east, height]")]
+
+
+Fleet = Annotated[tuple[Vehicle, ...], Field(min_length=1), Allowed("a list of 1 or more vehicles, or {count: N}")]
+
+
+class Origin(Keys):
+    """The point that north, east and height are counted from."""
+
+    lat_deg: Annotated[Number, Field(ge=-85.0, le=85.0)] = Field(default=35.0, description="latitude, degrees")
+    lon_deg: Annotated[Number, Field(ge=-180.0, le=180.0)] = Field(default=125.0, description="longitude, degrees")
+    alt_m: Annotated[Number, Field(ge=-500.0, le=9000.0)] = Field(default=0.0, description="above sea level, m")
+
+
+class Start(Keys):
+    """How the vehicles begin."""
+
+    in_air: Flag = Field(default=False, description="emulators only: begin in flight, without take-off")
+    offset_m: Vector = Field(default=(0.0, 0.0, 0.0), description="follower from its slot: forward, right, up, m")
+    run_in_s: NonNegative = Field(
+        description="how long the leader flies straight to the path's start before t = 0, s; "
+        "default 10 in the air, 60 from the ground"
+    )
+    tolerance_m: Positive = Field(default=3.0, description="a follower this near its slot counts as assembled, m")
+    timeout_s: Seconds = Field(default=300.0, description="longest wait for take-off and assembly, s")
+
+
+class Wind(Keys):
+    """Constant wind on all vehicles."""
+
+    velocity_mps: Vector = Field(default=(0.0, 0.0, 0.0), description="where it blows to: north, east, down, m/s")
+
+
+class Safety(Keys):
+    """Limits whose break fails a run."""
+
+    separation_m: NonNegative = Field(default=5.0, description="least distance of two vehicles, m")
+    clearance_m: NonNegative = Field(default=5.0, description="least height above ground, m")
+
+
+class Finish(Keys):
+    """The end of a run."""
+
+    loiter_s: NonNegative = Field(default=10.0, description="how long the vehicles loiter after the run, s")
+
+
+class Telemetry(Keys):
+    """What the vehicles send."""
+
+    rate_hz: Rate = Field(default=10.0, description="position and attitude messages a second, Hz")
+
+
+class PathPlan(Keys):
+    """The leader's path."""
+
+    speed_mps: Positive = Field(default=22.0, description="the leader's speed, m/s")
+    waypoints_m: Waypoints = Field(description="north, east and height above the origin, m")
+
+
+class Disturbance(Timed):
+    """A velocity added to some vehicles' ground velocity from a time on; entries add up."""
+
+    velocity_mps: Vector = Field(description="north, east, down, m/s")
+
+
+class Fault(Timed):
+    """A failure of some vehicles' autopilots."""
+
+    kind: Literal["crash", "restart", "freeze"] = Field(description="crash | restart | freeze")
+
+
+class Scenario(Keys):
+    """A scenario with every default filled in; `load_scenario` makes them, from a file or a mapping."""
+
+    schema_: Literal[1] = Field(default=1, alias="schema", description="version of these keys")
+    name: Name = Field(default="scenario", description="name of the run; default: the file's")
+    seed: Annotated[int, Field(strict=True, ge=0, le=2**63 - 1)] = Field(default=1, description="of all randomness")
+    duration_s: Seconds = Field(default=120.0, description="end of the run, from the leader's start on its path, s")
+    origin: Origin = Origin()
+    start: Start
+    vehicles: Fleet = Field(description="a list of vehicles, or {count: N}")
+    telemetry: Telemetry = Telemetry()
+    formation: Formation = Formation()
+    law: Law
+    path: PathPlan
+    links: Links = Links()
+    wind: Wind = Wind()
+    disturbances: tuple[Disturbance, ...] = ()
+    faults: tuple[Fault, ...] = ()
+    safety: Safety = Safety()
+    finish: Finish = Finish()
+    expect: tuple[Expectation, ...] = ()
+
+    @property
+    def leader(self) -> Vehicle | None:
+        """The vehicle that leads, None when a virtual leader flies the path."""
+        return next((vehicle for vehicle in self.vehicles if vehicle.role == "leader"), None)
+
+    @property
+    def followers(self) -> tuple[Vehicle, ...]:
+        """The vehicles that follow, in the scenario's order: the order of every slot array."""
+        return tuple(vehicle for vehicle in self.vehicles if vehicle.role == "follower")
+
+    def selected(self, selection: VehicleSelection) -> tuple[Vehicle, ...]:
+        """Return the vehicles that a key such as `vehicles: [2, 3]` names, in the scenario's order."""
+        if selection == "all":
+            return self.vehicles
+        return tuple(vehicle for vehicle in self.vehicles if vehicle.id in selection or long_ref(vehicle) in selection)
+
+    def link_steps(self, vehicle: Vehicle) -> tuple[LinkStep, ...]:
+        """Return the states of one vehicle's link in time order, the first at 0 s."""
+        changes = (change for change in self.links.changes if vehicle in self.selected(change.vehicles))
+        return link_steps(self.links, changes)
+
+
+def long_ref(vehicle: Vehicle) -> str:
+    """Return "network:id", the name of a vehicle whose id alone may stand for several."""
+    return f"{vehicle.network}:{vehicle.id}"

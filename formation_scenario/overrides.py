@@ -1,0 +1,78 @@
+"""`dotted.key=value` overrides of a scenario (the command line's `--set`)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import deepcopy
+
+from formation_scenario.errors import Problem, ScenarioError
+from formation_scenario.source import Key, KeyPath, Place, Plain, Source, dotted, kind, read_value
+
+
+def apply_overrides(source: Source, overrides: Sequence[str]) -> Source:
+    """Return the scenario with each override set, in order.
+
+    Values are YAML (`links.default={delay_ms: 300}`), list items are named by their index from 0
+    (`vehicles.1.model.tau_v_s=5`), mappings on the way that don't exist yet are created.
+
+    Raises:
+        ScenarioError: an override without `=`, with broken YAML, or into something that isn't there.
+    """
+    data, places = deepcopy(source.data), dict(source.places)
+    problems: list[Problem] = []
+    for override in overrides:
+        try:
+            path = _apply(data, override)
+        except ScenarioError as error:
+            problems.extend(error.problems)
+            continue
+        places = {known: place for known, place in places.items() if known[: len(path)] != path}
+        places[path] = Place(f"--set {override}")
+    if problems:
+        raise ScenarioError(problems)
+    return Source(source.file, data, places)
+
+
+def _apply(data: dict[Key, Plain], override: str) -> KeyPath:
+    name, equals, text = override.partition("=")
+    path: KeyPath = tuple(int(key) if key.isdecimal() else key for key in name.strip().split("."))
+    if not equals or "" in path:
+        raise _refused(override, "", f"found '{override}'", "dotted.key=value")
+    try:
+        value = read_value(text)
+    except ScenarioError as error:
+        raise _refused(override, dotted(path), error.problems[0].found) from error
+    parent: Plain = data
+    for depth, key in enumerate(path[:-1]):
+        parent = _step(parent, key, path[:depth], override)
+    _assign(parent, path, value, override)
+    return path
+
+
+def _step(parent: Plain, key: Key, above: KeyPath, override: str) -> Plain:
+    if isinstance(parent, dict):
+        if parent.get(key) is None:
+            parent[key] = {}
+        return parent[key]
+    return _items(parent, key, above, override)[int(key)]
+
+
+def _assign(parent: Plain, path: KeyPath, value: Plain, override: str) -> None:
+    if isinstance(parent, dict):
+        parent[path[-1]] = value
+    else:
+        _items(parent, path[-1], path[:-1], override)[int(path[-1])] = value
+
+
+def _items(parent: Plain, key: Key, above: KeyPath, override: str) -> list[Plain]:
+    if not isinstance(parent, list):
+        found = f"found {kind(parent)}, which has no '{key}' in it"
+        raise _refused(override, dotted(above), found, "a mapping or a list")
+    if not isinstance(key, int) or key >= len(parent):
+        allowed = f"0 to {len(parent) - 1}" if parent else "nothing, the list is empty"
+        raise _refused(override, dotted(above), f"found index '{key}'", allowed)
+    return parent
+
+
+def _refused(override: str, key: str, found: str, allowed: str = "") -> ScenarioError:
+    return ScenarioError([Problem(f"--set {override}", None, None, key, found, allowed)])

@@ -1,0 +1,72 @@
+"""Where the emulated vehicles begin."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from formation_scenario.model import Scenario
+from formation_scenario.path import SplinePath
+from formation_scenario.shapes import slot_table
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class StartStates:
+    """State of each vehicle at the start: arrays (V,) in the order of `scenario.vehicles`, NED, height up."""
+
+    north_m: Array
+    east_m: Array
+    height_m: Array
+    heading_rad: Array
+    airspeed_mps: Array
+    in_air: bool
+
+
+def start_states(scenario: Scenario) -> StartStates:
+    """Return the start states: the leader `run_in_s` before the path's start, the followers at their slots.
+
+    In the air each follower is `start.offset_m` from its slot; on the ground followers whose places are
+    nearer than `safety.separation_m` stand further back.
+    """
+    path = SplinePath(scenario.path.waypoints_m)
+    leader = path.at(-scenario.start.run_in_s * scenario.path.speed_mps)
+    in_air = scenario.start.in_air
+    slots = slot_table(scenario)
+    slots = slots + np.array(scenario.start.offset_m) if in_air else _spread(slots, scenario.safety.separation_m)
+    places = _with_leader(scenario, slots)
+    cosine, sine = np.cos(leader.course_rad), np.sin(leader.course_rad)
+    count = len(scenario.vehicles)
+    return StartStates(
+        north_m=leader.north_m + cosine * places[:, 0] - sine * places[:, 1],
+        east_m=leader.east_m + sine * places[:, 0] + cosine * places[:, 1],
+        height_m=leader.height_m + places[:, 2] if in_air else np.zeros(count),
+        heading_rad=np.full(count, leader.course_rad),
+        airspeed_mps=np.full(count, scenario.path.speed_mps if in_air else 0.0),
+        in_air=in_air,
+    )
+
+
+def _with_leader(scenario: Scenario, slots: Array) -> Array:
+    """Return the places (V, 3) of all vehicles, the leader's at the origin."""
+    places = np.zeros((len(scenario.vehicles), 3))
+    places[[vehicle.role == "follower" for vehicle in scenario.vehicles]] = slots
+    return places
+
+
+def _spread(slots: Array, separation_m: float) -> Array:
+    """Return slots that are the separation or more apart horizontally, from the leader too.
+
+    Later followers move straight back by steps of twice the separation.
+    """
+    taken = [np.zeros(2)]
+    step = np.array([2.0 * separation_m, 0.0])
+    for slot in slots[:, :2]:
+        place = slot.copy()
+        while min(np.hypot(*(place - other)) for other in taken) < separation_m * (1.0 - 1e-9):
+            place = place - step
+        taken.append(place)
+    return np.column_stack((np.array(taken[1:]).reshape(-1, 2), slots[:, 2]))

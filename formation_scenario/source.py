@@ -1,0 +1,248 @@
+"""Scenario text -> plain values, with the place in the file that each key was read from."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple, TypeAlias, cast
+
+import numpy as np
+import yaml
+
+from formation_scenario.errors import Problem, ScenarioError
+
+Key: TypeAlias = str | int
+KeyPath: TypeAlias = tuple[Key, ...]
+Plain: TypeAlias = "bool | int | float | str | list[Plain] | dict[Key, Plain] | None"
+
+_STRING_TAG = "tag:yaml.org,2002:str"
+_MERGE_TAG = "tag:yaml.org,2002:merge"
+_INT_TAG = "tag:yaml.org,2002:int"
+_FLOAT_TAG = "tag:yaml.org,2002:float"
+# YAML 1.1, which PyYAML follows, reads 1e3 as text, 1:30 as 90 and 010 as 8.
+_INT = re.compile(r"^[-+]?(?:0|[1-9][0-9_]*|0x[0-9a-fA-F_]+)$")
+_FLOAT = re.compile(
+    r"^[-+]?(?:(?:[0-9][0-9_]*\.[0-9_]*|\.[0-9][0-9_]*)(?:[eE][-+]?[0-9]+)?|[0-9]+[eE][-+]?[0-9]+"
+    r"|\.(?:inf|Inf|INF))$|^\.(?:nan|NaN|NAN)$"
+)
+
+
+class Place(NamedTuple):
+    """Where a value came from; `line` and `column` count from 1."""
+
+    file: str | None
+    line: int | None = None
+    column: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A scenario as plain values, and the place of each key path in its file."""
+
+    file: str | None
+    data: dict[Key, Plain]
+    places: Mapping[KeyPath, Place] = field(default_factory=dict[KeyPath, Place])
+
+    def place(self, path: KeyPath) -> Place:
+        """Return the place of a key, or of the nearest key around it that has one."""
+        for length in range(len(path), 0, -1):
+            if path[:length] in self.places:
+                return self.places[path[:length]]
+        return Place(self.file)
+
+    def problem(self, path: KeyPath, found: str, allowed: str = "") -> Problem:
+        """Return a problem at a key's place."""
+        return Problem(*self.place(path), dotted(path), found, allowed)
+
+
+def _numbers_of_yaml_1_2(
+    resolvers: Mapping[str | None, Sequence[tuple[str, re.Pattern[str]]]],
+) -> dict[str | None, list[tuple[str, re.Pattern[str]]]]:
+    replaced = {_INT_TAG, _FLOAT_TAG, "tag:yaml.org,2002:timestamp"}
+    kept = {first: [pair for pair in pairs if pair[0] not in replaced] for first, pairs in resolvers.items()}
+    for first in "-+.0123456789":
+        kept.setdefault(first, []).extend([(_INT_TAG, _INT), (_FLOAT_TAG, _FLOAT)])
+    return kept
+
+
+class Loader(yaml.SafeLoader):
+    """PyYAML's safe loader with the numbers of YAML 1.2 and without dates."""
+
+    yaml_implicit_resolvers = _numbers_of_yaml_1_2(yaml.SafeLoader.yaml_implicit_resolvers)
+
+
+class Dumper(yaml.SafeDumper):
+    """The dumper whose output `Loader` reads back: it quotes what `Loader` would take for a number."""
+
+    yaml_implicit_resolvers = Loader.yaml_implicit_resolvers
+
+    def ignore_aliases(self, data: object) -> bool:  # noqa: ARG002 - the signature is PyYAML's
+        """Write every value out, never as an alias."""
+        return True
+
+
+def dotted(path: KeyPath) -> str:
+    """Return a key path as overrides write it: `vehicles.1.model.tau_v_s`, list items from 0."""
+    return ".".join(str(key) for key in path)
+
+
+def read_file(path: Path) -> Source:
+    """Read a scenario file.
+
+    Raises:
+        ScenarioError: the file can't be read, or isn't YAML with a mapping at its top.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise ScenarioError([Problem(str(path), None, None, "", error.strerror or str(error))]) from error
+    except UnicodeDecodeError as error:
+        found = f"found byte 0x{error.object[error.start]:02x} at offset {error.start}"
+        raise ScenarioError([Problem(str(path), None, None, "", found, "text in UTF-8")]) from error
+    return read_text(text, str(path))
+
+
+def read_text(text: str, file: str | None = None) -> Source:
+    """Read a scenario from YAML text; `file` names it in messages.
+
+    Raises:
+        ScenarioError: broken YAML, a key given twice, or no mapping at the top.
+    """
+    data, places = _Reader(text, file).read()
+    if not isinstance(data, dict):
+        raise ScenarioError([Problem(file, 1, 1, "", f"found {kind(data)}", "a mapping of scenario keys")])
+    return Source(file, data, places)
+
+
+def plain_mapping(mapping: Mapping[Any, object]) -> dict[Key, Plain]:
+    """Return a mapping in plain values; numpy's numbers and arrays become numbers and lists.
+
+    Raises:
+        ScenarioError: a value that is neither number, text, list nor mapping.
+    """
+    return _plain_mapping(mapping, ())
+
+
+def read_value(text: str) -> Plain:
+    """Read one value as YAML.
+
+    Raises:
+        ScenarioError: broken YAML.
+    """
+    return _Reader(text, None).read()[0]
+
+
+def kind(value: Plain) -> str:
+    """Return what a value is, in a word of YAML's."""
+    if isinstance(value, dict):
+        return "a mapping"
+    if isinstance(value, list):
+        return "a list"
+    return "nothing" if value is None else show(value)
+
+
+def show(value: Plain, width: int = 60) -> str:
+    """Return a value as YAML would write it, on one line, cut to `width` characters; text is quoted."""
+    if isinstance(value, str):
+        text = repr(value)
+    else:
+        dumped = yaml.dump(value, Dumper=Dumper, default_flow_style=True, width=10**6, sort_keys=False)
+        text = dumped.removesuffix("...\n").strip()
+    return text if len(text) <= width else f"{text[: width - 3]}..."
+
+
+def _plain_mapping(mapping: Mapping[Any, object], path: KeyPath) -> dict[Key, Plain]:
+    result: dict[Key, Plain] = {}
+    for name, item in mapping.items():
+        key: Key = name if isinstance(name, int) else str(name)
+        result[key] = _plain(item, (*path, key))
+    return result
+
+
+def _plain(value: object, path: KeyPath) -> Plain:
+    if isinstance(value, np.ndarray | np.generic):
+        value = cast("object", value.tolist())
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    if isinstance(value, Mapping):
+        return _plain_mapping(cast("Mapping[Any, object]", value), path)
+    if isinstance(value, Sequence) and not isinstance(value, bytes | bytearray):
+        return [_plain(item, (*path, index)) for index, item in enumerate(cast("Sequence[object]", value))]
+    found = f"found a {type(value).__name__}"
+    raise ScenarioError([Problem(None, None, None, dotted(path), found, "number, text, list, mapping")])
+
+
+class _Reader:
+    """One pass over a YAML document."""
+
+    def __init__(self, text: str, file: str | None) -> None:
+        self._text = text
+        self._file = file
+        self._places: dict[KeyPath, Place] = {}
+        self._problems: list[Problem] = []
+
+    def read(self) -> tuple[Plain, dict[KeyPath, Place]]:
+        try:
+            loader = Loader(self._text)
+            node = loader.get_single_node()
+            data = None if node is None else self._value(loader, node, ())
+        except yaml.YAMLError as error:
+            self._problems.append(self._broken(error))
+            data = None
+        except RecursionError as error:
+            deep = Problem(self._file, None, None, "", "found lists or mappings nested too deeply")
+            raise ScenarioError([deep]) from error
+        if self._problems:
+            raise ScenarioError(self._problems)
+        return data, self._places
+
+    def _value(self, loader: Loader, node: yaml.Node, path: KeyPath) -> Plain:
+        if isinstance(node, yaml.MappingNode):
+            return self._mapping(loader, node, path)
+        if isinstance(node, yaml.SequenceNode):
+            items = cast("list[yaml.Node]", node.value)
+            for index, item in enumerate(items):
+                self._places[(*path, index)] = self._place(item)
+            return [self._value(loader, item, (*path, index)) for index, item in enumerate(items)]
+        return cast("Plain", loader.construct_object(node))
+
+    def _mapping(self, loader: Loader, node: yaml.MappingNode, path: KeyPath) -> dict[Key, Plain]:
+        self._refuse_duplicates(node, path)
+        loader.flatten_mapping(node)
+        pairs = cast("list[tuple[yaml.Node, yaml.Node]]", node.value)
+        result: dict[Key, Plain] = {}
+        for key_node, value_node in pairs:
+            key = _key(key_node)
+            self._places[(*path, key)] = self._place(key_node)
+            result[key] = self._value(loader, value_node, (*path, key))
+        return result
+
+    def _refuse_duplicates(self, node: yaml.MappingNode, path: KeyPath) -> None:
+        first: dict[Key, Place] = {}
+        for key_node, _ in cast("list[tuple[yaml.Node, yaml.Node]]", node.value):
+            key, place = _key(key_node), self._place(key_node)
+            if key in first and key_node.tag != _MERGE_TAG:
+                found = f"found a second time, first on line {first[key].line}"
+                self._problems.append(Problem(*place, dotted((*path, key)), found, "each key once"))
+            first.setdefault(key, place)
+
+    def _place(self, node: yaml.Node) -> Place:
+        return Place(self._file, node.start_mark.line + 1, node.start_mark.column + 1)
+
+    def _broken(self, error: yaml.YAMLError) -> Problem:
+        if isinstance(error, yaml.MarkedYAMLError) and error.problem_mark is not None:
+            mark = error.problem_mark
+            return Problem(self._file, mark.line + 1, mark.column + 1, "", f"broken YAML: {error.problem}")
+        if isinstance(error, yaml.reader.ReaderError):
+            line = self._text.count("\n", 0, error.position) + 1
+            return Problem(self._file, line, None, "", f"broken YAML: {error.reason}")
+        return Problem(self._file, None, None, "", f"broken YAML: {error}")
+
+
+def _key(node: yaml.Node) -> Key:
+    if not isinstance(node, yaml.ScalarNode):
+        raise yaml.MarkedYAMLError(problem="found a list or mapping as a key", problem_mark=node.start_mark)
+    text = cast("str", node.value)
+    return int(text.replace("_", ""), 0) if node.tag == _INT_TAG else text

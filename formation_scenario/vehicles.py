@@ -1,0 +1,96 @@
+"""Keys of the vehicles."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from airlink.identity import VehicleId
+from formation_scenario.fields import (
+    MAX_SYSTEM_ID,
+    Allowed,
+    Keys,
+    NetworkId,
+    Number,
+    Positive,
+    SystemId,
+    Text,
+)
+
+BASE_PORT = 14550
+
+Autopilot = Literal["emulator", "arduplane", "arducopter", "px4"]
+NavigationSource = Literal["truth", "noisy", "ins"]
+
+
+class VehicleModel(Keys):
+    """Autopilot lags (equation 7) and the limits of flight; defaults: a fixed wing that cruises at 22 m/s."""
+
+    tau_v_s: Positive = Field(default=4.0, description="time constant of airspeed, s")
+    tau_psi_s: Positive = Field(default=1.5, description="time constant of heading, s")
+    tau_ha_s: Positive = Field(default=1.0, description="first time constant of height, s")
+    tau_hb_s: Positive = Field(default=3.0, description="second time constant of height, s")
+    speed_min_mps: Positive = Field(default=16.0, description="lowest airspeed, m/s")
+    speed_max_mps: Positive = Field(default=28.0, description="highest airspeed, m/s")
+    accel_max_mps2: Positive = Field(default=1.5, description="largest change of airspeed, m/s²")
+    turn_rate_max_rps: Positive = Field(default=0.25, description="highest turn rate, rad/s")
+    climb_max_mps: Positive = Field(default=3.0, description="highest climb and descent rate, m/s")
+
+
+class Navigation(Keys):
+    """Where a vehicle's own state comes from."""
+
+    source: NavigationSource = Field(default="truth", description="truth | noisy | ins")
+
+
+class VehicleClock(Keys):
+    """How a vehicle's clock differs from the ground station's; its time stamps carry the difference."""
+
+    offset_s: Number = Field(default=0.0, description="vehicle's clock minus true time at t = 0, s")
+    drift_ppm: Annotated[Number, Field(ge=-1e5, le=1e5)] = Field(
+        default=0.0, description="how much faster than true time the vehicle's clock runs, 1e-6"
+    )
+
+
+class VehicleCommon(Keys):
+    """Keys that a vehicle of the list and a group given by its count have in common."""
+
+    network: NetworkId = Field(default=1, description="MAVLink network; each has system ids 1 to 254 of its own")
+    endpoint: Text = Field(
+        default=f"udpin:127.0.0.1:{BASE_PORT}",
+        description="where the ground station listens; default: one port a network, 14549 + network",
+    )
+    autopilot: Autopilot = Field(default="emulator", description="emulator | arduplane | arducopter | px4")
+    model: VehicleModel = VehicleModel()
+    navigation: Navigation = Navigation()
+    clock: VehicleClock = VehicleClock()
+
+
+class VehicleIdentity(Keys):
+    """What a vehicle of the list has for itself."""
+
+    id: SystemId = Field(description="MAVLink system id, unique on its network")
+    role: Literal["leader", "follower"] = Field(default="follower", description="leader | follower")
+
+
+class Vehicle(VehicleCommon, VehicleIdentity):
+    """One vehicle of the list."""
+
+    @property
+    def vehicle_id(self) -> VehicleId:
+        """Network and system id."""
+        return VehicleId(self.network, self.id)
+
+
+Count = Annotated[
+    int,
+    Field(strict=True, ge=1, le=MAX_SYSTEM_ID),
+    Allowed(f"1 to {MAX_SYSTEM_ID} on one network; for more give a list, part of it with another `network`"),
+]
+
+
+class VehicleGroup(VehicleCommon):
+    """`vehicles: {count: N, ...}`: N vehicles alike, vehicle 1 leads."""
+
+    count: Count = Field(description="number of vehicles, the leader included")

@@ -1,0 +1,41 @@
+"""A ground station that flies formations over MAVLink."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from formation_scenario import Scenario, ScenarioError, load_scenario
+    from gcs_formation.errors import RecordError, RunAbortedError, StationError
+    from gcs_formation.python_api import Summary, run
+
+_HOME = {
+    "RecordError": "gcs_formation.errors",
+    "RunAbortedError": "gcs_formation.errors",
+    "Scenario": "formation_scenario",
+    "ScenarioError": "formation_scenario",
+    "StationError": "gcs_formation.errors",
+    "Summary": "gcs_formation.python_api",
+    "load_scenario": "formation_scenario",
+    "run": "gcs_formation.python_api",
+}
+
+
+def __getattr__(name: str) -> object:
+    """Import what is asked for when it's asked for: whoever wants a delay margin alone doesn't load the rest."""
+    if name not in _HOME:
+        raise AttributeError(f"module 'gcs_formation' has no attribute '{name}'")
+    return getattr(import_module(_HOME[name]), name)
+
+
+__all__ = [
+    "RecordError",
+    "RunAbortedError",
+    "Scenario",
+    "ScenarioError",
+    "StationError",
+    "Summary",
+    "load_scenario",
+    "run",
+]

@@ -1,0 +1,5 @@
+"""`python -m gcs_formation` is `gcs-formation`."""
+
+from gcs_formation.cli import main
+
+main()

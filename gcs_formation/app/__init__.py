@@ -1,0 +1,1 @@
+"""The shells that give the station its sockets, its clock and its vehicles."""

@@ -1,0 +1,16 @@
+"""Where a run is recorded when nobody says where."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from pathlib import Path
+
+
+def default_directory(name: str) -> Path:
+    """Return runs/NAME-TIME, with a number behind it where that's taken."""
+    stem = f"{name}-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
+    directory, number = Path("runs") / stem, 1
+    while directory.exists():
+        number += 1
+        directory = Path("runs") / f"{stem}-{number}"
+    return directory

@@ -1,0 +1,137 @@
+"""`gcs-formation run`: emulated vehicles and the ground station together, under either clock.
+
+The one place of this package that knows of `sim_vehicles`: it starts them, and takes their ground truth to the record.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from airlink.clock import RealClock, VirtualClock
+from airlink.errors import PortError
+from airlink.memory import MemoryNetwork
+from airlink.udp import UdpDriver
+from formation_scenario import Scenario
+from gcs_formation.app.interrupt import Interrupts
+from gcs_formation.app.options import RunOptions
+from gcs_formation.app.session import Progress, Session, open_session
+from gcs_formation.errors import RunAbortedError
+from gcs_formation.record.run_directory import SCENARIO
+from gcs_formation.record.summary import Summary
+from gcs_formation.record.truth import GroundTruth
+from sim_vehicles.fleet import Fleet
+from sim_vehicles.from_scenario import fleet_config
+from sim_vehicles.truth import TruthWriter, read_truth
+
+TRUTH = "truth.bin"
+TRUTH_RATE_HZ = 25.0
+END_S = 5.0
+"""Wall seconds that the emulators get to end by themselves."""
+
+
+def run(scenario: Scenario, options: RunOptions, progress: Progress, interrupts: Interrupts) -> Summary:
+    """Fly a scenario with emulated vehicles.
+
+    Raises:
+        RunAbortedError: a port is taken, a vehicle refused, the emulators ended.
+        RecordError: the run directory can't be written.
+    """
+    flown = _run_virtual if options.clock == "virtual" else _run_real
+    return flown(scenario, options, progress, interrupts)
+
+
+def _run_virtual(scenario: Scenario, options: RunOptions, progress: Progress, interrupts: Interrupts) -> Summary:
+    """Fly in one process, as fast as it goes: the same engines on a network in memory."""
+    clock = VirtualClock()
+    session = open_session(scenario, options, clock, progress, interrupts)
+    network = MemoryNetwork(clock)
+    with TruthWriter(options.out / TRUTH, len(scenario.vehicles), TRUTH_RATE_HZ) as writer:
+        fleet = Fleet(fleet_config(scenario), truth=writer)
+        try:
+            network.attach(fleet)
+            network.attach(session.timed)
+        except PortError as error:
+            raise RunAbortedError(str(error)) from error
+        network.run(session.over)
+    return session.conclude(_truth(session))
+
+
+def _run_real(scenario: Scenario, options: RunOptions, progress: Progress, interrupts: Interrupts) -> Summary:
+    """Fly over UDP, the vehicles in a process of their own."""
+    clock = RealClock(options.speedup)
+    session = open_session(scenario, options, clock, progress, interrupts)
+    try:
+        with UdpDriver(session.timed, clock) as driver, _Emulators(options, clock) as emulators:
+            driver.run(_watch(session, emulators))
+    except PortError as error:
+        session.recorder.close()
+        raise RunAbortedError(str(error)) from error
+    return session.conclude(_truth(session))
+
+
+class _Emulators:
+    """The emulated vehicles' process; it ends with us, whatever happens to us."""
+
+    def __init__(self, options: RunOptions, clock: RealClock) -> None:
+        command = [sys.executable, "-m", "sim_vehicles", str(options.out / SCENARIO)]
+        command += ["--speedup", str(options.speedup), "--clock-origin", str(clock.origin_ns)]
+        command += ["--truth", str(options.out / TRUTH), "--truth-rate", str(TRUTH_RATE_HZ)]
+        command += ["--with-parent", "--quiet"]
+        self._command = command
+
+    def __enter__(self) -> _Emulators:
+        # A session of its own: Ctrl-C reaches us alone, and we have the vehicles loiter first.
+        self._process = subprocess.Popen(
+            self._command, stdin=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True
+        )
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._process.terminate()
+        try:
+            self._process.communicate(timeout=END_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.communicate()
+
+    def ended(self) -> str | None:
+        """Return what the process said if it has ended, None while it runs."""
+        if self._process.poll() is None:
+            return None
+        said = self._process.stderr.read().decode(errors="replace").strip() if self._process.stderr else ""
+        return said or f"exit status {self._process.returncode}"
+
+
+def _watch(session: Session, emulators: _Emulators) -> Callable[[], bool]:
+    def over() -> bool:
+        said = emulators.ended()
+        if said is not None and not session.station.flight.ended:
+            session.station.fail(f"the emulated vehicles' process has ended: {said}", session.clock.now())
+        return session.over()
+
+    return over
+
+
+def _truth(session: Session) -> GroundTruth | None:
+    """Return the emulators' ground truth, None when nothing of it was written."""
+    path: Path = session.options.out / TRUTH
+    vehicles = tuple(vehicle.vehicle_id for vehicle in session.scenario.vehicles)
+    rows = read_truth(path)
+    path.unlink()
+    if len(rows.time_s) < 2:
+        return None
+    return GroundTruth(
+        vehicles=vehicles,
+        time_s=rows.time_s,
+        north_m=rows.north_m,
+        east_m=rows.east_m,
+        height_m=rows.height_m,
+        north_mps=rows.north_mps,
+        east_mps=rows.east_mps,
+        climb_mps=rows.climb_mps,
+        airspeed_mps=rows.airspeed_mps,
+        heading_rad=rows.heading_rad,
+    )

@@ -1,0 +1,146 @@
+"""One flight from first to last byte, under either clock: what `run` and `fly` have in common."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from airlink.clock import NANOSECONDS, Clock, VirtualClock
+from airlink.identity import VehicleId
+from formation_scenario import Scenario
+from gcs_formation.app.interrupt import Interrupts
+from gcs_formation.app.options import RunOptions
+from gcs_formation.app.timing import TimedStation
+from gcs_formation.errors import RunAbortedError
+from gcs_formation.phases import Phase
+from gcs_formation.record.flight import join, split
+from gcs_formation.record.run_directory import SPOOL, TIMESERIES, RunDirectory
+from gcs_formation.record.summary import LinkFigures, Outcome, Summary, summarise
+from gcs_formation.record.timeseries import read_spool, write_parquet
+from gcs_formation.record.truth import GroundTruth
+from gcs_formation.stability import loop_delay_s, scenario_margins
+from gcs_formation.station import Station
+
+MICROSECONDS = 1_000_000
+VIRTUAL_EPOCH_US = 1_577_836_800 * MICROSECONDS
+"""2020-01-01 00:00 UTC."""
+PROGRESS_S = 0.25
+"""Wall seconds between looks at the progress."""
+
+
+class Progress(Protocol):
+    """Told now and then how the flight goes."""
+
+    def show(self, station: Station) -> None:
+        """Show where the station stands."""
+        ...
+
+
+@dataclass
+class Session:
+    """A station, its record, and how the flight is brought to its end."""
+
+    scenario: Scenario
+    options: RunOptions
+    clock: Clock
+    station: Station
+    recorder: RunDirectory
+    progress: Progress
+    interrupts: Interrupts
+
+    def __post_init__(self) -> None:
+        """Begin the wall's time."""
+        self.timed = TimedStation(self.station)
+        self._began = time.perf_counter()
+        self._shown = self._began
+
+    def over(self) -> bool:
+        """Whether the flight has ended; asked by the driver after everything that happens."""
+        if self.interrupts.count and self.station.flight.phase is not Phase.LOITERING:
+            self.station.stop(self.clock.now())
+        wall = time.perf_counter()
+        if wall - self._shown > PROGRESS_S:
+            self._shown = wall
+            self.progress.show(self.station)
+        return self.station.flight.ended or self.interrupts.count > 1
+
+    def conclude(self, truth: GroundTruth | None) -> Summary:
+        """Close the record and make the time series and the summary of it.
+
+        Raises:
+            RunAbortedError: the station couldn't go on; what was recorded stays.
+        """
+        wall_s = time.perf_counter() - self._began
+        self.recorder.close()
+        if self.station.failure is not None:
+            raise RunAbortedError(self.station.failure.text)
+        spool = self.recorder.path / SPOOL
+        flight = split(read_spool(spool), self.scenario, truth)
+        write_parquet(self.recorder.path / TIMESERIES, join(flight))
+        spool.unlink()
+        margins = scenario_margins(self.scenario).least.small_signal
+        summary = summarise(
+            Outcome(
+                scenario=self.scenario,
+                clock=self.options.clock,
+                flight=flight,
+                links={identity: self._link(identity) for identity in self.station.vehicles},
+                control=self.timed.figures(self.scenario.law.rate_hz),
+                delay_margin_s=_finite(margins.least()),
+                worst_loop_delay_s=self._worst_loop_delay_s(),
+                simulated_s=self.clock.now() / NANOSECONDS,
+                wall_s=wall_s,
+                cut_short=self.station.cut_short,
+            )
+        )
+        self.recorder.write_summary(summary.to_dict())
+        return summary
+
+    def _link(self, identity: VehicleId) -> LinkFigures:
+        vehicle = self.station.vehicles[identity]
+        began = self.station.flight.path_began
+        times = np.array([instant for instant, _ in vehicle.delays], dtype=np.float64)
+        return LinkFigures(
+            delays_s=np.array([delay_s for _, delay_s in vehicle.delays]),
+            delay_times_s=(times - began) / NANOSECONDS if began is not None else np.full(times.shape, np.nan),
+            measured_loss=vehicle.sequence.loss,
+            frames_in=vehicle.frames_in,
+            frames_out=vehicle.frames_out,
+            frames_bad=self.station.bad_frames(identity),
+        )
+
+    def _worst_loop_delay_s(self) -> float | None:
+        """Return the longest round trip of a follower, computing, sampling and hold included."""
+        compute_s = float(np.median(self.timed.figures(1.0).compute_s)) if self.station.controlled_ticks else 0.0
+        rates = (self.scenario.telemetry.rate_hz, self.scenario.law.rate_hz)
+        delays = [self.station.vehicles[v.vehicle_id].clock.one_way_s for v in self.scenario.followers]
+        return _finite(max((loop_delay_s(delay, delay, compute_s, *rates) for delay in delays), default=float("nan")))
+
+
+def open_session(
+    scenario: Scenario, options: RunOptions, clock: Clock, progress: Progress, interrupts: Interrupts
+) -> Session:
+    """Return a session with its record begun.
+
+    Raises:
+        RecordError: the run directory can't be written.
+    """
+    leader = scenario.leader.vehicle_id if scenario.leader else None
+    columns = (leader, *(vehicle.vehicle_id for vehicle in scenario.followers))
+    recorder = RunDirectory(options.out, scenario, columns, _epoch_us(clock))
+    station = Station(scenario, recorder, options.until_s)
+    return Session(scenario, options, clock, station, recorder, progress, interrupts)
+
+
+def _epoch_us(clock: Clock) -> int:
+    """Return instant 0 of the clock in microseconds since 1970; a virtual one's is the same in every run."""
+    if isinstance(clock, VirtualClock):
+        return VIRTUAL_EPOCH_US
+    return int(time.time() * MICROSECONDS) - clock.now() // 1000
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,175 @@
+"""The command line: `gcs-formation run | fly | check | report`."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NoReturn, TypeVar
+
+import click
+from rich.console import Console
+
+from formation_scenario import Scenario, ScenarioError, load_scenario
+from gcs_formation.app.check import check_report, check_text
+from gcs_formation.app.directory import default_directory
+from gcs_formation.app.fly import fly as fly_scenario
+from gcs_formation.app.interrupt import Interrupts
+from gcs_formation.app.options import ClockName, RunOptions
+from gcs_formation.app.progress import ProgressLine, Silent
+from gcs_formation.app.run import run as run_scenario
+from gcs_formation.app.tell import summary_text
+from gcs_formation.errors import RecordError, RunAbortedError
+from gcs_formation.record.summary import Summary
+
+EXPECTATION_BROKEN = 1
+BAD_USAGE = 2
+COULD_NOT_GO_ON = 3
+INTERRUPTED = 130
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+Flown = Callable[[Scenario, RunOptions, ProgressLine | Silent, Interrupts], Summary]
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="gcs-formation")
+def main() -> None:
+    r"""Fly formations over MAVLink.
+
+    \b
+    gcs-formation check configs/quickstart.yaml
+    gcs-formation run configs/quickstart.yaml --speedup 5 --out runs/quickstart
+    gcs-formation run configs/paper.yaml --clock virtual --set links.default.delay_ms=300
+    gcs-formation report runs/quickstart
+    """
+
+
+def _options(command: Command) -> Command:
+    """Add what `run` and `fly` have in common."""
+    for option in reversed(
+        (
+            click.argument("scenario", type=click.Path(path_type=Path)),
+            click.option(
+                "--speedup",
+                type=click.FloatRange(0.01, 1000),
+                default=1.0,
+                help="Real clock: X times faster.",
+            ),
+            click.option("--until", type=click.FloatRange(0), metavar="SECONDS", help="End the flight at this time."),
+            click.option("--seed", type=click.IntRange(0), help="Instead of the scenario's."),
+            click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key (repeatable)."),
+            click.option("--out", type=click.Path(path_type=Path), help="Run directory; default: runs/NAME-TIME."),
+            click.option("--quiet", is_flag=True, help="Say nothing but errors."),
+            click.option("--json", "as_json", is_flag=True, help="The summary alone on standard output."),
+        )
+    ):
+        command = option(command)
+    return command
+
+
+@main.command()
+@_options
+@click.option(
+    "--clock",
+    type=click.Choice(["real", "virtual"]),
+    default="real",
+    help="virtual: as fast as possible, repeatable.",
+)
+def run(clock: ClockName, **given: Any) -> None:
+    """Fly SCENARIO with emulated vehicles: start them, take off, fly, record, judge."""
+    sys.exit(_fly(run_scenario, clock, _Given(**given)))
+
+
+@main.command()
+@_options
+def fly(**given: Any) -> None:
+    """Fly SCENARIO with vehicles that are up already, at the scenario's endpoints."""
+    sys.exit(_fly(fly_scenario, "real", _Given(**given)))
+
+
+@main.command()
+@click.argument("scenario", type=click.Path(path_type=Path))
+@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key (repeatable).")
+@click.option("--json", "as_json", is_flag=True, help="Margins and warnings as JSON.")
+def check(scenario: Path, overrides: tuple[str, ...], as_json: bool) -> None:
+    """Validate SCENARIO; print it resolved, its communication graph and its delay margins. Starts nothing."""
+    loaded = _load(scenario, overrides)
+    click.echo(json.dumps(check_report(loaded), indent=2) if as_json else check_text(loaded))
+
+
+@main.command()
+@click.argument("run_dir", type=click.Path(path_type=Path))
+def report(run_dir: Path) -> None:
+    """Draw the figures of a finished run, and one self-contained report.html."""
+    from gcs_formation.report import write_report  # noqa: PLC0415 - matplotlib takes a second to import
+
+    try:
+        click.echo(f"wrote {write_report(run_dir)}")
+    except RecordError as error:
+        _fail(str(error), BAD_USAGE)
+
+
+@dataclass(frozen=True)
+class _Given:
+    """What stands on the command line of `run` and `fly`."""
+
+    scenario: Path
+    speedup: float
+    until: float | None
+    seed: int | None
+    overrides: tuple[str, ...]
+    out: Path | None
+    quiet: bool
+    as_json: bool
+
+
+def _fly(flown: Flown, clock: ClockName, given: _Given) -> int:
+    seed = () if given.seed is None else (f"seed={given.seed}",)
+    loaded = _load(given.scenario, (*given.overrides, *seed))
+    options = RunOptions(given.out or default_directory(loaded.name), clock, given.speedup, given.until)
+    console = Console(stderr=True)
+    shown = ProgressLine(console) if console.is_terminal and not given.quiet else Silent()
+    with Interrupts() as interrupts:
+        try:
+            summary = flown(loaded, options, shown, interrupts)
+        except (RunAbortedError, RecordError) as error:
+            return _interrupted(options) if interrupts.count else _say(str(error), COULD_NOT_GO_ON)
+        finally:
+            if isinstance(shown, ProgressLine):
+                shown.close()
+        return _conclude(summary, options, interrupts, given)
+
+
+def _conclude(summary: Summary, options: RunOptions, interrupts: Interrupts, given: _Given) -> int:
+    if given.as_json:
+        click.echo(json.dumps(summary.to_dict(), indent=2))
+    if not given.quiet:
+        click.echo(summary_text(summary, options.out), err=given.as_json)
+    if interrupts.count:
+        return _interrupted(options)
+    for broken in (*(str(v) for v in summary.verdicts if v.held is False), *summary.breaches):
+        click.echo(broken, err=True)
+    return 0 if summary.held else EXPECTATION_BROKEN
+
+
+def _interrupted(options: RunOptions) -> int:
+    return _say(f"interrupted; what was recorded is in {options.out}", INTERRUPTED)
+
+
+def _load(scenario: Path, overrides: tuple[str, ...]) -> Scenario:
+    try:
+        return load_scenario(scenario, overrides)
+    except ScenarioError as error:
+        _fail(str(error), BAD_USAGE)
+
+
+def _say(text: str, status: int) -> int:
+    click.echo(text, err=True)
+    return status
+
+
+def _fail(text: str, status: int) -> NoReturn:
+    click.echo(text, err=True)
+    sys.exit(status)

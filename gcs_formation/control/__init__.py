@@ -1,0 +1,1 @@
+"""States now to setpoints: mixer, fuzzy scheduler, PID, envelope. Pure functions on arrays."""

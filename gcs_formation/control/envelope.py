@@ -1,0 +1,26 @@
+"""What vehicles may be told: setpoints are held inside the autopilot's limits, and nothing that isn't finite leaves."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gcs_formation.arrays import Array, wrap
+from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Setpoints
+
+INTERCEPT_MAX_RAD = np.radians(60.0)
+"""Most that a heading setpoint may deviate from the slot's own heading: a follower far to the side doesn't circle."""
+
+
+def limit(wanted: Setpoints, own_heading_rad: Array, state: FlightState, model: AutopilotModel) -> Setpoints:
+    """Return the setpoints that are sent, (F,) each.
+
+    Speed within the limits; heading within `INTERCEPT_MAX_RAD` of `own_heading_rad`; height no farther from the present
+    one than the model climbs through in its own time constants, so that the climb limit isn't asked to be broken.
+    """
+    aside = wrap(wanted.heading_rad - own_heading_rad)
+    climb_reach_m = model.climb_max_mps * (model.tau_ha_s + model.tau_hb_s)
+    return Setpoints(
+        np.clip(wanted.speed_mps, model.speed_min_mps, model.speed_max_mps),
+        own_heading_rad + np.clip(aside, -INTERCEPT_MAX_RAD, INTERCEPT_MAX_RAD),
+        np.clip(wanted.height_m, state.height_m - climb_reach_m, state.height_m + climb_reach_m),
+    )

@@ -1,0 +1,78 @@
+"""The fuzzy scheduler of the PID gains: tables 1 to 3 of the paper.
+
+Five triangles at -1, -1/2, 0, 1/2, 1 with shoulders, product inference and weighted average: that is exactly the
+bilinear interpolation of the tables (errata item 29f).
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from gcs_formation.arrays import Array
+
+LEVELS = {"ZR": 0.0, "PL": 0.5, "PH": 1.0}
+SETS = 5
+
+# Rows are the error's rate from NH to PH, columns the error from NH to PH.
+TABLE_P = """
+PL PH PH PH PH
+PL PL PL PL PH
+ZR PL PL PL PH
+ZR PL PL PL PL
+ZR PH PH PH PL
+"""
+TABLE_I = """
+ZR PL PL PL ZR
+PL PL PH PL PL
+PH PL PH PH PH
+PL PL PL PL PL
+PL PH PL PL PL
+"""
+TABLE_D = """
+ZR ZR ZR ZR ZR
+ZR PL PL PL ZR
+PL PL PL PL PL
+PH PL PL PL PL
+PH PH PH PH PH
+"""
+
+
+def rule_tables(kind: Literal["printed", "symmetric"] = "printed") -> Array:
+    """Return (5, 5, 3): F_p, F_i, F_d by rate and error, as printed or made indifferent to the error's sign (29g)."""
+    tables = np.stack([_parse(table) for table in (TABLE_P, TABLE_I, TABLE_D)], axis=-1)
+    return tables if kind == "printed" else (tables + tables[::-1, ::-1]) / 2
+
+
+def _parse(table: str) -> Array:
+    return np.array([LEVELS[word] for word in table.split()]).reshape(SETS, SETS)
+
+
+class FuzzyGainScheduler:
+    """Infers how far each gain is moved from its base towards its most."""
+
+    def __init__(self, tables: Literal["printed", "symmetric"] = "printed") -> None:
+        """Use the tables as printed, or symmetrised."""
+        self._table = rule_tables(tables).reshape(SETS * SETS, 3)
+
+    def infer(self, error: npt.ArrayLike, error_rate: npt.ArrayLike) -> Array:
+        """Return F_p, F_i, F_d in [0, 1], shape (..., 3), for normalised inputs of any shape (...).
+
+        Inputs beyond -1 and 1 count as those.
+        """
+        column, across = _place(np.asarray(error, dtype=np.float64))
+        row, down = _place(np.asarray(error_rate, dtype=np.float64))
+        corner = row * SETS + column
+        across, down = across[..., None], down[..., None]
+        upper = self._table[corner] * (1 - across) + self._table[corner + 1] * across
+        lower = self._table[corner + SETS] * (1 - across) + self._table[corner + SETS + 1] * across
+        return upper * (1 - down) + lower * down
+
+
+def _place(value: Array) -> tuple[npt.NDArray[np.intp], Array]:
+    """Return the cell that a value lies in and how far into it, 0 to 1."""
+    position = (np.clip(value, -1.0, 1.0) + 1.0) * (SETS - 1) / 2
+    cell = np.minimum(position.astype(np.intp), SETS - 2)
+    return cell, position - cell

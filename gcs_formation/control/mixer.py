@@ -1,0 +1,93 @@
+"""Formation errors and the linear mixer (13), in either slot frame.
+
+Signs: actual minus commanded, leader minus follower (errata items 14 and 25). Slots are forward, right and up of the
+leader, that is (-x_rc, -y_rc, -z_rc).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from gcs_formation.arrays import Array, wrap
+from gcs_formation.estimation.flight_state import FlightState
+
+SlotFrame = Literal["leader_heading", "follower_heading"]
+
+
+@dataclass(frozen=True)
+class Mixer:
+    """Coefficients of (13)."""
+
+    k_v: float
+    k_x: float
+    k_psi: float
+    k_y: float
+    k_z: float
+
+
+@dataclass(frozen=True)
+class SlotMotion:
+    """Where the slots are and how they move, (F, 3) each: forward, right, up of the leader."""
+
+    position_m: Array
+    velocity_mps: Array
+
+
+@dataclass(frozen=True)
+class Target:
+    """The air-relative motion that keeps a follower in its slot, (F,) each: no error is left in a steady turn."""
+
+    speed_mps: Array
+    heading_rad: Array
+
+
+def formation_error(leader: FlightState, follower: FlightState, slots_m: Array, frame: SlotFrame) -> Array:
+    """Return (F, 3): x_c - x_rc, y_c - y_rc, z_c - z_rc in m; positive when the follower is behind, left, below.
+
+    Args:
+        leader: the leader's state, a column for each follower.
+        follower: the followers' states at the same instants.
+        slots_m: (F, 3) forward, right, up of the leader.
+        frame: whose heading x and y lie along.
+    """
+    axis = leader.heading_rad if frame == "leader_heading" else follower.heading_rad
+    forward_m, right_m = rotate_to(axis, leader.north_m - follower.north_m, leader.east_m - follower.east_m)
+    return np.stack((forward_m, right_m, leader.height_m - follower.height_m), axis=1) + slots_m
+
+
+def slot_target(
+    leader: FlightState, follower: FlightState, turn_rate_rps: Array, slots: SlotMotion, frame: SlotFrame
+) -> Target:
+    """Return the airspeed and heading at which the slot stays occupied while the leader turns at `turn_rate_rps`.
+
+    The difference of what carries the two through the air (D of (8), errata item 16) and the slot's own way to another
+    place are allowed for. Source: (8) with x_c' and y_c' as commanded, solved for the follower's speed and heading.
+    """
+    x_rc, y_rc = -slots.position_m[:, 0], -slots.position_m[:, 1]
+    speed, turn = leader.airspeed_mps, turn_rate_rps
+    forth, aside = slots.velocity_mps[:, 0], slots.velocity_mps[:, 1]
+    drift_north = follower.wind_north_mps - leader.wind_north_mps
+    drift_east = follower.wind_east_mps - leader.wind_east_mps
+    if frame == "leader_heading":
+        drift_x, drift_y = rotate_to(leader.heading_rad, drift_north, drift_east)
+        forward, right = speed + turn * y_rc - drift_x + forth, -turn * x_rc - drift_y + aside
+        return Target(np.hypot(forward, right), leader.heading_rad + np.arctan2(right, forward))
+    drift_x, drift_y = rotate_to(follower.heading_rad, drift_north, drift_east)
+    lead_angle = np.arcsin(np.clip((turn * x_rc + drift_y - aside) / speed, -1.0, 1.0))
+    return Target(speed * np.cos(lead_angle) + turn * y_rc - drift_x + forth, leader.heading_rad - lead_angle)
+
+
+def mix(mixer: Mixer, target: Target, follower: FlightState, error_m: Array) -> Array:
+    """Return (F, 3): e_v in m/s, e_psi in rad and e_z in m of (13), v1 and psi1 replaced by the slot's target."""
+    speed = mixer.k_v * (target.speed_mps - follower.airspeed_mps) + mixer.k_x * error_m[:, 0]
+    heading = mixer.k_psi * wrap(target.heading_rad - follower.heading_rad) + mixer.k_y * error_m[:, 1]
+    return np.stack((speed, heading, mixer.k_z * error_m[:, 2]), axis=1)
+
+
+def rotate_to(heading_rad: Array, north: Array, east: Array) -> tuple[Array, Array]:
+    """Return the forward and right components of a horizontal vector, for axes that point along `heading_rad`."""
+    cos, sin = np.cos(heading_rad), np.sin(heading_rad)
+    return north * cos + east * sin, east * cos - north * sin

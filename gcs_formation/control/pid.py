@@ -1,0 +1,58 @@
+"""The hybrid controller (14) without its feed-forward: PID on arrays, gains that change, output that is limited."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gcs_formation.arrays import Array
+
+
+@dataclass(frozen=True)
+class Gains:
+    """k_p, k_i and k_d, each of any shape that broadcasts to the errors'."""
+
+    proportional: Array
+    integral: Array
+    derivative: Array
+
+
+@dataclass(frozen=True)
+class PidState:
+    """What the controllers remember, in the errors' shape."""
+
+    integral: Array
+    """Integral of k_i(t) e dt: a change of gain doesn't kick the output (errata item 29b)."""
+    rate: Array
+    """Filtered derivative of the error, a second."""
+    error: Array
+    """The error before; NaN where there was none."""
+
+    @classmethod
+    def at_rest(cls, shape: tuple[int, ...]) -> PidState:
+        """Return the state of controllers that have seen nothing: integrators at trim (29)."""
+        return cls(np.zeros(shape), np.zeros(shape), np.full(shape, np.nan))
+
+
+def filter_rate(state: PidState, error: Array, filter_s: float, dt_s: float) -> Array:
+    """Return the filtered derivative of the error, a second.
+
+    s/(T s + 1), exact for an error that runs straight from sample to sample; 0 at the first sample.
+    """
+    slope = np.nan_to_num((error - state.error) / dt_s)
+    kept = np.exp(-dt_s / filter_s)
+    return kept * state.rate + (1 - kept) * slope
+
+
+def unlimited(state: PidState, gains: Gains, error: Array, rate: Array) -> Array:
+    """Return the controllers' output before any limit."""
+    return gains.proportional * error + state.integral + gains.derivative * rate
+
+
+def integrate(
+    state: PidState, gains: Gains, error: Array, rate: Array, excess: Array, anti_windup_s: float, dt_s: float
+) -> PidState:
+    """Return the state after `dt_s`; `excess` (limited minus unlimited output) dies in `anti_windup_s` (29c)."""
+    growth = gains.integral * error + excess / anti_windup_s
+    return PidState(state.integral + growth * dt_s, rate, error)

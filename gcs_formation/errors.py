@@ -1,0 +1,13 @@
+"""Errors of the ground station."""
+
+
+class StationError(Exception):
+    """Root of what the ground station raises; the message says what was found and what is allowed."""
+
+
+class RunAbortedError(StationError):
+    """The run could not go on: a port is taken, no vehicle answered, a vehicle refused."""
+
+
+class RecordError(StationError):
+    """A run directory that can't be written, or isn't one."""

@@ -1,0 +1,1 @@
+"""Delayed states to states now."""

@@ -1,0 +1,95 @@
+"""The newest state of every vehicle, at its own stamp on our clock, and what carries it through the air."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from airlink.clock import Instant, seconds_between
+from gcs_formation.arrays import Array, Instants, Mask
+from gcs_formation.estimation.flight_state import FlightState
+
+ROWS = 8
+WIND_NORTH, WIND_EAST = 6, 7
+
+
+class Sample(NamedTuple):
+    """What a vehicle measured at one instant: NED from the scenario's origin, height upwards, ground velocity."""
+
+    stamp: Instant
+    north_m: float
+    east_m: float
+    height_m: float
+    north_mps: float
+    east_mps: float
+    climb_mps: float
+    heading_rad: float
+    airspeed_mps: float
+
+
+class StateEstimator:
+    """Pairs what the vehicles' messages tell at one stamp each, in columns.
+
+    The disturbance observer is a first-order filter on ground velocity minus airspeed along the heading: what is left
+    is wind, or whatever else displaces the vehicle.
+    """
+
+    def __init__(self, columns: int, observer_radps: float) -> None:
+        """Start with nothing known; an observer of 0 rad/s leaves the wind at 0."""
+        self._table = np.full((ROWS, columns), np.nan)
+        self._stamps = np.zeros(columns, dtype=np.int64)
+        self._observer_radps = observer_radps
+
+    @property
+    def state(self) -> FlightState:
+        """The newest states, NaN where none came yet."""
+        return FlightState(*self._table.copy())
+
+    @property
+    def stamps(self) -> Instants:
+        """When those states were true, on our clock: (columns,) instants."""
+        return self._stamps.copy()
+
+    @property
+    def known(self) -> Mask:
+        """Which columns have a state: (columns,)."""
+        known: Mask = np.all(np.isfinite(self._table), axis=0)
+        return known
+
+    def forget(self, column: int) -> None:
+        """Forget a vehicle that has restarted."""
+        self._table[:, column] = np.nan
+
+    def place(self, column: int, state: Array, stamp: Instant) -> None:
+        """Set a column outright: (8,) in the order of FlightState."""
+        self._table[:, column] = state
+        self._stamps[column] = stamp
+
+    def update(self, column: int, sample: Sample) -> None:
+        """Take a vehicle's newest sample."""
+        wind_north, wind_east = self._observe(column, sample)
+        self._table[:, column] = (
+            sample.north_m,
+            sample.east_m,
+            sample.height_m,
+            sample.climb_mps,
+            sample.airspeed_mps,
+            sample.heading_rad,
+            wind_north,
+            wind_east,
+        )
+        self._stamps[column] = sample.stamp
+
+    def _observe(self, column: int, sample: Sample) -> tuple[float, float]:
+        if self._observer_radps == 0.0:
+            return 0.0, 0.0
+        north = sample.north_mps - sample.airspeed_mps * math.cos(sample.heading_rad)
+        east = sample.east_mps - sample.airspeed_mps * math.sin(sample.heading_rad)
+        before_north, before_east = self._table[WIND_NORTH, column], self._table[WIND_EAST, column]
+        if math.isnan(before_north):
+            return north, east
+        elapsed_s = max(0.0, seconds_between(Instant(int(self._stamps[column])), sample.stamp))
+        share = 1.0 - math.exp(-self._observer_radps * elapsed_s)
+        return before_north + share * (north - before_north), before_east + share * (east - before_east)

@@ -1,0 +1,1 @@
+"""Where each vehicle should be."""

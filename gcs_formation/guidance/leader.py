@@ -1,0 +1,91 @@
+"""The leader's guidance: to the start of the path, round again while the formation isn't assembled, along the path."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from formation_scenario.path import SplinePath
+from gcs_formation.guidance.join import Pose, join
+from gcs_formation.guidance.tracking import Lags, Motion, Route, project, track
+from gcs_formation.setpoint import Setpoint
+
+DECISION_S = 2.0
+"""How long before the path's start it's decided whether to begin or to go round again."""
+ON_EXTENSION_M = 60.0
+ON_EXTENSION_RAD = math.radians(30.0)
+CLIMB_SHARE = 0.7
+"""Share of the climb limit that the way to the start uses: followers need the rest."""
+
+
+@dataclass
+class LeaderGuidance:
+    """Where the leader is on its way, and what it's told."""
+
+    path: SplinePath
+    speed_mps: float
+    run_in_m: float
+    hold_radius_m: float
+    climb_max_mps: float
+    route: Route | None = None
+    distance_m: float = 0.0
+    rounds: int = 0
+
+    @property
+    def on_path(self) -> bool:
+        """Whether the route is the path itself (or the straight line that leads to its start)."""
+        return self.route is self.path
+
+    @property
+    def started(self) -> bool:
+        """Whether the path's start is passed."""
+        return self.on_path and self.distance_m >= 0.0
+
+    @property
+    def at_end(self) -> bool:
+        """Whether the path's end is reached."""
+        return self.on_path and self.distance_m >= self.path.length_m
+
+    def steer(self, motion: Motion, height_m: float, lags: Lags, *, assembled: bool) -> Setpoint:
+        """Return the setpoint for the leader at `motion` and `height_m`; `assembled`: the path may be begun."""
+        if self.route is None:
+            self._set_out(motion, height_m)
+        assert self.route is not None
+        self.distance_m = project(self.route, motion, self.distance_m)
+        if not self.on_path and self.distance_m >= self.route.length_m:
+            self._follow_path(motion)
+        elif self.on_path and not self.started and not assembled and self._must_decide():
+            self.rounds += 1
+            self._join(motion, height_m)
+        return track(self.route, self.distance_m, motion, lags, self.speed_mps)
+
+    def _must_decide(self) -> bool:
+        return self.distance_m > -DECISION_S * self.speed_mps
+
+    def _set_out(self, motion: Motion, height_m: float) -> None:
+        start = self.path.at(0.0)
+        north, east = motion.north_m - start.north_m, motion.east_m - start.east_m
+        cos, sin = math.cos(start.course_rad), math.sin(start.course_rad)
+        behind_m, right_m = -(north * cos + east * sin), east * cos - north * sin
+        aside = math.remainder(motion.heading_rad - start.course_rad, math.tau)
+        climb_m = abs(start.height_m - height_m) / CLIMB_SHARE / self.climb_max_mps * self.speed_mps
+        near_enough = abs(right_m) < ON_EXTENSION_M and abs(aside) < ON_EXTENSION_RAD
+        if near_enough and behind_m > max(climb_m, DECISION_S * self.speed_mps):
+            self._follow_path(motion)
+        else:
+            self._join(motion, height_m)
+
+    def _follow_path(self, motion: Motion) -> None:
+        self.route = self.path
+        start = self.path.at(0.0)
+        north, east = motion.north_m - start.north_m, motion.east_m - start.east_m
+        self.distance_m = north * math.cos(start.course_rad) + east * math.sin(start.course_rad)
+
+    def _join(self, motion: Motion, height_m: float) -> None:
+        """Set out for the point from which the run-in begins."""
+        entry = self.path.at(-self.run_in_m)
+        course = math.atan2(*reversed(motion.ground_velocity()))
+        begin = Pose(motion.north_m, motion.east_m, height_m, course)
+        end = Pose(entry.north_m, entry.east_m, entry.height_m, entry.course_rad)
+        slope = CLIMB_SHARE * self.climb_max_mps / self.speed_mps
+        self.route, self.distance_m = join(begin, end, self.hold_radius_m, slope), 0.0

@@ -1,0 +1,100 @@
+"""Holding a vehicle on a route: from its state to the setpoint that keeps it there."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+from formation_scenario.path import PathPoint
+from gcs_formation.setpoint import Setpoint
+
+BANDWIDTH_RADPS = 0.15
+"""How fast a cross-track error is worked off: well below the heading hold's 1/tau_psi."""
+INTERCEPT_MAX_RAD = math.radians(60.0)
+NEWTON_STEPS = 3
+
+
+class Route(Protocol):
+    """Something that can be flown along by horizontal arc length."""
+
+    @property
+    def length_m(self) -> float:
+        """Horizontal length, m."""
+        ...
+
+    def at(self, distance_m: float, /) -> PathPoint:
+        """Return the point at a distance from the start."""
+        ...
+
+
+@dataclass(frozen=True)
+class Lags:
+    """Time constants of the autopilot of equation (7), s."""
+
+    tau_psi_s: float
+    tau_ha_s: float
+    tau_hb_s: float
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One vehicle's state, as in FlightState."""
+
+    north_m: float
+    east_m: float
+    airspeed_mps: float
+    heading_rad: float
+    wind_north_mps: float
+    wind_east_mps: float
+
+    def ground_velocity(self) -> tuple[float, float]:
+        """Return the velocity over ground: north, east."""
+        return (
+            self.airspeed_mps * math.cos(self.heading_rad) + self.wind_north_mps,
+            self.airspeed_mps * math.sin(self.heading_rad) + self.wind_east_mps,
+        )
+
+
+def project(route: Route, motion: Motion, near_m: float) -> float:
+    """Return the distance along the route of its nearest point, looked for from `near_m` on."""
+    distance_m = near_m
+    for _ in range(NEWTON_STEPS):
+        point = route.at(distance_m)
+        along_m, right_m = _rotate(motion.north_m - point.north_m, motion.east_m - point.east_m, point.course_rad)
+        distance_m += along_m / max(1.0 - point.curvature_1pm * right_m, 0.2)
+    return distance_m
+
+
+def track(route: Route, distance_m: float, motion: Motion, lags: Lags, speed_mps: float) -> Setpoint:
+    """Return the setpoint that holds a vehicle, whose nearest point is at `distance_m`, on the route.
+
+    The course aims at the route with `BANDWIDTH_RADPS`; the heading allows for the wind; both lags of (7) are led by
+    the route's own turn and climb.
+    """
+    point = route.at(distance_m)
+    _, right_m = _rotate(motion.north_m - point.north_m, motion.east_m - point.east_m, point.course_rad)
+    along_mps, aside_mps = _rotate(*motion.ground_velocity(), point.course_rad)
+    gain_1pm = BANDWIDTH_RADPS / speed_mps
+    intercept = math.atan(gain_1pm * right_m)
+    limited = min(max(intercept, -INTERCEPT_MAX_RAD), INTERCEPT_MAX_RAD)
+    course = point.course_rad - limited
+    turn_rps = point.curvature_1pm * along_mps
+    if limited == intercept:
+        turn_rps -= gain_1pm * aside_mps / (1 + (gain_1pm * right_m) ** 2)
+    heading = course - _crab(motion, course) + lags.tau_psi_s * turn_rps
+    rise_mps = point.slope * along_mps
+    height_m = point.height_m + (lags.tau_ha_s + lags.tau_hb_s) * rise_mps
+    height_m += lags.tau_ha_s * lags.tau_hb_s * point.slope_rate_1pm * along_mps**2
+    return Setpoint(speed_mps, heading, height_m)
+
+
+def _crab(motion: Motion, course_rad: float) -> float:
+    """Return by how much the heading must lie left of the course for the wind not to carry the vehicle aside."""
+    _, aside_mps = _rotate(motion.wind_north_mps, motion.wind_east_mps, course_rad)
+    return math.asin(min(max(aside_mps / max(motion.airspeed_mps, 1.0), -1.0), 1.0))
+
+
+def _rotate(north: float, east: float, course_rad: float) -> tuple[float, float]:
+    cos, sin = math.cos(course_rad), math.sin(course_rad)
+    return north * cos + east * sin, east * cos - north * sin

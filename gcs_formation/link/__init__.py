@@ -1,0 +1,1 @@
+"""Datagrams to attributed, measured links: discovery, connections, clocks, loss."""

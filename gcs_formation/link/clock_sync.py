@@ -1,0 +1,120 @@
+"""A vehicle's clock against ours, and the delay between us, from TIMESYNC round trips.
+
+Sources: MAVLink guide, "Time Synchronization Protocol v2"; the weighting of samples by their excess
+delay is NTP's clock filter (RFC 5905, section 10) put into a two-state Kalman filter.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, field
+
+from airlink.clock import NANOSECONDS, Instant
+
+WINDOW = 16
+"""Round trips over which the smallest is looked for, and the delay averaged: 4 s of probes."""
+RESOLUTION_S = 0.5e-3
+"""Standard deviation of a sample that had no excess delay."""
+FEW = 8
+UNKNOWN_SCATTER_S = 0.02
+"""What fewer than `FEW` round trips are taken to scatter by."""
+INITIAL_DRIFT = 0.02
+"""Standard deviation of an unknown clock's rate: a PX4 simulator's runs 1.5 % off."""
+OFFSET_NOISE = 1e-4
+DRIFT_NOISE = 2e-6
+"""Random walk of offset (s) and drift per square root of a second."""
+RESTART_S = 1.0
+"""A sample this far off what it can be at most is another clock: the vehicle has restarted."""
+
+
+@dataclass
+class ClockSync:
+    """Maps a vehicle's time since boot to our instants.
+
+    `offset_s` is vehicle minus ours at `reference`, `drift` its rate of change. Samples are
+    weighted by how much their round trips took longer than the fastest, and by how much round trips vary.
+    """
+
+    loop_s: float = 0.0
+    """Period of the loop on which the vehicle answers; half of it is in every round trip."""
+    round_trip_s: float = math.nan
+    samples: int = 0
+    restarts: int = 0
+    offset_s: float = math.nan
+    drift: float = 0.0
+    _reference: Instant = Instant(0)
+    _variance: tuple[float, float, float] = (1.0, 0.0, INITIAL_DRIFT**2)
+    _recent: deque[float] = field(default_factory=lambda: deque[float](maxlen=WINDOW))
+
+    @property
+    def one_way_s(self) -> float:
+        """Half the mean of the recent round trips, without the answering loop's share."""
+        if not self._recent:
+            return math.nan
+        return max(0.0, (sum(self._recent) / len(self._recent) - self.loop_s / 2) / 2)
+
+    def last_one_way_s(self) -> float:
+        """Half of the last round trip, without the answering loop's mean share; can be below 0."""
+        return (self.round_trip_s - self.loop_s / 2) / 2
+
+    def observe(self, sent: Instant, vehicle_time_ns: int, received: Instant) -> bool:
+        """Take an answered probe; return whether it shows that the vehicle's clock has started anew."""
+        self.round_trip_s = (received - sent) / NANOSECONDS
+        self._recent.append(self.round_trip_s)
+        middle = Instant((sent + received) // 2)
+        sample_s = (vehicle_time_ns - middle) / NANOSECONDS
+        restarted = self.samples > 0 and abs(sample_s - self._predict(middle)) > RESTART_S + self.round_trip_s / 2
+        if self.samples == 0 or restarted:
+            self._begin(middle, sample_s)
+        else:
+            self._advance(middle)
+            self._correct(sample_s)
+        self.samples += 1
+        self.restarts += restarted
+        return restarted
+
+    def to_instant(self, vehicle_time_s: float) -> Instant:
+        """Return our instant for a vehicle's time since boot in seconds."""
+        at_reference_s = self._reference / NANOSECONDS + self.offset_s
+        return Instant(self._reference + round((vehicle_time_s - at_reference_s) / (1 + self.drift) * NANOSECONDS))
+
+    def _predict(self, at: Instant) -> float:
+        return self.offset_s + self.drift * (at - self._reference) / NANOSECONDS
+
+    def _begin(self, at: Instant, sample_s: float) -> None:
+        self.offset_s, self.drift, self._reference = sample_s, 0.0, at
+        self._variance = (self._sample_variance(), 0.0, INITIAL_DRIFT**2)
+
+    def _advance(self, to: Instant) -> None:
+        elapsed_s = max(0.0, (to - self._reference) / NANOSECONDS)
+        p00, p01, p11 = self._variance
+        self.offset_s += self.drift * elapsed_s
+        self._reference = to
+        self._variance = (
+            p00 + elapsed_s * (2 * p01 + elapsed_s * p11) + OFFSET_NOISE**2 * elapsed_s,
+            p01 + elapsed_s * p11,
+            p11 + DRIFT_NOISE**2 * elapsed_s,
+        )
+
+    def _correct(self, sample_s: float) -> None:
+        p00, p01, p11 = self._variance
+        total = p00 + self._sample_variance()
+        innovation = sample_s - self.offset_s
+        gain0, gain1 = p00 / total, p01 / total
+        self.offset_s += gain0 * innovation
+        self.drift += gain1 * innovation
+        self._variance = ((1 - gain0) * p00, (1 - gain0) * p01, p11 - gain1 * p01)
+
+    def _sample_variance(self) -> float:
+        """Return the variance of a sample's offset: half of its own excess delay, half of the delays' scatter.
+
+        Where queues make the delay, the fastest round trips are the truest; where both ways vary at random, none is.
+        """
+        excess_s = self.round_trip_s - min(self._recent)
+        count = len(self._recent)
+        mean_s = sum(self._recent) / count
+        scattered = (
+            sum((each - mean_s) ** 2 for each in self._recent) / (count - 1) if count >= FEW else UNKNOWN_SCATTER_S**2
+        )
+        return RESOLUTION_S**2 + (excess_s**2 + scattered) / 4

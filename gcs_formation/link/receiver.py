@@ -1,0 +1,37 @@
+"""Datagrams to frames, one stream parser for each remote."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+
+from airlink.endpoint import Address
+from airlink.engine import Datagram
+from airlink.frame import Frame, ParserCounts, StreamParser
+
+MAX_REMOTES = 1024
+"""Parsers kept; the remote that was silent longest makes room, so strangers can't fill the memory."""
+
+
+class Receiver:
+    """Parses what every remote sends and keeps the counts of what was dropped."""
+
+    def __init__(self) -> None:
+        """Start with no remote known."""
+        self._parsers: OrderedDict[tuple[int, Address], StreamParser] = OrderedDict()
+
+    def frames(self, datagram: Datagram) -> list[Frame]:
+        """Return the frames that the datagram completes."""
+        remote = (datagram.socket, datagram.peer)
+        parser = self._parsers.get(remote)
+        if parser is None:
+            parser = self._parsers[remote] = StreamParser()
+            if len(self._parsers) > MAX_REMOTES:
+                self._parsers.popitem(last=False)
+        else:
+            self._parsers.move_to_end(remote)
+        return parser.feed(datagram.data)
+
+    def counts(self, socket: int, peer: Address | None) -> ParserCounts:
+        """Return what has come from a remote, zeros for one that was never heard."""
+        parser = self._parsers.get((socket, peer)) if peer else None
+        return parser.counts if parser else ParserCounts()

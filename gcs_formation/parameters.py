@@ -1,0 +1,88 @@
+"""What the scenario says, in the terms of the law, the model and the guidance."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from formation_scenario import Scenario, SplinePath, VehicleModel, slot_schedule
+from gcs_formation.arrays import Array
+from gcs_formation.control.fuzzy import FuzzyGainScheduler
+from gcs_formation.control.law import LawParameters
+from gcs_formation.control.mixer import Mixer
+from gcs_formation.control.pid import Gains
+from gcs_formation.estimation.flight_state import AutopilotModel
+from gcs_formation.guidance.leader import LeaderGuidance
+
+HOLD_SHARE = 0.5
+"""Share of the turn rate, and of the speed that outer slots have to spare, that turns before the path use."""
+
+
+def law_parameters(scenario: Scenario) -> LawParameters:
+    """Return the fuzzy-PID law's constants."""
+    law = scenario.law
+    channels = (law.speed, law.heading, law.height)
+    return LawParameters(
+        mixer=Mixer(**law.mixer.model_dump()),
+        frame=scenario.formation.frame,
+        nominal=Gains(
+            np.array([channel.kp for channel in channels]),
+            np.array([channel.ki for channel in channels]),
+            np.array([channel.kd for channel in channels]),
+        ),
+        base=law.fuzzy.base,
+        span=law.fuzzy.span,
+        error_scale=np.array([channel.error_scale for channel in channels]),
+        rate_scale=np.array([channel.rate_scale for channel in channels]),
+        scheduler=FuzzyGainScheduler(law.fuzzy.tables) if law.type == "fuzzy_pid" else None,
+        derivative_filter_s=max(law.derivative_filter_s, 1e-6),
+        anti_windup_s=law.anti_windup_s,
+    )
+
+
+def column_models(scenario: Scenario) -> tuple[VehicleModel, ...]:
+    """Return the model of each column: the leader's (a virtual one flies like the first follower), the followers'."""
+    followers = [vehicle.model for vehicle in scenario.followers]
+    leader = scenario.leader
+    return (leader.model if leader else followers[0], *followers)
+
+
+def autopilot_model(scenario: Scenario) -> AutopilotModel:
+    """Return the autopilot model's constants, a column for the leader and each follower."""
+    models = column_models(scenario)
+
+    def column(name: str) -> Array:
+        return np.array([getattr(model, name) for model in models], dtype=np.float64)
+
+    return AutopilotModel(
+        tau_v_s=column("tau_v_s"),
+        tau_psi_s=column("tau_psi_s"),
+        tau_ha_s=column("tau_ha_s"),
+        tau_hb_s=column("tau_hb_s"),
+        speed_min_mps=column("speed_min_mps"),
+        speed_max_mps=column("speed_max_mps"),
+        accel_max_mps2=column("accel_max_mps2"),
+        turn_rate_max_rps=column("turn_rate_max_rps"),
+        climb_max_mps=column("climb_max_mps"),
+    )
+
+
+def leader_guidance(scenario: Scenario) -> LeaderGuidance:
+    """Return the leader's guidance along the scenario's path."""
+    return LeaderGuidance(
+        path=SplinePath(scenario.path.waypoints_m),
+        speed_mps=scenario.path.speed_mps,
+        run_in_m=scenario.start.run_in_s * scenario.path.speed_mps,
+        hold_radius_m=hold_radius_m(scenario),
+        climb_max_mps=min(each.climb_max_mps for each in column_models(scenario)),
+    )
+
+
+def hold_radius_m(scenario: Scenario) -> float:
+    """Return the radius of the leader's turns before its path: every slot can keep up, inside and outside."""
+    speed = scenario.path.speed_mps
+    models = column_models(scenario)
+    turn_rps = min(model.turn_rate_max_rps for model in models)
+    for model, slot in zip(models[1:], slot_schedule(scenario)[0].slots_m, strict=True):
+        spare_mps = min(model.speed_max_mps - speed, speed - model.speed_min_mps)
+        turn_rps = min(turn_rps, spare_mps / max(float(np.hypot(slot[0], slot[1])), 1.0))
+    return speed / (HOLD_SHARE * max(turn_rps, 1e-3))

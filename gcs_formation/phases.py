@@ -1,0 +1,72 @@
+"""The phases of a run, and every way from one to another."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from airlink.clock import Instant, seconds_between
+
+
+class Phase(Enum):
+    """What the formation is doing."""
+
+    CONNECTING = "connecting"
+    ASSEMBLING = "assembling"
+    FLYING = "flying"
+    LOITERING = "loitering"
+    DONE = "done"
+    FAILED = "failed"
+
+
+class Cause(Enum):
+    """What moves a run on."""
+
+    LEADER_READY = "the leader follows setpoints"
+    PATH_BEGUN = "the leader has passed the start of its path, the followers are in their slots"
+    PATH_ENDED = "the path or the time is at its end"
+    STOP = "told to stop"
+    LOITERED = "every vehicle loiters"
+    FAILURE = "the run can't go on"
+
+
+TRANSITIONS: dict[tuple[Phase, Cause], Phase] = {
+    (Phase.CONNECTING, Cause.LEADER_READY): Phase.ASSEMBLING,
+    (Phase.CONNECTING, Cause.STOP): Phase.LOITERING,
+    (Phase.CONNECTING, Cause.FAILURE): Phase.FAILED,
+    (Phase.ASSEMBLING, Cause.PATH_BEGUN): Phase.FLYING,
+    (Phase.ASSEMBLING, Cause.STOP): Phase.LOITERING,
+    (Phase.ASSEMBLING, Cause.FAILURE): Phase.FAILED,
+    (Phase.FLYING, Cause.PATH_ENDED): Phase.LOITERING,
+    (Phase.FLYING, Cause.STOP): Phase.LOITERING,
+    (Phase.LOITERING, Cause.LOITERED): Phase.DONE,
+}
+"""What isn't here changes nothing."""
+
+
+@dataclass
+class Flight:
+    """Where a run stands, since when, and the instant t = 0 of its path."""
+
+    phase: Phase = Phase.CONNECTING
+    since: Instant = Instant(0)
+    path_began: Instant | None = None
+
+    def move(self, cause: Cause, now: Instant) -> bool:
+        """Follow the table; return whether the phase changed."""
+        following = TRANSITIONS.get((self.phase, cause))
+        if following is None:
+            return False
+        self.phase, self.since = following, now
+        if cause is Cause.PATH_BEGUN:
+            self.path_began = now
+        return True
+
+    def mission_time_s(self, now: Instant) -> float:
+        """Return seconds since the leader started along its path, NaN before."""
+        return float("nan") if self.path_began is None else seconds_between(self.path_began, now)
+
+    @property
+    def ended(self) -> bool:
+        """Whether there's nothing more to do."""
+        return self.phase in (Phase.DONE, Phase.FAILED)

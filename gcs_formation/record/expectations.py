@@ -1,0 +1,135 @@
+"""Whether a run kept to the `expect` entries of its scenario."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from airlink.identity import VehicleId
+from formation_scenario import Scenario
+from formation_scenario.expectation import ERROR_METRICS, FOLLOWER_METRICS, LINK_METRICS, Expectation
+from gcs_formation.record import figures_of_merit as figures
+from gcs_formation.record.flight import Flight
+
+if TYPE_CHECKING:
+    from gcs_formation.record.summary import LinkFigures
+
+AXES = {"error_x_m": 0, "error_y_m": 1, "error_z_m": 2}
+SECTIONS = ("safety", "control", "stability")
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One expectation for one vehicle (None: for the run), and what came of it."""
+
+    expectation: Expectation
+    vehicle: VehicleId | None
+    value: float | None
+    reached: bool
+    """Whether the run got to the end of the window."""
+
+    @property
+    def held(self) -> bool | None:
+        """Whether the bound was kept; None when its window wasn't reached."""
+        if not self.reached:
+            return None
+        if self.value is None:
+            return False
+        below, above = self.expectation.below, self.expectation.above
+        return (below is None or self.value < below) and (above is None or self.value > above)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the entry of summary.json."""
+        wanted = self.expectation
+        entry: dict[str, Any] = {"metric": wanted.metric}
+        if self.vehicle is not None:
+            entry["follower"] = self.vehicle.system if self.vehicle.network == 1 else str(self.vehicle)
+        entry |= {"value": self.value, "from_s": wanted.from_s, "to_s": wanted.to_s}
+        entry |= {name: bound for name in ("below", "above") if (bound := getattr(wanted, name)) is not None}
+        return entry | {"held": self.held, "reached": self.reached}
+
+    def __str__(self) -> str:
+        """Return the verdict in words."""
+        wanted = self.expectation
+        bounds = [
+            f"{name} {bound:g}"
+            for name, bound in (("below", wanted.below), ("above", wanted.above))
+            if bound is not None
+        ]
+        who = f"vehicle {self.vehicle}: " if self.vehicle else ""
+        found = "no value" if self.value is None else f"{self.value:.4g}"
+        state = {True: "held", False: "broken", None: "not reached"}[self.held]
+        window = f"from {wanted.from_s:g} s to {wanted.to_s:g} s"
+        return f"{who}{wanted.metric} {window}: found {found}; expected: {' and '.join(bounds)}: {state}"
+
+
+def judge(
+    scenario: Scenario,
+    flight: Flight,
+    parts: Mapping[str, Any],
+    links: Mapping[VehicleId, LinkFigures],
+    cut_short: bool,
+) -> Iterator[Verdict]:
+    """Yield a verdict for each expectation and, where it's about followers or links, for each of them.
+
+    `cut_short`: the run was ended before the path or the time was; windows that it didn't get through count as not
+    reached.
+    """
+    flown_s = float(parts["duration_s"]) + 1.5 / scenario.law.rate_hz
+    for wanted in scenario.expect:
+        reached = not cut_short or flown_s >= wanted.to_s
+        if wanted.metric in FOLLOWER_METRICS:
+            chosen = scenario.selected(wanted.followers)
+            for vehicle in (v.vehicle_id for v in scenario.followers if v in chosen):
+                yield Verdict(wanted, vehicle, _follower_value(wanted, flight, vehicle, parts), reached)
+        elif wanted.metric in LINK_METRICS:
+            for planned in scenario.selected(wanted.followers):
+                yield Verdict(
+                    wanted, planned.vehicle_id, _link_value(wanted, planned.vehicle_id, parts, links), reached
+                )
+        else:
+            yield Verdict(wanted, None, _run_value(wanted, flight, parts), reached)
+
+
+def _follower_value(wanted: Expectation, flight: Flight, vehicle: VehicleId, parts: Mapping[str, Any]) -> float | None:
+    """Return a follower's figure over the window; `steady_max` and `settled_at_s` are of the run as a whole."""
+    whole = parts["followers"][str(vehicle)]
+    if wanted.metric not in ERROR_METRICS:
+        return whole[wanted.metric]
+    axis, figure = wanted.metric.split(".")
+    if figure == "steady_max" and whole["settled_at_s"] is None:
+        return None
+    window = flight.window(wanted.from_s, wanted.to_s)
+    error_m = flight.error(vehicle)[window]
+    seen = np.isfinite(error_m).all(axis=1)
+    time_s = flight.mission_time_s[window][seen]
+    settled_s = whole["settled_at_s"]
+    if settled_s is not None and not (time_s >= settled_s).any():
+        settled_s = None
+    return figures.axis_figures(time_s, error_m[seen][:, AXES[axis]], settled_s)[figure]
+
+
+def _link_value(
+    wanted: Expectation, vehicle: VehicleId, parts: Mapping[str, Any], links: Mapping[VehicleId, LinkFigures]
+) -> float | None:
+    if not wanted.metric.startswith("measured_delay_ms"):
+        return parts["links"][str(vehicle)][wanted.metric]
+    link = links[vehicle]
+    inside = (link.delay_times_s >= wanted.from_s) & (link.delay_times_s <= wanted.to_s)
+    which = wanted.metric.rpartition(".p")[2]
+    return figures.percentiles(link.delays_s[inside] * 1e3, int(which))[f"p{which}"]
+
+
+def _run_value(wanted: Expectation, flight: Flight, parts: Mapping[str, Any]) -> float | None:
+    window = flight.window(wanted.from_s, wanted.to_s)
+    if wanted.metric == "min_separation_m" and window.any():
+        return float(figures.separation_m(flight, window).min())
+    if wanted.metric == "min_clearance_m" and window.any():
+        return float(min(figures.clearance_m(flight, vehicle, window).min() for vehicle in flight.vehicles))
+    name, _, figure = wanted.metric.partition(".")
+    sections: list[Mapping[str, Any]] = [parts, *(parts[section] for section in SECTIONS)]
+    value: Any = next((section[name] for section in sections if name in section), None)
+    return value[figure] if figure else value

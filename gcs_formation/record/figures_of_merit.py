@@ -1,0 +1,74 @@
+"""Figures of a flight, as summary.json defines them."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from airlink.identity import VehicleId
+from gcs_formation.arrays import Array, Mask
+from gcs_formation.record.flight import Flight
+
+SETTLED_M = 0.5
+SETTLED_FOR_S = 10.0
+PAIRWISE_UP_TO = 12
+"""Vehicles up to which every pair is looked at; beyond, a tree finds each tick's nearest pair."""
+
+
+def settled_at_s(time_s: Array, error_m: Array) -> float | None:
+    """Return the first time from which every axis stays within `SETTLED_M` for `SETTLED_FOR_S`, None if never.
+
+    Args:
+        time_s: (T,) mission times of the scored ticks.
+        error_m: (T, 3) errors at them.
+    """
+    within: list[bool] = np.all(np.abs(error_m) <= SETTLED_M, axis=1).tolist()
+    begins = 0
+    for index, inside in enumerate(within):
+        if not inside:
+            begins = index + 1
+        elif time_s[index] - time_s[begins] >= SETTLED_FOR_S - 1e-9:
+            return float(time_s[begins])
+    return None
+
+
+def axis_figures(time_s: Array, error_m: Array, settled_s: float | None) -> dict[str, float | None]:
+    """Return rms and max of |error| (T,), and its maximum from `settled_s` on."""
+    if not error_m.size:
+        return {"rms": None, "max": None, "steady_max": None}
+    size = np.abs(error_m)
+    steady = None if settled_s is None else float(size[time_s >= settled_s].max())
+    return {"rms": float(np.sqrt(np.mean(size**2))), "max": float(size.max()), "steady_max": steady}
+
+
+def separation_m(flight: Flight, window: Mask) -> Array:
+    """Return the least distance of any two vehicles at each tick of the window, (T,); infinite for one vehicle."""
+    places = [flight.place(vehicle)[window] for vehicle in flight.vehicles]
+    ticks = places[0].shape[0]
+    if len(places) <= PAIRWISE_UP_TO:
+        least = np.full(ticks, np.inf)
+        for one, other in combinations(places, 2):
+            least = np.fmin(least, np.linalg.norm(one - other, axis=1))
+        return least
+    stacked = np.stack(places, axis=1)
+    return np.array([_nearest_pair_m(row[np.isfinite(row).all(axis=1)]) for row in stacked])
+
+
+def _nearest_pair_m(places: Array) -> float:
+    if len(places) < 2:
+        return float("inf")
+    distances, _ = cKDTree(places).query(places, k=2)
+    return float(np.asarray(distances)[:, 1].min())
+
+
+def clearance_m(flight: Flight, vehicle: VehicleId, window: Mask) -> Array:
+    """Return a vehicle's height above the ground at each tick of the window, (T,)."""
+    return flight.place(vehicle)[window][:, 2]
+
+
+def percentiles(values: Array, *wanted: int) -> dict[str, float | None]:
+    """Return percentiles by name, as in {"p50": …}; None of no values."""
+    finite = values[np.isfinite(values)]
+    return {f"p{q}": float(np.percentile(finite, q)) if finite.size else None for q in wanted}

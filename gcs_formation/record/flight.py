@@ -1,0 +1,80 @@
+"""A recorded flight as arrays, with its errors: what summary, expectations and report are made from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from airlink.identity import VehicleId
+from formation_scenario import Scenario
+from gcs_formation.arrays import Array, Mask
+from gcs_formation.record.timeseries import ERROR, LAW_ERROR, TRUTH
+from gcs_formation.record.truth import GroundTruth
+
+Columns = Mapping[str, Array]
+
+
+@dataclass(frozen=True)
+class Flight:
+    """The time series, vehicle by vehicle: every vehicle has a row for every tick, so columns are parallel."""
+
+    vehicles: Mapping[VehicleId, Columns]
+    truth: bool
+    """Whether the errors are from ground truth; from telemetry otherwise."""
+
+    @property
+    def mission_time_s(self) -> Array:
+        """(T,) seconds since the leader started along its path, NaN before."""
+        return next(iter(self.vehicles.values()))["mission_time_s"]
+
+    def window(self, from_s: float, to_s: float) -> Mask:
+        """Return a (T,) mask of the ticks in a window of mission time, both ends included."""
+        time_s = self.mission_time_s
+        return (time_s >= from_s - 1e-9) & (time_s <= to_s + 1e-9)
+
+    def place(self, vehicle: VehicleId) -> Array:
+        """Return (T, 3) north, east, height: true ones where there is truth."""
+        names = TRUTH[:3] if self.truth else ("north_m", "east_m", "height_m")
+        return np.column_stack([self.vehicles[vehicle][name] for name in names])
+
+    def error(self, vehicle: VehicleId) -> Array:
+        """Return (T, 3) signed formation errors of a follower, x, y and z in m."""
+        return np.column_stack([self.vehicles[vehicle][name] for name in ERROR])
+
+
+def split(columns: Columns, scenario: Scenario, truth: GroundTruth | None) -> Flight:
+    """Return the flight of a spool's columns, with true places and with errors added."""
+    vehicles: dict[VehicleId, Columns] = {}
+    for planned in scenario.vehicles:
+        identity = planned.vehicle_id
+        mine = (columns["network"] == identity.network) & (columns["vehicle"] == identity.system)
+        vehicles[identity] = {name: values[mine] for name, values in columns.items()}
+    if truth is not None:
+        vehicles = {i: {**own, **truth.at(i, own["t_s"])} for i, own in vehicles.items()}
+    lead = vehicles[scenario.leader.vehicle_id] if scenario.leader else None
+    frame = scenario.formation.frame
+    seen = lead if truth is not None else None
+    errors = {identity: {**own, **_errors(seen, own, frame)} for identity, own in vehicles.items()}
+    return Flight(errors, truth is not None)
+
+
+def join(flight: Flight) -> dict[str, Array]:
+    """Return the whole time series again: ticks in order, at each the vehicles in order."""
+    parts = list(flight.vehicles.values())
+    return {name: np.stack([part[name] for part in parts], axis=1).ravel() for name in parts[0]}
+
+
+def _errors(leader: Columns | None, own: Columns, frame: str) -> dict[str, Array]:
+    """Return x_c - x_rc, y_c - y_rc, z_c - z_rc: from true places, or as the law saw them."""
+    if leader is None:
+        return {name: own[seen] for name, seen in zip(ERROR, LAW_ERROR, strict=True)}
+    heading = (leader if frame == "leader_heading" else own)["true_heading_rad"]
+    north, east, up = (leader[name] - own[name] for name in TRUTH[:3])
+    cos, sin = np.cos(heading), np.sin(heading)
+    return {
+        "error_x_m": north * cos + east * sin + own["slot_forward_m"],
+        "error_y_m": east * cos - north * sin + own["slot_right_m"],
+        "error_z_m": up + own["slot_up_m"],
+    }

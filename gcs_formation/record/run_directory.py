@@ -1,0 +1,95 @@
+"""A run's directory: what's written while it flies, and what's made of that at the end."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from airlink.clock import NANOSECONDS, Instant
+from airlink.identity import VehicleId
+from formation_scenario import Scenario, dump_scenario
+from gcs_formation.errors import RecordError
+from gcs_formation.record.timeseries import TickSpool
+from gcs_formation.record.tlog import TlogWriter
+from gcs_formation.records import Event, Tick
+
+SCENARIO = "run.yaml"
+TLOG = "flight.tlog"
+EVENTS = "events.jsonl"
+SPOOL = "timeseries.arrows"
+TIMESERIES = "timeseries.parquet"
+SUMMARY = "summary.json"
+FLUSH_S = 1.0
+EVENT_SCHEMA = 1
+
+
+class RunDirectory:
+    """Records a flight (a `Recorder`), flushed every second so that a crash costs no more than that."""
+
+    def __init__(self, path: Path, scenario: Scenario, columns: Sequence[VehicleId | None], epoch_us: int) -> None:
+        """Create the directory and its files, in place of an earlier run's.
+
+        Raises:
+            RecordError: it can't be written.
+        """
+        self.path = path
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            for stale in (SUMMARY, TIMESERIES):
+                (path / stale).unlink(missing_ok=True)
+            (path / SCENARIO).write_text(dump_scenario(scenario), encoding="utf-8")
+            self._tlog = TlogWriter(path / TLOG, epoch_us)
+            self._events = (path / EVENTS).open("w", encoding="utf-8")
+            self._spool = TickSpool(path / SPOOL, columns)
+        except OSError as error:
+            raise RecordError(f"cannot write the run directory {path}: {error.strerror}") from error
+        self._next_flush = Instant(0)
+
+    def frame(self, now: Instant, raw: bytes) -> None:
+        """Keep a frame."""
+        self._tlog.write(now, raw)
+
+    def tick(self, tick: Tick) -> None:
+        """Keep a control tick."""
+        self._spool.add(tick)
+        if tick.now >= self._next_flush:
+            self.flush()
+            self._next_flush = Instant(tick.now + round(FLUSH_S * NANOSECONDS))
+
+    def event(self, event: Event) -> None:
+        """Keep an event, a line of JSON."""
+        self._events.write(json.dumps(event_line(event), ensure_ascii=False) + "\n")
+        self._events.flush()
+
+    def flush(self) -> None:
+        """Hand everything to the system."""
+        self._tlog.flush()
+        self._spool.flush()
+
+    def close(self) -> None:
+        """Close the files."""
+        self._tlog.close()
+        self._events.close()
+        self._spool.close()
+
+    def write_summary(self, summary: Mapping[str, Any]) -> None:
+        """Write summary.json."""
+        text = json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False)
+        (self.path / SUMMARY).write_text(text + "\n", encoding="utf-8")
+
+
+def event_line(event: Event) -> dict[str, Any]:
+    """Return an event as docs/events.schema.json describes it."""
+    line: dict[str, Any] = {
+        "schema": EVENT_SCHEMA,
+        "t_s": event.now / NANOSECONDS,
+        "kind": event.kind,
+        "text": event.text,
+    }
+    if event.vehicle is not None:
+        line["vehicle"] = str(event.vehicle)
+    details = {k: v if not isinstance(v, float) or math.isfinite(v) else None for k, v in event.details.items()}
+    return line | details

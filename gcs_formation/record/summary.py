@@ -1,0 +1,172 @@
+"""summary.json: the figures of a finished run and whether it kept to what was expected."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from airlink.identity import VehicleId
+from formation_scenario import Scenario
+from gcs_formation.arrays import Array, Mask
+from gcs_formation.record import figures_of_merit as figures
+from gcs_formation.record.expectations import Verdict, judge
+from gcs_formation.record.flight import Flight
+
+SCHEMA = 1
+LATE_S = 0.010
+AXES = ("error_x_m", "error_y_m", "error_z_m")
+
+
+@dataclass(frozen=True)
+class LinkFigures:
+    """What was counted on one vehicle's link; delays one-way in seconds."""
+
+    delays_s: Array
+    delay_times_s: Array
+    """Mission times of the probes, NaN before the path began."""
+    measured_loss: float
+    frames_in: int
+    frames_out: int
+    frames_bad: int
+    injected_delay_s: float = 0.0
+    injected_loss: float = 0.0
+
+
+@dataclass(frozen=True)
+class ControlFigures:
+    """When ticks were due and began, in seconds of the run's clock; how long they took, by the wall's."""
+
+    rate_hz: float
+    due_s: Array
+    begun_s: Array
+    compute_s: Array
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the `control` part of the summary."""
+        period_ms = np.diff(self.begun_s) * 1e3
+        return {
+            "rate_hz": self.rate_hz,
+            "ticks": int(self.begun_s.size),
+            "late_ticks": int((self.begun_s - self.due_s > LATE_S).sum()),
+            "period_ms": figures.percentiles(period_ms, 50, 99)
+            | {"max": float(period_ms.max()) if period_ms.size else None},
+            "compute_ms": figures.percentiles(self.compute_s * 1e3, 50, 99),
+        }
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """All that a summary is made from."""
+
+    scenario: Scenario
+    clock: str
+    flight: Flight
+    links: Mapping[VehicleId, LinkFigures]
+    control: ControlFigures
+    delay_margin_s: float | None
+    worst_loop_delay_s: float | None
+    simulated_s: float
+    wall_s: float
+    cut_short: bool
+    """Whether the run was ended (`--until`, Ctrl-C) before the path or the time was."""
+
+
+@dataclass(frozen=True)
+class Summary:
+    """The figures of a finished run."""
+
+    figures: Mapping[str, Any]
+    verdicts: tuple[Verdict, ...]
+    breaches: tuple[str, ...]
+    """Safety limits that were broken, in words."""
+
+    @property
+    def held(self) -> bool:
+        """Whether every expectation that was reached held, and no safety limit was broken."""
+        return not self.breaches and all(verdict.held is not False for verdict in self.verdicts)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what summary.json holds."""
+        return dict(self.figures)
+
+
+def summarise(outcome: Outcome) -> Summary:
+    """Return the summary of a run: scored from the leader's start along its path on."""
+    scenario, flight = outcome.scenario, outcome.flight
+    window = flight.window(0.0, scenario.duration_s)
+    time_s = flight.mission_time_s[window]
+    safety, breaches = _safety(outcome, window)
+    parts: dict[str, Any] = {
+        "schema": SCHEMA,
+        "name": scenario.name,
+        "seed": scenario.seed,
+        "clock": outcome.clock,
+        "duration_s": float(time_s[-1]) if time_s.size else 0.0,
+        "wall_s": outcome.wall_s,
+        "real_time_factor": outcome.simulated_s / outcome.wall_s if outcome.wall_s > 0 else None,
+        "truth": flight.truth,
+        "followers": {str(v.vehicle_id): _follower(flight, v.vehicle_id, window) for v in scenario.followers},
+        "links": {str(identity): _link(link) for identity, link in outcome.links.items()},
+        "control": outcome.control.to_dict(),
+        "safety": safety,
+        "stability": {
+            "delay_margin_s": outcome.delay_margin_s,
+            "worst_loop_delay_s": outcome.worst_loop_delay_s,
+        },
+    }
+    verdicts = tuple(judge(scenario, flight, parts, outcome.links, outcome.cut_short))
+    parts["expect"] = [verdict.to_dict() for verdict in verdicts]
+    return Summary(parts, verdicts, breaches)
+
+
+def _follower(flight: Flight, vehicle: VehicleId, window: Mask) -> dict[str, Any]:
+    time_s, error_m = flight.mission_time_s[window], flight.error(vehicle)[window]
+    seen = np.isfinite(error_m).all(axis=1)
+    time_s, error_m = time_s[seen], error_m[seen]
+    settled_s = figures.settled_at_s(time_s, error_m)
+    axes: dict[str, Any] = {axis: figures.axis_figures(time_s, error_m[:, i], settled_s) for i, axis in enumerate(AXES)}
+    return axes | {"settled_at_s": settled_s}
+
+
+def _link(link: LinkFigures) -> dict[str, Any]:
+    return {
+        "injected_delay_ms": link.injected_delay_s * 1e3,
+        "measured_delay_ms": figures.percentiles(link.delays_s * 1e3, 50, 99),
+        "injected_loss": link.injected_loss,
+        "measured_loss": link.measured_loss,
+        "frames_in": link.frames_in,
+        "frames_out": link.frames_out,
+        "frames_bad": link.frames_bad,
+    }
+
+
+def _safety(outcome: Outcome, window: Mask) -> tuple[dict[str, Any], tuple[str, ...]]:
+    flight, limits = outcome.flight, outcome.scenario.safety
+    if not window.any():
+        return {"min_separation_m": None, "min_clearance_m": None, "violations": 0}, ()
+    separation = figures.separation_m(flight, window)
+    clearance = np.min([figures.clearance_m(flight, vehicle, window) for vehicle in flight.vehicles], axis=0)
+    time_s = flight.mission_time_s[window]
+    breaches: list[str] = []
+    for name, values, least in (
+        ("separation", separation, limits.separation_m),
+        ("clearance", clearance, limits.clearance_m),
+    ):
+        if (values < least).any():
+            worst = int(np.argmin(values))
+            breaches.append(f"{name} was {values[worst]:.2f} m at {time_s[worst]:.1f} s; allowed: {least:g} m or more")
+    violations = _episodes(separation < limits.separation_m) + _episodes(clearance < limits.clearance_m)
+    measured = {"min_separation_m": _finite(separation.min()), "min_clearance_m": _finite(clearance.min())}
+    return measured | {"violations": violations}, tuple(breaches)
+
+
+def _episodes(broken: Mask) -> int:
+    """Return how often a limit began to be broken."""
+    return int(broken[0]) + int((broken[1:] & ~broken[:-1]).sum())
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,142 @@
+"""The time series: one row per vehicle and control tick. docs/timeseries.md describes the columns."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from pyarrow import ipc
+
+from airlink.clock import NANOSECONDS
+from airlink.identity import VehicleId
+from gcs_formation.arrays import Array
+from gcs_formation.records import Tick
+
+CHANNELS = ("speed", "heading", "height")
+STATE = (
+    "north_m",
+    "east_m",
+    "height_m",
+    "climb_mps",
+    "airspeed_mps",
+    "heading_rad",
+    "wind_north_mps",
+    "wind_east_mps",
+)
+SETPOINT = ("setpoint_speed_mps", "setpoint_heading_rad", "setpoint_height_m")
+LINK = ("age_s", "delay_s", "active")
+SLOT = ("slot_forward_m", "slot_right_m", "slot_up_m")
+LAW_ERROR = ("law_error_x_m", "law_error_y_m", "law_error_z_m")
+MIXED = ("mixed_speed_mps", "mixed_heading_rad", "mixed_height_m")
+GAINS = tuple(f"{gain}_{channel}" for gain in ("kp", "ki", "kd") for channel in CHANNELS)
+TIME = ("t_s", "mission_time_s")
+MEASURED = TIME + STATE + SETPOINT + LINK + SLOT + LAW_ERROR + MIXED + GAINS
+TRUTH = (
+    "true_north_m",
+    "true_east_m",
+    "true_height_m",
+    "true_airspeed_mps",
+    "true_heading_rad",
+)
+ERROR = ("error_x_m", "error_y_m", "error_z_m")
+PHASES = ("assembling", "flying")
+BATCH_ROWS = 4096
+
+
+class TickSpool:
+    """Keeps ticks in a file as they come; what is in it can be read up to the last batch, whatever happens."""
+
+    def __init__(self, path: Path, columns: Sequence[VehicleId | None]) -> None:
+        """Create the file; `columns` names the vehicle of each of a tick's columns, None for a virtual leader."""
+        self._flying = [i for i, vehicle in enumerate(columns) if vehicle is not None]
+        vehicles = [vehicle for vehicle in columns if vehicle is not None]
+        self._network = np.array([vehicle.network for vehicle in vehicles], dtype=np.int32)
+        self._system = np.array([vehicle.system for vehicle in vehicles], dtype=np.int32)
+        self._rows: list[Array] = []
+        self._phases: list[int] = []
+        self._writer = ipc.new_stream(str(path), SPOOL_SCHEMA)
+
+    def add(self, tick: Tick) -> None:
+        """Append a tick."""
+        self._rows.append(_matrix(tick)[self._flying])
+        self._phases.append(PHASES.index(tick.phase))
+        if len(self._rows) * len(self._flying) >= BATCH_ROWS:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write what is waiting."""
+        if not self._rows:
+            return
+        values = np.concatenate(self._rows)
+        ticks = len(self._rows)
+        arrays: list[Any] = [
+            pa.array(np.tile(self._network, ticks)),
+            pa.array(np.tile(self._system, ticks)),
+            pa.array(np.repeat(np.array(self._phases, dtype=np.int8), len(self._flying))),
+            *(pa.array(column) for column in values.T),
+        ]
+        self._writer.write_batch(pa.record_batch(arrays, schema=SPOOL_SCHEMA))
+        self._rows, self._phases = [], []
+
+    def close(self) -> None:
+        """Write what is waiting and close the file."""
+        self.flush()
+        self._writer.close()
+
+
+SPOOL_SCHEMA = pa.schema(
+    [
+        pa.field("network", pa.int32()),
+        pa.field("vehicle", pa.int32()),
+        pa.field("phase", pa.int8()),
+        *(pa.field(name, pa.float64()) for name in MEASURED),
+    ]
+)
+
+
+def read_spool(path: Path) -> dict[str, Array]:
+    """Return the columns of a spool, up to its last whole batch."""
+    batches: list[pa.RecordBatch] = []
+    with (
+        ipc.open_stream(pa.OSFile(str(path), "rb")) as reader,
+        suppress(pa.ArrowInvalid),
+    ):  # cut off in the middle of a batch
+        batches.extend(reader)
+    table = pa.Table.from_batches(batches, schema=SPOOL_SCHEMA)
+    return {name: table.column(name).to_numpy() for name in table.column_names}
+
+
+def write_parquet(path: Path, columns: dict[str, Array]) -> None:
+    """Write the time series, phases in words."""
+    named: dict[str, Any] = dict(columns)
+    named["phase"] = np.array(PHASES, dtype=object)[columns["phase"].astype(np.intp)]
+    named["active"] = columns["active"] > 0
+    pq.write_table(pa.table(named), path)
+
+
+def read_parquet(path: Path) -> dict[str, Array]:
+    """Return the columns of a time series."""
+    table = pq.read_table(path)
+    return {name: table.column(name).to_numpy() for name in table.column_names}
+
+
+def _matrix(tick: Tick) -> Array:
+    state, told = tick.state, tick.setpoints
+    count = tick.age_s.size
+    flat = (
+        np.full(count, tick.now / NANOSECONDS),
+        np.full(count, tick.mission_time_s),
+        *(getattr(state, name) for name in STATE),
+        told.speed_mps,
+        told.heading_rad,
+        told.height_m,
+        tick.age_s,
+        tick.delay_s,
+        tick.active,
+    )
+    return np.column_stack((*flat, tick.slots_m, tick.error_m, tick.mixed, tick.gains))

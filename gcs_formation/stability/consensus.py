@@ -1,0 +1,275 @@
+"""Delay margin of the consensus protocol (3) on a directed or undirected communication graph."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import brentq
+
+from gcs_formation.arrays import Array
+from gcs_formation.stability.delay_equation import rightmost_root
+from gcs_formation.stability.graphs import Component, as_adjacency, laplacian, spanning_components
+from gcs_formation.stability.loops import Rational, delay_margin
+
+Complex = npt.NDArray[np.complex128]
+
+_GRID = 400
+_MARGINAL = 1e-10
+_TIED = 1e-6
+
+
+class _Gains(NamedTuple):
+    k1: float
+    k2: float
+    damping: Array  # c_p = k3 h_p of each vehicle, 1/s
+
+
+def consensus_delay_margin(
+    adjacency: npt.ArrayLike, k1: float, k2: float, k3: float = 0.0, h: npt.ArrayLike = 1.0
+) -> float:
+    """Smallest delay at which the consensus protocol (3) loses stability of the disagreement.
+
+    With c = k3 h the same for all: [atan(k2 w/k1) + atan(c/w) - |arg lambda|]/w, least over the nonzero
+    eigenvalues lambda of the Laplacian, w the crossover of s^2 + c s + lambda (k1 + k2 s) exp(-s tau);
+    (34) of the paper is its case c = 0 on an undirected graph. Every crossing is towards instability, so the
+    first one is the margin. With c_p of each vehicle: the first crossing of the generalised Nyquist loci.
+
+    Args:
+        adjacency: (n, n) weights; entry (p, q) > 0 when p hears q.
+        k1: position gain, 1/s^2; without it positions are left as they are, and the margin is 0.
+        k2: velocity gain, 1/s.
+        k3: gain of the undelayed velocity term, 1/s.
+        h: weight of that term, one number or (n,).
+
+    Returns:
+        Seconds; negative or 0 when unstable without delay; infinite for a single vehicle.
+
+    Raises:
+        ValueError: matrix not square, a weight or gain negative or not finite, no spanning tree.
+    """
+    weights = as_adjacency(adjacency)
+    gains = _checked_gains(len(weights), k1, k2, k3, h)
+    matrix = laplacian(weights)
+    return min(
+        _component_margin(_restricted(matrix, part), part, _of_members(gains, part))
+        for part in spanning_components(weights)
+    )
+
+
+def consensus_rightmost_root(
+    adjacency: npt.ArrayLike,
+    k1: float,
+    k2: float,
+    k3: float = 0.0,
+    h: npt.ArrayLike = 1.0,
+    delays: npt.ArrayLike = 0.0,
+    nodes: int = 24,
+) -> complex:
+    """Rightmost root of the protocol's disagreement: negative real part when the formation converges.
+
+    The translation of the whole formation, which no term opposes, is left out, and so is its common speed
+    where every vehicle weighs it alike.
+
+    Args:
+        adjacency: (n, n) weights; entry (p, q) > 0 when p hears q.
+        k1: position gain, 1/s^2.
+        k2: velocity gain, 1/s.
+        k3: gain of the undelayed velocity term, 1/s.
+        h: weight of that term, one number or (n,).
+        delays: seconds, one number or (n, n): entry (p, q) delays both states in p's term of q.
+        nodes: collocation intervals over the longest delay.
+
+    Returns:
+        The root in rad/s; -inf for a single vehicle.
+
+    Raises:
+        ValueError: as `consensus_delay_margin`; a delay negative or not finite.
+    """
+    weights = as_adjacency(adjacency)
+    gains = _checked_gains(len(weights), k1, k2, k3, h)
+    stamps = _checked_delays(len(weights), delays)
+    by_delay = {float(tau): laplacian(np.where(stamps == tau, weights, 0.0)) for tau in np.unique(stamps)}
+    roots = [complex(-np.inf)]
+    for part in spanning_components(weights):
+        parts = {tau: _restricted(matrix, part) for tau, matrix in by_delay.items()}
+        terms = _state_terms(parts, part, _of_members(gains, part))
+        if terms[0.0].size:
+            roots.append(rightmost_root(terms, nodes))
+    return max(roots, key=lambda root: root.real)
+
+
+def ground_consensus_delay_margin(
+    adjacency: npt.ArrayLike, k1: float, k2: float, onboard_damping: float, delayed_damping: float
+) -> float:
+    """Delay margin of the protocol closed through a ground station: its own velocity term is late too.
+
+    s^2 + c s + [lambda (k1 + k2 s) + d s] exp(-s tau) = 0 over the nonzero eigenvalues of the Laplacian. A
+    setpoint v_s + tau_v u has the autopilot's lag as its undelayed damping c = 1/tau_v, and d = 0.
+
+    Args:
+        adjacency: (n, n) weights; entry (p, q) > 0 when p hears q.
+        k1: position gain, 1/s^2.
+        k2: velocity gain, 1/s.
+        onboard_damping: c, 1/s.
+        delayed_damping: d, 1/s: gain of the velocity term computed on the ground.
+
+    Returns:
+        Seconds; negative or 0 when unstable without delay; infinite for a single vehicle.
+
+    Raises:
+        ValueError: as `consensus_delay_margin`.
+    """
+    weights = as_adjacency(adjacency)
+    gains = _checked_gains(len(weights), k1, k2, onboard_damping, 1.0)
+    if gains.k1 == 0.0:
+        return 0.0
+    matrix = laplacian(weights)
+    parts = spanning_components(weights)
+    eigenvalues = np.concatenate([_nonzero_eigenvalues(_restricted(matrix, part), part) for part in parts])
+    integrals = np.array([1.0, onboard_damping, 0.0])
+    modes = [np.array([value * k2 + delayed_damping, value * k1]) for value in eigenvalues]
+    return min((delay_margin(Rational(mode, integrals)) for mode in modes), default=float("inf"))
+
+
+def _checked_gains(count: int, k1: float, k2: float, k3: float, h: npt.ArrayLike) -> _Gains:
+    for name, gain in (("k1", k1), ("k2", k2), ("k3", k3)):
+        if not (np.isfinite(gain) and gain >= 0.0):
+            raise ValueError(f"{name} = {gain}: a finite number, not negative, is needed")
+    weights = np.asarray(h, dtype=np.float64)
+    if weights.shape not in {(), (count,)}:
+        raise ValueError(f"h of shape {weights.shape}: one number, or one for each of {count} vehicles")
+    if not np.all(np.isfinite(weights) & (weights >= 0.0)):
+        raise ValueError("h must be finite and not negative")
+    return _Gains(float(k1), float(k2), k3 * np.broadcast_to(weights, (count,)))
+
+
+def _checked_delays(count: int, delays: npt.ArrayLike) -> Array:
+    stamps = np.asarray(delays, dtype=np.float64)
+    if stamps.shape not in {(), (count, count)}:
+        raise ValueError(f"delays of shape {stamps.shape}: one number or ({count}, {count})")
+    if not np.all(np.isfinite(stamps) & (stamps >= 0.0)):
+        raise ValueError("delays must be finite and not negative")
+    return np.broadcast_to(stamps, (count, count))
+
+
+def _restricted(matrix: Array, part: Component) -> Array:
+    return matrix[np.ix_(part.members, part.members)]
+
+
+def _of_members(gains: _Gains, part: Component) -> _Gains:
+    return gains._replace(damping=gains.damping[part.members])
+
+
+def _component_margin(matrix: Array, part: Component, gains: _Gains) -> float:
+    if len(matrix) == 1 and part.hears_nobody_outside:
+        return float("inf")
+    if gains.k1 == 0.0:
+        return 0.0
+    if np.ptp(gains.damping) == 0.0:
+        return float(_mode_margins(_nonzero_eigenvalues(matrix, part), gains, gains.damping[0]).min())
+    return _unlike_margin(matrix, part, gains)
+
+
+def _nonzero_eigenvalues(matrix: Array, part: Component) -> Complex:
+    symmetric = np.array_equal(matrix, matrix.T)
+    values = np.asarray(np.linalg.eigvalsh(matrix) if symmetric else np.linalg.eigvals(matrix), np.complex128)
+    return values[np.argsort(np.abs(values))][int(part.hears_nobody_outside) :]
+
+
+def _crossover(gain: Array | float, k1: float, k2: float, damping: float) -> Array:
+    """Frequency where |gain (k1 + i k2 w)| = |w^2 - i c w|: (26) with the damping."""
+    half = (np.square(gain * k2) - damping**2) / 2.0
+    root = np.hypot(half, gain * k1)
+    return np.sqrt(np.where(half > 0.0, half + root, np.square(gain * k1) / (root - np.minimum(half, 0.0))))
+
+
+def _mode_margins(eigenvalues: Complex, gains: _Gains, damping: float) -> Array:
+    w = _crossover(np.abs(eigenvalues), gains.k1, gains.k2, damping)
+    lead = np.arctan(gains.k2 * w / gains.k1) + np.arctan(damping / w)
+    return (lead - np.abs(np.angle(eigenvalues))) / w
+
+
+def _unlike_margin(matrix: Array, part: Component, gains: _Gains) -> float:
+    crossings = _locus_crossings(matrix, part, gains)
+    w, phase = crossings[:, 0], crossings[:, 1]
+    undelayed = rightmost_root(_state_terms({0.0: matrix}, part, gains))
+    if undelayed.real > -_MARGINAL * float(w.max()):
+        return min(float(np.min(phase / w)), 0.0)
+    return float(np.min(np.where(phase < 0.0, phase + 2.0 * np.pi, phase) / w))
+
+
+def _loci(w: Array | float, matrix: Array, gains: _Gains) -> Complex:
+    """Eigenvalues of G(iw) L, G = diag((k1 + k2 s)/(s (s + c_p))), by magnitude; (..., n)."""
+    s = 1j * np.asarray(w)[..., None]
+    channel = (gains.k1 + gains.k2 * s) / (s * (s + gains.damping))
+    values = np.linalg.eigvals(channel[..., None] * matrix)
+    order = np.argsort(np.abs(values), axis=-1)
+    return np.take_along_axis(values, order, axis=-1).astype(np.complex128)
+
+
+def _crossover_grid(matrix: Array, part: Component, gains: _Gains) -> Array:
+    """Frequencies from where every locus is outside the unit circle to where none is."""
+    norm = float(np.linalg.norm(matrix, 2))
+    highest = 1.01 * float(_crossover(norm, gains.k1, gains.k2, float(gains.damping.min())))
+    lowest = highest / 10.0
+    while np.abs(_loci(lowest, matrix, gains)[int(part.hears_nobody_outside)]) < 1.0:
+        lowest /= 2.0
+    return np.geomspace(lowest, highest, _GRID)
+
+
+def _locus_crossings(matrix: Array, part: Component, gains: _Gains) -> Array:
+    """Rows (w, w tau) at which an eigenvalue of G L exp(-iw tau) is -1.
+
+    The graph turns a locus by less than a quarter turn from the channels' phase lead, which is in (0, pi)
+    (Gershgorin): w tau is taken in (-pi/2, 3 pi/2), negative where the graph turns it by more than the lead.
+    """
+
+    def excess(w: float, locus: int) -> float:
+        return float(np.abs(_loci(w, matrix, gains)[locus])) - 1.0
+
+    grid = _crossover_grid(matrix, part, gains)
+    above = np.abs(_loci(grid, matrix, gains)) > 1.0
+    found: list[tuple[float, float]] = []
+    for index, locus in np.argwhere(above[1:] != above[:-1]).tolist():
+        w = float(brentq(excess, float(grid[index]), float(grid[index + 1]), args=(locus,), xtol=1e-15))
+        values = _loci(w, matrix, gains)
+        crossing = values[np.abs(np.abs(values) - 1.0) < _TIED]
+        found += [(w, float(turn)) for turn in np.mod(np.angle(-crossing) + np.pi / 2, 2 * np.pi) - np.pi / 2]
+    return np.array(found)
+
+
+def _state_terms(by_delay: dict[float, Array], part: Component, gains: _Gains) -> dict[float, Array]:
+    """Matrix of each delay over position and velocity deviations, without the neutral motion of the group."""
+    count = len(gains.damping)
+    whole = np.eye(count)
+    positions = whole[:, int(part.hears_nobody_outside) :]
+    velocities = positions if np.ptp(gains.damping) == 0.0 else whole
+    relative, speeds = _left_inverse(positions), _left_inverse(velocities)
+    sizes = positions.shape[1], velocities.shape[1]
+    terms = {
+        tau: np.block(
+            [
+                [np.zeros((sizes[0], sum(sizes)))],
+                [-gains.k1 * speeds @ matrix @ positions, -gains.k2 * speeds @ matrix @ velocities],
+            ]
+        )
+        for tau, matrix in by_delay.items()
+    }
+    undelayed = np.block(
+        [
+            [np.zeros((sizes[0], sizes[0])), relative @ velocities],
+            [np.zeros((sizes[1], sizes[0])), -speeds @ np.diag(gains.damping) @ velocities],
+        ]
+    )
+    return {**terms, 0.0: terms.get(0.0, 0.0) + undelayed}
+
+
+def _left_inverse(embedding: Array) -> Array:
+    """Coordinates along an embedding's columns: deviations from the first vehicle where it has none."""
+    count, kept = embedding.shape
+    deviations = embedding.T.copy()
+    if kept < count:
+        deviations[:, 0] = -1.0
+    return deviations

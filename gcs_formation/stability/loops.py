@@ -1,0 +1,237 @@
+"""Delay margins of the three PID loops (13)-(14) closed over the link around the autopilot model (7).
+
+The leader is constant in them: its motion is an input, and the feed-forward no part of the loop.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import minimize
+
+from gcs_formation.arrays import Array
+
+Coefficients = npt.NDArray[np.float64] | npt.NDArray[np.complex128]
+Triple = tuple[float, float, float]
+
+MID_RANGE: Triple = (0.5, 0.5, 0.5)
+"""(F_p, F_i, F_d) of the nominal gains with the default range."""
+
+SMALL_SIGNAL: Triple = (0.5, 1.0, 0.5)
+"""(F_p, F_i, F_d) that tables 1-3 give at no error, as printed and symmetrised alike."""
+
+_LEVELS = 5
+
+
+@dataclass(frozen=True, slots=True)
+class PidGains:
+    """Gains of kp + ki/s + kd s/(filter_s s + 1)."""
+
+    kp: float
+    ki: float
+    kd: float
+    filter_s: float = 0.1
+
+    def transfer(self) -> tuple[Array, Array]:
+        """Numerator and denominator in s; without integral gain the integrator is no part of the loop."""
+        numerator = np.array([self.kp * self.filter_s + self.kd, self.kp + self.ki * self.filter_s, self.ki])
+        denominator = np.array([self.filter_s, 1.0, 0.0])
+        return (numerator[:-1], denominator[:-1]) if self.ki == 0.0 else (numerator, denominator)
+
+
+@dataclass(frozen=True, slots=True)
+class GainRange:
+    """Where the fuzzy scheduler can put a gain: nominal (base + span F), F in [0, 1]."""
+
+    base: float = 0.7
+    span: float = 0.6
+
+    def gains(self, nominal: PidGains, outputs: Triple) -> PidGains:
+        """Gains at the scheduler's outputs (F_p, F_i, F_d)."""
+        f_p, f_i, f_d = (self.base + self.span * output for output in outputs)
+        return PidGains(nominal.kp * f_p, nominal.ki * f_i, nominal.kd * f_d, nominal.filter_s)
+
+
+FIXED_GAINS = GainRange(base=1.0, span=0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Mixer:
+    """Weights of the linear mixer (13)."""
+
+    k_v: float
+    k_x: float
+    k_psi: float
+    k_y: float
+    k_z: float
+
+
+@dataclass(frozen=True, slots=True)
+class Autopilot:
+    """Time constants of the autopilot model (7), s."""
+
+    tau_v_s: float
+    tau_psi_s: float
+    tau_ha_s: float
+    tau_hb_s: float
+
+
+class Plant(NamedTuple):
+    """From an autopilot's setpoint to the mixed error fed back: y = output . x, x' = state x + input u."""
+
+    state: tuple[tuple[float, float], tuple[float, float]]
+    input: tuple[float, float]
+    output: tuple[float, float]
+
+    def transfer(self) -> tuple[Array, Array]:
+        """Numerator and denominator of c adj(sI - A) B / det(sI - A)."""
+        a, b, c = np.array(self.state), np.array(self.input), np.array(self.output)
+        trace, determinant = a[0, 0] + a[1, 1], a[0, 0] * a[1, 1] - a[0, 1] * a[1, 0]
+        return np.array([c @ b, c @ (a - trace * np.eye(2)) @ b]), np.array([1.0, -trace, determinant])
+
+
+class Rational(NamedTuple):
+    """Ratio of polynomials in s, coefficients from the highest power down, the first not zero."""
+
+    numerator: Coefficients
+    denominator: Coefficients
+
+    def at(self, frequency: npt.ArrayLike) -> npt.NDArray[np.complex128]:
+        """Frequency response at w, rad/s."""
+        s = 1j * np.asarray(frequency, dtype=np.float64)
+        return np.asarray(np.polyval(self.numerator, s) / np.polyval(self.denominator, s))
+
+    def closed_loop_poles(self) -> npt.NDArray[np.complex128]:
+        """Poles with unit negative feedback."""
+        return np.roots(np.polyadd(self.numerator, self.denominator)).astype(np.complex128)
+
+
+@dataclass(frozen=True, slots=True)
+class Loop:
+    """One controlled axis; the gains in it are those of one moment."""
+
+    pid: PidGains
+    plant: Plant
+
+    def open_loop(self) -> Rational:
+        """L(s), without delay."""
+        (pid_zeros, pid_poles), (zeros, poles) = self.pid.transfer(), self.plant.transfer()
+        return Rational(_product(pid_zeros, zeros), _product(pid_poles, poles))
+
+
+@dataclass(frozen=True, slots=True)
+class LoopMargins:
+    """Delay margin of each axis, s; negative or 0 when unstable without delay."""
+
+    x_s: float
+    y_s: float
+    z_s: float
+
+    def least(self) -> float:
+        """Margin of the axis that has the least."""
+        return min(self.x_s, self.y_s, self.z_s)
+
+
+def forward_plant(mixer: Mixer, autopilot: Autopilot) -> Plant:
+    """Speed setpoint to mixed speed error: (k_v + k_x/s)/(tau_v s + 1)."""
+    return _lag_and_integral(autopilot.tau_v_s, mixer.k_v, mixer.k_x)
+
+
+def right_plant(mixer: Mixer, autopilot: Autopilot, speed_mps: float, x_rc_m: float = 0.0) -> Plant:
+    """Heading setpoint to mixed heading error: (k_psi + k_y (v1 + x_rc s)/s)/(tau_psi s + 1).
+
+    Args:
+        mixer: weights of (13).
+        autopilot: time constants of (7).
+        speed_mps: the leader's speed v1.
+        x_rc_m: how far the leader is ahead of the slot; 0 for slots in the leader's frame, where the
+            follower's heading doesn't turn them.
+    """
+    return _lag_and_integral(autopilot.tau_psi_s, mixer.k_psi + mixer.k_y * x_rc_m, mixer.k_y * speed_mps)
+
+
+def height_plant(mixer: Mixer, autopilot: Autopilot) -> Plant:
+    """Height setpoint to mixed height error: k_z/((tau_ha s + 1)(tau_hb s + 1))."""
+    a, b = autopilot.tau_ha_s, autopilot.tau_hb_s
+    return Plant(((0.0, 1.0), (-1.0 / (a * b), -1.0 / a - 1.0 / b)), (0.0, 1.0 / (a * b)), (mixer.k_z, 0.0))
+
+
+def delay_margin(open_loop: Rational) -> float:
+    """Smallest delay in the loop at which it loses stability.
+
+    Every gain crossover is found: |L(iw)| = 1 is a polynomial in w.
+
+    Args:
+        open_loop: proper L(s), fed back with a minus sign; with complex coefficients, call it for the
+            conjugate too: only crossovers above 0 rad/s are looked at.
+
+    Returns:
+        Seconds; negative or 0 when unstable without delay; infinite without a crossover. 0 also when
+        |L| >= 1 at high frequency (an unfiltered derivative): the least delay then destabilises.
+    """
+    numerator, denominator = open_loop
+    if len(numerator) == len(denominator) and abs(numerator[0]) >= abs(denominator[0]):
+        return 0.0
+    roots = np.roots(np.polysub(_squared_modulus(denominator), _squared_modulus(numerator)))
+    w = roots.real[(roots.real > 0.0) & (np.abs(roots.imag) < 1e-7 * np.abs(roots))]
+    unstable = bool(np.max(open_loop.closed_loop_poles().real) >= 0.0)
+    if not len(w):
+        return 0.0 if unstable else float("inf")
+    phase = np.angle(-open_loop.at(w))
+    if unstable:
+        return min(float(np.min(phase / w)), 0.0)
+    return float(np.min(np.mod(phase, 2.0 * np.pi) / w))
+
+
+def loop_margin(
+    nominal: PidGains, plant: Plant, gain_range: GainRange = FIXED_GAINS, outputs: Triple = SMALL_SIGNAL
+) -> float:
+    """Delay margin, s, with the gains at the scheduler's outputs."""
+    return delay_margin(Loop(gain_range.gains(nominal, outputs), plant).open_loop())
+
+
+def worst_loop_margin(nominal: PidGains, plant: Plant, gain_range: GainRange) -> float:
+    """Least delay margin, s, over all gains that the scheduler can reach: a grid of [0, 1]^3, then refined.
+
+    Of frozen gains: how fast they may change is not covered.
+    """
+
+    def margin(outputs: npt.ArrayLike) -> float:
+        f_p, f_i, f_d = np.asarray(outputs, dtype=np.float64).tolist()
+        return loop_margin(nominal, plant, gain_range, (f_p, f_i, f_d))
+
+    if gain_range.span == 0.0:
+        return margin(MID_RANGE)
+    least = min(product(np.linspace(0.0, 1.0, _LEVELS).tolist(), repeat=3), key=margin)
+    refined = minimize(margin, least, method="Nelder-Mead", bounds=[(0.0, 1.0)] * 3, options={"maxfev": 60})
+    return min(margin(least), float(refined.fun))
+
+
+def loop_delay_s(
+    uplink_s: float, downlink_s: float, compute_s: float, telemetry_rate_hz: float, law_rate_hz: float
+) -> float:
+    """Delay of the loop closed over the link, to hold against its margin.
+
+    T = uplink + downlink + compute + half a telemetry period (mean age of a sample when its successor is
+    awaited) + half a control period (mean age of a held setpoint).
+    """
+    return uplink_s + downlink_s + compute_s + 0.5 / telemetry_rate_hz + 0.5 / law_rate_hz
+
+
+def _lag_and_integral(tau_s: float, proportional: float, integral: float) -> Plant:
+    return Plant(((-1.0 / tau_s, 0.0), (1.0, 0.0)), (1.0 / tau_s, 0.0), (proportional, integral))
+
+
+def _product(polynomial: Array, other: Array) -> Array:
+    product = np.convolve(polynomial, other).astype(np.float64)
+    return np.trim_zeros(product, "f") if product.any() else np.zeros(1)
+
+
+def _squared_modulus(polynomial: Coefficients) -> Array:
+    """|p(iw)|^2 as a polynomial in w."""
+    along_axis = polynomial * 1j ** np.arange(len(polynomial) - 1, -1, -1)
+    return np.convolve(along_axis, along_axis.conj()).real.astype(np.float64)

@@ -1,0 +1,78 @@
+"""How far a loop that predicts through the autopilot model (7) may be wrong about its delay."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg import expm
+from scipy.optimize import brentq
+
+from gcs_formation.arrays import Array
+from gcs_formation.stability.loops import Loop, delay_margin
+
+_GRID = 4000
+
+
+class MismatchMargin(NamedTuple):
+    """True delay minus the predicted one at which stability is lost, s: downwards and upwards.
+
+    -inf and inf where no such mismatch exists; the true delay itself can't be below 0.
+    """
+
+    shorter_s: float
+    longer_s: float
+
+    def least(self) -> float:
+        """The smaller of the two, in magnitude."""
+        return min(-self.shorter_s, self.longer_s)
+
+
+def predicted_mismatch_margin(loop: Loop, nominal_delay_s: float) -> MismatchMargin:
+    """Mismatch of delay that the predicted loop stands.
+
+    The state measured T late is carried over the nominal delay T0 by the exact model and the commands sent:
+    x_p = exp(A T0) x(t - T) + int_0^T0 exp(A r) B u(t - r) dr = x + exp(A T0) (x(t - T) - x(t - T0)).
+    With T = T0 the loop is that without delay. Otherwise its characteristic equation is
+    1 + L + M (exp(-sT) - exp(-sT0)) = 0, L the open loop and M the one with output row c exp(A T0); the first
+    mismatch on either side that has a root s = iw is the margin, as the roots move continuously from T = T0.
+
+    Args:
+        loop: the loop, stable without delay.
+        nominal_delay_s: T0, the delay that the prediction bridges.
+
+    Returns:
+        Both margins; (0, 0) when the loop is unstable without delay.
+    """
+    if delay_margin(loop.open_loop()) <= 0.0:
+        return MismatchMargin(0.0, 0.0)
+    crossings = _crossings(loop, nominal_delay_s)
+    if not len(crossings):
+        return MismatchMargin(-np.inf, np.inf)
+    w, turned = crossings[:, 0], np.mod(crossings[:, 1], 2.0 * np.pi)
+    shorter = float(np.max((turned - 2.0 * np.pi) / w))
+    return MismatchMargin(shorter if shorter >= -nominal_delay_s else -np.inf, float(np.min(turned / w)))
+
+
+def _crossings(loop: Loop, delay_s: float) -> Array:
+    """Rows (w, w (T - T0)) that put a root at iw."""
+    exact = loop.open_loop()
+    plant = loop.plant
+    carried = np.array(plant.output) @ expm(np.array(plant.state) * delay_s)
+    late = Loop(loop.pid, plant._replace(output=(float(carried[0]), float(carried[1])))).open_loop()
+
+    def ratio(w: npt.ArrayLike) -> npt.NDArray[np.complex128]:
+        measured = late.at(w) * np.exp(-1j * np.asarray(w) * delay_s)
+        return measured / (1.0 + exact.at(w) - measured)
+
+    def excess(w: float) -> float:
+        return float(abs(ratio(w))) - 1.0
+
+    grid = np.geomspace(1e-4, 1e3, _GRID)
+    above = np.abs(ratio(grid)) > 1.0
+    found = [
+        float(brentq(excess, grid[index], grid[index + 1], xtol=1e-14))
+        for index in np.flatnonzero(above[1:] != above[:-1])
+    ]
+    return np.array([(w, float(np.angle(-ratio(w)))) for w in found])

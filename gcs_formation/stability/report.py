@@ -1,0 +1,111 @@
+"""Delay margins of a scenario's PID loops."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from airlink.identity import VehicleId
+from formation_scenario import law as keys
+from formation_scenario.model import Scenario
+from formation_scenario.shapes import slot_schedule
+from formation_scenario.vehicles import VehicleModel
+from gcs_formation.stability.loops import (
+    FIXED_GAINS,
+    Autopilot,
+    GainRange,
+    LoopMargins,
+    Mixer,
+    PidGains,
+    Plant,
+    forward_plant,
+    height_plant,
+    loop_margin,
+    right_plant,
+    worst_loop_margin,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class FollowerMargins:
+    """Margins at the small-signal gains (no error), and the least over the scheduler's whole range."""
+
+    small_signal: LoopMargins
+    worst: LoopMargins
+
+
+@dataclass(frozen=True, slots=True)
+class ScenarioMargins:
+    """Margins of every follower, and of each axis the least over the followers.
+
+    Of the loops without prediction and without disturbance observer.
+    """
+
+    followers: Mapping[VehicleId, FollowerMargins]
+    least: FollowerMargins
+
+
+def scenario_margins(scenario: Scenario) -> ScenarioMargins:
+    """Delay margins of the loops that a scenario's law closes around each follower.
+
+    A follower's figure is the least over the slots that it has during the run, at the speed along the
+    path. Law `pid` has the nominal gains throughout.
+    """
+    gain_range = _gain_range(scenario.law)
+
+    @cache
+    def axis(nominal: PidGains, plant: Plant) -> tuple[float, float]:
+        return loop_margin(nominal, plant, gain_range), worst_loop_margin(nominal, plant, gain_range)
+
+    def margins(model: VehicleModel, x_rc_m: float) -> FollowerMargins:
+        plants = _plants(scenario, model, x_rc_m)
+        axes = [axis(nominal, plant) for nominal, plant in zip(_nominal(scenario.law), plants, strict=True)]
+        small_signal, worst = zip(*axes, strict=True)
+        return FollowerMargins(LoopMargins(*small_signal), LoopMargins(*worst))
+
+    places = np.stack([-step.slots_m[:, 0] for step in slot_schedule(scenario)], axis=1)
+    followers = {
+        vehicle.vehicle_id: _least([margins(vehicle.model, x_rc_m) for x_rc_m in row])
+        for vehicle, row in zip(scenario.followers, places.tolist(), strict=True)
+    }
+    return ScenarioMargins(followers, _least(list(followers.values())))
+
+
+def _least(margins: Sequence[FollowerMargins]) -> FollowerMargins:
+    return FollowerMargins(
+        _least_of_axes([margin.small_signal for margin in margins]),
+        _least_of_axes([margin.worst for margin in margins]),
+    )
+
+
+def _least_of_axes(margins: Sequence[LoopMargins]) -> LoopMargins:
+    none = float("inf")
+    return LoopMargins(
+        min((margin.x_s for margin in margins), default=none),
+        min((margin.y_s for margin in margins), default=none),
+        min((margin.z_s for margin in margins), default=none),
+    )
+
+
+def _gain_range(law: keys.Law) -> GainRange:
+    return GainRange(law.fuzzy.base, law.fuzzy.span) if law.type == "fuzzy_pid" else FIXED_GAINS
+
+
+def _nominal(law: keys.Law) -> tuple[PidGains, PidGains, PidGains]:
+    speed, heading, height = (
+        PidGains(gains.kp, gains.ki, gains.kd, law.derivative_filter_s)
+        for gains in (law.speed, law.heading, law.height)
+    )
+    return speed, heading, height
+
+
+def _plants(scenario: Scenario, model: VehicleModel, x_rc_m: float) -> tuple[Plant, Plant, Plant]:
+    weights = scenario.law.mixer
+    mixer = Mixer(weights.k_v, weights.k_x, weights.k_psi, weights.k_y, weights.k_z)
+    autopilot = Autopilot(model.tau_v_s, model.tau_psi_s, model.tau_ha_s, model.tau_hb_s)
+    turning = x_rc_m if scenario.formation.frame == "follower_heading" else 0.0
+    right = right_plant(mixer, autopilot, scenario.path.speed_mps, turning)
+    return forward_plant(mixer, autopilot), right, height_plant(mixer, autopilot)

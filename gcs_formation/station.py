@@ -1,0 +1,337 @@
+"""The ground station: an engine that takes datagrams and instants and gives datagrams. It owns the order of it all."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from airlink import mavlink as m
+from airlink.clock import Instant, after, seconds_between
+from airlink.endpoint import Endpoint, parse_endpoint
+from airlink.engine import Datagram
+from airlink.frame import Frame
+from airlink.geodesy import GeodeticOrigin
+from airlink.identity import VehicleId
+from airlink.messages import Heartbeat, Message, NamedValueFloat
+from formation_scenario import Scenario
+from formation_scenario import Vehicle as PlannedVehicle
+from gcs_formation.controller import FormationController
+from gcs_formation.link.connection import Connection, LinkState
+from gcs_formation.link.receiver import Receiver
+from gcs_formation.loitering import loiter_heights
+from gcs_formation.phases import Cause, Flight, Phase
+from gcs_formation.records import Detail, Event, Recorder, Tick
+from gcs_formation.setpoint import Setpoint
+from gcs_formation.vehicle.commands import Outcome
+from gcs_formation.vehicle.families import autopilot_for
+from gcs_formation.vehicle.vehicle import Vehicle
+
+HEARTBEAT_S = 1.0
+PROBE_S = 0.25
+GOLDEN = (math.sqrt(5) - 1) / 2
+PROBE_DITHER_S = 0.02
+"""Probes are spread over a vehicle's main loop, so that the wait for it averages to half of it."""
+CONNECT_LIMIT_S = 30.0
+"""Longest wait for every vehicle's first heartbeat."""
+LOITER_LIMIT_S = 10.0
+"""Longest wait at the end for vehicles to acknowledge that they loiter."""
+MISSION_TIME = "MISSION_T"
+"""Name under which every vehicle is told the mission time, for its log."""
+
+
+@dataclass
+class Failure:
+    """Why a run couldn't go on."""
+
+    text: str
+
+
+class Station:
+    """Flies one scenario. Reads no clock, opens no socket; what it records goes to its recorder."""
+
+    def __init__(self, scenario: Scenario, recorder: Recorder, until_s: float | None = None) -> None:
+        """Prepare; nothing happens before the first timer. `until_s`: mission time at which to end early."""
+        self.scenario = scenario
+        self.flight = Flight()
+        self.failure: Failure | None = None
+        self.controller = FormationController(scenario)
+        self.controlled_ticks = 0
+        """Ticks at which the formation was commanded."""
+        self.cut_short = False
+        """Whether the flight was ended before its path or time was."""
+        self.last_tick: Tick | None = None
+        self._recorder = recorder
+        self._until_s = math.inf if until_s is None else until_s
+        self._receiver = Receiver()
+        planned = ([scenario.leader] if scenario.leader else []) + list(scenario.followers)
+        texts = list(dict.fromkeys(vehicle.endpoint for vehicle in planned))
+        self._endpoints = tuple(parse_endpoint(text) for text in texts)
+        self._networks = {texts.index(vehicle.endpoint): vehicle.network for vehicle in planned}
+        origin = scenario.origin
+        place = GeodeticOrigin(math.radians(origin.lat_deg), math.radians(origin.lon_deg), origin.alt_m)
+        self.vehicles = {
+            vehicle.vehicle_id: self._vehicle(vehicle, texts.index(vehicle.endpoint), place) for vehicle in planned
+        }
+        first_column = 0 if scenario.leader else 1
+        self._columns = {identity: first_column + i for i, identity in enumerate(self.vehicles)}
+        self._out: list[Datagram] = []
+        self._next_tick, self._next_probe, self._next_heartbeat = Instant(0), Instant(0), Instant(0)
+        self._probes = 0
+        self._loiter_s = 0.0
+        self._strangers: set[VehicleId] = set()
+
+    def _vehicle(self, planned: PlannedVehicle, socket: int, origin: GeodeticOrigin) -> Vehicle:
+        endpoint = self._endpoints[socket]
+        connection = Connection(socket, endpoint.address if endpoint.kind == "udpout" else None)
+        rate_hz = self.scenario.telemetry.rate_hz
+        return Vehicle(planned.vehicle_id, autopilot_for(planned, origin.alt_m), connection, origin, rate_hz)
+
+    # The engine's side.
+
+    def endpoints(self) -> tuple[Endpoint, ...]:
+        """Return the sockets: one for each different endpoint of the scenario."""
+        return self._endpoints
+
+    def datagrams_to_send(self) -> list[Datagram]:
+        """Return what is to be sent now, and forget it."""
+        out, self._out = self._out, []
+        return out
+
+    def next_timer(self) -> Instant | None:
+        """Return the next tick or probe, None when the run has ended."""
+        return None if self.flight.ended else min(self._next_tick, self._next_probe)
+
+    def receive(self, datagram: Datagram, now: Instant) -> None:
+        """Take a datagram: frames to the vehicles they are from, others counted."""
+        for frame in self._receiver.frames(datagram):
+            identity = VehicleId(self._networks[datagram.socket], frame.system)
+            vehicle = self.vehicles.get(identity)
+            self._recorder.frame(now, frame.raw)
+            if vehicle is None:
+                self._note_stranger(identity, frame, now)
+            elif frame.component == m.MAV_COMP_ID_AUTOPILOT1:
+                self._take(vehicle, frame, datagram, now)
+
+    def handle_timer(self, now: Instant) -> None:
+        """Do what is due: probes between ticks, everything else at ticks."""
+        if now >= self._next_probe:
+            self._send_probes(now)
+        if now >= self._next_tick:
+            self.tick(now)
+
+    # A tick, in its order.
+
+    def tick(self, now: Instant) -> None:
+        """Look after the links, get vehicles ready, decide, send, record."""
+        self._schedule_tick(now)
+        if now >= self._next_heartbeat:
+            self._greet(now)
+        self._watch_links(now)
+        self._get_ready(now)
+        if self.flight.phase in (Phase.ASSEMBLING, Phase.FLYING):
+            self._fly(now)
+        elif self.flight.phase is Phase.LOITERING:
+            self._wait_for_loiter(now)
+
+    def stop(self, now: Instant) -> None:
+        """End the flight: everyone loiters."""
+        if self._move(Cause.STOP, now):
+            self.cut_short = True
+
+    def bad_frames(self, identity: VehicleId) -> int:
+        """Return how many frames from a vehicle's address were dropped."""
+        connection = self.vehicles[identity].connection
+        return self._receiver.counts(connection.socket, connection.peer).bad
+
+    def _schedule_tick(self, now: Instant) -> None:
+        """Keep to the grid of ticks; those that a long wait has made us miss are left out."""
+        period_s = 1.0 / self.scenario.law.rate_hz
+        missed = max(0, math.floor(seconds_between(self._next_tick, now) / period_s))
+        self._next_tick = after(self._next_tick, (missed + 1) * period_s)
+
+    def _greet(self, now: Instant) -> None:
+        self._next_heartbeat = after(now, HEARTBEAT_S)
+        mission_s = self.flight.mission_time_s(now)
+        for vehicle in self.vehicles.values():
+            self._send(vehicle, Heartbeat(m.MAV_TYPE_GCS, m.MAV_AUTOPILOT_INVALID, 0, 0, m.MAV_STATE_ACTIVE), now)
+            if math.isfinite(mission_s):
+                self._send(vehicle, NamedValueFloat(seconds_between(Instant(0), now), MISSION_TIME, mission_s), now)
+
+    def _send_probes(self, now: Instant) -> None:
+        self._probes += 1
+        dither_s = PROBE_DITHER_S * ((self._probes * GOLDEN) % 1.0)
+        self._next_probe = after(Instant(0), self._probes_base_s(now) + dither_s)
+        for vehicle in self.vehicles.values():
+            if vehicle.connection.state is not LinkState.SEARCHING:
+                self._send(vehicle, vehicle.probe(now), now)
+
+    def _probes_base_s(self, now: Instant) -> float:
+        return (math.floor(seconds_between(Instant(0), now) / PROBE_S) + 1) * PROBE_S
+
+    def _watch_links(self, now: Instant) -> None:
+        for vehicle in self.vehicles.values():
+            if vehicle.connection.check(now):
+                self._note_link(vehicle, now)
+
+    def _get_ready(self, now: Instant) -> None:
+        for vehicle in self.vehicles.values():
+            if vehicle.connection.state is LinkState.SEARCHING:
+                continue
+            if not vehicle.start_up.finished and self.flight.phase is not Phase.LOITERING:
+                self._advance_start_up(vehicle, now)
+            command = vehicle.commands.due(now)
+            if command is not None:
+                self._send(vehicle, command, now)
+        if self.flight.phase in (Phase.CONNECTING, Phase.ASSEMBLING):
+            self._check_start(now)
+
+    def _advance_start_up(self, vehicle: Vehicle, now: Instant) -> None:
+        vehicle.start_up.advance(vehicle.telemetry, vehicle.commands, now)
+        reason = vehicle.start_up.failure(vehicle.commands, now)
+        if reason:
+            said = f"; it said: '{vehicle.telemetry.texts[-1]}'" if vehicle.telemetry.texts else ""
+            self.fail(f"vehicle {vehicle.identity}: {reason}{_result(vehicle)}{said}", now)
+        elif vehicle.start_up.finished:
+            self._event(now, "ready", "in the air and following setpoints", vehicle)
+
+    def _check_start(self, now: Instant) -> None:
+        waited_s = seconds_between(Instant(0), now)
+        silent = [v for v in self.vehicles.values() if v.connection.state is LinkState.SEARCHING]
+        if silent and waited_s > CONNECT_LIMIT_S:
+            self.fail(f"{_who(silent)} answered at {_where(silent, self._endpoints)} in {waited_s:.0f} s", now)
+        elif self.flight.phase is Phase.CONNECTING and self._leader_ready():
+            self._move(Cause.LEADER_READY, now)
+
+    def _leader_ready(self) -> bool:
+        if self.scenario.leader:
+            return self.vehicles[self.scenario.leader.vehicle_id].in_formation
+        return all(vehicle.in_formation for vehicle in self.vehicles.values())
+
+    def _fly(self, now: Instant) -> None:
+        controller = self.controller
+        for identity, column in self._columns.items():
+            sample = self.vehicles[identity].new_sample()
+            if sample is not None:
+                controller.estimator.update(column, sample)
+        ready, delay_s, lag_s = self._links()
+        tick = controller.step(now, self.flight.mission_time_s(now), self.flight.phase.value, ready, delay_s, lag_s)
+        self._send_setpoints(tick, now)
+        self.last_tick = tick
+        self._recorder.tick(tick)
+        self.controlled_ticks += 1
+        if controller.guidance.started and self._move(Cause.PATH_BEGUN, now):
+            self._next_heartbeat = now
+        self._end_in_time(now)
+
+    def _end_in_time(self, now: Instant) -> None:
+        flown_s = self.flight.mission_time_s(now)
+        if flown_s >= self.scenario.duration_s or self.controller.guidance.at_end:
+            self._move(Cause.PATH_ENDED, now)
+        elif flown_s >= self._until_s:
+            self.cut_short = True
+            self._move(Cause.PATH_ENDED, now)
+
+    def _links(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return for each column whether it follows setpoints, its one-way delay and its mean wait for the loop."""
+        count = 1 + len(self.scenario.followers)
+        ready, delay_s, lag_s = np.zeros(count, dtype=bool), np.zeros(count), np.zeros(count)
+        for identity, column in self._columns.items():
+            vehicle = self.vehicles[identity]
+            ready[column] = vehicle.in_formation
+            delay_s[column] = vehicle.clock.one_way_s
+            lag_s[column] = vehicle.autopilot.loop_s / 2
+        return ready, delay_s, lag_s
+
+    def _send_setpoints(self, tick: Tick, now: Instant) -> None:
+        told = tick.setpoints
+        for identity, column in self._columns.items():
+            setpoint = Setpoint(
+                float(told.speed_mps[column]), float(told.heading_rad[column]), float(told.height_m[column])
+            )
+            if tick.active[column] and all(map(math.isfinite, setpoint)):
+                vehicle = self.vehicles[identity]
+                for message in vehicle.autopilot.setpoint(setpoint):
+                    self._send(vehicle, message, now)
+
+    def _wait_for_loiter(self, now: Instant) -> None:
+        waited_s = seconds_between(self.flight.since, now)
+        there = [v for v in self.vehicles.values() if v.connection.state is LinkState.CONNECTED]
+        under_way = [v for v in there if v.commands.outcome is Outcome.WAITING]
+        if (not under_way and waited_s >= self._loiter_s) or waited_s > self._loiter_s + LOITER_LIMIT_S:
+            for vehicle in under_way:
+                self._event(now, "unacknowledged", "has not acknowledged that it loiters", vehicle)
+            self._move(Cause.LOITERED, now)
+
+    def _begin_loiter(self, now: Instant) -> None:
+        flying = {i: v for i, v in self.vehicles.items() if v.autopilot.is_airborne(v.telemetry)}
+        heights = loiter_heights({i: v.telemetry.motion for i, v in flying.items() if v.telemetry.motion})
+        for identity, height_m in heights.items():
+            vehicle = flying[identity]
+            vehicle.commands.begin(vehicle.autopilot.loiter(height_m), now)
+
+    # What happens, and what is said about it.
+
+    def _take(self, vehicle: Vehicle, frame: Frame, datagram: Datagram, now: Instant) -> None:
+        mode, said = vehicle.telemetry.custom_mode, len(vehicle.telemetry.texts)
+        if vehicle.take(frame, datagram.socket, datagram.peer, now):
+            self._note_link(vehicle, now)
+        if vehicle.telemetry.custom_mode != mode:
+            self._event(now, "mode", vehicle.autopilot.mode_name(vehicle.telemetry), vehicle)
+        if frame.message_id == m.MAVLINK_MSG_ID_STATUSTEXT and (said or vehicle.telemetry.texts):
+            self._event(now, "statustext", vehicle.telemetry.texts[-1], vehicle)
+
+    def _move(self, cause: Cause, now: Instant) -> bool:
+        if not self.flight.move(cause, now):
+            return False
+        self._event(now, "phase", self.flight.phase.value, details={"cause": cause.value})
+        if self.flight.phase is Phase.LOITERING:
+            self._loiter_s = self.scenario.finish.loiter_s if cause is Cause.PATH_ENDED else 0.0
+            self._begin_loiter(now)
+        return True
+
+    def fail(self, text: str, now: Instant) -> None:
+        """Give the run up."""
+        self.failure = Failure(text)
+        self._event(now, "failure", text)
+        self._move(Cause.FAILURE, now)
+
+    def _note_link(self, vehicle: Vehicle, now: Instant) -> None:
+        self._event(now, "link", vehicle.connection.state.value, vehicle, {"peer": str(vehicle.connection.peer)})
+
+    def _note_stranger(self, identity: VehicleId, frame: Frame, now: Instant) -> None:
+        if isinstance(frame.message, Heartbeat) and identity not in self._strangers:
+            self._strangers.add(identity)
+            self._event(now, "stranger", f"system {identity} is heard, but isn't in the scenario")
+
+    def _event(
+        self,
+        now: Instant,
+        kind: str,
+        text: str,
+        vehicle: Vehicle | None = None,
+        details: dict[str, Detail] | None = None,
+    ) -> None:
+        self._recorder.event(Event(now, kind, text, vehicle.identity if vehicle else None, details or {}))
+
+    def _send(self, vehicle: Vehicle, message: Message, now: Instant) -> None:
+        peer = vehicle.connection.peer
+        if peer is None:
+            return
+        raw = vehicle.encode(message)
+        self._recorder.frame(now, raw)
+        self._out.append(Datagram(vehicle.connection.socket, peer, raw))
+
+
+def _result(vehicle: Vehicle) -> str:
+    refusal = vehicle.commands.refusal
+    return f" (command {refusal[0]}: {m.result_name(refusal[1])})" if refusal else ""
+
+
+def _who(silent: list[Vehicle]) -> str:
+    return f"no vehicle {', '.join(str(vehicle.identity) for vehicle in silent)}"
+
+
+def _where(silent: list[Vehicle], endpoints: tuple[Endpoint, ...]) -> str:
+    return ", ".join(dict.fromkeys(str(endpoints[vehicle.connection.socket]) for vehicle in silent))

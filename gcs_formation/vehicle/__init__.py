@@ -1,0 +1,1 @@
+"""Messages to vehicle states, intents to messages: one class per autopilot family."""

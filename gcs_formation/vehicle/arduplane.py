@@ -1,0 +1,152 @@
+"""ArduPlane.
+
+Sources: ArduPilot documentation, "Plane: GUIDED mode" and "Get and set message intervals"; its acceptance and refusals
+as its simulator showed them.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar
+
+import numpy as np
+
+from airlink import mavlink as m
+from airlink.messages import CommandInt, CommandLong
+from gcs_formation.setpoint import Setpoint
+from gcs_formation.vehicle.autopilot import Autopilot, Command, Step
+from gcs_formation.vehicle.telemetry import Telemetry
+
+GUIDED_COMMANDS = (
+    m.MAV_CMD_GUIDED_CHANGE_SPEED,
+    m.MAV_CMD_GUIDED_CHANGE_ALTITUDE,
+    m.MAV_CMD_GUIDED_CHANGE_HEADING,
+)
+EKF_READY = 831
+"""Attitude, velocities and positions, relative and absolute: all that flying in GUIDED needs."""
+SLOW_RATE_HZ = 2.0
+TAKEN_OFF_M = 45.0
+"""Above home: TKOFF_ALT is 50 m and the climb ends softly."""
+AIRBORNE_M = 10.0
+
+
+class ArduPlane(Autopilot):
+    """A fixed-wing ArduPilot, commanded in GUIDED by MAV_CMD_GUIDED_CHANGE_SPEED, _ALTITUDE and _HEADING."""
+
+    loop_s = 0.02
+    guided_mode = m.PLANE_MODE_GUIDED
+    loiter_mode = m.PLANE_MODE_LOITER
+    mode_names: ClassVar = {
+        m.PLANE_MODE_MANUAL: "MANUAL",
+        m.PLANE_MODE_AUTO: "AUTO",
+        m.PLANE_MODE_RTL: "RTL",
+        m.PLANE_MODE_LOITER: "LOITER",
+        m.PLANE_MODE_TAKEOFF: "TAKEOFF",
+        m.PLANE_MODE_GUIDED: "GUIDED",
+        m.PLANE_MODE_INITIALIZING: "INITIALISING",
+    }
+
+    def start_up(self, telemetry_rate_hz: float) -> tuple[Step, ...]:
+        """Return: streams, ready, take-off, GUIDED. Steps that a vehicle in the air doesn't need are done at once."""
+        return (
+            Step(
+                "asked for telemetry",
+                lambda seen: seen.complete,
+                self._streams(telemetry_rate_hz),
+                20.0,
+                True,
+            ),
+            Step("waited for it to be ready to arm", self._is_ready, timeout_s=90.0),
+            Step("set mode TAKEOFF", self._is_taking_off, (self.set_mode(m.PLANE_MODE_TAKEOFF),)),
+            Step("armed", lambda seen: seen.armed, (self._arm(),), 30.0),
+            Step("waited for it to climb", self._has_climbed, timeout_s=90.0),
+            Step(
+                "set mode GUIDED",
+                lambda seen: seen.custom_mode == self.guided_mode,
+                (self.set_mode(self.guided_mode),),
+            ),
+        )
+
+    def is_airborne(self, telemetry: Telemetry) -> bool:
+        """Whether it's in flight by its heartbeat, or armed and above the ground."""
+        heartbeat = telemetry.heartbeat
+        if heartbeat is None or telemetry.motion is None:
+            return False
+        return telemetry.armed and (
+            heartbeat.system_status == m.MAV_STATE_ACTIVE or telemetry.motion.above_home_m > AIRBORNE_M
+        )
+
+    def setpoint(self, setpoint: Setpoint) -> tuple[Command, ...]:
+        """Return speed, altitude above sea level and heading, in this order.
+
+        The altitude's own rate and the speed's acceleration are left to the autopilot (0). The heading's
+        lateral acceleration is what the model's turn rate needs at this speed: 0 would hardly turn.
+        """
+        lateral_mps2 = setpoint.speed_mps * self.turn_rate_max_rps
+        return (
+            self._guided(m.MAV_CMD_GUIDED_CHANGE_SPEED, m.SPEED_TYPE_AIRSPEED, setpoint.speed_mps, 0.0),
+            self._guided(m.MAV_CMD_GUIDED_CHANGE_ALTITUDE, 0.0, 0.0, 0.0, setpoint.height_m + self.origin_alt_m),
+            self._guided(
+                m.MAV_CMD_GUIDED_CHANGE_HEADING,
+                m.HEADING_TYPE_HEADING,
+                _compass(setpoint.heading_rad),
+                lateral_mps2,
+            ),
+        )
+
+    def loiter(self, height_m: float) -> tuple[Command, ...]:
+        """Return LOITER, then the height: a change of mode forgets heights given before."""
+        altitude = CommandLong(
+            self.system,
+            m.MAV_COMP_ID_AUTOPILOT1,
+            m.MAV_CMD_DO_CHANGE_ALTITUDE,
+            param1=height_m + self.origin_alt_m,
+            param2=m.MAV_FRAME_GLOBAL,
+        )
+        return (self.set_mode(self.loiter_mode), altitude)
+
+    def _guided(self, command: int, param1: float, param2: float, param3: float, z: float = 0.0) -> CommandInt:
+        return CommandInt(
+            self.system,
+            m.MAV_COMP_ID_AUTOPILOT1,
+            m.MAV_FRAME_GLOBAL,
+            command,
+            0,
+            0,
+            param1,
+            param2,
+            param3,
+            0.0,
+            0,
+            0,
+            z,
+        )
+
+    def _arm(self) -> Command:
+        return CommandLong(self.system, m.MAV_COMP_ID_AUTOPILOT1, m.MAV_CMD_COMPONENT_ARM_DISARM, param1=1)
+
+    def _streams(self, rate_hz: float) -> tuple[Command, ...]:
+        fast = (m.MAVLINK_MSG_ID_ATTITUDE, m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, m.MAVLINK_MSG_ID_VFR_HUD)
+        slow = (m.MAVLINK_MSG_ID_EKF_STATUS_REPORT, m.MAVLINK_MSG_ID_SYS_STATUS)
+        return (
+            *(self.set_message_interval(message_id, rate_hz) for message_id in fast),
+            *(self.set_message_interval(message_id, SLOW_RATE_HZ) for message_id in slow),
+        )
+
+    def _is_ready(self, seen: Telemetry) -> bool:
+        healthy = bool(seen.sensors_healthy & m.MAV_SYS_STATUS_PREARM_CHECK)
+        return self.is_airborne(seen) or (seen.ekf_flags & EKF_READY == EKF_READY and healthy)
+
+    def _is_taking_off(self, seen: Telemetry) -> bool:
+        return self.is_airborne(seen) or seen.custom_mode == m.PLANE_MODE_TAKEOFF
+
+    def _has_climbed(self, seen: Telemetry) -> bool:
+        if seen.custom_mode != m.PLANE_MODE_TAKEOFF and self.is_airborne(seen):
+            return True
+        return seen.motion is not None and seen.motion.above_home_m > TAKEN_OFF_M
+
+
+def _compass(heading_rad: float) -> float:
+    """Return degrees in [0, 360) that stay there as a 32-bit float: 360 is refused."""
+    degrees = float(np.float32(math.degrees(heading_rad) % 360.0))
+    return degrees if degrees < 360.0 else 0.0

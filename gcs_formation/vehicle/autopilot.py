@@ -1,0 +1,87 @@
+"""What the station asks of an autopilot, whatever its family. Differences live in the subclasses alone."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar
+
+from airlink import mavlink as m
+from airlink.messages import CommandInt, CommandLong
+from gcs_formation.setpoint import Setpoint
+from gcs_formation.vehicle.telemetry import Telemetry
+
+Command = CommandLong | CommandInt
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step of getting a vehicle ready: commands until `done` holds, within `timeout_s`."""
+
+    name: str
+    done: Callable[[Telemetry], bool]
+    commands: tuple[Command, ...] = ()
+    timeout_s: float = 20.0
+    every_command_acknowledged: bool = False
+
+
+class Autopilot(ABC):
+    """Speaks one family's language to one vehicle."""
+
+    loop_s: ClassVar[float]
+    """Period of the loop on which it answers."""
+    loiter_mode: ClassVar[int]
+    guided_mode: ClassVar[int]
+    mode_names: ClassVar[dict[int, str]]
+
+    def __init__(self, system: int, origin_alt_m: float, turn_rate_max_rps: float) -> None:
+        """Address `system`; setpoint heights count from `origin_alt_m` above sea level."""
+        self.system = system
+        self.origin_alt_m = origin_alt_m
+        self.turn_rate_max_rps = turn_rate_max_rps
+
+    def mode_name(self, telemetry: Telemetry) -> str:
+        """Return the vehicle's mode in words."""
+        mode = telemetry.custom_mode
+        return "unknown" if mode is None else self.mode_names.get(mode, f"mode {mode}")
+
+    def takes_setpoints(self, telemetry: Telemetry) -> bool:
+        """Whether the vehicle is in the mode in which it follows setpoints, armed and flying."""
+        return telemetry.custom_mode == self.guided_mode and telemetry.armed and self.is_airborne(telemetry)
+
+    def set_mode(self, mode: int) -> Command:
+        """Return MAV_CMD_DO_SET_MODE for one of the family's own modes."""
+        return CommandLong(
+            self.system,
+            m.MAV_COMP_ID_AUTOPILOT1,
+            m.MAV_CMD_DO_SET_MODE,
+            param1=m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED,
+            param2=mode,
+        )
+
+    def set_message_interval(self, message_id: int, rate_hz: float) -> Command:
+        """Return MAV_CMD_SET_MESSAGE_INTERVAL."""
+        return CommandLong(
+            self.system,
+            m.MAV_COMP_ID_AUTOPILOT1,
+            m.MAV_CMD_SET_MESSAGE_INTERVAL,
+            param1=message_id,
+            param2=round(1e6 / rate_hz),
+        )
+
+    @abstractmethod
+    def start_up(self, telemetry_rate_hz: float) -> tuple[Step, ...]:
+        """Return the steps from first contact to following setpoints in the air."""
+
+    @abstractmethod
+    def is_airborne(self, telemetry: Telemetry) -> bool:
+        """Whether the vehicle flies, by its own account."""
+
+    @abstractmethod
+    def setpoint(self, setpoint: Setpoint) -> tuple[Command, ...]:
+        """Return the messages that carry a setpoint."""
+
+    @abstractmethod
+    def loiter(self, height_m: float) -> tuple[Command, ...]:
+        """Return the commands, in order, to circle here at `height_m` above the scenario's origin."""

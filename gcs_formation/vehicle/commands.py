@@ -1,0 +1,74 @@
+"""Commands under way to one vehicle: sent again until acknowledged, one at a time for each command id.
+
+Source: MAVLink guide, "Command Protocol".
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+from enum import Enum
+
+from airlink import mavlink as m
+from airlink.clock import Instant, after
+from airlink.messages import CommandAck, CommandLong
+from gcs_formation.vehicle.autopilot import Command
+
+RETRY_S = 0.7
+MAX_CONFIRMATION = 255
+TRY_AGAIN = (m.MAV_RESULT_TEMPORARILY_REJECTED, m.MAV_RESULT_FAILED)
+"""Results that may change by themselves: a vehicle that can't arm yet says FAILED."""
+UNDER_WAY = m.MAV_RESULT_IN_PROGRESS
+
+
+class Outcome(Enum):
+    """Where a list of commands stands."""
+
+    IDLE = "idle"
+    WAITING = "waiting"
+    ACCEPTED = "accepted"
+    REFUSED = "refused"
+
+
+@dataclass
+class CommandQueue:
+    """Sends a list of commands in order, each until its acknowledgement comes."""
+
+    outcome: Outcome = Outcome.IDLE
+    refusal: tuple[int, int] | None = None
+    """Command and MAV_RESULT of the last acknowledgement that wasn't ACCEPTED."""
+    _waiting: deque[Command] = field(default_factory=deque[Command])
+    _attempt: int = 0
+    _next_attempt: Instant = Instant(0)
+
+    def begin(self, commands: tuple[Command, ...], now: Instant) -> None:
+        """Start with these commands, whatever was under way before."""
+        self._waiting = deque(commands)
+        self._attempt, self._next_attempt, self.refusal = 0, now, None
+        self.outcome = Outcome.WAITING if commands else Outcome.ACCEPTED
+
+    def due(self, now: Instant) -> Command | None:
+        """Return the command to send now, if any."""
+        if self.outcome is not Outcome.WAITING or now < self._next_attempt:
+            return None
+        command = self._waiting[0]
+        if isinstance(command, CommandLong):
+            command = command._replace(confirmation=min(self._attempt, MAX_CONFIRMATION))
+        self._attempt += 1
+        self._next_attempt = after(now, RETRY_S)
+        return command
+
+    def acknowledge(self, ack: CommandAck, now: Instant) -> None:
+        """Take an acknowledgement; one that isn't of the command under way changes nothing."""
+        if self.outcome is not Outcome.WAITING or ack.command != self._waiting[0].command or not self._attempt:
+            return
+        if ack.result == UNDER_WAY:
+            return
+        if ack.result == m.MAV_RESULT_ACCEPTED:
+            self._waiting.popleft()
+            self._attempt, self._next_attempt = 0, now
+            self.outcome = Outcome.WAITING if self._waiting else Outcome.ACCEPTED
+            return
+        self.refusal = (ack.command, ack.result)
+        if ack.result not in TRY_AGAIN:
+            self.outcome = Outcome.REFUSED

@@ -1,0 +1,15 @@
+"""Which class speaks to which autopilot."""
+
+from __future__ import annotations
+
+from formation_scenario import Vehicle
+from gcs_formation.vehicle.arduplane import ArduPlane
+from gcs_formation.vehicle.autopilot import Autopilot
+
+FAMILIES: dict[str, type[Autopilot]] = {"emulator": ArduPlane, "arduplane": ArduPlane}
+"""The scenario's `autopilot` -> its language; the emulators speak as ArduPlane does."""
+
+
+def autopilot_for(vehicle: Vehicle, origin_alt_m: float) -> Autopilot:
+    """Return the family's class for a vehicle of the scenario."""
+    return FAMILIES[vehicle.autopilot](vehicle.id, origin_alt_m, vehicle.model.turn_rate_max_rps)

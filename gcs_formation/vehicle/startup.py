@@ -1,0 +1,55 @@
+"""From first contact to following setpoints in the air: an autopilot's steps, with time limits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from airlink.clock import Instant, seconds_between
+from gcs_formation.vehicle.autopilot import Step
+from gcs_formation.vehicle.commands import CommandQueue, Outcome
+from gcs_formation.vehicle.telemetry import Telemetry
+
+
+@dataclass
+class StartUp:
+    """Walks through the steps; a step that is done already sends nothing."""
+
+    steps: tuple[Step, ...]
+    index: int = -1
+    _began: Instant = Instant(0)
+
+    @property
+    def finished(self) -> bool:
+        """Whether every step is done."""
+        return self.index >= len(self.steps)
+
+    @property
+    def doing(self) -> str:
+        """The step under way, in words."""
+        return self.steps[self.index].name if 0 <= self.index < len(self.steps) else "waited"
+
+    def advance(self, telemetry: Telemetry, commands: CommandQueue, now: Instant) -> None:
+        """Begin the next step when the one under way is done; several at once when they need nothing."""
+        while not self.finished and (self.index < 0 or self._is_done(telemetry, commands)):
+            self.index += 1
+            self._began = now
+            if not self.finished:
+                step = self.steps[self.index]
+                needed = step.every_command_acknowledged or not step.done(telemetry)
+                commands.begin(step.commands if needed else (), now)
+
+    def failure(self, commands: CommandQueue, now: Instant) -> str | None:
+        """Return why it can't go on, None while it can."""
+        if self.finished or self.index < 0:
+            return None
+        if commands.outcome is Outcome.REFUSED:
+            return f"refused when we {self.doing}"
+        step = self.steps[self.index]
+        if seconds_between(self._began, now) > step.timeout_s:
+            return f"not done within {step.timeout_s:.0f} s after we {self.doing}"
+        return None
+
+    def _is_done(self, telemetry: Telemetry, commands: CommandQueue) -> bool:
+        step = self.steps[self.index]
+        acknowledged = commands.outcome is Outcome.ACCEPTED or not step.every_command_acknowledged
+        return acknowledged and step.done(telemetry)

@@ -1,0 +1,106 @@
+"""What one vehicle last told about itself."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, field
+
+from airlink import mavlink as m
+from airlink.geodesy import GeodeticOrigin
+from airlink.messages import (
+    Attitude,
+    EkfStatusReport,
+    GlobalPositionInt,
+    Heartbeat,
+    Message,
+    Statustext,
+    SysStatus,
+    VfrHud,
+)
+
+KEPT_TEXTS = 8
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Position and motion at one stamp of the vehicle's clock: NED from the origin, height upwards."""
+
+    stamp_s: float
+    north_m: float
+    east_m: float
+    height_m: float
+    north_mps: float
+    east_mps: float
+    climb_mps: float
+    above_home_m: float
+
+
+@dataclass
+class Telemetry:
+    """The newest of each message; `updates` counts positions, so that a reader sees whether one is new."""
+
+    origin: GeodeticOrigin
+    motion: Motion | None = None
+    attitude: Attitude | None = None
+    airspeed_mps: float = math.nan
+    heartbeat: Heartbeat | None = None
+    ekf_flags: int = 0
+    sensors_healthy: int = 0
+    updates: int = 0
+    texts: deque[str] = field(default_factory=lambda: deque[str](maxlen=KEPT_TEXTS))
+
+    def take(self, message: Message) -> None:
+        """Keep what `message` tells; anything that isn't finite or not of a vehicle's state is left alone."""
+        match message:
+            case GlobalPositionInt():
+                self._take_position(message)
+            case Attitude() if all(map(math.isfinite, message)):
+                self.attitude = message
+            case VfrHud() if math.isfinite(message.airspeed_mps):
+                self.airspeed_mps = message.airspeed_mps
+            case Heartbeat():
+                self.heartbeat = message
+            case EkfStatusReport():
+                self.ekf_flags = message.flags
+            case SysStatus():
+                self.sensors_healthy = message.onboard_control_sensors_health
+            case Statustext():
+                self.texts.append(message.text)
+            case _:
+                pass
+
+    def _take_position(self, message: GlobalPositionInt) -> None:
+        north_m, east_m, down_m = self.origin.to_ned(message.lat_rad, message.lon_rad, message.alt_m)
+        self.motion = Motion(
+            message.time_boot_s,
+            float(north_m),
+            float(east_m),
+            -float(down_m),
+            message.vx_mps,
+            message.vy_mps,
+            -message.vz_mps,
+            message.relative_alt_m,
+        )
+        self.updates += 1
+
+    def forget(self) -> None:
+        """Forget everything that a restart makes untrue."""
+        self.motion = self.attitude = self.heartbeat = None
+        self.airspeed_mps = math.nan
+        self.ekf_flags = self.sensors_healthy = 0
+
+    @property
+    def complete(self) -> bool:
+        """Whether all that the law needs has come."""
+        return self.motion is not None and self.attitude is not None and math.isfinite(self.airspeed_mps)
+
+    @property
+    def armed(self) -> bool:
+        """Whether the motors are armed."""
+        return self.heartbeat is not None and bool(self.heartbeat.base_mode & m.MAV_MODE_FLAG_SAFETY_ARMED)
+
+    @property
+    def custom_mode(self) -> int | None:
+        """The autopilot's own mode number, None before the first heartbeat."""
+        return self.heartbeat.custom_mode if self.heartbeat else None

@@ -1,0 +1,132 @@
+"""One vehicle as the station knows it: its link, clock, telemetry, and what's under way with it."""
+
+from __future__ import annotations
+
+from airlink import mavlink as m
+from airlink.clock import Instant
+from airlink.endpoint import Address
+from airlink.frame import Frame, FrameWriter
+from airlink.geodesy import GeodeticOrigin
+from airlink.identity import VehicleId
+from airlink.messages import CommandAck, Heartbeat, Message, Timesync
+from airlink.sequence import SequenceTracker
+from gcs_formation.estimation.estimator import Sample
+from gcs_formation.link.clock_sync import ClockSync
+from gcs_formation.link.connection import Connection
+from gcs_formation.vehicle.autopilot import Autopilot
+from gcs_formation.vehicle.commands import CommandQueue
+from gcs_formation.vehicle.startup import StartUp
+from gcs_formation.vehicle.telemetry import Telemetry
+
+STATION_SYSTEM = 255
+STATION_COMPONENT = m.MAV_COMP_ID_MISSIONPLANNER
+MAX_PROBES = 256
+"""Unanswered probes kept: a minute of them."""
+
+
+class Vehicle:
+    """Everything about one vehicle. Takes frames, gives frames; the station moves them."""
+
+    def __init__(
+        self,
+        identity: VehicleId,
+        autopilot: Autopilot,
+        connection: Connection,
+        origin: GeodeticOrigin,
+        telemetry_rate_hz: float,
+    ) -> None:
+        """Start with a vehicle that hasn't been heard."""
+        self.identity = identity
+        self.autopilot = autopilot
+        self.connection = connection
+        self.telemetry = Telemetry(origin)
+        self.clock = ClockSync(loop_s=autopilot.loop_s)
+        self.sequence = SequenceTracker()
+        self.commands = CommandQueue()
+        self.start_up = StartUp(autopilot.start_up(telemetry_rate_hz))
+        self.delays: list[tuple[Instant, float]] = []
+        """When each answered probe came back, and its one-way delay in seconds."""
+        self.frames_in = 0
+        self.frames_out = 0
+        self.setpoints_refused = 0
+        self._writer = FrameWriter(STATION_SYSTEM, STATION_COMPONENT)
+        self._sampled = 0
+        self._probes: dict[int, Instant] = {}
+
+    @property
+    def in_formation(self) -> bool:
+        """Whether the start-up is finished and the vehicle follows setpoints."""
+        return self.start_up.finished and self.autopilot.takes_setpoints(self.telemetry)
+
+    def take(self, frame: Frame, socket: int, peer: Address, now: Instant) -> bool:
+        """Take a frame of this vehicle's autopilot; return whether the link's state changed."""
+        self.frames_in += 1
+        self.sequence.observe(frame.sequence)
+        message = frame.message
+        heartbeat = isinstance(message, Heartbeat)
+        if heartbeat or self.connection.peer is None:
+            self.connection.socket, self.connection.peer = socket, peer
+        changed = self.connection.heard(now, heartbeat=heartbeat)
+        match message:
+            case CommandAck():
+                self._acknowledged(message, now)
+            case Timesync():
+                self._take_probe(message, now)
+            case None:
+                pass
+            case _:
+                self.telemetry.take(message)
+        return changed
+
+    def new_sample(self) -> Sample | None:
+        """Return what the newest position tells, once; None before the vehicle's clock is known.
+
+        The heading is carried over from its own message's stamp to the position's.
+        """
+        seen = self.telemetry
+        if seen.motion is None or seen.attitude is None or not seen.complete or not self.clock.samples:
+            return None
+        if seen.updates == self._sampled:
+            return None
+        self._sampled = seen.updates
+        motion, attitude = seen.motion, seen.attitude
+        turned = attitude.yawspeed_radps * (motion.stamp_s - attitude.time_boot_s)
+        return Sample(
+            self.clock.to_instant(motion.stamp_s),
+            motion.north_m,
+            motion.east_m,
+            motion.height_m,
+            motion.north_mps,
+            motion.east_mps,
+            motion.climb_mps,
+            attitude.yaw_rad + turned,
+            seen.airspeed_mps,
+        )
+
+    def encode(self, message: Message) -> bytes:
+        """Return the frame of a message to this vehicle."""
+        self.frames_out += 1
+        return self._writer.encode(message)
+
+    def probe(self, now: Instant) -> Message:
+        """Return a TIMESYNC request; its stamp, kept here, tells our answers from others'."""
+        self._probes[now] = now
+        if len(self._probes) > MAX_PROBES:
+            del self._probes[next(iter(self._probes))]
+        return Timesync(0, now)
+
+    def _take_probe(self, answer: Timesync, now: Instant) -> None:
+        """Take an answer to a probe of ours; requests and answers to others are left alone."""
+        sent = self._probes.pop(answer.ts1_ns, None) if answer.tc1_ns else None
+        if sent is None:
+            return
+        if self.clock.observe(sent, answer.tc1_ns, now):
+            self.telemetry.forget()
+        self.delays.append((now, self.clock.last_one_way_s()))
+
+    def _acknowledged(self, ack: CommandAck, now: Instant) -> None:
+        if ack.target_system not in (0, STATION_SYSTEM):
+            return
+        self.commands.acknowledge(ack, now)
+        if ack.result not in (m.MAV_RESULT_ACCEPTED, m.MAV_RESULT_IN_PROGRESS):
+            self.setpoints_refused += 1

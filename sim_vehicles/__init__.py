@@ -1,0 +1,1 @@
+"""Emulated autopilots that speak MAVLink as an ArduPlane does."""

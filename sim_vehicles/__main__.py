@@ -1,0 +1,5 @@
+"""`python -m sim_vehicles` is `sim-vehicles`."""
+
+from sim_vehicles.cli import main
+
+main()

@@ -1,0 +1,124 @@
+"""The command line: `sim-vehicles SCENARIO`, or `sim-vehicles --count N`."""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+from typing import Any, NoReturn
+
+import click
+
+from airlink.endpoint import LOOPBACK, MAX_PORT, Address, Endpoint
+from airlink.errors import PortError
+from airlink.identity import VehicleId
+from formation_scenario import ScenarioError, load_scenario
+from sim_vehicles.config import FleetConfig, Start, VehicleConfig
+from sim_vehicles.fleet import Fleet
+from sim_vehicles.from_scenario import fleet_config
+from sim_vehicles.runner import RunnerOptions, run
+
+BAD_USAGE = 2
+COULD_NOT_GO_ON = 3
+MOST_VEHICLES = 254
+APART_M = 20.0
+ORIGIN_LAT_DEG, ORIGIN_LON_DEG = 35.0, 125.0
+
+
+class _FlyByDefault(click.Group):
+    """A group whose plain call, with a scenario or with options alone, flies vehicles."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        own = {"-h", "--help", "--version"}
+        if not args or (args[0] not in self.commands and args[0] not in own):
+            args = ["fly", *args]
+        return super().parse_args(ctx, args)
+
+
+@click.group(cls=_FlyByDefault, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="gcs-formation")
+def main() -> None:
+    r"""Emulated ArduPlanes that speak MAVLink over UDP.
+
+    \b
+    sim-vehicles configs/quickstart.yaml           the vehicles of a scenario, at its endpoints
+    sim-vehicles --count 4 --base-port 14551       vehicle i has system id i and sends to port 14550 + i
+    sim-vehicles --count 20 --one-port             all of them to port 14550
+    sim-vehicles fly --help                        every option
+    """
+
+
+@main.command()
+@click.argument("scenario", type=click.Path(path_type=Path), required=False)
+@click.option("--count", type=click.IntRange(1, MOST_VEHICLES), help="Without a scenario: how many vehicles.")
+@click.option(
+    "--base-port",
+    type=click.IntRange(1, MAX_PORT),
+    default=14550,
+    show_default=True,
+    help="Port of vehicle 1.",
+)
+@click.option("--one-port", is_flag=True, help="Every vehicle sends to the base port.")
+@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key of the scenario.")
+@click.option("--speedup", type=click.FloatRange(0.01, 1000), default=1.0, help="Times faster than real time.")
+@click.option("--until", "until_s", type=click.FloatRange(0), metavar="SECONDS", help="End after this time.")
+@click.option("--quiet", is_flag=True, help="Say nothing but errors.")
+@click.option("--clock-origin", "clock_origin_ns", type=int, hidden=True)
+@click.option("--truth", type=click.Path(path_type=Path), hidden=True)
+@click.option("--truth-rate", "truth_rate_hz", type=float, default=25.0, hidden=True)
+@click.option("--with-parent", is_flag=True, hidden=True)
+def fly(
+    scenario: Path | None,
+    count: int | None,
+    base_port: int,
+    one_port: bool,
+    overrides: tuple[str, ...],
+    quiet: bool,
+    **options: Any,
+) -> None:
+    """Fly the emulated vehicles of SCENARIO, or --count of them, until Ctrl-C."""
+    if scenario is not None and count is not None:
+        _fail("found both a scenario and --count; allowed: one of them", BAD_USAGE)
+    config = _plain(count or 1, base_port, one_port=one_port) if scenario is None else _of(scenario, overrides)
+
+    def started(fleet: Fleet) -> None:
+        if not quiet:
+            click.echo("\n".join(_line(vehicle) for vehicle in fleet.config.vehicles))
+
+    try:
+        sys.exit(run(config, RunnerOptions(**options), started))
+    except (PortError, OSError) as error:
+        _fail(str(error), COULD_NOT_GO_ON)
+
+
+def _of(scenario: Path, overrides: tuple[str, ...]) -> FleetConfig:
+    try:
+        return fleet_config(load_scenario(scenario, overrides))
+    except ScenarioError as error:
+        _fail(str(error), BAD_USAGE)
+
+
+def _plain(count: int, base_port: int, *, one_port: bool) -> FleetConfig:
+    """Return vehicles in a row on the ground, heading north."""
+    last = base_port if one_port else base_port + count - 1
+    if last > MAX_PORT:
+        _fail(f"found ports up to {last}; allowed: up to {MAX_PORT}", BAD_USAGE)
+    vehicles = tuple(
+        VehicleConfig(
+            VehicleId(1, 1 + i),
+            Endpoint("udpout", Address(LOOPBACK, base_port if one_port else base_port + i)),
+            Start(0.0, i * APART_M),
+        )
+        for i in range(count)
+    )
+    return FleetConfig(math.radians(ORIGIN_LAT_DEG), math.radians(ORIGIN_LON_DEG), 0.0, vehicles)
+
+
+def _line(vehicle: VehicleConfig) -> str:
+    what = "sends to" if vehicle.endpoint.kind == "udpout" else "listens at"
+    return f"vehicle {vehicle.identity} {what} {vehicle.endpoint.address}"
+
+
+def _fail(text: str, status: int) -> NoReturn:
+    click.echo(text, err=True)
+    sys.exit(status)

@@ -1,0 +1,84 @@
+"""What a fleet is made of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from airlink.endpoint import Endpoint
+from airlink.identity import VehicleId
+
+FaultKind = Literal["crash", "restart", "freeze"]
+
+
+@dataclass(frozen=True)
+class Airframe:
+    """Equation (7)'s time constants in s, and the limits of flight in SI units."""
+
+    tau_v_s: float = 4.0
+    tau_psi_s: float = 1.5
+    tau_ha_s: float = 1.0
+    tau_hb_s: float = 3.0
+    speed_min_mps: float = 16.0
+    speed_max_mps: float = 28.0
+    accel_max_mps2: float = 1.5
+    turn_rate_max_rps: float = 0.25
+    climb_max_mps: float = 3.0
+
+
+@dataclass(frozen=True)
+class Start:
+    """State at boot: NED from the fleet's origin, height upwards, heading clockwise from north."""
+
+    north_m: float
+    east_m: float
+    height_m: float = 0.0
+    heading_rad: float = 0.0
+    airspeed_mps: float = 0.0
+    in_air: bool = False
+
+
+@dataclass(frozen=True)
+class VehicleConfig:
+    """One vehicle."""
+
+    identity: VehicleId
+    endpoint: Endpoint
+    """The vehicle's own end: `udpout` to where a ground station listens, or `udpin`."""
+    start: Start
+    airframe: Airframe = Airframe()
+    clock_offset_s: float = 0.0
+    clock_drift: float = 0.0
+    """How much faster than true time its clock runs."""
+
+
+@dataclass(frozen=True)
+class Disturbance:
+    """A velocity in m/s, north, east and down, added from a mission time on."""
+
+    at_s: float
+    vehicles: frozenset[VehicleId]
+    velocity_mps: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Something that happens to vehicles at a mission time."""
+
+    at_s: float
+    vehicles: frozenset[VehicleId]
+    kind: FaultKind
+
+
+@dataclass(frozen=True)
+class FleetConfig:
+    """Vehicles and the air that they fly in."""
+
+    origin_lat_rad: float
+    origin_lon_rad: float
+    origin_alt_m: float
+    vehicles: tuple[VehicleConfig, ...]
+    cruise_mps: float = 22.0
+    wind_mps: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    disturbances: tuple[Disturbance, ...] = field(default=())
+    faults: tuple[Fault, ...] = field(default=())

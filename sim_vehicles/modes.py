@@ -1,0 +1,96 @@
+"""An emulated ArduPlane's conditions and modes: every request, and what it leads to."""
+
+from __future__ import annotations
+
+from enum import Enum, IntEnum
+
+from airlink import mavlink as m
+
+
+class Mode(IntEnum):
+    """ArduPlane's modes that we have, by its own numbers."""
+
+    MANUAL = 0
+    AUTO = 10
+    RTL = 11
+    LOITER = 12
+    TAKEOFF = 13
+    GUIDED = 15
+    INITIALISING = 16
+
+
+class Condition(Enum):
+    """What the vehicle is, apart from its mode."""
+
+    BOOTING = "booting"
+    BOOTING_IN_AIR = "booting in the air"
+    DISARMED = "disarmed on the ground"
+    ARMED = "armed on the ground"
+    FLYING = "flying"
+    CRASHED = "crashed"
+
+    @property
+    def armed(self) -> bool:
+        """Whether the motor may turn."""
+        return self in (Condition.ARMED, Condition.FLYING)
+
+    @property
+    def booting(self) -> bool:
+        """Whether the autopilot isn't up yet."""
+        return self in (Condition.BOOTING, Condition.BOOTING_IN_AIR)
+
+
+class Request(Enum):
+    """What is asked of the vehicle, or befalls it."""
+
+    BOOTED = "booted"
+    ARM = "arm"
+    DISARM = "disarm"
+    FORCE_DISARM = "disarm by force"
+    LIFT_OFF = "lift off"
+    RESTART = "restart"
+    CRASH = "crash"
+
+
+TRANSITIONS: dict[tuple[Condition, Request], Condition] = {
+    (Condition.BOOTING, Request.BOOTED): Condition.DISARMED,
+    (Condition.BOOTING_IN_AIR, Request.BOOTED): Condition.FLYING,
+    (Condition.DISARMED, Request.ARM): Condition.ARMED,
+    (Condition.DISARMED, Request.DISARM): Condition.DISARMED,
+    (Condition.DISARMED, Request.FORCE_DISARM): Condition.DISARMED,
+    (Condition.DISARMED, Request.RESTART): Condition.BOOTING,
+    (Condition.ARMED, Request.ARM): Condition.ARMED,
+    (Condition.ARMED, Request.DISARM): Condition.DISARMED,
+    (Condition.ARMED, Request.FORCE_DISARM): Condition.DISARMED,
+    (Condition.ARMED, Request.LIFT_OFF): Condition.FLYING,
+    (Condition.ARMED, Request.RESTART): Condition.BOOTING,
+    (Condition.FLYING, Request.ARM): Condition.FLYING,
+    (Condition.FLYING, Request.FORCE_DISARM): Condition.CRASHED,
+    (Condition.FLYING, Request.RESTART): Condition.BOOTING_IN_AIR,
+    (Condition.DISARMED, Request.CRASH): Condition.CRASHED,
+    (Condition.ARMED, Request.CRASH): Condition.CRASHED,
+    (Condition.FLYING, Request.CRASH): Condition.CRASHED,
+}
+"""What isn't here is refused. An autopilot that restarts in the air finds itself armed, as after a watchdog reset."""
+
+SELECTABLE = frozenset({Mode.MANUAL, Mode.AUTO, Mode.RTL, Mode.LOITER, Mode.TAKEOFF, Mode.GUIDED})
+"""Modes that can be asked for, in any condition but booting."""
+
+
+def follow(condition: Condition, request: Request) -> Condition | None:
+    """Return the condition that a request leads to, None when it's refused."""
+    return TRANSITIONS.get((condition, request))
+
+
+def select(condition: Condition, mode: float) -> Mode | None:
+    """Return the mode asked for, None when it's refused."""
+    if condition.booting or mode not in SELECTABLE:
+        return None
+    return Mode(int(mode))
+
+
+def system_status(condition: Condition) -> int:
+    """Return the MAV_STATE that a condition is told as."""
+    if condition.booting:
+        return m.MAV_STATE_CALIBRATING
+    return m.MAV_STATE_ACTIVE if condition is Condition.FLYING else m.MAV_STATE_STANDBY

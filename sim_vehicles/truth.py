@@ -1,0 +1,96 @@
+"""Ground truth of a fleet: rows of little-endian float64 in a file, readable up to its last whole row at any time."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+from airlink.clock import NANOSECONDS, Instant
+from sim_vehicles.dynamics import Array
+from sim_vehicles.errors import TruthError
+from sim_vehicles.streams import LOOP_HZ
+
+if TYPE_CHECKING:
+    from sim_vehicles.fleet import Fleet
+
+MAGIC = b"truth\x00\x00\x01"
+HEADER = struct.Struct("<8sQ")
+QUANTITIES = 8
+
+
+@dataclass(frozen=True)
+class Truth:
+    """(T,) times in s since the clock's epoch; (T, V) all else: NED from the origin, heights and climb upwards."""
+
+    time_s: Array
+    north_m: Array
+    east_m: Array
+    height_m: Array
+    north_mps: Array
+    east_mps: Array
+    climb_mps: Array
+    airspeed_mps: Array
+    heading_rad: Array
+
+
+class TruthWriter:
+    """Appends a row after every so many turns of a fleet's loop; a fleet's truth listener."""
+
+    def __init__(self, path: Path, vehicles: int, rate_hz: float) -> None:
+        """Create the file for rows at `rate_hz` at most the loop's."""
+        self._file = path.open("wb")
+        self._file.write(HEADER.pack(MAGIC, vehicles))
+        self._turns = max(1, round(LOOP_HZ / rate_hz))
+        self._turn = 0
+
+    def __enter__(self) -> Self:
+        """Return the writer."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def __call__(self, now: Instant, fleet: Fleet) -> None:
+        """Take the fleet's state after a turn."""
+        self._turn += 1
+        if self._turn % self._turns:
+            return
+        state, drift = fleet.state, fleet.drift_mps
+        rows = (
+            state.north_m,
+            state.east_m,
+            state.height_m,
+            state.airspeed_mps * np.cos(state.heading_rad) + drift[0],
+            state.airspeed_mps * np.sin(state.heading_rad) + drift[1],
+            state.climb_mps - drift[2],
+            state.airspeed_mps,
+            state.heading_rad,
+        )
+        self._file.write(np.concatenate(([now / NANOSECONDS], *rows)).astype("<f8").tobytes())
+        if self._turn % LOOP_HZ == 0:
+            self._file.flush()
+
+
+def read_truth(path: Path) -> Truth:
+    """Return what was written so far.
+
+    Raises:
+        TruthError: the file isn't a record of ground truth.
+    """
+    data = path.read_bytes()
+    if len(data) < HEADER.size or data[: len(MAGIC)] != MAGIC:
+        raise TruthError(f"{path} is not a record of ground truth")
+    vehicles = HEADER.unpack_from(data)[1]
+    width = 1 + QUANTITIES * vehicles
+    values = np.frombuffer(data, dtype="<f8", offset=HEADER.size, count=(len(data) - HEADER.size) // 8)
+    rows = values[: len(values) // width * width].reshape(-1, width)
+    columns = rows[:, 1:].reshape(len(rows), QUANTITIES, vehicles)
+    return Truth(rows[:, 0], *(columns[:, i] for i in range(QUANTITIES)))

@@ -1,0 +1,179 @@
+"""The stream parser: whatever comes, it doesn't raise, keeps little, and misses no sound frame."""
+
+import hashlib
+import importlib
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from airlink.frame import HEADER_V1, HEADER_V2, FrameWriter, StreamParser
+from airlink.messages import Attitude, CommandAck, Heartbeat, ParamValue, Statustext
+
+dialect = importlib.import_module("pymavlink.dialects.v20.ardupilotmega")
+
+LONGEST_FRAME = 280
+SOUND = FrameWriter(3, 1).encode(Heartbeat(1, 3, 81))
+
+messages = st.one_of(
+    st.builds(Heartbeat, st.integers(0, 255), st.integers(0, 255), st.integers(0, 255)),
+    st.builds(Attitude, st.floats(0, 1e5), *[st.floats(-10, 10)] * 6),
+    st.builds(Statustext, st.integers(0, 7), st.text(st.characters(codec="ascii"), max_size=50)),
+    st.builds(CommandAck, st.integers(0, 65535), st.integers(0, 9)),
+)
+garbage = st.binary(max_size=40) | st.lists(
+    st.sampled_from([b"\xfd", b"\xfe", b"\xfd\x00\x00", b"\xfd\xff\x01", b"\xfe\x09", SOUND[:9], SOUND[:-2]]),
+    max_size=5,
+).map(b"".join)
+
+
+def frames_of(*chunks):
+    parser = StreamParser()
+    return [frame for chunk in chunks for frame in parser.feed(chunk)]
+
+
+def raws(frames):
+    return [frame.raw for frame in frames]
+
+
+def cut(stream, places):
+    borders = [0, *sorted(place % (len(stream) + 1) for place in places), len(stream)]
+    return [stream[start:end] for start, end in pairwise(borders)]
+
+
+@st.composite
+def frame_lists(draw):
+    writer = FrameWriter(draw(st.integers(1, 255)), draw(st.integers(0, 255)))
+    versions = st.sampled_from((1, 2))
+    return [writer.encode(message, draw(versions)) for message in draw(st.lists(messages, max_size=6))]
+
+
+@given(st.lists(st.binary(max_size=400) | garbage, max_size=8))
+def test_no_bytes_raise_and_little_is_kept(chunks):
+    parser = StreamParser()
+    taken = 0
+    for chunk in chunks:
+        taken += sum(len(frame.raw) for frame in parser.feed(chunk))
+        assert len(parser._pending) < LONGEST_FRAME
+    assert taken + parser.counts.garbage_bytes + len(parser._pending) == sum(map(len, chunks))
+
+
+@given(frame_lists(), st.lists(st.integers(0, 10_000), max_size=12))
+def test_frames_do_not_depend_on_how_the_stream_is_cut(frames, places):
+    stream = b"".join(frames)
+    assert raws(frames_of(*cut(stream, places))) == frames
+    assert raws(frames_of(*[bytes([byte]) for byte in stream])) == frames
+
+
+@given(st.lists(st.tuples(garbage, messages), max_size=6), st.lists(st.integers(0, 10_000), max_size=8))
+def test_every_sound_frame_is_found_whatever_stands_between(parts, places):
+    writer = FrameWriter(1, 1)
+    frames = [writer.encode(message) for _, message in parts]
+    stream = b"".join(noise + frame for (noise, _), frame in zip(parts, frames, strict=True))
+    assert raws(frames_of(*cut(stream, places))) == frames
+
+
+@given(garbage, garbage)
+def test_a_sound_frame_is_found_in_the_datagram_that_completes_it(before, after):
+    parser = StreamParser()
+    parser.feed(before)
+    assert SOUND in raws(parser.feed(SOUND + after))
+
+
+def test_a_frame_cut_by_a_sound_frame_is_given_up():
+    parser = StreamParser()
+    assert parser.feed(SOUND[:12]) == []
+    assert raws(parser.feed(SOUND)) == [SOUND]
+    assert parser.counts.garbage_bytes == 12
+
+
+def test_garbage_that_announces_a_long_frame_hides_nothing():
+    assert raws(frames_of(b"\xfd\xff\x00" + SOUND)) == [SOUND]
+    assert raws(frames_of(b"\xfe\xff" + SOUND + SOUND)) == [SOUND, SOUND]
+
+
+@given(st.integers(1, len(SOUND) - 1), st.integers(1, 255))
+def test_one_changed_byte_makes_a_frame_unsound(place, change):
+    broken = bytearray(SOUND)
+    broken[place] ^= change
+    parser = StreamParser()
+    assert parser.feed(bytes(broken)) == []
+    assert raws(parser.feed(SOUND)) == [SOUND]
+
+
+def test_a_broken_frame_is_counted_once():
+    text = FrameWriter(1, 1).encode(Statustext(6, "\xfd\xfe a text that holds markers"))
+    parser = StreamParser()
+    parser.feed(text[:-1] + bytes([text[-1] ^ 1]))
+    parser.feed(SOUND)
+    assert (parser.counts.frames, parser.counts.bad_checksums, parser.counts.bad) == (1, 1, 1)
+    assert parser.counts.garbage_bytes == len(text)
+
+
+def unknown_frame(payload=b"\x01\x02"):
+    return bytes([0xFD, len(payload), 0, 0, 9, 1, 1, 0xF0, 0xFF, 0xFE]) + payload + b"\x12\x34"
+
+
+def test_messages_that_the_dialect_lacks_are_dropped_and_counted():
+    parser = StreamParser()
+    assert raws(parser.feed(unknown_frame() + SOUND + unknown_frame() + SOUND)) == [SOUND, SOUND]
+    assert parser.counts.unknown_messages == 2
+    assert parser.counts.bad == 2
+
+
+@given(st.binary(max_size=100))
+def test_an_unknown_message_holds_back_nothing_whatever_its_payload(payload):
+    assert raws(frames_of(unknown_frame(payload) + SOUND))[-1] == SOUND
+
+
+def test_messages_of_the_dialect_that_have_no_class_are_frames_all_the_same():
+    mav = dialect.MAVLink(None, 4, 1)
+    raw = dialect.MAVLink_raw_imu_message(1, 2, 3, 4, 5, 6, 7, 8, 9, 10).pack(mav)
+    (frame,) = StreamParser().feed(raw)
+    assert (frame.system, frame.message_id, frame.message) == (4, dialect.MAVLINK_MSG_ID_RAW_IMU, None)
+
+
+def resealed(raw, incompatible_flags):
+    crc = dialect.x25crc
+    body = raw[1:2] + bytes([incompatible_flags]) + raw[3:-2]
+    return raw[:1] + body + crc(bytearray(body + b"\x32")).crc.to_bytes(2, "little")
+
+
+@pytest.mark.parametrize("flags", [0x02, 0x80])
+def test_frames_with_flags_that_nobody_knows_are_dropped(flags):
+    parser = StreamParser()
+    assert raws(parser.feed(resealed(SOUND, flags) + SOUND)) == [SOUND]
+    assert (parser.counts.incompatible, parser.counts.bad_checksums) == (1, 0)
+
+
+@given(frame_lists(), st.lists(st.integers(0, 10_000), max_size=6))
+def test_signed_frames_are_taken_whole_and_unverified(others, places):
+    mav = dialect.MAVLink(None, 5, 1)
+    mav.signing.sign_outgoing = True
+    mav.signing.secret_key = hashlib.sha256(b"key").digest()
+    signed = dialect.MAVLink_heartbeat_message(1, 3, 81, 0, 4, 3).pack(mav)
+    stream = b"".join([signed, *others, signed])
+    frames = frames_of(*cut(stream, places))
+    assert raws(frames) == [signed, *others, signed]
+    assert frames[0].message == Heartbeat(1, 3, 81, 0, 4, 3)
+    assert len(signed) == len(FrameWriter(5, 1).encode(Heartbeat(1, 3, 81, 0, 4, 3))) + 13
+
+
+def test_a_payload_with_newer_extension_fields_is_read_as_far_as_we_know_it():
+    crc = dialect.x25crc
+    known = FrameWriter(1, 1).encode(ParamValue("GAIN", 1.5, 9, 3, 2))
+    payload = known[HEADER_V2:-2] + b"\x07\x08\x09"
+    body = bytes([len(payload)]) + known[2:HEADER_V2] + payload
+    raw = b"\xfd" + body + crc(bytearray(body + bytes([220]))).crc.to_bytes(2, "little")
+    (frame,) = StreamParser().feed(raw)
+    assert frame.message == ParamValue("GAIN", 1.5, 9, 3, 2)
+
+
+def test_both_versions_may_alternate_on_one_stream():
+    writer = FrameWriter(1, 1)
+    stream = b"".join(writer.encode(Heartbeat(1, 3), version) for version in (1, 2, 1, 2))
+    frames = frames_of(stream)
+    assert [frame.version for frame in frames] == [1, 2, 1, 2]
+    assert [frame.sequence for frame in frames] == [0, 1, 2, 3]
+    assert len(frames[0].raw) == HEADER_V1 + 9 + 2

@@ -1,0 +1,203 @@
+"""Two engines on the memory network, the ground's behind impaired links."""
+
+import pytest
+
+from airlink.clock import Instant, VirtualClock, after, seconds_between
+from airlink.endpoint import Address, parse_endpoint
+from airlink.engine import Datagram
+from airlink.frame import FrameWriter, StreamParser
+from airlink.identity import VehicleId
+from airlink.impaired import ImpairedEngine
+from airlink.impairment import UNIMPAIRED, Impairment
+from airlink.memory import MemoryNetwork
+from airlink.messages import Heartbeat, SystemTime
+
+PERIOD_S = 0.05
+
+
+class Vehicle:
+    """Sends its time every period; keeps what it hears."""
+
+    def __init__(self, system, port=14550):
+        self.endpoint = parse_endpoint(f"udpout:127.0.0.1:{port}")
+        self.writer = FrameWriter(system, 1)
+        self.timer = Instant(0)
+        self.outbox, self.heard = [], []
+
+    def endpoints(self):
+        return (self.endpoint,)
+
+    def receive(self, datagram, now):
+        (frame,) = StreamParser().feed(datagram.data)
+        self.heard.append((now, frame.message.time_boot_s))
+
+    def datagrams_to_send(self):
+        sent, self.outbox = self.outbox, []
+        return sent
+
+    def next_timer(self):
+        return self.timer
+
+    def handle_timer(self, now):
+        frame = self.writer.encode(SystemTime(0, seconds_between(Instant(0), now)))
+        self.outbox.append(Datagram(0, self.endpoint.address, frame))
+        self.timer = after(now, PERIOD_S)
+
+
+class Ground:
+    """Answers each datagram with its own time and keeps when it came, from whom, and how old it was."""
+
+    def __init__(self, *ports):
+        self.wanted = tuple(parse_endpoint(f"udpin:127.0.0.1:{port}") for port in ports or (14550,))
+        self.writer = FrameWriter(255, 190)
+        self.outbox, self.heard, self.ticks = [], [], []
+        self.timer = Instant(0)
+
+    def endpoints(self):
+        return self.wanted
+
+    def receive(self, datagram, now):
+        for frame in StreamParser().feed(datagram.data):
+            age_s = seconds_between(Instant(0), now) - frame.message.time_boot_s
+            self.heard.append((now, frame.system, age_s))
+        answer = self.writer.encode(SystemTime(0, seconds_between(Instant(0), now)))
+        self.outbox.append(Datagram(datagram.socket, datagram.peer, answer))
+
+    def datagrams_to_send(self):
+        sent, self.outbox = self.outbox, []
+        return sent
+
+    def next_timer(self):
+        return self.timer
+
+    def handle_timer(self, now):
+        self.ticks.append(now)
+        self.timer = after(now, 0.1)
+
+    def ages(self, system):
+        return [age_s for _, heard, age_s in self.heard if heard == system]
+
+
+def fly(schedule, seconds=10.0, systems=(1, 2), seed=1):
+    clock = VirtualClock()
+    network = MemoryNetwork(clock)
+    ground, vehicles = Ground(), {system: Vehicle(system) for system in systems}
+    engine = ImpairedEngine(ground, [1], schedule, seed)
+    network.attach(engine)
+    for vehicle in vehicles.values():
+        network.attach(vehicle)
+    network.run(lambda: clock.now() >= after(Instant(0), seconds))
+    return ground, vehicles, engine
+
+
+def only_for(system, uplink, downlink):
+    return lambda vehicle, now: (uplink, downlink) if vehicle.system == system else (UNIMPAIRED, UNIMPAIRED)
+
+
+def test_each_vehicle_has_the_delays_of_its_own_link_in_each_direction():
+    ground, vehicles, engine = fly(only_for(2, Impairment(delay_s=0.1), Impairment(delay_s=0.3)))
+    assert ground.ages(2) == pytest.approx([0.3] * len(ground.ages(2)), abs=1e-9)
+    assert ground.ages(1) == pytest.approx([0.0] * len(ground.ages(1)), abs=1e-9)
+    ages = [seconds_between(Instant(0), now) - sent_s for now, sent_s in vehicles[2].heard]
+    assert ages == pytest.approx([0.1] * len(ages), abs=1e-9)
+    assert len(ages) > 190
+    statistics = engine.statistics(VehicleId(1, 2))
+    assert statistics.uplink.mean_delay_s == pytest.approx(0.1)
+    assert statistics.downlink.mean_delay_s == pytest.approx(0.3)
+    assert engine.statistics(VehicleId(1, 1)).downlink.mean_delay_s == 0.0
+    assert engine.statistics(VehicleId(1, 9)).downlink.datagrams == 0
+
+
+def test_the_engines_own_timers_are_not_disturbed():
+    ground, _, _ = fly(only_for(2, Impairment(0.1, 0.05), Impairment(0.3, 0.1)))
+    assert ground.ticks == [after(Instant(0), 0.1 * number) for number in range(len(ground.ticks))]
+    assert len(ground.ticks) >= 100
+
+
+def test_what_is_lost_never_arrives_and_is_counted():
+    ground, vehicles, engine = fly(only_for(1, Impairment(outage=True), Impairment(loss=0.3)), 100.0)
+    downlink = engine.statistics(VehicleId(1, 1)).downlink
+    assert vehicles[1].heard == []
+    assert len(ground.ages(1)) == downlink.datagrams - downlink.lost
+    assert downlink.loss == pytest.approx(0.3, abs=4 * (0.21 / 2000) ** 0.5)
+    assert len(ground.ages(2)) == len(vehicles[2].heard)
+
+
+def test_a_run_repeats_itself_and_another_seed_does_not():
+    schedule = only_for(2, Impairment(0.1, 0.05), Impairment(0.2, 0.1, duplicate=0.1, loss=0.1))
+    first, again, other = fly(schedule), fly(schedule), fly(schedule, seed=2)
+    assert first[0].heard == again[0].heard
+    assert first[1][2].heard == again[1][2].heard
+    assert first[0].heard != other[0].heard
+
+
+def test_changing_one_link_leaves_the_others_alone():
+    def both(second):
+        first = Impairment(0.2, 0.1, loss=0.1)
+        return lambda vehicle, now: (first, first) if vehicle.system == 1 else (second, second)
+
+    a, b = fly(both(UNIMPAIRED))[0], fly(both(Impairment(0.4, 0.2, loss=0.5)))[0]
+    assert a.ages(1) == b.ages(1)
+    assert a.ages(2) != b.ages(2)
+
+
+def test_a_schedule_may_change_in_flight():
+    before, then = Impairment(delay_s=0.1), Impairment(delay_s=0.3)
+    ground, _, _ = fly(lambda vehicle, now: (UNIMPAIRED, before if now < after(Instant(0), 5.0) else then))
+    late = [age_s for now, _, age_s in ground.heard if seconds_between(Instant(0), now) - age_s > 4.999]
+    early = [age_s for now, _, age_s in ground.heard if seconds_between(Instant(0), now) - age_s < 4.999]
+    assert set(map(lambda age_s: round(age_s, 6), late)) == {0.3}
+    assert set(map(lambda age_s: round(age_s, 6), early)) == {0.1}
+
+
+def test_without_impairment_everything_is_as_without_the_links():
+    clock = VirtualClock()
+    network = MemoryNetwork(clock)
+    bare, vehicle = Ground(), Vehicle(1)
+    network.attach(bare)
+    network.attach(vehicle)
+    network.run(lambda: clock.now() >= after(Instant(0), 10.0))
+    ground, vehicles, _ = fly(lambda vehicle, now: (UNIMPAIRED, UNIMPAIRED), systems=(1,))
+    assert (ground.heard, vehicles[1].heard) == (bare.heard, vehicle.heard)
+
+
+def test_one_system_id_on_two_networks_is_two_vehicles():
+    ground = Ground(14550, 14551)
+    engine = ImpairedEngine(ground, [1, 2], lambda vehicle, now: (UNIMPAIRED, Impairment(float(vehicle.network))), 1)
+    frame = FrameWriter(7, 1).encode(SystemTime(0, 0.0))
+    for socket in (0, 1):
+        engine.receive(Datagram(socket, Address("127.0.0.1", 5), frame), Instant(0))
+    assert engine.statistics(VehicleId(1, 7)).downlink.mean_delay_s == 1.0
+    assert engine.statistics(VehicleId(2, 7)).downlink.mean_delay_s == 2.0
+
+
+def test_what_belongs_to_no_vehicle_passes_as_it_is():
+    ground = Ground()
+    engine = ImpairedEngine(ground, [1], lambda vehicle, now: (Impairment(outage=True),) * 2, 1)
+    stranger = Datagram(0, Address("127.0.0.1", 6), b"no frame")
+    engine.receive(stranger, Instant(0))
+    assert [datagram.peer for datagram in engine.datagrams_to_send()] == [stranger.peer]
+
+
+def test_equal_instants_keep_the_order_in_which_they_came():
+    ground = Ground()
+    engine = ImpairedEngine(ground, [1], lambda vehicle, now: (UNIMPAIRED, Impairment(delay_s=0.5)), 1)
+    for system in (3, 1, 2):
+        frame = FrameWriter(system, 1).encode(SystemTime(0, 0.0))
+        engine.receive(Datagram(0, Address("127.0.0.1", system), frame), Instant(0))
+    assert engine.next_timer() == ground.next_timer() == 0
+    engine.handle_timer(Instant(0))
+    ground.timer = None
+    assert engine.next_timer() == 500_000_000
+    engine.handle_timer(Instant(500_000_000))
+    assert [system for _, system, _ in ground.heard] == [3, 1, 2]
+    assert engine.next_timer() is None
+
+
+def test_a_cut_frame_is_its_senders_too():
+    ground = Ground()
+    engine = ImpairedEngine(ground, [1], lambda vehicle, now: (UNIMPAIRED, Impairment(delay_s=0.5)), 1)
+    frame = FrameWriter(1, 1).encode(Heartbeat(1, 3))
+    for part in (frame[:12], frame[12:]):
+        engine.receive(Datagram(0, Address("127.0.0.1", 9), part), Instant(0))
+    assert engine.statistics(VehicleId(1, 1)).downlink.datagrams == 2

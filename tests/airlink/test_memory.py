@@ -1,0 +1,107 @@
+import pytest
+
+from airlink.clock import Instant, VirtualClock, after
+from airlink.endpoint import Address, parse_endpoint
+from airlink.engine import Datagram
+from airlink.errors import PortError
+from airlink.memory import MemoryNetwork
+
+GROUND = Address("127.0.0.1", 14550)
+
+
+class Beacon:
+    """Sends its name and a number every period, and answers whatever it hears with it."""
+
+    def __init__(self, name, endpoint, period_s=0.0, answers=False):
+        self.name, self.endpoint, self.period_s, self.answers = (
+            name,
+            parse_endpoint(endpoint),
+            period_s,
+            answers,
+        )
+        self.heard, self.outbox, self.sent = [], [], 0
+        self.timer = Instant(0) if period_s else None
+
+    def endpoints(self):
+        return (self.endpoint,)
+
+    def receive(self, datagram, now):
+        self.heard.append((now, datagram))
+        if self.answers:
+            self.outbox.append(datagram)
+
+    def datagrams_to_send(self):
+        sent, self.outbox = self.outbox, []
+        return sent
+
+    def next_timer(self):
+        return self.timer
+
+    def handle_timer(self, now):
+        self.timer = after(now, self.period_s)
+        self.sent += 1
+        self.outbox.append(Datagram(0, self.endpoint.address, f"{self.name}{self.sent}".encode()))
+
+
+def network_of(*engines):
+    network = MemoryNetwork(VirtualClock())
+    for engine in engines:
+        network.attach(engine)
+    return network
+
+
+def run_until(network, seconds):
+    network.run(lambda: network.clock.now() >= after(Instant(0), seconds))
+
+
+def test_datagrams_arrive_at_once_and_answers_find_the_sender():
+    ground = Beacon("g", "udpin:0.0.0.0:14550", answers=True)
+    first, second = (Beacon(name, "udpout:127.0.0.1:14550", 0.5) for name in "ab")
+    run_until(network_of(ground, first, second), 1.0)
+    assert [(now, data) for now, (_, _, data) in ground.heard[:4]] == [
+        (0, b"a1"),
+        (0, b"b1"),
+        (500_000_000, b"a2"),
+        (500_000_000, b"b2"),
+    ]
+    assert [data for _, (_, _, data) in first.heard[:2]] == [b"a1", b"a2"]
+    assert all(peer == GROUND for _, (_, peer, _) in first.heard + second.heard)
+    assert len({peer for _, (_, peer, _) in ground.heard}) == 2
+
+
+def test_a_run_repeats_itself():
+    def record():
+        ground = Beacon("g", "udpin:127.0.0.1:14550", answers=True)
+        others = [Beacon(name, "udpout:127.0.0.1:14550", period) for name, period in (("a", 0.3), ("b", 0.2))]
+        run_until(network_of(ground, *others), 5.0)
+        return ground.heard
+
+    assert record() == record()
+
+
+def test_what_nobody_listens_for_is_lost_and_an_idle_network_stops():
+    lonely = Beacon("a", "udpout:127.0.0.1:14550")
+    lonely.outbox.append(Datagram(0, GROUND, b"x"))
+    network_of(lonely).run(lambda: False)
+    assert lonely.heard == []
+
+
+def test_what_is_sent_on_start_arrives_though_no_timer_runs():
+    ground = Beacon("g", "udpin:127.0.0.1:14550")
+    sender = Beacon("a", "udpout:127.0.0.1:14550")
+    sender.outbox.append(Datagram(0, GROUND, b"x"))
+    network_of(ground, sender).run(lambda: False)
+    assert [data for _, (_, _, data) in ground.heard] == [b"x"]
+
+
+@pytest.mark.parametrize("taken", ["udpin:127.0.0.1:14550", "udpin:0.0.0.0:14550"])
+@pytest.mark.parametrize("wanted", ["udpin:127.0.0.1:14550", "udpin:0.0.0.0:14550"])
+def test_a_port_is_taken_once(taken, wanted):
+    network = network_of(Beacon("a", taken))
+    with pytest.raises(PortError, match="14550 is taken"):
+        network.attach(Beacon("b", wanted))
+
+
+def test_a_port_of_the_networks_choice_is_a_free_one():
+    network = network_of(Beacon("a", "udpin:0.0.0.0:49152"))
+    network.attach(Beacon("b", "udpout:127.0.0.1:49152"))

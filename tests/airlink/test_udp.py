@@ -1,0 +1,76 @@
+import socket
+
+import pytest
+
+from airlink.clock import Instant, RealClock, after
+from airlink.endpoint import Address, parse_endpoint
+from airlink.engine import Datagram
+from airlink.errors import PortError
+from airlink.udp import UdpDriver, open_socket
+
+
+class Echo:
+    """Answers the first datagram and has a timer now and then."""
+
+    def __init__(self, *endpoints):
+        self.wanted = tuple(parse_endpoint(text) for text in endpoints)
+        self.heard, self.outbox, self.timers = [], [], []
+        self.timer = Instant(0)
+
+    def endpoints(self):
+        return self.wanted
+
+    def receive(self, datagram, now):
+        self.heard.append(datagram)
+        self.outbox.append(Datagram(datagram.socket, datagram.peer, datagram.data.upper()))
+
+    def datagrams_to_send(self):
+        sent, self.outbox = self.outbox, []
+        return sent
+
+    def next_timer(self):
+        return self.timer
+
+    def handle_timer(self, now):
+        self.timers.append(now)
+        self.timer = after(now, 0.001)
+
+
+@pytest.fixture
+def port():
+    """Return a port that was free a moment ago."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def test_datagrams_come_in_and_answers_go_back(port):
+    engine = Echo(f"udpin:127.0.0.1:{port}")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as remote, UdpDriver(engine, RealClock()) as driver:
+        remote.bind(("127.0.0.1", 0))
+        remote.settimeout(10.0)
+        remote.sendto(b"hello", ("127.0.0.1", port))
+        driver.run(lambda: bool(engine.heard) and len(engine.timers) >= 3)
+        assert remote.recv(100) == b"HELLO"
+        assert engine.heard == [Datagram(0, Address(*remote.getsockname()), b"hello")]
+        assert engine.timers == sorted(engine.timers)
+
+
+def test_a_taken_port_is_named_and_nothing_stays_open(port):
+    taken = f"udpin:127.0.0.1:{port}"
+    with open_socket(parse_endpoint(taken)), pytest.raises(PortError, match=f"{port} is taken"):
+        UdpDriver(Echo("udpout:127.0.0.1:9", taken), RealClock())
+
+
+def test_an_address_of_another_machine_cannot_be_listened_at(port):
+    with pytest.raises(PortError, match="cannot listen at udpin:192"):
+        open_socket(parse_endpoint(f"udpin:192.0.2.1:{port}"))
+
+
+def test_who_cannot_be_reached_is_no_error(port):
+    engine = Echo(f"udpout:127.0.0.1:{port}")
+    engine.outbox.append(Datagram(0, Address("127.0.0.1", port), b"x"))
+    engine.outbox.append(Datagram(0, Address("127.0.0.1", port), bytes(70_000)))
+    with UdpDriver(engine, RealClock()) as driver:
+        driver.run(lambda: len(engine.timers) >= 2)
+    assert engine.heard == []

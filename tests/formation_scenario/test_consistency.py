@@ -1,0 +1,58 @@
+import pytest
+
+
+@pytest.mark.parametrize(
+    ("overrides", "expected"),
+    [
+        (["vehicles.3.id=2"], "vehicles.3.id: found 2 again on network 1, first at vehicles.1; each id once"),
+        (["vehicles.2.role=leader"], "vehicles.2.role: found a second leader, first at vehicles.0"),
+        (["vehicles.1.endpoint=tcp:127.0.0.1:1"], "vehicles.1.endpoint: connection string 'tcp:127.0.0.1:1'"),
+        (["vehicles.1.network=2", "vehicles.1.endpoint=udp:127.0.0.1:14550"], "for networks 1 and 2"),
+        (
+            ["vehicles.1.model.speed_min_mps=30"],
+            "vehicles.1.model.speed_min_mps: found 30; at most speed_max_mps",
+        ),
+        (["faults=[{at_s: 1, vehicles: [2, 9], kind: crash}]"], "faults.0.vehicles.1: found 9; 1, 2, 3, 4"),
+        (["disturbances=[{at_s: 1, vehicles: [9], velocity_mps: [0, 0, 0]}]"], "disturbances.0.vehicles.0"),
+        (["links.changes=[{at_s: 1, vehicles: ['2:1'], loss: 1}]"], "links.changes.0.vehicles.0: found 2:1"),
+        (
+            ["expect=[{metric: settled_at_s, followers: [1], below: 9}]"],
+            "expect.0.followers.0: found 1; 2, 3, 4",
+        ),
+        (["expect=[{metric: settled_at_s}]"], "expect.0: found no bound; below, above or both"),
+        (["expect=[{metric: settled_at_s, below: 1, from_s: 120}]"], "found a window from 120 to 120 s"),
+        (["expect=[{metric: violations, followers: [2], below: 1}]"], "a figure of the whole run; all"),
+        (["expect=[{metric: violations, above: 2, below: 1}]"], "found above 2 and below 1; more than above"),
+        (["formation.shape=custom"], "formation.slots_m: found no slot for follower 2, 3, 4"),
+        (
+            ["formation.changes=[{at_s: 1, shape: custom, slots_m: {2: [-9, 0, 0]}}]"],
+            "no slot for follower 3, 4",
+        ),
+        (["formation.slots_m={1: [0, 0, 0]}"], "formation.slots_m.1: found 1; 2, 3, 4"),
+        (["law.consensus.graph=[[0, 1], [1, 0]]"], "found 2 rows of 2, 2; 4 rows of 4 weights"),
+        (
+            ["path.waypoints_m=[[0, 0, 90], [0, 0.5, 99]]"],
+            "path.waypoints_m.1: found a waypoint 0.5 m from the one",
+        ),
+        (
+            ["path.waypoints_m=[[0, 0, 90], [900, 0, 90], [0, 0, 90]]"],
+            "path.waypoints_m.1: found a path that turns",
+        ),
+    ],
+)
+def test_keys_that_contradict_each_other_are_refused(refusal, overrides, expected):
+    lines = refusal(*overrides)
+    assert any(expected in line for line in lines), lines
+
+
+def test_an_id_on_two_networks_is_named_with_its_network(load, refusal):
+    fleet = "vehicles=[{id: 1, role: leader}, {id: 2}, {id: 2, network: 2}]"
+    assert refusal(fleet, "faults=[{at_s: 1, vehicles: [2], kind: crash}]") == [
+        "faults.0.vehicles.0: found 2, the id of 2 vehicles; '1:2', '2:2'"
+    ]
+    assert load(fleet, "faults=[{at_s: 1, vehicles: ['2:2'], kind: crash}]").faults[0].vehicles == ("2:2",)
+
+
+def test_a_weight_of_a_vehicle_on_itself_is_refused(refusal):
+    rows = [[1 if p == q else 0 for q in range(4)] for p in range(4)]
+    assert "diagonal" in refusal(f"law.consensus.graph={rows}")[0]

@@ -1,0 +1,123 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from formation_scenario import SplinePath
+from formation_scenario.feasibility import slot_motion
+
+
+def circle(radius: float, north: float = 0.0) -> list[list[float]]:
+    """Waypoints of a right-hand half circle after and before a straight kilometre."""
+    angles = np.linspace(0.0, np.pi, 25)
+    arc = [[north + radius * np.sin(a), radius * (1 - np.cos(a)), 100.0] for a in angles]
+    return [[north - 1000.0, 0.0, 100.0], *arc, [north - 1000.0, 2 * radius, 100.0]]
+
+
+def with_path(waypoints) -> str:
+    return f"path.waypoints_m={[[round(float(x), 3) for x in place] for place in waypoints]}"
+
+
+def test_a_straight_path_is_flown_by_every_shape(load):
+    for shape in ("diamond", "circle", "line", "square", "plus"):
+        assert load("vehicles={count: 60}", f"formation.shape={shape}").path.speed_mps == 22.0
+
+
+def test_a_turn_tighter_than_the_leader_can_fly_names_place_figure_and_limit(refusal):
+    lines = refusal(with_path(circle(80.0)))
+    leader = next(line for line in lines if "leader 1" in line)
+    assert leader.startswith("path.waypoints_m: path at ")
+    assert "rad/s of turn; up to 0.25 rad/s" in leader
+    assert "height 100" in leader
+
+
+def test_the_outer_slot_must_hurry_and_the_inner_one_must_not_stall(refusal, load):
+    # 120 m outside a turn of w rad/s asks for 22 + 120 w, 120 m inside for 22 - 120 w.
+    path = SplinePath(circle(400.0))
+    turn = 22.0 * path.at(np.linspace(0.0, path.length_m, 20_000)).curvature_1pm.max()
+    wide = "formation={shape: custom, slots_m: {2: [0, -120, 0], 3: [0, 120, 0], 4: [-30, 0, 0]}}"
+    generous = [f"vehicles.{n}.model.accel_max_mps2=50" for n in range(4)]
+    lines = refusal(with_path(circle(400.0)), wide, *generous)
+    outer, inner = (next(line for line in lines if f"vehicle {n}'s slot" in line) for n in (2, 3))
+    assert f"would need {22.0 + 120.0 * turn:.3g} m/s" in outer
+    assert outer.endswith("m/s; 16 to 28 m/s")
+    assert f"would need {22.0 - 120.0 * turn:.3g} m/s" in inner
+    assert not any("vehicle 4" in line for line in lines)
+    faster = [f"vehicles.{n}.model.{key}" for n in (1, 2) for key in ("speed_max_mps=32", "speed_min_mps=12")]
+    assert load(with_path(circle(400.0)), wide, *generous, *faster)
+
+
+def test_each_vehicle_and_limit_is_reported_once_at_its_worst_place(refusal):
+    twice = [*circle(80.0)[:-1], *([n - 2000.0, e + 4000.0, 100.0] for n, e, _ in circle(70.0))]
+    lines = [line.split("leader 1")[1] for line in refusal(with_path(twice)) if "leader 1" in line]
+    assert len(lines) == len({line.split(";")[1] for line in lines})
+
+
+def test_a_climb_is_held_against_every_vehicles_limit(refusal, load):
+    # 150 m over 1000 m at 22 m/s: 3.3 m/s.
+    lines = refusal("path.waypoints_m=[[0, 0, 100], [1000, 0, 250]]")
+    assert len(lines) == 4
+    assert all("would need 3.3 m/s of climb; up to 3 m/s" in line for line in lines)
+    assert load("path.waypoints_m=[[0, 0, 100], [1000, 0, 236]]")
+
+
+def test_the_speed_of_the_path_must_suit_the_leader(refusal):
+    assert "path.speed_mps: found 30 m/s; 16 to 28 m/s, leader 1's limits" in refusal("path.speed_mps=30")
+
+
+def test_every_shape_of_the_schedule_is_checked(refusal):
+    change = "formation.changes=[{at_s: 30, shape: line, spacing_m: 200}]"
+    lines = refusal(with_path(circle(600.0)), change)
+    assert lines
+    assert all("in shape line" in line for line in lines)
+
+
+def test_slots_nearer_than_the_safe_separation_are_refused(refusal, load):
+    assert refusal("formation={shape: follower, spacing_m: 4}") == [
+        "formation.spacing_m: found slots of the leader and vehicle 2 4 m apart in follower; "
+        "5 m or more (safety.separation_m)"
+    ]
+    custom = "formation={shape: custom, slots_m: {2: [-30, 0, 0], 3: [-60, 0, 0], 4: [-60, 3, 0]}}"
+    assert "vehicle 3 and vehicle 4 3 m apart" in refusal(custom)[0]
+    assert load(custom, "safety.separation_m=3")
+
+
+@pytest.mark.parametrize("shape", ["circle", "plus"])
+def test_slots_ahead_of_the_leader_are_refused_in_the_followers_frame_only(refusal, load, shape):
+    fleet = "vehicles={count: 7}"
+    (line,) = refusal(fleet, f"formation.shape={shape}", "formation.frame=follower_heading")
+    assert line.startswith(f"formation.shape: found shape {shape} with vehicle ")
+    assert "ahead of the leader" in line
+    assert load(fleet, f"formation.shape={shape}")
+
+
+@given(st.floats(-200, 200), st.floats(-200, 200), st.floats(0.1, 0.9))
+def test_a_slot_moves_as_its_place_on_the_path_does(forward, right, share):
+    """The closed form against differences of the slot's position, leader's frame."""
+    path = SplinePath([[0, 0, 100], [1500, 0, 100], [3000, 900, 100], [3500, 2400, 100]])
+    s = float(path.nodes_m[int(share * 192)] + path.nodes_m[int(share * 192) + 1]) / 2
+    speed, step = 22.0, 0.01
+    points = path.at(s + speed * step * np.arange(-2.0, 3.0))
+    heading = np.exp(1j * points.course_rad)
+    place = points.north_m + 1j * points.east_m + heading * (forward + 1j * right)
+    velocity = np.gradient(place, step)[1:-1]
+    motion = slot_motion(points, speed, np.array([forward, right, 0.0]), "leader_heading")
+    assert abs(velocity[1]) == pytest.approx(motion.speed_mps[2], rel=1e-5)
+    turn = np.angle(velocity[2] / velocity[0]) / (2 * step)
+    assert turn == pytest.approx(motion.turn_rate_rps[2], abs=1e-5)
+    accel = (abs(velocity[2]) - abs(velocity[0])) / (2 * step)
+    assert accel == pytest.approx(motion.accel_mps2[2], abs=1e-5)
+
+
+@given(st.floats(1.0, 200.0), st.floats(-100.0, 100.0), st.floats(-0.05, 0.05))
+def test_in_a_steady_turn_both_frames_keep_the_distance_to_the_leader(back, right, turn):
+    """All vehicles of a steady turn circle one centre: the slot's speed is its radius times the turn rate."""
+    speed = 22.0
+    points = (
+        SplinePath([[0, 0, 0], [100, 0, 0]]).at(np.zeros(1))._replace(curvature_1pm=np.array([turn / speed]))
+    )
+    own = slot_motion(points, speed, np.array([-back, right, 0.0]), "follower_heading")
+    angle = np.arcsin(turn * back / speed)  # leader's heading minus follower's
+    along = speed * np.cos(angle) - turn * right
+    assert own.speed_mps[0] == pytest.approx(along)
+    assert own.turn_rate_rps[0] == pytest.approx(turn)

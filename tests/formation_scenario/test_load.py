@@ -1,0 +1,210 @@
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from airlink.identity import VehicleId
+from formation_scenario import Scenario, ScenarioError, dump_scenario, load_scenario
+from formation_scenario.source import read_text
+
+EVERY_KEY = """
+schema: 1
+name: three-followers
+seed: 1
+duration_s: 120
+origin: {lat_deg: 35.0, lon_deg: 125.0, alt_m: 0.0}
+start: {in_air: false, offset_m: [8, 6, 4]}
+vehicles:
+  - {id: 1, role: leader}
+  - id: 2
+    role: follower
+    endpoint: "udpin:127.0.0.1:14552"
+    autopilot: emulator
+    model: {tau_v_s: 4.0, tau_psi_s: 1.5, tau_ha_s: 1.0, tau_hb_s: 3.0, speed_min_mps: 16, speed_max_mps: 28,
+            accel_max_mps2: 1.5, turn_rate_max_rps: 0.25, climb_max_mps: 3.0}
+    navigation: {source: truth}
+    clock: {offset_s: 0.25, drift_ppm: 20}
+  - {id: 3}
+telemetry: {rate_hz: 10}
+formation:
+  shape: diamond
+  spacing_m: 30
+  frame: leader_heading
+  slots_m: {2: [-30, 30, 0], 3: [-30, -30, 0]}
+  changes: [{at_s: 60, shape: square}, {at_s: 90, shape: custom}]
+law:
+  type: fuzzy_pid
+  rate_hz: 10
+  delay_compensation: true
+  mixer: {k_v: 0.1, k_x: 1.0, k_psi: 0.1, k_y: 0.05, k_z: 1.0}
+  speed:   {kp: 3.0, ki: 0.8, kd: 6.5, error_scale: 1.0, rate_scale: 1.0}
+  fuzzy: {base: 0.7, span: 0.6, tables: printed}
+  consensus: {k1: 0.1, k2: 0.6, k3: 0.25, graph: [[0, 0, 0], [1, 0, 0], [1, 0, 0]]}
+path: {speed_mps: 22, waypoints_m: [[0, 0, 100], [1500, 0, 100], [3000, 700, 120]]}
+links:
+  default: {delay_ms: 0, jitter_ms: 0, loss: 0.0, uplink: {loss: 0.1}}
+  downlink: {delay_ms: 20}
+  changes: [{at_s: 40, vehicles: [2], delay_ms: 300}]
+disturbances: [{at_s: 60, vehicles: all, velocity_mps: [0.6, 0.6, 0.0]}]
+faults: [{at_s: 90, vehicles: [3], kind: crash}]
+expect:
+  - {metric: error_x_m.max, followers: all, from_s: 70, to_s: 120, below: 0.22}
+"""
+
+
+def test_two_required_keys_make_a_scenario(load):
+    scenario = load()
+    assert (scenario.schema_, scenario.seed, scenario.duration_s) == (1, 1, 120.0)
+    assert scenario.leader is scenario.vehicles[0]
+    assert [vehicle.vehicle_id for vehicle in scenario.followers] == [VehicleId(1, n) for n in (2, 3, 4)]
+    assert {vehicle.endpoint for vehicle in scenario.vehicles} == {"udpin:127.0.0.1:14550"}
+    assert scenario.law.type == "fuzzy_pid"
+    assert scenario.expect == ()
+
+
+def test_count_is_written_out_as_a_list_led_by_vehicle_1(load):
+    scenario = load("vehicles={count: 20, network: 2, model: {tau_v_s: 5}}")
+    assert [vehicle.vehicle_id for vehicle in scenario.vehicles] == [VehicleId(2, n) for n in range(1, 21)]
+    assert scenario.leader is scenario.vehicles[0]
+    assert len(scenario.followers) == 19
+    assert {vehicle.endpoint for vehicle in scenario.vehicles} == {"udpin:127.0.0.1:14551"}
+    assert {vehicle.model.tau_v_s for vehicle in scenario.vehicles} == {5.0}
+
+
+def test_a_list_without_a_leader_follows_a_virtual_one(load):
+    scenario = load("vehicles=[{id: 7}, {id: 8}]")
+    assert scenario.leader is None
+    assert len(scenario.followers) == 2
+
+
+@pytest.mark.parametrize(
+    ("frame", "gains"), [("follower_heading", (1.0, 0.6, 0.1)), ("leader_heading", (1.2, 0.5, 1.8))]
+)
+def test_heading_gains_default_by_the_frame_of_the_slots(load, frame, gains):
+    heading = load(f"formation.frame={frame}").law.heading
+    assert (heading.kp, heading.ki, heading.kd) == gains
+    assert (heading.error_scale, heading.rate_scale) == (0.1, 0.1)
+
+
+def test_a_given_gain_leaves_the_other_defaults_of_its_channel(load):
+    law = load("law.heading={kp: 0.5}", "law.height={kd: 1}").law
+    assert (law.heading.kp, law.heading.ki, law.heading.kd) == (0.5, 0.5, 1.8)
+    assert (law.height.kp, law.height.ki, law.height.kd, law.height.error_scale) == (2.0, 0.4, 1.0, 2.0)
+    assert (law.speed.kp, law.speed.ki, law.speed.kd, law.speed.rate_scale) == (3.0, 0.8, 6.5, 1.0)
+
+
+def test_the_run_in_is_longer_from_the_ground(load):
+    assert load().start.run_in_s == 60.0
+    assert load("start={in_air: true}").start.run_in_s == 10.0
+    assert load("start={in_air: true, run_in_s: 3}").start.run_in_s == 3.0
+
+
+def test_an_expectation_ends_with_the_run_and_a_change_keeps_the_spacing(load):
+    scenario = load(
+        "duration_s=90",
+        "expect=[{metric: settled_at_s, below: 20}]",
+        "formation={spacing_m: 40, changes: [{at_s: 5, shape: arrow}]}",
+    )
+    assert scenario.expect[0].to_s == 90.0
+    assert scenario.formation.changes[0].spacing_m == 40.0
+
+
+def test_the_name_defaults_to_the_file(tmp_path):
+    path = tmp_path / "hill-run.yaml"
+    path.write_text("vehicles: {count: 2}\npath: {waypoints_m: [[0, 0, 50], [900, 0, 50]]}\n")
+    assert load_scenario(path).name == "hill-run"
+
+
+def test_whole_numbers_stand_for_numbers(load):
+    assert load("law.rate_hz=50", "start.offset_m=[8, 6, 4]").start.offset_m == (8.0, 6.0, 4.0)
+
+
+def every_key() -> Scenario:
+    mapping = read_text(EVERY_KEY).data
+    return load_scenario(mapping, ["vehicles.1.model.climb_max_mps=9", "path.waypoints_m.2.2=100"])
+
+
+def test_every_key_is_read():
+    scenario = every_key()
+    assert scenario.vehicles[1].clock.offset_s == 0.25
+    assert scenario.formation.slots_m == {2: (-30.0, 30.0, 0.0), 3: (-30.0, -30.0, 0.0)}
+    assert scenario.law.consensus.graph == ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 0.0, 0.0))
+    assert scenario.faults[0].kind == "crash"
+    assert scenario.disturbances[0].velocity_mps == (0.6, 0.6, 0.0)
+
+
+def test_a_dumped_scenario_loads_back_equal(tmp_path):
+    scenario = every_key()
+    path = tmp_path / "run.yaml"
+    path.write_text(dump_scenario(scenario), encoding="utf-8")
+    assert load_scenario(path) == scenario
+    assert load_scenario(scenario) == scenario
+
+
+names = st.text(min_size=1, max_size=80).filter(str.isprintable)
+seconds = st.floats(1e-3, 1e6, allow_nan=False)
+
+
+@given(
+    names,
+    st.integers(0, 2**63 - 1),
+    seconds,
+    st.floats(0, 1),
+    st.integers(1, 12),
+    st.sampled_from(["all", [1]]),
+    st.floats(-1e3, 1e3),
+)
+def test_dump_and_load_is_the_identity(name, seed, duration, loss, count, vehicles, offset):
+    scenario = load_scenario(
+        {
+            "name": name,
+            "seed": seed,
+            "duration_s": duration,
+            "vehicles": {"count": count, "clock": {"offset_s": offset}},
+            "path": {"waypoints_m": [[0, 0, 100], [4000, 0, 100]]},
+            "links": {"changes": [{"at_s": duration, "vehicles": vehicles, "loss": loss}]},
+        }
+    )
+    assert load_scenario(read_text(dump_scenario(scenario)).data) == scenario
+
+
+def test_a_scenario_cannot_be_changed(load):
+    with pytest.raises(ValueError, match="frozen"):
+        load().path.speed_mps = 3.0
+
+
+def test_overrides_apply_to_a_scenario_too(load):
+    assert load_scenario(load(), ["seed=9"]).seed == 9
+
+
+def test_selected_vehicles_are_named_by_id_or_network_and_id(load):
+    scenario = load("vehicles=[{id: 1, role: leader}, {id: 2}, {id: 2, network: 2}]")
+    assert scenario.selected("all") == scenario.vehicles
+    assert scenario.selected((1, "2:2")) == (scenario.vehicles[0], scenario.vehicles[2])
+
+
+def test_what_is_not_available_is_refused_by_name(refusal):
+    assert refusal("law.type=consensus") == [
+        "law.type: found 'consensus', not available in this version; fuzzy_pid, pid"
+    ]
+    assert refusal("vehicles.2.autopilot=px4")[0].startswith(
+        "vehicles.2.autopilot: found 'px4', not available"
+    )
+    assert refusal("vehicles={count: 9, autopilot: arducopter}") == [
+        "vehicles.autopilot: found 'arducopter', not available in this version; emulator, arduplane"
+    ]
+
+
+def test_keys_beside_an_unavailable_navigation_are_not_called_unknown(refusal):
+    lines = refusal("vehicles.1.navigation={source: ins, grade: tactical}")
+    assert lines == ["vehicles.1.navigation.source: found 'ins', not available in this version; truth"]
+
+
+def test_one_error_carries_every_problem():
+    with pytest.raises(ScenarioError) as refused:
+        load_scenario({"vehicles": {"count": 0}, "path": {"speed": 3}, "seed": -1})
+    assert {problem.key for problem in refused.value.problems} == {
+        "seed",
+        "vehicles.count",
+        "path.speed",
+        "path.waypoints_m",
+    }

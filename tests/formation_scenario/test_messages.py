@@ -1,0 +1,111 @@
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from formation_scenario import ScenarioError, load_scenario
+from formation_scenario.errors import did_you_mean
+
+BASE = "vehicles: {count: 4}\npath: {waypoints_m: [[0, 0, 100], [4000, 0, 100]]}\n"
+JARGON = (
+    "Input should",
+    "valid integer",
+    "valid dictionary",
+    "type=",
+    "pydantic",
+    "Extra inputs",
+    "_parsing",
+)
+
+
+def message(tmp_path, text: str) -> str:
+    path = tmp_path / "a.yaml"
+    path.write_text(BASE + text)
+    with pytest.raises(ScenarioError) as refused:
+        load_scenario(path)
+    return str(refused.value).replace(str(path), "a.yaml")
+
+
+def test_a_wrong_word_names_file_line_column_key_choices_and_the_nearest(tmp_path):
+    assert message(tmp_path, "formation:\n  shape: diamnd\n") == (
+        "a.yaml:4:3: formation.shape: found 'diamnd'; allowed: follower, diamond, triangle, square, plus, "
+        "arrow, line, echelon, circle, custom (did you mean 'diamond'?)"
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (
+            "sede: 3\n",
+            "a.yaml:3:1: sede: found an unknown key 'sede'; allowed: schema, name, seed, duration_s,",
+        ),
+        ("finish: {loiter: 3}\n", "allowed: loiter_s (did you mean 'loiter_s'?)"),
+        ("seed: true\n", "a.yaml:3:1: seed: found true; allowed: a whole number >= 0"),
+        ("seed: 1.5\n", "seed: found 1.5; allowed: a whole number >= 0"),
+        ("duration_s: .inf\n", "duration_s: found .inf; allowed: a number > 0 and <= 1e+06"),
+        ("duration_s: 'long'\n", "duration_s: found 'long'; allowed: a number > 0"),
+        ("start: {in_air: 1}\n", "start.in_air: found 1; allowed: true or false"),
+        ("start: {offset_m: [1, 2]}\n", "start.offset_m: found [1, 2]; allowed: a list of 3 numbers"),
+        ("law: 3\n", "law: found 3; allowed: a mapping with type, rate_hz"),
+        ("law: {consensus: {graph: sta}}\n", "or a square list of weights >= 0 (did you mean 'star'?)"),
+        ("faults: [{at_s: 1, kind: crash, vehicles: [1.5]}]\n", "allowed: all, or a list of vehicle ids"),
+        ("faults: [{at_s: 1}]\n", "faults.0.kind: not found; allowed: crash, restart, freeze"),
+        ("disturbances: {at_s: 1}\n", "disturbances: found {at_s: 1}; allowed: a list"),
+        (
+            "formation: {slots_m: {x: [1, 2, 3]}}\n",
+            "formation.slots_m.x: found key 'x'; allowed: a vehicle's id",
+        ),
+        ("formation: {slots_m: {2: 1}}\n", "formation.slots_m.2: found 1; allowed: a list of 3 numbers"),
+        ("links: {default: {loss: 1.01}}\n", "links.default.loss: found 1.01; allowed: a number from 0 to 1"),
+        ("name: ''\n", "name: found ''; allowed: text of 1 to 80 printable characters"),
+        ("schema: 2\n", "schema: found 2; allowed: 1"),
+        ("expect: [{metric: error_x.max, below: 1}]\n", "(did you mean 'error_x_m.max'?)"),
+    ],
+)
+def test_what_was_found_and_what_is_allowed(tmp_path, text: str, expected: str):
+    assert expected in message(tmp_path, text)
+
+
+def test_more_vehicles_than_system_ids_are_sent_to_another_network(refusal):
+    assert "another `network`" in refusal("vehicles={count: 255}")[0]
+    assert "another `network`" in refusal("vehicles=[{id: 255}]")[0]
+
+
+def test_a_key_without_its_unit_is_offered_the_key_with_it():
+    assert did_you_mean("speed", ["seed", "spaced", "speed_mps"]) == " (did you mean 'speed_mps'?)"
+    assert did_you_mean("zzz", ["speed_mps"]) == ""
+
+
+junk = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=2),
+    max_leaves=5,
+)
+KEYS = (
+    "vehicles",
+    "path",
+    "law",
+    "links",
+    "formation",
+    "start",
+    "expect",
+    "faults",
+    "origin",
+    "name",
+    "safety",
+)
+
+
+@given(st.sampled_from(KEYS), junk, st.sampled_from([(), ("default",), ("changes",), ("speed",), ("model",)]))
+def test_junk_is_refused_in_the_users_words_or_taken_as_a_default(key, value, inner):
+    for name in reversed(inner):
+        value = {name: value}
+    scenario = {"vehicles": {"count": 2}, "path": {"waypoints_m": [[0, 0, 100], [4000, 0, 100]]}} | {
+        key: value
+    }
+    try:
+        load_scenario(scenario)
+    except ScenarioError as error:
+        for problem in error.problems:
+            assert problem.key
+            assert not any(jargon in problem.allowed for jargon in JARGON)

@@ -1,0 +1,61 @@
+"""The scheduler against the paper's tables and the corrected paper's golden values."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gcs_formation.control.fuzzy import FuzzyGainScheduler, rule_tables
+
+unit = st.floats(-1.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("error", "rate", "factors"),
+    [
+        (0.0, 0.0, (0.5, 1.0, 0.5)),
+        (0.6, -0.3, (0.6, 0.7, 0.44)),
+        (-0.8, 0.1, (0.2, 0.74, 0.56)),
+        (1.0, 1.0, (0.5, 0.5, 1.0)),
+    ],
+)
+def test_golden_values(error: float, rate: float, factors: tuple[float, float, float]) -> None:
+    assert FuzzyGainScheduler().infer(error, rate) == pytest.approx(factors, abs=1e-12)
+
+
+def test_rules_hold_at_the_centres_of_the_sets() -> None:
+    centres = np.linspace(-1, 1, 5)
+    error, rate = np.meshgrid(centres, centres)
+    assert FuzzyGainScheduler().infer(error, rate) == pytest.approx(rule_tables("printed"))
+
+
+def _triangles(value: float) -> np.ndarray:
+    return np.clip(1 - np.abs(np.clip(value, -1, 1) - np.linspace(-1, 1, 5)) / 0.5, 0, 1)
+
+
+@given(unit, unit)
+def test_equals_product_inference_with_weighted_average(error: float, rate: float) -> None:
+    weights = np.outer(_triangles(rate), _triangles(error))
+    expected = (weights[..., None] * rule_tables("printed")).sum(axis=(0, 1)) / weights.sum()
+    assert FuzzyGainScheduler().infer(error, rate) == pytest.approx(expected, abs=1e-12)
+
+
+@given(st.floats(allow_nan=False), st.floats(allow_nan=False))
+def test_factors_stay_between_zero_and_one_whatever_comes_in(error: float, rate: float) -> None:
+    factors = FuzzyGainScheduler().infer(error, rate)
+    assert ((factors >= 0) & (factors <= 1)).all()
+
+
+@given(unit, unit)
+def test_symmetric_tables_do_not_mind_the_sign(error: float, rate: float) -> None:
+    scheduler = FuzzyGainScheduler("symmetric")
+    assert scheduler.infer(error, rate) == pytest.approx(scheduler.infer(-error, -rate), abs=1e-12)
+
+
+def test_the_printed_tables_do_mind_it() -> None:
+    scheduler = FuzzyGainScheduler()
+    assert np.abs(scheduler.infer(1.0, -1.0) - scheduler.infer(-1.0, 1.0)).max() == 1.0
+
+
+def test_any_shape_goes_through() -> None:
+    assert FuzzyGainScheduler().infer(np.zeros((7, 3)), np.zeros((7, 3))).shape == (7, 3, 3)

@@ -1,0 +1,77 @@
+"""Formation errors and the slot's own motion, in both frames, against geometry and equation (8)."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gcs_formation.control.mixer import SlotFrame, SlotMotion, formation_error, slot_target
+from gcs_formation.estimation.flight_state import FlightState
+
+angle = st.floats(-math.pi, math.pi)
+offset = st.floats(-80.0, 80.0)
+
+
+def state(
+    north: float, east: float, height: float, speed: float, heading: float, wind: tuple[float, float] = (0, 0)
+) -> FlightState:
+    return FlightState(*(np.array([float(v)]) for v in (north, east, height, 0, speed, heading, *wind)))
+
+
+@given(angle, offset, offset, st.floats(-20, 20))
+def test_a_follower_in_its_slot_has_no_error(heading: float, forward: float, right: float, up: float) -> None:
+    north = forward * math.cos(heading) - right * math.sin(heading)
+    east = forward * math.sin(heading) + right * math.cos(heading)
+    slot = np.array([[forward, right, up]])
+    error = formation_error(state(0, 0, 100, 22, heading), state(north, east, 100 + up, 22, 0), slot, "leader_heading")
+    assert error == pytest.approx(np.zeros((1, 3)), abs=1e-9)
+
+
+def test_signs_are_actual_minus_commanded() -> None:
+    """A follower that is 2 m behind, 3 m left and 1 m below its slot has errors +2, +3, +1."""
+    slot = np.array([[-30.0, 30.0, 0.0]])
+    error = formation_error(state(0, 0, 100, 22, 0), state(-32, 27, 99, 22, 0), slot, "leader_heading")
+    assert error == pytest.approx(np.array([[2.0, 3.0, 1.0]]))
+
+
+@pytest.mark.parametrize("frame", ["leader_heading", "follower_heading"])
+@given(
+    heading=angle,
+    turn=st.floats(-0.06, 0.06),
+    forward=st.floats(-60.0, 0.0),
+    right=st.floats(-40.0, 40.0),
+    drift_north=st.floats(-1, 1),
+    drift_east=st.floats(-1, 1),
+)
+def test_the_slots_motion_keeps_the_follower_in_it(
+    frame: SlotFrame,
+    heading: float,
+    turn: float,
+    forward: float,
+    right: float,
+    drift_north: float,
+    drift_east: float,
+) -> None:
+    """Flying the target speed and heading, the errors' derivative by equation (8) is zero in a steady turn."""
+    speed, wind = 22.0, (0.4, -0.3)
+    slots = SlotMotion(np.array([[forward, right, 0.0]]), np.zeros((1, 3)))
+    leader = state(0, 0, 100, speed, heading, wind)
+    carried = (wind[0] + drift_north, wind[1] + drift_east)
+    follower_heading = heading
+    for _ in range(60):  # in the follower's frame the drift is turned by its own heading
+        follower = state(0, 0, 100, speed, follower_heading, carried)
+        target = slot_target(leader, follower, np.array([turn]), slots, frame)
+        follower_heading = float(target.heading_rad[0])
+    v2, psi2 = float(target.speed_mps[0]), follower_heading
+    relative = np.array(
+        [
+            speed * math.cos(heading) + wind[0] - v2 * math.cos(psi2) - carried[0],
+            speed * math.sin(heading) + wind[1] - v2 * math.sin(psi2) - carried[1],
+        ]
+    )
+    axis = heading if frame == "leader_heading" else psi2
+    rotation = np.array([[math.cos(axis), math.sin(axis)], [-math.sin(axis), math.cos(axis)]])
+    turning = turn * np.array([-right, forward])  # d/dt of a rotating frame, at (x_c, y_c) = (-forward, -right)
+    assert rotation @ relative + turning == pytest.approx(np.zeros(2), abs=2e-9)

@@ -1,0 +1,109 @@
+"""The prediction against a peer (scipy's integrator of equation (7)) and against itself."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from airlink.clock import NANOSECONDS
+from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Setpoints
+from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory, advance
+
+
+def column(*values: float) -> list[np.ndarray]:
+    return [np.array([float(value)]) for value in values]
+
+
+MODEL = AutopilotModel(*column(4.0, 1.5, 1.0, 3.0, 16.0, 28.0, 1.5, 0.25, 3.0))
+
+
+def derivative(_: float, y: Any, told: tuple[float, float, float]) -> list[float]:
+    north, east, height, climb, speed, heading = y
+    del north, east
+    error = (told[1] - heading + np.pi) % (2 * np.pi) - np.pi
+    return [
+        speed * np.cos(heading) + 0.7,
+        speed * np.sin(heading) - 0.4,
+        climb,
+        -(1 / 1.0 + 1 / 3.0) * climb + (told[2] - height) / 3.0,
+        np.clip((told[0] - speed) / 4.0, -1.5, 1.5),
+        np.clip(error / 1.5, -0.25, 0.25),
+    ]
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.floats(16, 28),
+    st.floats(-3, 3),
+    st.floats(-3.0, 3.0),
+    st.floats(16, 28),
+    st.floats(-0.5, 0.5),
+    st.floats(0.05, 0.3),
+)
+def test_equals_the_integrated_model(
+    speed: float, heading: float, climb_to: float, told_speed: float, turn: float, duration_s: float
+) -> None:
+    start = (10.0, -20.0, 100.0, 0.2, speed, heading)
+    told = (told_speed, heading + turn, 100.0 + climb_to)
+    peer = solve_ivp(derivative, (0, duration_s), start, args=(told,), rtol=1e-10, atol=1e-10, max_step=0.01).y[:, -1]
+    ours = advance(
+        FlightState(*column(*start, 0.7, -0.4)),
+        np.array(told)[None, :, None],
+        np.array([[duration_s]]),
+        MODEL,
+    )
+    assert [v[0] for v in (ours.north_m, ours.east_m, ours.height_m, ours.climb_mps)] == pytest.approx(
+        list(peer[:4]), abs=1e-4
+    )
+    assert [ours.airspeed_mps[0], ours.heading_rad[0]] == pytest.approx(list(peer[4:]), abs=1e-7)
+
+
+@given(st.floats(0.02, 2.0), st.floats(0.1, 0.9))
+def test_a_way_made_in_two_pieces_ends_at_the_same_place(duration_s: float, share: float) -> None:
+    state = FlightState(*column(0, 0, 100, 0.5, 20, 1.0, 1.0, 2.0))
+    told = np.array([24.0, 1.2, 101.0])[None, :, None]
+    whole = advance(state, told, np.array([[duration_s]]), MODEL)
+    first = advance(state, told, np.array([[duration_s * share]]), MODEL)
+    both = advance(first, told, np.array([[duration_s * (1 - share)]]), MODEL)
+    for name in ("north_m", "east_m", "height_m", "climb_mps", "airspeed_mps", "heading_rad"):
+        assert getattr(both, name) == pytest.approx(getattr(whole, name), abs=1e-4)
+
+
+def test_setpoints_act_when_they_arrive() -> None:
+    """The prediction through a history equals the pieces flown one after another."""
+    history = SetpointHistory(10.0)
+    told = [(22.0, 0.0, 100.0), (24.0, 0.1, 101.0), (20.0, 0.3, 99.0)]
+    for k, values in enumerate(told):
+        acts = np.array([round((0.1 * k + 0.3) * NANOSECONDS)])
+        history.add(SentSetpoints(acts, Setpoints(*column(*values))))
+    state = FlightState(*column(0, 0, 100, 0, 22, 0, 0, 0))
+    predicted = history.predict(
+        state,
+        np.array([round(0.25 * NANOSECONDS)]),
+        np.array([round(0.65 * NANOSECONDS)]),
+        np.array([0]),
+        MODEL,
+    )
+    for values, duration_s in zip(told, (0.15, 0.1, 0.15), strict=True):
+        state = advance(state, np.array(values)[None, :, None], np.array([[duration_s]]), MODEL)
+    for name in ("north_m", "east_m", "height_m", "airspeed_mps", "heading_rad"):
+        assert getattr(predicted, name) == pytest.approx(getattr(state, name), abs=1e-6)
+
+
+def test_untold_vehicles_fly_straight_on() -> None:
+    state = FlightState(*column(0, 0, 100, 1.0, 22, 0.5, 0, 0))
+    later = advance(state, np.full((1, 3, 1), np.nan), np.array([[2.0]]), MODEL)
+    assert later.heading_rad == pytest.approx([0.5])
+    assert later.airspeed_mps == pytest.approx([22.0])
+    assert later.north_m == pytest.approx([44.0 * np.cos(0.5)])
+
+
+def test_limits_hold() -> None:
+    state = FlightState(*column(0, 0, 100, 0, 16, 0, 0, 0))
+    later = advance(state, np.array([99.0, 3.0, 500.0])[None, :, None], np.array([[1.0]]), MODEL)
+    assert later.airspeed_mps == pytest.approx([17.5])
+    assert later.heading_rad == pytest.approx([0.25])
+    assert later.height_m[0] <= 103.0

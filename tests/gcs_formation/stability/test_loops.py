@@ -1,0 +1,197 @@
+"""Delay margins of the PID loops: golden values, and the boundary they mark in the time domain."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.linalg import expm
+
+from gcs_formation.stability import (
+    FIXED_GAINS,
+    MID_RANGE,
+    SMALL_SIGNAL,
+    Autopilot,
+    GainRange,
+    Loop,
+    LoopMargins,
+    Mixer,
+    PidGains,
+    delay_margin,
+    forward_plant,
+    height_plant,
+    loop_delay_s,
+    loop_margin,
+    predicted_mismatch_margin,
+    right_plant,
+    worst_loop_margin,
+)
+
+MIXER = Mixer(k_v=0.1, k_x=1.0, k_psi=0.1, k_y=0.05, k_z=1.0)
+AUTOPILOT = Autopilot(tau_v_s=4.0, tau_psi_s=1.5, tau_ha_s=1.0, tau_hb_s=3.0)
+RANGE = GainRange(base=0.7, span=0.6)
+CHANNELS = {
+    "x": (PidGains(3.0, 0.8, 6.5), forward_plant(MIXER, AUTOPILOT)),
+    "y": (PidGains(1.0, 0.6, 0.1), right_plant(MIXER, AUTOPILOT, 22.0, x_rc_m=60.0)),
+    "y in the leader's frame": (PidGains(1.2, 0.5, 1.8), right_plant(MIXER, AUTOPILOT, 22.0)),
+    "z": (PidGains(2.0, 0.4, 4.0), height_plant(MIXER, AUTOPILOT)),
+}
+
+
+@pytest.mark.parametrize(
+    ("channel", "outputs", "margin_s", "tolerance_s"),
+    [
+        ("x", MID_RANGE, 0.862581, 5e-7),
+        ("y", MID_RANGE, 0.779763, 5e-7),
+        ("z", MID_RANGE, 2.326, 5e-4),
+        ("x", SMALL_SIGNAL, 0.8688, 5e-5),
+        ("y", SMALL_SIGNAL, 0.7349, 5e-5),
+        ("y in the leader's frame", MID_RANGE, 1.226, 5e-4),
+        ("y in the leader's frame", SMALL_SIGNAL, 1.252, 5e-4),
+    ],
+)
+def test_golden_margins(channel, outputs, margin_s, tolerance_s):
+    assert loop_margin(*CHANNELS[channel], RANGE, outputs) == pytest.approx(margin_s, abs=tolerance_s)
+
+
+@pytest.mark.parametrize(
+    ("channel", "margin_s", "tolerance_s"),
+    [("x", 0.669, 5e-4), ("y", 0.584744, 5e-7), ("y in the leader's frame", 0.892, 5e-4)],
+)
+def test_golden_worst_margins_over_the_fuzzy_range(channel, margin_s, tolerance_s):
+    assert worst_loop_margin(*CHANNELS[channel], RANGE) == pytest.approx(margin_s, abs=tolerance_s)
+
+
+outputs_in_range = st.tuples(*[st.floats(0.0, 1.0)] * 3)
+
+
+@pytest.mark.parametrize("channel", CHANNELS)
+@given(outputs=outputs_in_range)
+@settings(max_examples=50, deadline=None)
+def test_no_gain_in_the_range_has_less_than_the_worst_margin(channel, outputs):
+    worst = worst_loop_margin(*CHANNELS[channel], RANGE)
+    assert loop_margin(*CHANNELS[channel], RANGE, outputs) >= worst - 1e-9
+
+
+@pytest.mark.parametrize("channel", CHANNELS)
+def test_nominal_gains_are_the_middle_of_the_range(channel):
+    assert worst_loop_margin(*CHANNELS[channel], FIXED_GAINS) == loop_margin(*CHANNELS[channel], FIXED_GAINS)
+    assert loop_margin(*CHANNELS[channel], RANGE, MID_RANGE) == pytest.approx(
+        loop_margin(*CHANNELS[channel], FIXED_GAINS), rel=1e-9
+    )
+
+
+def test_margin_of_an_integrator_is_a_quarter_period():
+    """L = k/s: crossover at k, a quarter turn left."""
+    lag_free = Loop(PidGains(2.0, 0.0, 0.0), right_plant(Mixer(0, 0, 0, 1.0, 0), Autopilot(1, 1e-9, 1, 1), 1.0))
+    assert delay_margin(lag_free.open_loop()) == pytest.approx(np.pi / 4.0, abs=1e-8)
+
+
+def test_open_loop_that_is_stable_stands_any_delay():
+    off = PidGains(0.0, 0.0, 0.0)
+    assert loop_margin(off, height_plant(MIXER, AUTOPILOT)) == np.inf
+    assert loop_margin(off, forward_plant(MIXER, AUTOPILOT)) == 0.0  # nothing holds the position
+
+
+def test_slot_ahead_of_the_leader_is_unstable_in_the_followers_frame():
+    gains, _ = CHANNELS["y"]
+    assert loop_margin(gains, right_plant(MIXER, AUTOPILOT, 22.0, x_rc_m=-30.0)) <= 0.0
+
+
+def test_followers_frame_gains_are_unstable_somewhere_in_the_leaders_frame():
+    gains, _ = CHANNELS["y"]
+    assert worst_loop_margin(gains, right_plant(MIXER, AUTOPILOT, 22.0), RANGE) < 0.0
+
+
+def test_unfiltered_derivative_of_a_proper_loop():
+    """High-frequency gain kd k_v/tau_v: below 1 a delay is stood, above 1 none is."""
+    plant = forward_plant(MIXER, AUTOPILOT)
+    limit = AUTOPILOT.tau_v_s / MIXER.k_v
+    assert loop_margin(PidGains(3.0, 0.8, 0.9 * limit, filter_s=0.0), plant) > 0.0
+    assert loop_margin(PidGains(3.0, 0.8, 1.1 * limit, filter_s=0.0), plant) == 0.0
+
+
+def test_loop_delay_counts_sampling_and_hold():
+    assert loop_delay_s(0.3, 0.3, 0.01, 10.0, 10.0) == pytest.approx(0.71)
+
+
+def test_least_margin_is_that_of_the_weakest_axis():
+    assert LoopMargins(0.9, 0.7, 2.3).least() == 0.7
+
+
+def simulate(loop: Loop, delay_s: float, predicted_s: float, duration_s: float = 120.0) -> float:
+    """Growth of the loop's response: its peak over the last fifth by that over the second fifth.
+
+    The PID acts on the state carried over `predicted_s` by a discrete convolution of the setpoints sent.
+    """
+    step = 0.01
+    steps, late, ahead = round(duration_s / step), round(delay_s / step), round(predicted_s / step)
+    state, drive, output = (np.array(part) for part in loop.plant)
+    exact = expm(np.block([[state, drive[:, None]], [np.zeros((1, 3))]]) * step)
+    advance, push = exact[:2, :2], exact[:2, 2]
+    kernel = np.array([np.linalg.matrix_power(advance, age) @ push for age in range(ahead)]).reshape(ahead, 2)
+    carry = np.linalg.matrix_power(advance, ahead)
+    setpoints = np.zeros(steps + ahead)  # newest last; padded with the zeros before the start
+    states = np.zeros((steps + 1, 2))
+    states[0] = 1.0, -1.0
+    pid, integral, slow = loop.pid, 0.0, 0.0
+    for now in range(steps):
+        sent = setpoints[now : now + ahead][::-1]
+        seen = carry @ states[max(now - late, 0)] * (now >= late) + sent @ kernel
+        error = -float(output @ seen)
+        integral += pid.ki * error * step
+        rate = (error - slow) / pid.filter_s
+        slow += rate * step
+        setpoints[now + ahead] = pid.kp * error + integral + pid.kd * rate
+        applied = setpoints[now + ahead]
+        states[now + 1] = advance @ states[now] + push * applied
+    size = np.abs(states @ output)
+    fifth = steps // 5
+    return float(size[-fifth:].max() / size[fifth : 2 * fifth].max())
+
+
+@pytest.mark.parametrize("channel", CHANNELS)
+def test_loop_decays_below_its_margin_and_grows_above(channel):
+    gains, plant = CHANNELS[channel]
+    margin = loop_margin(gains, plant)
+    assert simulate(Loop(gains, plant), 0.93 * margin, 0.0) < 1.0
+    assert simulate(Loop(gains, plant), 1.07 * margin, 0.0) > 1.0
+
+
+@pytest.mark.parametrize("channel", CHANNELS)
+def test_without_prediction_the_mismatch_margin_is_the_delay_margin(channel):
+    gains, plant = CHANNELS[channel]
+    assert predicted_mismatch_margin(Loop(gains, plant), 0.0).longer_s == pytest.approx(
+        loop_margin(gains, plant), rel=1e-9
+    )
+
+
+@pytest.mark.parametrize(
+    ("channel", "nominal_s"), [("x", 0.6), ("x", 1.5), ("y", 0.6), ("y in the leader's frame", 0.6)]
+)
+def test_predicted_loop_stands_its_nominal_delay_and_mismatch_up_to_the_margin(channel, nominal_s):
+    loop = Loop(*CHANNELS[channel])
+    margin = predicted_mismatch_margin(loop, nominal_s)
+    shorter = max(margin.shorter_s, -nominal_s)
+    assert simulate(loop, nominal_s, nominal_s) < 0.5
+    assert simulate(loop, nominal_s + 0.75 * margin.longer_s, nominal_s) < 1.0
+    assert simulate(loop, nominal_s + 0.75 * shorter, nominal_s) < 1.0
+    assert simulate(loop, nominal_s + 1.3 * margin.longer_s, nominal_s) > 1.0
+    if np.isfinite(margin.shorter_s):
+        assert simulate(loop, nominal_s + 1.3 * margin.shorter_s, nominal_s) > 1.0
+
+
+def test_prediction_trades_margin_against_mismatch_for_the_longer_delay():
+    """The x loop stands 0.86 s without prediction; predicted over 1.5 s it stands the delay, within 52 ms."""
+    loop = Loop(*CHANNELS["x"])
+    assert predicted_mismatch_margin(loop, 0.6).least() == pytest.approx(0.13787, abs=1e-5)
+    assert predicted_mismatch_margin(loop, 1.5).least() == pytest.approx(0.05158, abs=1e-5)
+
+
+def test_prediction_saves_no_loop_that_is_unstable_without_delay():
+    gains, _ = CHANNELS["y"]
+    assert predicted_mismatch_margin(Loop(gains, right_plant(MIXER, AUTOPILOT, 22.0, -30.0)), 0.3) == (
+        0.0,
+        0.0,
+    )

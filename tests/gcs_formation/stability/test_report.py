@@ -1,0 +1,66 @@
+"""Delay margins of whole scenarios: the published figures, from the keys that a user writes."""
+
+from __future__ import annotations
+
+import pytest
+
+from airlink.identity import VehicleId
+from formation_scenario import load_scenario
+from gcs_formation.stability import scenario_margins
+
+
+def margins(frame="follower_heading", law="fuzzy_pid", model=None):
+    slots = {2: [-30, -30, 0], 3: [-30, 30, 0], 4: [-60, 0, 0]}
+    path = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [3000, 0, 100]]}
+    vehicles = [
+        {"id": 1, "role": "leader"},
+        {"id": 2},
+        {"id": 3},
+        {"id": 4, **({"model": model} if model else {})},
+    ]
+    formation = {"shape": "custom", "frame": frame, "slots_m": slots}
+    return scenario_margins(
+        load_scenario({"schema": 1, "vehicles": vehicles, "path": path, "formation": formation, "law": {"type": law}})
+    )
+
+
+def test_golden_margins_in_the_followers_frame():
+    found = margins().least
+    assert (found.small_signal.x_s, found.small_signal.y_s) == pytest.approx((0.8688, 0.7349), abs=5e-5)
+    assert (found.worst.x_s, found.worst.y_s) == pytest.approx((0.669424, 0.584744), abs=5e-7)
+
+
+def test_golden_margins_in_the_leaders_frame_with_its_own_heading_gains():
+    found = margins(frame="leader_heading").least
+    assert (found.small_signal.y_s, found.worst.y_s) == pytest.approx((1.252, 0.892), abs=5e-4)
+
+
+def test_fixed_gains_are_the_nominal_ones():
+    found = margins(law="pid").least
+    assert found.worst == found.small_signal
+    assert (found.worst.x_s, found.worst.y_s, found.worst.z_s) == pytest.approx(
+        (0.862581, 0.779763, 2.326183), abs=5e-7
+    )
+
+
+def test_slots_of_the_whole_run_count():
+    """The column behind the leader grows from one spacing to three: x_rc 30 m, later 90 m."""
+    path = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [6000, 0, 100]]}
+    scenario = {"vehicles": {"count": 2}, "path": path}
+    formation = {"shape": "follower", "frame": "follower_heading", "spacing_m": 30}
+    changes = [{"at_s": 40, "shape": "follower", "spacing_m": 90}]
+    near, far, both = (
+        scenario_margins(load_scenario(scenario | {"formation": formation | more})).least.worst.y_s
+        for more in ({}, {"spacing_m": 90}, {"changes": changes})
+    )
+    assert both == far < near
+
+
+def test_weakest_follower_decides():
+    """A slot farther behind has less margin in y (follower's frame); another autopilot, another one in x."""
+    found = margins(model={"tau_v_s": 2.0})
+    y = [found.followers[VehicleId(1, number)].worst.y_s for number in (2, 3, 4)]
+    assert y[0] == y[1] > y[2] == found.least.worst.y_s
+    x = [found.followers[VehicleId(1, number)].worst.x_s for number in (2, 3, 4)]
+    assert x[0] == x[1] != x[2]
+    assert min(x) == found.least.worst.x_s
