@@ -154,22 +154,24 @@ def _units_in_si(source: Layout, count: int) -> list[float | None] | None:
 def _fit(source: Layout, place: int) -> Convert:
     """Return what makes any value of a field one that can be packed."""
     kind, array = source.types[place], source.array_lengths[place]
-    units = 1 / (_scale(source, place) or 1.0)
+    scale = _scale(source, place)
     if kind == "char":
         return lambda text: text.encode("utf-8", "replace")[:array]
     if array:
         return lambda values: [_nearest_float32(value) for value in (*values, *[0.0] * array)[:array]]
     if _is_float(source, place):
-        return lambda value: _nearest_float32(value * units)
+        return _nearest_float32 if scale in {None, 1.0} else lambda value: _nearest_float32(value / scale)
     low, high = _RANGES[kind]
-    if _scale(source, place) is None:
-        return lambda value: int(min(max(value, low), high))
+    if scale is None:
+        return lambda value: value if low <= value <= high else int(min(max(value, low), high))
     unknown = high if high == _UNKNOWN_UINT16 else 0
-    return lambda value: unknown if math.isnan(value) else round(min(max(value * units, low), high))
+    return lambda value: unknown if math.isnan(value) else round(min(max(value / scale, low), high))
 
 
 def _nearest_float32(value: float) -> float:
-    return min(max(value, -_FLOAT32_MAX), _FLOAT32_MAX) if math.isfinite(value) else value
+    if -_FLOAT32_MAX <= value <= _FLOAT32_MAX or not math.isfinite(value):
+        return value
+    return math.copysign(_FLOAT32_MAX, value)
 
 
 def _scatter(source: Layout, count: int) -> Scatter:

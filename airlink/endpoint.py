@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -10,11 +11,12 @@ from airlink.errors import EndpointError
 MAX_PORT = 65535
 ANY_HOST = "0.0.0.0"
 LOOPBACK = "127.0.0.1"
+_HOST = re.compile(r"([A-Za-z0-9_-]{1,63}\.)*[A-Za-z0-9_-]{1,63}")
 SYNTAX = "udpin:HOST:PORT, udpout:HOST:PORT or udp:HOST:PORT"
 
 
 class Address(NamedTuple):
-    """An IPv4 host and a UDP port."""
+    """An IPv4 host, by number or name, and a UDP port."""
 
     host: str
     port: int
@@ -53,7 +55,7 @@ def parse_endpoint(text: str) -> Endpoint:
     host, _, port_text = rest.removeprefix("//").rpartition(":")
     if kind not in {"udp", "udpin", "udpout"}:
         raise EndpointError(f"connection string '{text}': found '{kind}'; allowed: {SYNTAX}")
-    if not host or not (port_text.isascii() and port_text.isdigit()):
+    if not _HOST.fullmatch(host) or not (port_text.isascii() and port_text.isdigit()):
         raise EndpointError(f"connection string '{text}': host and port not found; allowed: {SYNTAX}")
     port = int(port_text)
     if not 1 <= port <= MAX_PORT:

@@ -11,3 +11,7 @@ class EndpointError(AirlinkError):
 
 class PortError(AirlinkError):
     """A local address that can't be opened: taken, forbidden or not of this machine."""
+
+
+class ImpairmentError(AirlinkError):
+    """A setting of an impaired link that isn't allowed."""

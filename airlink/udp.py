@@ -42,6 +42,19 @@ def open_socket(endpoint: Endpoint) -> socket.socket:
     return opened
 
 
+def select_for(selector: selectors.BaseSelector, wait_s: float) -> list[tuple[selectors.SelectorKey, int]]:
+    """Return what is ready, after `wait_s` at the latest.
+
+    The selector rounds its time-out up to milliseconds; the last one is slept away instead.
+    """
+    coarse_s = max(0.0, wait_s - SELECTOR_RESOLUTION_S)
+    ready = selector.select(coarse_s)
+    if not ready and wait_s > 0 and coarse_s == 0.0:
+        time.sleep(wait_s)
+        ready = selector.select(0)
+    return ready
+
+
 class UdpDriver:
     """Moves an engine's datagrams through sockets and wakes it for its timer, in the calling thread."""
 
@@ -92,18 +105,10 @@ class UdpDriver:
             self._send()
 
     def _wait(self) -> None:
-        """Sleep until a datagram or the timer comes, and take in what has arrived.
-
-        The selector's time-out is rounded up to milliseconds; the last one is slept away instead.
-        """
+        """Sleep until a datagram or the timer comes, and take in what has arrived."""
         timer = self._engine.next_timer()
         wait_s = IDLE_WAIT_S if timer is None else min(self._clock.wall_seconds_until(timer), IDLE_WAIT_S)
-        coarse_s = max(0.0, wait_s - SELECTOR_RESOLUTION_S)
-        ready = self._selector.select(coarse_s)
-        if not ready and wait_s > 0 and coarse_s == 0.0:
-            time.sleep(wait_s)
-            ready = self._selector.select(0)
-        for key, _ in ready:
+        for key, _ in select_for(self._selector, wait_s):
             self._drain(key.data)
 
     def _drain(self, index: int) -> None:

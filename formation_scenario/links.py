@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from typing import Annotated, Literal, NamedTuple
 
 from pydantic import Field
 
-from formation_scenario.fields import Fraction, Keys, NonNegative, Timed
+from formation_scenario.fields import Flag, Fraction, Keys, NonNegative, Number, Text, Timed
 
 Distribution = Literal["normal", "uniform", "pareto"]
+Burst = Annotated[Number, Field(ge=1.0, le=1e6)]
 Milliseconds = Annotated[NonNegative, Field(le=600_000.0)]
 
 
@@ -22,6 +24,17 @@ class Impairment(Keys):
     loss: Fraction = Field(default=0.0, description="probability that a datagram is lost")
     duplicate: Fraction = Field(default=0.0, description="probability that a datagram arrives twice")
     rate_kbps: NonNegative = Field(default=0.0, description="data rate, kbit/s; 0: unlimited")
+    queue_ms: Milliseconds = Field(default=1000.0, description="longest wait for the data rate, ms; more is dropped")
+    mean_burst: Burst | None = Field(
+        default=None, description="mean number of datagrams lost in a row; without it each is lost on its own"
+    )
+    reorder: Flag = Field(default=True, description="whether datagrams may overtake each other")
+    outage: Flag = Field(default=False, description="whether everything is lost")
+    trace_file: Text | None = Field(
+        default=None,
+        description="recorded delays, ms, a number a line, added to delay_ms instead of jitter, one after the other "
+        "and over again; a path from the scenario's file",
+    )
 
 
 class ImpairmentPatch(Keys):
@@ -33,6 +46,11 @@ class ImpairmentPatch(Keys):
     loss: Fraction | None = None
     duplicate: Fraction | None = None
     rate_kbps: NonNegative | None = None
+    queue_ms: Milliseconds | None = None
+    mean_burst: Burst | None = None
+    reorder: Flag | None = None
+    outage: Flag | None = None
+    trace_file: Text | None = None
 
 
 class DefaultLink(Impairment):
@@ -64,6 +82,11 @@ class LinkStep(NamedTuple):
     at_s: float
     uplink: Impairment
     downlink: Impairment
+
+
+def least_mean_burst(loss: float) -> float:
+    """Return the shortest mean burst with which `loss` (0 to 1) can be: one arrival between any two bursts."""
+    return max(1.0, loss / (1.0 - loss)) if loss < 1.0 else math.inf
 
 
 def link_steps(links: Links, changes: Iterable[LinkChange]) -> tuple[LinkStep, ...]:

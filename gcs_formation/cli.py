@@ -134,7 +134,9 @@ def _fly(flown: Flown, clock: ClockName, given: _Given) -> int:
     with Interrupts() as interrupts:
         try:
             summary = flown(loaded, options, shown, interrupts)
-        except (RunAbortedError, RecordError) as error:
+        except RecordError as error:
+            return _say(str(error), BAD_USAGE)
+        except RunAbortedError as error:
             return _interrupted(options) if interrupts.count else _say(str(error), COULD_NOT_GO_ON)
         finally:
             if isinstance(shown, ProgressLine):

@@ -68,7 +68,9 @@ class Station:
         planned = ([scenario.leader] if scenario.leader else []) + list(scenario.followers)
         texts = list(dict.fromkeys(vehicle.endpoint for vehicle in planned))
         self._endpoints = tuple(parse_endpoint(text) for text in texts)
-        self._networks = {texts.index(vehicle.endpoint): vehicle.network for vehicle in planned}
+        networks = {vehicle.endpoint: vehicle.network for vehicle in planned}
+        self.networks = tuple(networks[text] for text in texts)
+        """The MAVLink network that each socket hears."""
         origin = scenario.origin
         place = GeodeticOrigin(math.radians(origin.lat_deg), math.radians(origin.lon_deg), origin.alt_m)
         self.vehicles = {
@@ -106,7 +108,7 @@ class Station:
     def receive(self, datagram: Datagram, now: Instant) -> None:
         """Take a datagram: frames to the vehicles they are from, others counted."""
         for frame in self._receiver.frames(datagram):
-            identity = VehicleId(self._networks[datagram.socket], frame.system)
+            identity = VehicleId(self.networks[datagram.socket], frame.system)
             vehicle = self.vehicles.get(identity)
             self._recorder.frame(now, frame.raw)
             if vehicle is None:

@@ -52,7 +52,7 @@ def _run_virtual(scenario: Scenario, options: RunOptions, progress: Progress, in
         fleet = Fleet(fleet_config(scenario), truth=writer)
         try:
             network.attach(fleet)
-            network.attach(session.timed)
+            network.attach(session.engine)
         except PortError as error:
             raise RunAbortedError(str(error)) from error
         network.run(session.over)
@@ -64,7 +64,7 @@ def _run_real(scenario: Scenario, options: RunOptions, progress: Progress, inter
     clock = RealClock(options.speedup)
     session = open_session(scenario, options, clock, progress, interrupts)
     try:
-        with UdpDriver(session.timed, clock) as driver, _Emulators(options, clock) as emulators:
+        with UdpDriver(session.engine, clock) as driver, _Emulators(options, clock) as emulators:
             driver.run(_watch(session, emulators))
     except PortError as error:
         session.recorder.close()

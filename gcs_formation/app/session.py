@@ -9,9 +9,11 @@ from typing import Protocol
 import numpy as np
 
 from airlink.clock import NANOSECONDS, Clock, VirtualClock
+from airlink.engine import Engine
 from airlink.identity import VehicleId
 from formation_scenario import Scenario
 from gcs_formation.app.interrupt import Interrupts
+from gcs_formation.app.links import impair, injected
 from gcs_formation.app.options import RunOptions
 from gcs_formation.app.timing import TimedStation
 from gcs_formation.errors import RunAbortedError
@@ -54,6 +56,8 @@ class Session:
     def __post_init__(self) -> None:
         """Begin the wall's time."""
         self.timed = TimedStation(self.station)
+        self._links = impair(self.scenario, self.station, self.timed)
+        self.engine: Engine = self._links or self.timed
         self._began = time.perf_counter()
         self._shown = self._began
 
@@ -102,6 +106,7 @@ class Session:
     def _link(self, identity: VehicleId) -> LinkFigures:
         vehicle = self.station.vehicles[identity]
         began = self.station.flight.path_began
+        delay_s, loss = injected(self._links.statistics(identity)) if self._links else (0.0, 0.0)
         times = np.array([instant for instant, _ in vehicle.delays], dtype=np.float64)
         return LinkFigures(
             delays_s=np.array([delay_s for _, delay_s in vehicle.delays]),
@@ -110,6 +115,8 @@ class Session:
             frames_in=vehicle.frames_in,
             frames_out=vehicle.frames_out,
             frames_bad=self.station.bad_frames(identity),
+            injected_delay_s=delay_s,
+            injected_loss=loss,
         )
 
     def _worst_loop_delay_s(self) -> float | None:

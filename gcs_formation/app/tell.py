@@ -14,9 +14,18 @@ def summary_text(summary: Summary, directory: Path) -> str:
     """Return the run's figures as a table, its verdicts and where its files are."""
     figures = summary.to_dict()
     lines = [_headline(figures), *_follower_rows(figures), _safety(figures)]
-    lines += [f"expect {verdict}" for verdict in summary.verdicts]
+    lines += _verdicts(summary)
     lines += [f"safety broken: {breach}" for breach in summary.breaches]
     return "\n".join([*lines, f"recorded in {directory}"])
+
+
+def _verdicts(summary: Summary) -> list[str]:
+    """Return a line for each expectation, or for what didn't hold and a count of the rest where there are many."""
+    if len(summary.verdicts) <= MOST_ROWS:
+        return [f"expect {verdict}" for verdict in summary.verdicts]
+    held = sum(verdict.held is True for verdict in summary.verdicts)
+    others = [f"expect {verdict}" for verdict in summary.verdicts if verdict.held is not True]
+    return [*others[:MOST_ROWS], f"expect: {held} of {len(summary.verdicts)} held"]
 
 
 def _headline(figures: dict[str, Any]) -> str:

@@ -45,7 +45,9 @@ class RunDirectory:
             self._events = (path / EVENTS).open("w", encoding="utf-8")
             self._spool = TickSpool(path / SPOOL, columns)
         except OSError as error:
-            raise RecordError(f"cannot write the run directory {path}: {error.strerror}") from error
+            raise RecordError(
+                f"cannot write the run directory {path}: {error.strerror}; allowed: a directory that can be written"
+            ) from error
         self._next_flush = Instant(0)
 
     def frame(self, now: Instant, raw: bytes) -> None:

@@ -1,0 +1,122 @@
+"""Puts impaired links between an engine and the vehicles it talks to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+from airlink.clock import Instant
+from airlink.delay_queue import DelayQueue
+from airlink.endpoint import Address, Endpoint
+from airlink.engine import Datagram, Engine
+from airlink.frame import first_system
+from airlink.identity import VehicleId
+from airlink.impairment import Channel, ChannelStatistics, Direction, Impairment, link_stream
+
+Schedule = Callable[[VehicleId, Instant], tuple[Impairment, Impairment]]
+"""Returns what the uplink and the downlink of a vehicle are like at an instant."""
+
+
+class LinkStatistics(NamedTuple):
+    """What was done to both directions of a vehicle's link."""
+
+    uplink: ChannelStatistics
+    downlink: ChannelStatistics
+
+
+class ImpairedEngine:
+    """An engine, seen through its vehicles' impaired links; itself an engine for any driver.
+
+    A datagram from a vehicle is known by its first frame's system id and its socket's network; one to a
+    vehicle by the address that the vehicle was last heard from. What belongs to no vehicle passes as it is.
+    """
+
+    def __init__(self, engine: Engine, network_of_socket: Sequence[int], schedule: Schedule, seed: int) -> None:
+        """Put links that follow `schedule` before `engine`, whose socket s hears `network_of_socket[s]`."""
+        self._engine = engine
+        self._network_of_socket = network_of_socket
+        self._schedule = schedule
+        self._seed = seed
+        self._channels: dict[VehicleId, tuple[Channel, Channel]] = {}
+        self._vehicle_at: dict[tuple[int, Address], VehicleId] = {}
+        self._under_way = DelayQueue[tuple[Direction, Datagram]]()
+        self._outbox: list[Datagram] = []
+        self._now = Instant(0)
+
+    def endpoints(self) -> tuple[Endpoint, ...]:
+        """Return the engine's sockets."""
+        return self._engine.endpoints()
+
+    def receive(self, datagram: Datagram, now: Instant) -> None:
+        """Let a datagram on its way to the engine."""
+        self._move_to(now)
+        vehicle = self._sender(datagram)
+        if vehicle is None:
+            self._engine.receive(datagram, now)
+            return
+        for delivery in self._pass_on(vehicle, Direction.DOWNLINK, datagram):
+            if delivery <= now:
+                self._engine.receive(datagram, now)
+            else:
+                self._under_way.push(delivery, (Direction.DOWNLINK, datagram))
+
+    def datagrams_to_send(self) -> list[Datagram]:
+        """Return what has come through the uplinks by now."""
+        for datagram in self._engine.datagrams_to_send():
+            vehicle = self._vehicle_at.get(datagram[:2])
+            if vehicle is None:
+                self._outbox.append(datagram)
+                continue
+            for delivery in self._pass_on(vehicle, Direction.UPLINK, datagram):
+                if delivery <= self._now:
+                    self._outbox.append(datagram)
+                else:
+                    self._under_way.push(delivery, (Direction.UPLINK, datagram))
+        sent, self._outbox = self._outbox, []
+        return sent
+
+    def next_timer(self) -> Instant | None:
+        """Return when the engine's timer is due or a datagram comes through, whichever is first."""
+        timers = [timer for timer in (self._engine.next_timer(), self._under_way.next()) if timer is not None]
+        return min(timers, default=None)
+
+    def handle_timer(self, now: Instant) -> None:
+        """Hand on what has come through; then let the engine do what is due."""
+        self._move_to(now)
+        timer = self._engine.next_timer()
+        if timer is not None and timer <= now:
+            self._engine.handle_timer(now)
+
+    def statistics(self, vehicle: VehicleId) -> LinkStatistics:
+        """Return what was done to a vehicle's datagrams so far, nothing for one that was never heard."""
+        uplink, downlink = self._channels_of(vehicle)
+        return LinkStatistics(uplink.statistics, downlink.statistics)
+
+    def _move_to(self, now: Instant) -> None:
+        self._now = max(self._now, now)
+        for direction, datagram in self._under_way.pop_due(now):
+            if direction is Direction.DOWNLINK:
+                self._engine.receive(datagram, now)
+            else:
+                self._outbox.append(datagram)
+
+    def _sender(self, datagram: Datagram) -> VehicleId | None:
+        """Return the vehicle that a datagram comes from, and remember where it can be reached."""
+        remote = datagram[:2]
+        system = first_system(datagram.data)
+        if system is None:
+            return self._vehicle_at.get(remote)
+        vehicle = VehicleId(self._network_of_socket[datagram.socket], system)
+        self._vehicle_at[remote] = vehicle
+        return vehicle
+
+    def _pass_on(self, vehicle: VehicleId, direction: Direction, datagram: Datagram) -> list[Instant]:
+        impairment = self._schedule(vehicle, self._now)[direction]
+        return self._channels_of(vehicle)[direction].pass_on(len(datagram.data), self._now, impairment)
+
+    def _channels_of(self, vehicle: VehicleId) -> tuple[Channel, Channel]:
+        channels = self._channels.get(vehicle)
+        if channels is None:
+            uplink, downlink = (Channel(link_stream(self._seed, vehicle, way)) for way in Direction)
+            channels = self._channels[vehicle] = (uplink, downlink)
+        return channels

@@ -1,0 +1,235 @@
+"""What a link does to datagrams: delay, jitter, loss, duplication, a limited rate. Pure and seeded.
+
+Sources: Gilbert (1960), "Capacity of a burst-noise channel", for losses in bursts; tc-netem(8) for the
+Pareto distribution's shape.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import IntEnum
+from functools import cached_property
+from statistics import NormalDist
+from typing import Final, Literal, NamedTuple
+
+import numpy as np
+
+from airlink.clock import Instant, after, seconds_between
+from airlink.identity import VehicleId
+
+Distribution = Literal["normal", "uniform", "pareto", "trace"]
+
+_NORMAL = NormalDist()
+_UNIFORM_HALF_WIDTH: Final = math.sqrt(3.0)
+_PARETO_SHAPE: Final = 3.0
+_PARETO_SCALE: Final = 2.0 / math.sqrt(3.0)
+"""Smallest value of a Pareto variate of that shape whose standard deviation is 1."""
+_PARETO_MEAN: Final = 1.5 * _PARETO_SCALE
+_LARGEST_BELOW_1: Final = 1.0 - 2.0**-53
+_SMALLEST: Final = 2.0**-60
+
+
+class Standard(NamedTuple):
+    """A distribution of mean 0 and standard deviation 1: what its share below x is, and the reverse."""
+
+    cdf: Callable[[float], float]
+    quantile: Callable[[float], float]
+
+
+def _uniform_cdf(x: float) -> float:
+    return min(max((x / _UNIFORM_HALF_WIDTH + 1.0) / 2.0, 0.0), 1.0)
+
+
+def _uniform_quantile(share: float) -> float:
+    return (2.0 * share - 1.0) * _UNIFORM_HALF_WIDTH
+
+
+def _pareto_cdf(x: float) -> float:
+    return 1.0 - (_PARETO_SCALE / max(x + _PARETO_MEAN, _PARETO_SCALE)) ** _PARETO_SHAPE
+
+
+def _pareto_quantile(share: float) -> float:
+    return _PARETO_SCALE * (1.0 - share) ** (-1.0 / _PARETO_SHAPE) - _PARETO_MEAN
+
+
+STANDARD: Final = {
+    "normal": Standard(_NORMAL.cdf, _NORMAL.inv_cdf),
+    "uniform": Standard(_uniform_cdf, _uniform_quantile),
+    "pareto": Standard(_pareto_cdf, _pareto_quantile),
+}
+
+
+@dataclass(frozen=True)
+class Impairment:
+    """What happens to the datagrams of one direction of one link.
+
+    A delay is `delay_s` plus a variate of mean 0 and standard deviation `jitter_s`, its distribution cut
+    off where the delay would be negative and scaled up above, so the mean grows as more is cut off.
+    """
+
+    delay_s: float = 0.0
+    jitter_s: float = 0.0
+    distribution: Distribution = "normal"
+    """`trace`: the recorded delays `trace_s`, one after the other and over again, are added to `delay_s`."""
+    trace_s: tuple[float, ...] = ()
+    loss: float = 0.0
+    """Probability that a datagram is lost on its way, 0 to 1."""
+    mean_burst: float | None = None
+    """Mean number of datagrams lost in a row, at least 1 and loss / (1 - loss); None: each on its own."""
+    duplicate: float = 0.0
+    """Probability that a datagram arrives twice, each copy with a delay of its own."""
+    rate_bps: float = 0.0
+    """Bits of UDP payload that go through in a second; 0: no limit."""
+    queue_s: float = 1.0
+    """How long a datagram waits for its turn at most; one that would have to wait longer is dropped."""
+    reorder: bool = True
+    """Whether a datagram may overtake another, or is held back until those before it have arrived."""
+    outage: bool = False
+    """Whether everything is lost."""
+
+    @cached_property
+    def transparent(self) -> bool:
+        """Whether datagrams pass as if there were nothing."""
+        return self == Impairment()
+
+    @cached_property
+    def loss_after(self) -> tuple[float, float]:
+        """Probability that a datagram is lost, after one that arrived and after one that was lost."""
+        if self.mean_burst is None or self.loss in {0.0, 1.0}:
+            return self.loss, self.loss
+        odds = self.loss / (1.0 - self.loss)
+        burst = max(self.mean_burst, odds, 1.0)
+        return odds / burst, 1.0 - 1.0 / burst
+
+    def delay_of(self, share: float, number: int) -> float:
+        """Return the delay (s) below which `share` (0 to 1) of all lie, or the trace's for datagram `number`."""
+        if self.distribution == "trace":
+            return self.delay_s + (self.trace_s[number % len(self.trace_s)] if self.trace_s else 0.0)
+        if self.jitter_s == 0.0:
+            return self.delay_s
+        share = self._share_below_zero + (1.0 - self._share_below_zero) * share
+        variate = STANDARD[self.distribution].quantile(min(max(share, _SMALLEST), _LARGEST_BELOW_1))
+        return max(0.0, self.delay_s + self.jitter_s * variate)
+
+    @cached_property
+    def _share_below_zero(self) -> float:
+        return STANDARD[self.distribution].cdf(-self.delay_s / self.jitter_s)
+
+
+UNIMPAIRED: Final = Impairment()
+
+
+class Direction(IntEnum):
+    """One way of a vehicle's link."""
+
+    UPLINK = 0
+    """Ground station to vehicle."""
+    DOWNLINK = 1
+
+
+_LINKS: Final = int.from_bytes(b"links", "big")
+"""Sets the links' random numbers apart from whatever else a run's seed is for."""
+
+
+def link_stream(seed: int, vehicle: VehicleId, direction: Direction) -> np.random.SeedSequence:
+    """Return where the random numbers of one direction of one link come from, independent of all others."""
+    return np.random.SeedSequence(seed, spawn_key=(_LINKS, vehicle.network, vehicle.system, direction))
+
+
+@dataclass
+class ChannelStatistics:
+    """What a channel has done so far."""
+
+    datagrams: int = 0
+    """Sent into it."""
+    lost: int = 0
+    delivered: int = 0
+    """Come out of it, both copies of duplicated ones counted."""
+    total_delay_s: float = 0.0
+
+    @property
+    def loss(self) -> float:
+        """Share of the datagrams that were lost, 0 to 1."""
+        return self.lost / self.datagrams if self.datagrams else 0.0
+
+    @property
+    def mean_delay_s(self) -> float:
+        """Mean delay of those that came out, waiting for the limited rate included; NaN when none did."""
+        return self.total_delay_s / self.delivered if self.delivered else math.nan
+
+
+class Channel:
+    """One direction of one link.
+
+    The n-th datagram meets the n-th random numbers of its stream whatever the impairment was and is, so
+    runs that differ in an impairment alone can be compared datagram by datagram.
+    """
+
+    def __init__(self, stream: np.random.SeedSequence) -> None:
+        """Draw from `stream`."""
+        self.statistics = ChannelStatistics()
+        self._draws = _Draws(stream)
+        self._lost_last = False
+        self._busy_until = Instant(0)
+        self._last_delivery = Instant(0)
+
+    def pass_on(self, size_bytes: int, now: Instant, impairment: Impairment) -> list[Instant]:
+        """Take a datagram at `now`; return when it's delivered: not at all, once or twice."""
+        number = self.statistics.datagrams
+        self.statistics.datagrams += 1
+        if impairment.transparent:
+            self._lost_last = False
+            deliveries = [now]
+        else:
+            deliveries = self._impaired(number, size_bytes, now, impairment)
+        if not deliveries:
+            self.statistics.lost += 1
+            return deliveries
+        self.statistics.delivered += len(deliveries)
+        self.statistics.total_delay_s += sum(seconds_between(now, delivery) for delivery in deliveries)
+        self._last_delivery = max(self._last_delivery, *deliveries)
+        return deliveries
+
+    def _impaired(self, number: int, size_bytes: int, now: Instant, impairment: Impairment) -> list[Instant]:
+        loss_draw, duplicate_draw, *delay_draws = self._draws.of(number)
+        self._lost_last = loss_draw < impairment.loss_after[self._lost_last]
+        departure = self._departure(size_bytes, now, impairment)
+        if impairment.outage or self._lost_last or departure is None:
+            return []
+        copies = 2 if duplicate_draw < impairment.duplicate else 1
+        delays = [impairment.delay_of(draw, number) for draw in delay_draws[:copies]]
+        deliveries = sorted(after(departure, delay_s) for delay_s in delays)
+        if not impairment.reorder:
+            deliveries = [max(delivery, self._last_delivery) for delivery in deliveries]
+        return deliveries
+
+    def _departure(self, size_bytes: int, now: Instant, impairment: Impairment) -> Instant | None:
+        """Return when the last bit has been sent, None when the queue is full."""
+        if impairment.rate_bps == 0.0 or impairment.outage:
+            return now
+        start = max(now, self._busy_until)
+        if seconds_between(now, start) > impairment.queue_s:
+            return None
+        self._busy_until = after(start, 8 * size_bytes / impairment.rate_bps)
+        return self._busy_until
+
+
+class _Draws:
+    """Random numbers from 0 to 1, as many for each datagram as it can need."""
+
+    _BLOCK = 256
+    _EACH = 4
+
+    def __init__(self, stream: np.random.SeedSequence) -> None:
+        self._random = np.random.Generator(np.random.Philox(stream))
+        self._block: list[list[float]] = []
+        self._end = 0
+
+    def of(self, number: int) -> list[float]:
+        """Return those of datagram `number`; numbers never go back."""
+        while number >= self._end:
+            self._block = self._random.random((self._BLOCK, self._EACH)).tolist()
+            self._end += self._BLOCK
+        return self._block[number - self._end]

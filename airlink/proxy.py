@@ -1,0 +1,140 @@
+"""The shell of the impaired relay: sockets, the real clock, and whatever is typed meanwhile."""
+
+from __future__ import annotations
+
+import os
+import selectors
+import socket
+from collections.abc import Callable
+from functools import partial
+from types import TracebackType
+from typing import Final, Self
+
+from airlink.clock import RealClock
+from airlink.endpoint import Address, Endpoint
+from airlink.errors import PortError
+from airlink.impairment import Direction
+from airlink.relay import Passage, Relay
+from airlink.udp import DRAIN_LIMIT, IDLE_WAIT_S, MAX_DATAGRAM, open_socket, select_for
+
+MAX_REMOTES: Final = 256
+"""Sockets towards the target; further remotes are ignored, so strangers can't use up the machine's."""
+READ_SIZE: Final = 4096
+
+
+class Proxy:
+    """Moves datagrams between the remotes of one listening socket and a target.
+
+    Each remote has a socket of its own towards the target, as behind a NAT.
+    """
+
+    def __init__(self, listen: Endpoint, target: Endpoint, relay: Relay) -> None:
+        """Open the listening socket.
+
+        Raises:
+            PortError: it can't be opened, or the target's host isn't known.
+        """
+        self._target = target
+        self._target_address = _resolved(target)
+        self._relay = relay
+        self._clock = RealClock()
+        self._remotes: dict[Address, int] = {}
+        self._peers: list[Address] = []
+        self._sockets: list[socket.socket] = []
+        self._selector = selectors.PollSelector()  # takes any standard input, which epoll doesn't
+        self._listening = open_socket(listen)
+        self._selector.register(self._listening, selectors.EVENT_READ, self._from_remotes)
+
+    def __enter__(self) -> Self:
+        """Return the proxy."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close the sockets."""
+        for opened in (self._listening, *self._sockets):
+            opened.close()
+        self._selector.close()
+
+    def watch(self, descriptor: int, take: Callable[[bytes], None]) -> None:
+        """Give `take` what can be read from a file descriptor, at its end nothing and nothing more."""
+
+        def read() -> None:
+            try:
+                data = os.read(descriptor, READ_SIZE)
+            except OSError:  # a terminal that has hung up
+                data = b""
+            if not data:
+                self._selector.unregister(descriptor)
+            take(data)
+
+        self._selector.register(descriptor, selectors.EVENT_READ, read)
+
+    def run(self, until: Callable[[], bool]) -> None:
+        """Go on until `until` holds; it's asked after every wake, at least ten times a second."""
+        while not until():
+            timer = self._relay.next_timer()
+            wait_s = IDLE_WAIT_S if timer is None else min(self._clock.wall_seconds_until(timer), IDLE_WAIT_S)
+            for key, _ in select_for(self._selector, wait_s):
+                key.data()
+            for passage in self._relay.pop_due(self._clock.now()):
+                self._send(passage)
+
+    def _from_remotes(self) -> None:
+        for data, peer in _waiting(self._listening):
+            remote = self._remotes.get(peer)
+            if remote is None:
+                if len(self._remotes) == MAX_REMOTES:
+                    continue
+                try:
+                    remote = self._open_towards_target(peer)
+                except (OSError, PortError):  # no route to the target: lost, as in any network
+                    continue
+            self._relay.accept(Passage(remote, Direction.DOWNLINK, data), self._clock.now())
+
+    def _open_towards_target(self, peer: Address) -> int:
+        opened = open_socket(self._target)
+        try:
+            opened.connect(self._target_address)
+        except OSError:
+            opened.close()
+            raise
+        remote = self._remotes[peer] = len(self._sockets)
+        self._peers.append(peer)
+        self._sockets.append(opened)
+        self._selector.register(opened, selectors.EVENT_READ, partial(self._from_target, remote))
+        return remote
+
+    def _from_target(self, remote: int) -> None:
+        for data, _ in _waiting(self._sockets[remote]):
+            self._relay.accept(Passage(remote, Direction.UPLINK, data), self._clock.now())
+
+    def _send(self, passage: Passage) -> None:
+        try:
+            if passage.direction is Direction.DOWNLINK:
+                self._sockets[passage.remote].send(passage.data)
+            else:
+                self._listening.sendto(passage.data, self._peers[passage.remote])
+        except OSError:  # nobody there, or a full buffer: lost, as in any network
+            return
+
+
+def _resolved(endpoint: Endpoint) -> Address:
+    try:
+        return Address(socket.gethostbyname(endpoint.address.host), endpoint.address.port)
+    except OSError as error:
+        raise PortError(f"cannot send to {endpoint}: {error.strerror}") from error
+
+
+def _waiting(opened: socket.socket) -> list[tuple[bytes, Address]]:
+    datagrams: list[tuple[bytes, Address]] = []
+    for _ in range(DRAIN_LIMIT):
+        try:
+            data, peer = opened.recvfrom(MAX_DATAGRAM)
+        except BlockingIOError:
+            break
+        except OSError:  # the report that an earlier datagram found nobody
+            continue
+        datagrams.append((data, Address(*peer)))
+    return datagrams

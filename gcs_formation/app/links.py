@@ -1,0 +1,76 @@
+"""The scenario's links as impairments around the station, and what was realised of them."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from pathlib import Path
+
+import numpy as np
+
+from airlink.clock import Instant
+from airlink.engine import Engine
+from airlink.identity import VehicleId
+from airlink.impaired import ImpairedEngine, LinkStatistics
+from airlink.impairment import UNIMPAIRED, Impairment
+from formation_scenario import Impairment as PlannedImpairment
+from formation_scenario import Scenario
+from gcs_formation.station import Station
+
+Both = tuple[Impairment, Impairment]
+
+
+class LinkPlan:
+    """What each vehicle's link is like over mission time; before the start it's like at its beginning."""
+
+    def __init__(self, scenario: Scenario, station: Station) -> None:
+        """Take the links from the scenario, and mission time from the station."""
+        self._station = station
+        self._times: dict[VehicleId, list[float]] = {}
+        self._links: dict[VehicleId, list[Both]] = {}
+        for vehicle in scenario.vehicles:
+            steps = scenario.link_steps(vehicle)
+            self._times[vehicle.vehicle_id] = [step.at_s for step in steps[1:]]
+            self._links[vehicle.vehicle_id] = [(_impairment(step.uplink), _impairment(step.downlink)) for step in steps]
+
+    @property
+    def clear(self) -> bool:
+        """Whether nothing is ever impaired."""
+        return all(one.transparent for links in self._links.values() for both in links for one in both)
+
+    def at(self, vehicle: VehicleId, now: Instant) -> Both:
+        """Return a vehicle's uplink and downlink at an instant."""
+        links = self._links.get(vehicle)
+        if links is None:
+            return UNIMPAIRED, UNIMPAIRED
+        return links[bisect_right(self._times[vehicle], self._station.flight.mission_time_s(now))]
+
+
+def impair(scenario: Scenario, station: Station, engine: Engine) -> ImpairedEngine | None:
+    """Return the engine behind the scenario's links, None when they do nothing."""
+    plan = LinkPlan(scenario, station)
+    return None if plan.clear else ImpairedEngine(engine, station.networks, plan.at, scenario.seed)
+
+
+def injected(statistics: LinkStatistics) -> tuple[float, float]:
+    """Return the realised mean delay of both directions in s, and the share of the downlink's datagrams lost."""
+    ways = (statistics.uplink, statistics.downlink)
+    delivered = sum(way.delivered for way in ways)
+    delay_s = sum(way.total_delay_s for way in ways) / delivered if delivered else 0.0
+    return delay_s, statistics.downlink.loss
+
+
+def _impairment(planned: PlannedImpairment) -> Impairment:
+    trace_s = tuple(np.loadtxt(Path(planned.trace_file), ndmin=1) / 1e3) if planned.trace_file else ()
+    return Impairment(
+        delay_s=planned.delay_ms / 1e3,
+        jitter_s=planned.jitter_ms / 1e3,
+        distribution="trace" if trace_s else planned.distribution,
+        trace_s=trace_s,
+        loss=planned.loss,
+        mean_burst=planned.mean_burst,
+        duplicate=planned.duplicate,
+        rate_bps=planned.rate_kbps * 1e3,
+        queue_s=planned.queue_ms / 1e3,
+        reorder=planned.reorder,
+        outage=planned.outage,
+    )

@@ -1,0 +1,224 @@
+import signal
+import socket
+import subprocess
+import sys
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+
+from airlink.clock import Instant, after
+from airlink.endpoint import Address, Endpoint
+from airlink.errors import ImpairmentError, PortError
+from airlink.impairment import UNIMPAIRED, Direction, Impairment
+from airlink.impairment_keys import KEYS, changed, described, obey
+from airlink.proxy import Proxy
+from airlink.proxy_cli import Console, main, summary
+from airlink.relay import Passage, Relay
+from airlink.udp import open_socket
+
+UP, DOWN = Direction.UPLINK, Direction.DOWNLINK
+ANY_PORT = ("127.0.0.1", 0)
+
+
+def udp_socket():
+    opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    opened.bind(ANY_PORT)
+    opened.settimeout(10.0)
+    return opened
+
+
+@pytest.fixture
+def listen():
+    """Return an endpoint whose port was free a moment ago."""
+    with udp_socket() as probe:
+        return Endpoint("udpin", Address(*probe.getsockname()))
+
+
+def arrives(opened):
+    opened.setblocking(False)
+
+    def check():
+        try:
+            return bool(opened.recv(1, socket.MSG_PEEK))
+        except BlockingIOError:
+            return False
+
+    return check
+
+
+def test_every_remote_has_its_own_way_there_and_back(listen):
+    relay = Relay(1)
+    relay.impairments[DOWN] = Impairment(delay_s=0.01)
+    with udp_socket() as ground, udp_socket() as first, udp_socket() as second:
+        target = Endpoint("udpout", Address(*ground.getsockname()))
+        with Proxy(listen, target, relay) as proxy:
+            remotes = []
+            for vehicle, word in ((first, b"a"), (second, b"b"), (first, b"c")):
+                vehicle.sendto(word, listen.address)
+                proxy.run(arrives(ground))
+                data, remote = ground.recvfrom(10)
+                assert data == word
+                remotes.append(remote)
+            assert remotes[0] == remotes[2] != remotes[1]
+            ground.sendto(b"answer", remotes[1])
+            proxy.run(arrives(second))
+            assert second.recvfrom(10) == (b"answer", tuple(listen.address))
+    assert relay.statistics(DOWN).datagrams == 3
+    assert relay.statistics(DOWN).mean_delay_s == pytest.approx(0.01)
+    assert (
+        summary(relay)
+        == "uplink: 1 datagrams, 0 lost, mean delay 0.0 ms; downlink: 3 datagrams, 0 lost, mean delay 10.0 ms"
+    )
+
+
+def test_lines_are_read_to_their_end_and_no_further():
+    reading, writing = socket.socketpair()
+    taken = []
+    with reading, writing, Proxy(*free_ends(), Relay(1)) as proxy:
+        proxy.watch(reading.fileno(), taken.append)
+        writing.sendall(b"loss 1\n")
+        proxy.run(lambda: bool(taken))
+        writing.shutdown(socket.SHUT_WR)
+        proxy.run(lambda: taken[-1] == b"")
+    assert b"".join(taken) == b"loss 1\n"
+
+
+def free_ends():
+    with udp_socket() as probe:
+        address = Address(*probe.getsockname())
+    return Endpoint("udpin", address), Endpoint("udpout", address)
+
+
+def test_an_unknown_host_is_named(listen, monkeypatch):
+    def unknown(host):
+        raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
+
+    monkeypatch.setattr(socket, "gethostbyname", unknown)
+    with pytest.raises(PortError, match="cannot send to udpout:nowhere:9: Name or service not known"):
+        Proxy(listen, Endpoint("udpout", Address("nowhere", 9)), Relay(1))
+
+
+def test_each_remotes_datagrams_meet_their_own_numbers_in_both_directions():
+    relay = Relay(3)
+    relay.impairments.update(dict.fromkeys(Direction, Impairment(1.0, 0.1)))
+    passages = [Passage(remote, way, b"x") for way in Direction for remote in (0, 1)]
+    for passage in passages:
+        relay.accept(passage, Instant(0))
+    came = []
+    while (timer := relay.next_timer()) is not None:
+        came += [(timer, passage) for passage in relay.pop_due(timer)]
+    assert sorted(passage for _, passage in came) == sorted(passages)
+    assert len({timer for timer, _ in came}) == 4
+
+
+def test_a_relay_hands_on_nothing_too_early():
+    relay = Relay(1)
+    obey(relay.impairments, "uplink delay-ms 250")
+    relay.accept(Passage(0, UP, b"x"), Instant(0))
+    assert relay.pop_due(after(Instant(0), 0.2499)) == []
+    assert relay.pop_due(after(Instant(0), 0.25)) == [Passage(0, UP, b"x")]
+
+
+@pytest.mark.parametrize(
+    ("line", "uplink", "downlink"),
+    [
+        ("delay-ms 300", Impairment(delay_s=0.3), Impairment(delay_s=0.3)),
+        ("downlink loss 0.1", UNIMPAIRED, Impairment(loss=0.1)),
+        ("uplink  outage   on", Impairment(outage=True), UNIMPAIRED),
+        ("rate-kbps 57.6", Impairment(rate_bps=57600.0), Impairment(rate_bps=57600.0)),
+        ("uplink mean-burst 3", Impairment(mean_burst=3.0), UNIMPAIRED),
+        ("reorder off", Impairment(reorder=False), Impairment(reorder=False)),
+        ("downlink distribution pareto", UNIMPAIRED, Impairment(distribution="pareto")),
+    ],
+)
+def test_a_line_changes_what_it_names(line, uplink, downlink):
+    impairments = dict.fromkeys(Direction, UNIMPAIRED)
+    obey(impairments, line)
+    assert impairments == {UP: uplink, DOWN: downlink}
+
+
+@pytest.mark.parametrize(
+    ("line", "answer"),
+    [
+        ("delay 3", "found key 'delay'; allowed: delay-ms, jitter-ms"),
+        ("loss 1.5", "loss: found '1.5'; allowed: 0 to 1"),
+        ("loss nan", "loss: found 'nan'; allowed: 0 to 1"),
+        ("downlink delay-ms -1", "delay-ms: found '-1'; allowed: 0 to 600000"),
+        ("distribution trace", "distribution: found 'trace'; allowed: normal, uniform, pareto"),
+        ("outage maybe", "outage: found 'maybe'; allowed: on, off"),
+        ("uplink", "found 'uplink'; allowed: [uplink|downlink] KEY VALUE"),
+        ("sideways loss 0.1", "found 'sideways loss 0.1'; allowed: [uplink|downlink] KEY VALUE"),
+    ],
+)
+def test_a_bad_line_changes_nothing_and_is_told_what_is_allowed(line, answer, capsys):
+    relay = Relay(1)
+    Console(relay).take(line.encode() + b"\n")
+    assert capsys.readouterr().out.startswith(f"error: {answer}")
+    assert relay.impairments == dict.fromkeys(Direction, UNIMPAIRED)
+    with pytest.raises(ImpairmentError):
+        obey(relay.impairments, line)
+
+
+def test_every_line_is_answered_with_what_is_set(capsys):
+    relay = Relay(1)
+    console = Console(relay)
+    console.take(b"delay-ms 300\n\nuplink lo")
+    console.take(b"ss 0.25")
+    console.take(b"")
+    uplink, downlink = capsys.readouterr().out.splitlines()[-2:]
+    assert uplink.startswith("uplink: delay-ms 300, jitter-ms 0, distribution normal, loss 0.25,")
+    assert downlink.startswith("downlink: delay-ms 300, jitter-ms 0, distribution normal, loss 0,")
+
+
+def test_what_is_shown_can_be_set_again():
+    wanted = Impairment(0.25, 0.05, "pareto", (), 0.1, 3.0, 0.2, 57600.0, 0.5, False, True)
+    impairment = UNIMPAIRED
+    for setting in described(wanted).split(", "):
+        impairment = changed(impairment, *setting.split())
+    assert impairment == wanted
+    assert len(KEYS) == len(described(wanted).split(", "))
+
+
+def proxy_command(listen, *options):
+    ends = ["--listen", str(listen), "--to", "udpout:127.0.0.1:9"]
+    return CliRunner().invoke(main, [*ends, *options])
+
+
+@pytest.mark.parametrize(
+    ("options", "found"),
+    [
+        (["--loss", "2"], "--loss: found '2'; allowed: 0 to 1"),
+        (["--uplink-delay-ms", "x"], "--uplink-delay-ms: found 'x'; allowed: 0 to 600000"),
+        (["--to", "udpin:127.0.0.1:9"], "allowed: udpout:HOST:PORT"),
+        (["--to", "tcp:127.0.0.1:9"], "found 'tcp'"),
+        (["--seed", "-1"], "--seed"),
+    ],
+)
+def test_bad_usage_is_status_2_with_what_is_allowed(listen, options, found):
+    result = proxy_command(listen, *options)
+    assert result.exit_code == 2
+    assert found in result.output
+
+
+def test_an_interrupt_ends_it_with_a_summary_and_status_130(listen):
+    command = [sys.executable, "-c", "from airlink.proxy_cli import main; main()"]
+    ends = ["--listen", str(listen), "--to", "udpout:127.0.0.1:9", "--delay-ms", "5"]
+    pipes: Any = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+    process: Any
+    with subprocess.Popen([*command, *ends], **pipes) as process:
+        process.stdin.write("downlink loss 1\n")
+        process.stdin.flush()
+        answer = [process.stdout.readline() for _ in Direction]
+        process.send_signal(signal.SIGINT)
+        rest = process.stdout.read()
+    assert answer[1].startswith("downlink: delay-ms 5, jitter-ms 0, distribution normal, loss 1,")
+    assert rest == "uplink: 0 datagrams, 0 lost; downlink: 0 datagrams, 0 lost\n"
+    assert process.returncode == 130
+
+
+def test_a_taken_port_is_status_3(listen):
+    with open_socket(listen):
+        result = proxy_command(listen)
+    assert result.exit_code == 3
+    assert f"{listen.address} is taken" in result.output
