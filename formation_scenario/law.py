@@ -64,6 +64,9 @@ class Law(Keys):
     )
     derivative_filter_s: NonNegative = Field(default=0.1, description="time constant of the derivative's filter, s")
     anti_windup_s: Positive = Field(default=1.0, description="time constant of the back-calculation, s")
+    max_age_s: Positive = Field(
+        5.0, description="oldest telemetry that is predicted from, s; beyond, the vehicle is told to loiter"
+    )
     disturbance_observer_radps: NonNegative = Field(
         default=1.0, description="bandwidth of the disturbance observer, rad/s; 0 switches it off"
     )

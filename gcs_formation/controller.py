@@ -22,6 +22,7 @@ from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, I
 from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory, turn_rate
 from gcs_formation.formation.slots import schedule
 from gcs_formation.guidance.tracking import Lags, Motion
+from gcs_formation.guidance.virtual_leader import amid, fly_on
 from gcs_formation.records import Tick
 
 LEADER = np.zeros(1, dtype=np.intp)
@@ -49,6 +50,9 @@ class FormationController:
         self._in_slots_s = 0.0
         self._leader_told_rad = math.nan
         self._leader_heading_rate_rps = 0.0
+        self._flown: Tick | None = None
+        self.begin_regardless = False
+        """Whether the path is begun even if the formation isn't assembled."""
         self.estimator = StateEstimator(self._columns, scenario.law.disturbance_observer_radps)
 
     @property
@@ -59,7 +63,7 @@ class FormationController:
     @property
     def assembled(self) -> bool:
         """Whether every follower has been in its slot for a while."""
-        return self._in_slots_s >= HELD_FOR_S
+        return self._in_slots_s >= HELD_FOR_S or self.begin_regardless
 
     def step(self, now: Instant, mission_time_s: float, phase: str, ready: Mask, delay_s: Array, lag_s: Array) -> Tick:
         """Return this tick's setpoints and what led to them.
@@ -72,6 +76,8 @@ class FormationController:
             delay_s: (C,) one-way delay of each column's link, as measured.
             lag_s: (C,) mean wait at the vehicle until a setpoint that arrived is acted on.
         """
+        if self._scenario.leader is None:
+            self._fly_virtual_leader(now)
         acts = now + np.round((np.nan_to_num(delay_s) + lag_s) * NANOSECONDS).astype(np.int64)
         sent = SentSetpoints(acts, Setpoints(*np.full((CHANNELS, self._columns), np.nan)))
         self._history.add(sent)
@@ -101,7 +107,20 @@ class FormationController:
         if self._followers.size:
             self._steer_followers(tick, measured, stamps, acts)
         self._judge_assembly(tick)
+        self._flown = tick
         return tick
+
+    def _fly_virtual_leader(self, now: Instant) -> None:
+        """Put the virtual leader where it is now: amid the followers at first, on from the last tick then."""
+        flown = self._flown
+        if flown is not None:
+            state = fly_on(flown.state.take(LEADER), flown.setpoints.take(LEADER), flown.now, now, self._leader_model)
+        elif self.estimator.known[1:].all():
+            followers = self.estimator.state.take(self._followers)
+            state = amid(followers, self._slots.at(-1.0).position_m, self._scenario.path.speed_mps)
+        else:
+            return
+        self.estimator.place(0, np.concatenate(_values(state)), now)
 
     def _steer_leader(self, tick: Tick, measured: FlightState, stamps: Instants, acts: Instants) -> None:
         state = self._project(measured.take(LEADER), stamps[:1], acts[:1], LEADER, self._leader_model)

@@ -21,6 +21,7 @@ from gcs_formation.controller import FormationController
 from gcs_formation.link.connection import Connection, LinkState
 from gcs_formation.link.receiver import Receiver
 from gcs_formation.loitering import loiter_heights
+from gcs_formation.membership import Member, following
 from gcs_formation.phases import Cause, Flight, Phase
 from gcs_formation.records import Detail, Event, Recorder, Tick
 from gcs_formation.setpoint import Setpoint
@@ -132,6 +133,8 @@ class Station:
             self._greet(now)
         self._watch_links(now)
         self._get_ready(now)
+        if self.flight.phase is not Phase.LOITERING:
+            self._judge_members(now)
         if self.flight.phase in (Phase.ASSEMBLING, Phase.FLYING):
             self._fly(now)
         elif self.flight.phase is Phase.LOITERING:
@@ -181,6 +184,8 @@ class Station:
         for vehicle in self.vehicles.values():
             if vehicle.connection.state is LinkState.SEARCHING:
                 continue
+            if vehicle.restarted:
+                self._begin_anew(vehicle, now)
             if not vehicle.start_up.finished and self.flight.phase is not Phase.LOITERING:
                 self._advance_start_up(vehicle, now)
             command = vehicle.commands.due(now)
@@ -194,9 +199,51 @@ class Station:
         reason = vehicle.start_up.failure(vehicle.commands, now)
         if reason:
             said = f"; it said: '{vehicle.telemetry.texts[-1]}'" if vehicle.telemetry.texts else ""
-            self.fail(f"vehicle {vehicle.identity}: {reason}{_result(vehicle)}{said}", now)
+            self._give_up(vehicle, f"vehicle {vehicle.identity}: {reason}{_result(vehicle)}{said}", now)
         elif vehicle.start_up.finished:
             self._event(now, "ready", "in the air and following setpoints", vehicle)
+
+    def _give_up(self, vehicle: Vehicle, text: str, now: Instant) -> None:
+        """End the run over a vehicle that can't be started; once the path has begun the others go on without it."""
+        if self.flight.phase is not Phase.FLYING:
+            self.fail(text, now)
+        elif not vehicle.start_up.abandoned:
+            vehicle.start_up.abandoned = True
+            self._event(now, "abandoned", text, vehicle)
+
+    def _begin_anew(self, vehicle: Vehicle, now: Instant) -> None:
+        vehicle.restarted = False
+        self.controller.estimator.forget(self._columns[vehicle.identity])
+        self._event(now, "restarted", "its clock has begun anew", vehicle)
+
+    def _judge_members(self, now: Instant) -> None:
+        """Decide who flies in the formation, and tell those who don't what to do instead."""
+        led = True
+        for identity, vehicle in self.vehicles.items():
+            member = following(vehicle.member, vehicle.sight(fresh=led and self._is_fresh(vehicle, now)))
+            if member is not vehicle.member:
+                vehicle.member = member
+                self._event(now, "member", member.value, vehicle)
+                self._tell_member(vehicle, now)
+            if self._columns[identity] == 0:  # the first: without it the others don't know where to be
+                led = member is Member.FLYING or self.flight.path_began is None
+
+    def _is_fresh(self, vehicle: Vehicle, now: Instant) -> bool:
+        age_s = self.controller.estimator.age_s(self._columns[vehicle.identity], now)
+        return math.isnan(age_s) or age_s <= self.scenario.law.max_age_s
+
+    def _tell_member(self, vehicle: Vehicle, now: Instant) -> None:
+        if vehicle.member is Member.HOLDING:
+            vehicle.commands.begin(vehicle.autopilot.loiter(self._holding_height_m(vehicle)), now)
+        elif vehicle.member is Member.RETURNING:
+            vehicle.commands.begin((vehicle.autopilot.set_mode(vehicle.autopilot.guided_mode),), now)
+        elif vehicle.member is not Member.STARTING:
+            vehicle.commands.begin((), now)
+
+    def _holding_height_m(self, vehicle: Vehicle) -> float:
+        """Return the height at which a vehicle loiters apart from the others, wherever they are."""
+        places = {i: v.telemetry.motion for i, v in self.vehicles.items() if v.telemetry.motion}
+        return loiter_heights(places)[vehicle.identity]
 
     def _check_start(self, now: Instant) -> None:
         waited_s = seconds_between(Instant(0), now)
@@ -208,11 +255,12 @@ class Station:
 
     def _leader_ready(self) -> bool:
         if self.scenario.leader:
-            return self.vehicles[self.scenario.leader.vehicle_id].in_formation
-        return all(vehicle.in_formation for vehicle in self.vehicles.values())
+            return self.vehicles[self.scenario.leader.vehicle_id].member is Member.FLYING
+        return all(vehicle.member is Member.FLYING for vehicle in self.vehicles.values())
 
     def _fly(self, now: Instant) -> None:
         controller = self.controller
+        controller.begin_regardless = self._waited_long_enough(now)
         for identity, column in self._columns.items():
             sample = self.vehicles[identity].new_sample()
             if sample is not None:
@@ -227,6 +275,13 @@ class Station:
             self._next_heartbeat = now
         self._end_in_time(now)
 
+    def _waited_long_enough(self, now: Instant) -> bool:
+        assembling = self.flight.phase is Phase.ASSEMBLING
+        late = assembling and seconds_between(self.flight.since, now) > self.scenario.start.timeout_s
+        if late and not self.controller.begin_regardless:
+            self._event(now, "unassembled", "not every follower is in its slot, but the time for that is over")
+        return late
+
     def _end_in_time(self, now: Instant) -> None:
         flown_s = self.flight.mission_time_s(now)
         if flown_s >= self.scenario.duration_s or self.controller.guidance.at_end:
@@ -239,9 +294,10 @@ class Station:
         """Return for each column whether it follows setpoints, its one-way delay and its mean wait for the loop."""
         count = 1 + len(self.scenario.followers)
         ready, delay_s, lag_s = np.zeros(count, dtype=bool), np.zeros(count), np.zeros(count)
+        ready[0] = self.scenario.leader is None
         for identity, column in self._columns.items():
             vehicle = self.vehicles[identity]
-            ready[column] = vehicle.in_formation
+            ready[column] = vehicle.member is Member.FLYING
             delay_s[column] = vehicle.clock.one_way_s
             lag_s[column] = vehicle.autopilot.loop_s / 2
         return ready, delay_s, lag_s

@@ -58,6 +58,12 @@ class StateEstimator:
         known: Mask = np.all(np.isfinite(self._table), axis=0)
         return known
 
+    def age_s(self, column: int, now: Instant) -> float:
+        """Return how old a column's state is, in s; NaN when it has none."""
+        if math.isnan(self._table[0, column]):
+            return math.nan
+        return seconds_between(Instant(int(self._stamps[column])), now)
+
     def forget(self, column: int) -> None:
         """Forget a vehicle that has restarted."""
         self._table[:, column] = np.nan

@@ -25,8 +25,6 @@ GUIDED_COMMANDS = (
 EKF_READY = 831
 """Attitude, velocities and positions, relative and absolute: all that flying in GUIDED needs."""
 SLOW_RATE_HZ = 2.0
-TAKEN_OFF_M = 45.0
-"""Above home: TKOFF_ALT is 50 m and the climb ends softly."""
 AIRBORNE_M = 10.0
 
 
@@ -34,6 +32,8 @@ class ArduPlane(Autopilot):
     """A fixed-wing ArduPilot, commanded in GUIDED by MAV_CMD_GUIDED_CHANGE_SPEED, _ALTITUDE and _HEADING."""
 
     loop_s = 0.02
+    take_off_m = 45.0
+    """TKOFF_ALT is 50 m, and the climb ends softly."""
     guided_mode = m.PLANE_MODE_GUIDED
     loiter_mode = m.PLANE_MODE_LOITER
     mode_names: ClassVar = {
@@ -58,7 +58,7 @@ class ArduPlane(Autopilot):
             ),
             Step("waited for it to be ready to arm", self._is_ready, timeout_s=90.0),
             Step("set mode TAKEOFF", self._is_taking_off, (self.set_mode(m.PLANE_MODE_TAKEOFF),)),
-            Step("armed", lambda seen: seen.armed, (self._arm(),), 30.0),
+            Step("armed", lambda seen: seen.armed, (self._arm_or_disarm(arm=True),), 30.0),
             Step("waited for it to climb", self._has_climbed, timeout_s=90.0),
             Step(
                 "set mode GUIDED",
@@ -75,6 +75,11 @@ class ArduPlane(Autopilot):
         return telemetry.armed and (
             heartbeat.system_status == m.MAV_STATE_ACTIVE or telemetry.motion.above_home_m > AIRBORNE_M
         )
+
+    def climbs_out(self, telemetry: Telemetry) -> bool:
+        """Whether it's in TAKEOFF and not up yet."""
+        motion, mode = telemetry.motion, telemetry.custom_mode
+        return motion is not None and mode == m.PLANE_MODE_TAKEOFF and motion.above_home_m <= self.take_off_m
 
     def setpoint(self, setpoint: Setpoint) -> tuple[Command, ...]:
         """Return speed, altitude above sea level and heading, in this order.
@@ -122,9 +127,6 @@ class ArduPlane(Autopilot):
             z,
         )
 
-    def _arm(self) -> Command:
-        return CommandLong(self.system, m.MAV_COMP_ID_AUTOPILOT1, m.MAV_CMD_COMPONENT_ARM_DISARM, param1=1)
-
     def _streams(self, rate_hz: float) -> tuple[Command, ...]:
         fast = (m.MAVLINK_MSG_ID_ATTITUDE, m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, m.MAVLINK_MSG_ID_VFR_HUD)
         slow = (m.MAVLINK_MSG_ID_EKF_STATUS_REPORT, m.MAVLINK_MSG_ID_SYS_STATUS)
@@ -143,7 +145,7 @@ class ArduPlane(Autopilot):
     def _has_climbed(self, seen: Telemetry) -> bool:
         if seen.custom_mode != m.PLANE_MODE_TAKEOFF and self.is_airborne(seen):
             return True
-        return seen.motion is not None and seen.motion.above_home_m > TAKEN_OFF_M
+        return seen.motion is not None and seen.motion.above_home_m > self.take_off_m
 
 
 def _compass(heading_rad: float) -> float:

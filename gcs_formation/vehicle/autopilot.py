@@ -31,6 +31,8 @@ class Autopilot(ABC):
 
     loop_s: ClassVar[float]
     """Period of the loop on which it answers."""
+    take_off_m: ClassVar[float]
+    """Height above home at which a take-off is over."""
     loiter_mode: ClassVar[int]
     guided_mode: ClassVar[int]
     mode_names: ClassVar[dict[int, str]]
@@ -79,8 +81,19 @@ class Autopilot(ABC):
         """Whether the vehicle flies, by its own account."""
 
     @abstractmethod
+    def climbs_out(self, telemetry: Telemetry) -> bool:
+        """Whether the vehicle is taking off and too low yet to do anything else."""
+
+    @abstractmethod
     def setpoint(self, setpoint: Setpoint) -> tuple[Command, ...]:
         """Return the messages that carry a setpoint."""
+
+    def stand_down(self) -> tuple[Command, ...]:
+        """Return the commands that keep a vehicle on the ground; one that flies refuses them."""
+        return (self._arm_or_disarm(arm=False),)
+
+    def _arm_or_disarm(self, *, arm: bool) -> Command:
+        return CommandLong(self.system, m.MAV_COMP_ID_AUTOPILOT1, m.MAV_CMD_COMPONENT_ARM_DISARM, param1=float(arm))
 
     @abstractmethod
     def loiter(self, height_m: float) -> tuple[Command, ...]:

@@ -16,6 +16,8 @@ class StartUp:
 
     steps: tuple[Step, ...]
     index: int = -1
+    abandoned: bool = False
+    """Whether we have given up getting it ready."""
     _began: Instant = Instant(0)
 
     @property

@@ -13,6 +13,7 @@ from airlink.sequence import SequenceTracker
 from gcs_formation.estimation.estimator import Sample
 from gcs_formation.link.clock_sync import ClockSync
 from gcs_formation.link.connection import Connection
+from gcs_formation.membership import Member, Sight
 from gcs_formation.vehicle.autopilot import Autopilot
 from gcs_formation.vehicle.commands import CommandQueue
 from gcs_formation.vehicle.startup import StartUp
@@ -44,19 +45,27 @@ class Vehicle:
         self.sequence = SequenceTracker()
         self.commands = CommandQueue()
         self.start_up = StartUp(autopilot.start_up(telemetry_rate_hz))
+        self.member = Member.STARTING
         self.delays: list[tuple[Instant, float]] = []
         """When each answered probe came back, and its one-way delay in seconds."""
         self.frames_in = 0
         self.frames_out = 0
         self.setpoints_refused = 0
+        self.restarted = False
+        """Whether it has restarted since the station last looked."""
         self._writer = FrameWriter(STATION_SYSTEM, STATION_COMPONENT)
         self._sampled = 0
         self._probes: dict[int, Instant] = {}
 
-    @property
-    def in_formation(self) -> bool:
-        """Whether the start-up is finished and the vehicle follows setpoints."""
-        return self.start_up.finished and self.autopilot.takes_setpoints(self.telemetry)
+    def sight(self, *, fresh: bool) -> Sight:
+        """Return what decides on the vehicle's place in the formation."""
+        mode = self.telemetry.custom_mode
+        return Sight(
+            started=self.start_up.finished,
+            guided=self.autopilot.takes_setpoints(self.telemetry),
+            loiters=mode == self.autopilot.loiter_mode,
+            fresh=fresh,
+        )
 
     def take(self, frame: Frame, socket: int, peer: Address, now: Instant) -> bool:
         """Take a frame of this vehicle's autopilot; return whether the link's state changed."""
@@ -121,8 +130,15 @@ class Vehicle:
         if sent is None:
             return
         if self.clock.observe(sent, answer.tc1_ns, now):
-            self.telemetry.forget()
+            self._restart()
         self.delays.append((now, self.clock.last_one_way_s()))
+
+    def _restart(self) -> None:
+        """Begin anew with a vehicle whose clock did: nothing that we knew of it holds."""
+        self.telemetry.forget()
+        self.sequence.restart()
+        self.start_up = StartUp(self.start_up.steps)
+        self.restarted = True
 
     def _acknowledged(self, ack: CommandAck, now: Instant) -> None:
         if ack.target_system not in (0, STATION_SYSTEM):

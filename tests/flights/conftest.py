@@ -1,0 +1,40 @@
+"""Short flights under the virtual clock."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import gcs_formation
+from gcs_formation import Summary
+
+Fly = Callable[..., Summary]
+STRAIGHT = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [2000, 0, 100], [4000, 0, 100]]}
+
+
+def scenario(**keys: Any) -> dict[str, Any]:
+    """Return a leader and two followers in the air on a straight path, with the given keys instead of or beside those."""
+    plain: dict[str, Any] = {
+        "schema": 1,
+        "name": "short",
+        "duration_s": 30,
+        "vehicles": {"count": 3},
+        "start": {"in_air": True, "run_in_s": 6},
+        "finish": {"loiter_s": 2},
+        "formation": {"shape": "arrow", "spacing_m": 30},
+        "path": STRAIGHT,
+    }
+    return plain | keys
+
+
+@pytest.fixture
+def fly(tmp_path: Path) -> Fly:
+    """Fly a scenario of the given keys; the record is in `tmp_path / "run"`."""
+
+    def run(**keys: Any) -> Summary:
+        return gcs_formation.run(scenario(**keys), clock="virtual", out=tmp_path / "run")
+
+    return run

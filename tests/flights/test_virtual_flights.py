@@ -1,0 +1,142 @@
+"""Whole flights on real MAVLink bytes under the virtual clock."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import numpy as np
+import pytest
+from pymavlink import mavutil
+
+from gcs_formation.record.timeseries import read_parquet
+from tests.flights.conftest import Fly
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+
+def worst(summary: Any, figure: str) -> list[float]:
+    followers = summary.to_dict()["followers"].values()
+    return [max(f[f"error_{axis}_m"][figure] for f in followers) for axis in "xyz"]
+
+
+@pytest.mark.parametrize("frame", ["leader_heading", "follower_heading"])
+@pytest.mark.parametrize("law", ["fuzzy_pid", "pid"])
+def test_followers_settle_from_an_offset(fly: Fly, frame: str, law: str) -> None:
+    summary = fly(
+        duration_s=50,
+        start={"in_air": True, "run_in_s": 6, "offset_m": [8, 6, 4]},
+        formation={"shape": "arrow", "frame": frame},
+        law={"type": law},
+    )
+    for follower in summary.to_dict()["followers"].values():
+        assert follower["settled_at_s"] < 40
+        assert max(follower[f"error_{axis}_m"]["steady_max"] for axis in "xyz") <= 0.5
+
+
+def test_an_assembled_formation_keeps_its_slots_to_centimetres(fly: Fly) -> None:
+    assert max(worst(fly(), "max")) < 0.05
+
+
+def test_a_turn_leaves_no_offset(fly: Fly) -> None:
+    """Slot-consistent feed-forward: in a turn of 0.9 degrees a second the errors stay at centimetres."""
+    turn = [[1400 * math.sin(a), 1400 * (1 - math.cos(a)), 100] for a in np.linspace(0, 1.2, 9)]
+    assert max(worst(fly(duration_s=60, path={"speed_mps": 22, "waypoints_m": turn}), "max")) < 0.1
+
+
+def test_wind_on_all_does_not_disturb_the_formation(fly: Fly) -> None:
+    summary = fly(
+        wind={"velocity_mps": [3.0, -4.0, 0.0]}, expect=[{"metric": "error_x_m.max", "from_s": 20, "below": 0.1}]
+    )
+    assert summary.held
+
+
+def test_the_same_seed_gives_the_same_bytes(fly: Fly, tmp_path: Path) -> None:
+    links = {"default": {"delay_ms": 80, "jitter_ms": 20, "loss": 0.05}}
+    contents: list[list[bytes]] = []
+    for _ in range(2):
+        fly(duration_s=10, links=links)
+        contents.append(
+            [(tmp_path / "run" / name).read_bytes() for name in ("flight.tlog", "timeseries.parquet", "events.jsonl")]
+        )
+    assert contents[0] == contents[1]
+
+
+def test_pymavlink_reads_every_frame_of_the_log(fly: Fly, tmp_path: Path) -> None:
+    summary = fly(duration_s=5).to_dict()
+    log = mavutil.mavlink_connection(str(tmp_path / "run" / "flight.tlog"), dialect="ardupilotmega")
+    frames, stamps = 0, [0.0]
+    while (message := log.recv_match()) is not None:
+        assert message.get_type() != "BAD_DATA"
+        frames += 1
+        stamps.append(message._timestamp)
+    assert stamps == sorted(stamps)
+    assert frames == sum(link["frames_in"] + link["frames_out"] for link in summary["links"].values())
+
+
+def test_what_a_run_leaves_is_as_documented(fly: Fly, tmp_path: Path) -> None:
+    fly(duration_s=5, expect=[{"metric": "error_x_m.max", "below": 1.0}])
+    run = tmp_path / "run"
+    summary_schema = json.loads((DOCS / "summary.schema.json").read_text())
+    jsonschema.validate(json.loads((run / "summary.json").read_text()), summary_schema)
+    event_schema = json.loads((DOCS / "events.schema.json").read_text())
+    for line in (run / "events.jsonl").read_text().splitlines():
+        jsonschema.validate(json.loads(line), event_schema)
+    described = (DOCS / "timeseries.md").read_text()
+    for column in read_parquet(run / "timeseries.parquet"):
+        known = (column, column.removeprefix("law_error"), column.removeprefix("error"), column.split("_", 1)[-1])
+        assert any(f"`{name}`" in described for name in known) or column.startswith(("kp_", "ki_", "kd_"))
+
+
+def test_take_off_assembly_and_a_stack_of_circles_at_the_end(fly: Fly, tmp_path: Path) -> None:
+    summary = fly(duration_s=5, start={"in_air": False}, finish={"loiter_s": 30})
+    assert max(worst(summary, "max")) < 0.5
+    events = [json.loads(line) for line in (tmp_path / "run" / "events.jsonl").read_text().splitlines()]
+    modes = [event["text"] for event in events if event["kind"] == "mode" and event["vehicle"] == "2"]
+    assert modes == ["INITIALISING", "MANUAL", "TAKEOFF", "GUIDED", "LOITER"]
+    log = mavutil.mavlink_connection(str(tmp_path / "run" / "flight.tlog"), dialect="ardupilotmega")
+    heights: dict[int, float] = {}
+    while (message := log.recv_match(type="GLOBAL_POSITION_INT")) is not None:
+        heights[message.get_srcSystem()] = message.alt / 1e3
+    assert min(abs(a - b) for i, a in heights.items() for j, b in heights.items() if i < j) > 10.0
+
+
+def test_an_expectation_that_is_broken_fails_the_run_and_says_so(fly: Fly) -> None:
+    summary = fly(duration_s=5, expect=[{"metric": "min_separation_m", "above": 1000.0}])
+    assert not summary.held
+    assert "found 42.4" in str(summary.verdicts[0])
+    assert str(summary.verdicts[0]).endswith("broken")
+
+
+def test_a_separation_below_the_limit_fails_the_run(fly: Fly) -> None:
+    summary = fly(
+        duration_s=5,
+        formation={"shape": "custom", "slots_m": {2: [-30, 0, 0], 3: [-30, 6, 0]}},
+        safety={"separation_m": 5.9},
+    )
+    assert summary.held
+    assert summary.to_dict()["safety"]["violations"] == 0
+
+
+def test_a_virtual_leader_flies_the_path(fly: Fly) -> None:
+    vehicles = [{"id": 2}, {"id": 3}]
+    summary = fly(vehicles=vehicles, formation={"shape": "custom", "slots_m": {2: [-20, 20, 0], 3: [-20, -20, 0]}})
+    assert max(worst(summary, "max")) < 1.0
+
+
+def test_two_networks_hold_the_same_system_ids_apart(fly: Fly) -> None:
+    vehicles = [{"id": 1, "role": "leader"}, {"id": 2}, {"id": 2, "network": 2}]
+    summary = fly(vehicles=vehicles)
+    assert set(summary.to_dict()["followers"]) == {"2", "2:2"}
+    assert max(worst(summary, "max")) < 0.05
+
+
+def test_clocks_that_are_off_do_not_matter(fly: Fly) -> None:
+    vehicles = [
+        {"id": 1, "role": "leader", "clock": {"offset_s": 1000.0, "drift_ppm": 50}},
+        {"id": 2, "clock": {"offset_s": 5.0, "drift_ppm": -50}},
+    ]
+    assert max(worst(fly(vehicles=vehicles), "max")) < 0.1
