@@ -34,20 +34,15 @@ def following(member: Member, sight: Sight) -> Member:
     """Return the next state. A pilot's change of mode is respected, and ends when the pilot changes it back."""
     if not sight.started:
         return Member.STARTING
+    back = Member.FLYING if sight.guided else Member.RETURNING if sight.loiters else Member.PARTED
     match member:
         case Member.STARTING:
             return Member.FLYING
-        case Member.FLYING if not sight.fresh:
-            return Member.HOLDING
-        case Member.FLYING if not sight.guided:
-            return Member.PARTED
-        case Member.HOLDING if sight.fresh:
-            return Member.FLYING if sight.guided else Member.RETURNING if sight.loiters else Member.PARTED
-        case Member.RETURNING if not sight.fresh:
-            return Member.HOLDING
-        case Member.RETURNING if not sight.loiters and not sight.guided:
-            return Member.PARTED
-        case Member.PARTED | Member.RETURNING if sight.guided:
-            return Member.FLYING
+        case Member.FLYING if sight.fresh:
+            return Member.FLYING if sight.guided else Member.PARTED
+        case Member.HOLDING | Member.RETURNING if sight.fresh:
+            return back
+        case Member.PARTED:
+            return Member.FLYING if sight.guided else Member.PARTED
         case _:
-            return member
+            return Member.HOLDING

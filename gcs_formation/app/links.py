@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from pathlib import Path
 
@@ -42,7 +43,8 @@ class LinkPlan:
         links = self._links.get(vehicle)
         if links is None:
             return UNIMPAIRED, UNIMPAIRED
-        return links[bisect_right(self._times[vehicle], self._station.flight.mission_time_s(now))]
+        mission_s = self._station.flight.mission_time_s(now)
+        return links[0 if math.isnan(mission_s) else bisect_right(self._times[vehicle], mission_s)]
 
 
 def impair(scenario: Scenario, station: Station, engine: Engine) -> ImpairedEngine | None:

@@ -148,7 +148,7 @@ def _safety(outcome: Outcome, window: Mask) -> tuple[dict[str, Any], tuple[str, 
     if not window.any():
         return {"min_separation_m": None, "min_clearance_m": None, "violations": 0}, ()
     separation = figures.separation_m(flight, window)
-    clearance = np.min([figures.clearance_m(flight, vehicle, window) for vehicle in flight.vehicles], axis=0)
+    clearance = np.fmin.reduce([figures.clearance_m(flight, vehicle, window) for vehicle in flight.vehicles])
     time_s = flight.mission_time_s[window]
     breaches: list[str] = []
     for name, values, least in (
@@ -156,10 +156,10 @@ def _safety(outcome: Outcome, window: Mask) -> tuple[dict[str, Any], tuple[str, 
         ("clearance", clearance, limits.clearance_m),
     ):
         if (values < least).any():
-            worst = int(np.argmin(values))
+            worst = int(np.nanargmin(values))
             breaches.append(f"{name} was {values[worst]:.2f} m at {time_s[worst]:.1f} s; allowed: {least:g} m or more")
     violations = _episodes(separation < limits.separation_m) + _episodes(clearance < limits.clearance_m)
-    measured = {"min_separation_m": _finite(separation.min()), "min_clearance_m": _finite(clearance.min())}
+    measured = {"min_separation_m": _finite(np.fmin.reduce(separation)), "min_clearance_m": _finite(np.fmin.reduce(clearance))}
     return measured | {"violations": violations}, tuple(breaches)
 
 

@@ -16,7 +16,7 @@ STRAIGHT = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [2000, 0, 100], [4000,
 
 
 def scenario(**keys: Any) -> dict[str, Any]:
-    """Return a leader and two followers in the air on a straight path, with the given keys instead of or beside those."""
+    """Return a leader and two followers in the air on a straight path, with the given keys put in."""
     plain: dict[str, Any] = {
         "schema": 1,
         "name": "short",

@@ -1,0 +1,149 @@
+"""What the law asked for and what became of it; the gains it used."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from airlink.identity import VehicleId
+from formation_scenario.law import PidGains
+from gcs_formation.arrays import Array, Mask
+from gcs_formation.record.flight import Columns
+from gcs_formation.record.timeseries import CHANNELS
+from gcs_formation.report.downsample import extremes
+from gcs_formation.report.error_figure import WIDTHS, error_windows
+from gcs_formation.report.lines import BUCKETS
+from gcs_formation.report.marks import marks
+from gcs_formation.report.run_data import RunData
+from gcs_formation.report.style import (
+    ASKED,
+    FOLLOWERS,
+    GREY,
+    INK,
+    THIN,
+    axes_grid,
+    column_of,
+    legend_below,
+    new_figure,
+    note,
+)
+from gcs_formation.report.time_axes import draw_marks, span, time_label
+
+MOST_COLUMNS = 4
+GAINS = {"kp": "$k_p$", "ki": "$k_i$", "kd": "$k_d$"}
+NAMES = {
+    "speed": ("speed_mps", "airspeed_mps"),
+    "heading": ("heading_rad", "heading_rad"),
+    "height": ("height_m", "height_m"),
+}
+"""Columns of setpoint and response."""
+LABELS = {"speed": "airspeed, m/s", "heading": "heading, °", "height": "height, m"}
+
+
+class Followed(NamedTuple):
+    """A setpoint and the response to it, (T,) each."""
+
+    setpoint: Array
+    response: Array
+
+
+def setpoints(run: RunData) -> Figure:
+    """Draw setpoint and response of the leader and of the followers with the largest errors."""
+    shown = _shown(run)
+    figure = new_figure(11.5)
+    grid = axes_grid(figure, 3, len(shown), sharex=True, sharey="row")
+    found = marks(run)
+    for column, vehicle in enumerate(shown):
+        name = f"leader ({vehicle})" if vehicle == run.leader else f"vehicle {vehicle}"
+        grid[0][column].annotate(
+            name, (0.5, 1.0), xycoords="axes fraction", xytext=(0, 5), textcoords="offset points",
+            ha="center", fontweight="bold",
+        )  # fmt: skip
+        for row, channel in enumerate(LABELS):
+            _follow(grid[row][column], run, followed(run, vehicle, channel))
+        draw_marks(column_of(grid, column), found, labels=False)
+    for row, label in enumerate(LABELS.values()):
+        grid[row][0].set_ylabel(label)
+    figure.align_ylabels(column_of(grid, 0))
+    for axes in grid[-1]:
+        axes.set_xlabel(time_label(run))
+    legend_below(figure)
+    return figure
+
+
+def followed(run: RunData, vehicle: VehicleId, channel: str) -> Followed:
+    """Return setpoint and response of a channel over the flown time; headings in degrees, without jumps."""
+    columns = run.flown.vehicles[vehicle]
+    true = "true_" if run.flown.truth else ""
+    asked, became = NAMES[channel]
+    setpoint, response = columns[f"setpoint_{asked}"], columns[true + became]
+    if channel != "heading":
+        return Followed(setpoint, response)
+    steady = _unwrapped_deg(response)
+    apart = np.degrees(setpoint) - steady
+    return Followed(steady + (apart + 180.0) % 360.0 - 180.0, steady)
+
+
+def gains(run: RunData) -> Figure:
+    """Draw the gains of the follower with the largest errors as shares of their nominal values."""
+    followers = run.worst_first()
+    if not followers:
+        figure = new_figure(4.0)
+        note(figure.add_subplot(), "no followers: no gains")
+        return figure
+    figure = new_figure(11.0)
+    windows = error_windows(run)
+    grid = axes_grid(figure, 3, len(windows), sharex="col", sharey="row", width_ratios=WIDTHS[-len(windows) :])
+    columns = run.flown.vehicles[followers[0]]
+    for column, window in enumerate(windows):
+        for axes, gain in zip(column_of(grid, column), GAINS, strict=True):
+            _gain(axes, run, columns, gain, window)
+        draw_marks(column_of(grid, column), marks(run))
+    for row, label in zip(grid, GAINS.values(), strict=True):
+        row[0].set_ylabel(f"{label} by nominal")
+    figure.align_ylabels(column_of(grid, 0))
+    grid[-1][-1].set_xlabel(time_label(run))
+    legend_below(figure, 2)
+    return figure
+
+
+def _shown(run: RunData) -> list[VehicleId]:
+    leaders = [run.leader] if run.leader else []
+    worst = set(run.worst_first()[: MOST_COLUMNS - len(leaders)])
+    return leaders + [vehicle for vehicle in run.followers if vehicle in worst]
+
+
+def _follow(axes: Axes, run: RunData, pair: Followed) -> None:
+    for values, colour, width, name in (
+        (pair.setpoint, ASKED, 1.2, "setpoint"),
+        (pair.response, INK, THIN, "response"),
+    ):
+        shown = extremes(values, BUCKETS)
+        axes.plot(run.time_s[shown], values[shown], color=colour, lw=width, label=name)
+    span(axes, float(run.time_s[0]), float(run.time_s[-1]))
+
+
+def _gain(axes: Axes, run: RunData, columns: Columns, gain: str, window: Mask) -> None:
+    law, time_s = run.scenario.law, run.time_s[window]
+    for channel, colour in zip(CHANNELS, FOLLOWERS, strict=False):
+        nominal: PidGains = getattr(law, channel)
+        values = columns[f"{gain}_{channel}"][window] / (getattr(nominal, gain) or np.nan)
+        shown = extremes(values, BUCKETS)
+        label = f"{channel}: $k_p$ {nominal.kp:g}, $k_i$ {nominal.ki:g}/s, $k_d$ {nominal.kd:g} s"
+        axes.plot(time_s[shown], values[shown], color=colour, lw=0.8, label=label)
+    if law.type == "fuzzy_pid":
+        low, high = law.fuzzy.base, law.fuzzy.base + law.fuzzy.span
+        axes.axhspan(low, high, color=GREY, alpha=0.12, lw=0, label="range of the fuzzy scheduler")
+    span(axes, float(time_s[0]), float(time_s[-1]))
+
+
+def _unwrapped_deg(heading_rad: Array) -> Array:
+    """Return headings without jumps of a turn, the first known one from -180 to 180 degrees."""
+    unwrapped: Array = np.full(heading_rad.shape, np.nan)
+    known = np.isfinite(heading_rad)
+    unwrapped[known] = np.degrees(np.unwrap(heading_rad[known]))
+    first = float(unwrapped[known][0]) if known.any() else 0.0
+    return unwrapped - 360.0 * round(first / 360.0)

@@ -1,0 +1,114 @@
+"""The data that the page's own plots draw: every extreme of the errors, the tracks thinned out."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+
+from airlink.identity import VehicleId
+from gcs_formation.arrays import Array
+from gcs_formation.report.downsample import Indices, evenly, extremes
+from gcs_formation.report.error_figure import transient_end_s
+from gcs_formation.report.geometry import heading_rad, path_m
+from gcs_formation.report.lines import Group, everyone
+from gcs_formation.report.marks import marks
+from gcs_formation.report.run_data import RunData
+from gcs_formation.report.style import FOLLOWERS
+
+ERROR_POINTS = 80_000
+TRACK_NUMBERS = 100_000
+"""What all series together may have; a page of 100 vehicles is then below 2 MB of data."""
+FEWEST_BUCKETS, MOST_BUCKETS = 50, 1500
+MOST_TRACK_POINTS = 1500
+PATH_POINTS = 400
+MORE_COLOURS = ("#E69F00", "#56B4E9", "#7A6FD0", "#8C6D31", "#5F8F8F", "#B05A7A")
+ERROR_DIGITS, PLACE_DIGITS, ANGLE_DIGITS, TIME_DIGITS = 4, 1, 3, 2
+
+
+def embedded(run: RunData) -> dict[str, Any]:
+    """Return the data of the page's plots, ready for JSON; times are mission times in s, unknown values None."""
+    group = everyone(run)
+    names = list(group.vehicles)
+    return {
+        "begun": run.begun,
+        "flown_s": _rounded(run.time_s[[0, -1]], TIME_DIGITS),
+        "steady_s": transient_end_s(run),
+        "vehicles": [_vehicle(run, vehicle) for vehicle in names],
+        "worst": [names.index(vehicle) for vehicle in run.worst_first()],
+        "errors": _errors(run, group),
+        "tracks": _tracks(run, group),
+        "path": _path(run),
+        "marks": [{"t": round(mark.time_s, TIME_DIGITS), "label": mark.label} for mark in marks(run)],
+    }
+
+
+def as_script(data: dict[str, Any]) -> str:
+    """Return JSON that nothing in it can end the script element around it."""
+    text = json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
+
+
+def _vehicle(run: RunData, vehicle: VehicleId) -> dict[str, Any]:
+    if vehicle == run.leader:
+        return {"name": str(vehicle), "role": "leader", "colour": None}
+    colours = (*FOLLOWERS, *MORE_COLOURS)
+    return {
+        "name": str(vehicle),
+        "role": "follower",
+        "colour": colours[run.followers.index(vehicle) % len(colours)],
+    }
+
+
+def _errors(run: RunData, group: Group) -> list[dict[str, Any]]:
+    """Return each follower's errors with the times of their own at which they are extreme."""
+    count = max(len(run.followers), 1)
+    buckets = int(np.clip(ERROR_POINTS // (6 * count), FEWEST_BUCKETS, MOST_BUCKETS))
+    time_s = run.whole_time_s
+    found: list[dict[str, Any]] = []
+    for index, vehicle in enumerate(group.vehicles):
+        if vehicle == run.leader:
+            continue
+        error_m = run.whole.error(vehicle)
+        axes = zip("xyz", error_m.T, strict=True)
+        series = {axis: _series(time_s, values, extremes(values, buckets)) for axis, values in axes}
+        found.append({"vehicle": index, **series})
+    return found
+
+
+def _series(time_s: Array, values: Array, kept: Indices) -> dict[str, Any]:
+    return {"t": _rounded(time_s[kept], TIME_DIGITS), "v": _rounded(values[kept], ERROR_DIGITS)}
+
+
+def _tracks(run: RunData, group: Group) -> dict[str, Any]:
+    points = min(MOST_TRACK_POINTS, TRACK_NUMBERS // (4 * len(group.vehicles)))
+    kept = evenly(run.clock_s.size, points)
+    return {
+        "t": _rounded(run.whole_time_s[kept], TIME_DIGITS),
+        "vehicles": [_track(run, vehicle, kept) for vehicle in group.vehicles],
+    }
+
+
+def _track(run: RunData, vehicle: VehicleId, kept: Indices) -> dict[str, Any]:
+    north, east, height = run.whole.place(vehicle)[kept].T
+    heading = heading_rad(run.whole, vehicle)[kept]
+    known = np.isfinite(heading)
+    heading[known] = np.unwrap(heading[known])
+    return {
+        "north": _rounded(north, PLACE_DIGITS),
+        "east": _rounded(east, PLACE_DIGITS),
+        "height": _rounded(height, PLACE_DIGITS),
+        "heading": _rounded(heading, ANGLE_DIGITS),
+    }
+
+
+def _path(run: RunData) -> dict[str, Any]:
+    path = path_m(run)
+    north, east, _ = path[evenly(len(path), PATH_POINTS)].T
+    return {"north": _rounded(north, PLACE_DIGITS), "east": _rounded(east, PLACE_DIGITS)}
+
+
+def _rounded(values: Array, digits: int) -> list[float | None]:
+    # Adding 0 turns -0.0 into 0.0, which is shorter and looks better.
+    return [value if np.isfinite(value) else None for value in (np.round(values, digits) + 0.0).tolist()]

@@ -1,0 +1,82 @@
+"""All figures of a run: what they're called, what they show, what draws them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from matplotlib.figure import Figure
+
+from gcs_formation.report.control_figures import gains, setpoints
+from gcs_formation.report.error_figure import errors
+from gcs_formation.report.link_figures import latency, separation
+from gcs_formation.report.plan_figures import plan, trajectory
+from gcs_formation.report.run_data import RunData
+from gcs_formation.report.style import print_style, save
+
+DIRECTORY = "figures"
+
+
+class Plate(NamedTuple):
+    """A figure: its file's name without the suffix, its title and caption, and how it's drawn."""
+
+    name: str
+    title: str
+    caption: str
+    draw: Callable[[RunData], Figure]
+
+
+PLATES = (
+    Plate(
+        "plan",
+        "Plan view",
+        "Tracks of all vehicles and the path, north up. A, B, …: the formation at these times, seen with the "
+        "leader's heading up; circles are the slots that were commanded then.",
+        plan,
+    ),
+    Plate(
+        "errors",
+        "Formation errors",
+        "Slot minus vehicle, in the frame that the scenario names. Where the transient would hide what "
+        "follows it, it has axes of its own on the left.",
+        errors,
+    ),
+    Plate(
+        "setpoints",
+        "Setpoints and responses",
+        "What the ground station asked of each autopilot, and what it did. Of many followers, those with the "
+        "largest errors.",
+        setpoints,
+    ),
+    Plate("trajectory", "Trajectories", "Heights are stretched; grey: the tracks' shadows.", trajectory),
+    Plate(
+        "gains",
+        "Gains",
+        "Of the follower with the largest errors, as shares of their nominal values, which the legend has.",
+        gains,
+    ),
+    Plate(
+        "separation",
+        "Separation and clearance",
+        "Least distance of any two vehicles, and heights above the level of the origin, with the safety limits.",
+        separation,
+    ),
+    Plate(
+        "latency",
+        "Latency",
+        "One-way delay of each link, half of the measured round trip. How old the newest telemetry was when the "
+        "law used it. Lines are medians over stretches of time, bands the range.",
+        latency,
+    ),
+)
+
+
+def write_figures(run: RunData, directory: Path) -> Iterator[tuple[Plate, Path]]:
+    """Draw every figure into a directory; yield each with its file."""
+    directory.mkdir(exist_ok=True)
+    for plate in PLATES:
+        path = directory / f"{plate.name}.png"
+        with print_style():
+            save(plate.draw(run), path)
+        yield plate, path

@@ -1,0 +1,110 @@
+"""Delays of the links, and how near vehicles came to each other and to the ground."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from gcs_formation.arrays import Array
+from gcs_formation.record import figures_of_merit
+from gcs_formation.report.downsample import extremes
+from gcs_formation.report.lines import BUCKETS, Group, everyone
+from gcs_formation.report.marks import marks
+from gcs_formation.report.run_data import RunData
+from gcs_formation.report.style import INK, LIMIT, THIN, axes_grid, column_of, legend_below, new_figure, note
+from gcs_formation.report.time_axes import draw_marks, span, time_label
+
+SILENT = 20.0
+"""Oldest telemetry by the median from which its scale is logarithmic."""
+WINDOWS = 200
+"""Stretches of time over which delay and age, which jump from tick to tick, are summed up."""
+
+
+def latency(run: RunData) -> Figure:
+    """Draw the one-way delay of every link as measured, and how old the telemetry was at each tick."""
+    group = everyone(run)
+    figure = new_figure(9.5)
+    rows = column_of(axes_grid(figure, 2, 1, sharex=True), 0)
+    delays, ages = (
+        [1e3 * run.flown.vehicles[vehicle][name] for vehicle in group.vehicles] for name in ("delay_s", "age_s")
+    )
+    group.draw_spread(rows[0], run.time_s, delays, WINDOWS)
+    group.draw_spread(rows[1], run.time_s, ages, WINDOWS)
+    span(rows[0], float(run.time_s[0]), float(run.time_s[-1]))
+    if run.flown.truth and run.begun:
+        _configured(rows[0], run, group)
+    rows[0].set_ylim(0.0, max(rows[0].get_ylim()[1], 1.0))
+    _age_scale(rows[1], np.stack(ages))
+    rows[0].set_ylabel("one-way delay, ms")
+    rows[1].set_ylabel("age of telemetry, ms")
+    return _finished(figure, run)
+
+
+def separation(run: RunData) -> Figure:
+    """Draw the least distance of any two vehicles, and every vehicle's height above ground."""
+    group = everyone(run)
+    limits = run.scenario.safety
+    figure = new_figure(9.5)
+    rows = column_of(axes_grid(figure, 2, 1, sharex=True), 0)
+    window = np.ones(run.time_s.shape, dtype=bool)
+    least = figures_of_merit.separation_m(run.flown, window)
+    if len(group.vehicles) > 1:
+        least = np.where(np.isfinite(least), least, np.nan)
+        shown = extremes(least, BUCKETS)
+        rows[0].plot(run.time_s[shown], least[shown], color=INK, lw=0.9, label="nearest pair")
+        _limit(rows[0], limits.separation_m)
+    else:
+        note(rows[0], "one vehicle: nothing to be separated from")
+    heights = [figures_of_merit.clearance_m(run.flown, vehicle, window) for vehicle in group.vehicles]
+    group.draw(rows[1], run.time_s, heights)
+    _limit(rows[1], limits.clearance_m)
+    rows[0].set_ylabel("least separation, m")
+    rows[1].set_ylabel("height above ground, m")
+    span(rows[0], float(run.time_s[0]), float(run.time_s[-1]))
+    return _finished(figure, run)
+
+
+def configured_delay_ms(run: RunData, group: Group) -> list[Array]:
+    """Return each vehicle's configured one-way delay over time: half of both directions' sum."""
+    steps = {v.vehicle_id: run.scenario.link_steps(v) for v in run.scenario.vehicles}
+    found: list[Array] = []
+    for vehicle in group.vehicles:
+        index = np.searchsorted([step.at_s for step in steps[vehicle]], run.time_s, side="right") - 1
+        both = np.array([step.uplink.delay_ms + step.downlink.delay_ms for step in steps[vehicle]])
+        found.append(both[np.maximum(index, 0)] / 2)
+    return found
+
+
+def _age_scale(axes: Axes, ages_ms: Array) -> None:
+    """Begin at 0, or make the scale logarithmic where a silent vehicle would flatten all others."""
+    known = ages_ms[np.isfinite(ages_ms)]
+    if known.size and known.max() > SILENT * max(float(np.median(known)), 1.0):
+        axes.set_yscale("log")
+        axes.set_ylim(bottom=max(float(known.min()), 1.0))
+    else:
+        axes.set_ylim(0.0, max(axes.get_ylim()[1], 1.0))
+
+
+def _configured(axes: Axes, run: RunData, group: Group) -> None:
+    """Draw what the emulated links were told to do, once for vehicles that were told the same."""
+    different = {values.tobytes(): values for values in configured_delay_ms(run, group)}
+    if len(different) <= 4:
+        for values in filter(np.any, different.values()):
+            axes.plot(run.time_s, values, color=INK, lw=THIN, ls=(0, (4, 2)), label="configured mean delay")
+
+
+def _limit(axes: Axes, limit: float) -> None:
+    """Draw a safety limit, with the axes from 0 on."""
+    axes.axhline(limit, color=LIMIT, lw=0.9, ls=(0, (5, 2)), label="safety limit")
+    low, high = axes.get_ylim()
+    axes.set_ylim(min(low, 0.0), max(high, 1.5 * limit))
+
+
+def _finished(figure: Figure, run: RunData) -> Figure:
+    rows = figure.axes
+    draw_marks(rows, marks(run))
+    rows[-1].set_xlabel(time_label(run))
+    figure.align_ylabels(rows)
+    legend_below(figure)
+    return figure

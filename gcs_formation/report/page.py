@@ -1,0 +1,77 @@
+"""report.html: one file that needs nothing but itself."""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from collections.abc import Iterable
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+
+from formation_scenario import dump_scenario
+from gcs_formation.report import tables
+from gcs_formation.report.embedded import as_script, embedded
+from gcs_formation.report.figures import Plate
+from gcs_formation.report.run_data import RunData
+
+SCRIPTS = ("surface.js", "errors.js", "plan.js", "report.js")
+
+
+def page(run: RunData, plates: Iterable[tuple[Plate, Path]]) -> str:
+    """Return the page of a run; `plates` are its figures and their files."""
+    summary = run.summary
+    return Template(_asset("report.html")).substitute(
+        title=escape(str(summary["name"])),
+        subtitle=escape(_subtitle(run)),
+        style=_asset("report.css"),
+        script="\n".join(_asset(name) for name in SCRIPTS),
+        data=as_script(embedded(run)),
+        verdict=tables.verdict(summary),
+        cards=tables.cards(run),
+        error_source=escape(_error_source(run)),
+        followers=tables.followers(summary),
+        expectations=tables.expectations(summary),
+        figures=f'<div class="gallery">{"".join(_figure(plate, path) for plate, path in plates)}</div>',
+        links=tables.links(summary),
+        control=tables.control(summary),
+        events=tables.events(run),
+        scenario=escape(dump_scenario(run.scenario)),
+    )
+
+
+def _asset(name: str) -> str:
+    return (files("gcs_formation.report") / "assets" / name).read_text(encoding="utf-8")
+
+
+def _subtitle(run: RunData) -> str:
+    scenario, count = run.scenario, len(run.followers)
+    leader = "a leader" if run.leader else "a virtual leader"
+    followers = f"{count} follower{'s' * (count != 1)}" if count else "no followers"
+    law = {"fuzzy_pid": "fuzzy PID", "pid": "PID", "consensus": "consensus"}[scenario.law.type]
+    prediction = "with" if scenario.law.delay_compensation else "without"
+    parts = (
+        f"{leader} and {followers}",
+        f"{scenario.formation.shape} of {scenario.formation.spacing_m:g} m",
+        f"{law} at {scenario.law.rate_hz:g} Hz, {prediction} delay compensation",
+        f"seed {run.summary['seed']}",
+    )
+    return "; ".join(parts)
+
+
+def _error_source(run: RunData) -> str:
+    source = "ground truth" if run.flown.truth else "telemetry, as the law saw it"
+    frame = {"leader_heading": "leader's", "follower_heading": "follower's"}[run.scenario.formation.frame]
+    return (
+        f"Metres, absolute values, from {source}; x forward and y right of the {frame} heading, z up. "
+        "Settled: the first time from which every axis stays within 0.5 m for 10 s; steady max: the maximum after it."
+    )
+
+
+def _figure(plate: Plate, path: Path) -> str:
+    image = b64encode(path.read_bytes()).decode("ascii")
+    title, caption = escape(plate.title), escape(plate.caption)
+    return (
+        f'<figure id="figure-{plate.name}"><img alt="{title}" src="data:image/png;base64,{image}">'
+        f"<figcaption><b>{title}.</b> {caption}</figcaption></figure>\n"
+    )

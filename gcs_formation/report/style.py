@@ -1,0 +1,120 @@
+"""How figures look: sizes for print, and a palette that colour-blind readers can tell apart (Okabe and Ito)."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, cast
+
+import matplotlib as mpl
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, FigureBase
+
+if TYPE_CHECKING:
+    from matplotlib.typing import RcKeyType
+
+CM = 1 / 2.54
+WIDTH_CM = 16.0
+DPI = 200
+INK = "#000000"
+GREY = "#8C8C8C"
+LIGHT = "#C8C8C8"
+FOLLOWERS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
+WORST = "#D55E00"
+ASKED = "#E69F00"
+BAND = "#0072B2"
+LIMIT = "#B00020"
+THIN = 0.6
+LINE = 0.9
+
+WHITE = (1.0, 1.0, 1.0, 1.0)
+
+SETTINGS: dict[RcKeyType, Any] = {
+    "font.family": "DejaVu Sans",
+    "font.size": 8.0,
+    "axes.titlesize": 8.0,
+    "axes.labelsize": 8.0,
+    "xtick.labelsize": 8.0,
+    "ytick.labelsize": 8.0,
+    "legend.fontsize": 8.0,
+    "legend.frameon": False,
+    "axes.linewidth": THIN,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.unicode_minus": True,
+    "axes.formatter.useoffset": False,
+    "grid.color": "#E4E4E4",
+    "grid.linewidth": 0.5,
+    "xtick.major.width": THIN,
+    "ytick.major.width": THIN,
+    "lines.linewidth": LINE,
+    "figure.facecolor": "white",
+    "savefig.facecolor": "white",
+    "axes3d.xaxis.panecolor": WHITE,
+    "axes3d.yaxis.panecolor": WHITE,
+    "axes3d.zaxis.panecolor": WHITE,
+}
+
+
+@contextmanager
+def print_style() -> Generator[None]:
+    """Draw in this module's style, and leave Matplotlib's settings as they were."""
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        mpl.rcParams.update(SETTINGS)
+        yield
+
+
+def new_figure(height_cm: float, width_cm: float = WIDTH_CM) -> Figure:
+    """Return an empty figure of a size in cm, which makes room for its labels by itself."""
+    return Figure(figsize=(width_cm * CM, height_cm * CM), dpi=DPI, layout="constrained")
+
+
+def axes_grid(
+    figure: FigureBase,
+    rows: int,
+    columns: int,
+    *,
+    sharex: bool | Literal["col"] = False,
+    sharey: bool | Literal["row"] = False,
+    width_ratios: Sequence[float] | None = None,
+) -> list[list[Axes]]:
+    """Return axes by row and column."""
+    grid = figure.subplots(rows, columns, squeeze=False, sharex=sharex, sharey=sharey, width_ratios=width_ratios)
+    return cast("list[list[Axes]]", grid.tolist())
+
+
+def column_of(grid: Sequence[Sequence[Axes]], column: int) -> list[Axes]:
+    """Return the axes above each other in a column, from the top."""
+    return [row[column] for row in grid]
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a figure as PNG, without the version of what drew it: the same run gives the same bytes."""
+    figure.savefig(path, format="png", metadata={"Software": None})
+
+
+def legend_below(figure: Figure, columns: int = 5) -> None:
+    """Name everything that has a label, once, under the axes."""
+    named: dict[str, Artist] = {}
+    for axes in figure.axes:
+        handles, labels = axes.get_legend_handles_labels()
+        named |= {str(label): handle for handle, label in zip(handles, labels, strict=True)}
+    if named:
+        figure.legend(
+            list(named.values()),
+            list(named),
+            loc="outside lower center",
+            ncols=min(columns, len(named)),
+            handlelength=1.8,
+            columnspacing=1.4,
+        )
+
+
+def note(axes: Axes, text: str) -> None:
+    """Say in the middle of empty axes why they are."""
+    axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color=GREY)

@@ -1,0 +1,28 @@
+"""A finished run -> its figures and its page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from gcs_formation.errors import RecordError
+from gcs_formation.report.figures import DIRECTORY, write_figures
+from gcs_formation.report.page import page
+from gcs_formation.report.run_data import load_run
+
+PAGE = "report.html"
+
+
+def write_report(run_dir: Path) -> Path:
+    """Write figures/*.png and report.html of a finished run into its directory; return the page's path.
+
+    Raises:
+        RecordError: the directory isn't that of a finished run, or it can't be read or written.
+    """
+    run = load_run(run_dir)
+    target = run_dir / PAGE
+    try:
+        plates = list(write_figures(run, run_dir / DIRECTORY))
+        target.write_text(page(run, plates), encoding="utf-8")
+    except OSError as error:
+        raise RecordError(f"cannot write the report into {run_dir}: {error.strerror}") from error
+    return target

@@ -1,0 +1,172 @@
+"""Flights over UDP: processes, sockets, signals and exit statuses as a user and their scripts meet them."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from gcs_formation.record.timeseries import read_parquet
+from tests.flights.conftest import scenario
+
+LIMIT_S = 90
+STATION = [sys.executable, "-m", "gcs_formation"]
+VEHICLES = [sys.executable, "-m", "sim_vehicles"]
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    """A short scenario on a port of its own."""
+    keys = scenario(duration_s=20, vehicles={"count": 3, "endpoint": f"udpin:127.0.0.1:{free_port()}"})
+    file = tmp_path / "short.yaml"
+    file.write_text(yaml.safe_dump(keys))
+    return file
+
+
+@contextmanager
+def started(command: list[str]) -> Iterator[subprocess.Popen[str]]:
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def wait_for(file: Path, word: str) -> None:
+    deadline = time.monotonic() + LIMIT_S
+    while not (file.exists() and word in file.read_text()):
+        assert time.monotonic() < deadline, f"{word} never came"
+        time.sleep(0.05)
+
+
+def worst_rms_m(summary: dict[str, Any]) -> float:
+    return max(f[f"error_{axis}_m"]["rms"] for f in summary["followers"].values() for axis in "xyz")
+
+
+def emulators_of(path: Path) -> list[str]:
+    """Return the command lines of running processes that name a file of this test."""
+    lines: list[str] = []
+    for entry in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            line = entry.read_bytes().replace(b"\0", b" ").decode(errors="replace")
+        except OSError:
+            continue
+        if str(path) in line and "sim_vehicles" in line:
+            lines.append(line)
+    return lines
+
+
+def test_run_over_udp_is_as_good_as_under_the_virtual_clock(path: Path, tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    command = [*STATION, "run", str(path), "--speedup", "4", "--out", str(out), "--json"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S, check=False)
+    assert done.returncode == 0, done.stderr
+    summary = json.loads(done.stdout)
+    assert worst_rms_m(summary) < 0.3
+    assert summary["truth"] is True
+    assert not emulators_of(tmp_path)
+
+
+def test_fly_against_vehicles_started_by_hand(path: Path, tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    on_the_ground = ["--set", "start.in_air=false", "--speedup", "6"]
+    with started([*VEHICLES, str(path), *on_the_ground]) as vehicles:
+        assert vehicles.stdout is not None
+        assert "vehicle 1 sends to 127.0.0.1" in vehicles.stdout.readline()
+        command = [*STATION, "fly", str(path), *on_the_ground, "--out", str(out), "--json"]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S, check=False)
+    assert done.returncode == 0, done.stderr
+    summary = json.loads(done.stdout)
+    assert summary["truth"] is False
+    assert worst_rms_m(summary) < 1.0  # as the law saw it: what a busy machine adds to stamps is in it
+
+
+def test_ctrl_c_has_the_vehicles_loiter_and_leaves_a_whole_record(path: Path, tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    with started([*STATION, "run", str(path), "--speedup", "4", "--out", str(out)]) as station:
+        wait_for(out / "events.jsonl", '"flying"')
+        station.send_signal(signal.SIGINT)
+        assert station.wait(LIMIT_S) == 130
+    events = [json.loads(line) for line in (out / "events.jsonl").read_text().splitlines()]
+    assert sum(event["kind"] == "mode" and event["text"] == "LOITER" for event in events) == 3
+    assert len(read_parquet(out / "timeseries.parquet")["t_s"]) > 0
+    assert json.loads((out / "summary.json").read_text())["followers"]
+    assert not emulators_of(tmp_path)
+
+
+def test_killed_the_station_takes_its_vehicles_along(path: Path, tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    with started([*STATION, "run", str(path), "--out", str(out)]) as station:
+        wait_for(out / "events.jsonl", '"connected"')
+        assert emulators_of(tmp_path)
+        os.kill(station.pid, signal.SIGKILL)
+        station.wait(LIMIT_S)
+        deadline = time.monotonic() + LIMIT_S
+        while emulators_of(tmp_path):
+            assert time.monotonic() < deadline
+            time.sleep(0.1)
+
+
+def test_a_taken_port_ends_with_3_and_its_name(path: Path, tmp_path: Path) -> None:
+    endpoint = yaml.safe_load(path.read_text())["vehicles"]["endpoint"]
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as occupier:
+        occupier.bind(("127.0.0.1", int(endpoint.rpartition(":")[2])))
+        command = [*STATION, "run", str(path), "--out", str(tmp_path / "run")]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S, check=False)
+    assert done.returncode == 3
+    assert done.stderr.strip().endswith("is taken by another program")
+    assert endpoint in done.stderr
+
+
+def test_nobody_there_ends_with_3_and_who_was_missed(path: Path, tmp_path: Path) -> None:
+    command = [*STATION, "fly", str(path), "--speedup", "50", "--out", str(tmp_path / "run")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S, check=False)
+    assert done.returncode == 3
+    assert "no vehicle 1, 2, 3 answered at udpin:127.0.0.1" in done.stderr
+
+
+def test_an_expectation_window_beyond_until_is_not_reached_and_does_not_fail(path: Path, tmp_path: Path) -> None:
+    expect = "expect=[{metric: error_x_m.max, from_s: 15, to_s: 20, below: 0.0}]"
+    command = [*STATION, "run", str(path), "--clock", "virtual", "--until", "5", "--set", expect, "--json"]
+    done = subprocess.run(
+        [*command, "--out", str(tmp_path / "run")], capture_output=True, text=True, timeout=LIMIT_S, check=False
+    )
+    assert done.returncode == 0
+    assert [entry["held"] for entry in json.loads(done.stdout)["expect"]] == [None, None]
+
+
+def test_a_broken_expectation_ends_with_1_and_its_figure(path: Path, tmp_path: Path) -> None:
+    expect = "expect=[{metric: min_separation_m, above: 100}]"
+    command = [*STATION, "run", str(path), "--clock", "virtual", "--set", expect, "--out", str(tmp_path / "run")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S, check=False)
+    assert done.returncode == 1
+    assert "min_separation_m from 0 s to 20 s: found 42.4" in done.stderr
+
+
+@pytest.mark.parametrize(
+    "arguments", [["check", "nowhere.yaml"], ["run", "nowhere.yaml"], ["report", "nowhere"], ["fly"]]
+)
+def test_bad_usage_ends_with_2_and_no_traceback(arguments: list[str]) -> None:
+    done = subprocess.run([*STATION, *arguments], capture_output=True, text=True, timeout=LIMIT_S, check=False)
+    assert done.returncode == 2
+    assert done.stderr
+    assert "Traceback" not in done.stderr

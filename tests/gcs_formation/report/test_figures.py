@@ -1,0 +1,171 @@
+from io import BytesIO
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from matplotlib.text import Text
+from PIL import Image
+
+from formation_scenario import load_scenario, slot_schedule
+from gcs_formation.report.control_figures import followed
+from gcs_formation.report.error_figure import transient_end_s
+from gcs_formation.report.figures import PLATES, write_figures
+from gcs_formation.report.geometry import snapshot, snapshot_ticks
+from gcs_formation.report.lines import everyone
+from gcs_formation.report.link_figures import configured_delay_ms
+from gcs_formation.report.marks import marks
+from gcs_formation.report.run_data import load_run
+from gcs_formation.report.style import print_style
+
+QUICKSTART = Path(__file__).parents[3] / "configs" / "quickstart.yaml"
+STRAIGHT: dict[str, object] = {"duration_s": 40, "path": {"waypoints_m": [[0, 0, 200], [4000, 0, 200]]}}
+
+
+def straight(vehicles, **keys):
+    return load_scenario({**STRAIGHT, "vehicles": vehicles, **keys})
+
+
+EVENTFUL = (
+    "formation.changes=[{at_s: 60, shape: square}]",
+    "disturbances=[{at_s: 80, velocity_mps: [0.6, 0.6, 0]}]",
+    "faults=[{at_s: 90, vehicles: [3], kind: crash}]",
+    "links.changes=[{at_s: 40, vehicles: [2], delay_ms: 300}, {at_s: 70, vehicles: [3], uplink: {delay_ms: 200}}]",
+)
+
+
+@pytest.fixture(scope="module")
+def eventful(make_run):
+    return load_run(make_run(load_scenario(QUICKSTART, EVENTFUL)))
+
+
+@pytest.mark.parametrize(
+    ("scenario", "options"),
+    [
+        (None, {"crash": True}),
+        (None, {"truth": False}),
+        (None, {"truth": False, "unseen": slice(300, 900)}),
+        (None, {"truth": False, "unseen": slice(None)}),
+        (None, {"flown_s": 3.0}),
+        (None, {"flown_s": 0.0}),
+        (None, {"flown_s": 20.0, "begun": False}),
+        (straight([{"id": 1, "role": "leader"}]), {}),
+        (straight([{"id": 2}, {"id": 3}]), {}),
+        (straight({"count": 8}), {}),
+        (straight({"count": 40}, formation={"shape": "triangle"}), {}),
+    ],
+    ids=[
+        "crash",
+        "telemetry",
+        "unseen",
+        "never seen",
+        "ended early",
+        "one tick",
+        "never begun",
+        "alone",
+        "virtual leader",
+        "8",
+        "40",
+    ],
+)
+def test_every_kind_of_run_can_be_drawn(make_run, scenario, options):
+    run = load_run(make_run(scenario, **options))
+    with print_style():
+        for plate in PLATES:
+            figure = plate.draw(run)
+            figure.savefig(BytesIO(), format="raw", dpi=30)
+            assert figure.get_figwidth() * 2.54 == pytest.approx(16.0)
+            assert 3.0 < figure.get_figheight() * 2.54 < 20.0
+
+
+@pytest.fixture(scope="module")
+def written(eventful, tmp_path_factory):
+    before = dict(mpl.rcParams)
+    paths = dict(write_figures(eventful, tmp_path_factory.mktemp("report") / "figures"))
+    assert dict(mpl.rcParams) == before, "Matplotlib's settings are left as they were"
+    return paths
+
+
+@pytest.mark.parametrize("plate", PLATES, ids=[plate.name for plate in PLATES])
+def test_every_figure_is_a_png_for_print(written, plate):
+    path = written[plate]
+    assert path.name == f"{plate.name}.png"
+    with Image.open(path) as image:
+        assert image.format == "PNG"
+        assert image.width == pytest.approx(16.0 / 2.54 * 200, abs=1)
+        assert 300 < image.height < 1800
+        darkest, lightest = image.convert("L").getextrema()
+        assert (darkest, lightest) == (0, 255)
+
+
+def test_letters_are_at_least_8_points(eventful):
+    with print_style():
+        for plate in PLATES:
+            texts = [text for text in plate.draw(eventful).findobj(Text) if text.get_text()]
+            assert texts
+            assert min(float(text.get_fontsize()) for text in texts) >= 8.0
+
+
+def test_what_happened_is_marked_in_order(eventful):
+    assert [(round(mark.time_s), mark.label) for mark in marks(eventful)] == [
+        (30, "link lost (4)"),
+        (40, "delay 300 ms (2)"),
+        (60, "square"),
+        (70, "up delay 200 ms (3)"),
+        (80, "disturbance"),
+        (90, "crash (3)"),
+    ]
+
+
+def test_nothing_after_the_end_is_marked(make_run):
+    scenario = load_scenario(QUICKSTART, ["disturbances=[{at_s: 80, velocity_mps: [0.6, 0.6, 0]}]"])
+    assert marks(load_run(make_run(scenario, flown_s=20.0))) == []
+
+
+def test_snapshots_show_the_commanded_slots(eventful):
+    before, after = [step.slots_m for step in slot_schedule(eventful.scenario)]
+    for tick in snapshot_ticks(eventful):
+        expected = before if float(eventful.time_s[tick]) < 60.0 else after
+        np.testing.assert_allclose(snapshot(eventful, tick).slots_m, expected[:, [1, 0]], atol=1e-6)
+
+
+def test_a_snapshot_is_taken_before_the_shape_changes(eventful):
+    times = eventful.time_s[snapshot_ticks(eventful)]
+    assert times[0] == pytest.approx(0.0, abs=1e-9)
+    assert times[-1] == pytest.approx(120.0)
+    assert ((times > 55.0) & (times < 60.0)).any()
+
+
+def test_configured_delay_is_the_mean_of_both_directions(eventful):
+    delays = dict(zip(everyone(eventful).vehicles, configured_delay_ms(eventful, everyone(eventful)), strict=True))
+    two, three = (delays[vehicle] for vehicle in eventful.followers[:2])
+    time_s = eventful.time_s
+    np.testing.assert_array_equal(two, np.where(time_s >= 40.0, 300.0, 0.0))
+    np.testing.assert_array_equal(three, np.where(time_s >= 70.0, 100.0, 0.0))
+
+
+def test_what_follows_the_transient_is_steady(make_run):
+    run = load_run(make_run())
+    split_s = transient_end_s(run)
+    assert split_s is not None
+    errors = np.stack([run.flown.error(vehicle) for vehicle in run.followers])
+    assert np.abs(errors[:, run.time_s >= split_s]).max() < 0.15
+    assert np.abs(errors[:, run.time_s < split_s]).max() > 5.0
+
+
+def test_a_crash_is_no_transient(make_run):
+    run = load_run(make_run(crash=True))
+    split_s = transient_end_s(run)
+    assert split_s is None or split_s < 60.0
+
+
+def test_headings_go_on_through_south_without_jumps(make_run):
+    circle = [[600 * np.sin(a), 600 * (1 - np.cos(a)), 200] for a in np.linspace(0, 1.9 * np.pi, 12)]
+    scenario = straight({"count": 2}, path={"waypoints_m": np.round(circle).tolist()}, duration_s=150)
+    run = load_run(make_run(scenario, truth=False))
+    pair = followed(run, run.followers[0], "heading")
+    wrapped = run.flown.vehicles[run.followers[0]]["heading_rad"]
+    assert np.abs(np.diff(wrapped)).max() > 6.0
+    assert np.abs(np.diff(pair.response)).max() < 1.0
+    assert np.abs(pair.setpoint - pair.response).max() < 2.0
+    np.testing.assert_allclose(np.exp(1j * np.radians(pair.response)), np.exp(1j * wrapped), atol=1e-9)

@@ -1,0 +1,140 @@
+import json
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from formation_scenario import load_scenario
+from gcs_formation.report import write_report
+from gcs_formation.report.embedded import as_script, embedded
+from gcs_formation.report.run_data import load_run
+from gcs_formation.report.tables import cards, table, verdict
+
+VOID = {"meta", "link", "img", "input", "br"}
+
+
+class Outline(HTMLParser):
+    """Elements opened and closed in order; what they refer to; the words outside of scripts and styles."""
+
+    def __init__(self, text):
+        super().__init__(convert_charrefs=True)
+        self.open, self.addresses, self.ids, self.words = [], [], set(), []
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag, attrs):
+        attributes = dict(attrs)
+        self.addresses += [attributes[key] for key in ("src", "href", "action", "data", "srcset") if key in attributes]
+        self.ids |= {attributes["id"]} if "id" in attributes else set()
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if not {"script", "style"} & set(self.open):
+            self.words.append(data)
+
+
+def data_of(text):
+    return json.loads(text.partition('id="data">')[2].partition("</script>")[0])
+
+
+def straight(count, duration_s, **keys):
+    path = {"waypoints_m": [[0, 0, 100], [4000, 0, 100]]}
+    return load_scenario({"vehicles": {"count": count}, "duration_s": duration_s, "path": path, **keys})
+
+
+@pytest.fixture(scope="module")
+def report(make_run):
+    directory = make_run(straight(3, 60, name="<three> & $more"))
+    path = write_report(directory)
+    assert path == directory / "report.html"
+    return directory, load_run(directory), path.read_text(encoding="utf-8")
+
+
+def test_the_page_is_well_formed_and_needs_nothing_else(report):
+    _, _, text = report
+    outline = Outline(text)
+    assert outline.open == []
+    assert all(address.startswith(("data:", "#")) for address in outline.addresses)
+    assert {address[1:] for address in outline.addresses if address.startswith("#")} <= outline.ids
+    assert not re.search(r"https?://|@import|url\(", text)
+
+
+def test_whatever_a_vehicle_says_stays_text(report):
+    _, _, text = report
+    assert "<b>EKF</b>" not in text
+    assert "<b>EKF</b> & </script>" in Outline(text).words
+    assert "<three> & $more" in Outline(text).words
+
+
+def test_every_figure_is_in_the_page_and_in_its_directory(report):
+    directory, _, text = report
+    names = {"plan", "errors", "setpoints", "trajectory", "gains", "separation", "latency"}
+    assert {path.stem for path in (directory / "figures").glob("*.png")} == names
+    assert {f"figure-{name}" for name in names} <= Outline(text).ids
+    assert text.count('src="data:image/png;base64,iVBOR') == len(names)
+
+
+def test_embedded_errors_are_recorded_ones_with_their_extremes(report):
+    _, run, text = report
+    data = data_of(text)
+    names = [vehicle["name"] for vehicle in data["vehicles"]]
+    assert [names[series["vehicle"]] for series in data["errors"]] == [str(vehicle) for vehicle in run.followers]
+    for series, vehicle in zip(data["errors"], run.followers, strict=True):
+        for column, axis in enumerate("xyz"):
+            recorded = run.whole.error(vehicle)[:, column]
+            shown = np.array(series[axis]["v"])
+            assert shown.min() == pytest.approx(recorded.min(), abs=5.1e-5)
+            assert shown.max() == pytest.approx(recorded.max(), abs=5.1e-5)
+            at = np.searchsorted(run.whole_time_s, np.array(series[axis]["t"]) - 0.02)
+            np.testing.assert_allclose(shown, recorded[at], atol=5.1e-5)
+
+
+def test_embedded_tracks_are_recorded_places(report):
+    _, run, text = report
+    tracks = data_of(text)["tracks"]
+    at = np.searchsorted(run.whole_time_s, np.array(tracks["t"]) - 0.02)
+    for track, vehicle in zip(tracks["vehicles"], (run.leader, *run.followers), strict=True):
+        shown = np.column_stack([track[name] for name in ("north", "east", "height")])
+        np.testing.assert_allclose(shown, run.whole.place(vehicle)[at], atol=0.051)
+
+
+def test_a_hundred_vehicles_fit_in_2_megabytes(make_run):
+    scenario = straight(100, 150, formation={"shape": "triangle"})
+    data = embedded(load_run(make_run(scenario)))
+    assert len(as_script(data).encode()) < 2_000_000
+    assert len(data["errors"]) == 99
+
+
+def test_unknown_values_are_null(make_run):
+    run = load_run(make_run(flown_s=20.0, truth=False, unseen=slice(50, 60)))
+    assert embedded(run)["errors"][-1]["x"]["v"].count(None) == 10
+
+
+def test_json_cannot_end_its_script():
+    text = as_script({"said": "</script><!--\u2028"})
+    assert "<" not in text
+    assert json.loads(text) == {"said": "</script><!--\u2028"}
+
+
+def test_cells_are_escaped():
+    assert '<td class="text">&lt;i&gt;</td>' in table(["a"], [["<i>"]])
+
+
+def test_one_broken_expectation_breaks_the_run(make_run):
+    summary = load_run(make_run(flown_s=20.0)).summary
+    assert "1 of 3 expectations broken" in verdict(summary)
+    unbroken = [entry for entry in summary["expect"] if entry["held"] is not False]
+    assert "none broken, 1 not reached" in verdict({**summary, "expect": unbroken})
+    assert "all held" in verdict({**summary, "expect": unbroken[:1]})
+    assert "2 safety violations" in verdict({**summary, "safety": {"violations": 2}})
+
+
+def test_a_run_that_never_settled_says_so(make_run):
+    text = cards(load_run(make_run(flown_s=3.0)))
+    assert "0 of 3" in text
+    assert "never within 0.5 m for 10 s" in text

@@ -1,0 +1,89 @@
+import json
+
+import numpy as np
+import pytest
+
+from formation_scenario import dump_scenario, load_scenario
+from gcs_formation.errors import RecordError
+from gcs_formation.record.timeseries import read_parquet, write_parquet
+from gcs_formation.report.run_data import load_run
+
+
+def test_mission_time_is_continued_backwards_over_the_assembly(make_run):
+    run = load_run(make_run())
+    assert run.begun
+    assert run.whole_time_s[0] == pytest.approx(-10.0)
+    assert run.time_s[0] == pytest.approx(0.0, abs=1e-9)
+    assert run.whole_time_s.size - run.time_s.size == 100
+    assert np.diff(run.whole_time_s) == pytest.approx(0.1)
+
+
+def test_a_path_never_begun_counts_from_the_first_tick(make_run):
+    run = load_run(make_run(begun=False, flown_s=20.0))
+    assert not run.begun
+    assert run.time_s[0] == 0.0
+    assert run.time_s.size == run.whole_time_s.size
+
+
+def test_the_worst_follower_is_the_one_that_crashed(make_run):
+    run = load_run(make_run(crash=True))
+    assert run.worst_first()[0] == run.followers[-1]
+
+
+def test_columns_are_those_of_the_vehicle(make_run):
+    directory = make_run()
+    columns = read_parquet(directory / "timeseries.parquet")
+    run = load_run(directory)
+    for vehicle, own in run.whole.vehicles.items():
+        mine = columns["vehicle"] == vehicle.system
+        np.testing.assert_array_equal(own["true_north_m"], columns["true_north_m"][mine])
+
+
+def test_no_directory(tmp_path):
+    with pytest.raises(RecordError, match="found no directory"):
+        load_run(tmp_path / "nowhere")
+
+
+def test_not_a_run(tmp_path):
+    with pytest.raises(RecordError, match=r"found no run\.yaml"):
+        load_run(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["summary.json", "timeseries.parquet"])
+def test_an_unfinished_run(make_run, name):
+    directory = make_run()
+    (directory / name).unlink()
+    with pytest.raises(RecordError, match=f"found no {name}.*hasn't finished"):
+        load_run(directory)
+
+
+@pytest.mark.parametrize("name", ["run.yaml", "summary.json", "timeseries.parquet", "events.jsonl"])
+def test_a_damaged_file(make_run, name):
+    directory = make_run()
+    (directory / name).write_bytes(b"\xff{ damaged")
+    with pytest.raises(RecordError, match="cannot read the run"):
+        load_run(directory)
+
+
+def test_another_schema(make_run):
+    directory = make_run()
+    summary = json.loads((directory / "summary.json").read_text())
+    (directory / "summary.json").write_text(json.dumps(summary | {"schema": 2}))
+    with pytest.raises(RecordError, match="found schema 2"):
+        load_run(directory)
+
+
+def test_no_ticks(make_run):
+    directory = make_run()
+    path = directory / "timeseries.parquet"
+    write_parquet(path, {name: np.zeros(0) for name in read_parquet(path)})
+    with pytest.raises(RecordError, match="found no control tick"):
+        load_run(directory)
+
+
+def test_another_run_s_scenario(make_run):
+    directory = make_run()
+    path = directory / "run.yaml"
+    path.write_text(dump_scenario(load_scenario(path, ["vehicles={count: 3}"])))
+    with pytest.raises(RecordError, match="expected: a multiple of 3"):
+        load_run(directory)

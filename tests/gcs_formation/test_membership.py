@@ -1,0 +1,37 @@
+"""Who flies in the formation."""
+
+import pytest
+
+from gcs_formation.membership import Member, Sight, following
+
+GUIDED = Sight(started=True, guided=True, loiters=False, fresh=True)
+LOITERS = Sight(started=True, guided=False, loiters=True, fresh=True)
+ELSEWHERE = Sight(started=True, guided=False, loiters=False, fresh=True)
+SILENT = Sight(started=True, guided=True, loiters=False, fresh=False)
+STARTS_ANEW = Sight(started=False, guided=True, loiters=True, fresh=True)
+
+
+@pytest.mark.parametrize("member", list(Member))
+def test_a_restart_leads_to_starting_from_everywhere(member: Member) -> None:
+    assert following(member, STARTS_ANEW) is Member.STARTING
+
+
+def test_silence_leads_to_loitering_and_back() -> None:
+    told = following(Member.FLYING, SILENT)
+    assert told is Member.HOLDING
+    assert following(told, LOITERS) is Member.RETURNING
+    assert following(Member.RETURNING, LOITERS) is Member.RETURNING
+    assert following(Member.RETURNING, GUIDED) is Member.FLYING
+
+
+def test_an_outage_too_short_for_the_order_to_arrive_ends_at_once() -> None:
+    assert following(Member.HOLDING, GUIDED) is Member.FLYING
+
+
+@pytest.mark.parametrize("member", [Member.FLYING, Member.HOLDING, Member.RETURNING])
+def test_a_pilots_choice_is_respected_until_the_pilot_gives_it_back(member: Member) -> None:
+    parted = following(member, ELSEWHERE)
+    assert parted is Member.PARTED
+    assert following(parted, ELSEWHERE) is Member.PARTED
+    assert following(parted, LOITERS) is Member.PARTED
+    assert following(parted, GUIDED) is Member.FLYING
