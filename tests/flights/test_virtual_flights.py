@@ -73,6 +73,7 @@ def test_pymavlink_reads_every_frame_of_the_log(fly: Fly, tmp_path: Path) -> Non
         assert message.get_type() != "BAD_DATA"
         frames += 1
         stamps.append(message._timestamp)
+    log.close()
     assert stamps == sorted(stamps)
     assert frames == sum(link["frames_in"] + link["frames_out"] for link in summary["links"].values())
 
@@ -101,6 +102,7 @@ def test_take_off_assembly_and_a_stack_of_circles_at_the_end(fly: Fly, tmp_path:
     heights: dict[int, float] = {}
     while (message := log.recv_match(type="GLOBAL_POSITION_INT")) is not None:
         heights[message.get_srcSystem()] = message.alt / 1e3
+    log.close()
     assert min(abs(a - b) for i, a in heights.items() for j, b in heights.items() if i < j) > 10.0
 
 
