@@ -155,6 +155,40 @@ class MissionCurrent(NamedTuple):
     seq: int
 
 
+class MissionRequestList(NamedTuple):
+    """MISSION_REQUEST_LIST (43): how many items there are (MAV_MISSION_TYPE)."""
+
+    target_system: int
+    target_component: int
+    mission_type: int = 0
+
+
+class MissionCount(NamedTuple):
+    """MISSION_COUNT (44): how many items there are, or will be sent."""
+
+    target_system: int
+    target_component: int
+    count: int  # pyright: ignore[reportIncompatibleMethodOverride]
+    mission_type: int = 0
+
+
+class MissionClearAll(NamedTuple):
+    """MISSION_CLEAR_ALL (45): forget all items."""
+
+    target_system: int
+    target_component: int
+    mission_type: int = 0
+
+
+class MissionAck(NamedTuple):
+    """MISSION_ACK (47): what became of a mission request (MAV_MISSION_RESULT)."""
+
+    target_system: int
+    target_component: int
+    type: int
+    mission_type: int = 0
+
+
 class GpsGlobalOrigin(NamedTuple):
     """GPS_GLOBAL_ORIGIN (49): where the local frame's origin lies."""
 
@@ -363,6 +397,10 @@ Message = (
     | LocalPositionNed
     | GlobalPositionInt
     | MissionCurrent
+    | MissionRequestList
+    | MissionCount
+    | MissionClearAll
+    | MissionAck
     | GpsGlobalOrigin
     | NavControllerOutput
     | RequestDataStream

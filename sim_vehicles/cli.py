@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -20,9 +21,35 @@ from sim_vehicles.runner import RunnerOptions, run
 
 BAD_USAGE = 2
 COULD_NOT_GO_ON = 3
+BASE_PORT = 14550
 MOST_VEHICLES = 254
 APART_M = 20.0
 ORIGIN_LAT_DEG, ORIGIN_LON_DEG = 35.0, 125.0
+
+
+EXAMPLES = """\b
+Examples:
+  sim-vehicles configs/quickstart.yaml        the vehicles of a scenario, at its endpoints
+  sim-vehicles --count 4 --base-port 14551    vehicle i has system id i and sends to port 14550 + i
+  sim-vehicles --count 20 --one-port          all of them to port 14550
+  sim-vehicles fly --help                     every option
+"""
+
+
+class FiniteRange(click.FloatRange):
+    """A float in a range; NaN is in none."""
+
+    name = "number"
+
+    def convert(self, value: float, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Return the number."""
+        number = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{value} is not a finite number.", param, ctx)
+        return number
+
+
+SECONDS = FiniteRange(0)
 
 
 class _FlyByDefault(click.Group):
@@ -35,16 +62,12 @@ class _FlyByDefault(click.Group):
         return super().parse_args(ctx, args)
 
 
-@click.group(cls=_FlyByDefault, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=_FlyByDefault, context_settings={"help_option_names": ["-h", "--help"]}, epilog=EXAMPLES)
 @click.version_option(package_name="gcs-formation")
 def main() -> None:
-    r"""Emulated ArduPlanes that speak MAVLink over UDP.
+    """Emulated ArduPlanes that speak MAVLink over UDP.
 
-    \b
-    sim-vehicles configs/quickstart.yaml           the vehicles of a scenario, at its endpoints
-    sim-vehicles --count 4 --base-port 14551       vehicle i has system id i and sends to port 14550 + i
-    sim-vehicles --count 20 --one-port             all of them to port 14550
-    sim-vehicles fly --help                        every option
+    Give a scenario, or a number of vehicles; `fly` may be left out.
     """
 
 
@@ -54,32 +77,37 @@ def main() -> None:
 @click.option(
     "--base-port",
     type=click.IntRange(1, MAX_PORT),
-    default=14550,
-    show_default=True,
-    help="Port of vehicle 1.",
+    help="Port of vehicle 1.  [default: 14550]",
 )
 @click.option("--one-port", is_flag=True, help="Every vehicle sends to the base port.")
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key of the scenario.")
-@click.option("--speedup", type=click.FloatRange(0.01, 1000), default=1.0, help="Times faster than real time.")
-@click.option("--until", "until_s", type=click.FloatRange(0), metavar="SECONDS", help="End after this time.")
+@click.option("--ready", "ready_s", type=SECONDS, metavar="SECONDS", help="From boot until armable.  [default: 3]")
+@click.option("--speedup", type=FiniteRange(0.01, 1000), default=1.0, help="Times faster than real time.")
+@click.option("--until", "until_s", type=SECONDS, metavar="SECONDS", help="End after this time.")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 @click.option("--clock-origin", "clock_origin_ns", type=int, hidden=True)
 @click.option("--truth", type=click.Path(path_type=Path), hidden=True)
-@click.option("--truth-rate", "truth_rate_hz", type=float, default=25.0, hidden=True)
-@click.option("--with-parent", is_flag=True, hidden=True)
+@click.option("--truth-rate", "truth_rate_hz", type=FiniteRange(0.01, 50), default=25.0, hidden=True)
+@click.option("--with-parent", "parent_pid", type=int, hidden=True)
 def fly(
     scenario: Path | None,
     count: int | None,
-    base_port: int,
+    base_port: int | None,
     one_port: bool,
     overrides: tuple[str, ...],
+    ready_s: float | None,
     quiet: bool,
     **options: Any,
 ) -> None:
     """Fly the emulated vehicles of SCENARIO, or --count of them, until Ctrl-C."""
-    if scenario is not None and count is not None:
-        _fail("found both a scenario and --count; allowed: one of them", BAD_USAGE)
-    config = _plain(count or 1, base_port, one_port=one_port) if scenario is None else _of(scenario, overrides)
+    if scenario is None and overrides:
+        _fail("found --set without a scenario; allowed: with one", BAD_USAGE)
+    if scenario is not None and (count or base_port or one_port):
+        _fail("found a scenario beside --count, --base-port or --one-port; allowed: one of them", BAD_USAGE)
+    plain = _plain(count or 1, base_port or BASE_PORT, one_port=one_port)
+    config = plain if scenario is None else _of(scenario, overrides)
+    if ready_s is not None:
+        config = replace(config, ready_s=ready_s)
 
     def started(fleet: Fleet) -> None:
         if not quiet:

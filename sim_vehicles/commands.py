@@ -1,7 +1,8 @@
 """Commands as ArduPlane takes and refuses them.
 
 Sources: MAVLink guide, "Command Protocol"; ArduPilot documentation, "Plane: GUIDED mode"; answers of ArduPlane 4.7.
-One difference is on purpose: NaN in a used field is denied here, where the real one would take it.
+Two differences are on purpose: NaN in a used field is denied here, where the real one would take it, and the climb rate
+of MAV_CMD_GUIDED_CHANGE_ALTITUDE is ignored, where the real one's is far too slow.
 """
 
 from __future__ import annotations
@@ -11,8 +12,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
 from airlink import mavlink as m
-from airlink.messages import CommandInt, CommandLong
-from sim_vehicles.modes import Mode, Request, select
+from airlink.messages import CommandInt, CommandLong, MessageInterval
+from sim_vehicles.modes import Mode, select
 from sim_vehicles.telemetry import BUILDERS
 
 if TYPE_CHECKING:
@@ -33,6 +34,9 @@ LEAST_LATERAL_MPS2 = 0.05
 """What a heading's lateral acceleration of 0 becomes: it hardly turns."""
 FORCE = 21196
 FULL_TURN_DEG, POLE_DEG = 360.0, 90.0
+HIGHEST_M = 2**31 / 100
+"""ArduPlane keeps heights as 32-bit integers of centimetres."""
+HIGHEST_MESSAGE_ID = 2**16 - 1
 
 
 class Order(NamedTuple):
@@ -62,24 +66,33 @@ def execute(vehicle: Vehicle, given: Order) -> int:
     return UNSUPPORTED if handler is None else handler(vehicle, given)
 
 
-def _height_m(vehicle: Vehicle, z: float, frame: int) -> float | None:
-    """Return a height above the fleet's origin, None for a frame that isn't taken."""
+def _height_m(vehicle: Vehicle, z: float, frame: float) -> float | None:
+    """Return a height above the fleet's origin, None for a frame or a height that isn't taken."""
+    if not abs(z) <= HIGHEST_M:
+        return None
     if frame in ABOVE_SEA_LEVEL:
-        return z - vehicle.origin_alt_m
-    return z + vehicle.pilot.home_height_m if frame in ABOVE_HOME else None
+        return z - vehicle.fleet.origin.alt_m
+    return z if frame in ABOVE_HOME else None
+
+
+def _flag(value: float, flag: int) -> bool:
+    """Return whether a float, taken as bits, has a flag; NaN and infinities have none."""
+    return math.isfinite(value) and bool(int(value) & flag)
+
+
+def _is_speed(vehicle: Vehicle, speed_mps: float) -> bool:
+    return vehicle.parameters["AIRSPEED_MIN"] <= speed_mps <= vehicle.parameters["AIRSPEED_MAX"]
 
 
 def _change_speed(vehicle: Vehicle, given: Order) -> int:
-    kind, speed, acceleration, _ = given.params
+    kind, speed_mps, accel_mps2, _ = given.params
     if vehicle.pilot.mode is not Mode.GUIDED:
         return FAILED
-    if kind != m.SPEED_TYPE_AIRSPEED or not math.isfinite(speed) or math.isnan(acceleration):
+    if kind != m.SPEED_TYPE_AIRSPEED or not math.isfinite(speed_mps) or math.isnan(accel_mps2):
         return DENIED
-    frame = vehicle.config.airframe
-    if not frame.speed_min_mps <= speed <= frame.speed_max_mps:
+    if not _is_speed(vehicle, speed_mps):
         return FAILED
-    vehicle.pilot.guided_by_setpoints = True
-    vehicle.steering.speed_mps[vehicle.index] = speed
+    vehicle.pilot.guide_speed(speed_mps, abs(accel_mps2) or math.inf)
     return ACCEPTED
 
 
@@ -87,10 +100,9 @@ def _change_altitude(vehicle: Vehicle, given: Order) -> int:
     if vehicle.pilot.mode is not Mode.GUIDED:
         return FAILED
     height_m = _height_m(vehicle, given.z, given.frame)
-    if height_m is None or not math.isfinite(given.z) or given.z in (0.0, -1.0):
+    if height_m is None or given.z in (0.0, -1.0):
         return DENIED
-    vehicle.pilot.guided_by_setpoints = True
-    vehicle.steering.height_m[vehicle.index] = height_m
+    vehicle.pilot.guide_height(height_m)
     return ACCEPTED
 
 
@@ -98,11 +110,12 @@ def _change_heading(vehicle: Vehicle, given: Order) -> int:
     kind, degrees, lateral_mps2, _ = given.params
     if vehicle.pilot.mode is not Mode.GUIDED:
         return FAILED
+    if not 0.0 <= degrees < FULL_TURN_DEG or math.isnan(lateral_mps2):
+        return DENIED
     if kind == m.HEADING_TYPE_DEFAULT:
-        vehicle.circle_here()
+        vehicle.pilot.circle_again()
         return ACCEPTED
-    known = kind in (m.HEADING_TYPE_COURSE_OVER_GROUND, m.HEADING_TYPE_HEADING)
-    if not known or not 0.0 <= degrees < FULL_TURN_DEG or math.isnan(lateral_mps2):
+    if kind not in (m.HEADING_TYPE_COURSE_OVER_GROUND, m.HEADING_TYPE_HEADING):
         return DENIED
     course = kind == m.HEADING_TYPE_COURSE_OVER_GROUND
     vehicle.pilot.steer(math.radians(degrees), course=course, lateral_mps2=max(lateral_mps2, LEAST_LATERAL_MPS2))
@@ -110,7 +123,7 @@ def _change_heading(vehicle: Vehicle, given: Order) -> int:
 
 
 def _set_mode(vehicle: Vehicle, given: Order) -> int:
-    if not int(given.params[0] if math.isfinite(given.params[0]) else 0) & m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
+    if not _flag(given.params[0], m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED):
         return DENIED
     return _enter(vehicle, given.params[1])
 
@@ -124,72 +137,69 @@ def _enter(vehicle: Vehicle, number: float) -> int:
 
 
 def _arm_disarm(vehicle: Vehicle, given: Order) -> int:
-    arm, force = given.params[0], given.params[1]
+    arm, force = given.params[0], given.params[1] == FORCE
     if arm not in (0.0, 1.0):
-        return DENIED
-    if arm:
-        return ACCEPTED if vehicle.arm(force=force == FORCE) else FAILED
-    return ACCEPTED if vehicle.disarm(Request.FORCE_DISARM if force == FORCE else Request.DISARM) else FAILED
+        return UNSUPPORTED
+    granted = vehicle.arm(force=force) if arm else vehicle.disarm(force=force)
+    return ACCEPTED if granted else FAILED
 
 
 def _legacy_speed(vehicle: Vehicle, given: Order) -> int:
-    kind, speed = given.params[0], given.params[1]
-    frame = vehicle.config.airframe
-    if not math.isfinite(speed) or kind not in (m.SPEED_TYPE_AIRSPEED, m.SPEED_TYPE_GROUNDSPEED):
+    kind, speed_mps = given.params[0], given.params[1]
+    if not math.isfinite(speed_mps) or kind not in (m.SPEED_TYPE_AIRSPEED, m.SPEED_TYPE_GROUNDSPEED):
         return DENIED
-    if not frame.speed_min_mps <= speed <= frame.speed_max_mps:
+    if not _is_speed(vehicle, speed_mps):
         return FAILED
     if not vehicle.pilot.guided_by_setpoints:
-        vehicle.steering.speed_mps[vehicle.index] = speed
+        vehicle.pilot.change_speed(speed_mps, math.inf)
     return ACCEPTED
 
 
 def _legacy_altitude(vehicle: Vehicle, given: Order) -> int:
-    z, frame = given.params[0], given.params[1]
-    height_m = _height_m(vehicle, z, int(frame)) if math.isfinite(frame) else None
-    if height_m is None or not math.isfinite(z):
+    height_m = _height_m(vehicle, given.params[0], given.params[1])
+    if height_m is None:
         return DENIED
-    if vehicle.pilot.airborne and not vehicle.pilot.guided_by_setpoints:
-        vehicle.steering.height_m[vehicle.index] = height_m
+    if not vehicle.pilot.guided_by_setpoints:
+        vehicle.pilot.change_height(height_m)
     return ACCEPTED
 
 
 def _reposition(vehicle: Vehicle, given: Order) -> int:
     height_m = _height_m(vehicle, given.z, given.frame)
-    place = abs(given.lat_rad) <= math.radians(POLE_DEG) and abs(given.lon_rad) <= math.pi
-    if height_m is None or not place or not math.isfinite(given.z):
+    on_earth = abs(given.lat_rad) <= math.radians(POLE_DEG) and abs(given.lon_rad) <= math.pi
+    if height_m is None or not on_earth or (given.lat_rad, given.lon_rad) == (0.0, 0.0):
         return DENIED
-    change = math.isfinite(given.params[1]) and int(given.params[1]) & m.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE
-    if vehicle.pilot.mode is not Mode.GUIDED and not change:
-        return DENIED
-    if vehicle.pilot.mode is not Mode.GUIDED:
-        vehicle.enter(Mode.GUIDED)
+    if vehicle.pilot.mode is not Mode.GUIDED and not _flag(given.params[1], m.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE):
+        return FAILED
+    if _enter(vehicle, Mode.GUIDED) != ACCEPTED:
+        return FAILED
     vehicle.go_to(given.lat_rad, given.lon_rad, height_m)
     return ACCEPTED
 
 
-def _message_interval(vehicle: Vehicle, given: Order) -> int:
+def _set_interval(vehicle: Vehicle, given: Order) -> int:
     message_id, interval_us = given.params[0], given.params[1]
-    if message_id not in BUILDERS or not math.isfinite(interval_us):
+    known = message_id in BUILDERS and math.isfinite(interval_us)
+    taken = known and vehicle.streams.set_interval(int(message_id), interval_us, vehicle.now)
+    return ACCEPTED if taken else DENIED
+
+
+def _get_interval(vehicle: Vehicle, given: Order) -> int:
+    if not 0.0 <= given.params[0] <= HIGHEST_MESSAGE_ID:
         return DENIED
-    return ACCEPTED if vehicle.streams.set_interval(int(message_id), interval_us / 1e6) else DENIED
+    message_id = int(given.params[0])
+    vehicle.answer(MessageInterval(message_id, vehicle.streams.interval_us(message_id)))
+    return ACCEPTED
 
 
 def _request_message(vehicle: Vehicle, given: Order) -> int:
-    build = BUILDERS.get(int(given.params[0])) if math.isfinite(given.params[0]) else None
-    if build is None:
+    return _send(vehicle, given.params[0])
+
+
+def _send(vehicle: Vehicle, message_id: float) -> int:
+    if message_id not in BUILDERS:
         return FAILED
-    vehicle.answer(build(vehicle))
-    return ACCEPTED
-
-
-def _home(vehicle: Vehicle, _: Order) -> int:
-    vehicle.answer(BUILDERS[m.MAVLINK_MSG_ID_HOME_POSITION](vehicle))
-    return ACCEPTED
-
-
-def _capabilities(vehicle: Vehicle, _: Order) -> int:
-    vehicle.answer(BUILDERS[m.MAVLINK_MSG_ID_AUTOPILOT_VERSION](vehicle))
+    vehicle.answer(BUILDERS[int(message_id)](vehicle))
     return ACCEPTED
 
 
@@ -202,12 +212,13 @@ HANDLERS: dict[int, Callable[[Vehicle, Order], int]] = {
     m.MAV_CMD_NAV_TAKEOFF: lambda _vehicle, _given: FAILED,
     m.MAV_CMD_NAV_RETURN_TO_LAUNCH: lambda vehicle, _: _enter(vehicle, Mode.RTL),
     m.MAV_CMD_NAV_LOITER_UNLIM: lambda vehicle, _: _enter(vehicle, Mode.LOITER),
-    m.MAV_CMD_MISSION_START: lambda vehicle, _: _enter(vehicle, Mode.RTL),
+    m.MAV_CMD_MISSION_START: lambda vehicle, _: _enter(vehicle, Mode.AUTO),
     m.MAV_CMD_DO_CHANGE_SPEED: _legacy_speed,
     m.MAV_CMD_DO_CHANGE_ALTITUDE: _legacy_altitude,
     m.MAV_CMD_DO_REPOSITION: _reposition,
-    m.MAV_CMD_SET_MESSAGE_INTERVAL: _message_interval,
+    m.MAV_CMD_GET_MESSAGE_INTERVAL: _get_interval,
+    m.MAV_CMD_SET_MESSAGE_INTERVAL: _set_interval,
     m.MAV_CMD_REQUEST_MESSAGE: _request_message,
-    m.MAV_CMD_GET_HOME_POSITION: _home,
-    m.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: _capabilities,
+    m.MAV_CMD_GET_HOME_POSITION: lambda vehicle, _: _send(vehicle, m.MAVLINK_MSG_ID_HOME_POSITION),
+    m.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: lambda vehicle, _: _send(vehicle, m.MAVLINK_MSG_ID_AUTOPILOT_VERSION),
 }

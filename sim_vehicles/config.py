@@ -82,3 +82,5 @@ class FleetConfig:
     wind_mps: tuple[float, float, float] = (0.0, 0.0, 0.0)
     disturbances: tuple[Disturbance, ...] = field(default=())
     faults: tuple[Fault, ...] = field(default=())
+    ready_s: float = 3.0
+    """From boot until a vehicle may be armed; a real one's estimator takes 23 s."""

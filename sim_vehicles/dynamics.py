@@ -1,53 +1,100 @@
-"""The autopilot model, equation (7), with limits: pure functions on arrays, an element a vehicle."""
+"""The autopilot model, equation (7), with limits: pure functions on tables, a column a vehicle."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
+
+from sim_vehicles.config import Airframe
 
 Array = npt.NDArray[np.float64]
 
 POLES_APART = 1e-3
 """Relative difference that equal time constants of the height are given, so that one closed form serves."""
+SHARES = np.array([0.0, 0.5, 1.0])[:, None, None]
+SIMPSON = np.array([1.0, 4.0, 1.0]) / 6
+"""Simpson's rule: the points of a step, as shares of it, and their weights."""
 
 
 @dataclass(frozen=True)
 class State:
-    """(N,) each: NED position from the origin with height upwards; airspeed and heading are air-relative."""
+    """(6, N): NED position from the origin with height upwards, climb, and air-relative speed and heading."""
 
-    north_m: Array
-    east_m: Array
-    height_m: Array
-    climb_mps: Array
-    airspeed_mps: Array
-    heading_rad: Array
+    table: Array
+
+    @property
+    def north_m(self) -> Array:
+        """(N,)."""
+        return self.table[0]
+
+    @property
+    def east_m(self) -> Array:
+        """(N,)."""
+        return self.table[1]
+
+    @property
+    def height_m(self) -> Array:
+        """(N,) above the origin."""
+        return self.table[2]
+
+    @property
+    def climb_mps(self) -> Array:
+        """(N,) upwards, through the air."""
+        return self.table[3]
+
+    @property
+    def airspeed_mps(self) -> Array:
+        """(N,)."""
+        return self.table[4]
+
+    @property
+    def heading_rad(self) -> Array:
+        """(N,) clockwise from north; it isn't wrapped."""
+        return self.table[5]
 
 
 @dataclass(frozen=True)
 class Command:
-    """What the model is told, (N,) each, and the turn rate that the command itself allows."""
+    """What the model is told."""
 
-    speed_mps: Array
-    heading_rad: Array
+    air_motion: Array
+    """(2, N) airspeed in m/s and heading in rad."""
+    rate_max: Array
+    """(2, N) acceleration in m/s² and turn rate in rad/s that the command itself allows."""
     height_m: Array
-    turn_rate_rps: Array
+    """(N,)."""
 
 
 @dataclass(frozen=True)
 class Parameters:
-    """Time constants in s and limits in SI units, (N,) each."""
+    """Time constants in s and limits in SI units."""
 
-    tau_v_s: Array
-    tau_psi_s: Array
-    tau_ha_s: Array
-    tau_hb_s: Array
-    speed_min_mps: Array
-    speed_max_mps: Array
-    accel_max_mps2: Array
-    turn_rate_max_rps: Array
+    tau_s: Array
+    """(2, N) of airspeed and heading."""
+    rate_max: Array
+    """(2, N) acceleration in m/s² and turn rate in rad/s."""
+    fast_s: Array
+    """(N,) the height's smaller time constant."""
+    slow_s: Array
+    """(N,) the height's larger one."""
     climb_max_mps: Array
+    """(N,)."""
+
+    @classmethod
+    def of(cls, airframes: list[Airframe]) -> Self:
+        """Return the parameters of N airframes."""
+        slow_s = np.array([max(each.tau_ha_s, each.tau_hb_s) for each in airframes])
+        fast_s = np.array([min(each.tau_ha_s, each.tau_hb_s) for each in airframes])
+        return cls(
+            tau_s=np.array([(each.tau_v_s, each.tau_psi_s) for each in airframes]).T,
+            rate_max=np.array([(each.accel_max_mps2, each.turn_rate_max_rps) for each in airframes]).T,
+            fast_s=np.minimum(fast_s, slow_s * (1 - POLES_APART)),
+            slow_s=slow_s,
+            climb_max_mps=np.array([each.climb_max_mps for each in airframes]),
+        )
 
 
 def step(state: State, command: Command, parameters: Parameters, drift_mps: Array, dt_s: float) -> State:
@@ -58,44 +105,44 @@ def step(state: State, command: Command, parameters: Parameters, drift_mps: Arra
     quadrature of air velocity, within 1 mm after 100 s of turning at 50 Hz. `drift_mps` (3, N), north, east and down,
     is added to the velocity.
     """
-    speed_error = command.speed_mps - state.airspeed_mps
-    turn = (command.heading_rad - state.heading_rad + np.pi) % (2 * np.pi) - np.pi
-    rate_max = np.minimum(parameters.turn_rate_max_rps, command.turn_rate_rps)
-    north_mps, east_mps = np.zeros_like(speed_error), np.zeros_like(speed_error)
-    speed, heading = state.airspeed_mps, state.heading_rad
-    for share, weight in ((0.0, 1 / 6), (0.5, 4 / 6), (1.0, 1 / 6)):
-        speed = command.speed_mps - lag(speed_error, parameters.accel_max_mps2, parameters.tau_v_s, share * dt_s)
-        heading = state.heading_rad + turn - lag(turn, rate_max, parameters.tau_psi_s, share * dt_s)
-        north_mps += weight * speed * np.cos(heading)
-        east_mps += weight * speed * np.sin(heading)
+    air_motion = state.table[4:]
+    error = command.air_motion - air_motion
+    error[1] = (error[1] + np.pi) % (2 * np.pi) - np.pi
+    rate_max = np.minimum(parameters.rate_max, command.rate_max)
+    along = air_motion + (error - lag(error, rate_max, parameters.tau_s, SHARES * dt_s))
+    speed, heading = along[:, 0], along[:, 1]
+    north_mps = SIMPSON @ (speed * np.cos(heading)) + drift_mps[0]
+    east_mps = SIMPSON @ (speed * np.sin(heading)) + drift_mps[1]
     height_m, climb_mps = _height(state, command.height_m, parameters, dt_s)
-    return State(
-        north_m=state.north_m + (north_mps + drift_mps[0]) * dt_s,
-        east_m=state.east_m + (east_mps + drift_mps[1]) * dt_s,
-        height_m=height_m - drift_mps[2] * dt_s,
-        climb_mps=climb_mps,
-        airspeed_mps=speed,
-        heading_rad=heading,
-    )
+    way = np.array((north_mps, east_mps, -drift_mps[2])) * dt_s
+    start = np.array((state.north_m, state.east_m, height_m))
+    return State(np.concatenate((start + way, climb_mps[None], along[2])))
 
 
-def lag(error: Array, rate_max: Array, tau_s: Array, time_s: float) -> Array:
-    """Return what a first-order lag with a limited rate leaves of `error` after `time_s`."""
+def ground_velocity(state: State, drift_mps: Array) -> Array:
+    """Return (3, N) north, east and down in m/s."""
+    velocity = drift_mps.copy()
+    velocity[0] += state.airspeed_mps * np.cos(state.heading_rad)
+    velocity[1] += state.airspeed_mps * np.sin(state.heading_rad)
+    velocity[2] -= state.climb_mps
+    return velocity
+
+
+def lag(error: Array, rate_max: Array, tau_s: Array, time_s: Array) -> Array:
+    """Return what first-order lags with limited rates leave of `error` after `time_s`; shapes broadcast."""
     size = np.abs(error)
     limited_s = np.minimum(np.maximum(size / rate_max - tau_s, 0.0), time_s)
-    return np.sign(error) * (size - rate_max * limited_s) * np.exp((limited_s - time_s) / tau_s)
+    return np.copysign((size - rate_max * limited_s) * np.exp((limited_s - time_s) / tau_s), error)
 
 
 def _height(state: State, target_m: Array, parameters: Parameters, dt_s: float) -> tuple[Array, Array]:
-    slow = np.maximum(parameters.tau_ha_s, parameters.tau_hb_s)
-    fast = np.minimum(np.minimum(parameters.tau_ha_s, parameters.tau_hb_s), slow * (1 - POLES_APART))
+    """Return height and climb rate."""
+    slow_s, fast_s, most_mps = parameters.slow_s, parameters.fast_s, parameters.climb_max_mps
     error = state.height_m - target_m
-    slow_part = (error + fast * state.climb_mps) * slow / (slow - fast)
-    fast_part = error - slow_part
-    slow_left, fast_left = slow_part * np.exp(-dt_s / slow), fast_part * np.exp(-dt_s / fast)
-    most = parameters.climb_max_mps
-    moved_m = _within(slow_left + fast_left - error, most * dt_s)
-    return state.height_m + moved_m, _within(-slow_left / slow - fast_left / fast, most)
+    slow_part = (error + fast_s * state.climb_mps) * slow_s / (slow_s - fast_s)
+    slow_left, fast_left = slow_part * np.exp(-dt_s / slow_s), (error - slow_part) * np.exp(-dt_s / fast_s)
+    moved_m = _within(slow_left + fast_left - error, most_mps * dt_s)
+    return state.height_m + moved_m, _within(-slow_left / slow_s - fast_left / fast_s, most_mps)
 
 
 def _within(value: Array, most: Array) -> Array:

@@ -7,18 +7,19 @@ from collections.abc import Callable
 import numpy as np
 
 from airlink.clock import Instant, after
-from airlink.endpoint import Address, Endpoint
+from airlink.endpoint import Endpoint
 from airlink.engine import Datagram
 from airlink.geodesy import GeodeticOrigin
-from sim_vehicles.config import Airframe, FleetConfig
-from sim_vehicles.dynamics import Array, Parameters, State, step
+from sim_vehicles.config import FleetConfig
+from sim_vehicles.dynamics import Array, Command, Parameters, State, step
 from sim_vehicles.environment import Environment
-from sim_vehicles.modes import Condition
+from sim_vehicles.motion import MotionTable
 from sim_vehicles.steering import Steering
 from sim_vehicles.streams import LOOP_HZ
 from sim_vehicles.vehicle import Vehicle
 
 LOOP_S = 1.0 / LOOP_HZ
+STANDING_MPS = 1e-3
 
 TruthListener = Callable[[Instant, "Fleet"], None]
 
@@ -35,16 +36,16 @@ class Fleet:
         self.config = config
         self.origin = GeodeticOrigin(config.origin_lat_rad, config.origin_lon_rad, config.origin_alt_m)
         airframes = [vehicle.airframe for vehicle in config.vehicles]
-        self.steering = Steering(airframes, config.cruise_mps)
+        self.steering = Steering(airframes)
         self.environment = Environment(config)
         self.state = _start_state(config)
-        self.parameters = _parameters(airframes)
         self.drift_mps: Array = np.zeros((3, len(airframes)))
-        self.command = self.steering.commands(self.state, self.parameters, self.drift_mps)
-        self.turn_rate_rps: Array = np.zeros(len(airframes))
+        self._parameters = Parameters.of(airframes)
         self._truth = truth
-        self._out: list[Datagram] = []
+        self.outbox: list[Datagram] = []
         self._next_turn = after(now, LOOP_S)
+        self.turn_rate_radps: Array = np.zeros(len(airframes))
+        self.motions = self._motions(self.steering.commands(self.state, self._parameters, self.drift_mps))
         self.vehicles = [Vehicle(i, vehicle, self, now) for i, vehicle in enumerate(config.vehicles)]
 
     def endpoints(self) -> tuple[Endpoint, ...]:
@@ -57,7 +58,8 @@ class Fleet:
 
     def datagrams_to_send(self) -> list[Datagram]:
         """Return what is to be sent now, and forget it."""
-        out, self._out = self._out, []
+        out = self.outbox.copy()
+        self.outbox.clear()
         return out
 
     def next_timer(self) -> Instant:
@@ -70,9 +72,9 @@ class Fleet:
             self._turn(self._next_turn)
             self._next_turn = after(self._next_turn, LOOP_S)
 
-    def send(self, index: int, peer: Address, raw: bytes) -> None:
-        """Queue a frame of a vehicle's."""
-        self._out.append(Datagram(index, peer, raw))
+    def ground(self, index: int) -> None:
+        """Let a vehicle lie on the ground."""
+        self.state.table[2:5, index] = 0.0
 
     def _turn(self, now: Instant) -> None:
         for fault in self.environment.advance(now):
@@ -81,42 +83,30 @@ class Fleet:
                     vehicle.strike(fault.kind, now)
         self._fly()
         for vehicle in self.vehicles:
-            vehicle.turn(now)
+            if vehicle.wake <= now:
+                vehicle.turn(now)
         if self._truth is not None:
             self._truth(now, self)
 
     def _fly(self) -> None:
         """Fly everyone on by a turn; what stands on the ground stays there."""
-        airborne = ~self.steering.stopped
-        if not airborne.any():
+        self.drift_mps = self.environment.velocity_mps * self.steering.airborne
+        before = self.state
+        if self.steering.stopped.all() and (before.airspeed_mps < STANDING_MPS).all():
             return
-        self.drift_mps = self.environment.velocity_mps * airborne
-        self.command = self.steering.commands(self.state, self.parameters, self.drift_mps)
-        before = self.state.heading_rad
-        self.state = step(self.state, self.command, self.parameters, self.drift_mps, LOOP_S)
-        self.turn_rate_rps = (self.state.heading_rad - before) / LOOP_S
-        crashed = [v.index for v in self.vehicles if v.pilot.condition is Condition.CRASHED]
-        if crashed:
-            self._ground(crashed)
+        command = self.steering.commands(before, self._parameters, self.drift_mps)
+        self.state = step(before, command, self._parameters, self.drift_mps, LOOP_S)
+        below = self.state.height_m < 0.0
+        if below.any():
+            self.state.table[2:4, below] = 0.0
+        self.turn_rate_radps = (self.state.heading_rad - before.heading_rad) / LOOP_S
+        self.motions = self._motions(command)
 
-    def _ground(self, crashed: list[int]) -> None:
-        self.state.airspeed_mps[crashed] = 0.0
-        self.state.climb_mps[crashed] = 0.0
-        self.state.height_m[crashed] = 0.0
+    def _motions(self, command: Command) -> MotionTable:
+        return MotionTable(self.state, command, self.drift_mps, self.turn_rate_radps)
 
 
 def _start_state(config: FleetConfig) -> State:
     starts = [vehicle.start for vehicle in config.vehicles]
-    return State(
-        north_m=np.array([start.north_m for start in starts], dtype=np.float64),
-        east_m=np.array([start.east_m for start in starts], dtype=np.float64),
-        height_m=np.array([start.height_m for start in starts], dtype=np.float64),
-        climb_mps=np.zeros(len(starts)),
-        airspeed_mps=np.array([start.airspeed_mps for start in starts], dtype=np.float64),
-        heading_rad=np.array([start.heading_rad for start in starts], dtype=np.float64),
-    )
-
-
-def _parameters(airframes: list[Airframe]) -> Parameters:
-    names = Parameters.__dataclass_fields__
-    return Parameters(**{name: np.array([getattr(each, name) for each in airframes]) for name in names})
+    columns = [(s.north_m, s.east_m, s.height_m, 0.0, s.airspeed_mps, s.heading_rad) for s in starts]
+    return State(np.array(columns, dtype=np.float64).T.copy())

@@ -11,6 +11,10 @@ class Mode(IntEnum):
     """ArduPlane's modes that we have, by its own numbers."""
 
     MANUAL = 0
+    STABILIZE = 2
+    FBWA = 5
+    FBWB = 6
+    CRUISE = 7
     AUTO = 10
     RTL = 11
     LOITER = 12
@@ -73,8 +77,11 @@ TRANSITIONS: dict[tuple[Condition, Request], Condition] = {
 }
 """What isn't here is refused. An autopilot that restarts in the air finds itself armed, as after a watchdog reset."""
 
-SELECTABLE = frozenset({Mode.MANUAL, Mode.AUTO, Mode.RTL, Mode.LOITER, Mode.TAKEOFF, Mode.GUIDED})
+SELECTABLE = frozenset(Mode) - {Mode.INITIALISING}
 """Modes that can be asked for, in any condition but booting."""
+
+STRAIGHT_ON = frozenset({Mode.MANUAL, Mode.STABILIZE, Mode.FBWA, Mode.FBWB, Mode.CRUISE})
+"""A pilot's modes: nobody touches the sticks, so it flies on, level."""
 
 
 def follow(condition: Condition, request: Request) -> Condition | None:
@@ -83,10 +90,10 @@ def follow(condition: Condition, request: Request) -> Condition | None:
 
 
 def select(condition: Condition, mode: float) -> Mode | None:
-    """Return the mode asked for, None when it's refused."""
+    """Return the mode that asking for one leads to, None when it's refused. AUTO has no mission and returns home."""
     if condition.booting or mode not in SELECTABLE:
         return None
-    return Mode(int(mode))
+    return Mode.RTL if mode == Mode.AUTO else Mode(int(mode))
 
 
 def system_status(condition: Condition) -> int:

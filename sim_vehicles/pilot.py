@@ -2,41 +2,49 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-import numpy as np
+import math
 
 from sim_vehicles.config import VehicleConfig
-from sim_vehicles.dynamics import State
-from sim_vehicles.modes import Condition, Mode, Request, follow
+from sim_vehicles.modes import STRAIGHT_ON, Condition, Mode, Request, follow
+from sim_vehicles.motion import Motion
+from sim_vehicles.parameters import ParameterServer
 from sim_vehicles.steering import CIRCLE, COURSE, HEADING, Steering
 
-TAKEOFF_ALT_M = 50.0
-"""TKOFF_ALT."""
 TAKEOFF_DONE_M = 2.0
-RTL_ALT_M = 100.0
 LIFT_OFF_SHARE = 0.7
 """Share of the lowest flying speed at which the wheels leave the ground."""
+TIGHTEST_SHARE = 1.05
+"""How much wider than the tightest turn a circle has to be."""
 
 
-@dataclass
 class Pilot:
-    """One vehicle's condition and mode, and what they make it do."""
+    """One vehicle's condition and mode, and what they make it do. The ground is level, at the origin's height."""
 
-    index: int
-    config: VehicleConfig
-    steering: Steering
-    cruise_mps: float
-    condition: Condition = Condition.BOOTING
-    mode: Mode = Mode.INITIALISING
-    home_height_m: float = 0.0
-    guided_by_setpoints: bool = False
-    """Whether 43000 or 43001 came since GUIDED was entered: other ways to change speed and height then do nothing."""
+    def __init__(self, index: int, config: VehicleConfig, steering: Steering, parameters: ParameterServer) -> None:
+        """Begin to boot."""
+        self.condition = Condition.BOOTING_IN_AIR if config.start.in_air else Condition.BOOTING
+        self.mode = Mode.INITIALISING
+        self.guided_by_setpoints = False
+        """Whether 43000 or 43001 came since GUIDED was entered: other ways to change speed and height then do nothing.
+        """
+        self._index = index
+        self._config = config
+        self._steering = steering
+        self._parameters = parameters
+        self._tell_condition()
 
     @property
     def airborne(self) -> bool:
         """Whether it's off the ground."""
         return self.condition in (Condition.FLYING, Condition.BOOTING_IN_AIR)
+
+    @property
+    def taking_off(self) -> bool:
+        """Whether a take-off is under way."""
+        if self.mode is not Mode.TAKEOFF:
+            return False
+        climbing = self.condition is Condition.FLYING and self._steering.kind[self._index] == HEADING
+        return climbing or self.condition is Condition.ARMED
 
     def request(self, request: Request) -> bool:
         """Follow the table of conditions; return whether the request was granted."""
@@ -44,69 +52,89 @@ class Pilot:
         if following is None:
             return False
         self.condition = following
-        self.steering.stopped[self.index] = not self._moves()
+        self._tell_condition()
         return True
 
-    def enter(self, mode: Mode, state: State) -> None:
+    def arm(self, motion: Motion) -> bool:
+        """Arm, and do what the mode asks for; return whether it was granted."""
+        if not self.request(Request.ARM):
+            return False
+        if not self.airborne:
+            self.enter(self.mode, motion)
+        return True
+
+    def enter(self, mode: Mode, motion: Motion) -> None:
         """Change the mode; what the last one was told is forgotten."""
         self.mode = mode
         self.guided_by_setpoints = False
-        self.steering.lateral_mps2[self.index] = np.inf
-        self.steering.stopped[self.index] = not self._moves()
-        if self.condition is Condition.ARMED:
-            self.hold_heading(state)
-            self.steering.height_m[self.index] = self.home_height_m
-        elif self.airborne:
-            self._fly(mode, state)
+        self._tell_condition()
+        self.fly_straight(motion)
+        if mode is Mode.RTL:
+            start = self._config.start
+            self.circle(start.north_m, start.east_m, self._parameters["RTL_ALTITUDE"])
+        elif mode not in STRAIGHT_ON and self.airborne:
+            self.circle(motion.north_m, motion.east_m, motion.height_m)
 
-    def hold_heading(self, state: State) -> None:
-        """Fly straight on, level, at cruising speed."""
-        steering, i = self.steering, self.index
-        steering.kind[i] = HEADING
-        steering.direction_rad[i] = state.heading_rad[i]
-        steering.height_m[i] = state.height_m[i]
-        steering.speed_mps[i] = self.cruise_mps
+    def fly_straight(self, motion: Motion) -> None:
+        """Fly straight on, level, at cruising speed; a circle asked for later is round this place."""
+        self.change_speed(self._parameters["AIRSPEED_CRUISE"], math.inf)
+        self.circle(motion.north_m, motion.east_m, motion.height_m)
+        self.steer(motion.heading_rad, course=False, lateral_mps2=math.inf)
 
     def circle(self, north_m: float, east_m: float, height_m: float) -> None:
         """Circle a place clockwise."""
-        steering, i = self.steering, self.index
-        steering.kind[i] = CIRCLE
-        steering.centre_m[:, i] = north_m, east_m
-        steering.height_m[i] = height_m
+        self._steering.centre_m[:, self._index] = north_m, east_m
+        self.change_height(height_m)
+        self.circle_again()
+
+    def circle_again(self) -> None:
+        """Go back to the last place that was circled, and take what height was asked for since along."""
+        config, i = self._config, self._index
+        tightest_m = TIGHTEST_SHARE * float(self._steering.speed_mps[i]) / config.airframe.turn_rate_max_rps
+        self._steering.radius_m[i] = max(self._parameters["WP_LOITER_RAD"], tightest_m)
+        self._steering.lateral_mps2[i] = math.inf
+        self._steering.kind[i] = CIRCLE
 
     def steer(self, direction_rad: float, *, course: bool, lateral_mps2: float) -> None:
         """Fly a heading, or a course over ground, turning with a lateral acceleration."""
-        steering, i = self.steering, self.index
+        steering, i = self._steering, self._index
         steering.kind[i] = COURSE if course else HEADING
         steering.direction_rad[i] = direction_rad
         steering.lateral_mps2[i] = lateral_mps2
 
-    def progress(self, state: State) -> bool:
+    def guide_speed(self, speed_mps: float, accel_mps2: float) -> None:
+        """Take a setpoint of airspeed; one that it has already changes nothing, its acceleration neither."""
+        if not self.guided_by_setpoints or speed_mps != self._steering.speed_mps[self._index]:
+            self.change_speed(speed_mps, accel_mps2)
+        self.guided_by_setpoints = True
+
+    def guide_height(self, height_m: float) -> None:
+        """Take a setpoint of height."""
+        self.change_height(height_m)
+        self.guided_by_setpoints = True
+
+    def change_speed(self, speed_mps: float, accel_mps2: float) -> None:
+        """Fly at an airspeed, and get there with an acceleration."""
+        self._steering.speed_mps[self._index] = speed_mps
+        self._steering.accel_mps2[self._index] = accel_mps2
+
+    def change_height(self, height_m: float) -> None:
+        """Climb or sink to a height above the origin."""
+        self._steering.height_m[self._index] = height_m
+
+    def progress(self, motion: Motion) -> bool:
         """Let a take-off go on; return whether the vehicle has just left the ground."""
-        if self.mode is not Mode.TAKEOFF:
-            return False
-        i, target_m = self.index, self.home_height_m + TAKEOFF_ALT_M
+        target_m = self._parameters["TKOFF_ALT"]
         if self.condition is Condition.ARMED:
-            if state.airspeed_mps[i] < LIFT_OFF_SHARE * self.config.airframe.speed_min_mps:
+            if motion.airspeed_mps < LIFT_OFF_SHARE * self._config.airframe.speed_min_mps:
                 return False
-            self.request(Request.LIFT_OFF)
-            self.steering.height_m[i] = target_m
-            return True
-        if self.steering.kind[i] == HEADING and state.height_m[i] > target_m - TAKEOFF_DONE_M:
-            self.circle(float(state.north_m[i]), float(state.east_m[i]), target_m)
+            self.change_height(target_m)
+            return self.request(Request.LIFT_OFF)
+        if motion.height_m > target_m - TAKEOFF_DONE_M:
+            self.circle(motion.north_m, motion.east_m, target_m)
         return False
 
-    def _fly(self, mode: Mode, state: State) -> None:
-        i = self.index
-        here = float(state.north_m[i]), float(state.east_m[i])
-        self.steering.speed_mps[i] = self.cruise_mps
-        if mode is Mode.RTL or mode is Mode.AUTO:
-            start = self.config.start
-            self.circle(start.north_m, start.east_m, self.home_height_m + RTL_ALT_M)
-        elif mode is Mode.MANUAL:
-            self.hold_heading(state)
-        else:
-            self.circle(*here, float(state.height_m[i]))
-
-    def _moves(self) -> bool:
-        return self.airborne or (self.condition is Condition.ARMED and self.mode is Mode.TAKEOFF)
+    def _tell_condition(self) -> None:
+        rolls = self.condition is Condition.ARMED and self.mode is Mode.TAKEOFF
+        self._steering.stopped[self._index] = not (self.airborne or rolls)
+        self._steering.airborne[self._index] = self.airborne

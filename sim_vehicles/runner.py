@@ -29,8 +29,8 @@ class RunnerOptions:
     """Instant 0 on the machine's monotonic clock, to share instants with another process."""
     truth: Path | None = None
     truth_rate_hz: float = 25.0
-    with_parent: bool = False
-    """Whether to end when the process that started us does."""
+    parent_pid: int | None = None
+    """The process that started us: we end when it does."""
 
 
 def run(config: FleetConfig, options: RunnerOptions, started: Callable[[Fleet], None]) -> int:
@@ -45,11 +45,10 @@ def run(config: FleetConfig, options: RunnerOptions, started: Callable[[Fleet], 
         begun = clock.now()
         fleet = Fleet(config, begun, recording)
         stop = _Stop()
-        parent = os.getppid()
 
         def over() -> bool:
             late = options.until_s is not None and clock.now() - begun > options.until_s * NANOSECONDS
-            return stop.signal is not None or late or (options.with_parent and os.getppid() != parent)
+            return stop.signal is not None or late or options.parent_pid not in (None, os.getppid())
 
         with UdpDriver(fleet, clock) as driver:
             started(fleet)

@@ -1,64 +1,93 @@
-"""Which message is due in which turn of the main loop."""
+"""Which messages are due, and when."""
 
 from __future__ import annotations
 
-from collections import defaultdict
-
 from airlink import mavlink as m
-from sim_vehicles.telemetry import BUILDERS, UNASKED, UNASKED_HZ
+from airlink.clock import NANOSECONDS, Instant
+from sim_vehicles.telemetry import BUILDERS
 
 LOOP_HZ = 50
+SHORTEST_US = 1e6 / LOOP_HZ
+LONGEST_US = 60e6
+DEFAULT, STOP = 0.0, -1.0
+NEVER = Instant(2**63)
+
+GROUPS: dict[int, tuple[int, ...]] = {
+    m.MAV_DATA_STREAM_EXTENDED_STATUS: (
+        m.MAVLINK_MSG_ID_SYS_STATUS,
+        m.MAVLINK_MSG_ID_GPS_RAW_INT,
+        m.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT,
+    ),
+    m.MAV_DATA_STREAM_POSITION: (m.MAVLINK_MSG_ID_LOCAL_POSITION_NED, m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT),
+    m.MAV_DATA_STREAM_EXTRA1: (m.MAVLINK_MSG_ID_ATTITUDE,),
+    m.MAV_DATA_STREAM_EXTRA2: (m.MAVLINK_MSG_ID_VFR_HUD,),
+    m.MAV_DATA_STREAM_EXTRA3: (
+        m.MAVLINK_MSG_ID_SYSTEM_TIME,
+        m.MAVLINK_MSG_ID_WIND,
+        m.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
+    ),
+}
+"""What REQUEST_DATA_STREAM's groups consist of (ArduPilot documentation, "SRn_ parameters")."""
+STREAMED = tuple(message_id for group in GROUPS.values() for message_id in group)
+UNASKED = (m.MAVLINK_MSG_ID_HEARTBEAT, *STREAMED)
+"""What flows without being asked for, every `UNASKED_NS`."""
+UNASKED_NS = NANOSECONDS
 
 
 class Streams:
-    """One vehicle's message intervals, in whole turns of the main loop."""
+    """One vehicle's message intervals; a message leaves in the first turn of the main loop at or after its time."""
 
-    def __init__(self) -> None:
+    def __init__(self, now: Instant) -> None:
         """Start with what flows unasked."""
-        self._turns = dict.fromkeys(UNASKED, round(LOOP_HZ / UNASKED_HZ))
-        self._due: defaultdict[int, list[int]] = defaultdict(list)
-        self._next: dict[int, int] = {}
-        self.turn = 0
-        for message_id in self._turns:
-            self._schedule(message_id, 1)
+        self._interval_ns = dict.fromkeys(UNASKED, UNASKED_NS)
+        self._due = dict.fromkeys(UNASKED, now)
+        self.next_due = now
+        """When the next message is due; `NEVER` when none is."""
 
-    def set_interval(self, message_id: int, interval_s: float) -> bool:
-        """Set an interval: 0 the default one, negative never; return False for one that the loop can't keep."""
-        turns = round(interval_s * LOOP_HZ)
-        if interval_s == 0.0:
-            turns = round(LOOP_HZ / UNASKED_HZ) if message_id in UNASKED else -1
-        elif interval_s > 0.0 and interval_s * LOOP_HZ < 1.0 - 1e-6:
-            return False
-        if turns <= 0:
-            self._turns.pop(message_id, None)
-            self._next.pop(message_id, None)
+    def set_interval(self, message_id: int, interval_us: float, now: Instant) -> bool:
+        """Set an interval: 0 the default one, -1 never; return False for one that the loop can't keep.
+
+        Source: MAVLink, MAV_CMD_SET_MESSAGE_INTERVAL.
+        """
+        if interval_us == DEFAULT:
+            self._set(message_id, UNASKED_NS if message_id in UNASKED else None, now)
+        elif interval_us == STOP:
+            self._set(message_id, None, now)
+        elif interval_us >= SHORTEST_US:
+            self._set(message_id, round(min(interval_us, LONGEST_US) * 1e3), now)
         else:
-            self._turns[message_id] = turns
-            self._schedule(message_id, self.turn + 1)
+            return False
         return True
 
-    def set_all(self, rate_hz: float) -> None:
-        """Set every unasked stream but the heartbeat to one rate."""
-        for message_id in UNASKED:
-            if message_id != m.MAVLINK_MSG_ID_HEARTBEAT:
-                self.set_interval(message_id, 1.0 / min(rate_hz, LOOP_HZ) if rate_hz > 0 else -1.0)
+    def set_group(self, group: int, rate_hz: int, now: Instant) -> None:
+        """Set the rate of a group of messages: 0 stops them."""
+        members = STREAMED if group == m.MAV_DATA_STREAM_ALL else GROUPS.get(group, ())
+        for message_id in members:
+            self._set(message_id, NANOSECONDS // min(rate_hz, LOOP_HZ) if rate_hz else None, now)
 
-    def interval_s(self, message_id: int) -> float | None:
-        """Return an interval in s, None for a message that doesn't flow."""
-        turns = self._turns.get(message_id)
-        return None if turns is None else turns / LOOP_HZ
+    def interval_us(self, message_id: int) -> int:
+        """Return an interval, -1 for a message that doesn't flow."""
+        interval_ns = self._interval_ns.get(message_id)
+        return int(STOP) if interval_ns is None else interval_ns // 1000
 
-    def take_due(self) -> list[int]:
-        """Go on to the next turn; return its message ids in order."""
-        self.turn += 1
-        planned = self._due.pop(self.turn, None)
-        if planned is None:
+    def take_due(self, now: Instant) -> list[int]:
+        """Return the ids of the messages that are due, in order, and plan their next ones."""
+        if now < self.next_due:
             return []
-        due = sorted({message_id for message_id in planned if self._next.get(message_id) == self.turn})
+        due = sorted(message_id for message_id, instant in self._due.items() if instant <= now)
         for message_id in due:
-            self._schedule(message_id, self.turn + self._turns[message_id])
-        return [message_id for message_id in due if message_id in BUILDERS]
+            self._due[message_id] = Instant(self._due[message_id] + self._interval_ns[message_id])
+        self._plan()
+        return due
 
-    def _schedule(self, message_id: int, turn: int) -> None:
-        self._next[message_id] = turn
-        self._due[turn].append(message_id)
+    def _set(self, message_id: int, interval_ns: int | None, now: Instant) -> None:
+        if interval_ns is None:
+            self._interval_ns.pop(message_id, None)
+            self._due.pop(message_id, None)
+        elif message_id in BUILDERS:
+            self._interval_ns[message_id] = interval_ns
+            self._due[message_id] = now
+        self._plan()
+
+    def _plan(self) -> None:
+        self.next_due = min(self._due.values(), default=NEVER)

@@ -1,4 +1,4 @@
-"""The messages by which an emulated ArduPlane tells its state, and how often."""
+"""The messages by which an emulated ArduPlane tells its state."""
 
 from __future__ import annotations
 
@@ -27,6 +27,7 @@ from airlink.messages import (
 from sim_vehicles.modes import Condition, system_status
 
 if TYPE_CHECKING:
+    from sim_vehicles.motion import Motion
     from sim_vehicles.vehicle import Vehicle
 
 G_MPS2 = 9.80665
@@ -44,7 +45,10 @@ EKF_READY = 831
 EKF_STARTING = 1024
 EPOCH_2020_US = 1_577_836_800_000_000
 CAPABILITIES = 62319
+"""As ArduPlane 4.7 tells them, though parts aren't here: ground stations take its family from them."""
 VERSION_4_7 = 4 << 24 | 7 << 16
+LOAD_PERMILLE = 200
+CRUISE_THROTTLE_PERCENT = 50
 BATTERY_V, BATTERY_A, BATTERY_PERCENT = 12.4, 8.0, 95
 HDOP, SATELLITES = 70, 14
 
@@ -58,15 +62,15 @@ def heartbeat(v: Vehicle) -> Message:
         m.MAV_AUTOPILOT_ARDUPILOTMEGA,
         mode_flags | armed,
         int(v.pilot.mode),
-        system_status(v.pilot.condition),
+        m.MAV_STATE_CRITICAL if v.failsafe.active else system_status(v.pilot.condition),
     )
 
 
 def sys_status(v: Vehicle) -> Message:
-    """Return SYS_STATUS: the pre-arm bit is healthy when the vehicle may be armed."""
-    healthy = SENSORS | (m.MAV_SYS_STATUS_PREARM_CHECK if v.ready else 0)
+    """Return SYS_STATUS: the pre-arm bit is healthy when the vehicle may be armed, no fence is a fence not breached."""
+    healthy = SENSORS | m.MAV_SYS_STATUS_GEOFENCE | (m.MAV_SYS_STATUS_PREARM_CHECK if v.ready else 0)
     known = SENSORS | m.MAV_SYS_STATUS_PREARM_CHECK
-    return SysStatus(known, known, healthy, 200, BATTERY_V, BATTERY_A, BATTERY_PERCENT)
+    return SysStatus(known, known, healthy, LOAD_PERMILLE, BATTERY_V, BATTERY_A, BATTERY_PERCENT)
 
 
 def system_time(v: Vehicle) -> Message:
@@ -76,8 +80,8 @@ def system_time(v: Vehicle) -> Message:
 
 def gps_raw_int(v: Vehicle) -> Message:
     """Return GPS_RAW_INT: a 3-D fix."""
-    lat, lon, alt = v.geodetic()
-    north, east, _ = v.ground_velocity()
+    lat, lon, alt = _place(v)
+    north, east, _ = _velocity(v.motion)
     course = math.atan2(east, north) % math.tau
     fix = m.GPS_FIX_TYPE_3D_FIX
     return GpsRawInt(v.time_ns // 1000, fix, lat, lon, alt, HDOP, HDOP, math.hypot(north, east), course, SATELLITES)
@@ -85,49 +89,48 @@ def gps_raw_int(v: Vehicle) -> Message:
 
 def attitude(v: Vehicle) -> Message:
     """Return ATTITUDE; bank and pitch are those that the turn and the climb take."""
-    rate, speed = v.turn_rate(), max(v.state("airspeed_mps"), 1.0)
-    heading = math.remainder(v.state("heading_rad"), math.tau)
-    roll = math.atan(rate * speed / G_MPS2)
-    pitch = math.asin(min(max(v.state("climb_mps") / speed, -1.0), 1.0))
-    return Attitude(v.time_s, roll, pitch, heading, 0.0, 0.0, rate)
+    motion = v.motion
+    pitch = math.asin(min(max(motion.climb_mps / max(motion.airspeed_mps, 1.0), -1.0), 1.0))
+    heading = math.remainder(motion.heading_rad, math.tau)
+    return Attitude(v.time_s, _bank(motion), pitch, heading, 0.0, 0.0, motion.turn_rate_radps)
 
 
 def local_position_ned(v: Vehicle) -> Message:
     """Return LOCAL_POSITION_NED, from home."""
-    start, height = v.config.start, v.state("height_m") - v.pilot.home_height_m
-    north, east = v.state("north_m") - start.north_m, v.state("east_m") - start.east_m
-    return LocalPositionNed(v.time_s, north, east, -height, *v.ground_velocity())
+    start, motion = v.config.start, v.motion
+    place = motion.north_m - start.north_m, motion.east_m - start.east_m, -motion.height_m
+    return LocalPositionNed(v.time_s, *place, *_velocity(motion))
 
 
 def global_position_int(v: Vehicle) -> Message:
     """Return GLOBAL_POSITION_INT."""
-    lat, lon, alt = v.geodetic()
-    above_home = v.state("height_m") - v.pilot.home_height_m
-    heading = v.state("heading_rad") % math.tau
-    return GlobalPositionInt(v.time_s, lat, lon, alt, above_home, *v.ground_velocity(), heading)
+    motion = v.motion
+    heading = motion.heading_rad % math.tau
+    return GlobalPositionInt(v.time_s, *_place(v), motion.height_m, *_velocity(motion), heading)
 
 
 def nav_controller_output(v: Vehicle) -> Message:
     """Return NAV_CONTROLLER_OUTPUT."""
-    heading, target = v.state("heading_rad"), v.commanded("heading_rad")
-    roll = math.atan(v.turn_rate() * v.state("airspeed_mps") / G_MPS2)
-    height_error = v.commanded("height_m") - v.state("height_m")
-    speed_error = v.commanded("speed_mps") - v.state("airspeed_mps")
-    bearings = (math.remainder(heading, math.tau), math.remainder(target, math.tau))
-    return NavControllerOutput(roll, 0.0, *bearings, 0.0, height_error, speed_error, 0.0)
+    motion = v.motion
+    bearings = math.remainder(motion.heading_rad, math.tau), math.remainder(motion.heading_told_rad, math.tau)
+    errors = motion.height_told_m - motion.height_m, motion.airspeed_told_mps - motion.airspeed_mps
+    return NavControllerOutput(_bank(motion), 0.0, *bearings, 0.0, *errors, 0.0)
 
 
 def vfr_hud(v: Vehicle) -> Message:
     """Return VFR_HUD."""
-    north, east, down = v.ground_velocity()
-    airspeed, heading = v.state("airspeed_mps"), v.state("heading_rad") % math.tau
-    throttle = 50 if v.pilot.airborne else 0
-    return VfrHud(airspeed, math.hypot(north, east), heading, throttle, v.geodetic()[2], -down)
+    motion = v.motion
+    north, east, down = _velocity(motion)
+    altitude = v.fleet.origin.alt_m + motion.height_m
+    heading = motion.heading_rad % math.tau
+    throttle = CRUISE_THROTTLE_PERCENT if v.pilot.airborne else 0
+    return VfrHud(motion.airspeed_mps, math.hypot(north, east), heading, throttle, altitude, -down)
 
 
 def wind(v: Vehicle) -> Message:
     """Return WIND: where it comes from."""
-    north, east, down = v.drift()
+    motion = v.motion
+    north, east, down = motion.drift_north_mps, motion.drift_east_mps, motion.drift_down_mps
     return Wind(math.remainder(math.atan2(-east, -north), math.tau), math.hypot(north, east), down)
 
 
@@ -137,8 +140,10 @@ def ekf_status_report(v: Vehicle) -> Message:
 
 
 def home_position(v: Vehicle) -> Message:
-    """Return HOME_POSITION."""
-    return HomePosition(*v.home(), 0.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0), time_usec=v.time_ns // 1000)
+    """Return HOME_POSITION: the ground where it started."""
+    start = v.config.start
+    home = v.fleet.origin.from_ned(start.north_m, start.east_m, 0.0)
+    return HomePosition(*home, 0.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0), time_usec=v.time_ns // 1000)
 
 
 def extended_sys_state(v: Vehicle) -> Message:
@@ -151,6 +156,21 @@ def extended_sys_state(v: Vehicle) -> Message:
 def autopilot_version(_: Vehicle) -> Message:
     """Return AUTOPILOT_VERSION."""
     return AutopilotVersion(CAPABILITIES, VERSION_4_7)
+
+
+def _place(v: Vehicle) -> tuple[float, float, float]:
+    """Return latitude, longitude and altitude above sea level."""
+    motion = v.motion
+    return v.fleet.origin.from_ned(motion.north_m, motion.east_m, -motion.height_m)
+
+
+def _velocity(motion: Motion) -> tuple[float, float, float]:
+    """Return NED."""
+    return motion.velocity_north_mps, motion.velocity_east_mps, motion.velocity_down_mps
+
+
+def _bank(motion: Motion) -> float:
+    return math.atan(motion.turn_rate_radps * motion.airspeed_mps / G_MPS2)
 
 
 BUILDERS: dict[int, Callable[[Vehicle], Message]] = {
@@ -169,18 +189,3 @@ BUILDERS: dict[int, Callable[[Vehicle], Message]] = {
     m.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: extended_sys_state,
     m.MAVLINK_MSG_ID_AUTOPILOT_VERSION: autopilot_version,
 }
-UNASKED_HZ = 1.0
-UNASKED = (
-    m.MAVLINK_MSG_ID_HEARTBEAT,
-    m.MAVLINK_MSG_ID_SYS_STATUS,
-    m.MAVLINK_MSG_ID_SYSTEM_TIME,
-    m.MAVLINK_MSG_ID_GPS_RAW_INT,
-    m.MAVLINK_MSG_ID_ATTITUDE,
-    m.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
-    m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
-    m.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT,
-    m.MAVLINK_MSG_ID_VFR_HUD,
-    m.MAVLINK_MSG_ID_WIND,
-    m.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
-)
-"""What flows without being asked for."""

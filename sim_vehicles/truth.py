@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 
 from airlink.clock import NANOSECONDS, Instant
-from sim_vehicles.dynamics import Array
+from sim_vehicles.dynamics import Array, ground_velocity
 from sim_vehicles.errors import TruthError
 from sim_vehicles.streams import LOOP_HZ
 
@@ -63,17 +63,10 @@ class TruthWriter:
         self._turn += 1
         if self._turn % self._turns:
             return
-        state, drift = fleet.state, fleet.drift_mps
-        rows = (
-            state.north_m,
-            state.east_m,
-            state.height_m,
-            state.airspeed_mps * np.cos(state.heading_rad) + drift[0],
-            state.airspeed_mps * np.sin(state.heading_rad) + drift[1],
-            state.climb_mps - drift[2],
-            state.airspeed_mps,
-            state.heading_rad,
-        )
+        state = fleet.state
+        north_mps, east_mps, down_mps = ground_velocity(state, fleet.drift_mps)
+        places = state.north_m, state.east_m, state.height_m
+        rows = (*places, north_mps, east_mps, -down_mps, state.airspeed_mps, state.heading_rad)
         self._file.write(np.concatenate(([now / NANOSECONDS], *rows)).astype("<f8").tobytes())
         if self._turn % LOOP_HZ == 0:
             self._file.flush()

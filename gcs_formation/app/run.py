@@ -5,6 +5,7 @@ The one place of this package that knows of `sim_vehicles`: it starts them, and 
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -79,7 +80,7 @@ class _Emulators:
         command = [sys.executable, "-m", "sim_vehicles", str(options.out / SCENARIO)]
         command += ["--speedup", str(options.speedup), "--clock-origin", str(clock.origin_ns)]
         command += ["--truth", str(options.out / TRUTH), "--truth-rate", str(TRUTH_RATE_HZ)]
-        command += ["--with-parent", "--quiet"]
+        command += ["--with-parent", str(os.getpid()), "--quiet"]
         self._command = command
 
     def __enter__(self) -> _Emulators:

@@ -1,0 +1,87 @@
+"""One vehicle's end of its link: who is at the other end, datagrams to frames, messages to datagrams."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+
+from airlink import mavlink as m
+from airlink.clock import Instant, seconds_between
+from airlink.endpoint import Address
+from airlink.engine import Datagram
+from airlink.frame import Frame, FrameWriter, StreamParser
+from airlink.messages import Message
+from sim_vehicles.config import VehicleConfig
+
+PEER_FORGOTTEN_S = 10.0
+MAX_PEERS = 16
+MAX_INBOX = 4096
+"""Datagrams kept for the next turn; more are dropped, as a full serial buffer would."""
+
+
+class Link:
+    """Answers go to whoever asked; the rest to the peer of a `udpout`, or to everyone a `udpin` heard lately.
+
+    Each peer's frames are numbered by themselves: a gap is a loss on that peer's link.
+    """
+
+    def __init__(self, socket: int, config: VehicleConfig, outbox: list[Datagram]) -> None:
+        """Send on a socket of the engine's by putting datagrams into its outbox."""
+        self._socket = socket
+        self._outbox = outbox
+        self._system = config.identity.system
+        self._fixed_peer = config.endpoint.address if config.endpoint.kind == "udpout" else None
+        self._inbox: deque[tuple[Address, bytes]] = deque()
+        self._parsers: dict[Address, StreamParser] = {}
+        self._heard: dict[Address, Instant] = {}
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin anew, as after power-up: nothing waits, frames are numbered from 0."""
+        self._writers: dict[Address, FrameWriter] = {}
+        self._inbox.clear()
+        self._parsers.clear()
+
+    def receive(self, peer: Address, data: bytes) -> None:
+        """Keep a datagram for the next turn of the main loop."""
+        if len(self._inbox) < MAX_INBOX:
+            self._inbox.append((peer, data))
+
+    def ignore(self) -> None:
+        """Drop what has arrived."""
+        self._inbox.clear()
+
+    def frames(self, now: Instant) -> Iterator[tuple[Address, Frame]]:
+        """Yield the sound frames of what has arrived, with whom they are from."""
+        while self._inbox:
+            peer, data = self._inbox.popleft()
+            for frame in self._parser(peer).feed(data):
+                self._heard[peer] = now
+                yield peer, frame
+
+    def answer(self, peer: Address, message: Message) -> None:
+        """Send to one peer."""
+        writer = self._writers.get(peer)
+        if writer is None:
+            writer = self._writers[peer] = FrameWriter(self._system, m.MAV_COMP_ID_AUTOPILOT1)
+        self._outbox.append(Datagram(self._socket, peer, writer.encode(message)))
+
+    def broadcast(self, message: Message, now: Instant) -> None:
+        """Send to everyone."""
+        if self._fixed_peer is not None:
+            self.answer(self._fixed_peer, message)
+            return
+        for peer, heard in self._heard.items():
+            if seconds_between(heard, now) <= PEER_FORGOTTEN_S:
+                self.answer(peer, message)
+
+    def _parser(self, peer: Address) -> StreamParser:
+        """Return the parser of what a peer sends; a new peer takes the place of the one that was silent longest."""
+        parser = self._parsers.pop(peer, None) or StreamParser()
+        if len(self._parsers) >= MAX_PEERS:
+            silent = next(iter(self._parsers))
+            del self._parsers[silent]
+            self._heard.pop(silent, None)
+            self._writers.pop(silent, None)
+        self._parsers[peer] = parser
+        return parser

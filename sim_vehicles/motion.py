@@ -1,0 +1,53 @@
+"""One vehicle's motion at a turn of the main loop, as its telemetry tells it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from sim_vehicles.dynamics import Array, Command, State, ground_velocity
+
+
+class Motion(NamedTuple):
+    """NED from the fleet's origin, heights upwards; airspeed and heading are air-relative, headings not wrapped."""
+
+    north_m: float
+    east_m: float
+    height_m: float
+    climb_mps: float
+    airspeed_mps: float
+    heading_rad: float
+    velocity_north_mps: float
+    velocity_east_mps: float
+    velocity_down_mps: float
+    drift_north_mps: float
+    drift_east_mps: float
+    drift_down_mps: float
+    turn_rate_radps: float
+    airspeed_told_mps: float
+    heading_told_rad: float
+    height_told_m: float
+
+
+class MotionTable:
+    """The motions of N vehicles; made when the first one is asked for, since in most turns nobody tells anything."""
+
+    def __init__(self, state: State, command: Command, drift_mps: Array, turn_rate_radps: Array) -> None:
+        """Take the tables of one turn: (6, N), what was told, (3, N) and (N,)."""
+        self._sources = state, command, drift_mps, turn_rate_radps
+        self._motions: list[Motion] | None = None
+
+    def __getitem__(self, index: int) -> Motion:
+        """Return one vehicle's."""
+        motions = self._motions
+        if motions is None:
+            motions = self._motions = self._made()
+        return motions[index]
+
+    def _made(self) -> list[Motion]:
+        state, command, drift_mps, turn_rate_radps = self._sources
+        velocity_mps = ground_velocity(state, drift_mps)
+        last = turn_rate_radps, *command.air_motion, command.height_m
+        rows = np.concatenate((state.table, velocity_mps, drift_mps, np.array(last))).T
+        return [Motion._make(row) for row in rows.tolist()]

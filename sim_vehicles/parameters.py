@@ -1,0 +1,123 @@
+"""Parameters by ArduPlane's names and types: the few that change what an emulated vehicle does.
+
+Source: MAVLink guide, "Parameter Protocol"; ArduPilot documentation, "Complete Parameter List".
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import NamedTuple
+
+from airlink import mavlink as m
+from airlink.endpoint import Address
+from airlink.messages import ParamRequestRead, ParamSet, ParamValue
+from sim_vehicles.config import VehicleConfig
+
+UNINDEXED = 65535
+"""Index in the answer to a question by name."""
+WIDER_THAN_TIGHTEST = 1.3
+LOITER_RADIUS_M = 60.0
+
+
+class Kind(NamedTuple):
+    """A parameter's type, and what can be set; a value beyond is taken as the nearest."""
+
+    type: int
+    least: float
+    most: float
+
+
+def _floating(least: float, most: float) -> Kind:
+    return Kind(m.MAV_PARAM_TYPE_REAL32, least, most)
+
+
+KINDS: dict[str, Kind] = {
+    "AIRSPEED_CRUISE": _floating(5, 100),
+    "AIRSPEED_MAX": Kind(m.MAV_PARAM_TYPE_INT16, 5, 100),
+    "AIRSPEED_MIN": Kind(m.MAV_PARAM_TYPE_INT16, 5, 100),
+    "ARMING_CHECK": Kind(m.MAV_PARAM_TYPE_INT32, 0, 2**24),
+    "FS_GCS_ENABL": Kind(m.MAV_PARAM_TYPE_INT8, 0, 1),
+    "FS_LONG_ACTN": Kind(m.MAV_PARAM_TYPE_INT8, 0, 4),
+    "FS_LONG_TIMEOUT": _floating(1, 300),
+    "MAV_GCS_SYSID": Kind(m.MAV_PARAM_TYPE_INT16, 1, 255),
+    "MAV_SYSID": Kind(m.MAV_PARAM_TYPE_INT16, 1, 255),
+    "RTL_ALTITUDE": _floating(10, 1000),
+    "TKOFF_ALT": Kind(m.MAV_PARAM_TYPE_INT16, 10, 200),
+    "WP_LOITER_RAD": Kind(m.MAV_PARAM_TYPE_INT16, 1, 32767),
+}
+NAMES = tuple(KINDS)
+FIXED = frozenset({"MAV_SYSID"})
+"""What keeps its value whatever is set, as until a reboot."""
+
+
+def initial_values(config: VehicleConfig, cruise_mps: float) -> dict[str, float]:
+    """Return the parameters of a vehicle as it comes."""
+    airframe = config.airframe
+    tightest_m = cruise_mps / airframe.turn_rate_max_rps
+    return {
+        "AIRSPEED_CRUISE": cruise_mps,
+        "AIRSPEED_MAX": airframe.speed_max_mps,
+        "AIRSPEED_MIN": airframe.speed_min_mps,
+        "ARMING_CHECK": 1,
+        "FS_GCS_ENABL": 0,
+        "FS_LONG_ACTN": 0,
+        "FS_LONG_TIMEOUT": 5,
+        "MAV_GCS_SYSID": 255,
+        "MAV_SYSID": config.identity.system,
+        "RTL_ALTITUDE": 100,
+        "TKOFF_ALT": 50,
+        "WP_LOITER_RAD": math.ceil(max(LOITER_RADIUS_M, WIDER_THAN_TIGHTEST * tightest_m)),
+    }
+
+
+class ParameterServer:
+    """One vehicle's parameters, and the answers to questions for them."""
+
+    def __init__(self, values: dict[str, float]) -> None:
+        """Start with `values`, one for each name."""
+        self._values = values
+        self._to_list: deque[tuple[Address, int]] = deque()
+
+    def __getitem__(self, name: str) -> float:
+        """Return a value."""
+        return self._values[name]
+
+    @property
+    def listing(self) -> bool:
+        """Whether a list is under way."""
+        return bool(self._to_list)
+
+    def begin_list(self, peer: Address) -> None:
+        """Begin the list for a peer, anew if one is under way."""
+        self._to_list = deque(entry for entry in self._to_list if entry[0] != peer)
+        self._to_list.extend((peer, index) for index in range(len(NAMES)))
+
+    def next_of_list(self) -> tuple[Address, ParamValue] | None:
+        """Return the next value of a list under way and whom it's for: one a turn, so that no peer is flooded."""
+        if not self._to_list:
+            return None
+        peer, index = self._to_list.popleft()
+        return peer, self._told(NAMES[index], index)
+
+    def read(self, request: ParamRequestRead) -> ParamValue | None:
+        """Answer a question by name, or by an index that isn't negative; None for what there isn't."""
+        if request.param_index >= 0:
+            known = request.param_index < len(NAMES)
+            return self._told(NAMES[request.param_index], request.param_index) if known else None
+        return self._told(request.param_id, UNINDEXED) if request.param_id in KINDS else None
+
+    def set(self, request: ParamSet) -> ParamValue | None:
+        """Change a value, whatever type it's sent as, and tell what it's now; None for what there isn't."""
+        name, value = request.param_id, request.param_value
+        kind = KINDS.get(name)
+        if kind is None or not math.isfinite(value):
+            return None
+        if name not in FIXED:
+            within = min(max(value, kind.least), kind.most)
+            self._values[name] = within if kind.type == m.MAV_PARAM_TYPE_REAL32 else int(within)
+        return self._told(name, UNINDEXED)
+
+    def _told(self, name: str, index: int) -> ParamValue:
+        kind, value = KINDS[name].type, self._values[name]
+        return ParamValue(name, value if kind == m.MAV_PARAM_TYPE_REAL32 else round(value), kind, len(NAMES), index)

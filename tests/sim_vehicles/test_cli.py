@@ -1,0 +1,122 @@
+"""The command line, by what a user sees; one flight over UDP."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+
+import pytest
+from click.testing import CliRunner
+
+from sim_vehicles.cli import main
+
+
+def call(*arguments):
+    return CliRunner().invoke(main, [str(argument) for argument in arguments])
+
+
+def listener():
+    opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    opened.bind(("127.0.0.1", 0))
+    opened.settimeout(20.0)
+    return opened
+
+
+@pytest.fixture(autouse=True)
+def signal_handlers():
+    """Give pytest its own handlers back: the runner takes SIGINT and SIGTERM for itself."""
+    kept = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    yield
+    for number, handler in kept.items():
+        signal.signal(number, handler)
+
+
+@pytest.fixture
+def port():
+    with listener() as opened:
+        yield opened.getsockname()[1]
+
+
+def test_each_vehicle_gets_a_line_with_where_it_sends(port):
+    answer = call("--count", 3, "--base-port", port, "--one-port", "--until", 0, "--speedup", 100)
+    assert answer.exit_code == 0
+    assert answer.stdout.splitlines() == [f"vehicle {i} sends to 127.0.0.1:{port}" for i in (1, 2, 3)]
+
+
+def test_quiet_says_nothing(port):
+    answer = call("--count", 1, "--base-port", port, "--until", 0, "--quiet")
+    assert (answer.exit_code, answer.output) == (0, "")
+
+
+def test_ports_count_up_from_the_base_port():
+    answer = call("--count", 2, "--base-port", 14550, "--until", 0)
+    assert answer.stdout.splitlines() == [f"vehicle {i} sends to 127.0.0.1:{14549 + i}" for i in (1, 2)]
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["--count", 0],
+        ["--count", 2, "--base-port", 65535],
+        ["--base-port", 0],
+        ["--base-port", 65536],
+        ["--nonsense"],
+        ["--until", "nan"],
+        ["--speedup", "nan"],
+        ["--ready", "inf"],
+        ["--set", "seed=2"],
+    ],
+)
+def test_bad_usage_exits_2(arguments):
+    assert call(*arguments).exit_code == 2
+
+
+def test_a_scenario_and_a_count_exclude_each_other(tmp_path):
+    answer = call(tmp_path / "a.yaml", "--count", 2)
+    assert answer.exit_code == 2
+    assert "allowed: one of them" in answer.stderr
+
+
+def test_help_shows_its_examples_a_line_each():
+    answer = call("--help")
+    assert answer.exit_code == 0
+    assert sum(line.lstrip().startswith("sim-vehicles ") for line in answer.stdout.splitlines()) == 4
+
+
+def test_a_bad_scenario_exits_2_and_names_the_place(tmp_path):
+    path = tmp_path / "bad.yaml"
+    path.write_text("schema: 1\nname: bad\nduration_s: never\n")
+    answer = call(path)
+    assert answer.exit_code == 2
+    assert str(path) in answer.stderr
+    assert "duration_s" in answer.stderr
+    assert "Traceback" not in answer.output
+
+
+def test_a_taken_port_exits_3(tmp_path):
+    with listener() as taken:
+        port = taken.getsockname()[1]
+        path = tmp_path / "taken.yaml"
+        path.write_text(
+            "schema: 1\nname: taken\nduration_s: 10\nvehicles:\n"
+            f'  - {{id: 1, role: leader, endpoint: "udpout:127.0.0.1:{port}"}}\n'
+            "path: {speed_mps: 22, waypoints_m: [[0, 0, 100], [500, 0, 100]]}\n"
+        )
+        answer = call(path)
+    assert answer.exit_code == 3
+    assert f"127.0.0.1:{port}" in answer.stderr
+
+
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 0), (signal.SIGINT, 130)])
+def test_it_speaks_over_udp_and_ends_on_a_signal_without_a_word(number, status):
+    with listener() as ground:
+        port = ground.getsockname()[1]
+        command = [sys.executable, "-m", "sim_vehicles", "--base-port", str(port)]
+        environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment) as process:
+            first, _ = ground.recvfrom(300)
+            process.send_signal(number)
+            _, said = process.communicate(timeout=20)
+    assert first[0] == 0xFD
+    assert (process.returncode, said) == (status, b"")

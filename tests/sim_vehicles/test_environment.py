@@ -1,0 +1,138 @@
+"""Wind, disturbances and faults by mission time, which the ground station tells."""
+
+import math
+
+import pytest
+
+from airlink.identity import VehicleId
+from sim_vehicles.config import Disturbance, Fault
+
+FIRST, SECOND = VehicleId(1, 1), VehicleId(1, 2)
+HEADING, GUIDED = 43002, 15
+
+
+def tell_mission_time(air, seconds, vehicle=0):
+    air.ground.send(air.ground.dialect.named_value_float_encode(0, b"MISSION_T", seconds), vehicle)
+
+
+def velocity(air, vehicle=0):
+    return tuple(air.fleet.drift_mps[:2, vehicle].tolist())
+
+
+def heard_from(air, system, seconds):
+    before = len(air.ground.heard)
+    air.run(seconds)
+    return [message for _, message in air.ground.heard[before:] if message.get_srcSystem() == system]
+
+
+def disturbed(make_air, *disturbances, count=2):
+    return make_air(count, disturbances=disturbances)
+
+
+def test_a_disturbance_strikes_at_its_mission_time_and_whom_it_names(make_air):
+    air = disturbed(make_air, Disturbance(10.0, frozenset({SECOND}), (0.6, -0.4, 0.0)))
+    air.run(5.0)
+    tell_mission_time(air, 0.0)
+    air.run(9.9)
+    assert velocity(air, 1) == (0.0, 0.0)
+    air.run(0.2)
+    assert velocity(air, 1) == (0.6, -0.4)
+    assert velocity(air, 0) == (0.0, 0.0)
+
+
+def test_disturbances_add_up_with_the_wind(make_air):
+    both = frozenset({FIRST, SECOND})
+    air = make_air(
+        2,
+        wind_mps=(1.0, 2.0, 0.0),
+        disturbances=(Disturbance(1.0, both, (0.5, 0.0, 0.0)), Disturbance(2.0, both, (0.0, 0.25, 0.0))),
+    )
+    tell_mission_time(air, 0.0)
+    air.run(3.0)
+    assert velocity(air) == (1.5, 2.25)
+
+
+def test_nothing_happens_before_the_mission_time_is_told(make_air):
+    air = disturbed(make_air, Disturbance(0.0, frozenset({FIRST}), (5.0, 0.0, 0.0)))
+    air.run(30.0)
+    tell_mission_time(air, -3.0)
+    air.run(30.0)
+    assert velocity(air) == (0.0, 0.0)
+
+
+def test_the_first_mission_time_that_is_not_negative_counts_whoever_hears_it(make_air):
+    air = disturbed(make_air, Disturbance(10.0, frozenset({FIRST}), (1.0, 0.0, 0.0)))
+    tell_mission_time(air, -1.0)
+    air.run(1.0)
+    tell_mission_time(air, 4.0, vehicle=1)
+    air.run(1.0)
+    tell_mission_time(air, 0.0)
+    air.run(4.9)
+    assert velocity(air) == (0.0, 0.0)
+    air.run(0.2)
+    assert velocity(air) == (1.0, 0.0)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_a_mission_time_that_is_no_number_is_ignored(make_air, value):
+    air = disturbed(make_air, Disturbance(0.0, frozenset({FIRST}), (1.0, 0.0, 0.0)))
+    tell_mission_time(air, value)
+    air.run(5.0)
+    assert air.fleet.environment.mission_zero is None
+
+
+def test_a_disturbance_shows_in_the_told_velocity_and_carries_the_vehicle(make_air):
+    air = disturbed(make_air, Disturbance(0.0, frozenset({FIRST}), (0.6, 0.6, 0.0)))
+    air.run(2.0)
+    assert air.set_mode(GUIDED) == 0
+    air.command_int(HEADING, 1, 0.0, 10.0)
+    before = air.state("east_m")
+    tell_mission_time(air, 0.0)
+    air.run(10.0)
+    assert air.state("east_m") - before == pytest.approx(6.0, abs=0.02)
+    told = air.ground.of("GLOBAL_POSITION_INT", system=1)[-1]
+    assert (told.vx, told.vy) == (2260, 60)
+
+
+def test_a_crashed_vehicle_falls_silent_to_the_ground_and_the_others_fly_on(make_air):
+    air = make_air(2, faults=(Fault(5.0, frozenset({FIRST}), "crash"),))
+    tell_mission_time(air, 0.0)
+    air.run(6.0)
+    assert heard_from(air, 1, 5.0) == []
+    assert [air.state(name) for name in ("height_m", "airspeed_mps", "climb_mps")] == [0.0, 0.0, 0.0]
+    assert heard_from(air, 2, 5.0)
+    assert air.state("height_m", 1) == pytest.approx(100.0)
+
+
+def test_a_frozen_vehicle_is_deaf_and_dumb_and_flies_on_as_it_was_told(make_air):
+    air = make_air(2, faults=(Fault(60.0, frozenset({FIRST}), "freeze"),))
+    air.run(3.0)
+    air.set_mode(GUIDED)
+    air.command_int(HEADING, 1, 90.0, 10.0)
+    tell_mission_time(air, 59.0)
+    air.run(30.0)
+    assert air.command_int(HEADING, 1, 180.0, 10.0) is None
+    assert heard_from(air, 1, 10.0) == []
+    assert math.degrees(air.state("heading_rad")) == pytest.approx(90.0, abs=1e-3)
+    assert air.state("airspeed_mps") == pytest.approx(22.0)
+
+
+def test_a_restarted_vehicle_boots_in_the_air_and_has_forgotten_its_setpoints(make_air):
+    air = make_air(1, faults=(Fault(60.0, frozenset({FIRST}), "restart"),))
+    air.run(3.0)
+    air.set_mode(GUIDED)
+    air.command_int(HEADING, 1, 90.0, 10.0)
+    air.command_long(511, 30, 20_000)
+    air.run(30.0)
+    tell_mission_time(air, 60.0)
+    air.run(0.1)
+    restarted = air.seconds
+    assert air.ground.of("HEARTBEAT")[-1].custom_mode == 16
+    before = len(air.ground.of("ATTITUDE"))
+    air.run(9.4)
+    assert air.ground.of("HEARTBEAT")[-1].custom_mode == 0
+    assert len(air.ground.of("ATTITUDE")) - before <= 10
+    assert air.ground.of("ATTITUDE")[-1].time_boot_ms / 1e3 <= air.seconds - restarted + 0.1
+    assert air.command_int(HEADING, 1, 45.0, 10.0) == 4
+    assert air.set_mode(GUIDED) == 0
+    assert air.command_int(HEADING, 1, 45.0, 10.0) == 0

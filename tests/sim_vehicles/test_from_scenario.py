@@ -1,0 +1,60 @@
+"""A scenario's vehicles, seen from the other end of their links."""
+
+import math
+
+import pytest
+
+from airlink.identity import VehicleId
+from formation_scenario import load_scenario
+from sim_vehicles.fleet import Fleet
+from sim_vehicles.from_scenario import fleet_config
+
+SCENARIO = """
+schema: 1
+name: pair
+duration_s: 60
+origin: {lat_deg: 47.5, lon_deg: 8.5, alt_m: 400}
+start: {in_air: true}
+vehicles:
+  - {id: 1, role: leader, endpoint: "udpin:0.0.0.0:14561", clock: {offset_s: 2.5, drift_ppm: 15000}}
+  - {id: 2, role: follower, endpoint: "udpout:10.0.0.7:14562", model: {tau_v_s: 5.0}}
+formation: {shape: custom, spacing_m: 30, frame: leader_heading, slots_m: {2: [-30, 30, 0]}}
+path: {speed_mps: 21, waypoints_m: [[0, 0, 100], [1500, 0, 100], [3000, 0, 100]]}
+wind: {velocity_mps: [1, 2, 0]}
+disturbances: [{at_s: 20, vehicles: all, velocity_mps: [0.6, 0.6, 0.0]}]
+faults: [{at_s: 30, vehicles: [2], kind: crash}]
+"""
+
+
+@pytest.fixture
+def config(tmp_path):
+    path = tmp_path / "pair.yaml"
+    path.write_text(SCENARIO)
+    return fleet_config(load_scenario(path))
+
+
+def test_a_vehicle_talks_to_where_the_ground_station_listens_and_listens_where_it_talks_to(config):
+    assert [str(vehicle.endpoint) for vehicle in config.vehicles] == ["udpout:127.0.0.1:14561", "udpin:10.0.0.7:14562"]
+
+
+def test_models_clocks_and_the_origin_come_over(config):
+    leader, follower = config.vehicles
+    assert (leader.airframe.tau_v_s, follower.airframe.tau_v_s) == (4.0, 5.0)
+    assert (leader.clock_offset_s, leader.clock_drift) == (2.5, pytest.approx(0.015))
+    assert (follower.clock_offset_s, follower.clock_drift) == (0.0, 0.0)
+    assert math.degrees(config.origin_lat_rad) == pytest.approx(47.5)
+    assert math.degrees(config.origin_lon_rad) == pytest.approx(8.5)
+    assert (config.origin_alt_m, config.cruise_mps, config.wind_mps) == (400.0, 21.0, (1.0, 2.0, 0.0))
+
+
+def test_all_means_every_vehicle(config):
+    assert config.disturbances[0].vehicles == {VehicleId(1, 1), VehicleId(1, 2)}
+    assert config.faults[0].vehicles == {VehicleId(1, 2)}
+
+
+def test_vehicles_fly_in_their_slots_from_the_start(config):
+    state = Fleet(config).state
+    assert state.height_m == pytest.approx([100.0, 100.0])
+    assert state.north_m[1] - state.north_m[0] == pytest.approx(-30.0)
+    assert state.east_m[1] - state.east_m[0] == pytest.approx(30.0)
+    assert all(vehicle.start.in_air for vehicle in config.vehicles)

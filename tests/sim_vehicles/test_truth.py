@@ -1,0 +1,56 @@
+"""The record of ground truth: what it holds, and that it can be read while it's written."""
+
+import numpy as np
+import pytest
+
+from sim_vehicles.errors import TruthError
+from sim_vehicles.truth import HEADER, TruthWriter, read_truth
+
+LOOP_S = 0.02
+
+
+@pytest.fixture
+def recorded(make_air, tmp_path):
+    """Return the file and the states of 10 s of two flying vehicles, recorded at 10 Hz."""
+    air, path, states = make_air(2, wind_mps=(1.0, 2.0, 0.0)), tmp_path / "truth.bin", []
+    with TruthWriter(path, 2, 10.0) as writer:
+        for turn in range(500):
+            air.run(LOOP_S)
+            writer(air.fleet.next_timer() - 20_000_000, air.fleet)
+            if turn % 5 == 4:
+                states.append((air.fleet.state.north_m.copy(), air.fleet.state.airspeed_mps.copy()))
+    return path, states
+
+
+def test_rows_are_the_fleet_s_states_at_the_asked_rate(recorded):
+    truth = read_truth(recorded[0])
+    assert truth.time_s == pytest.approx(np.arange(1, 101) * 0.1)
+    assert truth.north_m.tolist() == [north.tolist() for north, _ in recorded[1]]
+    assert truth.airspeed_mps.tolist() == [airspeed.tolist() for _, airspeed in recorded[1]]
+
+
+def test_the_velocity_is_the_derivative_of_the_position(recorded):
+    truth = read_truth(recorded[0])
+    assert np.diff(truth.north_m, axis=0) / 0.1 == pytest.approx(truth.north_mps[1:], abs=1e-9)
+    assert np.diff(truth.east_m, axis=0) / 0.1 == pytest.approx(truth.east_mps[1:], abs=1e-9)
+
+
+@pytest.mark.parametrize("cut", [1, 7, 8, 60, 135])
+def test_a_torn_last_row_is_left_out(recorded, cut):
+    path, _ = recorded
+    path.write_bytes(path.read_bytes()[:-cut])
+    assert read_truth(path).north_m.shape == (99, 2)
+
+
+def test_a_file_of_the_header_alone_has_no_rows(recorded):
+    path, _ = recorded
+    path.write_bytes(path.read_bytes()[: HEADER.size])
+    assert read_truth(path).north_m.shape == (0, 2)
+
+
+@pytest.mark.parametrize("content", [b"", b"truth", b"x" * 200])
+def test_anything_else_is_no_record(tmp_path, content):
+    path = tmp_path / "other"
+    path.write_bytes(content)
+    with pytest.raises(TruthError, match="not a record of ground truth"):
+        read_truth(path)
