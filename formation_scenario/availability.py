@@ -9,14 +9,14 @@ from formation_scenario.source import KeyPath, Plain, Source
 
 EACH = "*"
 NOT_AVAILABLE: dict[tuple[str, ...], tuple[str, ...]] = {
-    ("law", "type"): ("consensus",),
+    ("law", "on_delay"): ("degrade",),
     ("vehicles", EACH, "navigation", "source"): ("noisy", "ins"),
     ("vehicles", "navigation", "source"): ("noisy", "ins"),
     ("vehicles", EACH, "autopilot"): ("px4", "arducopter"),
     ("vehicles", "autopilot"): ("px4", "arducopter"),
 }
 AVAILABLE: dict[str, str] = {
-    "type": "fuzzy_pid, pid",
+    "on_delay": "hold, warn",
     "source": "truth",
     "autopilot": "emulator, arduplane",
 }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
+from pathlib import Path
 
 from airlink.endpoint import parse_endpoint
 from airlink.errors import EndpointError
@@ -11,15 +12,38 @@ from formation_scenario.errors import Problem
 from formation_scenario.expectation import RUN_METRICS
 from formation_scenario.fields import VehicleRef, VehicleSelection
 from formation_scenario.formation import Shape, Slots
+from formation_scenario.graph import has_spanning_tree
+from formation_scenario.links import (
+    DefaultLink,
+    Impairment,
+    ImpairmentPatch,
+    LinkChange,
+    Links,
+    least_mean_burst,
+)
 from formation_scenario.model import Scenario, long_ref
 from formation_scenario.path import PathError, SplinePath
 from formation_scenario.source import KeyPath, Source
+from formation_scenario.trace import ALLOWED as TRACE_ALLOWED
+from formation_scenario.trace import TraceError, read_trace_ms
 from formation_scenario.vehicles import Vehicle, VehicleModel
 
 
 def inconsistencies(scenario: Scenario, source: Source) -> list[Problem]:
     """Return every broken rule between keys of a typed scenario."""
-    rules = (_identities, _roles, _endpoints, _speeds, _references, _slots, _consensus, _path, _expectations)
+    rules = (
+        _identities,
+        _roles,
+        _endpoints,
+        _speeds,
+        _references,
+        _traces,
+        _bursts,
+        _slots,
+        _consensus,
+        _path,
+        _expectations,
+    )
     return [problem for rule in rules for problem in rule(scenario, source)]
 
 
@@ -99,6 +123,52 @@ def _one_vehicle(ref: VehicleRef, vehicles: tuple[Vehicle, ...], path: KeyPath, 
         yield source.problem(path, f"found {ref}, the id of {len(named)} vehicles", full)
 
 
+def _traces(scenario: Scenario, source: Source) -> Iterator[Problem]:
+    for path, patch in _link_groups(scenario):
+        if patch.trace_file is not None:
+            try:
+                read_trace_ms(Path(patch.trace_file))
+            except TraceError as error:
+                yield source.problem((*path, "trace_file"), str(error), TRACE_ALLOWED)
+
+
+def _link_groups(scenario: Scenario) -> Iterator[tuple[KeyPath, Impairment | ImpairmentPatch]]:
+    """Yield every group of keys that says what a link is like, and its place."""
+    links = scenario.links
+    above: list[tuple[KeyPath, DefaultLink | Links | LinkChange]] = [(("links", "default"), links.default)]
+    above += [(("links",), links)]
+    above += [(("links", "changes", index), change) for index, change in enumerate(links.changes)]
+    for path, group in above:
+        if not isinstance(group, Links):
+            yield path, group
+        for direction, patch in (("uplink", group.uplink), ("downlink", group.downlink)):
+            if patch is not None:
+                yield (*path, direction), patch
+
+
+def _bursts(scenario: Scenario, source: Source) -> Iterator[Problem]:
+    refused: set[KeyPath] = set()
+    for vehicle in scenario.vehicles:
+        for path, step in zip(_step_places(scenario, vehicle), scenario.link_steps(vehicle), strict=True):
+            for way, link in (("uplink", step.uplink), ("downlink", step.downlink)):
+                least = least_mean_burst(link.loss)
+                if link.mean_burst is not None and link.mean_burst < least and path not in refused:
+                    refused.add(path)
+                    whose = f"{way} of vehicle {vehicle.vehicle_id}"
+                    found = f"found {link.mean_burst:g} with a loss of {link.loss:g} ({whose})"
+                    allowed = f"{least:g} or more with that loss" if least < math.inf else "a loss below 1 beside it"
+                    yield source.problem((*path, "mean_burst"), found, allowed)
+
+
+def _step_places(scenario: Scenario, vehicle: Vehicle) -> list[KeyPath]:
+    """Return where each of a vehicle's link steps is written; of several changes at one time, the last."""
+    places: dict[float, KeyPath] = {0.0: ("links", "default")}
+    for index, change in enumerate(scenario.links.changes):
+        if vehicle in scenario.selected(change.vehicles):
+            places[change.at_s] = ("links", "changes", index)
+    return [places[at_s] for at_s in sorted(places)]
+
+
 def _slots(scenario: Scenario, source: Source) -> Iterator[Problem]:
     formation = scenario.formation
     steps: list[tuple[KeyPath, Shape, Slots | None]] = [(("formation",), formation.shape, formation.slots_m)]
@@ -128,6 +198,9 @@ def _consensus(scenario: Scenario, source: Source) -> Iterator[Problem]:
         yield source.problem(path, found, f"{count} rows of {count} weights, one for each vehicle")
     elif any(graph[index][index] for index in range(count)):
         yield source.problem(path, "found a weight on the diagonal", "0 there: no vehicle hears itself")
+    elif not has_spanning_tree(graph):
+        allowed = "a vehicle that all hear, directly or through others (a spanning tree)"
+        yield source.problem(path, "found nobody whom all hear", allowed)
 
 
 def _path(scenario: Scenario, source: Source) -> Iterator[Problem]:

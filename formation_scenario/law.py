@@ -48,7 +48,7 @@ class Consensus(Keys):
 
     k1: NonNegative = Field(default=0.1, description="position, 1/s²")
     k2: NonNegative = Field(default=0.6, description="velocity, 1/s")
-    k3: NonNegative = Field(default=0.25, description="velocity of the formation, 1/s")
+    k3: NonNegative = Field(default=0.25, description="velocity of the formation, 1/s; 1/tau of it is the autopilot's")
     graph: Graph = Field(default="star", description="a name, or weights [p][q] > 0 where vehicle p hears q")
 
 

@@ -90,7 +90,10 @@ def least_mean_burst(loss: float) -> float:
 
 
 def link_steps(links: Links, changes: Iterable[LinkChange]) -> tuple[LinkStep, ...]:
-    """Return a link's states in time order: the default, then each of `changes` applied to the one before."""
+    """Return a link's states in time order: the default, then each of `changes` applied to the one before.
+
+    Changes at one time make one step; those at 0 s are part of the first.
+    """
     default = links.default
     base = Impairment(**{key: getattr(default, key) for key in Impairment.model_fields})
     uplink = _patched(base, default.uplink, links.uplink)
@@ -99,6 +102,8 @@ def link_steps(links: Links, changes: Iterable[LinkChange]) -> tuple[LinkStep, .
     for change in sorted(changes, key=lambda change: change.at_s):
         uplink = _patched(steps[-1].uplink, change, change.uplink)
         downlink = _patched(steps[-1].downlink, change, change.downlink)
+        if change.at_s == steps[-1].at_s:
+            steps.pop()
         steps.append(LinkStep(change.at_s, uplink, downlink))
     return tuple(steps)
 

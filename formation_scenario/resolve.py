@@ -33,6 +33,8 @@ def resolve(source: Source) -> Source:
     data["start"] = _filled(data.get("start"), {"run_in_s": default_run_in})
     data["law"] = _law(data.get("law"), _group(data, "formation").get("frame"))
     data["formation"] = _formation(data.get("formation"))
+    if "links" in data:
+        data["links"] = _with_absolute_traces(data["links"], Path(source.file).parent if source.file else Path())
     data["expect"] = _each(data.get("expect", []), {"to_s": data.get("duration_s", 120.0)})
     return Source(source.file, data, source.places)
 
@@ -64,6 +66,17 @@ def _law(law: Plain, frame: Plain) -> Plain:
     given = law or {}
     nominal = {"speed": SPEED_GAINS, "heading": heading, "height": HEIGHT_GAINS}
     return given | {name: _filled(given.get(name), gains) for name, gains in nominal.items()}
+
+
+def _with_absolute_traces(value: Plain, directory: Path) -> Plain:
+    """Return the links with every `trace_file` as an absolute path, so that the resolved scenario finds it too."""
+    if isinstance(value, list):
+        return [_with_absolute_traces(item, directory) for item in value]
+    if not isinstance(value, dict):
+        return value
+    links = {key: _with_absolute_traces(item, directory) for key, item in value.items()}
+    trace = links.get("trace_file")
+    return links | {"trace_file": str((directory / trace).absolute())} if isinstance(trace, str) else links
 
 
 def _formation(formation: Plain) -> Plain:

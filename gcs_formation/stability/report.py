@@ -17,6 +17,7 @@ from gcs_formation.stability.loops import (
     FIXED_GAINS,
     Autopilot,
     GainRange,
+    Loop,
     LoopMargins,
     Mixer,
     PidGains,
@@ -72,6 +73,19 @@ def scenario_margins(scenario: Scenario) -> ScenarioMargins:
         for vehicle, row in zip(scenario.followers, places.tolist(), strict=True)
     }
     return ScenarioMargins(followers, _least(list(followers.values())))
+
+
+def scenario_loops(scenario: Scenario) -> list[Loop]:
+    """Return the different loops that a scenario's law closes, at its nominal gains: of every model and every slot."""
+    slots = {-float(x) for step in slot_schedule(scenario) for x in step.slots_m[:, 0]}
+    models = {repr(vehicle.model): vehicle.model for vehicle in scenario.followers}.values()
+    loops = {
+        Loop(nominal, plant)
+        for model in models
+        for x_rc_m in slots
+        for nominal, plant in zip(_nominal(scenario.law), _plants(scenario, model, x_rc_m), strict=True)
+    }
+    return sorted(loops, key=repr)
 
 
 def _least(margins: Sequence[FollowerMargins]) -> FollowerMargins:

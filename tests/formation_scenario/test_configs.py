@@ -39,9 +39,7 @@ def test_the_quickstart_has_a_port_for_each_vehicle_and_path_for_its_time():
     assert length_m > max(3000.0, scenario.duration_s * scenario.path.speed_mps)
 
 
-@pytest.mark.parametrize(
-    "shape", ["arrow", "square", "echelon", "line", "triangle", "plus", "circle", "follower"]
-)
+@pytest.mark.parametrize("shape", ["arrow", "square", "echelon", "line", "triangle", "plus", "circle", "follower"])
 @pytest.mark.parametrize("name", ["quickstart", "paper"])
 def test_the_shapes_that_the_comments_offer_can_be_flown(name, shape):
     scenario = load_scenario(CONFIGS / f"{name}.yaml", [f"formation.shape={shape}"])

@@ -113,9 +113,7 @@ def test_a_slot_moves_as_its_place_on_the_path_does(forward, right, share):
 def test_in_a_steady_turn_both_frames_keep_the_distance_to_the_leader(back, right, turn):
     """All vehicles of a steady turn circle one centre: the slot's speed is its radius times the turn rate."""
     speed = 22.0
-    points = (
-        SplinePath([[0, 0, 0], [100, 0, 0]]).at(np.zeros(1))._replace(curvature_1pm=np.array([turn / speed]))
-    )
+    points = SplinePath([[0, 0, 0], [100, 0, 0]]).at(np.zeros(1))._replace(curvature_1pm=np.array([turn / speed]))
     own = slot_motion(points, speed, np.array([-back, right, 0.0]), "follower_heading")
     angle = np.arcsin(turn * back / speed)  # leader's heading minus follower's
     along = speed * np.cos(angle) - turn * right

@@ -100,9 +100,7 @@ KEYS = (
 def test_junk_is_refused_in_the_users_words_or_taken_as_a_default(key, value, inner):
     for name in reversed(inner):
         value = {name: value}
-    scenario = {"vehicles": {"count": 2}, "path": {"waypoints_m": [[0, 0, 100], [4000, 0, 100]]}} | {
-        key: value
-    }
+    scenario = {"vehicles": {"count": 2}, "path": {"waypoints_m": [[0, 0, 100], [4000, 0, 100]]}} | {key: value}
     try:
         load_scenario(scenario)
     except ScenarioError as error:

@@ -42,9 +42,7 @@ def test_the_path_passes_through_its_waypoints_in_order(waypoints):
     for north, east, height in waypoints:
         s = min(path.nodes_m, key=lambda s: np.hypot(path.at(s).north_m - north, path.at(s).east_m - east))
         point = path.at(float(s))
-        np.testing.assert_allclose(
-            (point.north_m, point.east_m, point.height_m), (north, east, height), atol=1e-6
-        )
+        np.testing.assert_allclose((point.north_m, point.east_m, point.height_m), (north, east, height), atol=1e-6)
         assert s >= around
         around = s
 

@@ -89,9 +89,7 @@ def test_a_value_that_yaml_has_no_word_for_is_refused():
 
 plain_values = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text("abc1e:-. #0x_+'\"\n"),
-    lambda inner: (
-        st.lists(inner, max_size=3) | st.dictionaries(st.text("abc1e", min_size=1), inner, max_size=3)
-    ),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text("abc1e", min_size=1), inner, max_size=3),
     max_leaves=10,
 )
 
@@ -109,9 +107,7 @@ def test_text_that_looks_like_a_number_stays_text(text):
 
 def test_overrides_reach_into_lists_and_make_missing_groups():
     source = read_text("vehicles: [{id: 1}, {id: 2}]\n")
-    data = apply_overrides(
-        source, ["vehicles.1.model.tau_v_s=5", "law.type=pid", "formation.slots_m.2=[1,2,3]"]
-    ).data
+    data = apply_overrides(source, ["vehicles.1.model.tau_v_s=5", "law.type=pid", "formation.slots_m.2=[1,2,3]"]).data
     assert data["vehicles"] == [{"id": 1}, {"id": 2, "model": {"tau_v_s": 5}}]
     assert data["law"] == {"type": "pid"}
     assert data["formation"] == {"slots_m": {2: [1, 2, 3]}}

@@ -1,0 +1,96 @@
+"""Margins of the law that a scenario flies."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from formation_scenario import load_scenario
+from formation_scenario.graph import has_spanning_tree
+from formation_scenario.model import Scenario
+from gcs_formation.stability import (
+    consensus_delay_margin,
+    consensus_margins,
+    graph_adjacency,
+    ground_consensus_delay_margin,
+    law_margins,
+    scenario_delay_margin,
+    scenario_margins,
+)
+from gcs_formation.stability.graphs import spanning_components
+
+STRAIGHT = {"waypoints_m": [[0, 0, 100], [3000, 0, 100]]}
+
+
+def scenario(law: dict[str, Any], tau_v_s: float = 2.0, tau_psi_s: float = 2.0, count: int = 4) -> Scenario:
+    model = {"tau_v_s": tau_v_s, "tau_psi_s": tau_psi_s}
+    return load_scenario({"schema": 1, "vehicles": {"count": count, "model": model}, "law": law, "path": STRAIGHT})
+
+
+def consensus(k3: float, graph: str = "path") -> dict[str, Any]:
+    return {"type": "consensus", "consensus": {"k1": 1.0, "k2": 1.0, "k3": k3, "graph": graph}}
+
+
+@pytest.mark.parametrize(("graph", "count", "margin_s"), [("path", 4, 0.4082973558), ("star", 10, 0.1515650101)])
+def test_a_lag_of_1_over_k3_is_the_undelayed_damping_of_the_theory(graph: str, count: int, margin_s: float) -> None:
+    """Golden values of item 7 for k1 = k2 = 1, c = 0.5: both axes have tau = 2 s."""
+    margins = consensus_margins(scenario(consensus(0.5, graph), count=count))
+    assert margins.along_s == pytest.approx(margin_s, abs=1e-9)
+    assert margins.across_s == pytest.approx(margin_s, abs=1e-9)
+
+
+def test_the_axis_of_the_least_margin_counts() -> None:
+    """1/tau_psi = 2/3 across and 1/4 along; what k3 asks for beyond is late."""
+    flown = scenario(consensus(0.25), tau_v_s=4.0, tau_psi_s=1.5)
+    margins = consensus_margins(flown)
+    path = graph_adjacency("path", 4)
+    assert margins.along_s == pytest.approx(consensus_delay_margin(path, 1.0, 1.0, 0.25), abs=1e-9)
+    across_s = ground_consensus_delay_margin(path, 1.0, 1.0, 2 / 3, 0.25 - 2 / 3)
+    assert margins.across_s == pytest.approx(across_s, abs=1e-9)
+    assert scenario_delay_margin(flown) == min(margins.along_s, margins.across_s)
+    assert dict(law_margins(flown).small_signal) == {"consensus": scenario_delay_margin(flown)}
+
+
+def test_damping_computed_on_the_ground_buys_far_less() -> None:
+    """Path of 4, c = 2: 0.614 s on board; 0.267 s when all of it but a lag of 1000 s is late."""
+    assert scenario_delay_margin(scenario(consensus(2.0), 0.5, 0.5)) == pytest.approx(0.614, abs=5e-4)
+    assert scenario_delay_margin(scenario(consensus(2.0), 1e3, 1e3)) == pytest.approx(0.267, abs=1e-3)
+
+
+def test_the_common_speed_has_a_margin_too() -> None:
+    """One pair, hardly coupled: s + c + d exp(-s tau) with c = 0.5, d = 1.5 is at i w, w = sqrt(2), after 1.351 s."""
+    law = {"type": "consensus", "consensus": {"k1": 1e-6, "k2": 1e-3, "k3": 2.0, "graph": "path"}}
+    w = np.sqrt(2.0)
+    assert scenario_delay_margin(scenario(law, count=2)) == pytest.approx((np.pi - np.arctan(w / 0.5)) / w, rel=1e-2)
+
+
+def test_unlike_lags_count_by_the_worst() -> None:
+    plain = {"schema": 1, "law": consensus(0.5), "path": STRAIGHT}
+    models = [{"tau_v_s": tau, "tau_psi_s": tau} for tau in (2.0, 4.0)]
+    alike = [consensus_margins(scenario(consensus(0.5), tau, tau, 2)).along_s for tau in (2.0, 4.0)]
+    vehicles = [{"id": 1, "role": "leader", "model": models[0]}, {"id": 2, "model": models[1]}]
+    assert consensus_margins(load_scenario(plain | {"vehicles": vehicles})).along_s == min(alike)
+
+
+def test_the_other_laws_keep_their_three_loops() -> None:
+    flown = scenario({"type": "fuzzy_pid"})
+    least = scenario_margins(flown).least
+    small = least.small_signal
+    assert dict(law_margins(flown).small_signal) == {"x": small.x_s, "y": small.y_s, "z": small.z_s}
+    assert scenario_delay_margin(flown) == small.least()
+
+
+@given(arrays.arrays(np.float64, (5, 5), elements=st.sampled_from([0.0, 0.0, 0.0, 1.0])))
+def test_the_scenario_and_the_margins_agree_on_what_a_spanning_tree_is(weights: np.ndarray) -> None:
+    np.fill_diagonal(weights, 0.0)
+    try:
+        spanning_components(weights)
+        spanned = True
+    except ValueError:
+        spanned = False
+    assert has_spanning_tree(weights.tolist()) == spanned
