@@ -29,21 +29,22 @@ BAD_USAGE = 2
 COULD_NOT_GO_ON = 3
 INTERRUPTED = 130
 
+EXAMPLES = """\b
+Examples:
+  gcs-formation check configs/quickstart.yaml
+  gcs-formation run configs/quickstart.yaml --speedup 5 --out runs/quickstart
+  gcs-formation run configs/paper.yaml --clock virtual --set links.default.delay_ms=300
+  gcs-formation report runs/quickstart
+"""
+
 Command = TypeVar("Command", bound=Callable[..., Any])
 Flown = Callable[[Scenario, RunOptions, ProgressLine | Silent, Interrupts], Summary]
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(context_settings={"help_option_names": ["-h", "--help"]}, epilog=EXAMPLES)
 @click.version_option(package_name="gcs-formation")
 def main() -> None:
-    r"""Fly formations over MAVLink.
-
-    \b
-    gcs-formation check configs/quickstart.yaml
-    gcs-formation run configs/quickstart.yaml --speedup 5 --out runs/quickstart
-    gcs-formation run configs/paper.yaml --clock virtual --set links.default.delay_ms=300
-    gcs-formation report runs/quickstart
-    """
+    """Fly formations over MAVLink."""
 
 
 def _options(command: Command) -> Command:

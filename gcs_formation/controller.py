@@ -6,7 +6,6 @@ state as measured -> state when the setpoint acts -> leader's guidance -> slots 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
@@ -15,11 +14,12 @@ from formation_scenario import Scenario
 from gcs_formation import parameters
 from gcs_formation.arrays import Array, Instants, Mask
 from gcs_formation.control import envelope
-from gcs_formation.control.law import Decision, FormationLaw, Situation
 from gcs_formation.control.mixer import SlotMotion
+from gcs_formation.control.situation import Decision, Lead, Situation
 from gcs_formation.estimation.estimator import StateEstimator
 from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Indices, Setpoints
-from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory, turn_rate
+from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory
+from gcs_formation.estimation.projection import Measured, States
 from gcs_formation.formation.slots import schedule
 from gcs_formation.guidance.tracking import Lags, Motion
 from gcs_formation.guidance.virtual_leader import amid, fly_on
@@ -43,13 +43,13 @@ class FormationController:
         self._columns = 1 + len(scenario.followers)
         self._model = parameters.autopilot_model(scenario)
         self._leader_model = self._model.take(LEADER)
-        self._follower_model = self._model.take(self._followers)
-        self._law = FormationLaw(parameters.law_parameters(scenario), len(scenario.followers))
+        self._law = parameters.law(scenario, self._model)
+        self._leader_amid = scenario.leader is None and self._law.commands_leader
         self._slots = schedule(scenario)
         self._history = SetpointHistory(scenario.law.rate_hz)
+        self._projection = parameters.projection(scenario, self._history, self._model)
         self._in_slots_s = 0.0
         self._leader_told_rad = math.nan
-        self._leader_heading_rate_rps = 0.0
         self._flown: Tick | None = None
         self.begin_regardless = False
         """Whether the path is begun even if the formation isn't assembled."""
@@ -77,21 +77,34 @@ class FormationController:
             lag_s: (C,) mean wait at the vehicle until a setpoint that arrived is acted on.
         """
         if self._scenario.leader is None:
-            self._fly_virtual_leader(now)
-        acts = now + np.round((np.nan_to_num(delay_s) + lag_s) * NANOSECONDS).astype(np.int64)
-        sent = SentSetpoints(acts, Setpoints(*np.full((CHANNELS, self._columns), np.nan)))
-        self._history.add(sent)
-        stamps, measured = self.estimator.stamps, self.estimator.state
+            self._place_virtual_leader(now)
+        acts = self._acts(now, delay_s, lag_s)
+        tick = self._blank_tick(now, mission_time_s, phase, ready, delay_s)
+        self._history.add(SentSetpoints(acts, tick.setpoints))
+        if not tick.active[0]:
+            tick.active[:] = False
+            self._in_slots_s = 0.0
+            return tick
+        states = self._projection.take(self._measured(tick.active, acts))
+        lead = self._steer_leader(tick, states)
+        if self._followers.size:
+            slots = self._slots.at(mission_time_s if mission_time_s >= 0 else -1.0)
+            situation = Situation(states, lead, slots, tick.active)
+            self._note(tick, self._law.decide(situation, self._dt_s), slots)
+        self._judge_assembly(tick)
+        self._flown = tick
+        return tick
+
+    def _blank_tick(self, now: Instant, mission_time_s: float, phase: str, ready: Mask, delay_s: Array) -> Tick:
         known = self.estimator.known
-        state = FlightState(*np.full((8, self._columns), np.nan))
         blank = np.full((self._columns, CHANNELS), np.nan)
-        tick = Tick(
+        return Tick(
             now=now,
             mission_time_s=mission_time_s,
             phase=phase,
-            state=state,
-            setpoints=sent.setpoints,
-            age_s=np.where(known, (now - stamps) / NANOSECONDS, np.nan),
+            state=FlightState(*np.full((8, self._columns), np.nan)),
+            setpoints=Setpoints(*blank.T.copy()),
+            age_s=np.where(known, (now - self.estimator.stamps) / NANOSECONDS, np.nan),
             delay_s=delay_s,
             active=ready & known,
             slots_m=blank.copy(),
@@ -99,78 +112,59 @@ class FormationController:
             mixed=blank.copy(),
             gains=np.full((self._columns, CHANNELS * CHANNELS), np.nan),
         )
-        if not tick.active[0]:
-            tick.active[:] = False
-            self._in_slots_s = 0.0
-            return tick
-        self._steer_leader(tick, measured, stamps, acts)
-        if self._followers.size:
-            self._steer_followers(tick, measured, stamps, acts)
-        self._judge_assembly(tick)
-        self._flown = tick
-        return tick
 
-    def _fly_virtual_leader(self, now: Instant) -> None:
-        """Put the virtual leader where it is now: amid the followers at first, on from the last tick then."""
-        flown = self._flown
-        if flown is not None:
+    def _acts(self, now: Instant, delay_s: Array, lag_s: Array) -> Instants:
+        """Return when each column's setpoint of now acts; a virtual leader amid the followers acts as they do."""
+        acts = now + np.round((np.nan_to_num(delay_s) + lag_s) * NANOSECONDS).astype(np.int64)
+        if self._leader_amid:
+            acts[0] = acts[1:].mean()
+        return acts
+
+    def _measured(self, active: Mask, acts: Instants) -> Measured:
+        """Return what was measured; vehicles that were never heard get the leader's state, so that nothing is NaN."""
+        known, table, stamps = self.estimator.known, self.estimator.state.table, self.estimator.stamps
+        filled: Array = np.where(known, table, table[:, :1])
+        return Measured(FlightState(*filled), np.where(known, stamps, stamps[0]), active, acts)
+
+    def _place_virtual_leader(self, now: Instant) -> None:
+        """Put the virtual leader amid the followers; where they're bound to it, it then flies on by itself."""
+        flown, stamp = self._flown, now
+        if flown is not None and not self._leader_amid:
             state = fly_on(flown.state.take(LEADER), flown.setpoints.take(LEADER), flown.now, now, self._leader_model)
         elif self.estimator.known[1:].all():
             followers = self.estimator.state.take(self._followers)
-            state = amid(followers, self._slots.at(-1.0).position_m, self._scenario.path.speed_mps)
+            slots = self._slots.at(-1.0 if flown is None else flown.mission_time_s)
+            state = amid(followers, slots.position_m, self._scenario.path.speed_mps)
+            stamp = Instant(int(self.estimator.stamps[1:].mean())) if self._leader_amid else now
         else:
             return
-        self.estimator.place(0, np.concatenate(_values(state)), now)
+        self.estimator.place(0, np.concatenate(_values(state)), stamp)
 
-    def _steer_leader(self, tick: Tick, measured: FlightState, stamps: Instants, acts: Instants) -> None:
-        state = self._project(measured.take(LEADER), stamps[:1], acts[:1], LEADER, self._leader_model)
+    def _steer_leader(self, tick: Tick, states: States) -> Lead:
+        state = states.of(LEADER, LEADER)
         _fill(tick.state, LEADER, state)
         motion = Motion(*(float(getattr(state, name)[0]) for name in _MOTION))
         model = self._leader_model
         lags = Lags(float(model.tau_psi_s[0]), float(model.tau_ha_s[0]), float(model.tau_hb_s[0]))
         wanted = self.guidance.steer(motion, float(state.height_m[0]), lags, assembled=self.assembled)
         columns = Setpoints(*(np.array([value]) for value in wanted))
-        _fill(tick.setpoints, LEADER, envelope.limit(columns, columns.heading_rad, state, model))
-        told_rad, self._leader_told_rad = self._leader_told_rad, float(tick.setpoints.heading_rad[0])
-        rate = math.remainder(self._leader_told_rad - told_rad, math.tau) / self._dt_s
-        self._leader_heading_rate_rps = 0.0 if math.isnan(rate) else rate
+        told = envelope.limit(columns, columns.heading_rad, state, model)
+        _fill(tick.setpoints, LEADER, told)
+        before_rad, self._leader_told_rad = self._leader_told_rad, float(told.heading_rad[0])
+        turned_rad = math.remainder(self._leader_told_rad - before_rad, math.tau)
+        turn_rps = 0.0 if math.isnan(turned_rad) else turned_rad / self._dt_s
+        return Lead(Instant(int(states.instants(LEADER)[0])), told, turn_rps, self.guidance.heading(motion))
 
-    def _steer_followers(self, tick: Tick, measured: FlightState, stamps: Instants, acts: Instants) -> None:
-        which, leading = self._followers, np.zeros_like(self._followers)
-        model = self._leader_model.take(leading)
-        leader = self._project(measured.take(leading), stamps[leading], acts[which], leading, model)
-        follower = self._project(measured.take(which), stamps[which], acts[which], which, self._follower_model)
-        slots = self._slots.at(tick.mission_time_s if tick.mission_time_s >= 0 else -1.0)
-        turn_rps = turn_rate(leader, tick.setpoints.take(leading), model)
-        bend_rps2 = (self._leader_heading_rate_rps - turn_rps) / model.tau_psi_s
-        situation = Situation(leader, turn_rps, bend_rps2, follower, slots, self._follower_model)
-        active = tick.active[which]
-        decision = self._law.decide(_without_nan(situation, active), active, self._dt_s)
-        self._note(tick, decision, follower, slots, active)
-
-    def _project(
-        self,
-        measured: FlightState,
-        stamps: Instants,
-        acts: Instants,
-        which: Indices,
-        model: AutopilotModel,
-    ) -> FlightState:
-        if not self._scenario.law.delay_compensation:
-            return measured
-        return self._history.predict(measured, stamps, acts, which, model)
-
-    def _note(self, tick: Tick, decision: Decision, follower: FlightState, slots: SlotMotion, active: Mask) -> None:
-        which = self._followers
-        _fill(tick.state, which, follower)
-        shown = active[:, None]
-        tick.slots_m[which] = slots.position_m
-        tick.error_m[which] = np.where(shown, decision.error_m, np.nan)
-        tick.mixed[which] = np.where(shown, decision.mixed, np.nan)
-        gains = decision.gains
-        tick.gains[which] = np.concatenate((gains.proportional, gains.integral, gains.derivative), axis=1)
+    def _note(self, tick: Tick, decision: Decision, slots: SlotMotion) -> None:
+        which, active = decision.columns, tick.active[decision.columns]
+        tick.slots_m[self._followers] = slots.position_m
+        noted = (tick.error_m, decision.error_m), (tick.mixed, decision.mixed), (tick.gains, decision.gains)
+        for into, values in noted:
+            into[which] = np.where(active[:, None], values, np.nan)
         told = Setpoints(*(np.where(active, value, np.nan) for value in _values(decision.setpoints)))
         _fill(tick.setpoints, which, told)
+        known = which[np.isfinite(tick.age_s[which])]
+        _fill(tick.state, known, decision.state.take(np.flatnonzero(np.isin(which, known))))
 
     def _judge_assembly(self, tick: Tick) -> None:
         error_m = tick.error_m[self._followers]
@@ -188,14 +182,3 @@ def _values(columns: FlightState | Setpoints) -> list[Array]:
 def _fill(target: FlightState | Setpoints, which: Indices, source: FlightState | Setpoints) -> None:
     for into, values in zip(_values(target), _values(source), strict=True):
         into[which] = values
-
-
-def _without_nan(situation: Situation, active: Mask) -> Situation:
-    """Give followers that aren't there the leader's state, so that nothing is computed with NaN."""
-    follower = FlightState(
-        *(
-            np.where(active, own, leaders)
-            for own, leaders in zip(_values(situation.follower), _values(situation.leader), strict=True)
-        )
-    )
-    return replace(situation, follower=follower)

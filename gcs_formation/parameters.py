@@ -6,12 +6,17 @@ import numpy as np
 
 from formation_scenario import Scenario, SplinePath, VehicleModel, slot_schedule
 from gcs_formation.arrays import Array
+from gcs_formation.control.consensus import ConsensusLaw, ConsensusParameters
 from gcs_formation.control.fuzzy import FuzzyGainScheduler
-from gcs_formation.control.law import LawParameters
+from gcs_formation.control.law import FormationLaw, LawParameters
 from gcs_formation.control.mixer import Mixer
 from gcs_formation.control.pid import Gains
-from gcs_formation.estimation.flight_state import AutopilotModel
+from gcs_formation.control.situation import Law
+from gcs_formation.estimation.flight_state import AutopilotModel, Indices
+from gcs_formation.estimation.predictor import SetpointHistory
+from gcs_formation.estimation.projection import AsMeasured, Pairing, Prediction, Projection
 from gcs_formation.guidance.leader import LeaderGuidance
+from gcs_formation.stability import scenario_adjacency
 
 HOLD_SHARE = 0.5
 """Share of the turn rate, and of the speed that outer slots have to spare, that turns before the path use."""
@@ -37,6 +42,35 @@ def law_parameters(scenario: Scenario) -> LawParameters:
         derivative_filter_s=max(law.derivative_filter_s, 1e-6),
         anti_windup_s=law.anti_windup_s,
     )
+
+
+def consensus_parameters(scenario: Scenario) -> ConsensusParameters:
+    """Return the consensus law's constants, its graph in the order of the columns."""
+    keys = scenario.law.consensus
+    columns = member_columns(scenario)
+    weights = np.zeros((1 + len(scenario.followers),) * 2)
+    weights[np.ix_(columns, columns)] = scenario_adjacency(scenario)
+    return ConsensusParameters(keys.k1, keys.k2, keys.k3, weights, np.sort(columns), scenario.formation.frame)
+
+
+def member_columns(scenario: Scenario) -> Indices:
+    """Return the column of each vehicle in the scenario's order: the leader's is 0."""
+    followers = {vehicle.vehicle_id: 1 + i for i, vehicle in enumerate(scenario.followers)}
+    return np.array([followers.get(vehicle.vehicle_id, 0) for vehicle in scenario.vehicles], dtype=np.intp)
+
+
+def law(scenario: Scenario, model: AutopilotModel) -> Law:
+    """Return the scenario's law for vehicles of `model`."""
+    if scenario.law.type == "consensus":
+        return ConsensusLaw(consensus_parameters(scenario), model)
+    return FormationLaw(law_parameters(scenario), model)
+
+
+def projection(scenario: Scenario, history: SetpointHistory, model: AutopilotModel) -> Projection:
+    """Return how measured states become those that the law acts on."""
+    if scenario.law.delay_compensation:
+        return Prediction(history, model)
+    return Pairing(scenario.law.rate_hz) if scenario.law.type == "consensus" else AsMeasured()
 
 
 def column_models(scenario: Scenario) -> tuple[VehicleModel, ...]:

@@ -28,18 +28,21 @@ class Cause(Enum):
     STOP = "told to stop"
     LOITERED = "every vehicle loiters"
     FAILURE = "the run can't go on"
+    GIVEN_UP = "every vehicle loiters, and the run can't go on"
 
 
 TRANSITIONS: dict[tuple[Phase, Cause], Phase] = {
     (Phase.CONNECTING, Cause.LEADER_READY): Phase.ASSEMBLING,
     (Phase.CONNECTING, Cause.STOP): Phase.LOITERING,
-    (Phase.CONNECTING, Cause.FAILURE): Phase.FAILED,
+    (Phase.CONNECTING, Cause.FAILURE): Phase.LOITERING,
     (Phase.ASSEMBLING, Cause.PATH_BEGUN): Phase.FLYING,
     (Phase.ASSEMBLING, Cause.STOP): Phase.LOITERING,
-    (Phase.ASSEMBLING, Cause.FAILURE): Phase.FAILED,
+    (Phase.ASSEMBLING, Cause.FAILURE): Phase.LOITERING,
     (Phase.FLYING, Cause.PATH_ENDED): Phase.LOITERING,
     (Phase.FLYING, Cause.STOP): Phase.LOITERING,
+    (Phase.FLYING, Cause.FAILURE): Phase.LOITERING,
     (Phase.LOITERING, Cause.LOITERED): Phase.DONE,
+    (Phase.LOITERING, Cause.GIVEN_UP): Phase.FAILED,
 }
 """What isn't here changes nothing."""
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from airlink import mavlink as m
 from airlink.clock import Instant, after, seconds_between
+from airlink.delay_queue import DelayQueue
 from airlink.endpoint import Endpoint, parse_endpoint
 from airlink.engine import Datagram
 from airlink.frame import Frame
@@ -17,15 +18,16 @@ from airlink.identity import VehicleId
 from airlink.messages import Heartbeat, Message, NamedValueFloat
 from formation_scenario import Scenario
 from formation_scenario import Vehicle as PlannedVehicle
+from gcs_formation.arrays import Array, Mask
 from gcs_formation.controller import FormationController
+from gcs_formation.ending import Ending
 from gcs_formation.link.connection import Connection, LinkState
 from gcs_formation.link.receiver import Receiver
-from gcs_formation.loitering import loiter_heights
-from gcs_formation.membership import Member, following
+from gcs_formation.membership import Member
 from gcs_formation.phases import Cause, Flight, Phase
 from gcs_formation.records import Detail, Event, Recorder, Tick
+from gcs_formation.roster import Roster
 from gcs_formation.setpoint import Setpoint
-from gcs_formation.vehicle.commands import Outcome
 from gcs_formation.vehicle.families import autopilot_for
 from gcs_formation.vehicle.vehicle import Vehicle
 
@@ -36,8 +38,10 @@ PROBE_DITHER_S = 0.02
 """Probes are spread over a vehicle's main loop, so that the wait for it averages to half of it."""
 CONNECT_LIMIT_S = 30.0
 """Longest wait for every vehicle's first heartbeat."""
-LOITER_LIMIT_S = 10.0
-"""Longest wait at the end for vehicles to acknowledge that they loiter."""
+HOLD_MAX_S = 1.0
+"""Longest time that a leader's setpoints are held back for its followers'."""
+LOITER_LIMIT_S = 20.0
+"""Longest wait at the end for vehicles to climb out and to acknowledge that they loiter."""
 MISSION_TIME = "MISSION_T"
 """Name under which every vehicle is told the mission time, for its log."""
 
@@ -72,24 +76,25 @@ class Station:
         networks = {vehicle.endpoint: vehicle.network for vehicle in planned}
         self.networks = tuple(networks[text] for text in texts)
         """The MAVLink network that each socket hears."""
-        origin = scenario.origin
-        place = GeodeticOrigin(math.radians(origin.lat_deg), math.radians(origin.lon_deg), origin.alt_m)
         self.vehicles = {
-            vehicle.vehicle_id: self._vehicle(vehicle, texts.index(vehicle.endpoint), place) for vehicle in planned
+            vehicle.vehicle_id: self._vehicle(vehicle, texts.index(vehicle.endpoint)) for vehicle in planned
         }
         first_column = 0 if scenario.leader else 1
         self._columns = {identity: first_column + i for i, identity in enumerate(self.vehicles)}
+        self.roster = Roster(scenario, self.vehicles, self._columns, self._event)
         self._out: list[Datagram] = []
-        self._next_tick, self._next_probe, self._next_heartbeat = Instant(0), Instant(0), Instant(0)
+        self._next_tick = self._next_probe = self._next_heartbeat = Instant(0)
         self._probes = 0
-        self._loiter_s = 0.0
+        self._held = DelayQueue[tuple[Vehicle, Message]]()
+        self._loiter_s, self._ending = 0.0, Ending({}, Instant(0))
         self._strangers: set[VehicleId] = set()
 
-    def _vehicle(self, planned: PlannedVehicle, socket: int, origin: GeodeticOrigin) -> Vehicle:
+    def _vehicle(self, planned: PlannedVehicle, socket: int) -> Vehicle:
         endpoint = self._endpoints[socket]
         connection = Connection(socket, endpoint.address if endpoint.kind == "udpout" else None)
-        rate_hz = self.scenario.telemetry.rate_hz
-        return Vehicle(planned.vehicle_id, autopilot_for(planned, origin.alt_m), connection, origin, rate_hz)
+        keys, rate_hz = self.scenario.origin, self.scenario.telemetry.rate_hz
+        origin = GeodeticOrigin(math.radians(keys.lat_deg), math.radians(keys.lon_deg), keys.alt_m)
+        return Vehicle(planned.vehicle_id, autopilot_for(planned, keys.alt_m), connection, origin, rate_hz)
 
     # The engine's side.
 
@@ -103,8 +108,11 @@ class Station:
         return out
 
     def next_timer(self) -> Instant | None:
-        """Return the next tick or probe, None when the run has ended."""
-        return None if self.flight.ended else min(self._next_tick, self._next_probe)
+        """Return the next tick, probe or setpoint held back; None when the run has ended."""
+        if self.flight.ended:
+            return None
+        held = self._held.next()
+        return min(self._next_tick, self._next_probe, *(() if held is None else (held,)))
 
     def receive(self, datagram: Datagram, now: Instant) -> None:
         """Take a datagram: frames to the vehicles they are from, others counted."""
@@ -118,11 +126,13 @@ class Station:
                 self._take(vehicle, frame, datagram, now)
 
     def handle_timer(self, now: Instant) -> None:
-        """Do what is due: probes between ticks, everything else at ticks."""
+        """Do what is due: probes and setpoints held back between ticks, everything else at ticks."""
         if now >= self._next_probe:
             self._send_probes(now)
         if now >= self._next_tick:
             self.tick(now)
+        for vehicle, message in self._held.pop_due(now):
+            self._send(vehicle, message, now)
 
     # A tick, in its order.
 
@@ -134,7 +144,7 @@ class Station:
         self._watch_links(now)
         self._get_ready(now)
         if self.flight.phase is not Phase.LOITERING:
-            self._judge_members(now)
+            self.roster.judge(self.controller.estimator, now, connecting=self.flight.phase is Phase.CONNECTING)
         if self.flight.phase in (Phase.ASSEMBLING, Phase.FLYING):
             self._fly(now)
         elif self.flight.phase is Phase.LOITERING:
@@ -158,6 +168,7 @@ class Station:
 
     def _greet(self, now: Instant) -> None:
         self._next_heartbeat = after(now, HEARTBEAT_S)
+        self.roster.watch_margins(now)
         mission_s = self.flight.mission_time_s(now)
         for vehicle in self.vehicles.values():
             self._send(vehicle, Heartbeat(m.MAV_TYPE_GCS, m.MAV_AUTOPILOT_INVALID, 0, 0, m.MAV_STATE_ACTIVE), now)
@@ -181,12 +192,14 @@ class Station:
                 self._note_link(vehicle, now)
 
     def _get_ready(self, now: Instant) -> None:
+        """Start vehicles up; nobody takes off for a formation of which somebody doesn't answer."""
+        complete = all(vehicle.connection.state is not LinkState.SEARCHING for vehicle in self.vehicles.values())
         for vehicle in self.vehicles.values():
             if vehicle.connection.state is LinkState.SEARCHING:
                 continue
             if vehicle.restarted:
                 self._begin_anew(vehicle, now)
-            if not vehicle.start_up.finished and self.flight.phase is not Phase.LOITERING:
+            if complete and not vehicle.start_up.finished and self.flight.phase is not Phase.LOITERING:
                 self._advance_start_up(vehicle, now)
             command = vehicle.commands.due(now)
             if command is not None:
@@ -216,35 +229,6 @@ class Station:
         self.controller.estimator.forget(self._columns[vehicle.identity])
         self._event(now, "restarted", "its clock has begun anew", vehicle)
 
-    def _judge_members(self, now: Instant) -> None:
-        """Decide who flies in the formation, and tell those who don't what to do instead."""
-        led = True
-        for identity, vehicle in self.vehicles.items():
-            member = following(vehicle.member, vehicle.sight(fresh=led and self._is_fresh(vehicle, now)))
-            if member is not vehicle.member:
-                vehicle.member = member
-                self._event(now, "member", member.value, vehicle)
-                self._tell_member(vehicle, now)
-            if self._columns[identity] == 0:  # the first: without it the others don't know where to be
-                led = member is Member.FLYING or self.flight.path_began is None
-
-    def _is_fresh(self, vehicle: Vehicle, now: Instant) -> bool:
-        age_s = self.controller.estimator.age_s(self._columns[vehicle.identity], now)
-        return math.isnan(age_s) or age_s <= self.scenario.law.max_age_s
-
-    def _tell_member(self, vehicle: Vehicle, now: Instant) -> None:
-        if vehicle.member is Member.HOLDING:
-            vehicle.commands.begin(vehicle.autopilot.loiter(self._holding_height_m(vehicle)), now)
-        elif vehicle.member is Member.RETURNING:
-            vehicle.commands.begin((vehicle.autopilot.set_mode(vehicle.autopilot.guided_mode),), now)
-        elif vehicle.member is not Member.STARTING:
-            vehicle.commands.begin((), now)
-
-    def _holding_height_m(self, vehicle: Vehicle) -> float:
-        """Return the height at which a vehicle loiters apart from the others, wherever they are."""
-        places = {i: v.telemetry.motion for i, v in self.vehicles.items() if v.telemetry.motion}
-        return loiter_heights(places)[vehicle.identity]
-
     def _check_start(self, now: Instant) -> None:
         waited_s = seconds_between(Instant(0), now)
         silent = [v for v in self.vehicles.values() if v.connection.state is LinkState.SEARCHING]
@@ -267,7 +251,7 @@ class Station:
                 controller.estimator.update(column, sample)
         ready, delay_s, lag_s = self._links()
         tick = controller.step(now, self.flight.mission_time_s(now), self.flight.phase.value, ready, delay_s, lag_s)
-        self._send_setpoints(tick, now)
+        self._send_setpoints(tick, self._hold_s(ready, delay_s), now)
         self.last_tick = tick
         self._recorder.tick(tick)
         self.controlled_ticks += 1
@@ -290,8 +274,11 @@ class Station:
             self.cut_short = True
             self._move(Cause.PATH_ENDED, now)
 
-    def _links(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return for each column whether it follows setpoints, its one-way delay and its mean wait for the loop."""
+    def _links(self) -> tuple[Mask, Array, Array]:
+        """Return for each column whether it follows setpoints, its one-way delay, and how long it waits beyond that.
+
+        That is on the mean half a turn of its loop, and for the leader as long as its setpoints are held back.
+        """
         count = 1 + len(self.scenario.followers)
         ready, delay_s, lag_s = np.zeros(count, dtype=bool), np.zeros(count), np.zeros(count)
         ready[0] = self.scenario.leader is None
@@ -300,9 +287,20 @@ class Station:
             ready[column] = vehicle.member is Member.FLYING
             delay_s[column] = vehicle.clock.one_way_s
             lag_s[column] = vehicle.autopilot.loop_s / 2
+        lag_s[0] += self._hold_s(ready, delay_s)
         return ready, delay_s, lag_s
 
-    def _send_setpoints(self, tick: Tick, now: Instant) -> None:
+    def _hold_s(self, ready: Mask, delay_s: Array) -> float:
+        """Return how long the leader's setpoints are held back: until those of the slowest follower act.
+
+        A leader on a quicker link would turn before any follower can, by setpoints that followers' weren't made with.
+        """
+        if not self.scenario.law.delay_compensation or not ready[1:].any():
+            return 0.0
+        slowest_s = float(np.nanmax(np.where(ready[1:], delay_s[1:], 0.0), initial=0.0))
+        return min(max(0.0, slowest_s - float(np.nan_to_num(delay_s[0]))), HOLD_MAX_S)
+
+    def _send_setpoints(self, tick: Tick, hold_s: float, now: Instant) -> None:
         told = tick.setpoints
         for identity, column in self._columns.items():
             setpoint = Setpoint(
@@ -310,24 +308,18 @@ class Station:
             )
             if tick.active[column] and all(map(math.isfinite, setpoint)):
                 vehicle = self.vehicles[identity]
+                due = after(now, hold_s if column == 0 else 0.0)
                 for message in vehicle.autopilot.setpoint(setpoint):
-                    self._send(vehicle, message, now)
+                    self._held.push(due, (vehicle, message))
 
     def _wait_for_loiter(self, now: Instant) -> None:
         waited_s = seconds_between(self.flight.since, now)
-        there = [v for v in self.vehicles.values() if v.connection.state is LinkState.CONNECTED]
-        under_way = [v for v in there if v.commands.outcome is Outcome.WAITING]
-        if (not under_way and waited_s >= self._loiter_s) or waited_s > self._loiter_s + LOITER_LIMIT_S:
-            for vehicle in under_way:
+        self._ending.advance(now)
+        pending = self._ending.pending()
+        if (not pending and waited_s >= self._loiter_s) or waited_s > self._loiter_s + LOITER_LIMIT_S:
+            for vehicle in pending:
                 self._event(now, "unacknowledged", "has not acknowledged that it loiters", vehicle)
-            self._move(Cause.LOITERED, now)
-
-    def _begin_loiter(self, now: Instant) -> None:
-        flying = {i: v for i, v in self.vehicles.items() if v.autopilot.is_airborne(v.telemetry)}
-        heights = loiter_heights({i: v.telemetry.motion for i, v in flying.items() if v.telemetry.motion})
-        for identity, height_m in heights.items():
-            vehicle = flying[identity]
-            vehicle.commands.begin(vehicle.autopilot.loiter(height_m), now)
+            self._move(Cause.GIVEN_UP if self.failure else Cause.LOITERED, now)
 
     # What happens, and what is said about it.
 
@@ -346,7 +338,8 @@ class Station:
         self._event(now, "phase", self.flight.phase.value, details={"cause": cause.value})
         if self.flight.phase is Phase.LOITERING:
             self._loiter_s = self.scenario.finish.loiter_s if cause is Cause.PATH_ENDED else 0.0
-            self._begin_loiter(now)
+            self._held = DelayQueue[tuple[Vehicle, Message]]()
+            self._ending = Ending(self.vehicles, now)
         return True
 
     def fail(self, text: str, now: Instant) -> None:

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
 from formation_scenario import Scenario, dump_scenario
-from gcs_formation.stability import FollowerMargins, loop_delay_s, scenario_margins
+from formation_scenario.links import LinkStep
+from gcs_formation.stability import (
+    LawMargins,
+    consensus_margins,
+    law_margins,
+    loop_delay_s,
+    scenario_adjacency,
+    scenario_margins,
+)
 
 NEAR = 0.8
 """Share of the margin from which a configured delay is warned of."""
@@ -16,62 +24,76 @@ NEAR = 0.8
 
 def check_report(scenario: Scenario) -> dict[str, Any]:
     """Return what `check --json` prints: margins in seconds at the small-signal gains and over the fuzzy range."""
-    least = scenario_margins(scenario).least
+    margins = law_margins(scenario)
     return {
         "valid": True,
-        "delay_margin_s": _axes(least, "small_signal"),
-        "delay_margin_worst_s": _axes(least, "worst"),
+        "delay_margin_s": _finite(margins.small_signal),
+        "delay_margin_worst_s": _finite(margins.worst),
         "loop_delay_s": configured_loop_delay_s(scenario),
-        "warnings": list(warnings(scenario, least)),
+        "warnings": list(warnings(scenario, margins)),
     }
 
 
 def check_text(scenario: Scenario) -> str:
     """Return the same for a person: the resolved scenario, the graph, a line for every loop, the warnings."""
-    margins = scenario_margins(scenario)
-    lines = [dump_scenario(scenario).rstrip(), "", "# communication graph: " + graph_text(scenario)]
+    law_text = _consensus_text if scenario.law.type == "consensus" else _followers_text
+    lines = [dump_scenario(scenario).rstrip(), "", *law_text(scenario)]
     lines.append(f"# loop delay as configured: {configured_loop_delay_s(scenario):.3f} s (sampling and hold included)")
-    lines.append("# delay margins without prediction, s (small signal / worst over the fuzzy range):")
-    for vehicle, each in margins.followers.items():
+    lines.extend(f"# warning: {warning}" for warning in warnings(scenario, law_margins(scenario)))
+    return "\n".join(lines)
+
+
+def configured_loop_delay_s(scenario: Scenario) -> float:
+    """Return the longest loop delay that the scenario's links make, at any time of the run.
+
+    In the consensus law everyone's loop waits for the latest state of all.
+    """
+    rates = (scenario.telemetry.rate_hz, scenario.law.rate_hz)
+    if scenario.law.type == "consensus":
+        steps = [step for vehicle in scenario.vehicles for step in scenario.link_steps(vehicle)]
+        ways = [(max(up for up, _ in map(_ways_s, steps)), max(down for _, down in map(_ways_s, steps)))]
+    else:
+        ways = [_ways_s(step) for vehicle in scenario.followers for step in scenario.link_steps(vehicle)]
+    return max((loop_delay_s(up, down, 0.0, *rates) for up, down in ways), default=loop_delay_s(0, 0, 0, *rates))
+
+
+def warnings(scenario: Scenario, margins: LawMargins) -> Iterator[str]:
+    """Yield what a user should know before flying. With prediction a margin is one against its mismatch only."""
+    delay_s = configured_loop_delay_s(scenario)
+    for loop, margin_s in margins.small_signal.items():
+        if margin_s <= 0:
+            yield f"loop {loop} is unstable without any delay"
+        elif delay_s > NEAR * margin_s and not scenario.law.delay_compensation:
+            yield f"loop {loop}: {delay_s:.3f} s of delay is {delay_s / margin_s:.0%} of its margin {margin_s:.3f} s"
+
+
+def _followers_text(scenario: Scenario) -> Iterator[str]:
+    followers = ", ".join(str(vehicle.vehicle_id) for vehicle in scenario.followers) or "nobody"
+    leader = f"vehicle {scenario.leader.vehicle_id}" if scenario.leader else "the virtual leader"
+    yield f"# communication graph: star; {leader} is heard by {followers}"
+    yield "# delay margins without prediction, s (small signal / worst over the fuzzy range):"
+    for vehicle, each in scenario_margins(scenario).followers.items():
         axes = ", ".join(
             f"{axis} {getattr(each.small_signal, f'{axis}_s'):.3f} / {getattr(each.worst, f'{axis}_s'):.3f}"
             for axis in "xyz"
         )
-        lines.append(f"#   vehicle {vehicle}: {axes}")
-    lines.extend(f"# warning: {warning}" for warning in warnings(scenario, margins.least))
-    return "\n".join(lines)
+        yield f"#   vehicle {vehicle}: {axes}"
 
 
-def graph_text(scenario: Scenario) -> str:
-    """Return who hears whom, through the ground station."""
-    followers = ", ".join(str(vehicle.vehicle_id) for vehicle in scenario.followers) or "nobody"
-    leader = f"vehicle {scenario.leader.vehicle_id}" if scenario.leader else "the virtual leader"
-    return f"star; {leader} is heard by {followers}"
+def _consensus_text(scenario: Scenario) -> Iterator[str]:
+    graph = scenario.law.consensus.graph
+    yield f"# communication graph: {graph if isinstance(graph, str) else 'by its weights'}"
+    for vehicle, row in zip(scenario.vehicles, scenario_adjacency(scenario), strict=True):
+        heard = [f"{scenario.vehicles[q].vehicle_id} ({row[q]:g})" for q in np.flatnonzero(row)]
+        yield f"#   vehicle {vehicle.vehicle_id} hears {', '.join(heard) or 'nobody'}"
+    margins = consensus_margins(scenario)
+    yield "# delay margin of the consensus without prediction, s:"
+    yield f"#   {margins.least():.3f}: along {margins.along_s:.3f}, across {margins.across_s:.3f}"
 
 
-def configured_loop_delay_s(scenario: Scenario) -> float:
-    """Return the longest loop delay that the scenario's links make, at any time of the run."""
-    rates = (scenario.telemetry.rate_hz, scenario.law.rate_hz)
-    delays = [
-        (step.uplink.delay_ms / 1e3, step.downlink.delay_ms / 1e3)
-        for vehicle in scenario.followers
-        for step in scenario.link_steps(vehicle)
-    ]
-    return max((loop_delay_s(up, down, 0.0, *rates) for up, down in delays), default=loop_delay_s(0, 0, 0, *rates))
+def _ways_s(step: LinkStep) -> tuple[float, float]:
+    return step.uplink.delay_ms / 1e3, step.downlink.delay_ms / 1e3
 
 
-def warnings(scenario: Scenario, least: FollowerMargins) -> Iterator[str]:
-    """Yield what a user should know before flying."""
-    delay_s = configured_loop_delay_s(scenario)
-    for axis in "xyz":
-        margin_s = getattr(least.small_signal, f"{axis}_s")
-        if margin_s <= 0:
-            yield f"loop {axis} is unstable without any delay"
-        elif delay_s > NEAR * margin_s and not scenario.law.delay_compensation:
-            yield f"loop {axis}: {delay_s:.3f} s of delay is {delay_s / margin_s:.0%} of its margin {margin_s:.3f} s"
-
-
-def _axes(margins: FollowerMargins, which: str) -> dict[str, float | None]:
-    chosen = getattr(margins, which)
-    values = {axis: getattr(chosen, f"{axis}_s") for axis in "xyz"}
-    return {axis: float(value) if np.isfinite(value) else None for axis, value in values.items()}
+def _finite(margins: Mapping[str, float]) -> dict[str, float | None]:
+    return {loop: float(value) if np.isfinite(value) else None for loop, value in margins.items()}

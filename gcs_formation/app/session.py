@@ -23,7 +23,7 @@ from gcs_formation.record.run_directory import SPOOL, TIMESERIES, RunDirectory
 from gcs_formation.record.summary import LinkFigures, Outcome, Summary, summarise
 from gcs_formation.record.timeseries import read_spool, write_parquet
 from gcs_formation.record.truth import GroundTruth
-from gcs_formation.stability import loop_delay_s, scenario_margins
+from gcs_formation.stability import loop_delay_s, scenario_delay_margin
 from gcs_formation.station import Station
 
 MICROSECONDS = 1_000_000
@@ -85,7 +85,6 @@ class Session:
         flight = split(read_spool(spool), self.scenario, truth)
         write_parquet(self.recorder.path / TIMESERIES, join(flight))
         spool.unlink()
-        margins = scenario_margins(self.scenario).least.small_signal
         summary = summarise(
             Outcome(
                 scenario=self.scenario,
@@ -93,8 +92,9 @@ class Session:
                 flight=flight,
                 links={identity: self._link(identity) for identity in self.station.vehicles},
                 control=self.timed.figures(self.scenario.law.rate_hz),
-                delay_margin_s=_finite(margins.least()),
+                delay_margin_s=_finite(scenario_delay_margin(self.scenario)),
                 worst_loop_delay_s=self._worst_loop_delay_s(),
+                margin_used=self.station.roster.margins.most_used,
                 simulated_s=self.clock.now() / NANOSECONDS,
                 wall_s=wall_s,
                 cut_short=self.station.cut_short,

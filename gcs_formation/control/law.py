@@ -12,18 +12,13 @@ import numpy as np
 
 from gcs_formation.arrays import Array, Mask, wrap
 from gcs_formation.control import envelope, pid
+from gcs_formation.control.feed_forward import LeaderMotion, feed_forward
 from gcs_formation.control.fuzzy import FuzzyGainScheduler
-from gcs_formation.control.mixer import (
-    Mixer,
-    SlotFrame,
-    SlotMotion,
-    Target,
-    formation_error,
-    mix,
-    slot_target,
-)
+from gcs_formation.control.mixer import Mixer, SlotFrame, formation_error, mix, slot_target
 from gcs_formation.control.pid import Gains, PidState
-from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Setpoints
+from gcs_formation.control.situation import Decision, Situation
+from gcs_formation.estimation.flight_state import AutopilotModel, Setpoints
+from gcs_formation.estimation.predictor import turn_rate
 
 CHANNELS = 3
 """Speed, heading, height."""
@@ -48,55 +43,46 @@ class LawParameters:
     anti_windup_s: float
 
 
-@dataclass(frozen=True)
-class Situation:
-    """What the law acts on: a column for each follower, all states at the instants when the setpoints will act."""
-
-    leader: FlightState
-    leader_turn_rate_rps: Array
-    leader_turn_acceleration_rps2: Array
-    follower: FlightState
-    slots: SlotMotion
-    model: AutopilotModel
-
-
-@dataclass(frozen=True)
-class Decision:
-    """What the law decided, and why: (F,) setpoints, (F, 3) errors, mixed errors and the gains' factors (F, 3, 3)."""
-
-    setpoints: Setpoints
-    error_m: Array
-    mixed: Array
-    gains: Gains
-
-
 class FormationLaw:
     """The law of F followers, with what it remembers between ticks."""
 
-    def __init__(self, parameters: LawParameters, followers: int) -> None:
-        """Start at rest."""
-        self._parameters = parameters
-        self._state = PidState.at_rest((followers, CHANNELS))
+    commands_leader = False
 
-    def decide(self, situation: Situation, active: Mask, dt_s: float) -> Decision:
-        """Return this tick's setpoints; followers that aren't `active` (F,) are kept at rest."""
-        parameters, state = self._parameters, self._state
-        follower = situation.follower
-        error_m = formation_error(situation.leader, follower, situation.slots.position_m, parameters.frame)
-        target = slot_target(
-            situation.leader, follower, situation.leader_turn_rate_rps, situation.slots, parameters.frame
-        )
+    def __init__(self, parameters: LawParameters, model: AutopilotModel) -> None:
+        """Start at rest; `model` has (C,) columns."""
+        self._parameters = parameters
+        self._followers = np.arange(1, model.tau_v_s.size, dtype=np.intp)
+        self._leading = np.zeros_like(self._followers)
+        self._leader_model = model.take(self._leading)
+        self._model = model.take(self._followers)
+        self._state = PidState.at_rest((self._followers.size, CHANNELS))
+
+    def decide(self, situation: Situation, dt_s: float) -> Decision:
+        """Return the followers' setpoints; the controllers of those that aren't active are kept at rest."""
+        parameters, state, slots = self._parameters, self._state, situation.slots
+        leader = self._leader(situation)
+        follower = situation.states.of(self._followers, self._followers)
+        error_m = formation_error(leader.state, follower, slots.position_m, parameters.frame)
+        target = slot_target(leader.state, follower, leader.turn_rate_rps, slots, parameters.frame)
         mixed = mix(parameters.mixer, target, follower, error_m)
         rate = pid.filter_rate(state, mixed, parameters.derivative_filter_s, dt_s)
         gains = scheduled_gains(parameters, mixed, rate)
         output = pid.unlimited(state, gains, mixed, rate)
-        forward = feed_forward(target, situation)
+        forward = feed_forward(target, leader, slots, self._model)
         wanted = Setpoints(*(forward + output).T)
-        limited = envelope.limit(wanted, forward[:, 1], follower, situation.model)
+        limited = envelope.limit(wanted, forward[:, 1], follower, self._model)
         excess = _difference(limited, wanted)
         following = pid.integrate(state, gains, mixed, rate, excess, parameters.anti_windup_s, dt_s)
-        self._state = _where(active, following, PidState.at_rest(mixed.shape))
-        return Decision(limited, error_m, mixed, gains)
+        self._state = _where(situation.active[self._followers], following, PidState.at_rest(mixed.shape))
+        shown = np.concatenate((gains.proportional, gains.integral, gains.derivative), axis=1)
+        return Decision(self._followers, follower, limited, error_m, mixed, shown)
+
+    def _leader(self, situation: Situation) -> LeaderMotion:
+        """Return the leader's motion when each follower's setpoint acts; its heading lags what it's told by (7)."""
+        lead, model = situation.lead, self._leader_model
+        state = situation.states.of(self._leading, self._followers)
+        turn_rps = turn_rate(state, lead.told.take(self._leading), model)
+        return LeaderMotion(state, turn_rps, (lead.told_turn_rps - turn_rps) / model.tau_psi_s)
 
 
 def scheduled_gains(parameters: LawParameters, mixed: Array, rate: Array) -> Gains:
@@ -113,21 +99,6 @@ def scheduled_gains(parameters: LawParameters, mixed: Array, rate: Array) -> Gai
         share[..., 1] * nominal.integral,
         share[..., 2] * nominal.derivative,
     )
-
-
-def feed_forward(target: Target, situation: Situation) -> Array:
-    """Return (F, 3): the setpoints that lead the autopilot's lags so that the slot is kept without any error (29).
-
-    Speed and heading that the slot needs change with the leader's turn rate, in proportion to the slot's place.
-    """
-    model, leader, slots = situation.model, situation.leader, situation.slots
-    turn, bend = situation.leader_turn_rate_rps, situation.leader_turn_acceleration_rps2
-    x_rc, y_rc = -slots.position_m[:, 0], -slots.position_m[:, 1]
-    speed = target.speed_mps + model.tau_v_s * bend * y_rc
-    heading = target.heading_rad + model.tau_psi_s * (turn - bend * x_rc / leader.airspeed_mps)
-    climb = leader.climb_mps + slots.velocity_mps[:, 2]
-    height = leader.height_m + slots.position_m[:, 2] + (model.tau_ha_s + model.tau_hb_s) * climb
-    return np.stack((speed, heading, height), axis=1)
 
 
 def _difference(limited: Setpoints, wanted: Setpoints) -> Array:

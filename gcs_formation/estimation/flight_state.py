@@ -21,6 +21,11 @@ class Columns:
         """Return the columns of the vehicles at `which`, repeated as often as named."""
         return type(self)(*(getattr(self, field.name)[which] for field in fields(self)))
 
+    @property
+    def table(self) -> Array:
+        """The arrays as rows of one, (fields, N)."""
+        return np.array([getattr(self, field.name) for field in fields(self)])
+
 
 @dataclass(frozen=True)
 class FlightState(Columns):
@@ -47,11 +52,6 @@ class Setpoints(Columns):
     speed_mps: Array
     heading_rad: Array
     height_m: Array
-
-    @property
-    def table(self) -> Array:
-        """The three as rows of one array, (3, N)."""
-        return np.array((self.speed_mps, self.heading_rad, self.height_m))
 
 
 @dataclass(frozen=True)

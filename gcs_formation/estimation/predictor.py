@@ -32,7 +32,8 @@ class SetpointHistory:
 
     def __init__(self, rate_hz: float) -> None:
         """Keep `HISTORY_S` of ticks at `rate_hz`."""
-        self._sent: deque[SentSetpoints] = deque(maxlen=max(8, int(HISTORY_S * rate_hz)))
+        self.length = max(8, int(HISTORY_S * rate_hz))
+        self._sent: deque[SentSetpoints] = deque(maxlen=self.length)
 
     def add(self, sent: SentSetpoints) -> None:
         """Add a tick's; its arrays may still be filled in."""

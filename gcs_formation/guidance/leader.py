@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from formation_scenario.path import SplinePath
 from gcs_formation.guidance.join import Pose, join
-from gcs_formation.guidance.tracking import Lags, Motion, Route, project, track
+from gcs_formation.guidance.tracking import Lags, Motion, Route, RouteHeading, project, route_heading, track
 from gcs_formation.setpoint import Setpoint
 
 DECISION_S = 2.0
@@ -58,6 +58,11 @@ class LeaderGuidance:
             self.rounds += 1
             self._join(motion, height_m)
         return track(self.route, self.distance_m, motion, lags, self.speed_mps)
+
+    def heading(self, motion: Motion) -> RouteHeading:
+        """Return how the route itself goes on where the leader is, without what brings it back onto it."""
+        assert self.route is not None
+        return route_heading(self.route, self.distance_m, motion)
 
     def _must_decide(self) -> bool:
         return self.distance_m > -DECISION_S * self.speed_mps

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from formation_scenario.path import PathPoint
 from gcs_formation.setpoint import Setpoint
@@ -54,6 +54,28 @@ class Motion:
             self.airspeed_mps * math.cos(self.heading_rad) + self.wind_north_mps,
             self.airspeed_mps * math.sin(self.heading_rad) + self.wind_east_mps,
         )
+
+
+class RouteHeading(NamedTuple):
+    """How a vehicle that is on a route heads, turns and climbs: the wind is allowed for."""
+
+    heading_rad: float
+    turn_rps: float
+    bend_rps2: float
+    """How fast the turn rate changes."""
+    climb_mps: float
+
+
+def route_heading(route: Route, distance_m: float, motion: Motion) -> RouteHeading:
+    """Return the heading along the route at `distance_m`, for a vehicle that makes good the speed of `motion`."""
+    point = route.at(distance_m)
+    along_mps, _ = _rotate(*motion.ground_velocity(), point.course_rad)
+    return RouteHeading(
+        point.course_rad - _crab(motion, point.course_rad),
+        point.curvature_1pm * along_mps,
+        point.curvature_rate_1pm2 * along_mps**2,
+        point.slope * along_mps,
+    )
 
 
 def project(route: Route, motion: Motion, near_m: float) -> float:

@@ -54,6 +54,13 @@ class ClockSync:
             return math.nan
         return max(0.0, (sum(self._recent) / len(self._recent) - self.loop_s / 2) / 2)
 
+    @property
+    def scatter_s(self) -> float:
+        """Standard deviation of the recent round trips."""
+        count = len(self._recent)
+        mean_s = sum(self._recent) / max(count, 1)
+        return math.sqrt(sum((each - mean_s) ** 2 for each in self._recent) / (count - 1)) if count > 1 else 0.0
+
     def last_one_way_s(self) -> float:
         """Half of the last round trip, without the answering loop's mean share; can be below 0."""
         return (self.round_trip_s - self.loop_s / 2) / 2
@@ -112,9 +119,5 @@ class ClockSync:
         Where queues make the delay, the fastest round trips are the truest; where both ways vary at random, none is.
         """
         excess_s = self.round_trip_s - min(self._recent)
-        count = len(self._recent)
-        mean_s = sum(self._recent) / count
-        scattered = (
-            sum((each - mean_s) ** 2 for each in self._recent) / (count - 1) if count >= FEW else UNKNOWN_SCATTER_S**2
-        )
-        return RESOLUTION_S**2 + (excess_s**2 + scattered) / 4
+        scatter_s = self.scatter_s if len(self._recent) >= FEW else UNKNOWN_SCATTER_S
+        return RESOLUTION_S**2 + (excess_s**2 + scatter_s**2) / 4

@@ -68,6 +68,8 @@ class Outcome:
     control: ControlFigures
     delay_margin_s: float | None
     worst_loop_delay_s: float | None
+    margin_used: float
+    """Largest share of the delay margin that a loop used."""
     simulated_s: float
     wall_s: float
     cut_short: bool
@@ -115,6 +117,7 @@ def summarise(outcome: Outcome) -> Summary:
         "stability": {
             "delay_margin_s": outcome.delay_margin_s,
             "worst_loop_delay_s": outcome.worst_loop_delay_s,
+            "margin_used": outcome.margin_used,
         },
     }
     verdicts = tuple(judge(scenario, flight, parts, outcome.links, outcome.cut_short))
@@ -159,7 +162,7 @@ def _safety(outcome: Outcome, window: Mask) -> tuple[dict[str, Any], tuple[str, 
             worst = int(np.nanargmin(values))
             breaches.append(f"{name} was {values[worst]:.2f} m at {time_s[worst]:.1f} s; allowed: {least:g} m or more")
     violations = _episodes(separation < limits.separation_m) + _episodes(clearance < limits.clearance_m)
-    measured = {"min_separation_m": _finite(np.fmin.reduce(separation)), "min_clearance_m": _finite(np.fmin.reduce(clearance))}
+    measured = {"min_separation_m": _least(separation), "min_clearance_m": _least(clearance)}
     return measured | {"violations": violations}, tuple(breaches)
 
 
@@ -168,5 +171,6 @@ def _episodes(broken: Mask) -> int:
     return int(broken[0]) + int((broken[1:] & ~broken[:-1]).sum())
 
 
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
+def _least(values: Array) -> float | None:
+    least = np.fmin.reduce(values)
+    return float(least) if np.isfinite(least) else None

@@ -20,6 +20,10 @@ from airlink.messages import (
 )
 
 KEPT_TEXTS = 8
+SPEED_LIMIT_MPS = 400.0
+ANGLE_LIMIT_RAD = 2 * math.pi
+TURN_LIMIT_RPS = 50.0
+"""What is beyond these isn't an aircraft's state, however finite."""
 
 
 @dataclass(frozen=True)
@@ -51,13 +55,13 @@ class Telemetry:
     texts: deque[str] = field(default_factory=lambda: deque[str](maxlen=KEPT_TEXTS))
 
     def take(self, message: Message) -> None:
-        """Keep what `message` tells; anything that isn't finite or not of a vehicle's state is left alone."""
+        """Keep what `message` tells; anything that isn't finite, possible and of a vehicle's state is left alone."""
         match message:
-            case GlobalPositionInt():
+            case GlobalPositionInt() if _is_position(message):
                 self._take_position(message)
-            case Attitude() if all(map(math.isfinite, message)):
+            case Attitude() if _is_attitude(message):
                 self.attitude = message
-            case VfrHud() if math.isfinite(message.airspeed_mps):
+            case VfrHud() if 0.0 <= message.airspeed_mps <= SPEED_LIMIT_MPS:
                 self.airspeed_mps = message.airspeed_mps
             case Heartbeat():
                 self.heartbeat = message
@@ -104,3 +108,18 @@ class Telemetry:
     def custom_mode(self) -> int | None:
         """The autopilot's own mode number, None before the first heartbeat."""
         return self.heartbeat.custom_mode if self.heartbeat else None
+
+
+def _is_position(message: GlobalPositionInt) -> bool:
+    """Whether it's a place on Earth; an autopilot without a fix says latitude and longitude 0."""
+    kept = message[: GlobalPositionInt._fields.index("hdg_rad")]
+    fixed = message.lat_rad != 0.0 or message.lon_rad != 0.0
+    return all(map(math.isfinite, kept)) and abs(message.lat_rad) < math.pi / 2 and fixed
+
+
+def _is_attitude(message: Attitude) -> bool:
+    angles, rates = message[1:4], message[4:]
+    within = all(abs(angle) <= ANGLE_LIMIT_RAD for angle in angles) and all(
+        abs(rate) <= TURN_LIMIT_RPS for rate in rates
+    )
+    return math.isfinite(message.time_boot_s) and within

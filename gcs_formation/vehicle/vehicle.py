@@ -51,6 +51,8 @@ class Vehicle:
         self.frames_in = 0
         self.frames_out = 0
         self.setpoints_refused = 0
+        self.beyond_margin = False
+        """Whether its loop's delay is beyond what keeps it stable."""
         self.restarted = False
         """Whether it has restarted since the station last looked."""
         self._writer = FrameWriter(STATION_SYSTEM, STATION_COMPONENT)

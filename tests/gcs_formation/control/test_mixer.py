@@ -60,6 +60,8 @@ def test_the_slots_motion_keeps_the_follower_in_it(
     leader = state(0, 0, 100, speed, heading, wind)
     carried = (wind[0] + drift_north, wind[1] + drift_east)
     follower_heading = heading
+    follower = state(0, 0, 100, speed, follower_heading, carried)
+    target = slot_target(leader, follower, np.array([turn]), slots, frame)
     for _ in range(60):  # in the follower's frame the drift is turned by its own heading
         follower = state(0, 0, 100, speed, follower_heading, carried)
         target = slot_target(leader, follower, np.array([turn]), slots, frame)

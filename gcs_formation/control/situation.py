@@ -1,0 +1,74 @@
+"""What every law is given at a tick, and what it gives back. Columns: the leader's, then the followers'."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from airlink.clock import Instant
+from gcs_formation.arrays import Array, Mask
+from gcs_formation.control.mixer import SlotMotion
+from gcs_formation.estimation.flight_state import FlightState, Indices, Setpoints
+from gcs_formation.estimation.projection import States
+from gcs_formation.guidance.tracking import RouteHeading
+
+
+@dataclass(frozen=True)
+class Lead:
+    """What the guidance asks of the leader, and how the path goes on there."""
+
+    at: Instant
+    """Of the leader's state that it was asked for."""
+    told: Setpoints
+    """(1,) columns, inside the envelope."""
+    told_turn_rps: float
+    """How fast the told heading turns."""
+    path: RouteHeading
+
+
+@dataclass(frozen=True)
+class Situation:
+    """What a law acts on."""
+
+    states: States
+    lead: Lead
+    slots: SlotMotion
+    """(F, 3) of the followers."""
+    active: Mask
+    """(C,) columns that follow setpoints; the others' states are no more than finite."""
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What a law decided, and why."""
+
+    columns: Indices
+    """(M,) the vehicles that it commands; the rows of everything else."""
+    state: FlightState
+    """(M,) columns: theirs, as the law took them."""
+    setpoints: Setpoints
+    error_m: Array
+    """(M, 3) formation errors; NaN for the leader."""
+    mixed: Array
+    """(M, 3) mixed errors of (13); NaN where the law has none."""
+    gains: Array
+    """(M, 9) k_p, k_i, k_d of the three channels; NaN where the law has none."""
+
+
+class Law(Protocol):
+    """Decides on setpoints, with what it remembers between ticks."""
+
+    commands_leader: bool
+    """Whether a leader has a part in it, and is bound to the others as they are to it; the guidance alone steers it
+    otherwise."""
+
+    def decide(self, situation: Situation, dt_s: float) -> Decision:
+        """Return this tick's setpoints, `dt_s` after the last tick's."""
+        ...
+
+
+def none_of(rows: int, columns: int) -> Array:
+    """Return (rows, columns) of NaN."""
+    return np.full((rows, columns), np.nan)

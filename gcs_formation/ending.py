@@ -1,0 +1,65 @@
+"""How a run leaves its vehicles: those that fly circle at heights apart, those on the ground are disarmed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from airlink.clock import Instant
+from airlink.identity import VehicleId
+from gcs_formation.link.connection import LinkState
+from gcs_formation.loitering import loiter_heights
+from gcs_formation.membership import Member
+from gcs_formation.vehicle.commands import Outcome
+from gcs_formation.vehicle.telemetry import Motion
+from gcs_formation.vehicle.vehicle import Vehicle
+
+
+class Ending:
+    """Brings every vehicle to where it may be left alone.
+
+    One that is taking off climbs out first; one that its pilot has taken is the pilot's.
+    """
+
+    def __init__(self, vehicles: Mapping[VehicleId, Vehicle], now: Instant) -> None:
+        """Give the heights out; drop what was under way with vehicles that don't fly."""
+        places = {identity: _place(vehicle) for identity, vehicle in vehicles.items() if vehicle.telemetry.armed}
+        self._heights_m = loiter_heights({identity: place for identity, place in places.items() if place})
+        self._vehicles = vehicles
+        self._left = {i: vehicle for i, vehicle in vehicles.items() if vehicle.member is not Member.PARTED}
+        for vehicle in vehicles.values():
+            if not vehicle.autopilot.is_airborne(vehicle.telemetry):
+                _keep_down(vehicle, now)
+        self.advance(now)
+
+    def advance(self, now: Instant) -> None:
+        """Let vehicles loiter that have climbed out, or turn out to fly."""
+        for identity, vehicle in list(self._left.items()):
+            autopilot, seen = vehicle.autopilot, vehicle.telemetry
+            if seen.motion and autopilot.is_airborne(seen) and not autopilot.climbs_out(seen):
+                height_m = self._heights_m.get(identity, seen.motion.height_m)
+                vehicle.commands.begin(autopilot.loiter(height_m), now)
+                del self._left[identity]
+
+    def pending(self) -> list[Vehicle]:
+        """Return the vehicles within reach that aren't where they may be left."""
+        return [vehicle for identity, vehicle in self._vehicles.items() if self._is_pending(identity, vehicle)]
+
+    def _is_pending(self, identity: VehicleId, vehicle: Vehicle) -> bool:
+        if vehicle.connection.state is not LinkState.CONNECTED:
+            return False
+        return vehicle.commands.outcome is Outcome.WAITING or (identity in self._left and vehicle.telemetry.armed)
+
+
+def _place(vehicle: Vehicle) -> Motion | None:
+    """Return where a vehicle is, one that is taking off as high as it will be then."""
+    motion = vehicle.telemetry.motion
+    if motion is None or not vehicle.autopilot.climbs_out(vehicle.telemetry):
+        return motion
+    return replace(motion, height_m=motion.height_m - motion.above_home_m + vehicle.autopilot.take_off_m)
+
+
+def _keep_down(vehicle: Vehicle, now: Instant) -> None:
+    """Disarm a vehicle on the ground; it may be about to be armed even if it doesn't say so yet."""
+    unsafe = vehicle.telemetry.armed or vehicle.commands.outcome is Outcome.WAITING
+    vehicle.commands.begin(vehicle.autopilot.stand_down() if unsafe else (), now)

@@ -1,0 +1,169 @@
+"""From the states that vehicles measured to those that a law acts on: as they are, at one stamp, or predicted."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from gcs_formation.arrays import Array, Instants, Mask
+from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Indices
+from gcs_formation.estimation.predictor import HISTORY_S, SetpointHistory
+
+HEADING = 5
+"""Row of `FlightState` that is an angle."""
+LONG_AGO = np.int64(-(2**61))
+"""Stamp of a state that nothing may be interpolated from."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """The newest state of each vehicle, (C,) columns, when it was true, and when a setpoint sent now acts."""
+
+    state: FlightState
+    stamps: Instants
+    active: Mask
+    acts: Instants
+
+
+class States(Protocol):
+    """The states that a law acts on at one tick."""
+
+    def of(self, which: Indices, whose: Indices) -> FlightState:
+        """Return, column by column, the state of `which` at the instant that counts for the setpoint of `whose`."""
+        ...
+
+    def instants(self, whose: Indices) -> Instants:
+        """Return those instants."""
+        ...
+
+
+class Projection(Protocol):
+    """Makes them of what was measured, tick by tick."""
+
+    def take(self, measured: Measured) -> States:
+        """Return the tick's states."""
+        ...
+
+
+@dataclass(frozen=True)
+class AtTheirStamps:
+    """Every vehicle's newest state, whenever it was true."""
+
+    measured: Measured
+
+    def of(self, which: Indices, whose: Indices) -> FlightState:  # noqa: ARG002 - the same for everyone
+        """Return the newest states."""
+        return self.measured.state.take(which)
+
+    def instants(self, whose: Indices) -> Instants:
+        """Return the vehicles' own stamps."""
+        return self.measured.stamps[whose]
+
+
+@dataclass(frozen=True)
+class AtOneStamp:
+    """Every vehicle's state at one instant."""
+
+    state: FlightState
+    stamp: np.int64
+
+    def of(self, which: Indices, whose: Indices) -> FlightState:  # noqa: ARG002 - the same for everyone
+        """Return the states at the stamp."""
+        return self.state.take(which)
+
+    def instants(self, whose: Indices) -> Instants:
+        """Return the stamp."""
+        return np.full(whose.shape, self.stamp, dtype=np.int64)
+
+
+@dataclass(frozen=True)
+class WhenSetpointsAct:
+    """Every vehicle's state at the instant when a setpoint to the one or the other acts."""
+
+    measured: Measured
+    samples: Sequence[tuple[Instants, Array]]
+    """Every vehicle's stamps (C,) and states (8, C), tick by tick, the newest last."""
+    history: SetpointHistory
+    model: AutopilotModel
+
+    def of(self, which: Indices, whose: Indices) -> FlightState:
+        """Return the states predicted through the setpoints in flight, each from the stamp of `whose` newest sample.
+
+        What two vehicles measured at different times tells of a gust as of a gap between them.
+        """
+        since, state = self._nearest(which, self.measured.stamps[whose])
+        return self.history.predict(state, since, self.measured.acts[whose], which, self.model.take(which))
+
+    def _nearest(self, which: Indices, stamps: Instants) -> tuple[Instants, FlightState]:
+        """Return the samples of `which` that are nearest to the stamps."""
+        (newest, table), *older = reversed(self.samples)
+        since, state = newest[which], table[:, which]
+        for each_stamps, each in older:
+            nearer = np.abs(each_stamps[which] - stamps) < np.abs(since - stamps)
+            if not nearer.any():
+                break
+            since = np.where(nearer, each_stamps[which], since)
+            state = np.where(nearer, each[:, which], state)
+        return since, FlightState(*state)
+
+    def instants(self, whose: Indices) -> Instants:
+        """Return when the setpoints act."""
+        return self.measured.acts[whose]
+
+
+class AsMeasured:
+    """No projection."""
+
+    def take(self, measured: Measured) -> AtTheirStamps:
+        """Return the states as they are."""
+        return AtTheirStamps(measured)
+
+
+class Prediction:
+    """Model (7) run through the setpoints in flight."""
+
+    def __init__(self, history: SetpointHistory, model: AutopilotModel) -> None:
+        """Predict by `model`, (C,) columns, through what `history` says was sent."""
+        self._history = history
+        self._model = model
+        self._samples: deque[tuple[Instants, Array]] = deque(maxlen=history.length)
+
+    def take(self, measured: Measured) -> WhenSetpointsAct:
+        """Return the states when this tick's setpoints act."""
+        self._samples.append((measured.stamps, measured.state.table))
+        return WhenSetpointsAct(measured, self._samples, self._history, self._model)
+
+
+class Pairing:
+    """All states at the newest instant for which every active vehicle has one, between two samples if need be."""
+
+    def __init__(self, rate_hz: float) -> None:
+        """Keep `HISTORY_S` of samples, of ticks at `rate_hz`."""
+        self._samples: deque[tuple[Instants, Array]] = deque(maxlen=max(8, int(HISTORY_S * rate_hz)))
+
+    def take(self, measured: Measured) -> AtOneStamp:
+        """Return the states at the common stamp; a vehicle that isn't active stays as measured."""
+        known = np.where(measured.active, measured.stamps, LONG_AGO)
+        self._samples.append((known, measured.state.table))
+        stamp = measured.stamps[measured.active].min(initial=measured.stamps.max())
+        return AtOneStamp(FlightState(*self._at(stamp)), stamp)
+
+    def _at(self, stamp: np.int64) -> Array:
+        """Return the table (8, C) at a stamp, interpolated; the nearest sample where none is on its other side."""
+        (after_stamps, after), *older = reversed(self._samples)
+        before_stamps, before = after_stamps, after
+        for stamps, table in older:
+            late = before_stamps > stamp
+            if not late.any():
+                break
+            after_stamps, after = np.where(late, before_stamps, after_stamps), np.where(late, before, after)
+            before_stamps, before = np.where(late, stamps, before_stamps), np.where(late, table, before)
+        between = np.maximum(after_stamps - before_stamps, 1)
+        share = np.clip((stamp - before_stamps) / between, 0.0, 1.0)
+        step = after - before
+        step[HEADING] = np.remainder(step[HEADING] + np.pi, 2 * np.pi) - np.pi
+        return before + share * step

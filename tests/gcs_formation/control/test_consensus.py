@@ -1,0 +1,152 @@
+"""The consensus law against its protocol, and against what no protocol may do."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from airlink.clock import Instant
+from gcs_formation.control.consensus import ConsensusLaw, ConsensusParameters
+from gcs_formation.control.mixer import SlotFrame, SlotMotion
+from gcs_formation.control.situation import Decision, Lead, Situation
+from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Setpoints
+from gcs_formation.estimation.projection import AtOneStamp
+from gcs_formation.guidance.tracking import RouteHeading
+from gcs_formation.stability import graph_adjacency
+from gcs_formation.stability.graphs import laplacian
+
+Array = npt.NDArray[np.float64]
+
+SPEED_MPS = 22.0
+TAU_V_S, TAU_PSI_S = 4.0, 1.5
+K1, K2 = 0.02, 0.05
+COUNT = 4
+GRAPH = np.array([[0.0, 1.0, 0.0, 0.5], [1.0, 0.0, 0.0, 0.0], [0.0, 2.0, 0.0, 1.0], [0.0, 0.0, 0.3, 0.0]])
+SLOTS_M = np.array([[-30.0, 20.0, 0.0], [-30.0, -20.0, 5.0], [-60.0, 0.0, 0.0]])
+offsets = st.lists(st.floats(-2.0, 2.0), min_size=4 * COUNT, max_size=4 * COUNT).map(
+    lambda values: np.array(values).reshape(4, COUNT)
+)
+headings = st.floats(-np.pi, np.pi)
+
+
+def column(value: float) -> Array:
+    return np.full(COUNT, value)
+
+
+MODEL = AutopilotModel(
+    tau_v_s=column(TAU_V_S),
+    tau_psi_s=column(TAU_PSI_S),
+    tau_ha_s=column(1.0),
+    tau_hb_s=column(3.0),
+    speed_min_mps=column(1.0),
+    speed_max_mps=column(99.0),
+    accel_max_mps2=column(1.5),
+    turn_rate_max_rps=column(0.25),
+    climb_max_mps=column(3.0),
+)
+
+
+def law(k3: float = 0.25, graph: Array = GRAPH, frame: SlotFrame = "leader_heading") -> ConsensusLaw:
+    return ConsensusLaw(ConsensusParameters(K1, K2, k3, graph, np.arange(COUNT), frame), MODEL)
+
+
+def places(heading_rad: float) -> tuple[Array, Array]:
+    forward, right = np.concatenate((np.zeros((1, 3)), SLOTS_M))[:, :2].T
+    cos, sin = np.cos(heading_rad), np.sin(heading_rad)
+    return forward * cos - right * sin, forward * sin + right * cos
+
+
+def situation(
+    heading_rad: float, offset: Array, turn_rps: float = 0.0, active: npt.NDArray[np.bool_] | None = None
+) -> Situation:
+    """Vehicles on a path of a heading, with offsets (4, N): m north and east, m/s along and to the right."""
+    north_m, east_m = places(heading_rad)
+    state = FlightState(
+        north_m=north_m + offset[0],
+        east_m=east_m + offset[1],
+        height_m=column(100.0),
+        climb_mps=column(0.0),
+        airspeed_mps=np.hypot(SPEED_MPS + offset[2], offset[3]),
+        heading_rad=heading_rad + np.arctan2(offset[3], SPEED_MPS + offset[2]),
+        wind_north_mps=column(0.0),
+        wind_east_mps=column(0.0),
+    )
+    told = Setpoints(np.array([SPEED_MPS]), np.array([heading_rad + TAU_PSI_S * turn_rps]), np.array([100.0]))
+    lead = Lead(Instant(0), told, turn_rps, RouteHeading(heading_rad, turn_rps, 0.0, 0.0))
+    slots = SlotMotion(SLOTS_M, np.zeros_like(SLOTS_M))
+    return Situation(AtOneStamp(state, np.int64(0)), lead, slots, np.ones(COUNT, bool) if active is None else active)
+
+
+def accelerations(decision: Decision, heading_rad: float) -> tuple[Array, Array]:
+    """What the setpoints ask of the autopilot's lags, beyond the path's speed and heading: along and across, m/s^2."""
+    aside = np.remainder(decision.setpoints.heading_rad - heading_rad + np.pi, 2 * np.pi) - np.pi
+    return (decision.setpoints.speed_mps - SPEED_MPS) / TAU_V_S, aside * SPEED_MPS / TAU_PSI_S
+
+
+@given(offsets, headings)
+def test_setpoints_are_the_protocol_on_a_straight_path(offset: Array, heading_rad: float) -> None:
+    """u = -L (k1 d + k2 w) + (k3 - 1/tau) (v_s - v), d and w the deviations from slots and speed (items 3 and 9)."""
+    k3 = 0.4
+    cos, sin = np.cos(heading_rad), np.sin(heading_rad)
+    ahead_m, aside_m = offset[0] * cos + offset[1] * sin, offset[1] * cos - offset[0] * sin
+    matrix = laplacian(GRAPH)
+    along = -matrix @ (K1 * ahead_m + K2 * offset[2]) - (k3 - 1 / TAU_V_S) * offset[2]
+    across = -matrix @ (K1 * aside_m + K2 * offset[3]) - (k3 - 1 / TAU_PSI_S) * offset[3]
+    asked = accelerations(law(k3).decide(situation(heading_rad, offset), 0.1), heading_rad)
+    np.testing.assert_allclose(asked, (along, across), atol=1e-9)
+
+
+@given(offsets, headings, st.tuples(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3)))
+def test_the_place_of_the_whole_formation_is_no_matter(
+    offset: Array, heading_rad: float, moved_m: tuple[float, float]
+) -> None:
+    moved = offset.copy()
+    moved[:2] += np.array(moved_m)[:, None]
+    asked = [law().decide(situation(heading_rad, each), 0.1).setpoints.table for each in (offset, moved)]
+    np.testing.assert_allclose(asked[0], asked[1], atol=1e-8)
+
+
+@given(offsets, headings)
+def test_an_undirected_graph_does_not_move_the_middle(offset: Array, heading_rad: float) -> None:
+    """The protocol's terms cancel in the sum: nobody's share in it is lost or made twice."""
+    offset[2:] = 0.0
+    ring = law(graph=graph_adjacency("ring", COUNT))
+    for axis in accelerations(ring.decide(situation(heading_rad, offset), 0.1), heading_rad):
+        assert axis.sum() == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("frame", ["leader_heading", "follower_heading"])
+def test_slots_are_flown_round_a_turn_without_any_term_of_the_protocol(frame: SlotFrame) -> None:
+    """Vehicles that keep slots fixed in the frame are told what keeps them doing so (equilibria of (8), item 24)."""
+    turn_rps, heading_rad = 0.05, 0.7
+    forward_m, right_m = np.concatenate((np.zeros((1, 3)), SLOTS_M))[:, :2].T
+    if frame == "leader_heading":
+        lead_angle = np.arctan2(turn_rps * forward_m, SPEED_MPS - turn_rps * right_m)
+        speed, axis = np.hypot(SPEED_MPS - turn_rps * right_m, turn_rps * forward_m), column(heading_rad)
+    else:
+        lead_angle = np.arcsin(turn_rps * forward_m / SPEED_MPS)
+        speed, axis = SPEED_MPS * np.cos(lead_angle) - turn_rps * right_m, heading_rad + lead_angle
+    moved = np.array([places(each) for each in axis])[np.arange(COUNT), :, np.arange(COUNT)].T - places(heading_rad)
+    offset = np.stack((*moved, speed * np.cos(lead_angle) - SPEED_MPS, speed * np.sin(lead_angle)))
+    told = law(frame=frame).decide(situation(heading_rad, offset, turn_rps), 0.1).setpoints
+    np.testing.assert_allclose(told.speed_mps, speed)
+    np.testing.assert_allclose(told.heading_rad, heading_rad + lead_angle + TAU_PSI_S * turn_rps)
+
+
+@given(offsets)
+def test_who_is_not_active_is_neither_heard_nor_missed(offset: Array) -> None:
+    """The others fly as on the graph without it."""
+    active = np.array([True, True, False, True])
+    alone = np.where(active, GRAPH, 0.0)
+    given_ = situation(0.3, offset, active=active)
+    asked = [each.decide(given_, 0.1).setpoints.table[:, active] for each in (law(), law(graph=alone))]
+    np.testing.assert_allclose(asked[0], asked[1], atol=1e-12)
+
+
+def test_heights_are_the_path_s_and_the_slots_own() -> None:
+    """No state of another vehicle is in them: that loop is closed on board."""
+    told = law().decide(situation(0.0, np.ones((4, COUNT))), 0.1).setpoints
+    np.testing.assert_allclose(told.height_m, [100.0, 100.0, 105.0, 100.0])

@@ -1,0 +1,68 @@
+"""States of unlike age, taken at one stamp."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gcs_formation.estimation.flight_state import FlightState
+from gcs_formation.estimation.projection import AtOneStamp, Measured, Pairing
+
+Array = npt.NDArray[np.float64]
+Stamps = npt.NDArray[np.int64]
+
+COUNT = 3
+EVERYONE = np.arange(COUNT)
+RATE_HZ = 10.0
+MS = 1_000_000
+
+
+def at(stamps: Stamps) -> FlightState:
+    """Vehicles that fly straight on and turn evenly, through north."""
+    time_s = stamps / 1e9
+    still = np.zeros(COUNT)
+    speed = np.array([20.0, 22.0, 24.0])
+    turned = np.remainder(3.0 + np.array([0.05, -0.05, 0.1]) * time_s + np.pi, 2 * np.pi) - np.pi
+    return FlightState(speed * time_s, -speed * time_s, 100 + time_s, still + 1, speed, turned, still, still)
+
+
+def measured(stamps: Stamps, active: npt.NDArray[np.bool_] | None = None) -> Measured:
+    return Measured(at(stamps), stamps, np.ones(COUNT, bool) if active is None else active, stamps)
+
+
+periods = st.lists(st.integers(20, 400), min_size=COUNT, max_size=COUNT)
+
+
+@given(periods, st.lists(st.integers(0, 300), min_size=COUNT, max_size=COUNT))
+def test_pairs_are_exact_for_even_motion_whatever_rates_and_ages(period_ms: list[int], age_ms: list[int]) -> None:
+    pairing, period, age = Pairing(RATE_HZ), np.array(period_ms) * MS, np.array(age_ms) * MS
+    for now in range(2000, 4000, 100):
+        stamps = (now * MS - age) // period * period
+        states = pairing.take(measured(stamps))
+        if now < 3000:
+            continue
+        assert states.stamp == stamps.min()
+        expected = at(np.full(COUNT, states.stamp))
+        np.testing.assert_allclose(states.of(EVERYONE, EVERYONE).table[:5], expected.table[:5], atol=1e-9)
+        apart = states.of(EVERYONE, EVERYONE).heading_rad - expected.heading_rad
+        np.testing.assert_allclose(np.sin(apart / 2), 0.0, atol=1e-9)
+
+
+def test_a_vehicle_that_is_not_active_holds_nobody_back() -> None:
+    pairing, states = Pairing(RATE_HZ), None
+    for now in (1000, 1100, 1200):
+        stamps = np.array([now, now, 300]) * MS
+        states = pairing.take(measured(stamps, np.array([True, True, False])))
+    assert isinstance(states, AtOneStamp)
+    assert states.stamp == 1200 * MS
+
+
+def test_a_vehicle_that_comes_back_is_not_mixed_with_what_stood_for_it() -> None:
+    pairing = Pairing(RATE_HZ)
+    stand_in = measured(np.array([1000, 1000, 1000]) * MS, np.array([True, True, False]))
+    stand_in.state.north_m[2] = 1e6
+    pairing.take(stand_in)
+    states = pairing.take(measured(np.array([1050, 1100, 1100]) * MS))
+    assert abs(states.of(EVERYONE, EVERYONE).north_m[2] - 24.0 * 1.1) < 2.0

@@ -1,0 +1,75 @@
+"""What `gcs-formation check` says of a scenario's graph and margins."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+import yaml
+from click.testing import CliRunner
+
+from gcs_formation.cli import main
+from gcs_formation.stability import consensus_delay_margin, graph_adjacency
+
+PLAIN = {
+    "schema": 1,
+    "vehicles": {"count": 4, "model": {"tau_v_s": 2.0, "tau_psi_s": 2.0}},
+    "law": {"type": "consensus", "consensus": {"k1": 0.1, "k2": 0.6, "k3": 0.5, "graph": "path"}},
+    "path": {"waypoints_m": [[0, 0, 100], [3000, 0, 100]]},
+}
+
+
+@pytest.fixture
+def check(tmp_path: Path):
+    """Run `check` on a path of four vehicles; return its exit status and what it printed."""
+    file = tmp_path / "scenario.yaml"
+    file.write_text(yaml.safe_dump(PLAIN))
+
+    def run(*arguments: str) -> tuple[int, str]:
+        result = CliRunner().invoke(main, ["check", str(file), *arguments])
+        return result.exit_code, result.output
+
+    return run
+
+
+def test_the_json_has_the_consensus_margin_alone(check) -> None:
+    status, printed = check("--json")
+    assert status == 0
+    margin_s = consensus_delay_margin(graph_adjacency("path", 4), 0.1, 0.6, 0.5)
+    assert json.loads(printed)["delay_margin_s"] == {"consensus": pytest.approx(margin_s, abs=1e-9)}
+
+
+def test_the_graph_is_printed_as_who_hears_whom(check) -> None:
+    _, printed = check()
+    assert "vehicle 2 hears 1 (1), 3 (1)" in printed
+    _, printed = check("--set", "law.consensus.graph=[[0,0,0,0],[2.5,0,0,0],[1,0,0,0],[1,0,0,0]]")
+    assert "vehicle 1 hears nobody" in printed
+    assert "vehicle 2 hears 1 (2.5)" in printed
+
+
+@pytest.mark.parametrize(("compensated", "warned"), [("true", False), ("false", True)])
+def test_a_delay_near_the_margin_is_warned_of_unless_it_is_predicted_over(check, compensated, warned) -> None:
+    delayed = ("--set", "links.default.delay_ms=400", "--set", f"law.delay_compensation={compensated}")
+    assert bool(json.loads(check("--json", *delayed)[1])["warnings"]) == warned
+
+
+def test_the_slowest_way_up_and_down_of_all_vehicles_make_the_loop(check) -> None:
+    """Everyone's loop waits for the latest state: 0.3 s down of one, 0.2 s up of another, and half of each period."""
+    down = "{at_s: 0, vehicles: [1], downlink: {delay_ms: 300}}"
+    up = "{at_s: 0, vehicles: [3], uplink: {delay_ms: 200}}"
+    assert json.loads(check("--json", "--set", f"links.changes=[{down}, {up}]")[1])["loop_delay_s"] == pytest.approx(
+        0.6
+    )
+
+
+def test_a_directed_ring_is_unstable_without_delay(check) -> None:
+    ring = "law.consensus.graph=[[0,1,0,0],[0,0,1,0],[0,0,0,1],[1,0,0,0]]"
+    _, printed = check("--json", "--set", "law.consensus.k1=1", "--set", "law.consensus.k2=0.1", "--set", ring)
+    assert "unstable without any delay" in json.loads(printed)["warnings"][0]
+
+
+def test_a_graph_without_a_spanning_tree_is_refused(check) -> None:
+    status, printed = check("--set", "law.consensus.graph=[[0,1,0,0],[1,0,0,0],[0,0,0,1],[0,0,1,0]]")
+    assert status == 2
+    assert "law.consensus.graph: found nobody whom all hear" in printed

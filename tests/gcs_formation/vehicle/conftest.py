@@ -1,0 +1,54 @@
+"""An ArduPlane as the ground station sees it, told by messages."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import pytest
+
+from airlink import mavlink as m
+from airlink.geodesy import GeodeticOrigin
+from airlink.messages import Attitude, EkfStatusReport, GlobalPositionInt, Heartbeat, SysStatus, VfrHud
+from gcs_formation.vehicle.arduplane import EKF_READY, ArduPlane
+from gcs_formation.vehicle.telemetry import Telemetry
+
+ORIGIN = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 20.0)
+
+
+def heartbeat(mode: int, *, armed: bool, status: int = m.MAV_STATE_STANDBY) -> Heartbeat:
+    base = m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | (m.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0)
+    return Heartbeat(m.MAV_TYPE_FIXED_WING, m.MAV_AUTOPILOT_ARDUPILOTMEGA, base, mode, status)
+
+
+def position(above_home_m: float, stamp_s: float = 1.0) -> GlobalPositionInt:
+    lat_rad, lon_rad, alt_m = ORIGIN.from_ned(0.0, 0.0, -above_home_m)
+    return GlobalPositionInt(stamp_s, lat_rad, lon_rad, alt_m, above_home_m, 0.0, 0.0, 0.0, 0.0)
+
+
+@pytest.fixture
+def plane() -> ArduPlane:
+    return ArduPlane(7, ORIGIN.alt_m, 0.25)
+
+
+@pytest.fixture
+def telemetry() -> Telemetry:
+    return Telemetry(ORIGIN)
+
+
+@pytest.fixture
+def tell(telemetry: Telemetry) -> Callable[..., None]:
+    """Let the vehicle tell its mode and height, and all that makes telemetry complete and the vehicle ready."""
+
+    def told(mode: int, *, armed: bool = False, above_home_m: float = 0.0, status: int = m.MAV_STATE_STANDBY) -> None:
+        for message in (
+            heartbeat(mode, armed=armed, status=status),
+            position(above_home_m),
+            Attitude(1.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0),
+            VfrHud(22.0, 22.0, 0.5, 50, above_home_m, 0.0),
+            EkfStatusReport(EKF_READY, 0.0, 0.0, 0.0, 0.0, 0.0),
+            SysStatus(0, 0, m.MAV_SYS_STATUS_PREARM_CHECK),
+        ):
+            telemetry.take(message)
+
+    return told

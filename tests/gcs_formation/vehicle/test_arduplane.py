@@ -1,0 +1,106 @@
+"""What an ArduPlane is told, and what its own words make of it: as measured on ArduPlane 4.7."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from airlink import mavlink as m
+from airlink.frame import FrameWriter, StreamParser
+from airlink.messages import CommandInt, SysStatus
+from gcs_formation.setpoint import Setpoint
+from gcs_formation.vehicle.arduplane import ArduPlane
+from gcs_formation.vehicle.autopilot import Command
+from tests.gcs_formation.vehicle.conftest import ORIGIN, position
+
+PLANE = ArduPlane(7, ORIGIN.alt_m, 0.25)
+
+
+def on_the_wire(command: Command) -> CommandInt:
+    """Return the command as the autopilot reads it: its numbers are 32-bit floats."""
+    (frame,) = StreamParser().feed(FrameWriter(255, 190).encode(command))
+    assert isinstance(frame.message, CommandInt)
+    return frame.message
+
+
+@given(st.floats(-1e4, 1e4))
+@example(-1e-12)
+@example(2 * math.pi)
+@example(-2 * math.pi)
+@example(math.radians(359.9999999))
+def test_headings_reach_the_autopilot_within_0_to_below_360_degrees(heading_rad):
+    heading = on_the_wire(PLANE.setpoint(Setpoint(22.0, heading_rad, 100.0))[2])
+    assert 0.0 <= heading.param2 < 360.0
+    off = math.remainder(math.radians(heading.param2) - heading_rad, math.tau)
+    assert off == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_setpoint_is_airspeed_altitude_above_sea_level_and_heading(plane):
+    speed, altitude, heading = map(on_the_wire, plane.setpoint(Setpoint(23.5, math.pi / 2, 100.0)))
+    assert (speed.command, speed.param1, speed.param2, speed.param3) == (43000, 0.0, 23.5, 0.0)
+    assert (altitude.command, altitude.frame, altitude.z, altitude.param3) == (43001, m.MAV_FRAME_GLOBAL, 120.0, 0.0)
+    assert (heading.command, heading.param1, heading.param2) == (43002, m.HEADING_TYPE_HEADING, 90.0)
+    assert heading.param3 == pytest.approx(23.5 * 0.25)
+    assert {each.target_system for each in (speed, altitude, heading)} == {7}
+
+
+def test_loiter_is_the_mode_then_the_height_which_a_change_of_mode_forgets(plane):
+    mode, altitude = plane.loiter(130.0)
+    assert (mode.command, mode.param1, mode.param2) == (m.MAV_CMD_DO_SET_MODE, 1, m.PLANE_MODE_LOITER)
+    assert (altitude.command, altitude.param1) == (m.MAV_CMD_DO_CHANGE_ALTITUDE, 150.0)
+    assert altitude.param2 == m.MAV_FRAME_GLOBAL
+
+
+def test_on_the_ground_it_isnt_airborne_in_the_air_it_is(plane, telemetry, tell):
+    tell(m.PLANE_MODE_TAKEOFF, armed=True, above_home_m=0.0)
+    assert not plane.is_airborne(telemetry)
+    tell(m.PLANE_MODE_TAKEOFF, armed=True, above_home_m=1.0, status=m.MAV_STATE_ACTIVE)
+    assert plane.is_airborne(telemetry)
+    tell(m.PLANE_MODE_RTL, armed=True, above_home_m=100.0, status=m.MAV_STATE_CRITICAL)
+    assert plane.is_airborne(telemetry)
+
+
+def test_a_take_off_is_a_climb_out_until_45_m(plane, telemetry, tell):
+    tell(m.PLANE_MODE_TAKEOFF, armed=True, above_home_m=20.0, status=m.MAV_STATE_ACTIVE)
+    assert plane.climbs_out(telemetry)
+    tell(m.PLANE_MODE_TAKEOFF, armed=True, above_home_m=46.0, status=m.MAV_STATE_ACTIVE)
+    assert not plane.climbs_out(telemetry)
+    tell(m.PLANE_MODE_GUIDED, armed=True, above_home_m=20.0, status=m.MAV_STATE_ACTIVE)
+    assert not plane.climbs_out(telemetry)
+
+
+def test_setpoints_are_taken_in_guided_and_in_the_air_only(plane, telemetry, tell):
+    tell(m.PLANE_MODE_GUIDED, armed=True, above_home_m=0.0)
+    assert not plane.takes_setpoints(telemetry)
+    tell(m.PLANE_MODE_GUIDED, armed=True, above_home_m=50.0, status=m.MAV_STATE_ACTIVE)
+    assert plane.takes_setpoints(telemetry)
+    tell(m.PLANE_MODE_RTL, armed=True, above_home_m=50.0, status=m.MAV_STATE_ACTIVE)
+    assert not plane.takes_setpoints(telemetry)
+
+
+def test_ready_to_arm_needs_the_estimator_and_the_autopilots_own_checks(plane, telemetry, tell):
+    ready = next(step for step in plane.start_up(10.0) if "ready" in step.name)
+    tell(m.PLANE_MODE_MANUAL)
+    assert ready.done(telemetry)
+    telemetry.take(SysStatus(0, 0, 0))
+    assert not ready.done(telemetry)
+    telemetry.take(SysStatus(0, 0, m.MAV_SYS_STATUS_PREARM_CHECK))
+    telemetry.ekf_flags = 830
+    assert not ready.done(telemetry)
+
+
+def test_a_vehicle_is_kept_down_by_disarming_without_force(plane):
+    (command,) = plane.stand_down()
+    assert (command.command, command.param1, command.param2) == (m.MAV_CMD_COMPONENT_ARM_DISARM, 0.0, 0.0)
+
+
+def test_an_unknown_mode_is_named_by_its_number(plane, telemetry, tell):
+    assert plane.mode_name(telemetry) == "unknown"
+    tell(m.PLANE_MODE_GUIDED)
+    assert plane.mode_name(telemetry) == "GUIDED"
+    tell(99)
+    assert plane.mode_name(telemetry) == "mode 99"
+    telemetry.take(position(0.0))

@@ -1,0 +1,108 @@
+"""MAVLink's command protocol: one command at a time, sent again until it's acknowledged."""
+
+from __future__ import annotations
+
+import pytest
+
+from airlink import mavlink as m
+from airlink.clock import Instant, after
+from airlink.messages import CommandAck, CommandInt, CommandLong
+from gcs_formation.vehicle.commands import MAX_CONFIRMATION, RETRY_S, CommandQueue, Outcome
+
+ARM = CommandLong(7, 1, m.MAV_CMD_COMPONENT_ARM_DISARM, param1=1)
+MODE = CommandLong(7, 1, m.MAV_CMD_DO_SET_MODE, param1=1, param2=15)
+START = Instant(0)
+
+
+def accepted(command: CommandLong) -> CommandAck:
+    return CommandAck(command.command, m.MAV_RESULT_ACCEPTED)
+
+
+@pytest.fixture
+def queue() -> CommandQueue:
+    commands = CommandQueue()
+    commands.begin((MODE, ARM), START)
+    return commands
+
+
+def test_commands_go_one_after_another_each_when_the_last_is_acknowledged(queue):
+    assert queue.due(START) == MODE
+    assert queue.due(START) is None
+    queue.acknowledge(accepted(MODE), START)
+    assert queue.due(START) == ARM
+    assert queue.outcome is Outcome.WAITING
+    queue.acknowledge(accepted(ARM), START)
+    assert queue.outcome is Outcome.ACCEPTED
+    assert queue.due(after(START, 60.0)) is None
+
+
+def test_a_lost_acknowledgement_brings_the_command_again_with_a_higher_confirmation(queue):
+    now, confirmations = START, []
+    for _ in range(3):
+        confirmations.append(queue.due(now).confirmation)
+        assert queue.due(after(now, RETRY_S / 2)) is None
+        now = after(now, RETRY_S)
+    assert confirmations == [0, 1, 2]
+
+
+def test_the_confirmation_stays_in_its_byte(queue):
+    times = [after(START, i * RETRY_S) for i in range(MAX_CONFIRMATION + 20)]
+    confirmations = [queue.due(now).confirmation for now in times]
+    assert max(confirmations) == confirmations[-1] == MAX_CONFIRMATION
+
+
+def test_a_second_acknowledgement_of_one_command_doesnt_stand_for_the_next(queue):
+    queue.due(START)
+    queue.acknowledge(accepted(MODE), START)
+    queue.acknowledge(accepted(MODE), START)
+    assert queue.due(START) == ARM
+    assert queue.outcome is Outcome.WAITING
+
+
+def test_an_acknowledgement_of_a_command_that_wasnt_sent_yet_counts_for_nothing(queue):
+    queue.acknowledge(accepted(MODE), START)
+    assert queue.due(START) == MODE
+
+
+@pytest.mark.parametrize("result", [m.MAV_RESULT_FAILED, m.MAV_RESULT_TEMPORARILY_REJECTED])
+def test_a_vehicle_that_cant_yet_is_asked_again(queue, result):
+    queue.due(START)
+    queue.acknowledge(CommandAck(MODE.command, result), START)
+    assert queue.outcome is Outcome.WAITING
+    assert queue.refusal == (MODE.command, result)
+    assert queue.due(after(START, RETRY_S)).command == MODE.command
+
+
+@pytest.mark.parametrize("result", [m.MAV_RESULT_DENIED, m.MAV_RESULT_UNSUPPORTED])
+def test_a_refusal_ends_the_list(queue, result):
+    queue.due(START)
+    queue.acknowledge(CommandAck(MODE.command, result), START)
+    assert queue.outcome is Outcome.REFUSED
+    assert queue.refusal == (MODE.command, result)
+    assert queue.due(after(START, RETRY_S)) is None
+
+
+def test_a_command_in_progress_is_neither_done_nor_refused(queue):
+    queue.due(START)
+    queue.acknowledge(CommandAck(MODE.command, m.MAV_RESULT_IN_PROGRESS, progress=40), START)
+    assert queue.outcome is Outcome.WAITING
+    assert queue.refusal is None
+    queue.acknowledge(accepted(MODE), START)
+    assert queue.due(START) == ARM
+
+
+def test_a_new_list_replaces_the_old_one_and_forgets_its_refusal(queue):
+    queue.due(START)
+    queue.acknowledge(CommandAck(MODE.command, m.MAV_RESULT_DENIED), START)
+    queue.begin((ARM,), START)
+    assert queue.refusal is None
+    assert queue.due(START) == ARM
+    queue.begin((), START)
+    assert queue.outcome is Outcome.ACCEPTED
+
+
+def test_a_command_int_has_no_confirmation_and_is_repeated_as_it_is():
+    command = CommandInt(7, 1, m.MAV_FRAME_GLOBAL, m.MAV_CMD_DO_REPOSITION, 0, 0, 0.0, 0.0, 0.0, 0.0, 0, 0, 100.0)
+    queue = CommandQueue()
+    queue.begin((command,), START)
+    assert queue.due(START) == queue.due(after(START, RETRY_S)) == command

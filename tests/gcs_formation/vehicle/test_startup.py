@@ -1,0 +1,103 @@
+"""An ArduPlane's start-up: from first contact to following setpoints in the air."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from airlink import mavlink as m
+from airlink.clock import Instant, after
+from airlink.messages import CommandAck
+from gcs_formation.vehicle.arduplane import ArduPlane
+from gcs_formation.vehicle.commands import CommandQueue, Outcome
+from gcs_formation.vehicle.startup import StartUp
+from gcs_formation.vehicle.telemetry import Telemetry
+
+START = Instant(0)
+MODE, ARM, INTERVAL = m.MAV_CMD_DO_SET_MODE, m.MAV_CMD_COMPONENT_ARM_DISARM, m.MAV_CMD_SET_MESSAGE_INTERVAL
+
+
+class Walk:
+    """A start-up whose commands are all accepted at once."""
+
+    def __init__(self, plane: ArduPlane, telemetry: Telemetry) -> None:
+        self.start_up = StartUp(plane.start_up(10.0))
+        self.commands = CommandQueue()
+        self.telemetry = telemetry
+        self.now = START
+
+    def go(self, result: int = m.MAV_RESULT_ACCEPTED) -> list[tuple[int, float]]:
+        """Advance as far as the telemetry lets it; return the commands sent, with what each sets."""
+        sent: list[tuple[int, float]] = []
+        for _ in range(20):
+            self.start_up.advance(self.telemetry, self.commands, self.now)
+            command = self.commands.due(self.now)
+            if command is not None:
+                sent.append((command.command, command.param2 if command.command == MODE else command.param1))
+                self.commands.acknowledge(CommandAck(command.command, result), self.now)
+        return sent
+
+    def failure(self) -> str | None:
+        return self.start_up.failure(self.commands, self.now)
+
+
+@pytest.fixture
+def walk(plane: ArduPlane, telemetry: Telemetry) -> Walk:
+    return Walk(plane, telemetry)
+
+
+def test_from_the_ground_streams_take_off_arming_and_guided_in_this_order(walk: Walk, tell: Callable[..., None]):
+    assert [command for command, _ in walk.go()] == [INTERVAL] * 5
+    tell(m.PLANE_MODE_MANUAL)
+    assert walk.go() == [(MODE, m.PLANE_MODE_TAKEOFF)]
+    tell(m.PLANE_MODE_TAKEOFF)
+    assert walk.go() == [(ARM, 1.0)]
+    tell(m.PLANE_MODE_TAKEOFF, armed=True, above_home_m=20.0, status=m.MAV_STATE_ACTIVE)
+    assert walk.go() == []
+    assert walk.start_up.doing == "waited for it to climb"
+    tell(m.PLANE_MODE_TAKEOFF, armed=True, above_home_m=46.0, status=m.MAV_STATE_ACTIVE)
+    assert walk.go() == [(MODE, m.PLANE_MODE_GUIDED)]
+    tell(m.PLANE_MODE_GUIDED, armed=True, above_home_m=47.0, status=m.MAV_STATE_ACTIVE)
+    assert walk.go() == []
+    assert walk.start_up.finished
+
+
+@pytest.mark.parametrize("mode", [m.PLANE_MODE_LOITER, m.PLANE_MODE_RTL, m.PLANE_MODE_AUTO])
+def test_a_plane_in_the_air_is_asked_for_telemetry_and_guided_only(walk: Walk, tell: Callable[..., None], mode: int):
+    tell(mode, armed=True, above_home_m=100.0, status=m.MAV_STATE_ACTIVE)
+    assert walk.go() == [*((INTERVAL, message) for message in (30, 33, 74, 193, 1)), (MODE, m.PLANE_MODE_GUIDED)]
+
+
+def test_a_plane_in_guided_in_the_air_needs_its_streams_alone(walk: Walk, tell: Callable[..., None]):
+    tell(m.PLANE_MODE_GUIDED, armed=True, above_home_m=100.0, status=m.MAV_STATE_ACTIVE)
+    assert {command for command, _ in walk.go()} == {INTERVAL}
+    assert walk.start_up.finished
+
+
+def test_a_plane_that_isnt_ready_is_neither_moved_to_take_off_nor_armed(
+    walk: Walk, tell: Callable[..., None], telemetry: Telemetry
+):
+    tell(m.PLANE_MODE_MANUAL)
+    telemetry.sensors_healthy = 0
+    assert {command for command, _ in walk.go()} == {INTERVAL}
+    assert walk.failure() is None
+    walk.now = after(START, 91.0)
+    assert walk.failure() == "not done within 90 s after we waited for it to be ready to arm"
+
+
+def test_a_refused_command_is_why_it_failed(walk: Walk):
+    walk.go(m.MAV_RESULT_DENIED)
+    assert walk.commands.outcome is Outcome.REFUSED
+    assert walk.failure() == "refused when we asked for telemetry"
+
+
+def test_arming_that_fails_is_tried_again_until_its_time_is_over(walk: Walk, tell: Callable[..., None]):
+    walk.go()
+    tell(m.PLANE_MODE_TAKEOFF)
+    walk.go(m.MAV_RESULT_FAILED)
+    assert walk.commands.outcome is Outcome.WAITING
+    assert walk.failure() is None
+    walk.now = after(START, 31.0)
+    assert walk.failure() == "not done within 30 s after we armed"
+    assert walk.commands.refusal == (ARM, m.MAV_RESULT_FAILED)

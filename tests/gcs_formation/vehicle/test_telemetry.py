@@ -1,0 +1,75 @@
+"""What a vehicle tells is kept only when it can be true."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import astuple
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from airlink import mavlink as m
+from airlink.messages import Attitude, GlobalPositionInt, VfrHud
+from gcs_formation.vehicle.telemetry import Telemetry
+from tests.gcs_formation.vehicle.conftest import ORIGIN, heartbeat, position
+
+ANYTHING = st.floats(allow_nan=True, allow_infinity=True)
+
+
+@given(st.tuples(*(ANYTHING,) * 9))
+def test_whatever_a_position_message_holds_only_finite_motion_is_kept(fields):
+    telemetry = Telemetry(ORIGIN)
+    telemetry.take(GlobalPositionInt(*fields))
+    assert telemetry.motion is None or all(map(math.isfinite, astuple(telemetry.motion)))
+
+
+@given(st.tuples(*(ANYTHING,) * 7))
+def test_whatever_an_attitude_message_holds_only_an_attitude_is_kept(fields):
+    telemetry = Telemetry(ORIGIN)
+    telemetry.take(Attitude(*fields))
+    kept = telemetry.attitude
+    assert kept is None or (math.isfinite(kept.time_boot_s) and abs(kept.yaw_rad) <= 2 * math.pi)
+
+
+@pytest.mark.parametrize("airspeed_mps", [math.nan, math.inf, -1.0, 1e30])
+def test_an_impossible_airspeed_leaves_the_last_one(telemetry, airspeed_mps):
+    telemetry.take(VfrHud(22.0, 22.0, 0.0, 50, 100.0, 0.0))
+    telemetry.take(VfrHud(airspeed_mps, 22.0, 0.0, 50, 100.0, 0.0))
+    assert telemetry.airspeed_mps == 22.0
+
+
+def test_latitude_and_longitude_0_are_an_autopilot_without_a_fix(telemetry):
+    telemetry.take(GlobalPositionInt(1.0, 0.0, 0.0, 584.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    assert telemetry.motion is None
+    assert telemetry.updates == 0
+
+
+def test_an_unknown_heading_doesnt_cost_the_position(telemetry):
+    telemetry.take(position(30.0)._replace(hdg_rad=math.nan))
+    assert telemetry.motion is not None
+    assert telemetry.motion.height_m == pytest.approx(30.0, abs=1e-6)
+
+
+def test_velocity_down_becomes_climb_and_height_counts_from_the_origin(telemetry):
+    telemetry.take(position(100.0)._replace(vz_mps=-2.5, relative_alt_m=80.0))
+    assert telemetry.motion.climb_mps == 2.5
+    assert telemetry.motion.height_m == pytest.approx(100.0, abs=1e-6)
+    assert telemetry.motion.above_home_m == 80.0
+
+
+def test_after_a_restart_nothing_is_known(telemetry, tell):
+    tell(m.PLANE_MODE_GUIDED, armed=True, above_home_m=100.0)
+    assert telemetry.complete
+    assert telemetry.armed
+    telemetry.forget()
+    assert not telemetry.complete
+    assert not telemetry.armed
+    assert telemetry.custom_mode is None
+
+
+def test_armed_is_the_safety_bit_of_the_heartbeat(telemetry):
+    telemetry.take(heartbeat(m.PLANE_MODE_MANUAL, armed=False))
+    assert not telemetry.armed
+    telemetry.take(heartbeat(m.PLANE_MODE_MANUAL, armed=True))
+    assert telemetry.armed
