@@ -1,0 +1,1 @@
+"""Benchmarks: each prints a table in Markdown. README.md has the commands."""

@@ -1,0 +1,23 @@
+"""The pytest plugin. Every session of its users imports it, so what flies is imported by the tests that fly alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from gcs_formation.testing.plan import Formation
+
+
+@pytest.fixture
+def formation(request: pytest.FixtureRequest, tmp_path: Path) -> Formation:
+    """Return what plans flights: `formation("scenario.yaml").with_link(vehicle=3, delay_ms=300).fly(until_s=60)`.
+
+    A relative path is looked for beside the test's file, then from pytest's root directory. Flights are recorded in
+    the test's `tmp_path`.
+    """
+    from gcs_formation.testing.plan import Formation  # noqa: PLC0415 - see the module's docstring
+
+    return Formation((request.path.parent, request.config.rootpath), tmp_path)

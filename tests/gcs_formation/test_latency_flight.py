@@ -1,0 +1,124 @@
+"""Delay and loss, injected and measured, in whole flights under the virtual clock."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gcs_formation.testing.flown import Flown
+from gcs_formation.testing.plan import Formation, Plan
+
+DELAYS_MS = (0, 50, 150, 300, 600)
+DRIFTS_PPM = (0, 50, 15000)
+SPEED_MPS = 22
+
+
+@pytest.fixture
+def plan(tmp_path: Path) -> Callable[..., Plan]:
+    """Plan a flight in the air along a straight line, with the given keys instead of or beside these."""
+
+    def of(**keys: Any) -> Plan:
+        plain: dict[str, Any] = {
+            "duration_s": 40,
+            "vehicles": {"count": 3},
+            "start": {"in_air": True, "run_in_s": 10},
+            "finish": {"loiter_s": 0},
+            "formation": {"shape": "line", "spacing_m": 30},
+            "path": {"speed_mps": SPEED_MPS, "waypoints_m": [[0, 0, 100], [SPEED_MPS * 400, 0, 100]]},
+        }
+        return Formation((), tmp_path)(plain | keys)
+
+    return of
+
+
+def difference_ms(link: Any) -> float:
+    """Return measured minus realised one-way delay, as a share of what is allowed: the larger of 2 ms and 2 %."""
+    injected_ms = link["injected_delay_ms"]
+    return (link["measured_delay_ms"]["p50"] - injected_ms) / max(2.0, 0.02 * injected_ms)
+
+
+def grid(jitter_ms: float) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Return a leader and a follower for each delay and drift, and the followers' links."""
+    vehicles: list[dict[str, Any]] = [{"id": 1, "role": "leader"}]
+    links: list[dict[str, Any]] = []
+    for delay_ms in DELAYS_MS:
+        for drift_ppm in DRIFTS_PPM:
+            vehicles.append({"id": len(vehicles) + 1, "clock": {"drift_ppm": drift_ppm}})
+            links.append({"at_s": 0, "vehicles": [len(vehicles)], "delay_ms": delay_ms, "jitter_ms": jitter_ms})
+    return vehicles, links
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("jitter_ms", "duration_s"), [(0, 20), (20, 150)])
+def test_the_measured_delay_is_the_realised_one_whatever_the_clocks_drift(plan, jitter_ms, duration_s):
+    """With 20 ms of jitter each way the median of 600 round trips is known to 0.7 ms."""
+    vehicles, links = grid(jitter_ms)
+    slow = {"rate_hz": 2}
+    flown = plan(duration_s=duration_s, vehicles=vehicles, telemetry=slow, law=slow, links={"changes": links}).fly()
+    shares = {v["id"]: difference_ms(flown.link(v["id"])) for v in vehicles[1:]}
+    assert max(map(abs, shares.values())) <= 1.0, shares
+
+
+def test_both_ways_count_alike_in_the_injected_delay(plan):
+    """Half a round trip is the mean of both ways, though twice as many datagrams come down as go up."""
+    link = plan(duration_s=15).with_link(uplink={"delay_ms": 50}, downlink={"delay_ms": 250}).fly().link(2)
+    assert link["injected_delay_ms"] == pytest.approx(150.0, abs=5.0)
+    assert link["measured_delay_ms"]["p50"] == pytest.approx(150.0, abs=3.0)
+
+
+def test_a_step_of_delay_is_tracked_within_5_s(plan):
+    series = plan(duration_s=20).with_link(2, from_s=8, delay_ms=300).fly().series(2)
+    time_s, delay_s = series["mission_time_s"], series["delay_s"]
+    assert np.abs(delay_s[(time_s > 2) & (time_s < 8)]).max() < 0.006
+    assert np.abs(delay_s[time_s > 13] - 0.3).max() < 0.006
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mean_burst", [None, 5])
+def test_the_measured_loss_is_the_realised_one(plan, mean_burst):
+    fast = {"rate_hz": 50}
+    burst = {} if mean_burst is None else {"mean_burst": mean_burst}
+    flown = plan(duration_s=80, vehicles={"count": 2}, telemetry=fast).with_link(loss=0.2, **burst).fly()
+    link = flown.link(2)
+    assert link["frames_in"] > 10_000
+    assert link["injected_loss"] == pytest.approx(0.2, abs=0.02)
+    assert link["measured_loss"] == pytest.approx(link["injected_loss"], abs=0.002)
+
+
+RECORD = ("flight.tlog", "timeseries.parquet", "events.jsonl")
+
+
+def test_the_same_seed_gives_the_same_bytes_over_impaired_links(plan):
+    impaired = plan(duration_s=8).with_link(
+        delay_ms=80, jitter_ms=40, distribution="pareto", loss=0.1, mean_burst=3, duplicate=0.1, rate_kbps=500
+    )
+    one, again, other = impaired.fly(), impaired.fly(), impaired.with_keys(seed=2).fly()
+    for name in RECORD:
+        assert (one.directory / name).read_bytes() == (again.directory / name).read_bytes()
+    assert (one.directory / "flight.tlog").read_bytes() != (other.directory / "flight.tlog").read_bytes()
+
+
+def test_a_change_on_one_link_leaves_the_other_links_delays_alone(plan):
+    jittery = plan(duration_s=15).with_link(delay_ms=50, jitter_ms=20)
+    before = jittery.fly().series(2)["delay_s"]
+    after = jittery.with_link(3, from_s=5, delay_ms=400, loss=0.3).fly().series(2)["delay_s"]
+    assert np.array_equal(before, after, equal_nan=True)
+
+
+@pytest.fixture
+def outage(plan) -> Flown:
+    """Fly with follower 3's link down from 10 s to 20 s."""
+    return plan(duration_s=40).with_outage(3, from_s=10, to_s=20).fly()
+
+
+def test_an_outage_of_one_link_disturbs_nobody_else(outage):
+    outage.stays_within(0.05, followers=2)
+
+
+def test_after_an_outage_of_10_s_a_follower_rejoins(outage):
+    assert not outage.series(3)["active"][outage.series(3)["mission_time_s"] == 18.0].any()
+    outage.stays_within(0.5, followers=3, from_s=35)

@@ -1,0 +1,112 @@
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from airlink.identity import VehicleId
+from formation_scenario import load_scenario
+from gcs_formation.record.run_directory import TIMESERIES
+from gcs_formation.record.summary import Summary
+from gcs_formation.record.timeseries import write_parquet
+from gcs_formation.testing.flown import Flown, Violation
+
+TIME_S = np.arange(-20, 301) / 10.0
+
+
+def flown(directory: Path, **errors: np.ndarray) -> Flown:
+    """Return a flight of 30 s: followers 2 and 3, errors 0 but for the given ones; x2 (T,) is vehicle 2's along x."""
+    scenario = load_scenario({"vehicles": {"count": 3}, "path": {"waypoints_m": [[0, 0, 100], [4000, 0, 100]]}})
+    rows, zero = TIME_S.size, np.zeros(TIME_S.size)
+    columns: dict[str, Any] = {
+        "network": np.ones(3 * rows, dtype=np.int32),
+        "vehicle": np.tile(np.array([1, 2, 3], dtype=np.int32), rows),
+        "phase": np.ones(3 * rows, dtype=np.int8),
+        "active": np.ones(3 * rows),
+        "mission_time_s": np.repeat(np.where(TIME_S < 0, np.nan, TIME_S), 3),
+    }
+    for axis in "xyz":
+        parts = [np.full(rows, np.nan), errors.get(f"{axis}2", zero), errors.get(f"{axis}3", zero)]
+        columns[f"error_{axis}_m"] = np.stack(parts, axis=1).ravel()
+    write_parquet(directory / TIMESERIES, columns)
+    followers = {"2": {"settled_at_s": 4.0}, "3": {"settled_at_s": None}}
+    figures = {"duration_s": 30.0, "truth": True, "followers": followers, "safety": {"min_separation_m": 12.5}}
+    return Flown(scenario, Summary(figures, (), ("clearance was 1 m",)), directory, "gcs-formation run a.yaml")
+
+
+def bump(size_m: float, at_s: float) -> np.ndarray:
+    return np.where(np.abs(TIME_S - at_s) < 0.01, size_m, 0.0)
+
+
+def test_a_flight_within_its_limit_holds_and_goes_on(tmp_path):
+    flight = flown(tmp_path, x2=np.full(TIME_S.size, 0.99))
+    assert flight.stays_within(0.99) is flight
+
+
+def test_the_worst_violation_comes_first_with_vehicle_axis_time_and_figure(tmp_path):
+    flight = flown(tmp_path, x2=bump(1.2, 12.0), y3=bump(-1.5, 17.5), z3=bump(9.0, 3.0))
+    with pytest.raises(AssertionError) as broken:
+        flight.stays_within(1.0, axes="xy", from_s=10)
+    lines = str(broken.value).splitlines()
+    assert lines[0] == "more than 1 m from the slot along x, y from 10 s to 30 s"
+    assert lines[1] == "  vehicle 3: |error_y| = 1.500 m at 17.5 s"
+    assert lines[2] == "  vehicle 2: |error_x| = 1.200 m at 12.0 s"
+    assert lines[3] == f"seed 1, errors by ground truth, recorded in {tmp_path}"
+    assert lines[4] == "again: gcs-formation run a.yaml"
+
+
+def test_what_lies_outside_window_axes_and_followers_does_not_count(tmp_path):
+    flight = flown(tmp_path, x2=bump(2.0, 9.9), y2=bump(2.0, 15.0), x3=bump(2.0, 15.0))
+    flight.stays_within(1.0, axes="x", followers=2, from_s=10).stays_within(1.0, followers=[2], from_s=20, to_s=25)
+
+
+def test_an_unknown_error_is_worse_than_any(tmp_path):
+    gap = np.where((TIME_S > 14) & (TIME_S < 15), np.nan, 0.0)
+    with pytest.raises(AssertionError, match=r"slot.*\n  vehicle 2: error_x unknown at 14.1 s\n  vehicle 3"):
+        flown(tmp_path, x2=gap, x3=bump(99.0, 20.0)).stays_within(1.0)
+
+
+@pytest.mark.parametrize("window", [{"from_s": 31}, {"to_s": 31}, {"from_s": 20, "to_s": 10}])
+def test_a_window_that_was_not_flown_is_no_success(tmp_path, window):
+    with pytest.raises(AssertionError, match=re.escape("the flight went to 30.0 s, not through from")):
+        flown(tmp_path).stays_within(1.0, **window)
+
+
+def test_a_window_between_two_ticks_is_no_success(tmp_path):
+    with pytest.raises(AssertionError, match="unknown"):
+        flown(tmp_path).stays_within(1.0, from_s=10.01, to_s=10.09)
+
+
+@pytest.mark.parametrize("axes", ["", "w", "error_x"])
+def test_axes_are_x_y_and_z(tmp_path, axes):
+    with pytest.raises(ValueError, match="allowed: one or more of x, y, z"):
+        flown(tmp_path).stays_within(1.0, axes=axes)
+
+
+def test_only_followers_have_a_slot(tmp_path):
+    with pytest.raises(ValueError, match="found vehicle 1; allowed: 2, 3"):
+        flown(tmp_path).stays_within(1.0, followers=1)
+
+
+def test_settling_is_by_follower(tmp_path):
+    flight = flown(tmp_path).settles(before_s=5, followers=2)
+    with pytest.raises(AssertionError, match=r"not settled before 4 s\n  vehicle 2: at 4.0 s\n  vehicle 3: never"):
+        flight.settles(before_s=4)
+
+
+def test_separation_and_safety_are_claims_too(tmp_path):
+    flight = flown(tmp_path).keeps_apart(12.5)
+    with pytest.raises(AssertionError, match=r"vehicles 12.5 m apart; expected: 13 m or more"):
+        flight.keeps_apart(13)
+    with pytest.raises(AssertionError, match="not as expected\n  clearance was 1 m"):
+        flight.meets_its_expectations()
+
+
+def test_many_violations_are_counted(tmp_path):
+    everywhere = np.full(TIME_S.size, 5.0)
+    flight = flown(tmp_path, **{f"{axis}{vehicle}": everywhere for axis in "xyz" for vehicle in (2, 3)})
+    with pytest.raises(AssertionError) as broken:
+        flight.stays_within(1.0)
+    assert str(broken.value).count("|error_") == 6
+    assert str(Violation(1.0, 2.0, "x", VehicleId(2, 9))).startswith("vehicle 2:9:")
