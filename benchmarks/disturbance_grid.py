@@ -1,7 +1,7 @@
 """Formation errors after a disturbance on every vehicle, over delays, their split, losses and the slots' frame.
 
 configs/paper.yaml as it is (0.6 m/s north and east on all at 500 s) under the virtual clock; the figures are the
-largest |error| of the worst follower from 500 s on. About 30 s of processor time for each of the 36 flights.
+largest |error| of the worst follower from 500 s on. About 30 s of processor time for each of the 34 flights.
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ def main() -> None:
         flown = pool.map(fly, chosen, [given.until] * len(chosen))
         rows = [row(case, errors) for case, errors in zip(chosen, flown, strict=True)]
     head = (
-        "links, each way",
+        "links each way",
         "slots turn with",
         "compensated",
         "max abs error x, m (follower)",

@@ -6,8 +6,6 @@ import math
 from bisect import bisect_right
 from pathlib import Path
 
-import numpy as np
-
 from airlink.clock import Instant
 from airlink.engine import Engine
 from airlink.identity import VehicleId
@@ -15,6 +13,7 @@ from airlink.impaired import ImpairedEngine, LinkStatistics
 from airlink.impairment import UNIMPAIRED, Impairment
 from formation_scenario import Impairment as PlannedImpairment
 from formation_scenario import Scenario
+from formation_scenario.trace import read_trace_ms
 from gcs_formation.station import Station
 
 Both = tuple[Impairment, Impairment]
@@ -55,14 +54,14 @@ def impair(scenario: Scenario, station: Station, engine: Engine) -> ImpairedEngi
 
 def injected(statistics: LinkStatistics) -> tuple[float, float]:
     """Return the realised mean delay of both directions in s, and the share of the downlink's datagrams lost."""
-    ways = (statistics.uplink, statistics.downlink)
-    delivered = sum(way.delivered for way in ways)
-    delay_s = sum(way.total_delay_s for way in ways) / delivered if delivered else 0.0
-    return delay_s, statistics.downlink.loss
+    means_s = [way.mean_delay_s for way in (statistics.uplink, statistics.downlink) if way.delivered]
+    return sum(means_s) / len(means_s) if means_s else 0.0, statistics.downlink.loss
 
 
 def _impairment(planned: PlannedImpairment) -> Impairment:
-    trace_s = tuple(np.loadtxt(Path(planned.trace_file), ndmin=1) / 1e3) if planned.trace_file else ()
+    trace_s = (
+        tuple(delay_ms / 1e3 for delay_ms in read_trace_ms(Path(planned.trace_file))) if planned.trace_file else ()
+    )
     return Impairment(
         delay_s=planned.delay_ms / 1e3,
         jitter_s=planned.jitter_ms / 1e3,

@@ -78,11 +78,16 @@ class FormationLaw:
         return Decision(self._followers, follower, limited, error_m, mixed, shown)
 
     def _leader(self, situation: Situation) -> LeaderMotion:
-        """Return the leader's motion when each follower's setpoint acts; its heading lags what it's told by (7)."""
+        """Return the leader's motion when each follower's setpoint acts; its heading lags what it's told by (7).
+
+        A slot in the follower's own frame is towed: it answers a bend after x_rc / v only, so none is led.
+        """
         lead, model = situation.lead, self._leader_model
         state = situation.states.of(self._leading, self._followers)
         turn_rps = turn_rate(state, lead.told.take(self._leading), model)
-        return LeaderMotion(state, turn_rps, (lead.told_turn_rps - turn_rps) / model.tau_psi_s)
+        towed = self._parameters.frame == "follower_heading"
+        bend_rps2 = np.zeros_like(turn_rps) if towed else (lead.told_turn_rps - turn_rps) / model.tau_psi_s
+        return LeaderMotion(state, turn_rps, bend_rps2)
 
 
 def scheduled_gains(parameters: LawParameters, mixed: Array, rate: Array) -> Gains:

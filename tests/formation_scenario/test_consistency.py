@@ -56,3 +56,13 @@ def test_an_id_on_two_networks_is_named_with_its_network(load, refusal):
 def test_a_weight_of_a_vehicle_on_itself_is_refused(refusal):
     rows = [[1 if p == q else 0 for q in range(4)] for p in range(4)]
     assert "diagonal" in refusal(f"law.consensus.graph={rows}")[0]
+
+
+def test_a_graph_in_which_nobody_is_heard_by_all_is_refused(load, refusal):
+    apart = [[0, 1, 0, 0], [1, 0, 0, 0], [0, 0, 0, 1], [0, 0, 1, 0]]
+    assert refusal(f"law.consensus.graph={apart}") == [
+        "law.consensus.graph: found nobody whom all hear; a vehicle that all hear, directly or through others "
+        "(a spanning tree)"
+    ]
+    joined = [[0, 1, 0, 0], [1, 0, 0, 0], [0, 0.1, 0, 1], [0, 0, 1, 0]]
+    assert load(f"law.consensus.graph={joined}").law.consensus.graph == tuple(map(tuple, joined))
