@@ -262,7 +262,9 @@ class Station:
     def _waited_long_enough(self, now: Instant) -> bool:
         assembling = self.flight.phase is Phase.ASSEMBLING
         late = assembling and seconds_between(self.flight.since, now) > self.scenario.start.timeout_s
-        if late and not self.controller.begin_regardless:
+        if late and self.last_tick is not None and not self.last_tick.active[0]:
+            self.fail(f"the leader was not there to follow within {self.scenario.start.timeout_s:g} s", now)
+        elif late and not self.controller.begin_regardless:
             self._event(now, "unassembled", "not every follower is in its slot, but the time for that is over")
         return late
 

@@ -71,7 +71,9 @@ class FormationLaw:
         forward = feed_forward(target, leader, slots, self._model)
         wanted = Setpoints(*(forward + output).T)
         limited = envelope.limit(wanted, forward[:, 1], follower, self._model)
-        excess = _difference(limited, wanted)
+        # What the feed-forward alone asks beyond the envelope isn't the integrators' to work off.
+        forward_limited = envelope.limit(Setpoints(*forward.T), forward[:, 1], follower, self._model)
+        excess = _difference(limited, forward_limited) - output
         following = pid.integrate(state, gains, mixed, rate, excess, parameters.anti_windup_s, dt_s)
         self._state = _where(situation.active[self._followers], following, PidState.at_rest(mixed.shape))
         shown = np.concatenate((gains.proportional, gains.integral, gains.derivative), axis=1)
