@@ -3,47 +3,34 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
-
-import numpy as np
 
 from airlink import mavlink as m
 from airlink.clock import Instant, after, seconds_between
-from airlink.delay_queue import DelayQueue
 from airlink.endpoint import Endpoint, parse_endpoint
 from airlink.engine import Datagram
 from airlink.frame import Frame
 from airlink.geodesy import GeodeticOrigin
 from airlink.identity import VehicleId
-from airlink.messages import Heartbeat, Message, NamedValueFloat
+from airlink.messages import Heartbeat, Message
 from formation_scenario import Scenario
 from formation_scenario import Vehicle as PlannedVehicle
-from gcs_formation.arrays import Array, Mask
+from gcs_formation.beacon import Beacon
 from gcs_formation.controller import FormationController
+from gcs_formation.dispatch import Dispatch
 from gcs_formation.ending import Ending
-from gcs_formation.link.connection import Connection, LinkState
+from gcs_formation.link.connection import Connection
 from gcs_formation.link.receiver import Receiver
-from gcs_formation.membership import Member
 from gcs_formation.phases import Cause, Flight, Phase
 from gcs_formation.records import Detail, Event, Recorder, Tick
 from gcs_formation.roster import Roster
-from gcs_formation.setpoint import Setpoint
+from gcs_formation.starting import Starting
 from gcs_formation.vehicle.families import autopilot_for
 from gcs_formation.vehicle.vehicle import Vehicle
 
-HEARTBEAT_S = 1.0
-PROBE_S = 0.25
-GOLDEN = (math.sqrt(5) - 1) / 2
-PROBE_DITHER_S = 0.02
-"""Probes are spread over a vehicle's main loop, so that the wait for it averages to half of it."""
-CONNECT_LIMIT_S = 30.0
-"""Longest wait for every vehicle's first heartbeat."""
-HOLD_MAX_S = 1.0
-"""Longest time that a leader's setpoints are held back for its followers'."""
 LOITER_LIMIT_S = 20.0
 """Longest wait at the end for vehicles to climb out and to acknowledge that they loiter."""
-MISSION_TIME = "MISSION_T"
-"""Name under which every vehicle is told the mission time, for its log."""
 
 
 @dataclass
@@ -82,10 +69,11 @@ class Station:
         first_column = 0 if scenario.leader else 1
         self._columns = {identity: first_column + i for i, identity in enumerate(self.vehicles)}
         self.roster = Roster(scenario, self.vehicles, self._columns, self._event)
+        self._starting = Starting(self.vehicles, self._endpoints, self.flight, self._event, self.fail)
+        self._beacon = Beacon(self.vehicles)
+        self._dispatch = Dispatch(scenario, self.vehicles, self._columns)
         self._out: list[Datagram] = []
-        self._next_tick = self._next_probe = self._next_heartbeat = Instant(0)
-        self._probes = 0
-        self._held = DelayQueue[tuple[Vehicle, Message]]()
+        self._next_tick = Instant(0)
         self._loiter_s, self._ending = 0.0, Ending({}, Instant(0))
         self._strangers: set[VehicleId] = set()
 
@@ -111,8 +99,8 @@ class Station:
         """Return the next tick, probe or setpoint held back; None when the run has ended."""
         if self.flight.ended:
             return None
-        held = self._held.next()
-        return min(self._next_tick, self._next_probe, *(() if held is None else (held,)))
+        held = self._dispatch.next()
+        return min(self._next_tick, self._beacon.next_probe, *(() if held is None else (held,)))
 
     def receive(self, datagram: Datagram, now: Instant) -> None:
         """Take a datagram: frames to the vehicles they are from, others counted."""
@@ -127,22 +115,23 @@ class Station:
 
     def handle_timer(self, now: Instant) -> None:
         """Do what is due: probes and setpoints held back between ticks, everything else at ticks."""
-        if now >= self._next_probe:
-            self._send_probes(now)
+        if now >= self._beacon.next_probe:
+            self._send_all(self._beacon.probes(now), now)
         if now >= self._next_tick:
             self.tick(now)
-        for vehicle, message in self._held.pop_due(now):
-            self._send(vehicle, message, now)
+        self._send_all(self._dispatch.pop_due(now), now)
 
     # A tick, in its order.
 
     def tick(self, now: Instant) -> None:
         """Look after the links, get vehicles ready, decide, send, record."""
         self._schedule_tick(now)
-        if now >= self._next_heartbeat:
-            self._greet(now)
+        if self._beacon.greets(now):
+            self.roster.watch_margins(now)
+            self._send_all(self._beacon.greetings(self.flight.mission_time_s(now), now), now)
         self._watch_links(now)
-        self._get_ready(now)
+        self._start_vehicles(now)
+        self._send_commands(now)
         if self.flight.phase is not Phase.LOITERING:
             self.roster.judge(self.controller.estimator, now, connecting=self.flight.phase is Phase.CONNECTING)
         if self.flight.phase in (Phase.ASSEMBLING, Phase.FLYING):
@@ -166,81 +155,29 @@ class Station:
         missed = max(0, math.floor(seconds_between(self._next_tick, now) / period_s))
         self._next_tick = after(self._next_tick, (missed + 1) * period_s)
 
-    def _greet(self, now: Instant) -> None:
-        self._next_heartbeat = after(now, HEARTBEAT_S)
-        self.roster.watch_margins(now)
-        mission_s = self.flight.mission_time_s(now)
-        for vehicle in self.vehicles.values():
-            self._send(vehicle, Heartbeat(m.MAV_TYPE_GCS, m.MAV_AUTOPILOT_INVALID, 0, 0, m.MAV_STATE_ACTIVE), now)
-            if math.isfinite(mission_s):
-                self._send(vehicle, NamedValueFloat(seconds_between(Instant(0), now), MISSION_TIME, mission_s), now)
-
-    def _send_probes(self, now: Instant) -> None:
-        self._probes += 1
-        dither_s = PROBE_DITHER_S * ((self._probes * GOLDEN) % 1.0)
-        self._next_probe = after(Instant(0), self._probes_base_s(now) + dither_s)
-        for vehicle in self.vehicles.values():
-            if vehicle.connection.state is not LinkState.SEARCHING:
-                self._send(vehicle, vehicle.probe(now), now)
-
-    def _probes_base_s(self, now: Instant) -> float:
-        return (math.floor(seconds_between(Instant(0), now) / PROBE_S) + 1) * PROBE_S
-
     def _watch_links(self, now: Instant) -> None:
         for vehicle in self.vehicles.values():
             if vehicle.connection.check(now):
                 self._note_link(vehicle, now)
 
-    def _get_ready(self, now: Instant) -> None:
-        """Start vehicles up; nobody takes off for a formation of which somebody doesn't answer."""
-        complete = all(vehicle.connection.state is not LinkState.SEARCHING for vehicle in self.vehicles.values())
+    def _start_vehicles(self, now: Instant) -> None:
         for vehicle in self.vehicles.values():
-            if vehicle.connection.state is LinkState.SEARCHING:
-                continue
             if vehicle.restarted:
                 self._begin_anew(vehicle, now)
-            if complete and not vehicle.start_up.finished and self.flight.phase is not Phase.LOITERING:
-                self._advance_start_up(vehicle, now)
-            command = vehicle.commands.due(now)
-            if command is not None:
-                self._send(vehicle, command, now)
-        if self.flight.phase in (Phase.CONNECTING, Phase.ASSEMBLING):
-            self._check_start(now)
-
-    def _advance_start_up(self, vehicle: Vehicle, now: Instant) -> None:
-        vehicle.start_up.advance(vehicle.telemetry, vehicle.commands, now)
-        reason = vehicle.start_up.failure(vehicle.commands, now)
-        if reason:
-            said = f"; it said: '{vehicle.telemetry.texts[-1]}'" if vehicle.telemetry.texts else ""
-            self._give_up(vehicle, f"vehicle {vehicle.identity}: {reason}{_result(vehicle)}{said}", now)
-        elif vehicle.start_up.finished:
-            self._event(now, "ready", "in the air and following setpoints", vehicle)
-
-    def _give_up(self, vehicle: Vehicle, text: str, now: Instant) -> None:
-        """End the run over a vehicle that can't be started; once the path has begun the others go on without it."""
-        if self.flight.phase is not Phase.FLYING:
-            self.fail(text, now)
-        elif not vehicle.start_up.abandoned:
-            vehicle.start_up.abandoned = True
-            self._event(now, "abandoned", text, vehicle)
+        self._starting.advance(now)
+        if self._starting.leader_ready(self.scenario.leader.vehicle_id if self.scenario.leader else None):
+            self._move(Cause.LEADER_READY, now)
 
     def _begin_anew(self, vehicle: Vehicle, now: Instant) -> None:
         vehicle.restarted = False
         self.controller.estimator.forget(self._columns[vehicle.identity])
         self._event(now, "restarted", "its clock has begun anew", vehicle)
 
-    def _check_start(self, now: Instant) -> None:
-        waited_s = seconds_between(Instant(0), now)
-        silent = [v for v in self.vehicles.values() if v.connection.state is LinkState.SEARCHING]
-        if silent and waited_s > CONNECT_LIMIT_S:
-            self.fail(f"{_who(silent)} answered at {_where(silent, self._endpoints)} in {waited_s:.0f} s", now)
-        elif self.flight.phase is Phase.CONNECTING and self._leader_ready():
-            self._move(Cause.LEADER_READY, now)
-
-    def _leader_ready(self) -> bool:
-        if self.scenario.leader:
-            return self.vehicles[self.scenario.leader.vehicle_id].member is Member.FLYING
-        return all(vehicle.member is Member.FLYING for vehicle in self.vehicles.values())
+    def _send_commands(self, now: Instant) -> None:
+        for vehicle in self.vehicles.values():
+            command = vehicle.commands.due(now)
+            if command is not None:
+                self._send(vehicle, command, now)
 
     def _fly(self, now: Instant) -> None:
         controller = self.controller
@@ -249,14 +186,14 @@ class Station:
             sample = self.vehicles[identity].new_sample()
             if sample is not None:
                 controller.estimator.update(column, sample)
-        ready, delay_s, lag_s = self._links()
+        ready, delay_s, lag_s, hold_s = self._dispatch.links()
         tick = controller.step(now, self.flight.mission_time_s(now), self.flight.phase.value, ready, delay_s, lag_s)
-        self._send_setpoints(tick, self._hold_s(ready, delay_s), now)
+        self._dispatch.take(tick, hold_s, now)
         self.last_tick = tick
         self._recorder.tick(tick)
         self.controlled_ticks += 1
         if controller.guidance.started and self._move(Cause.PATH_BEGUN, now):
-            self._next_heartbeat = now
+            self._beacon.hasten(now)
         self._end_in_time(now)
 
     def _waited_long_enough(self, now: Instant) -> bool:
@@ -275,44 +212,6 @@ class Station:
         elif flown_s >= self._until_s:
             self.cut_short = True
             self._move(Cause.PATH_ENDED, now)
-
-    def _links(self) -> tuple[Mask, Array, Array]:
-        """Return for each column whether it follows setpoints, its one-way delay, and how long it waits beyond that.
-
-        That is on the mean half a turn of its loop, and for the leader as long as its setpoints are held back.
-        """
-        count = 1 + len(self.scenario.followers)
-        ready, delay_s, lag_s = np.zeros(count, dtype=bool), np.zeros(count), np.zeros(count)
-        ready[0] = self.scenario.leader is None
-        for identity, column in self._columns.items():
-            vehicle = self.vehicles[identity]
-            ready[column] = vehicle.member is Member.FLYING
-            delay_s[column] = vehicle.clock.one_way_s
-            lag_s[column] = vehicle.autopilot.loop_s / 2
-        lag_s[0] += self._hold_s(ready, delay_s)
-        return ready, delay_s, lag_s
-
-    def _hold_s(self, ready: Mask, delay_s: Array) -> float:
-        """Return how long the leader's setpoints are held back: until those of the slowest follower act.
-
-        A leader on a quicker link would turn before any follower can, by setpoints that followers' weren't made with.
-        """
-        if not self.scenario.law.delay_compensation or not ready[1:].any():
-            return 0.0
-        slowest_s = float(np.nanmax(np.where(ready[1:], delay_s[1:], 0.0), initial=0.0))
-        return min(max(0.0, slowest_s - float(np.nan_to_num(delay_s[0]))), HOLD_MAX_S)
-
-    def _send_setpoints(self, tick: Tick, hold_s: float, now: Instant) -> None:
-        told = tick.setpoints
-        for identity, column in self._columns.items():
-            setpoint = Setpoint(
-                float(told.speed_mps[column]), float(told.heading_rad[column]), float(told.height_m[column])
-            )
-            if tick.active[column] and all(map(math.isfinite, setpoint)):
-                vehicle = self.vehicles[identity]
-                due = after(now, hold_s if column == 0 else 0.0)
-                for message in vehicle.autopilot.setpoint(setpoint):
-                    self._held.push(due, (vehicle, message))
 
     def _wait_for_loiter(self, now: Instant) -> None:
         waited_s = seconds_between(self.flight.since, now)
@@ -340,7 +239,7 @@ class Station:
         self._event(now, "phase", self.flight.phase.value, details={"cause": cause.value})
         if self.flight.phase is Phase.LOITERING:
             self._loiter_s = self.scenario.finish.loiter_s if cause is Cause.PATH_ENDED else 0.0
-            self._held = DelayQueue[tuple[Vehicle, Message]]()
+            self._dispatch.clear()
             self._ending = Ending(self.vehicles, now)
         return True
 
@@ -368,6 +267,10 @@ class Station:
     ) -> None:
         self._recorder.event(Event(now, kind, text, vehicle.identity if vehicle else None, details or {}))
 
+    def _send_all(self, messages: Iterable[tuple[Vehicle, Message]], now: Instant) -> None:
+        for vehicle, message in messages:
+            self._send(vehicle, message, now)
+
     def _send(self, vehicle: Vehicle, message: Message, now: Instant) -> None:
         peer = vehicle.connection.peer
         if peer is None:
@@ -375,16 +278,3 @@ class Station:
         raw = vehicle.encode(message)
         self._recorder.frame(now, raw)
         self._out.append(Datagram(vehicle.connection.socket, peer, raw))
-
-
-def _result(vehicle: Vehicle) -> str:
-    refusal = vehicle.commands.refusal
-    return f" (command {refusal[0]}: {m.result_name(refusal[1])})" if refusal else ""
-
-
-def _who(silent: list[Vehicle]) -> str:
-    return f"no vehicle {', '.join(str(vehicle.identity) for vehicle in silent)}"
-
-
-def _where(silent: list[Vehicle], endpoints: tuple[Endpoint, ...]) -> str:
-    return ", ".join(dict.fromkeys(str(endpoints[vehicle.connection.socket]) for vehicle in silent))

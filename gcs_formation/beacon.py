@@ -1,0 +1,60 @@
+"""What every vehicle is sent whether it flies or not: heartbeats, the mission time, and TIMESYNC probes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+
+from airlink import mavlink as m
+from airlink.clock import Instant, after, seconds_between
+from airlink.identity import VehicleId
+from airlink.messages import Heartbeat, Message, NamedValueFloat
+from gcs_formation.link.connection import LinkState
+from gcs_formation.vehicle.vehicle import Vehicle
+
+HEARTBEAT_S = 1.0
+PROBE_S = 0.25
+GOLDEN = (math.sqrt(5) - 1) / 2
+PROBE_DITHER_S = 0.02
+"""Probes are spread over a vehicle's main loop, so that the wait for it averages to half of it."""
+MISSION_TIME = "MISSION_T"
+"""Name under which every vehicle is told the mission time, for its log."""
+
+
+class Beacon:
+    """Says when heartbeats and probes are due, and what they are."""
+
+    def __init__(self, vehicles: Mapping[VehicleId, Vehicle]) -> None:
+        """Serve `vehicles`, from the first instant on."""
+        self.next_probe = Instant(0)
+        self._vehicles = vehicles
+        self._next_heartbeat = Instant(0)
+        self._probes = 0
+
+    def hasten(self, now: Instant) -> None:
+        """Let the next heartbeat, and the mission time with it, be due at once."""
+        self._next_heartbeat = now
+
+    def greets(self, now: Instant) -> bool:
+        """Return whether a heartbeat is due, and plan the next one."""
+        if now < self._next_heartbeat:
+            return False
+        self._next_heartbeat = after(now, HEARTBEAT_S)
+        return True
+
+    def greetings(self, mission_s: float, now: Instant) -> Iterator[tuple[Vehicle, Message]]:
+        """Yield every vehicle's heartbeat, and the mission time once there is one."""
+        for vehicle in self._vehicles.values():
+            yield vehicle, Heartbeat(m.MAV_TYPE_GCS, m.MAV_AUTOPILOT_INVALID, 0, 0, m.MAV_STATE_ACTIVE)
+            if math.isfinite(mission_s):
+                yield vehicle, NamedValueFloat(seconds_between(Instant(0), now), MISSION_TIME, mission_s)
+
+    def probes(self, now: Instant) -> Iterator[tuple[Vehicle, Message]]:
+        """Yield a probe for every vehicle that was ever heard, and plan the next ones."""
+        self._probes += 1
+        dither_s = PROBE_DITHER_S * ((self._probes * GOLDEN) % 1.0)
+        grid_s = (math.floor(seconds_between(Instant(0), now) / PROBE_S) + 1) * PROBE_S
+        self.next_probe = after(Instant(0), grid_s + dither_s)
+        for vehicle in self._vehicles.values():
+            if vehicle.connection.state is not LinkState.SEARCHING:
+                yield vehicle, vehicle.probe(now)

@@ -1,0 +1,100 @@
+"""Setpoints on their way to the vehicles: to whom, and when, so that everybody's act together."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from airlink.clock import Instant, after
+from airlink.delay_queue import DelayQueue
+from airlink.identity import VehicleId
+from airlink.messages import Message
+from formation_scenario import Scenario
+from gcs_formation.arrays import Array, Mask
+from gcs_formation.membership import Member
+from gcs_formation.records import Tick
+from gcs_formation.setpoint import Setpoint
+from gcs_formation.vehicle.vehicle import Vehicle
+
+HOLD_MAX_S = 1.0
+"""Longest time that a leader's setpoints are held back for its followers'."""
+
+
+class Links(NamedTuple):
+    """The way to every column, (C,) arrays."""
+
+    ready: Mask
+    """Whether it follows setpoints."""
+    delay_s: Array
+    """One-way delay as measured."""
+    lag_s: Array
+    """How long a setpoint waits beyond that: on the mean half a turn of the vehicle's loop, and as long as it's held
+    back here."""
+    hold_s: float
+    """How long the leader's setpoints are held back."""
+
+
+class Dispatch:
+    """Gives each vehicle its setpoints, the leader's when the slowest follower's act."""
+
+    def __init__(
+        self, scenario: Scenario, vehicles: Mapping[VehicleId, Vehicle], columns: Mapping[VehicleId, int]
+    ) -> None:
+        """Serve `vehicles`; `columns` are theirs in a tick."""
+        self._virtual_leader = scenario.leader is None
+        self._compensates = scenario.law.delay_compensation
+        self._count = 1 + len(scenario.followers)
+        self._vehicles = vehicles
+        self._columns = columns
+        self._held = DelayQueue[tuple[Vehicle, Message]]()
+
+    def links(self) -> Links:
+        """Return the ways as they are now."""
+        ready, delay_s, lag_s = np.zeros(self._count, dtype=bool), np.zeros(self._count), np.zeros(self._count)
+        ready[0] = self._virtual_leader
+        for identity, column in self._columns.items():
+            vehicle = self._vehicles[identity]
+            ready[column] = vehicle.member is Member.FLYING
+            delay_s[column] = vehicle.clock.one_way_s
+            lag_s[column] = vehicle.autopilot.loop_s / 2
+        hold_s = self._hold_s(ready, delay_s)
+        lag_s[0] += hold_s
+        return Links(ready, delay_s, lag_s, hold_s)
+
+    def take(self, tick: Tick, hold_s: float, now: Instant) -> None:
+        """Take a tick's setpoints; one that isn't finite is never sent."""
+        told = tick.setpoints
+        for identity, column in self._columns.items():
+            setpoint = Setpoint(
+                float(told.speed_mps[column]), float(told.heading_rad[column]), float(told.height_m[column])
+            )
+            if tick.active[column] and all(map(math.isfinite, setpoint)):
+                vehicle = self._vehicles[identity]
+                due = after(now, hold_s if column == 0 else 0.0)
+                for message in vehicle.autopilot.setpoint(setpoint):
+                    self._held.push(due, (vehicle, message))
+
+    def next(self) -> Instant | None:
+        """Return when the next message is to be sent, None when none is held."""
+        return self._held.next()
+
+    def pop_due(self, now: Instant) -> list[tuple[Vehicle, Message]]:
+        """Return what is to be sent now, and forget it."""
+        return self._held.pop_due(now)
+
+    def clear(self) -> None:
+        """Drop what is held: no setpoint may follow the order to loiter."""
+        self._held = DelayQueue[tuple[Vehicle, Message]]()
+
+    def _hold_s(self, ready: Mask, delay_s: Array) -> float:
+        """Return how long the leader's setpoints are held back: until those of the slowest follower act.
+
+        A leader on a quicker link would turn before any follower can, by setpoints that followers' weren't made with.
+        """
+        if not self._compensates or not ready[1:].any():
+            return 0.0
+        slowest_s = float(np.nanmax(np.where(ready[1:], delay_s[1:], 0.0), initial=0.0))
+        return min(max(0.0, slowest_s - float(np.nan_to_num(delay_s[0]))), HOLD_MAX_S)

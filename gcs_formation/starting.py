@@ -1,0 +1,90 @@
+"""How a run gets its vehicles into the air: all of them answer, then each walks through its family's start-up."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Protocol
+
+from airlink import mavlink as m
+from airlink.clock import Instant, seconds_between
+from airlink.endpoint import Endpoint
+from airlink.identity import VehicleId
+from gcs_formation.link.connection import LinkState
+from gcs_formation.membership import Member
+from gcs_formation.phases import Flight, Phase
+from gcs_formation.roster import Note
+from gcs_formation.vehicle.vehicle import Vehicle
+
+CONNECT_LIMIT_S = 30.0
+"""Longest wait for every vehicle's first heartbeat."""
+
+
+class GiveUp(Protocol):
+    """Takes why a run can't go on."""
+
+    def __call__(self, text: str, now: Instant) -> None:
+        """End it."""
+        ...
+
+
+class Starting:
+    """Gets vehicles ready, at the beginning and after a restart of theirs."""
+
+    def __init__(
+        self,
+        vehicles: Mapping[VehicleId, Vehicle],
+        endpoints: tuple[Endpoint, ...],
+        flight: Flight,
+        note: Note,
+        give_up: GiveUp,
+    ) -> None:
+        """Start up `vehicles`, the leader first; `endpoints` are where they should be heard."""
+        self._vehicles = vehicles
+        self._endpoints = endpoints
+        self._flight = flight
+        self._note = note
+        self._give_up = give_up
+
+    def advance(self, now: Instant) -> None:
+        """Go on with every vehicle; nobody takes off for a formation of which somebody doesn't answer."""
+        silent = [vehicle for vehicle in self._vehicles.values() if vehicle.connection.state is LinkState.SEARCHING]
+        if silent:
+            self._wait_for(silent, now)
+            return
+        for vehicle in self._vehicles.values():
+            if not vehicle.start_up.finished and self._flight.phase is not Phase.LOITERING:
+                self._advance(vehicle, now)
+
+    def leader_ready(self, leader: VehicleId | None) -> bool:
+        """Whether the leader follows setpoints; of a virtual one, whether everybody does."""
+        needed = self._vehicles.values() if leader is None else (self._vehicles[leader],)
+        return all(vehicle.member is Member.FLYING for vehicle in needed)
+
+    def _wait_for(self, silent: list[Vehicle], now: Instant) -> None:
+        waited_s = seconds_between(Instant(0), now)
+        if self._flight.phase is Phase.CONNECTING and waited_s > CONNECT_LIMIT_S:
+            who = ", ".join(str(vehicle.identity) for vehicle in silent)
+            where = ", ".join(dict.fromkeys(str(self._endpoints[vehicle.connection.socket]) for vehicle in silent))
+            self._give_up(f"no vehicle {who} answered at {where} in {waited_s:.0f} s", now)
+
+    def _advance(self, vehicle: Vehicle, now: Instant) -> None:
+        vehicle.start_up.advance(vehicle.telemetry, vehicle.commands, now)
+        reason = vehicle.start_up.failure(vehicle.commands, now)
+        if reason:
+            said = f"; it said: '{vehicle.telemetry.texts[-1]}'" if vehicle.telemetry.texts else ""
+            self._abandon(vehicle, f"vehicle {vehicle.identity}: {reason}{_result(vehicle)}{said}", now)
+        elif vehicle.start_up.finished:
+            self._note(now, "ready", "in the air and following setpoints", vehicle)
+
+    def _abandon(self, vehicle: Vehicle, text: str, now: Instant) -> None:
+        """End the run over a vehicle that can't be started; once the path has begun the others go on without it."""
+        if self._flight.phase is not Phase.FLYING:
+            self._give_up(text, now)
+        elif not vehicle.start_up.abandoned:
+            vehicle.start_up.abandoned = True
+            self._note(now, "abandoned", text, vehicle)
+
+
+def _result(vehicle: Vehicle) -> str:
+    refusal = vehicle.commands.refusal
+    return f" (command {refusal[0]}: {m.result_name(refusal[1])})" if refusal else ""
