@@ -10,6 +10,7 @@ from airlink.clock import Instant
 from airlink.identity import VehicleId
 from gcs_formation.arrays import Array, Mask
 from gcs_formation.estimation.flight_state import FlightState, Setpoints
+from gcs_formation.vehicle.vehicle import Vehicle
 
 Detail = str | int | float | bool | None
 
@@ -61,4 +62,27 @@ class Recorder(Protocol):
 
     def event(self, event: Event) -> None:
         """Keep an event."""
+        ...
+
+
+class Note(Protocol):
+    """Takes what happened, to a vehicle or to the run."""
+
+    def __call__(
+        self,
+        now: Instant,
+        kind: str,
+        text: str,
+        vehicle: Vehicle | None = None,
+        details: Mapping[str, Detail] | None = None,
+    ) -> None:
+        """Record it."""
+        ...
+
+
+class GiveUp(Protocol):
+    """Takes why a run can't go on."""
+
+    def __call__(self, text: str, now: Instant) -> None:
+        """End it."""
         ...

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Protocol
 
 from airlink.clock import Instant
 from airlink.identity import VehicleId
@@ -13,18 +12,8 @@ from gcs_formation.estimation.estimator import StateEstimator
 from gcs_formation.loitering import loiter_heights
 from gcs_formation.margin_watch import NEAR, MarginWatch
 from gcs_formation.membership import Member, following
-from gcs_formation.records import Detail
+from gcs_formation.records import Note
 from gcs_formation.vehicle.vehicle import Vehicle
-
-
-class Note(Protocol):
-    """Takes what happened to a vehicle."""
-
-    def __call__(
-        self, now: Instant, kind: str, text: str, vehicle: Vehicle, details: dict[str, Detail] | None = None
-    ) -> None:
-        """Record it."""
-        ...
 
 
 class Roster:

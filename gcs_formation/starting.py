@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Protocol
 
 from airlink import mavlink as m
 from airlink.clock import Instant, seconds_between
@@ -12,19 +11,11 @@ from airlink.identity import VehicleId
 from gcs_formation.link.connection import LinkState
 from gcs_formation.membership import Member
 from gcs_formation.phases import Flight, Phase
-from gcs_formation.roster import Note
+from gcs_formation.records import GiveUp, Note
 from gcs_formation.vehicle.vehicle import Vehicle
 
 CONNECT_LIMIT_S = 30.0
 """Longest wait for every vehicle's first heartbeat."""
-
-
-class GiveUp(Protocol):
-    """Takes why a run can't go on."""
-
-    def __call__(self, text: str, now: Instant) -> None:
-        """End it."""
-        ...
 
 
 class Starting:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from airlink import mavlink as m
@@ -13,13 +13,14 @@ from airlink.engine import Datagram
 from airlink.frame import Frame
 from airlink.geodesy import GeodeticOrigin
 from airlink.identity import VehicleId
-from airlink.messages import Heartbeat, Message
+from airlink.messages import Message
 from formation_scenario import Scenario
 from formation_scenario import Vehicle as PlannedVehicle
 from gcs_formation.beacon import Beacon
 from gcs_formation.controller import FormationController
 from gcs_formation.dispatch import Dispatch
 from gcs_formation.ending import Ending
+from gcs_formation.identities import Identities
 from gcs_formation.link.connection import Connection
 from gcs_formation.link.receiver import Receiver
 from gcs_formation.phases import Cause, Flight, Phase
@@ -69,13 +70,13 @@ class Station:
         first_column = 0 if scenario.leader else 1
         self._columns = {identity: first_column + i for i, identity in enumerate(self.vehicles)}
         self.roster = Roster(scenario, self.vehicles, self._columns, self._event)
+        self._identities = Identities(self.vehicles, self.networks, self.flight, self._event, self.fail)
         self._starting = Starting(self.vehicles, self._endpoints, self.flight, self._event, self.fail)
         self._beacon = Beacon(self.vehicles)
         self._dispatch = Dispatch(scenario, self.vehicles, self._columns)
         self._out: list[Datagram] = []
         self._next_tick = Instant(0)
         self._loiter_s, self._ending = 0.0, Ending({}, Instant(0))
-        self._strangers: set[VehicleId] = set()
 
     def _vehicle(self, planned: PlannedVehicle, socket: int) -> Vehicle:
         endpoint = self._endpoints[socket]
@@ -105,13 +106,10 @@ class Station:
     def receive(self, datagram: Datagram, now: Instant) -> None:
         """Take a datagram: frames to the vehicles they are from, others counted."""
         for frame in self._receiver.frames(datagram):
-            identity = VehicleId(self.networks[datagram.socket], frame.system)
-            vehicle = self.vehicles.get(identity)
             self._recorder.frame(now, frame.raw)
-            if vehicle is None:
-                self._note_stranger(identity, frame, now)
-            elif frame.component == m.MAV_COMP_ID_AUTOPILOT1:
-                self._take(vehicle, frame, datagram, now)
+            vehicle = self._identities.sender(frame, datagram, now)
+            if vehicle is not None:
+                self._take(vehicle, frame, now)
 
     def handle_timer(self, now: Instant) -> None:
         """Do what is due: probes and setpoints held back between ticks, everything else at ticks."""
@@ -224,9 +222,9 @@ class Station:
 
     # What happens, and what is said about it.
 
-    def _take(self, vehicle: Vehicle, frame: Frame, datagram: Datagram, now: Instant) -> None:
+    def _take(self, vehicle: Vehicle, frame: Frame, now: Instant) -> None:
         mode, said = vehicle.telemetry.custom_mode, len(vehicle.telemetry.texts)
-        if vehicle.take(frame, datagram.socket, datagram.peer, now):
+        if vehicle.take(frame, now):
             self._note_link(vehicle, now)
         if vehicle.telemetry.custom_mode != mode:
             self._event(now, "mode", vehicle.autopilot.mode_name(vehicle.telemetry), vehicle)
@@ -252,18 +250,13 @@ class Station:
     def _note_link(self, vehicle: Vehicle, now: Instant) -> None:
         self._event(now, "link", vehicle.connection.state.value, vehicle, {"peer": str(vehicle.connection.peer)})
 
-    def _note_stranger(self, identity: VehicleId, frame: Frame, now: Instant) -> None:
-        if isinstance(frame.message, Heartbeat) and identity not in self._strangers:
-            self._strangers.add(identity)
-            self._event(now, "stranger", f"system {identity} is heard, but isn't in the scenario")
-
     def _event(
         self,
         now: Instant,
         kind: str,
         text: str,
         vehicle: Vehicle | None = None,
-        details: dict[str, Detail] | None = None,
+        details: Mapping[str, Detail] | None = None,
     ) -> None:
         self._recorder.event(Event(now, kind, text, vehicle.identity if vehicle else None, details or {}))
 

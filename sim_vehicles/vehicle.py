@@ -63,7 +63,7 @@ class Vehicle:
         self.pilot = Pilot(index, config, fleet.steering, self.parameters)
         self.link = Link(index, config, fleet.outbox)
         self._asker = config.endpoint.address
-        self._boot(now)
+        self._boot(now, config.clock_offset_s)
         if config.start.in_air:
             self._come_up(Mode.GUIDED)
 
@@ -119,7 +119,7 @@ class Vehicle:
         elif fault == "crash":
             self._crash(Request.CRASH)
         elif self.pilot.request(Request.RESTART):
-            self._boot(now)
+            self._boot(now, 0.0)
 
     # What commands do to it.
 
@@ -166,10 +166,10 @@ class Vehicle:
 
     # The protocol.
 
-    def _boot(self, now: Instant) -> None:
+    def _boot(self, now: Instant, clock_offset_s: float) -> None:
         self.now = now
         self._frozen = False
-        self._clock = VehicleClock(now, self.config.clock_offset_s, self.config.clock_drift)
+        self._clock = VehicleClock(now, clock_offset_s, self.config.clock_drift)
         self._up = after(now, INITIALISING_S)
         self._next_timesync = after(now, TIMESYNC_S)
         self.streams = Streams(now)
@@ -191,8 +191,8 @@ class Vehicle:
 
     def _take(self, frame: Frame) -> None:
         message = frame.message
-        if not self._is_for_us(message):
-            return
+        if not self._is_for_us(message) or frame.system == self.config.identity.system:
+            return  # what comes from our own id is our own, back from a loop in the network
         match message:
             case CommandInt() | CommandLong():
                 result = commands.execute(self, commands.order(message))

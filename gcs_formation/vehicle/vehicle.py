@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from airlink import mavlink as m
-from airlink.clock import Instant
-from airlink.endpoint import Address
+from airlink.clock import NANOSECONDS, Instant
 from airlink.frame import Frame, FrameWriter
 from airlink.geodesy import GeodeticOrigin
 from airlink.identity import VehicleId
 from airlink.messages import CommandAck, Heartbeat, Message, Timesync
 from airlink.sequence import SequenceTracker
 from gcs_formation.estimation.estimator import Sample
+from gcs_formation.link.claims import Claims
 from gcs_formation.link.clock_sync import ClockSync
 from gcs_formation.link.connection import Connection
 from gcs_formation.membership import Member, Sight
@@ -42,6 +42,8 @@ class Vehicle:
         self.connection = connection
         self.telemetry = Telemetry(origin)
         self.clock = ClockSync(loop_s=autopilot.loop_s)
+        self.claims = Claims(connection, self.clock)
+        """Who else speaks under its id."""
         self.sequence = SequenceTracker()
         self.commands = CommandQueue()
         self.start_up = StartUp(autopilot.start_up(telemetry_rate_hz))
@@ -69,15 +71,12 @@ class Vehicle:
             fresh=fresh,
         )
 
-    def take(self, frame: Frame, socket: int, peer: Address, now: Instant) -> bool:
-        """Take a frame of this vehicle's autopilot; return whether the link's state changed."""
+    def take(self, frame: Frame, now: Instant) -> bool:
+        """Take a frame of this vehicle's autopilot, as its claims have it; return whether the link's state changed."""
         self.frames_in += 1
         self.sequence.observe(frame.sequence)
         message = frame.message
-        heartbeat = isinstance(message, Heartbeat)
-        if heartbeat or self.connection.peer is None:
-            self.connection.socket, self.connection.peer = socket, peer
-        changed = self.connection.heard(now, heartbeat=heartbeat)
+        changed = self.connection.heard(now, heartbeat=isinstance(message, Heartbeat))
         match message:
             case CommandAck():
                 self._acknowledged(message, now)
@@ -129,7 +128,7 @@ class Vehicle:
     def _take_probe(self, answer: Timesync, now: Instant) -> None:
         """Take an answer to a probe of ours; requests and answers to others are left alone."""
         sent = self._probes.pop(answer.ts1_ns, None) if answer.tc1_ns else None
-        if sent is None:
+        if sent is None or not self.claims.believes(answer.tc1_ns / NANOSECONDS, now):
             return
         if self.clock.observe(sent, answer.tc1_ns, now):
             self._restart()

@@ -71,6 +71,11 @@ def test_more_vehicles_than_system_ids_are_sent_to_another_network(refusal):
     assert "another `network`" in refusal("vehicles=[{id: 255}]")[0]
 
 
+@pytest.mark.parametrize("number", [0, 255])
+def test_the_ids_of_everyone_and_of_the_ground_station_are_no_vehicles(refusal, number: int):
+    assert f"vehicles.0.id: found {number}; a whole number from 1 to 254" in refusal(f"vehicles=[{{id: {number}}}]")[0]
+
+
 def test_a_key_without_its_unit_is_offered_the_key_with_it():
     assert did_you_mean("speed", ["seed", "spaced", "speed_mps"]) == " (did you mean 'speed_mps'?)"
     assert did_you_mean("zzz", ["speed_mps"]) == ""

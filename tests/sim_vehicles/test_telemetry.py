@@ -114,6 +114,14 @@ def test_every_stamp_is_the_vehicle_s_own_clock(make_air, offset_s, drift):
     assert air.ground.of("TIMESYNC")[-1].tc1 / 1e9 == pytest.approx(air.seconds * (1 + drift) + offset_s, abs=1e-6)
 
 
+def test_a_restarted_clock_begins_at_zero(make_air):
+    air = make_air(clock_offset_s=100.0)
+    air.run(10.0)
+    air.fleet.vehicles[0].strike("restart", air.fleet.next_timer())
+    air.run(5.0)
+    assert air.ground.of("SYSTEM_TIME")[-1].time_boot_ms / 1e3 == pytest.approx(5.0, abs=1.1)
+
+
 def test_positions_told_are_the_true_ones_to_their_resolution(flying):
     flying.command_int(43002, 1, 60.0, 5.0)
     flying.run(60.0)

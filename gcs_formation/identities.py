@@ -1,0 +1,69 @@
+"""Whose frames are whose: the vehicles' that we fly, their rivals', strangers', and our own that come back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from airlink import mavlink as m
+from airlink.clock import Instant
+from airlink.engine import Datagram
+from airlink.frame import Frame
+from airlink.identity import VehicleId
+from airlink.messages import Heartbeat
+from gcs_formation.phases import Flight, Phase
+from gcs_formation.records import GiveUp, Note
+from gcs_formation.vehicle.vehicle import STATION_SYSTEM, Vehicle
+
+EVERYONE = 0
+"""MAVLink's system id of a broadcast's target: nobody's."""
+
+
+class Identities:
+    """Finds the vehicle that a frame is from; reports, once each, who else is on the network."""
+
+    def __init__(
+        self,
+        vehicles: Mapping[VehicleId, Vehicle],
+        networks: tuple[int, ...],
+        flight: Flight,
+        note: Note,
+        give_up: GiveUp,
+    ) -> None:
+        """Know `vehicles`; `networks` are those that each socket hears."""
+        self._vehicles = vehicles
+        self._networks = networks
+        self._flight = flight
+        self._note = note
+        self._give_up = give_up
+        self._strangers: set[VehicleId] = set()
+
+    def sender(self, frame: Frame, datagram: Datagram, now: Instant) -> Vehicle | None:
+        """Return the vehicle whose autopilot sent a frame, None when it's somebody else's."""
+        identity = VehicleId(self._networks[datagram.socket], frame.system)
+        vehicle = self._vehicles.get(identity)
+        if vehicle is None:
+            self._note_stranger(identity, frame, datagram, now)
+            return None
+        if frame.component != m.MAV_COMP_ID_AUTOPILOT1:
+            return None
+        ruling = vehicle.claims.judge(frame.message, datagram.socket, datagram.peer, now)
+        if ruling.finding:
+            kind, text, peer = ruling.finding
+            self._note(now, kind, text, vehicle, {"peer": str(peer)})
+            if kind == "address":
+                vehicle.sequence.restart()
+            elif self._flight.phase is Phase.CONNECTING:
+                self._give_up(f"vehicle {identity}: {text}; allowed: each id once", now)
+        return vehicle if ruling.admitted else None
+
+    def _note_stranger(self, identity: VehicleId, frame: Frame, datagram: Datagram, now: Instant) -> None:
+        if not isinstance(frame.message, Heartbeat) or identity in self._strangers:
+            return
+        self._strangers.add(identity)
+        details = {"peer": str(datagram.peer)}
+        if identity.system == STATION_SYSTEM:
+            text = f"system {identity} is our own id: another ground station has it, or our own frames come back"
+            self._note(now, "own_id", text, None, details)
+        else:
+            why = "is everyone's address and nobody's id" if identity.system == EVERYONE else "isn't in the scenario"
+            self._note(now, "stranger", f"system {identity} is heard, but {why}", None, details)

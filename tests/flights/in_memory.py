@@ -1,0 +1,121 @@
+"""A station and emulated vehicles on a network in memory, and what is put between them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from airlink.clock import NANOSECONDS, Instant, VirtualClock, after
+from airlink.endpoint import Endpoint
+from airlink.engine import Datagram, Engine
+from airlink.identity import VehicleId
+from airlink.memory import MemoryNetwork
+from formation_scenario import load_scenario
+from gcs_formation.records import Event, Tick
+from gcs_formation.station import Station
+from sim_vehicles.fleet import Fleet
+from sim_vehicles.from_scenario import fleet_config
+from tests.flights.conftest import scenario
+
+
+class Notes:
+    """A recorder in memory."""
+
+    def __init__(self) -> None:
+        self.ticks: list[Tick] = []
+        self.events: list[Event] = []
+
+    def frame(self, now: Instant, raw: bytes) -> None:
+        """Keep nothing."""
+
+    def tick(self, tick: Tick) -> None:
+        self.ticks.append(tick)
+
+    def event(self, event: Event) -> None:
+        self.events.append(event)
+
+
+class Between:
+    """An engine around a fleet that passes everything on."""
+
+    def __init__(self, fleet: Fleet) -> None:
+        self.fleet = fleet
+
+    def endpoints(self) -> tuple[Endpoint, ...]:
+        return self.fleet.endpoints()
+
+    def receive(self, datagram: Datagram, now: Instant) -> None:
+        self.fleet.receive(datagram, now)
+
+    def datagrams_to_send(self) -> list[Datagram]:
+        return self.fleet.datagrams_to_send()
+
+    def next_timer(self) -> Instant | None:
+        return self.fleet.next_timer()
+
+    def handle_timer(self, now: Instant) -> None:
+        self.fleet.handle_timer(now)
+
+
+class World:
+    """A leader and two followers under the virtual clock, by default in the air on a straight path."""
+
+    def __init__(self, between: type[Between] = Between, **keys: Any) -> None:
+        planned = load_scenario(scenario(**keys))
+        self.notes, self.clock = Notes(), VirtualClock()
+        self.network, self.station = MemoryNetwork(self.clock), Station(planned, self.notes)
+        self.config = fleet_config(planned)
+        self.fleet = Fleet(self.config)
+        self.between = between(self.fleet)
+        self.attach(self.between)
+        self.attach(self.station)
+
+    def attach(self, engine: Engine) -> None:
+        self.network.attach(engine)
+
+    def another(self, number: int, **changes: Any) -> Fleet:
+        """Return a fleet of one vehicle that has a system id of ours, booting now; not attached yet."""
+        twin = next(each for each in self.config.vehicles if each.identity.system == number)
+        return Fleet(replace(self.config, vehicles=(replace(twin, **changes),)), self.clock.now())
+
+    def run(self, seconds: float | None = None) -> None:
+        """Go on for a while, or to the end."""
+        until = after(self.clock.now(), seconds or 1e6)
+        self.network.run(lambda: self.station.flight.ended or self.clock.now() >= until)
+
+    def fly_to(self, mission_s: float) -> None:
+        """Go on to a mission time."""
+        self.network.run(
+            lambda: self.station.flight.ended or self.station.flight.mission_time_s(self.clock.now()) >= mission_s
+        )
+
+    def vehicle(self, number: int) -> Any:
+        """Return an emulated vehicle."""
+        return self.fleet.vehicles[number - 1]
+
+    def strike(self, number: int, fault: Any) -> None:
+        """Let a fault happen now."""
+        self.vehicle(number).strike(fault, self.clock.now())
+
+    def times_s(self, kind: str, number: int | None = None, text: str = "") -> list[float]:
+        """Return when events of a kind happened, to a vehicle, with words in them."""
+        identity = None if number is None else VehicleId(1, number)
+        return [
+            event.now / NANOSECONDS
+            for event in self.notes.events
+            if event.kind == kind and text in event.text and (number is None or event.vehicle == identity)
+        ]
+
+    def words(self, kind: str) -> list[str]:
+        return [event.text for event in self.notes.events if event.kind == kind]
+
+    def worst_m(self, from_s: float = 5.0, to_s: float = 1e6) -> float:
+        """Return the largest formation error in a window, as the law saw it."""
+        errors = [tick.error_m[1:] for tick in self.notes.ticks if from_s <= tick.mission_time_s <= to_s]
+        return float(np.nanmax(np.abs(np.concatenate(errors))))
+
+    @property
+    def now_s(self) -> float:
+        return self.clock.now() / NANOSECONDS

@@ -1,0 +1,217 @@
+"""Who speaks for a vehicle: second vehicles with its id, new addresses, restarts, and our own frames."""
+
+from __future__ import annotations
+
+import pytest
+
+from airlink import mavlink as m
+from airlink.clock import Instant, after
+from airlink.endpoint import LOOPBACK, Address, Endpoint
+from airlink.engine import Datagram
+from airlink.frame import FrameWriter
+from airlink.identity import VehicleId
+from airlink.messages import Heartbeat, Statustext
+from formation_scenario import load_scenario
+from gcs_formation.phases import Phase
+from gcs_formation.station import Station
+from gcs_formation.vehicle.vehicle import STATION_COMPONENT, STATION_SYSTEM
+from sim_vehicles.fleet import Fleet
+from sim_vehicles.modes import Condition
+from tests.flights.conftest import scenario
+from tests.flights.in_memory import Between, Notes, World
+
+PLANE = Heartbeat(m.MAV_TYPE_FIXED_WING, m.MAV_AUTOPILOT_ARDUPILOTMEGA)
+
+
+class Moving(Between):
+    """A fleet that is heard from other ports once it has moved, as behind a router that forgot its bindings."""
+
+    moved = False
+
+    def endpoints(self) -> tuple[Endpoint, ...]:
+        return self.fleet.endpoints() * 2
+
+    def receive(self, datagram: Datagram, now: Instant) -> None:
+        count = len(self.fleet.vehicles)
+        if self.moved == (datagram.socket >= count):
+            self.fleet.receive(datagram._replace(socket=datagram.socket % count), now)
+
+    def datagrams_to_send(self) -> list[Datagram]:
+        shift = len(self.fleet.vehicles) if self.moved else 0
+        return [each._replace(socket=each.socket + shift) for each in super().datagrams_to_send()]
+
+
+class Echoing(Between):
+    """Whatever a vehicle is sent comes back to the sender as well, and what it says to itself."""
+
+    def __init__(self, fleet: Fleet) -> None:
+        super().__init__(fleet)
+        self._back: list[Datagram] = []
+
+    def receive(self, datagram: Datagram, now: Instant) -> None:
+        self._back.append(datagram)
+        super().receive(datagram, now)
+
+    def datagrams_to_send(self) -> list[Datagram]:
+        sent, (back, self._back) = super().datagrams_to_send(), (self._back, [])
+        for each in sent:
+            self.fleet.receive(each, Instant(0))
+        return [*sent, *back]
+
+
+class Routing(Between):
+    """A router: vehicle 2 and, once it's there, another with the same id are heard from one address."""
+
+    other: Fleet | None = None
+
+    def receive(self, datagram: Datagram, now: Instant) -> None:
+        super().receive(datagram, now)
+        if self.other and datagram.socket == 1:
+            self.other.receive(datagram._replace(socket=0), now)
+
+    def handle_timer(self, now: Instant) -> None:
+        super().handle_timer(now)
+        if self.other:
+            self.other.handle_timer(now)
+
+    def datagrams_to_send(self) -> list[Datagram]:
+        others = self.other.datagrams_to_send() if self.other else []
+        return [*super().datagrams_to_send(), *(each._replace(socket=1) for each in others)]
+
+
+def test_two_vehicles_with_one_id_are_not_taken_off() -> None:
+    world = World(start={"in_air": False})
+    world.attach(world.another(2))
+    world.run()
+    assert world.station.flight.phase is Phase.FAILED
+    assert world.now_s < 5.0
+    assert world.station.failure
+    assert "vehicle 2: another sender has its system id, from 127.0.0.1:49155, beside 127.0.0.1:49153" in (
+        world.station.failure.text
+    )
+    assert all(vehicle.pilot.condition is Condition.DISARMED for vehicle in world.fleet.vehicles)
+
+
+def test_in_flight_a_second_vehicle_with_the_same_id_is_reported_and_ignored() -> None:
+    world = World()
+    world.fly_to(6.0)
+    twin = world.another(2)
+    world.attach(twin)
+    begun_s = world.now_s
+    world.run()
+    assert world.worst_m() < 0.05
+    (reported_s,) = world.times_s("duplicate", 2)
+    assert 1.0 <= reported_s - begun_s < 2.5
+    assert not world.times_s("address")
+    assert twin.vehicles[0].link._heard == {}  # nothing was ever said to it
+
+
+def test_two_vehicles_behind_one_address_are_told_apart_by_their_clocks() -> None:
+    world = World(Routing)
+    world.fly_to(3.0)
+    assert isinstance(world.between, Routing)
+    world.between.other = world.another(2, clock_offset_s=500.0)
+    begun_s = world.now_s
+    world.run()
+    (reported_s,) = world.times_s("duplicate", 2, "from the same address, its clock is another's")
+    assert reported_s - begun_s < 3.0
+    assert world.times_s("restarted") == []
+    assert world.worst_m() < 0.05
+
+
+def test_a_vehicle_heard_from_another_port_is_the_same_when_its_clock_goes_on() -> None:
+    world = World(Moving)
+    world.fly_to(6.0)
+    assert isinstance(world.between, Moving)
+    world.between.moved = True
+    moved_s = world.now_s
+    world.run()
+    assert [1.5 < at_s - moved_s < 2.5 for at_s in world.times_s("address")] == [True] * 3
+    assert all("its clock goes on" in text for text in world.words("address"))
+    assert world.times_s("restarted") == []
+    assert world.worst_m() < 0.05
+    assert world.station.failure is None
+
+
+def test_a_vehicle_that_restarts_at_another_port_is_taken_up_again() -> None:
+    world = World(Moving, duration_s=60)
+    world.fly_to(6.0)
+    assert isinstance(world.between, Moving)
+    world.between.moved = True
+    for number in (1, 2, 3):
+        world.strike(number, "restart")
+    world.run()
+    assert all("its clock began after that" in text for text in world.words("address"))
+    assert len(world.times_s("address")) == len(world.times_s("restarted")) == 3
+    assert world.worst_m(50.0) < 0.1
+
+
+def test_the_place_of_a_silent_vehicle_is_not_taken_by_another_clock() -> None:
+    world = World(duration_s=20)
+    world.fly_to(3.0)
+    world.strike(2, "freeze")
+    impostor = world.another(2, clock_offset_s=500.0)
+    world.attach(impostor)
+    world.run()
+    assert world.times_s("address") == world.times_s("restarted") == []
+    assert world.words("duplicate") == [
+        "another sender has its system id, from 127.0.0.1:49155, beside 127.0.0.1:49153, its clock is another's; "
+        "it is ignored"
+    ]
+    assert impostor.vehicles[0].link._heard == {}
+
+
+def test_our_own_frames_that_come_back_change_nothing() -> None:
+    world = World(Echoing)
+    world.run()
+    assert world.words("own_id") == [
+        "system 255 is our own id: another ground station has it, or our own frames come back"
+    ]
+    assert world.words("stranger") == world.words("duplicate") == []
+    assert world.worst_m() < 0.05
+
+
+@pytest.fixture
+def station() -> Station:
+    return Station(load_scenario(scenario()), Notes())
+
+
+def hear(station: Station, writer: FrameWriter, message, at_s: float = 0.0, port: int = 40000) -> None:
+    station.receive(Datagram(0, Address(LOOPBACK, port), writer.encode(message)), after(Instant(0), at_s))
+
+
+@pytest.mark.parametrize(
+    ("system", "component", "kind", "words"),
+    [
+        (0, 1, "stranger", "system 0 is heard, but is everyone's address and nobody's id"),
+        (254, 1, "stranger", "system 254 is heard, but isn't in the scenario"),
+        (255, 1, "own_id", "our own id"),
+        (STATION_SYSTEM, STATION_COMPONENT, "own_id", "our own id"),
+    ],
+)
+def test_systems_that_are_not_ours_are_reported_once(
+    station: Station, system: int, component: int, kind: str, words: str
+) -> None:
+    for _ in range(3):
+        hear(station, FrameWriter(system, component), PLANE)
+    notes = station._recorder
+    assert isinstance(notes, Notes)
+    (event,) = notes.events
+    assert event.kind == kind
+    assert words in event.text
+    assert event.details["peer"] == "127.0.0.1:40000"
+
+
+def test_a_vehicles_other_components_say_nothing_of_its_autopilot(station: Station) -> None:
+    vehicle = station.vehicles[VehicleId(1, 2)]
+    for component in (0, m.MAV_COMP_ID_MISSIONPLANNER, 191):
+        hear(station, FrameWriter(2, component), PLANE, port=50000)
+    assert vehicle.connection.peer is None
+    autopilot, companion = FrameWriter(2, m.MAV_COMP_ID_AUTOPILOT1), FrameWriter(2, 191)
+    for i in range(20):
+        hear(station, autopilot, PLANE, 0.1 * i)
+        hear(station, companion, Statustext(2, "not the autopilot's words"), 0.1 * i, port=50000)
+    assert vehicle.connection.peer == Address(LOOPBACK, 40000)
+    assert vehicle.sequence.loss == 0.0
+    assert vehicle.frames_in == 20
+    assert not vehicle.telemetry.texts
