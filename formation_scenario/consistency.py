@@ -8,6 +8,7 @@ from pathlib import Path
 
 from airlink.endpoint import parse_endpoint
 from airlink.errors import EndpointError
+from formation_scenario.disturbances import DrydenTurbulence
 from formation_scenario.errors import Problem
 from formation_scenario.expectation import RUN_METRICS
 from formation_scenario.fields import VehicleRef, VehicleSelection
@@ -37,6 +38,7 @@ def inconsistencies(scenario: Scenario, source: Source) -> list[Problem]:
         _endpoints,
         _speeds,
         _references,
+        _disturbances,
         _traces,
         _bursts,
         _slots,
@@ -121,6 +123,18 @@ def _one_vehicle(ref: VehicleRef, vehicles: tuple[Vehicle, ...], path: KeyPath, 
     elif len(named) > 1:
         full = ", ".join(f"'{long_ref(vehicle)}'" for vehicle in named)
         yield source.problem(path, f"found {ref}, the id of {len(named)} vehicles", full)
+
+
+def _disturbances(scenario: Scenario, source: Source) -> Iterator[Problem]:
+    for index, entry in enumerate(scenario.disturbances):
+        path: KeyPath = ("disturbances", index)
+        if entry.end_s <= entry.at_s:
+            yield source.problem((*path, "until_s"), f"found {entry.end_s:g}", f"more than at_s, {entry.at_s:g}")
+        if isinstance(entry, DrydenTurbulence):
+            given = {name for name in ("wind_6m_mps", "sigma_mps", "length_m") if getattr(entry, name) is not None}
+            if given not in ({"wind_6m_mps"}, {"sigma_mps", "length_m"}):
+                found = f"found {', '.join(sorted(given)) or 'neither'}"
+                yield source.problem(path, found, "wind_6m_mps, or sigma_mps and length_m")
 
 
 def _traces(scenario: Scenario, source: Source) -> Iterator[Problem]:

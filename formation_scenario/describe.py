@@ -6,11 +6,11 @@ import types
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Literal, NamedTuple, TypeGuard, Union, cast, get_args, get_origin
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, Tag, ValidationError
 from pydantic.fields import FieldInfo
 
 from formation_scenario.errors import Problem, did_you_mean
-from formation_scenario.fields import Allowed
+from formation_scenario.fields import CHOICE, Allowed
 from formation_scenario.source import Key, KeyPath, Plain, Source, dotted, kind, show
 
 MAPPING_KEY = "[key]"
@@ -20,6 +20,8 @@ class _Expected(NamedTuple):
     """A key path as far as the types follow it, and the type there with its constraints."""
 
     path: KeyPath
+    rest: KeyPath
+    """What of the location they don't follow."""
     type: object
     constraints: tuple[object, ...]
 
@@ -32,19 +34,30 @@ def problems_of(error: ValidationError, model: type[BaseModel], source: Source, 
 
 def _problem(error: str, loc: tuple[Key, ...], model: type[BaseModel], source: Source, above: KeyPath) -> Problem:
     if error == "extra_forbidden":
-        parent = _expected(model, loc[:-1]).type
-        return _unknown_key((*above, *loc), _keys(parent) if _is_group(parent) else [], source)
+        parent = _expected(model, loc[:-1])
+        keys = _keys(parent.type) if _is_group(parent.type) else []
+        return _unknown_key((*above, *parent.path, loc[-1]), keys, source)
     if MAPPING_KEY in loc:
         return _wrong_id(loc[: loc.index(MAPPING_KEY)], model, source, above)
     expected = _expected(model, loc)
     path = (*above, *expected.path)
+    if error.startswith(CHOICE):
+        return _wrong_choice(
+            (*path, error.removeprefix(CHOICE)), [str(word) for word in _members(expected.type)], source
+        )
     allowed = describe(expected.type, expected.constraints)
-    if error == "missing" and expected.path == loc:
+    if error == "missing" and not expected.rest:
         return source.problem(path, "not found", allowed)
     value = _value_at(source.data, path)
     found = f"found {kind(value) if _is_group(expected.type) else show(value)}"
     near = did_you_mean(value, _choices(expected)) if isinstance(value, str) else ""
-    return Problem(*source.place((*above, *loc)), dotted(path), found, allowed + near)
+    return Problem(*source.place((*path, *expected.rest)), dotted(path), found, allowed + near)
+
+
+def _wrong_choice(path: KeyPath, words: list[str], source: Source) -> Problem:
+    word = _value_at(source.data, path)
+    near = did_you_mean(word, words) if isinstance(word, str) else ""
+    return source.problem(path, f"found {show(word)}", ", ".join(words) + near)
 
 
 def _wrong_id(loc: tuple[Key, ...], model: type[BaseModel], source: Source, above: KeyPath) -> Problem:
@@ -71,15 +84,26 @@ def _value_at(data: Plain, path: KeyPath) -> Plain:
 
 
 def _expected(model: type[BaseModel], loc: tuple[Key, ...]) -> _Expected:
-    """Follow an error's location through the types; it ends at a union, whose tags aren't keys."""
-    expected = _Expected((), model, ())
-    for key in loc:
-        inner = _inner(expected.type, key)
+    """Follow an error's location through the types; it ends at a union, unless that's one of groups with tags.
+
+    A tag is part of the location, but no key.
+    """
+    expected = _Expected((), loc, model, ())
+    for index, key in enumerate(loc):
+        members = _members(expected.type)
+        inner = members.get(key) or _inner(expected.type, key)
         if inner is None:
             break
-        annotation, constraints = _bare(inner)
-        expected = _Expected((*expected.path, key), annotation, constraints)
+        path = expected.path if key in members else (*expected.path, key)
+        expected = _Expected(path, loc[index + 1 :], *_bare(inner))
     return expected
+
+
+def _members(annotation: object) -> dict[Key, object]:
+    """Return the groups of keys of a union, by their tags; none of any other type."""
+    members = get_args(annotation) if get_origin(annotation) in {Union, types.UnionType} else ()
+    tagged = [(item, group) for group in members if get_origin(group) is Annotated for item in get_args(group)[1:]]
+    return {item.tag: group for item, group in tagged if isinstance(item, Tag)}
 
 
 def _inner(annotation: object, key: Key) -> object:

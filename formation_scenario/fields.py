@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias, cast
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, StrictBool, StrictStr
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, StrictBool, StrictStr
 from pydantic_core import PydanticCustomError
 
 MAX_SYSTEM_ID = 254
@@ -26,6 +27,21 @@ class Allowed:
 
     text: str
     choices: tuple[str, ...] = ()
+
+
+def one_of(key: str, default: str) -> Discriminator:
+    """Return what chooses among groups of keys, each with a `Tag`, by the word at `key`."""
+
+    def word(value: object) -> str:
+        if isinstance(value, Mapping):
+            return str(cast("Mapping[str, Any]", value).get(key, default))
+        return str(getattr(value, key, default))
+
+    return Discriminator(word, custom_error_type=f"{CHOICE}{key}", custom_error_message="no such group of keys")
+
+
+CHOICE = "choice of "
+"""Begins the type of the error that a word makes which chooses no group of keys; the word's key follows."""
 
 
 def _printable(value: object) -> object:

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from formation_scenario.disturbances import Disturbance
 from formation_scenario.expectation import Expectation
 from formation_scenario.fields import (
     Allowed,
@@ -83,12 +84,6 @@ class PathPlan(Keys):
 
     speed_mps: Positive = Field(default=22.0, description="the leader's speed, m/s")
     waypoints_m: Waypoints = Field(description="north, east and height above the origin, m")
-
-
-class Disturbance(Timed):
-    """A velocity added to some vehicles' ground velocity from a time on; entries add up."""
-
-    velocity_mps: Vector = Field(description="north, east, down, m/s")
 
 
 class Fault(Timed):

@@ -17,11 +17,11 @@ from formation_scenario.fields import (
     SystemId,
     Text,
 )
+from formation_scenario.navigation import Navigation, TrueNavigation
 
 BASE_PORT = 14550
 
 Autopilot = Literal["emulator", "arduplane", "arducopter", "px4"]
-NavigationSource = Literal["truth", "noisy", "ins"]
 
 
 class VehicleModel(Keys):
@@ -36,12 +36,6 @@ class VehicleModel(Keys):
     accel_max_mps2: Positive = Field(default=1.5, description="largest change of airspeed, m/s²")
     turn_rate_max_rps: Positive = Field(default=0.25, description="highest turn rate, rad/s")
     climb_max_mps: Positive = Field(default=3.0, description="highest climb and descent rate, m/s")
-
-
-class Navigation(Keys):
-    """Where a vehicle's own state comes from."""
-
-    source: NavigationSource = Field(default="truth", description="truth | noisy | ins")
 
 
 class VehicleClock(Keys):
@@ -63,7 +57,7 @@ class VehicleCommon(Keys):
     )
     autopilot: Autopilot = Field(default="emulator", description="emulator | arduplane | arducopter | px4")
     model: VehicleModel = VehicleModel()
-    navigation: Navigation = Navigation()
+    navigation: Navigation = TrueNavigation()
     clock: VehicleClock = VehicleClock()
 
 

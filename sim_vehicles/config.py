@@ -7,6 +7,7 @@ from typing import Literal
 
 from airlink.endpoint import Endpoint
 from airlink.identity import VehicleId
+from sim_vehicles.disturbances import Disturbance, Turbulence
 
 FaultKind = Literal["crash", "restart", "freeze"]
 
@@ -39,6 +40,21 @@ class Start:
 
 
 @dataclass(frozen=True)
+class SensorErrors:
+    """Standard deviations of what telemetry tells, in SI units, and how errors go on in time."""
+
+    rate_hz: float
+    """New errors a second."""
+    position_m: float
+    """North, east and down each, as for the velocity."""
+    velocity_mps: float
+    airspeed_mps: float
+    heading_rad: float
+    correlation_s: float = 0.0
+    """Time constant of a first-order Gauss-Markov process; 0: each sample's error is independent."""
+
+
+@dataclass(frozen=True)
 class VehicleConfig:
     """One vehicle."""
 
@@ -50,15 +66,8 @@ class VehicleConfig:
     clock_offset_s: float = 0.0
     clock_drift: float = 0.0
     """How much faster than true time its clock runs."""
-
-
-@dataclass(frozen=True)
-class Disturbance:
-    """A velocity in m/s, north, east and down, added from a mission time on."""
-
-    at_s: float
-    vehicles: frozenset[VehicleId]
-    velocity_mps: tuple[float, float, float]
+    sensors: SensorErrors | None = None
+    """None: it knows its state exactly."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +89,9 @@ class FleetConfig:
     vehicles: tuple[VehicleConfig, ...]
     cruise_mps: float = 22.0
     wind_mps: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    disturbances: tuple[Disturbance, ...] = field(default=())
+    disturbances: tuple[Disturbance | Turbulence, ...] = field(default=())
     faults: tuple[Fault, ...] = field(default=())
+    seed: int = 1
+    """Of all that is random."""
     ready_s: float = 3.0
     """From boot until a vehicle may be armed; a real one's estimator takes 23 s."""

@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 
 from airlink.clock import Instant, after, seconds_between
 from sim_vehicles.config import Fault, FleetConfig
-from sim_vehicles.dynamics import Array
+from sim_vehicles.disturbances import Disturbance, Turbulence
+from sim_vehicles.dynamics import Array, State
+from sim_vehicles.streams import LOOP_HZ
+from sim_vehicles.turbulence import DrydenGusts
+
+_TURBULENCE: Final = int.from_bytes(b"turbulence", "big")
+"""Sets the gusts' random numbers apart from whatever else a run's seed is for."""
+LOOP_S = 1.0 / LOOP_HZ
 
 
 class Environment:
@@ -20,27 +29,71 @@ class Environment:
         count = len(config.vehicles)
         self.mission_zero: Instant | None = None
         self._wind = np.repeat(np.array(config.wind_mps)[:, None], count, axis=1)
-        self._waiting = sorted(config.disturbances, key=lambda each: each.at_s)
+        self._disturbances = [_acting(config, index) for index in range(len(config.disturbances))]
         self._faults = sorted(config.faults, key=lambda each: each.at_s)
-        self._identities = [vehicle.identity for vehicle in config.vehicles]
+        self.disturbance_mps: Array = np.zeros((3, count))
+        """(3, N) north, east, down: all disturbances together."""
         self.velocity_mps: Array = self._wind.copy()
-        """(3, N) north, east, down, added to the velocity through the air."""
+        """The same, the wind included: what is added to the velocity through the air."""
 
     def mission_told(self, mission_time_s: float, now: Instant) -> None:
         """Take a ground station's mission time; the first one that isn't negative counts."""
         if self.mission_zero is None and mission_time_s >= 0:
             self.mission_zero = after(now, -mission_time_s)
 
-    def advance(self, now: Instant) -> list[Fault]:
-        """Put into force what is due; return the faults that strike."""
-        if self.mission_zero is None or not (self._waiting or self._faults):
+    def advance(self, now: Instant, state: State) -> list[Fault]:
+        """Put into force what is due for vehicles in `state`; return the faults that strike."""
+        if self.mission_zero is None or not (self._disturbances or self._faults):
             return []
         mission_s = seconds_between(self.mission_zero, now)
-        while self._waiting and self._waiting[0].at_s <= mission_s:
-            disturbance = self._waiting.pop(0)
-            hit = np.array([identity in disturbance.vehicles for identity in self._identities])
-            self.velocity_mps = self.velocity_mps + np.outer(disturbance.velocity_mps, hit)
+        if self._disturbances:
+            self._disturb(mission_s, state)
         struck: list[Fault] = []
         while self._faults and self._faults[0].at_s <= mission_s:
             struck.append(self._faults.pop(0))
         return struck
+
+    def _disturb(self, mission_s: float, state: State) -> None:
+        velocity_mps = np.zeros_like(self._wind)
+        for each in self._disturbances:
+            if each.passing.acts(mission_s):
+                each.add_to(velocity_mps, mission_s, state)
+        self.disturbance_mps = velocity_mps
+        self.velocity_mps = self._wind + velocity_mps
+
+
+class _Steady:
+    """A disturbance that follows from time alone."""
+
+    def __init__(self, passing: Disturbance, hit: Array) -> None:
+        self.passing = passing
+        self._whole_mps = np.outer(passing.velocity_mps, hit)
+
+    def add_to(self, velocity_mps: Array, mission_s: float, state: State) -> None:  # noqa: ARG002 - the same for all
+        velocity_mps += self.passing.share(mission_s - self.passing.at_s) * self._whole_mps
+
+
+class _Turbulent:
+    """Gusts, along the vehicles' own way through the air."""
+
+    def __init__(self, passing: Turbulence, hit: Array, streams: list[np.random.SeedSequence]) -> None:
+        self.passing = passing
+        self._hit = np.flatnonzero(hit)
+        self._gusts = DrydenGusts(streams, passing.intensity)
+
+    def add_to(self, velocity_mps: Array, mission_s: float, state: State) -> None:  # noqa: ARG002 - they have no age
+        hit = self._hit
+        forward, right, down = self._gusts.advance(state.airspeed_mps[hit], state.height_m[hit], LOOP_S)
+        cos, sin = np.cos(state.heading_rad[hit]), np.sin(state.heading_rad[hit])
+        velocity_mps[:, hit] += forward * cos - right * sin, forward * sin + right * cos, down
+
+
+def _acting(config: FleetConfig, index: int) -> _Steady | _Turbulent:
+    """Return what the entry at `index` does; gusts of one vehicle in one entry are independent of all others."""
+    passing = config.disturbances[index]
+    identities = [vehicle.identity for vehicle in config.vehicles]
+    hit = np.array([identity in passing.vehicles for identity in identities], dtype=np.float64)
+    if isinstance(passing, Disturbance):
+        return _Steady(passing, hit)
+    keys = [(_TURBULENCE, index, *identity) for identity in identities if identity in passing.vehicles]
+    return _Turbulent(passing, hit, [np.random.SeedSequence(config.seed, spawn_key=key) for key in keys])

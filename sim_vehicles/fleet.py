@@ -77,7 +77,7 @@ class Fleet:
         self.state.table[2:5, index] = 0.0
 
     def _turn(self, now: Instant) -> None:
-        for fault in self.environment.advance(now):
+        for fault in self.environment.advance(now, self.state):
             for vehicle in self.vehicles:
                 if vehicle.config.identity in fault.vehicles:
                     vehicle.strike(fault.kind, now)

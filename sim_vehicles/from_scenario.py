@@ -7,8 +7,11 @@ import math
 from airlink.endpoint import parse_endpoint
 from airlink.identity import VehicleId
 from formation_scenario import Scenario, start_states
+from formation_scenario import disturbances as keys
 from formation_scenario.fields import VehicleSelection
-from sim_vehicles.config import Airframe, Disturbance, Fault, FleetConfig, Start, VehicleConfig
+from formation_scenario.navigation import Navigation, TrueNavigation
+from sim_vehicles.config import Airframe, Fault, FleetConfig, SensorErrors, Start, VehicleConfig
+from sim_vehicles.disturbances import Disturbance, Intensity, Ramp, Sine, Turbulence
 
 
 def fleet_config(scenario: Scenario) -> FleetConfig:
@@ -29,6 +32,7 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
             airframe=Airframe(**vehicle.model.model_dump()),
             clock_offset_s=vehicle.clock.offset_s,
             clock_drift=vehicle.clock.drift_ppm * 1e-6,
+            sensors=_sensors(vehicle.navigation),
         )
         for i, vehicle in enumerate(scenario.vehicles)
     )
@@ -40,13 +44,44 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
         vehicles=vehicles,
         cruise_mps=scenario.path.speed_mps,
         wind_mps=scenario.wind.velocity_mps,
-        disturbances=tuple(
-            Disturbance(each.at_s, _selected(scenario, each.vehicles), each.velocity_mps)
-            for each in scenario.disturbances
-        ),
+        disturbances=tuple(_disturbance(each, _selected(scenario, each.vehicles)) for each in scenario.disturbances),
         faults=tuple(Fault(each.at_s, _selected(scenario, each.vehicles), each.kind) for each in scenario.faults),
+        seed=scenario.seed,
     )
 
 
 def _selected(scenario: Scenario, selection: VehicleSelection) -> frozenset[VehicleId]:
     return frozenset(vehicle.vehicle_id for vehicle in scenario.selected(selection))
+
+
+def _sensors(keys: Navigation) -> SensorErrors | None:
+    if isinstance(keys, TrueNavigation):
+        return None
+    return SensorErrors(
+        rate_hz=keys.rate_hz,
+        position_m=keys.position_sigma_m,
+        velocity_mps=keys.velocity_sigma_mps,
+        airspeed_mps=keys.airspeed_sigma_mps,
+        heading_rad=math.radians(keys.heading_sigma_deg),
+        correlation_s=keys.correlation_s,
+    )
+
+
+def _disturbance(entry: keys.Disturbance, vehicles: frozenset[VehicleId]) -> Disturbance | Turbulence:
+    when = entry.at_s, entry.end_s, vehicles
+    match entry:
+        case keys.StepDisturbance():
+            return Disturbance(*when, entry.velocity_mps)
+        case keys.RampDisturbance():
+            return Ramp(*when, entry.velocity_mps, entry.duration_s)
+        case keys.SineDisturbance():
+            return Sine(*when, entry.velocity_mps, entry.period_s, math.radians(entry.phase_deg))
+        case keys.DrydenTurbulence():
+            return Turbulence(*when, _intensity(entry))
+
+
+def _intensity(entry: keys.DrydenTurbulence) -> Intensity | float:
+    if entry.sigma_mps is not None and entry.length_m is not None:
+        return Intensity(entry.sigma_mps, entry.length_m)
+    assert entry.wind_6m_mps is not None
+    return entry.wind_6m_mps

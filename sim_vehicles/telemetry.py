@@ -81,7 +81,7 @@ def system_time(v: Vehicle) -> Message:
 def gps_raw_int(v: Vehicle) -> Message:
     """Return GPS_RAW_INT: a 3-D fix."""
     lat, lon, alt = _place(v)
-    north, east, _ = _velocity(v.motion)
+    north, east, _ = _velocity(v.sensed)
     course = math.atan2(east, north) % math.tau
     fix = m.GPS_FIX_TYPE_3D_FIX
     return GpsRawInt(v.time_ns // 1000, fix, lat, lon, alt, HDOP, HDOP, math.hypot(north, east), course, SATELLITES)
@@ -89,7 +89,7 @@ def gps_raw_int(v: Vehicle) -> Message:
 
 def attitude(v: Vehicle) -> Message:
     """Return ATTITUDE; bank and pitch are those that the turn and the climb take."""
-    motion = v.motion
+    motion = v.sensed
     pitch = math.asin(min(max(motion.climb_mps / max(motion.airspeed_mps, 1.0), -1.0), 1.0))
     heading = math.remainder(motion.heading_rad, math.tau)
     return Attitude(v.time_s, _bank(motion), pitch, heading, 0.0, 0.0, motion.turn_rate_radps)
@@ -97,21 +97,21 @@ def attitude(v: Vehicle) -> Message:
 
 def local_position_ned(v: Vehicle) -> Message:
     """Return LOCAL_POSITION_NED, from home."""
-    start, motion = v.config.start, v.motion
+    start, motion = v.config.start, v.sensed
     place = motion.north_m - start.north_m, motion.east_m - start.east_m, -motion.height_m
     return LocalPositionNed(v.time_s, *place, *_velocity(motion))
 
 
 def global_position_int(v: Vehicle) -> Message:
     """Return GLOBAL_POSITION_INT."""
-    motion = v.motion
+    motion = v.sensed
     heading = motion.heading_rad % math.tau
     return GlobalPositionInt(v.time_s, *_place(v), motion.height_m, *_velocity(motion), heading)
 
 
 def nav_controller_output(v: Vehicle) -> Message:
     """Return NAV_CONTROLLER_OUTPUT."""
-    motion = v.motion
+    motion = v.sensed
     bearings = math.remainder(motion.heading_rad, math.tau), math.remainder(motion.heading_told_rad, math.tau)
     errors = motion.height_told_m - motion.height_m, motion.airspeed_told_mps - motion.airspeed_mps
     return NavControllerOutput(_bank(motion), 0.0, *bearings, 0.0, *errors, 0.0)
@@ -119,7 +119,7 @@ def nav_controller_output(v: Vehicle) -> Message:
 
 def vfr_hud(v: Vehicle) -> Message:
     """Return VFR_HUD."""
-    motion = v.motion
+    motion = v.sensed
     north, east, down = _velocity(motion)
     altitude = v.fleet.origin.alt_m + motion.height_m
     heading = motion.heading_rad % math.tau
@@ -129,7 +129,7 @@ def vfr_hud(v: Vehicle) -> Message:
 
 def wind(v: Vehicle) -> Message:
     """Return WIND: where it comes from."""
-    motion = v.motion
+    motion = v.sensed
     north, east, down = motion.drift_north_mps, motion.drift_east_mps, motion.drift_down_mps
     return Wind(math.remainder(math.atan2(-east, -north), math.tau), math.hypot(north, east), down)
 
@@ -160,7 +160,7 @@ def autopilot_version(_: Vehicle) -> Message:
 
 def _place(v: Vehicle) -> tuple[float, float, float]:
     """Return latitude, longitude and altitude above sea level."""
-    motion = v.motion
+    motion = v.sensed
     return v.fleet.origin.from_ned(motion.north_m, motion.east_m, -motion.height_m)
 
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 MAGIC = b"truth\x00\x00\x01"
 HEADER = struct.Struct("<8sQ")
-QUANTITIES = 8
+QUANTITIES = 11
 
 
 @dataclass(frozen=True)
@@ -36,6 +36,10 @@ class Truth:
     climb_mps: Array
     airspeed_mps: Array
     heading_rad: Array
+    disturbance_north_mps: Array
+    """What carries it besides the wind; so do the next two."""
+    disturbance_east_mps: Array
+    disturbance_down_mps: Array
 
 
 class TruthWriter:
@@ -66,7 +70,9 @@ class TruthWriter:
         state = fleet.state
         north_mps, east_mps, down_mps = ground_velocity(state, fleet.drift_mps)
         places = state.north_m, state.east_m, state.height_m
-        rows = (*places, north_mps, east_mps, -down_mps, state.airspeed_mps, state.heading_rad)
+        disturbance_mps = fleet.environment.disturbance_mps * fleet.steering.airborne
+        air_motion = state.airspeed_mps, state.heading_rad
+        rows = (*places, north_mps, east_mps, -down_mps, *air_motion, *disturbance_mps)
         self._file.write(np.concatenate(([now / NANOSECONDS], *rows)).astype("<f8").tobytes())
         if self._turn % LOOP_HZ == 0:
             self._file.flush()

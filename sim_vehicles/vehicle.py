@@ -35,6 +35,7 @@ from sim_vehicles.modes import Condition, Mode, Request, select
 from sim_vehicles.motion import Motion
 from sim_vehicles.parameters import ParameterServer, initial_values
 from sim_vehicles.pilot import Pilot
+from sim_vehicles.sensors import Sensors
 from sim_vehicles.streams import NEVER, Streams
 from sim_vehicles.telemetry import BUILDERS
 from sim_vehicles.vehicle_clock import VehicleClock
@@ -62,6 +63,8 @@ class Vehicle:
         self.parameters = ParameterServer(initial_values(config, fleet.config.cruise_mps))
         self.pilot = Pilot(index, config, fleet.steering, self.parameters)
         self.link = Link(index, config, fleet.outbox)
+        errors = config.sensors
+        self._sensors = None if errors is None else Sensors(errors, config.identity, fleet.config.seed)
         self._asker = config.endpoint.address
         self._boot(now, config.clock_offset_s)
         if config.start.in_air:
@@ -87,6 +90,11 @@ class Vehicle:
     def motion(self) -> Motion:
         """How it moves."""
         return self.fleet.motions[self.index]
+
+    @property
+    def sensed(self) -> Motion:
+        """How it takes itself to move: what telemetry tells. Its own loops go by the truth."""
+        return self.motion if self._sensors is None else self._sensors.sense(self.motion, self.now)
 
     def receive(self, peer: Address, data: bytes) -> None:
         """Keep a datagram for the next turn of the main loop."""

@@ -135,4 +135,7 @@ def _truth(session: Session) -> GroundTruth | None:
         climb_mps=rows.climb_mps,
         airspeed_mps=rows.airspeed_mps,
         heading_rad=rows.heading_rad,
+        disturbance_north_mps=rows.disturbance_north_mps,
+        disturbance_east_mps=rows.disturbance_east_mps,
+        disturbance_down_mps=rows.disturbance_down_mps,
     )

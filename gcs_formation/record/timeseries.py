@@ -42,6 +42,9 @@ TRUTH = (
     "true_height_m",
     "true_airspeed_mps",
     "true_heading_rad",
+    "true_disturbance_north_mps",
+    "true_disturbance_east_mps",
+    "true_disturbance_down_mps",
 )
 ERROR = ("error_x_m", "error_y_m", "error_z_m")
 PHASES = ("assembling", "flying")

@@ -25,6 +25,9 @@ class GroundTruth:
     climb_mps: Array
     airspeed_mps: Array
     heading_rad: Array
+    disturbance_north_mps: Array
+    disturbance_east_mps: Array
+    disturbance_down_mps: Array
 
     def at(self, vehicle: VehicleId, time_s: Array) -> dict[str, Array]:
         """Return a vehicle's true columns at the given times: places by cubic interpolation, the rest linearly."""
@@ -36,8 +39,12 @@ class GroundTruth:
             _hermite(self.time_s, self.height_m[:, column], self.climb_mps[:, column], time_s),
             np.interp(time_s, self.time_s, self.airspeed_mps[:, column]),
             np.interp(time_s, self.time_s, heading),
+            *(np.interp(time_s, self.time_s, each[:, column]) for each in self._disturbance()),
         )
         return dict(zip(TRUTH, values, strict=True))
+
+    def _disturbance(self) -> tuple[Array, Array, Array]:
+        return self.disturbance_north_mps, self.disturbance_east_mps, self.disturbance_down_mps
 
 
 def _hermite(known_s: Array, value: Array, rate: Array, wanted_s: Array) -> Array:

@@ -66,3 +66,18 @@ def test_a_graph_in_which_nobody_is_heard_by_all_is_refused(load, refusal):
     ]
     joined = [[0, 1, 0, 0], [1, 0, 0, 0], [0, 0.1, 0, 1], [0, 0, 1, 0]]
     assert load(f"law.consensus.graph={joined}").law.consensus.graph == tuple(map(tuple, joined))
+
+
+@pytest.mark.parametrize(
+    ("entry", "line"),
+    [
+        ("velocity_mps: [1, 0, 0], until_s: 5", "disturbances.0.until_s: found 5; more than at_s, 5"),
+        ("kind: dryden", "disturbances.0: found neither; wind_6m_mps, or sigma_mps and length_m"),
+        (
+            "kind: dryden, wind_6m_mps: 7, length_m: [9, 9, 9]",
+            "disturbances.0: found length_m, wind_6m_mps; wind_6m_mps, or sigma_mps and length_m",
+        ),
+    ],
+)
+def test_a_disturbance_ends_after_it_begins_and_turbulence_has_one_intensity(refusal, entry, line):
+    assert refusal(f"disturbances=[{{at_s: 5, {entry}}}]") == [line]

@@ -129,7 +129,7 @@ def test_every_key_is_read():
     assert scenario.formation.slots_m == {2: (-30.0, 30.0, 0.0), 3: (-30.0, -30.0, 0.0)}
     assert scenario.law.consensus.graph == ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 0.0, 0.0))
     assert scenario.faults[0].kind == "crash"
-    assert scenario.disturbances[0].velocity_mps == (0.6, 0.6, 0.0)
+    assert scenario.disturbances[0].model_dump()["velocity_mps"] == (0.6, 0.6, 0.0)
 
 
 def test_a_dumped_scenario_loads_back_equal(tmp_path):
@@ -191,7 +191,7 @@ def test_what_is_not_available_is_refused_by_name(refusal):
 
 def test_keys_beside_an_unavailable_navigation_are_not_called_unknown(refusal):
     lines = refusal("vehicles.1.navigation={source: ins, grade: tactical}")
-    assert lines == ["vehicles.1.navigation.source: found 'ins', not available in this version; truth"]
+    assert lines == ["vehicles.1.navigation.source: found 'ins', not available in this version; truth, noisy"]
 
 
 def test_one_error_carries_every_problem():

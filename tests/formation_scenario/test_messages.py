@@ -52,6 +52,18 @@ def test_a_wrong_word_names_file_line_column_key_choices_and_the_nearest(tmp_pat
         ("faults: [{at_s: 1}]\n", "faults.0.kind: not found; allowed: crash, restart, freeze"),
         ("disturbances: {at_s: 1}\n", "disturbances: found {at_s: 1}; allowed: a list"),
         (
+            "disturbances: [{at_s: 1, kind: rmp}]\n",
+            "a.yaml:3:26: disturbances.0.kind: found 'rmp'; allowed: step, ramp, sine, dryden (did you mean 'ramp'?)",
+        ),
+        (
+            "disturbances: [{at_s: 1, kind: sine, perod_s: 3, velocity_mps: [1, 0, 0]}]\n",
+            "a.yaml:3:38: disturbances.0.perod_s: found an unknown key 'perod_s'; allowed: at_s, vehicles,",
+        ),
+        (
+            "disturbances: [{at_s: 1, kind: ramp, velocity_mps: [1, 0, 0]}]\n",
+            "a.yaml:3:16: disturbances.0.duration_s: not found; allowed: a number > 0",
+        ),
+        (
             "formation: {slots_m: {x: [1, 2, 3]}}\n",
             "formation.slots_m.x: found key 'x'; allowed: a vehicle's id",
         ),

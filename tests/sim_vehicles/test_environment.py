@@ -2,10 +2,12 @@
 
 import math
 
+import numpy as np
 import pytest
 
 from airlink.identity import VehicleId
-from sim_vehicles.config import Disturbance, Fault
+from sim_vehicles.config import Fault
+from sim_vehicles.disturbances import Disturbance, Intensity, Ramp, Sine, Turbulence
 
 FIRST, SECOND = VehicleId(1, 1), VehicleId(1, 2)
 HEADING, GUIDED = 43002, 15
@@ -30,7 +32,7 @@ def disturbed(make_air, *disturbances, count=2):
 
 
 def test_a_disturbance_strikes_at_its_mission_time_and_whom_it_names(make_air):
-    air = disturbed(make_air, Disturbance(10.0, frozenset({SECOND}), (0.6, -0.4, 0.0)))
+    air = disturbed(make_air, Disturbance(10.0, math.inf, frozenset({SECOND}), (0.6, -0.4, 0.0)))
     air.run(5.0)
     tell_mission_time(air, 0.0)
     air.run(9.9)
@@ -45,15 +47,52 @@ def test_disturbances_add_up_with_the_wind(make_air):
     air = make_air(
         2,
         wind_mps=(1.0, 2.0, 0.0),
-        disturbances=(Disturbance(1.0, both, (0.5, 0.0, 0.0)), Disturbance(2.0, both, (0.0, 0.25, 0.0))),
+        disturbances=(
+            Disturbance(1.0, math.inf, both, (0.5, 0.0, 0.0)),
+            Disturbance(2.0, math.inf, both, (0.0, 0.25, 0.0)),
+        ),
     )
     tell_mission_time(air, 0.0)
     air.run(3.0)
     assert velocity(air) == (1.5, 2.25)
 
 
+def over_time(air, seconds):
+    """Return what carries the first vehicle north, m/s, at mission times 1 s, 2 s and so on."""
+    tell_mission_time(air, 0.0)
+    air.run(0.02)
+    velocities = []
+    for _ in range(seconds):
+        air.run(1.0)
+        velocities.append(velocity(air)[0])
+    return velocities
+
+
+@pytest.mark.parametrize(
+    ("disturbance", "expected"),
+    [
+        (Disturbance(2.0, 4.0, frozenset({FIRST}), (0.6, 0.0, 0.0)), [0, 0.6, 0.6, 0, 0, 0]),
+        (Ramp(1.0, 5.0, frozenset({FIRST}), (0.6, 0.0, 0.0), 2.0), [0, 0.3, 0.6, 0.6, 0, 0]),
+        (Sine(1.0, math.inf, frozenset({FIRST}), (0.6, 0.0, 0.0), 4.0), [0, 0.6, 0, -0.6, 0, 0.6]),
+        (Sine(1.0, 4.5, frozenset({FIRST}), (0.6, 0.0, 0.0), 4.0, math.pi / 2), [0.6, 0, -0.6, 0, 0, 0]),
+    ],
+)
+def test_disturbances_go_on_in_time_as_their_kind_says_and_end(make_air, disturbance, expected):
+    assert over_time(disturbed(make_air, disturbance), 6) == pytest.approx(expected, abs=1e-6)
+
+
+def test_a_vehicle_s_turbulence_does_not_depend_on_who_else_meets_it(make_air):
+    intensity = Intensity((1.0, 1.0, 1.0), (50.0, 50.0, 50.0))
+    alone, together = (
+        over_time(disturbed(make_air, Turbulence(0.0, math.inf, frozenset(who), intensity)), 5)
+        for who in ({FIRST}, {SECOND, FIRST})
+    )
+    assert alone == together
+    assert np.std(alone) > 0
+
+
 def test_nothing_happens_before_the_mission_time_is_told(make_air):
-    air = disturbed(make_air, Disturbance(0.0, frozenset({FIRST}), (5.0, 0.0, 0.0)))
+    air = disturbed(make_air, Disturbance(0.0, math.inf, frozenset({FIRST}), (5.0, 0.0, 0.0)))
     air.run(30.0)
     tell_mission_time(air, -3.0)
     air.run(30.0)
@@ -61,7 +100,7 @@ def test_nothing_happens_before_the_mission_time_is_told(make_air):
 
 
 def test_the_first_mission_time_that_is_not_negative_counts_whoever_hears_it(make_air):
-    air = disturbed(make_air, Disturbance(10.0, frozenset({FIRST}), (1.0, 0.0, 0.0)))
+    air = disturbed(make_air, Disturbance(10.0, math.inf, frozenset({FIRST}), (1.0, 0.0, 0.0)))
     tell_mission_time(air, -1.0)
     air.run(1.0)
     tell_mission_time(air, 4.0, vehicle=1)
@@ -75,14 +114,14 @@ def test_the_first_mission_time_that_is_not_negative_counts_whoever_hears_it(mak
 
 @pytest.mark.parametrize("value", [math.nan, math.inf])
 def test_a_mission_time_that_is_no_number_is_ignored(make_air, value):
-    air = disturbed(make_air, Disturbance(0.0, frozenset({FIRST}), (1.0, 0.0, 0.0)))
+    air = disturbed(make_air, Disturbance(0.0, math.inf, frozenset({FIRST}), (1.0, 0.0, 0.0)))
     tell_mission_time(air, value)
     air.run(5.0)
     assert air.fleet.environment.mission_zero is None
 
 
 def test_a_disturbance_shows_in_the_told_velocity_and_carries_the_vehicle(make_air):
-    air = disturbed(make_air, Disturbance(0.0, frozenset({FIRST}), (0.6, 0.6, 0.0)))
+    air = disturbed(make_air, Disturbance(0.0, math.inf, frozenset({FIRST}), (0.6, 0.6, 0.0)))
     air.run(2.0)
     assert air.set_mode(GUIDED) == 0
     air.command_int(HEADING, 1, 0.0, 10.0)

@@ -1,0 +1,72 @@
+"""Keys of the disturbances: what carries vehicles through the air besides the wind, and when."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal, TypeAlias
+
+from pydantic import Field, Tag
+
+from formation_scenario.fields import Allowed, Number, Positive, Timed, Vector, one_of
+
+Positives: TypeAlias = Annotated[tuple[Positive, Positive, Positive], Allowed("a list of 3 numbers > 0")]
+
+
+class Passing(Timed):
+    """A disturbance of some vehicles that may end."""
+
+    until_s: Positive | None = Field(default=None, description="when it ends, s; default: it doesn't")
+
+    @property
+    def end_s(self) -> float:
+        """When it ends, infinite if it doesn't."""
+        return math.inf if self.until_s is None else self.until_s
+
+
+class StepDisturbance(Passing):
+    """A velocity that is there at once."""
+
+    kind: Literal["step"] = Field(default="step", description="step | ramp | sine | dryden")
+    velocity_mps: Vector = Field(description="north, east, down, m/s")
+
+
+class RampDisturbance(Passing):
+    """A velocity that grows in proportion to time, then stays."""
+
+    kind: Literal["ramp"] = Field(description="step | ramp | sine | dryden")
+    velocity_mps: Vector = Field(description="north, east, down at the ramp's end, m/s")
+    duration_s: Positive = Field(description="from nothing to the whole velocity, s")
+
+
+class SineDisturbance(Passing):
+    """A velocity that swings."""
+
+    kind: Literal["sine"] = Field(description="step | ramp | sine | dryden")
+    velocity_mps: Vector = Field(description="amplitude north, east, down, m/s")
+    period_s: Positive = Field(description="period, s")
+    phase_deg: Annotated[Number, Field(ge=-360.0, le=360.0)] = Field(
+        default=0.0, description="phase at the beginning, degrees"
+    )
+
+
+class DrydenTurbulence(Passing):
+    """Turbulence with Dryden's spectra, MIL-F-8785C: of low altitude by the wind at 6 m, or as given."""
+
+    kind: Literal["dryden"] = Field(description="step | ramp | sine | dryden")
+    wind_6m_mps: Positive | None = Field(default=None, description="mean wind 6 m (20 ft) above ground, m/s")
+    sigma_mps: Positives | None = Field(
+        default=None, description="instead of wind_6m_mps: rms forward, right, down, m/s"
+    )
+    length_m: Positives | None = Field(
+        default=None, description="beside sigma_mps: scale lengths forward, right, down, m"
+    )
+
+
+Disturbance = Annotated[
+    Annotated[StepDisturbance, Tag("step")]
+    | Annotated[RampDisturbance, Tag("ramp")]
+    | Annotated[SineDisturbance, Tag("sine")]
+    | Annotated[DrydenTurbulence, Tag("dryden")],
+    one_of("kind", default="step"),
+]
+"""Entries add up."""

@@ -1,0 +1,73 @@
+"""What a vehicle's sensors make of its motion: errors of position, velocity, airspeed and heading."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from airlink.clock import NANOSECONDS, Instant
+from airlink.identity import VehicleId
+from sim_vehicles.config import SensorErrors
+from sim_vehicles.dynamics import Array
+from sim_vehicles.motion import Motion
+
+_SENSORS: Final = int.from_bytes(b"sensors", "big")
+"""Sets the errors' random numbers apart from whatever else a run's seed is for."""
+SIZES: Final = (3, 3, 1, 1)
+"""How many numbers position, velocity, airspeed and heading are; each sensor draws from a stream of its own."""
+BLOCK = 256
+
+
+class Sensors:
+    """One vehicle's; a sample's errors stay until the next one's instant, whoever asks and however often."""
+
+    def __init__(self, errors: SensorErrors, vehicle: VehicleId, seed: int) -> None:
+        """Draw from streams that are the vehicle's own."""
+        keys = [(_SENSORS, *vehicle, sensor) for sensor in range(len(SIZES))]
+        streams = [np.random.SeedSequence(seed, spawn_key=key) for key in keys]
+        self._random = [np.random.Generator(np.random.Philox(stream)) for stream in streams]
+        self._period_ns = round(NANOSECONDS / errors.rate_hz)
+        each = errors.position_m, errors.velocity_mps, errors.airspeed_mps, errors.heading_rad
+        self._sigmas: Array = np.repeat(each, SIZES)
+        correlated = errors.correlation_s > 0
+        self._kept = math.exp(-1.0 / (errors.rate_hz * errors.correlation_s)) if correlated else 0.0
+        self._block: Array = np.zeros((0, sum(SIZES)))
+        self._number = 0
+        self._error: Array = self._draw()
+
+    def sense(self, true: Motion, now: Instant) -> Motion:
+        """Return the motion with the errors of the sample that is the newest `now`."""
+        while self._number <= now // self._period_ns:
+            self._error = self._kept * self._error + math.sqrt(1.0 - self._kept**2) * self._draw()
+        errors: list[float] = (self._sigmas * self._error).tolist()
+        north, east, down, v_north, v_east, v_down, airspeed, heading = errors
+        sensed = true._replace(
+            north_m=true.north_m + north,
+            east_m=true.east_m + east,
+            height_m=true.height_m - down,
+            climb_mps=true.climb_mps - v_down,
+            airspeed_mps=max(0.0, true.airspeed_mps + airspeed),
+            heading_rad=true.heading_rad + heading,
+            velocity_north_mps=true.velocity_north_mps + v_north,
+            velocity_east_mps=true.velocity_east_mps + v_east,
+            velocity_down_mps=true.velocity_down_mps + v_down,
+        )
+        return sensed._replace(**_drift(sensed))
+
+    def _draw(self) -> Array:
+        """Return the next sample's standard normal variates, (8,)."""
+        index = self._number % BLOCK
+        if index == 0:
+            sizes = zip(self._random, SIZES, strict=True)
+            self._block = np.concatenate([each.standard_normal((BLOCK, size)) for each, size in sizes], axis=1)
+        self._number += 1
+        return self._block[index]
+
+
+def _drift(sensed: Motion) -> dict[str, float]:
+    """Return what a vehicle takes for the wind: ground velocity minus airspeed along the heading."""
+    north = sensed.velocity_north_mps - sensed.airspeed_mps * math.cos(sensed.heading_rad)
+    east = sensed.velocity_east_mps - sensed.airspeed_mps * math.sin(sensed.heading_rad)
+    return {"drift_north_mps": north, "drift_east_mps": east}

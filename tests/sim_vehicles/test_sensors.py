@@ -1,0 +1,66 @@
+"""What noisy vehicles tell of themselves, as pymavlink reads it, beside what they really do."""
+
+import math
+
+import numpy as np
+import pytest
+
+from airlink.clock import Instant
+from airlink.identity import VehicleId
+from sim_vehicles.config import SensorErrors
+from sim_vehicles.motion import Motion
+from sim_vehicles.sensors import Sensors
+
+GNSS = SensorErrors(10.0, 0.3, 0.1, 0.2, math.radians(0.5))
+STILL = Motion._make([0.0] * 4 + [22.0] + [0.0] * 11)
+TOLD = (
+    "north_m",
+    "east_m",
+    "height_m",
+    "velocity_north_mps",
+    "velocity_east_mps",
+    "velocity_down_mps",
+    "airspeed_mps",
+    "heading_rad",
+)
+SIGMAS = (0.3, 0.3, 0.3, 0.1, 0.1, 0.1, 0.2, math.radians(0.5))
+
+
+def errors(samples, vehicle=1, seed=1, keys=GNSS):
+    """Return (samples, 8): told minus true, a sample every 0.1 s."""
+    sensors = Sensors(keys, VehicleId(1, vehicle), seed)
+    told = [sensors.sense(STILL, Instant(n * 100_000_000)) for n in range(samples)]
+    return np.array([[getattr(each, name) - getattr(STILL, name) for name in TOLD] for each in told])
+
+
+def test_errors_are_white_independent_and_of_the_stated_sigmas():
+    found = errors(8000)
+    assert found.std(axis=0) == pytest.approx(SIGMAS, rel=0.04)
+    assert np.abs(found.mean(axis=0) / SIGMAS).max() < 0.05
+    both = np.hstack((found[1:], found[:-1], errors(7999, vehicle=2)))
+    assert np.abs(np.corrcoef(both.T) - np.eye(24)).max() < 0.05
+
+
+def test_gauss_markov_errors_keep_their_sigma_and_fade_exponentially():
+    found = errors(40_000, keys=SensorErrors(10.0, 0.3, 0.1, 0.2, math.radians(0.5), correlation_s=2.0)) / SIGMAS
+    assert found.std(axis=0) == pytest.approx(1.0, rel=0.06)
+    assert (found[20:] * found[:-20]).mean() == pytest.approx(math.exp(-1.0), abs=0.05)
+
+
+def test_a_sample_s_errors_stay_until_the_next_sample_and_depend_on_nothing_else():
+    sensors = Sensors(GNSS, VehicleId(1, 1), 1)
+    assert sensors.sense(STILL, Instant(350_000_000)) == sensors.sense(STILL, Instant(399_000_000))
+    assert sensors.sense(STILL, Instant(400_000_000)).north_m == errors(5)[4][0]
+
+
+def test_telemetry_is_noisy_and_the_vehicle_flies_as_if_it_were_not(make_air):
+    noisy, clean = make_air(1, sensors=GNSS), make_air(1)
+    for air in (noisy, clean):
+        air.set_mode(15)
+        air.command_long(511, 33, 100_000)
+        air.command_int(43002, 1, 40.0, 10.0)
+        air.run(60.0)
+    assert np.array_equal(noisy.fleet.state.table, clean.fleet.state.table)
+    heights = [message.relative_alt / 1e3 for message in noisy.ground.of("GLOBAL_POSITION_INT")]
+    assert np.std(heights) == pytest.approx(0.3, rel=0.15)
+    assert {message.relative_alt for message in clean.ground.of("GLOBAL_POSITION_INT")} == {100_000}

@@ -1,0 +1,77 @@
+"""Dryden's turbulence against MIL-F-8785C: figures worked out by hand, variance and spectra of the gusts."""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from scipy.linalg import expm
+from scipy.signal import welch
+
+from sim_vehicles.disturbances import Intensity
+from sim_vehicles.turbulence import DrydenGusts, discretised, low_altitude
+
+AIRSPEED_MPS, DT_S, VEHICLES = 22.0, 0.1, 64
+GIVEN = Intensity((1.5, 1.0, 0.5), (60.0, 40.0, 20.0))
+
+
+def flown(steps, airspeed_mps: npt.ArrayLike = AIRSPEED_MPS, count=VEHICLES):
+    """Return gusts (steps, 3, count)."""
+    gusts = DrydenGusts(np.random.SeedSequence(1).spawn(count), GIVEN)
+    speed, height = np.broadcast_to(airspeed_mps, (steps,)), np.full(count, 100.0)
+    return np.stack([gusts.advance(np.full(count, each), height, DT_S) for each in speed])
+
+
+def test_intensities_and_scale_lengths_of_low_altitude():
+    """At 500 ft: 0.177 + 0.000823 * 500 = 0.5885; 500 / 0.5885^1.2 = 944.7 ft; 0.5885^-0.4 = 1.2362."""
+    sigma_mps, length_m = low_altitude(10.0, np.array([500 * 0.3048]))
+    assert sigma_mps[:, 0] == pytest.approx([1.2362, 1.2362, 1.0], rel=1e-4)
+    assert length_m[:, 0] / 0.3048 == pytest.approx([944.7, 944.7, 500.0], rel=1e-4)
+
+
+def test_at_1000_ft_and_beyond_turbulence_is_isotropic():
+    """0.177 + 0.000823 * 1000 = 1."""
+    sigma_mps, length_m = low_altitude(8.0, np.array([304.8, 2000.0]))
+    assert sigma_mps == pytest.approx(0.8)
+    assert length_m == pytest.approx(304.8)
+
+
+@pytest.mark.parametrize("duration", [1e-3, 0.05, 0.7, 5.0])
+def test_the_lateral_filter_is_discretised_exactly(duration):
+    """Against Van Loan's matrix exponential (IEEE Transactions on Automatic Control 23, 1978)."""
+    dynamics, noise = np.array([[-1.0, 0.0], [1.0, -1.0]]), np.diag([1.0, 0.0])
+    block = expm(np.block([[-dynamics, noise], [np.zeros((2, 2)), dynamics.T]]) * duration)
+    transition, factor = discretised(np.array(duration))
+    assert transition == pytest.approx(block[2:, 2:].T, rel=1e-12)
+    assert factor @ factor.T == pytest.approx(transition @ block[:2, 2:], rel=1e-6, abs=1e-15)
+
+
+def test_the_rms_values_are_those_asked_for_whatever_the_airspeed_does():
+    airspeed_mps = np.where(np.arange(4000) % 600 < 300, 15.0, 30.0)
+    gusts = flown(4000, airspeed_mps=airspeed_mps)
+    assert np.sqrt((gusts**2).mean(axis=(0, 2))) == pytest.approx(GIVEN.sigma_mps, rel=0.02)
+    assert np.sqrt((gusts[:20] ** 2).mean(axis=(0, 2))) == pytest.approx(GIVEN.sigma_mps, rel=0.25)
+
+
+def dryden(axis, wave_radpm):
+    """Return Phi of MIL-F-8785C, section 3.7.1.2, whose integral over 0 to infinity rad/m is sigma^2."""
+    sigma, length = GIVEN.sigma_mps[axis], GIVEN.length_m[axis]
+    x2 = (length * wave_radpm) ** 2
+    if axis == 0:
+        return sigma**2 * 2 * length / math.pi / (1 + x2)
+    return sigma**2 * length / math.pi * (1 + 3 * x2) / (1 + x2) ** 2
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_the_spectra_are_drydens(axis):
+    frequency_hz, density = welch(flown(8192)[:, axis], fs=1 / DT_S, nperseg=1024, axis=0)
+    seen = (frequency_hz > 0.02) & (frequency_hz < 1.0)
+    per_hz = dryden(axis, 2 * math.pi * frequency_hz[seen] / AIRSPEED_MPS) * 2 * math.pi / AIRSPEED_MPS
+    bands = [chunk.mean() for chunk in np.array_split(density.mean(axis=1)[seen] / per_hz, 8)]
+    assert bands == pytest.approx([1.0] * 8, rel=0.08)
+
+
+def test_vehicles_and_axes_are_independent_of_each_other():
+    gusts = flown(3000, count=4).reshape(3000, 12)
+    correlation = np.corrcoef(gusts[::20].T)
+    assert np.abs(correlation - np.eye(12)).max() < 0.4
