@@ -68,7 +68,7 @@ class Law(Keys):
         5.0, description="oldest telemetry that is predicted from, s; beyond, the vehicle is told to loiter"
     )
     disturbance_observer_radps: NonNegative = Field(
-        default=1.0, description="bandwidth of the disturbance observer, rad/s; 0 switches it off"
+        default=2.0, description="bandwidth of the disturbance observer, rad/s; 0 switches it off"
     )
     mixer: Mixer = Mixer()
     speed: PidGains = Field(description="forward channel")

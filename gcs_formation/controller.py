@@ -29,6 +29,8 @@ LEADER = np.zeros(1, dtype=np.intp)
 HELD_FOR_S = 2.0
 """How long followers must stay in their slots to count as assembled."""
 CHANNELS = 3
+LEADER_WIND_RADPS = 0.5
+"""How fast the leader's guidance learns of wind: what it turns into at once, no follower's slot can."""
 
 
 class FormationController:
@@ -50,6 +52,7 @@ class FormationController:
         self._projection = parameters.projection(scenario, self._history, self._model)
         self._in_slots_s = 0.0
         self._leader_told_rad = math.nan
+        self._leader_wind_mps = np.full(2, np.nan)
         self._flown: Tick | None = None
         self.begin_regardless = False
         """Whether the path is begun even if the formation isn't assembled."""
@@ -143,7 +146,8 @@ class FormationController:
     def _steer_leader(self, tick: Tick, states: States) -> Lead:
         state = states.of(LEADER, LEADER)
         _fill(tick.state, LEADER, state)
-        motion = Motion(*(float(getattr(state, name)[0]) for name in _MOTION))
+        wind_mps = self._slow_wind(float(state.wind_north_mps[0]), float(state.wind_east_mps[0]))
+        motion = Motion(*(float(getattr(state, name)[0]) for name in _MOTION), *wind_mps)
         model = self._leader_model
         lags = Lags(float(model.tau_psi_s[0]), float(model.tau_ha_s[0]), float(model.tau_hb_s[0]))
         wanted = self.guidance.steer(motion, float(state.height_m[0]), lags, assembled=self.assembled)
@@ -154,6 +158,12 @@ class FormationController:
         turned_rad = math.remainder(self._leader_told_rad - before_rad, math.tau)
         turn_rps = 0.0 if math.isnan(turned_rad) else turned_rad / self._dt_s
         return Lead(Instant(int(states.instants(LEADER)[0])), told, turn_rps, self.guidance.heading(motion))
+
+    def _slow_wind(self, north_mps: float, east_mps: float) -> list[float]:
+        seen, kept = np.array((north_mps, east_mps)), math.exp(-LEADER_WIND_RADPS * self._dt_s)
+        before = np.where(np.isnan(self._leader_wind_mps), seen, self._leader_wind_mps)
+        self._leader_wind_mps = kept * before + (1 - kept) * seen
+        return self._leader_wind_mps.tolist()
 
     def _note(self, tick: Tick, decision: Decision, slots: SlotMotion) -> None:
         which, active = decision.columns, tick.active[decision.columns]
@@ -172,7 +182,7 @@ class FormationController:
         self._in_slots_s = self._in_slots_s + self._dt_s if within else 0.0
 
 
-_MOTION = ("north_m", "east_m", "airspeed_mps", "heading_rad", "wind_north_mps", "wind_east_mps")
+_MOTION = ("north_m", "east_m", "airspeed_mps", "heading_rad")
 
 
 def _values(columns: FlightState | Setpoints) -> list[Array]:

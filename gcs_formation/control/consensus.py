@@ -81,7 +81,8 @@ class ConsensusLaw:
         u_north, u_east = self._protocol(situation, reference, slots, own)
         u_x, u_y = rotate_to(own.target.heading_rad, u_north, u_east)
         beyond_x, beyond_y = self._damping_beyond(own)
-        forward = feed_forward(own.target, reference.leader, slots, model)
+        none = np.zeros_like(own.target.speed_mps)
+        forward = feed_forward(own.target, reference.leader, slots, (none, none), model)
         wanted = Setpoints(
             forward[:, 0] + model.tau_v_s * (u_x + beyond_x),
             forward[:, 1] + model.tau_psi_s * (u_y + beyond_y) / own.target.speed_mps,

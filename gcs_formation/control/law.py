@@ -14,10 +14,19 @@ from gcs_formation.arrays import Array, Mask, wrap
 from gcs_formation.control import envelope, pid
 from gcs_formation.control.feed_forward import LeaderMotion, feed_forward
 from gcs_formation.control.fuzzy import FuzzyGainScheduler
-from gcs_formation.control.mixer import Mixer, SlotFrame, formation_error, mix, slot_target
+from gcs_formation.control.mixer import (
+    Mixer,
+    SlotFrame,
+    drift,
+    formation_error,
+    mix,
+    rotate_to,
+    slot_axis,
+    slot_target,
+)
 from gcs_formation.control.pid import Gains, PidState
 from gcs_formation.control.situation import Decision, Situation
-from gcs_formation.estimation.flight_state import AutopilotModel, Setpoints
+from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Setpoints
 from gcs_formation.estimation.predictor import turn_rate
 
 CHANNELS = 3
@@ -56,6 +65,7 @@ class FormationLaw:
         self._leader_model = model.take(self._leading)
         self._model = model.take(self._followers)
         self._state = PidState.at_rest((self._followers.size, CHANNELS))
+        self._drift_mps = np.full((2, self._followers.size), np.nan)
 
     def decide(self, situation: Situation, dt_s: float) -> Decision:
         """Return the followers' setpoints; the controllers of those that aren't active are kept at rest."""
@@ -68,14 +78,17 @@ class FormationLaw:
         rate = pid.filter_rate(state, mixed, parameters.derivative_filter_s, dt_s)
         gains = scheduled_gains(parameters, mixed, rate)
         output = pid.unlimited(state, gains, mixed, rate)
-        forward = feed_forward(target, leader, slots, self._model)
+        gust_mps2 = self._gust(leader.state, follower, dt_s)
+        forward = feed_forward(target, leader, slots, gust_mps2, self._model)
         wanted = Setpoints(*(forward + output).T)
         limited = envelope.limit(wanted, forward[:, 1], follower, self._model)
         # What the feed-forward alone asks beyond the envelope isn't the integrators' to work off.
         forward_limited = envelope.limit(Setpoints(*forward.T), forward[:, 1], follower, self._model)
         excess = _difference(limited, forward_limited) - output
         following = pid.integrate(state, gains, mixed, rate, excess, parameters.anti_windup_s, dt_s)
-        self._state = _where(situation.active[self._followers], following, PidState.at_rest(mixed.shape))
+        active = situation.active[self._followers]
+        self._state = _where(active, following, PidState.at_rest(mixed.shape))
+        self._drift_mps[:, ~active] = np.nan
         shown = np.concatenate((gains.proportional, gains.integral, gains.derivative), axis=1)
         return Decision(self._followers, follower, limited, error_m, mixed, shown)
 
@@ -90,6 +103,12 @@ class FormationLaw:
         towed = self._parameters.frame == "follower_heading"
         bend_rps2 = np.zeros_like(turn_rps) if towed else (lead.told_turn_rps - turn_rps) / model.tau_psi_s
         return LeaderMotion(state, turn_rps, bend_rps2)
+
+    def _gust(self, leader: FlightState, follower: FlightState, dt_s: float) -> tuple[Array, Array]:
+        """Return how what carries the followers away has changed since the last tick, along and across, in m/s²."""
+        before_mps, self._drift_mps = self._drift_mps, drift(leader, follower)
+        rate_mps2 = np.nan_to_num((self._drift_mps - before_mps) / dt_s)
+        return rotate_to(slot_axis(leader, follower, self._parameters.frame), *rate_mps2)
 
 
 def scheduled_gains(parameters: LawParameters, mixed: Array, rate: Array) -> Gains:

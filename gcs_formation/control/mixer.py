@@ -53,7 +53,7 @@ def formation_error(leader: FlightState, follower: FlightState, slots_m: Array, 
         slots_m: (F, 3) forward, right, up of the leader.
         frame: whose heading x and y lie along.
     """
-    axis = leader.heading_rad if frame == "leader_heading" else follower.heading_rad
+    axis = slot_axis(leader, follower, frame)
     forward_m, right_m = rotate_to(axis, leader.north_m - follower.north_m, leader.east_m - follower.east_m)
     return np.stack((forward_m, right_m, leader.height_m - follower.height_m), axis=1) + slots_m
 
@@ -69,13 +69,10 @@ def slot_target(
     x_rc, y_rc = -slots.position_m[:, 0], -slots.position_m[:, 1]
     speed, turn = leader.airspeed_mps, turn_rate_rps
     forth, aside = slots.velocity_mps[:, 0], slots.velocity_mps[:, 1]
-    drift_north = follower.wind_north_mps - leader.wind_north_mps
-    drift_east = follower.wind_east_mps - leader.wind_east_mps
+    drift_x, drift_y = rotate_to(slot_axis(leader, follower, frame), *drift(leader, follower))
     if frame == "leader_heading":
-        drift_x, drift_y = rotate_to(leader.heading_rad, drift_north, drift_east)
         forward, right = speed + turn * y_rc - drift_x + forth, -turn * x_rc - drift_y + aside
         return Target(np.hypot(forward, right), leader.heading_rad + np.arctan2(right, forward))
-    drift_x, drift_y = rotate_to(follower.heading_rad, drift_north, drift_east)
     lead_angle = np.arcsin(np.clip((turn * x_rc + drift_y - aside) / speed, -1.0, 1.0))
     return Target(speed * np.cos(lead_angle) + turn * y_rc - drift_x + forth, leader.heading_rad - lead_angle)
 
@@ -85,6 +82,21 @@ def mix(mixer: Mixer, target: Target, follower: FlightState, error_m: Array) -> 
     speed = mixer.k_v * (target.speed_mps - follower.airspeed_mps) + mixer.k_x * error_m[:, 0]
     heading = mixer.k_psi * wrap(target.heading_rad - follower.heading_rad) + mixer.k_y * error_m[:, 1]
     return np.stack((speed, heading, mixer.k_z * error_m[:, 2]), axis=1)
+
+
+def slot_axis(leader: FlightState, follower: FlightState, frame: SlotFrame) -> Array:
+    """Return the heading along which the slots' x axes lie, (F,)."""
+    return leader.heading_rad if frame == "leader_heading" else follower.heading_rad
+
+
+def drift(leader: FlightState, follower: FlightState) -> Array:
+    """Return (2, F) north and east: by how much faster the follower is carried than the leader (errata item 16)."""
+    return np.stack(
+        (
+            follower.wind_north_mps - leader.wind_north_mps,
+            follower.wind_east_mps - leader.wind_east_mps,
+        )
+    )
 
 
 def rotate_to(heading_rad: Array, north: Array, east: Array) -> tuple[Array, Array]:
