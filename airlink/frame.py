@@ -106,7 +106,7 @@ class StreamParser:
         kept = end  # the earliest start of what may yet become a frame
         refused_to = sound = 0
         while offset < end:
-            following = offset + _frame_length(data, offset)
+            following = offset + frame_length(data, offset)
             if following > end:
                 kept = min(kept, offset)
             elif following > offset:
@@ -142,7 +142,7 @@ class StreamParser:
         return None
 
 
-def _frame_length(data: bytes, offset: int) -> int:
+def frame_length(data: bytes, offset: int) -> int:
     """Return the length of the frame that starts at `offset`, 0 when none can."""
     marker = data[offset]
     if marker == MARKER_V2:

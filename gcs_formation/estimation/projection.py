@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 
+from airlink.clock import NANOSECONDS
 from gcs_formation.arrays import Array, Instants, Mask
 from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Indices
 from gcs_formation.estimation.predictor import HISTORY_S, SetpointHistory
@@ -17,6 +18,8 @@ HEADING = 5
 """Row of `FlightState` that is an angle."""
 LONG_AGO = np.int64(-(2**61))
 """Stamp of a state that nothing may be interpolated from."""
+LOST_S = 2.0
+"""Age from which a vehicle that isn't commanded is taken to be where it was last seen: it costs no prediction."""
 
 
 @dataclass(frozen=True)
@@ -134,6 +137,8 @@ class Prediction:
 
     def take(self, measured: Measured) -> WhenSetpointsAct:
         """Return the states when this tick's setpoints act."""
+        lost = ~measured.active & (measured.acts - measured.stamps > LOST_S * NANOSECONDS)
+        measured = replace(measured, stamps=np.where(lost, measured.acts, measured.stamps))
         self._samples.append((measured.stamps, measured.state.table))
         return WhenSetpointsAct(measured, self._samples, self._history, self._model)
 

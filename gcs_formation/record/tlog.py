@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterator
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, NamedTuple
 
 from airlink.clock import Instant
+from airlink.frame import frame_length
 
-_stamp = struct.Struct(">Q").pack
+_STAMP = struct.Struct(">Q")
+
+
+class LoggedFrame(NamedTuple):
+    """A frame of a log and when it was written, microseconds since 1970."""
+
+    time_us: int
+    raw: bytes
 
 
 class TlogWriter:
@@ -21,7 +30,7 @@ class TlogWriter:
 
     def write(self, now: Instant, raw: bytes) -> None:
         """Append a frame."""
-        self._file.write(_stamp(self._epoch_us + now // 1000) + raw)
+        self._file.write(_STAMP.pack(self._epoch_us + now // 1000) + raw)
 
     def flush(self) -> None:
         """Hand what was written to the system, so that it survives us."""
@@ -30,3 +39,16 @@ class TlogWriter:
     def close(self) -> None:
         """Close the file."""
         self._file.close()
+
+
+def read_tlog(path: Path) -> Iterator[LoggedFrame]:
+    """Yield a log's frames up to its end, or to where it was cut off."""
+    data = path.read_bytes()
+    begin = 0
+    while begin + _STAMP.size < len(data):
+        frame = begin + _STAMP.size
+        end = frame + frame_length(data, frame)
+        if end == frame or end > len(data):
+            return
+        yield LoggedFrame(_STAMP.unpack_from(data, begin)[0], data[frame:end])
+        begin = end

@@ -1,0 +1,1 @@
+"""Deterministic simulation testing: seeded random flights, held against what must be so in every flight."""
