@@ -1,0 +1,50 @@
+"""Seeded flights: drawn the same from the same seed, and none breaks what must be so in every flight."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from formation_scenario import dump_scenario
+from gcs_formation.cli import main
+from gcs_formation.stress import campaign
+from gcs_formation.stress.campaign import fly_seed
+from gcs_formation.stress.scenarios import draw
+
+SEEDS_EACH = 5
+
+
+def test_a_seed_is_one_scenario_and_seeds_differ() -> None:
+    drawn = [dump_scenario(draw(seed)) for seed in (1, 1, 2)]
+    assert drawn[0] == drawn[1] != drawn[2]
+
+
+def test_seeds_cover_what_may_happen() -> None:
+    scenarios = [draw(seed) for seed in range(200)]
+    assert {fault.kind for each in scenarios for fault in each.faults} >= {"crash", "restart", "freeze"}
+    assert {each.formation.frame for each in scenarios} == {"leader_heading", "follower_heading"}
+    assert len({each.formation.shape for each in scenarios}) == 9
+    assert any(change.outage for each in scenarios for change in each.links.changes)
+    assert any(not each.start.in_air for each in scenarios)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("first", range(1, 101, SEEDS_EACH))
+def test_a_hundred_flights_break_nothing(first: int) -> None:
+    assert [trial for seed in range(first, first + SEEDS_EACH) if (trial := fly_seed(seed)).broken] == []
+
+
+def test_the_command_names_the_seed_that_breaks_something(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(campaign, "broken", lambda flown: [f"separation: seed {flown.scenario.seed} came too near"])
+    result = CliRunner().invoke(main, ["stress", "--count", "1", "--seed", "7", "--out", str(tmp_path / "run")])
+    assert result.exit_code == 1
+    assert "seed 7: separation: seed 7 came too near" in result.stderr
+    assert "gcs-formation stress --count 1 --seed 7" in result.stderr
+    assert (tmp_path / "run" / "flight.tlog").exists()
+
+
+def test_a_record_is_kept_of_one_flight_only() -> None:
+    result = CliRunner().invoke(main, ["stress", "--out", "anywhere"])
+    assert (result.exit_code, "allowed: --count 1" in result.stderr) == (2, True)

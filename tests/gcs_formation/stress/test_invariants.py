@@ -1,0 +1,78 @@
+"""Each invariant finds what it looks for in a record that was sound before it was tampered with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import gcs_formation
+from airlink import mavlink as m
+from formation_scenario import load_scenario
+from gcs_formation.stress.invariants import Flown, broken, read_flown
+from tests.flights.conftest import scenario
+
+Tamper = Callable[[Flown], Flown]
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory: pytest.TempPathFactory) -> Flown:
+    plan = load_scenario(scenario(duration_s=20))
+    out = tmp_path_factory.mktemp("flight") / "run"
+    gcs_formation.run(plan, clock="virtual", out=out)
+    return read_flown(out, plan)
+
+
+def with_column(flown: Flown, name: str, row: int, value: float) -> Flown:
+    column = flown.columns[name].copy()
+    column[row] = value
+    return replace(flown, columns={**flown.columns, name: column})
+
+
+def collided(flown: Flown) -> Flown:
+    columns = dict(flown.columns)
+    for name in ("true_north_m", "true_east_m", "true_height_m"):
+        columns[name] = np.repeat(columns[name][::3], 3)
+    return replace(flown, columns=columns)
+
+
+def too_fast(flown: Flown) -> Flown:
+    index = next(i for i, (_, c) in enumerate(flown.sent) if c.command == m.MAV_CMD_GUIDED_CHANGE_SPEED)
+    system, command = flown.sent[index]
+    return replace(flown, sent=(*flown.sent[:index], (system, command._replace(param2=28.1))))
+
+
+def without_a_tick(flown: Flown) -> Flown:
+    kept = np.ones(flown.columns["t_s"].size, dtype=bool)
+    kept[30:33] = False
+    return replace(flown, columns={name: values[kept] for name, values in flown.columns.items()})
+
+
+def unacknowledged(flown: Flown) -> Flown:
+    event = {"schema": 1, "t_s": 1.0, "kind": "unacknowledged", "text": "has not acknowledged", "vehicle": "2"}
+    return replace(flown, events=(*flown.events, event))
+
+
+def test_a_sound_record_breaks_nothing(sound: Flown) -> None:
+    assert broken(sound) == []
+    assert len(sound.sent) > 3 * 20 * 10
+    # Three vehicles, told speed, height and heading ten times a second for twenty seconds and more.
+
+
+@pytest.mark.parametrize(
+    ("tamper", "said"),
+    [
+        (collided, "separation: vehicles 1 and 2 were 0.00 m apart"),
+        (too_fast, "was sent 28.100 m/s; allowed: 16 to 28"),
+        (lambda flown: with_column(flown, "setpoint_heading_rad", -1, np.nan), "setpoint_heading_rad isn't a number"),
+        (lambda flown: with_column(flown, "true_north_m", 5, np.inf), "true_north_m isn't a number in 1 rows"),
+        (unacknowledged, "acknowledged: 2: has not acknowledged"),
+        (lambda flown: replace(flown, frames=flown.frames - 1), "recorded: the log has"),
+        (without_a_tick, "ticks 0.200 s apart, not 0.1"),
+        (lambda flown: with_column(flown, "error_y_m", -1, -1.5), "regained: vehicle 3 was 1.50 m from its slot"),
+    ],
+)
+def test_what_is_broken_is_named(sound: Flown, tamper: Tamper, said: str) -> None:
+    assert said in "\n".join(broken(tamper(sound)))
