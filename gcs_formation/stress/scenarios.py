@@ -79,15 +79,20 @@ def _start(rng: np.random.Generator) -> Keys:
 
 
 def _formation(rng: np.random.Generator) -> Keys:
+    """Return a shape; in the follower's own frame one whose slots aren't far aside, where that frame swings them."""
+    if rng.random() < 0.25:
+        spacing_m = float(rng.uniform(20.0, 35.0))
+        return {
+            "shape": _one_of(rng, "follower", "diamond", "triangle"),
+            "spacing_m": spacing_m,
+            "frame": "follower_heading",
+        }
     shapes = ("follower", "diamond", "triangle", "square", "plus", "arrow", "line", "echelon", "circle")
-    formation: Keys = {
+    return {
         "shape": _one_of(rng, *shapes),
         "spacing_m": float(rng.uniform(25.0, 60.0)),
-        "frame": _one_of(rng, "leader_heading", "leader_heading", "follower_heading"),
+        "frame": "leader_heading",
     }
-    if rng.random() < 0.3:
-        formation["changes"] = [{"at_s": _trouble_at(rng), "shape": _one_of(rng, *shapes)}]
-    return formation
 
 
 def _waypoints(rng: np.random.Generator, length_m: float) -> list[list[float]]:
