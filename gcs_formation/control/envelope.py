@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gcs_formation.arrays import Array, wrap
+from gcs_formation.arrays import Array
 from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Setpoints
 
 INTERCEPT_MAX_RAD = np.radians(60.0)
@@ -14,10 +14,12 @@ INTERCEPT_MAX_RAD = np.radians(60.0)
 def limit(wanted: Setpoints, own_heading_rad: Array, state: FlightState, model: AutopilotModel) -> Setpoints:
     """Return the setpoints that are sent, (F,) each.
 
-    Speed within the limits; heading within `INTERCEPT_MAX_RAD` of `own_heading_rad`; height no farther from the present
-    one than the model climbs through in its own time constants, so that the climb limit isn't asked to be broken.
+    Speed within the limits; heading within `INTERCEPT_MAX_RAD` of `own_heading_rad`, on the side on which it's wanted:
+    `wanted` is that plus a correction, which may be more than half a turn from far away. Height no farther from the
+    present one than the model climbs through in its own time constants, so that the climb limit isn't asked to be
+    broken.
     """
-    aside = wrap(wanted.heading_rad - own_heading_rad)
+    aside = wanted.heading_rad - own_heading_rad
     climb_reach_m = model.climb_max_mps * (model.tau_ha_s + model.tau_hb_s)
     return Setpoints(
         np.clip(wanted.speed_mps, model.speed_min_mps, model.speed_max_mps),

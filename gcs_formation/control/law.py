@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs_formation.arrays import Array, Mask, wrap
+from gcs_formation.arrays import Array, Mask
 from gcs_formation.control import envelope, pid
 from gcs_formation.control.feed_forward import LeaderMotion, feed_forward
 from gcs_formation.control.fuzzy import FuzzyGainScheduler
@@ -131,7 +131,7 @@ def _difference(limited: Setpoints, wanted: Setpoints) -> Array:
     return np.stack(
         (
             limited.speed_mps - wanted.speed_mps,
-            wrap(limited.heading_rad - wanted.heading_rad),
+            limited.heading_rad - wanted.heading_rad,
             limited.height_m - wanted.height_m,
         ),
         axis=1,

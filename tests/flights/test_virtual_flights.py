@@ -37,6 +37,13 @@ def test_followers_settle_from_an_offset(fly: Fly, frame: str, law: str) -> None
         assert max(follower[f"error_{axis}_m"]["steady_max"] for axis in "xyz") <= 0.5
 
 
+@pytest.mark.parametrize("aside_m", [-150, 150])
+def test_a_follower_far_aside_flies_to_its_slot(fly: Fly, aside_m: float) -> None:
+    summary = fly(duration_s=80, start={"in_air": True, "run_in_s": 6, "offset_m": [0, aside_m, 0]})
+    for follower in summary.to_dict()["followers"].values():
+        assert follower["settled_at_s"] < 60
+
+
 def test_an_assembled_formation_keeps_its_slots_to_centimetres(fly: Fly) -> None:
     assert max(worst(fly(), "max")) < 0.05
 

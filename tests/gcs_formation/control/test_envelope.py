@@ -1,0 +1,32 @@
+"""Setpoints are held inside the envelope, on the side on which they're wanted."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from formation_scenario.vehicles import VehicleModel
+from gcs_formation.control.envelope import INTERCEPT_MAX_RAD, limit
+from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Setpoints
+
+MODEL = AutopilotModel(**{name: np.array([value]) for name, value in VehicleModel().model_dump().items()})
+STATE = FlightState(*np.array([[0.0], [0.0], [100.0], [0.0], [22.0], [0.0], [0.0], [0.0]]))
+
+
+@given(st.floats(-50, 50), st.floats(-10, 10), st.floats(-1e6, 1e6), st.floats(-1e4, 1e4))
+def test_what_is_sent_is_inside_the_limits(speed: float, own: float, correction: float, height: float) -> None:
+    wanted = Setpoints(*np.array([[speed], [own + correction], [height]]))
+    told = limit(wanted, np.array([own]), STATE, MODEL)
+    assert 16.0 <= told.speed_mps[0] <= 28.0
+    assert abs(told.heading_rad[0] - own) <= INTERCEPT_MAX_RAD + 1e-9
+    assert abs(told.height_m[0] - 100.0) <= 3.0 * (1.0 + 3.0) + 1e-9
+
+
+@given(st.floats(1e-3, 100.0))
+def test_however_far_aside_a_follower_is_it_turns_towards_its_slot(correction: float) -> None:
+    """Half a turn's worth of correction isn't a turn the other way."""
+    wanted = Setpoints(*np.array([[22.0], [-correction], [100.0]]))
+    assert limit(wanted, np.zeros(1), STATE, MODEL).heading_rad[0] == -min(correction, math.radians(60.0))
