@@ -11,6 +11,7 @@ from airlink.errors import EndpointError
 from formation_scenario.disturbances import DrydenTurbulence
 from formation_scenario.errors import Problem
 from formation_scenario.expectation import RUN_METRICS
+from formation_scenario.faults import PASSING
 from formation_scenario.fields import VehicleRef, VehicleSelection
 from formation_scenario.formation import Shape, Slots
 from formation_scenario.graph import has_spanning_tree
@@ -39,6 +40,7 @@ def inconsistencies(scenario: Scenario, source: Source) -> list[Problem]:
         _speeds,
         _references,
         _disturbances,
+        _faults,
         _traces,
         _bursts,
         _slots,
@@ -135,6 +137,19 @@ def _disturbances(scenario: Scenario, source: Source) -> Iterator[Problem]:
             if given not in ({"wind_6m_mps"}, {"sigma_mps", "length_m"}):
                 found = f"found {', '.join(sorted(given)) or 'neither'}"
                 yield source.problem(path, found, "wind_6m_mps, or sigma_mps and length_m")
+
+
+def _faults(scenario: Scenario, source: Source) -> Iterator[Problem]:
+    for index, fault in enumerate(scenario.faults):
+        path: KeyPath = ("faults", index)
+        if fault.until_s is not None and fault.kind not in PASSING:
+            yield source.problem(
+                (*path, "until_s"), f"found an end of a {fault.kind}", f"only for {', '.join(PASSING)}"
+            )
+        elif fault.until_s is not None and fault.until_s <= fault.at_s:
+            yield source.problem((*path, "until_s"), f"found {fault.until_s:g}", f"after at_s, {fault.at_s:g}")
+        if fault.mode is not None and fault.kind != "pilot":
+            yield source.problem((*path, "mode"), f"found a mode for a {fault.kind}", "only for pilot")
 
 
 def _traces(scenario: Scenario, source: Source) -> Iterator[Problem]:

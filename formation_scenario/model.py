@@ -8,6 +8,7 @@ from pydantic import Field
 
 from formation_scenario.disturbances import Disturbance
 from formation_scenario.expectation import Expectation
+from formation_scenario.faults import Fault
 from formation_scenario.fields import (
     Allowed,
     Flag,
@@ -17,7 +18,6 @@ from formation_scenario.fields import (
     Number,
     Positive,
     Rate,
-    Timed,
     Vector,
     VehicleSelection,
 )
@@ -84,12 +84,6 @@ class PathPlan(Keys):
 
     speed_mps: Positive = Field(default=22.0, description="the leader's speed, m/s")
     waypoints_m: Waypoints = Field(description="north, east and height above the origin, m")
-
-
-class Fault(Timed):
-    """A failure of some vehicles' autopilots."""
-
-    kind: Literal["crash", "restart", "freeze"] = Field(description="crash | restart | freeze")
 
 
 class Scenario(Keys):

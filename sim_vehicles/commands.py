@@ -222,3 +222,12 @@ HANDLERS: dict[int, Callable[[Vehicle, Order], int]] = {
     m.MAV_CMD_GET_HOME_POSITION: lambda vehicle, _: _send(vehicle, m.MAVLINK_MSG_ID_HOME_POSITION),
     m.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: lambda vehicle, _: _send(vehicle, m.MAVLINK_MSG_ID_AUTOPILOT_VERSION),
 }
+
+ORDERS = frozenset(HANDLERS) - {
+    m.MAV_CMD_GET_MESSAGE_INTERVAL,
+    m.MAV_CMD_SET_MESSAGE_INTERVAL,
+    m.MAV_CMD_REQUEST_MESSAGE,
+    m.MAV_CMD_GET_HOME_POSITION,
+    m.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES,
+}
+"""Commands that change what the vehicle does, not only what it tells."""

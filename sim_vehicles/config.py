@@ -9,7 +9,7 @@ from airlink.endpoint import Endpoint
 from airlink.identity import VehicleId
 from sim_vehicles.disturbances import Disturbance, Turbulence
 
-FaultKind = Literal["crash", "restart", "freeze"]
+FaultKind = Literal["crash", "freeze", "restart", "ignore", "pilot"]
 
 
 @dataclass(frozen=True)
@@ -77,6 +77,10 @@ class Fault:
     at_s: float
     vehicles: frozenset[VehicleId]
     kind: FaultKind
+    ends: bool = False
+    """Whether it ends then, or begins."""
+    mode: str = "LOITER"
+    """The mode that a pilot switches to."""
 
 
 @dataclass(frozen=True)

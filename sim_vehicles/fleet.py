@@ -80,7 +80,7 @@ class Fleet:
         for fault in self.environment.advance(now, self.state):
             for vehicle in self.vehicles:
                 if vehicle.config.identity in fault.vehicles:
-                    vehicle.strike(fault.kind, now)
+                    vehicle.strike(fault, now)
         self._fly()
         for vehicle in self.vehicles:
             if vehicle.wake <= now:

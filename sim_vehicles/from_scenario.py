@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 from airlink.endpoint import parse_endpoint
 from airlink.identity import VehicleId
 from formation_scenario import Scenario, start_states
 from formation_scenario import disturbances as keys
+from formation_scenario import faults as fault_keys
 from formation_scenario.fields import VehicleSelection
 from formation_scenario.navigation import Navigation, TrueNavigation
 from sim_vehicles.config import Airframe, Fault, FleetConfig, SensorErrors, Start, VehicleConfig
@@ -45,7 +47,7 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
         cruise_mps=scenario.path.speed_mps,
         wind_mps=scenario.wind.velocity_mps,
         disturbances=tuple(_disturbance(each, _selected(scenario, each.vehicles)) for each in scenario.disturbances),
-        faults=tuple(Fault(each.at_s, _selected(scenario, each.vehicles), each.kind) for each in scenario.faults),
+        faults=tuple(part for each in scenario.faults for part in _fault(each, _selected(scenario, each.vehicles))),
         seed=scenario.seed,
     )
 
@@ -85,3 +87,11 @@ def _intensity(entry: keys.DrydenTurbulence) -> Intensity | float:
         return Intensity(entry.sigma_mps, entry.length_m)
     assert entry.wind_6m_mps is not None
     return entry.wind_6m_mps
+
+
+def _fault(entry: fault_keys.Fault, vehicles: frozenset[VehicleId]) -> Iterator[Fault]:
+    """Yield a fault's beginning, and its end if it has one."""
+    mode = entry.mode or fault_keys.DEFAULT_MODE
+    yield Fault(entry.at_s, vehicles, entry.kind, mode=mode)
+    if entry.until_s is not None:
+        yield Fault(entry.until_s, vehicles, entry.kind, ends=True, mode=mode)

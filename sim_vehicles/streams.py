@@ -70,6 +70,11 @@ class Streams:
         interval_ns = self._interval_ns.get(message_id)
         return int(STOP) if interval_ns is None else interval_ns // 1000
 
+    def leave_out(self, now: Instant) -> None:
+        """Leave out what was due before now."""
+        self._due = {message_id: max(instant, now) for message_id, instant in self._due.items()}
+        self._plan()
+
     def take_due(self, now: Instant) -> list[int]:
         """Return the ids of the messages that are due, in order, and plan their next ones."""
         if now < self.next_due:

@@ -28,7 +28,7 @@ from airlink.messages import (
     Timesync,
 )
 from sim_vehicles import commands, missions
-from sim_vehicles.config import FaultKind, VehicleConfig
+from sim_vehicles.config import Fault, VehicleConfig
 from sim_vehicles.failsafe import GroundStationFailsafe
 from sim_vehicles.link import Link
 from sim_vehicles.modes import Condition, Mode, Request, select
@@ -119,15 +119,23 @@ class Vehicle:
         self._tell()
         self._plan()
 
-    def strike(self, fault: FaultKind, now: Instant) -> None:
-        """Let a fault happen."""
-        self.wake = now
-        if fault == "freeze":
-            self._frozen = True
-        elif fault == "crash":
-            self._crash(Request.CRASH)
-        elif self.pilot.request(Request.RESTART):
-            self._boot(now, 0.0)
+    def strike(self, fault: Fault, now: Instant) -> None:
+        """Let a fault happen, or end."""
+        self.wake = self.now = now
+        match fault.kind:
+            case "crash":
+                self._crash(Request.CRASH)
+            case "freeze":
+                self._frozen = not fault.ends
+                self.streams.leave_out(now)
+            case "ignore":
+                self._ignores = not fault.ends
+            case "restart" if self.pilot.request(Request.RESTART):
+                self._boot(now, 0.0)
+            case "pilot" if not self._frozen:
+                self._switch(Mode.GUIDED if fault.ends else Mode[fault.mode])
+            case _:
+                pass
 
     # What commands do to it.
 
@@ -176,7 +184,7 @@ class Vehicle:
 
     def _boot(self, now: Instant, clock_offset_s: float) -> None:
         self.now = now
-        self._frozen = False
+        self._frozen = self._ignores = False
         self._clock = VehicleClock(now, clock_offset_s, self.config.clock_drift)
         self._up = after(now, INITIALISING_S)
         self._next_timesync = after(now, TIMESYNC_S)
@@ -203,7 +211,9 @@ class Vehicle:
             return  # what comes from our own id is our own, back from a loop in the network
         match message:
             case CommandInt() | CommandLong():
-                result = commands.execute(self, commands.order(message))
+                given = commands.order(message)
+                ignored = self._ignores and given.command in commands.ORDERS
+                result = commands.ACCEPTED if ignored else commands.execute(self, given)
                 self.answer(CommandAck(message.command, result, 0, 0, frame.system, frame.component))
             case Timesync(tc1_ns=0):
                 self.answer(Timesync(self.time_ns, message.ts1_ns))
@@ -220,8 +230,8 @@ class Vehicle:
             case RequestDataStream():
                 rate_hz = message.req_message_rate if message.start_stop else 0
                 self.streams.set_group(message.req_stream_id, rate_hz, self.now)
-            case SetMode():
-                self._set_mode(message)
+            case SetMode() if not self._ignores and message.base_mode & m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
+                self._switch(message.custom_mode)
             case NamedValueFloat(name=name, value=value) if name == MISSION_TIME and math.isfinite(value):
                 self.fleet.environment.mission_told(value, self.now)
             case _:
@@ -231,9 +241,9 @@ class Vehicle:
         """Return whether a message is for everyone or names us."""
         return getattr(message, "target_system", 0) in (0, self.config.identity.system)
 
-    def _set_mode(self, request: SetMode) -> None:
-        mode = select(self.pilot.condition, request.custom_mode)
-        if mode is not None and request.base_mode & m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
+    def _switch(self, number: int) -> None:
+        mode = select(self.pilot.condition, number)
+        if mode is not None:
             self.enter(mode)
 
     def _watch_ground_station(self) -> None:

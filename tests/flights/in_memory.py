@@ -15,6 +15,7 @@ from airlink.memory import MemoryNetwork
 from formation_scenario import load_scenario
 from gcs_formation.records import Event, Tick
 from gcs_formation.station import Station
+from sim_vehicles.config import Fault, FaultKind
 from sim_vehicles.fleet import Fleet
 from sim_vehicles.from_scenario import fleet_config
 from tests.flights.conftest import scenario
@@ -95,9 +96,9 @@ class World:
         """Return an emulated vehicle."""
         return self.fleet.vehicles[number - 1]
 
-    def strike(self, number: int, fault: Any) -> None:
+    def strike(self, number: int, kind: FaultKind, **keys: Any) -> None:
         """Let a fault happen now."""
-        self.vehicle(number).strike(fault, self.clock.now())
+        self.vehicle(number).strike(Fault(0.0, frozenset(), kind, **keys), self.clock.now())
 
     def times_s(self, kind: str, number: int | None = None, text: str = "") -> list[float]:
         """Return when events of a kind happened, to a vehicle, with words in them."""

@@ -49,7 +49,7 @@ def test_a_wrong_word_names_file_line_column_key_choices_and_the_nearest(tmp_pat
         ("law: 3\n", "law: found 3; allowed: a mapping with type, rate_hz"),
         ("law: {consensus: {graph: sta}}\n", "or a square list of weights >= 0 (did you mean 'star'?)"),
         ("faults: [{at_s: 1, kind: crash, vehicles: [1.5]}]\n", "allowed: all, or a list of vehicle ids"),
-        ("faults: [{at_s: 1}]\n", "faults.0.kind: not found; allowed: crash, restart, freeze"),
+        ("faults: [{at_s: 1}]\n", "faults.0.kind: not found; allowed: crash, freeze, restart, ignore, pilot"),
         ("disturbances: {at_s: 1}\n", "disturbances: found {at_s: 1}; allowed: a list"),
         (
             "disturbances: [{at_s: 1, kind: rmp}]\n",

@@ -6,6 +6,8 @@ from itertools import pairwise
 
 import pytest
 
+from sim_vehicles.config import Fault
+
 INTERVAL, REQUEST = 511, 512
 UNASKED = {
     "HEARTBEAT",
@@ -117,7 +119,7 @@ def test_every_stamp_is_the_vehicle_s_own_clock(make_air, offset_s, drift):
 def test_a_restarted_clock_begins_at_zero(make_air):
     air = make_air(clock_offset_s=100.0)
     air.run(10.0)
-    air.fleet.vehicles[0].strike("restart", air.fleet.next_timer())
+    air.fleet.vehicles[0].strike(Fault(0.0, frozenset(), "restart"), air.fleet.next_timer())
     air.run(5.0)
     assert air.ground.of("SYSTEM_TIME")[-1].time_boot_ms / 1e3 == pytest.approx(5.0, abs=1.1)
 

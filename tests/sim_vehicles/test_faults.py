@@ -1,0 +1,65 @@
+"""Faults that end: a hang, orders that are ignored, a pilot's switch."""
+
+import math
+
+import pytest
+
+from airlink.identity import VehicleId
+from sim_vehicles.config import Fault
+
+WHO = frozenset({VehicleId(1, 1)})
+HEADING, INTERVAL, ATTITUDE = 43002, 511, 30
+FBWA, RTL, GUIDED = 5, 11, 15
+AT_S, END_S = 60.0, 80.0
+
+
+@pytest.fixture
+def struck(make_air):
+    """Return a vehicle in GUIDED on which a fault has just struck; it ends 20 s later."""
+
+    def made(kind, mode="LOITER"):
+        air = make_air(1, faults=(Fault(AT_S, WHO, kind, mode=mode), Fault(END_S, WHO, kind, ends=True)))
+        air.run(3.0)
+        air.set_mode(GUIDED)
+        air.ground.send(air.ground.dialect.named_value_float_encode(0, b"MISSION_T", AT_S))
+        air.run(0.1)
+        return air
+
+    return made
+
+
+def counted(air, name, seconds):
+    before = len(air.ground.of(name))
+    air.run(seconds)
+    return len(air.ground.of(name)) - before
+
+
+def test_a_hang_that_ends_leaves_the_clock_and_no_backlog(struck):
+    air = struck("freeze")
+    assert counted(air, "HEARTBEAT", 19.8) == 0
+    assert 10 <= counted(air, "HEARTBEAT", 10.0) <= 12
+    assert air.ground.of("SYSTEM_TIME")[-1].time_boot_ms / 1e3 == pytest.approx(air.seconds, abs=1.1)
+    assert air.command_int(HEADING, 1, 90.0, 10.0) == 0
+
+
+def test_a_vehicle_that_ignores_acknowledges_orders_and_flies_on(struck):
+    air = struck("ignore")
+    heading_rad = air.state("heading_rad")
+    assert air.set_mode(RTL) == 0
+    assert air.command_int(HEADING, 1, 90.0, 10.0) == 0
+    assert air.command_long(INTERVAL, ATTITUDE, 100_000) == 0
+    assert 95 <= counted(air, "ATTITUDE", 10.0) <= 102  # what it tells is no order
+    assert air.ground.of("HEARTBEAT")[-1].custom_mode == GUIDED
+    assert air.state("heading_rad") == pytest.approx(heading_rad)
+    air.run(10.0)
+    assert air.command_int(HEADING, 1, 90.0, 10.0) == 0
+    air.run(15.0)
+    assert math.degrees(air.state("heading_rad")) == pytest.approx(90.0, abs=0.5)
+
+
+def test_a_pilot_takes_the_vehicle_and_gives_it_back(struck):
+    air = struck("pilot", mode="FBWA")
+    air.run(1.0)
+    assert air.ground.of("HEARTBEAT")[-1].custom_mode == FBWA
+    air.run(20.0)
+    assert air.ground.of("HEARTBEAT")[-1].custom_mode == GUIDED
