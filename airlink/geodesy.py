@@ -5,6 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
 SEMI_MAJOR_M = 6_378_137.0
 ECCENTRICITY_SQUARED = 6.694379990141317e-3
 INVERSION_STEPS = 4
@@ -39,6 +44,21 @@ class GeodeticOrigin:
         lon_rad = self.lon_rad + east_m / _radii((lat_rad + self.lat_rad) / 2)[1]
         return lat_rad, math.remainder(lon_rad, math.tau), self.alt_m - down_m
 
+    def places(self, north_m: Array, east_m: Array) -> tuple[Array, Array]:
+        """Return latitudes and longitudes in radians of many places: `from_ned`, on arrays of one shape."""
+        lat_rad = self._latitudes(north_m)
+        return lat_rad, self.lon_rad + east_m / _radii_at((lat_rad + self.lat_rad) / 2)[1]
+
+    def metres_per_radian(self, north_m: Array) -> tuple[Array, Array]:
+        """Return metres a radian of latitude and of longitude, at places so far north of the origin."""
+        return _radii_at((self._latitudes(north_m) + self.lat_rad) / 2)
+
+    def _latitudes(self, north_m: Array) -> Array:
+        lat_rad = np.full_like(north_m, self.lat_rad)
+        for _ in range(INVERSION_STEPS):
+            lat_rad = self.lat_rad + north_m / _radii_at((lat_rad + self.lat_rad) / 2)[0]
+        return lat_rad
+
 
 def _radii(lat_rad: float) -> tuple[float, float]:
     """Return metres a radian of latitude and of longitude."""
@@ -46,3 +66,10 @@ def _radii(lat_rad: float) -> tuple[float, float]:
     squeeze = 1.0 - ECCENTRICITY_SQUARED * sine * sine
     normal_m = SEMI_MAJOR_M / math.sqrt(squeeze)
     return normal_m * (1.0 - ECCENTRICITY_SQUARED) / squeeze, normal_m * math.cos(lat_rad)
+
+
+def _radii_at(lat_rad: Array) -> tuple[Array, Array]:
+    """Return what `_radii` returns, for many latitudes."""
+    squeeze = 1.0 - ECCENTRICITY_SQUARED * np.sin(lat_rad) ** 2
+    normal_m = SEMI_MAJOR_M / np.sqrt(squeeze)
+    return normal_m * (1.0 - ECCENTRICITY_SQUARED) / squeeze, normal_m * np.cos(lat_rad)

@@ -1,6 +1,8 @@
 """The scenario: YAML -> frozen typed objects; slots, path geometry and start states that follow from it."""
 
 from formation_scenario.errors import Problem, ScenarioError
+from formation_scenario.ground import Ground, ground_of
+from formation_scenario.lifted_path import leader_path
 from formation_scenario.links import Impairment, LinkStep
 from formation_scenario.load import dump_scenario, load_scenario
 from formation_scenario.model import Scenario
@@ -10,6 +12,7 @@ from formation_scenario.shapes import SlotStep, slot_schedule, slot_table, slots
 from formation_scenario.vehicles import Vehicle, VehicleModel
 
 __all__ = [
+    "Ground",
     "Impairment",
     "LinkStep",
     "PathError",
@@ -24,6 +27,8 @@ __all__ = [
     "Vehicle",
     "VehicleModel",
     "dump_scenario",
+    "ground_of",
+    "leader_path",
     "load_scenario",
     "slot_schedule",
     "slot_table",

@@ -9,12 +9,15 @@ from pathlib import Path
 from airlink.endpoint import parse_endpoint
 from airlink.errors import EndpointError
 from formation_scenario.disturbances import DrydenTurbulence
+from formation_scenario.elevation import ALLOWED as ELEVATION_ALLOWED
+from formation_scenario.elevation import ElevationError
 from formation_scenario.errors import Problem
 from formation_scenario.expectation import RUN_METRICS
 from formation_scenario.faults import PASSING
 from formation_scenario.fields import VehicleRef, VehicleSelection
 from formation_scenario.formation import Shape, Slots
 from formation_scenario.graph import has_spanning_tree
+from formation_scenario.ground import ground_of
 from formation_scenario.links import (
     DefaultLink,
     Impairment,
@@ -46,6 +49,7 @@ def inconsistencies(scenario: Scenario, source: Source) -> list[Problem]:
         _slots,
         _consensus,
         _path,
+        _terrain,
         _expectations,
     )
     return [problem for rule in rules for problem in rule(scenario, source)]
@@ -238,6 +242,22 @@ def _path(scenario: Scenario, source: Source) -> Iterator[Problem]:
     except PathError as error:
         path: KeyPath = ("path", "waypoints_m", error.waypoint)
         yield source.problem(path, str(error), "waypoints 1 m or more apart, without turning straight back")
+
+
+def _terrain(scenario: Scenario, source: Source) -> Iterator[Problem]:
+    terrain = scenario.terrain
+    if terrain is None:
+        return
+    if terrain.file is not None and terrain.hills:
+        yield source.problem(("terrain", "hills"), "found hills beside a file", "one of them")
+    if scenario.safety.clearance_m > terrain.clearance_m:
+        found = f"found {scenario.safety.clearance_m:g}"
+        allowed = f"at most terrain.clearance_m, {terrain.clearance_m:g}"
+        yield source.problem(("safety", "clearance_m"), found, allowed)
+    try:
+        ground_of(scenario)
+    except ElevationError as error:
+        yield source.problem(("terrain", "file"), str(error), ELEVATION_ALLOWED)
 
 
 def _expectations(scenario: Scenario, source: Source) -> Iterator[Problem]:

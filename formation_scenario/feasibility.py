@@ -10,10 +10,12 @@ import numpy.typing as npt
 
 from formation_scenario.errors import Problem
 from formation_scenario.formation import Frame
+from formation_scenario.lifted_path import leader_path
 from formation_scenario.model import Scenario
-from formation_scenario.path import PathPoints, SplinePath
+from formation_scenario.path import PathPoints
 from formation_scenario.shapes import SlotStep, slot_schedule
 from formation_scenario.source import KeyPath, Source
+from formation_scenario.terrain_check import check_terrain
 from formation_scenario.vehicles import Vehicle, VehicleModel
 
 Array = npt.NDArray[np.float64]
@@ -42,7 +44,10 @@ class _Need(NamedTuple):
 
 def check(scenario: Scenario, source: Source) -> list[Problem]:
     """Return what can't be flown, the worst place only for each vehicle and limit."""
-    path = SplinePath(scenario.path.waypoints_m)
+    over_ground = check_terrain(scenario, source)
+    if over_ground:
+        return over_ground
+    path = leader_path(scenario)
     uniform = np.linspace(0.0, path.length_m, int(path.length_m / SAMPLE_M) + 2)
     places = np.unique(np.concatenate((uniform, path.nodes_m)))
     points = path.at(places)

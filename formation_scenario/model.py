@@ -24,6 +24,7 @@ from formation_scenario.fields import (
 from formation_scenario.formation import Formation
 from formation_scenario.law import Law
 from formation_scenario.links import Links, LinkStep, link_steps
+from formation_scenario.terrain import Terrain
 from formation_scenario.vehicles import Vehicle
 
 Seconds = Annotated[Positive, Field(le=1e6)]
@@ -100,6 +101,7 @@ class Scenario(Keys):
     formation: Formation = Formation()
     law: Law
     path: PathPlan
+    terrain: Terrain | None = Field(default=None, description="the ground; without it, a plain at the origin's height")
     links: Links = Links()
     wind: Wind = Wind()
     disturbances: tuple[Disturbance, ...] = ()

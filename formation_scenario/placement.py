@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from formation_scenario.ground import ground_of
 from formation_scenario.model import Scenario
 from formation_scenario.path import SplinePath
 from formation_scenario.shapes import slot_table
@@ -29,8 +30,8 @@ class StartStates:
 def start_states(scenario: Scenario) -> StartStates:
     """Return the start states: the leader `run_in_s` before the path's start, the followers at their slots.
 
-    In the air each follower is `start.offset_m` from its slot; on the ground followers whose places are
-    nearer than `safety.separation_m` stand further back.
+    In the air each follower is `start.offset_m` from its slot, or above it to be clear of the terrain; on the ground
+    followers whose places are nearer than `safety.separation_m` stand further back.
     """
     path = SplinePath(scenario.path.waypoints_m)
     leader = path.at(-scenario.start.run_in_s * scenario.path.speed_mps)
@@ -40,14 +41,23 @@ def start_states(scenario: Scenario) -> StartStates:
     places = _with_leader(scenario, slots)
     cosine, sine = np.cos(leader.course_rad), np.sin(leader.course_rad)
     count = len(scenario.vehicles)
+    north_m = leader.north_m + cosine * places[:, 0] - sine * places[:, 1]
+    east_m = leader.east_m + sine * places[:, 0] + cosine * places[:, 1]
     return StartStates(
-        north_m=leader.north_m + cosine * places[:, 0] - sine * places[:, 1],
-        east_m=leader.east_m + sine * places[:, 0] + cosine * places[:, 1],
-        height_m=leader.height_m + places[:, 2] if in_air else np.zeros(count),
+        north_m=north_m,
+        east_m=east_m,
+        height_m=_clear(scenario, north_m, east_m, leader.height_m + places[:, 2]) if in_air else np.zeros(count),
         heading_rad=np.full(count, leader.course_rad),
         airspeed_mps=np.full(count, scenario.path.speed_mps if in_air else 0.0),
         in_air=in_air,
     )
+
+
+def _clear(scenario: Scenario, north_m: Array, east_m: Array, height_m: Array) -> Array:
+    """Return the heights (V,), raised to the terrain's clearance where there is terrain."""
+    if scenario.terrain is None:
+        return height_m
+    return np.fmax(height_m, ground_of(scenario).height(north_m, east_m) + scenario.terrain.clearance_m)
 
 
 def _with_leader(scenario: Scenario, slots: Array) -> Array:

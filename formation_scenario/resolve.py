@@ -33,8 +33,11 @@ def resolve(source: Source) -> Source:
     data["start"] = _filled(data.get("start"), {"run_in_s": default_run_in})
     data["law"] = _law(data.get("law"), _group(data, "formation").get("frame"))
     data["formation"] = _formation(data.get("formation"))
+    directory = Path(source.file).parent if source.file else Path()
     if "links" in data:
-        data["links"] = _with_absolute_traces(data["links"], Path(source.file).parent if source.file else Path())
+        data["links"] = _with_absolute(data["links"], "trace_file", directory)
+    if "terrain" in data:
+        data["terrain"] = _with_absolute(data["terrain"], "file", directory)
     data["expect"] = _each(data.get("expect", []), {"to_s": data.get("duration_s", 120.0)})
     return Source(source.file, data, source.places)
 
@@ -68,15 +71,15 @@ def _law(law: Plain, frame: Plain) -> Plain:
     return given | {name: _filled(given.get(name), gains) for name, gains in nominal.items()}
 
 
-def _with_absolute_traces(value: Plain, directory: Path) -> Plain:
-    """Return the links with every `trace_file` as an absolute path, so that the resolved scenario finds it too."""
+def _with_absolute(value: Plain, name: str, directory: Path) -> Plain:
+    """Return a group of keys with every file under `name` as an absolute path: the resolved scenario finds it too."""
     if isinstance(value, list):
-        return [_with_absolute_traces(item, directory) for item in value]
+        return [_with_absolute(item, name, directory) for item in value]
     if not isinstance(value, dict):
         return value
-    links = {key: _with_absolute_traces(item, directory) for key, item in value.items()}
-    trace = links.get("trace_file")
-    return links | {"trace_file": str((directory / trace).absolute())} if isinstance(trace, str) else links
+    group = {key: _with_absolute(item, name, directory) for key, item in value.items()}
+    file = group.get(name)
+    return group | {name: str((directory / file).absolute())} if isinstance(file, str) else group
 
 
 def _formation(formation: Plain) -> Plain:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from formation_scenario import Scenario, SplinePath, VehicleModel, slot_schedule
+from formation_scenario import Scenario, VehicleModel, leader_path, slot_schedule
 from gcs_formation.arrays import Array
 from gcs_formation.control.consensus import ConsensusLaw, ConsensusParameters
 from gcs_formation.control.fuzzy import FuzzyGainScheduler
@@ -103,7 +103,7 @@ def autopilot_model(scenario: Scenario) -> AutopilotModel:
 def leader_guidance(scenario: Scenario) -> LeaderGuidance:
     """Return the leader's guidance along the scenario's path."""
     return LeaderGuidance(
-        path=SplinePath(scenario.path.waypoints_m),
+        path=leader_path(scenario),
         speed_mps=scenario.path.speed_mps,
         run_in_m=scenario.start.run_in_s * scenario.path.speed_mps,
         hold_radius_m=hold_radius_m(scenario),

@@ -65,7 +65,7 @@ def _nearest_pair_m(places: Array) -> float:
 
 def clearance_m(flight: Flight, vehicle: VehicleId, window: Mask) -> Array:
     """Return a vehicle's height above the ground at each tick of the window, (T,)."""
-    return flight.place(vehicle)[window][:, 2]
+    return flight.clearance(vehicle)[window]
 
 
 def percentiles(values: Array, *wanted: int) -> dict[str, float | None]:

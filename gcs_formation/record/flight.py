@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from airlink.identity import VehicleId
-from formation_scenario import Scenario
+from formation_scenario import Ground, Scenario, ground_of
 from gcs_formation.arrays import Array, Mask
-from gcs_formation.record.timeseries import ERROR, LAW_ERROR, TRUTH
+from gcs_formation.record.timeseries import ERROR, GROUND, LAW_ERROR, TRUTH
 from gcs_formation.record.truth import GroundTruth
 
 Columns = Mapping[str, Array]
@@ -36,8 +36,11 @@ class Flight:
 
     def place(self, vehicle: VehicleId) -> Array:
         """Return (T, 3) north, east, height: true ones where there is truth."""
-        names = TRUTH[:3] if self.truth else ("north_m", "east_m", "height_m")
-        return np.column_stack([self.vehicles[vehicle][name] for name in names])
+        return _place(self.vehicles[vehicle], truth=self.truth)
+
+    def clearance(self, vehicle: VehicleId) -> Array:
+        """Return (T,) heights above the ground below: of the true place where there is truth."""
+        return self.vehicles[vehicle][GROUND[1]]
 
     def error(self, vehicle: VehicleId) -> Array:
         """Return (T, 3) signed formation errors of a follower, x, y and z in m."""
@@ -45,7 +48,7 @@ class Flight:
 
 
 def split(columns: Columns, scenario: Scenario, truth: GroundTruth | None) -> Flight:
-    """Return the flight of a spool's columns, with true places and with errors added."""
+    """Return the flight of a spool's columns, with true places, errors and clearances added."""
     vehicles: dict[VehicleId, Columns] = {}
     for planned in scenario.vehicles:
         identity = planned.vehicle_id
@@ -57,13 +60,27 @@ def split(columns: Columns, scenario: Scenario, truth: GroundTruth | None) -> Fl
     frame = scenario.formation.frame
     seen = lead if truth is not None else None
     errors = {identity: {**own, **_errors(seen, own, frame)} for identity, own in vehicles.items()}
-    return Flight(errors, truth is not None)
+    ground = ground_of(scenario)
+    above = {i: {**own, **_clearance(ground, _place(own, truth=truth is not None))} for i, own in errors.items()}
+    return Flight(above, truth is not None)
 
 
 def join(flight: Flight) -> dict[str, Array]:
     """Return the whole time series again: ticks in order, at each the vehicles in order."""
     parts = list(flight.vehicles.values())
     return {name: np.stack([part[name] for part in parts], axis=1).ravel() for name in parts[0]}
+
+
+def _place(own: Columns, *, truth: bool) -> Array:
+    """Return (T, 3) north, east, height: true ones where there is truth."""
+    names = TRUTH[:3] if truth else ("north_m", "east_m", "height_m")
+    return np.column_stack([own[name] for name in names])
+
+
+def _clearance(ground: Ground, place: Array) -> dict[str, Array]:
+    """Return the ground's height below, and the height above it, at places (T, 3)."""
+    height_m = ground.height(place[:, 0], place[:, 1])
+    return dict(zip(GROUND, (height_m, place[:, 2] - height_m), strict=True))
 
 
 def _errors(leader: Columns | None, own: Columns, frame: str) -> dict[str, Array]:

@@ -47,6 +47,7 @@ TRUTH = (
     "true_disturbance_down_mps",
 )
 ERROR = ("error_x_m", "error_y_m", "error_z_m")
+GROUND = ("ground_height_m", "clearance_m")
 PHASES = ("assembling", "flying")
 BATCH_ROWS = 4096
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from airlink.identity import VehicleId
-from formation_scenario import SplinePath
+from formation_scenario import leader_path
 from gcs_formation.arrays import Array
 from gcs_formation.record.flight import Flight
 from gcs_formation.report.run_data import RunData
@@ -39,7 +39,7 @@ def heading_rad(flight: Flight, vehicle: VehicleId) -> Array:
 
 def path_m(run: RunData) -> Array:
     """Return the scenario's path, (P, 3) north, east, height."""
-    path = SplinePath(run.scenario.path.waypoints_m)
+    path = leader_path(run.scenario)
     points = path.at(np.linspace(0.0, path.length_m, PATH_POINTS))
     return np.column_stack((points.north_m, points.east_m, points.height_m))
 

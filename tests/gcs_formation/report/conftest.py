@@ -151,6 +151,8 @@ def vehicle_columns(
         "age_s": 0.05 + 0.1 * random.random(ticks),
         "delay_s": np.maximum(0.0, 0.02 + 0.002 * random.standard_normal(ticks)),
         "active": np.ones(ticks),
+        "ground_height_m": np.zeros(ticks),
+        "clearance_m": height,
     }
     if truth:
         own |= {

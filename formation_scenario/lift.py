@@ -1,0 +1,132 @@
+"""The least lift that keeps a way clear of the ground: a cubic B-spline over its length, by a linear programme.
+
+A uniform cubic B-spline (equations 35 and 36) lies within the bounds of its control points' differences: bounds on
+those are bounds on slope and curvature everywhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple, TypeVar, cast
+
+import numpy as np
+import numpy.typing as npt
+from scipy import sparse
+from scipy.optimize import linprog
+
+Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.intp]
+T = TypeVar("T", float, Array)
+
+STEP_M = 20.0
+"""Between knots."""
+SAMPLES = 4
+"""Places a step at which the clearance is asked for."""
+SAMPLE_M = STEP_M / SAMPLES
+TRIFLE_M = 0.01
+"""What isn't worth a lift."""
+SHORT_COST = 10.0
+"""Cost of a metre less than is needed, in metres of lift on the whole way: it is the last thing to give."""
+
+
+class Bounds(NamedTuple):
+    """How a way may rise: by the metre of horizontal distance, either way."""
+
+    slope: float
+    curvature_1pm: float
+
+
+@dataclass(frozen=True)
+class Lift:
+    """Metres above a way, by the distance along it: control points with `STEP_M` between their knots."""
+
+    start_m: float
+    control_m: Array
+    """(n,), for n - 3 steps from `start_m` on."""
+    short_m: float = 0.0
+    """How much of what is needed can't be had within the bounds."""
+
+    @property
+    def end_m(self) -> float:
+        """Distance at which it ends."""
+        return self.start_m + (self.control_m.size - 3) * STEP_M
+
+    def at(self, distance_m: Array) -> tuple[Array, Array, Array]:
+        """Return lift, its slope and its curvature at distances from start to end; held beyond them."""
+        steps = np.clip((distance_m - self.start_m) / STEP_M, 0.0, self.control_m.size - 3.0)
+        index = np.minimum(steps.astype(np.intp), self.control_m.size - 4)
+        return blend([self.control_m[index + i] for i in range(4)], steps - index)
+
+
+def blend(control: Sequence[T], u: T) -> tuple[T, T, T]:
+    """Return value, slope and curvature at a share u of a step, from the step's four control points."""
+    c0, c1, c2, c3 = control
+    second = c0 + u * (c1 - c0) - 2.0 * (c1 + u * (c2 - c1)) + c2 + u * (c3 - c2)
+    rest = 1.0 - u
+    slope = (rest * rest * (c1 - c0) + (1.0 + 2.0 * u * rest) * (c2 - c1) + u * u * (c3 - c2)) / 2.0
+    outer = rest * rest * rest * c0 + u * u * u * c3
+    inner = (3.0 * u * u * u - 6.0 * u * u + 4.0) * c1 + (3.0 * rest * rest * rest - 6.0 * rest * rest + 4.0) * c2
+    return (outer + inner) / 6.0, slope / STEP_M, second / STEP_M**2
+
+
+def sample_places(start_m: float, steps: int) -> Array:
+    """Return the distances at which a lift of so many steps is to know what is needed."""
+    return start_m + SAMPLE_M * np.arange(steps * SAMPLES + 1, dtype=np.float64)
+
+
+def least_lift(start_m: float, needed_m: Array, slope: Array, bounds: Bounds, begun_m: Array) -> Lift:
+    """Return the lift of the least area that is nowhere negative.
+
+    Args:
+        start_m: where it starts.
+        needed_m: least lift at `sample_places`; what is negative or NaN asks for nothing.
+        slope: the way's own slope there. With the lift it stays within the bounds; where it's beyond them by itself,
+            the lift makes it no steeper.
+        bounds: of the slope of way and lift together, and of the lift's curvature.
+        begun_m: the first control points, where a lift is continued.
+    """
+    count = (needed_m.size - 1) // SAMPLES + 3
+    needed = np.flatnonzero(needed_m > TRIFLE_M)
+    if not needed.size and not begun_m.any():
+        return Lift(start_m, np.zeros(count))
+    rows, limits = _programme(needed, needed_m, slope[SAMPLES // 2 :: SAMPLES], bounds)
+    free = count - begun_m.size
+    least = np.concatenate((begun_m, np.zeros(free + 1)))
+    most = np.concatenate((begun_m, np.full(free + 1, np.inf)))
+    cost = np.append(np.ones(count), SHORT_COST * count)
+    within = list(zip(least.tolist(), most.tolist(), strict=True))
+    found: Any = linprog(cost, rows, limits, bounds=within, method="highs-ds")
+    if found.x is None:
+        # Nothing goes on from where it began within the bounds: it's held, and all that is missing said.
+        held = np.concatenate((begun_m, np.full(free, begun_m[-1])))
+        return Lift(start_m, held, float(np.nanmax(needed_m)))
+    return Lift(start_m, np.asarray(found.x[:count], dtype=np.float64), float(found.x[count]))
+
+
+def _programme(needed: Indices, needed_m: Array, slope: Array, bounds: Bounds) -> tuple[Any, Array]:
+    """Return rows and limits of `rows @ (control points, shortfall) <= limits`; `slope` is that amid each step."""
+    count = slope.size + 3
+    lifted = _values_at(needed, count)
+    rise: Any = sparse.diags_array([-1.0, 1.0], offsets=[0, 1], shape=(count - 1, count))
+    bend: Any = sparse.diags_array([1.0, -2.0, 1.0], offsets=[0, 1, 2], shape=(count - 2, count))
+    own = np.pad(slope, 1, mode="edge")
+    up, down = np.maximum(bounds.slope - own, 0.0), np.maximum(bounds.slope + own, 0.0)
+    curved = np.full(count - 2, bounds.curvature_1pm * STEP_M**2)
+    limits = np.concatenate((-needed_m[needed], up * STEP_M, down * STEP_M, curved, curved))
+    short = np.zeros((limits.size, 1))
+    short[: needed.size] = -1.0
+    rows: Any = sparse.vstack((-lifted, rise, -rise, bend, -bend))
+    return sparse.hstack((rows, sparse.csr_array(short))), limits
+
+
+def _values_at(samples: Indices, count: int) -> Any:  # noqa: ANN401 - scipy's sparse arrays are typed in part only
+    """Return the matrix (samples, control points) of the spline's values at samples."""
+    first = np.minimum(samples // SAMPLES, count - 4)
+    share: Array = (samples - first * SAMPLES) / SAMPLES
+    one, zero = np.ones_like(share), np.zeros_like(share)
+    units = [[one if i == j else zero for j in range(4)] for i in range(4)]
+    weights = np.stack([blend(unit, share)[0] for unit in units], axis=1)
+    rows = np.repeat(np.arange(samples.size), 4)
+    columns: Any = (first[:, None] + np.arange(4)).ravel()
+    return cast("Any", sparse.csr_array((weights.ravel(), (rows, columns)), (samples.size, count)))

@@ -1,0 +1,115 @@
+"""Can the path and every slot be flown over this ground?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from formation_scenario.errors import Problem
+from formation_scenario.ground import Ground, ground_of
+from formation_scenario.lift import SAMPLE_M, STEP_M, sample_places
+from formation_scenario.lifted_path import LEADER_SHARE, LiftedPath, leader_path
+from formation_scenario.model import Scenario
+from formation_scenario.path import PathPoints, SplinePath
+from formation_scenario.placement import start_states
+from formation_scenario.shapes import slot_schedule
+from formation_scenario.source import KeyPath, Source
+from formation_scenario.terrain import Terrain
+
+Array = npt.NDArray[np.float64]
+
+SHORT_M = 0.01
+"""Clearance that may be missing."""
+LEVEL_M = 1.0
+"""How far off the origin's height the ground may be where emulated vehicles take off: theirs is level."""
+WAYPOINTS: KeyPath = ("path", "waypoints_m")
+FILE: KeyPath = ("terrain", "file")
+
+
+def check_terrain(scenario: Scenario, source: Source) -> list[Problem]:
+    """Return why the formation can't keep clear of the ground; each reason with the place where it's worst."""
+    terrain = scenario.terrain
+    if terrain is None:
+        return []
+    ground = ground_of(scenario)
+    flat = SplinePath(scenario.path.waypoints_m)
+    begin_m = -scenario.start.run_in_s * scenario.path.speed_mps
+    places = np.concatenate((np.arange(begin_m, 0.0, SAMPLE_M), sample_places(0.0, int(flat.length_m / STEP_M))))
+    points = flat.at(places)
+    unknown = list(_unknown(scenario, source, ground, places, points))
+    if unknown:
+        return unknown
+    height_m = ground.height(points.north_m, points.east_m)
+    begun = [*_take_off(scenario, source, ground), *_run_in(terrain, source, places, points, height_m)]
+    return begun or list(_path(scenario, terrain, source, ground))
+
+
+def _unknown(
+    scenario: Scenario, source: Source, ground: Ground, places: Array, points: PathPoints
+) -> Iterator[Problem]:
+    """Yield where the file has no value under the leader, or under a slot."""
+    cosine, sine = np.cos(points.course_rad), np.sin(points.course_rad)
+    slots = {"the leader": np.zeros(3)}
+    for step in slot_schedule(scenario):
+        for vehicle, slot in zip(scenario.followers, step.slots_m, strict=True):
+            slots.setdefault(f"vehicle {vehicle.vehicle_id} in shape {step.shape}", slot)
+    for who, slot in slots.items():
+        north = points.north_m + slot[0] * cosine - slot[1] * sine
+        east = points.east_m + slot[0] * sine + slot[1] * cosine
+        void = np.flatnonzero(np.isnan(ground.height(north, east)))
+        if void.size:
+            first = int(void[0])
+            place = f"north {north[first]:.0f}, east {east[first]:.0f}"
+            found = f"found no elevation under {who} at {places[first]:.0f} m of the path ({place})"
+            yield source.problem(FILE, found, "a file that covers the path and every slot, without voids")
+            return
+
+
+def _take_off(scenario: Scenario, source: Source, ground: Ground) -> Iterator[Problem]:
+    if scenario.start.in_air:
+        return
+    start = start_states(scenario)
+    height_m = ground.height(start.north_m, start.east_m)
+    for vehicle, ground_m in zip(scenario.vehicles, height_m.tolist(), strict=True):
+        if vehicle.autopilot == "emulator" and not abs(ground_m) <= LEVEL_M:
+            found = f"found ground at {ground_m:.0f} m where emulated vehicle {vehicle.vehicle_id} would take off"
+            yield source.problem(("terrain",), found, "the origin's height there, 0 ± 1 m, or start.in_air: true")
+            return
+
+
+def _run_in(terrain: Terrain, source: Source, places: Array, points: PathPoints, height_m: Array) -> Iterator[Problem]:
+    """Yield the worst place of the level line to the path's start, which isn't lifted, and of the start itself."""
+    before = np.flatnonzero(places <= 0.0)
+    clearance = points.height_m[before] - height_m[before]
+    worst = int(np.argmin(clearance))
+    if clearance[worst] < terrain.clearance_m - SHORT_M:
+        where = "the path's start" if places[worst] == 0.0 else f"{-places[worst]:.0f} m before the path's start"
+        found = f"{_place(points, worst)}: {clearance[worst]:.1f} m above the ground at {where}"
+        yield source.problem((*WAYPOINTS, 0), found, _least(terrain))
+
+
+def _path(scenario: Scenario, terrain: Terrain, source: Source, ground: Ground) -> Iterator[Problem]:
+    path = leader_path(scenario, ground)
+    assert isinstance(path, LiftedPath)
+    if path.lift.short_m <= SHORT_M:
+        return
+    places = np.arange(0.0, path.length_m, SAMPLE_M)
+    points = path.at(places)
+    clearance = points.height_m - ground.height(points.north_m, points.east_m)
+    worst = int(np.argmin(clearance))
+    climb_mps = LEADER_SHARE * min(vehicle.model.climb_max_mps for vehicle in scenario.vehicles)
+    found = (
+        f"path at {places[worst]:.0f} m ({_place(points, worst)}): {clearance[worst]:.1f} m above the ground, "
+        f"{terrain.clearance_m - clearance[worst]:.1f} m too low, with climbs of {climb_mps:.3g} m/s from its start on"
+    )
+    yield source.problem(WAYPOINTS, found, f"{_least(terrain)}, or a higher start")
+
+
+def _place(points: PathPoints, index: int) -> str:
+    return f"north {points.north_m[index]:.0f}, east {points.east_m[index]:.0f}, height {points.height_m[index]:.0f}"
+
+
+def _least(terrain: Terrain) -> str:
+    return f"{terrain.clearance_m:g} m or more (terrain.clearance_m)"
