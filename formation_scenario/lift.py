@@ -45,7 +45,7 @@ class Lift:
     control_m: Array
     """(n,), for n - 3 steps from `start_m` on."""
     short_m: float = 0.0
-    """How much of what is needed can't be had within the bounds."""
+    """How much of what is needed can't be had within the bounds, at most."""
 
     @property
     def end_m(self) -> float:
@@ -92,20 +92,21 @@ def least_lift(start_m: float, needed_m: Array, slope: Array, bounds: Bounds, be
         return Lift(start_m, np.zeros(count))
     rows, limits = _programme(needed, needed_m, slope[SAMPLES // 2 :: SAMPLES], bounds)
     free = count - begun_m.size
-    least = np.concatenate((begun_m, np.zeros(free + 1)))
-    most = np.concatenate((begun_m, np.full(free + 1, np.inf)))
-    cost = np.append(np.ones(count), SHORT_COST * count)
+    least = np.concatenate((begun_m, np.zeros(free + needed.size)))
+    most = np.concatenate((begun_m, np.full(free + needed.size, np.inf)))
+    cost = np.concatenate((np.ones(count), np.full(needed.size, SHORT_COST * count)))
     within = list(zip(least.tolist(), most.tolist(), strict=True))
     found: Any = linprog(cost, rows, limits, bounds=within, method="highs-ds")
     if found.x is None:
         # Nothing goes on from where it began within the bounds: it's held, and all that is missing said.
         held = np.concatenate((begun_m, np.full(free, begun_m[-1])))
         return Lift(start_m, held, float(np.nanmax(needed_m)))
-    return Lift(start_m, np.asarray(found.x[:count], dtype=np.float64), float(found.x[count]))
+    control_m, short_m = np.split(np.asarray(found.x, dtype=np.float64), [count])
+    return Lift(start_m, control_m, float(short_m.max(initial=0.0)))
 
 
 def _programme(needed: Indices, needed_m: Array, slope: Array, bounds: Bounds) -> tuple[Any, Array]:
-    """Return rows and limits of `rows @ (control points, shortfall) <= limits`; `slope` is that amid each step."""
+    """Return rows and limits of `rows @ (control points, shortfalls) <= limits`; `slope` is that amid each step."""
     count = slope.size + 3
     lifted = _values_at(needed, count)
     rise: Any = sparse.diags_array([-1.0, 1.0], offsets=[0, 1], shape=(count - 1, count))
@@ -114,10 +115,9 @@ def _programme(needed: Indices, needed_m: Array, slope: Array, bounds: Bounds) -
     up, down = np.maximum(bounds.slope - own, 0.0), np.maximum(bounds.slope + own, 0.0)
     curved = np.full(count - 2, bounds.curvature_1pm * STEP_M**2)
     limits = np.concatenate((-needed_m[needed], up * STEP_M, down * STEP_M, curved, curved))
-    short = np.zeros((limits.size, 1))
-    short[: needed.size] = -1.0
     rows: Any = sparse.vstack((-lifted, rise, -rise, bend, -bend))
-    return sparse.hstack((rows, sparse.csr_array(short))), limits
+    short: Any = sparse.eye_array(limits.size, needed.size)
+    return sparse.hstack((rows, -short)), limits
 
 
 def _values_at(samples: Indices, count: int) -> Any:  # noqa: ANN401 - scipy's sparse arrays are typed in part only
