@@ -9,14 +9,12 @@ from formation_scenario.source import KeyPath, Plain, Source
 
 EACH = "*"
 NOT_AVAILABLE: dict[tuple[str, ...], tuple[str, ...]] = {
-    ("law", "on_delay"): ("degrade",),
     ("vehicles", EACH, "navigation", "source"): ("ins",),
     ("vehicles", "navigation", "source"): ("ins",),
     ("vehicles", EACH, "autopilot"): ("px4", "arducopter"),
     ("vehicles", "autopilot"): ("px4", "arducopter"),
 }
 AVAILABLE: dict[str, str] = {
-    "on_delay": "hold, warn",
     "source": "truth, noisy",
     "autopilot": "emulator, arduplane",
 }

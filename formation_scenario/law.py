@@ -60,7 +60,7 @@ class Law(Keys):
     delay_compensation: Flag = Field(default=True, description="predict the states over the links' delays")
     on_delay: Literal["degrade", "hold", "warn"] = Field(
         default="warn",
-        description="what to do when a loop's delay nears its margin: lower the gains, loiter, tell",
+        description="when a loop's delay nears its margin: degrade (gains come down until it holds), hold, warn",
     )
     derivative_filter_s: NonNegative = Field(default=0.1, description="time constant of the derivative's filter, s")
     anti_windup_s: Positive = Field(default=1.0, description="time constant of the back-calculation, s")

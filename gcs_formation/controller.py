@@ -31,6 +31,8 @@ HELD_FOR_S = 2.0
 CHANNELS = 3
 LEADER_WIND_RADPS = 0.5
 """How fast the leader's guidance learns of wind: what it turns into at once, no follower's slot can."""
+GAINS_CHANGE_S = 1.0
+"""Time constant with which gains change when the bandwidth does: no setpoint jumps."""
 
 
 class FormationController:
@@ -41,6 +43,7 @@ class FormationController:
         self.guidance = parameters.leader_guidance(scenario)
         self._scenario = scenario
         self._dt_s = 1.0 / scenario.law.rate_hz
+        self._gains_change = 1.0 - math.exp(-self._dt_s / GAINS_CHANGE_S)
         self._followers = np.arange(1, 1 + len(scenario.followers), dtype=np.intp)
         self._columns = 1 + len(scenario.followers)
         self._model = parameters.autopilot_model(scenario)
@@ -54,6 +57,9 @@ class FormationController:
         self._leader_told_rad = math.nan
         self._leader_wind_mps = np.full(2, np.nan)
         self._flown: Tick | None = None
+        self.bandwidth: Array = np.ones((self._columns, CHANNELS))
+        """(C, 3) share of their bandwidth that the law's loops are to come to."""
+        self._bandwidth = self.bandwidth
         self.begin_regardless = False
         """Whether the path is begun even if the formation isn't assembled."""
         self.estimator = StateEstimator(self._columns, scenario.law.disturbance_observer_radps)
@@ -92,7 +98,8 @@ class FormationController:
         lead = self._steer_leader(tick, states)
         if self._followers.size:
             slots = self._slots.at(mission_time_s if mission_time_s >= 0 else -1.0)
-            situation = Situation(states, lead, slots, tick.active)
+            self._bandwidth = self._bandwidth + self._gains_change * (self.bandwidth - self._bandwidth)
+            situation = Situation(states, lead, slots, tick.active, self._bandwidth)
             self._note(tick, self._law.decide(situation, self._dt_s), slots)
         self._judge_assembly(tick)
         self._flown = tick

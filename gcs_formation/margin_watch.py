@@ -1,68 +1,122 @@
-"""The measured delays held against the delay margin, in flight."""
+"""The measured delays held against the delay margins, in flight, and gains brought down to keep inside them."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections import Counter
+from collections.abc import Mapping
 
+import numpy as np
+
+from airlink.clock import Instant
 from airlink.identity import VehicleId
 from formation_scenario import Scenario
-from gcs_formation.link.clock_sync import ClockSync
-from gcs_formation.stability import loop_delay_s, predicted_mismatch_margin, scenario_delay_margin, scenario_loops
+from gcs_formation.arrays import Array
+from gcs_formation.records import Detail
+from gcs_formation.roster import Note
+from gcs_formation.stability import LoopDelay, Usage, law_loops, loop_delay_s
+from gcs_formation.vehicle.vehicle import Vehicle
 
 NEAR = 0.8
 """Share of the margin from which it's said."""
 CLEAR = 0.7
 """Share below which that's over."""
-STEP_S = 0.05
-"""Mismatch margins are computed for whole multiples of this delay."""
-DEVIATIONS = 2.0
-"""How many standard deviations of the round trip a mismatch is taken to be."""
+DEGRADE = 0.9
+"""Share from which gains are brought down."""
+RESTORE = 0.5
+"""Share below which gains that were brought down are raised again, once it has stayed there."""
+CALM_LOOKS = 10
+"""Looks, one a second, for which it must have: a standard deviation of few round trips scatters itself."""
+KEPT = 0.7
+"""Share that is used after either; the fuzzy scheduler can take a margin down to about 0.77 of itself."""
+CHANNELS = {"x": "speed", "y": "heading", "z": "height"}
 
 
-@dataclass
 class MarginWatch:
-    """How much of the margin each follower's loop uses.
+    """How much of the margin each vehicle's loops use, once a second, and what that leads to."""
 
-    Without prediction: the loop's whole delay (round trip, sampling and hold) against the delay margin. With
-    prediction: how far the delay scatters about the value that the prediction bridges, against the mismatch that the
-    predicted loop stands there.
-    """
+    def __init__(
+        self, scenario: Scenario, vehicles: Mapping[VehicleId, Vehicle], columns: Mapping[VehicleId, int], note: Note
+    ) -> None:
+        """Watch the loops that the law closes around `vehicles`, whose columns in the controller are `columns`."""
+        self.used: Array = np.full(1 + len(scenario.followers), np.nan)
+        """Share of the margin in use by each column, at the gains in force; NaN before its delay is known."""
+        self.bandwidth: Array = np.ones((self.used.size, len(CHANNELS)))
+        """Share of their bandwidth that the loops of each column and channel are to have."""
+        self.most_used = 0.0
+        self.longest_s = math.nan
+        """Longest loop delay so far."""
+        self._scenario = scenario
+        self._vehicles = vehicles
+        self._columns = columns
+        self._note = note
+        self._near: set[VehicleId] = set()
+        self._calm = Counter[tuple[VehicleId, str]]()
+        predicted, shared = scenario.law.delay_compensation, dict[object, Usage]()
+        self._axes = {
+            vehicle: {
+                axis: shared.setdefault(loops, Usage(loops, predicted=predicted)) for axis, loops in of_axes.items()
+            }
+            for vehicle, of_axes in law_loops(scenario).items()
+        }
 
-    scenario: Scenario
-    near: set[VehicleId] = field(default_factory=set[VehicleId])
-    """Followers that use more than `NEAR` of it."""
-    most_used: float = 0.0
-    _mismatch: dict[int, float] = field(default_factory=dict[int, float])
-    _margin_s: float = math.nan
+    def watch(self, now: Instant) -> None:
+        """Look at every loop: say when it comes near its margin, and degrade where the scenario wants that."""
+        for identity, axes in self._axes.items():
+            vehicle, column, delay = self._vehicles[identity], self._columns[identity], self._delay(identity)
+            if self._scenario.law.on_delay == "degrade":
+                self._set_bandwidth(now, vehicle, axes, delay)
+            used = max(usage.of(delay, self._of(column, axis)) for axis, usage in axes.items())
+            self.used[column] = used
+            self.most_used = max(self.most_used, used if math.isfinite(used) else 0.0)
+            self.longest_s = float(np.fmax(self.longest_s, delay.mean_s))
+            self._say(now, vehicle, used)
+            vehicle.beyond_margin = used >= 1.0 or (vehicle.beyond_margin and used >= NEAR)
 
-    def used(self, clock: ClockSync) -> float:
-        """Return the share of the margin that a follower's loop uses, NaN before its delay is known."""
-        delay_s, law = clock.one_way_s, self.scenario.law
-        loop_s = loop_delay_s(delay_s, delay_s, 0.0, self.scenario.telemetry.rate_hz, law.rate_hz)
-        if math.isnan(loop_s):
-            return math.nan
-        if law.delay_compensation and law.type != "consensus":
-            return DEVIATIONS * clock.scatter_s / self._mismatch_s(loop_s)
-        if math.isnan(self._margin_s):
-            self._margin_s = scenario_delay_margin(self.scenario)
-        return loop_s / self._margin_s if self._margin_s > 0 else math.inf
+    def _delay(self, identity: VehicleId) -> LoopDelay:
+        """Return the delay of a vehicle's loops; those of a law that binds all wait for the latest state of all."""
+        clock, law = self._vehicles[identity].clock, self._scenario.law
+        down_s = clock.one_way_s
+        if law.type == "consensus" and not law.delay_compensation:
+            down_s = float(np.fmax.reduce([self._vehicles[each].clock.one_way_s for each in self._axes]))
+        rates = self._scenario.telemetry.rate_hz, law.rate_hz
+        return LoopDelay(loop_delay_s(clock.one_way_s, down_s, 0.0, *rates), clock.scatter_s)
 
-    def look(self, vehicle: VehicleId, clock: ClockSync) -> tuple[float, bool]:
-        """Return the share that a follower uses, and whether it has just come near the margin or away from it."""
-        used = self.used(clock)
-        self.most_used = max(self.most_used, used if math.isfinite(used) else 0.0)
-        if used >= NEAR and vehicle not in self.near:
-            self.near.add(vehicle)
-            return used, True
-        if used < CLEAR and vehicle in self.near:
-            self.near.remove(vehicle)
-            return used, True
-        return used, False
+    def _of(self, column: int, axis: str) -> float:
+        return float(self.bandwidth[column, _channels(axis)][0])
 
-    def _mismatch_s(self, loop_s: float) -> float:
-        step = round(loop_s / STEP_S)
-        if step not in self._mismatch:
-            loops = scenario_loops(self.scenario)
-            self._mismatch[step] = min(predicted_mismatch_margin(loop, step * STEP_S).least() for loop in loops)
-        return self._mismatch[step]
+    def _set_bandwidth(self, now: Instant, vehicle: Vehicle, axes: Mapping[str, Usage], delay: LoopDelay) -> None:
+        """Derive the gains anew on axes that use too much, or little with lowered gains."""
+        column, changed = self._columns[vehicle.identity], False
+        for axis, usage in axes.items():
+            before = self._of(column, axis)
+            used, which = usage.of(delay, before), (vehicle.identity, axis)
+            self._calm[which] = self._calm[which] + 1 if used < RESTORE else 0
+            if used >= DEGRADE or (before < 1.0 and self._calm[which] >= CALM_LOOKS):
+                self.bandwidth[column, _channels(axis)] = after = usage.bandwidth(delay, KEPT)
+                changed |= after != before
+        if changed:
+            used = max(usage.of(delay, self._of(column, axis)) for axis, usage in axes.items())
+            self._say_gains(now, vehicle, delay, used)
+
+    def _say(self, now: Instant, vehicle: Vehicle, used: float) -> None:
+        near = vehicle.identity in self._near
+        if not near and used >= NEAR:
+            self._near.add(vehicle.identity)
+            self._note(now, "delay_margin", f"uses {used:.0%} of its delay margin", vehicle, {"used": used})
+        elif near and used < CLEAR:
+            self._near.remove(vehicle.identity)
+            self._note(now, "delay_margin", "is well inside its delay margin again", vehicle, {"used": used})
+
+    def _say_gains(self, now: Instant, vehicle: Vehicle, delay: LoopDelay, used: float) -> None:
+        shares = dict(zip(CHANNELS.values(), self.bandwidth[self._columns[vehicle.identity]].tolist(), strict=True))
+        words = ", ".join(f"{channel} {share:.0%}" for channel, share in shares.items())
+        lowered = min(shares.values()) < 1.0
+        text = f"gains lowered; shares of the bandwidth: {words}" if lowered else "gains are the scenario's again"
+        details: dict[str, Detail] = {f"bandwidth_{channel}": share for channel, share in shares.items()}
+        self._note(now, "gains", text, vehicle, details | {"loop_delay_s": delay.mean_s, "used": used})
+
+
+def _channels(axis: str) -> list[int]:
+    """Return the channels whose gains an axis' loops have: the consensus' are all of one."""
+    return [list(CHANNELS).index(axis)] if axis in CHANNELS else list(range(len(CHANNELS)))

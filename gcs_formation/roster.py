@@ -10,7 +10,6 @@ from airlink.identity import VehicleId
 from formation_scenario import Scenario
 from gcs_formation.estimation.estimator import StateEstimator
 from gcs_formation.loitering import loiter_heights
-from gcs_formation.margin_watch import NEAR, MarginWatch
 from gcs_formation.membership import Member, following
 from gcs_formation.records import Note
 from gcs_formation.vehicle.vehicle import Vehicle
@@ -23,7 +22,6 @@ class Roster:
         self, scenario: Scenario, vehicles: Mapping[VehicleId, Vehicle], columns: Mapping[VehicleId, int], note: Note
     ) -> None:
         """Judge `vehicles`, the leader first; `columns` are theirs in the estimator."""
-        self.margins = MarginWatch(scenario)
         self._law = scenario.law
         self._vehicles = vehicles
         self._columns = columns
@@ -41,18 +39,6 @@ class Roster:
                 self._tell(vehicle, now)
             if self._columns[identity] == 0:
                 led = member is Member.FLYING or connecting
-
-    def watch_margins(self, now: Instant) -> None:
-        """Say when a follower's loop comes near its delay margin."""
-        for identity, vehicle in self._vehicles.items():
-            if self._columns[identity] == 0:
-                continue
-            used, crossed = self.margins.look(identity, vehicle.clock)
-            if crossed:
-                near = identity in self.margins.near
-                text = f"uses {used:.0%} of its delay margin" if near else "is well inside its delay margin again"
-                self._note(now, "delay_margin", text, vehicle, {"used": used})
-            vehicle.beyond_margin = used >= 1.0 or (vehicle.beyond_margin and used >= NEAR)
 
     def _is_fresh(self, vehicle: Vehicle, estimator: StateEstimator, now: Instant) -> bool:
         if vehicle.beyond_margin and self._law.on_delay == "hold":

@@ -23,6 +23,7 @@ from gcs_formation.ending import Ending
 from gcs_formation.identities import Identities
 from gcs_formation.link.connection import Connection
 from gcs_formation.link.receiver import Receiver
+from gcs_formation.margin_watch import MarginWatch
 from gcs_formation.phases import Cause, Flight, Phase
 from gcs_formation.records import Detail, Event, Recorder, Tick
 from gcs_formation.roster import Roster
@@ -71,11 +72,11 @@ class Station:
         self._columns = {identity: first_column + i for i, identity in enumerate(self.vehicles)}
         self.roster = Roster(scenario, self.vehicles, self._columns, self._event)
         self._identities = Identities(self.vehicles, self.networks, self.flight, self._event, self.fail)
+        self.margins = MarginWatch(scenario, self.vehicles, self._columns, self._event)
         self._starting = Starting(self.vehicles, self._endpoints, self.flight, self._event, self.fail)
         self._beacon = Beacon(self.vehicles)
         self._dispatch = Dispatch(scenario, self.vehicles, self._columns)
-        self._out: list[Datagram] = []
-        self._next_tick = Instant(0)
+        self._out, self._next_tick = list[Datagram](), Instant(0)
         self._loiter_s, self._ending = 0.0, Ending({}, Instant(0))
 
     def _vehicle(self, planned: PlannedVehicle, socket: int) -> Vehicle:
@@ -125,7 +126,8 @@ class Station:
         """Look after the links, get vehicles ready, decide, send, record."""
         self._schedule_tick(now)
         if self._beacon.greets(now):
-            self.roster.watch_margins(now)
+            self.margins.watch(now)
+            self.controller.bandwidth = self.margins.bandwidth
             self._send_all(self._beacon.greetings(self.flight.mission_time_s(now), now), now)
         self._watch_links(now)
         self._start_vehicles(now)

@@ -66,7 +66,7 @@ def _worst_error(station: Station) -> str:
 
 def _delay(station: Station) -> str:
     delays = [v.clock.one_way_s for v in station.vehicles.values() if not math.isnan(v.clock.one_way_s)]
-    used = station.roster.margins.most_used
+    used = station.margins.most_used
     return f"delay {max(delays) * 1e3:.0f} ms, {used:.0%} of its margin" if delays else ""
 
 

@@ -23,7 +23,7 @@ from gcs_formation.record.run_directory import SPOOL, TIMESERIES, RunDirectory
 from gcs_formation.record.summary import LinkFigures, Outcome, Summary, summarise
 from gcs_formation.record.timeseries import read_spool, write_parquet
 from gcs_formation.record.truth import GroundTruth
-from gcs_formation.stability import loop_delay_s, scenario_delay_margin
+from gcs_formation.stability import scenario_delay_margin
 from gcs_formation.station import Station
 
 MICROSECONDS = 1_000_000
@@ -94,7 +94,7 @@ class Session:
                 control=self.timed.figures(self.scenario.law.rate_hz),
                 delay_margin_s=_finite(scenario_delay_margin(self.scenario)),
                 worst_loop_delay_s=self._worst_loop_delay_s(),
-                margin_used=self.station.roster.margins.most_used,
+                margin_used=self.station.margins.most_used,
                 simulated_s=self.clock.now() / NANOSECONDS,
                 wall_s=wall_s,
                 cut_short=self.station.cut_short,
@@ -120,11 +120,9 @@ class Session:
         )
 
     def _worst_loop_delay_s(self) -> float | None:
-        """Return the longest round trip of a follower, computing, sampling and hold included."""
+        """Return the longest loop delay that was measured, computing, sampling and hold included."""
         compute_s = float(np.median(self.timed.figures(1.0).compute_s)) if self.station.controlled_ticks else 0.0
-        rates = (self.scenario.telemetry.rate_hz, self.scenario.law.rate_hz)
-        delays = [self.station.vehicles[v.vehicle_id].clock.one_way_s for v in self.scenario.followers]
-        return _finite(max((loop_delay_s(delay, delay, compute_s, *rates) for delay in delays), default=float("nan")))
+        return _finite(self.station.margins.longest_s + compute_s)
 
 
 def open_session(

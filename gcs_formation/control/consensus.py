@@ -78,9 +78,11 @@ class ConsensusLaw:
         reference = self._reference(situation)
         state = situation.states.of(everyone, everyone)
         own = self._deviation(state, reference, slots)
+        # One for all: weights of its own for each vehicle would make another graph.
+        share = float(situation.bandwidth[self._parameters.members].min())
         u_north, u_east = self._protocol(situation, reference, slots, own)
-        u_x, u_y = rotate_to(own.target.heading_rad, u_north, u_east)
-        beyond_x, beyond_y = self._damping_beyond(own)
+        u_x, u_y = rotate_to(own.target.heading_rad, share * u_north, share * u_east)
+        beyond_x, beyond_y = share * self._damping_beyond(own)
         none = np.zeros_like(own.target.speed_mps)
         forward = feed_forward(own.target, reference.leader, slots, (none, none), model)
         wanted = Setpoints(
@@ -113,11 +115,10 @@ class ConsensusLaw:
         np.add.at(total, self._receivers, of_edges)
         return total
 
-    def _damping_beyond(self, own: _Deviation) -> tuple[Array, Array]:
-        """Return (k3 - 1/tau) (v_s - v_p) along and across: what the autopilot's lag doesn't do by itself."""
-        ahead, aside = rotate_to(own.target.heading_rad, *own.velocity_mps)
-        k3, model = self._parameters.k3, self._model
-        return (1.0 / model.tau_v_s - k3) * ahead, (1.0 / model.tau_psi_s - k3) * aside
+    def _damping_beyond(self, own: _Deviation) -> Array:
+        """Return (k3 - 1/tau) (v_s - v_p) along and across, (2, C): what the autopilot's lag doesn't do by itself."""
+        moving = np.stack(rotate_to(own.target.heading_rad, *own.velocity_mps))
+        return (1.0 / np.stack((self._model.tau_v_s, self._model.tau_psi_s)) - self._parameters.k3) * moving
 
     def _reference(self, situation: Situation) -> _Reference:
         """Return what the guidance asks for, carried along the path to each vehicle's instant."""

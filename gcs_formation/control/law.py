@@ -76,7 +76,7 @@ class FormationLaw:
         target = slot_target(leader.state, follower, leader.turn_rate_rps, slots, parameters.frame)
         mixed = mix(parameters.mixer, target, follower, error_m)
         rate = pid.filter_rate(state, mixed, parameters.derivative_filter_s, dt_s)
-        gains = scheduled_gains(parameters, mixed, rate)
+        gains = scheduled_gains(parameters, mixed, rate).slowed(situation.bandwidth[self._followers])
         output = pid.unlimited(state, gains, mixed, rate)
         gust_mps2 = self._gust(leader.state, follower, dt_s)
         forward = feed_forward(target, leader, slots, gust_mps2, self._model)

@@ -17,6 +17,10 @@ class Gains:
     integral: Array
     derivative: Array
 
+    def slowed(self, bandwidth: Array) -> Gains:
+        """Return gains for a share of the loop's bandwidth; why so: `stability.PidGains.slowed`."""
+        return Gains(self.proportional * bandwidth, self.integral * bandwidth**2, self.derivative * bandwidth)
+
 
 @dataclass(frozen=True)
 class PidState:

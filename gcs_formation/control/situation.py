@@ -38,6 +38,8 @@ class Situation:
     """(F, 3) of the followers."""
     active: Mask
     """(C,) columns that follow setpoints; the others' states are no more than finite."""
+    bandwidth: Array
+    """(C, 3) share of their bandwidth that the loops of each channel are to have now; 1: as the scenario's gains."""
 
 
 @dataclass(frozen=True)

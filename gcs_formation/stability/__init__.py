@@ -4,12 +4,14 @@ from gcs_formation.stability.consensus import (
     consensus_delay_margin,
     consensus_rightmost_root,
     ground_consensus_delay_margin,
+    ground_consensus_loops,
 )
 from gcs_formation.stability.graphs import as_adjacency, graph_adjacency
 from gcs_formation.stability.law import (
     ConsensusMargins,
     LawMargins,
     consensus_margins,
+    law_loops,
     law_margins,
     scenario_adjacency,
     scenario_delay_margin,
@@ -34,7 +36,8 @@ from gcs_formation.stability.loops import (
     worst_loop_margin,
 )
 from gcs_formation.stability.prediction import MismatchMargin, predicted_mismatch_margin
-from gcs_formation.stability.report import FollowerMargins, ScenarioMargins, scenario_loops, scenario_margins
+from gcs_formation.stability.report import FollowerMargins, ScenarioMargins, follower_loops, scenario_margins
+from gcs_formation.stability.usage import LoopDelay, Usage
 
 __all__ = [
     "FIXED_GAINS",
@@ -46,21 +49,26 @@ __all__ = [
     "GainRange",
     "LawMargins",
     "Loop",
+    "LoopDelay",
     "LoopMargins",
     "MismatchMargin",
     "Mixer",
     "PidGains",
     "Plant",
     "ScenarioMargins",
+    "Usage",
     "as_adjacency",
     "consensus_delay_margin",
     "consensus_margins",
     "consensus_rightmost_root",
     "delay_margin",
+    "follower_loops",
     "forward_plant",
     "graph_adjacency",
     "ground_consensus_delay_margin",
+    "ground_consensus_loops",
     "height_plant",
+    "law_loops",
     "law_margins",
     "loop_delay_s",
     "loop_margin",
@@ -68,7 +76,6 @@ __all__ = [
     "right_plant",
     "scenario_adjacency",
     "scenario_delay_margin",
-    "scenario_loops",
     "scenario_margins",
     "worst_loop_margin",
 ]

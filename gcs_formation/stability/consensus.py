@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from gcs_formation.arrays import Array
 from gcs_formation.stability.delay_equation import rightmost_root
 from gcs_formation.stability.graphs import Component, as_adjacency, laplacian, spanning_components
-from gcs_formation.stability.loops import Rational, delay_margin
+from gcs_formation.stability.loops import Loop, PidGains, Plant, delay_margin
 
 Complex = npt.NDArray[np.complex128]
 
@@ -105,8 +105,9 @@ def ground_consensus_delay_margin(
 ) -> float:
     """Delay margin of the protocol closed through a ground station: its own velocity term is late too.
 
-    s^2 + c s + [lambda (k1 + k2 s) + d s] exp(-s tau) = 0 over the nonzero eigenvalues of the Laplacian. A
-    setpoint v_s + tau_v u has the autopilot's lag as its undelayed damping c = 1/tau_v, and d = 0.
+    s^2 + c s + [lambda (k1 + k2 s) + d s] exp(-s tau) = 0 over the nonzero eigenvalues of the Laplacian, and
+    s + c + d exp(-s tau) = 0 of the speed that all have in common. A setpoint v_s + tau_v u has the autopilot's lag
+    as its undelayed damping c = 1/tau_v, and d = 0.
 
     Args:
         adjacency: (n, n) weights; entry (p, q) > 0 when p hears q.
@@ -121,16 +122,37 @@ def ground_consensus_delay_margin(
     Raises:
         ValueError: as `consensus_delay_margin`.
     """
-    weights = as_adjacency(adjacency)
-    gains = _checked_gains(len(weights), k1, k2, onboard_damping, 1.0)
-    if gains.k1 == 0.0:
-        return 0.0
+    loops = ground_consensus_loops(adjacency, k1, k2, onboard_damping, delayed_damping)
+    return min((delay_margin(loop.open_loop()) for loop in loops), default=float("inf"))
+
+
+def ground_consensus_loops(
+    adjacency: npt.ArrayLike, k1: float, k2: float, onboard_damping: float, delayed_damping: float
+) -> list[Loop]:
+    """Loops of the protocol closed through a ground station: its modes, and the speed that all have in common.
+
+    A mode of eigenvalue lambda: x'' = u - c x' and u = -lambda (k1 x + k2 x') - d x'. To scale the loops' gains is to
+    scale the protocol: its weights, and what it damps beyond the autopilot.
+
+    Args:
+        adjacency: (n, n) weights; entry (p, q) > 0 when p hears q.
+        k1: position gain, 1/s^2.
+        k2: velocity gain, 1/s.
+        onboard_damping: c, 1/s.
+        delayed_damping: d, 1/s: gain of the velocity term computed on the ground.
+
+    Raises:
+        ValueError: as `consensus_delay_margin`.
+    """
+    weights, c, d = as_adjacency(adjacency), onboard_damping, delayed_damping
+    _checked_gains(len(weights), k1, k2, c, 1.0)
     matrix = laplacian(weights)
-    parts = spanning_components(weights)
-    eigenvalues = np.concatenate([_nonzero_eigenvalues(_restricted(matrix, part), part) for part in parts])
-    integrals = np.array([1.0, onboard_damping, 0.0])
-    modes = [np.array([value * k2 + delayed_damping, value * k1]) for value in eigenvalues]
-    return min((delay_margin(Rational(mode, integrals)) for mode in modes), default=float("inf"))
+    parts = [(_restricted(matrix, part), part) for part in spanning_components(weights)]
+    found = {complex(value) for of_part, part in parts for value in _nonzero_eigenvalues(of_part, part).tolist()}
+    eigenvalues = sorted(found, key=lambda value: (value.real, value.imag))
+    modes = [Plant(((0.0, 1.0), (0.0, -c)), (0.0, 1.0), (value * k1, value * k2 + d)) for value in eigenvalues]
+    group = [Plant(((-c, 0.0), (0.0, -1.0)), (1.0, 0.0), (d, 0.0))] if d and d > -c else []
+    return [Loop(PidGains(1.0, 0.0, 0.0, filter_s=0.0), plant) for plant in modes + group]
 
 
 def _checked_gains(count: int, k1: float, k2: float, k3: float, h: npt.ArrayLike) -> _Gains:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
+from airlink.identity import VehicleId
 from formation_scenario.model import Scenario
 from gcs_formation.arrays import Array
-from gcs_formation.stability.consensus import ground_consensus_delay_margin
+from gcs_formation.stability.consensus import ground_consensus_loops
 from gcs_formation.stability.graphs import as_adjacency
-from gcs_formation.stability.loops import LoopMargins
-from gcs_formation.stability.report import scenario_margins
+from gcs_formation.stability.loops import Loop, LoopMargins, delay_margin
+from gcs_formation.stability.report import follower_loops, scenario_margins
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +49,17 @@ def scenario_delay_margin(scenario: Scenario) -> float:
     return min(law_margins(scenario).small_signal.values())
 
 
+def law_loops(scenario: Scenario) -> Mapping[VehicleId, Mapping[str, tuple[Loop, ...]]]:
+    """Return the loops that each vehicle that is commanded by the law is part of, by the name of their margin.
+
+    The consensus law closes its loops around all vehicles at once, the leader among them.
+    """
+    if scenario.law.type != "consensus":
+        return follower_loops(scenario)
+    loops = tuple(dict.fromkeys([*_axis_loops(scenario, "tau_v_s"), *_axis_loops(scenario, "tau_psi_s")]))
+    return {vehicle.vehicle_id: {"consensus": loops} for vehicle in scenario.vehicles}
+
+
 def scenario_adjacency(scenario: Scenario) -> Array:
     """Return the weights of the consensus graph, (N, N) in the order of the scenario's vehicles."""
     return as_adjacency(scenario.law.consensus.graph, len(scenario.vehicles))
@@ -60,27 +72,18 @@ def consensus_margins(scenario: Scenario) -> ConsensusMargins:
     late. Where vehicles' time constants differ, the least over them: a lower bound on an undirected graph, as every
     root belongs to a mean of their dampings.
     """
-    models = [vehicle.model for vehicle in scenario.vehicles]
-    return ConsensusMargins(
-        _axis_margin(scenario, {model.tau_v_s for model in models}),
-        _axis_margin(scenario, {model.tau_psi_s for model in models}),
+    along, across = (
+        min((delay_margin(loop.open_loop()) for loop in _axis_loops(scenario, lag)), default=math.inf)
+        for lag in ("tau_v_s", "tau_psi_s")
     )
+    return ConsensusMargins(along, across)
 
 
-def _axis_margin(scenario: Scenario, lags_s: Iterable[float]) -> float:
+def _axis_loops(scenario: Scenario, lag: str) -> list[Loop]:
+    """Return the consensus law's loops on the axis that has the autopilot's time constant `lag`."""
     keys, weights = scenario.law.consensus, scenario_adjacency(scenario)
-    splits = [(1.0 / lag_s, keys.k3 - 1.0 / lag_s) for lag_s in lags_s]
-    return min(
-        min(ground_consensus_delay_margin(weights, keys.k1, keys.k2, *split), _group_margin(*split)) for split in splits
-    )
-
-
-def _group_margin(onboard: float, delayed: float) -> float:
-    """Return the margin of the speed that all have in common, s + c + d exp(-s tau): infinite unless d > c."""
-    if delayed <= onboard:
-        return math.inf
-    w = math.sqrt(delayed**2 - onboard**2)
-    return (math.pi - math.atan2(w, onboard)) / w
+    dampings = sorted({1.0 / float(getattr(vehicle.model, lag)) for vehicle in scenario.vehicles})
+    return [loop for c in dampings for loop in ground_consensus_loops(weights, keys.k1, keys.k2, c, keys.k3 - c)]
 
 
 def _axes(margins: LoopMargins) -> dict[str, float]:

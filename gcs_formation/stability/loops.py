@@ -5,7 +5,7 @@ The leader is constant in them: its motion is an input, and the feed-forward no 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import NamedTuple
 
@@ -35,6 +35,15 @@ class PidGains:
     ki: float
     kd: float
     filter_s: float = 0.1
+
+    def slowed(self, bandwidth: float) -> PidGains:
+        """Gains of a loop whose crossover is brought down to a share `bandwidth` of what it was.
+
+        About its crossover the loop falls like an integrator, (13) and (7) with the derivative: its crossover goes
+        with its gain. The integral's corner ki/kp goes down with it, as its phase lag there would grow otherwise; the
+        derivative's corner kp/kd stays, as the lag that it makes up for is the autopilot's own.
+        """
+        return PidGains(self.kp * bandwidth, self.ki * bandwidth**2, self.kd * bandwidth, self.filter_s)
 
     def transfer(self) -> tuple[Array, Array]:
         """Numerator and denominator in s; without integral gain the integrator is no part of the loop."""
@@ -81,17 +90,21 @@ class Autopilot:
 
 
 class Plant(NamedTuple):
-    """From an autopilot's setpoint to the mixed error fed back: y = output . x, x' = state x + input u."""
+    """From an autopilot's setpoint to the mixed error fed back: y = output . x, x' = state x + input u.
+
+    The output is complex in the mode of a directed graph that has a complex eigenvalue.
+    """
 
     state: tuple[tuple[float, float], tuple[float, float]]
     input: tuple[float, float]
-    output: tuple[float, float]
+    output: tuple[complex, complex]
 
-    def transfer(self) -> tuple[Array, Array]:
+    def transfer(self) -> tuple[Coefficients, Array]:
         """Numerator and denominator of c adj(sI - A) B / det(sI - A)."""
-        a, b, c = np.array(self.state), np.array(self.input), np.array(self.output)
+        a, b, c = np.array(self.state), np.array(self.input), np.array(self.output, dtype=np.complex128)
         trace, determinant = a[0, 0] + a[1, 1], a[0, 0] * a[1, 1] - a[0, 1] * a[1, 0]
-        return np.array([c @ b, c @ (a - trace * np.eye(2)) @ b]), np.array([1.0, -trace, determinant])
+        numerator = np.array([c @ b, c @ (a - trace * np.eye(2)) @ b], dtype=np.complex128)
+        return real_if_exact(numerator), np.array([1.0, -trace, determinant])
 
 
 class Rational(NamedTuple):
@@ -116,6 +129,10 @@ class Loop:
 
     pid: PidGains
     plant: Plant
+
+    def slowed(self, bandwidth: float) -> Loop:
+        """The loop with gains for a share of its bandwidth."""
+        return replace(self, pid=self.pid.slowed(bandwidth))
 
     def open_loop(self) -> Rational:
         """L(s), without delay."""
@@ -226,8 +243,13 @@ def _lag_and_integral(tau_s: float, proportional: float, integral: float) -> Pla
     return Plant(((-1.0 / tau_s, 0.0), (1.0, 0.0)), (1.0 / tau_s, 0.0), (proportional, integral))
 
 
-def _product(polynomial: Array, other: Array) -> Array:
-    product = np.convolve(polynomial, other).astype(np.float64)
+def real_if_exact(values: Coefficients) -> Coefficients:
+    """Real coefficients where no imaginary part is left."""
+    return values if np.any(np.imag(values)) else np.real(values).astype(np.float64)
+
+
+def _product(polynomial: Coefficients, other: Coefficients) -> Coefficients:
+    product = real_if_exact(np.convolve(polynomial, other))
     return np.trim_zeros(product, "f") if product.any() else np.zeros(1)
 
 

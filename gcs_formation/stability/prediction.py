@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg import expm
-from scipy.optimize import brentq
+from scipy.optimize import elementwise
 
 from gcs_formation.arrays import Array
 from gcs_formation.stability.loops import Loop, delay_margin
@@ -39,7 +39,8 @@ def predicted_mismatch_margin(loop: Loop, nominal_delay_s: float) -> MismatchMar
     mismatch on either side that has a root s = iw is the margin, as the roots move continuously from T = T0.
 
     Args:
-        loop: the loop, stable without delay.
+        loop: the loop, stable without delay. Of one with complex coefficients, take the conjugate's too: only
+            roots above 0 rad/s are looked for.
         nominal_delay_s: T0, the delay that the prediction bridges.
 
     Returns:
@@ -60,19 +61,17 @@ def _crossings(loop: Loop, delay_s: float) -> Array:
     exact = loop.open_loop()
     plant = loop.plant
     carried = np.array(plant.output) @ expm(np.array(plant.state) * delay_s)
-    late = Loop(loop.pid, plant._replace(output=(float(carried[0]), float(carried[1])))).open_loop()
+    late = Loop(loop.pid, plant._replace(output=(complex(carried[0]), complex(carried[1])))).open_loop()
 
-    def ratio(w: npt.ArrayLike) -> npt.NDArray[np.complex128]:
-        measured = late.at(w) * np.exp(-1j * np.asarray(w) * delay_s)
+    def ratio(w: Array) -> npt.NDArray[np.complex128]:
+        measured = late.at(w) * np.exp(-1j * w * delay_s)
         return measured / (1.0 + exact.at(w) - measured)
 
-    def excess(w: float) -> float:
-        return float(abs(ratio(w))) - 1.0
+    def excess(w: Array) -> Array:
+        return np.abs(ratio(w)) - 1.0
 
     grid = np.geomspace(1e-4, 1e3, _GRID)
-    above = np.abs(ratio(grid)) > 1.0
-    found = [
-        float(brentq(excess, grid[index], grid[index + 1], xtol=1e-14))
-        for index in np.flatnonzero(above[1:] != above[:-1])
-    ]
-    return np.array([(w, float(np.angle(-ratio(w)))) for w in found])
+    above = excess(grid) > 0.0
+    (found,) = np.nonzero(above[1:] != above[:-1])
+    w = np.asarray(elementwise.find_root(excess, (grid[found], grid[found + 1])).x, dtype=np.float64)
+    return np.column_stack((w, np.angle(-ratio(w))))

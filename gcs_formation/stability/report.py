@@ -15,6 +15,7 @@ from formation_scenario.shapes import slot_schedule
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.stability.loops import (
     FIXED_GAINS,
+    SMALL_SIGNAL,
     Autopilot,
     GainRange,
     Loop,
@@ -75,17 +76,22 @@ def scenario_margins(scenario: Scenario) -> ScenarioMargins:
     return ScenarioMargins(followers, _least(list(followers.values())))
 
 
-def scenario_loops(scenario: Scenario) -> list[Loop]:
-    """Return the different loops that a scenario's law closes, at its nominal gains: of every model and every slot."""
-    slots = {-float(x) for step in slot_schedule(scenario) for x in step.slots_m[:, 0]}
-    models = {repr(vehicle.model): vehicle.model for vehicle in scenario.followers}.values()
-    loops = {
-        Loop(nominal, plant)
-        for model in models
-        for x_rc_m in slots
-        for nominal, plant in zip(_nominal(scenario.law), _plants(scenario, model, x_rc_m), strict=True)
-    }
-    return sorted(loops, key=repr)
+def follower_loops(scenario: Scenario) -> dict[VehicleId, dict[str, tuple[Loop, ...]]]:
+    """Return the loops x, y and z that a scenario's law closes around each follower, of every slot that it's to have.
+
+    At the small-signal gains.
+    """
+    gain_range = _gain_range(scenario.law)
+    gains = [gain_range.gains(nominal, SMALL_SIGNAL) for nominal in _nominal(scenario.law)]
+    places = np.stack([-step.slots_m[:, 0] for step in slot_schedule(scenario)], axis=1)
+    found: dict[VehicleId, dict[str, tuple[Loop, ...]]] = {}
+    for vehicle, row in zip(scenario.followers, places.tolist(), strict=True):
+        plants = [_plants(scenario, vehicle.model, x_rc_m) for x_rc_m in sorted(set(row))]
+        found[vehicle.vehicle_id] = {
+            axis: tuple(dict.fromkeys(Loop(pid, of_slot[i]) for of_slot in plants))
+            for i, (axis, pid) in enumerate(zip("xyz", gains, strict=True))
+        }
+    return found
 
 
 def _least(margins: Sequence[FollowerMargins]) -> FollowerMargins:

@@ -77,7 +77,8 @@ def situation(
     told = Setpoints(np.array([SPEED_MPS]), np.array([heading_rad + TAU_PSI_S * turn_rps]), np.array([100.0]))
     lead = Lead(Instant(0), told, turn_rps, RouteHeading(heading_rad, turn_rps, 0.0, 0.0))
     slots = SlotMotion(SLOTS_M, np.zeros_like(SLOTS_M))
-    return Situation(AtOneStamp(state, np.int64(0)), lead, slots, np.ones(COUNT, bool) if active is None else active)
+    flying = np.ones(COUNT, bool) if active is None else active
+    return Situation(AtOneStamp(state, np.int64(0)), lead, slots, flying, np.ones((COUNT, 3)))
 
 
 def accelerations(decision: Decision, heading_rad: float) -> tuple[Array, Array]:

@@ -1,0 +1,92 @@
+"""Gains that come down when a loop's delay nears its margin, in whole flights under the virtual clock."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gcs_formation.testing.flown import Flown
+from gcs_formation.testing.plan import Formation
+
+Fly = Callable[..., Flown]
+PAPER = Path(__file__).parents[2] / "configs" / "paper.yaml"
+
+
+def delayed(delay_ms: float) -> list[dict[str, Any]]:
+    """Return changes of the links: a delay each way from 2 s to 42 s."""
+    return [{"at_s": 2, "delay_ms": delay_ms}, {"at_s": 42, "delay_ms": 0}]
+
+
+BEYOND = delayed(700)
+"""A loop delay of 1.5 s: the x loop loses stability at 0.87 s."""
+
+
+@pytest.fixture
+def fly(tmp_path: Path) -> Fly:
+    """Fly a leader and a follower, who begins off its slot, without prediction, over links that change as given."""
+
+    def run(changes: list[dict[str, Any]], **law: Any) -> Flown:
+        plain: dict[str, Any] = {
+            "duration_s": 60,
+            "vehicles": {"count": 2},
+            "start": {"in_air": True, "run_in_s": 10, "offset_m": [2, 1, 1]},
+            "finish": {"loiter_s": 0},
+            "formation": {"shape": "line", "spacing_m": 30},
+            "law": {"delay_compensation": False} | law,
+            "links": {"changes": changes},
+            "path": {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [8800, 0, 100]]},
+        }
+        return Formation((), tmp_path)(plain).fly()
+
+    return run
+
+
+def gains_events(flown: Flown) -> list[dict[str, Any]]:
+    lines = (flown.directory / "events.jsonl").read_text().splitlines()
+    return [event for event in map(json.loads, lines) if event["kind"] == "gains"]
+
+
+@pytest.mark.parametrize(("law", "delay_ms"), [("fuzzy_pid", 700), ("consensus", 900)])
+def test_beyond_the_margin_the_formation_diverges_unless_gains_come_down(fly: Fly, law: str, delay_ms: float) -> None:
+    """The consensus of two loses stability at 1.38 s."""
+    warned, degraded = (fly(delayed(delay_ms), type=law, on_delay=way) for way in ("warn", "degrade"))
+    with pytest.raises(AssertionError, match="more than 1 m"):
+        warned.stays_within(1.0, from_s=32, to_s=42)
+    degraded.stays_within(1.0, from_s=32)
+    assert not gains_events(warned)
+
+
+def test_gains_come_down_until_the_margin_holds_and_return_with_the_delay(fly: Fly) -> None:
+    flown = fly(BEYOND, on_delay="degrade")
+    lowered, *_, restored = gains_events(flown)
+    assert lowered["used"] < 0.9
+    assert lowered["bandwidth_speed"] < 1.0
+    assert [restored[f"bandwidth_{channel}"] for channel in ("speed", "heading", "height")] == [1.0, 1.0, 1.0]
+    series = flown.series(2)
+    share = series["kp_speed"] / fly([], on_delay="degrade").series(2)["kp_speed"].max()
+    time_s = series["mission_time_s"]
+    assert share[(time_s > 20) & (time_s < 42)].max() < 0.7
+    assert share[time_s > 59.0].min() > 0.9
+
+
+def test_no_setpoint_jumps_as_gains_move_over_a_second(fly: Fly) -> None:
+    series = fly(BEYOND, type="pid", on_delay="degrade").series(2)
+    for gain in ("kp_speed", "ki_speed", "kd_speed"):
+        values = series[gain][np.isfinite(series[gain])]
+        assert np.abs(np.diff(values)).max() < 0.15 * np.ptp(values)
+
+
+def test_nothing_comes_down_in_flights_that_are_well_inside(tmp_path: Path) -> None:
+    """The paper's flight, without prediction over 150 ms and with it over 500 ms and a scatter of 10 ms."""
+    paper = Formation((), tmp_path)(PAPER).with_keys(law__on_delay="degrade")
+    plain = paper.with_keys(law__delay_compensation=False).with_link(delay_ms=150)
+    predicted = paper.with_link(delay_ms=500, jitter_ms=10, loss=0.02)
+    for plan in (plain, predicted):
+        flown = plan.fly(until_s=40)
+        assert not gains_events(flown)
+        assert flown.figures["stability"]["margin_used"] < 0.8
