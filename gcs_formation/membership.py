@@ -28,6 +28,8 @@ class Sight:
     """Whether it's in the mode that it was told to loiter in."""
     fresh: bool
     """Whether its telemetry is young enough to be predicted from, and a leader there to follow."""
+    order_may_come: bool = False
+    """Whether an order to loiter is so young that it may only now have reached the vehicle."""
 
 
 def following(member: Member, sight: Sight) -> Member:
@@ -38,9 +40,9 @@ def following(member: Member, sight: Sight) -> Member:
     match member:
         case Member.STARTING:
             return Member.FLYING
-        case Member.FLYING if sight.fresh:
+        case Member.FLYING if sight.fresh and not sight.order_may_come:
             return Member.FLYING if sight.guided else Member.PARTED
-        case Member.HOLDING | Member.RETURNING if sight.fresh:
+        case Member.FLYING | Member.HOLDING | Member.RETURNING if sight.fresh:
             return back
         case Member.PARTED:
             return Member.FLYING if sight.guided else Member.PARTED

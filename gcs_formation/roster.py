@@ -32,7 +32,7 @@ class Roster:
         led = True
         for identity, vehicle in self._vehicles.items():
             fresh = led and self._is_fresh(vehicle, estimator, now)
-            member = following(vehicle.member, vehicle.sight(fresh=fresh))
+            member = following(vehicle.member, vehicle.sight(now, fresh=fresh))
             if member is not vehicle.member:
                 vehicle.member = member
                 self._note(now, "member", member.value, vehicle)

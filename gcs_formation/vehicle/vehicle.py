@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from airlink import mavlink as m
-from airlink.clock import NANOSECONDS, Instant
+from airlink.clock import NANOSECONDS, Instant, after
 from airlink.frame import Frame, FrameWriter
 from airlink.geodesy import GeodeticOrigin
 from airlink.identity import VehicleId
@@ -21,6 +21,8 @@ from gcs_formation.vehicle.telemetry import Telemetry
 
 STATION_SYSTEM = 255
 STATION_COMPONENT = m.MAV_COMP_ID_MISSIONPLANNER
+ORDER_COMES_S = 5.0
+"""For how long after it was last sent an order to loiter may still reach a vehicle."""
 MAX_PROBES = 256
 """Unanswered probes kept: a minute of them."""
 
@@ -58,17 +60,21 @@ class Vehicle:
         self.restarted = False
         """Whether it has restarted since the station last looked."""
         self._writer = FrameWriter(STATION_SYSTEM, STATION_COMPONENT)
+        self._loiter_ordered = after(Instant(0), -ORDER_COMES_S)
         self._sampled = 0
         self._probes: dict[int, Instant] = {}
 
-    def sight(self, *, fresh: bool) -> Sight:
+    def sight(self, now: Instant, *, fresh: bool) -> Sight:
         """Return what decides on the vehicle's place in the formation."""
+        if self.member is Member.HOLDING:
+            self._loiter_ordered = now
         mode = self.telemetry.custom_mode
         return Sight(
             started=self.start_up.finished,
             guided=self.autopilot.takes_setpoints(self.telemetry),
             loiters=mode == self.autopilot.loiter_mode,
             fresh=fresh,
+            order_may_come=now < after(self._loiter_ordered, ORDER_COMES_S),
         )
 
     def take(self, frame: Frame, now: Instant) -> bool:

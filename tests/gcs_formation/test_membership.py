@@ -1,5 +1,7 @@
 """Who flies in the formation."""
 
+from dataclasses import replace
+
 import pytest
 
 from gcs_formation.membership import Member, Sight, following
@@ -35,3 +37,11 @@ def test_a_pilots_choice_is_respected_until_the_pilot_gives_it_back(member: Memb
     assert following(parted, ELSEWHERE) is Member.PARTED
     assert following(parted, LOITERS) is Member.PARTED
     assert following(parted, GUIDED) is Member.FLYING
+
+
+def test_an_order_to_loiter_that_comes_late_is_taken_back_and_isnt_a_pilots_choice() -> None:
+    """After an outage the vehicle flies in formation again before the order sent meanwhile reaches it."""
+    late = replace(LOITERS, order_may_come=True)
+    assert following(Member.FLYING, late) is Member.RETURNING
+    assert following(Member.FLYING, LOITERS) is Member.PARTED
+    assert following(Member.FLYING, replace(ELSEWHERE, order_may_come=True)) is Member.PARTED
