@@ -5,6 +5,7 @@ Source: MAVLink guide, "Packet Serialization" and "MAVLink 2".
 
 from __future__ import annotations
 
+import re
 import struct
 from dataclasses import dataclass
 from typing import Final, Literal, NamedTuple
@@ -24,6 +25,7 @@ SIGNATURE: Final = 13
 SIGNED_FLAG: Final = 0x01
 
 _MARKERS: Final = {1: bytes([MARKER_V1]), 2: bytes([MARKER_V2])}
+_find_marker = re.compile(rb"[\xfd\xfe]").search
 _pack_header_v1 = struct.Struct("<BBBBB").pack
 _pack_header_v2 = struct.Struct("<BBBBBBHB").pack
 _pack_checksum = struct.Struct("<H").pack
@@ -85,6 +87,16 @@ class ParserCounts:
         """Frames that were dropped, whatever the cause."""
         return self.bad_checksums + self.unknown_messages + self.incompatible
 
+    def __add__(self, other: ParserCounts) -> ParserCounts:
+        """Return what both have seen."""
+        return ParserCounts(
+            self.frames + other.frames,
+            self.garbage_bytes + other.garbage_bytes,
+            self.bad_checksums + other.bad_checksums,
+            self.unknown_messages + other.unknown_messages,
+            self.incompatible + other.incompatible,
+        )
+
 
 class StreamParser:
     """Finds frames in what one remote sends, wherever datagrams begin; garbage is skipped and counted.
@@ -105,11 +117,12 @@ class StreamParser:
         offset, end = 0, len(data)
         kept = end  # the earliest start of what may yet become a frame
         refused_to = sound = 0
-        while offset < end:
+        while (marker := _find_marker(data, offset)) is not None:
+            offset = marker.start()
             following = offset + frame_length(data, offset)
             if following > end:
                 kept = min(kept, offset)
-            elif following > offset:
+            else:
                 frame = self._accept(data[offset:following], offset >= refused_to and kept == end)
                 if frame is not None:
                     frames.append(frame)

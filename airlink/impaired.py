@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -9,12 +10,16 @@ from airlink.clock import Instant
 from airlink.delay_queue import DelayQueue
 from airlink.endpoint import Address, Endpoint
 from airlink.engine import Datagram, Engine
-from airlink.frame import first_system
+from airlink.frame import StreamParser, first_system
 from airlink.identity import VehicleId
 from airlink.impairment import Channel, ChannelStatistics, Direction, Impairment, link_stream
 
 Schedule = Callable[[VehicleId, Instant], tuple[Impairment, Impairment]]
 """Returns what the uplink and the downlink of a vehicle are like at an instant."""
+
+
+MAX_REMOTES = 1024
+"""Addresses kept; the one that was silent longest makes room, so strangers can't fill the memory."""
 
 
 class LinkStatistics(NamedTuple):
@@ -27,8 +32,9 @@ class LinkStatistics(NamedTuple):
 class ImpairedEngine:
     """An engine, seen through its vehicles' impaired links; itself an engine for any driver.
 
-    A datagram from a vehicle is known by its first frame's system id and its socket's network; one to a
-    vehicle by the address that the vehicle was last heard from. What belongs to no vehicle passes as it is.
+    A datagram from a vehicle is known by its first frame's system id and its socket's network, once a sound frame has
+    come from its address; one to a vehicle by the address that the vehicle was last heard from. What belongs to no
+    vehicle passes as it is.
     """
 
     def __init__(self, engine: Engine, network_of_socket: Sequence[int], schedule: Schedule, seed: int) -> None:
@@ -38,7 +44,7 @@ class ImpairedEngine:
         self._schedule = schedule
         self._seed = seed
         self._channels: dict[VehicleId, tuple[Channel, Channel]] = {}
-        self._vehicle_at: dict[tuple[int, Address], VehicleId] = {}
+        self._vehicle_at = OrderedDict[tuple[int, Address], VehicleId]()
         self._under_way = DelayQueue[tuple[Direction, Datagram]]()
         self._outbox: list[Datagram] = []
         self._now = Instant(0)
@@ -103,11 +109,15 @@ class ImpairedEngine:
     def _sender(self, datagram: Datagram) -> VehicleId | None:
         """Return the vehicle that a datagram comes from, and remember where it can be reached."""
         remote = datagram[:2]
+        vehicle = self._vehicle_at.pop(remote, None)
         system = first_system(datagram.data)
-        if system is None:
-            return self._vehicle_at.get(remote)
-        vehicle = VehicleId(self._network_of_socket[datagram.socket], system)
-        self._vehicle_at[remote] = vehicle
+        if system is not None and (vehicle is None or vehicle.system != system):
+            sound = StreamParser().feed(datagram.data)
+            vehicle = VehicleId(self._network_of_socket[datagram.socket], sound[0].system) if sound else vehicle
+        if vehicle is not None:
+            self._vehicle_at[remote] = vehicle
+            if len(self._vehicle_at) > MAX_REMOTES:
+                self._vehicle_at.popitem(last=False)
         return vehicle
 
     def _pass_on(self, vehicle: VehicleId, direction: Direction, datagram: Datagram) -> list[Instant]:

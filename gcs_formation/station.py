@@ -10,7 +10,7 @@ from airlink import mavlink as m
 from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import Endpoint, parse_endpoint
 from airlink.engine import Datagram
-from airlink.frame import Frame
+from airlink.frame import Frame, ParserCounts
 from airlink.geodesy import GeodeticOrigin
 from airlink.identity import VehicleId
 from airlink.messages import Message
@@ -149,6 +149,10 @@ class Station:
         connection = self.vehicles[identity].connection
         return self._receiver.counts(connection.socket, connection.peer).bad
 
+    def received(self) -> ParserCounts:
+        """Return what has come from everybody, vehicles and others."""
+        return self._receiver.total()
+
     def _schedule_tick(self, now: Instant) -> None:
         """Keep to the grid of ticks; those that a long wait has made us miss are left out."""
         period_s = 1.0 / self.scenario.law.rate_hz
@@ -183,7 +187,7 @@ class Station:
         controller = self.controller
         controller.begin_regardless = self._waited_long_enough(now)
         for identity, column in self._columns.items():
-            sample = self.vehicles[identity].new_sample()
+            sample = self.vehicles[identity].new_sample(now)
             if sample is not None:
                 controller.estimator.update(column, sample)
         ready, delay_s, lag_s, hold_s = self._dispatch.links()

@@ -34,6 +34,8 @@ class Link:
         self._inbox: deque[tuple[Address, bytes]] = deque()
         self._parsers: dict[Address, StreamParser] = {}
         self._heard: dict[Address, Instant] = {}
+        self.frames_bad = 0
+        """Frames that were dropped, from whomever."""
         self.restart()
 
     def restart(self) -> None:
@@ -41,6 +43,7 @@ class Link:
         self._writers: dict[Address, FrameWriter] = {}
         self._inbox.clear()
         self._parsers.clear()
+        self._heard.clear()
 
     def receive(self, peer: Address, data: bytes) -> None:
         """Keep a datagram for the next turn of the main loop."""
@@ -55,14 +58,20 @@ class Link:
         """Yield the sound frames of what has arrived, with whom they are from."""
         while self._inbox:
             peer, data = self._inbox.popleft()
-            for frame in self._parser(peer).feed(data):
+            parser = self._parser(peer)
+            before = parser.counts.bad
+            frames = parser.feed(data)
+            self.frames_bad += parser.counts.bad - before
+            for frame in frames:
                 self._heard[peer] = now
                 yield peer, frame
 
     def answer(self, peer: Address, message: Message) -> None:
-        """Send to one peer."""
+        """Send to one peer, unless it has been forgotten meanwhile."""
         writer = self._writers.get(peer)
         if writer is None:
+            if peer != self._fixed_peer and peer not in self._parsers:
+                return
             writer = self._writers[peer] = FrameWriter(self._system, m.MAV_COMP_ID_AUTOPILOT1)
         self._outbox.append(Datagram(self._socket, peer, writer.encode(message)))
 
@@ -76,12 +85,19 @@ class Link:
                 self.answer(peer, message)
 
     def _parser(self, peer: Address) -> StreamParser:
-        """Return the parser of what a peer sends; a new peer takes the place of the one that was silent longest."""
-        parser = self._parsers.pop(peer, None) or StreamParser()
-        if len(self._parsers) >= MAX_PEERS:
-            silent = next(iter(self._parsers))
-            del self._parsers[silent]
-            self._heard.pop(silent, None)
-            self._writers.pop(silent, None)
+        """Return the parser of what a peer sends."""
+        parser = self._parsers.pop(peer, None)
+        if parser is None:
+            parser = StreamParser()
+            if len(self._parsers) >= MAX_PEERS:
+                self._forget_one()
         self._parsers[peer] = parser
         return parser
+
+    def _forget_one(self) -> None:
+        """Make room for a new peer: those that never sent a sound frame go first, then who was silent longest."""
+        known = [peer for peer in self._parsers if peer != self._fixed_peer]
+        gone = next((peer for peer in known if peer not in self._heard), known[0])
+        del self._parsers[gone]
+        self._heard.pop(gone, None)
+        self._writers.pop(gone, None)

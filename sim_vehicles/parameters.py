@@ -18,6 +18,8 @@ UNINDEXED = 65535
 """Index in the answer to a question by name."""
 WIDER_THAN_TIGHTEST = 1.3
 LOITER_RADIUS_M = 60.0
+MAX_LISTS = 16
+"""Lists under way at once; who asks for one more is left without an answer, as by an autopilot that is busy."""
 
 
 class Kind(NamedTuple):
@@ -91,7 +93,8 @@ class ParameterServer:
     def begin_list(self, peer: Address) -> None:
         """Begin the list for a peer, anew if one is under way."""
         self._to_list = deque(entry for entry in self._to_list if entry[0] != peer)
-        self._to_list.extend((peer, index) for index in range(len(NAMES)))
+        if len(self._to_list) <= (MAX_LISTS - 1) * len(NAMES):
+            self._to_list.extend((peer, index) for index in range(len(NAMES)))
 
     def next_of_list(self) -> tuple[Address, ParamValue] | None:
         """Return the next value of a list under way and whom it's for: one a turn, so that no peer is flooded."""

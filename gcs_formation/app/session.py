@@ -95,6 +95,7 @@ class Session:
                 delay_margin_s=_finite(scenario_delay_margin(self.scenario)),
                 worst_loop_delay_s=self._worst_loop_delay_s(),
                 margin_used=self.station.margins.most_used,
+                received=self.station.received(),
                 simulated_s=self.clock.now() / NANOSECONDS,
                 wall_s=wall_s,
                 cut_short=self.station.cut_short,
@@ -115,6 +116,7 @@ class Session:
             frames_in=vehicle.frames_in,
             frames_out=vehicle.frames_out,
             frames_bad=self.station.bad_frames(identity),
+            frames_implausible=vehicle.frames_implausible,
             injected_delay_s=delay_s,
             injected_loss=loss,
         )

@@ -21,6 +21,7 @@ from gcs_formation.control import envelope
 from gcs_formation.control.feed_forward import LeaderMotion, feed_forward
 from gcs_formation.control.mixer import SlotFrame, SlotMotion, Target, formation_error, rotate_to, slot_target
 from gcs_formation.control.situation import Decision, Lead, Situation, none_of
+from gcs_formation.estimation.estimator import LEAST_AIRSPEED_MPS
 from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Indices, Setpoints
 
 
@@ -87,7 +88,7 @@ class ConsensusLaw:
         forward = feed_forward(own.target, reference.leader, slots, (none, none), model)
         wanted = Setpoints(
             forward[:, 0] + model.tau_v_s * (u_x + beyond_x),
-            forward[:, 1] + model.tau_psi_s * (u_y + beyond_y) / own.target.speed_mps,
+            forward[:, 1] + model.tau_psi_s * (u_y + beyond_y) / np.maximum(own.target.speed_mps, LEAST_AIRSPEED_MPS),
             forward[:, 2],
         )
         limited = envelope.limit(wanted, own.target.heading_rad, state, model)

@@ -13,6 +13,8 @@ from gcs_formation.estimation.flight_state import FlightState
 
 ROWS = 8
 WIND_NORTH, WIND_EAST = 6, 7
+LEAST_AIRSPEED_MPS = 1.0
+"""What an airspeed below it is taken as: equations divide by it, and what flies has more."""
 
 
 class Sample(NamedTuple):
@@ -81,7 +83,7 @@ class StateEstimator:
             sample.east_m,
             sample.height_m,
             sample.climb_mps,
-            sample.airspeed_mps,
+            max(sample.airspeed_mps, LEAST_AIRSPEED_MPS),
             sample.heading_rad,
             wind_north,
             wind_east,

@@ -18,6 +18,7 @@ class Receiver:
     def __init__(self) -> None:
         """Start with no remote known."""
         self._parsers: OrderedDict[tuple[int, Address], StreamParser] = OrderedDict()
+        self._forgotten = ParserCounts()
 
     def frames(self, datagram: Datagram) -> list[Frame]:
         """Return the frames that the datagram completes."""
@@ -26,7 +27,7 @@ class Receiver:
         if parser is None:
             parser = self._parsers[remote] = StreamParser()
             if len(self._parsers) > MAX_REMOTES:
-                self._parsers.popitem(last=False)
+                self._forgotten += self._parsers.popitem(last=False)[1].counts
         else:
             self._parsers.move_to_end(remote)
         return parser.feed(datagram.data)
@@ -35,3 +36,7 @@ class Receiver:
         """Return what has come from a remote, zeros for one that was never heard."""
         parser = self._parsers.get((socket, peer)) if peer else None
         return parser.counts if parser else ParserCounts()
+
+    def total(self) -> ParserCounts:
+        """Return what has come from all remotes."""
+        return sum((parser.counts for parser in self._parsers.values()), self._forgotten)

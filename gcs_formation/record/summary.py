@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from airlink.frame import ParserCounts
 from airlink.identity import VehicleId
 from formation_scenario import Scenario
 from gcs_formation.arrays import Array, Mask
@@ -31,6 +32,7 @@ class LinkFigures:
     frames_in: int
     frames_out: int
     frames_bad: int
+    frames_implausible: int = 0
     injected_delay_s: float = 0.0
     injected_loss: float = 0.0
 
@@ -70,6 +72,8 @@ class Outcome:
     worst_loop_delay_s: float | None
     margin_used: float
     """Largest share of the delay margin that a loop used."""
+    received: ParserCounts
+    """What has come from everybody, vehicles and others."""
     simulated_s: float
     wall_s: float
     cut_short: bool
@@ -112,6 +116,7 @@ def summarise(outcome: Outcome) -> Summary:
         "truth": flight.truth,
         "followers": {str(v.vehicle_id): _follower(flight, v.vehicle_id, window) for v in scenario.followers},
         "links": {str(identity): _link(link) for identity, link in outcome.links.items()},
+        "received": _received(outcome.received),
         "control": outcome.control.to_dict(),
         "safety": safety,
         "stability": {
@@ -143,7 +148,12 @@ def _link(link: LinkFigures) -> dict[str, Any]:
         "frames_in": link.frames_in,
         "frames_out": link.frames_out,
         "frames_bad": link.frames_bad,
+        "frames_implausible": link.frames_implausible,
     }
+
+
+def _received(counts: ParserCounts) -> dict[str, Any]:
+    return {"frames": counts.frames, "frames_bad": counts.bad, "garbage_bytes": counts.garbage_bytes}
 
 
 def _safety(outcome: Outcome, window: Mask) -> tuple[dict[str, Any], tuple[str, ...]]:

@@ -23,6 +23,7 @@ KEPT_TEXTS = 8
 SPEED_LIMIT_MPS = 400.0
 ANGLE_LIMIT_RAD = 2 * math.pi
 TURN_LIMIT_RPS = 50.0
+ALTITUDE_LIMIT_M = 100e3
 """What is beyond these isn't an aircraft's state, however finite."""
 
 
@@ -52,11 +53,15 @@ class Telemetry:
     ekf_flags: int = 0
     sensors_healthy: int = 0
     updates: int = 0
+    implausible: int = 0
+    """Messages that were dropped because they can't be an aircraft's."""
     texts: deque[str] = field(default_factory=lambda: deque[str](maxlen=KEPT_TEXTS))
 
     def take(self, message: Message) -> None:
-        """Keep what `message` tells; anything that isn't finite, possible and of a vehicle's state is left alone."""
+        """Keep what `message` tells of a vehicle's state; what isn't finite or possible is dropped and counted."""
         match message:
+            case GlobalPositionInt() if message.lat_rad == message.lon_rad == 0.0:
+                pass  # what an autopilot says that has no fix
             case GlobalPositionInt() if _is_position(message):
                 self._take_position(message)
             case Attitude() if _is_attitude(message):
@@ -70,7 +75,9 @@ class Telemetry:
             case SysStatus():
                 self.sensors_healthy = message.onboard_control_sensors_health
             case Statustext():
-                self.texts.append(message.text)
+                self.texts.append(_printable(message.text))
+            case GlobalPositionInt() | Attitude() | VfrHud():
+                self.implausible += 1
             case _:
                 pass
 
@@ -111,10 +118,11 @@ class Telemetry:
 
 
 def _is_position(message: GlobalPositionInt) -> bool:
-    """Whether it's a place on Earth; an autopilot without a fix says latitude and longitude 0."""
+    """Whether it's a place on Earth, or in its air."""
     kept = message[: GlobalPositionInt._fields.index("hdg_rad")]
-    fixed = message.lat_rad != 0.0 or message.lon_rad != 0.0
-    return all(map(math.isfinite, kept)) and abs(message.lat_rad) < math.pi / 2 and fixed
+    heights = message.alt_m, message.relative_alt_m
+    on_earth = abs(message.lat_rad) < math.pi / 2 and abs(message.lon_rad) <= math.pi
+    return all(map(math.isfinite, kept)) and on_earth and all(abs(height) <= ALTITUDE_LIMIT_M for height in heights)
 
 
 def _is_attitude(message: Attitude) -> bool:
@@ -123,3 +131,8 @@ def _is_attitude(message: Attitude) -> bool:
         abs(rate) <= TURN_LIMIT_RPS for rate in rates
     )
     return math.isfinite(message.time_boot_s) and within
+
+
+def _printable(text: str) -> str:
+    """Return the text without what would steer a terminal."""
+    return "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in text)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from airlink import mavlink as m
-from airlink.clock import NANOSECONDS, Instant, after
+from airlink.clock import NANOSECONDS, Instant, after, seconds_between
 from airlink.frame import Frame, FrameWriter
 from airlink.geodesy import GeodeticOrigin
 from airlink.identity import VehicleId
 from airlink.messages import CommandAck, Heartbeat, Message, Timesync
 from airlink.sequence import SequenceTracker
 from gcs_formation.estimation.estimator import Sample
-from gcs_formation.link.claims import Claims
+from gcs_formation.link.claims import EARLY_S, LONGEST_DELAY_S, Claims
 from gcs_formation.link.clock_sync import ClockSync
 from gcs_formation.link.connection import Connection
 from gcs_formation.membership import Member, Sight
@@ -25,6 +25,9 @@ ORDER_COMES_S = 5.0
 """For how long after it was last sent an order to loiter may still reach a vehicle."""
 MAX_PROBES = 256
 """Unanswered probes kept: a minute of them."""
+CLOCK_LIMIT_NS = 2**62
+APART_LIMIT_S = 2.0
+"""Farther apart than this an attitude's stamp and its position's are no pair."""
 
 
 class Vehicle:
@@ -55,6 +58,8 @@ class Vehicle:
         self.frames_in = 0
         self.frames_out = 0
         self.setpoints_refused = 0
+        self.impossible_times = 0
+        """Clock answers and stamps that can't be."""
         self.beyond_margin = False
         """Whether its loop's delay is beyond what keeps it stable."""
         self.restarted = False
@@ -94,7 +99,12 @@ class Vehicle:
                 self.telemetry.take(message)
         return changed
 
-    def new_sample(self) -> Sample | None:
+    @property
+    def frames_implausible(self) -> int:
+        """Frames whose values were dropped because they can't be an aircraft's."""
+        return self.telemetry.implausible + self.impossible_times
+
+    def new_sample(self, now: Instant) -> Sample | None:
         """Return what the newest position tells, once; None before the vehicle's clock is known.
 
         The heading is carried over from its own message's stamp to the position's.
@@ -106,9 +116,14 @@ class Vehicle:
             return None
         self._sampled = seen.updates
         motion, attitude = seen.motion, seen.attitude
-        turned = attitude.yawspeed_radps * (motion.stamp_s - attitude.time_boot_s)
+        stamp, apart_s = self.clock.to_instant(motion.stamp_s), motion.stamp_s - attitude.time_boot_s
+        possible = -EARLY_S <= seconds_between(stamp, now) <= LONGEST_DELAY_S
+        if not possible or abs(apart_s) > APART_LIMIT_S:
+            self.impossible_times += 1
+            return None
+        turned = attitude.yawspeed_radps * apart_s
         return Sample(
-            self.clock.to_instant(motion.stamp_s),
+            stamp,
             motion.north_m,
             motion.east_m,
             motion.height_m,
@@ -134,7 +149,12 @@ class Vehicle:
     def _take_probe(self, answer: Timesync, now: Instant) -> None:
         """Take an answer to a probe of ours; requests and answers to others are left alone."""
         sent = self._probes.pop(answer.ts1_ns, None) if answer.tc1_ns else None
-        if sent is None or not self.claims.believes(answer.tc1_ns / NANOSECONDS, now):
+        if sent is None:
+            return
+        if not 0 < answer.tc1_ns < CLOCK_LIMIT_NS:
+            self.impossible_times += 1
+            return
+        if not self.claims.believes(answer.tc1_ns / NANOSECONDS, now):
             return
         if self.clock.observe(sent, answer.tc1_ns, now):
             self._restart()

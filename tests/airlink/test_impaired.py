@@ -9,7 +9,7 @@ from airlink.endpoint import Address, parse_endpoint
 from airlink.engine import Datagram
 from airlink.frame import FrameWriter, StreamParser
 from airlink.identity import VehicleId
-from airlink.impaired import ImpairedEngine
+from airlink.impaired import MAX_REMOTES, ImpairedEngine
 from airlink.impairment import UNIMPAIRED, Impairment
 from airlink.memory import MemoryNetwork
 from airlink.messages import Heartbeat, SystemTime
@@ -201,6 +201,27 @@ def test_a_cut_frame_is_its_senders_too():
     ground = Ground()
     engine = ImpairedEngine(ground, [1], lambda vehicle, now: (UNIMPAIRED, Impairment(delay_s=0.5)), 1)
     frame = FrameWriter(1, 1).encode(Heartbeat(1, 3))
-    for part in (frame[:12], frame[12:]):
+    for part in (frame, frame[:12], frame[12:]):
         engine.receive(Datagram(0, Address("127.0.0.1", 9), part), Instant(0))
+    assert engine.statistics(VehicleId(1, 1)).downlink.datagrams == 3
+
+
+def test_a_header_alone_makes_no_sender():
+    """What isn't sound neither takes a vehicle's address over nor is kept."""
+    ground = Ground()
+    engine = ImpairedEngine(ground, [1], lambda vehicle, now: (UNIMPAIRED, Impairment(delay_s=0.5)), 1)
+    for system in (1, 2):
+        frame = FrameWriter(system, 1).encode(Heartbeat(1, 3))
+        broken = frame[:-1] + bytes([frame[-1] ^ 1])
+        engine.receive(Datagram(0, Address("127.0.0.1", 9), frame if system == 1 else broken), Instant(0))
+        engine.receive(Datagram(0, Address("127.0.0.1", 10), broken), Instant(0))
     assert engine.statistics(VehicleId(1, 1)).downlink.datagrams == 2
+    assert engine.statistics(VehicleId(1, 2)).downlink.datagrams == 0
+
+
+def test_thousands_of_senders_are_forgotten_but_for_those_heard_last():
+    engine = ImpairedEngine(Ground(), [1], lambda vehicle, now: (UNIMPAIRED, Impairment(delay_s=0.5)), 1)
+    frame = FrameWriter(1, 1).encode(Heartbeat(1, 3))
+    for port in range(1, 3 * MAX_REMOTES):
+        engine.receive(Datagram(0, Address("127.0.0.1", port), frame), Instant(0))
+    assert len(engine._vehicle_at) == MAX_REMOTES

@@ -8,7 +8,11 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from airlink.endpoint import Address
+from airlink.engine import Datagram
 from sim_vehicles.config import Airframe
+from sim_vehicles.link import MAX_PEERS
+from sim_vehicles.parameters import MAX_LISTS, NAMES
 
 dialect = importlib.import_module("pymavlink.dialects.v20.ardupilotmega")
 FLOATS = st.one_of(
@@ -97,3 +101,30 @@ def test_any_payload_of_a_known_message_is_survived(payload, message_id, make_ai
     air.ground.send_bytes(b"\xfd" + body + struct.pack("<H", crc.crc))
     air.run(0.1)
     envelope_holds(air)
+
+
+def test_a_crowd_of_strangers_neither_fills_the_memory_nor_disturbs_the_ground_stations_numbering(make_air):
+    air = make_air()
+    crowd = [air.peer(Address("10.0.0.1", 1024 + number)) for number in range(200)]
+    for peer in crowd:
+        peer.send(dialect.MAVLink_param_request_list_message(1, 1))
+        peer.send_bytes(b"\xfd\x09")
+        air.run(0.02)
+    air.run(1.0)
+    vehicle = air.fleet.vehicles[0]
+    tables = vehicle.link._parsers, vehicle.link._heard, vehicle.link._writers
+    assert max(map(len, tables)) <= MAX_PEERS + 1
+    assert len(vehicle.parameters._to_list) <= MAX_LISTS * len(NAMES)
+    numbers = [message.get_seq() for _, message in air.ground.heard]
+    assert numbers == [number % 256 for number in range(len(numbers))]
+
+
+def test_a_ground_station_that_was_heard_outlasts_addresses_that_send_noise(make_air):
+    air = make_air(endpoint="udpin:127.0.0.1:14551")
+    air.ground.send(dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
+    air.run(0.02)
+    for number in range(100):
+        air.fleet.receive(Datagram(0, Address("10.0.0.1", number), b"\xfd\x09\x00"), air.fleet.next_timer())
+    air.ground.heard.clear()
+    air.run(2.0)
+    assert air.ground.of("HEARTBEAT")

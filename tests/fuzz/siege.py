@@ -1,0 +1,212 @@
+"""A flight under the virtual clock whose ends are thrown datagrams at, and what it came to."""
+
+from __future__ import annotations
+
+import gc
+import math
+import random
+import resource
+import sys
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from airlink import mavlink as m
+from airlink.clock import Instant, VirtualClock, after
+from airlink.codec import CODECS
+from airlink.endpoint import LOOPBACK, Address, Endpoint
+from airlink.engine import Datagram, Engine
+from airlink.frame import HEADER_V2, MARKER_V2
+from airlink.memory import FIRST_EPHEMERAL_PORT, MemoryNetwork
+from airlink.messages import CommandInt
+from formation_scenario import Scenario, load_scenario
+from gcs_formation.app.links import impair
+from gcs_formation.arrays import Array
+from gcs_formation.records import Event, Tick
+from gcs_formation.station import Station
+from gcs_formation.vehicle.vehicle import STATION_SYSTEM
+from sim_vehicles.config import Airframe
+from sim_vehicles.fleet import Fleet
+from sim_vehicles.from_scenario import fleet_config
+from tests.flights.conftest import scenario
+from tests.fuzz.datagrams import FOREIGN_TARGET, Hostile, Names
+
+TURN_S = 0.02
+STRANGERS = 5000
+SYSTEMS = (1, 2, 3)
+
+End = Literal["station", "vehicles"]
+
+
+class Notes:
+    """A recorder that keeps what a flight is judged by."""
+
+    def __init__(self) -> None:
+        self.setpoints: list[Array] = []
+        self.errors_m: list[Array] = []
+        self.events: list[Event] = []
+        self.commands: set[bytes] = set()
+
+    def frame(self, now: Instant, raw: bytes) -> None:
+        """Keep the payloads of commands that the station sent: they are few, for they are told apart."""
+        if raw[0] == MARKER_V2 and raw[5] == STATION_SYSTEM and raw[7] == m.MAVLINK_MSG_ID_COMMAND_INT:
+            self.commands.add(raw[HEADER_V2 : HEADER_V2 + raw[1]])
+
+    def tick(self, tick: Tick) -> None:
+        """Keep setpoints and errors."""
+        self.setpoints.append(tick.setpoints.table)
+        self.errors_m.append(tick.error_m[1:])
+
+    def event(self, event: Event) -> None:
+        """Keep it."""
+        self.events.append(event)
+
+
+class Besieged:
+    """An engine that is thrown datagrams at, every 20 ms, from its peers' addresses and from thousands of others."""
+
+    def __init__(self, engine: Engine, peers: list[list[Address]], siege: Siege) -> None:
+        """Throw at `engine`; `peers` are the real ones of each of its sockets."""
+        self.thrown = 0
+        self._engine = engine
+        self._hostile = siege.source()
+        self._peers = peers
+        self._siege = siege
+        self._random = random.Random(siege.seed)
+        self._next = Instant(0)
+
+    def endpoints(self) -> tuple[Endpoint, ...]:
+        """Return the engine's."""
+        return self._engine.endpoints()
+
+    def receive(self, datagram: Datagram, now: Instant) -> None:
+        """Hand on what is meant for it."""
+        self._engine.receive(datagram, now)
+
+    def datagrams_to_send(self) -> list[Datagram]:
+        """Return the engine's."""
+        return self._engine.datagrams_to_send()
+
+    def next_timer(self) -> Instant | None:
+        """Return the engine's timer, or the next turn."""
+        timer = self._engine.next_timer()
+        return None if timer is None else min(timer, self._next)
+
+    def handle_timer(self, now: Instant) -> None:
+        """Throw what is due; then let the engine do what is."""
+        if now >= self._next:
+            self._next = after(now, TURN_S)
+            for _ in range(self._siege.each_turn):
+                self._engine.receive(self._throw(), now)
+            self.thrown += self._siege.each_turn
+        timer = self._engine.next_timer()
+        if timer is not None and timer <= now:
+            self._engine.handle_timer(now)
+
+    def _throw(self) -> Datagram:
+        draw = self._random
+        socket = draw.randrange(len(self._peers))
+        if draw.random() < self._siege.own_share:
+            return Datagram(socket, draw.choice(self._peers[socket]), self._hostile.datagram())
+        number = draw.randrange(STRANGERS)
+        return Datagram(socket, Address(f"10.0.{number >> 8}.{number & 0xFF}", 14550), self._hostile.datagram())
+
+
+@dataclass(frozen=True)
+class Siege:
+    """Who is thrown at, with what."""
+
+    seed: int = 1
+    each_turn: int = 0
+    end: End | None = None
+    forged: bool = False
+    own_share: float = 0.0
+    """Share of the datagrams that seem to come from a real peer's own address."""
+    links: dict[str, Any] = field(default_factory=dict[str, Any])
+
+    def source(self) -> Hostile:
+        """Return what to throw: forged frames are in the names of the end's peers."""
+        forged = Names(SYSTEMS, STATION_SYSTEM) if self.end == "station" else Names((STATION_SYSTEM,), SYSTEMS[0])
+        return Hostile(self.seed, forged if self.forged else None)
+
+
+@dataclass
+class Flown:
+    """What a flight came to."""
+
+    station: Station
+    fleet: Fleet
+    notes: Notes
+    thrown: int
+    kept: int
+    """Objects alive at the end."""
+    dropped: int
+    """Frames that came to nothing: at the ground station by its counts, at the vehicles by theirs."""
+    peak_kib: tuple[int, int]
+    """Peak memory of the process when a fifth of the time was over, and at the end."""
+
+
+def planned(duration_s: float, links: dict[str, Any] | None = None) -> Scenario:
+    """Return a leader and two followers on a straight path."""
+    way_m = 22 * (duration_s + 60)
+    path = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [way_m / 2, 0, 100], [way_m, 0, 100]]}
+    start = {"in_air": True, "run_in_s": 6, "timeout_s": 30}
+    return load_scenario(scenario(duration_s=duration_s, path=path, start=start, links=links or {}))
+
+
+def fly(duration_s: float, siege: Siege) -> Flown:
+    """Fly under siege; with nobody thrown at, the same flight in peace."""
+    plan, clock, notes = planned(duration_s, siege.links), VirtualClock(), Notes()
+    station, fleet = Station(plan, notes), Fleet(fleet_config(plan))
+    vehicles = [Address(LOOPBACK, FIRST_EPHEMERAL_PORT + i) for i in range(len(plan.vehicles))]
+    ground = station.endpoints()[0].address
+    ends: dict[End, Engine] = {"vehicles": fleet, "station": impair(plan, station, station) or station}
+    peers: dict[End, list[list[Address]]] = {"vehicles": [[ground]] * len(vehicles), "station": [vehicles]}
+    wall = Besieged(ends[siege.end], peers[siege.end], siege) if siege.end else None
+    network = MemoryNetwork(clock)
+    for end, engine in ends.items():
+        network.attach(wall if wall and end == siege.end else engine)
+    peaks_kib: list[int] = []
+
+    def over() -> bool:
+        if not peaks_kib and clock.now() > after(Instant(0), duration_s / 5):
+            peaks_kib.append(peak_kib())
+        return station.flight.ended
+
+    network.run(over)
+    gc.collect()
+    peaks = (peaks_kib or [peak_kib()])[0], peak_kib()
+    dropped = station.received().bad + sum(vehicle.link.frames_bad for vehicle in fleet.vehicles)
+    return Flown(station, fleet, notes, wall.thrown if wall else 0, len(gc.get_objects()), dropped, peaks)
+
+
+def peak_kib() -> int:
+    """Return the peak memory of this process."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // (1024 if sys.platform == "darwin" else 1)
+
+
+def check(flown: Flown) -> None:
+    """Hold a flight to what no datagram may break: what is told and how vehicles move stay an aircraft's."""
+    model, airframe = flown.station.controller.model, Airframe()
+    told = np.array(flown.notes.setpoints).reshape(-1, 3, model.tau_v_s.size)
+    assert not np.isinf(told).any()
+    assert np.array_equal(np.isnan(told[:, 0]), np.isnan(told).any(axis=1)), "part of a setpoint"
+    assert np.nanmin(told[:, 0], initial=np.inf) >= model.speed_min_mps.min()
+    assert np.nanmax(told[:, 0], initial=-np.inf) <= model.speed_max_mps.max()
+    for payload in flown.notes.commands:
+        fields = CODECS[CommandInt].decode(payload)
+        assert isinstance(fields, CommandInt)
+        if fields.target_system == FOREIGN_TARGET:
+            continue  # thrown at the station, which records what it hears
+        assert all(math.isfinite(value) for value in fields if isinstance(value, float)), fields
+    state = flown.fleet.state
+    assert np.isfinite(state.table).all()
+    assert (state.airspeed_mps <= airframe.speed_max_mps + 1e-9).all()
+    assert (state.height_m >= 0.0).all()
+
+
+def worst_error_m(notes: Notes) -> float:
+    """Return the largest formation error of a flight's last half, NaN when nobody was commanded."""
+    late = np.abs(np.array(notes.errors_m[len(notes.errors_m) // 2 :]))
+    return float(np.fmax.reduce(late, axis=None, initial=np.nan)) if late.size else float("nan")

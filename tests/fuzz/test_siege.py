@@ -1,0 +1,68 @@
+"""Both ends of a flight are thrown datagrams at by thousands of addresses."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from airlink.clock import Instant
+from airlink.endpoint import Address
+from airlink.engine import Datagram
+from airlink.frame import FrameWriter
+from airlink.identity import VehicleId
+from airlink.messages import Heartbeat
+from gcs_formation.station import Station
+from tests.fuzz.siege import End, Notes, Siege, check, fly, planned, worst_error_m
+
+DURATION_S = 5
+THRONG, CROWD = 10, 40
+"""Datagrams each turn of 20 ms."""
+ENDS: tuple[End, ...] = ("station", "vehicles")
+DELAYED = {"default": {"delay_ms": 40}}
+in_peace = cache(lambda delayed: fly(DURATION_S, Siege(links=DELAYED if delayed else {})))
+
+
+@pytest.mark.parametrize("delayed", [False, True], ids=["", "delayed"])
+@pytest.mark.parametrize("end", ENDS)
+def test_strangers_change_nothing(end: End, delayed: bool) -> None:
+    peace = in_peace(delayed)
+    flown = fly(DURATION_S, Siege(1, CROWD, end, links=DELAYED if delayed else {}))
+    assert flown.thrown > 20_000
+    check(flown)
+    assert np.array_equal(np.array(flown.notes.setpoints), np.array(peace.notes.setpoints), equal_nan=True)
+    assert sum(event.kind == "stranger" for event in flown.notes.events) <= 7
+
+
+@pytest.mark.parametrize("end", ENDS)
+def test_noise_from_a_peers_own_address_is_no_more_than_a_bad_link(end: End) -> None:
+    flown = fly(DURATION_S, Siege(1, CROWD, end, own_share=0.5))
+    check(flown)
+    assert worst_error_m(flown.notes) < 0.05
+    assert flown.dropped > flown.thrown / 3
+    if end == "station":
+        assert min(flown.station.bad_frames(identity) for identity in flown.station.vehicles) > 1000
+
+
+@pytest.mark.parametrize("end", ENDS)
+def test_forged_frames_break_nothing(end: End) -> None:
+    """Who may forge may fly the aircraft; but nothing raises, and all that is told stays inside the envelope."""
+    check(fly(DURATION_S, Siege(1, CROWD, end, forged=True, own_share=0.5)))
+
+
+@pytest.mark.parametrize("end", ENDS)
+def test_memory_does_not_grow_with_what_is_thrown(end: End) -> None:
+    few, many = (fly(DURATION_S, Siege(1, each, end)).kept for each in (THRONG, 3 * THRONG))
+    assert many - few < 200
+
+
+def test_broken_frames_are_counted_for_the_vehicle_they_came_from() -> None:
+    station = Station(planned(5), Notes())
+    peer, writer = Address("127.0.0.1", 40000), FrameWriter(2, 1)
+    station.receive(Datagram(0, peer, writer.encode(Heartbeat(1, 3))), Instant(0))
+    for _ in range(3):
+        broken = bytearray(writer.encode(Heartbeat(1, 3)))
+        broken[12] ^= 0x10
+        station.receive(Datagram(0, peer, bytes(broken)), Instant(0))
+    assert station.bad_frames(VehicleId(1, 2)) == 3
