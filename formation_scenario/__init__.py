@@ -1,5 +1,6 @@
 """The scenario: YAML -> frozen typed objects; slots, path geometry and start states that follow from it."""
 
+from formation_scenario.arrangement import SlotStep, slot_schedule, slot_table
 from formation_scenario.errors import Problem, ScenarioError
 from formation_scenario.ground import Ground, ground_of
 from formation_scenario.lifted_path import leader_path
@@ -8,7 +9,7 @@ from formation_scenario.load import dump_scenario, load_scenario
 from formation_scenario.model import Scenario
 from formation_scenario.path import PathError, PathPoint, PathPoints, SplinePath
 from formation_scenario.placement import StartStates, start_states
-from formation_scenario.shapes import SlotStep, slot_schedule, slot_table, slots
+from formation_scenario.shapes import slots
 from formation_scenario.vehicles import Vehicle, VehicleModel
 
 __all__ = [

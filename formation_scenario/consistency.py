@@ -47,6 +47,7 @@ def inconsistencies(scenario: Scenario, source: Source) -> list[Problem]:
         _traces,
         _bursts,
         _slots,
+        _changes,
         _consensus,
         _path,
         _terrain,
@@ -204,7 +205,7 @@ def _step_places(scenario: Scenario, vehicle: Vehicle) -> list[KeyPath]:
 
 def _slots(scenario: Scenario, source: Source) -> Iterator[Problem]:
     formation = scenario.formation
-    steps: list[tuple[KeyPath, Shape, Slots | None]] = [(("formation",), formation.shape, formation.slots_m)]
+    steps: list[tuple[KeyPath, Shape | None, Slots | None]] = [(("formation",), formation.shape, formation.slots_m)]
     for index, change in enumerate(formation.changes):
         steps.append((("formation", "changes", index), change.shape, change.slots_m))
     for above, shape, own in steps:
@@ -212,12 +213,24 @@ def _slots(scenario: Scenario, source: Source) -> Iterator[Problem]:
         for ref in own or ():
             yield from _one_vehicle(ref, scenario.followers, (*path, ref), source)
         slots = own if own is not None else formation.slots_m
-        if shape == "custom":
+        if shape == "custom" or (shape is None and own is not None):
             known = slots or {}
             missing = [f for f in scenario.followers if f.id not in known and long_ref(f) not in known]
             if missing:
                 ids = ", ".join(str(vehicle.vehicle_id) for vehicle in missing)
                 yield source.problem(path, f"found no slot for follower {ids}", "a slot for each follower")
+
+
+def _changes(scenario: Scenario, source: Source) -> Iterator[Problem]:
+    for index, change in enumerate(scenario.formation.changes):
+        path: KeyPath = ("formation", "changes", index)
+        if change.leader is not None:
+            yield from _one_vehicle(change.leader, scenario.vehicles, (*path, "leader"), source)
+            if scenario.leader is None:
+                found = f"found {change.leader}, but a virtual leader flies the path"
+                yield source.problem((*path, "leader"), found, "none, or a vehicle with role: leader at the start")
+        if change.shape is change.spacing_m is change.slots_m is change.leader is None:
+            yield source.problem(path, "found no change", "shape, spacing_m, slots_m or leader")
 
 
 def _consensus(scenario: Scenario, source: Source) -> Iterator[Problem]:

@@ -8,29 +8,23 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from formation_scenario.arrangement import SlotStep, columns, slot_schedule
 from formation_scenario.errors import Problem
-from formation_scenario.formation import Frame
 from formation_scenario.lifted_path import leader_path
 from formation_scenario.model import Scenario
-from formation_scenario.path import PathPoints
-from formation_scenario.shapes import SlotStep, slot_schedule
+from formation_scenario.path import PathPoints, SplinePath
+from formation_scenario.reconfiguration import Route, ahead, column_names, plan_change, take_over
+from formation_scenario.slot_motion import Course, SlotMotion, SlotNeeds, slot_needs
 from formation_scenario.source import KeyPath, Source
 from formation_scenario.terrain_check import check_terrain
-from formation_scenario.vehicles import Vehicle, VehicleModel
+from formation_scenario.transition import NotFlyableError, Transition
+from formation_scenario.vehicles import VehicleModel
 
 Array = npt.NDArray[np.float64]
 
 SAMPLE_M = 5.0
 TOLERANCE = 1e-6
 WAYPOINTS: KeyPath = ("path", "waypoints_m")
-
-
-class SlotMotion(NamedTuple):
-    """What a slot needs at each place of the path: airspeed, turn rate, change of airspeed."""
-
-    speed_mps: Array
-    turn_rate_rps: Array
-    accel_mps2: Array
 
 
 class _Need(NamedTuple):
@@ -52,75 +46,83 @@ def check(scenario: Scenario, source: Source) -> list[Problem]:
     places = np.unique(np.concatenate((uniform, path.nodes_m)))
     points = path.at(places)
     steps = slot_schedule(scenario)
-    return [
-        *_leader(scenario, source, places, points),
+    standing = [
+        *_leaders(scenario, source, places, points, steps),
         *_followers(scenario, source, places, points, steps),
         *_separation(scenario, source, steps),
         *_ahead_of_leader(scenario, source, steps),
     ]
+    return standing or _transitions(scenario, source, path, steps)
 
 
-def slot_motion(points: PathPoints, speed_mps: float, slot_m: Array, frame: Frame) -> SlotMotion:
-    """Return what a slot needs at each path point: the velocity of a point fixed in a turning frame.
-
-    `slot_m` (3,) is forward, right and up of the leader. In the leader's frame the slot turns with it. In
-    the follower's frame the equilibrium of a steady turn is used: both turn at the leader's rate.
-    """
-    turn = speed_mps * points.curvature_1pm
-    turn_change = speed_mps**2 * points.curvature_rate_1pm2
-    forward, right = float(slot_m[0]), float(slot_m[1])
-    if frame == "leader_heading":
-        along, across = speed_mps - turn * right, turn * forward
-        speed = np.hypot(along, across)
-        accel = turn_change * (forward * across - right * along) / speed
-        return SlotMotion(speed, turn + turn_change * forward * speed_mps / speed**2, accel)
-    sine = np.clip(-turn * forward / speed_mps, -0.99, 0.99)
-    cosine = np.sqrt(1.0 - sine**2)
-    accel = -turn_change * right + turn_change * forward * sine / cosine
-    speed = speed_mps * cosine - turn * right
-    return SlotMotion(speed, turn, accel)
-
-
-def _leader(scenario: Scenario, source: Source, places: Array, points: PathPoints) -> Iterator[Problem]:
-    leader = scenario.leader
-    if leader is None:
-        return
-    limits, speed = leader.model, scenario.path.speed_mps
-    if not limits.speed_min_mps <= speed <= limits.speed_max_mps:
-        allowed = f"{_speeds(limits)}, leader {leader.vehicle_id}'s limits"
-        yield source.problem(("path", "speed_mps"), f"found {speed:g} m/s", allowed)
-    needs = {
-        "turn": _worst(np.abs(speed * points.curvature_1pm), limits.turn_rate_max_rps),
-        "climb": _worst(np.abs(speed * points.slope), limits.climb_max_mps),
-    }
-    yield from _report(f"leader {leader.vehicle_id}", needs, limits, source, places, points)
+def _leaders(
+    scenario: Scenario, source: Source, places: Array, points: PathPoints, steps: tuple[SlotStep, ...]
+) -> Iterator[Problem]:
+    speed = scenario.path.speed_mps
+    for leader in dict.fromkeys(columns(scenario)[step.arrangement.leader] for step in steps):
+        if leader is None:
+            continue
+        limits = leader.model
+        if not limits.speed_min_mps <= speed <= limits.speed_max_mps:
+            allowed = f"{_speeds(limits)}, leader {leader.vehicle_id}'s limits"
+            yield source.problem(("path", "speed_mps"), f"found {speed:g} m/s", allowed)
+        needs = {
+            "turn": _worst(np.abs(speed * points.curvature_1pm), limits.turn_rate_max_rps),
+            "climb": _worst(np.abs(speed * points.slope), limits.climb_max_mps),
+        }
+        yield from _report(f"leader {leader.vehicle_id}", needs, limits, source, places, points)
 
 
 def _followers(
     scenario: Scenario, source: Source, places: Array, points: PathPoints, steps: tuple[SlotStep, ...]
 ) -> Iterator[Problem]:
-    speed, frame = scenario.path.speed_mps, scenario.formation.frame
-    climb = np.abs(speed * points.slope)
-    for column, vehicle in enumerate(scenario.followers):
-        limits = vehicle.model
-        needs: dict[str, _Need] = {"climb": _worst(climb, limits.climb_max_mps)}
-        for step in steps:
-            motion = slot_motion(points, speed, step.slots_m[column], frame)
-            for name, need in _slot_needs(motion, limits, step).items():
-                if name not in needs or need.excess > needs[name].excess:
-                    needs[name] = need
-        yield from _report(f"vehicle {vehicle.vehicle_id}'s slot", needs, limits, source, places, points)
+    course = Course.along(points, scenario.path.speed_mps)
+    needed = [slot_needs(course, SlotMotion.at_rest(step.places_m), scenario.formation.frame) for step in steps]
+    for column, vehicle in enumerate(columns(scenario)):
+        worst: dict[str, _Need] = {}
+        for step, needs in zip(steps, needed, strict=True):
+            if vehicle is None or column == step.arrangement.leader:
+                continue
+            for name, need in _slot_needs(needs, column, vehicle.model, step).items():
+                if name not in worst or need.excess > worst[name].excess:
+                    worst[name] = need
+        if vehicle is not None:
+            yield from _report(f"vehicle {vehicle.vehicle_id}'s slot", worst, vehicle.model, source, places, points)
 
 
-def _slot_needs(motion: SlotMotion, limits: VehicleModel, step: SlotStep) -> dict[str, _Need]:
-    speed = motion.speed_mps
+def _slot_needs(needs: SlotNeeds, column: int, limits: VehicleModel, step: SlotStep) -> dict[str, _Need]:
+    speed = needs.speed_mps[:, column]
     slow = _worst(-speed, -limits.speed_min_mps, step)
     return {
+        "climb": _worst(np.abs(needs.climb_mps[:, column]), limits.climb_max_mps),
         "speed": _worst(speed, limits.speed_max_mps, step),
         "slow": slow._replace(figure=-slow.figure),
-        "turn": _worst(np.abs(motion.turn_rate_rps), limits.turn_rate_max_rps, step),
-        "accel": _worst(np.abs(motion.accel_mps2), limits.accel_max_mps2, step),
+        "turn": _worst(np.abs(needs.turn_rate_rps[:, column]), limits.turn_rate_max_rps, step),
+        "accel": _worst(np.abs(needs.accel_mps2[:, column]), limits.accel_max_mps2, step),
     }
+
+
+def _transitions(scenario: Scenario, source: Source, path: SplinePath, steps: tuple[SlotStep, ...]) -> list[Problem]:
+    """Return the first change whose way can't be flown: where the next ones begin isn't known then."""
+    speed, way, leader = scenario.path.speed_mps, Transition.standing(steps[0].places_m), 0
+    for key, step in zip(_keys(scenario)[1:], steps[1:], strict=True):
+        at_m = step.at_s * speed
+        if at_m > path.length_m or step.at_s > scenario.duration_s:
+            break
+        slots = way.at(step.at_s)
+        flown: Route = path
+        if step.arrangement.leader != leader:
+            leader = step.arrangement.leader
+            forward_m, *aside_m = slots.position_m[leader].tolist()
+            at_m, slots = at_m + forward_m, slots.seen_from(leader)
+            flown = take_over(scenario, path, at_m, aside_m, slots.reach_m)
+        try:
+            way = plan_change(scenario, slots, step.arrangement, step.at_s, ahead(flown, speed, at_m))
+        except NotFlyableError as error:
+            places = np.array([at_m + error.elapsed_s * speed])
+            found = f"{_place(places, path.at(places), 0)}: {error.found}"
+            return [source.problem(key, found, error.allowed)]
+    return []
 
 
 def _worst(figures: Array, limit: float, step: SlotStep | None = None) -> _Need:
@@ -163,15 +165,16 @@ def _speeds(limits: VehicleModel) -> str:
 
 def _separation(scenario: Scenario, source: Source, steps: tuple[SlotStep, ...]) -> Iterator[Problem]:
     allowed = f"{scenario.safety.separation_m:g} m or more (safety.separation_m)"
-    names = ["the leader", *(f"vehicle {vehicle.vehicle_id}" for vehicle in scenario.followers)]
+    everyone = column_names(scenario)
     for path, step in zip(_keys(scenario), steps, strict=True):
-        places = np.vstack((np.zeros((1, 3)), step.slots_m))
+        places = step.places_m
         distances = np.linalg.norm(places[:, None] - places[None, :], axis=-1)
         distances[np.tril_indices(len(places))] = np.inf
         one, other = np.unravel_index(int(np.argmin(distances)), distances.shape)
         nearest = float(distances[one, other])
         if nearest < scenario.safety.separation_m * (1.0 - TOLERANCE):
-            found = f"found slots of {names[one]} and {names[other]} {nearest:.3g} m apart in {step.shape}"
+            pair = " and ".join(_who(step, column, everyone) for column in (one, other))
+            found = f"found slots of {pair} {nearest:.3g} m apart in {step.shape}"
             key = "slots_m" if step.shape == "custom" else "spacing_m"
             yield source.problem((*path, key), found, allowed)
 
@@ -180,15 +183,18 @@ def _ahead_of_leader(scenario: Scenario, source: Source, steps: tuple[SlotStep, 
     if scenario.formation.frame != "follower_heading":
         return
     for path, step in zip(_keys(scenario), steps, strict=True):
-        ahead = np.flatnonzero(step.slots_m[:, 0] > TOLERANCE)
-        if ahead.size:
-            vehicle: Vehicle = scenario.followers[int(ahead[0])]
-            forward = step.slots_m[ahead[0], 0]
+        before = np.flatnonzero(step.places_m[:, 0] > TOLERANCE)
+        if before.size:
+            forward = step.places_m[before[0], 0]
             found = (
-                f"found shape {step.shape} with vehicle {vehicle.vehicle_id}'s slot {forward:.3g} m ahead of "
+                f"found shape {step.shape} with {column_names(scenario)[before[0]]}'s slot {forward:.3g} m ahead of "
                 "the leader, unstable in follower_heading"
             )
             yield source.problem((*path, "shape"), found, "slots behind, or frame: leader_heading")
+
+
+def _who(step: SlotStep, column: int | np.intp, everyone: tuple[str, ...]) -> str:
+    return "the leader" if column == step.arrangement.leader else everyone[column]
 
 
 def _keys(scenario: Scenario) -> list[KeyPath]:

@@ -16,12 +16,16 @@ Spacing = Annotated[Positive, Field(le=10_000.0)]
 
 
 class FormationChange(Keys):
-    """Another shape, from a time on."""
+    """Another shape, spacing or leader, from a time on."""
 
     at_s: NonNegative = Field(description="when the change begins, s")
-    shape: Shape = Field(description="the new shape")
-    spacing_m: Spacing = Field(default=30.0, description="the new spacing, m; default: formation.spacing_m")
+    shape: Shape | None = Field(default=None, description="the new shape; default: the one before")
+    spacing_m: Spacing | None = Field(
+        default=None,
+        description="the new spacing, m; default: with a shape formation.spacing_m, else the one before",
+    )
     slots_m: Slots | None = Field(default=None, description="custom: the new slots; default: formation.slots_m")
+    leader: VehicleRef | None = Field(default=None, description="the vehicle that leads from then on")
 
 
 class Formation(Keys):
@@ -31,4 +35,7 @@ class Formation(Keys):
     spacing_m: Spacing = Field(default=30.0, description="unit of the shape, m; no two slots are nearer")
     frame: Frame = Field(default="leader_heading", description="frame of the slots and of the errors")
     slots_m: Slots | None = Field(default=None, description="custom: by follower, m forward, right and up of leader")
-    changes: tuple[FormationChange, ...] = Field(default=(), description="later shapes")
+    succession: Literal["nearest", "none"] = Field(
+        default="nearest", description="who leads when the leader is lost: the follower nearest to it, or nobody"
+    )
+    changes: tuple[FormationChange, ...] = Field(default=(), description="later shapes, spacings and leaders")

@@ -56,6 +56,11 @@ class PathPoint(NamedTuple):
     slope: float
     slope_rate_1pm: float
 
+    def aside_m(self, north_m: float, east_m: float, height_m: float) -> tuple[float, float]:
+        """Return how far right of the path and above it a place abreast of this point lies."""
+        north, east = north_m - self.north_m, east_m - self.east_m
+        return east * cos(self.course_rad) - north * sin(self.course_rad), height_m - self.height_m
+
 
 class PathPoints(NamedTuple):
     """`PathPoint` at many arc lengths: each field an array of their shape."""

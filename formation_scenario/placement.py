@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from formation_scenario.arrangement import slot_table
 from formation_scenario.ground import ground_of
 from formation_scenario.model import Scenario
 from formation_scenario.path import SplinePath
-from formation_scenario.shapes import slot_table
 
 Array = npt.NDArray[np.float64]
 

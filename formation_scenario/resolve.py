@@ -86,7 +86,15 @@ def _formation(formation: Plain) -> Plain:
     if not isinstance(formation, dict):
         return {} if formation is None else formation
     spacing = formation.get("spacing_m", 30.0)
-    return formation | {"changes": _each(formation.get("changes", []), {"spacing_m": spacing})}
+    changes = formation.get("changes", [])
+    if isinstance(changes, list):
+        changes = [_filled(each, {"spacing_m": spacing}) if _has_shape(each) else each for each in changes]
+    resolved: dict[Key, Plain] = {"changes": changes}
+    return formation | resolved
+
+
+def _has_shape(change: Plain) -> bool:
+    return isinstance(change, dict) and change.get("shape") is not None
 
 
 def _vehicles(vehicles: Plain) -> Plain:

@@ -1,32 +1,19 @@
-"""Shapes -> slots: each follower's place forward, right and up of the leader."""
+"""Shapes -> slots: places forward, right and up of the leader."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from itertools import count as naturals
 from itertools import islice
 from math import cos, pi, sin, sqrt
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-
-from formation_scenario.fields import Vector, VehicleRef
-from formation_scenario.formation import Shape
-from formation_scenario.model import Scenario, long_ref
 
 Array = npt.NDArray[np.float64]
 Place = tuple[float, float]
 
 ROW_OF_TRIANGLE = sqrt(3.0) / 2.0
-
-
-class SlotStep(NamedTuple):
-    """The formation from `at_s` on: slots (F, 3) of the scenario's followers, m forward, right, up."""
-
-    at_s: float
-    shape: Shape
-    slots_m: Array
 
 
 def slots(shape: str, count: int, spacing_m: float) -> Array:
@@ -42,29 +29,6 @@ def slots(shape: str, count: int, spacing_m: float) -> Array:
         raise ValueError(f"found shape '{shape}'; allowed: {', '.join(SHAPES)}")
     places = np.array(list(islice(SHAPES[shape](count), count)), dtype=np.float64).reshape(count, 2)
     return np.column_stack((spacing_m * places, np.zeros(count)))
-
-
-def slot_table(scenario: Scenario) -> Array:
-    """Return the slots (F, 3) at the start, in the order of `scenario.followers`."""
-    return slot_schedule(scenario)[0].slots_m
-
-
-def slot_schedule(scenario: Scenario) -> tuple[SlotStep, ...]:
-    """Return the slots at the start and after each of `formation.changes`, in time order."""
-    formation = scenario.formation
-    steps = [SlotStep(0.0, formation.shape, _slots_of(scenario, formation.shape, formation.spacing_m, None))]
-    for change in sorted(formation.changes, key=lambda change: change.at_s):
-        table = _slots_of(scenario, change.shape, change.spacing_m, change.slots_m)
-        steps.append(SlotStep(change.at_s, change.shape, table))
-    return tuple(steps)
-
-
-def _slots_of(scenario: Scenario, shape: Shape, spacing_m: float, own: Mapping[VehicleRef, Vector] | None) -> Array:
-    if shape != "custom":
-        return slots(shape, len(scenario.followers), spacing_m)
-    table = own if own is not None else scenario.formation.slots_m or {}
-    rows = [table[f.id] if f.id in table else table[long_ref(f)] for f in scenario.followers]
-    return np.array(rows, dtype=np.float64).reshape(len(rows), 3)
 
 
 # Each shape yields (forward, right) in units of the spacing, nearest to the leader first.

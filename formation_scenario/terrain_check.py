@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
+from formation_scenario.arrangement import slot_schedule
 from formation_scenario.errors import Problem
 from formation_scenario.ground import Ground, ground_of
 from formation_scenario.lift import SAMPLE_M, STEP_M, sample_places
@@ -14,7 +15,6 @@ from formation_scenario.lifted_path import LEADER_SHARE, LiftedPath, leader_path
 from formation_scenario.model import Scenario
 from formation_scenario.path import PathPoints, SplinePath
 from formation_scenario.placement import start_states
-from formation_scenario.shapes import slot_schedule
 from formation_scenario.source import KeyPath, Source
 from formation_scenario.terrain import Terrain
 

@@ -11,21 +11,22 @@ import numpy as np
 
 from airlink.clock import NANOSECONDS, Instant
 from formation_scenario import Scenario
+from formation_scenario.slot_motion import SlotMotion
 from gcs_formation import parameters
 from gcs_formation.arrays import Array, Instants, Mask
 from gcs_formation.control import envelope
-from gcs_formation.control.mixer import SlotMotion
 from gcs_formation.control.situation import Decision, Lead, Situation
 from gcs_formation.estimation.estimator import StateEstimator
 from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Indices, Setpoints
 from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory
 from gcs_formation.estimation.projection import Measured, States
-from gcs_formation.formation.slots import schedule
+from gcs_formation.formation.plan import FormationPlan
 from gcs_formation.guidance.tracking import Lags, Motion
 from gcs_formation.guidance.virtual_leader import amid, fly_on
 from gcs_formation.records import Tick
 
-LEADER = np.zeros(1, dtype=np.intp)
+VIRTUAL = np.zeros(1, dtype=np.intp)
+"""The column of a virtual leader."""
 HELD_FOR_S = 2.0
 """How long followers must stay in their slots to count as assembled."""
 CHANNELS = 3
@@ -36,27 +37,29 @@ GAINS_CHANGE_S = 1.0
 
 
 class FormationController:
-    """Commands a leader (column 0) and F followers (columns 1 to F). Knows no message and no socket."""
+    """Commands C columns, one of which leads: a virtual leader's, or the scenario's own leader's, is the first.
+
+    Knows no message and no socket.
+    """
 
     def __init__(self, scenario: Scenario) -> None:
         """Take law, model, path and slots from the scenario."""
         self.guidance = parameters.leader_guidance(scenario)
+        self.plan = FormationPlan(scenario)
         self._scenario = scenario
         self._dt_s = 1.0 / scenario.law.rate_hz
         self._gains_change = 1.0 - math.exp(-self._dt_s / GAINS_CHANGE_S)
-        self._followers = np.arange(1, 1 + len(scenario.followers), dtype=np.intp)
         self._columns = 1 + len(scenario.followers)
         self._model = parameters.autopilot_model(scenario)
-        self._leader_model = self._model.take(LEADER)
         self._law = parameters.law(scenario, self._model)
         self._leader_amid = scenario.leader is None and self._law.commands_leader
-        self._slots = schedule(scenario)
         self._history = SetpointHistory(scenario.law.rate_hz)
         self._projection = parameters.projection(scenario, self._history, self._model)
         self._in_slots_s = 0.0
         self._leader_told_rad = math.nan
         self._leader_wind_mps = np.full(2, np.nan)
-        self._flown: Tick | None = None
+        self.last_tick: Tick | None = None
+        """The last one at which there was a leader to follow."""
         self.bandwidth: Array = np.ones((self._columns, CHANNELS))
         """(C, 3) share of their bandwidth that the law's loops are to come to."""
         self._bandwidth = self.bandwidth
@@ -74,6 +77,11 @@ class FormationController:
         """Whether every follower has been in its slot for a while."""
         return self._in_slots_s >= HELD_FOR_S or self.begin_regardless
 
+    def hand_over(self, leader: int, swing_rad: float) -> None:
+        """Let another lead, whose heading lies `swing_rad` off the present leader's; the guidance is told apart."""
+        self.plan.hand_over(leader, swing_rad)
+        self._leader_told_rad = math.nan
+
     def step(self, now: Instant, mission_time_s: float, phase: str, ready: Mask, delay_s: Array, lag_s: Array) -> Tick:
         """Return this tick's setpoints and what led to them.
 
@@ -90,19 +98,19 @@ class FormationController:
         acts = self._acts(now, delay_s, lag_s)
         tick = self._blank_tick(now, mission_time_s, phase, ready, delay_s)
         self._history.add(SentSetpoints(acts, tick.setpoints))
-        if not tick.active[0]:
+        if not tick.active[tick.leader]:
             tick.active[:] = False
             self._in_slots_s = 0.0
             return tick
         states = self._projection.take(self._measured(tick.active, acts))
         lead = self._steer_leader(tick, states)
-        if self._followers.size:
-            slots = self._slots.at(mission_time_s if mission_time_s >= 0 else -1.0)
+        if self._columns > 1:
+            slots = self._slots(now, mission_time_s)
             self._bandwidth = self._bandwidth + self._gains_change * (self.bandwidth - self._bandwidth)
             situation = Situation(states, lead, slots, tick.active, self._bandwidth)
             self._note(tick, self._law.decide(situation, self._dt_s), slots)
         self._judge_assembly(tick)
-        self._flown = tick
+        self.last_tick = tick
         return tick
 
     def _blank_tick(self, now: Instant, mission_time_s: float, phase: str, ready: Mask, delay_s: Array) -> Tick:
@@ -112,6 +120,7 @@ class FormationController:
             now=now,
             mission_time_s=mission_time_s,
             phase=phase,
+            leader=self.plan.leader,
             state=FlightState(*np.full((8, self._columns), np.nan)),
             setpoints=Setpoints(*blank.T.copy()),
             age_s=np.where(known, (now - self.estimator.stamps) / NANOSECONDS, np.nan),
@@ -133,38 +142,45 @@ class FormationController:
     def _measured(self, active: Mask, acts: Instants) -> Measured:
         """Return what was measured; vehicles that were never heard get the leader's state, so that nothing is NaN."""
         known, table, stamps = self.estimator.known, self.estimator.state.table, self.estimator.stamps
-        filled: Array = np.where(known, table, table[:, :1])
-        return Measured(FlightState(*filled), np.where(known, stamps, stamps[0]), active, acts)
+        leader = self.plan.leader
+        filled: Array = np.where(known, table, table[:, [leader]])
+        return Measured(FlightState(*filled), np.where(known, stamps, stamps[leader]), active, acts)
 
     def _place_virtual_leader(self, now: Instant) -> None:
         """Put the virtual leader amid the followers; where they're bound to it, it then flies on by itself."""
-        flown, stamp = self._flown, now
+        flown, stamp = self.last_tick, now
         if flown is not None and not self._leader_amid:
-            state = fly_on(flown.state.take(LEADER), flown.setpoints.take(LEADER), flown.now, now, self._leader_model)
+            model = self._model.take(VIRTUAL)
+            state = fly_on(flown.state.take(VIRTUAL), flown.setpoints.take(VIRTUAL), flown.now, now, model)
         elif self.estimator.known[1:].all():
-            followers = self.estimator.state.take(self._followers)
-            slots = self._slots.at(-1.0 if flown is None else flown.mission_time_s)
-            state = amid(followers, slots.position_m, self._scenario.path.speed_mps)
+            followers = self.estimator.state.take(np.arange(1, self._columns))
+            slots = self._slots(now, math.nan if flown is None else flown.mission_time_s)
+            state = amid(followers, slots.position_m[1:], self.guidance.speed_mps)
             stamp = Instant(int(self.estimator.stamps[1:].mean())) if self._leader_amid else now
         else:
             return
         self.estimator.place(0, np.concatenate(_values(state)), stamp)
 
+    def _slots(self, now: Instant, mission_time_s: float) -> SlotMotion:
+        return self.plan.at(now / NANOSECONDS, begun=mission_time_s >= 0)
+
     def _steer_leader(self, tick: Tick, states: States) -> Lead:
-        state = states.of(LEADER, LEADER)
-        _fill(tick.state, LEADER, state)
+        leading = np.array([tick.leader])
+        state, model = states.of(leading, leading), self._model.take(leading)
+        _fill(tick.state, leading, state)
         wind_mps = self._slow_wind(float(state.wind_north_mps[0]), float(state.wind_east_mps[0]))
         motion = Motion(*(float(getattr(state, name)[0]) for name in _MOTION), *wind_mps)
-        model = self._leader_model
         lags = Lags(float(model.tau_psi_s[0]), float(model.tau_ha_s[0]), float(model.tau_hb_s[0]))
         wanted = self.guidance.steer(motion, float(state.height_m[0]), lags, assembled=self.assembled)
         columns = Setpoints(*(np.array([value]) for value in wanted))
         told = envelope.limit(columns, columns.heading_rad, state, model)
-        _fill(tick.setpoints, LEADER, told)
+        _fill(tick.setpoints, leading, told)
         before_rad, self._leader_told_rad = self._leader_told_rad, float(told.heading_rad[0])
         turned_rad = math.remainder(self._leader_told_rad - before_rad, math.tau)
         turn_rps = 0.0 if math.isnan(turned_rad) else turned_rad / self._dt_s
-        return Lead(Instant(int(states.instants(LEADER)[0])), told, turn_rps, self.guidance.heading(motion))
+        return Lead(
+            tick.leader, Instant(int(states.instants(leading)[0])), told, turn_rps, self.guidance.heading(motion)
+        )
 
     def _slow_wind(self, north_mps: float, east_mps: float) -> list[float]:
         seen, kept = np.array((north_mps, east_mps)), math.exp(-LEADER_WIND_RADPS * self._dt_s)
@@ -174,7 +190,8 @@ class FormationController:
 
     def _note(self, tick: Tick, decision: Decision, slots: SlotMotion) -> None:
         which, active = decision.columns, tick.active[decision.columns]
-        tick.slots_m[self._followers] = slots.position_m
+        tick.slots_m[:] = slots.position_m
+        tick.slots_m[tick.leader] = np.nan
         noted = (tick.error_m, decision.error_m), (tick.mixed, decision.mixed), (tick.gains, decision.gains)
         for into, values in noted:
             into[which] = np.where(active[:, None], values, np.nan)
@@ -184,7 +201,7 @@ class FormationController:
         _fill(tick.state, known, decision.state.take(np.flatnonzero(np.isin(which, known))))
 
     def _judge_assembly(self, tick: Tick) -> None:
-        error_m = tick.error_m[self._followers]
+        error_m = np.delete(tick.error_m, tick.leader, axis=0)
         within = bool((np.abs(error_m) < self._scenario.start.tolerance_m).all())
         self._in_slots_s = self._in_slots_s + self._dt_s if within else 0.0
 

@@ -51,8 +51,8 @@ class Dispatch:
         self._columns = columns
         self._held = DelayQueue[tuple[Vehicle, Message]]()
 
-    def links(self) -> Links:
-        """Return the ways as they are now."""
+    def links(self, leader: int) -> Links:
+        """Return the ways as they are now, to a leader and everybody else."""
         ready, delay_s, lag_s = np.zeros(self._count, dtype=bool), np.zeros(self._count), np.zeros(self._count)
         ready[0] = self._virtual_leader
         for identity, column in self._columns.items():
@@ -60,8 +60,8 @@ class Dispatch:
             ready[column] = vehicle.member is Member.FLYING
             delay_s[column] = vehicle.clock.one_way_s
             lag_s[column] = vehicle.autopilot.loop_s / 2
-        hold_s = self._hold_s(ready, delay_s)
-        lag_s[0] += hold_s
+        hold_s = self._hold_s(leader, ready, delay_s)
+        lag_s[leader] += hold_s
         return Links(ready, delay_s, lag_s, hold_s)
 
     def take(self, tick: Tick, hold_s: float, now: Instant) -> None:
@@ -73,7 +73,7 @@ class Dispatch:
             )
             if tick.active[column] and all(map(math.isfinite, setpoint)):
                 vehicle = self._vehicles[identity]
-                due = after(now, hold_s if column == 0 else 0.0)
+                due = after(now, hold_s if column == tick.leader else 0.0)
                 for message in vehicle.autopilot.setpoint(setpoint):
                     self._held.push(due, (vehicle, message))
 
@@ -89,12 +89,13 @@ class Dispatch:
         """Drop what is held: no setpoint may follow the order to loiter."""
         self._held = DelayQueue[tuple[Vehicle, Message]]()
 
-    def _hold_s(self, ready: Mask, delay_s: Array) -> float:
+    def _hold_s(self, leader: int, ready: Mask, delay_s: Array) -> float:
         """Return how long the leader's setpoints are held back: until those of the slowest follower act.
 
         A leader on a quicker link would turn before any follower can, by setpoints that followers' weren't made with.
         """
-        if not self._compensates or not ready[1:].any():
+        following = ready & (np.arange(self._count) != leader)
+        if not self._compensates or not following.any():
             return 0.0
-        slowest_s = float(np.nanmax(np.where(ready[1:], delay_s[1:], 0.0), initial=0.0))
-        return min(max(0.0, slowest_s - float(np.nan_to_num(delay_s[0]))), HOLD_MAX_S)
+        slowest_s = float(np.nanmax(np.where(following, delay_s, 0.0), initial=0.0))
+        return min(max(0.0, slowest_s - float(np.nan_to_num(delay_s[leader]))), HOLD_MAX_S)

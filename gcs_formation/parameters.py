@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from formation_scenario import Scenario, VehicleModel, leader_path, slot_schedule
+from formation_scenario import Scenario, leader_path, slot_table
+from formation_scenario.reconfiguration import column_models, keepable_turn_rps
+from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.arrays import Array
 from gcs_formation.control.consensus import ConsensusLaw, ConsensusParameters
 from gcs_formation.control.fuzzy import FuzzyGainScheduler
@@ -73,13 +75,6 @@ def projection(scenario: Scenario, history: SetpointHistory, model: AutopilotMod
     return Pairing(scenario.law.rate_hz) if scenario.law.type == "consensus" else AsMeasured()
 
 
-def column_models(scenario: Scenario) -> tuple[VehicleModel, ...]:
-    """Return the model of each column: the leader's (a virtual one flies like the first follower), the followers'."""
-    followers = [vehicle.model for vehicle in scenario.followers]
-    leader = scenario.leader
-    return (leader.model if leader else followers[0], *followers)
-
-
 def autopilot_model(scenario: Scenario) -> AutopilotModel:
     """Return the autopilot model's constants, a column for the leader and each follower."""
     models = column_models(scenario)
@@ -113,10 +108,5 @@ def leader_guidance(scenario: Scenario) -> LeaderGuidance:
 
 def hold_radius_m(scenario: Scenario) -> float:
     """Return the radius of the leader's turns before its path: every slot can keep up, inside and outside."""
-    speed = scenario.path.speed_mps
-    models = column_models(scenario)
-    turn_rps = min(model.turn_rate_max_rps for model in models)
-    for model, slot in zip(models[1:], slot_schedule(scenario)[0].slots_m, strict=True):
-        spare_mps = min(model.speed_max_mps - speed, speed - model.speed_min_mps)
-        turn_rps = min(turn_rps, spare_mps / max(float(np.hypot(slot[0], slot[1])), 1.0))
-    return speed / (HOLD_SHARE * max(turn_rps, 1e-3))
+    reach_m = SlotMotion.at_rest(slot_table(scenario)).reach_m
+    return scenario.path.speed_mps / (HOLD_SHARE * keepable_turn_rps(scenario, reach_m))

@@ -28,12 +28,14 @@ class Event:
 
 @dataclass(frozen=True)
 class Tick:
-    """One control tick: (C,) columns are the leader's (or the virtual leader's) and then the followers'."""
+    """One control tick: (C,) columns, the scenario's leader's or a virtual one's first."""
 
     now: Instant
     mission_time_s: float
     """NaN before it's known when the path begins."""
     phase: str
+    leader: int
+    """The column that leads."""
     state: FlightState
     """What the law acted on: predicted to when the setpoints act."""
     setpoints: Setpoints

@@ -14,6 +14,11 @@ from gcs_formation.membership import Member, following
 from gcs_formation.records import Note
 from gcs_formation.vehicle.vehicle import Vehicle
 
+SUCCESSION_S = 3.0
+"""Silence of a leader after which another takes over, where one can."""
+BACK_S = 3.0
+"""Telemetry of a vehicle that is out is no older when it comes back."""
+
 
 class Roster:
     """The vehicles' places in the formation."""
@@ -27,24 +32,37 @@ class Roster:
         self._columns = columns
         self._note = note
 
-    def judge(self, estimator: StateEstimator, now: Instant, *, connecting: bool) -> None:
+    def leader_lost(self, leader: Vehicle, estimator: StateEstimator, now: Instant, *, replaceable: bool) -> bool:
+        """Judge the leader alone; return whether it isn't there to follow. One that is `replaceable` is lost sooner."""
+        self._judge(
+            leader, now, fresh=self._is_fresh(leader, estimator, now, SUCCESSION_S if replaceable else math.inf)
+        )
+        return leader.member is not Member.FLYING
+
+    def judge(self, leader: Vehicle | None, estimator: StateEstimator, now: Instant, *, connecting: bool) -> None:
         """Decide who flies in the formation: without its leader, nobody does once that has been there."""
         led = True
-        for identity, vehicle in self._vehicles.items():
-            fresh = led and self._is_fresh(vehicle, estimator, now)
-            member = following(vehicle.member, vehicle.sight(now, fresh=fresh))
-            if member is not vehicle.member:
-                vehicle.member = member
-                self._note(now, "member", member.value, vehicle)
-                self._tell(vehicle, now)
-            if self._columns[identity] == 0:
-                led = member is Member.FLYING or connecting
+        if leader is not None:
+            self._judge(leader, now, fresh=self._is_fresh(leader, estimator, now))
+            led = leader.member is Member.FLYING or connecting
+        for vehicle in self._vehicles.values():
+            if vehicle is not leader:
+                self._judge(vehicle, now, fresh=led and self._is_fresh(vehicle, estimator, now))
 
-    def _is_fresh(self, vehicle: Vehicle, estimator: StateEstimator, now: Instant) -> bool:
+    def _judge(self, vehicle: Vehicle, now: Instant, *, fresh: bool) -> None:
+        member = following(vehicle.member, vehicle.sight(now, fresh=fresh))
+        if member is not vehicle.member:
+            vehicle.member = member
+            self._note(now, "member", member.value, vehicle)
+            self._tell(vehicle, now)
+
+    def _is_fresh(self, vehicle: Vehicle, estimator: StateEstimator, now: Instant, limit_s: float = math.inf) -> bool:
         if vehicle.beyond_margin and self._law.on_delay == "hold":
             return False
+        if vehicle.member is not Member.FLYING:
+            limit_s = min(limit_s, BACK_S)
         age_s = estimator.age_s(self._columns[vehicle.identity], now)
-        return math.isnan(age_s) or age_s <= self._law.max_age_s
+        return math.isnan(age_s) or age_s <= min(self._law.max_age_s, limit_s)
 
     def _tell(self, vehicle: Vehicle, now: Instant) -> None:
         autopilot = vehicle.autopilot

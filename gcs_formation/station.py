@@ -16,6 +16,7 @@ from airlink.identity import VehicleId
 from airlink.messages import Message
 from formation_scenario import Scenario
 from formation_scenario import Vehicle as PlannedVehicle
+from formation_scenario.arrangement import columns
 from gcs_formation.beacon import Beacon
 from gcs_formation.controller import FormationController
 from gcs_formation.dispatch import Dispatch
@@ -25,6 +26,7 @@ from gcs_formation.link.connection import Connection
 from gcs_formation.link.receiver import Receiver
 from gcs_formation.margin_watch import MarginWatch
 from gcs_formation.phases import Cause, Flight, Phase
+from gcs_formation.reconfiguration import Reconfiguration
 from gcs_formation.records import Detail, Event, Recorder, Tick
 from gcs_formation.roster import Roster
 from gcs_formation.starting import Starting
@@ -59,7 +61,7 @@ class Station:
         self._recorder = recorder
         self._until_s = math.inf if until_s is None else until_s
         self._receiver = Receiver()
-        planned = ([scenario.leader] if scenario.leader else []) + list(scenario.followers)
+        planned = [vehicle for vehicle in columns(scenario) if vehicle is not None]
         texts = list(dict.fromkeys(vehicle.endpoint for vehicle in planned))
         self._endpoints = tuple(parse_endpoint(text) for text in texts)
         networks = {vehicle.endpoint: vehicle.network for vehicle in planned}
@@ -68,13 +70,13 @@ class Station:
         self.vehicles = {
             vehicle.vehicle_id: self._vehicle(vehicle, texts.index(vehicle.endpoint)) for vehicle in planned
         }
-        first_column = 0 if scenario.leader else 1
-        self._columns = {identity: first_column + i for i, identity in enumerate(self.vehicles)}
+        self._columns = {vehicle.vehicle_id: i for i, vehicle in enumerate(columns(scenario)) if vehicle is not None}
         self.roster = Roster(scenario, self.vehicles, self._columns, self._event)
         self._identities = Identities(self.vehicles, self.networks, self.flight, self._event, self.fail)
         self.margins = MarginWatch(scenario, self.vehicles, self._columns, self._event)
         self._starting = Starting(self.vehicles, self._endpoints, self.flight, self._event, self.fail)
         self._beacon = Beacon(self.vehicles)
+        self._reconfiguration = Reconfiguration(scenario, self.controller, self.vehicles, self._columns, self._event)
         self._dispatch = Dispatch(scenario, self.vehicles, self._columns)
         self._out, self._next_tick = list[Datagram](), Instant(0)
         self._loiter_s, self._ending = 0.0, Ending({}, Instant(0))
@@ -133,11 +135,21 @@ class Station:
         self._start_vehicles(now)
         self._send_commands(now)
         if self.flight.phase is not Phase.LOITERING:
-            self.roster.judge(self.controller.estimator, now, connecting=self.flight.phase is Phase.CONNECTING)
+            self._judge_members(now)
         if self.flight.phase in (Phase.ASSEMBLING, Phase.FLYING):
             self._fly(now)
         elif self.flight.phase is Phase.LOITERING:
             self._wait_for_loiter(now)
+
+    def _judge_members(self, now: Instant) -> None:
+        """Decide who flies in the formation, and who leads it if its leader doesn't any more."""
+        changes, estimator = self._reconfiguration, self.controller.estimator
+        connecting = self.flight.phase is Phase.CONNECTING
+        if changes.leader and not connecting:
+            replaceable = changes.successor(now) is not None
+            if self.roster.leader_lost(changes.leader, estimator, now, replaceable=replaceable):
+                changes.succeed(now)
+        self.roster.judge(changes.leader, estimator, now, connecting=connecting)
 
     def stop(self, now: Instant) -> None:
         """End the flight: everyone loiters."""
@@ -190,8 +202,10 @@ class Station:
             sample = self.vehicles[identity].new_sample(now)
             if sample is not None:
                 controller.estimator.update(column, sample)
-        ready, delay_s, lag_s, hold_s = self._dispatch.links()
-        tick = controller.step(now, self.flight.mission_time_s(now), self.flight.phase.value, ready, delay_s, lag_s)
+        mission_s = self.flight.mission_time_s(now)
+        self._reconfiguration.advance(now, mission_s)
+        ready, delay_s, lag_s, hold_s = self._dispatch.links(controller.plan.leader)
+        tick = controller.step(now, mission_s, self.flight.phase.value, ready, delay_s, lag_s)
         self._dispatch.take(tick, hold_s, now)
         self.last_tick = tick
         self._recorder.tick(tick)
@@ -203,7 +217,7 @@ class Station:
     def _waited_long_enough(self, now: Instant) -> bool:
         assembling = self.flight.phase is Phase.ASSEMBLING
         late = assembling and seconds_between(self.flight.since, now) > self.scenario.start.timeout_s
-        if late and self.last_tick is not None and not self.last_tick.active[0]:
+        if late and self.last_tick is not None and not self.last_tick.active[self.last_tick.leader]:
             self.fail(f"the leader was not there to follow within {self.scenario.start.timeout_s:g} s", now)
         elif late and not self.controller.begin_regardless:
             self._event(now, "unassembled", "not every follower is in its slot, but the time for that is over")

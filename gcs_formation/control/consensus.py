@@ -16,10 +16,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from airlink.clock import NANOSECONDS
+from formation_scenario.formation import Frame
+from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.arrays import Array
 from gcs_formation.control import envelope
 from gcs_formation.control.feed_forward import LeaderMotion, feed_forward
-from gcs_formation.control.mixer import SlotFrame, SlotMotion, Target, formation_error, rotate_to, slot_target
+from gcs_formation.control.mixer import Target, formation_error, rotate_to, slot_target
 from gcs_formation.control.situation import Decision, Lead, Situation, none_of
 from gcs_formation.estimation.estimator import LEAST_AIRSPEED_MPS
 from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Indices, Setpoints
@@ -36,7 +38,7 @@ class ConsensusParameters:
     """(C, C): entry (p, q) > 0 when p hears q; a virtual leader hears nobody and is heard by nobody."""
     members: Indices
     """(M,) columns that take part: all that fly."""
-    frame: SlotFrame
+    frame: Frame
 
 
 @dataclass(frozen=True)
@@ -67,15 +69,24 @@ class ConsensusLaw:
         self._parameters = parameters
         self._model = model
         self._everyone = np.arange(model.tau_v_s.size, dtype=np.intp)
-        receivers, senders = np.nonzero(parameters.weights)
+        self._lead_by(0)
+
+    def _lead_by(self, leader: int) -> None:
+        """Let a leader and the one at the start have each other's places in the graph."""
+        self._leader, places = leader, self._everyone.copy()
+        places[[0, leader]] = places[[leader, 0]]
+        weights = self._parameters.weights[np.ix_(places, places)]
+        receivers, senders = np.nonzero(weights)
         self._receivers: Indices = receivers
         self._senders: Indices = senders
-        self._edge_weights = parameters.weights[receivers, senders]
+        self._edge_weights = weights[receivers, senders]
 
     def decide(self, situation: Situation, dt_s: float) -> Decision:  # noqa: ARG002 - no memory, no rates
         """Return everyone's setpoints; who isn't active is neither heard nor missed."""
+        if situation.lead.leader != self._leader:
+            self._lead_by(situation.lead.leader)
         everyone, model = self._everyone, self._model
-        slots = _with_leader(situation.slots)
+        slots = situation.slots
         reference = self._reference(situation)
         state = situation.states.of(everyone, everyone)
         own = self._deviation(state, reference, slots)
@@ -103,7 +114,7 @@ class ConsensusLaw:
     ) -> tuple[Array, Array]:
         """Return the sum of (3) over the neighbours, north and east in m/s^2."""
         p, q, k = self._receivers, self._senders, self._parameters
-        heard = self._deviation(situation.states.of(q, p), _at(reference, p), _at_slots(slots, q))
+        heard = self._deviation(situation.states.of(q, p), _at(reference, p), slots.take(q))
         apart_m = heard.position_m - own.position_m[:, p]
         apart_mps = heard.velocity_mps - own.velocity_mps[:, p]
         weights = self._edge_weights * (situation.active[p] & situation.active[q])
@@ -128,23 +139,26 @@ class ConsensusLaw:
         swung = (lead.path.turn_rps + lead.path.bend_rps2 * later_s / 2) * later_s
         turn_rps = lead.path.turn_rps + lead.path.bend_rps2 * later_s
         leader = LeaderMotion(
-            self._led(situation, lead, swung, later_s), turn_rps, np.full(later_s.shape, lead.path.bend_rps2)
+            self._led(situation, lead, swung, later_s),
+            turn_rps,
+            np.full(later_s.shape, lead.path.bend_rps2),
+            np.zeros_like(later_s),
         )
         return _Reference(leader, lead.path.heading_rad + swung)
 
     def _led(self, situation: Situation, lead: Lead, swung: Array, later_s: Array) -> FlightState:
         """Return a leader that follows the guidance without lag: what it's told, less the lead over its own lags."""
-        leading, model = np.zeros_like(self._everyone), self._model
-        lag_s = float(model.tau_ha_s[0] + model.tau_hb_s[0])
+        leading, model = np.full_like(self._everyone, lead.leader), self._model
+        lag_s = float(model.tau_ha_s[lead.leader] + model.tau_hb_s[lead.leader])
         flown = situation.states.of(leading, self._everyone)
-        told = lead.told.take(leading)
+        told = lead.told.take(np.zeros_like(self._everyone))
         return FlightState(
             north_m=flown.north_m,
             east_m=flown.east_m,
             height_m=told.height_m + lead.path.climb_mps * (later_s - lag_s),
             climb_mps=np.full(later_s.shape, lead.path.climb_mps),
             airspeed_mps=told.speed_mps,
-            heading_rad=told.heading_rad - model.tau_psi_s[0] * lead.path.turn_rps + swung,
+            heading_rad=told.heading_rad - model.tau_psi_s[lead.leader] * lead.path.turn_rps + swung,
             wind_north_mps=flown.wind_north_mps,
             wind_east_mps=flown.wind_east_mps,
         )
@@ -167,25 +181,17 @@ class ConsensusLaw:
         )
 
     def _formation_error(self, situation: Situation, state: FlightState, slots: SlotMotion) -> Array:
-        leader = situation.states.of(np.zeros_like(self._everyone), self._everyone)
+        leading = np.full_like(self._everyone, situation.lead.leader)
+        leader = situation.states.of(leading, self._everyone)
         error_m = formation_error(leader, state, slots.position_m, self._parameters.frame)
-        error_m[0] = np.nan
+        error_m[situation.lead.leader] = np.nan
         return error_m
-
-
-def _with_leader(slots: SlotMotion) -> SlotMotion:
-    """Return the slots with the leader's own before them."""
-    place = np.zeros((1, 3))
-    return SlotMotion(np.concatenate((place, slots.position_m)), np.concatenate((place, slots.velocity_mps)))
-
-
-def _at_slots(slots: SlotMotion, which: Indices) -> SlotMotion:
-    return SlotMotion(slots.position_m[which], slots.velocity_mps[which])
 
 
 def _at(reference: _Reference, which: Indices) -> _Reference:
     leader = reference.leader
-    motion = LeaderMotion(leader.state.take(which), leader.turn_rate_rps[which], leader.turn_acceleration_rps2[which])
+    rates = (leader.turn_rate_rps, leader.turn_acceleration_rps2, leader.acceleration_mps2)
+    motion = LeaderMotion(leader.state.take(which), *(rate[which] for rate in rates))
     return _Reference(motion, reference.heading_rad[which])
 
 

@@ -1,4 +1,4 @@
-"""Setpoints that lead the autopilot's lags, so that a slot is kept without any error while the leader turns."""
+"""Setpoints that lead the autopilot's lags: no error is left while the leader turns and slots go elsewhere."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.arrays import Array
-from gcs_formation.control.mixer import SlotMotion, Target
+from gcs_formation.control.mixer import Target
 from gcs_formation.estimation.flight_state import AutopilotModel, FlightState
 
 
@@ -18,6 +19,8 @@ class LeaderMotion:
     state: FlightState
     turn_rate_rps: Array
     turn_acceleration_rps2: Array
+    acceleration_mps2: Array
+    """Of its airspeed."""
 
 
 def feed_forward(
@@ -25,14 +28,19 @@ def feed_forward(
 ) -> Array:
     """Return (N, 3): speed, heading and height setpoints that hold `target` (errata item 29).
 
-    Speed and heading that the slot needs change with the leader's turn rate, in proportion to the slot's place, and
-    with what carries the vehicle away: `gust_mps2` is that velocity's rate of change along and across the slots' axes.
+    Speed and heading that the slot needs change as the leader's turn rate does, in proportion to the slot's place, and
+    with the slot's own acceleration (the derivative of a velocity in a turning frame), and with what carries the
+    vehicle away: `gust_mps2` is that velocity's rate of change along and across the slots' axes.
     """
     turn, bend = leader.turn_rate_rps, leader.turn_acceleration_rps2
-    x_rc, y_rc = -slots.position_m[:, 0], -slots.position_m[:, 1]
-    along_mps2, across_mps2 = gust_mps2
-    speed = target.speed_mps + model.tau_v_s * (bend * y_rc - along_mps2)
-    heading = target.heading_rad + model.tau_psi_s * (turn - (bend * x_rc + across_mps2) / leader.state.airspeed_mps)
-    climb = leader.state.climb_mps + slots.velocity_mps[:, 2]
-    height = leader.state.height_m + slots.position_m[:, 2] + (model.tau_ha_s + model.tau_hb_s) * climb
-    return np.stack((speed, heading, height), axis=1)
+    (x, y, z), (forth, aside, up) = slots.position_m.T, slots.velocity_mps.T
+    ahead, across, rising = slots.acceleration_mps2.T
+    along_change = leader.acceleration_mps2 + ahead - bend * y - turn * aside - gust_mps2[0]
+    across_change = across + bend * x + turn * forth - gust_mps2[1]
+    angle = target.heading_rad - leader.state.heading_rad
+    cos, sin = np.cos(angle), np.sin(angle)
+    speed = target.speed_mps + model.tau_v_s * (cos * along_change + sin * across_change)
+    swing = (cos * across_change - sin * along_change) / target.speed_mps
+    heading = target.heading_rad + model.tau_psi_s * (turn + swing)
+    height = leader.state.height_m + z + (model.tau_ha_s + model.tau_hb_s) * (leader.state.climb_mps + up)
+    return np.stack((speed, heading, height + model.tau_ha_s * model.tau_hb_s * rising), axis=1)

@@ -10,23 +10,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from formation_scenario.formation import Frame
 from gcs_formation.arrays import Array, Mask
 from gcs_formation.control import envelope, pid
 from gcs_formation.control.feed_forward import LeaderMotion, feed_forward
 from gcs_formation.control.fuzzy import FuzzyGainScheduler
-from gcs_formation.control.mixer import (
-    Mixer,
-    SlotFrame,
-    drift,
-    formation_error,
-    mix,
-    rotate_to,
-    slot_axis,
-    slot_target,
-)
+from gcs_formation.control.mixer import Mixer, drift, formation_error, mix, rotate_to, slot_axis, slot_target
 from gcs_formation.control.pid import Gains, PidState
 from gcs_formation.control.situation import Decision, Situation
-from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Setpoints
+from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Indices, Setpoints
 from gcs_formation.estimation.predictor import turn_rate
 
 CHANNELS = 3
@@ -38,7 +30,7 @@ class LawParameters:
     """The law's constants; arrays are (3,) over the channels speed, heading, height."""
 
     mixer: Mixer
-    frame: SlotFrame
+    frame: Frame
     nominal: Gains
     base: float
     """k_0 as a share of the nominal gain."""
@@ -53,24 +45,33 @@ class LawParameters:
 
 
 class FormationLaw:
-    """The law of F followers, with what it remembers between ticks."""
+    """The law of whoever follows, with what it remembers between ticks."""
 
     commands_leader = False
 
     def __init__(self, parameters: LawParameters, model: AutopilotModel) -> None:
         """Start at rest; `model` has (C,) columns."""
         self._parameters = parameters
-        self._followers = np.arange(1, model.tau_v_s.size, dtype=np.intp)
-        self._leading = np.zeros_like(self._followers)
-        self._leader_model = model.take(self._leading)
-        self._model = model.take(self._followers)
+        self._models = model
+        self._lead_by(0)
+
+    def _lead_by(self, leader: int) -> None:
+        """Begin anew behind a leader: what the integrators hold is between a follower and the one that it followed."""
+        everyone = np.arange(self._models.tau_v_s.size, dtype=np.intp)
+        self._leader = leader
+        self._followers: Indices = everyone[everyone != leader]
+        self._leading: Indices = np.full_like(self._followers, leader)
+        self._leader_model = self._models.take(self._leading)
+        self._model = self._models.take(self._followers)
         self._state = PidState.at_rest((self._followers.size, CHANNELS))
         self._drift_mps = np.full((2, self._followers.size), np.nan)
 
     def decide(self, situation: Situation, dt_s: float) -> Decision:
         """Return the followers' setpoints; the controllers of those that aren't active are kept at rest."""
-        parameters, state, slots = self._parameters, self._state, situation.slots
-        leader = self._leader(situation)
+        if situation.lead.leader != self._leader:
+            self._lead_by(situation.lead.leader)
+        parameters, state, slots = self._parameters, self._state, situation.slots.take(self._followers)
+        leader = self._led(situation)
         follower = situation.states.of(self._followers, self._followers)
         error_m = formation_error(leader.state, follower, slots.position_m, parameters.frame)
         target = slot_target(leader.state, follower, leader.turn_rate_rps, slots, parameters.frame)
@@ -92,17 +93,20 @@ class FormationLaw:
         shown = np.concatenate((gains.proportional, gains.integral, gains.derivative), axis=1)
         return Decision(self._followers, follower, limited, error_m, mixed, shown)
 
-    def _leader(self, situation: Situation) -> LeaderMotion:
+    def _led(self, situation: Situation) -> LeaderMotion:
         """Return the leader's motion when each follower's setpoint acts; its heading lags what it's told by (7).
 
         A slot in the follower's own frame is towed: it answers a bend after x_rc / v only, so none is led.
         """
         lead, model = situation.lead, self._leader_model
         state = situation.states.of(self._leading, self._followers)
-        turn_rps = turn_rate(state, lead.told.take(self._leading), model)
+        turn_rps = turn_rate(state, lead.told.take(np.zeros_like(self._leading)), model)
         towed = self._parameters.frame == "follower_heading"
         bend_rps2 = np.zeros_like(turn_rps) if towed else (lead.told_turn_rps - turn_rps) / model.tau_psi_s
-        return LeaderMotion(state, turn_rps, bend_rps2)
+        hurry_mps2 = (lead.told.speed_mps - state.airspeed_mps) / model.tau_v_s
+        return LeaderMotion(
+            state, turn_rps, bend_rps2, np.clip(hurry_mps2, -model.accel_max_mps2, model.accel_max_mps2)
+        )
 
     def _gust(self, leader: FlightState, follower: FlightState, dt_s: float) -> tuple[Array, Array]:
         """Return how what carries the followers away has changed since the last tick, along and across, in m/s²."""

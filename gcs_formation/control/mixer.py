@@ -7,14 +7,13 @@ leader, that is (-x_rc, -y_rc, -z_rc).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
+from formation_scenario.formation import Frame
+from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.arrays import Array, wrap
 from gcs_formation.estimation.flight_state import FlightState
-
-SlotFrame = Literal["leader_heading", "follower_heading"]
 
 
 @dataclass(frozen=True)
@@ -29,14 +28,6 @@ class Mixer:
 
 
 @dataclass(frozen=True)
-class SlotMotion:
-    """Where the slots are and how they move, (F, 3) each: forward, right, up of the leader."""
-
-    position_m: Array
-    velocity_mps: Array
-
-
-@dataclass(frozen=True)
 class Target:
     """The air-relative motion that keeps a follower in its slot, (F,) each: no error is left in a steady turn."""
 
@@ -44,7 +35,7 @@ class Target:
     heading_rad: Array
 
 
-def formation_error(leader: FlightState, follower: FlightState, slots_m: Array, frame: SlotFrame) -> Array:
+def formation_error(leader: FlightState, follower: FlightState, slots_m: Array, frame: Frame) -> Array:
     """Return (F, 3): x_c - x_rc, y_c - y_rc, z_c - z_rc in m; positive when the follower is behind, left, below.
 
     Args:
@@ -59,7 +50,7 @@ def formation_error(leader: FlightState, follower: FlightState, slots_m: Array, 
 
 
 def slot_target(
-    leader: FlightState, follower: FlightState, turn_rate_rps: Array, slots: SlotMotion, frame: SlotFrame
+    leader: FlightState, follower: FlightState, turn_rate_rps: Array, slots: SlotMotion, frame: Frame
 ) -> Target:
     """Return the airspeed and heading at which the slot stays occupied while the leader turns at `turn_rate_rps`.
 
@@ -73,6 +64,8 @@ def slot_target(
     if frame == "leader_heading":
         forward, right = speed + turn * y_rc - drift_x + forth, -turn * x_rc - drift_y + aside
         return Target(np.hypot(forward, right), leader.heading_rad + np.arctan2(right, forward))
+    # What moves aside turns its own frame with it, at its acceleration aside by the leader's speed.
+    turn = turn + slots.acceleration_mps2[:, 1] / speed
     lead_angle = np.arcsin(np.clip((turn * x_rc + drift_y - aside) / speed, -1.0, 1.0))
     return Target(speed * np.cos(lead_angle) + turn * y_rc - drift_x + forth, leader.heading_rad - lead_angle)
 
@@ -84,7 +77,7 @@ def mix(mixer: Mixer, target: Target, follower: FlightState, error_m: Array) -> 
     return np.stack((speed, heading, mixer.k_z * error_m[:, 2]), axis=1)
 
 
-def slot_axis(leader: FlightState, follower: FlightState, frame: SlotFrame) -> Array:
+def slot_axis(leader: FlightState, follower: FlightState, frame: Frame) -> Array:
     """Return the heading along which the slots' x axes lie, (F,)."""
     return leader.heading_rad if frame == "leader_heading" else follower.heading_rad
 

@@ -1,4 +1,4 @@
-"""What every law is given at a tick, and what it gives back. Columns: the leader's, then the followers'."""
+"""What every law is given at a tick, and what it gives back, in the order of the columns."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import Protocol
 import numpy as np
 
 from airlink.clock import Instant
+from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.arrays import Array, Mask
-from gcs_formation.control.mixer import SlotMotion
 from gcs_formation.estimation.flight_state import FlightState, Indices, Setpoints
 from gcs_formation.estimation.projection import States
 from gcs_formation.guidance.tracking import RouteHeading
@@ -19,6 +19,8 @@ from gcs_formation.guidance.tracking import RouteHeading
 class Lead:
     """What the guidance asks of the leader, and how the path goes on there."""
 
+    leader: int
+    """Its column."""
     at: Instant
     """Of the leader's state that it was asked for."""
     told: Setpoints
@@ -35,7 +37,7 @@ class Situation:
     states: States
     lead: Lead
     slots: SlotMotion
-    """(F, 3) of the followers."""
+    """(C, 3), at rest at 0 for the leader."""
     active: Mask
     """(C,) columns that follow setpoints; the others' states are no more than finite."""
     bandwidth: Array

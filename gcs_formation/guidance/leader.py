@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from formation_scenario.displaced_path import DisplacedPath
 from formation_scenario.path import SplinePath
 from gcs_formation.guidance.join import Pose, join
 from gcs_formation.guidance.tracking import Lags, Motion, Route, RouteHeading, project, route_heading, track
@@ -33,8 +34,8 @@ class LeaderGuidance:
 
     @property
     def on_path(self) -> bool:
-        """Whether the route is the path itself (or the straight line that leads to its start)."""
-        return self.route is self.path
+        """Whether the route is the path itself, or from beside it, or the straight line that leads to its start."""
+        return self.route is self.path or isinstance(self.route, DisplacedPath)
 
     @property
     def started(self) -> bool:
@@ -58,6 +59,10 @@ class LeaderGuidance:
             self.rounds += 1
             self._join(motion, height_m)
         return track(self.route, self.distance_m, motion, lags, self.speed_mps)
+
+    def take_over(self, route: DisplacedPath | None, distance_m: float) -> None:
+        """Guide another vehicle from now on: along `route` from `distance_m`; without one it has to set out anew."""
+        self.route, self.distance_m = route, distance_m
 
     def heading(self, motion: Motion) -> RouteHeading:
         """Return how the route itself goes on where the leader is, without what brings it back onto it."""

@@ -42,6 +42,11 @@ class Flight:
         """Return (T,) heights above the ground below: of the true place where there is truth."""
         return self.vehicles[vehicle][GROUND[1]]
 
+    def has_followed(self, vehicle: VehicleId) -> bool:
+        """Whether a vehicle flew in the formation without leading it."""
+        own = self.vehicles[vehicle]
+        return bool(((own["active"] > 0) & ~(own["leads"] > 0)).any())
+
     def error(self, vehicle: VehicleId) -> Array:
         """Return (T, 3) signed formation errors of a follower, x, y and z in m."""
         return np.column_stack([self.vehicles[vehicle][name] for name in ERROR])
@@ -56,9 +61,8 @@ def split(columns: Columns, scenario: Scenario, truth: GroundTruth | None) -> Fl
         vehicles[identity] = {name: values[mine] for name, values in columns.items()}
     if truth is not None:
         vehicles = {i: {**own, **truth.at(i, own["t_s"])} for i, own in vehicles.items()}
-    lead = vehicles[scenario.leader.vehicle_id] if scenario.leader else None
     frame = scenario.formation.frame
-    seen = lead if truth is not None else None
+    seen = _leader(vehicles) if truth is not None and scenario.leader else None
     errors = {identity: {**own, **_errors(seen, own, frame)} for identity, own in vehicles.items()}
     ground = ground_of(scenario)
     above = {i: {**own, **_clearance(ground, _place(own, truth=truth is not None))} for i, own in errors.items()}
@@ -83,6 +87,14 @@ def _clearance(ground: Ground, place: Array) -> dict[str, Array]:
     return dict(zip(GROUND, (height_m, place[:, 2] - height_m), strict=True))
 
 
+def _leader(vehicles: Mapping[VehicleId, Columns]) -> Columns:
+    """Return the true columns of whoever leads at each tick."""
+    leads = np.stack([own["leads"] for own in vehicles.values()]) > 0
+    columns = {name: np.stack([own[name] for own in vehicles.values()]) for name in TRUTH}
+    chosen = leads.argmax(axis=0)[None]
+    return {name: np.take_along_axis(each, chosen, axis=0)[0] for name, each in columns.items()}
+
+
 def _errors(leader: Columns | None, own: Columns, frame: str) -> dict[str, Array]:
     """Return x_c - x_rc, y_c - y_rc, z_c - z_rc: from true places, or as the law saw them."""
     if leader is None:
@@ -90,6 +102,7 @@ def _errors(leader: Columns | None, own: Columns, frame: str) -> dict[str, Array
     heading = (leader if frame == "leader_heading" else own)["true_heading_rad"]
     north, east, up = (leader[name] - own[name] for name in TRUTH[:3])
     cos, sin = np.cos(heading), np.sin(heading)
+    # A leader's slot is NaN, and so are its errors.
     return {
         "error_x_m": north * cos + east * sin + own["slot_forward_m"],
         "error_y_m": east * cos - north * sin + own["slot_right_m"],

@@ -114,7 +114,7 @@ def summarise(outcome: Outcome) -> Summary:
         "wall_s": outcome.wall_s,
         "real_time_factor": outcome.simulated_s / outcome.wall_s if outcome.wall_s > 0 else None,
         "truth": flight.truth,
-        "followers": {str(v.vehicle_id): _follower(flight, v.vehicle_id, window) for v in scenario.followers},
+        "followers": {str(v): _follower(flight, v, window) for v in _followed(scenario, flight)},
         "links": {str(identity): _link(link) for identity, link in outcome.links.items()},
         "received": _received(outcome.received),
         "control": outcome.control.to_dict(),
@@ -128,6 +128,12 @@ def summarise(outcome: Outcome) -> Summary:
     verdicts = tuple(judge(scenario, flight, parts, outcome.links, outcome.cut_short))
     parts["expect"] = [verdict.to_dict() for verdict in verdicts]
     return Summary(parts, verdicts, breaches)
+
+
+def _followed(scenario: Scenario, flight: Flight) -> list[VehicleId]:
+    """Return the scenario's followers, and its leader where that has followed another."""
+    followers = [vehicle.vehicle_id for vehicle in scenario.followers]
+    return [vehicle for vehicle in flight.vehicles if vehicle in followers or flight.has_followed(vehicle)]
 
 
 def _follower(flight: Flight, vehicle: VehicleId, window: Mask) -> dict[str, Any]:

@@ -29,7 +29,7 @@ STATE = (
     "wind_east_mps",
 )
 SETPOINT = ("setpoint_speed_mps", "setpoint_heading_rad", "setpoint_height_m")
-LINK = ("age_s", "delay_s", "active")
+LINK = ("age_s", "delay_s", "active", "leads")
 SLOT = ("slot_forward_m", "slot_right_m", "slot_up_m")
 LAW_ERROR = ("law_error_x_m", "law_error_y_m", "law_error_z_m")
 MIXED = ("mixed_speed_mps", "mixed_heading_rad", "mixed_height_m")
@@ -119,7 +119,7 @@ def write_parquet(path: Path, columns: dict[str, Array]) -> None:
     """Write the time series, phases in words."""
     named: dict[str, Any] = dict(columns)
     named["phase"] = np.array(PHASES, dtype=object)[columns["phase"].astype(np.intp)]
-    named["active"] = columns["active"] > 0
+    named |= {flag: columns[flag] > 0 for flag in ("active", "leads")}
     pq.write_table(pa.table(named), path)
 
 
@@ -142,5 +142,6 @@ def _matrix(tick: Tick) -> Array:
         tick.age_s,
         tick.delay_s,
         tick.active,
+        np.arange(count) == tick.leader,
     )
     return np.column_stack((*flat, tick.slots_m, tick.error_m, tick.mixed, tick.gains))

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 from formation_scenario.fields import VehicleSelection
+from formation_scenario.formation import FormationChange
 from formation_scenario.links import ImpairmentPatch, LinkChange
 from gcs_formation.report.run_data import RunData
 
@@ -48,9 +49,16 @@ def _planned(run: RunData) -> Iterator[Mark]:
     for fault in scenario.faults:
         yield Mark(fault.at_s, f"{fault.kind}{_of(fault.vehicles)}", "fault")
     for change in scenario.formation.changes:
-        yield Mark(change.at_s, change.shape, "shape")
+        yield Mark(change.at_s, _changed(change), "shape")
     for change in scenario.links.changes:
         yield Mark(change.at_s, f"{_link(change)}{_of(change.vehicles)}", "link")
+
+
+def _changed(change: FormationChange) -> str:
+    """Return a change of the formation in a few words."""
+    leader = f"leader {change.leader}" if change.leader is not None else ""
+    spacing = f"spacing {change.spacing_m:g} m" if change.shape is None and change.spacing_m is not None else ""
+    return ", ".join(part for part in (change.shape or "", spacing, leader) if part) or "slots"
 
 
 def _lost_links(run: RunData) -> list[Mark]:

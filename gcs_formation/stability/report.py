@@ -10,8 +10,8 @@ import numpy as np
 
 from airlink.identity import VehicleId
 from formation_scenario import law as keys
+from formation_scenario.arrangement import slot_schedule
 from formation_scenario.model import Scenario
-from formation_scenario.shapes import slot_schedule
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.stability.loops import (
     FIXED_GAINS,

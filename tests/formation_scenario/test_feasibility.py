@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from formation_scenario import SplinePath
-from formation_scenario.feasibility import slot_motion
+from formation_scenario.slot_motion import Course, SlotMotion, slot_needs
 
 
 def circle(radius: float, north: float = 0.0) -> list[list[float]]:
@@ -101,12 +101,13 @@ def test_a_slot_moves_as_its_place_on_the_path_does(forward, right, share):
     heading = np.exp(1j * points.course_rad)
     place = points.north_m + 1j * points.east_m + heading * (forward + 1j * right)
     velocity = np.gradient(place, step)[1:-1]
-    motion = slot_motion(points, speed, np.array([forward, right, 0.0]), "leader_heading")
-    assert abs(velocity[1]) == pytest.approx(motion.speed_mps[2], rel=1e-5)
+    slot = SlotMotion.at_rest(np.array([[forward, right, 0.0]]))
+    motion = slot_needs(Course.along(points, speed), slot, "leader_heading")
+    assert abs(velocity[1]) == pytest.approx(motion.speed_mps[2, 0], rel=1e-5)
     turn = np.angle(velocity[2] / velocity[0]) / (2 * step)
-    assert turn == pytest.approx(motion.turn_rate_rps[2], abs=1e-5)
+    assert turn == pytest.approx(motion.turn_rate_rps[2, 0], abs=1e-5)
     accel = (abs(velocity[2]) - abs(velocity[0])) / (2 * step)
-    assert accel == pytest.approx(motion.accel_mps2[2], abs=1e-5)
+    assert accel == pytest.approx(motion.accel_mps2[2, 0], abs=1e-5)
 
 
 @given(st.floats(1.0, 200.0), st.floats(-100.0, 100.0), st.floats(-0.05, 0.05))
@@ -114,8 +115,9 @@ def test_in_a_steady_turn_both_frames_keep_the_distance_to_the_leader(back, righ
     """All vehicles of a steady turn circle one centre: the slot's speed is its radius times the turn rate."""
     speed = 22.0
     points = SplinePath([[0, 0, 0], [100, 0, 0]]).at(np.zeros(1))._replace(curvature_1pm=np.array([turn / speed]))
-    own = slot_motion(points, speed, np.array([-back, right, 0.0]), "follower_heading")
+    slot = SlotMotion.at_rest(np.array([[-back, right, 0.0]]))
+    own = slot_needs(Course.along(points, speed), slot, "follower_heading")
     angle = np.arcsin(turn * back / speed)  # leader's heading minus follower's
     along = speed * np.cos(angle) - turn * right
-    assert own.speed_mps[0] == pytest.approx(along)
-    assert own.turn_rate_rps[0] == pytest.approx(turn)
+    assert own.speed_mps[0, 0] == pytest.approx(along)
+    assert own.turn_rate_rps[0, 0] == pytest.approx(turn)

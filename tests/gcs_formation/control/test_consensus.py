@@ -9,8 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from airlink.clock import Instant
+from formation_scenario.formation import Frame
+from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.control.consensus import ConsensusLaw, ConsensusParameters
-from gcs_formation.control.mixer import SlotFrame, SlotMotion
 from gcs_formation.control.situation import Decision, Lead, Situation
 from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Setpoints
 from gcs_formation.estimation.projection import AtOneStamp
@@ -49,7 +50,7 @@ MODEL = AutopilotModel(
 )
 
 
-def law(k3: float = 0.25, graph: Array = GRAPH, frame: SlotFrame = "leader_heading") -> ConsensusLaw:
+def law(k3: float = 0.25, graph: Array = GRAPH, frame: Frame = "leader_heading") -> ConsensusLaw:
     return ConsensusLaw(ConsensusParameters(K1, K2, k3, graph, np.arange(COUNT), frame), MODEL)
 
 
@@ -75,8 +76,8 @@ def situation(
         wind_east_mps=column(0.0),
     )
     told = Setpoints(np.array([SPEED_MPS]), np.array([heading_rad + TAU_PSI_S * turn_rps]), np.array([100.0]))
-    lead = Lead(Instant(0), told, turn_rps, RouteHeading(heading_rad, turn_rps, 0.0, 0.0))
-    slots = SlotMotion(SLOTS_M, np.zeros_like(SLOTS_M))
+    lead = Lead(0, Instant(0), told, turn_rps, RouteHeading(heading_rad, turn_rps, 0.0, 0.0))
+    slots = SlotMotion.at_rest(np.concatenate((np.zeros((1, 3)), SLOTS_M)))
     flying = np.ones(COUNT, bool) if active is None else active
     return Situation(AtOneStamp(state, np.int64(0)), lead, slots, flying, np.ones((COUNT, 3)))
 
@@ -120,7 +121,7 @@ def test_an_undirected_graph_does_not_move_the_middle(offset: Array, heading_rad
 
 
 @pytest.mark.parametrize("frame", ["leader_heading", "follower_heading"])
-def test_slots_are_flown_round_a_turn_without_any_term_of_the_protocol(frame: SlotFrame) -> None:
+def test_slots_are_flown_round_a_turn_without_any_term_of_the_protocol(frame: Frame) -> None:
     """Vehicles that keep slots fixed in the frame are told what keeps them doing so (equilibria of (8), item 24)."""
     turn_rps, heading_rad = 0.05, 0.7
     forward_m, right_m = np.concatenate((np.zeros((1, 3)), SLOTS_M))[:, :2].T

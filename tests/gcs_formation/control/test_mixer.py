@@ -7,7 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gcs_formation.control.mixer import SlotFrame, SlotMotion, formation_error, slot_target
+from formation_scenario.formation import Frame
+from formation_scenario.slot_motion import SlotMotion
+from gcs_formation.control.mixer import formation_error, slot_target
 from gcs_formation.estimation.flight_state import FlightState
 
 angle = st.floats(-math.pi, math.pi)
@@ -46,7 +48,7 @@ def test_signs_are_actual_minus_commanded() -> None:
     drift_east=st.floats(-1, 1),
 )
 def test_the_slots_motion_keeps_the_follower_in_it(
-    frame: SlotFrame,
+    frame: Frame,
     heading: float,
     turn: float,
     forward: float,
@@ -56,7 +58,7 @@ def test_the_slots_motion_keeps_the_follower_in_it(
 ) -> None:
     """Flying the target speed and heading, the errors' derivative by equation (8) is zero in a steady turn."""
     speed, wind = 22.0, (0.4, -0.3)
-    slots = SlotMotion(np.array([[forward, right, 0.0]]), np.zeros((1, 3)))
+    slots = SlotMotion.at_rest(np.array([[forward, right, 0.0]]))
     leader = state(0, 0, 100, speed, heading, wind)
     carried = (wind[0] + drift_north, wind[1] + drift_east)
     follower_heading = heading

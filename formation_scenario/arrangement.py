@@ -1,0 +1,135 @@
+"""Who flies in which slot: a shape's places given out to vehicles, change after change.
+
+Columns are the order of every array of vehicles: first the scenario's leader, real or virtual, then its followers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import linear_sum_assignment
+
+from formation_scenario.fields import Vector, VehicleRef
+from formation_scenario.formation import FormationChange, Shape
+from formation_scenario.model import Scenario, long_ref
+from formation_scenario.shapes import Array, slots
+from formation_scenario.vehicles import Vehicle
+
+Mask = npt.NDArray[np.bool_]
+
+
+class Arrangement(NamedTuple):
+    """A formation but for who is where: shape, unit, a custom shape's slots, and the column that leads."""
+
+    shape: Shape
+    spacing_m: float
+    slots_m: Mapping[VehicleRef, Vector] | None
+    leader: int
+
+    def changed(self, change: FormationChange, scenario: Scenario) -> Arrangement:
+        """Return the arrangement after a change; what it doesn't name stays."""
+        return Arrangement(
+            change.shape or self.shape,
+            change.spacing_m or self.spacing_m,
+            change.slots_m if change.slots_m is not None else self.slots_m,
+            self.leader if change.leader is None else column_of(scenario, change.leader),
+        )
+
+
+class SlotStep(NamedTuple):
+    """The formation from `at_s` on: places (C, 3) of all columns, m forward, right, up of the leader."""
+
+    at_s: float
+    arrangement: Arrangement
+    places_m: Array
+
+    @property
+    def shape(self) -> Shape:
+        """The shape."""
+        return self.arrangement.shape
+
+    @property
+    def slots_m(self) -> Array:
+        """Return the places (F, 3) of the scenario's followers, in its order."""
+        return self.places_m[1:]
+
+
+def columns(scenario: Scenario) -> tuple[Vehicle | None, ...]:
+    """Return the vehicle of each column, None for a virtual leader."""
+    return (scenario.leader, *scenario.followers)
+
+
+def column_of(scenario: Scenario, ref: VehicleRef) -> int:
+    """Return the column of a vehicle that is named by its id, or by 'network:id'.
+
+    Raises:
+        ValueError: nobody is.
+    """
+    for column, vehicle in enumerate(columns(scenario)):
+        if vehicle is not None and ref in (vehicle.id, long_ref(vehicle)):
+            return column
+    known = ", ".join(str(vehicle.vehicle_id) for vehicle in scenario.vehicles)
+    raise ValueError(f"found vehicle {ref}; allowed: {known}")
+
+
+def first_arrangement(scenario: Scenario) -> Arrangement:
+    """Return the formation at the start."""
+    formation = scenario.formation
+    return Arrangement(formation.shape, formation.spacing_m, formation.slots_m, 0)
+
+
+def slot_table(scenario: Scenario) -> Array:
+    """Return the slots (F, 3) at the start, in the order of `scenario.followers`."""
+    return _in_order(scenario, first_arrangement(scenario))[1:]
+
+
+def slot_schedule(scenario: Scenario) -> tuple[SlotStep, ...]:
+    """Return the formation at the start and after each of `formation.changes`, in time order, everyone there."""
+    arrangement = first_arrangement(scenario)
+    steps = [SlotStep(0.0, arrangement, _in_order(scenario, arrangement))]
+    everyone = np.ones(1 + len(scenario.followers), dtype=np.bool_)
+    for change in sorted(scenario.formation.changes, key=lambda change: change.at_s):
+        arrangement = arrangement.changed(change, scenario)
+        before = steps[-1].places_m
+        places = assigned(scenario, arrangement, before - before[arrangement.leader], everyone)
+        steps.append(SlotStep(change.at_s, arrangement, places))
+    return tuple(steps)
+
+
+def assigned(scenario: Scenario, arrangement: Arrangement, now_m: Array, present: Mask) -> Array:
+    """Return the places (C, 3) of an arrangement, given out at the least sum of squared distances from `now_m` (C, 3).
+
+    Those who aren't `present` get the last of them: they are free to come back to. A custom shape's are given out by
+    the scenario; the leader's own, where it has one, is that of the scenario's leader.
+    """
+    places = _in_order(scenario, arrangement)
+    if arrangement.shape == "custom":
+        return places
+    following = np.flatnonzero(np.arange(len(places)) != arrangement.leader)
+    there, away = following[present[following]], following[~present[following]]
+    free = places[following]
+    cost = np.square(now_m[there, None] - free[None, : there.size]).sum(axis=2)
+    _, chosen = linear_sum_assignment(cost)
+    given = np.zeros_like(places)
+    given[there], given[away] = free[chosen], free[there.size :]
+    return given
+
+
+def _in_order(scenario: Scenario, arrangement: Arrangement) -> Array:
+    """Return the places (C, 3) in the order of the columns, the leader's own left out."""
+    count, leader = len(scenario.followers), arrangement.leader
+    places = np.zeros((1 + count, 3))
+    if arrangement.shape != "custom":
+        places[np.arange(1 + count) != leader] = slots(arrangement.shape, count, arrangement.spacing_m)
+        return places
+    table = arrangement.slots_m or {}
+    places[1:] = np.array([_own(table, follower) for follower in scenario.followers]).reshape(count, 3)
+    places[0], places[leader] = places[leader].copy(), 0.0
+    return places
+
+
+def _own(table: Mapping[VehicleRef, Vector], vehicle: Vehicle) -> Vector:
+    return table[vehicle.id] if vehicle.id in table else table[long_ref(vehicle)]

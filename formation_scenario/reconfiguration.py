@@ -1,0 +1,114 @@
+"""A change of the formation as it's flown: from where the slots are to where they are to be."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from math import sqrt
+from typing import Protocol
+
+import numpy as np
+
+from formation_scenario.arrangement import Arrangement, Mask, assigned, columns
+from formation_scenario.displaced_path import DisplacedPath
+from formation_scenario.model import Scenario
+from formation_scenario.path import PathPoint, PathPoints, SplinePath
+from formation_scenario.slot_motion import Array, Course, SlotMotion
+from formation_scenario.transition import MEAN_SPEED_MPS, Conditions, Limits, Transition, plan_transition
+from formation_scenario.vehicles import VehicleModel
+
+TURN_SHARE = 0.5
+"""Share of what slots have to spare that the leader's turns onto its path use."""
+CLIMB_SHARE = 0.3
+"""Share of the climb limit that the leader's way up or down to its path uses."""
+LEAST_S = 10.0
+
+
+class Route(Protocol):
+    """Something to fly along, by distance."""
+
+    def at(self, distance_m: float, /) -> PathPoint:
+        """Return the point at a distance from the start."""
+        ...
+
+
+def plan_change(
+    scenario: Scenario,
+    start: SlotMotion,
+    arrangement: Arrangement,
+    at_s: float,
+    course: Callable[[Array], Course],
+    present: Mask | None = None,
+) -> Transition:
+    """Return the way of all columns into an arrangement, from `start` as its leader sees it.
+
+    Args:
+        scenario: vehicles, limits, frame and separation.
+        start: (C, 3) where the slots are.
+        arrangement: what they are to be.
+        at_s: when it begins.
+        course: how the leader flies, by seconds from then on.
+        present: (C,) who is there; default: everyone.
+
+    Raises:
+        NotFlyableError: it can't be flown there.
+    """
+    there = np.ones(len(start.position_m), dtype=np.bool_) if present is None else present
+    goal_m = assigned(scenario, arrangement, start.position_m, there)
+    conditions = Conditions(
+        course=course,
+        frame=scenario.formation.frame,
+        limits=Limits.of(column_models(scenario)),
+        separation_m=scenario.safety.separation_m,
+        leader=arrangement.leader,
+        present=there,
+        names=column_names(scenario),
+    )
+    return plan_transition(start, goal_m, at_s, conditions)
+
+
+def take_over(
+    scenario: Scenario, path: SplinePath, from_m: float, aside_m: Sequence[float], reach_m: float
+) -> DisplacedPath:
+    """Return the way onto the path of a vehicle that takes it over at `from_m`, right and above it by `aside_m`.
+
+    Its turns are as gentle as slots need that are `reach_m` out.
+    """
+    right_m, up_m = aside_m
+    speed, models = scenario.path.speed_mps, column_models(scenario)
+    turn_rps = TURN_SHARE * keepable_turn_rps(scenario, reach_m)
+    climb_mps = CLIMB_SHARE * min(model.climb_max_mps for model in models)
+    # Peaks of a minimum-jerk way over T: 1.875 / T of it a second, 5.77 / T^2 of it a second squared.
+    over_s = max(
+        LEAST_S,
+        abs(right_m) / MEAN_SPEED_MPS,
+        sqrt(5.77 * abs(right_m) / (speed * turn_rps)),
+        1.875 * abs(up_m) / climb_mps,
+    )
+    return DisplacedPath(path, from_m, over_s * speed, right_m, up_m)
+
+
+def keepable_turn_rps(scenario: Scenario, reach_m: float) -> float:
+    """Return the turn rate of a leader that slots `reach_m` out can keep up with, outside and inside."""
+    speed, models = scenario.path.speed_mps, column_models(scenario)
+    spare_mps = min(min(model.speed_max_mps - speed, speed - model.speed_min_mps) for model in models)
+    return max(min(*(model.turn_rate_max_rps for model in models), spare_mps / max(reach_m, 1.0)), 1e-3)
+
+
+def ahead(route: Route, speed_mps: float, from_m: float) -> Callable[[Array], Course]:
+    """Return how a leader flies that is at `from_m` of a route at 0 s, by seconds from then on."""
+
+    def course(elapsed_s: Array) -> Course:
+        points = [route.at(distance_m) for distance_m in (from_m + speed_mps * elapsed_s).tolist()]
+        return Course.along(PathPoints(*np.array(points).T), speed_mps)
+
+    return course
+
+
+def column_models(scenario: Scenario) -> tuple[VehicleModel, ...]:
+    """Return the model of each column; a virtual leader flies like the first follower."""
+    return tuple((vehicle or scenario.followers[0]).model for vehicle in columns(scenario))
+
+
+def column_names(scenario: Scenario) -> tuple[str, ...]:
+    """Return what a person calls the vehicle of each column."""
+    return tuple(f"vehicle {v.vehicle_id}" if v else "the virtual leader" for v in columns(scenario))

@@ -1,0 +1,60 @@
+"""Where every slot is at each moment, and who leads: one transition after another, each begun where the last one is."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from formation_scenario import Scenario, slot_schedule
+from formation_scenario.arrangement import Arrangement
+from formation_scenario.formation import FormationChange
+from formation_scenario.slot_motion import SlotMotion
+from formation_scenario.transition import Transition
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A change that can be flown, before it's adopted."""
+
+    arrangement: Arrangement
+    way: Transition
+
+
+class FormationPlan:
+    """The slots of all columns, (C, 3); before the path begins they stand `start.offset_m` aside."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        """Begin with the scenario's first shape and leader."""
+        first = slot_schedule(scenario)[0]
+        self.arrangement = first.arrangement
+        self.scheduled: deque[FormationChange] = deque(sorted(scenario.formation.changes, key=lambda each: each.at_s))
+        """The scenario's changes that aren't done yet."""
+        self._way = Transition.standing(first.places_m)
+        self._offset_m = np.tile(scenario.start.offset_m, (len(first.places_m), 1))
+        self._offset_m[0] = 0.0
+
+    @property
+    def leader(self) -> int:
+        """The column that leads."""
+        return self.arrangement.leader
+
+    def at(self, now_s: float, *, begun: bool) -> SlotMotion:
+        """Return the slots at a time of the station's clock, s; `begun`: whether the path is."""
+        slots = self._way.at(now_s)
+        return slots if begun else SlotMotion.at_rest(slots.position_m + self._offset_m)
+
+    def seen_from(self, leader: int, swing_rad: float, now_s: float) -> SlotMotion:
+        """Return the slots now as another leader sees them, its heading `swing_rad` off the present one's."""
+        return self._way.seen_from(leader, swing_rad).at(now_s)
+
+    def hand_over(self, leader: int, swing_rad: float) -> None:
+        """Let another lead; everybody goes on as before."""
+        self._way = self._way.seen_from(leader, swing_rad)
+        self.arrangement = self.arrangement._replace(leader=leader)
+        self._offset_m -= self._offset_m[leader]
+
+    def adopt(self, proposal: Proposal) -> None:
+        """Fly a change."""
+        self.arrangement, self._way = proposal.arrangement, proposal.way

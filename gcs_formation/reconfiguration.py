@@ -1,0 +1,167 @@
+"""Changes of the formation in flight: those of the schedule, those that are ordered, and a lost leader's succession."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Protocol
+
+import numpy as np
+
+from airlink.clock import NANOSECONDS, Instant, after
+from airlink.identity import VehicleId
+from formation_scenario import Scenario
+from formation_scenario.arrangement import Arrangement
+from formation_scenario.displaced_path import DisplacedPath
+from formation_scenario.reconfiguration import ahead, column_names, plan_change, take_over
+from formation_scenario.transition import NotFlyableError
+from gcs_formation.arrays import Mask
+from gcs_formation.controller import FormationController
+from gcs_formation.formation.plan import Proposal
+from gcs_formation.guidance.tracking import Motion, project
+from gcs_formation.membership import Member
+from gcs_formation.records import Detail
+from gcs_formation.vehicle.vehicle import Vehicle
+
+RETRY_S = 1.0
+"""Between tries at a change that can't be flown where the formation is."""
+HEARD_S = 1.0
+"""Telemetry of a successor is no older."""
+
+
+class Say(Protocol):
+    """Takes what happened."""
+
+    def __call__(
+        self,
+        now: Instant,
+        kind: str,
+        text: str,
+        vehicle: Vehicle | None = None,
+        details: dict[str, Detail] | None = None,
+    ) -> None:
+        """Record it."""
+        ...
+
+
+class Reconfiguration:
+    """Decides on changes and has the controller fly them."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        controller: FormationController,
+        vehicles: Mapping[VehicleId, Vehicle],
+        columns: Mapping[VehicleId, int],
+        say: Say,
+    ) -> None:
+        """Change the formation that `controller` flies; `columns` are the vehicles' in it."""
+        self._scenario = scenario
+        self._controller = controller
+        self._by_column = {column: vehicles[identity] for identity, column in columns.items()}
+        self._names = column_names(scenario)
+        self._say = say
+        self._wanted: Arrangement | None = None
+        self._next_try = Instant(0)
+
+    @property
+    def leader(self) -> Vehicle | None:
+        """The vehicle that leads, None for a virtual leader."""
+        return self._by_column.get(self._controller.plan.leader)
+
+    def advance(self, now: Instant, mission_time_s: float) -> None:
+        """Begin the scheduled change that is due; one that can't be flown is tried again."""
+        plan = self._controller.plan
+        if plan.scheduled and mission_time_s >= plan.scheduled[0].at_s:
+            self._want((self._wanted or plan.arrangement).changed(plan.scheduled.popleft(), self._scenario), now)
+        if self._wanted is None or now < self._next_try:
+            return
+        self._next_try = after(now, RETRY_S)
+        try:
+            self.change(self._wanted, now)
+        except NotFlyableError as error:
+            self._say(now, "postponed", f"the change is tried again: {error}")
+
+    def change(self, wanted: Arrangement, now: Instant) -> None:
+        """Begin a change.
+
+        Raises:
+            NotFlyableError: it can't be flown from here; nothing has changed.
+        """
+        controller, plan = self._controller, self._controller.plan
+        present, now_s = self._present(), now / NANOSECONDS
+        route, distance_m, swing_rad = controller.guidance.route, controller.guidance.distance_m, 0.0
+        if wanted.leader != plan.leader:
+            if not present[wanted.leader]:
+                found = f"{self._names[wanted.leader]} doesn't fly in the formation"
+                raise NotFlyableError(found, "a vehicle that does", 0.0)
+            route, distance_m, swing_rad = self._take_over(wanted.leader, now_s)
+        start = plan.seen_from(wanted.leader, swing_rad, now_s)
+        if route is None:
+            raise NotFlyableError("the leader isn't on its way yet", "a change in flight", 0.0)
+        course = ahead(route, controller.guidance.speed_mps, distance_m)
+        way = plan_change(self._scenario, start, wanted, now_s, course, present)
+        if wanted.leader != plan.leader:
+            self._hand_over(wanted.leader, now)
+        plan.adopt(Proposal(wanted, way))
+        self._wanted = None
+        self._say(now, "formation", self._in_words(wanted), None, {"duration_s": way.duration_s})
+
+    def successor(self, now: Instant) -> int | None:
+        """Return the column of the follower that is nearest to the leader, None when nobody could take over."""
+        tick, leader = self._controller.last_tick, self._controller.plan.leader
+        if self._scenario.formation.succession == "none" or leader not in self._by_column or tick is None:
+            return None
+        places = np.stack((tick.state.north_m, tick.state.east_m, tick.state.height_m), axis=1)
+        fit = [column for column in self._by_column if column != leader and self._leads_well(column, now)]
+        return min(fit, key=lambda column: float(np.linalg.norm(places[column] - places[leader])), default=None)
+
+    def succeed(self, now: Instant) -> None:
+        """Let the successor lead at once, and the others move to its slots as soon as they can."""
+        heir = self.successor(now)
+        if heir is not None:
+            self._hand_over(heir, now)
+            self._want(self._wanted or self._controller.plan.arrangement, now)
+
+    def _want(self, arrangement: Arrangement, now: Instant) -> None:
+        self._wanted, self._next_try = arrangement, now
+
+    def _hand_over(self, leader: int, now: Instant) -> None:
+        controller = self._controller
+        route, distance_m, swing_rad = self._take_over(leader, now / NANOSECONDS)
+        controller.guidance.take_over(route, distance_m)
+        controller.hand_over(leader, swing_rad)
+        if self._wanted is not None:
+            self._wanted = self._wanted._replace(leader=leader)
+        self._say(now, "leader", "leads the formation", self._by_column[leader])
+
+    def _take_over(self, leader: int, now_s: float) -> tuple[DisplacedPath | None, float, float]:
+        """Return a successor's way onto the path, where on it it is, and its heading off the present leader's."""
+        controller, guidance = self._controller, self._controller.guidance
+        tick = controller.last_tick
+        if tick is None:
+            return None, 0.0, 0.0
+        state, before = tick.state, controller.plan.leader
+        swing_rad = math.remainder(float(state.heading_rad[leader] - state.heading_rad[before]), math.tau)
+        if not guidance.started:
+            return None, 0.0, swing_rad
+        motion = Motion(*(float(getattr(state, name)[leader]) for name in Motion.__dataclass_fields__))
+        slots = controller.plan.seen_from(leader, swing_rad, now_s)
+        distance_m = project(guidance.path, motion, guidance.distance_m)
+        aside_m = guidance.path.at(distance_m).aside_m(motion.north_m, motion.east_m, float(state.height_m[leader]))
+        return take_over(self._scenario, guidance.path, distance_m, aside_m, slots.reach_m), distance_m, swing_rad
+
+    def _present(self) -> Mask:
+        """Return who is there, (C,): the leader, and whoever flies in the formation."""
+        there = np.zeros(len(self._names), dtype=np.bool_)
+        there[self._controller.plan.leader] = True
+        for column, vehicle in self._by_column.items():
+            there[column] |= vehicle.member is Member.FLYING
+        return there
+
+    def _leads_well(self, column: int, now: Instant) -> bool:
+        age_s = self._controller.estimator.age_s(column, now)
+        return self._by_column[column].member is Member.FLYING and age_s <= HEARD_S
+
+    def _in_words(self, wanted: Arrangement) -> str:
+        return f"{wanted.shape}, {wanted.spacing_m:g} m, behind {self._names[wanted.leader]}"

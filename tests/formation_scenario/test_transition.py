@@ -1,0 +1,160 @@
+"""Transitions: smooth, inside everyone's limits, and nobody near anybody, as Turpin, Michael and Kumar prove it."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.distance import pdist
+
+from formation_scenario.arrangement import assigned, slot_schedule
+from formation_scenario.displaced_path import DisplacedPath
+from formation_scenario.path import SplinePath
+from formation_scenario.reconfiguration import ahead, plan_change
+from formation_scenario.slot_motion import Course, SlotMotion, slot_needs
+from formation_scenario.transition import Transition
+
+SPEED = 22.0
+CHANGES = "formation.changes=[{at_s: 10, shape: line}, {at_s: 80, shape: circle}, {at_s: 150, shape: square}]"
+vectors = st.lists(st.floats(-60, 60), min_size=12, max_size=12).map(lambda values: np.array(values).reshape(4, 3))
+
+
+def flown(scenario):
+    """Plan every change of a scenario, each where the last one has come to."""
+    path = SplinePath(scenario.path.waypoints_m)
+    steps = slot_schedule(scenario)
+    way = Transition.standing(steps[0].places_m)
+    for step in steps[1:]:
+        course = ahead(path, SPEED, SPEED * step.at_s)
+        way = plan_change(scenario, way.at(step.at_s), step.arrangement, step.at_s, course)
+        yield way
+
+
+@pytest.mark.parametrize("followers", [3, 8, 20])
+def test_diamond_line_circle_square_keeps_15_m_at_30_m_spacing_and_takes_less_than_a_minute(load, followers):
+    scenario = load(f"vehicles={{count: {followers + 1}}}", CHANGES)
+    for way in flown(scenario):
+        sampled = way.sample(np.linspace(0.0, way.duration_s, 600))
+        assert min(pdist(places).min() for places in sampled.position_m) > 17.9
+        assert way.duration_s < 55.0
+
+
+@given(vectors, vectors, vectors, st.floats(8, 60), st.floats(0, 20))
+def test_a_way_begins_as_the_slots_move_ends_at_rest_and_is_smooth(begin, goal, velocity, duration, lift):
+    start = SlotMotion(begin, velocity / 20, velocity / 200)
+    way = Transition(5.0, duration, start, goal, np.array([0.0, lift, 0.0, 0.0]), duration / 3)
+    first, last = way.at(5.0), way.at(5.0 + duration)
+    np.testing.assert_allclose(first.position_m, begin, atol=1e-9)
+    np.testing.assert_allclose(first.velocity_mps, start.velocity_mps, atol=1e-9)
+    np.testing.assert_allclose(first.acceleration_mps2, start.acceleration_mps2, atol=1e-9)
+    np.testing.assert_allclose(last.position_m, goal, atol=1e-9)
+    step = duration * 1e-4
+    moments = 5.0 + duration * np.linspace(0.05, 0.95, 7)
+    for moment in moments:
+        before, now, after = (way.at(moment + k * step) for k in (-1, 0, 1))
+        np.testing.assert_allclose((after.position_m - before.position_m) / (2 * step), now.velocity_mps, atol=1e-3)
+        np.testing.assert_allclose(
+            (after.velocity_mps - before.velocity_mps) / (2 * step), now.acceleration_mps2, atol=1e-2
+        )
+
+
+@settings(max_examples=30)
+@given(st.integers(0, 10_000))
+def test_assigned_at_the_least_sum_of_squares_straight_ways_stay_apart(seed):
+    """CAPT, theorem 4.3: places 2 sqrt(2) R apart, and no two come within 2 R of each other on the way."""
+    random = np.random.default_rng(seed)
+    lattice = 30.0 * np.array([(i, j, 0.0) for i in range(6) for j in range(6)])
+    begin, goal = (lattice[random.permutation(36)[:12]] for _ in range(2))
+    cost = np.square(begin[:, None] - goal[None]).sum(axis=2)
+    from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - the peer to hold the package's own against
+
+    ends = goal[linear_sum_assignment(cost)[1]]
+    way = Transition(0.0, 20.0, SlotMotion.at_rest(begin), ends, np.zeros(12), 0.0)
+    assert (
+        min(pdist(places).min() for places in way.sample(np.linspace(0, 20, 200)).position_m) > 30 / np.sqrt(2) - 0.01
+    )
+
+
+def test_who_is_away_is_kept_the_last_places(load):
+    scenario = load("vehicles={count: 5}")
+    step = slot_schedule(scenario)[0]
+    arrangement = step.arrangement._replace(shape="line", leader=2)
+    present = np.array([False, True, True, True, True])
+    given_out = assigned(scenario, arrangement, step.places_m, present)
+    np.testing.assert_array_equal(given_out[2], 0.0)
+    np.testing.assert_array_equal(given_out[0], [0, 60, 0])
+    assert {tuple(place) for place in given_out} == {(0, -60, 0), (0, -30, 0), (0, 0, 0), (0, 30, 0), (0, 60, 0)}
+
+
+def test_a_custom_shape_under_another_leader_gives_its_place_to_the_scenarios_leader(load):
+    own = "{2: [-10, 0, 0], 3: [-20, 0, 0], 4: [-30, 0, 0]}"
+    steps = slot_schedule(load(f"formation.changes=[{{at_s: 20, shape: custom, slots_m: {own}, leader: 3}}]"))
+    np.testing.assert_array_equal(steps[1].places_m, [[-20, 0, 0], [-10, 0, 0], [0, 0, 0], [-30, 0, 0]])
+
+
+def test_another_leader_sees_the_same_places():
+    way = Transition(
+        0.0, 20.0, SlotMotion.at_rest(np.diag([0.0, -30.0, 30.0])), np.diag([0.0, -60.0, 9.0]), np.zeros(3), 0.0
+    )
+    swing = 0.3
+    for moment in (0.0, 7.0, 30.0):
+        before, after = way.at(moment).position_m, way.seen_from(1, swing).at(moment).position_m
+        turned = np.exp(-1j * swing) * ((before[:, 0] - before[1, 0]) + 1j * (before[:, 1] - before[1, 1]))
+        np.testing.assert_allclose(after[:, 0] + 1j * after[:, 1], turned, atol=1e-9)
+
+
+def test_a_moving_slot_needs_what_its_place_over_ground_does():
+    """The velocity and acceleration of a point that moves in a turning frame, against differences of its places."""
+    step, t = 0.01, 0.01 * np.arange(-3.0, 4.0)
+    turn, bend = 0.04, 0.002
+    heading = turn * t + bend * t**2 / 2
+    leader = np.cumsum(SPEED * np.exp(1j * heading)) * step
+    leader = leader - SPEED * np.exp(1j * heading) * step / 2  # the trapezium rule
+    slot, velocity, acceleration = -30 + 20j, 1.5 - 2j, 0.2 + 0.3j
+    places = leader + np.exp(1j * heading) * (slot + velocity * t + acceleration * t**2 / 2)
+    ground = np.gradient(places, step)
+    course = Course(SPEED, np.array([turn]), np.array([bend]), np.zeros(1), np.zeros(1))
+    motion = SlotMotion(*(np.array([[[v.real, v.imag, 0.0]]]) for v in (slot, velocity, acceleration)))
+    needs = slot_needs(course, motion, "leader_heading")
+    assert abs(ground[3]) == pytest.approx(needs.speed_mps[0, 0], abs=1e-4)
+    assert np.angle(ground[3]) == pytest.approx(needs.aside_rad[0, 0], abs=1e-5)
+    assert (abs(ground[4]) - abs(ground[2])) / (2 * step) == pytest.approx(needs.accel_mps2[0, 0], abs=1e-3)
+    assert np.angle(ground[4] / ground[2]) / (2 * step) == pytest.approx(needs.turn_rate_rps[0, 0], abs=1e-4)
+
+
+def test_a_displaced_path_is_a_curve_whose_course_and_curvature_are_its_own():
+    path = SplinePath([[0, 0, 100], [1500, 0, 100], [3000, 700, 120]])
+    way = DisplacedPath(path, 400.0, 600.0, 40.0, 15.0)
+    for distance in np.linspace(410.0, 990.0, 9):
+        before, point, after = (way.at(distance + d) for d in (-0.5, 0.0, 0.5))
+        north, east = after.north_m - before.north_m, after.east_m - before.east_m
+        assert np.arctan2(east, north) == pytest.approx(point.course_rad, abs=1e-5)
+        made = np.hypot(north, east)
+        assert (after.course_rad - before.course_rad) / made == pytest.approx(point.curvature_1pm, abs=1e-5)
+        assert (after.height_m - before.height_m) / made == pytest.approx(point.slope, abs=1e-5)
+    assert way.at(1000.0) == path.at(1000.0)
+    assert way.at(400.0).aside_m(*path.at(400.0)[:3]) == pytest.approx((-40.0, -15.0))
+
+
+def test_a_change_that_cannot_be_flown_where_it_falls_is_refused_with_place_and_figure(refusal):
+    climb = "path.waypoints_m=[[0, 0, 100], [4000, 0, 620]]"  # 2.86 m/s of 3: no climb is left to pass over the leader
+    swap = "formation={shape: custom, slots_m: {2: [-30, 0, 0], 3: [30, 0, 0], 4: [-60, 0, 0]}, changes: [%s]}"
+    other = "{at_s: 20, slots_m: {2: [30, 0, 0], 3: [-30, 0, 0], 4: [-60, 0, 0]}}"
+    (line,) = refusal(climb, swap % other)
+    assert line.startswith("formation.changes.0: path at 440 m (north 4")
+    assert "no climb is left" in line
+
+
+@pytest.mark.parametrize(
+    ("change", "found"),
+    [
+        ("{at_s: 20}", "formation.changes.0: found no change; shape, spacing_m, slots_m or leader"),
+        ("{at_s: 20, leader: 9}", "formation.changes.0.leader: found 9; 1, 2, 3, 4"),
+    ],
+)
+def test_a_change_of_nothing_or_to_nobody_is_refused(refusal, change, found):
+    assert found in refusal(f"formation.changes=[{change}]")
+
+
+def test_under_a_virtual_leader_nobody_takes_over(refusal):
+    (line,) = refusal("vehicles=[{id: 2}, {id: 3}]", "formation.changes=[{at_s: 20, leader: 3}]")
+    assert line.startswith("formation.changes.0.leader: found 3, but a virtual leader flies the path")
