@@ -73,6 +73,11 @@ class FormationController:
         return self._model
 
     @property
+    def history(self) -> SetpointHistory:
+        """What was told, and when it acts."""
+        return self._history
+
+    @property
     def assembled(self) -> bool:
         """Whether every follower has been in its slot for a while."""
         return self._in_slots_s >= HELD_FOR_S or self.begin_regardless

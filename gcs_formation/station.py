@@ -8,21 +8,19 @@ from dataclasses import dataclass
 
 from airlink import mavlink as m
 from airlink.clock import Instant, after, seconds_between
-from airlink.endpoint import Endpoint, parse_endpoint
+from airlink.endpoint import Endpoint
 from airlink.engine import Datagram
 from airlink.frame import Frame, ParserCounts
-from airlink.geodesy import GeodeticOrigin
 from airlink.identity import VehicleId
 from airlink.messages import Message
 from formation_scenario import Scenario
-from formation_scenario import Vehicle as PlannedVehicle
 from formation_scenario.arrangement import columns
 from gcs_formation.beacon import Beacon
 from gcs_formation.controller import FormationController
 from gcs_formation.dispatch import Dispatch
 from gcs_formation.ending import Ending
 from gcs_formation.identities import Identities
-from gcs_formation.link.connection import Connection
+from gcs_formation.ledger import CommandLedger
 from gcs_formation.link.receiver import Receiver
 from gcs_formation.margin_watch import MarginWatch
 from gcs_formation.phases import Cause, Flight, Phase
@@ -30,7 +28,7 @@ from gcs_formation.reconfiguration import Reconfiguration
 from gcs_formation.records import Detail, Event, Recorder, Tick
 from gcs_formation.roster import Roster
 from gcs_formation.starting import Starting
-from gcs_formation.vehicle.families import autopilot_for
+from gcs_formation.vehicle.planned import planned
 from gcs_formation.vehicle.vehicle import Vehicle
 
 LOITER_LIMIT_S = 20.0
@@ -61,15 +59,7 @@ class Station:
         self._recorder = recorder
         self._until_s = math.inf if until_s is None else until_s
         self._receiver = Receiver()
-        planned = [vehicle for vehicle in columns(scenario) if vehicle is not None]
-        texts = list(dict.fromkeys(vehicle.endpoint for vehicle in planned))
-        self._endpoints = tuple(parse_endpoint(text) for text in texts)
-        networks = {vehicle.endpoint: vehicle.network for vehicle in planned}
-        self.networks = tuple(networks[text] for text in texts)
-        """The MAVLink network that each socket hears."""
-        self.vehicles = {
-            vehicle.vehicle_id: self._vehicle(vehicle, texts.index(vehicle.endpoint)) for vehicle in planned
-        }
+        self._endpoints, self.networks, self.vehicles = planned(scenario)
         self._columns = {vehicle.vehicle_id: i for i, vehicle in enumerate(columns(scenario)) if vehicle is not None}
         self.roster = Roster(scenario, self.vehicles, self._columns, self._event)
         self._identities = Identities(self.vehicles, self.networks, self.flight, self._event, self.fail)
@@ -78,15 +68,9 @@ class Station:
         self._beacon = Beacon(self.vehicles)
         self._reconfiguration = Reconfiguration(scenario, self.controller, self.vehicles, self._columns, self._event)
         self._dispatch = Dispatch(scenario, self.vehicles, self._columns)
+        self._ledger = CommandLedger(scenario, self.controller, self.vehicles, self._columns, self._event)
         self._out, self._next_tick = list[Datagram](), Instant(0)
         self._loiter_s, self._ending = 0.0, Ending({}, Instant(0))
-
-    def _vehicle(self, planned: PlannedVehicle, socket: int) -> Vehicle:
-        endpoint = self._endpoints[socket]
-        connection = Connection(socket, endpoint.address if endpoint.kind == "udpout" else None)
-        keys, rate_hz = self.scenario.origin, self.scenario.telemetry.rate_hz
-        origin = GeodeticOrigin(math.radians(keys.lat_deg), math.radians(keys.lon_deg), keys.alt_m)
-        return Vehicle(planned.vehicle_id, autopilot_for(planned, keys.alt_m), connection, origin, rate_hz)
 
     # The engine's side.
 
@@ -136,6 +120,7 @@ class Station:
         self._send_commands(now)
         if self.flight.phase is not Phase.LOITERING:
             self._judge_members(now)
+        self._ledger.judge_orders(now)
         if self.flight.phase in (Phase.ASSEMBLING, Phase.FLYING):
             self._fly(now)
         elif self.flight.phase is Phase.LOITERING:
@@ -209,6 +194,7 @@ class Station:
         self._dispatch.take(tick, hold_s, now)
         self.last_tick = tick
         self._recorder.tick(tick)
+        self._ledger.judge_motion(tick, now)
         self.controlled_ticks += 1
         if controller.guidance.started and self._move(Cause.PATH_BEGUN, now):
             self._beacon.hasten(now)

@@ -35,6 +35,7 @@ class ArduPlane(Autopilot):
     take_off_m = 45.0
     """TKOFF_ALT is 50 m, and the climb ends softly."""
     guided_mode = m.PLANE_MODE_GUIDED
+    setpoint_commands = GUIDED_COMMANDS
     loiter_mode = m.PLANE_MODE_LOITER
     mode_names: ClassVar = {
         m.PLANE_MODE_MANUAL: "MANUAL",

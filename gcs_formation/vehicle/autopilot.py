@@ -10,6 +10,7 @@ from typing import ClassVar
 from airlink import mavlink as m
 from airlink.messages import CommandInt, CommandLong
 from gcs_formation.setpoint import Setpoint
+from gcs_formation.vehicle.orders import Promise
 from gcs_formation.vehicle.telemetry import Telemetry
 
 Command = CommandLong | CommandInt
@@ -36,6 +37,8 @@ class Autopilot(ABC):
     loiter_mode: ClassVar[int]
     guided_mode: ClassVar[int]
     mode_names: ClassVar[dict[int, str]]
+    setpoint_commands: ClassVar[tuple[int, ...]]
+    """Ids of the commands that carry setpoints, each acknowledged."""
 
     def __init__(self, system: int, origin_alt_m: float, turn_rate_max_rps: float) -> None:
         """Address `system`; setpoint heights count from `origin_alt_m` above sea level."""
@@ -51,6 +54,16 @@ class Autopilot(ABC):
     def takes_setpoints(self, telemetry: Telemetry) -> bool:
         """Whether the vehicle is in the mode in which it follows setpoints, armed and flying."""
         return telemetry.custom_mode == self.guided_mode and telemetry.armed and self.is_airborne(telemetry)
+
+    def promise(self, command: Command) -> Promise | None:
+        """Return what heartbeats show after an obeyed command, None when it isn't in them."""
+        if command.command == m.MAV_CMD_DO_SET_MODE:
+            mode = int(command.param2)
+            return Promise(f"mode {self.mode_names.get(mode, mode)}", _mode, mode)
+        if command.command == m.MAV_CMD_COMPONENT_ARM_DISARM:
+            arm = bool(command.param1)
+            return Promise("arming" if arm else "disarming", _armed, arm)
+        return None
 
     def set_mode(self, mode: int) -> Command:
         """Return MAV_CMD_DO_SET_MODE for one of the family's own modes."""
@@ -98,3 +111,11 @@ class Autopilot(ABC):
     @abstractmethod
     def loiter(self, height_m: float) -> tuple[Command, ...]:
         """Return the commands, in order, to circle here at `height_m` above the scenario's origin."""
+
+
+def _mode(seen: Telemetry) -> int | None:
+    return seen.custom_mode
+
+
+def _armed(seen: Telemetry) -> bool | None:
+    return seen.armed if seen.heartbeat else None

@@ -58,17 +58,18 @@ class CommandQueue:
         self._next_attempt = after(now, RETRY_S)
         return command
 
-    def acknowledge(self, ack: CommandAck, now: Instant) -> None:
-        """Take an acknowledgement; one that isn't of the command under way changes nothing."""
+    def acknowledge(self, ack: CommandAck, now: Instant) -> Command | None:
+        """Take an acknowledgement, one that isn't of the command under way changes nothing; return what it accepts."""
         if self.outcome is not Outcome.WAITING or ack.command != self._waiting[0].command or not self._attempt:
-            return
+            return None
         if ack.result == UNDER_WAY:
-            return
+            return None
         if ack.result == m.MAV_RESULT_ACCEPTED:
-            self._waiting.popleft()
+            accepted = self._waiting.popleft()
             self._attempt, self._next_attempt = 0, now
             self.outcome = Outcome.WAITING if self._waiting else Outcome.ACCEPTED
-            return
+            return accepted
         self.refusal = (ack.command, ack.result)
         if ack.result not in TRY_AGAIN:
             self.outcome = Outcome.REFUSED
+        return None

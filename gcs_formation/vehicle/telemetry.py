@@ -50,6 +50,7 @@ class Telemetry:
     attitude: Attitude | None = None
     airspeed_mps: float = math.nan
     heartbeat: Heartbeat | None = None
+    heartbeats: int = 0
     ekf_flags: int = 0
     sensors_healthy: int = 0
     updates: int = 0
@@ -70,6 +71,7 @@ class Telemetry:
                 self.airspeed_mps = message.airspeed_mps
             case Heartbeat():
                 self.heartbeat = message
+                self.heartbeats += 1
             case EkfStatusReport():
                 self.ekf_flags = message.flags
             case SysStatus():

@@ -16,6 +16,7 @@ from gcs_formation.link.connection import Connection
 from gcs_formation.membership import Member, Sight
 from gcs_formation.vehicle.autopilot import Autopilot
 from gcs_formation.vehicle.commands import CommandQueue
+from gcs_formation.vehicle.orders import Orders, UnbrokenRun
 from gcs_formation.vehicle.startup import StartUp
 from gcs_formation.vehicle.telemetry import Telemetry
 
@@ -57,6 +58,9 @@ class Vehicle:
         """When each answered probe came back, and its one-way delay in seconds."""
         self.frames_in = 0
         self.frames_out = 0
+        self.orders = Orders()
+        self.setpoints_taken = UnbrokenRun()
+        """Acknowledgements of setpoints."""
         self.setpoints_refused = 0
         self.impossible_times = 0
         """Clock answers and stamps that can't be."""
@@ -164,12 +168,18 @@ class Vehicle:
         """Begin anew with a vehicle whose clock did: nothing that we knew of it holds."""
         self.telemetry.forget()
         self.sequence.restart()
+        self.orders = Orders()
         self.start_up = StartUp(self.start_up.steps)
         self.restarted = True
 
     def _acknowledged(self, ack: CommandAck, now: Instant) -> None:
         if ack.target_system not in (0, STATION_SYSTEM):
             return
-        self.commands.acknowledge(ack, now)
+        accepted = self.commands.acknowledge(ack, now)
+        promise = self.autopilot.promise(accepted) if accepted else None
+        if promise:
+            self.orders.acknowledged(promise, self.telemetry, now)
+        if ack.result == m.MAV_RESULT_ACCEPTED and ack.command in self.autopilot.setpoint_commands:
+            self.setpoints_taken.note(now)
         if ack.result not in (m.MAV_RESULT_ACCEPTED, m.MAV_RESULT_IN_PROGRESS):
             self.setpoints_refused += 1

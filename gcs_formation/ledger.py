@@ -1,0 +1,92 @@
+"""What was commanded, what was acknowledged and what the vehicles do, compared."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from airlink.clock import Instant, after
+from airlink.identity import VehicleId
+from formation_scenario import Scenario
+from gcs_formation.controller import FormationController
+from gcs_formation.obedience import SETTLED_S, WINDOW_S, Disobedience, Obedience
+from gcs_formation.records import Note, Tick
+from gcs_formation.vehicle.vehicle import Vehicle
+
+GAP_S = 0.5
+"""Acknowledgements of setpoints that are further apart may hide setpoints that never arrived."""
+
+
+class CommandLedger:
+    """Reports vehicles that acknowledge and don't obey: events `disobeys`, and `obeys` when they do again."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        controller: FormationController,
+        vehicles: Mapping[VehicleId, Vehicle],
+        columns: Mapping[VehicleId, int],
+        note: Note,
+    ) -> None:
+        """Compare `vehicles`; `columns` are theirs in the controller."""
+        self._controller = controller
+        self._vehicles = vehicles
+        self._columns = columns
+        self._note = note
+        self._obedience = Obedience(scenario, controller.history)
+        self._gap_s = max(GAP_S, 2.5 / scenario.law.rate_hz)
+        self._commanded: dict[VehicleId, Instant] = {}
+        """Since when each vehicle is commanded without a break."""
+
+    def judge_orders(self, now: Instant) -> None:
+        """Look at modes and arming."""
+        for vehicle in self._vehicles.values():
+            before = vehicle.orders.broken
+            vehicle.orders.judge(vehicle.telemetry, now)
+            broken = vehicle.orders.broken
+            if broken is not None and broken is not before:
+                mode = vehicle.autopilot.mode_name(vehicle.telemetry)
+                text = f"acknowledged {broken.words} {broken.after_s:.1f} s ago, and is still in {mode}"
+                armed = vehicle.telemetry.armed
+                details = {"order": broken.words, "after_s": broken.after_s, "mode": mode, "armed": armed}
+                self._note(now, "disobeys", text, vehicle, details)
+            elif broken is None and before is not None:
+                self._note(now, "obeys", f"{before.words} is over", vehicle, {"order": before.words})
+
+    def judge_motion(self, tick: Tick, now: Instant) -> None:
+        """Look at how the vehicles follow a tick's setpoints, and those before it."""
+        estimator = self._controller.estimator
+        settled = np.zeros(tick.active.size, dtype=bool)
+        for identity, column in self._columns.items():
+            settled[column] = self._is_settled(identity, bool(tick.active[column]), now)
+        before = self._obedience.broken
+        found = self._obedience.check(now, estimator.stamps, estimator.state, settled)
+        for each in found:
+            self._note(now, "disobeys", _words(each), self._at(each.column), _figures(each))
+        for column in np.flatnonzero(before & ~self._obedience.broken):
+            self._note(now, "obeys", "follows its setpoints again", self._at(int(column)), {"order": "setpoints"})
+
+    def _is_settled(self, identity: VehicleId, active: bool, now: Instant) -> bool:
+        if not active:
+            self._commanded.pop(identity, None)
+            return False
+        since = self._commanded.setdefault(identity, now)
+        acknowledged = self._vehicles[identity].setpoints_taken.since(now, self._gap_s)
+        return acknowledged is not None and max(since, acknowledged) <= after(now, -SETTLED_S)
+
+    def _at(self, column: int) -> Vehicle:
+        return next(self._vehicles[identity] for identity, its in self._columns.items() if its == column)
+
+
+def _words(found: Disobedience) -> str:
+    scale, unit = {"airspeed": (1.0, "m/s"), "heading": (180 / np.pi, "°"), "height": (1.0, "m")}[found.channel]
+    flown, expected = found.flown * scale, found.expected * scale
+    return (
+        f"acknowledges setpoints and doesn't follow them: {found.channel} changed by {flown:.1f} {unit} "
+        f"in {WINDOW_S:g} s, {expected:.1f} {unit} expected"
+    )
+
+
+def _figures(found: Disobedience) -> dict[str, str | int | float | bool | None]:
+    return {"order": "setpoints", "channel": found.channel, "expected": found.expected, "flown": found.flown}

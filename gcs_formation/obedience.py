@@ -1,0 +1,108 @@
+"""Whether vehicles move as the model says that they would if they followed their setpoints."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+
+from airlink.clock import NANOSECONDS, Instant
+from formation_scenario import Scenario
+from formation_scenario.arrangement import columns
+from formation_scenario.navigation import NoisyNavigation
+from gcs_formation.arrays import Array, Instants, Mask, wrap
+from gcs_formation.estimation.flight_state import FlightState
+from gcs_formation.estimation.predictor import SetpointHistory
+from gcs_formation.parameters import autopilot_model
+
+CHECK_S = 0.4
+WINDOW_S = 3.2
+"""How far back motion is compared from."""
+SETTLED_S = WINDOW_S + 1.0
+"""A vehicle is judged when it has been commanded, and has acknowledged, for so long."""
+LEAST_CHANGE = np.array((1.0, 0.04, 1.5))
+"""Airspeed in m/s, heading in rad, height in m: less than that to be flown within the window tells nothing."""
+SIGMAS = 4.0
+"""The same in standard deviations of what telemetry tells."""
+MISSED_SHARE = 0.6
+"""A vehicle that misses more of the change isn't following; one that does misses 0.3 at most."""
+CHECKS_BROKEN, CHECKS_MENDED = 3, 8
+CHANNELS = ("airspeed", "heading", "height")
+ROWS = [4, 5, 2]
+"""Rows of a state's table that the channels are."""
+
+
+class Disobedience(NamedTuple):
+    """A change that a column was told and didn't fly, within the window: m/s, rad or m."""
+
+    column: int
+    channel: str
+    expected: float
+    flown: float
+
+
+class Obedience:
+    """Predicts every vehicle from its state a while ago through what it was told since, and compares."""
+
+    def __init__(self, scenario: Scenario, history: SetpointHistory) -> None:
+        """Take the model from the scenario; `history` holds what was told."""
+        self.broken: Mask = np.zeros(1 + len(scenario.followers), dtype=bool)
+        """Columns that don't follow, (C,)."""
+        self._model = autopilot_model(scenario)
+        self._history = history
+        self._least = LEAST_CHANGE[:, None] + SIGMAS * _noise(scenario)
+        self._past: deque[tuple[Instants, Array]] = deque(maxlen=round(WINDOW_S / CHECK_S))
+        self._next_check = Instant(0)
+        self._bad = np.zeros((len(CHANNELS), self.broken.size), dtype=np.int64)
+        self._good = np.zeros(self.broken.size, dtype=np.int64)
+
+    def check(self, now: Instant, stamps: Instants, state: FlightState, settled: Mask) -> list[Disobedience]:
+        """Compare, if a check is due; return what has just been found; what mends shows in `broken`.
+
+        Args:
+            now: the tick's instant.
+            stamps: (C,) when the states were true.
+            state: (C,) newest states.
+            settled: (C,) columns that have been commanded, and have acknowledged it, for `SETTLED_S`.
+        """
+        if now < self._next_check:
+            return []
+        self._next_check = Instant(now + round(CHECK_S * NANOSECONDS))
+        self._past.append((stamps, state.table))
+        if len(self._past) < (self._past.maxlen or 0):
+            return []
+        expected, flown = self._changes(stamps, state.table)
+        missed = (np.abs(expected) >= self._least) & (np.abs(flown - expected) > MISSED_SHARE * np.abs(expected))
+        self._bad = np.where(missed & settled, self._bad + 1, 0)
+        self._good = np.where(settled & ~missed.any(axis=0), self._good + 1, 0)
+        self.broken = self.broken & (self._good < CHECKS_MENDED)
+        found: list[Disobedience] = []
+        for column in np.flatnonzero((self._bad >= CHECKS_BROKEN).any(axis=0) & ~self.broken):
+            channel = int(np.argmax(self._bad[:, column]))
+            change = float(expected[channel, column]), float(flown[channel, column])
+            found.append(Disobedience(int(column), CHANNELS[channel], *change))
+            self.broken[column] = True
+        return found
+
+    def _changes(self, stamps: Instants, table: Array) -> tuple[Array, Array]:
+        """Return the changes (3, C) that should have been flown within the window, and those that were."""
+        since, before = self._past[0]
+        columns = np.arange(stamps.size, dtype=np.intp)
+        until = np.maximum(stamps, since)
+        predicted = self._history.predict(FlightState(*before), since, until, columns, self._model).table
+        expected, flown = predicted[ROWS] - before[ROWS], table[ROWS] - before[ROWS]
+        flown[1] = wrap(flown[1])
+        return expected, flown
+
+
+def _noise(scenario: Scenario) -> Array:
+    """Return the standard deviations (3, C) of what telemetry tells of each channel."""
+    sources = [vehicle.navigation if vehicle else None for vehicle in columns(scenario)]
+    rows = [
+        (each.airspeed_sigma_mps, np.radians(each.heading_sigma_deg), each.position_sigma_m)
+        if isinstance(each, NoisyNavigation)
+        else (0.0, 0.0, 0.0)
+        for each in sources
+    ]
+    return np.array(rows, dtype=np.float64).T

@@ -1,0 +1,124 @@
+"""Vehicles that acknowledge and don't obey are reported within 5 s; those that obey never are."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from airlink import mavlink as m
+from airlink.clock import Instant, after
+from airlink.messages import Heartbeat
+from gcs_formation.vehicle.arduplane import ArduPlane
+from gcs_formation.vehicle.orders import Orders
+from gcs_formation.vehicle.telemetry import Telemetry
+from tests.flights.in_memory import World
+
+CHANGE = {"shape": "arrow", "spacing_m": 30, "changes": [{"at_s": 10, "shape": "line"}]}
+WEAVING = [[0, 0, 100], [700, 0, 100], [1400, 200, 115], [2100, 100, 100], [2800, 300, 110]]
+START, GUIDED, LOITER, RTL = Instant(0), m.PLANE_MODE_GUIDED, m.PLANE_MODE_LOITER, m.PLANE_MODE_RTL
+
+
+@pytest.mark.parametrize(
+    "keys",
+    [
+        {"start": {"in_air": True, "run_in_s": 6, "offset_m": [8, 6, 4]}},
+        {"links": {"default": {"delay_ms": 300, "loss": 0.2, "mean_burst": 5}}},
+        {"wind": {"velocity_mps": [3, -4, 0]}},
+        {"vehicles": {"count": 3, "navigation": {"source": "noisy"}}},
+    ],
+)
+def test_vehicles_that_obey_are_never_reported(keys: dict[str, Any]) -> None:
+    world = World(duration_s=40, path={"speed_mps": 22, "waypoints_m": WEAVING}, **keys)
+    world.run()
+    assert world.words("disobeys") == []
+    assert world.station.failure is None
+
+
+def test_a_follower_that_ignores_a_change_of_formation_is_reported_and_so_is_its_end() -> None:
+    world = World(duration_s=40, formation=CHANGE)
+    world.fly_to(9.0)
+    world.strike(2, "ignore")
+    world.fly_to(10.0)
+    changed_s = world.now_s
+    world.fly_to(18.0)
+    world.strike(2, "ignore", ends=True)
+    world.run()
+    (reported_s,) = world.times_s("disobeys", 2)
+    assert reported_s - changed_s < 5.0
+    assert world.times_s("disobeys") == [reported_s]
+    (over_s,) = world.times_s("obeys", 2)
+    assert changed_s + 8.0 < over_s < changed_s + 18.0
+
+
+@pytest.mark.parametrize("number", [1, 3])
+def test_a_vehicle_that_flies_straight_on_where_the_path_bends_is_reported(number: int) -> None:
+    bend = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [300, 0, 100], [700, 100, 100], [1000, 400, 100]]}
+    world = World(duration_s=40, path=bend)
+    world.fly_to(6.0)
+    world.strike(number, "ignore")
+    began = world.fleet.state.heading_rad[number - 1]
+    world.network.run(lambda: abs(told(world, number) - began) > 0.05)
+    bent_s = world.now_s
+    world.run(5.0)
+    (reported_s,) = world.times_s("disobeys", number)
+    assert reported_s - bent_s < 5.0
+    details = next(event.details for event in world.notes.events if event.kind == "disobeys")
+    assert details["order"] == "setpoints"
+    assert abs(float(details["flown"] or 0.0)) < 0.2 * abs(float(details["expected"] or 0.0))
+
+
+def told(world: World, number: int) -> float:
+    return float(world.notes.ticks[-1].setpoints.heading_rad[number - 1])
+
+
+def test_an_order_to_loiter_that_is_acknowledged_and_not_obeyed_is_reported() -> None:
+    world = World(duration_s=60, formation={"shape": "arrow", "succession": "none"})
+    world.fly_to(3.0)
+    world.strike(3, "ignore")
+    world.strike(1, "freeze")
+    world.run(15.0)
+    (told_s,) = world.times_s("member", 3, "told to loiter")
+    (reported_s,) = world.times_s("disobeys", 3)
+    assert 2.0 <= reported_s - told_s < 5.0
+    assert world.words("disobeys")[0].startswith("acknowledged mode LOITER")
+    assert world.times_s("disobeys", 2) == []
+
+
+@pytest.fixture
+def seen() -> Telemetry:
+    return Telemetry(World(duration_s=5).fleet.origin)
+
+
+def beat(seen: Telemetry, mode: int) -> None:
+    seen.take(Heartbeat(1, 3, m.MAV_MODE_FLAG_SAFETY_ARMED, mode, m.MAV_STATE_ACTIVE))
+
+
+def test_an_order_that_shows_is_done_and_a_pilots_later_choice_is_the_pilots(seen: Telemetry) -> None:
+    plane, orders = ArduPlane(1, 0.0, 0.25), Orders()
+    beat(seen, GUIDED)
+    promise = plane.promise(plane.set_mode(LOITER))
+    assert promise is not None
+    for following in (LOITER, RTL):
+        orders.acknowledged(promise, seen, START)
+        for i in range(5):
+            beat(seen, GUIDED if i == 0 else following)
+            orders.judge(seen, after(START, 1.0 * i))
+            assert orders.broken is None
+
+
+def test_an_order_that_does_not_show_in_two_heartbeats_and_2_s_is_broken_until_it_does(seen: Telemetry) -> None:
+    plane, orders = ArduPlane(1, 0.0, 0.25), Orders()
+    beat(seen, GUIDED)
+    promise = plane.promise(plane.set_mode(LOITER))
+    assert promise is not None
+    orders.acknowledged(promise, seen, START)
+    orders.judge(seen, after(START, 4.0))
+    assert orders.broken is None  # nothing heard since
+    for _ in range(2):
+        beat(seen, GUIDED)
+    orders.judge(seen, after(START, 4.1))
+    assert orders.broken is not None
+    beat(seen, LOITER)
+    orders.judge(seen, after(START, 5.0))
+    assert orders.broken is None
