@@ -1,4 +1,4 @@
-"""Keys of the control law. The default gains suit the default vehicle model and data without noise."""
+"""Keys of the control law. The default gains suit the default vehicle model, and the noise in its data."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ Graph = Annotated[
 class Mixer(Keys):
     """Weights of the mixed errors (equation 13)."""
 
-    k_v: NonNegative = Field(default=0.1, description="speed difference, m/s -> mixed speed error")
-    k_x: NonNegative = Field(default=1.0, description="forward error, m -> mixed speed error")
-    k_psi: NonNegative = Field(default=0.1, description="heading difference, rad -> mixed heading error")
-    k_y: NonNegative = Field(default=0.05, description="lateral error, m -> mixed heading error")
-    k_z: NonNegative = Field(default=1.0, description="height error, m -> mixed height error")
+    k_v: NonNegative = Field(description="speed difference, m/s -> mixed speed error")
+    k_x: NonNegative = Field(description="forward error, m -> mixed speed error")
+    k_psi: NonNegative = Field(description="heading difference, rad -> mixed heading error")
+    k_y: NonNegative = Field(description="lateral error, m -> mixed heading error")
+    k_z: NonNegative = Field(description="height error, m -> mixed height error")
 
 
 class PidGains(Keys):
@@ -62,17 +62,21 @@ class Law(Keys):
         default="warn",
         description="when a loop's delay nears its margin: degrade (gains come down until it holds), hold, warn",
     )
-    derivative_filter_s: NonNegative = Field(default=0.1, description="time constant of the derivative's filter, s")
+    gains: Literal["clean", "noise"] = Field(
+        description="set of gains that fills what isn't given of mixer, speed, heading, height, derivative_filter_s "
+        "and disturbance_observer_radps: clean | noise; default: noise if any vehicle's navigation is noisy"
+    )
+    derivative_filter_s: NonNegative = Field(description="time constant of the derivative's filter, s")
     anti_windup_s: Positive = Field(default=1.0, description="time constant of the back-calculation, s")
     max_age_s: Positive = Field(
         5.0, description="oldest telemetry that is predicted from, s; beyond, the vehicle is told to loiter"
     )
     disturbance_observer_radps: NonNegative = Field(
-        default=2.0, description="bandwidth of the disturbance observer, rad/s; 0 switches it off"
+        description="bandwidth of the disturbance observer, rad/s; 0 switches it off"
     )
-    mixer: Mixer = Mixer()
+    mixer: Mixer = Field(description="mixed errors")
     speed: PidGains = Field(description="forward channel")
-    heading: PidGains = Field(description="lateral channel; defaults depend on formation.frame")
+    heading: PidGains = Field(description="lateral channel; defaults depend on formation.frame too")
     height: PidGains = Field(description="height channel")
     fuzzy: Fuzzy = Fuzzy()
     consensus: Consensus = Consensus()

@@ -5,17 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 from formation_scenario.fields import MAX_SYSTEM_ID
+from formation_scenario.gains import CLEAN, NOISE, filters, gain_groups
 from formation_scenario.source import Key, Plain, Source
 from formation_scenario.vehicles import BASE_PORT
 
 RUN_IN_AIR_S = 10.0
 RUN_IN_GROUND_S = 60.0
-SPEED_GAINS: dict[Key, Plain] = {"kp": 3.0, "ki": 0.8, "kd": 6.5, "error_scale": 1.0, "rate_scale": 1.0}
-HEIGHT_GAINS: dict[Key, Plain] = {"kp": 2.0, "ki": 0.4, "kd": 4.0, "error_scale": 2.0, "rate_scale": 2.0}
-HEADING_GAINS: dict[str, dict[Key, Plain]] = {
-    "follower_heading": {"kp": 1.0, "ki": 0.6, "kd": 0.1, "error_scale": 0.1, "rate_scale": 0.1},
-    "leader_heading": {"kp": 1.2, "ki": 0.5, "kd": 1.8, "error_scale": 0.1, "rate_scale": 0.1},
-}
 
 
 def resolve(source: Source) -> Source:
@@ -31,7 +26,8 @@ def resolve(source: Source) -> Source:
     start = _group(data, "start")
     default_run_in = RUN_IN_AIR_S if start.get("in_air") is True else RUN_IN_GROUND_S
     data["start"] = _filled(data.get("start"), {"run_in_s": default_run_in})
-    data["law"] = _law(data.get("law"), _group(data, "formation").get("frame"))
+    gains = NOISE if _any_noisy(data.get("vehicles")) else CLEAN
+    data["law"] = _law(_filled(data.get("law"), {"gains": gains}), _group(data, "formation").get("frame"))
     data["formation"] = _formation(data.get("formation"))
     directory = Path(source.file).parent if source.file else Path()
     if "links" in data:
@@ -63,12 +59,16 @@ def _each(values: Plain, defaults: dict[Key, Plain]) -> Plain:
 
 
 def _law(law: Plain, frame: Plain) -> Plain:
-    heading = HEADING_GAINS.get(frame if isinstance(frame, str) else "", HEADING_GAINS["leader_heading"])
-    if law is not None and not isinstance(law, dict):
+    if not isinstance(law, dict):
         return law
-    given = law or {}
-    nominal = {"speed": SPEED_GAINS, "heading": heading, "height": HEIGHT_GAINS}
-    return given | {name: _filled(given.get(name), gains) for name, gains in nominal.items()}
+    gains = str(law["gains"])
+    groups = {name: _filled(law.get(name), group) for name, group in gain_groups(gains, str(frame)).items()}
+    return _filled({**law, **groups}, filters(gains))
+
+
+def _any_noisy(vehicles: Plain) -> bool:
+    each = vehicles if isinstance(vehicles, list) else []
+    return any(_group(_group({"": one}, ""), "navigation").get("source") == "noisy" for one in each)
 
 
 def _with_absolute(value: Plain, name: str, directory: Path) -> Plain:

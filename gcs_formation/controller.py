@@ -65,7 +65,8 @@ class FormationController:
         self._bandwidth = self.bandwidth
         self.begin_regardless = False
         """Whether the path is begun even if the formation isn't assembled."""
-        self.estimator = StateEstimator(self._columns, scenario.law.disturbance_observer_radps)
+        fusions = parameters.fusions(scenario, self._history, self._model)
+        self.estimator = StateEstimator(self._columns, scenario.law.disturbance_observer_radps, fusions)
 
     @property
     def model(self) -> AutopilotModel:

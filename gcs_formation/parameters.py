@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from formation_scenario import Scenario, leader_path, slot_table
+from formation_scenario.navigation import NoisyNavigation
 from formation_scenario.reconfiguration import column_models, keepable_turn_rps
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.arrays import Array
@@ -15,11 +18,14 @@ from gcs_formation.control.mixer import Mixer
 from gcs_formation.control.pid import Gains
 from gcs_formation.control.situation import Law
 from gcs_formation.estimation.flight_state import AutopilotModel, Indices
+from gcs_formation.estimation.fusion import Fusion, Noise
 from gcs_formation.estimation.predictor import SetpointHistory
 from gcs_formation.estimation.projection import AsMeasured, Pairing, Prediction, Projection
 from gcs_formation.guidance.leader import LeaderGuidance
 from gcs_formation.stability import scenario_adjacency
 
+RESOLUTION = 1e-3
+"""Standard deviation in SI units of what is said to have no noise: the least that a message's digits leave."""
 HOLD_SHARE = 0.5
 """Share of the turn rate, and of the speed that outer slots have to spare, that turns before the path use."""
 
@@ -73,6 +79,36 @@ def projection(scenario: Scenario, history: SetpointHistory, model: AutopilotMod
     if scenario.law.delay_compensation:
         return Prediction(history, model)
     return Pairing(scenario.law.rate_hz) if scenario.law.type == "consensus" else AsMeasured()
+
+
+def fusions(scenario: Scenario, history: SetpointHistory, model: AutopilotModel) -> dict[int, Fusion]:
+    """Return a filter for each column whose vehicle's navigation is noisy."""
+    first = 0 if scenario.leader else 1
+    vehicles = [vehicle for vehicle in (scenario.leader, *scenario.followers) if vehicle is not None]
+    return {
+        column: Fusion(_noise(scenario, vehicle.navigation), column, history, model)
+        for column, vehicle in enumerate(vehicles, first)
+        if isinstance(vehicle.navigation, NoisyNavigation)
+    }
+
+
+def _noise(scenario: Scenario, keys: NoisyNavigation) -> Noise:
+    """Return what a sample is worth: less where several tell of one error. The wind is observed as fast as the law's.
+
+    A filter that holds samples of spread r, dt apart, against a random walk of q takes q / (r sqrt(dt)) of their
+    difference in a second.
+    """
+    rate_hz = scenario.telemetry.rate_hz
+    same = math.sqrt(max(1.0, rate_hz / keys.rate_hz, 2.0 * keys.correlation_s * rate_hz))
+    velocity_mps, airspeed_mps = keys.velocity_sigma_mps, keys.airspeed_sigma_mps
+    wind_mps = same * math.hypot(velocity_mps, airspeed_mps)
+    return Noise(
+        position_m=max(same * keys.position_sigma_m, RESOLUTION),
+        velocity_mps=max(same * velocity_mps, RESOLUTION),
+        airspeed_mps=max(same * airspeed_mps, RESOLUTION),
+        heading_rad=max(same * math.radians(keys.heading_sigma_deg), RESOLUTION),
+        wind_walk=scenario.law.disturbance_observer_radps * max(wind_mps, RESOLUTION) / math.sqrt(rate_hz),
+    )
 
 
 def autopilot_model(scenario: Scenario) -> AutopilotModel:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from airlink.clock import Instant, seconds_between
 from gcs_formation.arrays import Array, Instants, Mask
 from gcs_formation.estimation.flight_state import FlightState
+from gcs_formation.estimation.fusion import Fusion
 
 ROWS = 8
 WIND_NORTH, WIND_EAST = 6, 7
@@ -38,11 +40,15 @@ class StateEstimator:
     is wind, or whatever else displaces the vehicle.
     """
 
-    def __init__(self, columns: int, observer_radps: float) -> None:
-        """Start with nothing known; an observer of 0 rad/s leaves the wind at 0."""
+    def __init__(self, columns: int, observer_radps: float, fusions: Mapping[int, Fusion] | None = None) -> None:
+        """Start with nothing known; an observer of 0 rad/s leaves the wind at 0.
+
+        `fusions` are the filters of the columns whose samples are noisy; they observe the wind too.
+        """
         self._table = np.full((ROWS, columns), np.nan)
         self._stamps = np.zeros(columns, dtype=np.int64)
         self._observer_radps = observer_radps
+        self._fusions = dict(fusions or {})
 
     @property
     def state(self) -> FlightState:
@@ -69,6 +75,8 @@ class StateEstimator:
     def forget(self, column: int) -> None:
         """Forget a vehicle that has restarted."""
         self._table[:, column] = np.nan
+        if column in self._fusions:
+            self._fusions[column].begin()
 
     def place(self, column: int, state: Array, stamp: Instant) -> None:
         """Set a column outright: (8,) in the order of FlightState."""
@@ -77,6 +85,13 @@ class StateEstimator:
 
     def update(self, column: int, sample: Sample) -> None:
         """Take a vehicle's newest sample."""
+        before, since = self._table[:, column].copy(), self._stamps[column : column + 1].copy()
+        if column in self._fusions and not math.isnan(before[0]):
+            measured = np.array((*sample[1:7], sample.airspeed_mps, sample.heading_rad))
+            stamp = np.maximum(since, np.int64(sample.stamp))
+            self._table[:, column] = self._fusions[column].update(before, since, measured, stamp)
+            self._stamps[column] = stamp[0]
+            return
         wind_north, wind_east = self._observe(column, sample)
         self._table[:, column] = (
             sample.north_m,

@@ -203,3 +203,18 @@ def test_one_error_carries_every_problem():
         "path.speed",
         "path.waypoints_m",
     }
+
+
+def test_noisy_navigation_chooses_the_gains_for_noise_unless_told_otherwise(load):
+    noisy = "vehicles.2.navigation={source: noisy}"
+    clean, chosen = load().law, load(noisy).law
+    assert (clean.gains, clean.speed.kp, clean.derivative_filter_s) == ("clean", 3.0, 0.1)
+    assert (chosen.gains, chosen.speed.kp, chosen.derivative_filter_s) == ("noise", 1.0, 1.0)
+    assert load(noisy, "law.gains=clean").law == clean
+    mixed = load("law.gains=noise", "law.speed.kp=2.5", "law.mixer={k_x: 0.7}").law
+    assert (mixed.speed.kp, mixed.speed.ki) == (2.5, chosen.speed.ki)
+    assert (mixed.mixer.k_x, mixed.mixer.k_v) == (0.7, chosen.mixer.k_v)
+
+
+def test_a_set_of_gains_that_does_not_exist_is_refused(refusal):
+    assert refusal("law.gains=noisy") == ["law.gains: found 'noisy'; clean, noise (did you mean 'noise'?)"]

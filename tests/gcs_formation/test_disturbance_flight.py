@@ -1,0 +1,78 @@
+"""Gusts and noise in whole flights under the virtual clock, by the true errors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gcs_formation.stability.gust import allowed_gust_error_m
+from gcs_formation.stability.loops import loop_delay_s
+from gcs_formation.testing.plan import Formation, Plan
+
+NOISY = {"count": 3, "navigation": {"source": "noisy"}}
+GUST = [{"at_s": 10, "vehicles": [2, 3], "velocity_mps": [0.6, 0.6, 0.0]}]
+TURBULENCE = [{"at_s": 2, "vehicles": [2], "kind": "dryden", "wind_6m_mps": 7}]
+
+
+@pytest.fixture
+def plan(tmp_path: Path) -> Callable[..., Plan]:
+    """Plan a flight in the air along a straight line north, with the given keys instead of or beside these."""
+
+    def of(**keys: Any) -> Plan:
+        plain: dict[str, Any] = {
+            "duration_s": 22,
+            "vehicles": {"count": 3},
+            "start": {"in_air": True, "run_in_s": 10},
+            "finish": {"loiter_s": 0},
+            "formation": {"shape": "line", "spacing_m": 30},
+            "path": {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [22 * 400, 0, 100]]},
+        }
+        return Formation((), tmp_path)(plain | keys)
+
+    return of
+
+
+@pytest.mark.parametrize("delay_ms", [20, pytest.param(100, marks=pytest.mark.slow)])
+def test_after_a_gust_on_the_followers_errors_are_near_the_least_possible(plan, delay_ms):
+    flown = plan(disturbances=GUST).with_link(delay_ms=delay_ms).fly()
+    measured_s = flown.link(2)["measured_delay_ms"]["p50"] / 1e3
+    round_trip_s = loop_delay_s(measured_s, measured_s, 0.0, 10.0, 10.0)
+    for follower in (2, 3):
+        series = flown.series(follower)
+        for axis, most_mps2 in (("x", 1.5), ("y", 5.5)):
+            worst_m = np.nanmax(np.abs(series[f"error_{axis}_m"]))
+            assert worst_m <= allowed_gust_error_m(0.6, round_trip_s, most_mps2)
+
+
+def test_the_true_disturbance_is_in_the_time_series_of_those_that_it_carries(plan):
+    flown = plan(duration_s=12, disturbances=TURBULENCE).fly()
+    hit, spared = flown.series(2), flown.series(3)
+    blows = hit["mission_time_s"] > 2.1
+    for axis in ("north", "east", "down"):
+        column = f"true_disturbance_{axis}_mps"
+        assert np.all(hit[column][hit["mission_time_s"] < 1.9] == 0)
+        assert 0.05 < np.std(hit[column][blows]) < 3.0
+        assert not spared[column].any()
+
+
+def test_noise_and_turbulence_are_the_same_bytes_with_the_same_seed(plan):
+    rough = plan(duration_s=5, vehicles=NOISY, disturbances=TURBULENCE)
+    one, again, other = rough.fly(), rough.fly(), rough.with_keys(seed=2).fly()
+    for name in ("flight.tlog", "timeseries.parquet"):
+        assert (one.directory / name).read_bytes() == (again.directory / name).read_bytes()
+    assert (one.directory / "flight.tlog").read_bytes() != (other.directory / "flight.tlog").read_bytes()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("delay_ms", [0, 300])
+def test_with_noise_like_a_gnss_receivers_the_rms_error_stays_below_a_quarter_of_a_metre(plan, delay_ms):
+    flown = plan(duration_s=60, vehicles=NOISY).with_link(delay_ms=delay_ms).fly()
+    for follower in (2, 3):
+        series = flown.series(follower)
+        after = series["mission_time_s"] > 20
+        for axis in "xyz":
+            assert np.sqrt(np.mean(series[f"error_{axis}_m"][after] ** 2)) <= 0.25
