@@ -11,7 +11,14 @@ from formation_scenario.fields import Allowed, Keys, NonNegative, Number, Vehicl
 
 ERROR_METRICS = tuple(f"error_{axis}_m.{figure}" for axis in "xyz" for figure in ("rms", "max", "steady_max"))
 FOLLOWER_METRICS = (*ERROR_METRICS, "settled_at_s")
-LINK_METRICS = ("measured_delay_ms.p50", "measured_delay_ms.p99", "measured_loss", "frames_bad")
+LINK_METRICS = (
+    "measured_delay_ms.p50",
+    "measured_delay_ms.p99",
+    "jitter_ms.p50",
+    "jitter_ms.p99",
+    "measured_loss",
+    "frames_bad",
+)
 RUN_METRICS = (
     "min_separation_m",
     "min_clearance_m",

@@ -131,6 +131,8 @@ class FormationController:
             setpoints=Setpoints(*blank.T.copy()),
             age_s=np.where(known, (now - self.estimator.stamps) / NANOSECONDS, np.nan),
             delay_s=delay_s,
+            jitter_s=blank[:, 0].copy(),
+            margin_used=blank[:, 0].copy(),
             active=ready & known,
             slots_m=blank.copy(),
             error_m=blank.copy(),

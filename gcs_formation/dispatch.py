@@ -30,6 +30,8 @@ class Links(NamedTuple):
     """Whether it follows setpoints."""
     delay_s: Array
     """One-way delay as measured."""
+    jitter_s: Array
+    """Interarrival jitter of the telemetry, NaN where there is none yet."""
     lag_s: Array
     """How long a setpoint waits beyond that: on the mean half a turn of the vehicle's loop, and as long as it's held
     back here."""
@@ -54,15 +56,17 @@ class Dispatch:
     def links(self, leader: int) -> Links:
         """Return the ways as they are now, to a leader and everybody else."""
         ready, delay_s, lag_s = np.zeros(self._count, dtype=bool), np.zeros(self._count), np.zeros(self._count)
+        jitter_s = np.full(self._count, np.nan)
         ready[0] = self._virtual_leader
         for identity, column in self._columns.items():
             vehicle = self._vehicles[identity]
             ready[column] = vehicle.member is Member.FLYING
             delay_s[column] = vehicle.clock.one_way_s
+            jitter_s[column] = vehicle.jitter.jitter_s
             lag_s[column] = vehicle.autopilot.loop_s / 2
         hold_s = self._hold_s(leader, ready, delay_s)
         lag_s[leader] += hold_s
-        return Links(ready, delay_s, lag_s, hold_s)
+        return Links(ready, delay_s, jitter_s, lag_s, hold_s)
 
     def take(self, tick: Tick, hold_s: float, now: Instant) -> None:
         """Take a tick's setpoints; one that isn't finite is never sent."""

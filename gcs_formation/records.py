@@ -42,6 +42,10 @@ class Tick:
     age_s: Array
     delay_s: Array
     """One-way delay as measured, (C,)."""
+    jitter_s: Array
+    """Interarrival jitter of the telemetry, (C,)."""
+    margin_used: Array
+    """Share of the delay margin that the loops use, (C,)."""
     active: Mask
     """Which columns were commanded, (C,)."""
     slots_m: Array

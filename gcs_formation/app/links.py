@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+
+import numpy as np
 
 from airlink.clock import Instant
 from airlink.engine import Engine
@@ -14,6 +17,7 @@ from airlink.impairment import UNIMPAIRED, Impairment
 from formation_scenario import Impairment as PlannedImpairment
 from formation_scenario import Scenario
 from formation_scenario.trace import read_trace_ms
+from gcs_formation.arrays import Array
 from gcs_formation.station import Station
 
 Both = tuple[Impairment, Impairment]
@@ -56,6 +60,38 @@ def injected(statistics: LinkStatistics) -> tuple[float, float]:
     """Return the realised mean delay of both directions in s, and the share of the downlink's datagrams lost."""
     means_s = [way.mean_delay_s for way in (statistics.uplink, statistics.downlink) if way.delivered]
     return sum(means_s) / len(means_s) if means_s else 0.0, statistics.downlink.loss
+
+
+class InjectedDelays:
+    """What was injected into every link, tick by tick."""
+
+    def __init__(self, vehicles: Iterable[VehicleId], links: ImpairedEngine | None) -> None:
+        """Look at `links`; None: nothing is injected."""
+        self._links = links
+        self._sums: dict[VehicleId, list[tuple[float, int]]] = {vehicle: [(0.0, 0)] * 2 for vehicle in vehicles}
+        self._series_s: dict[VehicleId, list[float]] = {vehicle: [] for vehicle in self._sums}
+        self._ticks = 0
+
+    def note(self, ticks: int) -> None:
+        """Note what was injected since the last tick, if there was one since."""
+        if ticks == self._ticks:
+            return
+        for vehicle, series_s in self._series_s.items():
+            series_s.extend([self._since_last_s(vehicle)] * (ticks - self._ticks))
+        self._ticks = ticks
+
+    def series_s(self) -> Mapping[VehicleId, Array]:
+        """Return each vehicle's one-way delay, (T,): the mean of both ways' means, NaN where nothing was sent."""
+        return {vehicle: np.array(series_s) for vehicle, series_s in self._series_s.items()}
+
+    def _since_last_s(self, vehicle: VehicleId) -> float:
+        if self._links is None:
+            return 0.0
+        sums = [(way.total_delay_s, way.delivered) for way in self._links.statistics(vehicle)]
+        apart = [(now[0] - was[0], now[1] - was[1]) for now, was in zip(sums, self._sums[vehicle], strict=True)]
+        self._sums[vehicle] = sums
+        means_s = [total_s / delivered for total_s, delivered in apart if delivered]
+        return sum(means_s) / len(means_s) if means_s else math.nan
 
 
 def _impairment(planned: PlannedImpairment) -> Impairment:

@@ -13,7 +13,7 @@ from airlink.engine import Engine
 from airlink.identity import VehicleId
 from formation_scenario import Scenario
 from gcs_formation.app.interrupt import Interrupts
-from gcs_formation.app.links import impair, injected
+from gcs_formation.app.links import InjectedDelays, impair, injected
 from gcs_formation.app.options import RunOptions
 from gcs_formation.app.timing import TimedStation
 from gcs_formation.errors import RunAbortedError
@@ -58,6 +58,7 @@ class Session:
         self.timed = TimedStation(self.station)
         self._links = impair(self.scenario, self.station, self.timed)
         self.engine: Engine = self._links or self.timed
+        self._injected = InjectedDelays(self.station.vehicles, self._links)
         self._began = time.perf_counter()
         self._shown = self._began
 
@@ -65,6 +66,7 @@ class Session:
         """Whether the flight has ended; asked by the driver after everything that happens."""
         if self.interrupts.count and self.station.flight.phase is not Phase.LOITERING:
             self.station.stop(self.clock.now())
+        self._injected.note(self.station.controlled_ticks)
         wall = time.perf_counter()
         if wall - self._shown > PROGRESS_S:
             self._shown = wall
@@ -82,7 +84,7 @@ class Session:
         if self.station.failure is not None:
             raise RunAbortedError(self.station.failure.text)
         spool = self.recorder.path / SPOOL
-        flight = split(read_spool(spool), self.scenario, truth)
+        flight = split(read_spool(spool), self.scenario, truth, self._injected.series_s())
         write_parquet(self.recorder.path / TIMESERIES, join(flight))
         spool.unlink()
         summary = summarise(

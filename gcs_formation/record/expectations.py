@@ -87,9 +87,8 @@ def judge(
                 yield Verdict(wanted, vehicle, _follower_value(wanted, flight, vehicle, parts), reached)
         elif wanted.metric in LINK_METRICS:
             for planned in scenario.selected(wanted.followers):
-                yield Verdict(
-                    wanted, planned.vehicle_id, _link_value(wanted, planned.vehicle_id, parts, links), reached
-                )
+                value = _link_value(wanted, planned.vehicle_id, flight, parts, links)
+                yield Verdict(wanted, planned.vehicle_id, value, reached)
         else:
             yield Verdict(wanted, None, _run_value(wanted, flight, parts), reached)
 
@@ -113,14 +112,20 @@ def _follower_value(wanted: Expectation, flight: Flight, vehicle: VehicleId, par
 
 
 def _link_value(
-    wanted: Expectation, vehicle: VehicleId, parts: Mapping[str, Any], links: Mapping[VehicleId, LinkFigures]
+    wanted: Expectation,
+    vehicle: VehicleId,
+    flight: Flight,
+    parts: Mapping[str, Any],
+    links: Mapping[VehicleId, LinkFigures],
 ) -> float | None:
-    if not wanted.metric.startswith("measured_delay_ms"):
-        return parts["links"][str(vehicle)][wanted.metric]
+    name, _, percentile = wanted.metric.partition(".p")
+    if not percentile:
+        return parts["links"][str(vehicle)][name]
     link = links[vehicle]
-    inside = (link.delay_times_s >= wanted.from_s) & (link.delay_times_s <= wanted.to_s)
-    which = wanted.metric.rpartition(".p")[2]
-    return figures.percentiles(link.delays_s[inside] * 1e3, int(which))[f"p{which}"]
+    values_s = link.delays_s[(link.delay_times_s >= wanted.from_s) & (link.delay_times_s <= wanted.to_s)]
+    if name == "jitter_ms":
+        values_s = flight.vehicles[vehicle]["jitter_s"][flight.window(wanted.from_s, wanted.to_s)]
+    return figures.percentiles(values_s * 1e3, int(percentile))[f"p{percentile}"]
 
 
 def _run_value(wanted: Expectation, flight: Flight, parts: Mapping[str, Any]) -> float | None:

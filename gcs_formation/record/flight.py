@@ -10,7 +10,7 @@ import numpy as np
 from airlink.identity import VehicleId
 from formation_scenario import Ground, Scenario, ground_of
 from gcs_formation.arrays import Array, Mask
-from gcs_formation.record.timeseries import ERROR, GROUND, LAW_ERROR, TRUTH
+from gcs_formation.record.timeseries import ERROR, GROUND, INJECTED, LAW_ERROR, TRUTH
 from gcs_formation.record.truth import GroundTruth
 
 Columns = Mapping[str, Array]
@@ -52,13 +52,16 @@ class Flight:
         return np.column_stack([self.vehicles[vehicle][name] for name in ERROR])
 
 
-def split(columns: Columns, scenario: Scenario, truth: GroundTruth | None) -> Flight:
-    """Return the flight of a spool's columns, with true places, errors and clearances added."""
-    vehicles: dict[VehicleId, Columns] = {}
+def split(
+    columns: Columns, scenario: Scenario, truth: GroundTruth | None, injected_s: Mapping[VehicleId, Array]
+) -> Flight:
+    """Return the flight of a spool's columns, with injected delays, true places, errors and clearances added."""
+    vehicles: dict[VehicleId, dict[str, Array]] = {}
     for planned in scenario.vehicles:
         identity = planned.vehicle_id
         mine = (columns["network"] == identity.network) & (columns["vehicle"] == identity.system)
         vehicles[identity] = {name: values[mine] for name, values in columns.items()}
+        vehicles[identity][INJECTED] = injected_s[identity]
     if truth is not None:
         vehicles = {i: {**own, **truth.at(i, own["t_s"])} for i, own in vehicles.items()}
     frame = scenario.formation.frame

@@ -115,7 +115,7 @@ def summarise(outcome: Outcome) -> Summary:
         "real_time_factor": outcome.simulated_s / outcome.wall_s if outcome.wall_s > 0 else None,
         "truth": flight.truth,
         "followers": {str(v): _follower(flight, v, window) for v in _followed(scenario, flight)},
-        "links": {str(identity): _link(link) for identity, link in outcome.links.items()},
+        "links": {str(i): _link(link, flight.vehicles[i]["jitter_s"]) for i, link in outcome.links.items()},
         "received": _received(outcome.received),
         "control": outcome.control.to_dict(),
         "safety": safety,
@@ -145,10 +145,11 @@ def _follower(flight: Flight, vehicle: VehicleId, window: Mask) -> dict[str, Any
     return axes | {"settled_at_s": settled_s}
 
 
-def _link(link: LinkFigures) -> dict[str, Any]:
+def _link(link: LinkFigures, jitter_s: Array) -> dict[str, Any]:
     return {
         "injected_delay_ms": link.injected_delay_s * 1e3,
         "measured_delay_ms": figures.percentiles(link.delays_s * 1e3, 50, 99),
+        "jitter_ms": figures.percentiles(jitter_s * 1e3, 50, 99),
         "injected_loss": link.injected_loss,
         "measured_loss": link.measured_loss,
         "frames_in": link.frames_in,

@@ -29,7 +29,8 @@ STATE = (
     "wind_east_mps",
 )
 SETPOINT = ("setpoint_speed_mps", "setpoint_heading_rad", "setpoint_height_m")
-LINK = ("age_s", "delay_s", "active", "leads")
+LINK = ("age_s", "delay_s", "jitter_s", "margin_used", "active", "leads")
+INJECTED = "injected_delay_s"
 SLOT = ("slot_forward_m", "slot_right_m", "slot_up_m")
 LAW_ERROR = ("law_error_x_m", "law_error_y_m", "law_error_z_m")
 MIXED = ("mixed_speed_mps", "mixed_heading_rad", "mixed_height_m")
@@ -141,6 +142,8 @@ def _matrix(tick: Tick) -> Array:
         told.height_m,
         tick.age_s,
         tick.delay_s,
+        tick.jitter_s,
+        tick.margin_used,
         tick.active,
         np.arange(count) == tick.leader,
     )

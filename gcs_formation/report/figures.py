@@ -65,8 +65,9 @@ PLATES = (
     Plate(
         "latency",
         "Latency",
-        "One-way delay of each link, half of the measured round trip. How old the newest telemetry was when the "
-        "law used it. Lines are medians over stretches of time, bands the range.",
+        "One-way delay of each link: half of the measured round trip, and dashed what was injected. How old the newest "
+        "telemetry was when the law used it. Lines are medians over stretches of time, bands the range. Share of its "
+        "delay margin that each follower's loops used, at the gains in force.",
         latency,
     ),
 )

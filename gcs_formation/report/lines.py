@@ -16,6 +16,7 @@ from gcs_formation.report.style import BAND, FOLLOWERS, GREY, INK, LIGHT, LINE, 
 
 COLOURS_UP_TO = len(FOLLOWERS)
 LINES_UP_TO = 20
+DASHED = (0, (3, 2))
 BUCKETS = 1500
 """Pieces of a line, more than a figure has pixels across."""
 
@@ -74,10 +75,7 @@ class Group:
 
     def draw_spread(self, axes: Axes, time_s: Array, values: Sequence[Array], windows: int) -> None:
         """Draw how (T,) series that jump up and down spread over stretches of time, not every jump."""
-        width = max(1, time_s.size // windows)
-        whole = time_s.size // width * width
-        middle_s = time_s[:whole].reshape(-1, width).mean(axis=1)
-        pieces = [series[:whole].reshape(-1, width) for series in values]
+        middle_s, pieces = _stretches(time_s, values, windows)
         if not self.coloured:
             _bands(axes, middle_s, np.concatenate(pieces, axis=1))
             return
@@ -85,6 +83,18 @@ class Group:
             low, middle, high = _percentiles(piece, (0, 50, 100))
             axes.plot(middle_s, middle, color=self.colour(vehicle), label=self.label(vehicle))
             axes.fill_between(middle_s, low, high, color=self.colour(vehicle), alpha=0.12, lw=0)
+
+    def draw_medians(self, axes: Axes, time_s: Array, values: Sequence[Array], windows: int, label: str) -> None:
+        """Draw (T,) series beside those of `draw_spread`, dashed: their medians over the same stretches."""
+        middle_s, pieces = _stretches(time_s, values, windows)
+        if not self.coloured:
+            (middle,) = _percentiles(np.concatenate(pieces, axis=1), (50,))
+            axes.plot(middle_s, middle, color=INK, lw=LINE, ls=DASHED, label=label)
+            return
+        for number, (vehicle, piece) in enumerate(zip(self.vehicles, pieces, strict=True)):
+            (middle,) = _percentiles(piece, (50,))
+            once = label if number == 0 else None
+            axes.plot(middle_s, middle, color=self.colour(vehicle), lw=LINE, ls=DASHED, label=once)
 
 
 def followers_of(run: RunData) -> Group:
@@ -98,6 +108,13 @@ def everyone(run: RunData) -> Group:
     followers = followers_of(run)
     first = (run.leader,) if run.leader else ()
     return Group(first + followers.vehicles, run.leader, followers.worst)
+
+
+def _stretches(time_s: Array, values: Sequence[Array], windows: int) -> tuple[Array, list[Array]]:
+    """Return the middles of up to about `windows` stretches of time (W,), and each series' values in them (W, K)."""
+    width = max(1, time_s.size // windows)
+    whole = time_s.size // width * width
+    return time_s[:whole].reshape(-1, width).mean(axis=1), [series[:whole].reshape(-1, width) for series in values]
 
 
 def _bands(axes: Axes, time_s: Array, values: Array) -> None:

@@ -7,12 +7,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gcs_formation.arrays import Array
+from gcs_formation.margin_watch import NEAR
 from gcs_formation.record import figures_of_merit
+from gcs_formation.record.timeseries import INJECTED
 from gcs_formation.report.downsample import extremes
-from gcs_formation.report.lines import BUCKETS, Group, everyone
+from gcs_formation.report.lines import BUCKETS, Group, everyone, followers_of
 from gcs_formation.report.marks import marks
 from gcs_formation.report.run_data import RunData
-from gcs_formation.report.style import INK, LIMIT, THIN, axes_grid, column_of, legend_below, new_figure, note
+from gcs_formation.report.style import INK, LIMIT, axes_grid, column_of, legend_below, new_figure, note
 from gcs_formation.report.time_axes import draw_marks, span, time_label
 
 SILENT = 20.0
@@ -22,22 +24,25 @@ WINDOWS = 200
 
 
 def latency(run: RunData) -> Figure:
-    """Draw the one-way delay of every link as measured, and how old the telemetry was at each tick."""
-    group = everyone(run)
-    figure = new_figure(9.5)
-    rows = column_of(axes_grid(figure, 2, 1, sharex=True), 0)
-    delays, ages = (
-        [1e3 * run.flown.vehicles[vehicle][name] for vehicle in group.vehicles] for name in ("delay_s", "age_s")
+    """Draw each link's one-way delay, injected and measured, how old telemetry was, and what was used of the margin."""
+    group, followers = everyone(run), followers_of(run)
+    figure = new_figure(12.5)
+    rows = column_of(axes_grid(figure, 3, 1, sharex=True), 0)
+    delays, ages, injected = (
+        [1e3 * run.flown.vehicles[vehicle][name] for vehicle in group.vehicles]
+        for name in ("delay_s", "age_s", INJECTED)
     )
     group.draw_spread(rows[0], run.time_s, delays, WINDOWS)
     group.draw_spread(rows[1], run.time_s, ages, WINDOWS)
     span(rows[0], float(run.time_s[0]), float(run.time_s[-1]))
-    if run.flown.truth and run.begun:
-        _configured(rows[0], run, group)
+    if np.nan_to_num(injected).any():
+        group.draw_medians(rows[0], run.time_s, injected, WINDOWS, "injected")
     rows[0].set_ylim(0.0, max(rows[0].get_ylim()[1], 1.0))
     _age_scale(rows[1], np.stack(ages))
+    _margin_used(rows[2], run, followers)
     rows[0].set_ylabel("one-way delay, ms")
     rows[1].set_ylabel("age of telemetry, ms")
+    rows[2].set_ylabel("margin used, %")
     return _finished(figure, run)
 
 
@@ -65,17 +70,6 @@ def separation(run: RunData) -> Figure:
     return _finished(figure, run)
 
 
-def configured_delay_ms(run: RunData, group: Group) -> list[Array]:
-    """Return each vehicle's configured one-way delay over time: half of both directions' sum."""
-    steps = {v.vehicle_id: run.scenario.link_steps(v) for v in run.scenario.vehicles}
-    found: list[Array] = []
-    for vehicle in group.vehicles:
-        index = np.searchsorted([step.at_s for step in steps[vehicle]], run.time_s, side="right") - 1
-        both = np.array([step.uplink.delay_ms + step.downlink.delay_ms for step in steps[vehicle]])
-        found.append(both[np.maximum(index, 0)] / 2)
-    return found
-
-
 def _age_scale(axes: Axes, ages_ms: Array) -> None:
     """Begin at 0, or make the scale logarithmic where a silent vehicle would flatten all others."""
     known = ages_ms[np.isfinite(ages_ms)]
@@ -86,12 +80,15 @@ def _age_scale(axes: Axes, ages_ms: Array) -> None:
         axes.set_ylim(0.0, max(axes.get_ylim()[1], 1.0))
 
 
-def _configured(axes: Axes, run: RunData, group: Group) -> None:
-    """Draw what the emulated links were told to do, once for vehicles that were told the same."""
-    different = {values.tobytes(): values for values in configured_delay_ms(run, group)}
-    if len(different) <= 4:
-        for values in filter(np.any, different.values()):
-            axes.plot(run.time_s, values, color=INK, lw=THIN, ls=(0, (4, 2)), label="configured mean delay")
+def _margin_used(axes: Axes, run: RunData, followers: Group) -> None:
+    """Draw each follower's share of its delay margin, with the one from which an event tells of it."""
+    used = [100.0 * run.flown.vehicles[vehicle]["margin_used"] for vehicle in followers.vehicles]
+    if not used:
+        note(axes, "no followers: no loops")
+        return
+    followers.draw(axes, run.time_s, used)
+    axes.axhline(100.0 * NEAR, color=LIMIT, lw=0.9, ls=(0, (5, 2)), label="near the margin")
+    axes.set_ylim(0.0, max(axes.get_ylim()[1], 100.0))
 
 
 def _limit(axes: Axes, limit: float) -> None:

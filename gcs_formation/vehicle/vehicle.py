@@ -7,12 +7,13 @@ from airlink.clock import NANOSECONDS, Instant, after, seconds_between
 from airlink.frame import Frame, FrameWriter
 from airlink.geodesy import GeodeticOrigin
 from airlink.identity import VehicleId
-from airlink.messages import CommandAck, Heartbeat, Message, Timesync
+from airlink.messages import CommandAck, GlobalPositionInt, Heartbeat, Message, Timesync
 from airlink.sequence import SequenceTracker
 from gcs_formation.estimation.estimator import Sample
 from gcs_formation.link.claims import EARLY_S, LONGEST_DELAY_S, Claims
 from gcs_formation.link.clock_sync import ClockSync
 from gcs_formation.link.connection import Connection
+from gcs_formation.link.jitter import JitterMeter
 from gcs_formation.membership import Member, Sight
 from gcs_formation.vehicle.autopilot import Autopilot
 from gcs_formation.vehicle.commands import CommandQueue
@@ -50,6 +51,7 @@ class Vehicle:
         self.clock = ClockSync(loop_s=autopilot.loop_s)
         self.claims = Claims(connection, self.clock)
         """Who else speaks under its id."""
+        self.jitter = JitterMeter()
         self.sequence = SequenceTracker()
         self.commands = CommandQueue()
         self.start_up = StartUp(autopilot.start_up(telemetry_rate_hz))
@@ -101,6 +103,8 @@ class Vehicle:
                 pass
             case _:
                 self.telemetry.take(message)
+                if isinstance(message, GlobalPositionInt):
+                    self.jitter.observe(message.time_boot_s, now, self.clock.drift)
         return changed
 
     @property
@@ -169,6 +173,7 @@ class Vehicle:
         self.telemetry.forget()
         self.sequence.restart()
         self.orders = Orders()
+        self.jitter = JitterMeter()
         self.start_up = StartUp(self.start_up.steps)
         self.restarted = True
 

@@ -11,6 +11,7 @@ import pytest
 
 from gcs_formation.testing.flown import Flown
 from gcs_formation.testing.plan import Formation, Plan
+from tests.flights.test_real_clock import free_port
 
 DELAYS_MS = (0, 50, 150, 300, 600)
 DRIFTS_PPM = (0, 50, 15000)
@@ -78,6 +79,21 @@ def test_a_step_of_delay_is_tracked_within_5_s(plan):
 
 
 @pytest.mark.slow
+def test_over_real_sockets_the_measured_delay_is_the_realised_one(plan):
+    """Under the machine's clock, no faster than real time: within 5 ms or 3 %."""
+    delays_ms = dict(enumerate((0, 50, 150, 300, 600), start=1))
+    flight = plan(duration_s=10, vehicles={"count": 5, "endpoint": f"udpin:127.0.0.1:{free_port()}"}).in_real_time()
+    for vehicle, delay_ms in delays_ms.items():
+        flight = flight.with_link(vehicle, delay_ms=delay_ms, jitter_ms=5 if delay_ms else 0)
+    flown = flight.fly()
+    for vehicle, delay_ms in delays_ms.items():
+        link = flown.link(vehicle)
+        injected_ms = link["injected_delay_ms"]
+        assert injected_ms == pytest.approx(delay_ms, abs=5.0)
+        assert link["measured_delay_ms"]["p50"] == pytest.approx(injected_ms, abs=max(5.0, 0.03 * injected_ms))
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("mean_burst", [None, 5])
 def test_the_measured_loss_is_the_realised_one(plan, mean_burst):
     fast = {"rate_hz": 50}
@@ -87,6 +103,23 @@ def test_the_measured_loss_is_the_realised_one(plan, mean_burst):
     assert link["frames_in"] > 10_000
     assert link["injected_loss"] == pytest.approx(0.2, abs=0.02)
     assert link["measured_loss"] == pytest.approx(link["injected_loss"], abs=0.002)
+
+
+def test_the_record_has_injected_delay_and_jitter_tick_by_tick(plan):
+    """Of 60 s at 10 Hz the mean jitter is known to 4 %; it's that of the way down alone."""
+    jittery = plan(duration_s=60, vehicles={"count": 2}).with_link(2, uplink={"delay_ms": 50})
+    flown = (
+        jittery.with_link(2, downlink={"delay_ms": 150, "jitter_ms": 20}).with_link(2, from_s=40, delay_ms=300).fly()
+    )
+    clean, series = flown.series(1), flown.series(2)
+    time_s = series["mission_time_s"]
+    assert not clean["injected_delay_s"].any()
+    assert np.nanmax(clean["jitter_s"]) < 0.001
+    before, later = (time_s > 0) & (time_s < 39.9), time_s > 40.2
+    assert series["injected_delay_s"][before].mean() == pytest.approx(0.1, abs=0.002)
+    assert series["injected_delay_s"][later].mean() == pytest.approx(0.3, abs=0.004)
+    assert series["jitter_s"][before].mean() == pytest.approx(0.02 * 2 / np.sqrt(np.pi), rel=0.12)
+    assert flown.link(2)["jitter_ms"]["p50"] == pytest.approx(22.6, rel=0.12)
 
 
 RECORD = ("flight.tlog", "timeseries.parquet", "events.jsonl")

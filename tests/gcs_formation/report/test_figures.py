@@ -12,8 +12,6 @@ from gcs_formation.report.control_figures import followed
 from gcs_formation.report.error_figure import transient_end_s
 from gcs_formation.report.figures import PLATES, write_figures
 from gcs_formation.report.geometry import snapshot, snapshot_ticks
-from gcs_formation.report.lines import everyone
-from gcs_formation.report.link_figures import configured_delay_ms
 from gcs_formation.report.marks import marks
 from gcs_formation.report.run_data import load_run
 from gcs_formation.report.style import print_style
@@ -134,14 +132,6 @@ def test_a_snapshot_is_taken_before_the_shape_changes(eventful):
     assert times[0] == pytest.approx(0.0, abs=1e-9)
     assert times[-1] == pytest.approx(120.0)
     assert ((times > 55.0) & (times < 60.0)).any()
-
-
-def test_configured_delay_is_the_mean_of_both_directions(eventful):
-    delays = dict(zip(everyone(eventful).vehicles, configured_delay_ms(eventful, everyone(eventful)), strict=True))
-    two, three = (delays[vehicle] for vehicle in eventful.followers[:2])
-    time_s = eventful.time_s
-    np.testing.assert_array_equal(two, np.where(time_s >= 40.0, 300.0, 0.0))
-    np.testing.assert_array_equal(three, np.where(time_s >= 70.0, 100.0, 0.0))
 
 
 def test_what_follows_the_transient_is_steady(make_run):
