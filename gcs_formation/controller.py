@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from airlink.clock import NANOSECONDS, Instant
+from airlink.clock import NANOSECONDS, Instant, after
 from formation_scenario import Scenario
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation import parameters
@@ -20,6 +20,7 @@ from gcs_formation.estimation.estimator import StateEstimator
 from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Indices, Setpoints
 from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory
 from gcs_formation.estimation.projection import Measured, States
+from gcs_formation.formation.clearance import Outlook
 from gcs_formation.formation.plan import FormationPlan
 from gcs_formation.guidance.tracking import Lags, Motion
 from gcs_formation.guidance.virtual_leader import amid, fly_on
@@ -53,6 +54,7 @@ class FormationController:
         self._model = parameters.autopilot_model(scenario)
         self._law = parameters.law(scenario, self._model)
         self._leader_amid = scenario.leader is None and self._law.commands_leader
+        self._clearance = parameters.slot_clearance(scenario)
         self._history = SetpointHistory(scenario.law.rate_hz)
         self._projection = parameters.projection(scenario, self._history, self._model)
         self._in_slots_s = 0.0
@@ -111,10 +113,10 @@ class FormationController:
         states = self._projection.take(self._measured(tick.active, acts))
         lead = self._steer_leader(tick, states)
         if self._columns > 1:
-            slots = self._slots(now, mission_time_s)
+            slots, commanded_m = self._over_ground(tick, states, lead)
             self._bandwidth = self._bandwidth + self._gains_change * (self.bandwidth - self._bandwidth)
             situation = Situation(states, lead, slots, tick.active, self._bandwidth)
-            self._note(tick, self._law.decide(situation, self._dt_s), slots)
+            self._note(tick, self._law.decide(situation, self._dt_s), commanded_m)
         self._judge_assembly(tick)
         self.last_tick = tick
         return tick
@@ -196,9 +198,26 @@ class FormationController:
         self._leader_wind_mps = kept * before + (1 - kept) * seen
         return self._leader_wind_mps.tolist()
 
-    def _note(self, tick: Tick, decision: Decision, slots: SlotMotion) -> None:
+    def _over_ground(self, tick: Tick, states: States, lead: Lead) -> tuple[SlotMotion, Array]:
+        """Return the slots for when setpoints act, clear of the ground, and where they are commanded to be now."""
+        slots, route = self._slots(tick.now, tick.mission_time_s), self.guidance.route
+        if self._clearance is None or route is None:
+            return slots, slots.position_m
+
+        def ahead(seconds: float) -> Array:
+            return self._slots(after(tick.now, seconds), tick.mission_time_s).position_m
+
+        leading, everyone = np.array([tick.leader]), np.arange(self._columns)
+        along_mps, arranged = lead.path.along_mps, self.plan.arrangement
+        leader = states.of(leading, leading)
+        outlook = Outlook(route, leader, tick.leader, self.guidance.distance_m, along_mps, ahead, arranged)
+        later_s = (states.instants(everyone) - lead.at) / NANOSECONDS
+        ago_s = (lead.at - tick.now) / NANOSECONDS
+        return self._clearance.over(slots, outlook, later_s, ago_s)
+
+    def _note(self, tick: Tick, decision: Decision, slots_m: Array) -> None:
         which, active = decision.columns, tick.active[decision.columns]
-        tick.slots_m[:] = slots.position_m
+        tick.slots_m[:] = slots_m
         tick.slots_m[tick.leader] = np.nan
         noted = (tick.error_m, decision.error_m), (tick.mixed, decision.mixed), (tick.gains, decision.gains)
         for into, values in noted:

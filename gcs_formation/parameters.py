@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from formation_scenario import Scenario, leader_path, slot_table
+from formation_scenario import Scenario, ground_of, leader_path, slot_table
+from formation_scenario.lifted_path import FOLLOWER_SHARE, rise_bounds
 from formation_scenario.navigation import NoisyNavigation
 from formation_scenario.reconfiguration import column_models, keepable_turn_rps
 from formation_scenario.slot_motion import SlotMotion
@@ -21,6 +22,7 @@ from gcs_formation.estimation.flight_state import AutopilotModel, Indices
 from gcs_formation.estimation.fusion import Fusion, Noise
 from gcs_formation.estimation.predictor import SetpointHistory
 from gcs_formation.estimation.projection import AsMeasured, Pairing, Prediction, Projection
+from gcs_formation.formation.clearance import SlotClearance
 from gcs_formation.guidance.leader import LeaderGuidance
 from gcs_formation.stability import scenario_adjacency
 
@@ -140,6 +142,14 @@ def leader_guidance(scenario: Scenario) -> LeaderGuidance:
         hold_radius_m=hold_radius_m(scenario),
         climb_max_mps=min(each.climb_max_mps for each in column_models(scenario)),
     )
+
+
+def slot_clearance(scenario: Scenario) -> SlotClearance | None:
+    """Return what keeps followers clear of the ground; None without terrain."""
+    if scenario.terrain is None:
+        return None
+    bounds = rise_bounds(scenario, FOLLOWER_SHARE)
+    return SlotClearance(ground_of(scenario), scenario.terrain.clearance_m, bounds, scenario.formation.frame)
 
 
 def hold_radius_m(scenario: Scenario) -> float:

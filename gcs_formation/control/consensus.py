@@ -143,6 +143,7 @@ class ConsensusLaw:
             turn_rps,
             np.full(later_s.shape, lead.path.bend_rps2),
             np.zeros_like(later_s),
+            np.zeros_like(later_s),
         )
         return _Reference(leader, lead.path.heading_rad + swung)
 
@@ -190,7 +191,8 @@ class ConsensusLaw:
 
 def _at(reference: _Reference, which: Indices) -> _Reference:
     leader = reference.leader
-    rates = (leader.turn_rate_rps, leader.turn_acceleration_rps2, leader.acceleration_mps2)
+    turning = (leader.turn_rate_rps, leader.turn_acceleration_rps2)
+    rates = (*turning, leader.acceleration_mps2, leader.climb_change_mps2)
     motion = LeaderMotion(leader.state.take(which), *(rate[which] for rate in rates))
     return _Reference(motion, reference.heading_rad[which])
 

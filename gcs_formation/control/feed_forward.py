@@ -21,6 +21,7 @@ class LeaderMotion:
     turn_acceleration_rps2: Array
     acceleration_mps2: Array
     """Of its airspeed."""
+    climb_change_mps2: Array
 
 
 def feed_forward(
@@ -43,4 +44,5 @@ def feed_forward(
     swing = (cos * across_change - sin * along_change) / target.speed_mps
     heading = target.heading_rad + model.tau_psi_s * (turn + swing)
     height = leader.state.height_m + z + (model.tau_ha_s + model.tau_hb_s) * (leader.state.climb_mps + up)
-    return np.stack((speed, heading, height + model.tau_ha_s * model.tau_hb_s * rising), axis=1)
+    height = height + model.tau_ha_s * model.tau_hb_s * (leader.climb_change_mps2 + rising)
+    return np.stack((speed, heading, height), axis=1)

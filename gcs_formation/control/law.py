@@ -104,9 +104,9 @@ class FormationLaw:
         towed = self._parameters.frame == "follower_heading"
         bend_rps2 = np.zeros_like(turn_rps) if towed else (lead.told_turn_rps - turn_rps) / model.tau_psi_s
         hurry_mps2 = (lead.told.speed_mps - state.airspeed_mps) / model.tau_v_s
-        return LeaderMotion(
-            state, turn_rps, bend_rps2, np.clip(hurry_mps2, -model.accel_max_mps2, model.accel_max_mps2)
-        )
+        hurry_mps2 = np.clip(hurry_mps2, -model.accel_max_mps2, model.accel_max_mps2)
+        to_climb_m = lead.told.height_m - state.height_m - (model.tau_ha_s + model.tau_hb_s) * state.climb_mps
+        return LeaderMotion(state, turn_rps, bend_rps2, hurry_mps2, to_climb_m / (model.tau_ha_s * model.tau_hb_s))
 
     def _gust(self, leader: FlightState, follower: FlightState, dt_s: float) -> tuple[Array, Array]:
         """Return how what carries the followers away has changed since the last tick, along and across, in m/s²."""

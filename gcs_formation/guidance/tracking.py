@@ -64,6 +64,8 @@ class RouteHeading(NamedTuple):
     bend_rps2: float
     """How fast the turn rate changes."""
     climb_mps: float
+    along_mps: float
+    """What of its velocity is along the route."""
 
 
 def route_heading(route: Route, distance_m: float, motion: Motion) -> RouteHeading:
@@ -75,6 +77,7 @@ def route_heading(route: Route, distance_m: float, motion: Motion) -> RouteHeadi
         point.curvature_1pm * along_mps,
         point.curvature_rate_1pm2 * along_mps**2,
         point.slope * along_mps,
+        along_mps,
     )
 
 

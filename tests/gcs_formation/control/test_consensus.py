@@ -76,7 +76,7 @@ def situation(
         wind_east_mps=column(0.0),
     )
     told = Setpoints(np.array([SPEED_MPS]), np.array([heading_rad + TAU_PSI_S * turn_rps]), np.array([100.0]))
-    lead = Lead(0, Instant(0), told, turn_rps, RouteHeading(heading_rad, turn_rps, 0.0, 0.0))
+    lead = Lead(0, Instant(0), told, turn_rps, RouteHeading(heading_rad, turn_rps, 0.0, 0.0, SPEED_MPS))
     slots = SlotMotion.at_rest(np.concatenate((np.zeros((1, 3)), SLOTS_M)))
     flying = np.ones(COUNT, bool) if active is None else active
     return Situation(AtOneStamp(state, np.int64(0)), lead, slots, flying, np.ones((COUNT, 3)))

@@ -1,0 +1,139 @@
+"""Slots over hills: each follower's is lifted where the ground below its own coming track needs it.
+
+The leader's height along its route is known beforehand, and so is where a slot goes with it. Over the next two
+kilometres every slot gets the least lift that keeps its clearance, within what it can climb beside the leader's own
+climbs, and continued from the last one; it is made anew as the leader gets on, and when route or plan are others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from formation_scenario import Ground, PathPoint
+from formation_scenario.formation import Frame
+from formation_scenario.lift import SAMPLES, STEP_M, Bounds, blend, least_lift, sample_places
+from formation_scenario.slot_motion import SlotMotion
+from gcs_formation.arrays import Array
+from gcs_formation.estimation.flight_state import FlightState
+from gcs_formation.guidance.tracking import Route
+
+AHEAD_STEPS = 100
+"""Of the lifts' splines: 2 km. The formation's own climb limit reaches 190 m of height on it."""
+ADVANCE_M = 100.0
+"""How far the leader gets on before lifts are made anew."""
+KEPT_M = 40.0
+"""How far around the present place a lift stays as it is: setpoints act later than they're made, each at its time."""
+
+
+@dataclass(frozen=True)
+class Outlook:
+    """The leader's way from now on, and the slots'."""
+
+    route: Route
+    leader: FlightState
+    """(1,) columns."""
+    leading: int
+    """Which of the N slots is the leader's own: it's never lifted."""
+    distance_m: float
+    along_mps: float
+    slots: Callable[[float], Array]
+    """Seconds from now -> slots (N, 3)."""
+    plan: object
+    """Another one where the slots' way isn't what it was."""
+
+
+class SlotClearance:
+    """The lifts of N slots, and what they were made for."""
+
+    def __init__(self, ground: Ground, clearance_m: float, bounds: Bounds, frame: Frame) -> None:
+        """Keep `clearance_m` above the ground; `bounds` are of the leader's way and the lift together."""
+        self._ground, self._clearance_m = ground, clearance_m
+        self._bounds, self._frame = bounds, frame
+        self._route: Route | None = None
+        self._plan: object = None
+        self._first, self._made_at_m = 0, 0.0
+        self._control_m = np.zeros((0, 4))
+        self._held_m = np.zeros(0)
+
+    def over(self, slots: SlotMotion, outlook: Outlook, later_s: Array, ago_s: float) -> tuple[SlotMotion, Array]:
+        """Return the slots clear of the ground, and their places (N, 3) `ago_s` before the leader is where it is.
+
+        Args:
+            slots: N slots as the formation has them.
+            outlook: the leader's way on.
+            later_s: (N,) how much later the leader's place counts for each slot.
+            ago_s: see above.
+        """
+        at_m = outlook.distance_m + outlook.along_mps * later_s
+        self._look_ahead(outlook, at_m)
+        lift_m, slope, curvature = self.lift(at_m)
+        before_m, _, _ = self.lift(np.full(at_m.shape, outlook.distance_m - outlook.along_mps * ago_s))
+        up = np.array([0.0, 0.0, 1.0])
+        lifted = SlotMotion(
+            slots.position_m + lift_m[:, None] * up,
+            slots.velocity_mps + outlook.along_mps * slope[:, None] * up,
+            slots.acceleration_mps2 + outlook.along_mps**2 * curvature[:, None] * up,
+        )
+        return lifted, slots.position_m + before_m[:, None] * up
+
+    def _look_ahead(self, outlook: Outlook, at_m: Array) -> None:
+        """Make the lifts anew if it's time to; `at_m` (N,): where the leader is for each follower's setpoint.
+
+        On the same route they go on where they are; on another one they begin level, at their present heights.
+        """
+        going_on = outlook.route is self._route
+        if going_on and outlook.plan is self._plan and outlook.distance_m < self._made_at_m + ADVANCE_M:
+            self._held_m = self.lift(at_m)[0]
+            return
+        first = int((at_m.min() - KEPT_M) // STEP_M)
+        begun = np.repeat(self._held_m[:, None], 3, axis=1) if self._route else np.zeros((at_m.size, 0))
+        begun[outlook.leading] = 0.0
+        if going_on:
+            first = max(first, self._first)
+            kept = int(np.ceil((at_m.max() + KEPT_M) / STEP_M)) - first + 3
+            begun = self._control_m[:, first - self._first :][:, :kept]
+        places = sample_places(first * STEP_M, AHEAD_STEPS)
+        points = [outlook.route.at(distance) for distance in places.tolist()]
+        slope = np.array([point.slope for point in points])
+        needed = self._needed(outlook, places, points)
+        needed[outlook.leading] = 0.0
+        made = (
+            least_lift(first * STEP_M, row, slope, self._bounds, own) for row, own in zip(needed, begun, strict=True)
+        )
+        self._control_m = np.stack([lift.control_m for lift in made])
+        self._route, self._plan = outlook.route, outlook.plan
+        self._first, self._made_at_m = first, outlook.distance_m
+        self._held_m = self.lift(at_m)[0]
+
+    def lift(self, at_m: Array) -> tuple[Array, Array, Array]:
+        """Return (N,) lifts, their slopes and their curvatures by the leader's distance, at (N,) distances."""
+        steps = np.clip(at_m / STEP_M - self._first, 0.0, self._control_m.shape[1] - 3.0)
+        index = np.minimum(steps.astype(np.intp), self._control_m.shape[1] - 4)
+        rows = np.arange(at_m.size)
+        return blend([self._control_m[rows, index + i] for i in range(4)], steps - index)
+
+    def _needed(self, outlook: Outlook, places: Array, points: list[PathPoint]) -> Array:
+        """Return the lift (N, K) that is needed where the leader is at `places` (K,)."""
+        north, east, height, course, curvature = np.array(points).T[:5]
+        leader = outlook.leader
+        aside_mps = leader.wind_east_mps * np.cos(course) - leader.wind_north_mps * np.sin(course)
+        heading = course - np.arcsin(np.clip(aside_mps / np.maximum(leader.airspeed_mps, 1.0), -1.0, 1.0))
+        later_s = (places - outlook.distance_m) / max(outlook.along_mps, 1.0)
+        knots = np.stack([outlook.slots(seconds) for seconds in later_s[::SAMPLES].tolist()], axis=1)
+        forward, right, up = np.moveaxis(_between(knots), -1, 0)
+        axis = np.broadcast_to(heading, forward.shape)
+        if self._frame == "follower_heading":
+            axis = axis + np.arcsin(np.clip(curvature * forward, -0.99, 0.99))
+        cos, sin = np.cos(axis), np.sin(axis)
+        ground_m = self._ground.height(north + cos * forward - sin * right, east + sin * forward + cos * right)
+        return ground_m + self._clearance_m - (height + up)
+
+
+def _between(knots: Array) -> Array:
+    """Return places (N, K, 3) at every sample from those at every knot (N, S, 3), along straight lines."""
+    share = (np.arange(SAMPLES) / SAMPLES)[:, None]
+    steps = knots[:, :-1, None] + share * np.diff(knots, axis=1)[:, :, None]
+    return np.concatenate((steps.reshape(knots.shape[0], -1, 3), knots[:, -1:]), axis=1)
