@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from formation_scenario import Scenario, dump_scenario
-from formation_scenario.links import LinkStep
+from formation_scenario.links import Impairment, LinkStep
+from formation_scenario.trace import read_trace_ms
 from gcs_formation.stability import (
     LawMargins,
+    Usage,
     consensus_margins,
+    law_loops,
     law_margins,
     loop_delay_s,
     scenario_adjacency,
@@ -29,6 +33,7 @@ def check_report(scenario: Scenario) -> dict[str, Any]:
         "valid": True,
         "delay_margin_s": _finite(margins.small_signal),
         "delay_margin_worst_s": _finite(margins.worst),
+        "mismatch_margin_s": _finite(mismatch_margins_s(scenario)),
         "loop_delay_s": configured_loop_delay_s(scenario),
         "warnings": list(warnings(scenario, margins)),
     }
@@ -39,6 +44,8 @@ def check_text(scenario: Scenario) -> str:
     law_text = _consensus_text if scenario.law.type == "consensus" else _followers_text
     lines = [dump_scenario(scenario).rstrip(), "", *law_text(scenario)]
     lines.append(f"# loop delay as configured: {configured_loop_delay_s(scenario):.3f} s (sampling and hold included)")
+    stood = ", ".join(f"{loop} {margin_s:.3f}" for loop, margin_s in mismatch_margins_s(scenario).items())
+    lines += [f"# mismatch of delay that the predicted loops stand there, s: {stood}"] if stood else []
     lines.extend(f"# warning: {warning}" for warning in warnings(scenario, law_margins(scenario)))
     return "\n".join(lines)
 
@@ -55,6 +62,17 @@ def configured_loop_delay_s(scenario: Scenario) -> float:
     else:
         ways = [_ways_s(step) for vehicle in scenario.followers for step in scenario.link_steps(vehicle)]
     return max((loop_delay_s(up, down, 0.0, *rates) for up, down in ways), default=loop_delay_s(0, 0, 0, *rates))
+
+
+def mismatch_margins_s(scenario: Scenario) -> dict[str, float]:
+    """Return by how much the longest configured delay may be off for each predicted loop; empty without prediction."""
+    if not scenario.law.delay_compensation:
+        return {}
+    delay_s, found = configured_loop_delay_s(scenario), dict[str, float]()
+    of_vehicles = {tuple(axes.items()) for axes in law_loops(scenario).values()}
+    for loop, loops in (each for axes in of_vehicles for each in axes):
+        found[loop] = min(Usage(loops, predicted=True).margin_s(delay_s), found.get(loop, np.inf))
+    return dict(sorted(found.items()))
 
 
 def warnings(scenario: Scenario, margins: LawMargins) -> Iterator[str]:
@@ -92,7 +110,13 @@ def _consensus_text(scenario: Scenario) -> Iterator[str]:
 
 
 def _ways_s(step: LinkStep) -> tuple[float, float]:
-    return step.uplink.delay_ms / 1e3, step.downlink.delay_ms / 1e3
+    return _mean_s(step.uplink), _mean_s(step.downlink)
+
+
+def _mean_s(way: Impairment) -> float:
+    """Return the mean delay of a direction; recorded delays come on top of the constant one."""
+    recorded_ms = float(np.mean(read_trace_ms(Path(way.trace_file)))) if way.trace_file else 0.0
+    return (way.delay_ms + recorded_ms) / 1e3
 
 
 def _finite(margins: Mapping[str, float]) -> dict[str, float | None]:

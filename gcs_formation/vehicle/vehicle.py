@@ -58,8 +58,7 @@ class Vehicle:
         self.member = Member.STARTING
         self.delays: list[tuple[Instant, float]] = []
         """When each answered probe came back, and its one-way delay in seconds."""
-        self.frames_in = 0
-        self.frames_out = 0
+        self.frames_in = self.frames_out = 0
         self.orders = Orders()
         self.setpoints_taken = UnbrokenRun()
         """Acknowledgements of setpoints."""

@@ -63,6 +63,22 @@ def test_the_slowest_way_up_and_down_of_all_vehicles_make_the_loop(check) -> Non
     )
 
 
+def test_recorded_delays_count_with_their_mean(check, tmp_path: Path) -> None:
+    """0.1 s constant and 0.2 s recorded each way, and half of each period."""
+    (tmp_path / "trace.txt").write_text("100\n300\n")
+    links = ("--set", "links.default.delay_ms=100", "--set", f"links.default.trace_file={tmp_path / 'trace.txt'}")
+    assert json.loads(check("--json", *links)[1])["loop_delay_s"] == pytest.approx(0.7)
+
+
+@pytest.mark.parametrize(("law", "loops"), [("consensus", ["consensus"]), ("fuzzy_pid", ["x", "y", "z"])])
+def test_predicted_loops_have_a_margin_against_mismatch_alone(check, law, loops) -> None:
+    found = json.loads(check("--json", "--set", f"law.type={law}", "--set", "links.default.delay_ms=300")[1])
+    assert list(found["mismatch_margin_s"]) == loops
+    assert all(value is None or value > 0.0 for value in found["mismatch_margin_s"].values())
+    plain = ("--set", "law.delay_compensation=false", "--set", f"law.type={law}")
+    assert json.loads(check("--json", *plain)[1])["mismatch_margin_s"] == {}
+
+
 def test_a_directed_ring_is_unstable_without_delay(check) -> None:
     ring = "law.consensus.graph=[[0,1,0,0],[0,0,1,0],[0,0,0,1],[1,0,0,0]]"
     _, printed = check("--json", "--set", "law.consensus.k1=1", "--set", "law.consensus.k2=0.1", "--set", ring)
