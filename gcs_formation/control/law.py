@@ -109,10 +109,14 @@ class FormationLaw:
         return LeaderMotion(state, turn_rps, bend_rps2, hurry_mps2, to_climb_m / (model.tau_ha_s * model.tau_hb_s))
 
     def _gust(self, leader: FlightState, follower: FlightState, dt_s: float) -> tuple[Array, Array]:
-        """Return how what carries the followers away has changed since the last tick, along and across, in m/s²."""
+        """Return how what carries the followers away has changed since the last tick, along and across, in m/s².
+
+        Across, nothing is led in the follower's own frame: its slot swings as it turns.
+        """
         before_mps, self._drift_mps = self._drift_mps, drift(leader, follower)
         rate_mps2 = np.nan_to_num((self._drift_mps - before_mps) / dt_s)
-        return rotate_to(slot_axis(leader, follower, self._parameters.frame), *rate_mps2)
+        along, across = rotate_to(slot_axis(leader, follower, self._parameters.frame), *rate_mps2)
+        return along, np.zeros_like(across) if self._parameters.frame == "follower_heading" else across
 
 
 def scheduled_gains(parameters: LawParameters, mixed: Array, rate: Array) -> Gains:
