@@ -157,11 +157,11 @@ class _Given:
 
 def _fly(flown: Flown, clock: ClockName, given: _Given) -> int:
     seed = () if given.seed is None else (f"seed={given.seed}",)
-    loaded = _load(given.scenario, (*given.overrides, *seed))
-    options = RunOptions(given.out or default_directory(loaded.name), clock, given.speedup, given.until)
-    console = Console(stderr=True)
-    shown = ProgressLine(console) if console.is_terminal and not given.quiet else Silent()
     with Interrupts() as interrupts:
+        loaded = _load(given.scenario, (*given.overrides, *seed))
+        options = RunOptions(given.out or default_directory(loaded.name), clock, given.speedup, given.until)
+        console = Console(stderr=True)
+        shown = ProgressLine(console) if console.is_terminal and not given.quiet else Silent()
         try:
             summary = flown(loaded, options, shown, interrupts)
         except RecordError as error:

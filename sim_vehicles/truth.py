@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -50,7 +51,7 @@ class TruthWriter:
         self._file = path.open("wb")
         self._file.write(HEADER.pack(MAGIC, vehicles))
         self._turns = max(1, round(LOOP_HZ / rate_hz))
-        self._turn = 0
+        self._turn, self._full = 0, False
 
     def __enter__(self) -> Self:
         """Return the writer."""
@@ -60,12 +61,13 @@ class TruthWriter:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Close the file."""
-        self._file.close()
+        with suppress(OSError):
+            self._file.close()
 
     def __call__(self, now: Instant, fleet: Fleet) -> None:
         """Take the fleet's state after a turn."""
         self._turn += 1
-        if self._turn % self._turns:
+        if self._full or self._turn % self._turns:
             return
         state = fleet.state
         north_mps, east_mps, down_mps = ground_velocity(state, fleet.drift_mps)
@@ -73,9 +75,12 @@ class TruthWriter:
         disturbance_mps = fleet.environment.disturbance_mps * fleet.steering.airborne
         air_motion = state.airspeed_mps, state.heading_rad
         rows = (*places, north_mps, east_mps, -down_mps, *air_motion, *disturbance_mps)
-        self._file.write(np.concatenate(([now / NANOSECONDS], *rows)).astype("<f8").tobytes())
-        if self._turn % LOOP_HZ == 0:
-            self._file.flush()
+        try:
+            self._file.write(np.concatenate(([now / NANOSECONDS], *rows)).astype("<f8").tobytes())
+            if self._turn % LOOP_HZ == 0:
+                self._file.flush()
+        except OSError:  # a full disk ends the record, not the flight
+            self._full = True
 
 
 def read_truth(path: Path) -> Truth:

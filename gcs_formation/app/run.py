@@ -23,6 +23,7 @@ from gcs_formation.errors import RunAbortedError
 from gcs_formation.record.run_directory import SCENARIO
 from gcs_formation.record.summary import Summary
 from gcs_formation.record.truth import GroundTruth
+from sim_vehicles.errors import TruthError
 from sim_vehicles.fleet import Fleet
 from sim_vehicles.from_scenario import fleet_config
 from sim_vehicles.truth import TruthWriter, read_truth
@@ -120,8 +121,12 @@ def _truth(session: Session) -> GroundTruth | None:
     """Return the emulators' ground truth, None when nothing of it was written."""
     path: Path = session.options.out / TRUTH
     vehicles = tuple(vehicle.vehicle_id for vehicle in session.scenario.vehicles)
-    rows = read_truth(path)
-    path.unlink()
+    try:
+        rows = read_truth(path)
+    except (FileNotFoundError, TruthError):  # interrupted before the emulators had begun it
+        return None
+    finally:
+        path.unlink(missing_ok=True)
     if len(rows.time_s) < 2:
         return None
     return GroundTruth(

@@ -64,6 +64,8 @@ class Session:
 
     def over(self) -> bool:
         """Whether the flight has ended; asked by the driver after everything that happens."""
+        if self.recorder.failure is not None and self.station.failure is None:
+            self.station.fail(self.recorder.failure, self.clock.now())
         if self.interrupts.count and self.station.flight.phase is not Phase.LOITERING:
             self.station.stop(self.clock.now())
         self._injected.note(self.station.controlled_ticks)
@@ -77,12 +79,19 @@ class Session:
         """Close the record and make the time series and the summary of it.
 
         Raises:
-            RunAbortedError: the station couldn't go on; what was recorded stays.
+            RunAbortedError: the station or its record couldn't go on; what was recorded stays.
         """
         wall_s = time.perf_counter() - self._began
         self.recorder.close()
-        if self.station.failure is not None:
-            raise RunAbortedError(self.station.failure.text)
+        failure = self.station.failure.text if self.station.failure else self.recorder.failure
+        if failure is not None:
+            raise RunAbortedError(failure)
+        try:
+            return self._make_summary(truth, wall_s)
+        except OSError as error:
+            raise RunAbortedError(f"cannot write to {self.recorder.path}: {error.strerror or error}") from error
+
+    def _make_summary(self, truth: GroundTruth | None, wall_s: float) -> Summary:
         spool = self.recorder.path / SPOOL
         flight = split(read_spool(spool), self.scenario, truth, self._injected.series_s())
         write_parquet(self.recorder.path / TIMESERIES, join(flight))

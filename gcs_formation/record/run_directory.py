@@ -48,23 +48,38 @@ class RunDirectory:
             raise RecordError(
                 f"cannot write the run directory {path}: {error.strerror}; allowed: a directory that can be written"
             ) from error
+        self.failure: str | None = None
+        """Why what comes now isn't recorded any more: the disk is full, as a rule."""
         self._next_flush = Instant(0)
 
     def frame(self, now: Instant, raw: bytes) -> None:
         """Keep a frame."""
-        self._tlog.write(now, raw)
+        if self.failure is not None:
+            return
+        try:
+            self._tlog.write(now, raw)
+            if now >= self._next_flush:
+                self._next_flush = Instant(now + round(FLUSH_S * NANOSECONDS))
+                self.flush()
+        except OSError as error:
+            self._give_up(error)
 
     def tick(self, tick: Tick) -> None:
         """Keep a control tick."""
-        self._spool.add(tick)
-        if tick.now >= self._next_flush:
-            self.flush()
-            self._next_flush = Instant(tick.now + round(FLUSH_S * NANOSECONDS))
+        if self.failure is not None:
+            return
+        try:
+            self._spool.add(tick)
+        except OSError as error:
+            self._give_up(error)
 
     def event(self, event: Event) -> None:
-        """Keep an event, a line of JSON."""
-        self._events.write(json.dumps(event_line(event), ensure_ascii=False) + "\n")
-        self._events.flush()
+        """Keep an event, a line of JSON; also when nothing else can be kept, if there's room."""
+        try:
+            self._events.write(json.dumps(event_line(event), ensure_ascii=False) + "\n")
+            self._events.flush()
+        except OSError as error:
+            self._give_up(error)
 
     def flush(self) -> None:
         """Hand everything to the system."""
@@ -72,15 +87,20 @@ class RunDirectory:
         self._spool.flush()
 
     def close(self) -> None:
-        """Close the files."""
-        self._tlog.close()
-        self._events.close()
-        self._spool.close()
+        """Close the files; each is whole up to what could be written."""
+        for file in (self._tlog, self._events, self._spool):
+            try:
+                file.close()
+            except OSError as error:
+                self._give_up(error)
 
     def write_summary(self, summary: Mapping[str, Any]) -> None:
         """Write summary.json."""
         text = json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False)
         (self.path / SUMMARY).write_text(text + "\n", encoding="utf-8")
+
+    def _give_up(self, error: OSError) -> None:
+        self.failure = self.failure or f"cannot go on recording in {self.path}: {error.strerror or error}"
 
 
 def event_line(event: Event) -> dict[str, Any]:

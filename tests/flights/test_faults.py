@@ -1,0 +1,145 @@
+"""What each fault leads to, and within what time: the rows of docs/safety.md, under the virtual clock."""
+
+from __future__ import annotations
+
+import errno
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from formation_scenario import load_scenario
+from gcs_formation.app.interrupt import Interrupts
+from gcs_formation.app.options import RunOptions
+from gcs_formation.app.progress import Silent
+from gcs_formation.app.run import run
+from gcs_formation.errors import RunAbortedError
+from gcs_formation.phases import Phase
+from gcs_formation.record.run_directory import RunDirectory
+from sim_vehicles.config import FaultKind
+from sim_vehicles.modes import Mode
+from tests.flights.conftest import scenario
+from tests.flights.in_memory import World
+
+LAG_S = 0.2
+"""Two ticks: what an event may come later than what leads to it."""
+
+
+def flying(kind: FaultKind, number: int, at_s: float = 5.0, **keys: Any) -> tuple[World, float]:
+    """Return a world in which a fault has just struck, and when it did."""
+    world = World(duration_s=keys.pop("duration_s", 60), **keys)
+    world.fly_to(at_s)
+    world.strike(number, kind)
+    return world, world.now_s
+
+
+@pytest.mark.parametrize("kind", ["crash", "freeze"])
+def test_a_silent_follower_is_given_up_step_by_step_and_the_others_fly_on(kind: FaultKind) -> None:
+    world, struck_s = flying(kind, 2, duration_s=25)
+    world.run()
+    (stale_s,), (lost_s,) = world.times_s("link", 2, "stale"), world.times_s("link", 2, "lost")
+    (told_s,) = world.times_s("member", 2, "told to loiter")
+    assert stale_s - struck_s == pytest.approx(1.5, abs=LAG_S)
+    assert lost_s - struck_s == pytest.approx(5.0, abs=LAG_S)
+    assert told_s - struck_s == pytest.approx(5.0, abs=LAG_S)
+    assert world.times_s("member", 3, "told to loiter") == []
+    assert max(abs(tick.error_m[2]).max() for tick in world.notes.ticks if tick.mission_time_s > 5.0) < 0.05
+    assert world.station.flight.phase is Phase.DONE
+
+
+def test_a_follower_that_hangs_and_comes_back_flies_in_its_slot_again() -> None:
+    world, _ = flying("freeze", 2)
+    world.run(8.0)
+    world.strike(2, "freeze", ends=True)
+    back_s = world.now_s
+    world.run()
+    (again_s,) = [at_s for at_s in world.times_s("member", 2, "flying") if at_s > back_s]
+    assert again_s - back_s < 1.5
+    assert world.worst_m(50.0) < 0.1
+
+
+@pytest.mark.parametrize("number", [1, 2])
+def test_a_restart_in_flight_is_taken_up_again(number: int) -> None:
+    world, struck_s = flying("restart", number)
+    world.run()
+    (restarted_s,) = world.times_s("restarted", number)
+    (again_s,) = [at_s for at_s in world.times_s("ready", number) if at_s > struck_s]
+    assert restarted_s - struck_s < 0.5
+    assert again_s - struck_s < 6.0
+    assert world.worst_m(50.0) < 0.1
+    assert world.station.failure is None
+
+
+@pytest.mark.parametrize("kind", ["crash", "freeze"])
+def test_followers_of_a_silent_leader_are_told_to_loiter_apart(kind: FaultKind) -> None:
+    world, struck_s = flying(kind, 1, duration_s=25, formation={"shape": "arrow", "succession": "none"})
+    world.run()
+    for number in (2, 3):
+        (told_s,) = world.times_s("member", number, "told to loiter")
+        assert told_s - struck_s == pytest.approx(5.0, abs=LAG_S)
+        assert world.times_s("mode", number, "LOITER")[0] - struck_s < 5.5
+    heights_m = world.fleet.state.height_m[1:]
+    assert abs(heights_m[0] - heights_m[1]) > 10.0
+
+
+@pytest.mark.parametrize("mode", ["LOITER", "RTL", "FBWA"])
+def test_a_pilots_switch_is_respected_and_ends_when_the_pilot_gives_it_back(mode: str) -> None:
+    world = World(duration_s=60)
+    world.fly_to(5.0)
+    world.strike(2, "pilot", mode=mode)
+    taken_s = world.now_s
+    world.run(10.0)
+    assert world.vehicle(2).pilot.mode is Mode[mode]
+    world.strike(2, "pilot", ends=True)
+    back_s = world.now_s
+    world.run()
+    (parted_s,) = world.times_s("member", 2, "parted")
+    (again_s,) = [at_s for at_s in world.times_s("member", 2, "flying") if at_s > taken_s]
+    assert parted_s - taken_s < LAG_S
+    assert again_s - back_s < LAG_S
+    assert world.times_s("disobeys") == []
+    assert mode != "FBWA" or world.worst_m(58.0) < 1.0  # the others have been left far behind
+
+
+@settings(max_examples=12)
+@given(at_s=st.floats(0.0, 60.0))
+def test_stopped_at_any_moment_vehicles_loiter_or_are_disarmed(at_s: float) -> None:
+    world = World(start={"in_air": False}, duration_s=20)
+    world.run(at_s + 0.01)
+    world.station.stop(world.clock.now())
+    world.run()
+    assert world.station.flight.phase is Phase.DONE
+    for vehicle in world.fleet.vehicles:
+        assert vehicle.pilot.mode is Mode.LOITER if vehicle.pilot.airborne else not vehicle.pilot.condition.armed
+
+
+def test_a_full_disk_ends_the_run_with_vehicles_loitering(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    interrupts, out = Interrupts(), tmp_path / "run"
+    frame, frames = RunDirectory.frame, 0
+
+    def full(self: RunDirectory, now: Any, raw: bytes) -> None:
+        nonlocal frames
+        frames += 1
+        if frames == 2000:
+            self._tlog._file.close()
+            self._tlog._file = Full()  # type: ignore[assignment]
+        frame(self, now, raw)
+
+    monkeypatch.setattr(RunDirectory, "frame", full)
+    with pytest.raises(RunAbortedError, match=r"cannot go on recording in .*: No space left on device"):
+        run(load_scenario(scenario(duration_s=60)), RunOptions(out, "virtual"), Silent(), interrupts)
+    events = [json.loads(line) for line in (out / "events.jsonl").read_text().splitlines()]
+    assert sum(event["kind"] == "mode" and event["text"] == "LOITER" for event in events) == 3
+    assert events[-1]["text"] == "failed"
+
+
+class Full:
+    """A file on a full disk."""
+
+    def write(self, data: bytes) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    flush = close = lambda self: self.write(b"")

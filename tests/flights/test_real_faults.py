@@ -1,0 +1,112 @@
+"""Processes that are killed, interrupted, or out of room, under the real clock."""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+
+from gcs_formation.record.timeseries import read_spool
+from tests.flights.test_real_clock import LIMIT_S, STATION, emulators_of, path, started, wait_for
+
+__all__ = ["path"]
+FILE_BYTES = 300_000
+
+
+def events_of(out: Path) -> list[dict]:
+    return [json.loads(line) for line in (out / "events.jsonl").read_text().splitlines()]
+
+
+def last_stamp_s(tlog: Path) -> float:
+    """Return the span of a telemetry log that is read frame by frame, up to what was cut off."""
+    data, at, first, last = tlog.read_bytes(), 0, None, 0
+    while at + 8 + 12 <= len(data):
+        stamp = int.from_bytes(data[at : at + 8], "big")
+        assert data[at + 8] == 0xFD
+        length = 8 + 12 + data[at + 9]
+        if at + length > len(data):
+            break
+        first, last, at = first or stamp, stamp, at + length
+    assert first is not None
+    return (last - first) / 1e6
+
+
+@pytest.mark.slow
+def test_a_killed_station_leaves_a_record_up_to_the_last_second(path: Path, tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    with started([*STATION, "run", str(path), "--out", str(out)]) as station:
+        wait_for(out / "events.jsonl", '"flying"')
+        began = time.monotonic()
+        time.sleep(3.0)
+        os.kill(station.pid, signal.SIGKILL)
+        flown_s = time.monotonic() - began
+        station.wait(LIMIT_S)
+    flying_s = next(event["t_s"] for event in events_of(out) if event["text"] == "flying")
+    columns = read_spool(out / "timeseries.arrows")
+    assert columns["t_s"][-1] - flying_s > flown_s - 1.5
+    assert last_stamp_s(out / "flight.tlog") > flying_s + flown_s - 1.5 - 1.0
+    assert not (out / "summary.json").exists()
+
+
+@pytest.mark.slow
+def test_emulators_that_are_killed_end_the_run_with_3_and_a_whole_record(path: Path, tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    with started([*STATION, "run", str(path), "--out", str(out)]) as station:
+        wait_for(out / "events.jsonl", '"flying"')
+        children = Path(f"/proc/{station.pid}/task/{station.pid}/children").read_text().split()
+        for child in children:
+            os.kill(int(child), signal.SIGKILL)
+        _, said = station.communicate(timeout=LIMIT_S)
+        assert station.returncode == 3
+    assert "the emulated vehicles' process has ended" in said
+    assert "Traceback" not in said
+    assert events_of(out)[-1]["text"] == "failed"
+    assert len(read_spool(out / "timeseries.arrows")["t_s"]) > 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("after_s", [0.0, 0.3, 0.7, 1.2, 2.0])
+def test_interrupted_at_any_moment_of_its_start_up_it_ends_with_130(path: Path, tmp_path: Path, after_s: float) -> None:
+    out = tmp_path / "run"
+    on_the_ground = ["--set", "start.in_air=false", "--out", str(out)]
+    with started([*STATION, "run", str(path), *on_the_ground]) as station:
+        while not _imports(station.pid):
+            time.sleep(0.005)
+        time.sleep(after_s)
+        station.send_signal(signal.SIGINT)
+        _, said = station.communicate(timeout=LIMIT_S)
+    assert station.returncode == 130, said
+    assert "Traceback" not in said
+    if (out / "events.jsonl").exists():
+        assert all(event["schema"] == 1 for event in events_of(out))
+    assert not emulators_of(tmp_path)
+
+
+def _imports(pid: int) -> bool:
+    """Whether a process has begun to import what it needs: before that, it's Python's own start-up."""
+    return "numpy" in Path(f"/proc/{pid}/maps").read_text()
+
+
+@pytest.mark.slow
+def test_a_full_disk_ends_with_3_and_words(path: Path, tmp_path: Path) -> None:
+    """The limit on a file's size stands for the disk's: what is written beyond it fails likewise."""
+    out = tmp_path / "run"
+    done = subprocess.run(
+        [*STATION, "run", str(path), "--speedup", "4", "--out", str(out)],
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (FILE_BYTES, FILE_BYTES)),
+        capture_output=True,
+        text=True,
+        timeout=LIMIT_S,
+        check=False,
+    )
+    assert done.returncode == 3, done.stderr
+    assert done.stderr.startswith(f"cannot go on recording in {out}: File too large")
+    assert (out / "flight.tlog").stat().st_size <= FILE_BYTES
+    events = events_of(out)
+    assert sum(event["kind"] == "mode" and event["text"] == "LOITER" for event in events) == 3
