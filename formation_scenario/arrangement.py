@@ -104,6 +104,9 @@ def assigned(scenario: Scenario, arrangement: Arrangement, now_m: Array, present
 
     Those who aren't `present` get the last of them: they are free to come back to. A custom shape's are given out by
     the scenario; the leader's own, where it has one, is that of the scenario's leader.
+
+    Raises:
+        ValueError: a custom shape without a slot for somebody.
     """
     places = _in_order(scenario, arrangement)
     if arrangement.shape == "custom":
@@ -132,4 +135,9 @@ def _in_order(scenario: Scenario, arrangement: Arrangement) -> Array:
 
 
 def _own(table: Mapping[VehicleRef, Vector], vehicle: Vehicle) -> Vector:
-    return table[vehicle.id] if vehicle.id in table else table[long_ref(vehicle)]
+    own = table.get(vehicle.id, table.get(long_ref(vehicle)))
+    if own is None:
+        raise ValueError(
+            f"found no slot for vehicle {vehicle.vehicle_id}; allowed: formation.slots_m for each follower"
+        )
+    return own

@@ -27,6 +27,7 @@ from formation_scenario.links import (
     least_mean_burst,
 )
 from formation_scenario.model import Scenario, long_ref
+from formation_scenario.orders import parse_order
 from formation_scenario.path import PathError, SplinePath
 from formation_scenario.source import KeyPath, Source
 from formation_scenario.trace import ALLOWED as TRACE_ALLOWED
@@ -48,6 +49,7 @@ def inconsistencies(scenario: Scenario, source: Source) -> list[Problem]:
         _bursts,
         _slots,
         _changes,
+        _orders,
         _consensus,
         _path,
         _terrain,
@@ -231,6 +233,13 @@ def _changes(scenario: Scenario, source: Source) -> Iterator[Problem]:
                 yield source.problem((*path, "leader"), found, "none, or a vehicle with role: leader at the start")
         if change.shape is change.spacing_m is change.slots_m is change.leader is None:
             yield source.problem(path, "found no change", "shape, spacing_m, slots_m or leader")
+
+
+def _orders(scenario: Scenario, source: Source) -> Iterator[Problem]:
+    for index, planned in enumerate(scenario.orders):
+        change = parse_order(planned.order).change
+        if change is not None and change.leader is not None:
+            yield from _one_vehicle(change.leader, scenario.vehicles, ("orders", index, "order"), source)
 
 
 def _consensus(scenario: Scenario, source: Source) -> Iterator[Problem]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -41,18 +41,36 @@ def check(scenario: Scenario, source: Source) -> list[Problem]:
     over_ground = check_terrain(scenario, source)
     if over_ground:
         return over_ground
-    path = leader_path(scenario)
-    uniform = np.linspace(0.0, path.length_m, int(path.length_m / SAMPLE_M) + 2)
-    places = np.unique(np.concatenate((uniform, path.nodes_m)))
+    path, steps = leader_path(scenario), slot_schedule(scenario)
+    standing = _standing(scenario, source, path, steps, _keys(scenario), 0.0)
+    return standing or _transitions(scenario, source, path, steps)
+
+
+def check_ahead(scenario: Scenario, step: SlotStep, path: SplinePath, from_m: float) -> list[str]:
+    """Return what of a formation can't be flown from a place of the path on, in words."""
+    source, keys = Source(None, {}, {}), [("formation",)]
+    problems = _standing(scenario, source, path, (step,), keys, min(max(from_m, 0.0), path.length_m))
+    return [f"{problem.found}; allowed: {problem.allowed}" for problem in problems]
+
+
+def _standing(
+    scenario: Scenario,
+    source: Source,
+    path: SplinePath,
+    steps: tuple[SlotStep, ...],
+    keys: Sequence[KeyPath],
+    from_m: float,
+) -> list[Problem]:
+    """Return what of the slots can't be flown from a place of the path on, while they stay what they are."""
+    uniform = np.linspace(from_m, path.length_m, int((path.length_m - from_m) / SAMPLE_M) + 2)
+    places = np.unique(np.concatenate((uniform, path.nodes_m[path.nodes_m >= from_m])))
     points = path.at(places)
-    steps = slot_schedule(scenario)
-    standing = [
+    return [
         *_leaders(scenario, source, places, points, steps),
         *_followers(scenario, source, places, points, steps),
-        *_separation(scenario, source, steps),
-        *_ahead_of_leader(scenario, source, steps),
+        *_separation(scenario, source, steps, keys),
+        *_ahead_of_leader(scenario, source, steps, keys),
     ]
-    return standing or _transitions(scenario, source, path, steps)
 
 
 def _leaders(
@@ -163,10 +181,12 @@ def _speeds(limits: VehicleModel) -> str:
     return f"{limits.speed_min_mps:g} to {limits.speed_max_mps:g} m/s"
 
 
-def _separation(scenario: Scenario, source: Source, steps: tuple[SlotStep, ...]) -> Iterator[Problem]:
+def _separation(
+    scenario: Scenario, source: Source, steps: tuple[SlotStep, ...], keys: Sequence[KeyPath]
+) -> Iterator[Problem]:
     allowed = f"{scenario.safety.separation_m:g} m or more (safety.separation_m)"
     everyone = column_names(scenario)
-    for path, step in zip(_keys(scenario), steps, strict=True):
+    for path, step in zip(keys, steps, strict=True):
         places = step.places_m
         distances = np.linalg.norm(places[:, None] - places[None, :], axis=-1)
         distances[np.tril_indices(len(places))] = np.inf
@@ -179,10 +199,12 @@ def _separation(scenario: Scenario, source: Source, steps: tuple[SlotStep, ...])
             yield source.problem((*path, key), found, allowed)
 
 
-def _ahead_of_leader(scenario: Scenario, source: Source, steps: tuple[SlotStep, ...]) -> Iterator[Problem]:
+def _ahead_of_leader(
+    scenario: Scenario, source: Source, steps: tuple[SlotStep, ...], keys: Sequence[KeyPath]
+) -> Iterator[Problem]:
     if scenario.formation.frame != "follower_heading":
         return
-    for path, step in zip(_keys(scenario), steps, strict=True):
+    for path, step in zip(keys, steps, strict=True):
         before = np.flatnonzero(step.places_m[:, 0] > TOLERANCE)
         if before.size:
             forward = step.places_m[before[0], 0]

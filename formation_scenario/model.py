@@ -24,6 +24,7 @@ from formation_scenario.fields import (
 from formation_scenario.formation import Formation
 from formation_scenario.law import Law
 from formation_scenario.links import Links, LinkStep, link_steps
+from formation_scenario.orders import PlannedOrder
 from formation_scenario.terrain import Terrain
 from formation_scenario.vehicles import Vehicle
 
@@ -105,6 +106,7 @@ class Scenario(Keys):
     links: Links = Links()
     wind: Wind = Wind()
     disturbances: tuple[Disturbance, ...] = ()
+    orders: tuple[PlannedOrder, ...] = ()
     faults: tuple[Fault, ...] = ()
     safety: Safety = Safety()
     finish: Finish = Finish()

@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from formation_scenario import Scenario, ScenarioError, load_scenario
-    from gcs_formation.errors import RecordError, RunAbortedError, StationError
-    from gcs_formation.python_api import Summary, run
+    from gcs_formation.errors import NothingRunningError, RecordError, RunAbortedError, StationError
+    from gcs_formation.python_api import Answer, Summary, run, tell
 
 _HOME = {
+    "Answer": "gcs_formation.python_api",
+    "NothingRunningError": "gcs_formation.errors",
     "RecordError": "gcs_formation.errors",
     "RunAbortedError": "gcs_formation.errors",
     "Scenario": "formation_scenario",
@@ -19,6 +21,7 @@ _HOME = {
     "Summary": "gcs_formation.python_api",
     "load_scenario": "formation_scenario",
     "run": "gcs_formation.python_api",
+    "tell": "gcs_formation.python_api",
 }
 
 
@@ -30,6 +33,8 @@ def __getattr__(name: str) -> object:
 
 
 __all__ = [
+    "Answer",
+    "NothingRunningError",
     "RecordError",
     "RunAbortedError",
     "Scenario",
@@ -38,4 +43,5 @@ __all__ = [
     "Summary",
     "load_scenario",
     "run",
+    "tell",
 ]

@@ -1,4 +1,4 @@
-"""The command line: `gcs-formation run | fly | check | report`."""
+"""The command line: `gcs-formation run | fly | check | tell | report`."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ import click
 from rich.console import Console
 
 from formation_scenario import Scenario, ScenarioError, load_scenario
+from formation_scenario.orders import OrderError, parse_order
 from gcs_formation.app.check import check_report, check_text
 from gcs_formation.app.directory import default_directory
 from gcs_formation.app.fly import fly as fly_scenario
@@ -21,8 +22,9 @@ from gcs_formation.app.interrupt import Interrupts
 from gcs_formation.app.options import ClockName, RunOptions
 from gcs_formation.app.progress import ProgressLine, Silent
 from gcs_formation.app.run import run as run_scenario
+from gcs_formation.app.steering import tell as give_order
 from gcs_formation.app.tell import summary_text
-from gcs_formation.errors import RecordError, RunAbortedError
+from gcs_formation.errors import NothingRunningError, RecordError, RunAbortedError
 from gcs_formation.record.summary import Summary
 
 EXPECTATION_BROKEN = 1
@@ -35,7 +37,19 @@ Examples:
   gcs-formation check configs/quickstart.yaml
   gcs-formation run configs/quickstart.yaml --speedup 5 --out runs/quickstart
   gcs-formation run configs/paper.yaml --clock virtual --set links.default.delay_ms=300
+  gcs-formation tell runs/quickstart shape line
   gcs-formation report runs/quickstart
+"""
+
+ORDERS = """\b
+Orders:
+  shape NAME [SPACING_M]   fly another shape
+  spacing SPACING_M        fly the same shape wider or closer
+  speed MPS                fly the path at another speed
+  leader ID                let another vehicle lead
+  loiter | rtl | land      end the flight: circle here, at home, or land
+
+Exit status 1: refused, with the reason. 3: no flight answers there.
 """
 
 Command = TypeVar("Command", bound=Callable[..., Any])
@@ -99,6 +113,23 @@ def check(scenario: Path, overrides: tuple[str, ...], as_json: bool) -> None:
     """Validate SCENARIO; print it resolved, its communication graph and its delay margins. Starts nothing."""
     loaded = _load(scenario, overrides)
     click.echo(json.dumps(check_report(loaded), indent=2) if as_json else check_text(loaded))
+
+
+@main.command(epilog=ORDERS)
+@click.argument("run_dir", type=click.Path(path_type=Path))
+@click.argument("order", nargs=-1, required=True)
+def tell(run_dir: Path, order: tuple[str, ...]) -> None:
+    """Give the flight that records into RUN_DIR an ORDER, and print what came of it."""
+    text = " ".join(order)
+    try:
+        parse_order(text)
+        answer = give_order(run_dir, text)
+    except OrderError as error:
+        _fail(str(error), BAD_USAGE)
+    except NothingRunningError as error:
+        _fail(str(error), COULD_NOT_GO_ON)
+    click.echo(answer.text, err=not answer.accepted)
+    sys.exit(0 if answer.accepted else EXPECTATION_BROKEN)
 
 
 @main.command()

@@ -1,4 +1,4 @@
-"""How a run leaves its vehicles: those that fly circle at heights apart, those on the ground are disarmed."""
+"""How a run leaves its vehicles: those that fly circle, here or at home, at heights apart; others are disarmed."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from airlink.clock import Instant
 from airlink.identity import VehicleId
+from formation_scenario.orders import End
 from gcs_formation.link.connection import LinkState
 from gcs_formation.loitering import loiter_heights
 from gcs_formation.membership import Member
@@ -21,10 +22,13 @@ class Ending:
     One that is taking off climbs out first; one that its pilot has taken is the pilot's.
     """
 
-    def __init__(self, vehicles: Mapping[VehicleId, Vehicle], now: Instant) -> None:
+    def __init__(self, vehicles: Mapping[VehicleId, Vehicle], now: Instant, manner: End = "loiter") -> None:
         """Give the heights out; drop what was under way with vehicles that don't fly."""
         places = {identity: _place(vehicle) for identity, vehicle in vehicles.items() if vehicle.telemetry.armed}
+        if manner != "loiter":  # they meet at home, wherever they are now
+            places = {i: replace(place, north_m=0.0, east_m=0.0) if place else None for i, place in places.items()}
         self._heights_m = loiter_heights({identity: place for identity, place in places.items() if place})
+        self._manner: End = manner
         self._vehicles = vehicles
         self._left = {i: vehicle for i, vehicle in vehicles.items() if vehicle.member is not Member.PARTED}
         for vehicle in vehicles.values():
@@ -33,12 +37,12 @@ class Ending:
         self.advance(now)
 
     def advance(self, now: Instant) -> None:
-        """Let vehicles loiter that have climbed out, or turn out to fly."""
+        """Let vehicles loiter, or go home, that have climbed out or turn out to fly."""
         for identity, vehicle in list(self._left.items()):
             autopilot, seen = vehicle.autopilot, vehicle.telemetry
             if seen.motion and autopilot.is_airborne(seen) and not autopilot.climbs_out(seen):
                 height_m = self._heights_m.get(identity, seen.motion.height_m)
-                vehicle.commands.begin(autopilot.loiter(height_m), now)
+                vehicle.commands.begin(autopilot.leave(self._manner, height_m), now)
                 del self._left[identity]
 
     def pending(self) -> list[Vehicle]:

@@ -9,5 +9,9 @@ class RunAbortedError(StationError):
     """The run could not go on: a port is taken, no vehicle answered, a vehicle refused."""
 
 
+class NothingRunningError(StationError):
+    """No flight answers in a run directory."""
+
+
 class RecordError(StationError):
     """A run directory that can't be written, or isn't one."""

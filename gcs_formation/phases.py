@@ -26,6 +26,7 @@ class Cause(Enum):
     PATH_BEGUN = "the leader has passed the start of its path, the followers are in their slots"
     PATH_ENDED = "the path or the time is at its end"
     STOP = "told to stop"
+    ORDERED = "ordered to end"
     LOITERED = "every vehicle loiters"
     FAILURE = "the run can't go on"
     GIVEN_UP = "every vehicle loiters, and the run can't go on"
@@ -37,9 +38,11 @@ TRANSITIONS: dict[tuple[Phase, Cause], Phase] = {
     (Phase.CONNECTING, Cause.FAILURE): Phase.LOITERING,
     (Phase.ASSEMBLING, Cause.PATH_BEGUN): Phase.FLYING,
     (Phase.ASSEMBLING, Cause.STOP): Phase.LOITERING,
+    (Phase.ASSEMBLING, Cause.ORDERED): Phase.LOITERING,
     (Phase.ASSEMBLING, Cause.FAILURE): Phase.LOITERING,
     (Phase.FLYING, Cause.PATH_ENDED): Phase.LOITERING,
     (Phase.FLYING, Cause.STOP): Phase.LOITERING,
+    (Phase.FLYING, Cause.ORDERED): Phase.LOITERING,
     (Phase.FLYING, Cause.FAILURE): Phase.LOITERING,
     (Phase.LOITERING, Cause.LOITERED): Phase.DONE,
     (Phase.LOITERING, Cause.GIVEN_UP): Phase.FAILED,

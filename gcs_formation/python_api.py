@@ -1,4 +1,4 @@
-"""`gcs_formation.run`: what the command `run` does, from Python."""
+"""`gcs_formation.run` and `gcs_formation.tell`: what the commands do, from Python."""
 
 from __future__ import annotations
 
@@ -9,14 +9,17 @@ from typing import Any
 import yaml
 
 from formation_scenario import Scenario, load_scenario
+from formation_scenario.orders import parse_order
 from gcs_formation.app.directory import default_directory
 from gcs_formation.app.interrupt import Interrupts
 from gcs_formation.app.options import ClockName, RunOptions
 from gcs_formation.app.progress import Silent
 from gcs_formation.app.run import run as run_scenario
+from gcs_formation.app.steering import tell as give_order
+from gcs_formation.orders import Answer
 from gcs_formation.record.summary import Summary
 
-__all__ = ["Summary", "run"]
+__all__ = ["Answer", "Summary", "run", "tell"]
 
 
 def run(
@@ -51,6 +54,21 @@ def run(
     if interrupts.count:
         raise KeyboardInterrupt
     return summary
+
+
+def tell(run_dir: str | Path, order: str) -> Answer:
+    """Give the flight that records into a directory an order, and return what came of it.
+
+    Args:
+        run_dir: the directory of a flight that is running under the real clock.
+        order: `shape line`, `shape line 40`, `spacing 40`, `speed 24`, `leader 3`, `loiter`, `rtl` or `land`.
+
+    Raises:
+        OrderError: the words are no order.
+        NothingRunningError: no flight answers there.
+    """
+    parse_order(order)
+    return give_order(Path(run_dir), order)
 
 
 def _as_yaml(value: object) -> str:

@@ -11,8 +11,10 @@ import numpy as np
 from airlink.clock import NANOSECONDS, Instant, after
 from airlink.identity import VehicleId
 from formation_scenario import Scenario
-from formation_scenario.arrangement import Arrangement
+from formation_scenario.arrangement import Arrangement, SlotStep, assigned
 from formation_scenario.displaced_path import DisplacedPath
+from formation_scenario.feasibility import check_ahead
+from formation_scenario.formation import FormationChange
 from formation_scenario.reconfiguration import ahead, column_names, plan_change, take_over
 from formation_scenario.transition import NotFlyableError
 from gcs_formation.arrays import Mask
@@ -107,6 +109,29 @@ class Reconfiguration:
         self._wanted = None
         self._say(now, "formation", self._in_words(wanted), None, {"duration_s": way.duration_s})
 
+    def order_change(self, change: FormationChange, now: Instant) -> str | None:
+        """Begin a change that somebody orders; return why it can't be flown, None when it has begun.
+
+        Raises:
+            NotFlyableError, ValueError: the same for its way, and for a vehicle that doesn't exist.
+        """
+        wanted = (self._wanted or self._controller.plan.arrangement).changed(change, self._scenario)
+        if wanted.leader != self._controller.plan.leader and self.leader is None:
+            return "a virtual leader flies the path; allowed: shape, spacing, speed, loiter, rtl, land"
+        refusal = self._unflyable(self._scenario, wanted, now)
+        if refusal is None:
+            self.change(wanted, now)
+        return refusal
+
+    def order_speed(self, speed_mps: float, now: Instant) -> str | None:
+        """Fly at another speed; return why it can't be flown, None when it is."""
+        path = self._scenario.path.model_copy(update={"speed_mps": speed_mps})
+        scenario = self._scenario.model_copy(update={"path": path})
+        refusal = self._unflyable(scenario, self._wanted or self._controller.plan.arrangement, now)
+        if refusal is None:
+            self._scenario, self._controller.guidance.speed_mps = scenario, speed_mps
+        return refusal
+
     def successor(self, now: Instant) -> int | None:
         """Return the column of the follower that is nearest to the leader, None when nobody could take over."""
         tick, leader = self._controller.last_tick, self._controller.plan.leader
@@ -122,6 +147,16 @@ class Reconfiguration:
         if heir is not None:
             self._hand_over(heir, now)
             self._want(self._wanted or self._controller.plan.arrangement, now)
+
+    def _unflyable(self, scenario: Scenario, wanted: Arrangement, now: Instant) -> str | None:
+        """Return what of an arrangement can't be flown from here to the path's end, in the words of `check`."""
+        guidance, slots = (
+            self._controller.guidance,
+            self._controller.plan.seen_from(wanted.leader, 0.0, now / NANOSECONDS),
+        )
+        step = SlotStep(0.0, wanted, assigned(scenario, wanted, slots.position_m, self._present()))
+        found = check_ahead(scenario, step, guidance.path, guidance.distance_m if guidance.on_path else 0.0)
+        return found[0] if found else None
 
     def _want(self, arrangement: Arrangement, now: Instant) -> None:
         self._wanted, self._next_try = arrangement, now

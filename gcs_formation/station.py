@@ -15,6 +15,7 @@ from airlink.identity import VehicleId
 from airlink.messages import Message
 from formation_scenario import Scenario
 from formation_scenario.arrangement import columns
+from formation_scenario.orders import End
 from gcs_formation.beacon import Beacon
 from gcs_formation.controller import FormationController
 from gcs_formation.dispatch import Dispatch
@@ -23,6 +24,7 @@ from gcs_formation.identities import Identities
 from gcs_formation.ledger import CommandLedger
 from gcs_formation.link.receiver import Receiver
 from gcs_formation.margin_watch import MarginWatch
+from gcs_formation.orders import Answer, Orders
 from gcs_formation.phases import Cause, Flight, Phase
 from gcs_formation.reconfiguration import Reconfiguration
 from gcs_formation.records import Detail, Event, Recorder, Tick
@@ -56,9 +58,8 @@ class Station:
         self.cut_short = False
         """Whether the flight was ended before its path or time was."""
         self.last_tick: Tick | None = None
-        self._recorder = recorder
         self._until_s = math.inf if until_s is None else until_s
-        self._receiver = Receiver()
+        self._recorder, self._receiver = recorder, Receiver()
         self._endpoints, self.networks, self.vehicles = planned(scenario)
         self._columns = {vehicle.vehicle_id: i for i, vehicle in enumerate(columns(scenario)) if vehicle is not None}
         self.roster = Roster(scenario, self.vehicles, self._columns, self._event)
@@ -67,6 +68,7 @@ class Station:
         self._starting = Starting(self.vehicles, self._endpoints, self.flight, self._event, self.fail)
         self._beacon = Beacon(self.vehicles)
         self._reconfiguration = Reconfiguration(scenario, self.controller, self.vehicles, self._columns, self._event)
+        self._orders = Orders(scenario, self.flight, self._reconfiguration, self._end_by_order, self._event)
         self._dispatch = Dispatch(scenario, self.vehicles, self._columns)
         self._ledger = CommandLedger(scenario, self.controller, self.vehicles, self._columns, self._event)
         self._out, self._next_tick = list[Datagram](), Instant(0)
@@ -141,6 +143,10 @@ class Station:
         if self._move(Cause.STOP, now):
             self.cut_short = True
 
+    def order(self, text: str, now: Instant) -> Answer:
+        """Carry out an order in words, such as `shape line`, or say why not."""
+        return self._orders.take(text, now)
+
     def bad_frames(self, identity: VehicleId) -> int:
         """Return how many frames from a vehicle's address were dropped."""
         connection = self.vehicles[identity].connection
@@ -188,6 +194,9 @@ class Station:
             if sample is not None:
                 controller.estimator.update(column, sample)
         mission_s = self.flight.mission_time_s(now)
+        self._orders.advance(now)
+        if self.flight.phase is Phase.LOITERING:
+            return
         self._reconfiguration.advance(now, mission_s)
         ready, delay_s, jitter_s, lag_s, hold_s = self._dispatch.links(controller.plan.leader)
         tick = controller.step(now, mission_s, self.flight.phase.value, ready, delay_s, lag_s)
@@ -218,6 +227,15 @@ class Station:
             self.cut_short = True
             self._move(Cause.PATH_ENDED, now)
 
+    def _end_by_order(self, manner: End, now: Instant) -> str | None:
+        """End the flight as ordered; return why not, where a vehicle can't do that."""
+        unable = [str(v.identity) for v in self.vehicles.values() if manner == "land" and v.autopilot.land() is None]
+        if unable:
+            return f"found no mode that lands vehicle {', '.join(unable)}; allowed: rtl, loiter"
+        self.cut_short = True
+        self._move(Cause.ORDERED, now)
+        return None
+
     def _wait_for_loiter(self, now: Instant) -> None:
         waited_s = seconds_between(self.flight.since, now)
         self._ending.advance(now)
@@ -243,9 +261,9 @@ class Station:
             return False
         self._event(now, "phase", self.flight.phase.value, details={"cause": cause.value})
         if self.flight.phase is Phase.LOITERING:
-            self._loiter_s = self.scenario.finish.loiter_s if cause is Cause.PATH_ENDED else 0.0
+            self._loiter_s = self.scenario.finish.loiter_s if cause in (Cause.PATH_ENDED, Cause.ORDERED) else 0.0
             self._dispatch.clear()
-            self._ending = Ending(self.vehicles, now)
+            self._ending = Ending(self.vehicles, now, self._orders.manner)
         return True
 
     def fail(self, text: str, now: Instant) -> None:

@@ -23,7 +23,7 @@ def fly(scenario: Scenario, options: RunOptions, progress: Progress, interrupts:
     clock = RealClock(options.speedup)
     session = open_session(scenario, options, clock, progress, interrupts)
     try:
-        with UdpDriver(session.engine, clock) as driver:
+        with UdpDriver(session.engine, clock) as driver, session.listening():
             driver.run(session.over)
     except PortError as error:
         session.recorder.close()

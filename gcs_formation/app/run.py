@@ -66,7 +66,7 @@ def _run_real(scenario: Scenario, options: RunOptions, progress: Progress, inter
     clock = RealClock(options.speedup)
     session = open_session(scenario, options, clock, progress, interrupts)
     try:
-        with UdpDriver(session.engine, clock) as driver, _Emulators(options, clock) as emulators:
+        with UdpDriver(session.engine, clock) as driver, _Emulators(options, clock) as emulators, session.listening():
             driver.run(_watch(session, emulators))
     except PortError as error:
         session.recorder.close()

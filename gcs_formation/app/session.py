@@ -15,6 +15,7 @@ from formation_scenario import Scenario
 from gcs_formation.app.interrupt import Interrupts
 from gcs_formation.app.links import InjectedDelays, impair, injected
 from gcs_formation.app.options import RunOptions
+from gcs_formation.app.steering import OrderSocket
 from gcs_formation.app.timing import TimedStation
 from gcs_formation.errors import RunAbortedError
 from gcs_formation.phases import Phase
@@ -61,6 +62,12 @@ class Session:
         self._injected = InjectedDelays(self.station.vehicles, self._links)
         self._began = time.perf_counter()
         self._shown = self._began
+        self._orders: OrderSocket | None = None
+
+    def listening(self) -> OrderSocket:
+        """Return what takes orders for this flight while it's entered."""
+        self._orders = OrderSocket(self.options.out, lambda text: self.station.order(text, self.clock.now()))
+        return self._orders
 
     def over(self) -> bool:
         """Whether the flight has ended; asked by the driver after everything that happens."""
@@ -69,6 +76,8 @@ class Session:
         if self.interrupts.count and self.station.flight.phase is not Phase.LOITERING:
             self.station.stop(self.clock.now())
         self._injected.note(self.station.controlled_ticks)
+        if self._orders is not None:
+            self._orders.poll()
         wall = time.perf_counter()
         if wall - self._shown > PROGRESS_S:
             self._shown = wall

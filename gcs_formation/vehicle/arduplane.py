@@ -102,14 +102,20 @@ class ArduPlane(Autopilot):
 
     def loiter(self, height_m: float) -> tuple[Command, ...]:
         """Return LOITER, then the height: a change of mode forgets heights given before."""
-        altitude = CommandLong(
+        return (self.set_mode(self.loiter_mode), self._altitude(height_m))
+
+    def go_home(self, height_m: float) -> tuple[Command, ...]:
+        """Return RTL, which circles over home, then the height in place of RTL_ALTITUDE, which all have alike."""
+        return (self.set_mode(m.PLANE_MODE_RTL), self._altitude(height_m))
+
+    def _altitude(self, height_m: float) -> Command:
+        return CommandLong(
             self.system,
             m.MAV_COMP_ID_AUTOPILOT1,
             m.MAV_CMD_DO_CHANGE_ALTITUDE,
             param1=height_m + self.origin_alt_m,
             param2=m.MAV_FRAME_GLOBAL,
         )
-        return (self.set_mode(self.loiter_mode), altitude)
 
     def _guided(self, command: int, param1: float, param2: float, param3: float, z: float = 0.0) -> CommandInt:
         return CommandInt(

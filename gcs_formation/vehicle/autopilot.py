@@ -9,6 +9,7 @@ from typing import ClassVar
 
 from airlink import mavlink as m
 from airlink.messages import CommandInt, CommandLong
+from formation_scenario.orders import End
 from gcs_formation.setpoint import Setpoint
 from gcs_formation.vehicle.orders import Promise
 from gcs_formation.vehicle.telemetry import Telemetry
@@ -107,6 +108,20 @@ class Autopilot(ABC):
 
     def _arm_or_disarm(self, *, arm: bool) -> Command:
         return CommandLong(self.system, m.MAV_COMP_ID_AUTOPILOT1, m.MAV_CMD_COMPONENT_ARM_DISARM, param1=float(arm))
+
+    def leave(self, manner: End, height_m: float) -> tuple[Command, ...]:
+        """Return the commands that end a flight: circle here or at home at `height_m`, or land where that can be."""
+        if manner == "loiter":
+            return self.loiter(height_m)
+        return (self.land() if manner == "land" else None) or self.go_home(height_m)
+
+    def land(self) -> tuple[Command, ...] | None:
+        """Return the commands to land here, None for a family that has no such mode."""
+        return None
+
+    @abstractmethod
+    def go_home(self, height_m: float) -> tuple[Command, ...]:
+        """Return the commands, in order, to fly home and circle there at `height_m` above the scenario's origin."""
 
     @abstractmethod
     def loiter(self, height_m: float) -> tuple[Command, ...]:

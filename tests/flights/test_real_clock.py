@@ -126,6 +126,40 @@ def test_killed_the_station_takes_its_vehicles_along(path: Path, tmp_path: Path)
             time.sleep(0.1)
 
 
+def test_a_running_flight_is_told_another_shape_and_to_end(path: Path, tmp_path: Path) -> None:
+    out = tmp_path / ("a-directory-with-a-long-name-" * 4)
+    with started(
+        [*STATION, "run", str(path), "--speedup", "2", "--set", "duration_s=170", "--out", str(out)]
+    ) as station:
+        wait_for(out / "events.jsonl", '"flying"')
+        told: list[tuple[int, str]] = []
+        for order in ("shape line", "speed 40", "shape blob", "loiter"):
+            command = [*STATION, "tell", str(out), *order.split()]
+            done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S, check=False)
+            told.append((done.returncode, (done.stdout + done.stderr).strip()))
+        assert told[0] == (0, "shape line: accepted")
+        assert told[1] == (1, "speed 40: refused: found 40 m/s; allowed: 16 to 28 m/s, leader 1's limits")
+        assert told[2][0] == 2
+        assert told[3] == (0, "loiter: accepted")
+        assert station.wait(LIMIT_S) == 0
+    again = subprocess.run([*STATION, "tell", str(out), "loiter"], capture_output=True, text=True, check=False)
+    assert again.returncode == 3
+    assert "no flight answers in" in again.stderr
+
+
+def test_a_leader_lost_over_udp_is_succeeded_within_5_s(path: Path, tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    keys = ["--set", "duration_s=40", "--set", "faults=[{at_s: 8, vehicles: [1], kind: crash}]"]
+    command = [*STATION, "run", str(path), "--speedup", "3", *keys, "--out", str(out)]
+    subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S, check=False)
+    events = [json.loads(line) for line in (out / "events.jsonl").read_text().splitlines()]
+    begun_s = next(event["t_s"] for event in events if event["text"] == "flying")
+    (leader,) = [event for event in events if event["kind"] == "leader"]
+    assert leader["vehicle"] == "2"
+    assert 8.0 < leader["t_s"] - begun_s < 13.0
+    assert json.loads((out / "summary.json").read_text())["safety"]["min_separation_m"] > 15.0
+
+
 def test_a_taken_port_ends_with_3_and_its_name(path: Path, tmp_path: Path) -> None:
     endpoint = yaml.safe_load(path.read_text())["vehicles"]["endpoint"]
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as occupier:

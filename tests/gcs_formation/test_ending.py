@@ -14,6 +14,7 @@ from airlink.endpoint import Address
 from airlink.geodesy import GeodeticOrigin
 from airlink.identity import VehicleId
 from airlink.messages import CommandAck, GlobalPositionInt, Heartbeat
+from formation_scenario.orders import End
 from gcs_formation.ending import Ending
 from gcs_formation.link.connection import Connection, LinkState
 from gcs_formation.membership import Member
@@ -62,8 +63,8 @@ def loiters_at(height_m: float) -> list[tuple[int, Any]]:
     ]
 
 
-def ending(*vehicles: Vehicle) -> Ending:
-    return Ending({vehicle.identity: vehicle for vehicle in vehicles}, NOW)
+def ending(*vehicles: Vehicle, manner: End = "loiter") -> Ending:
+    return Ending({vehicle.identity: vehicle for vehicle in vehicles}, NOW, manner)
 
 
 def test_vehicles_that_fly_close_together_loiter_15_m_apart(place: Place):
@@ -126,3 +127,12 @@ def test_a_vehicle_that_isnt_heard_is_told_but_not_waited_for(place: Place):
     end = ending(vehicle)
     assert end.pending() == []
     assert told(vehicle) == loiters_at(100.0)
+
+
+def test_vehicles_that_go_home_circle_there_at_heights_of_their_own(place: Place):
+    vehicles = [place(i, m.PLANE_MODE_GUIDED, 100.0) for i in (1, 2, 20)]  # the last one is 900 m away now
+    ending(*vehicles, manner="rtl")
+    home = [(m.MAV_CMD_DO_SET_MODE, m.PLANE_MODE_RTL)]
+    assert [told(vehicle) for vehicle in vehicles] == [
+        home + [loiters_at(height_m)[1]] for height_m in (100.0, 115.0, 130.0)
+    ]

@@ -24,7 +24,7 @@ def flown(directory: Path, **errors: np.ndarray) -> Flown:
         "vehicle": np.tile(np.array([1, 2, 3], dtype=np.int32), rows),
         "phase": np.ones(3 * rows, dtype=np.int8),
         "active": np.ones(3 * rows),
-        "leads": np.repeat([0.0], 3 * rows),
+        "leads": np.tile([1.0, 0.0, 0.0], rows),
         "mission_time_s": np.repeat(np.where(TIME_S < 0, np.nan, TIME_S), 3),
     }
     for axis in "xyz":

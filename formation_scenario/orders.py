@@ -1,0 +1,98 @@
+"""Orders to a formation in flight, as a person writes them: `shape line`, `speed 24`, `leader 3`, `loiter`."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, NamedTuple, get_args
+
+from pydantic import BeforeValidator, Field
+from pydantic_core import PydanticCustomError
+
+from formation_scenario.errors import did_you_mean
+from formation_scenario.fields import Allowed, Keys, NonNegative, VehicleRef
+from formation_scenario.formation import FormationChange, Shape
+
+End = Literal["loiter", "rtl", "land"]
+
+ENDS: tuple[End, ...] = get_args(End)
+SHAPES: tuple[Shape, ...] = get_args(Shape)
+ALLOWED = "shape NAME [SPACING_M], spacing SPACING_M, speed MPS, leader ID, loiter, rtl, land"
+MOST_LETTERS = 100
+
+
+class OrderError(ValueError):
+    """Words that are no order: what was found, and what is allowed."""
+
+
+class Order(NamedTuple):
+    """One of: a change of the formation, another speed in m/s, or how the flight is to end."""
+
+    text: str
+    change: FormationChange | None = None
+    speed_mps: float | None = None
+    end: End | None = None
+
+
+def parse_order(text: str) -> Order:
+    """Return what `text` orders.
+
+    Raises:
+        OrderError: nothing.
+    """
+    word, *rest = text[:MOST_LETTERS].split() or [""]
+    said = " ".join((word, *rest))
+    if word in ENDS and not rest:
+        return Order(said, end=word)
+    match word, rest:
+        case "shape", [name, *spacing] if len(spacing) <= 1:
+            return Order(said, FormationChange(at_s=0.0, shape=_shape(name), spacing_m=_spacing(spacing)))
+        case "spacing", [_]:
+            return Order(said, FormationChange(at_s=0.0, spacing_m=_spacing(rest)))
+        case "speed", [number]:
+            return Order(said, speed_mps=_positive(number, "m/s"))
+        case "leader", [ref]:
+            return Order(said, FormationChange(at_s=0.0, leader=_vehicle(ref)))
+        case _:
+            near = did_you_mean(word, ("shape", "spacing", "speed", "leader", *ENDS))
+            raise OrderError(f"found '{said}'; allowed: {ALLOWED}{near}")
+
+
+def _shape(name: str) -> Shape:
+    if name not in SHAPES:
+        raise OrderError(f"found shape '{name}'; allowed: {', '.join(SHAPES)}{did_you_mean(name, SHAPES)}")
+    return name
+
+
+def _spacing(given: list[str]) -> float | None:
+    return _positive(given[0], "m", most=10_000.0) if given else None
+
+
+def _positive(text: str, unit: str, most: float = 1000.0) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0.0 < value <= most:
+        raise OrderError(f"found '{text}'; allowed: a number of {unit}, up to {most:g}")
+    return value
+
+
+def _vehicle(ref: str) -> VehicleRef:
+    parts = ref.split(":")
+    if len(parts) > 2 or not all(part.isascii() and part.isdigit() and len(part) <= 4 for part in parts):
+        raise OrderError(f"found vehicle '{ref}'; allowed: a vehicle's id, or network:id")
+    return int(ref) if len(parts) == 1 else ref
+
+
+def _known_order(value: object) -> object:
+    try:
+        parse_order(value if isinstance(value, str) else "")
+    except OrderError as error:
+        raise PydanticCustomError("order", "no order") from error
+    return value
+
+
+class PlannedOrder(Keys):
+    """An order that is given at a time, as `gcs-formation tell` would."""
+
+    at_s: NonNegative = Field(description="when, s")
+    order: Annotated[str, BeforeValidator(_known_order), Allowed(ALLOWED)] = Field(description=ALLOWED)

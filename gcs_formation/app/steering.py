@@ -1,0 +1,118 @@
+"""How a running flight is told something: a line to a Unix socket in its run directory, a line of JSON back."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+from collections.abc import Callable, Generator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from gcs_formation.errors import NothingRunningError
+from gcs_formation.orders import Answer
+
+SOCKET = "orders.sock"
+MOST_BYTES = 400
+MOST_CALLERS = 8
+ANSWER_S = 10.0
+"""Longest wait for an answer: a run that is there gives it within a tick."""
+
+Take = Callable[[str], Answer]
+
+
+class OrderSocket:
+    """Takes orders for as long as it's entered; never waits for anybody."""
+
+    def __init__(self, directory: Path, take: Take) -> None:
+        """Hand every order to `take`."""
+        self._directory = directory
+        self._take = take
+        self._listening: socket.socket | None = None
+        self._callers: dict[socket.socket, bytes] = {}
+
+    def __enter__(self) -> Self:
+        """Listen; a run that can't be told anything flies all the same."""
+        with suppress(OSError), _short(self._directory) as path:
+            with suppress(FileNotFoundError):
+                path.unlink()
+            opened = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+            opened.setblocking(False)
+            opened.bind(str(path))
+            path.chmod(0o600)
+            opened.listen(MOST_CALLERS)
+            self._listening = opened
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Stop listening."""
+        for opened in (*self._callers, *([self._listening] if self._listening else [])):
+            opened.close()
+        with suppress(OSError):
+            (self._directory / SOCKET).unlink()
+
+    def poll(self) -> None:
+        """Answer whoever has said something."""
+        if self._listening is None:
+            return
+        with suppress(BlockingIOError):
+            while len(self._callers) < MOST_CALLERS:
+                caller, _ = self._listening.accept()
+                caller.setblocking(False)
+                self._callers[caller] = b""
+        for caller in list(self._callers):
+            self._listen_to(caller)
+
+    def _listen_to(self, caller: socket.socket) -> None:
+        try:
+            heard = caller.recv(MOST_BYTES)
+        except BlockingIOError:
+            return
+        except OSError:
+            heard = b""
+        said = self._callers[caller] + heard
+        if b"\n" in said:
+            self._answer(caller, said.partition(b"\n")[0])
+        elif heard and len(said) < MOST_BYTES:
+            self._callers[caller] = said
+            return
+        del self._callers[caller]
+        caller.close()
+
+    def _answer(self, caller: socket.socket, line: bytes) -> None:
+        answer = self._take(line.decode(errors="replace"))
+        with suppress(OSError):
+            caller.sendall(json.dumps(answer._asdict(), ensure_ascii=False).encode() + b"\n")
+
+
+def tell(directory: Path, order: str) -> Answer:
+    """Give an order to the flight that records into `directory`, and return what came of it.
+
+    Raises:
+        NothingRunningError: no flight answers there.
+    """
+    try:
+        with _short(directory) as path, socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as line:
+            line.settimeout(ANSWER_S)
+            line.connect(str(path))
+            line.sendall(" ".join(order.split()).encode() + b"\n")
+            with line.makefile("rb") as answers:
+                return Answer(**json.loads(answers.readline()))
+    except (OSError, ValueError, TypeError) as error:
+        raise NothingRunningError(
+            f"no flight answers in {directory}; allowed: the directory of a running one"
+        ) from error
+
+
+@contextmanager
+def _short(directory: Path) -> Generator[Path]:
+    """Yield the socket's path through an open directory: a Unix socket's own may have 107 bytes only."""
+    handle = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        yield Path(f"/proc/self/fd/{handle}") / SOCKET
+    finally:
+        os.close(handle)

@@ -1,0 +1,72 @@
+"""Orders in flight: what they do, and why one isn't followed."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import NamedTuple, Protocol
+
+from airlink.clock import Instant
+from formation_scenario import Scenario
+from formation_scenario.orders import End, Order, OrderError, parse_order
+from formation_scenario.transition import NotFlyableError
+from gcs_formation.phases import Flight, Phase
+from gcs_formation.reconfiguration import Reconfiguration, Say
+
+
+class Answer(NamedTuple):
+    """What came of an order."""
+
+    accepted: bool
+    text: str
+
+
+class EndFlight(Protocol):
+    """Ends a flight."""
+
+    def __call__(self, manner: End, now: Instant) -> str | None:
+        """End it; return why not, if it can't be."""
+        ...
+
+
+class Orders:
+    """Takes orders from outside and those that the scenario plans."""
+
+    def __init__(
+        self, scenario: Scenario, flight: Flight, reconfiguration: Reconfiguration, end: EndFlight, say: Say
+    ) -> None:
+        """Carry orders out on `reconfiguration`, and by `end`."""
+        self._flight = flight
+        self._reconfiguration = reconfiguration
+        self._end = end
+        self._say = say
+        self.manner: End = "loiter"
+        """How the flight is to end."""
+        self._planned = deque(sorted(scenario.orders, key=lambda each: each.at_s))
+
+    def advance(self, now: Instant) -> None:
+        """Give the planned orders that are due."""
+        mission_s = self._flight.mission_time_s(now)
+        while self._planned and mission_s >= self._planned[0].at_s:
+            self.take(self._planned.popleft().order, now)
+
+    def take(self, text: str, now: Instant) -> Answer:
+        """Carry an order out, or say why not; either is an event."""
+        try:
+            refusal = self._carry_out(parse_order(text), now)
+        except (OrderError, NotFlyableError, ValueError) as error:
+            refusal = str(error)
+        answer = Answer(refusal is None, f"{text}: {'accepted' if refusal is None else f'refused: {refusal}'}")
+        self._say(now, "order", answer.text, None, {"accepted": answer.accepted})
+        return answer
+
+    def _carry_out(self, order: Order, now: Instant) -> str | None:
+        if self._flight.phase not in (Phase.ASSEMBLING, Phase.FLYING):
+            return f"the run is {self._flight.phase.value}; allowed: assembling, flying"
+        if order.end is not None:
+            before, self.manner = self.manner, order.end
+            refusal = self._end(order.end, now)
+            self.manner = before if refusal else self.manner
+            return refusal
+        if order.speed_mps is not None:
+            return self._reconfiguration.order_speed(order.speed_mps, now)
+        return None if order.change is None else self._reconfiguration.order_change(order.change, now)

@@ -1,0 +1,126 @@
+"""The formation changes in flight: by schedule, by order, and because its leader is lost."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gcs_formation.record.timeseries import read_parquet
+from tests.flights.conftest import Fly
+
+STRAIGHT = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [3000, 0, 100], [6000, 0, 100]]}
+BEFORE_M = 0.2
+"""Errors of a formation that nothing disturbs, changes included."""
+
+
+def events(tmp_path: Path, kind: str) -> list[dict[str, Any]]:
+    lines = (tmp_path / "run" / "events.jsonl").read_text().splitlines()
+    return [event for event in map(json.loads, lines) if event["kind"] == kind]
+
+
+def begun_s(tmp_path: Path) -> float:
+    return next(event["t_s"] for event in events(tmp_path, "phase") if event["text"] == "flying")
+
+
+def columns_of(tmp_path: Path, vehicle: int) -> dict[str, np.ndarray]:
+    columns = read_parquet(tmp_path / "run" / "timeseries.parquet")
+    return {name: values[columns["vehicle"] == vehicle] for name, values in columns.items()}
+
+
+def test_slots_change_without_errors_or_anybody_near(fly: Fly) -> None:
+    changes = [{"at_s": 5, "shape": "line"}, {"at_s": 45, "shape": "circle"}, {"at_s": 80, "shape": "square"}]
+    summary = fly(
+        duration_s=120, vehicles={"count": 4}, formation={"shape": "diamond", "changes": changes}, path=STRAIGHT
+    ).to_dict()
+    assert summary["safety"]["min_separation_m"] > 18.0
+    assert max(f[f"error_{axis}_m"]["max"] for f in summary["followers"].values() for axis in "xyz") < BEFORE_M
+
+
+@pytest.mark.parametrize("law", ["fuzzy_pid", "consensus"])
+def test_the_nearest_follower_takes_over_from_a_leader_that_crashes(fly: Fly, tmp_path: Path, law: str) -> None:
+    summary = fly(
+        duration_s=90,
+        vehicles={"count": 4},
+        formation={"shape": "diamond"},
+        law={"type": law},
+        path=STRAIGHT,
+        faults=[{"at_s": 20, "vehicles": [1], "kind": "crash"}],
+    ).to_dict()
+    (change,) = events(tmp_path, "leader")
+    assert change["vehicle"] == "2"
+    assert change["t_s"] - begun_s(tmp_path) - 20 < 5.0
+    assert summary["safety"]["min_separation_m"] > 25.0
+    leader, third, fourth = (columns_of(tmp_path, vehicle) for vehicle in (2, 3, 4))
+    late = leader["mission_time_s"] > 75
+    assert leader["leads"][late].all()
+    assert np.abs(leader["true_east_m"][late]).max() < 1.0  # the path's
+    assert np.ptp(leader["true_north_m"][late]) > 15 * 21.5
+    for follower in (third, fourth):
+        assert max(np.abs(follower[f"error_{axis}_m"][late]).max() for axis in "xyz") < 0.5
+
+
+def test_without_succession_a_lost_leader_has_everyone_loiter(fly: Fly, tmp_path: Path) -> None:
+    fly(
+        duration_s=45,
+        formation={"shape": "arrow", "succession": "none"},
+        faults=[{"at_s": 10, "vehicles": [1], "kind": "crash"}],
+    )
+    assert not events(tmp_path, "leader")
+    told = {event["vehicle"] for event in events(tmp_path, "member") if event["text"] == "told to loiter"}
+    assert told == {"1", "2", "3"}
+
+
+def test_a_leader_that_its_pilot_has_taken_comes_back_as_a_follower(fly: Fly, tmp_path: Path) -> None:
+    summary = fly(
+        duration_s=140,
+        path=STRAIGHT,
+        faults=[{"at_s": 10, "until_s": 14, "vehicles": [1], "kind": "pilot", "mode": "CRUISE"}],
+    ).to_dict()
+    assert [event["vehicle"] for event in events(tmp_path, "leader")] == ["2"]
+    own = columns_of(tmp_path, 1)
+    late = own["mission_time_s"] > 130
+    assert own["active"][late].all()
+    assert not own["leads"][late].any()
+    assert max(np.abs(own[f"error_{axis}_m"][late]).max() for axis in "xyz") < 0.5
+    assert "1" in summary["followers"]
+
+
+def test_orders_are_carried_out_or_refused_with_the_reason(fly: Fly, tmp_path: Path) -> None:
+    orders = {
+        5: "shape line",
+        8: "speed 24",
+        9: "speed 40",
+        20: "spacing 3",
+        25: "leader 3",
+        26: "shape custom",
+        60: "land",
+        62: "rtl",
+    }
+    summary = fly(
+        duration_s=100,
+        path=STRAIGHT,
+        finish={"loiter_s": 3},
+        orders=[{"at_s": at_s, "order": order} for at_s, order in orders.items()],
+    ).to_dict()
+    assert [(event["accepted"], event["text"]) for event in events(tmp_path, "order")] == [
+        (True, "shape line: accepted"),
+        (True, "speed 24: accepted"),
+        (False, "speed 40: refused: found 40 m/s; allowed: 16 to 28 m/s, leader 1's limits"),
+        (
+            False,
+            "spacing 3: refused: found slots of the leader and vehicle 2 3 m apart in line; "
+            "allowed: 5 m or more (safety.separation_m)",
+        ),
+        (True, "leader 3: accepted"),
+        (False, "shape custom: refused: found no slot for vehicle 2; allowed: a slot for each follower (slots_m)"),
+        (False, "land: refused: found no mode that lands vehicle 1, 2, 3; allowed: rtl, loiter"),
+        (True, "rtl: accepted"),
+    ]
+    assert [event["text"] for event in events(tmp_path, "mode")][-3:] == ["RTL"] * 3
+    assert summary["duration_s"] == pytest.approx(62.0, abs=0.2)
+    assert summary["safety"]["min_separation_m"] > 20.0
+    assert max(f[f"error_{axis}_m"]["max"] for f in summary["followers"].values() for axis in "xyz") < 0.5

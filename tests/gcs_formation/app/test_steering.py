@@ -1,0 +1,61 @@
+"""Orders through a run directory's socket, from another thread as from another process."""
+
+from __future__ import annotations
+
+import socket
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+from gcs_formation.app.steering import MOST_BYTES, OrderSocket, tell
+from gcs_formation.errors import NothingRunningError
+from gcs_formation.orders import Answer
+
+
+@pytest.fixture
+def directory(tmp_path: Path) -> Path:
+    """A directory whose path is longer than a Unix socket's may be."""
+    deep = tmp_path.joinpath(*["a-long-name-of-a-directory"] * 6)
+    deep.mkdir(parents=True)
+    return deep
+
+
+def echo(text: str) -> Answer:
+    return Answer(text != "land", f"heard {text}")
+
+
+def test_an_order_is_answered_and_the_socket_is_gone_afterwards(directory: Path) -> None:
+    with ThreadPoolExecutor() as pool, OrderSocket(directory, echo) as orders:
+        asked = [pool.submit(tell, directory, order) for order in ("shape  line", "land")]
+        while not all(each.done() for each in asked):
+            orders.poll()
+        assert [each.result() for each in asked] == [(True, "heard shape line"), (False, "heard land")]
+    assert not list(directory.iterdir())
+
+
+def test_where_nothing_runs_nobody_answers(directory: Path, tmp_path: Path) -> None:
+    for place in (directory, tmp_path / "none"):
+        with pytest.raises(NothingRunningError, match="no flight answers in"):
+            tell(place, "loiter")
+    with OrderSocket(directory, echo) as orders:
+        assert orders is not None
+        stale = directory / "orders.sock"
+        assert stale.stat().st_mode & 0o777 == 0o600
+
+
+def test_a_new_flight_takes_the_place_of_one_that_was_killed(directory: Path) -> None:
+    OrderSocket(directory, echo).__enter__()
+    test_an_order_is_answered_and_the_socket_is_gone_afterwards(directory)
+
+
+def test_callers_that_say_nothing_or_too_much_are_dropped(tmp_path: Path) -> None:
+    heard: list[str] = []
+    with OrderSocket(tmp_path, lambda text: Answer(True, heard.append(text) or text)) as orders:
+        with socket.socket(socket.AF_UNIX) as gone, socket.socket(socket.AF_UNIX) as loud:
+            for caller in (gone, loud):
+                caller.connect(str(tmp_path / "orders.sock"))
+            loud.sendall(b"x" * 2 * MOST_BYTES)
+        for _ in range(10):
+            orders.poll()
+    assert heard == []
