@@ -134,5 +134,5 @@ def test_vehicles_that_go_home_circle_there_at_heights_of_their_own(place: Place
     ending(*vehicles, manner="rtl")
     home = [(m.MAV_CMD_DO_SET_MODE, m.PLANE_MODE_RTL)]
     assert [told(vehicle) for vehicle in vehicles] == [
-        home + [loiters_at(height_m)[1]] for height_m in (100.0, 115.0, 130.0)
+        [*home, loiters_at(height_m)[1]] for height_m in (100.0, 115.0, 130.0)
     ]

@@ -44,9 +44,10 @@ def test_where_nothing_runs_nobody_answers(directory: Path, tmp_path: Path) -> N
         assert stale.stat().st_mode & 0o777 == 0o600
 
 
-def test_a_new_flight_takes_the_place_of_one_that_was_killed(directory: Path) -> None:
-    OrderSocket(directory, echo).__enter__()
-    test_an_order_is_answered_and_the_socket_is_gone_afterwards(directory)
+def test_a_new_flight_takes_the_place_of_one_that_was_killed(tmp_path: Path) -> None:
+    with socket.socket(socket.AF_UNIX) as killed:
+        killed.bind(str(tmp_path / "orders.sock"))
+    test_an_order_is_answered_and_the_socket_is_gone_afterwards(tmp_path)
 
 
 def test_callers_that_say_nothing_or_too_much_are_dropped(tmp_path: Path) -> None:
