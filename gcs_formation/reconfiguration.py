@@ -17,7 +17,7 @@ from formation_scenario.feasibility import check_ahead
 from formation_scenario.formation import FormationChange
 from formation_scenario.reconfiguration import ahead, column_names, plan_change, take_over
 from formation_scenario.transition import NotFlyableError
-from gcs_formation.arrays import Mask
+from gcs_formation.arrays import Array, Mask
 from gcs_formation.controller import FormationController
 from gcs_formation.formation.plan import Proposal
 from gcs_formation.guidance.tracking import Motion, project
@@ -133,13 +133,13 @@ class Reconfiguration:
         return refusal
 
     def successor(self, now: Instant) -> int | None:
-        """Return the column of the follower that is nearest to the leader, None when nobody could take over."""
+        """Return the column of the follower nearest to the leader, to a metre; None when nobody could take over."""
         tick, leader = self._controller.last_tick, self._controller.plan.leader
         if self._scenario.formation.succession == "none" or leader not in self._by_column or tick is None:
             return None
         places = np.stack((tick.state.north_m, tick.state.east_m, tick.state.height_m), axis=1)
         fit = [column for column in self._by_column if column != leader and self._leads_well(column, now)]
-        return min(fit, key=lambda column: float(np.linalg.norm(places[column] - places[leader])), default=None)
+        return min(fit, key=lambda column: (round(_distance_m(places, column, leader)), column), default=None)
 
     def succeed(self, now: Instant) -> None:
         """Let the successor lead at once, and the others move to its slots as soon as they can."""
@@ -200,3 +200,7 @@ class Reconfiguration:
 
     def _in_words(self, wanted: Arrangement) -> str:
         return f"{wanted.shape}, {wanted.spacing_m:g} m, behind {self._names[wanted.leader]}"
+
+
+def _distance_m(places: Array, one: int, other: int) -> float:
+    return float(np.linalg.norm(places[one] - places[other]))
