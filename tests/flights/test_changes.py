@@ -116,7 +116,7 @@ def test_orders_are_carried_out_or_refused_with_the_reason(fly: Fly, tmp_path: P
             "allowed: 5 m or more (safety.separation_m)",
         ),
         (True, "leader 3: accepted"),
-        (False, "shape custom: refused: found no slot for vehicle 2; allowed: a slot for each follower (slots_m)"),
+        (False, "shape custom: refused: found no slot for vehicle 2; allowed: formation.slots_m for each follower"),
         (False, "land: refused: found no mode that lands vehicle 1, 2, 3; allowed: rtl, loiter"),
         (True, "rtl: accepted"),
     ]
