@@ -1,4 +1,4 @@
-"""The command line: `gcs-formation run | fly | check | tell | report`."""
+"""The command line: `gcs-formation init | check | run | fly | tell | report | stress`."""
 
 from __future__ import annotations
 
@@ -15,16 +15,18 @@ from rich.console import Console
 
 from formation_scenario import Scenario, ScenarioError, load_scenario
 from formation_scenario.orders import OrderError, parse_order
+from gcs_formation.app import usage
 from gcs_formation.app.check import check_report, check_text
 from gcs_formation.app.directory import default_directory
 from gcs_formation.app.fly import fly as fly_scenario
+from gcs_formation.app.init import example_names, write_example
 from gcs_formation.app.interrupt import Interrupts
 from gcs_formation.app.options import ClockName, RunOptions
 from gcs_formation.app.progress import ProgressLine, Silent
 from gcs_formation.app.run import run as run_scenario
 from gcs_formation.app.steering import tell as give_order
 from gcs_formation.app.tell import summary_text
-from gcs_formation.errors import NothingRunningError, RecordError, RunAbortedError
+from gcs_formation.errors import ExampleError, NothingRunningError, RecordError, RunAbortedError
 from gcs_formation.record.summary import Summary
 
 EXPECTATION_BROKEN = 1
@@ -32,34 +34,29 @@ BAD_USAGE = 2
 COULD_NOT_GO_ON = 3
 INTERRUPTED = 130
 
-EXAMPLES = """\b
-Examples:
-  gcs-formation check configs/quickstart.yaml
-  gcs-formation run configs/quickstart.yaml --speedup 5 --out runs/quickstart
-  gcs-formation run configs/paper.yaml --clock virtual --set links.default.delay_ms=300
-  gcs-formation tell runs/quickstart shape line
-  gcs-formation report runs/quickstart
-"""
-
-ORDERS = """\b
-Orders:
-  shape NAME [SPACING_M]   fly another shape
-  spacing SPACING_M        fly the same shape wider or closer
-  speed MPS                fly the path at another speed
-  leader ID                let another vehicle lead
-  loiter | rtl | land      end the flight: circle here, at home, or land
-
-Exit status 1: refused, with the reason. 3: no flight answers there.
-"""
-
 Command = TypeVar("Command", bound=Callable[..., Any])
 Flown = Callable[[Scenario, RunOptions, ProgressLine | Silent, Interrupts], Summary]
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"]}, epilog=EXAMPLES)
+@click.group(context_settings={"help_option_names": ["-h", "--help"]}, epilog=usage.ALL)
 @click.version_option(package_name="gcs-formation")
 def main() -> None:
     """Fly formations over MAVLink."""
+
+
+@main.command(epilog=usage.INIT)
+@click.argument("directory", type=click.Path(path_type=Path), default=Path())
+@click.option("--example", type=click.Choice(example_names()), default="quickstart", show_default=True)
+def init(directory: Path, example: str) -> None:
+    """Write an example scenario into DIRECTORY (default: here) to begin with. Overwrites nothing."""
+    try:
+        path = write_example(example, directory)
+    except ExampleError as error:
+        _fail(str(error), BAD_USAGE)
+    emulated = all(vehicle.autopilot == "emulator" for vehicle in _load(path, ()).vehicles)
+    click.echo(
+        f"wrote {path}; next:\n  gcs-formation check {path}\n  gcs-formation {'run' if emulated else 'fly'} {path}"
+    )
 
 
 def _options(command: Command) -> Command:
@@ -85,7 +82,7 @@ def _options(command: Command) -> Command:
     return command
 
 
-@main.command()
+@main.command(epilog=usage.RUN)
 @_options
 @click.option(
     "--clock",
@@ -98,14 +95,14 @@ def run(clock: ClockName, **given: Any) -> None:
     sys.exit(_fly(run_scenario, clock, _Given(**given)))
 
 
-@main.command()
+@main.command(epilog=usage.FLY)
 @_options
 def fly(**given: Any) -> None:
     """Fly SCENARIO with vehicles that are up already, at the scenario's endpoints."""
     sys.exit(_fly(fly_scenario, "real", _Given(**given)))
 
 
-@main.command()
+@main.command(epilog=usage.CHECK)
 @click.argument("scenario", type=click.Path(path_type=Path))
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key (repeatable).")
 @click.option("--json", "as_json", is_flag=True, help="Margins and warnings as JSON.")
@@ -115,7 +112,7 @@ def check(scenario: Path, overrides: tuple[str, ...], as_json: bool) -> None:
     click.echo(json.dumps(check_report(loaded), indent=2) if as_json else check_text(loaded))
 
 
-@main.command(epilog=ORDERS)
+@main.command(epilog=usage.TELL)
 @click.argument("run_dir", type=click.Path(path_type=Path))
 @click.argument("order", nargs=-1, required=True)
 def tell(run_dir: Path, order: tuple[str, ...]) -> None:
@@ -132,7 +129,7 @@ def tell(run_dir: Path, order: tuple[str, ...]) -> None:
     sys.exit(0 if answer.accepted else EXPECTATION_BROKEN)
 
 
-@main.command()
+@main.command(epilog=usage.REPORT)
 @click.argument("run_dir", type=click.Path(path_type=Path))
 def report(run_dir: Path) -> None:
     """Draw the figures of a finished run, and one self-contained report.html."""
@@ -144,7 +141,7 @@ def report(run_dir: Path) -> None:
         _fail(str(error), BAD_USAGE)
 
 
-@main.command()
+@main.command(epilog=usage.STRESS)
 @click.option("--count", type=click.IntRange(1), default=100, show_default=True, help="How many flights.")
 @click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Seed of the first; then one more.")
 @click.option("--jobs", type=click.IntRange(1), default=os.cpu_count() or 1, help="Flights at a time; default: cores.")

@@ -71,7 +71,7 @@ def main() -> None:
     """
 
 
-@main.command()
+@main.command(epilog=EXAMPLES)
 @click.argument("scenario", type=click.Path(path_type=Path), required=False)
 @click.option("--count", type=click.IntRange(1, MOST_VEHICLES), help="Without a scenario: how many vehicles.")
 @click.option(

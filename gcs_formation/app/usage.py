@@ -1,0 +1,49 @@
+"""What the commands' help ends with: examples, orders."""
+
+from __future__ import annotations
+
+
+def _examples(*lines: str) -> str:
+    return "\b\nExamples:\n" + "\n".join(f"  {line}" for line in lines)
+
+
+ALL = _examples(
+    "gcs-formation init                                           writes quickstart.yaml",
+    "gcs-formation check quickstart.yaml",
+    "gcs-formation run quickstart.yaml --speedup 5 --out runs/quickstart",
+    "gcs-formation run quickstart.yaml --clock virtual --set links.default.delay_ms=300",
+    "gcs-formation tell runs/quickstart shape line                to a flight under way",
+    "gcs-formation report runs/quickstart",
+)
+INIT = _examples(
+    "gcs-formation init                      quickstart.yaml, here",
+    "gcs-formation init try --example paper  try/paper.yaml",
+)
+RUN = _examples(
+    "gcs-formation run quickstart.yaml --speedup 5 --out runs/quickstart",
+    "gcs-formation run quickstart.yaml --clock virtual --until 60 --json",
+    'gcs-formation run quickstart.yaml --clock virtual --set formation.shape=arrow --set "wind.velocity_mps=[3, 0, 0]"',
+)
+FLY = _examples(
+    "sim-vehicles quickstart.yaml                              vehicles, in another terminal",
+    "gcs-formation fly quickstart.yaml --out runs/flown",
+)
+CHECK = _examples(
+    "gcs-formation check quickstart.yaml",
+    "gcs-formation check quickstart.yaml --set law.rate_hz=5 --json",
+)
+TELL = """\b
+Orders:
+  shape NAME [SPACING_M]   fly another shape
+  spacing SPACING_M        fly the same shape wider or closer
+  speed MPS                fly the path at another speed
+  leader ID                let another vehicle lead
+  loiter | rtl | land      end the flight: circle here, at home, or land
+
+Exit status 1: refused, with the reason. 3: no flight answers there.
+"""
+REPORT = _examples("gcs-formation report runs/quickstart      writes runs/quickstart/report.html")
+STRESS = _examples(
+    "gcs-formation stress --count 100",
+    "gcs-formation stress --count 1 --seed 17 --out runs/seed-17",
+)

@@ -1,0 +1,52 @@
+"""`gcs-formation init`, and what the commands' help says."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+import pytest
+from click.testing import CliRunner, Result
+
+import sim_vehicles.cli
+from formation_scenario import load_scenario
+from gcs_formation.app.init import example_names
+from gcs_formation.cli import main
+
+COMMANDS = [*main.commands.items(), *sim_vehicles.cli.main.commands.items()]
+
+
+def invoke(*arguments: object) -> Result:
+    return CliRunner().invoke(main, [str(argument) for argument in arguments])
+
+
+@pytest.mark.parametrize("name", example_names())
+def test_an_example_can_be_flown_from_where_it_was_written(name: str, tmp_path: Path) -> None:
+    result = invoke("init", tmp_path / "new", "--example", name)
+    path = tmp_path / "new" / f"{name}.yaml"
+    assert result.exit_code == 0
+    assert f"gcs-formation {'fly' if name == 'arduplane' else 'run'} {path}" in result.output
+    assert load_scenario(path).name
+    assert "configs/" not in path.read_text()
+
+
+def test_what_is_there_is_not_overwritten(tmp_path: Path) -> None:
+    (tmp_path / "quickstart.yaml").write_text("mine")
+    result = invoke("init", tmp_path)
+    assert result.exit_code == 2
+    assert "overwrites nothing" in result.output
+    assert (tmp_path / "quickstart.yaml").read_text() == "mine"
+
+
+def test_a_directory_that_cannot_be_made_is_refused_in_words(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    result = invoke("init", tmp_path / "file")
+    assert result.exit_code == 2
+    assert "cannot write" in result.output
+
+
+@pytest.mark.parametrize(("name", "command"), COMMANDS)
+def test_every_command_shows_examples(name: str, command: click.Command) -> None:
+    result = CliRunner().invoke(command, ["--help"])
+    assert result.exit_code == 0
+    assert "Examples:" in result.output
