@@ -33,9 +33,12 @@ class ScenarioError(Exception):
     """A scenario that can't be flown as written; `problems` holds everything found wrong in it."""
 
     def __init__(self, problems: Sequence[Problem]) -> None:
-        """Take all problems at once; the message has one line for each."""
-        super().__init__("\n".join(str(problem) for problem in problems))
-        self.problems = tuple(problems)
+        """Take all problems at once; the message has one line for each, in the order of the file's lines."""
+        files = list(dict.fromkeys(problem.file for problem in problems))
+        self.problems = tuple(
+            sorted(problems, key=lambda each: (files.index(each.file), each.line or 0, each.column or 0))
+        )
+        super().__init__("\n".join(str(problem) for problem in self.problems))
 
 
 def did_you_mean(word: str, choices: Iterable[str]) -> str:
