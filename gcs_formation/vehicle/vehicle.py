@@ -63,8 +63,6 @@ class Vehicle:
         self.setpoints_taken = UnbrokenRun()
         """Acknowledgements of setpoints."""
         self.setpoints_refused = 0
-        self.impossible_times = 0
-        """Clock answers and stamps that can't be."""
         self.beyond_margin = False
         """Whether its loop's delay is beyond what keeps it stable."""
         self.restarted = False
@@ -109,7 +107,7 @@ class Vehicle:
     @property
     def frames_implausible(self) -> int:
         """Frames whose values were dropped because they can't be an aircraft's."""
-        return self.telemetry.implausible + self.impossible_times
+        return self.telemetry.implausible
 
     def new_sample(self, now: Instant) -> Sample | None:
         """Return what the newest position tells, once; None before the vehicle's clock is known.
@@ -126,7 +124,7 @@ class Vehicle:
         stamp, apart_s = self.clock.to_instant(motion.stamp_s), motion.stamp_s - attitude.time_boot_s
         possible = -EARLY_S <= seconds_between(stamp, now) <= LONGEST_DELAY_S
         if not possible or abs(apart_s) > APART_LIMIT_S:
-            self.impossible_times += 1
+            self.telemetry.implausible += 1
             return None
         turned = attitude.yawspeed_radps * apart_s
         return Sample(
@@ -159,7 +157,7 @@ class Vehicle:
         if sent is None:
             return
         if not 0 < answer.tc1_ns < CLOCK_LIMIT_NS:
-            self.impossible_times += 1
+            self.telemetry.implausible += 1
             return
         if not self.claims.believes(answer.tc1_ns / NANOSECONDS, now):
             return
