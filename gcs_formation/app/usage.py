@@ -32,7 +32,11 @@ CHECK = _examples(
     "gcs-formation check quickstart.yaml",
     "gcs-formation check quickstart.yaml --set law.rate_hz=5 --json",
 )
-TELL = """\b
+TELL = (
+    _examples("gcs-formation tell runs/quickstart shape line", "gcs-formation tell runs/quickstart leader 2")
+    + """
+
+\b
 Orders:
   shape NAME [SPACING_M]   fly another shape
   spacing SPACING_M        fly the same shape wider or closer
@@ -42,6 +46,7 @@ Orders:
 
 Exit status 1: refused, with the reason. 3: no flight answers there.
 """
+)
 REPORT = _examples("gcs-formation report runs/quickstart      writes runs/quickstart/report.html")
 STRESS = _examples(
     "gcs-formation stress --count 100",
