@@ -24,8 +24,6 @@ from gcs_formation.record.tlog import read_tlog
 REGAINED_M = 1.0
 REGAINED_FOR_S = 10.0
 """At the end every follower has been this near its slot for so long."""
-LOST = ("crash", "freeze")
-"""Faults that a vehicle doesn't come back from."""
 ROUNDING = 1e-3
 """Single precision on the wire."""
 
@@ -50,8 +48,8 @@ class Flown:
         return {name: values[mine] for name, values in self.columns.items()}
 
     def lost_at_s(self, vehicle: PlannedVehicle) -> float:
-        """Return when a fault took a vehicle for good, infinity if none did."""
-        faults = (each for each in self.scenario.faults if each.kind in LOST)
+        """Return when a vehicle crashed, infinity if it didn't."""
+        faults = (each for each in self.scenario.faults if each.kind == "crash")
         return min((each.at_s for each in faults if vehicle in self.scenario.selected(each.vehicles)), default=np.inf)
 
 
@@ -144,13 +142,13 @@ def recorded(flown: Flown) -> Iterator[str]:
 
 
 def regained(flown: Flown) -> Iterator[str]:
-    """When everything has been calm again for a while, every follower is in its slot."""
-    for vehicle in flown.scenario.followers:
-        if np.isfinite(flown.lost_at_s(vehicle)):
-            continue
+    """When everything has been calm again for a while, every vehicle that doesn't lead is in its slot."""
+    for vehicle in flown.scenario.vehicles:
         rows = flown.rows(vehicle)
-        late = rows["mission_time_s"] > flown.scenario.duration_s - REGAINED_FOR_S
-        worst_m = max((float(np.abs(rows[name][late]).max(initial=0.0)) for name in ERROR), default=0.0)
+        late = (rows["mission_time_s"] > flown.scenario.duration_s - REGAINED_FOR_S) & ~rows["leads"]
+        if np.isfinite(flown.lost_at_s(vehicle)) or not late.any():
+            continue
+        worst_m = max(float(np.abs(rows[name][late]).max()) for name in ERROR)
         if not worst_m < REGAINED_M:
             yield (
                 f"regained: vehicle {vehicle.vehicle_id} was {worst_m:.2f} m from its slot in the last "

@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from formation_scenario import Scenario, ScenarioError, load_scenario
+from formation_scenario.faults import PASSING
 
 Keys = dict[str, Any]
 Choice = TypeVar("Choice")
@@ -42,8 +43,7 @@ def draw(seed: int) -> Scenario:
 
 def _scenario(rng: np.random.Generator, seed: int) -> Keys:
     count = int(rng.integers(2, 5))
-    followers = list(range(2, count + 1))
-    faults = _faults(rng, followers)
+    faults = _faults(rng, count)
     outages = _outages(rng, count)
     duration_s = FIRST_TROUBLE_S + TROUBLE_S + CALM_S + (REJOIN_S if faults or outages else 0.0)
     speed_mps = float(rng.uniform(20.0, 24.0))
@@ -54,7 +54,7 @@ def _scenario(rng: np.random.Generator, seed: int) -> Keys:
         "start": _start(rng),
         "vehicles": _vehicles(rng, count),
         "telemetry": {"rate_hz": _one_of(rng, 5.0, 10.0, 10.0, 20.0)},
-        "formation": _formation(rng),
+        "formation": _formation(rng, count),
         "law": {"type": _one_of(rng, "fuzzy_pid", "pid"), "rate_hz": _one_of(rng, 5.0, 10.0, 10.0, 20.0)},
         "path": {"speed_mps": speed_mps, "waypoints_m": _waypoints(rng, (duration_s + 30.0) * speed_mps)},
         "links": {"default": _impairment(rng), "changes": [*_link_changes(rng, count), *outages]},
@@ -78,7 +78,7 @@ def _start(rng: np.random.Generator) -> Keys:
     return {"in_air": True, "run_in_s": 8.0, "offset_m": _vector(rng, 8.0, 6.0, 4.0)}
 
 
-def _formation(rng: np.random.Generator) -> Keys:
+def _formation(rng: np.random.Generator, count: int) -> Keys:
     """Return a shape; in the follower's own frame one whose slots aren't far aside, where that frame swings them."""
     if rng.random() < 0.25:
         spacing_m = float(rng.uniform(20.0, 35.0))
@@ -88,10 +88,16 @@ def _formation(rng: np.random.Generator) -> Keys:
             "frame": "follower_heading",
         }
     shapes = ("follower", "diamond", "triangle", "square", "plus", "arrow", "line", "echelon", "circle")
+    changes: list[Keys] = []
+    if rng.random() < 0.4:
+        changes.append({"at_s": _trouble_at(rng), "shape": _one_of(rng, *shapes)})
+    if rng.random() < 0.2:
+        changes.append({"at_s": _trouble_at(rng) + TROUBLE_S, "leader": _vehicle(rng, count)})
     return {
         "shape": _one_of(rng, *shapes),
         "spacing_m": float(rng.uniform(25.0, 60.0)),
         "frame": "leader_heading",
+        "changes": changes,
     }
 
 
@@ -143,11 +149,13 @@ def _disturbances(rng: np.random.Generator, count: int) -> list[Keys]:
     return [{"at_s": _trouble_at(rng), "vehicles": several, "velocity_mps": _vector(rng, 0.8, 0.8, 0.3)}]
 
 
-def _faults(rng: np.random.Generator, followers: list[int]) -> list[Keys]:
+def _faults(rng: np.random.Generator, count: int) -> list[Keys]:
+    """Return one fault of one vehicle, the leader among them, or none."""
     if rng.random() > 0.35:
         return []
-    kind, vehicle = _one_of(rng, "crash", "restart", "freeze"), int(rng.choice(followers))
-    return [{"at_s": _trouble_at(rng), "vehicles": [vehicle], "kind": kind}]
+    kind, at_s = _one_of(rng, "crash", "restart", "freeze", "ignore", "pilot"), _trouble_at(rng)
+    ends: Keys = {"until_s": at_s + float(rng.uniform(2.0, 12.0))} if kind in PASSING else {}
+    return [{"at_s": at_s, "vehicles": [_vehicle(rng, count)], "kind": kind, **ends}]
 
 
 def _trouble_at(rng: np.random.Generator) -> float:
