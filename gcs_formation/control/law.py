@@ -6,16 +6,27 @@ references are the slot's own speed and heading.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from formation_scenario.formation import Frame
-from gcs_formation.arrays import Array, Mask
+from formation_scenario.slot_motion import SlotMotion
+from gcs_formation.arrays import Array, Mask, wrap
 from gcs_formation.control import envelope, pid
 from gcs_formation.control.feed_forward import LeaderMotion, feed_forward
 from gcs_formation.control.fuzzy import FuzzyGainScheduler
-from gcs_formation.control.mixer import Mixer, drift, formation_error, mix, rotate_to, slot_axis, slot_target
+from gcs_formation.control.mixer import (
+    TOW_S,
+    Mixer,
+    Target,
+    drift,
+    formation_error,
+    mix,
+    rotate_to,
+    slot_axis,
+    slot_target,
+)
 from gcs_formation.control.pid import Gains, PidState
 from gcs_formation.control.situation import Decision, Situation
 from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Indices, Setpoints
@@ -65,17 +76,18 @@ class FormationLaw:
         self._model = self._models.take(self._followers)
         self._state = PidState.at_rest((self._followers.size, CHANNELS))
         self._drift_mps = np.full((2, self._followers.size), np.nan)
+        self._slot_turn_rps = np.full(self._followers.size, np.nan)
 
     def decide(self, situation: Situation, dt_s: float) -> Decision:
         """Return the followers' setpoints; the controllers of those that aren't active are kept at rest."""
         if situation.lead.leader != self._leader:
             self._lead_by(situation.lead.leader)
         parameters, state, slots = self._parameters, self._state, situation.slots.take(self._followers)
-        leader = self._led(situation)
+        turn_rps, leader = self._towed(self._led(situation), slots, dt_s)
         follower = situation.states.of(self._followers, self._followers)
         error_m = formation_error(leader.state, follower, slots.position_m, parameters.frame)
-        target = slot_target(leader.state, follower, leader.turn_rate_rps, slots, parameters.frame)
-        mixed = mix(parameters.mixer, target, follower, error_m)
+        target = slot_target(leader.state, follower, turn_rps, slots, parameters.frame)
+        mixed = mix(parameters.mixer, target, follower, self._steady(error_m, target, follower, slots))
         rate = pid.filter_rate(state, mixed, parameters.derivative_filter_s, dt_s)
         gains = scheduled_gains(parameters, mixed, rate).slowed(situation.bandwidth[self._followers])
         output = pid.unlimited(state, gains, mixed, rate)
@@ -90,23 +102,49 @@ class FormationLaw:
         active = situation.active[self._followers]
         self._state = _where(active, following, PidState.at_rest(mixed.shape))
         self._drift_mps[:, ~active] = np.nan
+        self._slot_turn_rps[~active] = np.nan
         shown = np.concatenate((gains.proportional, gains.integral, gains.derivative), axis=1)
         return Decision(self._followers, follower, limited, error_m, mixed, shown)
 
     def _led(self, situation: Situation) -> LeaderMotion:
-        """Return the leader's motion when each follower's setpoint acts; its heading lags what it's told by (7).
-
-        A slot in the follower's own frame is towed: it answers a bend after x_rc / v only, so none is led.
-        """
+        """Return the leader's motion when each follower's setpoint acts; its heading lags what it's told by (7)."""
         lead, model = situation.lead, self._leader_model
         state = situation.states.of(self._leading, self._followers)
         turn_rps = turn_rate(state, lead.told.take(np.zeros_like(self._leading)), model)
-        towed = self._parameters.frame == "follower_heading"
-        bend_rps2 = np.zeros_like(turn_rps) if towed else (lead.told_turn_rps - turn_rps) / model.tau_psi_s
+        bend_rps2 = (lead.told_turn_rps - turn_rps) / model.tau_psi_s
         hurry_mps2 = (lead.told.speed_mps - state.airspeed_mps) / model.tau_v_s
         hurry_mps2 = np.clip(hurry_mps2, -model.accel_max_mps2, model.accel_max_mps2)
         to_climb_m = lead.told.height_m - state.height_m - (model.tau_ha_s + model.tau_hb_s) * state.climb_mps
         return LeaderMotion(state, turn_rps, bend_rps2, hurry_mps2, to_climb_m / (model.tau_ha_s * model.tau_hb_s))
+
+    def _towed(self, leader: LeaderMotion, slots: SlotMotion, dt_s: float) -> tuple[Array, LeaderMotion]:
+        """Return the slots' turn rate, and the leader's motion with the rate at which that changes.
+
+        A slot in the follower's own frame is towed: by the zero dynamics of (8), psi_2' = v / x_rc sin(psi_1 - psi_2)
+        (errata item 23), it turns as the leader does, with a lag of x_rc / v.
+        """
+        if self._parameters.frame == "leader_heading":
+            return leader.turn_rate_rps, leader
+        lag_s = np.maximum(-slots.position_m[:, 0] / leader.state.airspeed_mps, dt_s)
+        begun = np.where(np.isnan(self._slot_turn_rps), leader.turn_rate_rps, self._slot_turn_rps)
+        self._slot_turn_rps = leader.turn_rate_rps + (begun - leader.turn_rate_rps) * np.exp(-dt_s / lag_s)
+        bend_rps2 = (leader.turn_rate_rps - self._slot_turn_rps) / lag_s
+        return self._slot_turn_rps, replace(leader, turn_acceleration_rps2=bend_rps2)
+
+    def _steady(self, error_m: Array, target: Target, follower: FlightState, slots: SlotMotion) -> Array:
+        """Return the errors that are mixed: in the follower's own frame, without what its heading sweeps forward.
+
+        While it heads off its slot's heading by some angle, that frame swings a slot to the side forward, by y_rc times
+        the angle. Speed can't follow that and needn't: it goes as the heading comes back. A slot behind swings aside,
+        by x_rc times the angle, which damps; a slot that has less of that than `TOW_S` is lent the rest.
+        """
+        if self._parameters.frame == "leader_heading":
+            return error_m
+        off = np.sin(wrap(follower.heading_rad - target.heading_rad))
+        steady_m = error_m.copy()
+        steady_m[:, 0] += slots.position_m[:, 1] * off
+        steady_m[:, 1] -= np.maximum(TOW_S * target.speed_mps + slots.position_m[:, 0], 0.0) * off
+        return steady_m
 
     def _gust(self, leader: FlightState, follower: FlightState, dt_s: float) -> tuple[Array, Array]:
         """Return how what carries the followers away has changed since the last tick, along and across, in m/s².

@@ -15,6 +15,9 @@ from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.arrays import Array, wrap
 from gcs_formation.estimation.flight_state import FlightState
 
+TOW_S = 1.36
+"""Least time behind the leader that the heading's gains are for in the follower's own frame: 30 m at 22 m/s."""
+
 
 @dataclass(frozen=True)
 class Mixer:

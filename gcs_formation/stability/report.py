@@ -13,6 +13,7 @@ from formation_scenario import law as keys
 from formation_scenario.arrangement import slot_schedule
 from formation_scenario.model import Scenario
 from formation_scenario.vehicles import VehicleModel
+from gcs_formation.control.mixer import TOW_S
 from gcs_formation.stability.loops import (
     FIXED_GAINS,
     SMALL_SIGNAL,
@@ -126,6 +127,6 @@ def _plants(scenario: Scenario, model: VehicleModel, x_rc_m: float) -> tuple[Pla
     weights = scenario.law.mixer
     mixer = Mixer(weights.k_v, weights.k_x, weights.k_psi, weights.k_y, weights.k_z)
     autopilot = Autopilot(model.tau_v_s, model.tau_psi_s, model.tau_ha_s, model.tau_hb_s)
-    turning = x_rc_m if scenario.formation.frame == "follower_heading" else 0.0
-    right = right_plant(mixer, autopilot, scenario.path.speed_mps, turning)
+    speed_mps, towed = scenario.path.speed_mps, scenario.formation.frame == "follower_heading"
+    right = right_plant(mixer, autopilot, speed_mps, max(x_rc_m, TOW_S * speed_mps) if towed else 0.0)
     return forward_plant(mixer, autopilot), right, height_plant(mixer, autopilot)

@@ -149,3 +149,19 @@ def test_clocks_that_are_off_do_not_matter(fly: Fly) -> None:
         {"id": 2, "clock": {"offset_s": 5.0, "drift_ppm": -50}},
     ]
     assert max(worst(fly(vehicles=vehicles), "max")) < 0.1
+
+
+@pytest.mark.parametrize("shape", ["line", "diamond"])
+def test_slots_in_the_followers_own_frame_are_kept_in_bends_and_beside_the_leader(fly: Fly, shape: str) -> None:
+    """A slot is towed: it bends as the leader does x_rc / v later; beside the leader nothing damps but the law."""
+    weave = [[600.0 * i, 250.0 * math.sin(0.9 * i), 100.0] for i in range(6)]
+    summary = fly(
+        duration_s=80,
+        start={"in_air": True, "run_in_s": 6, "offset_m": [8, 6, 4]},
+        formation={"shape": shape, "spacing_m": 40, "frame": "follower_heading"},
+        vehicles={"count": 4},
+        path={"speed_mps": 22, "waypoints_m": weave},
+    )
+    followers = summary.to_dict()["followers"].values()
+    assert all(follower["settled_at_s"] < 40 for follower in followers)
+    assert max(worst(summary, "steady_max")[:2]) < 0.5
