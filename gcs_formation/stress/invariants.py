@@ -145,7 +145,7 @@ def regained(flown: Flown) -> Iterator[str]:
     """When everything has been calm again for a while, every vehicle that doesn't lead is in its slot."""
     for vehicle in flown.scenario.vehicles:
         rows = flown.rows(vehicle)
-        late = (rows["mission_time_s"] > flown.scenario.duration_s - REGAINED_FOR_S) & ~rows["leads"]
+        late = (rows["mission_time_s"] > flown.scenario.duration_s - REGAINED_FOR_S) & (rows["leads"] == 0)
         if np.isfinite(flown.lost_at_s(vehicle)) or not late.any():
             continue
         worst_m = max(float(np.abs(rows[name][late]).max()) for name in ERROR)
