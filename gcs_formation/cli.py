@@ -1,4 +1,4 @@
-"""The command line: `gcs-formation init | check | run | fly | tell | report | stress`."""
+"""The command line: `gcs-formation init | check | run | fly | tell | report | compare | stress`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 import click
 from rich.console import Console
@@ -28,6 +28,9 @@ from gcs_formation.app.steering import tell as give_order
 from gcs_formation.app.tell import summary_text
 from gcs_formation.errors import ExampleError, NothingRunningError, RecordError, RunAbortedError
 from gcs_formation.record.summary import Summary
+
+if TYPE_CHECKING:
+    from gcs_formation.compare.command import Compared
 
 EXPECTATION_BROKEN = 1
 BAD_USAGE = 2
@@ -141,6 +144,39 @@ def report(run_dir: Path) -> None:
         _fail(str(error), BAD_USAGE)
 
 
+@main.command(epilog=usage.COMPARE)
+@click.argument("scenario", type=click.Path(path_type=Path))
+@click.option("--laws", default="pid,fuzzy_pid,consensus", show_default=True, help="Names, with commas between.")
+@click.option("--from", "from_s", type=click.FloatRange(0), default=0.0, metavar="SECONDS", help="Errors count from…")
+@click.option("--to", "to_s", type=click.FloatRange(0), metavar="SECONDS", help="… to; default: the end.")
+@click.option("--until", "until_s", type=click.FloatRange(0), metavar="SECONDS", help="End the flights at this time.")
+@click.option("--seed", type=click.IntRange(0), help="Instead of the scenario's.")
+@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key (repeatable).")
+@click.option("--jobs", type=click.IntRange(1), default=1, show_default=True, help="Flights at a time.")
+@click.option("--out", type=click.Path(path_type=Path), help="Directory of it all; default: runs/NAME-TIME.")
+@click.option("--json", "as_json", is_flag=True, help="The figures alone on standard output, as JSON.")
+def compare(seed: int | None, overrides: tuple[str, ...], out: Path | None, as_json: bool, **given: Any) -> None:
+    """Fly SCENARIO by each of several laws, on one seed under the virtual clock, and set them side by side.
+
+    Laws: pid, fuzzy_pid (tables as printed), fuzzy_pid_symmetric and consensus, each also as NAME_uncompensated,
+    without prediction over the delay. --out gets a run directory for each law, comparison.json, .png and .html.
+    """
+    from gcs_formation.compare import command  # noqa: PLC0415 - matplotlib takes a second to import
+
+    given["overrides"] = (*overrides, *(() if seed is None else (f"seed={seed}",)))
+    given["out"] = out or default_directory(f"{Path(given['scenario']).stem}-laws")
+    try:
+        compared = command.compare(command.CompareOptions(**given))
+    except (ScenarioError, RecordError) as error:
+        _fail(str(error), BAD_USAGE)
+    except RunAbortedError as error:
+        _fail(str(error), COULD_NOT_GO_ON)
+    if as_json:
+        click.echo(compared.json)
+    click.echo(compared.text, err=as_json)
+    sys.exit(_compared_status(compared))
+
+
 @main.command(epilog=usage.STRESS)
 @click.option("--count", type=click.IntRange(1), default=100, show_default=True, help="How many flights.")
 @click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Seed of the first; then one more.")
@@ -212,6 +248,17 @@ def _conclude(summary: Summary, options: RunOptions, interrupts: Interrupts, giv
     for broken in (*(str(v) for v in summary.verdicts if v.held is False), *summary.breaches):
         click.echo(broken, err=True)
     return 0 if summary.held else EXPECTATION_BROKEN
+
+
+def _compared_status(compared: Compared) -> int:
+    """Say what each law broke and which could not go on; return the gravest status."""
+    for text in (*compared.broken(), *compared.stopped()):
+        click.echo(text, err=True)
+    if compared.interrupted:
+        return _say("interrupted; what was recorded is complete", INTERRUPTED)
+    if compared.stopped():
+        return COULD_NOT_GO_ON
+    return EXPECTATION_BROKEN if compared.broken() else 0
 
 
 def _interrupted(options: RunOptions) -> int:

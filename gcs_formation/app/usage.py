@@ -14,6 +14,7 @@ ALL = _examples(
     "gcs-formation run quickstart.yaml --clock virtual --set links.default.delay_ms=300",
     "gcs-formation tell runs/quickstart shape line                to a flight under way",
     "gcs-formation report runs/quickstart",
+    "gcs-formation compare quickstart.yaml --laws pid,fuzzy_pid   on one seed, side by side",
 )
 INIT = _examples(
     "gcs-formation init                      quickstart.yaml, here",
@@ -48,6 +49,10 @@ Exit status 1: refused, with the reason. 3: no flight answers there.
 """
 )
 REPORT = _examples("gcs-formation report runs/quickstart      writes runs/quickstart/report.html")
+COMPARE = _examples(
+    "gcs-formation compare paper.yaml --laws pid,fuzzy_pid,consensus --from 500 --jobs 2 --out runs/laws",
+    "gcs-formation compare quickstart.yaml --laws fuzzy_pid,fuzzy_pid_uncompensated --set links.default.delay_ms=300",
+)
 STRESS = _examples(
     "gcs-formation stress --count 100",
     "gcs-formation stress --count 1 --seed 17 --out runs/seed-17",

@@ -1,0 +1,138 @@
+"""What the laws' flights came to in one window of time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from gcs_formation.app.check import warnings
+from gcs_formation.arrays import Array
+from gcs_formation.compare.flights import Flown
+from gcs_formation.record.figures_of_merit import axis_figures, separation_m
+from gcs_formation.report.run_data import RunData, load_run
+from gcs_formation.stability import law_margins
+
+SCHEMA = 1
+AXES = ("x", "y", "z")
+FIGURES = ("rms", "max", "steady_max")
+
+
+@dataclass(frozen=True)
+class Window:
+    """Mission times from which and up to which errors count, both included, s."""
+
+    from_s: float
+    to_s: float
+
+
+@dataclass(frozen=True)
+class Row:
+    """One law's figures: of errors the worst follower's, each axis by itself; None where there is none."""
+
+    law: str
+    settled_at_s: float | None
+    """When the last follower settled, None if one never did; of the whole flight."""
+    error_x_m: dict[str, float | None]
+    error_y_m: dict[str, float | None]
+    error_z_m: dict[str, float | None]
+    min_separation_m: float | None
+    delay_margin_s: float | None
+    margin_used: float | None
+    warnings: tuple[str, ...] = ()
+    """What `check` says of it: loops whose delay is near or beyond what they stand."""
+    aborted: str = ""
+    """Why there are no figures: the run could not go on."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """One law's largest error of any follower over time: (T,) mission times, (T, 3) m."""
+
+    law: str
+    time_s: Array
+    error_m: Array
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """All laws' rows and lines."""
+
+    name: str
+    seed: int
+    frame: str
+    window: Window
+    rows: tuple[Row, ...]
+    lines: tuple[Line, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what comparison.json holds."""
+        laws = {row.law: {key: value for key, value in asdict(row).items() if key != "law"} for row in self.rows}
+        window = {"from_s": self.window.from_s, "to_s": self.window.to_s}
+        return {"schema": SCHEMA, "name": self.name, "seed": self.seed, "frame": self.frame, **window, "laws": laws}
+
+
+def compare_flights(flown: Sequence[Flown], name: str, seed: int, frame: str, window: Window) -> Comparison:
+    """Return the comparison of finished flights.
+
+    Raises:
+        RecordError: a run directory can't be read.
+    """
+    runs = {each.law: load_run(each.directory) for each in flown if each.summary is not None}
+    rows = tuple(_row(each, runs.get(each.law), window) for each in flown)
+    lines = tuple(_line(law, run) for law, run in runs.items() if run.followers)
+    return Comparison(name, seed, frame, window, rows, lines)
+
+
+def _row(flown: Flown, run: RunData | None, window: Window) -> Row:
+    if run is None:
+        nothing: dict[str, float | None] = dict.fromkeys(FIGURES)
+        return Row(flown.law, None, nothing, nothing, nothing, None, None, None, aborted=flown.aborted)
+    within = run.flown.window(window.from_s, window.to_s)
+    separation = separation_m(run.flown, within)
+    stability = run.summary["stability"]
+    x, y, z = (_axis(run, window, axis) for axis in range(3))
+    return Row(
+        law=flown.law,
+        settled_at_s=_settled_s(run),
+        error_x_m=x,
+        error_y_m=y,
+        error_z_m=z,
+        min_separation_m=_finite(separation.min(initial=np.inf)),
+        delay_margin_s=stability["delay_margin_s"],
+        margin_used=stability.get("margin_used"),
+        warnings=tuple(warnings(run.scenario, law_margins(run.scenario))),
+    )
+
+
+def _axis(run: RunData, window: Window, axis: int) -> dict[str, float | None]:
+    """Return the worst follower's figures on an axis; no steady figure unless all have settled."""
+    settled_s = _settled_s(run)
+    found: list[dict[str, float | None]] = []
+    for vehicle in run.followers:
+        error_m = run.flown.error(vehicle)[:, axis]
+        kept = run.flown.window(window.from_s, window.to_s) & np.isfinite(error_m)
+        time_s = run.time_s[kept]
+        steady_from = settled_s if settled_s is not None and (time_s >= settled_s).any() else None
+        found.append(axis_figures(time_s, error_m[kept], steady_from))
+    return {figure: _worst([each[figure] for each in found]) for figure in FIGURES}
+
+
+def _settled_s(run: RunData) -> float | None:
+    return _worst([follower["settled_at_s"] for follower in run.summary["followers"].values()])
+
+
+def _worst(values: Sequence[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return max(known) if known and len(known) == len(values) else None
+
+
+def _line(law: str, run: RunData) -> Line:
+    errors = np.abs(np.stack([run.flown.error(vehicle) for vehicle in run.followers]))
+    return Line(law, run.time_s, np.fmax.reduce(errors))
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,57 @@
+"""The comparison as a figure: the largest error of any follower over time, a line for each law."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from gcs_formation.compare.comparison import Comparison, Line
+from gcs_formation.record.figures_of_merit import SETTLED_M
+from gcs_formation.report.downsample import extremes
+from gcs_formation.report.lines import BUCKETS
+from gcs_formation.report.style import GREY, THIN, axes_grid, column_of, legend_below, new_figure, note
+from gcs_formation.report.time_axes import span
+
+LABELS = ("forward |error| $x$, m", "right |error| $y$, m", "height |error| $z$, m")
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8C6D31")
+DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1)), (0, (5, 1, 1, 1)))
+LEAST_M = 1e-3
+SETTLING_S = 60.0
+"""What the left column shows, where the window begins later."""
+
+
+def comparison_figure(comparison: Comparison) -> Figure:
+    """Draw |error| by axis: on the left how the laws settle, on the right the window."""
+    figure = new_figure(13.5)
+    if not comparison.lines:
+        note(figure.add_subplot(), "no law flew any follower")
+        return figure
+    window = comparison.window
+    settling = (0.0, min(SETTLING_S, window.to_s))
+    columns = [settling, (window.from_s, window.to_s)] if window.to_s > settling[1] else [settling]
+    grid = axes_grid(figure, 3, len(columns), sharex="col", width_ratios=(0.6, 1.0)[-len(columns) :])
+    for index, (begin, end) in enumerate(columns):
+        for axis, axes in enumerate(column_of(grid, index)):
+            _panel(axes, comparison.lines, axis, begin, end)
+        grid[-1][index].set_xlabel("mission time, s")
+    for row, label in zip(grid, LABELS, strict=True):
+        row[0].set_ylabel(label)
+    figure.align_ylabels(column_of(grid, 0))
+    legend_below(figure, 3)
+    return figure
+
+
+def _panel(axes: Axes, lines: tuple[Line, ...], axis: int, begin: float, end: float) -> None:
+    axes.set_yscale("log")
+    most = LEAST_M
+    for number, line in enumerate(lines):
+        kept = (line.time_s >= begin) & (line.time_s <= end)
+        time_s, error_m = line.time_s[kept], np.maximum(line.error_m[kept, axis], LEAST_M)
+        shown = extremes(error_m, BUCKETS)
+        colour, dash = COLOURS[number % len(COLOURS)], DASHES[number % len(DASHES)]
+        axes.plot(time_s[shown], error_m[shown], color=colour, ls=dash, lw=0.8, label=line.law)
+        most = max(most, float(np.nanmax(error_m, initial=LEAST_M)))
+    axes.axhline(SETTLED_M, color=GREY, lw=THIN, ls=(0, (4, 2)), label="settled: within 0.5 m")
+    axes.set_ylim(LEAST_M, 2.0 * max(most, SETTLED_M))
+    span(axes, begin, end)

@@ -1,0 +1,58 @@
+"""comparison.json, comparison.png and comparison.html of flown laws."""
+
+from __future__ import annotations
+
+import json
+from base64 import b64encode
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+
+from gcs_formation.compare.comparison import Comparison
+from gcs_formation.compare.figure import comparison_figure
+from gcs_formation.compare.laws import LAWS
+from gcs_formation.compare.table import comparison_table
+from gcs_formation.errors import RecordError
+from gcs_formation.report.style import print_style, save
+from gcs_formation.report.tables import table
+
+NAME = "comparison"
+
+
+def write_comparison(comparison: Comparison, out: Path) -> Path:
+    """Write a comparison's three files into a directory; return the page's path.
+
+    Raises:
+        RecordError: the directory can't be written.
+    """
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        (out / f"{NAME}.json").write_text(json.dumps(comparison.to_dict(), indent=2), encoding="utf-8")
+        picture, target = out / f"{NAME}.png", out / f"{NAME}.html"
+        with print_style():
+            save(comparison_figure(comparison), picture)
+        target.write_text(_page(comparison, picture), encoding="utf-8")
+    except OSError as error:
+        raise RecordError(f"cannot write the comparison into {out}: {error.strerror}") from error
+    return target
+
+
+def _page(comparison: Comparison, picture: Path) -> str:
+    assets = files("gcs_formation.report") / "assets"
+    own = files("gcs_formation.compare") / "comparison.html"
+    return Template(own.read_text(encoding="utf-8")).substitute(
+        title=escape(f"{comparison.name}: laws side by side"),
+        style=(assets / "report.css").read_text(encoding="utf-8"),
+        seed=comparison.seed,
+        frame=escape(comparison.frame),
+        from_s=f"{comparison.window.from_s:g}",
+        to_s=f"{comparison.window.to_s:g}",
+        table=comparison_table(comparison),
+        image=b64encode(picture.read_bytes()).decode("ascii"),
+        laws=table(
+            ["Law", "What it sets in the scenario"],
+            [[row.law, ", ".join(LAWS[row.law])] for row in comparison.rows],
+            (0, 1),
+        ),
+    )
