@@ -37,15 +37,14 @@ MIXED = ("mixed_speed_mps", "mixed_heading_rad", "mixed_height_m")
 GAINS = tuple(f"{gain}_{channel}" for gain in ("kp", "ki", "kd") for channel in CHANNELS)
 TIME = ("t_s", "mission_time_s")
 MEASURED = TIME + STATE + SETPOINT + LINK + SLOT + LAW_ERROR + MIXED + GAINS
+DISTURBANCE = ("true_disturbance_north_mps", "true_disturbance_east_mps", "true_disturbance_down_mps")
 TRUTH = (
     "true_north_m",
     "true_east_m",
     "true_height_m",
     "true_airspeed_mps",
     "true_heading_rad",
-    "true_disturbance_north_mps",
-    "true_disturbance_east_mps",
-    "true_disturbance_down_mps",
+    *DISTURBANCE,
 )
 ERROR = ("error_x_m", "error_y_m", "error_z_m")
 GROUND = ("ground_height_m", "clearance_m")

@@ -9,10 +9,12 @@ from typing import NamedTuple
 from matplotlib.figure import Figure
 
 from gcs_formation.report.control_figures import gains, setpoints
+from gcs_formation.report.disturbance_figure import disturbance
 from gcs_formation.report.error_figure import errors
 from gcs_formation.report.link_figures import latency, separation
-from gcs_formation.report.plan_figures import plan, trajectory
+from gcs_formation.report.plan_figures import plan
 from gcs_formation.report.run_data import RunData
+from gcs_formation.report.space_figure import trajectory
 from gcs_formation.report.style import print_style, save
 
 DIRECTORY = "figures"
@@ -29,18 +31,31 @@ class Plate(NamedTuple):
 
 PLATES = (
     Plate(
+        "disturbance",
+        "Disturbance",
+        "Velocity that was added to each vehicle's own over the ground, from ground truth (figure 11 of the paper).",
+        disturbance,
+    ),
+    Plate(
+        "errors",
+        "Formation errors",
+        "Slot minus vehicle, in the frame that the scenario names (figure 12 of the paper). Where the transient would "
+        "hide what follows it, it has axes of its own on the left.",
+        errors,
+    ),
+    Plate(
+        "trajectory",
+        "Trajectories",
+        "Over the ground (figure 13 of the paper). Heights are stretched; grey: the tracks' shadows. With terrain, "
+        "below: heights over time, and the ground under the leader.",
+        trajectory,
+    ),
+    Plate(
         "plan",
         "Plan view",
         "Tracks of all vehicles and the path, north up. A, B, …: the formation at these times, seen with the "
         "leader's heading up; circles are the slots that were commanded then.",
         plan,
-    ),
-    Plate(
-        "errors",
-        "Formation errors",
-        "Slot minus vehicle, in the frame that the scenario names. Where the transient would hide what "
-        "follows it, it has axes of its own on the left.",
-        errors,
     ),
     Plate(
         "setpoints",
@@ -49,7 +64,6 @@ PLATES = (
         "largest errors.",
         setpoints,
     ),
-    Plate("trajectory", "Trajectories", "Heights are stretched; grey: the tracks' shadows.", trajectory),
     Plate(
         "gains",
         "Gains",

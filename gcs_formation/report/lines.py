@@ -49,6 +49,10 @@ class Group:
             return FOLLOWERS[[v for v in self.vehicles if v != self.leader].index(vehicle)]
         return WORST if vehicle == self.worst else LIGHT
 
+    def stands_out(self, vehicle: VehicleId) -> bool:
+        """Whether a vehicle isn't drawn as one of many; what stands out is drawn last."""
+        return self.colour(vehicle) != LIGHT
+
     def label(self, vehicle: VehicleId) -> str:
         """Return a vehicle's name in the legend; all that look alike have one."""
         if vehicle == self.leader:
@@ -63,7 +67,7 @@ class Group:
             _bands(axes, time_s, np.stack(values, axis=1))
             return
         pairs = list(zip(self.vehicles, values, strict=True))
-        for vehicle, series in sorted(pairs, key=lambda pair: self.colour(pair[0]) != LIGHT):
+        for vehicle, series in sorted(pairs, key=lambda pair: self.stands_out(pair[0])):
             shown = extremes(series, BUCKETS)
             axes.plot(
                 time_s[shown],

@@ -1,16 +1,15 @@
-"""The flight seen from above, with the formation at chosen times, and in three dimensions."""
+"""The flight seen from above, with the formation at chosen times."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from math import ceil
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
-from mpl_toolkits.mplot3d.axes3d import Axes3D
 
 from gcs_formation.arrays import Array
 from gcs_formation.report.downsample import evenly
@@ -32,8 +31,6 @@ STILLS = 12
 """Times at which everyone's place is dotted into the plan."""
 FEW_S = 20.0
 """A flight no longer than this is timed by tenths of a second."""
-SPACE_RATIO = 0.4
-"""Height of the space by its length, at least, once heights are stretched."""
 
 
 class Extent(NamedTuple):
@@ -60,27 +57,6 @@ def plan(run: RunData) -> Figure:
     _frame(main, extent)
     _formations(small, run, group, stills, aspect)
     legend_below(figure, 4)
-    return figure
-
-
-def trajectory(run: RunData) -> Figure:
-    """Draw the tracks in space, over their shadows on the lowest height; heights are stretched."""
-    group = everyone(run)
-    figure = new_figure(10.5)
-    figure.set_layout_engine("none")
-    axes = cast("Axes3D", figure.add_axes((-0.13, -0.04, 1.23, 1.16), projection="3d"))
-    shown = evenly(run.time_s.size, TRACK_POINTS)
-    tracks = {vehicle: run.flown.place(vehicle)[shown] for vehicle in group.vehicles}
-    unit, name = _unit(_extent(run))
-    floor = _box(axes, np.concatenate(list(tracks.values())), unit)
-    for vehicle, track in sorted(tracks.items(), key=lambda item: group.colour(item[0]) != LIGHT):
-        north, east, up = track.T
-        axes.plot(east / unit, north / unit, np.full_like(up, floor), color="#DCDCDC", lw=THIN, zorder=1)
-        axes.plot(east / unit, north / unit, up, color=group.colour(vehicle), lw=0.8, label=group.label(vehicle))
-    axes.set_xlabel(f"east, {name}", labelpad=6)
-    axes.set_ylabel(f"north, {name}", labelpad=8)
-    axes.set_zlabel("height, m", labelpad=6)
-    _three_d_legend(figure, axes)
     return figure
 
 
@@ -126,7 +102,7 @@ def _tracks(axes: Axes, run: RunData, group: Group, path: Array) -> None:
     axes.plot(path[:, 1], path[:, 0], color="#F0C27A", lw=3.0, alpha=0.7, label="path", solid_capstyle="butt")
     shown = evenly(run.time_s.size, TRACK_POINTS)
     dots = evenly(run.time_s.size, STILLS)
-    for vehicle in sorted(group.vehicles, key=lambda vehicle: group.colour(vehicle) != LIGHT):
+    for vehicle in sorted(group.vehicles, key=group.stands_out):
         place = run.flown.place(vehicle)
         colour = group.colour(vehicle)
         axes.plot(place[shown, 1], place[shown, 0], color=colour, lw=THIN, label=group.label(vehicle))
@@ -194,29 +170,3 @@ def _view(places_m: Array, aspect: float) -> tuple[Array, float]:
     near = known[away <= 6.0 * max(float(np.median(away)), 10.0)]
     low, high = near.min(axis=0), near.max(axis=0)
     return (low + high) / 2, 0.62 * max(high[0] - low[0], (high[1] - low[1]) / aspect, 20.0)
-
-
-def _box(axes: Axes3D, places: Array, unit: float) -> float:
-    """Set the space's limits and proportions; return its lowest height."""
-    known = places[np.isfinite(places).all(axis=1)]
-    low, high = known.min(axis=0), known.max(axis=0)
-    reach = high - low
-    longest = max(float(reach[:2].max()), 10.0)
-    sides = np.maximum(reach[:2], 0.35 * longest) * 1.04
-    (north, east), tall = (low + high)[:2] / 2, max(float(reach[2]) * 1.1, 10.0)
-    axes.set_xlim((east - sides[1] / 2) / unit, (east + sides[1] / 2) / unit)
-    axes.set_ylim((north - sides[0] / 2) / unit, (north + sides[0] / 2) / unit)
-    floor = float(low[2]) - 0.15 * tall
-    axes.set_zlim(floor, floor + 1.3 * tall)
-    axes.set_box_aspect((sides[1], sides[0], SPACE_RATIO * longest))
-    axes.view_init(elev=22, azim=-25 if sides[0] > sides[1] else -65)
-    return floor
-
-
-def _three_d_legend(figure: Figure, axes: Axes3D) -> None:
-    handles, labels = axes.get_legend_handles_labels()
-    named = dict(zip(labels, handles, strict=True))
-    figure.legend(list(named.values()), list(named), loc="lower center", ncols=min(5, len(named)))
-    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
-        axis.set_major_locator(MaxNLocator(5))
-    axes.tick_params(pad=1)

@@ -13,7 +13,7 @@ import pytest
 from formation_scenario import Scenario, SplinePath, dump_scenario, load_scenario, slot_schedule
 from gcs_formation.record.figures_of_merit import axis_figures, separation_m, settled_at_s
 from gcs_formation.record.flight import Flight
-from gcs_formation.record.timeseries import ERROR, GAINS, LAW_ERROR, MIXED, STATE, TRUTH, write_parquet
+from gcs_formation.record.timeseries import DISTURBANCE, ERROR, GAINS, LAW_ERROR, MIXED, STATE, TRUTH, write_parquet
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 ASSEMBLY_S = 10.0
@@ -165,8 +165,17 @@ def vehicle_columns(
             "true_height_m": height,
             "true_airspeed_mps": speed,
             "true_heading_rad": np.unwrap(along.course_rad),
+            **dict(zip(DISTURBANCE, disturbance_mps(scenario, mission_s).T, strict=True)),
         }
     return own
+
+
+def disturbance_mps(scenario: Scenario, mission_s: np.ndarray) -> np.ndarray:
+    """Return (T, 3) the sum of the scenario's steps, as if each were on everybody."""
+    steps = [
+        np.outer(mission_s >= each.at_s, each.velocity_mps) for each in scenario.disturbances if each.kind == "step"
+    ]
+    return np.sum([np.zeros((mission_s.size, 3)), *steps], axis=0)
 
 
 def gain_columns(scenario: Scenario, mission_s: np.ndarray, leads: bool) -> dict[str, np.ndarray]:
