@@ -8,6 +8,7 @@ import pytest
 from formation_scenario import load_scenario
 from gcs_formation.report import write_report
 from gcs_formation.report.embedded import as_script, embedded
+from gcs_formation.report.paper import beside_the_paper
 from gcs_formation.report.run_data import load_run
 from gcs_formation.report.tables import cards, table, verdict
 
@@ -132,6 +133,17 @@ def test_one_broken_expectation_breaks_the_run(make_run):
     assert "none broken, 1 not reached" in verdict({**summary, "expect": unbroken})
     assert "all held" in verdict({**summary, "expect": unbroken[:1]})
     assert "2 safety violations" in verdict({**summary, "safety": {"violations": 2}})
+
+
+def test_the_papers_figures_stand_beside_ours_only_after_its_own_disturbance(make_run):
+    step = {"at_s": 30, "velocity_mps": [0.6, 0.6, 0.0]}
+    run = load_run(make_run(straight(3, 100, disturbances=[step])))
+    errors = np.abs(np.concatenate([run.flown.error(v)[run.flown.window(30, 100)] for v in run.followers]))
+    cells = re.findall(r"<td>([0-9.]+)</td>", beside_the_paper(run))
+    assert cells == ["0.22", f"{errors[:, 0].max():.3f}", "0.50", f"{errors[:, 1].max():.3f}"]
+    for other in ({"at_s": 60, "velocity_mps": [0.6, 0.6, 0.0]}, {"at_s": 30, "velocity_mps": [0.3, 0.6, 0.0]}):
+        text = beside_the_paper(load_run(make_run(straight(3, 100, disturbances=[other]))))
+        assert "Not comparable" in text
 
 
 def test_a_run_that_never_settled_says_so(make_run):

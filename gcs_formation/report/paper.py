@@ -1,0 +1,66 @@
+"""What the paper reports beside what this run came to, where the two can be compared."""
+
+from __future__ import annotations
+
+from html import escape
+
+import numpy as np
+
+from formation_scenario.disturbances import StepDisturbance
+from gcs_formation.report.run_data import RunData
+from gcs_formation.report.tables import number, table
+
+STEP_MPS = 0.6
+"""What the paper adds north and east to every vehicle from 500 s on (figure 11)."""
+REPORTED_M = {"x": 0.22, "y": 0.5}
+"""The largest errors that the paper reads from figure 12, the transient at the beginning left out."""
+
+
+def beside_the_paper(run: RunData) -> str:
+    """Return the paper's figures beside the run's as HTML, or why they can't be compared."""
+    step = _step(run)
+    if step is None:
+        return (
+            '<p class="note">Not comparable: the paper has a step of 0.6 m/s north and east, and at least 60 s after '
+            "it.</p>"
+        )
+    found = _largest_m(run, step.at_s)
+    rows = [
+        [f"largest |error| {axis} from the step on, m", number(reported, 2), number(found[axis])]
+        for axis, reported in REPORTED_M.items()
+    ]
+    heads = ["Worst follower", "paper", "this run"]
+    return f'{table(heads, rows)}<p class="note">{escape(_conditions(run, step))}</p>'
+
+
+def _step(run: RunData) -> StepDisturbance | None:
+    """Return the paper's disturbance in this run, None where there is none or the run ends within 60 s of it."""
+    if not run.begun or not run.followers:
+        return None
+    alike = (
+        each
+        for each in run.scenario.disturbances
+        if isinstance(each, StepDisturbance) and np.allclose(np.abs(each.velocity_mps), (STEP_MPS, STEP_MPS, 0.0))
+    )
+    return next((each for each in alike if each.at_s + 60.0 <= float(run.time_s[-1])), None)
+
+
+def _largest_m(run: RunData, from_s: float) -> dict[str, float | None]:
+    window = run.flown.window(from_s, float(run.time_s[-1]))
+    errors = np.abs(np.concatenate([run.flown.error(vehicle)[window] for vehicle in run.followers]))
+    most = np.fmax.reduce(errors)
+    return {axis: float(most[i]) if np.isfinite(most[i]) else None for i, axis in enumerate(REPORTED_M)}
+
+
+def _conditions(run: RunData, step: StepDisturbance) -> str:
+    """Return on whom the disturbance acts, in which frame the errors are, what the links take; and the paper's."""
+    everybody = step.vehicles == "all" or run.leader in step.vehicles
+    whom = "every vehicle" if everybody else "followers only, a relative disturbance"
+    delays = [float(link["injected_delay_ms"]) for link in run.summary["links"].values()]
+    frame = run.scenario.formation.frame.replace("_heading", "'s")
+    return (
+        f"This run: the step acts on {whom}, from {step.at_s:g} s on; slots in the {frame} frame; links take "
+        f"{max(delays, default=0.0):.0f} ms each way, or less. The paper says that it acts on every vehicle; it gives "
+        "neither the links' delay nor path, speed, slots or gains, and whether figure 12 shows formation errors or "
+        "errors of an estimate can't be told from its text."
+    )

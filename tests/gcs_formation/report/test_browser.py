@@ -1,0 +1,57 @@
+"""The page in a real browser, headless and without a network. Skipped where no Chromium is on the machine."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from gcs_formation.report import write_report
+
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+BROWSER = next(filter(None, map(shutil.which, NAMES)), None)
+OPTIONS = (
+    "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking",
+    "--disable-dev-shm-usage", "--host-resolver-rules=MAP * ~NOTFOUND", "--proxy-server=127.0.0.1:9",
+    "--enable-logging=stderr", "--virtual-time-budget=3000", "--dump-dom",
+)  # fmt: skip
+POLICY = """<meta http-equiv="Content-Security-Policy" content="default-src 'none'">"""
+"""The report's, so that whatever it would load from elsewhere is an error on its console."""
+WALL_S = 120
+"""A browser that takes longer has hung."""
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(BROWSER is None, reason=f"no browser on this machine: none of {', '.join(NAMES)}"),
+]
+
+
+def opened(page: Path, profile: Path) -> tuple[str, list[str]]:
+    """Return the page as it is once its scripts have run, and all that reached the browser's console."""
+    command = [str(BROWSER), *OPTIONS, f"--user-data-dir={profile}", page.as_uri()]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=WALL_S, check=True)
+    return done.stdout, re.findall(r"CONSOLE.*", done.stderr)
+
+
+def test_the_report_opens_without_network_and_says_nothing_to_the_console(make_run, tmp_path):
+    shown, said = opened(write_report(make_run()), tmp_path)
+    assert said == []
+    assert re.search(r'<output id="clock"[^>]*>[0-9.]+ s</output>', shown), "the scripts ran to their end"
+    assert shown.count('aria-pressed="true"') == 4, "a toggle for each vehicle"
+
+
+@pytest.mark.parametrize(
+    ("body", "expected"),
+    [
+        ("<script>nowhere();</script>", "nowhere is not defined"),
+        (f'{POLICY}<img src="https://example.org/missing.png">', "Content Security Policy"),
+    ],
+)
+def test_an_error_would_be_seen(tmp_path, body, expected):
+    page = tmp_path / "broken.html"
+    page.write_text(f"<!DOCTYPE html><title>broken</title>{body}")
+    said = opened(page, tmp_path / "profile")[1]
+    assert any(expected in line for line in said)
