@@ -7,6 +7,7 @@ import math
 import traceback
 from contextlib import suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import pytest
@@ -102,10 +103,15 @@ def invoke(*arguments: str) -> tuple[int, str]:
 
 @pytest.mark.slow
 @given(change=changes)
-@settings(deadline=None, max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_a_changed_scenario_flies_or_is_refused_by_all_commands_alike(tmp_path: Path, change: Any) -> None:
-    path, out = tmp_path / "scenario.yaml", tmp_path / "run"
-    path.write_text(written(changed(PLAIN, *change)))
+@settings(deadline=None, max_examples=15)
+def test_a_changed_scenario_flies_or_is_refused_by_all_commands_alike(change: Any) -> None:
+    with TemporaryDirectory() as directory:
+        flies_or_is_refused(Path(directory), written(changed(PLAIN, *change)))
+
+
+def flies_or_is_refused(directory: Path, text: str) -> None:
+    """Check that `run` flies what `check` allows, and refuses all else in its words, with nothing started."""
+    path, out = _file(directory, text), directory / "run"
     status, words = invoke("check", str(path))
     options = ("--clock", "virtual", "--until", "2", "--quiet", "--out", str(out))
     flown, said = invoke("run", str(path), *options)
