@@ -34,6 +34,9 @@ from formation_scenario.trace import ALLOWED as TRACE_ALLOWED
 from formation_scenario.trace import TraceError, read_trace_ms
 from formation_scenario.vehicles import Vehicle, VehicleModel
 
+MAX_PATH_M = 1e6
+"""Half a day's flight; every few metres of a path are checked against every limit."""
+
 
 def inconsistencies(scenario: Scenario, source: Source) -> list[Problem]:
     """Return every broken rule between keys of a typed scenario."""
@@ -259,11 +262,15 @@ def _consensus(scenario: Scenario, source: Source) -> Iterator[Problem]:
 
 
 def _path(scenario: Scenario, source: Source) -> Iterator[Problem]:
+    path: KeyPath = ("path", "waypoints_m")
     try:
-        SplinePath(scenario.path.waypoints_m)
+        length_m = SplinePath(scenario.path.waypoints_m).length_m
     except PathError as error:
-        path: KeyPath = ("path", "waypoints_m", error.waypoint)
-        yield source.problem(path, str(error), "waypoints 1 m or more apart, without turning straight back")
+        allowed = "waypoints 1 m or more apart, without turning straight back"
+        yield source.problem((*path, error.waypoint), str(error), allowed)
+    else:
+        if length_m > MAX_PATH_M:
+            yield source.problem(path, f"found a path of {length_m:.3g} m", f"up to {MAX_PATH_M:g} m")
 
 
 def _terrain(scenario: Scenario, source: Source) -> Iterator[Problem]:

@@ -41,6 +41,7 @@ import pytest
             ["path.waypoints_m=[[0, 0, 90], [900, 0, 90], [0, 0, 90]]"],
             "path.waypoints_m.1: found a path that turns",
         ),
+        (["path.waypoints_m=[[0, 0, 90], [2e6, 0, 90]]"], "path.waypoints_m: found a path of 2e+06 m; up to 1e+06 m"),
     ],
 )
 def test_keys_that_contradict_each_other_are_refused(refusal, overrides, expected):

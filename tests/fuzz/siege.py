@@ -50,7 +50,8 @@ class Notes:
 
     def frame(self, now: Instant, raw: bytes) -> None:
         """Keep the payloads of commands that the station sent: they are few, for they are told apart."""
-        if raw[0] == MARKER_V2 and raw[5] == STATION_SYSTEM and raw[7] == m.MAVLINK_MSG_ID_COMMAND_INT:
+        message_id = int.from_bytes(raw[7:HEADER_V2], "little")
+        if raw[0] == MARKER_V2 and raw[5] == STATION_SYSTEM and message_id == m.MAVLINK_MSG_ID_COMMAND_INT:
             self.commands.add(raw[HEADER_V2 : HEADER_V2 + raw[1]])
 
     def tick(self, tick: Tick) -> None:
