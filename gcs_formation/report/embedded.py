@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from airlink.identity import VehicleId
+from formation_scenario import ground_of
 from gcs_formation.arrays import Array
 from gcs_formation.report.downsample import Indices, evenly, extremes
 from gcs_formation.report.error_figure import transient_end_s
@@ -23,6 +24,9 @@ TRACK_NUMBERS = 100_000
 FEWEST_BUCKETS, MOST_BUCKETS = 50, 1500
 MOST_TRACK_POINTS = 1500
 PATH_POINTS = 400
+GROUND_CELLS = 120
+"""Along the longer side of the ground that is shown."""
+GROUND_AROUND_M = 1000.0
 MORE_COLOURS = ("#E69F00", "#56B4E9", "#7A6FD0", "#8C6D31", "#5F8F8F", "#B05A7A")
 ERROR_DIGITS, PLACE_DIGITS, ANGLE_DIGITS, TIME_DIGITS = 4, 1, 3, 2
 
@@ -40,6 +44,7 @@ def embedded(run: RunData) -> dict[str, Any]:
         "errors": _errors(run, group),
         "tracks": _tracks(run, group),
         "path": _path(run),
+        "ground": _ground(run),
         "marks": [{"t": round(mark.time_s, TIME_DIGITS), "label": mark.label} for mark in marks(run)],
     }
 
@@ -107,6 +112,26 @@ def _path(run: RunData) -> dict[str, Any]:
     path = path_m(run)
     north, east, _ = path[evenly(len(path), PATH_POINTS)].T
     return {"north": _rounded(north, PLACE_DIGITS), "east": _rounded(east, PLACE_DIGITS)}
+
+
+def _ground(run: RunData) -> dict[str, Any] | None:
+    """Return the terrain's heights on a grid around the tracks, rows from south to north; None without terrain."""
+    if run.scenario.terrain is None:
+        return None
+    places = np.concatenate([run.flown.place(vehicle)[:, :2] for vehicle in run.flown.vehicles])
+    known = places[np.isfinite(places).all(axis=1)]
+    known = known if known.size else np.zeros((1, 2))
+    low, high = known.min(axis=0) - GROUND_AROUND_M, known.max(axis=0) + GROUND_AROUND_M
+    cell_m = float((high - low).max()) / GROUND_CELLS
+    north, east = (np.arange(least, most, cell_m) for least, most in zip(low, high, strict=True))
+    height = ground_of(run.scenario).height(*np.meshgrid(north, east, indexing="ij"))
+    return {
+        "south": round(float(low[0]), PLACE_DIGITS),
+        "west": round(float(low[1]), PLACE_DIGITS),
+        "cell": round(cell_m, 3),
+        "columns": int(east.size),
+        "height": _rounded(height.ravel(), 0),
+    }
 
 
 def _rounded(values: Array, digits: int) -> list[float | None]:

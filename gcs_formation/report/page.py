@@ -16,6 +16,7 @@ from gcs_formation.report.figures import Plate
 from gcs_formation.report.paper import beside_the_paper
 from gcs_formation.report.run_data import RunData
 
+GROUND = " The darker the ground, the higher."
 SCRIPTS = ("surface.js", "errors.js", "plan.js", "report.js")
 
 
@@ -34,6 +35,7 @@ def page(run: RunData, plates: Iterable[tuple[Plate, Path]]) -> str:
         followers=tables.followers(summary),
         expectations=tables.expectations(summary),
         paper=beside_the_paper(run),
+        ground=GROUND if run.scenario.terrain is not None else "",
         figures=f'<div class="gallery">{"".join(_figure(plate, path) for plate, path in plates)}</div>',
         links=tables.links(summary),
         control=tables.control(summary),

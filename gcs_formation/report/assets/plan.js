@@ -9,6 +9,7 @@ class PlanView {
     this.scale = null; // pixels a metre; null until the canvas has a size
     this.following = false;
     this.drag = null;
+    this.relief = data.ground && relief(data.ground);
     this.listen();
   }
 
@@ -83,6 +84,7 @@ class PlanView {
     if (this.following) this.centre = this.middle(places.filter((found, i) => found && !this.state.hidden.has(i)));
     const { pen, width, height } = prepare(this.canvas);
     const colours = theme();
+    this.drawGround(pen);
     this.drawGrid(pen, colours, width, height);
     pen.strokeStyle = colours.path;
     pen.globalAlpha = 0.35;
@@ -107,6 +109,14 @@ class PlanView {
     pen.textAlign = "left";
     pen.textBaseline = "middle";
     for (const tick of north) if (this.y(tick.value) < height - 24) pen.fillText(tick.text, 3, this.y(tick.value));
+  }
+
+  drawGround(pen) {
+    if (!this.relief) return;
+    const { south, west, cell, columns, height } = this.data.ground;
+    const rows = height.length / columns;
+    const [left, top] = [this.x(west - cell / 2), this.y(south + (rows - 0.5) * cell)];
+    pen.drawImage(this.relief, left, top, columns * cell * this.scale, rows * cell * this.scale);
   }
 
   drawTracks(pen, colours, places) {
@@ -237,4 +247,23 @@ class PlanView {
     this.scale = next;
     this.draw();
   }
+}
+
+// The ground as a picture, a pixel for each cell, north up: the higher, the stronger its colour.
+function relief({ columns, height }) {
+  const rows = height.length / columns;
+  const canvas = document.createElement("canvas");
+  canvas.width = columns;
+  canvas.height = rows;
+  const pen = canvas.getContext("2d");
+  const image = pen.createImageData(columns, rows);
+  const known = height.filter((value) => value !== null);
+  const low = Math.min(...known);
+  const reach = Math.max(Math.max(...known) - low, 1);
+  height.forEach((value, i) => {
+    const at = 4 * ((rows - 1 - Math.floor(i / columns)) * columns + (i % columns));
+    image.data.set([150, 112, 60, value === null ? 0 : Math.round((170 * (value - low)) / reach)], at);
+  });
+  pen.putImageData(image, 0, 0);
+  return canvas;
 }

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from formation_scenario import load_scenario
 from gcs_formation.report import write_report
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
@@ -36,8 +37,18 @@ def opened(page: Path, profile: Path) -> tuple[str, list[str]]:
     return done.stdout, re.findall(r"CONSOLE.*", done.stderr)
 
 
-def test_the_report_opens_without_network_and_says_nothing_to_the_console(make_run, tmp_path):
-    shown, said = opened(write_report(make_run()), tmp_path)
+HILLS = {
+    "vehicles": {"count": 4},
+    "duration_s": 60,
+    "path": {"waypoints_m": [[0, 0, 200], [4000, 0, 200]]},
+    "terrain": {"hills": [{"north_m": 900, "east_m": 200, "height_m": 80, "radius_m": 300}]},
+}
+
+
+@pytest.mark.parametrize("scenario", [None, HILLS], ids=["plain", "hills"])
+def test_the_report_opens_without_network_and_says_nothing_to_the_console(make_run, tmp_path, scenario):
+    run = make_run(load_scenario(scenario) if scenario else None)
+    shown, said = opened(write_report(run), tmp_path)
     assert said == []
     assert re.search(r'<output id="clock"[^>]*>[0-9.]+ s</output>', shown), "the scripts ran to their end"
     assert shown.count('aria-pressed="true"') == 4, "a toggle for each vehicle"

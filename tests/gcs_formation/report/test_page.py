@@ -5,7 +5,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from formation_scenario import load_scenario
+from formation_scenario import ground_of, load_scenario
 from gcs_formation.report import write_report
 from gcs_formation.report.embedded import as_script, embedded
 from gcs_formation.report.paper import beside_the_paper
@@ -109,6 +109,19 @@ def test_a_hundred_vehicles_fit_in_2_megabytes(make_run):
     data = embedded(load_run(make_run(scenario)))
     assert len(as_script(data).encode()) < 2_000_000
     assert len(data["errors"]) == 99
+
+
+def test_the_embedded_ground_is_the_scenarios(make_run):
+    hill = {"north_m": 900, "east_m": 200, "height_m": 80, "radius_m": 300}
+    run = load_run(make_run(straight(3, 60, terrain={"hills": [hill], "clearance_m": 10})))
+    ground = embedded(run)["ground"]
+    rows, columns = len(ground["height"]) // ground["columns"], ground["columns"]
+    north = ground["south"] + ground["cell"] * np.arange(rows)
+    east = ground["west"] + ground["cell"] * np.arange(columns)
+    true = ground_of(run.scenario).height(*np.meshgrid(north, east, indexing="ij"))
+    np.testing.assert_allclose(np.reshape(ground["height"], (rows, columns)), true, atol=0.6)
+    assert true.max() > 75.0
+    assert embedded(load_run(make_run(flown_s=20.0)))["ground"] is None
 
 
 def test_unknown_values_are_null(make_run):
