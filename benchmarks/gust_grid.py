@@ -24,7 +24,7 @@ from gcs_formation.record.timeseries import read_parquet
 from gcs_formation.stability.gust import accel_limits_mps2, allowed_gust_error_m, least_gust_error_m
 from gcs_formation.stability.loops import loop_delay_s
 
-DELAYS_MS = (0, 20, 50, 100, 150, 200, 300)
+DELAYS_MS = (0, 20, 30, 50, 100, 200, 300)
 FOLLOWERS = (2, 3, 4)
 RATES_HZ = (10.0, 10.0)
 GUST_MPS = np.array((0.6, 0.6))
