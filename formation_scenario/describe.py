@@ -28,8 +28,11 @@ class _Expected(NamedTuple):
 
 def problems_of(error: ValidationError, model: type[BaseModel], source: Source, above: KeyPath = ()) -> list[Problem]:
     """Return one problem for each wrong value that pydantic found in a model read from `above`."""
-    problems = [_problem(details["type"], details["loc"], model, source, above) for details in error.errors()]
-    return list(dict.fromkeys(problems))
+    found = [(details["type"], details["loc"]) for details in error.errors()]
+    # Of a list that is too short pydantic counts the valid items alone; the others have their own problems.
+    around = {loc[:length] for _, loc in found for length in range(len(loc))}
+    kept = [each for each in found if each[0] != "too_short" or each[1] not in around]
+    return list(dict.fromkeys(_problem(*each, model, source, above) for each in kept))
 
 
 def _problem(error: str, loc: tuple[Key, ...], model: type[BaseModel], source: Source, above: KeyPath) -> Problem:

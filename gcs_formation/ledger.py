@@ -10,7 +10,7 @@ from airlink.clock import Instant, after
 from airlink.identity import VehicleId
 from formation_scenario import Scenario
 from gcs_formation.controller import FormationController
-from gcs_formation.obedience import SETTLED_S, WINDOW_S, Disobedience, Obedience
+from gcs_formation.obedience import CHANNELS, SETTLED_S, WINDOW_S, Disobedience, Obedience
 from gcs_formation.records import Note, Tick
 from gcs_formation.vehicle.vehicle import Vehicle
 
@@ -57,9 +57,9 @@ class CommandLedger:
     def judge_motion(self, tick: Tick, now: Instant) -> None:
         """Look at how the vehicles follow a tick's setpoints, and those before it."""
         estimator = self._controller.estimator
-        settled = np.zeros(tick.active.size, dtype=bool)
+        settled = np.zeros((len(CHANNELS), tick.active.size), dtype=bool)
         for identity, column in self._columns.items():
-            settled[column] = self._is_settled(identity, bool(tick.active[column]), now)
+            settled[:, column] = self._settled(identity, bool(tick.active[column]), now)
         before = self._obedience.broken
         found = self._obedience.check(now, estimator.stamps, estimator.state, settled)
         for each in found:
@@ -67,13 +67,14 @@ class CommandLedger:
         for column in np.flatnonzero(before & ~self._obedience.broken):
             self._note(now, "obeys", "follows its setpoints again", self._at(int(column)), {"order": "setpoints"})
 
-    def _is_settled(self, identity: VehicleId, active: bool, now: Instant) -> bool:
+    def _settled(self, identity: VehicleId, active: bool, now: Instant) -> list[bool]:
+        """Return which channels have been commanded, and acknowledged, for long enough."""
+        runs = [run.since(now, self._gap_s) for run in self._vehicles[identity].setpoints_taken.values()]
         if not active:
             self._commanded.pop(identity, None)
-            return False
-        since = self._commanded.setdefault(identity, now)
-        acknowledged = self._vehicles[identity].setpoints_taken.since(now, self._gap_s)
-        return acknowledged is not None and max(since, acknowledged) <= after(now, -SETTLED_S)
+            return [False] * len(runs)
+        since, latest = self._commanded.setdefault(identity, now), after(now, -SETTLED_S)
+        return [run is not None and max(since, run) <= latest for run in runs]
 
     def _at(self, column: int) -> Vehicle:
         return next(self._vehicles[identity] for identity, its in self._columns.items() if its == column)

@@ -12,8 +12,8 @@ from formation_scenario import Scenario
 from formation_scenario.arrangement import columns
 from formation_scenario.navigation import NoisyNavigation
 from gcs_formation.arrays import Array, Instants, Mask, wrap
-from gcs_formation.estimation.flight_state import FlightState
-from gcs_formation.estimation.predictor import SetpointHistory
+from gcs_formation.estimation.flight_state import AutopilotModel, FlightState
+from gcs_formation.estimation.predictor import SetpointHistory, advance
 from gcs_formation.parameters import autopilot_model
 
 CHECK_S = 0.4
@@ -25,12 +25,17 @@ LEAST_CHANGE = np.array((1.0, 0.04, 1.5))
 """Airspeed in m/s, heading in rad, height in m: less than that to be flown within the window tells nothing."""
 SIGMAS = 4.0
 """The same in standard deviations of what telemetry tells."""
+RISING_AIR_MPS = 1.5
+"""Air that rises or sinks so fast may keep a vehicle from its height; telemetry doesn't tell it."""
+AIR_SIGMAS, AIR_MEMORY_S = 4.0, 60.0
+"""If that is more, so many standard deviations of what a vehicle has shown of it within about that time."""
 MISSED_SHARE = 0.6
 """A vehicle that misses more of the change isn't following; one that does misses 0.3 at most."""
-CHECKS_BROKEN, CHECKS_MENDED = 3, 8
+CHECKS_BROKEN, CHECKS_MENDED = 4, 8
 CHANNELS = ("airspeed", "heading", "height")
 ROWS = [4, 5, 2]
 """Rows of a state's table that the channels are."""
+HEIGHT = CHANNELS.index("height")
 
 
 class Disobedience(NamedTuple):
@@ -52,6 +57,9 @@ class Obedience:
         self._model = autopilot_model(scenario)
         self._history = history
         self._least = LEAST_CHANGE[:, None] + SIGMAS * _noise(scenario)
+        self._carried_m = _carried_m(self._model)
+        self._air_variance = np.zeros(self.broken.size)
+        """Of the vertical motion of the air that would explain each column's heights, (m/s)²."""
         self._past: deque[tuple[Instants, Array]] = deque(maxlen=round(WINDOW_S / CHECK_S))
         self._next_check = Instant(0)
         self._bad = np.zeros((len(CHANNELS), self.broken.size), dtype=np.int64)
@@ -64,7 +72,7 @@ class Obedience:
             now: the tick's instant.
             stamps: (C,) when the states were true.
             state: (C,) newest states.
-            settled: (C,) columns that have been commanded, and have acknowledged it, for `SETTLED_S`.
+            settled: (3, C) channels that have been commanded, and acknowledged, for `SETTLED_S`.
         """
         if now < self._next_check:
             return []
@@ -73,9 +81,9 @@ class Obedience:
         if len(self._past) < (self._past.maxlen or 0):
             return []
         expected, flown = self._changes(stamps, state.table)
-        missed = (np.abs(expected) >= self._least) & (np.abs(flown - expected) > MISSED_SHARE * np.abs(expected))
-        self._bad = np.where(missed & settled, self._bad + 1, 0)
-        self._good = np.where(settled & ~missed.any(axis=0), self._good + 1, 0)
+        missed = self._missed(expected, flown, settled)
+        self._bad = np.where(missed, self._bad + 1, 0)
+        self._good = np.where((settled & ~missed).all(axis=0), self._good + 1, 0)
         self.broken = self.broken & (self._good < CHECKS_MENDED)
         found: list[Disobedience] = []
         for column in np.flatnonzero((self._bad >= CHECKS_BROKEN).any(axis=0) & ~self.broken):
@@ -84,6 +92,15 @@ class Obedience:
             found.append(Disobedience(int(column), CHANNELS[channel], *change))
             self.broken[column] = True
         return found
+
+    def _missed(self, expected: Array, flown: Array, settled: Mask) -> Mask:
+        """Return which changes (3, C) aren't flown; take in what the heights tell of the air."""
+        limit, missing = MISSED_SHARE * np.abs(expected), np.abs(flown - expected)
+        air_mps = np.maximum(RISING_AIR_MPS, AIR_SIGMAS * np.sqrt(self._air_variance))
+        limit[HEIGHT] = np.maximum(limit[HEIGHT], air_mps * self._carried_m)
+        learnt = CHECK_S / AIR_MEMORY_S * ((missing[HEIGHT] / self._carried_m) ** 2 - self._air_variance)
+        self._air_variance += np.where(settled[HEIGHT], learnt, 0.0)
+        return (np.abs(expected) >= self._least) & (missing > limit) & settled
 
     def _changes(self, stamps: Instants, table: Array) -> tuple[Array, Array]:
         """Return the changes (3, C) that should have been flown within the window, and those that were."""
@@ -94,6 +111,16 @@ class Obedience:
         expected, flown = predicted[ROWS] - before[ROWS], table[ROWS] - before[ROWS]
         flown[1] = wrap(flown[1])
         return expected, flown
+
+
+def _carried_m(model: AutopilotModel) -> Array:
+    """Return (C,) how far air that rises at 1 m/s carries vehicles within the window, their height loops against it.
+
+    In the end tau_ha + tau_hb; until then the model's own way there.
+    """
+    end_m, none = model.tau_ha_s + model.tau_hb_s, np.zeros_like(model.tau_ha_s)
+    state = FlightState(none, none, -end_m, np.ones_like(none), none, none, none, none)
+    return end_m + advance(state, np.zeros((1, 3, none.size)), np.full((1, none.size), WINDOW_S), model).height_m
 
 
 def _noise(scenario: Scenario) -> Array:

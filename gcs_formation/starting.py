@@ -60,6 +60,9 @@ class Starting:
 
     def _advance(self, vehicle: Vehicle, now: Instant) -> None:
         vehicle.start_up.advance(vehicle.telemetry, vehicle.commands, now)
+        if self._flight.phase is Phase.FLYING and vehicle.start_up.takes_off:
+            vehicle.leave_to_pilot(now)
+            self._note(now, "abandoned", "on the ground after the path has begun: left to its pilot", vehicle)
         reason = vehicle.start_up.failure(vehicle.commands, now)
         if reason:
             said = f"; it said: '{vehicle.telemetry.texts[-1]}'" if vehicle.telemetry.texts else ""

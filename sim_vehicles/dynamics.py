@@ -7,13 +7,12 @@ from typing import Self
 
 import numpy as np
 import numpy.typing as npt
+from scipy.special import exprel
 
 from sim_vehicles.config import Airframe
 
 Array = npt.NDArray[np.float64]
 
-POLES_APART = 1e-3
-"""Relative difference that equal time constants of the height are given, so that one closed form serves."""
 SHARES = np.array([0.0, 0.5, 1.0])[:, None, None]
 SIMPSON = np.array([1.0, 4.0, 1.0]) / 6
 """Simpson's rule: the points of a step, as shares of it, and their weights."""
@@ -86,13 +85,11 @@ class Parameters:
     @classmethod
     def of(cls, airframes: list[Airframe]) -> Self:
         """Return the parameters of N airframes."""
-        slow_s = np.array([max(each.tau_ha_s, each.tau_hb_s) for each in airframes])
-        fast_s = np.array([min(each.tau_ha_s, each.tau_hb_s) for each in airframes])
         return cls(
             tau_s=np.array([(each.tau_v_s, each.tau_psi_s) for each in airframes]).T,
             rate_max=np.array([(each.accel_max_mps2, each.turn_rate_max_rps) for each in airframes]).T,
-            fast_s=np.minimum(fast_s, slow_s * (1 - POLES_APART)),
-            slow_s=slow_s,
+            fast_s=np.array([min(each.tau_ha_s, each.tau_hb_s) for each in airframes]),
+            slow_s=np.array([max(each.tau_ha_s, each.tau_hb_s) for each in airframes]),
             climb_max_mps=np.array([each.climb_max_mps for each in airframes]),
         )
 
@@ -136,13 +133,14 @@ def lag(error: Array, rate_max: Array, tau_s: Array, time_s: Array) -> Array:
 
 
 def _height(state: State, target_m: Array, parameters: Parameters, dt_s: float) -> tuple[Array, Array]:
-    """Return height and climb rate."""
+    """Return height and climb rate. With equal time constants exprel's limit makes it the double pole's form."""
     slow_s, fast_s, most_mps = parameters.slow_s, parameters.fast_s, parameters.climb_max_mps
-    error = state.height_m - target_m
-    slow_part = (error + fast_s * state.climb_mps) * slow_s / (slow_s - fast_s)
-    slow_left, fast_left = slow_part * np.exp(-dt_s / slow_s), (error - slow_part) * np.exp(-dt_s / fast_s)
-    moved_m = _within(slow_left + fast_left - error, most_mps * dt_s)
-    return state.height_m + moved_m, _within(-slow_left / slow_s - fast_left / fast_s, most_mps)
+    error, slow_left = state.height_m - target_m, np.exp(-dt_s / slow_s)
+    between_s = dt_s * slow_left * exprel(dt_s / slow_s - dt_s / fast_s)
+    push_mps = state.climb_mps + error / slow_s
+    left_m = slow_left * error + between_s * push_mps
+    climb_mps = np.exp(-dt_s / fast_s) * push_mps - left_m / slow_s
+    return state.height_m + _within(left_m - error, most_mps * dt_s), _within(climb_mps, most_mps)
 
 
 def _within(value: Array, most: Array) -> Array:

@@ -6,6 +6,7 @@ from collections import deque
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import exprel
 
 from airlink.clock import NANOSECONDS
 from gcs_formation.arrays import Array, Instants, wrap
@@ -16,8 +17,6 @@ _GAUSS, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 _NODES = ((_GAUSS + 1) / 2)[:, None, None]
 """Gauss's points of a segment of time, as shares of it: where speed and heading are evaluated for the way made good."""
 _SHARES = (_WEIGHTS / 2)[:, None, None]
-_POLES_APART = 1e-3
-"""Relative difference below which the height model's two time constants are moved apart."""
 
 
 class SentSetpoints(NamedTuple):
@@ -133,18 +132,20 @@ class _Height(NamedTuple):
     climb_mps: Array
 
     def after(self, time_s: Array, target_m: Array, model: AutopilotModel) -> _Height:
-        """Return what they are `time_s` later; a climb beyond the limit counts as the limit."""
-        slow = model.tau_hb_s
-        apart = np.abs(model.tau_ha_s - slow) > _POLES_APART * slow
-        fast = np.where(apart, model.tau_ha_s, slow * (1 - _POLES_APART))
-        straight_m = -(model.tau_ha_s + slow) * self.climb_mps
+        """Return what they are `time_s` later; a climb beyond the limit counts as the limit.
+
+        With equal time constants exprel's limit makes it the double pole's form.
+        """
+        slow, fast = np.maximum(model.tau_ha_s, model.tau_hb_s), np.minimum(model.tau_ha_s, model.tau_hb_s)
+        straight_m = -(slow + fast) * self.climb_mps
         error = np.where(np.isnan(target_m), straight_m, self.height_m - target_m)
-        slow_part = slow / (slow - fast) * (error + fast * self.climb_mps)
-        fast_part = error - slow_part
-        decayed_slow, decayed_fast = slow_part * np.exp(-time_s / slow), fast_part * np.exp(-time_s / fast)
-        climb_mps = -decayed_slow / slow - decayed_fast / fast
-        moved_m, most_m = decayed_slow + decayed_fast - error, model.climb_max_mps * time_s
+        slow_left = np.exp(-time_s / slow)
+        between_s = time_s * slow_left * exprel(time_s / slow - time_s / fast)
+        push_mps = self.climb_mps + error / slow
+        left_m = slow_left * error + between_s * push_mps
+        climb_mps = np.exp(-time_s / fast) * push_mps - left_m / slow
+        most_m = model.climb_max_mps * time_s
         return _Height(
-            self.height_m + np.minimum(np.maximum(moved_m, -most_m), most_m),
+            self.height_m + np.minimum(np.maximum(left_m - error, -most_m), most_m),
             np.minimum(np.maximum(climb_mps, -model.climb_max_mps), model.climb_max_mps),
         )

@@ -19,8 +19,8 @@ from gcs_formation.vehicle.telemetry import Telemetry
 
 GUIDED_COMMANDS = (
     m.MAV_CMD_GUIDED_CHANGE_SPEED,
-    m.MAV_CMD_GUIDED_CHANGE_ALTITUDE,
     m.MAV_CMD_GUIDED_CHANGE_HEADING,
+    m.MAV_CMD_GUIDED_CHANGE_ALTITUDE,
 )
 EKF_READY = 831
 """Attitude, velocities and positions, relative and absolute: all that flying in GUIDED needs."""
@@ -58,8 +58,8 @@ class ArduPlane(Autopilot):
                 True,
             ),
             Step("waited for it to be ready to arm", self._is_ready, timeout_s=90.0),
-            Step("set mode TAKEOFF", self._is_taking_off, (self.set_mode(m.PLANE_MODE_TAKEOFF),)),
-            Step("armed", lambda seen: seen.armed, (self._arm_or_disarm(arm=True),), 30.0),
+            Step("set mode TAKEOFF", self._is_taking_off, (self.set_mode(m.PLANE_MODE_TAKEOFF),), takes_off=True),
+            Step("armed", lambda seen: seen.armed, (self._arm_or_disarm(arm=True),), 30.0, takes_off=True),
             Step("waited for it to climb", self._has_climbed, timeout_s=90.0),
             Step(
                 "set mode GUIDED",
@@ -144,7 +144,8 @@ class ArduPlane(Autopilot):
 
     def _is_ready(self, seen: Telemetry) -> bool:
         healthy = bool(seen.sensors_healthy & m.MAV_SYS_STATUS_PREARM_CHECK)
-        return self.is_airborne(seen) or (seen.ekf_flags & EKF_READY == EKF_READY and healthy)
+        on_ground = seen.heartbeat is not None and seen.ekf_flags & EKF_READY == EKF_READY and healthy
+        return on_ground or self.is_airborne(seen)
 
     def _is_taking_off(self, seen: Telemetry) -> bool:
         return self.is_airborne(seen) or seen.custom_mode == m.PLANE_MODE_TAKEOFF

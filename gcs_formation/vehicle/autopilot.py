@@ -26,6 +26,8 @@ class Step:
     commands: tuple[Command, ...] = ()
     timeout_s: float = 20.0
     every_command_acknowledged: bool = False
+    takes_off: bool = False
+    """Whether its commands bring a vehicle off the ground."""
 
 
 class Autopilot(ABC):
@@ -39,7 +41,7 @@ class Autopilot(ABC):
     guided_mode: ClassVar[int]
     mode_names: ClassVar[dict[int, str]]
     setpoint_commands: ClassVar[tuple[int, ...]]
-    """Ids of the commands that carry setpoints, each acknowledged."""
+    """Ids of the commands that carry airspeed, heading and height, each acknowledged."""
 
     def __init__(self, system: int, origin_alt_m: float, turn_rate_max_rps: float) -> None:
         """Address `system`; setpoint heights count from `origin_alt_m` above sea level."""

@@ -30,6 +30,11 @@ class StartUp:
         """The step under way, in words."""
         return self.steps[self.index].name if 0 <= self.index < len(self.steps) else "waited"
 
+    @property
+    def takes_off(self) -> bool:
+        """Whether the step under way brings the vehicle off the ground."""
+        return 0 <= self.index < len(self.steps) and self.steps[self.index].takes_off
+
     def advance(self, telemetry: Telemetry, commands: CommandQueue, now: Instant) -> None:
         """Begin the next step when the one under way is done; several at once when they need nothing."""
         while not self.finished and (self.index < 0 or self._is_done(telemetry, commands)):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, Instant, after, seconds_between
 from airlink.frame import Frame, FrameWriter
@@ -15,7 +17,7 @@ from gcs_formation.link.clock_sync import ClockSync
 from gcs_formation.link.connection import Connection
 from gcs_formation.link.jitter import JitterMeter
 from gcs_formation.membership import Member, Sight
-from gcs_formation.vehicle.autopilot import Autopilot
+from gcs_formation.vehicle.autopilot import Autopilot, Step
 from gcs_formation.vehicle.commands import CommandQueue
 from gcs_formation.vehicle.orders import Orders, UnbrokenRun
 from gcs_formation.vehicle.startup import StartUp
@@ -54,14 +56,15 @@ class Vehicle:
         self.jitter = JitterMeter()
         self.sequence = SequenceTracker()
         self.commands = CommandQueue()
-        self.start_up = StartUp(autopilot.start_up(telemetry_rate_hz))
+        self._steps = autopilot.start_up(telemetry_rate_hz)
+        self.start_up = StartUp(self._steps)
         self.member = Member.STARTING
         self.delays: list[tuple[Instant, float]] = []
         """When each answered probe came back, and its one-way delay in seconds."""
         self.frames_in = self.frames_out = 0
         self.orders = Orders()
-        self.setpoints_taken = UnbrokenRun()
-        """Acknowledgements of setpoints."""
+        self.setpoints_taken = {command: UnbrokenRun() for command in autopilot.setpoint_commands}
+        """Acknowledgements of airspeeds, headings and heights."""
         self.setpoints_refused = 0
         self.beyond_margin = False
         """Whether its loop's delay is beyond what keeps it stable."""
@@ -103,6 +106,12 @@ class Vehicle:
                 if isinstance(message, GlobalPositionInt):
                     self.jitter.observe(message.time_boot_s, now, self.clock.drift)
         return changed
+
+    def leave_to_pilot(self, now: Instant) -> None:
+        """Send nothing any more, until the vehicle flies and its pilot has given it to us."""
+        self.commands.begin((), now)
+        wait = Step("left it to its pilot", self.autopilot.takes_setpoints, timeout_s=math.inf)
+        self.start_up = StartUp((wait,), abandoned=True)
 
     @property
     def frames_implausible(self) -> int:
@@ -171,7 +180,7 @@ class Vehicle:
         self.sequence.restart()
         self.orders = Orders()
         self.jitter = JitterMeter()
-        self.start_up = StartUp(self.start_up.steps)
+        self.start_up = StartUp(self._steps)
         self.restarted = True
 
     def _acknowledged(self, ack: CommandAck, now: Instant) -> None:
@@ -181,7 +190,7 @@ class Vehicle:
         promise = self.autopilot.promise(accepted) if accepted else None
         if promise:
             self.orders.acknowledged(promise, self.telemetry, now)
-        if ack.result == m.MAV_RESULT_ACCEPTED and ack.command in self.autopilot.setpoint_commands:
-            self.setpoints_taken.note(now)
+        if ack.result == m.MAV_RESULT_ACCEPTED and ack.command in self.setpoints_taken:
+            self.setpoints_taken[ack.command].note(now)
         if ack.result not in (m.MAV_RESULT_ACCEPTED, m.MAV_RESULT_IN_PROGRESS):
             self.setpoints_refused += 1

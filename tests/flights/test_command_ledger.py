@@ -8,14 +8,16 @@ import pytest
 
 from airlink import mavlink as m
 from airlink.clock import Instant, after
+from airlink.engine import Datagram
 from airlink.messages import Heartbeat
 from gcs_formation.vehicle.arduplane import ArduPlane
 from gcs_formation.vehicle.orders import Orders
 from gcs_formation.vehicle.telemetry import Telemetry
-from tests.flights.in_memory import World
+from tests.flights.in_memory import Between, World
 
 CHANGE = {"shape": "arrow", "spacing_m": 30, "changes": [{"at_s": 10, "shape": "line"}]}
 WEAVING = [[0, 0, 100], [700, 0, 100], [1400, 200, 115], [2100, 100, 100], [2800, 300, 110]]
+HEADING = m.MAV_CMD_GUIDED_CHANGE_HEADING.to_bytes(2, "little")
 START, GUIDED, LOITER, RTL = Instant(0), m.PLANE_MODE_GUIDED, m.PLANE_MODE_LOITER, m.PLANE_MODE_RTL
 
 
@@ -26,6 +28,7 @@ START, GUIDED, LOITER, RTL = Instant(0), m.PLANE_MODE_GUIDED, m.PLANE_MODE_LOITE
         {"links": {"default": {"delay_ms": 300, "loss": 0.2, "mean_burst": 5}}},
         {"wind": {"velocity_mps": [3, -4, 0]}},
         {"vehicles": {"count": 3, "navigation": {"source": "noisy"}}},
+        {"disturbances": [{"at_s": 5, "velocity_mps": [1.0, 1.0, 1.0]}]},
     ],
 )
 def test_vehicles_that_obey_are_never_reported(keys: dict[str, Any]) -> None:
@@ -33,6 +36,42 @@ def test_vehicles_that_obey_are_never_reported(keys: dict[str, Any]) -> None:
     world.run()
     assert world.words("disobeys") == []
     assert world.station.failure is None
+
+
+class HeadingsLost(Between):
+    """Loses every heading told, and nothing else."""
+
+    def receive(self, datagram: Datagram, now: Instant) -> None:
+        if HEADING not in datagram.data:
+            super().receive(datagram, now)
+
+
+def test_setpoints_of_one_kind_that_never_come_are_nobodys_disobedience() -> None:
+    world = World(HeadingsLost, duration_s=30, path={"speed_mps": 22, "waypoints_m": WEAVING})
+    world.run()
+    assert world.words("disobeys") == []
+
+
+@pytest.mark.slow
+def test_turbulence_and_noise_are_not_disobedience() -> None:
+    noisy = {"count": 3, "navigation": {"source": "noisy"}}
+    world = World(duration_s=90, vehicles=noisy, disturbances=[{"at_s": 0, "kind": "dryden", "wind_6m_mps": 7}])
+    world.run()
+    assert world.words("disobeys") == []
+
+
+def test_a_follower_that_does_not_climb_with_the_path_is_reported() -> None:
+    climb = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [300, 0, 100], [700, 0, 130], [1100, 0, 160]]}
+    world = World(duration_s=40, path=climb)
+    world.fly_to(6.0)
+    world.strike(2, "ignore")
+    began_m = world.fleet.state.height_m[1]
+    world.network.run(lambda: world.notes.ticks[-1].setpoints.height_m[1] - began_m > 5.0)
+    told_s = world.now_s
+    world.run(10.0)
+    (reported_s,) = world.times_s("disobeys", 2)
+    assert reported_s - told_s < 5.0
+    assert world.times_s("disobeys") == [reported_s]
 
 
 def test_a_follower_that_ignores_a_change_of_formation_is_reported_and_so_is_its_end() -> None:

@@ -20,7 +20,7 @@ from gcs_formation.errors import RunAbortedError
 from gcs_formation.phases import Phase
 from gcs_formation.record.run_directory import RunDirectory
 from sim_vehicles.config import FaultKind
-from sim_vehicles.modes import Mode
+from sim_vehicles.modes import Condition, Mode
 from tests.flights.conftest import scenario
 from tests.flights.in_memory import World
 
@@ -70,6 +70,32 @@ def test_a_restart_in_flight_is_taken_up_again(number: int) -> None:
     assert restarted_s - struck_s < 0.5
     assert again_s - struck_s < 6.0
     assert world.worst_m(50.0) < 0.1
+    assert world.station.failure is None
+
+
+@pytest.mark.parametrize("number", [1, 2])
+def test_a_restart_on_the_ground_is_left_to_the_pilot_until_it_flies_and_is_given_back(number: int) -> None:
+    world = World(duration_s=80)
+    world.fly_to(5.0)
+    vehicle = world.vehicle(number)
+    vehicle.pilot.condition = Condition.DISARMED
+    world.fleet.ground(number - 1)
+    vehicle.enter(Mode.MANUAL)
+    world.strike(number, "restart")
+    world.run(30.0)
+    assert len(world.times_s("abandoned", number, "left to its pilot")) == 1
+    assert vehicle.pilot.condition is Condition.DISARMED
+    assert vehicle.pilot.mode is Mode.MANUAL
+    vehicle.enter(Mode.TAKEOFF)
+    vehicle.arm(force=True)
+    world.run(20.0)
+    assert vehicle.pilot.condition is Condition.FLYING
+    assert vehicle.pilot.mode is Mode.TAKEOFF
+    world.strike(number, "pilot", ends=True)
+    back_s = world.now_s
+    world.run(5.0)
+    (again_s,) = [at_s for at_s in world.times_s("ready", number) if at_s > back_s]
+    assert again_s - back_s < LAG_S
     assert world.station.failure is None
 
 

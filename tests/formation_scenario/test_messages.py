@@ -124,3 +124,9 @@ def test_junk_is_refused_in_the_users_words_or_taken_as_a_default(key, value, in
         for problem in error.problems:
             assert problem.key
             assert not any(jargon in problem.allowed for jargon in JARGON)
+
+
+def test_a_list_whose_only_item_is_wrong_is_not_called_empty():
+    with pytest.raises(ScenarioError) as refused:
+        load_scenario({"vehicles": [{"id": 0}], "path": {"waypoints_m": [[0, 0, 100], [4000, 0, 100]]}})
+    assert [problem.key for problem in refused.value.problems] == ["vehicles.0.id"]

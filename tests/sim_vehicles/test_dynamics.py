@@ -179,10 +179,13 @@ def test_vehicles_do_not_touch_each_other():
 
 
 @pytest.mark.parametrize("tau_s", [0.5, 2.0, 40.0])
-def test_equal_time_constants_of_the_height_are_near_their_limit_form(tau_s):
-    airframe = Airframe(tau_ha_s=tau_s, tau_hb_s=tau_s)
+@pytest.mark.parametrize("apart", [0.0, 1e-9])
+def test_equal_time_constants_of_the_height_make_a_double_pole(tau_s, apart):
+    airframe = Airframe(tau_ha_s=tau_s, tau_hb_s=tau_s * (1 + apart))
     end = step(state(), command(height=101.0), parameters(airframe), np.zeros((3, 1)), 1.0)
-    assert value(end, "height_m") == pytest.approx(101 - (1 + 1 / tau_s) * math.exp(-1 / tau_s), abs=1e-3)
+    left = math.exp(-1 / tau_s)
+    assert value(end, "height_m") == pytest.approx(101 - (1 + 1 / tau_s) * left, abs=1e-8)
+    assert value(end, "climb_mps") == pytest.approx(left / tau_s**2, abs=1e-8)
 
 
 def test_the_velocity_over_ground_is_through_the_air_plus_the_drift():

@@ -107,3 +107,13 @@ def test_limits_hold() -> None:
     assert later.airspeed_mps == pytest.approx([17.5])
     assert later.heading_rad == pytest.approx([0.25])
     assert later.height_m[0] <= 103.0
+
+
+@pytest.mark.parametrize("apart", [0.0, 1e-9])
+def test_equal_time_constants_of_the_height_make_a_double_pole(apart: float) -> None:
+    """After 2 s of a step of 1 m with 2 s twice, 2/e m are left, and it climbs at 1/(2 e) m/s."""
+    model = AutopilotModel(*column(4.0, 1.5, 2.0, 2.0 * (1 + apart), 16.0, 28.0, 1.5, 0.25, 3.0))
+    state = FlightState(*column(0, 0, 100, 0, 22, 0, 0, 0))
+    later = advance(state, np.array([22.0, 0.0, 101.0])[None, :, None], np.array([[2.0]]), model)
+    assert later.height_m == pytest.approx([101 - 2 / np.e], abs=1e-8)
+    assert later.climb_mps == pytest.approx([0.5 / np.e], abs=1e-8)
