@@ -30,7 +30,7 @@ RISING_AIR_MPS = 1.5
 AIR_SIGMAS, AIR_MEMORY_S = 4.0, 60.0
 """If that is more, so many standard deviations of what a vehicle has shown of it within about that time."""
 MISSED_SHARE = 0.6
-"""A vehicle that misses more of the change isn't following; one that does misses 0.3 at most."""
+"""A vehicle that falls short by more isn't following; one that does falls short by 0.3 at most, or overshoots."""
 CHECKS_BROKEN, CHECKS_MENDED = 4, 8
 CHANNELS = ("airspeed", "heading", "height")
 ROWS = [4, 5, 2]
@@ -95,12 +95,12 @@ class Obedience:
 
     def _missed(self, expected: Array, flown: Array, settled: Mask) -> Mask:
         """Return which changes (3, C) aren't flown; take in what the heights tell of the air."""
-        limit, missing = MISSED_SHARE * np.abs(expected), np.abs(flown - expected)
+        limit, short = MISSED_SHARE * np.abs(expected), (expected - flown) * np.sign(expected)
         air_mps = np.maximum(RISING_AIR_MPS, AIR_SIGMAS * np.sqrt(self._air_variance))
         limit[HEIGHT] = np.maximum(limit[HEIGHT], air_mps * self._carried_m)
-        learnt = CHECK_S / AIR_MEMORY_S * ((missing[HEIGHT] / self._carried_m) ** 2 - self._air_variance)
+        learnt = CHECK_S / AIR_MEMORY_S * (((expected - flown)[HEIGHT] / self._carried_m) ** 2 - self._air_variance)
         self._air_variance += np.where(settled[HEIGHT], learnt, 0.0)
-        return (np.abs(expected) >= self._least) & (missing > limit) & settled
+        return (np.abs(expected) >= self._least) & (short > limit) & settled
 
     def _changes(self, stamps: Instants, table: Array) -> tuple[Array, Array]:
         """Return the changes (3, C) that should have been flown within the window, and those that were."""

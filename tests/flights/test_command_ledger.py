@@ -4,15 +4,21 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.engine import Datagram
 from airlink.messages import Heartbeat
+from formation_scenario import load_scenario
+from gcs_formation.estimation.flight_state import FlightState, Setpoints
+from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory
+from gcs_formation.obedience import Obedience
 from gcs_formation.vehicle.arduplane import ArduPlane
 from gcs_formation.vehicle.orders import Orders
 from gcs_formation.vehicle.telemetry import Telemetry
+from tests.flights.conftest import scenario
 from tests.flights.in_memory import Between, World
 
 CHANGE = {"shape": "arrow", "spacing_m": 30, "changes": [{"at_s": 10, "shape": "line"}]}
@@ -122,6 +128,25 @@ def test_an_order_to_loiter_that_is_acknowledged_and_not_obeyed_is_reported() ->
     assert 2.0 <= reported_s - told_s < 5.0
     assert world.words("disobeys")[0].startswith("acknowledged mode LOITER")
     assert world.times_s("disobeys", 2) == []
+
+
+@pytest.mark.parametrize(("share", "reported"), [(0.0, True), (1.0, False), (2.0, False)])
+def test_falling_short_of_a_change_is_disobedience_and_overshooting_is_not(share: float, *, reported: bool) -> None:
+    """From 4 s on 27 m/s are told, in place of 22; airspeed lags by 4 s, as in equation (7)."""
+    planned, history, state = load_scenario(scenario()), SetpointHistory(10.0), np.zeros((8, 3))
+    obedience, found, state[2] = Obedience(planned, history), 0, 100.0
+    for tick in range(100):
+        now = after(START, 0.1 * tick)
+        history.add(SentSetpoints(np.full(3, now), told_all(22.0 if tick < 40 else 27.0)))
+        state[4] = 22.0 + share * 5.0 * (1 - np.exp(-max(0.0, 0.1 * tick - 4.0) / 4.0))
+        found += len(
+            obedience.check(now, np.full(3, now), FlightState(*state.copy()), np.full((3, 3), fill_value=True))
+        )
+    assert (found > 0) is reported
+
+
+def told_all(speed_mps: float) -> Setpoints:
+    return Setpoints(*(np.full(3, value) for value in (speed_mps, 0.0, 100.0)))
 
 
 @pytest.fixture

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -155,3 +156,17 @@ def test_an_outage_of_one_link_disturbs_nobody_else(outage):
 def test_after_an_outage_of_10_s_a_follower_rejoins(outage):
     assert not outage.series(3)["active"][outage.series(3)["mission_time_s"] == 18.0].any()
     outage.stays_within(0.5, followers=3, from_s=35)
+
+
+def test_an_outage_of_the_leaders_link_has_a_follower_lead_and_the_leader_follow_when_it_is_over(plan):
+    flown = plan(duration_s=30).with_outage(1, from_s=10, to_s=20).fly()
+    events = [json.loads(line) for line in (flown.directory / "events.jsonl").read_text().splitlines()]
+    (begun_s,) = [event["t_s"] for event in events if event["text"] == "flying"]
+    (leads,) = [event for event in events if event["kind"] == "leader"]
+    assert leads["vehicle"] == "2"
+    assert leads["t_s"] - begun_s == pytest.approx(13.0, abs=0.2)
+    member = [event for event in events if event["kind"] == "member" and event["vehicle"] == "1"]
+    assert member[-1]["text"] == "flying in formation"
+    assert member[-1]["t_s"] - begun_s == pytest.approx(20.0, abs=0.6)
+    assert {event["vehicle"] for event in events if event["kind"] == "member" and "loiter" in event["text"]} == {"1"}
+    flown.keeps_apart(10.0)
