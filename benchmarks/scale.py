@@ -1,76 +1,140 @@
-"""Wall time for a simulated second and peak memory, against the number of vehicles.
+"""What a vehicle more costs: wall time, memory and recorded bytes, against the number of vehicles.
 
-Each size flies in a process of its own under the virtual clock: emulated vehicles, links and ground station together,
-10 Hz, everything recorded. Ratios to the smallest size are what can be compared between machines.
+Each size flies in a process of its own: emulated vehicles, links and ground station together, law and telemetry at
+10 Hz, everything recorded. Under the virtual clock it's one process; with `--real`, over UDP, the vehicles have another.
 """
 
 from __future__ import annotations
 
+import argparse
+import os
 import resource
 import sys
 import tempfile
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import gcs_formation
 from benchmarks.tables import markdown
+from gcs_formation.app.options import ClockName
 
-COUNTS = (4, 20, 100, 254)
-DURATION_S = 20.0
+COUNTS = (4, 16, 64, 128, 254, 500)
+FULL_NETWORK = 254
+DURATION_S = 5.0
+RUN_IN_S = 6
+REAL_DURATION_S = 30.0
 SPEED_MPS = 22.0
-KIB_OF_A_MIB = 1024
-UNITS_OF_A_KIB = 1024 if sys.platform == "darwin" else 1
-"""getrusage counts KiB on Linux and bytes on macOS."""
+MIB = 2**20
+RSS_UNIT = 1 if sys.platform == "darwin" else 1024
+"""getrusage counts bytes on macOS and KiB on Linux."""
 
 
 class Cost(NamedTuple):
-    """What a size costs."""
+    """What a flight cost."""
 
-    wall_per_s: float
+    count: int
+    simulated_s: float
+    wall_s: float
     peak_mib: float
+    recorded_mib: float
+    worst_m: float
+    """Largest formation error of all."""
+    control: dict[str, Any]
 
 
-def scenario(count: int) -> dict[str, Any]:
-    """Return `count` vehicles one behind the other on a straight path."""
+def scenario(count: int, duration_s: float) -> dict[str, Any]:
+    """Return `count` vehicles one behind the other on a straight path, 254 to a network."""
+    places = [divmod(index, FULL_NETWORK) for index in range(count)]
+    vehicles = [{"id": place + 1, "network": network + 1} for network, place in places]
+    vehicles[0]["role"] = "leader"
     return {
         "name": f"scale-{count}",
-        "duration_s": DURATION_S,
-        "start": {"in_air": True, "run_in_s": 6},
+        "duration_s": duration_s,
+        "start": {"in_air": True, "run_in_s": RUN_IN_S, "timeout_s": 60},
         "finish": {"loiter_s": 0},
-        "vehicles": {"count": count},
+        "vehicles": vehicles,
         "formation": {"shape": "line", "spacing_m": 30},
-        "path": {"speed_mps": SPEED_MPS, "waypoints_m": [[0, 0, 200], [SPEED_MPS * (DURATION_S + 60), 0, 200]]},
+        "path": {"speed_mps": SPEED_MPS, "waypoints_m": [[0, 0, 200], [SPEED_MPS * (duration_s + 60), 0, 200]]},
     }
 
 
-def cost(count: int) -> Cost:
+def cost(count: int, clock: ClockName, duration_s: float) -> Cost:
     """Fly one size; meant for a process of its own."""
     with tempfile.TemporaryDirectory() as out:
-        figures = gcs_formation.run(scenario(count), clock="virtual", out=out).to_dict()
-    peak_kib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / UNITS_OF_A_KIB
-    return Cost(1.0 / figures["real_time_factor"], peak_kib / KIB_OF_A_MIB)
+        figures = gcs_formation.run(scenario(count, duration_s), clock=clock, out=out).to_dict()
+        recorded = sum(file.stat().st_size for file in Path(out).iterdir())
+    return Cost(
+        count=count,
+        simulated_s=figures["real_time_factor"] * figures["wall_s"],
+        wall_s=figures["wall_s"],
+        peak_mib=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * RSS_UNIT / MIB,
+        recorded_mib=recorded / MIB,
+        worst_m=max(each[f"error_{axis}_m"]["max"] for each in figures["followers"].values() for axis in "xyz"),
+        control=figures["control"],
+    )
+
+
+def alone(count: int, clock: ClockName, duration_s: float) -> Cost:
+    """Fly one size in a process of its own, whose peak of memory is that flight's."""
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        return pool.submit(cost, count, clock, duration_s).result()
+
+
+def growth(costs: list[Cost]) -> str:
+    """Return the table of sizes."""
+    head = (
+        "vehicles",
+        "wall s a simulated s, s",
+        "of it each vehicle, ms",
+        "peak memory, MiB",
+        "recorded, KiB a vehicle and s",
+        "largest error, m",
+    )
+    rows = [
+        [
+            each.count,
+            f"{each.wall_s / each.simulated_s:.3f}",
+            f"{each.wall_s / each.simulated_s / each.count * 1e3:.1f}",
+            f"{each.peak_mib:.0f}",
+            f"{each.recorded_mib * 1024 / each.count / each.simulated_s:.1f}",
+            f"{each.worst_m:.3f}",
+        ]
+        for each in costs
+    ]
+    return markdown(head, [[str(cell) for cell in row] for row in rows])
+
+
+def punctuality(costs: list[Cost]) -> str:
+    """Return the table of flights under the real clock."""
+    head = ("vehicles", "ticks,", "late,", "compute p50, ms", "compute p99, ms", "period p99, ms", "longest, ms")
+    rows = [
+        [
+            each.count,
+            each.control["ticks"],
+            each.control["late_ticks"],
+            f"{each.control['compute_ms']['p50']:.1f}",
+            f"{each.control['compute_ms']['p99']:.1f}",
+            f"{each.control['period_ms']['p99']:.1f}",
+            f"{each.control['period_ms']['max']:.1f}",
+        ]
+        for each in costs
+    ]
+    return markdown(head, rows)
 
 
 def main() -> None:
     """Fly every size, one after the other, and print the table."""
-    costs: dict[int, Cost] = {}
-    for count in COUNTS:
-        with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
-            costs[count] = pool.submit(cost, count).result()
-    least = costs[COUNTS[0]]
-    rows = [
-        [
-            str(count),
-            f"{each.wall_per_s:.4f}",
-            f"{each.wall_per_s / least.wall_per_s:.1f}",
-            f"{each.peak_mib:.0f}",
-            f"{each.peak_mib / least.peak_mib:.2f}",
-        ]
-        for count, each in costs.items()
-    ]
-    head = ("vehicles", "wall s a simulated s, s", "ratio to 4, times", "peak memory, MiB", "ratio to 4, times")
-    print(markdown(head, rows))
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--counts", type=int, nargs="+", default=COUNTS)
+    parser.add_argument("--real", action="store_true", help="under the real clock, over UDP: are ticks in time?")
+    given = parser.parse_args()
+    clock, duration_s = ("real", REAL_DURATION_S) if given.real else ("virtual", DURATION_S)
+    costs = [alone(count, clock, duration_s) for count in given.counts]
+    print(punctuality(costs) if given.real else growth(costs))
+    load = ", ".join(f"{load:.1f}" for load in os.getloadavg())
+    print(f"\n{os.cpu_count()} cores; their load over 1, 5 and 15 minutes: {load}")
 
 
 if __name__ == "__main__":
