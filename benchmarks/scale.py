@@ -1,7 +1,7 @@
-"""What a vehicle more costs: wall time, memory and recorded bytes, against the number of vehicles.
+"""What a vehicle more costs: time, memory and recorded bytes, against the number of vehicles.
 
 Each size flies in a process of its own: emulated vehicles, links and ground station together, law and telemetry at
-10 Hz, everything recorded. Under the virtual clock it's one process; with `--real`, over UDP, the vehicles have another.
+10 Hz, everything recorded. Under the virtual clock that is all; with `--real`, over UDP, the vehicles have a second one.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import os
 import resource
 import sys
 import tempfile
+import time
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
@@ -37,6 +38,7 @@ class Cost(NamedTuple):
     count: int
     simulated_s: float
     wall_s: float
+    processor_s: float
     peak_mib: float
     recorded_mib: float
     worst_m: float
@@ -63,12 +65,15 @@ def scenario(count: int, duration_s: float) -> dict[str, Any]:
 def cost(count: int, clock: ClockName, duration_s: float) -> Cost:
     """Fly one size; meant for a process of its own."""
     with tempfile.TemporaryDirectory() as out:
+        began = time.process_time()
         figures = gcs_formation.run(scenario(count, duration_s), clock=clock, out=out).to_dict()
+        processor_s = time.process_time() - began
         recorded = sum(file.stat().st_size for file in Path(out).iterdir())
     return Cost(
         count=count,
         simulated_s=figures["real_time_factor"] * figures["wall_s"],
         wall_s=figures["wall_s"],
+        processor_s=processor_s,
         peak_mib=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * RSS_UNIT / MIB,
         recorded_mib=recorded / MIB,
         worst_m=max(each[f"error_{axis}_m"]["max"] for each in figures["followers"].values() for axis in "xyz"),
@@ -87,7 +92,8 @@ def growth(costs: list[Cost]) -> str:
     head = (
         "vehicles",
         "wall s a simulated s, s",
-        "of it each vehicle, ms",
+        "processor s a simulated s, s",
+        "of it a vehicle, ms",
         "peak memory, MiB",
         "recorded, KiB a vehicle and s",
         "largest error, m",
@@ -96,7 +102,8 @@ def growth(costs: list[Cost]) -> str:
         [
             each.count,
             f"{each.wall_s / each.simulated_s:.3f}",
-            f"{each.wall_s / each.simulated_s / each.count * 1e3:.1f}",
+            f"{each.processor_s / each.simulated_s:.3f}",
+            f"{each.processor_s / each.simulated_s / each.count * 1e3:.1f}",
             f"{each.peak_mib:.0f}",
             f"{each.recorded_mib * 1024 / each.count / each.simulated_s:.1f}",
             f"{each.worst_m:.3f}",
