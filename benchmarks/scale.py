@@ -1,7 +1,7 @@
 """What a vehicle more costs: time, memory and recorded bytes, against the number of vehicles.
 
 Each size flies in a process of its own: emulated vehicles, links and ground station together, law and telemetry at
-10 Hz, everything recorded. Under the virtual clock that is all; with `--real`, over UDP, the vehicles have a second one.
+10 Hz, everything recorded. Under the virtual clock that is all; with `--real`, over UDP, vehicles have a second one.
 """
 
 from __future__ import annotations
