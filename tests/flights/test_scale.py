@@ -18,7 +18,7 @@ def networks(*sizes: int) -> dict[str, Any]:
     return {
         "vehicles": [vehicles[0] | {"role": "leader"}, *vehicles[1:]],
         "formation": {"shape": "line", "spacing_m": 30},
-        "start": {"in_air": True, "run_in_s": 3},
+        "start": {"in_air": True, "run_in_s": 6},
         "finish": {"loiter_s": 0},
         "duration_s": DURATION_S,
     }
