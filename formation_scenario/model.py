@@ -62,10 +62,19 @@ class Wind(Keys):
     velocity_mps: Vector = Field(default=(0.0, 0.0, 0.0), description="where it blows to: north, east, down, m/s")
 
 
+class Avoidance(Keys):
+    """The rule that keeps vehicles apart."""
+
+    enabled: Flag = Field(default=True, description="whether setpoints give way to it")
+    distance_m: Positive = Field(description="distance that it keeps, m; default: safety.separation_m + 5")
+    horizon_s: Annotated[Number, Field(ge=4.0, le=60.0)] = Field(default=12.0, description="how far it looks ahead, s")
+
+
 class Safety(Keys):
-    """Limits whose break fails a run."""
+    """Limits whose break fails a run, and what keeps from breaking them."""
 
     separation_m: NonNegative = Field(default=5.0, description="least distance of two vehicles, m")
+    avoidance: Avoidance
     clearance_m: NonNegative = Field(default=5.0, description="least height above ground, m")
 
 
@@ -108,7 +117,7 @@ class Scenario(Keys):
     disturbances: tuple[Disturbance, ...] = ()
     orders: tuple[PlannedOrder, ...] = ()
     faults: tuple[Fault, ...] = ()
-    safety: Safety = Safety()
+    safety: Safety
     finish: Finish = Finish()
     expect: tuple[Expectation, ...] = ()
 

@@ -10,6 +10,8 @@ from formation_scenario.source import Key, Plain, Source
 from formation_scenario.vehicles import BASE_PORT
 
 RUN_IN_AIR_S = 10.0
+BUFFER_M = 5.0
+"""What the distance that vehicles keep is beyond the one that they must."""
 RUN_IN_GROUND_S = 60.0
 
 
@@ -29,6 +31,7 @@ def resolve(source: Source) -> Source:
     gains = NOISE if _any_noisy(data.get("vehicles")) else CLEAN
     data["law"] = _law(_filled(data.get("law"), {"gains": gains}), _group(data, "formation").get("frame"))
     data["formation"] = _formation(data.get("formation"))
+    data["safety"] = _safety(data.get("safety"))
     directory = Path(source.file).parent if source.file else Path()
     if "links" in data:
         data["links"] = _with_absolute(data["links"], "trace_file", directory)
@@ -95,6 +98,15 @@ def _formation(formation: Plain) -> Plain:
 
 def _has_shape(change: Plain) -> bool:
     return isinstance(change, dict) and change.get("shape") is not None
+
+
+def _safety(safety: Plain) -> Plain:
+    if safety is not None and not isinstance(safety, dict):
+        return safety
+    given = safety or {}
+    least = given.get("separation_m", 5.0)
+    kept: dict[Key, Plain] = {"distance_m": (least if isinstance(least, int | float) else 0.0) + BUFFER_M}
+    return given | {"avoidance": _filled(given.get("avoidance"), kept)}
 
 
 def _vehicles(vehicles: Plain) -> Plain:

@@ -1,6 +1,6 @@
 """From the vehicles' newest states to everyone's setpoints, in one place and in one order.
 
-state as measured -> state when the setpoint acts -> leader's guidance -> slots -> law -> envelope.
+state as measured -> state when the setpoint acts -> leader's guidance -> slots -> law -> envelope -> separation.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from gcs_formation.formation.plan import FormationPlan
 from gcs_formation.guidance.tracking import Lags, Motion
 from gcs_formation.guidance.virtual_leader import amid, fly_on
 from gcs_formation.records import Tick
+from gcs_formation.separation.keeper import SeparationKeeper
 
 VIRTUAL = np.zeros(1, dtype=np.intp)
 """The column of a virtual leader."""
@@ -57,6 +58,7 @@ class FormationController:
         self._clearance = parameters.slot_clearance(scenario)
         self._history = SetpointHistory(scenario.law.rate_hz)
         self._projection = parameters.projection(scenario, self._history, self._model)
+        self.separation = SeparationKeeper(scenario, self._history, self._model)
         self._in_slots_s = 0.0
         self._leader_told_rad = math.nan
         self._leader_wind_mps = np.full(2, np.nan)
@@ -110,13 +112,15 @@ class FormationController:
             tick.active[:] = False
             self._in_slots_s = 0.0
             return tick
-        states = self._projection.take(self._measured(tick.active, acts))
+        measured = self._measured(tick.active, acts)
+        states = self._projection.take(measured)
         lead = self._steer_leader(tick, states)
         if self._columns > 1:
             slots, commanded_m = self._over_ground(tick, states, lead)
             self._bandwidth = self._bandwidth + self._gains_change * (self.bandwidth - self._bandwidth)
-            situation = Situation(states, lead, slots, tick.active, self._bandwidth)
+            situation = Situation(states, lead, slots, tick.active, self._bandwidth, self.separation.yielding)
             self._note(tick, self._law.decide(situation, self._dt_s), commanded_m)
+            self.separation.keep(tick, measured)
         self._judge_assembly(tick)
         self.last_tick = tick
         return tick
@@ -136,6 +140,7 @@ class FormationController:
             jitter_s=blank[:, 0].copy(),
             margin_used=blank[:, 0].copy(),
             active=ready & known,
+            yielding=np.zeros(self._columns, dtype=bool),
             slots_m=blank.copy(),
             error_m=blank.copy(),
             mixed=blank.copy(),

@@ -29,6 +29,7 @@ from gcs_formation.phases import Cause, Flight, Phase
 from gcs_formation.reconfiguration import Reconfiguration
 from gcs_formation.records import Detail, Event, Recorder, Tick
 from gcs_formation.roster import Roster
+from gcs_formation.separation.keeper import words
 from gcs_formation.starting import Starting
 from gcs_formation.vehicle.planned import planned
 from gcs_formation.vehicle.vehicle import Vehicle
@@ -205,6 +206,7 @@ class Station:
         self.last_tick = tick
         self._recorder.tick(tick)
         self._ledger.judge_motion(tick, now)
+        self._note_separation(now)
         self.controlled_ticks += 1
         if controller.guidance.started and self._move(Cause.PATH_BEGUN, now):
             self._beacon.hasten(now)
@@ -274,6 +276,12 @@ class Station:
 
     def _note_link(self, vehicle: Vehicle, now: Instant) -> None:
         self._event(now, "link", vehicle.connection.state.value, vehicle, {"peer": str(vehicle.connection.peer)})
+
+    def _note_separation(self, now: Instant) -> None:
+        identities = {column: identity for identity, column in self._columns.items()}
+        for encounter in self.controller.separation.changes:
+            text, details = words(encounter, {column: str(identity) for column, identity in identities.items()})
+            self._event(now, "separation", text, self.vehicles[identities[encounter.vehicle]], details)
 
     def _event(
         self,

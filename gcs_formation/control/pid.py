@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs_formation.arrays import Array
+from gcs_formation.arrays import Array, Mask
 
 
 @dataclass(frozen=True)
@@ -37,6 +37,10 @@ class PidState:
     def at_rest(cls, shape: tuple[int, ...]) -> PidState:
         """Return the state of controllers that have seen nothing: integrators at trim (29)."""
         return cls(np.zeros(shape), np.zeros(shape), np.full(shape, np.nan))
+
+    def with_integral(self, integral: Array, which: Mask) -> PidState:
+        """Return this with the integrals of some rows as they were."""
+        return PidState(np.where(which[:, None], integral, self.integral), self.rate, self.error)
 
 
 def filter_rate(state: PidState, error: Array, filter_s: float, dt_s: float) -> Array:

@@ -75,12 +75,14 @@ def advance(state: FlightState, told: Array, duration_s: Array, model: Autopilot
         duration_s: (K, N).
         model: (N,) columns.
     """
-    lags = _Lags(np.stack((model.accel_max_mps2, model.turn_rate_max_rps)), np.stack((model.tau_v_s, model.tau_psi_s)))
+    lags = AirLags(
+        np.stack((model.accel_max_mps2, model.turn_rate_max_rps)), np.stack((model.tau_v_s, model.tau_psi_s))
+    )
     told = told.copy()
     np.clip(told[:, 0], model.speed_min_mps, model.speed_max_mps, out=told[:, 0])
     value = np.stack((state.airspeed_mps, state.heading_rad))
     begins, errors = np.empty((len(told), *value.shape)), np.empty((len(told), *value.shape))
-    height = _Height(state.height_m, state.climb_mps)
+    height = Height(state.height_m, state.climb_mps)
     for k, segment_s in enumerate(duration_s):
         error = told[k, :2] - value
         error[1] = wrap(error[1])
@@ -111,7 +113,7 @@ def turn_rate(state: FlightState, setpoints: Setpoints, model: AutopilotModel) -
     return np.clip(np.nan_to_num(rate), -model.turn_rate_max_rps, model.turn_rate_max_rps)
 
 
-class _Lags(NamedTuple):
+class AirLags(NamedTuple):
     """First-order lags with limited rates: (2, N) for speed and heading."""
 
     rate_max: Array
@@ -125,13 +127,13 @@ class _Lags(NamedTuple):
         return np.copysign(left, error)
 
 
-class _Height(NamedTuple):
+class Height(NamedTuple):
     """Height and climb rate, (N,)."""
 
     height_m: Array
     climb_mps: Array
 
-    def after(self, time_s: Array, target_m: Array, model: AutopilotModel) -> _Height:
+    def after(self, time_s: Array, target_m: Array, model: AutopilotModel) -> Height:
         """Return what they are `time_s` later; a climb beyond the limit counts as the limit.
 
         With equal time constants exprel's limit makes it the double pole's form.
@@ -145,7 +147,7 @@ class _Height(NamedTuple):
         left_m = slow_left * error + between_s * push_mps
         climb_mps = np.exp(-time_s / fast) * push_mps - left_m / slow
         most_m = model.climb_max_mps * time_s
-        return _Height(
+        return Height(
             self.height_m + np.minimum(np.maximum(left_m - error, -most_m), most_m),
             np.minimum(np.maximum(climb_mps, -model.climb_max_mps), model.climb_max_mps),
         )

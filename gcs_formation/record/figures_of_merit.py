@@ -63,6 +63,12 @@ def _nearest_pair_m(places: Array) -> float:
     return float(np.asarray(distances)[:, 1].min())
 
 
+def gave_way_s(flight: Flight, window: Mask, rate_hz: float) -> float:
+    """Return how long the separation rule had somebody give way."""
+    anybody = np.any([columns["yielding"][window] > 0 for columns in flight.vehicles.values()], axis=0)
+    return float(anybody.sum() / rate_hz)
+
+
 def clearance_m(flight: Flight, vehicle: VehicleId, window: Mask) -> Array:
     """Return a vehicle's height above the ground at each tick of the window, (T,)."""
     return flight.clearance(vehicle)[window]

@@ -166,7 +166,7 @@ def _received(counts: ParserCounts) -> dict[str, Any]:
 def _safety(outcome: Outcome, window: Mask) -> tuple[dict[str, Any], tuple[str, ...]]:
     flight, limits = outcome.flight, outcome.scenario.safety
     if not window.any():
-        return {"min_separation_m": None, "min_clearance_m": None, "violations": 0}, ()
+        return {"min_separation_m": None, "min_clearance_m": None, "violations": 0, "avoidance_s": 0.0}, ()
     separation = figures.separation_m(flight, window)
     clearance = np.fmin.reduce([figures.clearance_m(flight, vehicle, window) for vehicle in flight.vehicles])
     time_s = flight.mission_time_s[window]
@@ -180,7 +180,8 @@ def _safety(outcome: Outcome, window: Mask) -> tuple[dict[str, Any], tuple[str, 
             breaches.append(f"{name} was {values[worst]:.2f} m at {time_s[worst]:.1f} s; allowed: {least:g} m or more")
     violations = _episodes(separation < limits.separation_m) + _episodes(clearance < limits.clearance_m)
     measured = {"min_separation_m": _least(separation), "min_clearance_m": _least(clearance)}
-    return measured | {"violations": violations}, tuple(breaches)
+    gave_way_s = figures.gave_way_s(flight, window, outcome.scenario.law.rate_hz)
+    return measured | {"violations": violations, "avoidance_s": gave_way_s}, tuple(breaches)
 
 
 def _episodes(broken: Mask) -> int:

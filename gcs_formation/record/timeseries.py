@@ -29,7 +29,7 @@ STATE = (
     "wind_east_mps",
 )
 SETPOINT = ("setpoint_speed_mps", "setpoint_heading_rad", "setpoint_height_m")
-LINK = ("age_s", "delay_s", "jitter_s", "margin_used", "active", "leads")
+LINK = ("age_s", "delay_s", "jitter_s", "margin_used", "active", "leads", "yielding")
 INJECTED = "injected_delay_s"
 SLOT = ("slot_forward_m", "slot_right_m", "slot_up_m")
 LAW_ERROR = ("law_error_x_m", "law_error_y_m", "law_error_z_m")
@@ -119,7 +119,7 @@ def write_parquet(path: Path, columns: dict[str, Array]) -> None:
     """Write the time series, phases in words."""
     named: dict[str, Any] = dict(columns)
     named["phase"] = np.array(PHASES, dtype=object)[columns["phase"].astype(np.intp)]
-    named |= {flag: columns[flag] > 0 for flag in ("active", "leads")}
+    named |= {flag: columns[flag] > 0 for flag in ("active", "leads", "yielding")}
     pq.write_table(pa.table(named), path)
 
 
@@ -145,5 +145,6 @@ def _matrix(tick: Tick) -> Array:
         tick.margin_used,
         tick.active,
         np.arange(count) == tick.leader,
+        tick.yielding,
     )
     return np.column_stack((*flat, tick.slots_m, tick.error_m, tick.mixed, tick.gains))

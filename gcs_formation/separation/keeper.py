@@ -1,0 +1,194 @@
+"""The separation rule in flight: from a tick to what the rule looks at, and from what it decides back to the tick."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from airlink.clock import NANOSECONDS, Instant, seconds_between
+from formation_scenario import Scenario, ground_of, slot_schedule
+from gcs_formation.arrays import Array, Mask, wrap
+from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Indices, Setpoints
+from gcs_formation.estimation.predictor import SetpointHistory
+from gcs_formation.estimation.projection import Measured
+from gcs_formation.records import Tick
+from gcs_formation.separation.manoeuvre import Traffic, sample_times
+from gcs_formation.separation.rule import Conflict, Memory, resolve
+from gcs_formation.separation.scene import Scene
+
+SLOT_SHARE = 0.8
+"""Share of the distance of the two nearest slots that is kept at most: the rule doesn't fight the formation."""
+TIMING_SHARE = 0.1
+"""Share of a state's age and of the way back by which instants may be off."""
+RESERVE_S = 0.2
+"""How much longer than a tick a setpoint is reckoned to act: the next one may be lost."""
+FORGOTTEN_AFTER_S = 10.0
+"""Age of a state that nobody keeps away from any more."""
+STANDS_MPS = 3.0
+"""Speed over ground and through the air below which a vehicle isn't flying."""
+
+
+@dataclass
+class Encounter:
+    """A vehicle giving way to another, columns of a tick."""
+
+    vehicle: int
+    other: int
+    begun: Instant
+    nearest_m: float
+    """How near they would come without the rule, when it began to act."""
+    in_s: float
+    upwards: bool
+    least_m: float
+    """Least distance since, as the states of the law have it."""
+    ended: Instant | None = None
+
+
+class SeparationKeeper:
+    """Applies the rule tick by tick, and remembers who gives way to whom."""
+
+    def __init__(self, scenario: Scenario, history: SetpointHistory, model: AutopilotModel) -> None:
+        """Take the distance to keep; `history` holds what was sent to the columns, (C,) `model`."""
+        self._keys = scenario.safety.avoidance
+        self._virtual = scenario.leader is None
+        self._ground, self._clearance_m = ground_of(scenario), scenario.safety.clearance_m
+        self._history, self._model = history, model
+        self._dt_s = 1.0 / scenario.law.rate_hz
+        self._times_s = sample_times(self._dt_s + RESERVE_S, self._keys.horizon_s)
+        columns = model.tau_v_s.size
+        self._side, self._turn_rps = np.zeros(columns), np.zeros(columns)
+        self._last: Measured | None = None
+        shapes = (np.vstack((np.zeros(3), step.slots_m)) for step in slot_schedule(scenario))
+        self._slots_m: Array = np.zeros((columns, 3))
+        self._kept_m = min(self._keys.distance_m, *(SLOT_SHARE * _nearest_m(shape) for shape in shapes))
+        self._encounters: dict[tuple[int, int], Encounter] = {}
+        self.changes: list[Encounter] = []
+        """What began or ended at the last tick."""
+
+    @property
+    def yielding(self) -> Mask:
+        """(C,) columns that give way: what their law asks for isn't what they fly."""
+        return self._side != 0
+
+    def keep(self, tick: Tick, measured: Measured) -> None:
+        """Put setpoints that keep the distance in the place of a tick's, where those don't."""
+        self.changes = []
+        if not self._keys.enabled:
+            return
+        self._watch_turns(measured)
+        self._watch_slots(tick.slots_m)
+        members = self._members(tick, measured)
+        if members.size < 2:
+            return
+        scene = self._scene(tick, measured, members)
+        resolution = resolve(scene, Memory(self._side[members]))
+        self._side[:] = 0.0
+        self._side[members] = resolution.memory.side
+        yielding = resolution.memory.yielding
+        for name in ("speed_mps", "heading_rad", "height_m"):
+            getattr(tick.setpoints, name)[members[yielding]] = getattr(resolution.told, name)[yielding]
+        tick.yielding[:] = self.yielding
+        self._note(tick.now, members, resolution.conflicts, scene.traffic.state)
+
+    def _members(self, tick: Tick, measured: Measured) -> Indices:
+        """Return the columns that count, the leader's first."""
+        state = measured.state
+        over_ground = np.hypot(state.wind_north_mps, state.wind_east_mps) + state.airspeed_mps
+        flies = tick.active | (over_ground > STANDS_MPS)
+        counts = flies & (tick.age_s < FORGOTTEN_AFTER_S)
+        leader = tick.leader
+        counts[0] &= not self._virtual
+        followers = np.flatnonzero(counts)
+        return np.concatenate((followers[followers == leader], followers[followers != leader])).astype(np.intp)
+
+    def _scene(self, tick: Tick, measured: Measured, members: Indices) -> Scene:
+        commanded = tick.active[members]
+        acts = measured.acts[members]
+        together = acts[commanded].max(initial=acts.min())
+        until = np.where(commanded, acts, together)
+        model = self._model.take(members)
+        begin = measured.state.take(members)
+        state = self._history.predict(begin, measured.stamps[members], until, members, model)
+        turn_rps = np.where(commanded, 0.0, self._turn_rps[members])
+        turned = turn_rps * (until - measured.stamps[members]) / NANOSECONDS
+        state = replace(state, heading_rad=state.heading_rad + turned)
+        both = commanded[:, None] & commanded
+        return Scene(
+            traffic=Traffic(state, (together - until) / NANOSECONDS, turn_rps, model),
+            told=Setpoints(*np.where(commanded, tick.setpoints.table[:, members], np.nan)),
+            commanded=commanded,
+            kept_m=np.where(both, self._kept_m, self._keys.distance_m),
+            timing_s=TIMING_SHARE * np.nan_to_num(tick.age_s + tick.delay_s)[members],
+            reference=0,
+            floor_m=self._floor_m(state),
+            times_s=self._times_s,
+        )
+
+    def _floor_m(self, state: FlightState) -> Array:
+        """Return the height that vehicles may be sent down to: clear of the ground that they come to straight on."""
+        over_s = self._times_s[:, None]
+        north_m = state.north_m + over_s * state.airspeed_mps * np.cos(state.heading_rad)
+        east_m = state.east_m + over_s * state.airspeed_mps * np.sin(state.heading_rad)
+        return self._ground.height(north_m, east_m).max(axis=0) + self._clearance_m + self._keys.distance_m
+
+    def _watch_turns(self, measured: Measured) -> None:
+        """Learn from two states how those turn that nobody commands."""
+        before, self._last = self._last, measured
+        if before is None:
+            return
+        elapsed_s = (measured.stamps - before.stamps) / NANOSECONDS
+        fresh = (elapsed_s > 0) & (elapsed_s < FORGOTTEN_AFTER_S)
+        turned = wrap(measured.state.heading_rad - before.state.heading_rad)
+        rate = np.divide(turned, elapsed_s, out=self._turn_rps.copy(), where=fresh)
+        most = self._model.turn_rate_max_rps
+        self._turn_rps = np.clip(rate, -most, most)
+
+    def _watch_slots(self, slots_m: Array) -> None:
+        """Take note of slots that stand nearer to each other than any of the scenario's."""
+        slots_m = np.nan_to_num(slots_m)
+        if np.array_equal(slots_m, self._slots_m):
+            self._kept_m = min(self._kept_m, SLOT_SHARE * _nearest_m(slots_m))
+        self._slots_m = slots_m
+
+    def _note(self, now: Instant, members: Indices, conflicts: tuple[Conflict, ...], state: FlightState) -> None:
+        place = np.stack((state.north_m, state.east_m, state.height_m))
+        where = {int(column): place[:, row] for row, column in enumerate(members)}
+        for conflict in conflicts:
+            pair = int(members[conflict.vehicle]), int(members[conflict.other])
+            if pair not in self._encounters:
+                upwards = bool(self._side[pair[0]] > 0)
+                begun = Encounter(*pair, now, conflict.nearest_m, conflict.in_s, upwards, np.inf)
+                self._encounters[pair] = begun
+                self.changes.append(begun)
+        for pair, encounter in list(self._encounters.items()):
+            if pair[0] in where and pair[1] in where:
+                distance_m = float(np.linalg.norm(where[pair[0]] - where[pair[1]]))
+                encounter.least_m = min(encounter.least_m, distance_m)
+            if self._side[pair[0]] == 0:
+                encounter.ended = now
+                self.changes.append(self._encounters.pop(pair))
+
+
+def words(encounter: Encounter, names: Mapping[int, str]) -> tuple[str, dict[str, str | int | float | bool | None]]:
+    """Return what the record says of an encounter that begins or ends, in words and figures."""
+    other = names[encounter.other]
+    if encounter.ended is None:
+        text = (
+            f"gives way to {other}, {'upwards' if encounter.upwards else 'downwards'}: "
+            f"they would be {encounter.nearest_m:.1f} m apart in {encounter.in_s:.1f} s"
+        )
+        return text, {"other": other, "begins": True, "nearest_m": encounter.nearest_m, "in_s": encounter.in_s}
+    lasted_s = seconds_between(encounter.begun, encounter.ended)
+    text = f"no longer gives way to {other}: {lasted_s:.1f} s, {encounter.least_m:.1f} m apart at least"
+    return text, {"other": other, "begins": False, "least_m": encounter.least_m, "lasted_s": lasted_s}
+
+
+def _nearest_m(slots_m: Array) -> float:
+    """Return the distance of the two nearest slots; infinite for one."""
+    if len(slots_m) < 2:
+        return float("inf")
+    distances, _ = cKDTree(slots_m).query(slots_m, k=2)
+    return float(np.asarray(distances)[:, 1].min())

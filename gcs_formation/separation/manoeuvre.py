@@ -1,0 +1,133 @@
+"""Where vehicles get to: what they are told now, for as long as it may act, and then a manoeuvre that is kept up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import Self
+
+import numpy as np
+
+from gcs_formation.arrays import Array, wrap
+from gcs_formation.estimation.flight_state import AutopilotModel, Columns, FlightState, Indices, Setpoints
+from gcs_formation.estimation.predictor import AirLags, Height, advance
+
+FINE_S, COARSE_S = 0.5, 1.0
+"""Steps in which a manoeuvre is looked at, before and after `FINE_UNTIL_S`."""
+FINE_UNTIL_S = 4.0
+
+
+@dataclass(frozen=True)
+class Manoeuvre(Columns):
+    """What vehicles do one after the other, (N,) columns: a setpoint first, then another for good."""
+
+    first_speed_mps: Array
+    first_heading_rad: Array
+    first_height_m: Array
+    speed_mps: Array
+    """NaN: at the speed that they then have."""
+    heading_rad: Array
+    """NaN: on the heading that they then have."""
+    height_m: Array
+    """NaN: at the height that they come to when they stop climbing."""
+
+    @property
+    def first(self) -> Setpoints:
+        """The setpoint that comes first."""
+        return Setpoints(self.first_speed_mps, self.first_heading_rad, self.first_height_m)
+
+    def with_columns(self, which: Indices, other: Self) -> Self:
+        """Return these with the columns `which` taken from `other`."""
+        values: list[Array] = []
+        for field in fields(self):
+            column = getattr(self, field.name).copy()
+            column[which] = getattr(other, field.name)
+            values.append(column)
+        return type(self)(*values)
+
+
+def from_table(table: Array) -> Manoeuvre:
+    """Return the manoeuvres whose `table` this is, (6, N)."""
+    return Manoeuvre(table[0], table[1], table[2], table[3], table[4], table[5])
+
+
+@dataclass(frozen=True)
+class Traffic(Columns):
+    """Vehicles when what they're told now acts, (N,) columns."""
+
+    state: FlightState
+    lead_s: Array
+    """How long before the instant that counting begins at, the same for all, their setpoints act."""
+    turn_rps: Array
+    """How they turn if nobody commands them; 0 for those that are commanded."""
+    model: AutopilotModel
+
+    def take(self, which: Indices) -> Self:
+        """Return the columns of the vehicles at `which`, repeated as often as named."""
+        lead_s, turn_rps = self.lead_s[which], self.turn_rps[which]
+        return type(self)(self.state.take(which), lead_s, turn_rps, self.model.take(which))
+
+
+def sample_times(first_s: float, horizon_s: float) -> Array:
+    """Return the instants (S,) at which a manoeuvre is looked at: 0, `first_s`, and so on to the horizon."""
+    fine = np.arange(first_s, min(FINE_UNTIL_S, horizon_s), FINE_S)
+    coarse = np.arange(fine[-1] + COARSE_S, horizon_s + COARSE_S, COARSE_S)
+    return np.concatenate(((0.0,), fine, coarse))
+
+
+def fly(traffic: Traffic, manoeuvre: Manoeuvre, times_s: Array) -> Array:
+    """Return the places (3, S, N), north, east and up, at `times_s` by model (7).
+
+    The first setpoint acts until `times_s[1]`. A height beyond what the envelope lets a vehicle be told at once is
+    approached as it will be told: by setpoints that run ahead of it.
+    """
+    first = manoeuvre.first.table[None]
+    begin = _after(traffic, first, traffic.lead_s)
+    turned = _after(traffic, first, traffic.lead_s + times_s[1])
+    places = np.empty((3, times_s.size, begin.north_m.size))
+    places[:, 0] = begin.north_m, begin.east_m, begin.height_m
+    places[:2, 1:] = _way(traffic, turned, manoeuvre, times_s[1:] - times_s[1])
+    places[2, 1:] = _heights(traffic.model, turned, manoeuvre.height_m, np.diff(times_s[1:]))
+    return places
+
+
+def reach_m(model: AutopilotModel) -> Array:
+    """Return how far from a vehicle's height its setpoint may be, as in the envelope (N,)."""
+    return model.climb_max_mps * (model.tau_ha_s + model.tau_hb_s)
+
+
+def _after(traffic: Traffic, told: Array, elapsed_s: Array) -> FlightState:
+    state = advance(traffic.state, told, elapsed_s[None], traffic.model)
+    return replace(state, heading_rad=state.heading_rad + traffic.turn_rps * elapsed_s)
+
+
+def _way(traffic: Traffic, state: FlightState, manoeuvre: Manoeuvre, times_s: Array) -> Array:
+    """Return (2, S, N) north and east, `times_s` after `state`, by the trapezium rule of the velocity."""
+    model = traffic.model
+    told = np.stack((manoeuvre.speed_mps, manoeuvre.heading_rad))
+    value = np.stack((state.airspeed_mps, state.heading_rad))
+    error = told - value
+    error[1] = wrap(error[1])
+    error[np.isnan(error)] = 0.0
+    lags = AirLags(
+        np.stack((model.accel_max_mps2, model.turn_rate_max_rps)), np.stack((model.tau_v_s, model.tau_psi_s))
+    )
+    speed, heading = np.moveaxis(value + error - lags.remaining(error, times_s[:, None, None]), 1, 0)
+    heading = heading + traffic.turn_rps * times_s[:, None]
+    velocity = np.stack((speed * np.cos(heading) + state.wind_north_mps, speed * np.sin(heading) + state.wind_east_mps))
+    steps = (velocity[:, 1:] + velocity[:, :-1]) / 2 * np.diff(times_s)[:, None]
+    begin = np.stack((state.north_m, state.east_m))[:, None]
+    return np.concatenate((begin, begin + np.cumsum(steps, axis=1)), axis=1)
+
+
+def _heights(model: AutopilotModel, state: FlightState, target_m: Array, steps_s: Array) -> Array:
+    """Return (S, N) heights from `state` on."""
+    most_m = reach_m(model)
+    level_m = state.height_m + (model.tau_ha_s + model.tau_hb_s) * state.climb_mps
+    target_m = np.where(np.isnan(target_m), level_m, target_m)
+    height = Height(state.height_m, state.climb_mps)
+    heights = [height.height_m]
+    for step_s in steps_s:
+        aim_m = np.minimum(np.maximum(target_m, height.height_m - most_m), height.height_m + most_m)
+        height = height.after(step_s, aim_m, model)
+        heights.append(height.height_m)
+    return np.array(heights)

@@ -1,0 +1,189 @@
+"""Who gives way, and how: a predictive filter of setpoints, with manoeuvres that are known to stay safe in reserve.
+
+A setpoint passes if, after it has acted, a manoeuvre is left that keeps every distance over the whole horizon; if none
+is, such a manoeuvre is flown now. docs/separation.md has the sources and what follows from it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gcs_formation.arrays import Array, Mask
+from gcs_formation.estimation.flight_state import Indices, Setpoints
+from gcs_formation.separation.distance import Approach, Kept, approach
+from gcs_formation.separation.manoeuvre import Manoeuvre, fly, from_table
+from gcs_formation.separation.scene import Scene, free_heights, possible_pairs, take_height
+
+RELEASE = 1.1
+"""Share of the kept distance that must stay free before a vehicle stops giving way."""
+NEGLIGIBLE_MS = 1e-6
+HELPED_BELOW = 0.9
+"""Share of the kept distance below which those give way too that go first: measured states are never quite as reckoned."""
+HEIGHTS_MAX = 8
+"""Most heights that are looked at for one vehicle."""
+SWEEPS = 2
+
+
+@dataclass(frozen=True)
+class Memory:
+    """What the rule remembers between ticks, (N,): 1 above, -1 below the others, 0 of those that don't give way."""
+
+    side: Array
+
+    @property
+    def yielding(self) -> Mask:
+        """Who gives way."""
+        return self.side != 0
+
+
+@dataclass(frozen=True)
+class Conflict:
+    """A vehicle that gives way, and another that it would come near if it didn't."""
+
+    vehicle: int
+    other: int
+    nearest_m: float
+    in_s: float
+
+
+@dataclass(frozen=True)
+class Resolution:
+    """What is told instead."""
+
+    told: Setpoints
+    memory: Memory
+    conflicts: tuple[Conflict, ...]
+
+
+def resolve(scene: Scene, memory: Memory) -> Resolution:
+    """Return the setpoints that keep the distances; exactly those that came in where nobody need give way."""
+    one, other = possible_pairs(scene)
+    if one.size == 0 and not memory.yielding.any():
+        return Resolution(scene.told, memory, ())
+    return _Search(scene, memory, one, other).resolution()
+
+
+class _Search:
+    """One tick's search, vehicle by vehicle."""
+
+    def __init__(self, scene: Scene, memory: Memory, one: Indices, other: Indices) -> None:
+        self._scene = scene
+        self._side = memory.side.copy()
+        self._before = memory.yielding
+        self._manoeuvre = scene.as_told()
+        self._ways = fly(scene.traffic, self._manoeuvre, scene.times_s)
+        self._conflicts: dict[int, tuple[Conflict, ...]] = {}
+        near = approach(self._ways[:, :, one], self._ways[:, :, other], scene.kept(one, other), scene.times_s)
+        bad = near.deficit_ms > NEGLIGIBLE_MS
+        self._waiting = {self._second(i, j) for i, j in zip(one[bad].tolist(), other[bad].tolist(), strict=True)}
+        self._waiting |= set(np.flatnonzero(memory.yielding & scene.commanded).tolist())
+
+    def resolution(self) -> Resolution:
+        self._side[~self._scene.commanded] = 0.0
+        for _ in range(SWEEPS):
+            if not self._sweep():
+                break
+        told, yielding = self._scene.told.table, self._side != 0
+        told[:, yielding] = self._manoeuvre.first.table[:, yielding]
+        found = [
+            conflict for vehicle, each in sorted(self._conflicts.items()) if yielding[vehicle] for conflict in each
+        ]
+        return Resolution(Setpoints(*told), Memory(self._side), tuple(found))
+
+    def _second(self, i: int, j: int) -> int:
+        """Return who of a pair gives way first: the later one, if it's commanded."""
+        return j if self._scene.commanded[j] else i
+
+    def _sweep(self) -> bool:
+        """Choose for all that wait, the last one first; return whether somebody found no safe way."""
+        waiting, done, unsafe = set(self._waiting), set[int](), False
+        while waiting:
+            vehicle = max(waiting)
+            waiting.remove(vehicle)
+            done.add(vehicle)
+            endangered = self._choose(vehicle)
+            unsafe = unsafe or bool(endangered)
+            waiting |= {i for i in endangered if self._scene.commanded[i]} - done
+        self._waiting |= done
+        return unsafe
+
+    def _choose(self, vehicle: int) -> list[int]:
+        """Choose a vehicle's way; return whom it still comes too near to."""
+        scene, others = self._scene, self._others(vehicle)
+        plain = self._plain(vehicle)
+        near = self._approach(vehicle, plain, others, RELEASE)
+        conflicting = near.deficit_ms.max(axis=0, initial=0.0) > NEGLIGIBLE_MS
+        self._conflicts[vehicle] = _conflicts(vehicle, others, near, conflicting)
+        heights = free_heights(
+            scene, vehicle, others[conflicting], self._ways[2, -1, others[conflicting]], self._side[vehicle]
+        )[:HEIGHTS_MAX]
+        escapes = take_height(scene, vehicle, heights)
+        waits = self._passing(vehicle, plain, escapes, heights)
+        gives_way = self._giving_way(vehicle, escapes)
+        options = _joined(waits, gives_way)
+        comes = self._approach(vehicle, options, others, 1.0)
+        total = comes.deficit_ms.sum(axis=1)
+        held_back = waits.height_m.size if self._before[vehicle] and not self._released(near) else 0
+        total[:held_back] = np.inf
+        safe = np.flatnonzero(total <= NEGLIGIBLE_MS)
+        chosen = int(safe[0]) if safe.size else int(np.argmin(total))
+        self._adopt(vehicle, options.take(np.array([chosen])), yielding=chosen >= waits.height_m.size)
+        return others[comes.nearest_m[chosen] < HELPED_BELOW * scene.kept_m[vehicle, others]].tolist()
+
+    def _released(self, near: Approach) -> bool:
+        """Whether a vehicle that gives way may stop: straight on and as told, it keeps well clear of everyone."""
+        return not (near.deficit_ms[1] > NEGLIGIBLE_MS).any()
+
+    def _plain(self, vehicle: int) -> Manoeuvre:
+        """Return what a vehicle does if it doesn't give way at all: along the reference, and straight on."""
+        which = np.array([vehicle])
+        return _joined(self._scene.as_told().take(which), self._scene.straight(which))
+
+    def _passing(self, vehicle: int, plain: Manoeuvre, escapes: Manoeuvre, heights: Array) -> Manoeuvre:
+        """Return the ways that begin as told: the plain ones, and those that give way afterwards."""
+        told = self._scene.told.table[:, [vehicle]]
+        later = escapes.table.reshape(6, heights.size, 4)[:, :, :2].reshape(6, -1)
+        later[:3] = told
+        return _joined(plain, from_table(later))
+
+    def _giving_way(self, vehicle: int, escapes: Manoeuvre) -> Manoeuvre:
+        """Return the ways that give way at once; if no other height helps, at the height as told."""
+        level = take_height(self._scene, vehicle, self._scene.told.height_m[[vehicle]])
+        return _joined(escapes, level.take(np.array([2, 3])))
+
+    def _adopt(self, vehicle: int, chosen: Manoeuvre, *, yielding: bool) -> None:
+        which = np.array([vehicle])
+        self._manoeuvre = self._manoeuvre.with_columns(which, chosen)
+        self._ways[:, :, which] = fly(self._scene.traffic.take(which), chosen, self._scene.times_s)
+        upwards = chosen.height_m[0] >= self._scene.told.height_m[vehicle]
+        self._side[vehicle] = 0.0 if not yielding else (1.0 if upwards else -1.0)
+
+    def _others(self, vehicle: int) -> Indices:
+        everyone = np.arange(self._scene.commanded.size, dtype=np.intp)
+        return everyone[everyone != vehicle]
+
+    def _approach(self, vehicle: int, options: Manoeuvre, others: Indices, share: float) -> Approach:
+        """Return how near each of a vehicle's options (M,) comes to each of the others: (M, O) arrays."""
+        scene, count = self._scene, options.height_m.size
+        which = np.full(count, vehicle, dtype=np.intp)
+        ways = np.repeat(fly(scene.traffic.take(which), options, scene.times_s), others.size, axis=2)
+        kept = scene.kept(np.full(others.size, vehicle, dtype=np.intp), others)
+        kept = Kept(*(np.tile(share * values, count) for values in kept))
+        near = approach(ways, np.tile(self._ways[:, :, others], count), kept, scene.times_s)
+        return Approach(*(values.reshape(count, others.size) for values in near))
+
+
+def _conflicts(vehicle: int, others: Indices, near: Approach, conflicting: Mask) -> tuple[Conflict, ...]:
+    """Return whom a vehicle would come near, flying straight on where that is the nearer way."""
+    way = np.argmin(near.nearest_m, axis=0)
+    found: list[Conflict] = []
+    for place in np.flatnonzero(conflicting).tolist():
+        row = way[place], place
+        found.append(Conflict(vehicle, int(others[place]), float(near.nearest_m[row]), float(near.in_s[row])))
+    return tuple(found)
+
+
+def _joined(*manoeuvres: Manoeuvre) -> Manoeuvre:
+    return from_table(np.concatenate([each.table for each in manoeuvres], axis=1))

@@ -1,0 +1,151 @@
+"""Encounters flown by model (7) with the rule and without: links that delay, jitter and lose, states that are old."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from airlink.clock import NANOSECONDS, Instant
+from gcs_formation.arrays import Array, Mask
+from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Setpoints
+from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory, advance
+from gcs_formation.separation.manoeuvre import Traffic, sample_times
+from gcs_formation.separation.rule import Memory, resolve
+from gcs_formation.separation.scene import Scene
+
+DT_S = 0.1
+KEPT_M = 10.0
+STEP_S = 0.05
+TIMES_S = sample_times(DT_S + 0.2, 12.0)
+MODEL = {
+    "tau_v_s": 4.0,
+    "tau_psi_s": 1.5,
+    "tau_ha_s": 1.0,
+    "tau_hb_s": 3.0,
+    "speed_min_mps": 16.0,
+    "speed_max_mps": 28.0,
+    "accel_max_mps2": 1.5,
+    "turn_rate_max_rps": 0.25,
+    "climb_max_mps": 3.0,
+}
+
+
+def model(count: int) -> AutopilotModel:
+    return AutopilotModel(*(np.full(count, value) for value in MODEL.values()))
+
+
+@dataclass
+class Vehicles:
+    """Who flies how: a row [north, east, height, speed, heading, turn rate] each; the law wants just that for ever."""
+
+    rows: list[list[float]]
+    commanded: list[bool] | None = None
+    delay_s: float = 0.0
+    jitter_s: float = 0.0
+    loss: float = 0.0
+    seed: int = 0
+    floor_m: float = 15.0
+
+    @property
+    def state(self) -> FlightState:
+        north, east, height, speed, heading, _ = np.array(self.rows, dtype=np.float64).T
+        still = np.zeros(north.size)
+        return FlightState(north, east, height, still, speed, heading, still, still)
+
+    @property
+    def turn_rps(self) -> Array:
+        return np.array(self.rows)[:, 5]
+
+    @property
+    def flown_by_us(self) -> Mask:
+        return np.array(self.commanded or [True] * len(self.rows))
+
+
+@dataclass
+class Flown:
+    least_m: float = math.inf
+    sides: list[Array] = field(default_factory=list[Array])
+    told: list[Array] = field(default_factory=list[Array])
+
+    @property
+    def gave_way(self) -> Mask:
+        return np.any(self.sides, axis=0)
+
+    @property
+    def changes(self) -> Array:
+        """How often each vehicle began or ended to give way, or changed sides."""
+        return np.abs(np.diff(np.sign(self.sides), axis=0, prepend=0.0)).sum(axis=0)
+
+
+def scene(vehicles: Vehicles, state: FlightState, told: Setpoints, age_s: float = 0.0) -> Scene:
+    count, ours = len(vehicles.rows), vehicles.flown_by_us
+    return Scene(
+        traffic=Traffic(state, np.zeros(count), np.where(ours, 0.0, vehicles.turn_rps), model(count)),
+        told=Setpoints(*np.where(ours, told.table, np.nan)),
+        commanded=ours,
+        kept_m=np.full((count, count), KEPT_M),
+        timing_s=np.full(count, 0.1 * (2 * vehicles.delay_s + age_s)),
+        reference=0,
+        floor_m=np.full(count, vehicles.floor_m),
+        times_s=TIMES_S,
+    )
+
+
+def wanted(vehicles: Vehicles, time_s: float) -> Setpoints:
+    """Return what the law wants: the initial speed and height; the heading leads a turn by the autopilot's lag."""
+    state, turn = vehicles.state, vehicles.turn_rps
+    heading = state.heading_rad + turn * (time_s + MODEL["tau_psi_s"])
+    return Setpoints(state.airspeed_mps, heading, state.height_m)
+
+
+def encounter(vehicles: Vehicles, seconds: float = 40.0, *, rule: bool = True) -> Flown:
+    """Fly; states are told with the link's delay, setpoints act after it, or never."""
+    count, random = len(vehicles.rows), np.random.default_rng(vehicles.seed)
+    everyone, each = np.arange(count), model(count)
+    true, memory, flown = vehicles.state, Memory(np.zeros(count)), Flown()
+    history = SetpointHistory(1 / DT_S)
+    held = wanted(vehicles, 0.0).table
+    reckoned = round(vehicles.delay_s * NANOSECONDS)
+    on_the_way: list[tuple[float, int, Array]] = []
+    past = [true]
+    for step in range(round(seconds / STEP_S)):
+        now_s = step * STEP_S
+        if step % round(DT_S / STEP_S) == 0:
+            seen = past[max(0, len(past) - 1 - round(vehicles.delay_s / STEP_S))]
+            now = Instant(round(now_s * NANOSECONDS))
+            told = wanted(vehicles, now_s + vehicles.delay_s)
+            acts = np.full(count, now + reckoned)
+            history.add(SentSetpoints(acts, told))
+            since = np.full(count, max(0, now - reckoned))
+            state = history.predict(seen, since, acts, everyone, each)
+            if rule:
+                decided = resolve(scene(vehicles, state, told), memory)
+                memory = decided.memory
+                for name in ("speed_mps", "heading_rad", "height_m"):
+                    getattr(told, name)[memory.yielding] = getattr(decided.told, name)[memory.yielding]
+            flown.sides.append(memory.side)
+            flown.told.append(told.table)
+            late_s = np.maximum(0.0, vehicles.delay_s + vehicles.jitter_s * random.standard_normal(count))
+            arrives = np.flatnonzero(random.random(count) >= vehicles.loss).tolist()
+            on_the_way += [(now_s + float(late_s[i]), i, told.table[:, i]) for i in arrives]
+        on_the_way = _delivered(on_the_way, now_s, held)
+        flies = np.where(vehicles.flown_by_us, held, wanted(vehicles, now_s).table)
+        true = advance(true, flies[None], np.full((1, count), STEP_S), each)
+        past.append(true)
+        flown.least_m = min(flown.least_m, _nearest_m(true))
+    return flown
+
+
+def _delivered(on_the_way: list[tuple[float, int, Array]], now_s: float, held: Array) -> list[tuple[float, int, Array]]:
+    """Put into `held` what has arrived; return the rest."""
+    for _, vehicle, setpoint in sorted((a for a in on_the_way if a[0] <= now_s + 1e-9), key=lambda a: a[0]):
+        held[:, vehicle] = setpoint
+    return [a for a in on_the_way if a[0] > now_s + 1e-9]
+
+
+def _nearest_m(state: FlightState) -> float:
+    place = np.stack((state.north_m, state.east_m, state.height_m))
+    apart = np.linalg.norm(place[:, :, None] - place[:, None], axis=0)
+    return float(apart[np.triu_indices(len(apart), 1)].min())
