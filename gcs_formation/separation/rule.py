@@ -20,7 +20,7 @@ RELEASE = 1.1
 """Share of the kept distance that must stay free before a vehicle stops giving way."""
 NEGLIGIBLE_MS = 1e-6
 HELPED_BELOW = 0.9
-"""Share of the kept distance below which those give way too that go first: measured states are never quite as reckoned."""
+"""Share of the kept distance below which those give way too that go first: states are never quite as reckoned."""
 HEIGHTS_MAX = 8
 """Most heights that are looked at for one vehicle."""
 SWEEPS = 2

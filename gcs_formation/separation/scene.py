@@ -80,21 +80,21 @@ def possible_pairs(scene: Scene) -> tuple[Indices, Indices]:
     """
     traffic, model = scene.traffic, scene.traffic.model
     off_mps = _length(scene.velocity_mps - scene.velocity_mps[:, [scene.reference]])
-    first_s, horizon_s = scene.times_s[1], scene.times_s[-1]
+    first_s, horizon_s = float(scene.times_s[1]), float(scene.times_s[-1])
     settling_s = np.maximum(model.tau_v_s, model.tau_psi_s) + off_mps / model.accel_max_mps2
     turning_m = model.turn_rate_max_rps * model.speed_max_mps * first_s * (model.tau_psi_s + first_s)
     speeding_m = model.accel_max_mps2 * first_s * (model.tau_v_s + first_s)
     told_m = off_mps * (settling_s + first_s + traffic.lead_s) + turning_m + speeding_m
     over_ground_mps = _length(scene.velocity_mps)
-    circling_mps = over_ground_mps + over_ground_mps[scene.reference]
+    circling_mps = over_ground_mps + float(over_ground_mps[scene.reference])
     free_mps: Array = np.where(traffic.turn_rps == 0, off_mps, circling_mps)
     free_m = free_mps * (horizon_s + first_s + traffic.lead_s)
-    far_m: Array = np.where(scene.commanded, told_m, free_m) + scene.timing_s * off_mps
+    moved_m: Array = np.where(scene.commanded, told_m, free_m)
+    far_m = moved_m + scene.timing_s * off_mps
     state = traffic.state
-    north, east = (value[:, None] - value for value in (state.north_m, state.east_m))
-    reach_each_way: Array = scene.kept_m + far_m[:, None] + far_m
-    near: Mask = (north**2 + east**2 < reach_each_way**2) & (scene.commanded[:, None] | scene.commanded)
-    one, other = np.nonzero(np.triu(near, 1))
+    apart = np.subtract.outer(state.north_m, state.north_m), np.subtract.outer(state.east_m, state.east_m)
+    near = np.hypot(*apart) < scene.kept_m + np.add.outer(far_m, far_m)
+    one, other = np.nonzero(np.triu(near & np.logical_or.outer(scene.commanded, scene.commanded), 1))
     return one, other
 
 
@@ -127,9 +127,9 @@ def free_heights(scene: Scene, vehicle: int, others: Indices, ends_m: Array, sid
     sides = np.repeat((1.0, -1.0), others.size)
     allowed = heights >= scene.floor_m[vehicle]
     heights, sides = heights[allowed], sides[allowed]
-    own_m = scene.traffic.state.height_m[vehicle]
+    own_m = float(scene.traffic.state.height_m[vehicle])
     other_side = (sides != side) & (side != 0)
-    far_m: Array = np.round(np.abs(heights - own_m), 6)
+    far_m = np.round(np.abs(heights - own_m), 6)
     return heights[np.lexsort((-sides, far_m, other_side))]
 
 

@@ -121,10 +121,7 @@ def encounter(vehicles: Vehicles, seconds: float = 40.0, *, rule: bool = True) -
             since = np.full(count, max(0, now - reckoned))
             state = history.predict(seen, since, acts, everyone, each)
             if rule:
-                decided = resolve(scene(vehicles, state, told), memory)
-                memory = decided.memory
-                for name in ("speed_mps", "heading_rad", "height_m"):
-                    getattr(told, name)[memory.yielding] = getattr(decided.told, name)[memory.yielding]
+                memory = _give_way(scene(vehicles, state, told), memory, told)
             flown.sides.append(memory.side)
             flown.told.append(told.table)
             late_s = np.maximum(0.0, vehicles.delay_s + vehicles.jitter_s * random.standard_normal(count))
@@ -136,6 +133,13 @@ def encounter(vehicles: Vehicles, seconds: float = 40.0, *, rule: bool = True) -
         past.append(true)
         flown.least_m = min(flown.least_m, _nearest_m(true))
     return flown
+
+
+def _give_way(scene: Scene, memory: Memory, told: Setpoints) -> Memory:
+    decided = resolve(scene, memory)
+    for sent, instead in zip((told.speed_mps, told.heading_rad, told.height_m), decided.told.table, strict=True):
+        sent[:] = instead
+    return decided.memory
 
 
 def _delivered(on_the_way: list[tuple[float, int, Array]], now_s: float, held: Array) -> list[tuple[float, int, Array]]:

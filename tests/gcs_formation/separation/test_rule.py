@@ -1,0 +1,115 @@
+"""The separation rule: encounters flown by model (7), with and without it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gcs_formation.separation.rule import Memory, resolve
+from tests.gcs_formation.separation.encounters import KEPT_M, Vehicles, encounter, scene, wanted
+
+LIMIT_M = 5.0
+PI = math.pi
+ENCOUNTERS: dict[str, list[list[float]]] = {
+    "head-on": [[0, 0, 100, 22, 0, 0], [600, 0, 100, 22, PI, 0]],
+    "crossing": [[0, 0, 100, 22, 0, 0], [300, -300, 100, 22, PI / 2, 0]],
+    "overtaking": [[0, 0, 100, 16, 0, 0], [-150, 0, 100, 28, 0, 0]],
+    "in a turn": [[0, 0, 100, 22, 0, 0.05], [0, 60, 100, 22, 0, -0.02]],
+}
+LINKS = [(0.0, 0.0, 0.0), (0.3, 0.0, 0.0), (0.3, 0.05, 0.1)]
+
+
+@pytest.mark.parametrize(("delay_s", "jitter_s", "loss"), LINKS)
+@pytest.mark.parametrize("name", ENCOUNTERS)
+def test_the_distance_is_kept_where_it_would_be_broken(name: str, delay_s: float, jitter_s: float, loss: float) -> None:
+    vehicles = Vehicles(ENCOUNTERS[name], delay_s=delay_s, jitter_s=jitter_s, loss=loss)
+    assert encounter(vehicles, 25, rule=False).least_m < 6.0
+    flown = encounter(vehicles, 25)
+    assert flown.least_m > 0.9 * KEPT_M
+    assert not flown.gave_way[0], "the leader yields last"
+    assert flown.changes.max() <= 2, "it begins once and ends once"
+
+
+def test_four_that_meet_at_one_point_pass_on_levels_of_their_own() -> None:
+    across: list[list[float]] = [[300, 300, 100, 22, -PI / 2, 0], [300, -300, 100, 22, PI / 2, 0]]
+    flown = encounter(Vehicles(ENCOUNTERS["head-on"] + across), 25)
+    assert flown.least_m > 0.9 * KEPT_M
+    assert not flown.gave_way[0]
+
+
+@pytest.mark.parametrize("turn_rps", [0.0, 0.05])
+def test_who_isn_t_commanded_is_kept_away_from(turn_rps: float) -> None:
+    rows: list[list[float]] = [[0, 0, 100, 22, 0, 0], [300 - 440 * turn_rps, -300, 100, 22, PI / 2, turn_rps]]
+    flown = encounter(Vehicles(rows, commanded=[True, False]), 25)
+    assert flown.least_m > 0.9 * KEPT_M
+    assert not flown.gave_way[1]
+
+
+def test_nobody_is_sent_below_the_floor() -> None:
+    vehicles = Vehicles([[0, 0, 100, 22, 0, 0], [600, 0, 99, 22, PI, 0]])
+    assert np.min([told[2] for told in encounter(vehicles, 15).told]) < 95
+    vehicles.floor_m = 95
+    flown = encounter(vehicles, 15)
+    assert np.min([told[2] for told in flown.told]) >= 99
+    assert flown.least_m > 0.9 * KEPT_M
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(40))
+def test_random_encounters_never_break_the_limit(seed: int) -> None:
+    assert encounter(random_encounter(seed), 30).least_m > LIMIT_M
+
+
+def random_encounter(seed: int) -> Vehicles:
+    """Return 2 to 4 vehicles that meet within 8 m of a point after 8 to 20 s, some of them in turns."""
+    random = np.random.default_rng(seed)
+    meet_s, rows = random.uniform(8, 20), list[list[float]]()
+    for direction in random.uniform(-PI, PI) + np.arange(random.integers(2, 5)) * random.uniform(1.0, 2.0):
+        speed, (north, east, up) = random.uniform(17, 27), random.uniform(-8, 8, 3)
+        turn = 0.0 if random.random() < 0.6 else random.uniform(-0.04, 0.04)
+        way = meet_s * speed * np.array((math.cos(direction), math.sin(direction)))
+        rows.append([north - way[0], east - way[1], 100 + up / 2, speed, direction, turn])
+    delay_s, jitter_s, loss = (float(random.choice(values)) for values in ((0, 0.1, 0.3), (0, 0.03), (0, 0.1)))
+    return Vehicles(rows, delay_s=delay_s, jitter_s=jitter_s, loss=loss, seed=seed)
+
+
+places = st.floats(-400, 400)
+rows = st.lists(
+    st.tuples(places, places, st.floats(80, 120), st.floats(16, 28), st.floats(-PI, PI), st.just(0.0)).map(list),
+    min_size=2,
+    max_size=5,
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(rows)
+def test_what_is_told_stays_in_the_envelope_and_whoever_passes_is_told_the_same_bits(rows: list[list[float]]) -> None:
+    vehicles = Vehicles(rows)
+    law = wanted(vehicles, 0.0)
+    decided = resolve(scene(vehicles, vehicles.state, law), Memory(np.zeros(len(rows))))
+    told, yielding = decided.told, decided.memory.yielding
+    assert np.array_equal(told.table[:, ~yielding], law.table[:, ~yielding])
+    assert np.isfinite(told.table).all()
+    assert ((told.speed_mps >= 16) & (told.speed_mps <= 28)).all()
+    assert (np.abs(told.height_m - vehicles.state.height_m) <= 12 + 1e-9).all()
+    assert all(yielding[conflict.vehicle] for conflict in decided.conflicts)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(2, 40), st.floats(12.5, 100), st.floats(-PI, PI), st.integers(0, 2**32 - 1))
+def test_a_formation_is_left_alone(count: int, spacing_m: float, heading: float, seed: int) -> None:
+    """Slots from the least spacing at which 10 m are kept, speeds that differ by what a formation corrects."""
+    random = np.random.default_rng(seed)
+    rows = [
+        [spacing_m * (i // 6), spacing_m * (i % 6), 100.0, 22 + random.uniform(-0.3, 0.3), heading, 0.0]
+        for i in range(count)
+    ]
+    vehicles = Vehicles(rows)
+    law = wanted(vehicles, 0.0)
+    decided = resolve(scene(vehicles, vehicles.state, law), Memory(np.zeros(count)))
+    assert decided.told.table.tobytes() == law.table.tobytes()
+    assert not decided.memory.yielding.any()
