@@ -1,9 +1,7 @@
-"""Separation in whole flights: followers whose straight ways to their new slots cross."""
+"""Separation in whole flights: the rule doesn't act on followers that swap their slots."""
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -24,11 +22,8 @@ LINKS = [{}, {"default": {"delay_ms": 300}}, {"default": {"delay_ms": 150, "jitt
 
 @pytest.mark.slow
 @pytest.mark.parametrize("links", LINKS)
-def test_followers_that_swap_places_keep_their_distance(fly: Fly, tmp_path: Path, links: dict[str, Any]) -> None:
+def test_a_change_of_formation_keeps_apart_by_itself(fly: Fly, links: dict[str, Any]) -> None:
     safety = fly(**SWAP, links=links).to_dict()["safety"]
     assert safety["violations"] == 0
-    assert safety["min_separation_m"] > 8.0
-    if safety["avoidance_s"] > 0:
-        lines = (tmp_path / "run" / "events.jsonl").read_text().splitlines()
-        begins = [event["begins"] for event in map(json.loads, lines) if event["kind"] == "separation"]
-        assert 0 < begins.count(True) == begins.count(False)
+    assert safety["min_separation_m"] > 20.0
+    assert safety["avoidance_s"] == 0.0
