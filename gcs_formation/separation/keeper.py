@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from airlink.clock import NANOSECONDS, Instant, seconds_between
 from formation_scenario import Scenario, ground_of, slot_schedule
-from gcs_formation.arrays import Array, Mask, wrap
+from gcs_formation.arrays import Array, Instants, Mask, wrap
 from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Indices, Setpoints
 from gcs_formation.estimation.predictor import SetpointHistory
 from gcs_formation.estimation.projection import Measured
@@ -53,7 +53,7 @@ class SeparationKeeper:
     def __init__(self, scenario: Scenario, history: SetpointHistory, model: AutopilotModel) -> None:
         """Take the distance to keep; `history` holds what was sent to the columns, (C,) `model`."""
         self._keys = scenario.safety.avoidance
-        self._virtual = scenario.leader is None
+        self._virtual, self._predicted = scenario.leader is None, scenario.law.delay_compensation
         self._ground, self._clearance_m = ground_of(scenario), scenario.safety.clearance_m
         self._history, self._model = history, model
         self._dt_s = 1.0 / scenario.law.rate_hz
@@ -62,7 +62,7 @@ class SeparationKeeper:
         self._side, self._turn_rps = np.zeros(columns), np.zeros(columns)
         self._last: Measured | None = None
         shapes = (np.vstack((np.zeros(3), step.slots_m)) for step in slot_schedule(scenario))
-        self._slots_m: Array = np.zeros((columns, 3))
+        self._slots, self._slots_moved = b"", True
         self._kept_m = min(self._keys.distance_m, *(SLOT_SHARE * _nearest_m(shape) for shape in shapes))
         self._encounters: dict[tuple[int, int], Encounter] = {}
         self.changes: list[Encounter] = []
@@ -95,37 +95,45 @@ class SeparationKeeper:
 
     def _members(self, tick: Tick, measured: Measured) -> Indices:
         """Return the columns that count, the leader's first."""
-        state = measured.state
-        over_ground = np.hypot(state.wind_north_mps, state.wind_east_mps) + state.airspeed_mps
-        flies = tick.active | (over_ground > STANDS_MPS)
-        counts = flies & (tick.age_s < FORGOTTEN_AFTER_S)
-        leader = tick.leader
+        counts = tick.active & (tick.age_s < FORGOTTEN_AFTER_S)
+        if not tick.active.all():
+            state = measured.state
+            over_ground = np.hypot(state.wind_north_mps, state.wind_east_mps) + state.airspeed_mps
+            counts |= (over_ground > STANDS_MPS) & (tick.age_s < FORGOTTEN_AFTER_S)
         counts[0] &= not self._virtual
-        followers = np.flatnonzero(counts)
-        return np.concatenate((followers[followers == leader], followers[followers != leader])).astype(np.intp)
+        counted, leader = np.flatnonzero(counts), tick.leader
+        if not counts[leader] or leader == 0:
+            return counted
+        return np.concatenate(([leader], counted[counted != leader])).astype(np.intp)
 
     def _scene(self, tick: Tick, measured: Measured, members: Indices) -> Scene:
         commanded = tick.active[members]
         acts = measured.acts[members]
         together = acts[commanded].max(initial=acts.min())
-        until = np.where(commanded, acts, together)
+        until: Instants = np.where(commanded, acts, together)
+        turn_rps: Array = np.where(commanded, 0.0, self._turn_rps[members])
         model = self._model.take(members)
-        begin = measured.state.take(members)
-        state = self._history.predict(begin, measured.stamps[members], until, members, model)
-        turn_rps = np.where(commanded, 0.0, self._turn_rps[members])
-        turned = turn_rps * (until - measured.stamps[members]) / NANOSECONDS
-        state = replace(state, heading_rad=state.heading_rad + turned)
-        both = commanded[:, None] & commanded
+        state = self._state(tick, measured, members, until, turn_rps)
         return Scene(
             traffic=Traffic(state, (together - until) / NANOSECONDS, turn_rps, model),
             told=Setpoints(*np.where(commanded, tick.setpoints.table[:, members], np.nan)),
             commanded=commanded,
-            kept_m=np.where(both, self._kept_m, self._keys.distance_m),
+            kept_m=self._kept_m,
+            kept_from_others_m=self._keys.distance_m,
             timing_s=TIMING_SHARE * np.nan_to_num(tick.age_s + tick.delay_s)[members],
             reference=0,
-            floor_m=self._floor_m(state),
+            floor=self._floor_m,
             times_s=self._times_s,
         )
+
+    def _state(self, tick: Tick, measured: Measured, members: Indices, until: Instants, turn_rps: Array) -> FlightState:
+        """Return the states when setpoints act: the law's where it predicts, else predicted here."""
+        commanded = tick.active[members]
+        if self._predicted and commanded.all():
+            return tick.state.take(members)
+        begin, stamps = measured.state.take(members), measured.stamps[members]
+        state = self._history.predict(begin, stamps, until, members, self._model.take(members))
+        return replace(state, heading_rad=state.heading_rad + turn_rps * (until - stamps) / NANOSECONDS)
 
     def _floor_m(self, state: FlightState) -> Array:
         """Return the height that vehicles may be sent down to: clear of the ground that they come to straight on."""
@@ -137,23 +145,28 @@ class SeparationKeeper:
     def _watch_turns(self, measured: Measured) -> None:
         """Learn from two states how those turn that nobody commands."""
         before, self._last = self._last, measured
-        if before is None:
+        if before is None or measured.active.all():
             return
         elapsed_s = (measured.stamps - before.stamps) / NANOSECONDS
         fresh = (elapsed_s > 0) & (elapsed_s < FORGOTTEN_AFTER_S)
         turned = wrap(measured.state.heading_rad - before.state.heading_rad)
         rate = np.divide(turned, elapsed_s, out=self._turn_rps.copy(), where=fresh)
         most = self._model.turn_rate_max_rps
-        self._turn_rps = np.clip(rate, -most, most)
+        self._turn_rps = np.where(measured.active, 0.0, np.clip(rate, -most, most))
 
     def _watch_slots(self, slots_m: Array) -> None:
         """Take note of slots that stand nearer to each other than any of the scenario's."""
-        slots_m = np.nan_to_num(slots_m)
-        if np.array_equal(slots_m, self._slots_m):
-            self._kept_m = min(self._kept_m, SLOT_SHARE * _nearest_m(slots_m))
-        self._slots_m = slots_m
+        content = slots_m.tobytes()
+        if content == self._slots:
+            if self._slots_moved:
+                self._kept_m = min(self._kept_m, SLOT_SHARE * _nearest_m(np.nan_to_num(slots_m)))
+            self._slots_moved = False
+        else:
+            self._slots, self._slots_moved = content, True
 
     def _note(self, now: Instant, members: Indices, conflicts: tuple[Conflict, ...], state: FlightState) -> None:
+        if not conflicts and not self._encounters:
+            return
         place = np.stack((state.north_m, state.east_m, state.height_m))
         where = {int(column): place[:, row] for row, column in enumerate(members)}
         for conflict in conflicts:

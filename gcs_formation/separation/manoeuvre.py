@@ -80,14 +80,15 @@ def fly(traffic: Traffic, manoeuvre: Manoeuvre, times_s: Array) -> Array:
     The first setpoint acts until `times_s[1]`. A height beyond what the envelope lets a vehicle be told at once is
     approached as it will be told: by setpoints that run ahead of it.
     """
-    first = manoeuvre.first.table[None]
-    begin = _after(traffic, first, traffic.lead_s)
-    turned = _after(traffic, first, traffic.lead_s + times_s[1])
-    places = np.empty((3, times_s.size, begin.north_m.size))
-    places[:, 0] = begin.north_m, begin.east_m, begin.height_m
-    places[:2, 1:] = _way(traffic, turned, manoeuvre, times_s[1:] - times_s[1])
-    places[2, 1:] = _heights(traffic.model, turned, manoeuvre.height_m, np.diff(times_s[1:]))
-    return places
+    begin, turned = _begun(traffic, manoeuvre, times_s)
+    heights = _heights(traffic.model, turned, manoeuvre.height_m, np.diff(times_s[1:]))
+    level = _level(traffic, manoeuvre, times_s, begin, turned)
+    return np.concatenate((level, np.vstack((begin.height_m, heights))[None]))
+
+
+def fly_level(traffic: Traffic, manoeuvre: Manoeuvre, times_s: Array) -> Array:
+    """Return the north and east of the same places (2, S, N), at a quarter of the cost."""
+    return _level(traffic, manoeuvre, times_s, *_begun(traffic, manoeuvre, times_s))
 
 
 def reach_m(model: AutopilotModel) -> Array:
@@ -95,9 +96,26 @@ def reach_m(model: AutopilotModel) -> Array:
     return model.climb_max_mps * (model.tau_ha_s + model.tau_hb_s)
 
 
-def _after(traffic: Traffic, told: Array, elapsed_s: Array) -> FlightState:
-    state = advance(traffic.state, told, elapsed_s[None], traffic.model)
-    return replace(state, heading_rad=state.heading_rad + traffic.turn_rps * elapsed_s)
+def air_lags(model: AutopilotModel) -> AirLags:
+    """Return the lags of speed and heading."""
+    return AirLags(
+        np.stack((model.accel_max_mps2, model.turn_rate_max_rps)), np.stack((model.tau_v_s, model.tau_psi_s))
+    )
+
+
+def _begun(traffic: Traffic, manoeuvre: Manoeuvre, times_s: Array) -> tuple[FlightState, FlightState]:
+    """Return the states at the first two instants: until then the first setpoint acts."""
+    count = traffic.lead_s.size
+    twice = np.concatenate((np.arange(count), np.arange(count)))
+    both, elapsed_s = traffic.take(twice), np.concatenate((traffic.lead_s, traffic.lead_s + times_s[1]))
+    state = advance(both.state, manoeuvre.first.table[None][:, :, twice], elapsed_s[None], both.model)
+    state = replace(state, heading_rad=state.heading_rad + both.turn_rps * elapsed_s)
+    return state.take(twice[:count]), state.take(twice[count:] + count)
+
+
+def _level(traffic: Traffic, manoeuvre: Manoeuvre, times_s: Array, begin: FlightState, turned: FlightState) -> Array:
+    first = np.stack((begin.north_m, begin.east_m))[:, None]
+    return np.concatenate((first, _way(traffic, turned, manoeuvre, times_s[1:] - times_s[1])), axis=1)
 
 
 def _way(traffic: Traffic, state: FlightState, manoeuvre: Manoeuvre, times_s: Array) -> Array:
@@ -108,9 +126,7 @@ def _way(traffic: Traffic, state: FlightState, manoeuvre: Manoeuvre, times_s: Ar
     error = told - value
     error[1] = wrap(error[1])
     error[np.isnan(error)] = 0.0
-    lags = AirLags(
-        np.stack((model.accel_max_mps2, model.turn_rate_max_rps)), np.stack((model.tau_v_s, model.tau_psi_s))
-    )
+    lags = air_lags(model)
     speed, heading = np.moveaxis(value + error - lags.remaining(error, times_s[:, None, None]), 1, 0)
     heading = heading + traffic.turn_rps * times_s[:, None]
     velocity = np.stack((speed * np.cos(heading) + state.wind_north_mps, speed * np.sin(heading) + state.wind_east_mps))

@@ -13,8 +13,9 @@ import numpy as np
 from gcs_formation.arrays import Array, Mask
 from gcs_formation.estimation.flight_state import Indices, Setpoints
 from gcs_formation.separation.distance import Approach, Kept, approach
-from gcs_formation.separation.manoeuvre import Manoeuvre, fly, from_table
-from gcs_formation.separation.scene import Scene, free_heights, possible_pairs, take_height
+from gcs_formation.separation.manoeuvre import Manoeuvre, fly, fly_level, from_table
+from gcs_formation.separation.reach import possible_pairs
+from gcs_formation.separation.scene import Scene, free_heights, take_height
 
 RELEASE = 1.1
 """Share of the kept distance that must stay free before a vehicle stops giving way."""
@@ -60,9 +61,19 @@ class Resolution:
 def resolve(scene: Scene, memory: Memory) -> Resolution:
     """Return the setpoints that keep the distances; exactly those that came in where nobody need give way."""
     one, other = possible_pairs(scene)
-    if one.size == 0 and not memory.yielding.any():
+    if not memory.yielding.any() and not _near_level(scene, one, other).any():
         return Resolution(scene.told, memory, ())
     return _Search(scene, memory, one, other).resolution()
+
+
+def _near_level(scene: Scene, one: Indices, other: Indices) -> Mask:
+    """Return which pairs come too near as told, seen from above: the others keep their distance at any heights."""
+    if not one.size:
+        return np.zeros(0, dtype=bool)
+    which, places = np.unique(np.concatenate((one, other)), return_inverse=True)
+    ways = fly_level(scene.traffic.take(which), scene.as_told().take(which), scene.times_s)
+    first, second = ways[:, :, places[: one.size]], ways[:, :, places[one.size :]]
+    return approach(first, second, scene.kept(one, other), scene.times_s).deficit_ms > NEGLIGIBLE_MS
 
 
 class _Search:
@@ -130,7 +141,7 @@ class _Search:
         safe = np.flatnonzero(total <= NEGLIGIBLE_MS)
         chosen = int(safe[0]) if safe.size else int(np.argmin(total))
         self._adopt(vehicle, options.take(np.array([chosen])), yielding=chosen >= waits.height_m.size)
-        return others[comes.nearest_m[chosen] < HELPED_BELOW * scene.kept_m[vehicle, others]].tolist()
+        return others[comes.nearest_m[chosen] < HELPED_BELOW * self._kept(vehicle, others).distance_m].tolist()
 
     def _released(self, near: Approach) -> bool:
         """Whether a vehicle that gives way may stop: straight on and as told, it keeps well clear of everyone."""
@@ -164,13 +175,15 @@ class _Search:
         everyone = np.arange(self._scene.commanded.size, dtype=np.intp)
         return everyone[everyone != vehicle]
 
+    def _kept(self, vehicle: int, others: Indices) -> Kept:
+        return self._scene.kept(np.full(others.size, vehicle, dtype=np.intp), others)
+
     def _approach(self, vehicle: int, options: Manoeuvre, others: Indices, share: float) -> Approach:
         """Return how near each of a vehicle's options (M,) comes to each of the others: (M, O) arrays."""
         scene, count = self._scene, options.height_m.size
         which = np.full(count, vehicle, dtype=np.intp)
         ways = np.repeat(fly(scene.traffic.take(which), options, scene.times_s), others.size, axis=2)
-        kept = scene.kept(np.full(others.size, vehicle, dtype=np.intp), others)
-        kept = Kept(*(np.tile(share * values, count) for values in kept))
+        kept = Kept(*(np.tile(share * values, count) for values in self._kept(vehicle, others)))
         near = approach(ways, np.tile(self._ways[:, :, others], count), kept, scene.times_s)
         return Approach(*(values.reshape(count, others.size) for values in near))
 

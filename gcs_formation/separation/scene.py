@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from gcs_formation.arrays import Array, Mask
-from gcs_formation.estimation.flight_state import Indices, Setpoints
+from gcs_formation.estimation.flight_state import FlightState, Indices, Setpoints
 from gcs_formation.separation.distance import Kept
 from gcs_formation.separation.manoeuvre import Manoeuvre, Traffic, from_table, reach_m
 
@@ -24,14 +25,16 @@ class Scene:
     told: Setpoints
     """By the law; NaN for those that aren't commanded."""
     commanded: Mask
-    kept_m: Array
-    """(N, N) distance that each pair is to keep."""
+    kept_m: float
+    """Distance that two keep that are commanded."""
+    kept_from_others_m: float
+    """The one that's kept from those that aren't."""
     timing_s: Array
     """(N,) how much earlier or later than reckoned a vehicle may be where it's reckoned to be."""
     reference: int
     """The vehicle along whose velocity the others can always fly: the leader."""
-    floor_m: Array
-    """(N,) height that no vehicle is sent below by the rule."""
+    floor: Callable[[FlightState], Array]
+    """Gives the height (N,) that no vehicle is sent below by the rule."""
     times_s: Array
     """(S,) at which ways are looked at."""
 
@@ -52,7 +55,14 @@ class Scene:
 
     def kept(self, one: Indices, other: Indices) -> Kept:
         """Return what pairs are to keep (P,)."""
-        return Kept(self.kept_m[one, other], self.timing_s[one] + self.timing_s[other])
+        both = self.commanded[one] & self.commanded[other]
+        distance_m: Array = np.where(both, self.kept_m, self.kept_from_others_m)
+        return Kept(distance_m, self.timing_s[one] + self.timing_s[other])
+
+    @cached_property
+    def floor_m(self) -> Array:
+        """The height that no vehicle is sent below, (N,)."""
+        return self.floor(self.traffic.state)
 
     def as_told(self) -> Manoeuvre:
         """Return what everyone does if nothing gives way: as told, then along the reference at the told height.
@@ -71,31 +81,6 @@ class Scene:
         """Return heights as near to the vehicles' own as they may be told (N,)."""
         own_m, most_m = self.traffic.state.height_m[which], reach_m(self.traffic.model.take(which))
         return np.clip(height_m, own_m - most_m, own_m + most_m)
-
-
-def possible_pairs(scene: Scene) -> tuple[Indices, Indices]:
-    """Return the pairs (one < other) that could come too near as told, one of them commanded at least.
-
-    A bound that needs no ways: how far vehicles can get, seen from the reference, until they fly along it.
-    """
-    traffic, model = scene.traffic, scene.traffic.model
-    off_mps = _length(scene.velocity_mps - scene.velocity_mps[:, [scene.reference]])
-    first_s, horizon_s = float(scene.times_s[1]), float(scene.times_s[-1])
-    settling_s = np.maximum(model.tau_v_s, model.tau_psi_s) + off_mps / model.accel_max_mps2
-    turning_m = model.turn_rate_max_rps * model.speed_max_mps * first_s * (model.tau_psi_s + first_s)
-    speeding_m = model.accel_max_mps2 * first_s * (model.tau_v_s + first_s)
-    told_m = off_mps * (settling_s + first_s + traffic.lead_s) + turning_m + speeding_m
-    over_ground_mps = _length(scene.velocity_mps)
-    circling_mps = over_ground_mps + float(over_ground_mps[scene.reference])
-    free_mps: Array = np.where(traffic.turn_rps == 0, off_mps, circling_mps)
-    free_m = free_mps * (horizon_s + first_s + traffic.lead_s)
-    moved_m: Array = np.where(scene.commanded, told_m, free_m)
-    far_m = moved_m + scene.timing_s * off_mps
-    state = traffic.state
-    apart = np.subtract.outer(state.north_m, state.north_m), np.subtract.outer(state.east_m, state.east_m)
-    near = np.hypot(*apart) < scene.kept_m + np.add.outer(far_m, far_m)
-    one, other = np.nonzero(np.triu(near & np.logical_or.outer(scene.commanded, scene.commanded), 1))
-    return one, other
 
 
 def take_height(scene: Scene, vehicle: int, height_m: Array) -> Manoeuvre:

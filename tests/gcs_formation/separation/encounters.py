@@ -85,10 +85,11 @@ def scene(vehicles: Vehicles, state: FlightState, told: Setpoints, age_s: float 
         traffic=Traffic(state, np.zeros(count), np.where(ours, 0.0, vehicles.turn_rps), model(count)),
         told=Setpoints(*np.where(ours, told.table, np.nan)),
         commanded=ours,
-        kept_m=np.full((count, count), KEPT_M),
+        kept_m=KEPT_M,
+        kept_from_others_m=KEPT_M,
         timing_s=np.full(count, 0.1 * (2 * vehicles.delay_s + age_s)),
         reference=0,
-        floor_m=np.full(count, vehicles.floor_m),
+        floor=lambda state: np.full(state.north_m.size, vehicles.floor_m),
         times_s=TIMES_S,
     )
 
