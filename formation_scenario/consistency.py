@@ -56,6 +56,7 @@ def inconsistencies(scenario: Scenario, source: Source) -> list[Problem]:
         _consensus,
         _path,
         _terrain,
+        _avoidance,
         _expectations,
     )
     return [problem for rule in rules for problem in rule(scenario, source)]
@@ -271,6 +272,13 @@ def _path(scenario: Scenario, source: Source) -> Iterator[Problem]:
     else:
         if length_m > MAX_PATH_M:
             yield source.problem(path, f"found a path of {length_m:.3g} m", f"up to {MAX_PATH_M:g} m")
+
+
+def _avoidance(scenario: Scenario, source: Source) -> Iterator[Problem]:
+    safety = scenario.safety
+    if safety.avoidance.enabled and safety.avoidance.distance_m < safety.separation_m:
+        found, allowed = f"found {safety.avoidance.distance_m:g}", f"at least separation_m, {safety.separation_m:g}"
+        yield source.problem(("safety", "avoidance", "distance_m"), found, allowed)
 
 
 def _terrain(scenario: Scenario, source: Source) -> Iterator[Problem]:

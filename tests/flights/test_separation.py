@@ -1,4 +1,4 @@
-"""Separation in whole flights: the rule doesn't act on followers that swap their slots."""
+"""Separation in whole flights: kept where a vehicle flies straight on as the others turn, and left alone elsewhere."""
 
 from __future__ import annotations
 
@@ -27,3 +27,29 @@ def test_a_change_of_formation_keeps_apart_by_itself(fly: Fly, links: dict[str, 
     assert safety["violations"] == 0
     assert safety["min_separation_m"] > 20.0
     assert safety["avoidance_s"] == 0.0
+
+
+TURN: dict[str, Any] = {
+    "duration_s": 60,
+    "path": {
+        "speed_mps": 22,
+        "waypoints_m": [[0, 0, 100], [500, 0, 100], [1000, -100, 100], [1350, -500, 100], [1400, -1100, 100]]
+        + [[1400, -2500, 100]],
+    },
+    "formation": {"shape": "custom", "slots_m": {2: [-10, -80, 0], 3: [-30, 30, 0]}},
+    "faults": [{"at_s": 14, "kind": "pilot", "vehicles": [2], "mode": "CRUISE"}],
+}
+"""Follower 2's pilot flies straight on while the formation turns across its way."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("delay_ms", [0, 300])
+def test_a_vehicle_that_nobody_commands_is_kept_away_from(fly: Fly, delay_ms: float) -> None:
+    links = {"default": {"delay_ms": delay_ms}}
+    off = fly(**TURN, links=links, safety={"avoidance": {"enabled": False}}).to_dict()["safety"]
+    kept = fly(**TURN, links=links).to_dict()["safety"]
+    assert off["min_separation_m"] < 5.0
+    assert off["violations"] == 1
+    assert kept["min_separation_m"] > 9.0
+    assert kept["violations"] == 0
+    assert kept["avoidance_s"] > 0.0

@@ -32,6 +32,16 @@ import pytest
             "no slot for follower 3, 4",
         ),
         (["formation.slots_m={1: [0, 0, 0]}"], "formation.slots_m.1: found 1; 2, 3, 4"),
+        (
+            ["safety.avoidance.distance_m=4"],
+            "safety.avoidance.distance_m: found 4; at least separation_m, 5",
+        ),
+        (["safety.avoidance.distance_m=0"], "safety.avoidance.distance_m: found 0; "),
+        (["safety.avoidance.horizon_s=3"], "safety.avoidance.horizon_s: found 3; "),
+        (["safety.avoidance.horizon_s=61"], "safety.avoidance.horizon_s: found 61; "),
+        (["safety.avoidance.enabled=perhaps"], "safety.avoidance.enabled: found 'perhaps'; "),
+        (["safety.avoidance=5"], "safety.avoidance: found 5; "),
+        (["safety.avoidance.radius_m=5"], "safety.avoidance.radius_m: "),
         (["law.consensus.graph=[[0, 1], [1, 0]]"], "found 2 rows of 2, 2; 4 rows of 4 weights"),
         (
             ["path.waypoints_m=[[0, 0, 90], [0, 0.5, 99]]"],

@@ -1,0 +1,64 @@
+"""The bound that spares the rule its ways: no pair that comes too near is left out, and a formation costs no ways."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gcs_formation.estimation.flight_state import FlightState, Setpoints
+from gcs_formation.separation.distance import approach
+from gcs_formation.separation.manoeuvre import fly, fly_level
+from gcs_formation.separation.reach import possible_pairs
+from gcs_formation.separation.scene import Scene
+from tests.gcs_formation.separation.encounters import Vehicles, scene, wanted
+
+PI = np.pi
+
+
+def random_scene(seed: int, count: int, spread_m: float, unlike: float) -> Scene:
+    """Return vehicles near each other; `unlike`: how far speeds, headings, winds and setpoints differ, 0 to 1."""
+    random = np.random.default_rng(seed)
+    commanded = [True, *(random.random(count - 1) < 0.8).tolist()]
+    rows = [
+        [*random.uniform(-spread_m, spread_m, 2), 100.0, 22 + 6 * u, PI * v, 0.0 if own else random.uniform(-0.1, 0.1)]
+        for own, u, v in zip(commanded, *(unlike * random.uniform(-1, 1, (2, count))), strict=True)
+    ]
+    vehicles = Vehicles(rows, commanded=commanded, delay_s=random.uniform(0, 0.3))
+    law = wanted(vehicles, 0.0)
+    told = Setpoints(
+        np.clip(law.speed_mps + 6 * unlike * random.uniform(-1, 1, count), 16, 28),
+        law.heading_rad + PI * unlike * random.uniform(-1, 1, count),
+        law.height_m,
+    )
+    winds = FlightState(*vehicles.state.table[:6], *(2 * unlike * random.uniform(-1, 1, (2, count))))
+    made = scene(vehicles, winds, told)
+    return replace(made, traffic=replace(made.traffic, lead_s=random.uniform(0, 0.3, count)))
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    st.integers(0, 2**32 - 1), st.integers(2, 12), st.floats(5, 300), st.sampled_from((0.0, 0.003, 0.01, 0.1, 0.5, 1.0))
+)
+def test_no_pair_is_left_out_that_comes_too_near(seed: int, count: int, spread_m: float, unlike: float) -> None:
+    made = random_scene(seed, count, spread_m, unlike)
+    one, other = np.triu_indices(count, 1)
+    ways = fly(made.traffic, made.as_told(), made.times_s)
+    near = approach(ways[:, :, one], ways[:, :, other], made.kept(one, other), made.times_s)
+    ours = made.commanded[one] | made.commanded[other]
+    pairs = list(zip(one[ours].tolist(), other[ours].tolist(), strict=True))
+    bad = {pair for pair, lack in zip(pairs, near.deficit_ms[ours].tolist(), strict=True) if lack > 1e-9}
+    possible = set(zip(*(side.tolist() for side in possible_pairs(made)), strict=True))
+    assert bad <= possible <= set(pairs)
+    assert np.allclose(fly_level(made.traffic, made.as_told(), made.times_s), ways[:2], rtol=0, atol=1e-9)
+
+
+def test_a_formation_in_its_slots_needs_no_ways() -> None:
+    rows: list[list[float]] = [
+        [30.0 * (i // 6), 30.0 * (i % 6), 100, 22 + 0.5 * (i % 3), 0.02 * (i % 2), 0] for i in range(100)
+    ]
+    vehicles = Vehicles(rows)
+    one, _ = possible_pairs(scene(vehicles, vehicles.state, wanted(vehicles, 0.0)))
+    assert one.size == 0
