@@ -16,9 +16,9 @@ Choice = TypeVar("Choice")
 FIRST_TROUBLE_S = 12.0
 TROUBLE_S = 15.0
 """Links, air and vehicles misbehave during this time."""
-CALM_S = 45.0
+CALM_S = 35.0
 """What follows it, where no vehicle has had to leave the formation."""
-REJOIN_S = 70.0
+REJOIN_S = 80.0
 """What is added to that where one has: it flies after the others at 6 m/s more than they."""
 GROUND_SHARE = 0.05
 LEG_M = 600.0
@@ -46,7 +46,7 @@ def _scenario(rng: np.random.Generator, seed: int) -> Keys:
     faults = _faults(rng, count)
     outages = _outages(rng, count)
     duration_s = FIRST_TROUBLE_S + TROUBLE_S + CALM_S + (REJOIN_S if faults or outages else 0.0)
-    speed_mps = float(rng.uniform(20.0, 24.0))
+    speed_mps = float(rng.uniform(20.0, 22.0))
     return {
         "name": f"stress-{seed}",
         "seed": seed,
@@ -154,7 +154,7 @@ def _faults(rng: np.random.Generator, count: int) -> list[Keys]:
     if rng.random() > 0.35:
         return []
     kind, at_s = _one_of(rng, "crash", "restart", "freeze", "ignore", "pilot"), _trouble_at(rng)
-    ends: Keys = {"until_s": at_s + float(rng.uniform(2.0, 12.0))} if kind in PASSING else {}
+    ends: Keys = {"until_s": at_s + float(rng.uniform(2.0, 8.0))} if kind in PASSING else {}
     return [{"at_s": at_s, "vehicles": [_vehicle(rng, count)], "kind": kind, **ends}]
 
 
