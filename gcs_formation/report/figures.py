@@ -73,7 +73,7 @@ PLATES = (
     Plate(
         "separation",
         "Separation and clearance",
-        "Least distance of any two vehicles, and heights above the level of the origin, with the safety limits.",
+        "Least distance of any two vehicles, and heights above the ground below each vehicle, with the safety limits.",
         separation,
     ),
     Plate(

@@ -26,6 +26,7 @@ def begun_s(tmp_path: Path) -> float:
     return next(event["t_s"] for event in events(tmp_path, "phase") if event["text"] == "flying")
 
 
+@pytest.mark.slow
 def columns_of(tmp_path: Path, vehicle: int) -> dict[str, np.ndarray]:
     columns = read_parquet(tmp_path / "run" / "timeseries.parquet")
     return {name: values[columns["vehicle"] == vehicle] for name, values in columns.items()}
@@ -40,6 +41,7 @@ def test_slots_change_without_errors_or_anybody_near(fly: Fly) -> None:
     assert max(f[f"error_{axis}_m"]["max"] for f in summary["followers"].values() for axis in "xyz") < BEFORE_M
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["fuzzy_pid", "consensus"])
 def test_the_nearest_follower_takes_over_from_a_leader_that_crashes(fly: Fly, tmp_path: Path, law: str) -> None:
     summary = fly(
@@ -63,6 +65,7 @@ def test_the_nearest_follower_takes_over_from_a_leader_that_crashes(fly: Fly, tm
         assert max(np.abs(follower[f"error_{axis}_m"][late]).max() for axis in "xyz") < 0.5
 
 
+@pytest.mark.slow
 def test_without_succession_a_lost_leader_has_everyone_loiter(fly: Fly, tmp_path: Path) -> None:
     fly(
         duration_s=45,

@@ -27,6 +27,7 @@ HEADING = m.MAV_CMD_GUIDED_CHANGE_HEADING.to_bytes(2, "little")
 START, GUIDED, LOITER, RTL = Instant(0), m.PLANE_MODE_GUIDED, m.PLANE_MODE_LOITER, m.PLANE_MODE_RTL
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "keys",
     [

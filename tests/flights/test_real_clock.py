@@ -113,6 +113,8 @@ def test_ctrl_c_has_the_vehicles_loiter_and_leaves_a_whole_record(path: Path, tm
     assert not emulators_of(tmp_path)
 
 
+@pytest.mark.slow
+@pytest.mark.slow
 def test_killed_the_station_takes_its_vehicles_along(path: Path, tmp_path: Path) -> None:
     out = tmp_path / "run"
     with started([*STATION, "run", str(path), "--out", str(out)]) as station:

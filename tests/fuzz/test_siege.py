@@ -45,6 +45,7 @@ def test_noise_from_a_peers_own_address_is_no_more_than_a_bad_link(end: End) -> 
         assert min(flown.station.bad_frames(identity) for identity in flown.station.vehicles) > 1000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("end", ENDS)
 def test_forged_frames_break_nothing(end: End) -> None:
     """Who may forge may fly the aircraft; but nothing raises, and all that is told stays inside the envelope."""

@@ -177,6 +177,7 @@ def test_the_summary_has_the_margin_of_the_law(fly: Fly) -> None:
     assert summary.to_dict()["stability"]["delay_margin_s"] == expected
 
 
+@pytest.mark.slow
 def worst(summary: Summary, figure: str = "max") -> float:
     followers = summary.to_dict()["followers"].values()
     return max(each[f"error_{axis}_m"][figure] for each in followers for axis in "xyz")
@@ -193,6 +194,7 @@ def test_the_leader_takes_part(fly: Fly) -> None:
     assert np.abs(series["true_east_m"][:, 0]).max() > 2.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delay_ms", [0, 250])
 def test_a_turn_does_not_tear_the_formation(fly: Fly, delay_ms: float) -> None:
     """A turn of 0.9 degrees a second with slots 40 m away, with prediction."""

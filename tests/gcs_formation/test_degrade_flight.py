@@ -51,6 +51,8 @@ def gains_events(flown: Flown) -> list[dict[str, Any]]:
     return [event for event in map(json.loads, lines) if event["kind"] == "gains"]
 
 
+@pytest.mark.slow
+@pytest.mark.slow
 @pytest.mark.parametrize(("law", "delay_ms"), [("fuzzy_pid", 700), ("consensus", 900)])
 def test_beyond_the_margin_the_formation_diverges_unless_gains_come_down(fly: Fly, law: str, delay_ms: float) -> None:
     """The consensus of two loses stability at 1.38 s."""
@@ -74,6 +76,7 @@ def test_gains_come_down_until_the_margin_holds_and_return_with_the_delay(fly: F
     assert share[time_s > 59.0].min() > 0.9
 
 
+@pytest.mark.slow
 def test_no_setpoint_jumps_as_gains_move_over_a_second(fly: Fly) -> None:
     series = fly(BEYOND, type="pid", on_delay="degrade").series(2)
     for gain in ("kp_speed", "ki_speed", "kd_speed"):
