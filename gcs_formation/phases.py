@@ -23,7 +23,7 @@ class Cause(Enum):
     """What moves a run on."""
 
     LEADER_READY = "the leader follows setpoints"
-    PATH_BEGUN = "the leader has passed the start of its path, the followers are in their slots"
+    PATH_BEGUN = "the leader has passed the start of its path"
     PATH_ENDED = "the path or the time is at its end"
     STOP = "told to stop"
     ORDERED = "ordered to end"

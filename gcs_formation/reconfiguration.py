@@ -65,6 +65,7 @@ class Reconfiguration:
         self._say = say
         self._wanted: Arrangement | None = None
         self._next_try = Instant(0)
+        self._postponed: Arrangement | None = None
 
     @property
     def leader(self) -> Vehicle | None:
@@ -82,7 +83,9 @@ class Reconfiguration:
         try:
             self.change(self._wanted, now)
         except NotFlyableError as error:
-            self._say(now, "postponed", f"the change is tried again: {error}")
+            if self._postponed != self._wanted:
+                self._postponed = self._wanted
+                self._say(now, "postponed", f"the change is tried again: {error}")
 
     def change(self, wanted: Arrangement, now: Instant) -> None:
         """Begin a change.

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import errno
 import json
+import signal
 from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
+from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -16,12 +19,15 @@ from gcs_formation.app.interrupt import Interrupts
 from gcs_formation.app.options import RunOptions
 from gcs_formation.app.progress import Silent
 from gcs_formation.app.run import run
+from gcs_formation.cli import main
 from gcs_formation.errors import RunAbortedError
 from gcs_formation.phases import Phase
 from gcs_formation.record.run_directory import RunDirectory
+from gcs_formation.record.timeseries import read_parquet
+from gcs_formation.records import Event
 from sim_vehicles.config import FaultKind
 from sim_vehicles.modes import Condition, Mode
-from tests.flights.conftest import scenario
+from tests.flights.conftest import Fly, scenario
 from tests.flights.in_memory import World
 
 LAG_S = 0.2
@@ -130,6 +136,57 @@ def test_a_pilots_switch_is_respected_and_ends_when_the_pilot_gives_it_back(mode
     assert mode != "FBWA" or world.worst_m(58.0) < 1.0  # the others have been left far behind
 
 
+@pytest.mark.parametrize("kind", ["pilot", "restart"])
+def test_a_leader_that_can_not_lead_any_more_is_succeeded_at_once_and_follows_when_it_can(kind: FaultKind) -> None:
+    world, struck_s = flying(kind, 1, duration_s=20)
+    world.run(5.0)
+    world.strike(1, "pilot", ends=True)
+    world.run()
+    (leads_s,) = world.times_s("leader", 2)
+    assert leads_s - struck_s < 0.25 + LAG_S
+    assert world.times_s("member", 1, "flying")[-1] > leads_s
+    assert world.times_s("leader") == [leads_s]
+    assert not world.times_s("member", 2) or world.times_s("member", 2)[-1] < struck_s
+    assert not world.times_s("member", 3, "loiter")
+
+
+@pytest.mark.parametrize("kind", ["pilot", "restart"])
+def test_without_succession_followers_loiter_until_the_leader_is_back(kind: FaultKind) -> None:
+    world, struck_s = flying(kind, 1, duration_s=20, formation={"shape": "arrow", "succession": "none"})
+    world.run(5.0)
+    world.strike(1, "pilot", ends=True)
+    world.run()
+    (back_s,) = [at_s for at_s in world.times_s("member", 1, "flying") if at_s > struck_s]
+    for number in (2, 3):
+        assert world.times_s("member", number, "told to loiter") == [pytest.approx(struck_s, abs=0.25 + LAG_S)]
+        assert world.times_s("member", number, "told to come back") == [pytest.approx(back_s, abs=LAG_S)]
+        (again_s,) = [at_s for at_s in world.times_s("member", number, "flying") if at_s > struck_s]
+        assert again_s - back_s == pytest.approx(0.2, abs=LAG_S)
+
+
+def test_an_order_to_loiter_that_arrives_after_the_link_is_back_is_taken_back(fly: Fly, tmp_path: Path) -> None:
+    """Over 0.6 s of delay the order that was sent last meets a vehicle that flies in the formation again."""
+    outage = [{"at_s": 5, "vehicles": [3], "outage": True}, {"at_s": 10.5, "vehicles": [3], "outage": False}]
+    fly(
+        duration_s=18,
+        start={"in_air": True, "run_in_s": 15},
+        links={"default": {"delay_ms": 600}, "changes": outage},
+    )
+    lines = (tmp_path / "run" / "events.jsonl").read_text().splitlines()
+    events = [event for event in map(json.loads, lines) if event.get("vehicle") == "3"]
+    member = [event["text"] for event in events if event["kind"] == "member"]
+    assert member == [
+        "flying in formation",
+        "told to loiter",
+        "flying in formation",
+        "told to come back",
+        "flying in formation",
+    ]
+    modes = [(event["text"], event["t_s"]) for event in events if event["kind"] == "mode"]
+    assert [text for text, _ in modes] == ["GUIDED", "LOITER", "GUIDED", "LOITER"]
+    assert modes[2][1] - modes[1][1] == pytest.approx(2 * 0.6 + 0.2, abs=LAG_S)
+
+
 @settings(max_examples=12)
 @given(at_s=st.floats(0.0, 60.0))
 def test_stopped_at_any_moment_vehicles_loiter_or_are_disarmed(at_s: float) -> None:
@@ -140,6 +197,41 @@ def test_stopped_at_any_moment_vehicles_loiter_or_are_disarmed(at_s: float) -> N
     assert world.station.flight.phase is Phase.DONE
     for vehicle in world.fleet.vehicles:
         assert vehicle.pilot.mode is Mode.LOITER if vehicle.pilot.airborne else not vehicle.pilot.condition.armed
+
+
+def test_a_vehicle_that_never_acknowledges_that_it_loiters_is_waited_for_for_20_s_and_named() -> None:
+    world = World(duration_s=60)
+    world.fly_to(2.0)
+    world.vehicle(3).enter = lambda mode: None
+    world.fleet.vehicles[2].answer = lambda message: None
+    world.station.stop(world.clock.now())
+    stopped_s = world.now_s
+    world.run()
+    (named_s,) = world.times_s("unacknowledged", 3)
+    assert named_s - stopped_s == pytest.approx(20.0, abs=LAG_S)
+    assert world.times_s("unacknowledged") == [named_s]
+    assert world.station.flight.phase is Phase.DONE
+
+
+@pytest.mark.parametrize(("signals", "loiter"), [([signal.SIGTERM], 3), ([signal.SIGINT], 3), ([signal.SIGINT] * 2, 0)])
+def test_a_signal_has_everyone_loiter_and_a_second_one_ends_at_once(
+    signals: list[signal.Signals], loiter: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out, event, left = tmp_path / "run", RunDirectory.event, list(signals)
+
+    def raising(self: RunDirectory, happened: Event) -> None:
+        event(self, happened)
+        while happened.text == "flying" and left:
+            signal.raise_signal(left.pop())
+
+    monkeypatch.setattr(RunDirectory, "event", raising)
+    file = tmp_path / "short.yaml"
+    file.write_text(yaml.safe_dump(scenario(duration_s=60)))
+    result = CliRunner().invoke(main, ["run", str(file), "--clock", "virtual", "--out", str(out), "--quiet"])
+    assert result.exit_code == 130
+    events = [json.loads(line) for line in (out / "events.jsonl").read_text().splitlines()]
+    assert sum(event["kind"] == "mode" and event["text"] == "LOITER" for event in events) == loiter
+    assert len(read_parquet(out / "timeseries.parquet")["t_s"]) > 0
 
 
 def test_a_full_disk_ends_the_run_with_vehicles_loitering(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

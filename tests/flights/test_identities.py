@@ -8,7 +8,7 @@ from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.endpoint import LOOPBACK, Address, Endpoint
 from airlink.engine import Datagram
-from airlink.frame import FrameWriter
+from airlink.frame import HEADER_V2, FrameWriter
 from airlink.identity import VehicleId
 from airlink.messages import Heartbeat, Statustext
 from formation_scenario import load_scenario
@@ -159,6 +159,35 @@ def test_the_place_of_a_silent_vehicle_is_not_taken_by_another_clock() -> None:
         "it is ignored"
     ]
     assert impostor.vehicles[0].link._heard == {}
+
+
+class HeartbeatsOnly(Between):
+    """A fleet of which nothing but heartbeats is heard until it may say more."""
+
+    silent = True
+
+    def datagrams_to_send(self) -> list[Datagram]:
+        beat = m.MAVLINK_MSG_ID_HEARTBEAT.to_bytes(3, "little")
+        sent = super().datagrams_to_send()
+        return [each for each in sent if not self.silent or each.data[HEADER_V2 - 3 : HEADER_V2] == beat]
+
+
+def test_the_place_of_a_lost_vehicle_is_taken_by_heartbeats_alone_and_their_clock_shown_by_a_probe() -> None:
+    world = World(duration_s=20)
+    world.fly_to(3.0)
+    world.strike(2, "freeze")
+    struck_s = world.now_s
+    other = HeartbeatsOnly(world.another(2, clock_offset_s=500.0))
+    world.attach(other)
+    world.run(7.0)
+    (taken_s,) = world.times_s("address", 2)
+    assert taken_s - struck_s == pytest.approx(5.5, abs=0.7)  # a heartbeat is due once a second
+    assert world.words("address")[0].endswith("nothing tells its clock")
+    other.silent = False
+    probed_s = world.now_s
+    world.run()
+    (anew_s,) = world.times_s("restarted", 2)
+    assert anew_s - probed_s < 0.5
 
 
 def test_our_own_frames_that_come_back_change_nothing() -> None:

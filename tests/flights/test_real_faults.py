@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
+import yaml
 
 from gcs_formation.record.timeseries import read_spool
 from tests.flights.test_real_clock import LIMIT_S, STATION, emulators_of, path, started, wait_for
@@ -110,3 +111,40 @@ def test_a_full_disk_ends_with_3_and_words(path: Path, tmp_path: Path) -> None:
     assert (out / "flight.tlog").stat().st_size <= FILE_BYTES
     events = events_of(out)
     assert sum(event["kind"] == "mode" and event["text"] == "LOITER" for event in events) == 3
+
+
+FAULTS = """[
+ {at_s: 4, vehicles: [2], kind: crash},
+ {at_s: 4, until_s: 12, vehicles: [3], kind: freeze},
+ {at_s: 4, vehicles: [4], kind: restart},
+ {at_s: 4, until_s: 8, vehicles: [5], kind: pilot},
+ {at_s: 15, vehicles: [1], kind: crash}]"""
+
+
+@pytest.mark.slow
+def test_faults_over_udp_lead_to_what_they_lead_to_under_the_virtual_clock(path: Path, tmp_path: Path) -> None:
+    """Twice as fast as real time; faults strike by the mission time, of which vehicles are told once a second."""
+    out, endpoint = tmp_path / "run", yaml.safe_load(path.read_text())["vehicles"]["endpoint"]
+    vehicles = f"vehicles={{count: 6, endpoint: '{endpoint}'}}"
+    keys = ["duration_s=24", "formation.shape=circle", "formation.spacing_m=40", f"faults={FAULTS}", vehicles]
+    command = [*STATION, "run", str(path), "--speedup", "2", *(f"--set={key}" for key in keys), "--out", str(out)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S, check=False)
+    assert (done.returncode, done.stderr[:21]) == (1, "clearance was 0.00 m ")  # of those that crash
+    events = events_of(out)
+    begun_s = next(event["t_s"] for event in events if event["text"] == "flying")
+
+    def when(vehicle: int, text: str) -> list[float]:
+        those = [event for event in events if event.get("vehicle") == str(vehicle) and event["t_s"] > begun_s]
+        return [event["t_s"] - begun_s for event in those if text in (event["text"], event["kind"])]
+
+    assert when(2, "lost") == [pytest.approx(9.0, abs=0.5)]
+    assert when(2, "told to loiter") == [pytest.approx(9.0, abs=0.5)]
+    assert when(3, "told to loiter") == [pytest.approx(9.0, abs=0.5)]
+    assert when(3, "flying in formation")[0] == pytest.approx(12.0, abs=2.0)
+    assert when(4, "restarted") == [pytest.approx(4.0, abs=1.0)]
+    assert when(4, "ready") == [pytest.approx(6.0, abs=2.0)]
+    assert when(5, "parted by its pilot") == [pytest.approx(4.0, abs=0.5)]
+    assert when(5, "flying in formation") == [pytest.approx(8.0, abs=0.5)]
+    (heir,) = [event for event in events if event["kind"] == "leader"]
+    assert heir["t_s"] - begun_s == pytest.approx(18.0, abs=0.5)
+    assert not when(6, "told to loiter")

@@ -93,3 +93,18 @@ def test_nothing_comes_down_in_flights_that_are_well_inside(tmp_path: Path) -> N
         flown = plan.fly(until_s=40)
         assert not gains_events(flown)
         assert flown.figures["stability"]["margin_used"] < 0.8
+
+
+def test_a_follower_beyond_its_margin_loiters_where_that_is_asked_for_and_comes_back_with_the_delay(fly: Fly) -> None:
+    """The delay is the mean of the last 4 s of round trips; the margin is looked at once a second."""
+    flown = fly([{"at_s": 2, "delay_ms": 700}, {"at_s": 12, "delay_ms": 0}], on_delay="hold")
+    events = [json.loads(line) for line in (flown.directory / "events.jsonl").read_text().splitlines()]
+    (begun_s,) = [event["t_s"] for event in events if event["text"] == "flying"]
+    near, clear = (event["t_s"] - begun_s for event in events if event["kind"] == "delay_margin")
+    assert 2.0 < near < 8.0
+    (told_s,) = [event["t_s"] - begun_s for event in events if event["text"] == "told to loiter"]
+    assert near <= told_s < 8.0
+    assert 12.0 < clear < 18.0
+    assert events[-1]["text"] == "done"
+    last = [event["text"] for event in events if event["kind"] == "member" and event.get("vehicle") == "2"][-1]
+    assert last == "flying in formation"

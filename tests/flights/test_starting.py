@@ -1,0 +1,167 @@
+"""Start-ups that don't come to their end: what becomes of the vehicle, of the others and of the run, and when."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from airlink import mavlink as m
+from airlink.clock import Instant
+from airlink.engine import Datagram
+from airlink.frame import HEADER_V2
+from gcs_formation.phases import Phase
+from sim_vehicles.modes import Condition, Mode
+from tests.flights.in_memory import Between, World
+
+LAG_S = 0.2
+"""Two ticks: what an event may come later than what leads to it."""
+LAST = 3
+ON_THE_GROUND: dict[str, Any] = {"start": {"in_air": False}, "duration_s": 20}
+ASSEMBLING: dict[str, Any] = {"start": {"in_air": True, "run_in_s": 6, "timeout_s": 30}, "duration_s": 20}
+
+
+class Deaf(Between):
+    """Nothing reaches the last vehicle."""
+
+    def receive(self, datagram: Datagram, now: Instant) -> None:
+        if datagram.socket != LAST - 1:
+            super().receive(datagram, now)
+
+
+class Unready(Between):
+    """The last vehicle never says that its estimator is ready."""
+
+    def datagrams_to_send(self) -> list[Datagram]:
+        report = m.MAVLINK_MSG_ID_EKF_STATUS_REPORT.to_bytes(3, "little")
+        sent = super().datagrams_to_send()
+        return [each for each in sent if each.socket != LAST - 1 or each.data[HEADER_V2 - 3 : HEADER_V2] != report]
+
+
+class Mute(Between):
+    """Nothing comes from the last vehicle."""
+
+    def datagrams_to_send(self) -> list[Datagram]:
+        return [each for each in super().datagrams_to_send() if each.socket != LAST - 1]
+
+
+def nothing(world: World) -> None:
+    """Leave it to what is between station and vehicles."""
+
+
+def ignores(world: World) -> None:
+    world.strike(LAST, "ignore")
+
+
+def can_not_arm(world: World) -> None:
+    vehicle = world.vehicle(LAST)
+
+    def arm(*, force: bool) -> bool:
+        vehicle._say(m.MAV_SEVERITY_CRITICAL, "PreArm: Compass not calibrated")
+        return force
+
+    vehicle.arm = arm
+
+
+def stays_on_the_ground(world: World) -> None:
+    world.network.run(lambda: world.vehicle(LAST).pilot.condition is Condition.ARMED)
+    world.strike(LAST, "pilot", mode="MANUAL")
+
+
+def ignores_in_the_air(world: World) -> None:
+    world.network.run(lambda: world.vehicle(LAST).pilot.airborne)
+    world.strike(LAST, "ignore")
+
+
+@pytest.mark.parametrize(
+    ("between", "trouble", "begins", "limit_s", "words"),
+    [
+        (Deaf, nothing, ("link", "connected"), 20, "we asked for telemetry"),
+        (Unready, nothing, ("mode", "MANUAL"), 90, "we waited for it to be ready to arm"),
+        (Between, ignores, ("disobeys", "mode TAKEOFF"), 18, "we set mode TAKEOFF"),
+        (Between, can_not_arm, ("mode", "TAKEOFF"), 30, "we armed (command 400: FAILED); it said: 'PreArm: Compass"),
+        (Between, stays_on_the_ground, ("statustext", "armed"), 90, "we waited for it to climb"),
+        (Between, ignores_in_the_air, ("disobeys", "mode GUIDED"), 18, "we set mode GUIDED"),
+    ],
+)
+def test_a_vehicle_that_can_not_be_started_ends_the_run_with_nobody_left_flying_on(
+    between: type[Between], trouble: Callable[[World], None], begins: tuple[str, str], limit_s: float, words: str
+) -> None:
+    """Disobedience is reported 2 s after the order's acknowledgement, so 18 s before the step's 20 s are over."""
+    world = World(between, **ON_THE_GROUND)
+    trouble(world)
+    world.run()
+    assert world.station.failure
+    assert world.station.failure.text.startswith(f"vehicle {LAST}: not done within")
+    assert words in world.station.failure.text
+    (failed_s,) = world.times_s("failure")
+    begun_s = world.times_s(begins[0], LAST, begins[1])[0]
+    assert failed_s - begun_s == pytest.approx(limit_s, abs=1.0)
+    assert world.station.flight.phase is Phase.FAILED
+    others = world.fleet.vehicles[: LAST - 1]
+    assert all(
+        each.pilot.mode is Mode.LOITER if each.pilot.airborne else not each.pilot.condition.armed for each in others
+    )
+    assert world.vehicle(LAST).pilot.condition is not Condition.ARMED
+
+
+def test_nobody_takes_off_for_a_formation_of_which_one_never_answers() -> None:
+    world = World(Mute, **ON_THE_GROUND)
+    world.run()
+    assert world.station.failure
+    assert world.station.failure.text == "no vehicle 3 answered at udpin:127.0.0.1:14550 in 30 s"
+    assert world.times_s("failure") == [pytest.approx(30.0, abs=LAG_S)]
+    assert all(each.pilot.condition is Condition.DISARMED for each in world.fleet.vehicles)
+
+
+def test_after_the_path_has_begun_a_vehicle_that_can_not_be_started_again_is_abandoned_and_the_others_fly_on() -> None:
+    world = World(duration_s=50)
+    world.fly_to(5.0)
+    world.strike(2, "restart")
+    world.strike(2, "ignore")
+    world.run(40.0)
+    (told_s,), (abandoned_s,) = world.times_s("disobeys", 2), world.times_s("abandoned", 2)
+    assert abandoned_s - told_s == pytest.approx(18.0, abs=1.0)
+    assert world.words("abandoned") == ["vehicle 2: not done within 20 s after we set mode GUIDED"]
+    assert max(abs(tick.error_m[2]).max() for tick in world.notes.ticks if tick.mission_time_s > 5.0) < 0.05
+    world.strike(2, "ignore", ends=True)
+    world.strike(2, "pilot", ends=True)
+    back_s = world.now_s
+    world.run()
+    (again_s,) = [at_s for at_s in world.times_s("ready", 2) if at_s > back_s]
+    assert again_s - back_s < LAG_S
+    assert world.station.flight.phase is Phase.DONE
+
+
+def test_when_the_time_for_assembly_is_over_the_path_begins_as_the_leader_comes_by_again() -> None:
+    world = World(**ASSEMBLING)
+    world.run(1.0)
+    world.strike(2, "pilot")
+    world.run()
+    (assembling_s,) = world.times_s("phase", text="assembling")
+    (unassembled_s,), (begun_s,) = world.times_s("unassembled"), world.times_s("phase", text="flying")
+    assert unassembled_s - assembling_s == pytest.approx(30.0, abs=LAG_S)
+    guidance = world.station.controller.guidance
+    turn_s = 2 * np.pi * guidance.hold_radius_m / guidance.speed_mps
+    assert guidance.rounds == 1
+    assert unassembled_s < begun_s < unassembled_s + turn_s + 20.0
+    assert world.vehicle(2).pilot.mode is Mode.LOITER
+    assert world.station.failure is None
+
+
+@pytest.mark.parametrize("taken", [(1,), (1, 2, 3)])
+def test_without_anybody_to_follow_the_run_ends_when_the_time_for_assembly_is_over(taken: tuple[int, ...]) -> None:
+    """The leader alone is its pilot's, without succession; or everyone is, so that nobody can take over."""
+    world = World(**ASSEMBLING, formation={"shape": "arrow", "succession": "none" if taken == (1,) else "nearest"})
+    world.run(3.0)
+    for number in taken:
+        world.strike(number, "pilot")
+    world.run()
+    assert world.station.failure
+    assert world.station.failure.text == "the leader was not there to follow within 30 s"
+    (assembling_s,), (failed_s,) = world.times_s("phase", text="assembling"), world.times_s("failure")
+    assert failed_s - assembling_s == pytest.approx(30.0, abs=LAG_S)
+    assert all(each.pilot.mode is Mode.LOITER for each in world.fleet.vehicles)
+    assert len(world.times_s("postponed")) == len(taken) // 3  # once, though it was tried again for 27 s
