@@ -232,7 +232,8 @@ def _within_limits(
         if excess.max() > 0.0:
             moment, who = np.unravel_index(int(excess.argmax()), excess.shape)
             figure = f"{conditions.names[who]}'s slot would need {abs(found[moment, who]):.3g} {unit} on the way"
-            raise NotFlyableError(figure, f"up to {abs(limit[who]):.3g} {unit}", float(moments_s[moment]))
+            bound = "at least" if limit[who] < 0 else "up to"
+            raise NotFlyableError(figure, f"{bound} {abs(limit[who]):.3g} {unit}", float(moments_s[moment]))
     return needs
 
 

@@ -118,7 +118,7 @@ class FormationController:
         if self._columns > 1:
             slots, commanded_m = self._over_ground(tick, states, lead)
             self._bandwidth = self._bandwidth + self._gains_change * (self.bandwidth - self._bandwidth)
-            situation = Situation(states, lead, slots, tick.active, self._bandwidth, self.separation.yielding)
+            situation = Situation(states, lead, slots, tick.active, self._bandwidth, self.separation.replaced)
             self._note(tick, self._law.decide(situation, self._dt_s), commanded_m)
             self.separation.keep(tick, measured)
         self._judge_assembly(tick)

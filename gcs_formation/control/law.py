@@ -99,7 +99,7 @@ class FormationLaw:
         forward_limited = envelope.limit(Setpoints(*forward.T), forward[:, 1], follower, self._model)
         excess = _difference(limited, forward_limited) - output
         following = pid.integrate(state, gains, mixed, rate, excess, parameters.anti_windup_s, dt_s)
-        following = following.with_integral(state.integral, situation.yielding[self._followers])
+        following = following.with_integral(state.integral, situation.replaced[self._followers])
         active = situation.active[self._followers]
         self._state = _where(active, following, PidState.at_rest(mixed.shape))
         self._drift_mps[:, ~active] = np.nan

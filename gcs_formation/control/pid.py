@@ -39,8 +39,8 @@ class PidState:
         return cls(np.zeros(shape), np.zeros(shape), np.full(shape, np.nan))
 
     def with_integral(self, integral: Array, which: Mask) -> PidState:
-        """Return this with the integrals of some rows as they were."""
-        return PidState(np.where(which[:, None], integral, self.integral), self.rate, self.error)
+        """Return this with some of the integrals as they were."""
+        return PidState(np.where(which, integral, self.integral), self.rate, self.error)
 
 
 def filter_rate(state: PidState, error: Array, filter_s: float, dt_s: float) -> Array:

@@ -42,8 +42,8 @@ class Situation:
     """(C,) columns that follow setpoints; the others' states are no more than finite."""
     bandwidth: Array
     """(C, 3) share of their bandwidth that the loops of each channel are to have now; 1: as the scenario's gains."""
-    yielding: Mask
-    """(C,) columns whose last setpoint was the separation rule's: nothing is to be learnt from their errors."""
+    replaced: Mask
+    """(C, 3) channels whose last setpoint was the separation rule's: nothing is to be learnt from their errors."""
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from gcs_formation.estimation.predictor import SetpointHistory
 from gcs_formation.estimation.projection import Measured
 from gcs_formation.records import Tick
 from gcs_formation.separation.manoeuvre import Traffic, sample_times
-from gcs_formation.separation.rule import Conflict, Memory, resolve
+from gcs_formation.separation.rule import Conflict, Memory, Resolution, resolve
 from gcs_formation.separation.scene import Scene
 
 SLOT_SHARE = 0.8
@@ -61,21 +61,19 @@ class SeparationKeeper:
         columns = model.tau_v_s.size
         self._side, self._turn_rps = np.zeros(columns), np.zeros(columns)
         self._last: Measured | None = None
-        shapes = (np.vstack((np.zeros(3), step.slots_m)) for step in slot_schedule(scenario))
         self._slots, self._slots_moved = b"", True
-        self._kept_m = min(self._keys.distance_m, *(SLOT_SHARE * _nearest_m(shape) for shape in shapes))
+        self.kept_m = min(self._keys.distance_m, *(self._kept_in(step.places_m) for step in slot_schedule(scenario)))
+        """Between vehicles that are commanded."""
         self._encounters: dict[tuple[int, int], Encounter] = {}
         self.changes: list[Encounter] = []
         """What began or ended at the last tick."""
-
-    @property
-    def yielding(self) -> Mask:
-        """(C,) columns that give way: what their law asks for isn't what they fly."""
-        return self._side != 0
+        self.replaced: Mask = np.zeros((columns, 3), dtype=bool)
+        """Speed, heading and height of each column: what the law asked for isn't what is flown."""
 
     def keep(self, tick: Tick, measured: Measured) -> None:
         """Put setpoints that keep the distance in the place of a tick's, where those don't."""
         self.changes = []
+        self.replaced[:] = False
         if not self._keys.enabled:
             return
         self._watch_turns(measured)
@@ -87,11 +85,17 @@ class SeparationKeeper:
         resolution = resolve(scene, Memory(self._side[members]))
         self._side[:] = 0.0
         self._side[members] = resolution.memory.side
-        yielding = resolution.memory.yielding
-        for name in ("speed_mps", "heading_rad", "height_m"):
-            getattr(tick.setpoints, name)[members[yielding]] = getattr(resolution.told, name)[yielding]
-        tick.yielding[:] = self.yielding
+        tick.yielding[:] = self._side != 0
+        self._replace(tick.setpoints, members, resolution)
         self._note(tick.now, members, resolution.conflicts, scene.traffic.state)
+
+    def _replace(self, setpoints: Setpoints, members: Indices, resolution: Resolution) -> None:
+        """Put what the rule decided in the place of what the law did, and remember where they differ."""
+        yielding = resolution.memory.yielding
+        columns, told = members[yielding], resolution.told.table[:, yielding]
+        self.replaced[columns] = (told != setpoints.table[:, columns]).T
+        for channel, values in zip((setpoints.speed_mps, setpoints.heading_rad, setpoints.height_m), told, strict=True):
+            channel[columns] = values
 
     def _members(self, tick: Tick, measured: Measured) -> Indices:
         """Return the columns that count, the leader's first."""
@@ -118,7 +122,7 @@ class SeparationKeeper:
             traffic=Traffic(state, (together - until) / NANOSECONDS, turn_rps, model),
             told=Setpoints(*np.where(commanded, tick.setpoints.table[:, members], np.nan)),
             commanded=commanded,
-            kept_m=self._kept_m,
+            kept_m=self.kept_m,
             kept_from_others_m=self._keys.distance_m,
             timing_s=TIMING_SHARE * np.nan_to_num(tick.age_s + tick.delay_s)[members],
             reference=0,
@@ -159,10 +163,15 @@ class SeparationKeeper:
         content = slots_m.tobytes()
         if content == self._slots:
             if self._slots_moved:
-                self._kept_m = min(self._kept_m, SLOT_SHARE * _nearest_m(np.nan_to_num(slots_m)))
+                self.kept_m = min(self.kept_m, self._kept_in(np.nan_to_num(slots_m)))
             self._slots_moved = False
         else:
             self._slots, self._slots_moved = content, True
+
+    def _kept_in(self, places_m: Array) -> float:
+        """Return the distance that is kept between vehicles at places (C, 3) of a formation."""
+        solid = places_m[1:] if self._virtual else places_m
+        return SLOT_SHARE * _nearest_m(solid)
 
     def _note(self, now: Instant, members: Indices, conflicts: tuple[Conflict, ...], state: FlightState) -> None:
         if not conflicts and not self._encounters:

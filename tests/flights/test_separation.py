@@ -59,3 +59,14 @@ def test_a_vehicle_that_nobody_commands_is_kept_away_from(fly: Fly, delay_ms: fl
     assert kept["min_separation_m"] > 9.0
     assert kept["violations"] == 0
     assert kept["avoidance_s"] > 0.0
+
+
+@pytest.mark.slow
+def test_a_follower_that_passes_its_leader_comes_to_its_slot(fly: Fly) -> None:
+    """It begins ahead of the leader: slowed down as far as it goes, it gives way in height and goes on falling back."""
+    behind = {"shape": "custom", "slots_m": {2: [-40, 0, 0]}}
+    start = {"in_air": True, "run_in_s": 6, "offset_m": [75, 2, 0]}
+    found = fly(duration_s=60, vehicles={"count": 2}, law={"type": "pid"}, start=start, formation=behind).to_dict()
+    assert found["safety"]["violations"] == 0
+    assert found["safety"]["avoidance_s"] > 2.0
+    assert found["followers"]["2"]["settled_at_s"] < 50.0

@@ -79,7 +79,8 @@ def situation(
     lead = Lead(0, Instant(0), told, turn_rps, RouteHeading(heading_rad, turn_rps, 0.0, 0.0, SPEED_MPS))
     slots = SlotMotion.at_rest(np.concatenate((np.zeros((1, 3)), SLOTS_M)))
     flying = np.ones(COUNT, bool) if active is None else active
-    return Situation(AtOneStamp(state, np.int64(0)), lead, slots, flying, np.ones((COUNT, 3)), np.zeros(COUNT, bool))
+    every = np.ones((COUNT, 3))
+    return Situation(AtOneStamp(state, np.int64(0)), lead, slots, flying, every, every == 0)
 
 
 def accelerations(decision: Decision, heading_rad: float) -> tuple[Array, Array]:
