@@ -38,7 +38,7 @@ def comparison_figure(comparison: Comparison) -> Figure:
     for row, label in zip(grid, LABELS, strict=True):
         row[0].set_ylabel(label)
     figure.align_ylabels(column_of(grid, 0))
-    legend_below(figure, 3)
+    legend_below(figure)
     return figure
 
 

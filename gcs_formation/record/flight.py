@@ -42,6 +42,10 @@ class Flight:
         """Return (T,) heights above the ground below: of the true place where there is truth."""
         return self.vehicles[vehicle][GROUND[1]]
 
+    def leader_at(self, tick: int) -> VehicleId | None:
+        """Return the vehicle that led at a tick, None where a virtual leader did."""
+        return next((vehicle for vehicle, own in self.vehicles.items() if own["leads"][tick] > 0), None)
+
     def has_followed(self, vehicle: VehicleId) -> bool:
         """Whether a vehicle flew in the formation without leading it."""
         own = self.vehicles[vehicle]

@@ -103,10 +103,11 @@ def gains(run: RunData) -> Figure:
             _gain(axes, run, columns, gain, window)
         draw_marks(column_of(grid, column), marks(run))
     for row, label in zip(grid, GAINS.values(), strict=True):
-        row[0].set_ylabel(f"{label} by nominal")
+        row[0].set_ylabel(f"{label} / nominal")
     figure.align_ylabels(column_of(grid, 0))
-    grid[-1][-1].set_xlabel(time_label(run))
-    legend_below(figure, 2)
+    for axes in grid[-1]:
+        axes.set_xlabel(time_label(run))
+    legend_below(figure)
     return figure
 
 

@@ -10,7 +10,7 @@ from gcs_formation.report.lines import everyone
 from gcs_formation.report.marks import marks
 from gcs_formation.report.run_data import RunData
 from gcs_formation.report.style import axes_grid, column_of, legend_below, new_figure, note
-from gcs_formation.report.time_axes import draw_marks, span, time_label
+from gcs_formation.report.time_axes import at_least, draw_marks, span, time_label
 
 LABELS = ("north, m/s", "east, m/s", "down, m/s")
 LEAST_MPS = 0.1
@@ -30,8 +30,7 @@ def disturbance(run: RunData) -> Figure:
     rows = column_of(axes_grid(figure, shown, 1, sharex=True), 0)
     for axes, label, series in zip(rows, LABELS, values, strict=False):
         group.draw(axes, run.time_s, series)
-        low, high = axes.get_ylim()
-        axes.set_ylim(min(low, -LEAST_MPS), max(high, LEAST_MPS))
+        at_least(axes, -LEAST_MPS, LEAST_MPS)
         axes.set_ylabel(label)
     span(rows[0], float(run.time_s[0]), float(run.time_s[-1]))
     draw_marks(rows, marks(run))

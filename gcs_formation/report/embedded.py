@@ -13,6 +13,7 @@ from gcs_formation.arrays import Array
 from gcs_formation.report.downsample import Indices, evenly, extremes
 from gcs_formation.report.error_figure import transient_end_s
 from gcs_formation.report.geometry import heading_rad, path_m
+from gcs_formation.report.gusts import gusts
 from gcs_formation.report.lines import Group, everyone
 from gcs_formation.report.marks import marks
 from gcs_formation.report.run_data import RunData
@@ -45,6 +46,7 @@ def embedded(run: RunData) -> dict[str, Any]:
         "tracks": _tracks(run, group),
         "path": _path(run),
         "ground": _ground(run),
+        "bounds": _bounds(run),
         "marks": [{"t": round(mark.time_s, TIME_DIGITS), "label": mark.label} for mark in marks(run)],
     }
 
@@ -80,6 +82,21 @@ def _errors(run: RunData, group: Group) -> list[dict[str, Any]]:
         series = {axis: _series(time_s, values, extremes(values, buckets)) for axis, values in axes}
         found.append({"vehicle": index, **series})
     return found
+
+
+def _bounds(run: RunData) -> list[dict[str, Any]]:
+    """Return what errors after gusts on followers only are held to, and what is least possible."""
+    return [
+        {
+            "axis": error.axis,
+            "from": round(gust.at_s, TIME_DIGITS),
+            "to": round(gust.to_s, TIME_DIGITS),
+            "allowed": round(error.allowed_m, ERROR_DIGITS),
+            "least": round(error.least_m, ERROR_DIGITS),
+        }
+        for gust in gusts(run)
+        for error in gust.errors
+    ]
 
 
 def _series(time_s: Array, values: Array, kept: Indices) -> dict[str, Any]:

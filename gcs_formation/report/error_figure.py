@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -9,11 +11,12 @@ from matplotlib.figure import Figure
 from formation_scenario.expectation import Expectation
 from gcs_formation.arrays import Array, Mask
 from gcs_formation.record.figures_of_merit import SETTLED_M
+from gcs_formation.report.gusts import Gust, gusts
 from gcs_formation.report.lines import Group, followers_of
 from gcs_formation.report.marks import marks
 from gcs_formation.report.run_data import RunData
-from gcs_formation.report.style import LIMIT, THIN, axes_grid, column_of, legend_below, new_figure, note
-from gcs_formation.report.time_axes import draw_marks, span, time_label
+from gcs_formation.report.style import INK, LIMIT, THIN, axes_grid, column_of, legend_below, new_figure, note
+from gcs_formation.report.time_axes import at_least, draw_marks, span, time_label
 
 AXES = {"x": "forward error $x$, m", "y": "right error $y$, m", "z": "height error $z$, m"}
 WIDTHS = (0.42, 1.0)
@@ -28,6 +31,10 @@ STEADY_AT_LEAST_M = 0.02
 GONE_M = 10.0
 STANDS_OUT = 50.0
 """An error above `GONE_M` and this many times the median is of a vehicle that left; the scale becomes logarithmic."""
+LEAST_M = 0.012
+"""What the axes reach to at least, upwards and downwards: less than a centimetre isn't magnified."""
+LEAST = r"least possible: $|D|\,T + D^2/2a$"
+ALLOWED = r"held to: $1.5\,(|D|\,T + D^2/2a)$ + 0.05 m"
 
 
 def errors(run: RunData) -> Figure:
@@ -41,16 +48,19 @@ def errors(run: RunData) -> Figure:
     values = np.stack([run.flown.error(vehicle) for vehicle in group.vehicles])
     windows = error_windows(run)
     grid = axes_grid(figure, 3, len(windows), sharex="col", width_ratios=WIDTHS[-len(windows) :])
-    found = marks(run)
+    found, gusted = marks(run), gusts(run)
     for column, window in enumerate(windows):
         for row, (axis, label) in enumerate(AXES.items()):
             _panel(grid[row][column], group, time_s[window], values[:, window, row])
             _expected(grid[row][column], run.scenario.expect, axis)
+            _after_gusts(grid[row][column], gusted, axis)
+            at_least(grid[row][column], -LEAST_M, LEAST_M)
             if column == 0:
                 grid[row][column].set_ylabel(label)
         draw_marks(column_of(grid, column), found)
     figure.align_ylabels(column_of(grid, 0))
-    grid[-1][-1].set_xlabel(time_label(run))
+    for axes in grid[-1]:
+        axes.set_xlabel(time_label(run))
     legend_below(figure)
     return figure
 
@@ -100,6 +110,20 @@ def _expected(axes: Axes, wanted: tuple[Expectation, ...], axis: str) -> None:
         if bound.metric == f"error_{axis}_m.max" and bound.below and bound.below < 2.0 * max(high, -low):
             reach = max(begin, bound.from_s), min(end, bound.to_s)
             if reach[0] < reach[1]:
-                for sign in (-1, 1):
-                    limit = [sign * bound.below] * 2
-                    axes.plot(reach, limit, color=LIMIT, lw=THIN, ls=(0, (1, 1.5)), label="expected bound")
+                _both_ways(axes, reach, bound.below, "expected bound", color=LIMIT, ls=(0, (1, 1.5)))
+
+
+def _after_gusts(axes: Axes, gusted: list[Gust], axis: str) -> None:
+    """Draw what no law can do better than after each gust on followers only, and what ours is held to."""
+    begin, end = axes.get_xlim()
+    for gust in gusted:
+        reach = max(begin, gust.at_s), min(end, gust.to_s)
+        for error in gust.errors:
+            if error.axis == axis and reach[0] < reach[1]:
+                _both_ways(axes, reach, error.allowed_m, ALLOWED, color=INK, ls=(0, (6, 2)))
+                _both_ways(axes, reach, error.least_m, LEAST, color=INK, ls=(0, (1, 1.5)))
+
+
+def _both_ways(axes: Axes, reach: tuple[float, float], size: float, label: str, **look: Any) -> None:
+    for sign in (-1, 1):
+        axes.plot(reach, [sign * size] * 2, lw=THIN, label=label, zorder=1.8, **look)

@@ -40,7 +40,8 @@ PLATES = (
         "errors",
         "Formation errors",
         "Slot minus vehicle, in the frame that the scenario names (figure 12 of the paper). Where the transient would "
-        "hide what follows it, it has axes of its own on the left.",
+        "hide what follows it, it has axes of its own on the left. After a gust on followers only: what no law can do "
+        "better than, and what ours is held to.",
         errors,
     ),
     Plate(

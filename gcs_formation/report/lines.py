@@ -16,6 +16,8 @@ from gcs_formation.report.style import BAND, FOLLOWERS, GREY, INK, LIGHT, LINE, 
 
 COLOURS_UP_TO = len(FOLLOWERS)
 LINES_UP_TO = 20
+WIDTHS = (1.9, 1.5, 1.1, 0.8, 0.5)
+"""Of the lines of the leader and of followers in the colours of `FOLLOWERS`."""
 DASHED = (0, (3, 2))
 BUCKETS = 1500
 """Pieces of a line, more than a figure has pixels across."""
@@ -49,6 +51,12 @@ class Group:
             return FOLLOWERS[[v for v in self.vehicles if v != self.leader].index(vehicle)]
         return WORST if vehicle == self.worst else LIGHT
 
+    def width(self, vehicle: VehicleId) -> float:
+        """Return how wide a vehicle's line is: of lines on each other the first is the widest, so that all are seen."""
+        if not self.coloured:
+            return THIN if self.colour(vehicle) == LIGHT else LINE
+        return WIDTHS[(INK, *FOLLOWERS).index(self.colour(vehicle))]
+
     def stands_out(self, vehicle: VehicleId) -> bool:
         """Whether a vehicle isn't drawn as one of many; what stands out is drawn last."""
         return self.colour(vehicle) != LIGHT
@@ -73,7 +81,7 @@ class Group:
                 time_s[shown],
                 series[shown],
                 color=self.colour(vehicle),
-                lw=THIN if self.colour(vehicle) == LIGHT else LINE,
+                lw=self.width(vehicle),
                 label=self.label(vehicle),
             )
 
@@ -85,7 +93,7 @@ class Group:
             return
         for vehicle, piece in zip(self.vehicles, pieces, strict=True):
             low, middle, high = _percentiles(piece, (0, 50, 100))
-            axes.plot(middle_s, middle, color=self.colour(vehicle), label=self.label(vehicle))
+            axes.plot(middle_s, middle, color=self.colour(vehicle), lw=self.width(vehicle), label=self.label(vehicle))
             axes.fill_between(middle_s, low, high, color=self.colour(vehicle), alpha=0.12, lw=0)
 
     def draw_medians(self, axes: Axes, time_s: Array, values: Sequence[Array], windows: int, label: str) -> None:

@@ -14,7 +14,7 @@ from gcs_formation.report.downsample import extremes
 from gcs_formation.report.lines import BUCKETS, Group, everyone, followers_of
 from gcs_formation.report.marks import marks
 from gcs_formation.report.run_data import RunData
-from gcs_formation.report.style import INK, LIMIT, axes_grid, column_of, legend_below, new_figure, note
+from gcs_formation.report.style import LIMIT, NEAREST, axes_grid, column_of, legend_below, new_figure, note
 from gcs_formation.report.time_axes import draw_marks, span, time_label
 
 SILENT = 20.0
@@ -37,7 +37,7 @@ def latency(run: RunData) -> Figure:
     span(rows[0], float(run.time_s[0]), float(run.time_s[-1]))
     if np.nan_to_num(injected).any():
         group.draw_medians(rows[0], run.time_s, injected, WINDOWS, "injected")
-    rows[0].set_ylim(0.0, max(rows[0].get_ylim()[1], 1.0))
+    _from_zero(rows[0])
     _age_scale(rows[1], np.stack(ages))
     _margin_used(rows[2], run, followers)
     rows[0].set_ylabel("one-way delay, ms")
@@ -57,7 +57,7 @@ def separation(run: RunData) -> Figure:
     if len(group.vehicles) > 1:
         least = np.where(np.isfinite(least), least, np.nan)
         shown = extremes(least, BUCKETS)
-        rows[0].plot(run.time_s[shown], least[shown], color=INK, lw=0.9, label="nearest pair")
+        rows[0].plot(run.time_s[shown], least[shown], color=NEAREST, lw=1.2, label="nearest pair")
         _limit(rows[0], limits.separation_m)
     else:
         note(rows[0], "one vehicle: nothing to be separated from")
@@ -77,7 +77,12 @@ def _age_scale(axes: Axes, ages_ms: Array) -> None:
         axes.set_yscale("log")
         axes.set_ylim(bottom=max(float(known.min()), 1.0))
     else:
-        axes.set_ylim(0.0, max(axes.get_ylim()[1], 1.0))
+        _from_zero(axes)
+
+
+def _from_zero(axes: Axes) -> None:
+    """Begin at 0, and leave room above the largest value."""
+    axes.set_ylim(0.0, max(1.15 * float(axes.dataLim.y1), 1.0))
 
 
 def _margin_used(axes: Axes, run: RunData, followers: Group) -> None:

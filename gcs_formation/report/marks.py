@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from itertools import islice
 from typing import Any, NamedTuple
 
-from formation_scenario.fields import VehicleSelection
+from formation_scenario.fields import Timed, VehicleSelection
 from formation_scenario.formation import FormationChange
 from formation_scenario.links import ImpairmentPatch, LinkChange
 from gcs_formation.report.run_data import RunData
@@ -13,7 +14,7 @@ from gcs_formation.report.run_data import RunData
 SAME_S = 0.5
 """Marks of one label no further apart than this are one."""
 MOST_EVENTS = 12
-"""Lost links shown; a link that comes and goes would hide everything else."""
+"""Events shown; a link that comes and goes would hide everything else."""
 WORDS = {
     "delay_ms": "delay {:g} ms",
     "jitter_ms": "jitter {:g} ms",
@@ -29,13 +30,13 @@ class Mark(NamedTuple):
     time_s: float
     label: str
     kind: str
-    """disturbance, fault, shape, link or lost."""
+    """disturbance, fault, shape, link, order or lost."""
 
 
 def marks(run: RunData) -> list[Mark]:
-    """Return what was planned to happen and which links were lost, in time order, within the flown time."""
+    """Return what was planned to happen, who took over, what was ordered and which links were lost, as they come."""
     begin, end = float(run.time_s[0]), float(run.time_s[-1])
-    found = [*_planned(run), *_lost_links(run)]
+    found = [*_planned(run), *_happened(run)]
     inside = (mark for mark in found if begin <= mark.time_s <= end)
     return _merged(sorted(inside))
 
@@ -45,9 +46,9 @@ def _planned(run: RunData) -> Iterator[Mark]:
         return
     scenario = run.scenario
     for disturbance in scenario.disturbances:
-        yield Mark(disturbance.at_s, f"disturbance{_of(disturbance.vehicles)}", "disturbance")
+        yield from _passing(disturbance, "disturbance", "disturbance", disturbance.until_s)
     for fault in scenario.faults:
-        yield Mark(fault.at_s, f"{fault.kind}{_of(fault.vehicles)}", "fault")
+        yield from _passing(fault, fault.kind, "fault", fault.until_s)
     for change in scenario.formation.changes:
         yield Mark(change.at_s, _changed(change), "shape")
     for change in scenario.links.changes:
@@ -61,13 +62,30 @@ def _changed(change: FormationChange) -> str:
     return ", ".join(part for part in (change.shape or "", spacing, leader) if part) or "slots"
 
 
-def _lost_links(run: RunData) -> list[Mark]:
-    lost = [event for event in run.events if event.get("kind") == "link" and event.get("text") == "lost"]
-    return [_lost(event, run.zero_s) for event in lost[:MOST_EVENTS]]
+def _passing(each: Timed, name: str, kind: str, until_s: float | None) -> Iterator[Mark]:
+    """Yield when something begins and, if it does, ends."""
+    yield Mark(each.at_s, f"{name}{_of(each.vehicles)}", kind)
+    if until_s is not None:
+        yield Mark(until_s, f"{name} over{_of(each.vehicles)}", kind)
 
 
-def _lost(event: Mapping[str, Any], zero_s: float) -> Mark:
-    return Mark(float(event["t_s"]) - zero_s, f"link lost ({event.get('vehicle', '?')})", "lost")
+def _happened(run: RunData) -> list[Mark]:
+    marked = (Mark(float(e["t_s"]) - run.zero_s, *words) for e in run.events if (words := _words(e)) is not None)
+    return list(islice(marked, MOST_EVENTS))
+
+
+def _words(event: Mapping[str, Any]) -> tuple[str, str] | None:
+    """Return label and kind of an event that is worth a mark."""
+    vehicle = event.get("vehicle", "?")
+    match event.get("kind"), event.get("text"):
+        case "link", "lost":
+            return f"link lost ({vehicle})", "lost"
+        case "leader", _:
+            return f"leader {vehicle}", "shape"
+        case "order", text if event.get("accepted"):
+            return str(text).removesuffix(": accepted"), "order"
+        case _:
+            return None
 
 
 def _of(vehicles: VehicleSelection) -> str:

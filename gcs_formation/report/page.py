@@ -13,7 +13,7 @@ from formation_scenario import dump_scenario
 from gcs_formation.report import tables
 from gcs_formation.report.embedded import as_script, embedded
 from gcs_formation.report.figures import Plate
-from gcs_formation.report.paper import beside_the_paper
+from gcs_formation.report.paper import after_gusts, beside_the_paper
 from gcs_formation.report.run_data import RunData
 
 GROUND = " The darker the ground, the higher."
@@ -34,7 +34,7 @@ def page(run: RunData, plates: Iterable[tuple[Plate, Path]]) -> str:
         error_source=escape(_error_source(run)),
         followers=tables.followers(summary),
         expectations=tables.expectations(summary),
-        paper=beside_the_paper(run),
+        paper=beside_the_paper(run) + after_gusts(run),
         ground=GROUND if run.scenario.terrain is not None else "",
         figures=f'<div class="gallery">{"".join(_figure(plate, path) for plate, path in plates)}</div>',
         links=tables.links(summary),

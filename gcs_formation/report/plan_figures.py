@@ -56,7 +56,7 @@ def plan(run: RunData) -> Figure:
     _lettered(main, stills)
     _frame(main, extent)
     _formations(small, run, group, stills, aspect)
-    legend_below(figure, 4)
+    legend_below(figure)
     return figure
 
 

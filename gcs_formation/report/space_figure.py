@@ -15,7 +15,7 @@ from formation_scenario import ground_of
 from gcs_formation.report.downsample import evenly
 from gcs_formation.report.lines import Group, everyone
 from gcs_formation.report.run_data import RunData
-from gcs_formation.report.style import GREY, THIN, new_figure
+from gcs_formation.report.style import GREY, THIN, legend_below, new_figure
 from gcs_formation.report.time_axes import span, time_label
 
 TRACK_POINTS = 3000
@@ -56,7 +56,7 @@ def trajectory(run: RunData) -> Figure:
     profile = run.scenario.terrain is not None
     figure = new_figure(15.0 if profile else 10.5)
     figure.set_layout_engine("none")
-    place = (-0.13, 0.27, 1.23, 0.83) if profile else (-0.13, -0.04, 1.23, 1.16)
+    place = (-0.13, 0.26, 1.23, 0.84) if profile else (-0.13, -0.04, 1.23, 1.16)
     axes = cast("Axes3D", figure.add_axes(place, projection="3d", computed_zorder=False))
     shown = evenly(run.time_s.size, TRACK_POINTS)
     space = _space(run)
@@ -73,8 +73,8 @@ def trajectory(run: RunData) -> Figure:
     axes.set_ylabel(f"north, {name}", labelpad=8)
     axes.set_zlabel("height, m", labelpad=6)
     if profile:
-        _profile(figure.add_axes((0.11, 0.145, 0.86, 0.2)), run, group)
-    _legend(figure, axes)
+        _profile(figure.add_axes((0.11, 0.13, 0.86, 0.2)), run, group)
+    legend_below(figure, outside=False)
     return figure
 
 
@@ -145,9 +145,3 @@ def _profile(axes: Axes, run: RunData, group: Group) -> None:
     axes.set_ylim(bottom=low)
     axes.set_xlabel(time_label(run))
     axes.set_ylabel("height, m")
-
-
-def _legend(figure: Figure, axes: Axes3D) -> None:
-    handles, labels = axes.get_legend_handles_labels()
-    named = dict(zip(labels, handles, strict=True))
-    figure.legend(list(named.values()), list(named), loc="lower center", ncols=min(5, len(named)))

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, cast
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, FigureBase
@@ -26,19 +28,26 @@ WORST = "#D55E00"
 ASKED = "#E69F00"
 BAND = "#0072B2"
 LIMIT = "#B00020"
+NEAREST = "#56B4E9"
 THIN = 0.6
 LINE = 0.9
+FONT_PT = 8.0
+CHARACTER_PT = 4.9
+"""Mean width of a character."""
+HANDLE_EM, BETWEEN_EM = 1.8, 1.4
+"""Length of a legend's lines and what is between its columns, in sizes of the font."""
+MOST_COLUMNS = 5
 
 WHITE = (1.0, 1.0, 1.0, 1.0)
 
 SETTINGS: dict[RcKeyType, Any] = {
     "font.family": "DejaVu Sans",
-    "font.size": 8.0,
-    "axes.titlesize": 8.0,
-    "axes.labelsize": 8.0,
-    "xtick.labelsize": 8.0,
-    "ytick.labelsize": 8.0,
-    "legend.fontsize": 8.0,
+    "font.size": FONT_PT,
+    "axes.titlesize": FONT_PT,
+    "axes.labelsize": FONT_PT,
+    "xtick.labelsize": FONT_PT,
+    "ytick.labelsize": FONT_PT,
+    "legend.fontsize": FONT_PT,
     "legend.frameon": False,
     "axes.linewidth": THIN,
     "axes.spines.top": False,
@@ -98,21 +107,39 @@ def save(figure: Figure, path: Path) -> None:
     figure.savefig(path, format="png", metadata={"Software": None})
 
 
-def legend_below(figure: Figure, columns: int = 5) -> None:
-    """Name everything that has a label, once, under the axes."""
+def legend_below(figure: Figure, *, outside: bool = True) -> None:
+    """Name everything that has a label, once, under the axes, in as many columns as fit.
+
+    `outside`: the axes make room for it by themselves.
+    """
     named: dict[str, Artist] = {}
     for axes in figure.axes:
         handles, labels = axes.get_legend_handles_labels()
         named |= {str(label): handle for handle, label in zip(handles, labels, strict=True)}
     if named:
+        room_pt = 72.0 * figure.get_figwidth()
         figure.legend(
             list(named.values()),
             list(named),
-            loc="outside lower center",
-            ncols=min(columns, len(named)),
-            handlelength=1.8,
-            columnspacing=1.4,
+            loc="outside lower center" if outside else "lower center",
+            ncols=_columns_that_fit([_width_pt(label) for label in named], room_pt),
+            handlelength=HANDLE_EM,
+            columnspacing=BETWEEN_EM,
         )
+
+
+def _width_pt(label: str) -> float:
+    """Return about how wide a legend's entry is with its line and the space after it."""
+    shown = re.sub(r"\\.|[$^_{}]", "", label)
+    return CHARACTER_PT * len(shown) + (HANDLE_EM + BETWEEN_EM + 0.8) * FONT_PT
+
+
+def _columns_that_fit(widths_pt: Sequence[float], room_pt: float) -> int:
+    """Return the most columns, filled one after the other from the top, that have room beside each other."""
+    for columns in range(min(MOST_COLUMNS, len(widths_pt)), 1, -1):
+        if sum(float(column.max()) for column in np.array_split(widths_pt, columns)) <= room_pt:
+            return columns
+    return 1
 
 
 def note(axes: Axes, text: str) -> None:

@@ -27,6 +27,12 @@ def span(axes: Axes, begin_s: float, end_s: float) -> None:
     axes.set_xlim(begin_s, end_s if end_s > begin_s else begin_s + 1.0)
 
 
+def at_least(axes: Axes, low: float, high: float) -> None:
+    """Show values from `low` to `high` and whatever else is drawn; call when everything is."""
+    shown = axes.get_ylim()
+    axes.set_ylim(min(shown[0], low), max(shown[1], high))
+
+
 def draw_marks(rows: Sequence[Axes], marks: Sequence[Mark], *, labels: bool = True) -> None:
     """Draw a line at each mark through axes above each other, named over the topmost; call after setting limits."""
     begin, end = rows[0].get_xlim()

@@ -49,6 +49,9 @@ class ErrorPlot {
         high = Math.max(high, v[i]);
       }
     }
+    for (const { from, to, allowed } of this.data.bounds.filter((each) => each.axis === axis)) {
+      if (to > this.range[0] && from < this.range[1]) [low, high] = [Math.min(low, -allowed), Math.max(high, allowed)];
+    }
     if (low > high) return [-1, 1];
     const margin = Math.max(0.06 * (high - low), 1e-3);
     return [low - margin, high + margin];
@@ -87,6 +90,7 @@ class ErrorPlot {
     pen.beginPath();
     pen.rect(box.left, panel.top, box.wide, panel.tall);
     pen.clip();
+    this.drawBounds(pen, colours, panel.axis, box, y);
     pen.lineWidth = 1.2;
     for (const series of this.shown()) {
       pen.strokeStyle = this.state.colour(series.vehicle, colours);
@@ -101,6 +105,18 @@ class ErrorPlot {
     pen.globalAlpha = 1;
     pen.fillStyle = colours.ink;
     pen.fillText(name, box.left + box.wide - 4, panel.top + 9);
+  }
+
+  // What errors after a gust on followers only are held to, and, dotted, what no law can do better.
+  drawBounds(pen, colours, axis, box, y) {
+    pen.strokeStyle = colours.ink;
+    for (const bound of this.data.bounds.filter((each) => each.axis === axis)) {
+      for (const [size, dash] of [[bound.allowed, [6, 3]], [bound.least, [1, 3]]]) {
+        pen.setLineDash(dash);
+        for (const v of [-size, size]) line(pen, this.x(bound.from, box), y(v), this.x(bound.to, box), y(v));
+      }
+    }
+    pen.setLineDash([]);
   }
 
   drawSeries(pen, { t, v }, box, y) {

@@ -196,6 +196,7 @@ def some_events(scenario: Scenario) -> list[dict[str, Any]]:
         (12.0, "phase", "flying", None),
         (42.0, "link", "lost", last),
         (43.0, "statustext", "<b>EKF</b> & </script>", last),
+        (100.0, "leader", "leads the formation", "3"),
     ]
     return [
         {"schema": 1, "t_s": at_s, "kind": kind, "text": text} | ({"vehicle": vehicle} if vehicle else {})

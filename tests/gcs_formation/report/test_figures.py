@@ -26,7 +26,7 @@ def straight(vehicles, **keys):
 
 EVENTFUL = (
     "formation.changes=[{at_s: 60, shape: square}]",
-    "disturbances=[{at_s: 80, velocity_mps: [0.6, 0.6, 0]}]",
+    "disturbances=[{at_s: 80, until_s: 85, velocity_mps: [0.6, 0.6, 0]}]",
     "faults=[{at_s: 90, vehicles: [3], kind: crash}]",
     "links.changes=[{at_s: 40, vehicles: [2], delay_ms: 300}, {at_s: 70, vehicles: [3], uplink: {delay_ms: 200}}]",
 )
@@ -73,6 +73,9 @@ def test_every_kind_of_run_can_be_drawn(make_run, scenario, options):
             figure = plate.draw(run)
             figure.savefig(BytesIO(), format="raw", dpi=30)
             assert figure.get_figwidth() * 2.54 == pytest.approx(16.0)
+            for legend in figure.legends:
+                box = legend.get_window_extent()
+                assert 0.0 <= box.x0 < box.x1 <= figure.bbox.width, "a legend hangs over the edge"
             assert 3.0 < figure.get_figheight() * 2.54 < 20.0
 
 
@@ -111,6 +114,8 @@ def test_what_happened_is_marked_in_order(eventful):
         (60, "square"),
         (70, "up delay 200 ms (3)"),
         (80, "disturbance"),
+        (85, "disturbance over"),
+        (88, "leader 3"),
         (90, "crash (3)"),
     ]
 

@@ -1,0 +1,116 @@
+"""Gusts on followers that don't reach their leader, and the errors that follow from them whatever the law."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from airlink.identity import VehicleId
+from formation_scenario import Vehicle
+from formation_scenario.disturbances import StepDisturbance
+from gcs_formation.arrays import Array
+from gcs_formation.report.geometry import heading_rad
+from gcs_formation.report.run_data import RunData
+from gcs_formation.stability.gust import accel_limits_mps2, allowed_gust_error_m, least_gust_error_m
+from gcs_formation.stability.loops import loop_delay_s
+
+MEASURED_OVER_S = 10.0
+"""Before the gust: the time over which the round trip is the median of what was measured."""
+
+
+class GustError(NamedTuple):
+    """One follower's error along one slot axis after a gust, and what it's held against, m."""
+
+    vehicle: VehicleId
+    axis: str
+    round_trip_s: float
+    least_m: float
+    """|D| T + D² / (2 a): no law can do better."""
+    allowed_m: float
+    found_m: float
+
+
+class Gust(NamedTuple):
+    """A step of the relative velocity, and on each axis the follower that is nearest to what it's allowed, or beyond.
+
+    It counts until the next one.
+    """
+
+    at_s: float
+    to_s: float
+    errors: tuple[GustError, ...]
+
+
+def gusts(run: RunData) -> list[Gust]:
+    """Return the steps of a run that act on followers and not on the vehicle that leads; none without such a leader."""
+    if not run.begun:
+        return []
+    end_s = float(run.time_s[-1])
+    starts = [at_s for at_s in _instants(run) if float(run.time_s[0]) <= at_s < end_s]
+    found = (Gust(at_s, to_s, tuple(_worst(run, at_s, to_s))) for at_s, to_s in pairwise([*starts, end_s]))
+    return [gust for gust in found if gust.errors]
+
+
+def _instants(run: RunData) -> list[float]:
+    steps = [each for each in run.scenario.disturbances if isinstance(each, StepDisturbance)]
+    return sorted({at_s for step in steps for at_s in (step.at_s, step.end_s) if math.isfinite(at_s)})
+
+
+def _worst(run: RunData, at_s: float, to_s: float) -> Iterator[GustError]:
+    tick = int(np.searchsorted(run.time_s, at_s - 1e-9))
+    leader = run.flown.leader_at(tick)
+    if leader is None:
+        return
+    errors = [
+        error
+        for vehicle in run.scenario.vehicles
+        if vehicle.vehicle_id != leader and (gust_mps := _gust_mps(run, vehicle, leader, at_s)).any()
+        for error in _errors(run, vehicle, leader, gust_mps, tick, to_s)
+    ]
+    for axis in "xy":
+        mine = [error for error in errors if error.axis == axis]
+        if mine:
+            yield max(mine, key=lambda error: error.found_m / error.allowed_m)
+
+
+def _gust_mps(run: RunData, vehicle: Vehicle, leader: VehicleId, at_s: float) -> Array:
+    """Return by how much a vehicle's disturbance changes at an instant, north and east, beyond its leader's."""
+    change = np.zeros(2)
+    for step in run.scenario.disturbances:
+        hit = run.scenario.selected(step.vehicles)
+        if isinstance(step, StepDisturbance) and vehicle in hit and leader not in {v.vehicle_id for v in hit}:
+            change += (float(step.at_s == at_s) - float(step.end_s == at_s)) * np.array(step.velocity_mps[:2])
+    return change
+
+
+def _errors(
+    run: RunData, vehicle: Vehicle, leader: VehicleId, gust_mps: Array, tick: int, to_s: float
+) -> Iterator[GustError]:
+    identity, scenario = vehicle.vehicle_id, run.scenario
+    psi = heading_rad(run.flown, leader if scenario.formation.frame == "leader_heading" else identity)[tick]
+    along_mps = np.array(((np.cos(psi), np.sin(psi)), (-np.sin(psi), np.cos(psi)))) @ gust_mps
+    round_trip_s = _round_trip_s(run, identity, tick)
+    limits = accel_limits_mps2(vehicle.model, scenario.path.speed_mps)
+    sizes = np.abs(run.flown.error(identity)[run.flown.window(float(run.time_s[tick]), to_s)])
+    for i, axis in enumerate("xy"):
+        found_m = float(np.fmax.reduce(sizes[:, i], initial=np.nan))
+        if np.isfinite((psi, round_trip_s, found_m)).all():
+            least_m, allowed_m = (
+                float(bound(along_mps[i], round_trip_s, limits[i]))
+                for bound in (least_gust_error_m, allowed_gust_error_m)
+            )
+            yield GustError(identity, axis, round_trip_s, least_m, allowed_m, found_m)
+
+
+def _round_trip_s(run: RunData, vehicle: VehicleId, tick: int) -> float:
+    """Return a vehicle's loop delay as measured before a tick, sampling and hold included; NaN when it wasn't."""
+    law, telemetry = run.scenario.law, run.scenario.telemetry
+    begin = max(0, tick - round(MEASURED_OVER_S * law.rate_hz))
+    measured_s = run.flown.vehicles[vehicle]["delay_s"][begin : tick + 1]
+    known_s = measured_s[np.isfinite(measured_s)]
+    delay_s = float(np.median(known_s)) if known_s.size else math.nan
+    return loop_delay_s(delay_s, delay_s, 0.0, telemetry.rate_hz, law.rate_hz)

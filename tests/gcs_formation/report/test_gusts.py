@@ -1,0 +1,76 @@
+"""After a gust on followers only, the report holds errors against the least that any law could have."""
+
+import re
+
+import numpy as np
+import pytest
+
+from formation_scenario import load_scenario
+from gcs_formation.report.embedded import embedded
+from gcs_formation.report.error_figure import ALLOWED, LEAST, errors
+from gcs_formation.report.gusts import gusts
+from gcs_formation.report.paper import after_gusts
+from gcs_formation.report.run_data import load_run
+
+GUST = {"at_s": 30, "vehicles": [2, 3], "velocity_mps": [0.6, -0.6, 0.3]}
+ROUND_TRIP_S = 2 * 0.02 + 0.05 + 0.05
+"""Of the links in the records, 20 ms one way, with half a period of 10 Hz of telemetry and of control."""
+LEAST_M = {"x": 0.6 * ROUND_TRIP_S + 0.36 / (2 * 1.5), "y": 0.6 * ROUND_TRIP_S + 0.36 / (2 * 22 * 0.25)}
+
+
+def straight_north(disturbances, vehicles=None):
+    path = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [4000, 0, 100]]}
+    keys = {"vehicles": vehicles or {"count": 3}, "duration_s": 60, "path": path, "disturbances": disturbances}
+    return load_scenario(keys)
+
+
+@pytest.fixture(scope="module")
+def run(make_run):
+    return load_run(make_run(straight_north([GUST])))
+
+
+def test_the_bound_is_of_the_records_round_trip_and_the_models_limits(run):
+    (gust,) = gusts(run)
+    assert (gust.at_s, gust.to_s) == (30.0, pytest.approx(60.0, abs=0.1))
+    assert [error.axis for error in gust.errors] == ["x", "y"]
+    window = run.flown.window(30.0, 60.0)
+    for column, error in enumerate(gust.errors):
+        assert error.round_trip_s == pytest.approx(ROUND_TRIP_S, abs=1e-3)
+        assert error.least_m == pytest.approx(LEAST_M[error.axis], abs=1e-3)
+        assert error.allowed_m == pytest.approx(1.5 * error.least_m + 0.05)
+        worst_m = max(np.abs(run.flown.error(vehicle)[window, column]).max() for vehicle in run.followers)
+        assert error.found_m == pytest.approx(worst_m)
+
+
+def test_it_is_drawn_from_the_gust_on_and_stands_in_the_table(run):
+    figure = errors(run)
+    drawn = [line for axes in figure.axes for line in axes.get_lines() if line.get_label() in (ALLOWED, LEAST)]
+    assert {abs(np.asarray(line.get_ydata()).item(0)) for line in drawn} == {
+        size for error in gusts(run)[0].errors for size in (error.least_m, error.allowed_m)
+    }
+    assert {np.asarray(line.get_xdata()).item(0) for line in drawn} == {30.0}
+    cells = re.findall(r"<td>([0-9.]+)</td>", after_gusts(run))
+    assert cells[:3] == [f"{value:.3f}" for value in gusts(run)[0].errors[0][2:5]]
+    assert [bound["axis"] for bound in embedded(run)["bounds"]] == ["x", "y"]
+
+
+def test_a_gust_that_ends_is_another_one(make_run):
+    found = gusts(load_run(make_run(straight_north([GUST | {"until_s": 45}]))))
+    assert [(gust.at_s, round(gust.to_s)) for gust in found] == [(30.0, 45), (45.0, 60)]
+    assert found[0].errors[0].least_m == pytest.approx(found[1].errors[0].least_m, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("disturbance", "vehicles"),
+    [
+        (GUST | {"vehicles": "all"}, None),
+        (GUST | {"vehicles": [1]}, None),
+        (GUST | {"kind": "ramp", "duration_s": 5}, None),
+        (GUST, [{"id": 2}, {"id": 3}]),
+    ],
+    ids=["on all", "on the leader", "no step", "virtual leader"],
+)
+def test_there_is_no_bound_without_a_step_between_a_leader_and_its_followers(make_run, disturbance, vehicles):
+    run = load_run(make_run(straight_north([disturbance], vehicles)))
+    assert gusts(run) == []
+    assert after_gusts(run) == ""
