@@ -140,6 +140,7 @@ class FormationController:
             jitter_s=blank[:, 0].copy(),
             margin_used=blank[:, 0].copy(),
             active=ready & known,
+            airborne=np.ones(self._columns, dtype=bool),
             yielding=np.zeros(self._columns, dtype=bool),
             slots_m=blank.copy(),
             error_m=blank.copy(),

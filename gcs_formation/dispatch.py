@@ -37,6 +37,8 @@ class Links(NamedTuple):
     back here."""
     hold_s: float
     """How long the leader's setpoints are held back."""
+    airborne: Mask
+    """Whether it flies, as far as it can be heard."""
 
 
 class Dispatch:
@@ -56,17 +58,18 @@ class Dispatch:
     def links(self, leader: int) -> Links:
         """Return the ways as they are now, to a leader and everybody else."""
         ready, delay_s, lag_s = np.zeros(self._count, dtype=bool), np.zeros(self._count), np.zeros(self._count)
-        jitter_s = np.full(self._count, np.nan)
+        jitter_s, airborne = np.full(self._count, np.nan), np.ones(self._count, dtype=bool)
         ready[0] = self._virtual_leader
         for identity, column in self._columns.items():
             vehicle = self._vehicles[identity]
             ready[column] = vehicle.member is Member.FLYING
             delay_s[column] = vehicle.clock.one_way_s
             jitter_s[column] = vehicle.jitter.jitter_s
+            airborne[column] = vehicle.airborne
             lag_s[column] = vehicle.autopilot.loop_s / 2
         hold_s = self._hold_s(leader, ready, delay_s)
         lag_s[leader] += hold_s
-        return Links(ready, delay_s, jitter_s, lag_s, hold_s)
+        return Links(ready, delay_s, jitter_s, lag_s, hold_s, airborne)
 
     def take(self, tick: Tick, hold_s: float, now: Instant) -> None:
         """Take a tick's setpoints; one that isn't finite is never sent."""

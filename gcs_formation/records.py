@@ -48,6 +48,8 @@ class Tick:
     """Share of the delay margin that the loops use, (C,)."""
     active: Mask
     """Which columns were commanded, (C,)."""
+    airborne: Mask
+    """Which columns fly as far as the station knows, (C,)."""
     yielding: Mask
     """Which columns' setpoints are the separation rule's, not the law's, (C,)."""
     slots_m: Array

@@ -199,9 +199,9 @@ class Station:
         if self.flight.phase is Phase.LOITERING:
             return
         self._reconfiguration.advance(now, mission_s)
-        ready, delay_s, jitter_s, lag_s, hold_s = self._dispatch.links(controller.plan.leader)
+        ready, delay_s, jitter_s, lag_s, hold_s, airborne = self._dispatch.links(controller.plan.leader)
         tick = controller.step(now, mission_s, self.flight.phase.value, ready, delay_s, lag_s)
-        tick.jitter_s[:], tick.margin_used[:] = jitter_s, self.margins.used
+        tick.jitter_s[:], tick.margin_used[:], tick.airborne[:] = jitter_s, self.margins.used, airborne
         self._dispatch.take(tick, hold_s, now)
         self.last_tick = tick
         self._recorder.tick(tick)

@@ -19,9 +19,9 @@ from sim_vehicles.streams import LOOP_HZ
 if TYPE_CHECKING:
     from sim_vehicles.fleet import Fleet
 
-MAGIC = b"truth\x00\x00\x01"
+MAGIC = b"truth\x00\x00\x02"
 HEADER = struct.Struct("<8sQ")
-QUANTITIES = 11
+QUANTITIES = 12
 
 
 @dataclass(frozen=True)
@@ -41,6 +41,8 @@ class Truth:
     """What carries it besides the wind; so do the next two."""
     disturbance_east_mps: Array
     disturbance_down_mps: Array
+    airborne: Array
+    """1 in flight, 0 on the ground."""
 
 
 class TruthWriter:
@@ -74,7 +76,7 @@ class TruthWriter:
         places = state.north_m, state.east_m, state.height_m
         disturbance_mps = fleet.environment.disturbance_mps * fleet.steering.airborne
         air_motion = state.airspeed_mps, state.heading_rad
-        rows = (*places, north_mps, east_mps, -down_mps, *air_motion, *disturbance_mps)
+        rows = (*places, north_mps, east_mps, -down_mps, *air_motion, *disturbance_mps, fleet.steering.airborne)
         try:
             self._file.write(np.concatenate(([now / NANOSECONDS], *rows)).astype("<f8").tobytes())
             if self._turn % LOOP_HZ == 0:

@@ -143,4 +143,5 @@ def _truth(session: Session) -> GroundTruth | None:
         disturbance_north_mps=rows.disturbance_north_mps,
         disturbance_east_mps=rows.disturbance_east_mps,
         disturbance_down_mps=rows.disturbance_down_mps,
+        airborne=rows.airborne,
     )

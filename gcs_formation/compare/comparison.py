@@ -11,7 +11,7 @@ import numpy as np
 from gcs_formation.app.check import warnings
 from gcs_formation.arrays import Array
 from gcs_formation.compare.flights import Flown
-from gcs_formation.record.figures_of_merit import axis_figures, separation_m
+from gcs_formation.record.figures_of_merit import axis_figures, least, separation_m
 from gcs_formation.report.run_data import RunData, load_run
 from gcs_formation.stability import law_margins
 
@@ -91,7 +91,6 @@ def _row(flown: Flown, run: RunData | None, window: Window) -> Row:
         nothing: dict[str, float | None] = dict.fromkeys(FIGURES)
         return Row(flown.law, None, nothing, nothing, nothing, None, None, None, aborted=flown.aborted)
     within = run.flown.window(window.from_s, window.to_s)
-    separation = separation_m(run.flown, within)
     stability = run.summary["stability"]
     x, y, z = (_axis(run, window, axis) for axis in range(3))
     return Row(
@@ -100,7 +99,7 @@ def _row(flown: Flown, run: RunData | None, window: Window) -> Row:
         error_x_m=x,
         error_y_m=y,
         error_z_m=z,
-        min_separation_m=_finite(separation.min(initial=np.inf)),
+        min_separation_m=least(separation_m(run.flown, within)),
         delay_margin_s=stability["delay_margin_s"],
         margin_used=stability.get("margin_used"),
         warnings=tuple(warnings(run.scenario, law_margins(run.scenario))),
@@ -132,7 +131,3 @@ def _worst(values: Sequence[float | None]) -> float | None:
 def _line(law: str, run: RunData) -> Line:
     errors = np.abs(np.stack([run.flown.error(vehicle) for vehicle in run.followers]))
     return Line(law, run.time_s, np.fmax.reduce(errors))
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

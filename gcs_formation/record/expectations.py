@@ -131,9 +131,9 @@ def _link_value(
 def _run_value(wanted: Expectation, flight: Flight, parts: Mapping[str, Any]) -> float | None:
     window = flight.window(wanted.from_s, wanted.to_s)
     if wanted.metric == "min_separation_m" and window.any():
-        return float(figures.separation_m(flight, window).min())
+        return figures.least(figures.separation_m(flight, window))
     if wanted.metric == "min_clearance_m" and window.any():
-        return float(min(figures.clearance_m(flight, vehicle, window).min() for vehicle in flight.vehicles))
+        return figures.least(figures.clearance_m(flight, window))
     name, _, figure = wanted.metric.partition(".")
     sections: list[Mapping[str, Any]] = [parts, *(parts[section] for section in SECTIONS)]
     value: Any = next((section[name] for section in sections if name in section), None)

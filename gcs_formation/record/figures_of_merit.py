@@ -7,7 +7,6 @@ from itertools import combinations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from airlink.identity import VehicleId
 from gcs_formation.arrays import Array, Mask
 from gcs_formation.record.flight import Flight
 
@@ -44,8 +43,8 @@ def axis_figures(time_s: Array, error_m: Array, settled_s: float | None) -> dict
 
 
 def separation_m(flight: Flight, window: Mask) -> Array:
-    """Return the least distance of any two vehicles at each tick of the window, (T,); infinite for one vehicle."""
-    places = [flight.place(vehicle)[window] for vehicle in flight.vehicles]
+    """Return the least distance of any two that fly at each tick of the window, (T,); infinite where one is alone."""
+    places = [flight.place_in_flight(vehicle)[window] for vehicle in flight.vehicles]
     ticks = places[0].shape[0]
     if len(places) <= PAIRWISE_UP_TO:
         least = np.full(ticks, np.inf)
@@ -69,9 +68,15 @@ def gave_way_s(flight: Flight, window: Mask, rate_hz: float) -> float:
     return float(anybody.sum() / rate_hz)
 
 
-def clearance_m(flight: Flight, vehicle: VehicleId, window: Mask) -> Array:
-    """Return a vehicle's height above the ground at each tick of the window, (T,)."""
-    return flight.clearance(vehicle)[window]
+def clearance_m(flight: Flight, window: Mask) -> Array:
+    """Return the least height above the ground of any that flies at each tick of the window, (T,); NaN of none."""
+    return np.fmin.reduce([flight.clearance(vehicle)[window] for vehicle in flight.vehicles])
+
+
+def least(values: Array) -> float | None:
+    """Return the least of values that are known and finite, None if none is."""
+    known = values[np.isfinite(values)]
+    return float(known.min()) if known.size else None
 
 
 def percentiles(values: Array, *wanted: int) -> dict[str, float | None]:

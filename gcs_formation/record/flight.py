@@ -10,7 +10,7 @@ import numpy as np
 from airlink.identity import VehicleId
 from formation_scenario import Ground, Scenario, ground_of
 from gcs_formation.arrays import Array, Mask
-from gcs_formation.record.timeseries import ERROR, GROUND, INJECTED, LAW_ERROR, TRUTH
+from gcs_formation.record.timeseries import AIRBORNE, ERROR, GROUND, INJECTED, LAW_ERROR, TRUTH
 from gcs_formation.record.truth import GroundTruth
 
 Columns = Mapping[str, Array]
@@ -38,9 +38,20 @@ class Flight:
         """Return (T, 3) north, east, height: true ones where there is truth."""
         return _place(self.vehicles[vehicle], truth=self.truth)
 
+    def place_in_flight(self, vehicle: VehicleId) -> Array:
+        """Return (T, 3) the same, NaN where the vehicle doesn't fly."""
+        return np.where(self.airborne(vehicle)[:, None], self.place(vehicle), np.nan)
+
+    def airborne(self, vehicle: VehicleId) -> Mask:
+        """Return (T,) whether a vehicle flies: in truth where there is truth, else as far as the station knew.
+
+        What lies on the ground is no part of the formation: neither separation nor clearance nor errors count it.
+        """
+        return self.vehicles[vehicle][AIRBORNE] > 0
+
     def clearance(self, vehicle: VehicleId) -> Array:
-        """Return (T,) heights above the ground below: of the true place where there is truth."""
-        return self.vehicles[vehicle][GROUND[1]]
+        """Return (T,) heights above the ground, of the true place where there is truth; NaN for what lies on it."""
+        return np.where(self.airborne(vehicle), self.vehicles[vehicle][GROUND[1]], np.nan)
 
     def leader_at(self, tick: int) -> VehicleId | None:
         """Return the vehicle that led at a tick, None where a virtual leader did."""
@@ -97,21 +108,27 @@ def _clearance(ground: Ground, place: Array) -> dict[str, Array]:
 def _leader(vehicles: Mapping[VehicleId, Columns]) -> Columns:
     """Return the true columns of whoever leads at each tick."""
     leads = np.stack([own["leads"] for own in vehicles.values()]) > 0
-    columns = {name: np.stack([own[name] for own in vehicles.values()]) for name in TRUTH}
+    columns = {name: np.stack([own[name] for own in vehicles.values()]) for name in (*TRUTH, AIRBORNE)}
     chosen = leads.argmax(axis=0)[None]
     return {name: np.take_along_axis(each, chosen, axis=0)[0] for name, each in columns.items()}
 
 
 def _errors(leader: Columns | None, own: Columns, frame: str) -> dict[str, Array]:
-    """Return x_c - x_rc, y_c - y_rc, z_c - z_rc: from true places, or as the law saw them."""
+    """Return x_c - x_rc, y_c - y_rc, z_c - z_rc: from true places, or as the law saw them; NaN on the ground.
+
+    Behind a leader that lies there, nobody has an error until another leads.
+    """
+    airborne = own[AIRBORNE] > 0
     if leader is None:
-        return {name: own[seen] for name, seen in zip(ERROR, LAW_ERROR, strict=True)}
+        return {name: np.where(airborne, own[seen], np.nan) for name, seen in zip(ERROR, LAW_ERROR, strict=True)}
     heading = (leader if frame == "leader_heading" else own)["true_heading_rad"]
     north, east, up = (leader[name] - own[name] for name in TRUTH[:3])
     cos, sin = np.cos(heading), np.sin(heading)
     # A leader's slot is NaN, and so are its errors.
-    return {
-        "error_x_m": north * cos + east * sin + own["slot_forward_m"],
-        "error_y_m": east * cos - north * sin + own["slot_right_m"],
-        "error_z_m": up + own["slot_up_m"],
-    }
+    errors = (
+        north * cos + east * sin + own["slot_forward_m"],
+        east * cos - north * sin + own["slot_right_m"],
+        up + own["slot_up_m"],
+    )
+    both_fly = airborne & (leader[AIRBORNE] > 0)
+    return {name: np.where(both_fly, error, np.nan) for name, error in zip(ERROR, errors, strict=True)}

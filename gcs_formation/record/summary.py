@@ -168,18 +168,19 @@ def _safety(outcome: Outcome, window: Mask) -> tuple[dict[str, Any], tuple[str, 
     if not window.any():
         return {"min_separation_m": None, "min_clearance_m": None, "violations": 0, "avoidance_s": 0.0}, ()
     separation = figures.separation_m(flight, window)
-    clearance = np.fmin.reduce([figures.clearance_m(flight, vehicle, window) for vehicle in flight.vehicles])
+    clearance = figures.clearance_m(flight, window)
     time_s = flight.mission_time_s[window]
     breaches: list[str] = []
-    for name, values, least in (
+    for name, values, allowed in (
         ("separation", separation, limits.separation_m),
         ("clearance", clearance, limits.clearance_m),
     ):
-        if (values < least).any():
+        if (values < allowed).any():
             worst = int(np.nanargmin(values))
-            breaches.append(f"{name} was {values[worst]:.2f} m at {time_s[worst]:.1f} s; allowed: {least:g} m or more")
+            found = f"{name} was {values[worst]:.2f} m at {time_s[worst]:.1f} s"
+            breaches.append(f"{found}; allowed: {allowed:g} m or more")
     violations = _episodes(separation < limits.separation_m) + _episodes(clearance < limits.clearance_m)
-    measured = {"min_separation_m": _least(separation), "min_clearance_m": _least(clearance)}
+    measured = {"min_separation_m": figures.least(separation), "min_clearance_m": figures.least(clearance)}
     gave_way_s = figures.gave_way_s(flight, window, outcome.scenario.law.rate_hz)
     return measured | {"violations": violations, "avoidance_s": gave_way_s}, tuple(breaches)
 
@@ -187,8 +188,3 @@ def _safety(outcome: Outcome, window: Mask) -> tuple[dict[str, Any], tuple[str, 
 def _episodes(broken: Mask) -> int:
     """Return how often a limit began to be broken."""
     return int(broken[0]) + int((broken[1:] & ~broken[:-1]).sum())
-
-
-def _least(values: Array) -> float | None:
-    least = np.fmin.reduce(values)
-    return float(least) if np.isfinite(least) else None

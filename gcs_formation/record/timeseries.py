@@ -30,13 +30,14 @@ STATE = (
 )
 SETPOINT = ("setpoint_speed_mps", "setpoint_heading_rad", "setpoint_height_m")
 LINK = ("age_s", "delay_s", "jitter_s", "margin_used", "active", "leads", "yielding")
+AIRBORNE = "airborne"
 INJECTED = "injected_delay_s"
 SLOT = ("slot_forward_m", "slot_right_m", "slot_up_m")
 LAW_ERROR = ("law_error_x_m", "law_error_y_m", "law_error_z_m")
 MIXED = ("mixed_speed_mps", "mixed_heading_rad", "mixed_height_m")
 GAINS = tuple(f"{gain}_{channel}" for gain in ("kp", "ki", "kd") for channel in CHANNELS)
 TIME = ("t_s", "mission_time_s")
-MEASURED = TIME + STATE + SETPOINT + LINK + SLOT + LAW_ERROR + MIXED + GAINS
+MEASURED = TIME + STATE + SETPOINT + LINK + (AIRBORNE,) + SLOT + LAW_ERROR + MIXED + GAINS
 DISTURBANCE = ("true_disturbance_north_mps", "true_disturbance_east_mps", "true_disturbance_down_mps")
 TRUTH = (
     "true_north_m",
@@ -119,7 +120,7 @@ def write_parquet(path: Path, columns: dict[str, Array]) -> None:
     """Write the time series, phases in words."""
     named: dict[str, Any] = dict(columns)
     named["phase"] = np.array(PHASES, dtype=object)[columns["phase"].astype(np.intp)]
-    named |= {flag: columns[flag] > 0 for flag in ("active", "leads", "yielding")}
+    named |= {flag: columns[flag] > 0 for flag in ("active", "leads", "yielding", AIRBORNE)}
     pq.write_table(pa.table(named), path)
 
 
@@ -146,5 +147,6 @@ def _matrix(tick: Tick) -> Array:
         tick.active,
         np.arange(count) == tick.leader,
         tick.yielding,
+        tick.airborne,
     )
     return np.column_stack((*flat, tick.slots_m, tick.error_m, tick.mixed, tick.gains))

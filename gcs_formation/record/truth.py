@@ -8,7 +8,7 @@ import numpy as np
 
 from airlink.identity import VehicleId
 from gcs_formation.arrays import Array
-from gcs_formation.record.timeseries import TRUTH
+from gcs_formation.record.timeseries import AIRBORNE, TRUTH
 
 
 @dataclass(frozen=True)
@@ -28,6 +28,8 @@ class GroundTruth:
     disturbance_north_mps: Array
     disturbance_east_mps: Array
     disturbance_down_mps: Array
+    airborne: Array
+    """1 in flight, 0 on the ground."""
 
     def at(self, vehicle: VehicleId, time_s: Array) -> dict[str, Array]:
         """Return a vehicle's true columns at the given times: places by cubic interpolation, the rest linearly."""
@@ -41,7 +43,9 @@ class GroundTruth:
             np.interp(time_s, self.time_s, heading),
             *(np.interp(time_s, self.time_s, each[:, column]) for each in self._disturbance()),
         )
-        return dict(zip(TRUTH, values, strict=True))
+        # A place between one in flight and one on the ground is neither.
+        airborne = np.interp(time_s, self.time_s, self.airborne[:, column]) >= 1.0
+        return {**dict(zip(TRUTH, values, strict=True)), AIRBORNE: airborne.astype(np.float64)}
 
     def _disturbance(self) -> tuple[Array, Array, Array]:
         return self.disturbance_north_mps, self.disturbance_east_mps, self.disturbance_down_mps

@@ -61,7 +61,7 @@ def separation(run: RunData) -> Figure:
         _limit(rows[0], limits.separation_m)
     else:
         note(rows[0], "one vehicle: nothing to be separated from")
-    heights = [figures_of_merit.clearance_m(run.flown, vehicle, window) for vehicle in group.vehicles]
+    heights = [run.flown.clearance(vehicle) for vehicle in group.vehicles]
     group.draw(rows[1], run.time_s, heights)
     _limit(rows[1], limits.clearance_m)
     rows[0].set_ylabel("least separation, m")

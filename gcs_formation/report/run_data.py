@@ -18,9 +18,11 @@ from gcs_formation.errors import RecordError
 from gcs_formation.record.flight import Columns, Flight
 from gcs_formation.record.run_directory import EVENTS, SCENARIO, SUMMARY, TIMESERIES
 from gcs_formation.record.summary import SCHEMA
-from gcs_formation.record.timeseries import TRUTH, read_parquet
+from gcs_formation.record.timeseries import ERROR, GROUND, MEASURED, TRUTH, read_parquet
 
 WORST_WITHOUT_ERRORS = -1.0
+EXPECTED = ("network", "vehicle", "phase", *MEASURED, *ERROR, *GROUND)
+"""Columns of every time series."""
 
 
 @dataclass(frozen=True)
@@ -112,6 +114,10 @@ def _run_data(
     events: tuple[Mapping[str, Any], ...],
     columns: Mapping[str, Array],
 ) -> RunData:
+    missing = sorted(set(EXPECTED) - set(columns))
+    if missing:
+        found = f"found no column {missing[0]} in {directory / TIMESERIES}"
+        raise RecordError(f"{found}; expected: a record of this version; fly it again: {directory / SCENARIO}")
     vehicles = _vehicles(directory / TIMESERIES, scenario, columns)
     any_vehicle = next(iter(vehicles.values()))
     mission_s, clock_s = any_vehicle["mission_time_s"], any_vehicle["t_s"]

@@ -14,7 +14,7 @@ from airlink.sequence import SequenceTracker
 from gcs_formation.estimation.estimator import Sample
 from gcs_formation.link.claims import EARLY_S, LONGEST_DELAY_S, Claims
 from gcs_formation.link.clock_sync import ClockSync
-from gcs_formation.link.connection import Connection
+from gcs_formation.link.connection import Connection, LinkState
 from gcs_formation.link.jitter import JitterMeter
 from gcs_formation.membership import Member, Sight
 from gcs_formation.vehicle.autopilot import Autopilot, Step
@@ -112,6 +112,11 @@ class Vehicle:
         self.commands.begin((), now)
         wait = Step("left it to its pilot", self.autopilot.takes_setpoints, timeout_s=math.inf)
         self.start_up = StartUp((wait,), abandoned=True)
+
+    @property
+    def airborne(self) -> bool:
+        """Whether it flies, by what it told last; unknown, so no, once its link is lost."""
+        return self.connection.state is not LinkState.LOST and self.autopilot.is_airborne(self.telemetry)
 
     @property
     def frames_implausible(self) -> int:

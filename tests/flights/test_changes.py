@@ -26,7 +26,6 @@ def begun_s(tmp_path: Path) -> float:
     return next(event["t_s"] for event in events(tmp_path, "phase") if event["text"] == "flying")
 
 
-@pytest.mark.slow
 def columns_of(tmp_path: Path, vehicle: int) -> dict[str, np.ndarray]:
     columns = read_parquet(tmp_path / "run" / "timeseries.parquet")
     return {name: values[columns["vehicle"] == vehicle] for name, values in columns.items()}
@@ -39,6 +38,24 @@ def test_slots_change_without_errors_or_anybody_near(fly: Fly) -> None:
     ).to_dict()
     assert summary["safety"]["min_separation_m"] > 18.0
     assert max(f[f"error_{axis}_m"]["max"] for f in summary["followers"].values() for axis in "xyz") < BEFORE_M
+
+
+@pytest.mark.parametrize("lost", [1, 3])
+def test_a_crash_breaks_no_limit_that_the_others_keep(fly: Fly, lost: int) -> None:
+    """A wreck lies 0 m above the ground, and ever further from the followers that it led: neither is theirs."""
+    summary = fly(
+        duration_s=30,
+        vehicles={"count": 4},
+        formation={"shape": "diamond"},
+        faults=[{"at_s": 10, "vehicles": [lost], "kind": "crash"}],
+        expect=[
+            {"metric": "min_clearance_m", "above": 98.0},
+            {"metric": "min_separation_m", "above": 25.0},
+            *({"metric": f"error_{axis}_m.max", "below": 0.5} for axis in "xyz"),
+        ],
+    )
+    assert summary.held, [*summary.breaches, *map(str, summary.verdicts)]
+    assert summary.figures["safety"]["violations"] == 0
 
 
 @pytest.mark.slow

@@ -35,6 +35,16 @@ def test_the_velocity_is_the_derivative_of_the_position(recorded):
     assert np.diff(truth.east_m, axis=0) / 0.1 == pytest.approx(truth.east_mps[1:], abs=1e-9)
 
 
+def test_what_falls_out_of_the_air_is_airborne_no_more(make_air, tmp_path):
+    air, path = make_air(2), tmp_path / "truth.bin"
+    with TruthWriter(path, 2, 50.0) as writer:
+        for _ in range(3):
+            air.run(LOOP_S)
+            writer(air.fleet.next_timer() - 20_000_000, air.fleet)
+            air.fleet.vehicles[1].disarm(force=True)
+    assert read_truth(path).airborne.tolist() == [[1.0, 1.0], [1.0, 0.0], [1.0, 0.0]]
+
+
 @pytest.mark.parametrize("cut", [1, 7, 8, 60, 135])
 def test_a_torn_last_row_is_left_out(recorded, cut):
     path, _ = recorded

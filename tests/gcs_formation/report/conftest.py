@@ -89,6 +89,7 @@ def flown_columns(scenario: Scenario, mission_s: np.ndarray, *, truth: bool, cra
             "vehicle": np.full(ticks, planned.id),
             "leads": np.full(ticks, float(leads)),
             "yielding": np.zeros(ticks),
+            "airborne": np.ones(ticks),
             "slot_forward_m": slot[:, 0],
             "slot_right_m": slot[:, 1],
             "slot_up_m": slot[:, 2],

@@ -1,6 +1,8 @@
 import json
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from formation_scenario import dump_scenario, load_scenario
@@ -78,6 +80,16 @@ def test_no_ticks(make_run):
     path = directory / "timeseries.parquet"
     write_parquet(path, {name: np.zeros(0) for name in read_parquet(path)})
     with pytest.raises(RecordError, match="found no control tick"):
+        load_run(directory)
+
+
+def test_a_record_of_another_version(make_run):
+    directory = make_run()
+    path = directory / "timeseries.parquet"
+    columns = read_parquet(path)
+    del columns["airborne"]
+    pq.write_table(pa.table(columns), path)
+    with pytest.raises(RecordError, match="found no column airborne"):
         load_run(directory)
 
 

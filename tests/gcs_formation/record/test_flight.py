@@ -1,0 +1,115 @@
+"""Who counts: what lies on the ground is no part of the formation, by truth or as far as the station knew."""
+
+import numpy as np
+import pytest
+
+from airlink.identity import VehicleId
+from formation_scenario import load_scenario
+from gcs_formation.record.figures_of_merit import clearance_m, least, separation_m
+from gcs_formation.record.flight import split
+from gcs_formation.record.timeseries import MEASURED
+from gcs_formation.record.truth import GroundTruth
+
+LEADER, FOLLOWER, THIRD = (VehicleId(1, system) for system in (1, 2, 3))
+TIME_S = np.arange(0.0, 10.01, 0.1)
+CRASH_S = 4.02
+"""Between two ticks, and between two rows of the truth."""
+SCENARIO = load_scenario(
+    {"vehicles": {"count": 3}, "duration_s": 10, "path": {"waypoints_m": [[0, 0, 100], [4000, 0, 100]]}}
+)
+
+
+def spool(*, station_airborne=None):
+    """Return the station's columns of three vehicles in a row, 30 m apart, at 22 m/s; each in its slot."""
+    parts = []
+    for index in range(3):
+        own = {name: np.zeros(TIME_S.size) for name in MEASURED} | {
+            "network": np.ones(TIME_S.size),
+            "vehicle": np.full(TIME_S.size, index + 1),
+            "mission_time_s": TIME_S,
+            "t_s": TIME_S,
+            "north_m": 22.0 * TIME_S - 30.0 * index,
+            "height_m": np.full(TIME_S.size, 100.0),
+            "leads": np.full(TIME_S.size, index == 0),
+            "slot_forward_m": np.full(TIME_S.size, np.nan if index == 0 else -30.0 * index),
+            "airborne": np.ones(TIME_S.size),
+        }
+        if station_airborne is not None and index == 2:
+            own["airborne"] = station_airborne.astype(float)
+        parts.append(own)
+    return {name: np.stack([part[name] for part in parts], axis=1).ravel() for name in parts[0]}
+
+
+def truth(crashed=None):
+    """Return the truth of the same flight at 25 Hz; `crashed` falls to the ground at `CRASH_S` and lies there."""
+    time_s = np.arange(0.0, 10.01, 0.04)
+    flying, nothing = np.ones((time_s.size, 3)), np.zeros((time_s.size, 3))
+    north_m = 22.0 * time_s[:, None] - np.array([0.0, 30.0, 60.0])
+    if crashed is not None:
+        after, column = time_s >= CRASH_S, crashed.system - 1
+        flying[after, column] = 0.0
+        north_m[after, column] = north_m[~after, column][-1]
+    return GroundTruth(
+        vehicles=(LEADER, FOLLOWER, THIRD),
+        time_s=time_s,
+        north_m=north_m,
+        east_m=nothing,
+        height_m=100.0 * flying,
+        north_mps=22.0 * flying,
+        east_mps=nothing,
+        climb_mps=nothing,
+        airspeed_mps=22.0 * flying,
+        heading_rad=nothing,
+        disturbance_north_mps=nothing,
+        disturbance_east_mps=nothing,
+        disturbance_down_mps=nothing,
+        airborne=flying,
+    )
+
+
+def flown(crashed=None):
+    injected = dict.fromkeys((LEADER, FOLLOWER, THIRD), np.zeros(TIME_S.size))
+    return split(spool(), SCENARIO, truth(crashed), injected)
+
+
+WHOLE = np.ones(TIME_S.size, dtype=bool)
+
+
+def test_a_wreck_counts_neither_in_clearance_nor_in_separation():
+    flight = flown(FOLLOWER)
+    assert flight.vehicles[FOLLOWER]["true_height_m"].min() == 0.0
+    assert clearance_m(flight, WHOLE) == pytest.approx(100.0)
+    apart_m = separation_m(flight, WHOLE)
+    assert apart_m[TIME_S < CRASH_S] == pytest.approx(30.0)
+    assert apart_m[TIME_S > CRASH_S + 0.1] == pytest.approx(60.0)
+
+
+def test_it_is_out_from_the_first_tick_after_and_no_place_on_its_way_down_counts():
+    assert flown(THIRD).airborne(THIRD).tolist() == (TIME_S < CRASH_S).tolist()
+
+
+def test_a_wreck_has_no_error_and_the_others_keep_theirs():
+    flight = flown(THIRD)
+    known = np.isfinite(flight.error(THIRD)).all(axis=1)
+    assert known.tolist() == (TIME_S < CRASH_S).tolist()
+    assert np.abs(flight.error(FOLLOWER)).max() < 1e-9
+
+
+def test_nobody_has_an_error_behind_a_leader_that_is_dead():
+    flight = flown(LEADER)
+    for follower in (FOLLOWER, THIRD):
+        known = np.isfinite(flight.error(follower)).all(axis=1)
+        assert known.tolist() == (TIME_S < CRASH_S).tolist()
+
+
+def test_without_truth_the_station_s_knowledge_decides():
+    airborne = TIME_S < 6.0
+    injected = dict.fromkeys((LEADER, FOLLOWER, THIRD), np.zeros(TIME_S.size))
+    flight = split(spool(station_airborne=airborne), SCENARIO, None, injected)
+    assert np.isfinite(flight.error(THIRD)).all(axis=1).tolist() == airborne.tolist()
+    assert np.isfinite(flight.clearance(THIRD)).tolist() == airborne.tolist()
+
+
+def test_of_nothing_there_is_no_least():
+    assert least(np.array([np.nan, np.inf])) is None
+    assert least(np.array([np.nan, 3.0, 2.0])) == 2.0
