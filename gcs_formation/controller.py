@@ -16,8 +16,8 @@ from gcs_formation import parameters
 from gcs_formation.arrays import Array, Instants, Mask
 from gcs_formation.control import envelope
 from gcs_formation.control.situation import Decision, Lead, Situation
-from gcs_formation.estimation.estimator import StateEstimator
-from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Indices, Setpoints
+from gcs_formation.estimation.estimator import ROWS, StateEstimator
+from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Setpoints
 from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory
 from gcs_formation.estimation.projection import Measured, States
 from gcs_formation.formation.clearance import Outlook
@@ -133,8 +133,8 @@ class FormationController:
             mission_time_s=mission_time_s,
             phase=phase,
             leader=self.plan.leader,
-            state=FlightState(*np.full((8, self._columns), np.nan)),
-            setpoints=Setpoints(*blank.T.copy()),
+            state=FlightState.of(np.full((ROWS, self._columns), np.nan)),
+            setpoints=Setpoints.of(blank.T.copy()),
             age_s=np.where(known, (now - self.estimator.stamps) / NANOSECONDS, np.nan),
             delay_s=delay_s,
             jitter_s=blank[:, 0].copy(),
@@ -160,7 +160,7 @@ class FormationController:
         known, table, stamps = self.estimator.known, self.estimator.state.table, self.estimator.stamps
         leader = self.plan.leader
         filled: Array = np.where(known, table, table[:, [leader]])
-        return Measured(FlightState(*filled), np.where(known, stamps, stamps[leader]), active, acts)
+        return Measured(FlightState.of(filled), np.where(known, stamps, stamps[leader]), active, acts)
 
     def _place_virtual_leader(self, now: Instant) -> None:
         """Put the virtual leader amid the followers; where they're bound to it, it then flies on by itself."""
@@ -175,7 +175,7 @@ class FormationController:
             stamp = Instant(int(self.estimator.stamps[1:].mean())) if self._leader_amid else now
         else:
             return
-        self.estimator.place(0, np.concatenate(_values(state)), stamp)
+        self.estimator.place(0, state.table[:, 0], stamp)
 
     def _slots(self, now: Instant, mission_time_s: float) -> SlotMotion:
         return self.plan.at(now / NANOSECONDS, begun=mission_time_s >= 0)
@@ -183,14 +183,14 @@ class FormationController:
     def _steer_leader(self, tick: Tick, states: States) -> Lead:
         leading = np.array([tick.leader])
         state, model = states.of(leading, leading), self._model.take(leading)
-        _fill(tick.state, leading, state)
+        tick.state.fill(leading, state)
         wind_mps = self._slow_wind(float(state.wind_north_mps[0]), float(state.wind_east_mps[0]))
         motion = Motion(*(float(getattr(state, name)[0]) for name in _MOTION), *wind_mps)
         lags = Lags(float(model.tau_psi_s[0]), float(model.tau_ha_s[0]), float(model.tau_hb_s[0]))
         wanted = self.guidance.steer(motion, float(state.height_m[0]), lags, assembled=self.assembled)
-        columns = Setpoints(*(np.array([value]) for value in wanted))
+        columns = Setpoints.of(np.array(wanted)[:, None])
         told = envelope.limit(columns, columns.heading_rad, state, model)
-        _fill(tick.setpoints, leading, told)
+        tick.setpoints.fill(leading, told)
         before_rad, self._leader_told_rad = self._leader_told_rad, float(told.heading_rad[0])
         turned_rad = math.remainder(self._leader_told_rad - before_rad, math.tau)
         turn_rps = 0.0 if math.isnan(turned_rad) else turned_rad / self._dt_s
@@ -228,10 +228,9 @@ class FormationController:
         noted = (tick.error_m, decision.error_m), (tick.mixed, decision.mixed), (tick.gains, decision.gains)
         for into, values in noted:
             into[which] = np.where(active[:, None], values, np.nan)
-        told = Setpoints(*(np.where(active, value, np.nan) for value in _values(decision.setpoints)))
-        _fill(tick.setpoints, which, told)
+        tick.setpoints.fill(which, Setpoints.of(np.where(active, decision.setpoints.table, np.nan)))
         known = which[np.isfinite(tick.age_s[which])]
-        _fill(tick.state, known, decision.state.take(np.flatnonzero(np.isin(which, known))))
+        tick.state.fill(known, decision.state.take(np.flatnonzero(np.isin(which, known))))
 
     def _judge_assembly(self, tick: Tick) -> None:
         error_m = np.delete(tick.error_m, tick.leader, axis=0)
@@ -240,12 +239,3 @@ class FormationController:
 
 
 _MOTION = ("north_m", "east_m", "airspeed_mps", "heading_rad")
-
-
-def _values(columns: FlightState | Setpoints) -> list[Array]:
-    return [getattr(columns, name) for name in columns.__dataclass_fields__]
-
-
-def _fill(target: FlightState | Setpoints, which: Indices, source: FlightState | Setpoints) -> None:
-    for into, values in zip(_values(target), _values(source), strict=True):
-        into[which] = values

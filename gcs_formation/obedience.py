@@ -107,7 +107,7 @@ class Obedience:
         since, before = self._past[0]
         columns = np.arange(stamps.size, dtype=np.intp)
         until = np.maximum(stamps, since)
-        predicted = self._history.predict(FlightState(*before), since, until, columns, self._model).table
+        predicted = self._history.predict(FlightState.of(before), since, until, columns, self._model).table
         expected, flown = predicted[ROWS] - before[ROWS], table[ROWS] - before[ROWS]
         flown[1] = wrap(flown[1])
         return expected, flown

@@ -11,7 +11,6 @@ from formation_scenario.lifted_path import FOLLOWER_SHARE, rise_bounds
 from formation_scenario.navigation import NoisyNavigation
 from formation_scenario.reconfiguration import column_models, keepable_turn_rps
 from formation_scenario.slot_motion import SlotMotion
-from gcs_formation.arrays import Array
 from gcs_formation.control.consensus import ConsensusLaw, ConsensusParameters
 from gcs_formation.control.fuzzy import FuzzyGainScheduler
 from gcs_formation.control.law import FormationLaw, LawParameters
@@ -115,22 +114,15 @@ def _noise(scenario: Scenario, keys: NoisyNavigation) -> Noise:
 
 def autopilot_model(scenario: Scenario) -> AutopilotModel:
     """Return the autopilot model's constants, a column for the leader and each follower."""
-    models = column_models(scenario)
-
-    def column(name: str) -> Array:
-        return np.array([getattr(model, name) for model in models], dtype=np.float64)
-
-    return AutopilotModel(
-        tau_v_s=column("tau_v_s"),
-        tau_psi_s=column("tau_psi_s"),
-        tau_ha_s=column("tau_ha_s"),
-        tau_hb_s=column("tau_hb_s"),
-        speed_min_mps=column("speed_min_mps"),
-        speed_max_mps=column("speed_max_mps"),
-        accel_max_mps2=column("accel_max_mps2"),
-        turn_rate_max_rps=column("turn_rate_max_rps"),
-        climb_max_mps=column("climb_max_mps"),
-    )
+    rows = [
+        (
+            *(each.tau_v_s, each.tau_psi_s, each.tau_ha_s, each.tau_hb_s),
+            *(each.speed_min_mps, each.speed_max_mps),
+            *(each.accel_max_mps2, each.turn_rate_max_rps, each.climb_max_mps),
+        )
+        for each in column_models(scenario)
+    ]
+    return AutopilotModel.of(np.array(rows, dtype=np.float64).T.copy())
 
 
 def leader_guidance(scenario: Scenario) -> LeaderGuidance:

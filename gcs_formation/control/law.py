@@ -28,7 +28,7 @@ from gcs_formation.control.mixer import (
     slot_target,
 )
 from gcs_formation.control.pid import Gains, PidState
-from gcs_formation.control.situation import Decision, Situation
+from gcs_formation.control.situation import Decision, Lead, Situation
 from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Indices, Setpoints
 from gcs_formation.estimation.predictor import turn_rate
 
@@ -72,6 +72,7 @@ class FormationLaw:
         self._leader = leader
         self._followers: Indices = everyone[everyone != leader]
         self._leading: Indices = np.full_like(self._followers, leader)
+        self._pairs = np.concatenate((self._leading, self._followers)), np.tile(self._followers, 2)
         self._leader_model = self._models.take(self._leading)
         self._model = self._models.take(self._followers)
         self._state = PidState.at_rest((self._followers.size, CHANNELS))
@@ -83,8 +84,8 @@ class FormationLaw:
         if situation.lead.leader != self._leader:
             self._lead_by(situation.lead.leader)
         parameters, state, slots = self._parameters, self._state, situation.slots.take(self._followers)
-        turn_rps, leader = self._towed(self._led(situation), slots, dt_s)
-        follower = situation.states.of(self._followers, self._followers)
+        led, follower = self._pairwise(situation)
+        turn_rps, leader = self._towed(self._led(situation.lead, led), slots, dt_s)
         error_m = formation_error(leader.state, follower, slots.position_m, parameters.frame)
         target = slot_target(leader.state, follower, turn_rps, slots, parameters.frame)
         mixed = mix(parameters.mixer, target, follower, self._steady(error_m, target, follower, slots))
@@ -93,10 +94,10 @@ class FormationLaw:
         output = pid.unlimited(state, gains, mixed, rate)
         gust_mps2 = self._gust(leader.state, follower, dt_s)
         forward = feed_forward(target, leader, slots, gust_mps2, self._model)
-        wanted = Setpoints(*(forward + output).T)
+        wanted = Setpoints.of((forward + output).T)
         limited = envelope.limit(wanted, forward[:, 1], follower, self._model)
         # What the feed-forward alone asks beyond the envelope isn't the integrators' to work off.
-        forward_limited = envelope.limit(Setpoints(*forward.T), forward[:, 1], follower, self._model)
+        forward_limited = envelope.limit(Setpoints.of(forward.T), forward[:, 1], follower, self._model)
         excess = _difference(limited, forward_limited) - output
         following = pid.integrate(state, gains, mixed, rate, excess, parameters.anti_windup_s, dt_s)
         following = following.with_integral(state.integral, situation.replaced[self._followers])
@@ -107,10 +108,14 @@ class FormationLaw:
         shown = np.concatenate((gains.proportional, gains.integral, gains.derivative), axis=1)
         return Decision(self._followers, follower, limited, error_m, mixed, shown)
 
-    def _led(self, situation: Situation) -> LeaderMotion:
-        """Return the leader's motion when each follower's setpoint acts; its heading lags what it's told by (7)."""
-        lead, model = situation.lead, self._leader_model
-        state = situation.states.of(self._leading, self._followers)
+    def _pairwise(self, situation: Situation) -> tuple[FlightState, FlightState]:
+        """Return the leader's states and the followers' own when the followers' setpoints act."""
+        table, count = situation.states.of(*self._pairs).table, self._followers.size
+        return FlightState.of(table[:, :count]), FlightState.of(table[:, count:])
+
+    def _led(self, lead: Lead, state: FlightState) -> LeaderMotion:
+        """Return the motion of a leader in `state`, (F,) columns; its heading lags what it's told by (7)."""
+        model = self._leader_model
         turn_rps = turn_rate(state, lead.told.take(np.zeros_like(self._leading)), model)
         bend_rps2 = (lead.told_turn_rps - turn_rps) / model.tau_psi_s
         hurry_mps2 = (lead.told.speed_mps - state.airspeed_mps) / model.tau_v_s
@@ -175,14 +180,7 @@ def scheduled_gains(parameters: LawParameters, mixed: Array, rate: Array) -> Gai
 
 
 def _difference(limited: Setpoints, wanted: Setpoints) -> Array:
-    return np.stack(
-        (
-            limited.speed_mps - wanted.speed_mps,
-            limited.heading_rad - wanted.heading_rad,
-            limited.height_m - wanted.height_m,
-        ),
-        axis=1,
-    )
+    return (limited.table - wanted.table).T
 
 
 def _where(active: Mask, moving: PidState, rest: PidState) -> PidState:

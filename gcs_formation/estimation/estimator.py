@@ -53,7 +53,7 @@ class StateEstimator:
     @property
     def state(self) -> FlightState:
         """The newest states, NaN where none came yet."""
-        return FlightState(*self._table.copy())
+        return FlightState.of(self._table.copy())
 
     @property
     def stamps(self) -> Instants:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
 from typing import Self
 
 import numpy as np
@@ -13,21 +12,43 @@ from gcs_formation.arrays import Array
 Indices = npt.NDArray[np.intp]
 
 
-@dataclass(frozen=True)
+class Row:
+    """A quantity of many vehicles, (N,): a row of the table that a `Columns` has; a slice of rows is several."""
+
+    def __init__(self, index: int | slice) -> None:
+        """Be the row at `index`."""
+        self._index = index
+
+    def __get__(self, columns: Columns, owner: type[Columns] | None = None) -> Array:
+        """Return the row itself, not a copy."""
+        return columns.table[self._index]
+
+
 class Columns:
-    """Arrays of one shape (N,), an element a vehicle."""
+    """Quantities of many vehicles: a table (R, N), a row a quantity and a column a vehicle."""
+
+    __slots__ = ("table",)
+
+    def __init__(self, *rows: Array) -> None:
+        """Put the table together from its rows, (N,) each."""
+        self.table: Array = np.array(rows)
+
+    @classmethod
+    def of(cls, table: Array) -> Self:
+        """Return the columns whose table this is, not a copy of it."""
+        made = cls.__new__(cls)
+        made.table = table
+        return made
 
     def take(self, which: Indices) -> Self:
         """Return the columns of the vehicles at `which`, repeated as often as named."""
-        return type(self)(*(getattr(self, field.name)[which] for field in fields(self)))
+        return self.of(self.table[:, which])
 
-    @property
-    def table(self) -> Array:
-        """The arrays as rows of one, (fields, N)."""
-        return np.array([getattr(self, field.name) for field in fields(self)])
+    def fill(self, which: Indices, source: Self) -> None:
+        """Put the columns of `source` in the place of those at `which`."""
+        self.table[:, which] = source.table
 
 
-@dataclass(frozen=True)
 class FlightState(Columns):
     """Where vehicles are and how they move: NED from the scenario's origin, height upwards.
 
@@ -35,35 +56,71 @@ class FlightState(Columns):
     (and whatever else carries the vehicle), equation (7) with errata item 17.
     """
 
-    north_m: Array
-    east_m: Array
-    height_m: Array
-    climb_mps: Array
-    airspeed_mps: Array
-    heading_rad: Array
-    wind_north_mps: Array
-    wind_east_mps: Array
+    __slots__ = ()
+
+    north_m = Row(0)
+    east_m = Row(1)
+    height_m = Row(2)
+    climb_mps = Row(3)
+    airspeed_mps = Row(4)
+    heading_rad = Row(5)
+    wind_north_mps = Row(6)
+    wind_east_mps = Row(7)
+    air_motion = Row(slice(4, 6))
+    """Airspeed and heading, (2, N)."""
+
+    def __init__(
+        self,
+        north_m: Array,
+        east_m: Array,
+        height_m: Array,
+        climb_mps: Array,
+        airspeed_mps: Array,
+        heading_rad: Array,
+        wind_north_mps: Array,
+        wind_east_mps: Array,
+    ) -> None:
+        """Put the states together."""
+        super().__init__(north_m, east_m, height_m, climb_mps, airspeed_mps, heading_rad, wind_north_mps, wind_east_mps)
+
+    def turned(self, by_rad: Array) -> FlightState:
+        """Return the same with headings that lie `by_rad` farther to the right, (N,)."""
+        state = FlightState.of(self.table.copy())
+        state.heading_rad[:] += by_rad
+        return state
 
 
-@dataclass(frozen=True)
 class Setpoints(Columns):
     """What vehicles are told to fly; NaN where nothing was told."""
 
-    speed_mps: Array
-    heading_rad: Array
-    height_m: Array
+    __slots__ = ()
+
+    speed_mps = Row(0)
+    heading_rad = Row(1)
+    height_m = Row(2)
+    air_motion = Row(slice(0, 2))
+    """Speed and heading, (2, N)."""
+
+    def __init__(self, speed_mps: Array, heading_rad: Array, height_m: Array) -> None:
+        """Put the setpoints together."""
+        super().__init__(speed_mps, heading_rad, height_m)
 
 
-@dataclass(frozen=True)
 class AutopilotModel(Columns):
     """The autopilot of equation (7) and its limits."""
 
-    tau_v_s: Array
-    tau_psi_s: Array
-    tau_ha_s: Array
-    tau_hb_s: Array
-    speed_min_mps: Array
-    speed_max_mps: Array
-    accel_max_mps2: Array
-    turn_rate_max_rps: Array
-    climb_max_mps: Array
+    __slots__ = ()
+
+    tau_v_s = Row(0)
+    tau_psi_s = Row(1)
+    tau_ha_s = Row(2)
+    tau_hb_s = Row(3)
+    speed_min_mps = Row(4)
+    speed_max_mps = Row(5)
+    accel_max_mps2 = Row(6)
+    turn_rate_max_rps = Row(7)
+    climb_max_mps = Row(8)
+    air_lags_s = Row(slice(0, 2))
+    """Of airspeed and heading, (2, N)."""
+    air_rates_max = Row(slice(6, 8))
+    """Of airspeed and heading, (2, N)."""

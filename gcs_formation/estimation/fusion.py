@@ -75,7 +75,7 @@ class Fusion:
             stamp: (1,) its instant, no earlier.
         """
         elapsed_s = float(stamp[0] - since[0]) / NANOSECONDS
-        before = FlightState(*state[:, None])
+        before = FlightState.of(state[:, None])
         predicted = self._history.predict(before, since, stamp, self._column, self._model).table[:, 0]
         transition = self.transition(state, elapsed_s)
         covariance = transition @ self.covariance @ transition.T + np.diag(self._walk) * elapsed_s

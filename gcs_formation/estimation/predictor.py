@@ -46,21 +46,23 @@ class SetpointHistory:
         Column i is vehicle `vehicles[i]`; a vehicle may stand in several columns. Before the oldest setpoint
         known it flies on as that one says; where none was told, straight on.
         """
-        rows = list(self._sent)
-        first = self._first_relevant(rows, since, vehicles)
-        acts = np.array([row.acts for row in rows[first:]])[:, vehicles]
+        rows = self._relevant(since, vehicles)
+        acts = np.array([row.acts for row in rows])[:, vehicles]
         acts[0] = since
-        borders = np.clip(np.maximum.accumulate(acts), since, np.maximum(until, since))
-        ends = np.vstack((borders[1:], np.maximum(until, since)))
-        told = np.array([row.setpoints.table for row in rows[first:]])[:, :, vehicles]
-        return advance(state, told, (ends - borders) / NANOSECONDS, model)
+        end = np.maximum(until, since)
+        borders = np.vstack((np.minimum(np.maximum(np.maximum.accumulate(acts), since), end), end))
+        duration_s = (borders[1:] - borders[:-1]) / NANOSECONDS
+        told = np.array([row.setpoints.table for row in rows])[:, :, vehicles]
+        return advance(state, told, duration_s, model)
 
-    def _first_relevant(self, rows: list[SentSetpoints], since: Instants, vehicles: Indices) -> int:
-        """Return the last row that acts before all of `since`."""
-        for index in range(len(rows) - 1, 0, -1):
-            if (rows[index].acts[vehicles] <= since).all():
-                return index
-        return 0
+    def _relevant(self, since: Instants, vehicles: Indices) -> list[SentSetpoints]:
+        """Return what was sent from the last row on that acts before all of `since`."""
+        rows = list[SentSetpoints]()
+        for row in reversed(self._sent):
+            rows.append(row)
+            if (row.acts[vehicles] <= since).all():
+                break
+        return rows[::-1]
 
 
 def advance(state: FlightState, told: Array, duration_s: Array, model: AutopilotModel) -> FlightState:
@@ -75,23 +77,13 @@ def advance(state: FlightState, told: Array, duration_s: Array, model: Autopilot
         duration_s: (K, N).
         model: (N,) columns.
     """
-    lags = AirLags(
-        np.stack((model.accel_max_mps2, model.turn_rate_max_rps)), np.stack((model.tau_v_s, model.tau_psi_s))
-    )
     told = told.copy()
     np.clip(told[:, 0], model.speed_min_mps, model.speed_max_mps, out=told[:, 0])
-    value = np.stack((state.airspeed_mps, state.heading_rad))
-    begins, errors = np.empty((len(told), *value.shape)), np.empty((len(told), *value.shape))
-    height = Height(state.height_m, state.climb_mps)
-    for k, segment_s in enumerate(duration_s):
-        error = told[k, :2] - value
-        error[1] = wrap(error[1])
-        error[np.isnan(error)] = 0.0
-        begins[k], errors[k] = value, error
-        value = value + error - lags.remaining(error, segment_s)
-        height = height.after(segment_s, told[k, 2], model)
+    lags = AirLags.of(model)
+    values, errors = lags.through(state.air_motion, told[:, :2], duration_s[:, None])
+    height = _height_after(Height(state.height_m, state.climb_mps), told[:, 2], HeightSteps.of(model, duration_s))
     time_s = _NODES * duration_s
-    speed, heading = np.moveaxis(begins + errors - lags.remaining(errors, time_s[:, :, None]), 2, 0)
+    speed, heading = np.moveaxis(values[:-1] + errors - lags.remaining(errors, time_s[:, :, None]), 2, 0)
     north_m = (_SHARES * duration_s * speed * np.cos(heading)).sum(axis=(0, 1))
     east_m = (_SHARES * duration_s * speed * np.sin(heading)).sum(axis=(0, 1))
     total_s = duration_s.sum(axis=0)
@@ -100,11 +92,20 @@ def advance(state: FlightState, told: Array, duration_s: Array, model: Autopilot
         east_m=state.east_m + east_m + state.wind_east_mps * total_s,
         height_m=height.height_m,
         climb_mps=height.climb_mps,
-        airspeed_mps=value[0],
-        heading_rad=value[1],
+        airspeed_mps=values[-1, 0],
+        heading_rad=values[-1, 1],
         wind_north_mps=state.wind_north_mps,
         wind_east_mps=state.wind_east_mps,
     )
+
+
+def _height_after(height: Height, told_m: Array, steps: HeightSteps) -> Height:
+    """Return a height after K steps with targets (K, N), NaN where none was told."""
+    silent = bool(np.isnan(told_m).any())
+    for step, target_m in enumerate(told_m):
+        aim_m = np.where(np.isnan(target_m), steps.level_m(height), target_m) if silent else target_m
+        height = steps.after(step, height, aim_m)
+    return height
 
 
 def turn_rate(state: FlightState, setpoints: Setpoints, model: AutopilotModel) -> Array:
@@ -118,6 +119,33 @@ class AirLags(NamedTuple):
 
     rate_max: Array
     tau_s: Array
+
+    @classmethod
+    def of(cls, model: AutopilotModel) -> AirLags:
+        """Return the lags of an autopilot model, (N,) columns."""
+        return cls(model.air_rates_max, model.air_lags_s)
+
+    def through(self, begin: Array, told: Array, duration_s: Array) -> tuple[Array, Array]:
+        """Return the values (K + 1, 2, N) at the borders of K segments, and the errors (K, 2, N) that each begins with.
+
+        Args:
+            begin: (2, N).
+            told: (K, 2, N); NaN means straight on.
+            duration_s: (K, 1, N).
+        """
+        values, errors = np.empty((len(told) + 1, *begin.shape)), np.empty_like(told)
+        kept, unlimited = np.exp(-duration_s / self.tau_s), self.rate_max * self.tau_s
+        silent = bool(np.isnan(told).any())
+        values[0] = begin
+        for k, segment_s in enumerate(duration_s):
+            error = np.subtract(told[k], values[k], out=errors[k])
+            error[1] = wrap(error[1])
+            if silent:
+                error[np.isnan(error)] = 0.0
+            within = (np.abs(error) <= unlimited).all()
+            left = error * kept[k] if within else self.remaining(error, segment_s)
+            np.subtract(values[k] + error, left, out=values[k + 1])
+        return values, errors
 
     def remaining(self, error: Array, time_s: Array) -> Array:
         """Return what is left of `error` after `time_s`."""
@@ -133,21 +161,50 @@ class Height(NamedTuple):
     height_m: Array
     climb_mps: Array
 
-    def after(self, time_s: Array, target_m: Array, model: AutopilotModel) -> Height:
-        """Return what they are `time_s` later; a climb beyond the limit counts as the limit.
+
+class HeightSteps(NamedTuple):
+    """What K steps of time make of heights, by the two poles of equation (7)."""
+
+    slow_s: Array
+    """The larger time constant, (N,)."""
+    carried_s: Array
+    """How far a climb rate of 1 m/s carries, (N,): both time constants together."""
+    climb_max_mps: Array
+    slow_left: Array
+    """What is left of the slow pole after each step, (K, N)."""
+    fast_left: Array
+    between_s: Array
+    """(K, N)."""
+    most_m: Array
+    """What the limit of climb rates allows in each step, (K, N)."""
+
+    @classmethod
+    def of(cls, model: AutopilotModel, time_s: Array) -> HeightSteps:
+        """Return the steps that take `time_s`, (K, N) or (K, 1), for `model` of (N,) columns.
 
         With equal time constants exprel's limit makes it the double pole's form.
         """
         slow, fast = np.maximum(model.tau_ha_s, model.tau_hb_s), np.minimum(model.tau_ha_s, model.tau_hb_s)
-        straight_m = -(slow + fast) * self.climb_mps
-        error = np.where(np.isnan(target_m), straight_m, self.height_m - target_m)
         slow_left = np.exp(-time_s / slow)
         between_s = time_s * slow_left * exprel(time_s / slow - time_s / fast)
-        push_mps = self.climb_mps + error / slow
-        left_m = slow_left * error + between_s * push_mps
-        climb_mps = np.exp(-time_s / fast) * push_mps - left_m / slow
-        most_m = model.climb_max_mps * time_s
+        climb_max_mps = model.climb_max_mps
+        fast_left = np.exp(-time_s / fast)
+        return cls(slow, slow + fast, climb_max_mps, slow_left, fast_left, between_s, climb_max_mps * time_s)
+
+    def level_m(self, height: Height) -> Array:
+        """Return where vehicles come to that stop climbing, (N,)."""
+        return height.height_m + self.carried_s * height.climb_mps
+
+    def after(self, step: int, height: Height, target_m: Array) -> Height:
+        """Return what a height becomes in a step; a climb beyond the limit counts as the limit."""
+        error = height.height_m - target_m
+        push_mps = height.climb_mps + error / self.slow_s
+        left_m = self.slow_left[step] * error + self.between_s[step] * push_mps
+        climb_mps = self.fast_left[step] * push_mps - left_m / self.slow_s
         return Height(
-            self.height_m + np.minimum(np.maximum(left_m - error, -most_m), most_m),
-            np.minimum(np.maximum(climb_mps, -model.climb_max_mps), model.climb_max_mps),
+            height.height_m + _within(left_m - error, self.most_m[step]), _within(climb_mps, self.climb_max_mps)
         )
+
+
+def _within(value: Array, most: Array) -> Array:
+    return np.minimum(np.maximum(value, -most), most)

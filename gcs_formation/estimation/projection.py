@@ -111,7 +111,7 @@ class WhenSetpointsAct:
                 break
             since = np.where(nearer, each_stamps[which], since)
             state = np.where(nearer, each[:, which], state)
-        return since, FlightState(*state)
+        return since, FlightState.of(state)
 
     def instants(self, whose: Indices) -> Instants:
         """Return when the setpoints act."""
@@ -155,7 +155,7 @@ class Pairing:
         known = np.where(measured.active, measured.stamps, LONG_AGO)
         self._samples.append((known, measured.state.table))
         stamp = measured.stamps[measured.active].min(initial=measured.stamps.max())
-        return AtOneStamp(FlightState(*self._at(stamp)), stamp)
+        return AtOneStamp(FlightState.of(self._at(stamp)), stamp)
 
     def _at(self, stamp: np.int64) -> Array:
         """Return the table (8, C) at a stamp, interpolated; the nearest sample where none is on its other side."""

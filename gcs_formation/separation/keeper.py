@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -94,8 +94,7 @@ class SeparationKeeper:
         yielding = resolution.memory.yielding
         columns, told = members[yielding], resolution.told.table[:, yielding]
         self.replaced[columns] = (told != setpoints.table[:, columns]).T
-        for channel, values in zip((setpoints.speed_mps, setpoints.heading_rad, setpoints.height_m), told, strict=True):
-            channel[columns] = values
+        setpoints.table[:, columns] = told
 
     def _members(self, tick: Tick, measured: Measured) -> Indices:
         """Return the columns that count, the leader's first."""
@@ -120,7 +119,7 @@ class SeparationKeeper:
         state = self._state(tick, measured, members, until, turn_rps)
         return Scene(
             traffic=Traffic(state, (together - until) / NANOSECONDS, turn_rps, model),
-            told=Setpoints(*np.where(commanded, tick.setpoints.table[:, members], np.nan)),
+            told=Setpoints.of(np.where(commanded, tick.setpoints.table[:, members], np.nan)),
             commanded=commanded,
             kept_m=self.kept_m,
             kept_from_others_m=self._keys.distance_m,
@@ -137,7 +136,7 @@ class SeparationKeeper:
             return tick.state.take(members)
         begin, stamps = measured.state.take(members), measured.stamps[members]
         state = self._history.predict(begin, stamps, until, members, self._model.take(members))
-        return replace(state, heading_rad=state.heading_rad + turn_rps * (until - stamps) / NANOSECONDS)
+        return state.turned(turn_rps * (until - stamps) / NANOSECONDS)
 
     def _floor_m(self, state: FlightState) -> Array:
         """Return the height that vehicles may be sent down to: clear of the ground that they come to straight on."""

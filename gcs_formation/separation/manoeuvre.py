@@ -2,56 +2,53 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 
 from gcs_formation.arrays import Array, wrap
-from gcs_formation.estimation.flight_state import AutopilotModel, Columns, FlightState, Indices, Setpoints
-from gcs_formation.estimation.predictor import AirLags, Height, advance
+from gcs_formation.estimation.flight_state import AutopilotModel, Columns, FlightState, Indices, Row, Setpoints
+from gcs_formation.estimation.predictor import AirLags, Height, HeightSteps, advance
 
 FINE_S, COARSE_S = 0.5, 1.0
 """Steps in which a manoeuvre is looked at, before and after `FINE_UNTIL_S`."""
 FINE_UNTIL_S = 4.0
 
 
-@dataclass(frozen=True)
 class Manoeuvre(Columns):
     """What vehicles do one after the other, (N,) columns: a setpoint first, then another for good."""
 
-    first_speed_mps: Array
-    first_heading_rad: Array
-    first_height_m: Array
-    speed_mps: Array
+    __slots__ = ()
+
+    first_speed_mps = Row(0)
+    first_heading_rad = Row(1)
+    first_height_m = Row(2)
+    speed_mps = Row(3)
     """NaN: at the speed that they then have."""
-    heading_rad: Array
+    heading_rad = Row(4)
     """NaN: on the heading that they then have."""
-    height_m: Array
+    height_m = Row(5)
     """NaN: at the height that they come to when they stop climbing."""
+
+    def __init__(self, first: Setpoints, speed_mps: Array, heading_rad: Array, height_m: Array) -> None:
+        """Put the manoeuvres together."""
+        super().__init__(*first.table, speed_mps, heading_rad, height_m)
 
     @property
     def first(self) -> Setpoints:
         """The setpoint that comes first."""
-        return Setpoints(self.first_speed_mps, self.first_heading_rad, self.first_height_m)
+        return Setpoints.of(self.table[:3])
 
     def with_columns(self, which: Indices, other: Self) -> Self:
         """Return these with the columns `which` taken from `other`."""
-        values: list[Array] = []
-        for field in fields(self):
-            column = getattr(self, field.name).copy()
-            column[which] = getattr(other, field.name)
-            values.append(column)
-        return type(self)(*values)
-
-
-def from_table(table: Array) -> Manoeuvre:
-    """Return the manoeuvres whose `table` this is, (6, N)."""
-    return Manoeuvre(table[0], table[1], table[2], table[3], table[4], table[5])
+        changed = self.of(self.table.copy())
+        changed.fill(which, other)
+        return changed
 
 
 @dataclass(frozen=True)
-class Traffic(Columns):
+class Traffic:
     """Vehicles when what they're told now acts, (N,) columns."""
 
     state: FlightState
@@ -61,10 +58,9 @@ class Traffic(Columns):
     """How they turn if nobody commands them; 0 for those that are commanded."""
     model: AutopilotModel
 
-    def take(self, which: Indices) -> Self:
+    def take(self, which: Indices) -> Traffic:
         """Return the columns of the vehicles at `which`, repeated as often as named."""
-        lead_s, turn_rps = self.lead_s[which], self.turn_rps[which]
-        return type(self)(self.state.take(which), lead_s, turn_rps, self.model.take(which))
+        return Traffic(self.state.take(which), self.lead_s[which], self.turn_rps[which], self.model.take(which))
 
 
 def sample_times(first_s: float, horizon_s: float) -> Array:
@@ -96,20 +92,13 @@ def reach_m(model: AutopilotModel) -> Array:
     return model.climb_max_mps * (model.tau_ha_s + model.tau_hb_s)
 
 
-def air_lags(model: AutopilotModel) -> AirLags:
-    """Return the lags of speed and heading."""
-    return AirLags(
-        np.stack((model.accel_max_mps2, model.turn_rate_max_rps)), np.stack((model.tau_v_s, model.tau_psi_s))
-    )
-
-
 def _begun(traffic: Traffic, manoeuvre: Manoeuvre, times_s: Array) -> tuple[FlightState, FlightState]:
     """Return the states at the first two instants: until then the first setpoint acts."""
     count = traffic.lead_s.size
     twice = np.concatenate((np.arange(count), np.arange(count)))
     both, elapsed_s = traffic.take(twice), np.concatenate((traffic.lead_s, traffic.lead_s + times_s[1]))
     state = advance(both.state, manoeuvre.first.table[None][:, :, twice], elapsed_s[None], both.model)
-    state = replace(state, heading_rad=state.heading_rad + both.turn_rps * elapsed_s)
+    state = state.turned(both.turn_rps * elapsed_s)
     return state.take(twice[:count]), state.take(twice[count:] + count)
 
 
@@ -126,7 +115,7 @@ def _way(traffic: Traffic, state: FlightState, manoeuvre: Manoeuvre, times_s: Ar
     error = told - value
     error[1] = wrap(error[1])
     error[np.isnan(error)] = 0.0
-    lags = air_lags(model)
+    lags = AirLags.of(model)
     speed, heading = np.moveaxis(value + error - lags.remaining(error, times_s[:, None, None]), 1, 0)
     heading = heading + traffic.turn_rps * times_s[:, None]
     velocity = np.stack((speed * np.cos(heading) + state.wind_north_mps, speed * np.sin(heading) + state.wind_east_mps))
@@ -137,13 +126,12 @@ def _way(traffic: Traffic, state: FlightState, manoeuvre: Manoeuvre, times_s: Ar
 
 def _heights(model: AutopilotModel, state: FlightState, target_m: Array, steps_s: Array) -> Array:
     """Return (S, N) heights from `state` on."""
-    most_m = reach_m(model)
-    level_m = state.height_m + (model.tau_ha_s + model.tau_hb_s) * state.climb_mps
-    target_m = np.where(np.isnan(target_m), level_m, target_m)
+    steps, most_m = HeightSteps.of(model, steps_s[:, None]), reach_m(model)
     height = Height(state.height_m, state.climb_mps)
+    target_m = np.where(np.isnan(target_m), steps.level_m(height), target_m)
     heights = [height.height_m]
-    for step_s in steps_s:
+    for k in range(steps_s.size):
         aim_m = np.minimum(np.maximum(target_m, height.height_m - most_m), height.height_m + most_m)
-        height = height.after(step_s, aim_m, model)
+        height = steps.after(k, height, aim_m)
         heights.append(height.height_m)
     return np.array(heights)

@@ -9,7 +9,8 @@ from scipy.spatial import cKDTree
 
 from gcs_formation.arrays import Array, Mask, wrap
 from gcs_formation.estimation.flight_state import Indices
-from gcs_formation.separation.manoeuvre import COARSE_S, air_lags
+from gcs_formation.estimation.predictor import AirLags
+from gcs_formation.separation.manoeuvre import COARSE_S
 from gcs_formation.separation.scene import Scene
 
 
@@ -50,9 +51,9 @@ def bound(scene: Scene) -> Reach:
     trapezium rule, half a step more.
     """
     traffic, state, told = scene.traffic, scene.traffic.state, scene.told
-    lags, value = air_lags(traffic.model), np.stack((state.airspeed_mps, state.heading_rad))
+    lags, value = AirLags.of(traffic.model), state.air_motion
     along = np.stack(scene.along)
-    error, to_told = np.abs(along - value), np.abs(np.stack((told.speed_mps, told.heading_rad)) - value)
+    error, to_told = np.abs(along - value), np.abs(told.air_motion - value)
     error[1], to_told[1] = np.abs(wrap(error[1])), np.abs(wrap(to_told[1]))
     first_s, horizon_s = traffic.lead_s + scene.times_s[1], traffic.lead_s + scene.times_s[-1]
     error += np.minimum(to_told / lags.tau_s, lags.rate_max) * first_s

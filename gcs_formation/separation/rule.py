@@ -13,7 +13,7 @@ import numpy as np
 from gcs_formation.arrays import Array, Mask
 from gcs_formation.estimation.flight_state import Indices, Setpoints
 from gcs_formation.separation.distance import Approach, Kept, approach
-from gcs_formation.separation.manoeuvre import Manoeuvre, fly, fly_level, from_table
+from gcs_formation.separation.manoeuvre import Manoeuvre, fly, fly_level
 from gcs_formation.separation.reach import possible_pairs
 from gcs_formation.separation.scene import Scene, free_heights, take_height
 
@@ -96,12 +96,12 @@ class _Search:
         for _ in range(SWEEPS):
             if not self._sweep():
                 break
-        told, yielding = self._scene.told.table, self._side != 0
+        told, yielding = self._scene.told.table.copy(), self._side != 0
         told[:, yielding] = self._manoeuvre.first.table[:, yielding]
         found = [
             conflict for vehicle, each in sorted(self._conflicts.items()) if yielding[vehicle] for conflict in each
         ]
-        return Resolution(Setpoints(*told), Memory(self._side), tuple(found))
+        return Resolution(Setpoints.of(told), Memory(self._side), tuple(found))
 
     def _second(self, i: int, j: int) -> int:
         """Return who of a pair gives way first: the later one, if it's commanded."""
@@ -157,7 +157,7 @@ class _Search:
         told = self._scene.told.table[:, [vehicle]]
         later = escapes.table.reshape(6, heights.size, 4)[:, :, :2].reshape(6, -1)
         later[:3] = told
-        return _joined(plain, from_table(later))
+        return _joined(plain, Manoeuvre.of(later))
 
     def _giving_way(self, vehicle: int, escapes: Manoeuvre) -> Manoeuvre:
         """Return the ways that give way at once; if no other height helps, at the height as told."""
@@ -199,4 +199,4 @@ def _conflicts(vehicle: int, others: Indices, near: Approach, conflicting: Mask)
 
 
 def _joined(*manoeuvres: Manoeuvre) -> Manoeuvre:
-    return from_table(np.concatenate([each.table for each in manoeuvres], axis=1))
+    return Manoeuvre.of(np.concatenate([each.table for each in manoeuvres], axis=1))

@@ -11,7 +11,7 @@ import numpy as np
 from gcs_formation.arrays import Array, Mask
 from gcs_formation.estimation.flight_state import FlightState, Indices, Setpoints
 from gcs_formation.separation.distance import Kept
-from gcs_formation.separation.manoeuvre import Manoeuvre, Traffic, from_table, reach_m
+from gcs_formation.separation.manoeuvre import Manoeuvre, Traffic, reach_m
 
 BESIDE_M = 1.0
 """How much farther than the kept distance above or below another a vehicle aims that gives way."""
@@ -70,12 +70,12 @@ class Scene:
         Those that aren't commanded go on as they do.
         """
         told = self.told
-        return Manoeuvre(told.speed_mps, told.heading_rad, told.height_m, *self.along, told.height_m)
+        return Manoeuvre(told, *self.along, told.height_m)
 
     def straight(self, which: Indices) -> Manoeuvre:
         """Return the same for some, but straight on instead of along the reference."""
         told, on = self.told.take(which), np.full(which.size, np.nan)
-        return Manoeuvre(told.speed_mps, told.heading_rad, told.height_m, on, on, told.height_m)
+        return Manoeuvre(told, on, on, told.height_m)
 
     def within_reach(self, which: Indices, height_m: Array) -> Array:
         """Return heights as near to the vehicles' own as they may be told (N,)."""
@@ -97,7 +97,7 @@ def take_height(scene: Scene, vehicle: int, height_m: Array) -> Manoeuvre:
     kept = [np.full(height_m.size, value[vehicle]) for value in (now.airspeed_mps, now.heading_rad)]
     ways = ((course, along), (course, [on, on]), (along, along), (kept, [on, on]))
     rows = [np.stack((*first, first_m, *then, height_m)) for first, then in ways]
-    return from_table(np.stack(rows, axis=2).reshape(6, -1))
+    return Manoeuvre.of(np.stack(rows, axis=2).reshape(6, -1))
 
 
 def free_heights(scene: Scene, vehicle: int, others: Indices, ends_m: Array, side: float) -> Array:

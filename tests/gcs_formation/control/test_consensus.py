@@ -37,17 +37,7 @@ def column(value: float) -> Array:
     return np.full(COUNT, value)
 
 
-MODEL = AutopilotModel(
-    tau_v_s=column(TAU_V_S),
-    tau_psi_s=column(TAU_PSI_S),
-    tau_ha_s=column(1.0),
-    tau_hb_s=column(3.0),
-    speed_min_mps=column(1.0),
-    speed_max_mps=column(99.0),
-    accel_max_mps2=column(1.5),
-    turn_rate_max_rps=column(0.25),
-    climb_max_mps=column(3.0),
-)
+MODEL = AutopilotModel(*map(column, (TAU_V_S, TAU_PSI_S, 1.0, 3.0, 1.0, 99.0, 1.5, 0.25, 3.0)))
 
 
 def law(k3: float = 0.25, graph: Array = GRAPH, frame: Frame = "leader_heading") -> ConsensusLaw:

@@ -12,7 +12,7 @@ from formation_scenario.vehicles import VehicleModel
 from gcs_formation.control.envelope import INTERCEPT_MAX_RAD, limit
 from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Setpoints
 
-MODEL = AutopilotModel(**{name: np.array([value]) for name, value in VehicleModel().model_dump().items()})
+MODEL = AutopilotModel(*(np.array([value]) for value in VehicleModel().model_dump().values()))
 STATE = FlightState(*np.array([[0.0], [0.0], [100.0], [0.0], [22.0], [0.0], [0.0], [0.0]]))
 
 
