@@ -13,14 +13,21 @@ from formation_scenario.faults import PASSING
 Keys = dict[str, Any]
 Choice = TypeVar("Choice")
 
-FIRST_TROUBLE_S = 12.0
-TROUBLE_S = 15.0
+RUN_IN_S = 14.0
+ASSEMBLY_S = 7.0
+"""How long a leader in the air waits for followers; to go round again would take five minutes."""
+FIRST_TROUBLE_S = 5.0
+TROUBLE_S = 10.0
 """Links, air and vehicles misbehave during this time."""
-CALM_S = 35.0
-"""What follows it, where no vehicle has had to leave the formation."""
-REJOIN_S = 80.0
-"""What is added to that where one has: it flies after the others at 6 m/s more than they."""
-GROUND_SHARE = 0.05
+LONGEST_SPELL_S = 5.0
+"""Outages and faults that pass are over by then."""
+CALM_S = 20.0
+"""What follows trouble."""
+CHANGE_S = 15.0
+"""What is added to that where the formation changes."""
+REJOIN_S = 45.0
+"""What is added where a vehicle has had to leave the formation: it flies after the others at 6 m/s more than they."""
+GROUND_SHARE = 0.03
 LEG_M = 600.0
 MOST_DRAWS = 100
 
@@ -45,7 +52,9 @@ def _scenario(rng: np.random.Generator, seed: int) -> Keys:
     count = int(rng.integers(2, 5))
     faults = _faults(rng, count)
     outages = _outages(rng, count)
-    duration_s = FIRST_TROUBLE_S + TROUBLE_S + CALM_S + (REJOIN_S if faults or outages else 0.0)
+    formation = _formation(rng, count)
+    more_s = REJOIN_S if faults or outages else CHANGE_S if formation.get("changes") else 0.0
+    duration_s = FIRST_TROUBLE_S + TROUBLE_S + CALM_S + more_s
     speed_mps = float(rng.uniform(20.0, 22.0))
     return {
         "name": f"stress-{seed}",
@@ -53,9 +62,9 @@ def _scenario(rng: np.random.Generator, seed: int) -> Keys:
         "duration_s": duration_s,
         "start": _start(rng),
         "vehicles": _vehicles(rng, count),
-        "telemetry": {"rate_hz": _one_of(rng, 5.0, 10.0, 10.0, 20.0)},
-        "formation": _formation(rng, count),
-        "law": {"type": _one_of(rng, "fuzzy_pid", "pid"), "rate_hz": _one_of(rng, 5.0, 10.0, 10.0, 20.0)},
+        "telemetry": {"rate_hz": _rate_hz(rng)},
+        "formation": formation,
+        "law": {"type": _one_of(rng, "fuzzy_pid", "pid"), "rate_hz": _rate_hz(rng)},
         "path": {"speed_mps": speed_mps, "waypoints_m": _waypoints(rng, (duration_s + 30.0) * speed_mps)},
         "links": {"default": _impairment(rng), "changes": [*_link_changes(rng, count), *outages]},
         "wind": {"velocity_mps": _vector(rng, 4.0, 4.0, 0.0)},
@@ -75,7 +84,8 @@ def _vehicles(rng: np.random.Generator, count: int) -> list[Keys]:
 def _start(rng: np.random.Generator) -> Keys:
     if rng.random() < GROUND_SHARE:
         return {"in_air": False}
-    return {"in_air": True, "run_in_s": 8.0, "offset_m": _vector(rng, 8.0, 6.0, 4.0)}
+    in_air = {"in_air": True, "run_in_s": RUN_IN_S, "timeout_s": ASSEMBLY_S}
+    return {**in_air, "offset_m": _vector(rng, 8.0, 6.0, 4.0)}
 
 
 def _formation(rng: np.random.Generator, count: int) -> Keys:
@@ -138,7 +148,7 @@ def _outages(rng: np.random.Generator, count: int) -> list[Keys]:
     if rng.random() > 0.25:
         return []
     begins_s, vehicle = _trouble_at(rng), _vehicle(rng, count)
-    ends_s = begins_s + float(rng.uniform(0.5, 8.0))
+    ends_s = begins_s + float(rng.uniform(0.5, LONGEST_SPELL_S))
     return [{"at_s": at_s, "vehicles": [vehicle], "outage": at_s == begins_s} for at_s in (begins_s, ends_s)]
 
 
@@ -154,8 +164,12 @@ def _faults(rng: np.random.Generator, count: int) -> list[Keys]:
     if rng.random() > 0.35:
         return []
     kind, at_s = _one_of(rng, "crash", "restart", "freeze", "ignore", "pilot"), _trouble_at(rng)
-    ends: Keys = {"until_s": at_s + float(rng.uniform(2.0, 8.0))} if kind in PASSING else {}
+    ends: Keys = {"until_s": at_s + float(rng.uniform(2.0, LONGEST_SPELL_S))} if kind in PASSING else {}
     return [{"at_s": at_s, "vehicles": [_vehicle(rng, count)], "kind": kind, **ends}]
+
+
+def _rate_hz(rng: np.random.Generator) -> float:
+    return _one_of(rng, 5.0, 5.0, 10.0)
 
 
 def _trouble_at(rng: np.random.Generator) -> float:
