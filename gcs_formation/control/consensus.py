@@ -20,7 +20,7 @@ from formation_scenario.formation import Frame
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.arrays import Array
 from gcs_formation.control import envelope
-from gcs_formation.control.feed_forward import LeaderMotion, feed_forward
+from gcs_formation.control.feed_forward import Axes, LeaderMotion, Turning, feed_forward
 from gcs_formation.control.mixer import Target, formation_error, rotate_to, slot_target
 from gcs_formation.control.situation import Decision, Lead, Situation, none_of
 from gcs_formation.estimation.estimator import LEAST_AIRSPEED_MPS
@@ -95,8 +95,9 @@ class ConsensusLaw:
         u_north, u_east = self._protocol(situation, reference, slots, own)
         u_x, u_y = rotate_to(own.target.heading_rad, share * u_north, share * u_east)
         beyond_x, beyond_y = share * self._damping_beyond(own)
-        none = np.zeros_like(own.target.speed_mps)
-        forward = feed_forward(own.target, reference.leader, slots, (none, none), model)
+        leader, none = reference.leader, np.zeros_like(own.target.speed_mps)
+        axes = Axes(leader.state.heading_rad, leader.turning)
+        forward = feed_forward(own.target, leader, axes, slots, (none, none), model)
         wanted = Setpoints(
             forward[:, 0] + model.tau_v_s * (u_x + beyond_x),
             forward[:, 1] + model.tau_psi_s * (u_y + beyond_y) / np.maximum(own.target.speed_mps, LEAST_AIRSPEED_MPS),
@@ -140,8 +141,7 @@ class ConsensusLaw:
         turn_rps = lead.path.turn_rps + lead.path.bend_rps2 * later_s
         leader = LeaderMotion(
             self._led(situation, lead, swung, later_s),
-            turn_rps,
-            np.full(later_s.shape, lead.path.bend_rps2),
+            Turning(turn_rps, np.full(later_s.shape, lead.path.bend_rps2)),
             np.zeros_like(later_s),
             np.zeros_like(later_s),
         )
@@ -166,7 +166,10 @@ class ConsensusLaw:
 
     def _deviation(self, state: FlightState, reference: _Reference, slots: SlotMotion) -> _Deviation:
         leader, frame = reference.leader, self._parameters.frame
-        target = slot_target(leader.state, state, leader.turn_rate_rps, slots, frame)
+        turn_rps = leader.turning.rate_rps
+        if frame == "follower_heading":  # what moves aside turns its own axes, at its acceleration by its speed
+            turn_rps = turn_rps + slots.acceleration_mps2[:, 1] / leader.state.airspeed_mps
+        target = slot_target(leader.state, state, turn_rps, slots, frame)
         aside = target.heading_rad - leader.state.heading_rad if frame == "follower_heading" else 0.0
         slot_north, slot_east = _to_north(reference.heading_rad + aside, *slots.position_m[:, :2].T)
         speed, wanted = state.airspeed_mps, target.speed_mps
@@ -191,9 +194,9 @@ class ConsensusLaw:
 
 def _at(reference: _Reference, which: Indices) -> _Reference:
     leader = reference.leader
-    turning = (leader.turn_rate_rps, leader.turn_acceleration_rps2)
-    rates = (*turning, leader.acceleration_mps2, leader.climb_change_mps2)
-    motion = LeaderMotion(leader.state.take(which), *(rate[which] for rate in rates))
+    turning = Turning(leader.turning.rate_rps[which], leader.turning.acceleration_rps2[which])
+    changes = (leader.acceleration_mps2, leader.climb_change_mps2)
+    motion = LeaderMotion(leader.state.take(which), turning, *(each[which] for each in changes))
     return _Reference(motion, reference.heading_rad[which])
 
 

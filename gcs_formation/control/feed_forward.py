@@ -13,32 +13,54 @@ from gcs_formation.estimation.flight_state import AutopilotModel, FlightState
 
 
 @dataclass(frozen=True)
+class Turning:
+    """How a heading changes, (N,) each."""
+
+    rate_rps: Array
+    acceleration_rps2: Array
+
+
+@dataclass(frozen=True)
 class LeaderMotion:
     """How the leader flies, a column for each vehicle whose slot moves with it."""
 
     state: FlightState
-    turn_rate_rps: Array
-    turn_acceleration_rps2: Array
+    turning: Turning
     acceleration_mps2: Array
     """Of its airspeed."""
     climb_change_mps2: Array
 
 
+@dataclass(frozen=True)
+class Axes:
+    """The axes along which slots lie."""
+
+    heading_rad: Array
+    turning: Turning
+
+
 def feed_forward(
-    target: Target, leader: LeaderMotion, slots: SlotMotion, gust_mps2: tuple[Array, Array], model: AutopilotModel
+    target: Target,
+    leader: LeaderMotion,
+    axes: Axes,
+    slots: SlotMotion,
+    gust_mps2: tuple[Array, Array],
+    model: AutopilotModel,
 ) -> Array:
     """Return (N, 3): speed, heading and height setpoints that hold `target` (errata item 29).
 
-    Speed and heading that the slot needs change as the leader's turn rate does, in proportion to the slot's place, and
-    with the slot's own acceleration (the derivative of a velocity in a turning frame), and with what carries the
-    vehicle away: `gust_mps2` is that velocity's rate of change along and across the slots' axes.
+    Speed and heading that the slot needs change with the leader's own velocity, as the axes' turn rate does, in
+    proportion to the slot's place, and with the slot's own acceleration (the derivative of a velocity in a turning
+    frame), and with what carries the vehicle away: `gust_mps2` is that velocity's rate of change along and across the
+    axes.
     """
-    turn, bend = leader.turn_rate_rps, leader.turn_acceleration_rps2
+    turn, bend = axes.turning.rate_rps, axes.turning.acceleration_rps2
     (x, y, z), (forth, aside, up) = slots.position_m.T, slots.velocity_mps.T
     ahead, across, rising = slots.acceleration_mps2.T
-    along_change = leader.acceleration_mps2 + ahead - bend * y - turn * aside - gust_mps2[0]
-    across_change = across + bend * x + turn * forth - gust_mps2[1]
-    angle = target.heading_rad - leader.state.heading_rad
+    led_along, led_across = _led(leader, axes)
+    along_change = led_along + ahead - bend * y - turn * aside - gust_mps2[0]
+    across_change = led_across + across + bend * x + turn * forth - gust_mps2[1]
+    angle = target.heading_rad - axes.heading_rad
     cos, sin = np.cos(angle), np.sin(angle)
     speed = target.speed_mps + model.tau_v_s * (cos * along_change + sin * across_change)
     swing = (cos * across_change - sin * along_change) / target.speed_mps
@@ -46,3 +68,11 @@ def feed_forward(
     height = leader.state.height_m + z + (model.tau_ha_s + model.tau_hb_s) * (leader.state.climb_mps + up)
     height = height + model.tau_ha_s * model.tau_hb_s * (leader.climb_change_mps2 + rising)
     return np.stack((speed, heading, height), axis=1)
+
+
+def _led(leader: LeaderMotion, axes: Axes) -> tuple[Array, Array]:
+    """Return the leader's own change of velocity along and across the axes, as these see it."""
+    off = leader.state.heading_rad - axes.heading_rad
+    cos, sin = np.cos(off), np.sin(off)
+    swing_mps2 = leader.state.airspeed_mps * (leader.turning.rate_rps - axes.turning.rate_rps)
+    return leader.acceleration_mps2 * cos - swing_mps2 * sin, leader.acceleration_mps2 * sin + swing_mps2 * cos

@@ -6,7 +6,7 @@ references are the slot's own speed and heading.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from formation_scenario.formation import Frame
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.arrays import Array, Mask, wrap
 from gcs_formation.control import envelope, pid
-from gcs_formation.control.feed_forward import LeaderMotion, feed_forward
+from gcs_formation.control.feed_forward import Axes, LeaderMotion, Turning, feed_forward
 from gcs_formation.control.fuzzy import FuzzyGainScheduler
 from gcs_formation.control.mixer import (
     TOW_S,
@@ -29,11 +29,14 @@ from gcs_formation.control.mixer import (
 )
 from gcs_formation.control.pid import Gains, PidState
 from gcs_formation.control.situation import Decision, Lead, Situation
+from gcs_formation.control.tow import Tow
 from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Indices, Setpoints
 from gcs_formation.estimation.predictor import turn_rate
 
 CHANNELS = 3
 """Speed, heading, height."""
+SWING_S = 0.6
+"""Time aside of the leader at which the heading's loop has half its bandwidth, in the follower's own frame."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +80,7 @@ class FormationLaw:
         self._model = self._models.take(self._followers)
         self._state = PidState.at_rest((self._followers.size, CHANNELS))
         self._drift_mps = np.full((2, self._followers.size), np.nan)
-        self._slot_turn_rps = np.full(self._followers.size, np.nan)
+        self._tow = Tow(self._followers.size) if self._parameters.frame == "follower_heading" else None
 
     def decide(self, situation: Situation, dt_s: float) -> Decision:
         """Return the followers' setpoints; the controllers of those that aren't active are kept at rest."""
@@ -85,15 +88,16 @@ class FormationLaw:
             self._lead_by(situation.lead.leader)
         parameters, state, slots = self._parameters, self._state, situation.slots.take(self._followers)
         led, follower = self._pairwise(situation)
-        turn_rps, leader = self._towed(self._led(situation.lead, led), slots, dt_s)
+        leader = self._led(situation.lead, led)
+        turning = leader.turning if self._tow is None else self._tow.turning(leader, slots, dt_s)
         error_m = formation_error(leader.state, follower, slots.position_m, parameters.frame)
-        target = slot_target(leader.state, follower, turn_rps, slots, parameters.frame)
+        target = slot_target(leader.state, follower, turning.rate_rps, slots, parameters.frame)
         mixed = mix(parameters.mixer, target, follower, self._steady(error_m, target, follower, slots))
         rate = pid.filter_rate(state, mixed, parameters.derivative_filter_s, dt_s)
-        gains = scheduled_gains(parameters, mixed, rate).slowed(situation.bandwidth[self._followers])
+        gains = scheduled_gains(parameters, mixed, rate).slowed(self._bandwidth(situation, leader.state, slots))
         output = pid.unlimited(state, gains, mixed, rate)
-        gust_mps2 = self._gust(leader.state, follower, dt_s)
-        forward = feed_forward(target, leader, slots, gust_mps2, self._model)
+        axes = Axes(leader.state.heading_rad if self._tow is None else target.heading_rad, turning)
+        forward = feed_forward(target, leader, axes, slots, self._gust(leader.state, follower, dt_s), self._model)
         wanted = Setpoints.of((forward + output).T)
         limited = envelope.limit(wanted, forward[:, 1], follower, self._model)
         # What the feed-forward alone asks beyond the envelope isn't the integrators' to work off.
@@ -104,7 +108,8 @@ class FormationLaw:
         active = situation.active[self._followers]
         self._state = _where(active, following, PidState.at_rest(mixed.shape))
         self._drift_mps[:, ~active] = np.nan
-        self._slot_turn_rps[~active] = np.nan
+        if self._tow is not None:
+            self._tow.forget(~active)
         shown = np.concatenate((gains.proportional, gains.integral, gains.derivative), axis=1)
         return Decision(self._followers, follower, limited, error_m, mixed, shown)
 
@@ -121,21 +126,8 @@ class FormationLaw:
         hurry_mps2 = (lead.told.speed_mps - state.airspeed_mps) / model.tau_v_s
         hurry_mps2 = np.clip(hurry_mps2, -model.accel_max_mps2, model.accel_max_mps2)
         to_climb_m = lead.told.height_m - state.height_m - (model.tau_ha_s + model.tau_hb_s) * state.climb_mps
-        return LeaderMotion(state, turn_rps, bend_rps2, hurry_mps2, to_climb_m / (model.tau_ha_s * model.tau_hb_s))
-
-    def _towed(self, leader: LeaderMotion, slots: SlotMotion, dt_s: float) -> tuple[Array, LeaderMotion]:
-        """Return the slots' turn rate, and the leader's motion with the rate at which that changes.
-
-        A slot in the follower's own frame is towed: by the zero dynamics of (8), psi_2' = v / x_rc sin(psi_1 - psi_2)
-        (errata item 23), it turns as the leader does, with a lag of x_rc / v.
-        """
-        if self._parameters.frame == "leader_heading":
-            return leader.turn_rate_rps, leader
-        lag_s = np.maximum(-slots.position_m[:, 0] / leader.state.airspeed_mps, dt_s)
-        begun = np.where(np.isnan(self._slot_turn_rps), leader.turn_rate_rps, self._slot_turn_rps)
-        self._slot_turn_rps = leader.turn_rate_rps + (begun - leader.turn_rate_rps) * np.exp(-dt_s / lag_s)
-        bend_rps2 = (leader.turn_rate_rps - self._slot_turn_rps) / lag_s
-        return self._slot_turn_rps, replace(leader, turn_acceleration_rps2=bend_rps2)
+        climb_change_mps2 = to_climb_m / (model.tau_ha_s * model.tau_hb_s)
+        return LeaderMotion(state, Turning(turn_rps, bend_rps2), hurry_mps2, climb_change_mps2)
 
     def _steady(self, error_m: Array, target: Target, follower: FlightState, slots: SlotMotion) -> Array:
         """Return the errors that are mixed: in the follower's own frame, without what its heading sweeps forward.
@@ -151,6 +143,19 @@ class FormationLaw:
         steady_m[:, 0] += slots.position_m[:, 1] * off
         steady_m[:, 1] -= np.maximum(TOW_S * target.speed_mps + slots.position_m[:, 0], 0.0) * off
         return steady_m
+
+    def _bandwidth(self, situation: Situation, leader: FlightState, slots: SlotMotion) -> Array:
+        """Return (F, 3) share of their bandwidth that the loops have: the heading's less for a slot to the side.
+
+        In the follower's own frame a turn swings such a slot forward, at y_rc times the turn rate. Its speed has to
+        follow, and gathers far more slowly than the heading's loop would turn.
+        """
+        bandwidth = situation.bandwidth[self._followers]
+        if self._parameters.frame == "leader_heading":
+            return bandwidth
+        aside_s = np.minimum(np.abs(slots.position_m[:, 1]) / leader.airspeed_mps, TOW_S)
+        heading, others = SWING_S / (SWING_S + aside_s), np.ones_like(aside_s)
+        return bandwidth * np.column_stack((others, heading, others))
 
     def _gust(self, leader: FlightState, follower: FlightState, dt_s: float) -> tuple[Array, Array]:
         """Return how what carries the followers away has changed since the last tick, along and across, in m/s².

@@ -55,7 +55,7 @@ def formation_error(leader: FlightState, follower: FlightState, slots_m: Array, 
 def slot_target(
     leader: FlightState, follower: FlightState, turn_rate_rps: Array, slots: SlotMotion, frame: Frame
 ) -> Target:
-    """Return the airspeed and heading at which the slot stays occupied while the leader turns at `turn_rate_rps`.
+    """Return the airspeed and heading at which the slot stays occupied while its axes turn at `turn_rate_rps`.
 
     The difference of what carries the two through the air (D of (8), errata item 16) and the slot's own way to another
     place are allowed for. Source: (8) with x_c' and y_c' as commanded, solved for the follower's speed and heading.
@@ -67,8 +67,6 @@ def slot_target(
     if frame == "leader_heading":
         forward, right = speed + turn * y_rc - drift_x + forth, -turn * x_rc - drift_y + aside
         return Target(np.hypot(forward, right), leader.heading_rad + np.arctan2(right, forward))
-    # What moves aside turns its own frame with it, at its acceleration aside by the leader's speed.
-    turn = turn + slots.acceleration_mps2[:, 1] / speed
     lead_angle = np.arcsin(np.clip((turn * x_rc + drift_y - aside) / speed, -1.0, 1.0))
     return Target(speed * np.cos(lead_angle) + turn * y_rc - drift_x + forth, leader.heading_rad - lead_angle)
 

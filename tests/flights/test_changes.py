@@ -58,6 +58,13 @@ def test_a_crash_breaks_no_limit_that_the_others_keep(fly: Fly, lost: int) -> No
     assert summary.figures["safety"]["violations"] == 0
 
 
+def test_a_slot_that_goes_aside_in_the_followers_own_frame_stays_occupied(fly: Fly) -> None:
+    """It turns its own axes as it goes, with a lag that changes on the way; one of the slots goes 60 m aside."""
+    formation = {"shape": "arrow", "frame": "follower_heading", "changes": [{"at_s": 5, "shape": "square"}]}
+    summary = fly(duration_s=50, vehicles={"count": 4}, formation=formation, path=STRAIGHT).to_dict()
+    assert max(f[f"error_{axis}_m"]["max"] for f in summary["followers"].values() for axis in "xyz") < BEFORE_M
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("law", ["fuzzy_pid", "consensus"])
 def test_the_nearest_follower_takes_over_from_a_leader_that_crashes(fly: Fly, tmp_path: Path, law: str) -> None:

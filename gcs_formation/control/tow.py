@@ -1,0 +1,41 @@
+"""How slots turn that lie along the followers' own axes: the leader tows them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from formation_scenario.slot_motion import SlotMotion
+from gcs_formation.arrays import Mask
+from gcs_formation.control.feed_forward import LeaderMotion, Turning
+
+
+class Tow:
+    """How the axes of slots in the followers' own frames turn, with what is remembered between ticks.
+
+    Equation (8) with the errors held at zero leaves the follower's heading no choice (the zero dynamics, errata item
+    23): x_rc psi_2' = v sin(psi_1 - psi_2) + the slot's velocity aside. The slot's heading off the leader's comes with
+    a lag of x_rc / v, which changes as the slot moves.
+    """
+
+    def __init__(self, followers: int) -> None:
+        """Begin with slots that have turned long since."""
+        self._off_rad = np.full(followers, np.nan)
+
+    def turning(self, leader: LeaderMotion, slots: SlotMotion, dt_s: float) -> Turning:
+        """Return how the axes turn until the next tick, `dt_s` later."""
+        speed, turn, bend = leader.state.airspeed_mps, leader.turning.rate_rps, leader.turning.acceleration_rps2
+        x_rc, forth = -slots.position_m[:, 0], slots.velocity_mps[:, 0]
+        # The angle that it comes to, and how that changes.
+        due_rad = np.arcsin(np.clip((slots.velocity_mps[:, 1] - x_rc * turn) / speed, -1.0, 1.0))
+        due_rps = (slots.acceleration_mps2[:, 1] - x_rc * bend + forth * turn) / speed
+        off_rad = np.where(np.isnan(self._off_rad), due_rad, self._off_rad)
+        # A share of the way until the next tick, and the lag that makes it so: never less than a tick.
+        share = -np.expm1(-dt_s * speed / np.maximum(x_rc, speed * dt_s))
+        lag_s = dt_s / share
+        rate_rps = (due_rad - off_rad) / lag_s
+        self._off_rad = off_rad + dt_s * rate_rps
+        return Turning(turn + rate_rps, bend + (due_rps - rate_rps * (1.0 - forth / speed)) / lag_s)
+
+    def forget(self, which: Mask) -> None:
+        """Begin anew for some followers."""
+        self._off_rad[which] = np.nan

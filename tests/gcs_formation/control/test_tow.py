@@ -1,0 +1,57 @@
+"""Slots in the followers' own frames: how (8) has a follower turn while its slot moves and the leader turns."""
+
+import math
+
+import numpy as np
+import pytest
+
+from formation_scenario.slot_motion import SlotMotion
+from gcs_formation.control.feed_forward import LeaderMotion, Turning
+from gcs_formation.control.mixer import slot_target
+from gcs_formation.control.tow import Tow
+from gcs_formation.estimation.flight_state import FlightState
+
+SPEED_MPS, WAY_S = 22.0, 30.0
+FINE = 10
+"""Steps of the integration a tick."""
+
+
+def slot_at(time_s: float, start: np.ndarray, way: np.ndarray) -> SlotMotion:
+    """Return a slot on its way, with the least jerk."""
+    u = min(time_s / WAY_S, 1.0)
+    share, rate, change = u**3 * (10 - 15 * u + 6 * u**2), 30 * (u * (1 - u)) ** 2, 60 * u * (1 - u) * (1 - 2 * u)
+    return SlotMotion((start + share * way)[None], (rate * way)[None] / WAY_S, (change * way)[None] / WAY_S**2)
+
+
+def leader_at(time_s: float) -> LeaderMotion:
+    """Return a leader that swings through bends of up to 0.03 rad/s."""
+    cos, sin = math.cos(0.3 * time_s), math.sin(0.3 * time_s)
+    heading, turn, bend = (np.array([value]) for value in (0.1 * (1 - cos), 0.03 * sin, 0.009 * cos))
+    zero, one = np.zeros(1), np.ones(1)
+    state = FlightState(zero, zero, zero, zero, SPEED_MPS * one, heading, zero, zero)
+    return LeaderMotion(state, Turning(turn, bend), zero, zero)
+
+
+@pytest.mark.parametrize("tick_s", [0.1, 0.02])
+@pytest.mark.parametrize("forward_m", [(-30.0, -60.0), (-60.0, -30.0), (-30.0, 0.0)])
+def test_who_turns_as_towed_at_the_slots_speed_stays_in_a_slot_that_goes_60_m_aside(
+    forward_m: tuple[float, float], tick_s: float
+) -> None:
+    """Equation (8) integrated finely: what error is left is of first order in the tick."""
+    start, end = np.array([forward_m[0], -30.0, 0.0]), np.array([forward_m[1], 30.0, 0.0])
+    tow, (x_m, y_m), worst_m = Tow(1), (0.0, 0.0), 0.0
+    for tick in range(int(40 / tick_s)):
+        leader, slots = leader_at(tick * tick_s), slot_at(tick * tick_s, start, end - start)
+        turning = tow.turning(leader, slots, tick_s)
+        target = slot_target(leader.state, leader.state, turning.rate_rps, slots, "follower_heading")
+        speed_mps, own_rad, turn_rps = (float(a[0]) for a in (target.speed_mps, target.heading_rad, turning.rate_rps))
+        for step in range(FINE):
+            now_s, step_s = tick * tick_s + step * tick_s / FINE, tick_s / FINE
+            slots = slot_at(now_s, start, end - start)
+            (forward, right, _), (forth_mps, aside_mps, _) = slots.position_m[0], slots.velocity_mps[0]
+            off_rad = float(leader_at(now_s).state.heading_rad[0]) - own_rad
+            x_mps = SPEED_MPS * math.cos(off_rad) - speed_mps + turn_rps * (y_m - right) + forth_mps
+            y_mps = SPEED_MPS * math.sin(off_rad) - turn_rps * (x_m - forward) + aside_mps
+            x_m, y_m, own_rad = x_m + x_mps * step_s, y_m + y_mps * step_s, own_rad + turn_rps * step_s
+        worst_m = max(worst_m, abs(x_m), abs(y_m))
+    assert worst_m < 1.3 * tick_s
