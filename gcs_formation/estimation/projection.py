@@ -16,6 +16,8 @@ from gcs_formation.estimation.predictor import HISTORY_S, SetpointHistory
 
 HEADING = 5
 """Row of `FlightState` that is an angle."""
+WIND = slice(6, 8)
+"""Its rows of the wind."""
 LONG_AGO = np.int64(-(2**61))
 """Stamp of a state that nothing may be interpolated from."""
 LOST_S = 2.0
@@ -96,13 +98,17 @@ class WhenSetpointsAct:
     def of(self, which: Indices, whose: Indices) -> FlightState:
         """Return the states predicted through the setpoints in flight, each from the stamp of `whose` newest sample.
 
-        What two vehicles measured at different times tells of a gust as of a gap between them.
+        What two vehicles measured at different times tells of a gust as of a gap between them. Where `which` hasn't
+        told of its own for longer than `whose`, it's taken to have met the same gusts since.
         """
         since, state = self._nearest(which, self.measured.stamps[whose])
-        return self.history.predict(state, since, self.measured.acts[whose], which, self.model.take(which))
+        _, then = self._nearest(whose, since)
+        state[WIND] += self.measured.state.table[WIND, whose] - then[WIND]
+        model = self.model.take(which)
+        return self.history.predict(FlightState.of(state), since, self.measured.acts[whose], which, model)
 
-    def _nearest(self, which: Indices, stamps: Instants) -> tuple[Instants, FlightState]:
-        """Return the samples of `which` that are nearest to the stamps."""
+    def _nearest(self, which: Indices, stamps: Instants) -> tuple[Instants, Array]:
+        """Return the samples (8, ...) of `which` that are nearest to the stamps, and when they were true."""
         (newest, table), *older = reversed(self.samples)
         since, state = newest[which], table[:, which]
         for each_stamps, each in older:
@@ -111,7 +117,7 @@ class WhenSetpointsAct:
                 break
             since = np.where(nearer, each_stamps[which], since)
             state = np.where(nearer, each[:, which], state)
-        return since, FlightState.of(state)
+        return since, state
 
     def instants(self, whose: Indices) -> Instants:
         """Return when the setpoints act."""
