@@ -57,21 +57,38 @@ class MarginWatch:
             vehicle: {
                 axis: shared.setdefault(loops, Usage(loops, predicted=predicted)) for axis, loops in of_axes.items()
             }
-            for vehicle, of_axes in law_loops(scenario).items()
+            for vehicle, of_axes in law_loops(scenario, succession=True).items()
         }
 
-    def watch(self, now: Instant) -> None:
-        """Look at every loop: say when it comes near its margin, and degrade where the scenario wants that."""
+    def watch(self, now: Instant, leader: Vehicle | None) -> None:
+        """Look at every loop: say when it comes near its margin, and degrade where the scenario wants that.
+
+        None is closed around the vehicle that leads, but by the consensus law.
+        """
         for identity, axes in self._axes.items():
-            vehicle, column, delay = self._vehicles[identity], self._columns[identity], self._delay(identity)
-            if self._scenario.law.on_delay == "degrade":
-                self._set_bandwidth(now, vehicle, axes, delay)
-            used = max(usage.of(delay, self._of(column, axis)) for axis, usage in axes.items())
-            self.used[column] = used
-            self.most_used = max(self.most_used, used if math.isfinite(used) else 0.0)
-            self.longest_s = float(np.fmax(self.longest_s, delay.mean_s))
-            self._say(now, vehicle, used)
-            vehicle.beyond_margin = used >= 1.0 or (vehicle.beyond_margin and used >= NEAR)
+            vehicle = self._vehicles[identity]
+            if vehicle is leader and self._scenario.law.type != "consensus":
+                self._let_go(vehicle)
+            else:
+                self._look(now, vehicle, axes)
+
+    def _look(self, now: Instant, vehicle: Vehicle, axes: Mapping[str, Usage]) -> None:
+        column, delay = self._columns[vehicle.identity], self._delay(vehicle.identity)
+        if self._scenario.law.on_delay == "degrade":
+            self._set_bandwidth(now, vehicle, axes, delay)
+        used = max(usage.of(delay, self._of(column, axis)) for axis, usage in axes.items())
+        self.used[column] = used
+        self.most_used = max(self.most_used, used if math.isfinite(used) else 0.0)
+        self.longest_s = float(np.fmax(self.longest_s, delay.mean_s))
+        self._say(now, vehicle, used)
+        vehicle.beyond_margin = used >= 1.0 or (vehicle.beyond_margin and used >= NEAR)
+
+    def _let_go(self, leader: Vehicle) -> None:
+        """Forget the loops of a vehicle that leads now."""
+        column = self._columns[leader.identity]
+        self.used[column], self.bandwidth[column] = math.nan, 1.0
+        self._near.discard(leader.identity)
+        leader.beyond_margin = False
 
     def _delay(self, identity: VehicleId) -> LoopDelay:
         """Return the delay of a vehicle's loops; those of a law that binds all wait for the latest state of all."""

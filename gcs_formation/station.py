@@ -115,7 +115,7 @@ class Station:
         """Look after the links, get vehicles ready, decide, send, record."""
         self._schedule_tick(now)
         if self._beacon.greets(now):
-            self.margins.watch(now)
+            self.margins.watch(now, self._reconfiguration.leader)
             self.controller.bandwidth = self.margins.bandwidth
             self._send_all(self._beacon.greetings(self.flight.mission_time_s(now), now), now)
         self._watch_links(now)

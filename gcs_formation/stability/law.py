@@ -12,7 +12,7 @@ from gcs_formation.arrays import Array
 from gcs_formation.stability.consensus import ground_consensus_loops
 from gcs_formation.stability.graphs import as_adjacency
 from gcs_formation.stability.loops import Loop, LoopMargins, delay_margin
-from gcs_formation.stability.report import follower_loops, scenario_margins
+from gcs_formation.stability.report import follower_loops, leader_loops, scenario_margins
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,13 +49,14 @@ def scenario_delay_margin(scenario: Scenario) -> float:
     return min(law_margins(scenario).small_signal.values())
 
 
-def law_loops(scenario: Scenario) -> Mapping[VehicleId, Mapping[str, tuple[Loop, ...]]]:
+def law_loops(scenario: Scenario, *, succession: bool = False) -> Mapping[VehicleId, Mapping[str, tuple[Loop, ...]]]:
     """Return the loops that each vehicle that is commanded by the law is part of, by the name of their margin.
 
-    The consensus law closes its loops around all vehicles at once, the leader among them.
+    The consensus law closes its loops around all vehicles at once, the leader among them; the others around the
+    leader too once another leads, with `succession`.
     """
     if scenario.law.type != "consensus":
-        return follower_loops(scenario)
+        return follower_loops(scenario) | (leader_loops(scenario) if succession else {})
     loops = tuple(dict.fromkeys([*_axis_loops(scenario, "tau_v_s"), *_axis_loops(scenario, "tau_psi_s")]))
     return {vehicle.vehicle_id: {"consensus": loops} for vehicle in scenario.vehicles}
 

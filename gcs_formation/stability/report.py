@@ -13,6 +13,7 @@ from formation_scenario import law as keys
 from formation_scenario.arrangement import slot_schedule
 from formation_scenario.model import Scenario
 from formation_scenario.vehicles import VehicleModel
+from gcs_formation.arrays import Array
 from gcs_formation.control.mixer import TOW_S
 from gcs_formation.stability.loops import (
     FIXED_GAINS,
@@ -69,10 +70,9 @@ def scenario_margins(scenario: Scenario) -> ScenarioMargins:
         small_signal, worst = zip(*axes, strict=True)
         return FollowerMargins(LoopMargins(*small_signal), LoopMargins(*worst))
 
-    places = np.stack([-step.slots_m[:, 0] for step in slot_schedule(scenario)], axis=1)
     followers = {
         vehicle.vehicle_id: _least([margins(vehicle.model, x_rc_m) for x_rc_m in row])
-        for vehicle, row in zip(scenario.followers, places.tolist(), strict=True)
+        for vehicle, row in zip(scenario.followers, _places_m(scenario).tolist(), strict=True)
     }
     return ScenarioMargins(followers, _least(list(followers.values())))
 
@@ -82,17 +82,29 @@ def follower_loops(scenario: Scenario) -> dict[VehicleId, dict[str, tuple[Loop, 
 
     At the small-signal gains.
     """
+    rows = zip(scenario.followers, _places_m(scenario).tolist(), strict=True)
+    return {vehicle.vehicle_id: _loops(scenario, vehicle.model, row) for vehicle, row in rows}
+
+
+def leader_loops(scenario: Scenario) -> dict[VehicleId, dict[str, tuple[Loop, ...]]]:
+    """Return the same around the scenario's leader while another leads, of every slot that anybody is to have."""
+    leader, places_m = scenario.leader, _places_m(scenario).ravel().tolist()
+    return {leader.vehicle_id: _loops(scenario, leader.model, places_m)} if leader and places_m else {}
+
+
+def _places_m(scenario: Scenario) -> Array:
+    """Return x_rc of the scenario's followers, (F, S), step after step of its schedule."""
+    return np.stack([-step.slots_m[:, 0] for step in slot_schedule(scenario)], axis=1)
+
+
+def _loops(scenario: Scenario, model: VehicleModel, places_m: Sequence[float]) -> dict[str, tuple[Loop, ...]]:
     gain_range = _gain_range(scenario.law)
     gains = [gain_range.gains(nominal, SMALL_SIGNAL) for nominal in _nominal(scenario.law)]
-    places = np.stack([-step.slots_m[:, 0] for step in slot_schedule(scenario)], axis=1)
-    found: dict[VehicleId, dict[str, tuple[Loop, ...]]] = {}
-    for vehicle, row in zip(scenario.followers, places.tolist(), strict=True):
-        plants = [_plants(scenario, vehicle.model, x_rc_m) for x_rc_m in sorted(set(row))]
-        found[vehicle.vehicle_id] = {
-            axis: tuple(dict.fromkeys(Loop(pid, of_slot[i]) for of_slot in plants))
-            for i, (axis, pid) in enumerate(zip("xyz", gains, strict=True))
-        }
-    return found
+    plants = [_plants(scenario, model, x_rc_m) for x_rc_m in sorted(set(places_m))]
+    return {
+        axis: tuple(dict.fromkeys(Loop(pid, of_slot[i]) for of_slot in plants))
+        for i, (axis, pid) in enumerate(zip("xyz", gains, strict=True))
+    }
 
 
 def _least(margins: Sequence[FollowerMargins]) -> FollowerMargins:

@@ -105,6 +105,7 @@ def test_a_leader_that_its_pilot_has_taken_comes_back_as_a_follower(fly: Fly, tm
     summary = fly(
         duration_s=140,
         path=STRAIGHT,
+        links={"default": {"delay_ms": 20, "jitter_ms": 2}},
         faults=[{"at_s": 10, "until_s": 14, "vehicles": [1], "kind": "pilot", "mode": "CRUISE"}],
     ).to_dict()
     assert [event["vehicle"] for event in events(tmp_path, "leader")] == ["2"]
@@ -114,6 +115,8 @@ def test_a_leader_that_its_pilot_has_taken_comes_back_as_a_follower(fly: Fly, tm
     assert not own["leads"][late].any()
     assert max(np.abs(own[f"error_{axis}_m"][late]).max() for axis in "xyz") < 0.5
     assert "1" in summary["followers"]
+    assert (own["margin_used"][late] > 0).all(), "the loops that are watched are those of whoever follows"
+    assert np.isnan(columns_of(tmp_path, 2)["margin_used"][late]).all()
 
 
 def test_orders_are_carried_out_or_refused_with_the_reason(fly: Fly, tmp_path: Path) -> None:
