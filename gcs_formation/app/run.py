@@ -129,19 +129,4 @@ def _truth(session: Session) -> GroundTruth | None:
         path.unlink(missing_ok=True)
     if len(rows.time_s) < 2:
         return None
-    return GroundTruth(
-        vehicles=vehicles,
-        time_s=rows.time_s,
-        north_m=rows.north_m,
-        east_m=rows.east_m,
-        height_m=rows.height_m,
-        north_mps=rows.north_mps,
-        east_mps=rows.east_mps,
-        climb_mps=rows.climb_mps,
-        airspeed_mps=rows.airspeed_mps,
-        heading_rad=rows.heading_rad,
-        disturbance_north_mps=rows.disturbance_north_mps,
-        disturbance_east_mps=rows.disturbance_east_mps,
-        disturbance_down_mps=rows.disturbance_down_mps,
-        airborne=rows.airborne,
-    )
+    return GroundTruth(vehicles=vehicles, **vars(rows))

@@ -7,16 +7,19 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 
 from gcs_formation.app.check import warnings
 from gcs_formation.arrays import Array
 from gcs_formation.compare.flights import Flown
 from gcs_formation.record.figures_of_merit import axis_figures, least, separation_m
+from gcs_formation.report.marks import Mark, marks
 from gcs_formation.report.run_data import RunData, load_run
 from gcs_formation.stability import law_margins
 
 SCHEMA = 1
-AXES = ("x", "y", "z")
+AROUND_S = 1.0
+"""Errors pass through zero: what is drawn is the largest this long before and after."""
 FIGURES = ("rms", "max", "steady_max")
 
 
@@ -49,7 +52,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Line:
-    """One law's largest error of any follower over time: (T,) mission times, (T, 3) m."""
+    """One law's largest error of any follower within `AROUND_S` of each tick: (T,) mission times, (T, 3) m."""
 
     law: str
     time_s: Array
@@ -66,6 +69,8 @@ class Comparison:
     window: Window
     rows: tuple[Row, ...]
     lines: tuple[Line, ...]
+    marks: tuple[Mark, ...]
+    """What happened in the first of the flights."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return what comparison.json holds."""
@@ -83,7 +88,8 @@ def compare_flights(flown: Sequence[Flown], name: str, seed: int, frame: str, wi
     runs = {each.law: load_run(each.directory) for each in flown if each.summary is not None}
     rows = tuple(_row(each, runs.get(each.law), window) for each in flown)
     lines = tuple(_line(law, run) for law, run in runs.items() if run.followers)
-    return Comparison(name, seed, frame, window, rows, lines)
+    happened = tuple(marks(next(iter(runs.values())))) if runs else ()
+    return Comparison(name, seed, frame, window, rows, lines, happened)
 
 
 def _row(flown: Flown, run: RunData | None, window: Window) -> Row:
@@ -129,5 +135,8 @@ def _worst(values: Sequence[float | None]) -> float | None:
 
 
 def _line(law: str, run: RunData) -> Line:
-    errors = np.abs(np.stack([run.flown.error(vehicle) for vehicle in run.followers]))
-    return Line(law, run.time_s, np.fmax.reduce(errors))
+    errors = np.fmax.reduce(np.abs(np.stack([run.flown.error(vehicle) for vehicle in run.followers])))
+    known = np.isfinite(errors)
+    ticks = 2 * round(AROUND_S * run.scenario.law.rate_hz) + 1
+    around = maximum_filter1d(np.where(known, errors, 0.0), ticks, axis=0, mode="nearest")
+    return Line(law, run.time_s, np.where(known, around, np.nan))

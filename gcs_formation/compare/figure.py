@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
 
 from gcs_formation.compare.comparison import Comparison, Line
 from gcs_formation.record.figures_of_merit import SETTLED_M
 from gcs_formation.report.downsample import extremes
 from gcs_formation.report.lines import BUCKETS
-from gcs_formation.report.style import GREY, THIN, axes_grid, column_of, legend_below, new_figure, note
-from gcs_formation.report.time_axes import span
+from gcs_formation.report.style import GREY, LINE, THIN, axes_grid, column_of, legend_below, new_figure, note
+from gcs_formation.report.time_axes import draw_marks, span
 
 LABELS = ("forward |error| $x$, m", "right |error| $y$, m", "height |error| $z$, m")
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8C6D31")
@@ -30,13 +31,17 @@ def comparison_figure(comparison: Comparison) -> Figure:
     window = comparison.window
     settling = (0.0, min(SETTLING_S, window.to_s))
     columns = [settling, (window.from_s, window.to_s)] if window.to_s > settling[1] else [settling]
-    grid = axes_grid(figure, 3, len(columns), sharex="col", width_ratios=(0.6, 1.0)[-len(columns) :])
+    ratios = (0.6, 1.0)[-len(columns) :]
+    grid = axes_grid(figure, 3, len(columns), sharex="col", sharey="row", width_ratios=ratios)
     for index, (begin, end) in enumerate(columns):
         for axis, axes in enumerate(column_of(grid, index)):
             _panel(axes, comparison.lines, axis, begin, end)
+        draw_marks(column_of(grid, index), comparison.marks)
         grid[-1][index].set_xlabel("mission time, s")
-    for row, label in zip(grid, LABELS, strict=True):
+    for axis, (row, label) in enumerate(zip(grid, LABELS, strict=True)):
         row[0].set_ylabel(label)
+        most = max(float(np.nanmax(line.error_m[:, axis], initial=SETTLED_M)) for line in comparison.lines)
+        row[0].set_ylim(LEAST_M, 2.0 * most)
     figure.align_ylabels(column_of(grid, 0))
     legend_below(figure)
     return figure
@@ -44,14 +49,20 @@ def comparison_figure(comparison: Comparison) -> Figure:
 
 def _panel(axes: Axes, lines: tuple[Line, ...], axis: int, begin: float, end: float) -> None:
     axes.set_yscale("log")
-    most = LEAST_M
+    highest_m = LEAST_M
+    axes.yaxis.set_major_formatter(FuncFormatter(_plain))
     for number, line in enumerate(lines):
         kept = (line.time_s >= begin) & (line.time_s <= end)
         time_s, error_m = line.time_s[kept], np.maximum(line.error_m[kept, axis], LEAST_M)
         shown = extremes(error_m, BUCKETS)
         colour, dash = COLOURS[number % len(COLOURS)], DASHES[number % len(DASHES)]
-        axes.plot(time_s[shown], error_m[shown], color=colour, ls=dash, lw=0.8, label=line.law)
-        most = max(most, float(np.nanmax(error_m, initial=LEAST_M)))
+        axes.plot(time_s[shown], error_m[shown], color=colour, ls=dash, lw=LINE, label=line.law)
+        highest_m = max(highest_m, float(error_m.max(initial=LEAST_M)))
+    if highest_m <= LEAST_M:
+        note(axes, "all below 1 mm")
     axes.axhline(SETTLED_M, color=GREY, lw=THIN, ls=(0, (4, 2)), label="settled: within 0.5 m")
-    axes.set_ylim(LEAST_M, 2.0 * max(most, SETTLED_M))
     span(axes, begin, end)
+
+
+def _plain(value: float, _: int | None) -> str:
+    return f"{value:g}"

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from gcs_formation.compare.comparison import AXES, FIGURES, Comparison, Row
+from gcs_formation.compare.comparison import Comparison, Row
 from gcs_formation.report.tables import number, table
 
-HEADS = {"rms": "rms", "max": "max", "steady_max": "steady"}
+HEADS = {"rms": "rms x / y / z, m", "max": "max x / y / z, m", "steady_max": "steady x / y / z, m"}
 
 
 class Cell(NamedTuple):
@@ -15,6 +15,8 @@ class Cell(NamedTuple):
 
     head: str
     text: str
+    width: int
+    """Characters of its column in a terminal."""
 
 
 def comparison_text(comparison: Comparison) -> str:
@@ -24,10 +26,10 @@ def comparison_text(comparison: Comparison) -> str:
     lines = [_about(comparison)]
     shown = [row for row in comparison.rows if not row.aborted]
     if shown:
-        heads = [cell.head for cell in _cells(shown[0])]
+        heads = [f"{cell.head:>{cell.width}}" for cell in _cells(shown[0])]
         lines.append("  ".join((f"{'law':<{width}}", *heads)))
     for row in shown:
-        cells = (f"{cell.text:>{len(cell.head)}}" for cell in _cells(row))
+        cells = (f"{cell.text:>{cell.width}}" for cell in _cells(row))
         lines.append("  ".join((f"{row.law:<{width}}", *cells)))
     return "\n".join([*lines, *(f"{law}: {text}" for law, text in _notes(comparison))])
 
@@ -35,7 +37,7 @@ def comparison_text(comparison: Comparison) -> str:
 def comparison_table(comparison: Comparison) -> str:
     """Return the table as HTML."""
     shown = [row for row in comparison.rows if not row.aborted]
-    heads = [cell.head.strip() for cell in _cells(shown[0])] if shown else []
+    heads = [cell.head for cell in _cells(shown[0])] if shown else []
     rows = [[row.law, *(cell.text for cell in _cells(row))] for row in shown]
     notes = _notes(comparison)
     return (table(["Law", *heads], rows) if rows else "") + (table(["Law", "note"], notes, (0, 1)) if notes else "")
@@ -44,7 +46,7 @@ def comparison_table(comparison: Comparison) -> str:
 def _about(comparison: Comparison) -> str:
     window = comparison.window
     return (
-        f"{comparison.name}, seed {comparison.seed}: errors of the worst follower in m, frame {comparison.frame}, "
+        f"{comparison.name}, seed {comparison.seed}: errors of the worst follower, frame {comparison.frame}, "
         f"{window.from_s:g} to {window.to_s:g} s; settled: all within 0.5 m for 10 s; steady: max after that"
     )
 
@@ -59,13 +61,12 @@ def _notes(comparison: Comparison) -> list[tuple[str, str]]:
 
 
 def _cells(row: Row) -> list[Cell]:
-    errors = dict(zip(AXES, (row.error_x_m, row.error_y_m, row.error_z_m), strict=True))
-    found = [Cell("settled, s", number(row.settled_at_s, 1))]
-    found += [Cell(f"{axis} {HEADS[figure]:>6}", number(errors[axis][figure])) for figure in FIGURES for axis in AXES]
+    errors = row.error_x_m, row.error_y_m, row.error_z_m
     used = None if row.margin_used is None else 100.0 * row.margin_used
     return [
-        *found,
-        Cell("separation, m", number(row.min_separation_m, 1)),
-        Cell("margin, s", number(row.delay_margin_s, 2)),
-        Cell("used, %", number(used, 0)),
+        Cell("settled, s", number(row.settled_at_s, 1), 10),
+        *(Cell(head, " / ".join(number(axis[figure]) for axis in errors), 21) for figure, head in HEADS.items()),
+        Cell("separation, m", number(row.min_separation_m, 1), 13),
+        Cell("margin, s", number(row.delay_margin_s, 2), 9),
+        Cell("used, %", number(used, 0), 7),
     ]

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from base64 import b64encode
 from collections.abc import Iterable
 from html import escape
-from importlib.resources import files
 from pathlib import Path
-from string import Template
 
 from formation_scenario import dump_scenario
 from gcs_formation.report import tables
+from gcs_formation.report.document import asset, document, figure
 from gcs_formation.report.embedded import as_script, embedded
 from gcs_formation.report.figures import Plate
 from gcs_formation.report.paper import after_gusts, beside_the_paper
@@ -23,11 +21,12 @@ SCRIPTS = ("surface.js", "errors.js", "plan.js", "report.js")
 def page(run: RunData, plates: Iterable[tuple[Plate, Path]]) -> str:
     """Return the page of a run; `plates` are its figures and their files."""
     summary = run.summary
-    return Template(_asset("report.html")).substitute(
-        title=escape(str(summary["name"])),
+    gallery = "".join(figure(plate.name, plate.title, plate.caption, path) for plate, path in plates)
+    return document(
+        str(summary["name"]),
+        asset("report.html"),
         subtitle=escape(_subtitle(run)),
-        style=_asset("report.css"),
-        script="\n".join(_asset(name) for name in SCRIPTS),
+        script="\n".join(asset(name) for name in SCRIPTS),
         data=as_script(embedded(run)),
         verdict=tables.verdict(summary),
         cards=tables.cards(run),
@@ -36,16 +35,12 @@ def page(run: RunData, plates: Iterable[tuple[Plate, Path]]) -> str:
         expectations=tables.expectations(summary),
         paper=beside_the_paper(run) + after_gusts(run),
         ground=GROUND if run.scenario.terrain is not None else "",
-        figures=f'<div class="gallery">{"".join(_figure(plate, path) for plate, path in plates)}</div>',
+        figures=f'<div class="gallery">{gallery}</div>',
         links=tables.links(summary),
         control=tables.control(summary),
         events=tables.events(run),
         scenario=escape(dump_scenario(run.scenario)),
     )
-
-
-def _asset(name: str) -> str:
-    return (files("gcs_formation.report") / "assets" / name).read_text(encoding="utf-8")
 
 
 def _subtitle(run: RunData) -> str:
@@ -69,13 +64,4 @@ def _error_source(run: RunData) -> str:
     return (
         f"Metres, absolute values, from {source}; x forward and y right of the {frame} heading, z up. "
         "Settled: the first time from which every axis stays within 0.5 m for 10 s; steady max: the maximum after it."
-    )
-
-
-def _figure(plate: Plate, path: Path) -> str:
-    image = b64encode(path.read_bytes()).decode("ascii")
-    title, caption = escape(plate.title), escape(plate.caption)
-    return (
-        f'<figure id="figure-{plate.name}"><img alt="{title}" src="data:image/png;base64,{image}">'
-        f"<figcaption><b>{title}.</b> {caption}</figcaption></figure>\n"
     )

@@ -10,7 +10,10 @@ import yaml
 from click.testing import CliRunner
 
 from gcs_formation.cli import main
+from gcs_formation.compare.comparison import Window, compare_flights
+from gcs_formation.compare.flights import Flown
 from gcs_formation.compare.laws import LAWS
+from gcs_formation.record.summary import Summary
 from gcs_formation.report.run_data import load_run
 
 SHORT = {
@@ -50,9 +53,19 @@ def test_each_laws_figures_are_those_of_its_record(scenario, tmp_path):
                 np.sqrt(np.mean(error_m[:, axis] ** 2)), abs=1e-12
             )
         assert figures["settled_at_s"] == run.summary["followers"]["2"]["settled_at_s"]
+        assert_no_error_is_above_its_line(out, law)
     page = (out / "comparison.html").read_text()
     assert "data:image/png;base64,iVBOR" in page
     assert "http" not in page.replace("http-equiv", "")
+
+
+def assert_no_error_is_above_its_line(out, law):
+    flown = Flown(law, out / law, Summary({}, (), ()))
+    (line,) = compare_flights([flown], "short", 7, "leader_heading", Window(2.0, 10.0)).lines
+    run = load_run(out / law)
+    error_m = np.abs(run.flown.error(run.followers[0]))
+    assert (line.error_m >= error_m).all()
+    assert line.error_m.max(axis=0) == pytest.approx(error_m.max(axis=0))
 
 
 def test_a_law_that_does_not_stand_the_delay_says_so(scenario, tmp_path):
