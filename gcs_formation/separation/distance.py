@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gcs_formation.arrays import Array
+from gcs_formation.arrays import Array, Mask
 
 
 class Approach(NamedTuple):
@@ -25,6 +25,10 @@ class Kept(NamedTuple):
     distance_m: Array
     off_s: Array
     """How much earlier or later than reckoned the one may be where it's reckoned to be, as seen from the other."""
+
+    def times(self, share: float) -> Kept:
+        """Return a share of both."""
+        return Kept(share * self.distance_m, share * self.off_s)
 
 
 def approach(one: Array, other: Array, kept: Kept, times_s: Array) -> Approach:
@@ -53,3 +57,24 @@ def approach(one: Array, other: Array, kept: Kept, times_s: Array) -> Approach:
         (times_s[:-1, None] + share * steps_s)[when, pairs],
         (np.maximum(needed_m - distance, 0.0) * steps_s).sum(axis=0),
     )
+
+
+def may_come_near(ours: Array, theirs: Array, kept: Kept, times_s: Array) -> Mask:
+    """Return whom (O,) any of one vehicle's ways may bring nearer than it's to keep, seen from above.
+
+    From the boxes around ways between one sample and the next: nobody is left out that comes too near.
+
+    Args:
+        ours: (2, S, M) north and east of the one vehicle's ways.
+        theirs: (2, S, O), the way of each of the others.
+        kept: what each of them and the one are to keep, (O,).
+        times_s: (S,) of the samples.
+    """
+    steps_s = np.diff(times_s)
+    fast_mps = np.linalg.norm(np.diff(ours, axis=1), axis=0).max(axis=1) / steps_s
+    fast_mps = fast_mps[:, None] + np.linalg.norm(np.diff(theirs, axis=1), axis=0) / steps_s[:, None]
+    low, high = np.minimum(ours[:, 1:], ours[:, :-1]).min(axis=2), np.maximum(ours[:, 1:], ours[:, :-1]).max(axis=2)
+    above = np.minimum(theirs[:, 1:], theirs[:, :-1]) - high[:, :, None]
+    below = low[:, :, None] - np.maximum(theirs[:, 1:], theirs[:, :-1])
+    apart_m = np.linalg.norm(np.maximum(np.maximum(above, below), 0.0), axis=0)
+    return (apart_m < kept.distance_m + kept.off_s * fast_mps).any(axis=0)

@@ -12,7 +12,7 @@ import numpy as np
 
 from gcs_formation.arrays import Array, Mask
 from gcs_formation.estimation.flight_state import Indices, Setpoints
-from gcs_formation.separation.distance import Approach, Kept, approach
+from gcs_formation.separation.distance import Approach, Kept, approach, may_come_near
 from gcs_formation.separation.manoeuvre import Manoeuvre, fly, fly_level
 from gcs_formation.separation.reach import possible_pairs
 from gcs_formation.separation.scene import Scene, free_heights, take_height
@@ -122,7 +122,7 @@ class _Search:
 
     def _choose(self, vehicle: int) -> list[int]:
         """Choose a vehicle's way; return whom it still comes too near to."""
-        scene, others = self._scene, self._others(vehicle)
+        scene, others = self._scene, self._neighbours(vehicle)
         plain = self._plain(vehicle)
         near = self._approach(vehicle, plain, others, RELEASE)
         conflicting = near.deficit_ms.max(axis=0, initial=0.0) > NEGLIGIBLE_MS
@@ -171,9 +171,20 @@ class _Search:
         upwards = chosen.height_m[0] >= self._scene.told.height_m[vehicle]
         self._side[vehicle] = 0.0 if not yielding else (1.0 if upwards else -1.0)
 
-    def _others(self, vehicle: int) -> Indices:
-        everyone = np.arange(self._scene.commanded.size, dtype=np.intp)
-        return everyone[everyone != vehicle]
+    def _neighbours(self, vehicle: int) -> Indices:
+        """Return the others that any way of a vehicle could bring it too near to, whatever heights they fly at.
+
+        A way keeps to one of four courses; the others' ways are known. What holds for the boxes around all of them,
+        step by step in a frame that moves on with the reference, holds for the ways.
+        """
+        scene = self._scene
+        courses = take_height(scene, vehicle, scene.told.height_m[[vehicle]])
+        which = np.full(courses.height_m.size, vehicle, dtype=np.intp)
+        moved = scene.velocity_mps[:, scene.reference, None, None] * scene.times_s[:, None]
+        ours = fly_level(scene.traffic.take(which), courses, scene.times_s) - moved
+        others = np.delete(np.arange(scene.commanded.size, dtype=np.intp), vehicle)
+        theirs = self._ways[:2, :, others] - moved
+        return others[may_come_near(ours, theirs, self._kept(vehicle, others).times(RELEASE), scene.times_s)]
 
     def _kept(self, vehicle: int, others: Indices) -> Kept:
         return self._scene.kept(np.full(others.size, vehicle, dtype=np.intp), others)
@@ -183,7 +194,7 @@ class _Search:
         scene, count = self._scene, options.height_m.size
         which = np.full(count, vehicle, dtype=np.intp)
         ways = np.repeat(fly(scene.traffic.take(which), options, scene.times_s), others.size, axis=2)
-        kept = Kept(*(np.tile(share * values, count) for values in self._kept(vehicle, others)))
+        kept = Kept(*(np.tile(values, count) for values in self._kept(vehicle, others).times(share)))
         near = approach(ways, np.tile(self._ways[:, :, others], count), kept, scene.times_s)
         return Approach(*(values.reshape(count, others.size) for values in near))
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gcs_formation.estimation.flight_state import FlightState, Setpoints
-from gcs_formation.separation.distance import approach
+from gcs_formation.separation.distance import approach, may_come_near
 from gcs_formation.separation.manoeuvre import fly, fly_level
 from gcs_formation.separation.reach import possible_pairs
 from gcs_formation.separation.scene import Scene
@@ -53,6 +53,19 @@ def test_no_pair_is_left_out_that_comes_too_near(seed: int, count: int, spread_m
     possible = set(zip(*(side.tolist() for side in possible_pairs(made)), strict=True))
     assert bad <= possible <= set(pairs)
     assert np.allclose(fly_level(made.traffic, made.as_told(), made.times_s), ways[:2], rtol=0, atol=1e-9)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.floats(10, 300), st.floats(0, 1))
+def test_no_neighbour_is_left_out_that_any_way_comes_too_near(seed: int, spread_m: float, unlike: float) -> None:
+    made = random_scene(seed, 12, spread_m, unlike)
+    ways = fly_level(made.traffic, made.as_told(), made.times_s)
+    others = np.arange(3, 12)
+    kept = made.kept(np.full(others.size, 0), others)
+    near = may_come_near(ways[:, :, :3], ways[:, :, others], kept, made.times_s)
+    for own in range(3):
+        come = approach(np.repeat(ways[:, :, [own]], others.size, axis=2), ways[:, :, others], kept, made.times_s)
+        assert near[come.deficit_ms > 1e-9].all()
 
 
 def test_a_formation_in_its_slots_needs_no_ways() -> None:

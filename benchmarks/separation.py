@@ -1,0 +1,65 @@
+"""What the separation rule costs of a tick: at slots far apart, near to each other, and with a stranger head-on."""
+
+from __future__ import annotations
+
+from statistics import median
+from time import process_time
+
+import numpy as np
+
+from benchmarks.tables import markdown
+from gcs_formation.separation.rule import Memory, resolve
+from tests.gcs_formation.separation.encounters import Vehicles, scene, wanted
+
+COUNTS = (4, 100, 254)
+SPACINGS_M = (30.0, 12.5)
+STRANGER_AHEAD_M = 260.0
+TIMES = 30
+
+
+def formation(count: int, spacing_m: float, *, stranger: bool) -> Vehicles:
+    """Return vehicles in rows, nearly alike in speed and heading; a stranger comes towards the first column of them."""
+    random, side = np.random.default_rng(1), int(np.ceil(np.sqrt(count)))
+    rows = [
+        [
+            -spacing_m * (i // side),
+            spacing_m * (i % side),
+            100.0,
+            22 + random.uniform(-0.3, 0.3),
+            random.uniform(-0.01, 0.01),
+            0.0,
+        ]
+        for i in range(count)
+    ]
+    if stranger:
+        rows[-1] = [STRANGER_AHEAD_M, spacing_m, 100.0, 22.0, np.pi, 0.0]
+    return Vehicles(rows, commanded=[True] * (count - 1) + [not stranger])
+
+
+def cost_ms(vehicles: Vehicles) -> tuple[float, int]:
+    """Return the median processor time of a tick, and how many give way."""
+    took_s: list[float] = []
+    giving_way = 0
+    for _ in range(TIMES):
+        told = wanted(vehicles, 0.0)
+        made = scene(vehicles, vehicles.state, told)
+        begun = process_time()
+        resolution = resolve(made, Memory(np.zeros(len(vehicles.rows))))
+        took_s.append(process_time() - begun)
+        giving_way = int(resolution.memory.yielding.sum())
+    return 1e3 * median(took_s), giving_way
+
+
+def main() -> None:
+    """Print the table."""
+    rows: list[list[str]] = []
+    for count in COUNTS:
+        level = [cost_ms(formation(count, spacing_m, stranger=False))[0] for spacing_m in SPACINGS_M]
+        head_on_ms, giving_way = cost_ms(formation(count, SPACINGS_M[0], stranger=True))
+        rows.append([str(count), *(f"{ms:.2f} ms" for ms in level), f"{head_on_ms:.1f} ms, {giving_way} give way"])
+    heads = ["vehicles", *(f"in slots {spacing_m:g} m apart" for spacing_m in SPACINGS_M), "one head-on"]
+    print(markdown(heads, rows))
+
+
+if __name__ == "__main__":
+    main()
