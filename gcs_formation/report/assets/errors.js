@@ -8,6 +8,7 @@ class ErrorPlot {
     this.all = this.wholeRange();
     this.range = [data.flown_s[0], Math.max(data.flown_s[1], data.flown_s[0] + 1)];
     this.first = [...this.range];
+    if (data.steady_s !== null) this.range[0] = data.steady_s;
     this.hover = null;
     this.drag = null;
     this.listen();

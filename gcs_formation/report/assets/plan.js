@@ -98,8 +98,8 @@ class PlanView {
   drawGrid(pen, colours, width, height) {
     pen.lineWidth = 1;
     pen.strokeStyle = colours.grid;
-    const east = ticks(this.centre.east - width / 2 / this.scale, this.centre.east + width / 2 / this.scale, width / 110);
-    const north = ticks(this.centre.north - height / 2 / this.scale, this.centre.north + height / 2 / this.scale, height / 90);
+    const east = distances(this.centre.east - width / 2 / this.scale, this.centre.east + width / 2 / this.scale, width / 110);
+    const north = distances(this.centre.north - height / 2 / this.scale, this.centre.north + height / 2 / this.scale, height / 90);
     for (const tick of east) line(pen, this.x(tick.value), 0, this.x(tick.value), height);
     for (const tick of north) line(pen, 0, this.y(tick.value), width, this.y(tick.value));
     pen.fillStyle = colours.soft;

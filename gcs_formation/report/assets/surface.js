@@ -35,6 +35,12 @@ function ticks(low, high, wanted) {
   return found;
 }
 
+// Ticks of a distance in m, with its unit.
+function distances(low, high, wanted) {
+  const [unit, name] = high - low < 4000 ? [1, "m"] : [1000, "km"];
+  return ticks(low / unit, high / unit, wanted).map(({ value, text }) => ({ value: value * unit, text: `${text} ${name}` }));
+}
+
 function signed(value, digits) {
   const text = value.toFixed(digits);
   return Number(text) === 0 ? text.replace("-", "") : text.replace("-", "\u2212");

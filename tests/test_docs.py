@@ -1,0 +1,50 @@
+"""Documents name files, names in them and pictures that are there."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+DOCUMENTS = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")])
+CODE = r"`([\w./-]+\.(?:py|ya?ml|md|schema\.json))`"
+PACKAGES = ("airlink", "formation_scenario", "sim_vehicles", "gcs_formation", "tests", "benchmarks", "configs", "docs")
+FOLDER = rf"`((?:{'|'.join(PACKAGES)})/[\w/]*)`"
+FILES = {path.name for package in PACKAGES for path in (ROOT / package).rglob("*.*")}
+"""Names that may stand alone, where a document has said before which folder is meant."""
+OUTPUTS = {"run.yaml"}
+"""Of a run, not of the tree."""
+TO_COME = "## Where the next things go"
+
+
+def written(document: Path) -> str:
+    return document.read_text(encoding="utf-8").partition(TO_COME)[0]
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_files_that_a_document_names_are_there(document):
+    text = written(document)
+    named = {*re.findall(CODE, text), *re.findall(FOLDER, text)} - OUTPUTS - FILES
+    linked = {target for target in re.findall(r"\]\(([^)#]+)", text) if "://" not in target}
+    assert sorted(name for name in named if not (ROOT / name).exists()) == []
+    assert sorted(target for target in linked if not (document.parent / target).exists()) == []
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_scenarios_and_modules_in_commands_are_there(document):
+    text = written(document)
+    scenarios = re.findall(r"\bconfigs/[\w-]+\.yaml", text)
+    modules = [name.replace(".", "/") for name in re.findall(r"python -m (benchmarks\.\w+|tests\.\w+)", text)]
+    missing = [name for name in scenarios if not (ROOT / name).exists()]
+    missing += [name for name in modules if not ((ROOT / f"{name}.py").exists() or (ROOT / name).is_dir())]
+    assert missing == []
+
+
+def test_every_equation_is_where_the_table_says():
+    text = (ROOT / "docs" / "paper.md").read_text(encoding="utf-8")
+    placed = re.findall(r"`([\w/]+\.py)`: ((?:`\w+`(?:, )?)+)", text)
+    assert len(placed) >= 10
+    for path, names in placed:
+        code = (ROOT / path).read_text(encoding="utf-8")
+        for name in re.findall(r"`(\w+)`", names):
+            assert re.search(rf"^ *(?:def|class) {name}\b|^{name}\b.*=", code, re.MULTILINE), f"{name} isn't in {path}"
