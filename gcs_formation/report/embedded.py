@@ -10,6 +10,7 @@ import numpy as np
 from airlink.identity import VehicleId
 from formation_scenario import ground_of
 from gcs_formation.arrays import Array
+from gcs_formation.record.timeseries import GROUND
 from gcs_formation.report.downsample import Indices, evenly, extremes
 from gcs_formation.report.error_figure import transient_end_s
 from gcs_formation.report.geometry import heading_rad, path_m
@@ -104,7 +105,7 @@ def _series(time_s: Array, values: Array, kept: Indices) -> dict[str, Any]:
 
 
 def _tracks(run: RunData, group: Group) -> dict[str, Any]:
-    points = min(MOST_TRACK_POINTS, TRACK_NUMBERS // (4 * len(group.vehicles)))
+    points = min(MOST_TRACK_POINTS, TRACK_NUMBERS // (5 * len(group.vehicles)))
     kept = evenly(run.clock_s.size, points)
     return {
         "t": _rounded(run.whole_time_s[kept], TIME_DIGITS),
@@ -121,6 +122,7 @@ def _track(run: RunData, vehicle: VehicleId, kept: Indices) -> dict[str, Any]:
         "north": _rounded(north, PLACE_DIGITS),
         "east": _rounded(east, PLACE_DIGITS),
         "height": _rounded(height, PLACE_DIGITS),
+        "below": _rounded(run.whole.vehicles[vehicle][GROUND[0]][kept], PLACE_DIGITS),
         "heading": _rounded(heading, ANGLE_DIGITS),
     }
 

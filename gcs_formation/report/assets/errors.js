@@ -81,7 +81,7 @@ class ErrorPlot {
     pen.textAlign = "right";
     pen.textBaseline = "middle";
     pen.lineWidth = 1;
-    for (const tick of ticks(low, high, panel.tall / 32)) {
+    for (const tick of ticks(low, high, panel.tall / 22)) {
       pen.strokeStyle = Math.abs(tick.value) < 1e-12 ? colours.soft : colours.grid;
       line(pen, box.left, y(tick.value), box.left + box.wide, y(tick.value));
       pen.fillStyle = colours.soft;

@@ -15,19 +15,8 @@ class PlanView {
 
   fit() {
     const { width, height } = this.size();
-    const extent = (name) => {
-      let [low, high] = [Infinity, -Infinity];
-      for (const track of this.data.tracks.vehicles) {
-        for (const value of track[name]) {
-          if (value === null) continue;
-          low = Math.min(low, value);
-          high = Math.max(high, value);
-        }
-      }
-      return low > high ? [-1, 1] : [low, high];
-    };
-    const [south, north] = extent("north");
-    const [west, east] = extent("east");
+    const all = (name) => extent(this.data.tracks.vehicles.flatMap((track) => known(track[name])));
+    const [[south, north], [west, east]] = [all("north"), all("east")];
     this.centre = { north: (south + north) / 2, east: (west + east) / 2 };
     this.scale = Math.min((width - 70) / Math.max(east - west, 20), (height - 70) / Math.max(north - south, 20));
   }
@@ -36,14 +25,8 @@ class PlanView {
     return { width: this.canvas.clientWidth, height: this.canvas.clientHeight };
   }
 
-  // Where everyone is at a time, null where that isn't known.
   places(t) {
-    const times = this.data.tracks.t;
-    return this.data.tracks.vehicles.map((track) => {
-      const at = (name) => between(times, track[name], t);
-      const found = { north: at("north"), east: at("east"), height: at("height"), heading: at("heading") };
-      return found.north === null || found.east === null ? null : found;
-    });
+    return placesAt(this.data.tracks, t);
   }
 
   follow(on) {
@@ -214,21 +197,8 @@ class PlanView {
       };
       this.draw();
     }
-    showTooltip(event, this.drag ? "" : this.readout(x, y));
-  }
-
-  readout(x, y) {
-    let nearest = null;
-    this.places(this.state.time).forEach((found, i) => {
-      if (!found || this.state.hidden.has(i)) return;
-      const distance = Math.hypot(this.x(found.east) - x, this.y(found.north) - y);
-      if (distance < 18 && (!nearest || distance < nearest.distance)) nearest = { distance, found, i };
-    });
-    if (!nearest) return "";
-    const { found, i } = nearest;
-    const { name, role } = this.data.vehicles[i];
-    const height = found.height === null ? "\u2013" : signed(found.height, 1);
-    return `${role} ${name}\nnorth ${signed(found.north, 1)} m\neast ${signed(found.east, 1)} m\nheight ${height} m`;
+    const at = (found) => ({ x: this.x(found.east), y: this.y(found.north) });
+    showTooltip(event, this.drag ? "" : nearest(this.data, this.state, at, x, y));
   }
 
   wheel(event) {
@@ -257,9 +227,8 @@ function relief({ columns, height }) {
   canvas.height = rows;
   const pen = canvas.getContext("2d");
   const image = pen.createImageData(columns, rows);
-  const known = height.filter((value) => value !== null);
-  const low = Math.min(...known);
-  const reach = Math.max(Math.max(...known) - low, 1);
+  const [low, high] = extent(known(height));
+  const reach = Math.max(high - low, 1);
   height.forEach((value, i) => {
     const at = 4 * ((rows - 1 - Math.floor(i / columns)) * columns + (i % columns));
     image.data.set([150, 112, 60, value === null ? 0 : Math.round((170 * (value - low)) / reach)], at);

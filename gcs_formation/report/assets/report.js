@@ -1,4 +1,4 @@
-// Joins legend, slider and the two plots.
+// Joins legend, slider and the plots.
 
 function start() {
   const data = JSON.parse(document.getElementById("data").textContent);
@@ -19,7 +19,8 @@ function start() {
   };
   const errors = new ErrorPlot(document.getElementById("errors"), data, state);
   const plan = new PlanView(document.getElementById("plan"), data, state);
-  const draw = () => { errors.draw(); plan.draw(); };
+  const space = new SpaceView(document.getElementById("space"), data, state);
+  const draw = () => [errors, plan, space].forEach((view) => view.draw());
   slider.min = data.tracks.t[0];
   slider.max = data.tracks.t[data.tracks.t.length - 1];
   slider.step = 0.1;
@@ -30,7 +31,7 @@ function start() {
   legend(data, state, draw);
   state.setTime(data.flown_s[0]);
   window.addEventListener("resize", draw);
-  window.addEventListener("beforeprint", () => { errors.paint(); plan.paint(); });
+  window.addEventListener("beforeprint", () => [errors, plan, space].forEach((view) => view.paint()));
   window.addEventListener("afterprint", draw);
   window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { legend(data, state, draw); draw(); });
 }

@@ -66,6 +66,42 @@ function between(times, values, t) {
   return values[i] + share * (values[j] - values[i]);
 }
 
+function known(values) {
+  return values.filter((value) => value !== null);
+}
+
+// Least and greatest of values; -1 and 1 of none.
+function extent(values) {
+  let [low, high] = [Infinity, -Infinity];
+  for (const value of values) [low, high] = [Math.min(low, value), Math.max(high, value)];
+  return low > high ? [-1, 1] : [low, high];
+}
+
+// Where everyone is at a time, null where that isn't known.
+function placesAt(tracks, t) {
+  return tracks.vehicles.map((track) => {
+    const found = {};
+    for (const name of Object.keys(track)) found[name] = between(tracks.t, track[name], t);
+    return found.north === null || found.east === null ? null : found;
+  });
+}
+
+// What is said of the vehicle nearest to a point of a canvas, nothing far from all; `at` tells where a place is on it.
+function nearest(data, state, at, x, y) {
+  let best = { distance: 18 };
+  placesAt(data.tracks, state.time).forEach((found, i) => {
+    if (!found || state.hidden.has(i)) return;
+    const on = at(found);
+    const distance = Math.hypot(on.x - x, on.y - y);
+    if (distance < best.distance) best = { distance, found, i };
+  });
+  if (!best.found) return "";
+  const { name, role } = data.vehicles[best.i];
+  const metres = (value) => (value === null ? "\u2013" : `${signed(value, 1)} m`);
+  const { north, east, height } = best.found;
+  return `${role} ${name}\nnorth ${metres(north)}\neast ${metres(east)}\nheight ${metres(height)}`;
+}
+
 function place(event, canvas) {
   const box = canvas.getBoundingClientRect();
   return { x: event.clientX - box.left, y: event.clientY - box.top };

@@ -54,6 +54,36 @@ def test_the_report_opens_without_network_and_says_nothing_to_the_console(make_r
     assert shown.count('aria-pressed="true"') == 4, "a toggle for each vehicle"
 
 
+AT_ONCE = "<head><script>window.requestAnimationFrame = (draw) => draw(0);</script>"
+"""Headless, frames come late or never."""
+HANDS = """<script>
+for (const name of ["errors", "plan", "space"]) {
+  const canvas = document.getElementById(name);
+  const box = canvas.getBoundingClientRect();
+  const at = (x, y, more) => ({ clientX: box.left + x, clientY: box.top + y, cancelable: true, ...more });
+  const pointer = (kind, x, y) => canvas.dispatchEvent(new PointerEvent(kind, at(x, y, { pointerId: 1 })));
+  canvas.setPointerCapture = () => {};
+  const pictures = new Set([canvas.toDataURL()]);
+  const moves = [["pointerdown", 150, 90], ["pointermove", 230, 130], ["pointerup", 230, 130]];
+  moves.forEach((move) => pointer(...move));
+  pictures.add(canvas.toDataURL());
+  canvas.dispatchEvent(new WheelEvent("wheel", at(150, 90, { deltaY: -300 })));
+  pictures.add(canvas.toDataURL());
+  document.querySelectorAll("#legend button")[2].click();
+  canvas.dataset.pictures = pictures.add(canvas.toDataURL()).size;
+}
+</script></body>"""
+
+
+def test_each_plot_answers_to_dragging_the_wheel_and_the_toggles(make_run, tmp_path):
+    page = write_report(make_run(load_scenario(HILLS)))
+    text = page.read_text(encoding="utf-8").replace("<head>", AT_ONCE, 1).replace("</body>", HANDS)
+    page.write_text(text, encoding="utf-8")
+    shown, said = opened(page, tmp_path)
+    assert said == []
+    assert re.findall(r'<canvas id="(\w+)"[^>]*data-pictures="4"', shown) == ["errors", "plan", "space"]
+
+
 @pytest.mark.parametrize(
     ("body", "expected"),
     [
