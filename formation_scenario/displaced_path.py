@@ -3,31 +3,62 @@
 from __future__ import annotations
 
 from math import atan2, cos, hypot, sin
+from typing import NamedTuple
 
+from formation_scenario.lift import STEP_M, Lift, blend
 from formation_scenario.path import PathPoint, SplinePath
 
 
+class Rise(NamedTuple):
+    """How a vehicle flies above a path: by the metre of the path's own length."""
+
+    height_m: float = 0.0
+    slope: float = 0.0
+    curvature_1pm: float = 0.0
+
+
 class DisplacedPath:
-    """A path, `right_m` and `up_m` aside of itself at `from_m`, and of least jerk from there over `over_m`.
+    """A path, displaced at `from_m`, and of least jerk from there over `over_m`; lifted besides, where ground is near.
 
     Distances are those along the path itself. With the tangent (1 - k o) t + o' n of a curve of curvature k displaced
     by o along its normal n; how fast its own curvature changes is taken from o alone.
     """
 
-    def __init__(self, path: SplinePath, from_m: float, over_m: float, right_m: float, up_m: float) -> None:
-        """Displace `path`."""
+    def __init__(
+        self, path: SplinePath, from_m: float, over_m: float, right_m: float, above: Rise, lift: Lift | None = None
+    ) -> None:
+        """Displace `path` by `right_m` and by `above`, which goes on as it begins."""
         self.path = path
         self.length_m = path.length_m
         self._from_m, self._over_m = from_m, over_m
-        self._right_m, self._up_m = right_m, up_m
+        self._right_m, self._above, self._lift = right_m, above, lift
+        self._control_m: list[float] = [] if lift is None else lift.control_m.tolist()
+
+    def lifted(self, lift: Lift) -> DisplacedPath:
+        """Return this with a lift on it."""
+        return DisplacedPath(self.path, self._from_m, self._over_m, self._right_m, self._above, lift)
 
     def at(self, distance_m: float) -> PathPoint:
         """Return the point beside the path's own at a distance."""
+        point = self._beside(distance_m)
+        if self._lift is None:
+            return point
+        steps = (distance_m - self._lift.start_m) / STEP_M
+        index = int(min(max(steps, 0.0), len(self._control_m) - 4))
+        lift_m, slope, curvature = blend(self._control_m[index : index + 4], min(max(steps - index, 0.0), 1.0))
+        return point._replace(
+            height_m=point.height_m + lift_m,
+            slope=point.slope + slope,
+            slope_rate_1pm=point.slope_rate_1pm + curvature,
+        )
+
+    def _beside(self, distance_m: float) -> PathPoint:
         point = self.path.at(distance_m)
         if distance_m >= self._from_m + self._over_m:
             return point
         kept, rate, change, jerk = self._kept(distance_m)
         o, o1, o2, o3 = (self._right_m * each for each in (kept, rate, change, jerk))
+        up = self._up(distance_m)
         k, k1 = point.curvature_1pm, point.curvature_rate_1pm2
         along, along_rate = 1.0 - k * o, -k1 * o - k * o1
         stretch = hypot(along, o1)
@@ -35,12 +66,12 @@ class DisplacedPath:
         return PathPoint(
             point.north_m - o * sin(point.course_rad),
             point.east_m + o * cos(point.course_rad),
-            point.height_m + self._up_m * kept,
+            point.height_m + up.height_m,
             point.course_rad + atan2(o1, along),
             bent / stretch,
             k1 + o3,
-            (point.slope + self._up_m * rate) / stretch,
-            point.slope_rate_1pm + self._up_m * change,
+            (point.slope + up.slope) / stretch,
+            point.slope_rate_1pm + up.curvature_1pm,
         )
 
     def _kept(self, distance_m: float) -> tuple[float, float, float, float]:
@@ -51,3 +82,15 @@ class DisplacedPath:
         rate, change = 30 * u**2 * (1 - u) ** 2, 60 * u * (1 - u) * (1 - 2 * u)
         jerk = 60 * (1 - 6 * u + 6 * u**2) if u > 0.0 else 0.0
         return 1.0 - made, -rate / length, -change / length**2, -jerk / length**3
+
+    def _up(self, distance_m: float) -> Rise:
+        """Return what is left of the height: the quintic that goes on as it begins, and ends level at 0."""
+        length = self._over_m
+        u = max(distance_m - self._from_m, 0.0) / length
+        p, q, r = self._above.height_m, self._above.slope * length, self._above.curvature_1pm * length**2 / 2.0
+        third, fourth, fifth = -10 * p - 6 * q - 3 * r, 15 * p + 8 * q + 3 * r, -6 * p - 3 * q - r
+        return Rise(
+            p + u * (q + u * (r + u * (third + u * (fourth + u * fifth)))),
+            (q + u * (2 * r + u * (3 * third + u * (4 * fourth + u * 5 * fifth)))) / length,
+            (2 * r + u * (6 * third + u * (12 * fourth + u * 20 * fifth))) / length**2,
+        )

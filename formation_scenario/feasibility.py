@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from formation_scenario.arrangement import SlotStep, columns, slot_schedule
+from formation_scenario.displaced_path import Rise
 from formation_scenario.errors import Problem
 from formation_scenario.lifted_path import leader_path
 from formation_scenario.model import Scenario
@@ -131,9 +132,9 @@ def _transitions(scenario: Scenario, source: Source, path: SplinePath, steps: tu
         flown: Route = path
         if step.arrangement.leader != leader:
             leader = step.arrangement.leader
-            forward_m, *aside_m = slots.position_m[leader].tolist()
+            forward_m, right_m, up_m = slots.position_m[leader].tolist()
             at_m, slots = at_m + forward_m, slots.seen_from(leader)
-            flown = take_over(scenario, path, at_m, aside_m, slots.reach_m)
+            flown = take_over(scenario, path, at_m, right_m, Rise(up_m), slots.reach_m)
         try:
             way = plan_change(scenario, slots, step.arrangement, step.at_s, ahead(flown, speed, at_m))
         except NotFlyableError as error:

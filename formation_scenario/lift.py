@@ -76,7 +76,7 @@ def sample_places(start_m: float, steps: int) -> Array:
 
 
 def least_lift(start_m: float, needed_m: Array, slope: Array, bounds: Bounds, begun_m: Array) -> Lift:
-    """Return the lift of the least area that is nowhere negative.
+    """Return the lift of the least area, which is nowhere negative; one that begins below 0 comes up to it.
 
     Args:
         start_m: where it starts.
@@ -84,40 +84,70 @@ def least_lift(start_m: float, needed_m: Array, slope: Array, bounds: Bounds, be
         slope: the way's own slope there. With the lift it stays within the bounds; where it's beyond them by itself,
             the lift makes it no steeper.
         bounds: of the slope of way and lift together, and of the lift's curvature.
-        begun_m: the first control points, where a lift is continued.
+        begun_m: the first control points, where a lift is continued: within the bounds as soon as can be.
     """
     count = (needed_m.size - 1) // SAMPLES + 3
     needed = np.flatnonzero(needed_m > TRIFLE_M)
     if not needed.size and not begun_m.any():
         return Lift(start_m, np.zeros(count))
-    rows, limits = _programme(needed, needed_m, slope[SAMPLES // 2 :: SAMPLES], bounds)
+    rows, limits = _programme(needed, needed_m, slope[SAMPLES // 2 :: SAMPLES], bounds, begun_m)
+    below = count if begun_m.min(initial=0.0) < 0.0 else 0
+    if below:  # how far the lift is below 0 counts as how far it's above
+        rows, limits = _with_depth(rows, count), np.concatenate((limits, np.zeros(count)))
     free = count - begun_m.size
-    least = np.concatenate((begun_m, np.zeros(free + needed.size)))
-    most = np.concatenate((begun_m, np.full(free + needed.size, np.inf)))
-    cost = np.concatenate((np.ones(count), np.full(needed.size, SHORT_COST * count)))
+    least = np.concatenate((begun_m, np.full(free, -np.inf if below else 0.0), np.zeros(needed.size + below)))
+    most = np.concatenate((begun_m, np.full(free + needed.size + below, np.inf)))
+    cost = np.concatenate((np.ones(count), np.full(needed.size, SHORT_COST * count), np.full(below, 2.0)))
     within = list(zip(least.tolist(), most.tolist(), strict=True))
     found: Any = linprog(cost, rows, limits, bounds=within, method="highs-ds")
     if found.x is None:
         # Nothing goes on from where it began within the bounds: it's held, and all that is missing said.
         held = np.concatenate((begun_m, np.full(free, begun_m[-1])))
         return Lift(start_m, held, float(np.nanmax(needed_m)))
-    control_m, short_m = np.split(np.asarray(found.x, dtype=np.float64), [count])
+    control_m, short_m, _ = np.split(np.asarray(found.x, dtype=np.float64), [count, count + needed.size])
     return Lift(start_m, control_m, float(short_m.max(initial=0.0)))
 
 
-def _programme(needed: Indices, needed_m: Array, slope: Array, bounds: Bounds) -> tuple[Any, Array]:
+def _programme(needed: Indices, needed_m: Array, slope: Array, bounds: Bounds, begun_m: Array) -> tuple[Any, Array]:
     """Return rows and limits of `rows @ (control points, shortfalls) <= limits`; `slope` is that amid each step."""
     count = slope.size + 3
     lifted = _values_at(needed, count)
     rise: Any = sparse.diags_array([-1.0, 1.0], offsets=[0, 1], shape=(count - 1, count))
     bend: Any = sparse.diags_array([1.0, -2.0, 1.0], offsets=[0, 1, 2], shape=(count - 2, count))
     own = np.pad(slope, 1, mode="edge")
-    up, down = np.maximum(bounds.slope - own, 0.0), np.maximum(bounds.slope + own, 0.0)
+    up, down = np.maximum(bounds.slope - own, 0.0) * STEP_M, np.maximum(bounds.slope + own, 0.0) * STEP_M
     curved = np.full(count - 2, bounds.curvature_1pm * STEP_M**2)
-    limits = np.concatenate((-needed_m[needed], up * STEP_M, down * STEP_M, curved, curved))
+    limits = np.concatenate((-needed_m[needed], *_begun(begun_m, up, down, curved)))
     rows: Any = sparse.vstack((-lifted, rise, -rise, bend, -bend))
     short: Any = sparse.eye_array(limits.size, needed.size)
     return sparse.hstack((rows, -short)), limits
+
+
+def _begun(begun_m: Array, up: Array, down: Array, curved: Array) -> tuple[Array, Array, Array, Array]:
+    """Return the limits wide enough for what has begun, and its slope beyond them to go as fast as curvature allows."""
+    widened: list[Array] = []
+    for sign, limit in ((1.0, up), (-1.0, down)):
+        rises, wide = sign * np.diff(begun_m), limit.copy()
+        if rises.size:
+            eased = rises[-1] - curved[0] * np.arange(1, limit.size - rises.size + 1)
+            wide = np.maximum(wide, np.concatenate((rises, eased)))
+        widened.append(wide)
+    for sign in (1.0, -1.0):
+        bends, wide = sign * np.diff(begun_m, n=2), curved.copy()
+        wide[: bends.size] = np.maximum(wide[: bends.size], bends)
+        widened.append(wide)
+    return widened[0], widened[1], widened[2], widened[3]
+
+
+def _with_depth(rows: Any, count: int) -> Any:  # noqa: ANN401 - scipy's sparse arrays are typed in part only
+    """Return the rows with more variables, as far as each control point is below 0, and with rows that bind them."""
+    points: Any = sparse.hstack((-sparse.eye_array(count), sparse.csr_array((count, rows.shape[1] - count))))
+    return sparse.vstack(
+        (
+            sparse.hstack((rows, sparse.csr_array((rows.shape[0], count)))),
+            sparse.hstack((points, -sparse.eye_array(count))),
+        )
+    )
 
 
 def _values_at(samples: Indices, count: int) -> Any:  # noqa: ANN401 - scipy's sparse arrays are typed in part only

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from math import sqrt
+from collections.abc import Callable
+from math import ceil, sqrt
 from typing import Protocol
 
 import numpy as np
 
 from formation_scenario.arrangement import Arrangement, Mask, assigned, columns
-from formation_scenario.displaced_path import DisplacedPath
+from formation_scenario.displaced_path import DisplacedPath, Rise
+from formation_scenario.ground import Ground
+from formation_scenario.lift import STEP_M, least_lift, sample_places
+from formation_scenario.lifted_path import LEADER_SHARE, rise_bounds
 from formation_scenario.model import Scenario
 from formation_scenario.path import PathPoint, PathPoints, SplinePath
 from formation_scenario.slot_motion import Array, Course, SlotMotion
@@ -21,6 +24,8 @@ TURN_SHARE = 0.5
 CLIMB_SHARE = 0.3
 """Share of the climb limit that the leader's way up or down to its path uses."""
 LEAST_S = 10.0
+LEVEL_OUT_STEPS = 50
+"""Of a lift on that way, beyond its end: a kilometre to come down in."""
 
 
 class Route(Protocol):
@@ -67,13 +72,19 @@ def plan_change(
 
 
 def take_over(
-    scenario: Scenario, path: SplinePath, from_m: float, aside_m: Sequence[float], reach_m: float
+    scenario: Scenario,
+    path: SplinePath,
+    from_m: float,
+    right_m: float,
+    above: Rise,
+    reach_m: float,
+    ground: Ground | None = None,
 ) -> DisplacedPath:
-    """Return the way onto the path of a vehicle that takes it over at `from_m`, right and above it by `aside_m`.
+    """Return the way onto the path of a vehicle that takes it over at `from_m`, to the right of it and above it.
 
-    Its turns are as gentle as slots need that are `reach_m` out.
+    Its turns are as gentle as slots need that are `reach_m` out. Its climb goes on as it is; with a ground given it's
+    lifted where that needs it.
     """
-    right_m, up_m = aside_m
     speed, models = scenario.path.speed_mps, column_models(scenario)
     turn_rps = TURN_SHARE * keepable_turn_rps(scenario, reach_m)
     climb_mps = CLIMB_SHARE * min(model.climb_max_mps for model in models)
@@ -82,9 +93,16 @@ def take_over(
         LEAST_S,
         abs(right_m) / MEAN_SPEED_MPS,
         sqrt(5.77 * abs(right_m) / (speed * turn_rps)),
-        1.875 * abs(up_m) / climb_mps,
+        1.875 * abs(above.height_m) / climb_mps,
     )
-    return DisplacedPath(path, from_m, over_s * speed, right_m, up_m)
+    way = DisplacedPath(path, from_m, over_s * speed, right_m, above)
+    if scenario.terrain is None or ground is None:
+        return way
+    places = sample_places(from_m, ceil(over_s * speed / STEP_M) + LEVEL_OUT_STEPS)
+    points = PathPoints(*np.array([way.at(distance) for distance in places.tolist()]).T)
+    needed_m = ground.height(points.north_m, points.east_m) + scenario.terrain.clearance_m - points.height_m
+    bounds = rise_bounds(scenario, LEADER_SHARE)
+    return way.lifted(least_lift(from_m, needed_m, points.slope, bounds, np.zeros(3)))
 
 
 def keepable_turn_rps(scenario: Scenario, reach_m: float) -> float:

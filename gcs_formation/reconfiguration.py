@@ -10,11 +10,12 @@ import numpy as np
 
 from airlink.clock import NANOSECONDS, Instant, after
 from airlink.identity import VehicleId
-from formation_scenario import Scenario
+from formation_scenario import Scenario, ground_of
 from formation_scenario.arrangement import Arrangement, SlotStep, assigned
-from formation_scenario.displaced_path import DisplacedPath
+from formation_scenario.displaced_path import DisplacedPath, Rise
 from formation_scenario.feasibility import check_ahead
 from formation_scenario.formation import FormationChange
+from formation_scenario.path import PathPoint
 from formation_scenario.reconfiguration import ahead, column_names, plan_change, take_over
 from formation_scenario.transition import NotFlyableError
 from gcs_formation.arrays import Array, Mask
@@ -22,7 +23,7 @@ from gcs_formation.controller import FormationController
 from gcs_formation.formation.plan import Proposal
 from gcs_formation.guidance.tracking import Motion, project
 from gcs_formation.membership import Member
-from gcs_formation.records import Detail
+from gcs_formation.records import Detail, Tick
 from gcs_formation.vehicle.vehicle import Vehicle
 
 RETRY_S = 1.0
@@ -59,6 +60,7 @@ class Reconfiguration:
     ) -> None:
         """Change the formation that `controller` flies; `columns` are the vehicles' in it."""
         self._scenario = scenario
+        self._ground = ground_of(scenario)
         self._controller = controller
         self._by_column = {column: vehicles[identity] for identity, column in columns.items()}
         self._names = column_names(scenario)
@@ -186,8 +188,23 @@ class Reconfiguration:
         motion = Motion(*(float(getattr(state, name)[leader]) for name in Motion.__dataclass_fields__))
         slots = controller.plan.seen_from(leader, swing_rad, now_s)
         distance_m = project(guidance.path, motion, guidance.distance_m)
-        aside_m = guidance.path.at(distance_m).aside_m(motion.north_m, motion.east_m, float(state.height_m[leader]))
-        return take_over(self._scenario, guidance.path, distance_m, aside_m, slots.reach_m), distance_m, swing_rad
+        point = guidance.path.at(distance_m)
+        right_m, up_m = point.aside_m(motion.north_m, motion.east_m, float(state.height_m[leader]))
+        above = self._climbing(leader, tick, point, right_m)._replace(height_m=up_m)
+        way = take_over(self._scenario, guidance.path, distance_m, right_m, above, slots.reach_m, self._ground)
+        return way, distance_m, swing_rad
+
+    def _climbing(self, leader: int, tick: Tick, point: PathPoint, right_m: float) -> Rise:
+        """Return how a successor's climb, and what it's told of it, differ from the path's where it's abreast of."""
+        model, climb_mps = self._controller.model, float(tick.state.climb_mps[leader])
+        lag_s, other_s = float(model.tau_ha_s[leader]), float(model.tau_hb_s[leader])
+        most_mps2 = float(model.climb_max_mps[leader]) / (2.0 * (lag_s + other_s))
+        to_climb_m = float(np.nan_to_num(tick.setpoints.height_m[leader] - tick.state.height_m[leader]))
+        change_mps2 = (to_climb_m - (lag_s + other_s) * climb_mps) / (lag_s * other_s)
+        # By the metre of the path: abreast of it, on the inside of a bend, less way is made than on it.
+        along_mps = self._controller.guidance.speed_mps / (1.0 - point.curvature_1pm * right_m)
+        change_mps2 = min(max(change_mps2, -most_mps2), most_mps2)
+        return Rise(0.0, climb_mps / along_mps - point.slope, change_mps2 / along_mps**2 - point.slope_rate_1pm)
 
     def _present(self) -> Mask:
         """Return who is there, (C,): the leader, and whoever flies in the formation."""

@@ -56,7 +56,7 @@ class SlotClearance:
         self._plan: object = None
         self._first, self._made_at_m = 0, 0.0
         self._control_m = np.zeros((0, 4))
-        self._held_m = np.zeros(0)
+        self._held = np.zeros((3, 0))
 
     def over(self, slots: SlotMotion, outlook: Outlook, later_s: Array, ago_s: float) -> tuple[SlotMotion, Array]:
         """Return the slots clear of the ground, and their places (N, 3) `ago_s` before the leader is where it is.
@@ -82,19 +82,19 @@ class SlotClearance:
     def _look_ahead(self, outlook: Outlook, at_m: Array) -> None:
         """Make the lifts anew if it's time to; `at_m` (N,): where the leader is for each follower's setpoint.
 
-        On the same route they go on where they are; on another one they begin level, at their present heights.
+        On the same route they go on where they are; on another one, perhaps behind another leader, as they were.
         """
         going_on = outlook.route is self._route
         if going_on and outlook.plan is self._plan and outlook.distance_m < self._made_at_m + ADVANCE_M:
-            self._held_m = self.lift(at_m)[0]
+            self._held = np.stack(self.lift(at_m))
             return
         first = int((at_m.min() - KEPT_M) // STEP_M)
-        begun = np.repeat(self._held_m[:, None], 3, axis=1) if self._route else np.zeros((at_m.size, 0))
-        begun[outlook.leading] = 0.0
         if going_on:
             first = max(first, self._first)
             kept = int(np.ceil((at_m.max() + KEPT_M) / STEP_M)) - first + 3
-            begun = self._control_m[:, first - self._first :][:, :kept]
+            begun = list(self._control_m[:, first - self._first :][:, :kept])
+        else:
+            begun = self._as_they_were(outlook.leading, first, at_m)
         places = sample_places(first * STEP_M, AHEAD_STEPS)
         points = [outlook.route.at(distance) for distance in places.tolist()]
         slope = np.array([point.slope for point in points])
@@ -106,7 +106,24 @@ class SlotClearance:
         self._control_m = np.stack([lift.control_m for lift in made])
         self._route, self._plan = outlook.route, outlook.plan
         self._first, self._made_at_m = first, outlook.distance_m
-        self._held_m = self.lift(at_m)[0]
+        self._held = np.stack(self.lift(at_m))
+
+    def _as_they_were(self, leading: int, first: int, at_m: Array) -> list[Array]:
+        """Return the first control points of lifts that go on from those of the last tick, less the leader's own.
+
+        Height, slope and curvature are kept: a leader that was lifted itself flies on from where it is, so others that
+        were lifted less are below their slots behind it.
+        """
+        if self._route is None:
+            return [np.zeros(0)] * at_m.size
+        held = self._held - self._held[:, [leading]]
+        steps = at_m / STEP_M - first
+        begun: list[Array] = []
+        for (lift_m, slope, curvature), ahead in zip(held.T.tolist(), steps.tolist(), strict=True):
+            x_m = (np.arange(int(ahead) + 4) - 1.0 - ahead) * STEP_M
+            # Of a quadratic, which a cubic B-spline can be exactly.
+            begun.append(lift_m + slope * x_m + curvature * (x_m**2 / 2.0 - STEP_M**2 / 6.0))
+        return begun
 
     def lift(self, at_m: Array) -> tuple[Array, Array, Array]:
         """Return (N,) lifts, their slopes and their curvatures by the leader's distance, at (N,) distances."""

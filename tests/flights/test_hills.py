@@ -36,3 +36,31 @@ def test_leader_and_followers_keep_the_clearance_over_a_hill_steeper_than_they_c
     assert columns["slot_up_m"][aside].max() > 5.0  # for the ridge, which the leader doesn't rise for
     assert columns["slot_up_m"][aside].min() >= -1e-6
     assert np.nanmax(np.abs(columns["error_z_m"][flown])) < 1.0
+
+
+@pytest.mark.slow
+def test_behind_a_leader_that_takes_over_on_a_slope_nobody_is_told_another_height_at_once(
+    fly: Fly, tmp_path: Path
+) -> None:
+    """The successor, 60 m aside, is lifted for a ridge there; at 22 m/s a climb may come to 0.3 m a tick."""
+    ridge = {"name": "ridge", "north_m": 500, "east_m": -60, "height_m": 45, "radius_m": 50, "length_m": 500}
+    fly(
+        duration_s=38,
+        path={"speed_mps": 22, "waypoints_m": [[0, 0, 70], [2500, 0, 70]]},
+        terrain={"clearance_m": 60, "hills": [ridge, HILLS[0] | {"north_m": 1100}]},
+        formation={"shape": "line", "spacing_m": 60},
+        links={"default": {"delay_ms": 300}},
+        faults=[{"at_s": 25, "vehicles": [1], "kind": "crash"}],
+    )
+    columns = read_parquet(tmp_path / "run" / "timeseries.parquet")
+    follower = columns["vehicle"] == 2
+    leads = (columns["vehicle"] == 3) & columns["leads"].astype(bool)
+    begun_s = columns["mission_time_s"][leads].min()
+    around = np.abs(columns["mission_time_s"] - begun_s) < 5.0
+    assert 27.0 < begun_s < 30.0
+    for vehicle in (2, 3):
+        told_m = columns["setpoint_height_m"][around & (columns["vehicle"] == vehicle)]
+        assert np.abs(np.diff(told_m)).max() < 0.8
+    late = columns["mission_time_s"] > begun_s
+    assert columns["clearance_m"][late & (columns["vehicle"] != 1)].min() > 59.0
+    assert np.nanmax(np.abs(columns["error_z_m"][late & follower])) < 0.3

@@ -52,3 +52,16 @@ def test_a_lift_goes_on_where_it_was_and_says_what_is_missing():
     np.testing.assert_array_equal(lift.control_m[:3], begun)
     assert 60.0 < lift.short_m < 100.0
     assert (lift.at(places)[0] >= needed - lift.short_m - 1e-6).all()
+
+
+def test_a_lift_that_begins_low_and_steep_goes_on_so_and_comes_up_to_nothing_within_the_bounds():
+    places = sample_places(0.0, 100)
+    begun = np.array([-10.0, -12.5, -15.0])  # steeper than the bounds allow
+    lift = least_lift(0.0, 0 * places - 1.0, 0 * places, BOUNDS, begun)
+    np.testing.assert_array_equal(lift.control_m[:3], begun)
+    _, slope, curvature = lift.at(np.arange(60.0, 2000.0))
+    eased_m = (0.125 - BOUNDS.slope) / BOUNDS.curvature_1pm
+    assert np.abs(slope[int(eased_m) + 20 :]).max() <= BOUNDS.slope + 1e-6
+    assert np.abs(curvature).max() <= BOUNDS.curvature_1pm + 1e-8
+    assert lift.at(places)[0].max() < 0.5
+    assert lift.at(np.array([800.0]))[0] == pytest.approx([0.0], abs=1e-6)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.distance import pdist
 
 from formation_scenario.arrangement import assigned, slot_schedule
-from formation_scenario.displaced_path import DisplacedPath
+from formation_scenario.displaced_path import DisplacedPath, Rise
 from formation_scenario.path import SplinePath
 from formation_scenario.reconfiguration import ahead, plan_change
 from formation_scenario.slot_motion import Course, SlotMotion, slot_needs
@@ -123,7 +123,7 @@ def test_a_moving_slot_needs_what_its_place_over_ground_does():
 
 def test_a_displaced_path_is_a_curve_whose_course_and_curvature_are_its_own():
     path = SplinePath([[0, 0, 100], [1500, 0, 100], [3000, 700, 120]])
-    way = DisplacedPath(path, 400.0, 600.0, 40.0, 15.0)
+    way = DisplacedPath(path, 400.0, 600.0, 40.0, Rise(15.0))
     for distance in np.linspace(410.0, 990.0, 9):
         before, point, after = (way.at(distance + d) for d in (-0.5, 0.0, 0.5))
         north, east = after.north_m - before.north_m, after.east_m - before.east_m
@@ -133,6 +133,18 @@ def test_a_displaced_path_is_a_curve_whose_course_and_curvature_are_its_own():
         assert (after.height_m - before.height_m) / made == pytest.approx(point.slope, abs=1e-5)
     assert way.at(1000.0) == path.at(1000.0)
     assert way.at(400.0).aside_m(*path.at(400.0)[:3]) == pytest.approx((-40.0, -15.0))
+
+
+def test_a_displaced_path_goes_on_with_the_climb_that_it_begins_with():
+    path = SplinePath([[0, 0, 100], [1500, 0, 100], [3000, 700, 100]])
+    way = DisplacedPath(path, 400.0, 600.0, 0.0, Rise(8.0, 0.06, -2e-4))
+    begun, ended = way.at(400.0), way.at(1000.0 - 1e-6)
+    assert (begun.height_m, begun.slope, begun.slope_rate_1pm) == pytest.approx((108.0, 0.06, -2e-4), abs=1e-3)
+    assert ended == pytest.approx(path.at(1000.0 - 1e-6), abs=1e-6)
+    for distance in np.linspace(401.0, 999.0, 9):
+        before, point, after = (way.at(distance + d) for d in (-0.5, 0.0, 0.5))
+        assert after.height_m - before.height_m == pytest.approx(point.slope, abs=1e-6)
+        assert after.slope - before.slope == pytest.approx(point.slope_rate_1pm, abs=1e-7)
 
 
 def test_a_change_that_cannot_be_flown_where_it_falls_is_refused_with_place_and_figure(refusal):
