@@ -31,6 +31,7 @@ from gcs_formation.records import Detail, Event, Recorder, Tick
 from gcs_formation.roster import Roster
 from gcs_formation.separation.keeper import words
 from gcs_formation.starting import Starting
+from gcs_formation.streams import StreamWatch
 from gcs_formation.vehicle.planned import planned
 from gcs_formation.vehicle.vehicle import Vehicle
 
@@ -71,6 +72,7 @@ class Station:
         self._reconfiguration = Reconfiguration(scenario, self.controller, self.vehicles, self._columns, self._event)
         self._orders = Orders(scenario, self.flight, self._reconfiguration, self._end_by_order, self._event)
         self._dispatch = Dispatch(scenario, self.vehicles, self._columns)
+        self._streams = StreamWatch(self.vehicles, scenario.telemetry.rate_hz, self._event)
         self._ledger = CommandLedger(scenario, self.controller, self.vehicles, self._columns, self._event)
         self._out, self._next_tick = list[Datagram](), Instant(0)
         self._loiter_s, self._ending = 0.0, Ending({}, Instant(0))
@@ -123,6 +125,7 @@ class Station:
         self._send_commands(now)
         if self.flight.phase is not Phase.LOITERING:
             self._judge_members(now)
+            self._streams.watch(now)
         self._ledger.judge_orders(now)
         if self.flight.phase in (Phase.ASSEMBLING, Phase.FLYING):
             self._fly(now)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,9 @@ import numpy as np
 from formation_scenario import Scenario, dump_scenario
 from formation_scenario.links import Impairment, LinkStep
 from formation_scenario.trace import read_trace_ms
+from gcs_formation.controller import HELD_FOR_S
+from gcs_formation.guidance.leader import DECISION_S
+from gcs_formation.parameters import hold_radius_m
 from gcs_formation.stability import (
     LawMargins,
     Usage,
@@ -21,6 +25,7 @@ from gcs_formation.stability import (
     scenario_adjacency,
     scenario_margins,
 )
+from gcs_formation.vehicle.families import autopilot_for
 
 NEAR = 0.8
 """Share of the margin from which a configured delay is warned of."""
@@ -83,6 +88,26 @@ def warnings(scenario: Scenario, margins: LawMargins) -> Iterator[str]:
             yield f"loop {loop} is unstable without any delay"
         elif delay_s > NEAR * margin_s and not scenario.law.delay_compensation:
             yield f"loop {loop}: {delay_s:.3f} s of delay is {delay_s / margin_s:.0%} of its margin {margin_s:.3f} s"
+    least_s, found_s = least_run_in_s(scenario), scenario.start.run_in_s
+    if scenario.start.in_air and found_s < least_s:
+        round_s = 2 * math.pi * hold_radius_m(scenario) / scenario.path.speed_mps
+        yield (
+            f"start.run_in_s: found {found_s:g}; allowed: {least_s:.1f} or more for the path to begin at once; "
+            f"the leader goes round first, for about {round_s:.0f} s"
+        )
+
+
+def least_run_in_s(scenario: Scenario) -> float:
+    """Return the shortest run-in, in s, with which a leader of vehicles in their slots need not go round.
+
+    They are heard, answer each request for telemetry, and are seen in their slots; then the leader decides.
+    """
+    tick_s, steps = 1.0 / scenario.law.rate_hz, [scenario.link_steps(vehicle)[0] for vehicle in scenario.vehicles]
+    families = [autopilot_for(vehicle, scenario.origin.alt_m) for vehicle in scenario.vehicles]
+    requests = max(len(family.start_up(scenario.telemetry.rate_hz)[0].commands) for family in families)
+    way_s, loop_s = max(sum(_ways_s(step)) / 2 for step in steps), max(family.loop_s for family in families)
+    heard_s, answered_s = (math.ceil(round((way + loop_s) / tick_s, 6)) * tick_s for way in (way_s, 2 * way_s))
+    return heard_s + requests * answered_s + tick_s + HELD_FOR_S + DECISION_S + way_s
 
 
 def _followers_text(scenario: Scenario) -> Iterator[str]:

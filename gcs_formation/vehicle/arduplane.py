@@ -7,6 +7,7 @@ as its simulator showed them.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -25,6 +26,8 @@ GUIDED_COMMANDS = (
 EKF_READY = 831
 """Attitude, velocities and positions, relative and absolute: all that flying in GUIDED needs."""
 SLOW_RATE_HZ = 2.0
+UNASKED = {m.MAVLINK_MSG_ID_HEARTBEAT: 1.0}
+"""What comes by itself, and how often."""
 AIRBORNE_M = 10.0
 
 
@@ -46,6 +49,12 @@ class ArduPlane(Autopilot):
         m.PLANE_MODE_GUIDED: "GUIDED",
         m.PLANE_MODE_INITIALIZING: "INITIALISING",
     }
+
+    def rates_hz(self, telemetry_rate_hz: float) -> Mapping[int, float]:
+        """Return the rates of what motion, readiness and mode are known from."""
+        fast = (m.MAVLINK_MSG_ID_ATTITUDE, m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, m.MAVLINK_MSG_ID_VFR_HUD)
+        slow = (m.MAVLINK_MSG_ID_EKF_STATUS_REPORT, m.MAVLINK_MSG_ID_SYS_STATUS)
+        return dict.fromkeys(fast, telemetry_rate_hz) | dict.fromkeys(slow, SLOW_RATE_HZ) | UNASKED
 
     def start_up(self, telemetry_rate_hz: float) -> tuple[Step, ...]:
         """Return: streams, ready, take-off, GUIDED. Steps that a vehicle in the air doesn't need are done at once."""
@@ -135,12 +144,8 @@ class ArduPlane(Autopilot):
         )
 
     def _streams(self, rate_hz: float) -> tuple[Command, ...]:
-        fast = (m.MAVLINK_MSG_ID_ATTITUDE, m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, m.MAVLINK_MSG_ID_VFR_HUD)
-        slow = (m.MAVLINK_MSG_ID_EKF_STATUS_REPORT, m.MAVLINK_MSG_ID_SYS_STATUS)
-        return (
-            *(self.set_message_interval(message_id, rate_hz) for message_id in fast),
-            *(self.set_message_interval(message_id, SLOW_RATE_HZ) for message_id in slow),
-        )
+        asked = self.rates_hz(rate_hz)
+        return tuple(self.set_message_interval(each, asked[each]) for each in asked if each not in UNASKED)
 
     def _is_ready(self, seen: Telemetry) -> bool:
         healthy = bool(seen.sensors_healthy & m.MAV_SYS_STATUS_PREARM_CHECK)

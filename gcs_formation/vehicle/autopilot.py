@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -87,6 +87,10 @@ class Autopilot(ABC):
             param1=message_id,
             param2=round(1e6 / rate_hz),
         )
+
+    @abstractmethod
+    def rates_hz(self, telemetry_rate_hz: float) -> Mapping[int, float]:
+        """Return how often each message that we need should come, those that come unasked included."""
 
     @abstractmethod
     def start_up(self, telemetry_rate_hz: float) -> tuple[Step, ...]:

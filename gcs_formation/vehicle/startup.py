@@ -35,6 +35,11 @@ class StartUp:
         """Whether the step under way brings the vehicle off the ground."""
         return 0 <= self.index < len(self.steps) and self.steps[self.index].takes_off
 
+    @property
+    def asked_for_telemetry(self) -> bool:
+        """Whether the vehicle has acknowledged what it is to send."""
+        return any(step.every_command_acknowledged for step in self.steps[: max(self.index, 0)])
+
     def advance(self, telemetry: Telemetry, commands: CommandQueue, now: Instant) -> None:
         """Begin the next step when the one under way is done; several at once when they need nothing."""
         while not self.finished and (self.index < 0 or self._is_done(telemetry, commands)):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 
 from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, Instant, after, seconds_between
@@ -56,6 +57,7 @@ class Vehicle:
         self.jitter = JitterMeter()
         self.sequence = SequenceTracker()
         self.commands = CommandQueue()
+        self.messages_in = Counter[int]()
         self._steps = autopilot.start_up(telemetry_rate_hz)
         self.start_up = StartUp(self._steps)
         self.member = Member.STARTING
@@ -91,6 +93,7 @@ class Vehicle:
     def take(self, frame: Frame, now: Instant) -> bool:
         """Take a frame of this vehicle's autopilot, as its claims have it; return whether the link's state changed."""
         self.frames_in += 1
+        self.messages_in[frame.message_id] += 1
         self.sequence.observe(frame.sequence)
         message = frame.message
         changed = self.connection.heard(now, heartbeat=isinstance(message, Heartbeat))

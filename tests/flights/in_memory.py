@@ -13,6 +13,7 @@ from airlink.engine import Datagram, Engine
 from airlink.identity import VehicleId
 from airlink.memory import MemoryNetwork
 from formation_scenario import load_scenario
+from gcs_formation.app.links import impair
 from gcs_formation.records import Event, Tick
 from gcs_formation.station import Station
 from sim_vehicles.config import Fault, FaultKind
@@ -71,7 +72,7 @@ class World:
         self.fleet = Fleet(self.config)
         self.between = between(self.fleet)
         self.attach(self.between)
-        self.attach(self.station)
+        self.attach(impair(planned, self.station, self.station) or self.station)
 
     def attach(self, engine: Engine) -> None:
         self.network.attach(engine)

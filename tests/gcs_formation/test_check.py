@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
 from click.testing import CliRunner
 
+from formation_scenario import load_scenario
+from gcs_formation.app.check import check_report
 from gcs_formation.cli import main
+from gcs_formation.phases import Phase
 from gcs_formation.stability import consensus_delay_margin, graph_adjacency
+from tests.flights.conftest import scenario as flight
+from tests.flights.in_memory import World
 
 PLAIN = {
     "schema": 1,
@@ -89,3 +95,21 @@ def test_a_graph_without_a_spanning_tree_is_refused(check) -> None:
     status, printed = check("--set", "law.consensus.graph=[[0,1,0,0],[1,0,0,0],[0,0,0,1],[0,0,1,0]]")
     assert status == 2
     assert "law.consensus.graph: found nobody whom all hear" in printed
+
+
+@pytest.mark.parametrize(("delay_ms", "least_s"), [(0, 4.7), (300, 8.3)])
+def test_a_run_in_too_short_to_begin_at_once_is_warned_of_with_what_it_takes(delay_ms: float, least_s: float) -> None:
+    """The flight itself tells: with a tenth of a second more than that it begins at once, with less it doesn't."""
+    for run_in_s, rounds in ((least_s - 0.2, True), (least_s + 0.1, False)):
+        keys: dict[str, Any] = {
+            "start": {"in_air": True, "run_in_s": run_in_s},
+            "links": {"default": {"delay_ms": delay_ms}},
+        }
+        plan = load_scenario(flight(duration_s=5, vehicles={"count": 2}, **keys))
+        told = [text for text in check_report(plan)["warnings"] if text.startswith("start.run_in_s: found")]
+        assert bool(told) == rounds
+        if told:
+            assert f"allowed: {least_s:.1f} or more" in told[0]
+        world = World(**keys, duration_s=5, vehicles={"count": 2})
+        world.run(run_in_s + 1.0)
+        assert (world.station.flight.phase is Phase.ASSEMBLING) == rounds

@@ -1,0 +1,108 @@
+"""Telemetry that somebody else switches off or slows down in flight is asked for again."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from airlink import mavlink as m
+from airlink.endpoint import Address
+from airlink.engine import Datagram
+from airlink.frame import FrameWriter
+from airlink.messages import CommandLong, Message, RequestDataStream
+from gcs_formation.phases import Phase
+from sim_vehicles.commands import HANDLERS
+from tests.flights.in_memory import World
+
+OTHER = Address("127.0.0.1", 50000)
+MOTION = (m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, m.MAVLINK_MSG_ID_ATTITUDE, m.MAVLINK_MSG_ID_VFR_HUD)
+NAMES = {"GLOBAL_POSITION_INT", "ATTITUDE", "VFR_HUD"}
+NONE, UNASKED = -1.0, 0.0
+"""Intervals of MAV_CMD_SET_MESSAGE_INTERVAL: the message doesn't come; it comes as often as without being asked for."""
+
+
+def interval(number: int, message_id: int, interval_us: float) -> CommandLong:
+    return CommandLong(number, 1, m.MAV_CMD_SET_MESSAGE_INTERVAL, param1=message_id, param2=interval_us)
+
+
+def slowed(number: int) -> list[Message]:
+    """Return what Mission Planner and MAVProxy say when they connect."""
+    return [RequestDataStream(number, 1, m.MAV_DATA_STREAM_ALL, 4, 1)]
+
+
+def stopped(number: int) -> list[Message]:
+    return [interval(number, each, NONE) for each in MOTION]
+
+
+def unasked(number: int) -> list[Message]:
+    return [interval(number, each, UNASKED) for each in MOTION]
+
+
+def tell(world: World, number: int, messages: list[Message]) -> float:
+    """Let another ground station say something to a vehicle; return when."""
+    writer = FrameWriter(254, 190)
+    for message in messages:
+        world.fleet.receive(Datagram(number - 1, OTHER, writer.encode(message)), world.clock.now())
+    return world.now_s
+
+
+def rates_hz(world: World, number: int) -> list[float]:
+    return [1e6 / world.vehicle(number).streams.interval_us(each) for each in MOTION]
+
+
+@pytest.mark.parametrize("number", [1, 2])
+@pytest.mark.parametrize("said", [stopped, unasked, slowed])
+def test_a_vehicle_that_another_ground_station_has_told_to_send_less_is_asked_again(number: int, said: Any) -> None:
+    world = World(duration_s=16)
+    world.fly_to(5.0)
+    told_s = tell(world, number, said(number))
+    world.run(6.0)
+    assert rates_hz(world, number) == [10.0] * 3
+    world.run()
+    asked_s, *_ = world.times_s("streams", number, "asked again")
+    assert asked_s - told_s < 2.5
+    again_s = world.times_s("streams", number, "again")[-1]
+    assert again_s - asked_s < (10.0 if said is slowed else 4.0)  # 2 s of 10 Hz, 8 s of 2 Hz, and the way there
+    assert world.times_s("streams") == world.times_s("streams", number)
+    assert not world.times_s("leader")
+    assert not world.times_s("member", text="loiter")
+    assert world.worst_m() < 0.3
+    assert world.station.flight.phase is Phase.DONE
+
+
+def test_heartbeats_that_were_switched_off_are_asked_for_before_a_pilots_switch_goes_unseen_for_long() -> None:
+    world = World(duration_s=16)
+    world.fly_to(5.0)
+    told_s = tell(world, 2, [interval(2, m.MAVLINK_MSG_ID_HEARTBEAT, NONE)])
+    world.run()
+    assert world.words("streams")[0].startswith("sends HEARTBEAT less than half as often")
+    assert world.times_s("streams", 2)[0] - told_s < 10.0
+
+
+def test_whoever_keeps_switching_telemetry_off_is_answered_ever_more_rarely_and_the_vehicle_loiters() -> None:
+    """It's asked after 2.5, 5, 10 s; telemetry that has been off for 5 s has it loiter, as any silence does."""
+    world = World(duration_s=40)
+    world.fly_to(5.0)
+    requests: set[float] = set()
+    for _ in range(75):
+        tell(world, 2, stopped(2))
+        world.run(0.2)
+        requests.add(world.station._streams._streams[1][1].next_request)
+    assert len(requests) == 4  # the first is of before
+    assert len(world.times_s("streams", 2)) == 1
+    assert len(world.times_s("member", 2, "told to loiter")) == 1
+    assert not world.times_s("member", 3, "told to loiter")
+
+
+def test_a_refusal_is_reported_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    world = World(duration_s=16)
+    world.fly_to(5.0)
+    tell(world, 2, slowed(2))
+    world.run(0.5)
+    monkeypatch.setitem(HANDLERS, m.MAV_CMD_SET_MESSAGE_INTERVAL, lambda *_: m.MAV_RESULT_DENIED)
+    world.run()
+    first, second = world.words("streams")
+    assert first.endswith("it is asked again")
+    assert second.startswith("refuses to send")
+    assert not world.times_s("member", text="loiter")
