@@ -48,6 +48,11 @@ class Notes:
         self.events: list[Event] = []
         self.commands: set[bytes] = set()
 
+    def forget(self) -> None:
+        """Begin anew."""
+        for kept in (self.setpoints, self.errors_m, self.events, self.commands):
+            kept.clear()
+
     def frame(self, now: Instant, raw: bytes) -> None:
         """Keep the payloads of commands that the station sent: they are few, for they are told apart."""
         message_id = int.from_bytes(raw[7:HEADER_V2], "little")

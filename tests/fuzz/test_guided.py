@@ -1,0 +1,43 @@
+"""What coverage-led fuzzing stands on: every input meets the same flight, and the first ones reach every handler."""
+
+from __future__ import annotations
+
+import copy
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.fuzz.flight import Flight
+from tests.fuzz.frames import LAYOUTS
+from tests.fuzz.guided import COMMANDS, OURS, TARGETS, Target, one_input, parse, said, seeds
+
+
+def test_a_copy_of_a_flight_flies_as_the_flight_does_and_leaves_it_alone() -> None:
+    flight = Flight(8.0)
+    one, before = copy.deepcopy(flight), len(flight.notes.setpoints)
+    one.run(2.0)
+    assert len(flight.notes.setpoints) == before
+    flight.run(2.0)
+    assert np.array_equal(np.array(one.notes.setpoints), np.array(flight.notes.setpoints), equal_nan=True)
+    assert np.array_equal(one.fleet.state.table, flight.fleet.state.table)
+
+
+@given(st.binary(max_size=600))
+def test_what_a_parser_finds_does_not_depend_on_the_cuts(data: bytes) -> None:
+    parse(data)
+
+
+@pytest.mark.parametrize("target", TARGETS)
+def test_the_first_inputs_are_survived(target: Target) -> None:
+    take = one_input(target)
+    for seed in seeds(target):
+        take(seed)
+
+
+def test_the_first_inputs_are_every_message_and_every_command() -> None:
+    first = [said(seed)[0] for seed in seeds("vehicles")]
+    assert {each.layout.message_id for each in first} == {layout.message_id for layout in LAYOUTS}
+    assert all(each.flags & OURS for each in first)
+    assert {each.system for each in first if each.layout.name == "COMMAND_LONG"} == set(range(len(COMMANDS)))
