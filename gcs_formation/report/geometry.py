@@ -59,9 +59,10 @@ def snapshot_ticks(run: RunData) -> list[int]:
 def snapshot(run: RunData, tick: int) -> Snapshot:
     """Return the formation at a flown tick."""
     flight, vehicles = run.flown, list(run.flown.vehicles)
-    places = np.array([flight.place(vehicle)[tick, :2] for vehicle in vehicles])
+    places = np.array([flight.place_in_flight(vehicle)[tick, :2] for vehicle in vehicles])
     headings = np.array([heading_rad(flight, vehicle)[tick] for vehicle in vehicles])
-    lead = vehicles.index(run.leader) if run.leader else None
+    leader = flight.leader_at(tick)
+    lead = vehicles.index(leader) if leader is not None and flight.airborne(leader)[tick] else None
     reference = places[lead] if lead is not None else _mean(places)
     up_rad = float(headings[lead]) if lead is not None else _mean_angle(headings)
     in_leaders_frame = lead is not None and run.scenario.formation.frame == "leader_heading"

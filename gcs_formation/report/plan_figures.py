@@ -62,7 +62,7 @@ def plan(run: RunData) -> Figure:
 
 def _extent(run: RunData) -> Extent:
     """Return the extent of the flown tracks, with a margin and not too slim."""
-    everything = np.concatenate([run.flown.place(vehicle)[:, :2] for vehicle in run.flown.vehicles])
+    everything = np.concatenate([run.flown.place_in_flight(vehicle)[:, :2] for vehicle in run.flown.vehicles])
     known = everything[np.isfinite(everything).all(axis=1)]
     known = known if known.size else np.zeros((1, 2))
     low, high = known.min(axis=0), known.max(axis=0)
@@ -103,7 +103,7 @@ def _tracks(axes: Axes, run: RunData, group: Group, path: Array) -> None:
     shown = evenly(run.time_s.size, TRACK_POINTS)
     dots = evenly(run.time_s.size, STILLS)
     for vehicle in sorted(group.vehicles, key=group.stands_out):
-        place = run.flown.place(vehicle)
+        place = run.flown.place_in_flight(vehicle)
         colour = group.colour(vehicle)
         axes.plot(place[shown, 1], place[shown, 0], color=colour, lw=THIN, label=group.label(vehicle))
         axes.plot(place[dots, 1], place[dots, 0], ls="", marker=".", ms=1.5, color=colour)

@@ -63,7 +63,7 @@ def trajectory(run: RunData) -> Figure:
     _ground(axes, run, space)
     unit, name = space.unit
     for vehicle in sorted(group.vehicles, key=group.stands_out):
-        north, east, up = run.flown.place(vehicle)[shown].T
+        north, east, up = run.flown.place_in_flight(vehicle)[shown].T
         below = run.flown.vehicles[vehicle]["ground_height_m"][shown] if profile else np.full_like(up, space.height[0])
         axes.plot(east / unit, north / unit, below, color="#9A9A9A" if profile else "#DCDCDC", lw=THIN, zorder=SHADOW)
         colour, label = group.colour(vehicle), group.label(vehicle)
@@ -80,7 +80,7 @@ def trajectory(run: RunData) -> Figure:
 
 def _space(run: RunData) -> Space:
     """Return limits around the flown tracks and, with terrain, the ground below them."""
-    places = np.concatenate([run.flown.place(vehicle) for vehicle in run.flown.vehicles])
+    places = np.concatenate([run.flown.place_in_flight(vehicle) for vehicle in run.flown.vehicles])
     known = places[np.isfinite(places).all(axis=1)]
     known = known if known.size else np.zeros((1, 3))
     low, high = known.min(axis=0), known.max(axis=0)
@@ -138,7 +138,7 @@ def _profile(axes: Axes, run: RunData, group: Group) -> None:
     below = run.flown.vehicles[group.vehicles[0]]["ground_height_m"][shown]
     span(axes, float(time_s[0]), float(time_s[-1]))
     for vehicle in sorted(group.vehicles, key=group.stands_out):
-        axes.plot(time_s, run.flown.place(vehicle)[shown, 2], color=group.colour(vehicle), lw=0.8)
+        axes.plot(time_s, run.flown.place_in_flight(vehicle)[shown, 2], color=group.colour(vehicle), lw=0.8)
     low = min(0.0, float(np.fmin.reduce(below, initial=0.0)))
     axes.fill_between(time_s, below, low, color="#D9D3B8", lw=0)
     axes.plot(time_s, below, color=GREY, lw=THIN)

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 
@@ -8,6 +9,7 @@ from matplotlib.text import Text
 from PIL import Image
 
 from formation_scenario import load_scenario, slot_schedule
+from gcs_formation.record.flight import Flight
 from gcs_formation.report.control_figures import followed
 from gcs_formation.report.error_figure import transient_end_s
 from gcs_formation.report.figures import PLATES, write_figures
@@ -130,6 +132,19 @@ def test_snapshots_show_the_commanded_slots(eventful):
     for tick in snapshot_ticks(eventful):
         expected = before if float(eventful.time_s[tick]) < 60.0 else after
         np.testing.assert_allclose(snapshot(eventful, tick).slots_m, expected[:, [1, 0]], atol=1e-6)
+
+
+def test_a_snapshot_is_of_those_that_fly_around_whoever_leads(make_run):
+    run = load_run(make_run(flown_s=20.0))
+    lost, heir = run.scenario.vehicles[0].vehicle_id, run.followers[0]
+    own = {vehicle: dict(columns) for vehicle, columns in run.flown.vehicles.items()}
+    own[lost] |= dict.fromkeys(("leads", "airborne"), np.zeros(run.time_s.size))
+    own[heir]["leads"] = np.ones(run.time_s.size)
+    still = snapshot(replace(run, flown=Flight(own, run.flown.truth)), 150)
+    places = dict(zip(own, still.places_m, strict=True))
+    assert places[heir] == pytest.approx(0.0)
+    assert np.isnan(places[lost]).all()
+    assert np.isfinite(places[run.followers[1]]).all()
 
 
 def test_a_snapshot_is_taken_before_the_shape_changes(eventful):
