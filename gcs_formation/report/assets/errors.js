@@ -92,8 +92,9 @@ class ErrorPlot {
     pen.rect(box.left, panel.top, box.wide, panel.tall);
     pen.clip();
     this.drawBounds(pen, colours, panel.axis, box, y);
-    pen.lineWidth = 1.2;
+    const few = this.data.vehicles.length <= 5;
     for (const series of this.shown()) {
+      pen.lineWidth = few ? 3.2 - 0.5 * series.vehicle : 1.2; // of lines on each other all are seen
       pen.strokeStyle = this.state.colour(series.vehicle, colours);
       this.drawSeries(pen, series[panel.axis], box, y);
     }
