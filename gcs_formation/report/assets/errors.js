@@ -1,16 +1,13 @@
 // Formation errors over time: three panels with one time axis.
 
-class ErrorPlot {
+class ErrorPlot extends View {
   constructor(canvas, data, state) {
-    this.canvas = canvas;
-    this.data = data;
-    this.state = state;
+    super(canvas, data, state);
     this.all = this.wholeRange();
     this.range = [data.flown_s[0], Math.max(data.flown_s[1], data.flown_s[0] + 1)];
     this.first = [...this.range];
     if (data.steady_s !== null) this.range[0] = data.steady_s;
     this.hover = null;
-    this.drag = null;
     this.listen();
   }
 
@@ -56,13 +53,6 @@ class ErrorPlot {
     if (low > high) return [-1, 1];
     const margin = Math.max(0.06 * (high - low), 1e-3);
     return [low - margin, high + margin];
-  }
-
-  // Draw at the next frame, however often this is asked for until then.
-  draw() {
-    if (this.pending) return;
-    this.pending = true;
-    requestAnimationFrame(() => { this.pending = false; this.paint(); });
   }
 
   paint() {

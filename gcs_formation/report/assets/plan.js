@@ -1,14 +1,11 @@
 // The flight from above, north up: tracks, path, and the vehicles at the chosen time.
 
-class PlanView {
+class PlanView extends View {
   constructor(canvas, data, state) {
-    this.canvas = canvas;
-    this.data = data;
-    this.state = state;
+    super(canvas, data, state);
     this.centre = { north: 0, east: 0 };
     this.scale = null; // pixels a metre; null until the canvas has a size
     this.following = false;
-    this.drag = null;
     this.relief = data.ground && relief(data.ground);
     this.listen();
   }
@@ -53,13 +50,6 @@ class PlanView {
   x(east) { return this.canvas.clientWidth / 2 + (east - this.centre.east) * this.scale; }
 
   y(north) { return this.canvas.clientHeight / 2 - (north - this.centre.north) * this.scale; }
-
-  // Draw at the next frame, however often this is asked for until then.
-  draw() {
-    if (this.pending) return;
-    this.pending = true;
-    requestAnimationFrame(() => { this.pending = false; this.paint(); });
-  }
 
   paint() {
     if (!this.scale) this.fit();

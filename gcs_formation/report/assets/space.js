@@ -1,11 +1,8 @@
 // The flight in space: tracks over the ground, heights stretched, turned by dragging.
 
-class SpaceView {
+class SpaceView extends View {
   constructor(canvas, data, state) {
-    this.canvas = canvas;
-    this.data = data;
-    this.state = state;
-    this.drag = null;
+    super(canvas, data, state);
     [this.low, this.top] = data.ground ? extent(known(data.ground.height)) : [extent(this.all("height"))[0] - 10, 0];
     this.listen();
     this.reset();
@@ -34,13 +31,6 @@ class SpaceView {
       x: this.width / 2 + this.shift.x + (e * cos + n * sin) * this.scale,
       y: this.height / 2 + this.shift.y - ((n * cos - e * sin) * Math.sin(this.tilt) + up) * this.scale,
     };
-  }
-
-  // Draw at the next frame, however often this is asked for until then.
-  draw() {
-    if (this.pending) return;
-    this.pending = true;
-    requestAnimationFrame(() => { this.pending = false; this.paint(); });
   }
 
   paint() {

@@ -1,4 +1,19 @@
-// What both plots need: a sharp canvas, the page's colours, ticks, and values between samples.
+// What all plots need: a sharp canvas, the page's colours, ticks, values between samples, and where everyone is.
+
+// A canvas that paints the data as the state asks for.
+class View {
+  constructor(canvas, data, state) {
+    [this.canvas, this.data, this.state] = [canvas, data, state];
+    this.drag = null;
+  }
+
+  // Draw at the next frame, however often this is asked for until then.
+  draw() {
+    if (this.pending) return;
+    this.pending = true;
+    requestAnimationFrame(() => { this.pending = false; this.paint(); });
+  }
+}
 
 function prepare(canvas) {
   const ratio = window.devicePixelRatio || 1;
