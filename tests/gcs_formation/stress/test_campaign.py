@@ -33,7 +33,7 @@ def test_seeds_cover_what_may_happen() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("first", range(1, 41, SEEDS_EACH))
+@pytest.mark.parametrize("first", range(1, 101, SEEDS_EACH))
 def test_seeded_flights_break_nothing(first: int) -> None:
     assert [trial for seed in range(first, first + SEEDS_EACH) if (trial := fly_seed(seed)).broken] == []
 
