@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
+from functools import cached_property
+from typing import NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -69,7 +70,7 @@ class Command:
 
 @dataclass(frozen=True)
 class Parameters:
-    """Time constants in s and limits in SI units."""
+    """Time constants in s and limits in SI units, and the step that they are for."""
 
     tau_s: Array
     """(2, N) of airspeed and heading."""
@@ -81,21 +82,47 @@ class Parameters:
     """(N,) the height's larger one."""
     climb_max_mps: Array
     """(N,)."""
+    dt_s: float
 
     @classmethod
-    def of(cls, airframes: list[Airframe]) -> Self:
-        """Return the parameters of N airframes."""
+    def of(cls, airframes: list[Airframe], dt_s: float) -> Self:
+        """Return the parameters of N airframes that fly in steps of `dt_s`."""
         return cls(
             tau_s=np.array([(each.tau_v_s, each.tau_psi_s) for each in airframes]).T,
             rate_max=np.array([(each.accel_max_mps2, each.turn_rate_max_rps) for each in airframes]).T,
             fast_s=np.array([min(each.tau_ha_s, each.tau_hb_s) for each in airframes]),
             slow_s=np.array([max(each.tau_ha_s, each.tau_hb_s) for each in airframes]),
             climb_max_mps=np.array([each.climb_max_mps for each in airframes]),
+            dt_s=dt_s,
+        )
+
+    @cached_property
+    def left(self) -> Left:
+        """What a step leaves of errors."""
+        slow_s, fast_s, dt_s = self.slow_s, self.fast_s, self.dt_s
+        slow_left = np.exp(-dt_s / slow_s)
+        return Left(
+            air_motion=np.exp(-SHARES * dt_s / self.tau_s),
+            slow=slow_left,
+            fast=np.exp(-dt_s / fast_s),
+            between_s=dt_s * slow_left * exprel(dt_s / slow_s - dt_s / fast_s),
         )
 
 
-def step(state: State, command: Command, parameters: Parameters, drift_mps: Array, dt_s: float) -> State:
-    """Return the state `dt_s` later.
+class Left(NamedTuple):
+    """What a step leaves of errors that no limit holds, a share of each."""
+
+    air_motion: Array
+    """(3, 2, N) of airspeed and heading, at `SHARES` of the step."""
+    slow: Array
+    """(N,) by the height's slow pole."""
+    fast: Array
+    between_s: Array
+    """(N,) what comes of a climb rate meanwhile; with equal poles exprel's limit makes it the double pole's form."""
+
+
+def step(state: State, command: Command, parameters: Parameters, drift_mps: Array) -> State:
+    """Return the state a step later.
 
     Airspeed, heading, height and climb rate follow the closed forms of (7): exponentials, straight lines while
     acceleration or turn rate is limited; a climb beyond its limit counts as the limit. The way over ground is Simpson's
@@ -106,12 +133,12 @@ def step(state: State, command: Command, parameters: Parameters, drift_mps: Arra
     error = command.air_motion - air_motion
     error[1] = (error[1] + np.pi) % (2 * np.pi) - np.pi
     rate_max = np.minimum(parameters.rate_max, command.rate_max)
-    along = air_motion + (error - lag(error, rate_max, parameters.tau_s, SHARES * dt_s))
+    along = air_motion + (error - _left(error, rate_max, parameters))
     speed, heading = along[:, 0], along[:, 1]
     north_mps = SIMPSON @ (speed * np.cos(heading)) + drift_mps[0]
     east_mps = SIMPSON @ (speed * np.sin(heading)) + drift_mps[1]
-    height_m, climb_mps = _height(state, command.height_m, parameters, dt_s)
-    way = np.array((north_mps, east_mps, -drift_mps[2])) * dt_s
+    height_m, climb_mps = _height(state, command.height_m, parameters)
+    way = np.array((north_mps, east_mps, -drift_mps[2])) * parameters.dt_s
     start = np.array((state.north_m, state.east_m, height_m))
     return State(np.concatenate((start + way, climb_mps[None], along[2])))
 
@@ -132,15 +159,21 @@ def lag(error: Array, rate_max: Array, tau_s: Array, time_s: Array) -> Array:
     return np.copysign((size - rate_max * limited_s) * np.exp((limited_s - time_s) / tau_s), error)
 
 
-def _height(state: State, target_m: Array, parameters: Parameters, dt_s: float) -> tuple[Array, Array]:
-    """Return height and climb rate. With equal time constants exprel's limit makes it the double pole's form."""
-    slow_s, fast_s, most_mps = parameters.slow_s, parameters.fast_s, parameters.climb_max_mps
-    error, slow_left = state.height_m - target_m, np.exp(-dt_s / slow_s)
-    between_s = dt_s * slow_left * exprel(dt_s / slow_s - dt_s / fast_s)
+def _left(error: Array, rate_max: Array, parameters: Parameters) -> Array:
+    """Return what is left of errors of air motion (2, N) at `SHARES` of a step, (3, 2, N)."""
+    if (np.abs(error) <= rate_max * parameters.tau_s).all():
+        return error * parameters.left.air_motion
+    return lag(error, rate_max, parameters.tau_s, SHARES * parameters.dt_s)
+
+
+def _height(state: State, target_m: Array, parameters: Parameters) -> tuple[Array, Array]:
+    """Return height and climb rate."""
+    slow_s, left, most_mps = parameters.slow_s, parameters.left, parameters.climb_max_mps
+    error = state.height_m - target_m
     push_mps = state.climb_mps + error / slow_s
-    left_m = slow_left * error + between_s * push_mps
-    climb_mps = np.exp(-dt_s / fast_s) * push_mps - left_m / slow_s
-    return state.height_m + _within(left_m - error, most_mps * dt_s), _within(climb_mps, most_mps)
+    left_m = left.slow * error + left.between_s * push_mps
+    climb_mps = left.fast * push_mps - left_m / slow_s
+    return state.height_m + _within(left_m - error, most_mps * parameters.dt_s), _within(climb_mps, most_mps)
 
 
 def _within(value: Array, most: Array) -> Array:

@@ -40,7 +40,7 @@ class Fleet:
         self.environment = Environment(config)
         self.state = _start_state(config)
         self.drift_mps: Array = np.zeros((3, len(airframes)))
-        self._parameters = Parameters.of(airframes)
+        self._parameters = Parameters.of(airframes, LOOP_S)
         self._truth = truth
         self.outbox: list[Datagram] = []
         self._next_turn = after(now, LOOP_S)
@@ -95,7 +95,7 @@ class Fleet:
         if self.steering.stopped.all() and (before.airspeed_mps < STANDING_MPS).all():
             return
         command = self.steering.commands(before, self._parameters, self.drift_mps)
-        self.state = step(before, command, self._parameters, self.drift_mps, LOOP_S)
+        self.state = step(before, command, self._parameters, self.drift_mps)
         below = self.state.height_m < 0.0
         if below.any():
             self.state.table[2:4, below] = 0.0

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 MAGIC = b"truth\x00\x00\x02"
 HEADER = struct.Struct("<8sQ")
+_time = struct.Struct("<d").pack
 QUANTITIES = 12
 
 
@@ -72,13 +73,12 @@ class TruthWriter:
         if self._full or self._turn % self._turns:
             return
         state = fleet.state
-        north_mps, east_mps, down_mps = ground_velocity(state, fleet.drift_mps)
-        places = state.north_m, state.east_m, state.height_m
-        disturbance_mps = fleet.environment.disturbance_mps * fleet.steering.airborne
-        air_motion = state.airspeed_mps, state.heading_rad
-        rows = (*places, north_mps, east_mps, -down_mps, *air_motion, *disturbance_mps, fleet.steering.airborne)
+        velocity_mps, airborne = ground_velocity(state, fleet.drift_mps), fleet.steering.airborne
+        velocity_mps[2] *= -1.0
+        disturbance_mps = fleet.environment.disturbance_mps * airborne
+        rows = np.concatenate((state.table[:3], velocity_mps, state.table[4:], disturbance_mps, airborne[None]))
         try:
-            self._file.write(np.concatenate(([now / NANOSECONDS], *rows)).astype("<f8").tobytes())
+            self._file.write(_time(now / NANOSECONDS) + rows.astype("<f8", copy=False).tobytes())
             if self._turn % LOOP_HZ == 0:
                 self._file.flush()
         except OSError:  # a full disk ends the record, not the flight

@@ -17,8 +17,8 @@ AIRFRAME = Airframe(TAU_V, TAU_PSI, TAU_HA, TAU_HB, 16.0, 28.0, ACCEL, TURN, CLI
 FIELDS = ("north_m", "east_m", "height_m", "climb_mps", "airspeed_mps", "heading_rad")
 
 
-def parameters(*airframes):
-    return Parameters.of(list(airframes) or [AIRFRAME])
+def parameters(*airframes, dt_s=1.0):
+    return Parameters.of(list(airframes) or [AIRFRAME], dt_s)
 
 
 def state(**changes):
@@ -32,7 +32,7 @@ def command(speed=22.0, heading=0.0, height=100.0, turn_rate=math.inf, accel=mat
 
 def fly(begin, told, seconds, steps=1, drift=(0.0, 0.0, 0.0)):
     for _ in range(steps):
-        begin = step(begin, told, parameters(), np.array(drift)[:, None], seconds / steps)
+        begin = step(begin, told, parameters(dt_s=seconds / steps), np.array(drift)[:, None])
     return begin
 
 
@@ -173,7 +173,7 @@ def test_vehicles_do_not_touch_each_other():
     one, two = fly(state(), command(speed=25.0), 1.0), fly(state(), command(heading=0.5), 1.0)
     both = State(np.hstack([state().table] * 2))
     told = Command(np.array([[25.0, 22.0], [0.0, 0.5]]), np.full((2, 2), np.inf), np.array([100.0, 100.0]))
-    end = step(both, told, parameters(AIRFRAME, AIRFRAME), np.zeros((3, 2)), 1.0)
+    end = step(both, told, parameters(AIRFRAME, AIRFRAME), np.zeros((3, 2)))
     for name in FIELDS:
         assert getattr(end, name) == pytest.approx([value(one, name), value(two, name)], rel=1e-15)
 
@@ -182,7 +182,7 @@ def test_vehicles_do_not_touch_each_other():
 @pytest.mark.parametrize("apart", [0.0, 1e-9])
 def test_equal_time_constants_of_the_height_make_a_double_pole(tau_s, apart):
     airframe = Airframe(tau_ha_s=tau_s, tau_hb_s=tau_s * (1 + apart))
-    end = step(state(), command(height=101.0), parameters(airframe), np.zeros((3, 1)), 1.0)
+    end = step(state(), command(height=101.0), parameters(airframe), np.zeros((3, 1)))
     left = math.exp(-1 / tau_s)
     assert value(end, "height_m") == pytest.approx(101 - (1 + 1 / tau_s) * left, abs=1e-8)
     assert value(end, "climb_mps") == pytest.approx(left / tau_s**2, abs=1e-8)
