@@ -13,7 +13,7 @@ from airlink.clock import NANOSECONDS, Instant, after
 from formation_scenario import Scenario
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation import parameters
-from gcs_formation.arrays import Array, Instants, Mask
+from gcs_formation.arrays import Array, Instants, Mask, or_zero
 from gcs_formation.control import envelope
 from gcs_formation.control.situation import Decision, Lead, Situation
 from gcs_formation.estimation.estimator import ROWS, StateEstimator
@@ -150,7 +150,7 @@ class FormationController:
 
     def _acts(self, now: Instant, delay_s: Array, lag_s: Array) -> Instants:
         """Return when each column's setpoint of now acts; a virtual leader amid the followers acts as they do."""
-        acts = now + np.round((np.nan_to_num(delay_s) + lag_s) * NANOSECONDS).astype(np.int64)
+        acts = now + np.round((or_zero(delay_s) + lag_s) * NANOSECONDS).astype(np.int64)
         if self._leader_amid:
             acts[0] = acts[1:].mean()
         return acts
@@ -229,8 +229,8 @@ class FormationController:
         for into, values in noted:
             into[which] = np.where(active[:, None], values, np.nan)
         tick.setpoints.fill(which, Setpoints.of(np.where(active, decision.setpoints.table, np.nan)))
-        known = which[np.isfinite(tick.age_s[which])]
-        tick.state.fill(known, decision.state.take(np.flatnonzero(np.isin(which, known))))
+        known = np.isfinite(tick.age_s[which])
+        tick.state.fill(which[known], decision.state.take(np.flatnonzero(known)))
 
     def _judge_assembly(self, tick: Tick) -> None:
         error_m = np.delete(tick.error_m, tick.leader, axis=0)

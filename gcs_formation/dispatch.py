@@ -104,5 +104,6 @@ class Dispatch:
         following = ready & (np.arange(self._count) != leader)
         if not self._compensates or not following.any():
             return 0.0
-        slowest_s = float(np.nanmax(np.where(following, delay_s, 0.0), initial=0.0))
-        return min(max(0.0, slowest_s - float(np.nan_to_num(delay_s[leader]))), HOLD_MAX_S)
+        slowest_s = float(np.fmax.reduce(delay_s[following], initial=0.0))
+        own_s = float(delay_s[leader])
+        return min(max(0.0, slowest_s - (0.0 if math.isnan(own_s) else own_s)), HOLD_MAX_S)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from airlink.clock import Instant
 from airlink.identity import VehicleId
@@ -32,11 +32,13 @@ class Roster:
         self._columns = columns
         self._note = note
 
-    def leader_lost(self, leader: Vehicle, estimator: StateEstimator, now: Instant, *, replaceable: bool) -> bool:
+    def leader_lost(
+        self, leader: Vehicle, estimator: StateEstimator, now: Instant, replaceable: Callable[[], bool]
+    ) -> bool:
         """Judge the leader alone; return whether it isn't there to follow. One that is `replaceable` is lost sooner."""
-        self._judge(
-            leader, now, fresh=self._is_fresh(leader, estimator, now, SUCCESSION_S if replaceable else math.inf)
-        )
+        fresh = self._is_fresh(leader, estimator, now)
+        late = not self._is_fresh(leader, estimator, now, SUCCESSION_S)
+        self._judge(leader, now, fresh=fresh and not (late and replaceable()))
         return leader.member is not Member.FLYING
 
     def judge(self, leader: Vehicle | None, estimator: StateEstimator, now: Instant, *, connecting: bool) -> None:

@@ -136,10 +136,12 @@ class Station:
         """Decide who flies in the formation, and who leads it if its leader doesn't any more."""
         changes, estimator = self._reconfiguration, self.controller.estimator
         connecting = self.flight.phase is Phase.CONNECTING
-        if changes.leader and not connecting:
-            replaceable = changes.successor(now) is not None
-            if self.roster.leader_lost(changes.leader, estimator, now, replaceable=replaceable):
-                changes.succeed(now)
+
+        def replaceable() -> bool:
+            return changes.successor(now) is not None
+
+        if changes.leader and not connecting and self.roster.leader_lost(changes.leader, estimator, now, replaceable):
+            changes.succeed(now)
         self.roster.judge(changes.leader, estimator, now, connecting=connecting)
 
     def stop(self, now: Instant) -> None:

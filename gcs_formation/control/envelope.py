@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gcs_formation.arrays import Array
+from gcs_formation.arrays import Array, within
 from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Setpoints
 
 INTERCEPT_MAX_RAD = np.radians(60.0)
@@ -22,7 +22,7 @@ def limit(wanted: Setpoints, own_heading_rad: Array, state: FlightState, model: 
     aside = wanted.heading_rad - own_heading_rad
     climb_reach_m = model.climb_max_mps * (model.tau_ha_s + model.tau_hb_s)
     return Setpoints(
-        np.clip(wanted.speed_mps, model.speed_min_mps, model.speed_max_mps),
-        own_heading_rad + np.clip(aside, -INTERCEPT_MAX_RAD, INTERCEPT_MAX_RAD),
-        np.clip(wanted.height_m, state.height_m - climb_reach_m, state.height_m + climb_reach_m),
+        within(wanted.speed_mps, model.speed_min_mps, model.speed_max_mps),
+        own_heading_rad + within(aside, -INTERCEPT_MAX_RAD, INTERCEPT_MAX_RAD),
+        within(wanted.height_m, state.height_m - climb_reach_m, state.height_m + climb_reach_m),
     )

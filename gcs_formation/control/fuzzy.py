@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from gcs_formation.arrays import Array
+from gcs_formation.arrays import Array, within
 
 LEVELS = {"ZR": 0.0, "PL": 0.5, "PH": 1.0}
 SETS = 5
@@ -73,6 +73,6 @@ class FuzzyGainScheduler:
 
 def _place(value: Array) -> tuple[npt.NDArray[np.intp], Array]:
     """Return the cell that a value lies in and how far into it, 0 to 1."""
-    position = (np.clip(value, -1.0, 1.0) + 1.0) * (SETS - 1) / 2
+    position = (within(value, -1.0, 1.0) + 1.0) * (SETS - 1) / 2
     cell = np.minimum(position.astype(np.intp), SETS - 2)
     return cell, position - cell

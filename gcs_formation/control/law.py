@@ -12,7 +12,7 @@ import numpy as np
 
 from formation_scenario.formation import Frame
 from formation_scenario.slot_motion import SlotMotion
-from gcs_formation.arrays import Array, Mask, wrap
+from gcs_formation.arrays import Array, Mask, or_zero, within, wrap
 from gcs_formation.control import envelope, pid
 from gcs_formation.control.feed_forward import Axes, LeaderMotion, Turning, feed_forward
 from gcs_formation.control.fuzzy import FuzzyGainScheduler
@@ -124,7 +124,7 @@ class FormationLaw:
         turn_rps = turn_rate(state, lead.told.take(np.zeros_like(self._leading)), model)
         bend_rps2 = (lead.told_turn_rps - turn_rps) / model.tau_psi_s
         hurry_mps2 = (lead.told.speed_mps - state.airspeed_mps) / model.tau_v_s
-        hurry_mps2 = np.clip(hurry_mps2, -model.accel_max_mps2, model.accel_max_mps2)
+        hurry_mps2 = within(hurry_mps2, -model.accel_max_mps2, model.accel_max_mps2)
         to_climb_m = lead.told.height_m - state.height_m - (model.tau_ha_s + model.tau_hb_s) * state.climb_mps
         climb_change_mps2 = to_climb_m / (model.tau_ha_s * model.tau_hb_s)
         return LeaderMotion(state, Turning(turn_rps, bend_rps2), hurry_mps2, climb_change_mps2)
@@ -163,7 +163,7 @@ class FormationLaw:
         Across, nothing is led in the follower's own frame: its slot swings as it turns.
         """
         before_mps, self._drift_mps = self._drift_mps, drift(leader, follower)
-        rate_mps2 = np.nan_to_num((self._drift_mps - before_mps) / dt_s)
+        rate_mps2 = or_zero((self._drift_mps - before_mps) / dt_s)
         along, across = rotate_to(slot_axis(leader, follower, self._parameters.frame), *rate_mps2)
         return along, np.zeros_like(across) if self._parameters.frame == "follower_heading" else across
 

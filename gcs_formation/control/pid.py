@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs_formation.arrays import Array, Mask
+from gcs_formation.arrays import Array, Mask, or_zero
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ def filter_rate(state: PidState, error: Array, filter_s: float, dt_s: float) -> 
 
     s/(T s + 1), exact for an error that runs straight from sample to sample; 0 at the first sample.
     """
-    slope = np.nan_to_num((error - state.error) / dt_s)
+    slope = or_zero((error - state.error) / dt_s)
     kept = np.exp(-dt_s / filter_s)
     return kept * state.rate + (1 - kept) * slope
 

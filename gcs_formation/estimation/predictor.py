@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import exprel
 
 from airlink.clock import NANOSECONDS
-from gcs_formation.arrays import Array, Instants, wrap
+from gcs_formation.arrays import Array, Instants, or_zero, within, wrap
 from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Indices, Setpoints
 
 HISTORY_S = 6.0
@@ -78,7 +78,7 @@ def advance(state: FlightState, told: Array, duration_s: Array, model: Autopilot
         model: (N,) columns.
     """
     told = told.copy()
-    np.clip(told[:, 0], model.speed_min_mps, model.speed_max_mps, out=told[:, 0])
+    told[:, 0] = within(told[:, 0], model.speed_min_mps, model.speed_max_mps)
     lags = AirLags.of(model)
     values, errors = lags.through(state.air_motion, told[:, :2], duration_s[:, None])
     height = _height_after(Height(state.height_m, state.climb_mps), told[:, 2], HeightSteps.of(model, duration_s))
@@ -111,7 +111,7 @@ def _height_after(height: Height, told_m: Array, steps: HeightSteps) -> Height:
 def turn_rate(state: FlightState, setpoints: Setpoints, model: AutopilotModel) -> Array:
     """Return psi' of equation (7), rad/s (N,), within the limit; 0 where no heading was told."""
     rate = wrap(setpoints.heading_rad - state.heading_rad) / model.tau_psi_s
-    return np.clip(np.nan_to_num(rate), -model.turn_rate_max_rps, model.turn_rate_max_rps)
+    return within(or_zero(rate), -model.turn_rate_max_rps, model.turn_rate_max_rps)
 
 
 class AirLags(NamedTuple):
@@ -201,10 +201,5 @@ class HeightSteps(NamedTuple):
         push_mps = height.climb_mps + error / self.slow_s
         left_m = self.slow_left[step] * error + self.between_s[step] * push_mps
         climb_mps = self.fast_left[step] * push_mps - left_m / self.slow_s
-        return Height(
-            height.height_m + _within(left_m - error, self.most_m[step]), _within(climb_mps, self.climb_max_mps)
-        )
-
-
-def _within(value: Array, most: Array) -> Array:
-    return np.minimum(np.maximum(value, -most), most)
+        most_m, most_mps = self.most_m[step], self.climb_max_mps
+        return Height(height.height_m + within(left_m - error, -most_m, most_m), within(climb_mps, -most_mps, most_mps))

@@ -14,7 +14,7 @@ from pyarrow import ipc
 
 from airlink.clock import NANOSECONDS
 from airlink.identity import VehicleId
-from gcs_formation.arrays import Array
+from gcs_formation.arrays import Array, Mask
 from gcs_formation.records import Tick
 
 CHANNELS = ("speed", "heading", "height")
@@ -62,31 +62,31 @@ class TickSpool:
         vehicles = [vehicle for vehicle in columns if vehicle is not None]
         self._network = np.array([vehicle.network for vehicle in vehicles], dtype=np.int32)
         self._system = np.array([vehicle.system for vehicle in vehicles], dtype=np.int32)
-        self._rows: list[Array] = []
+        self._tables: list[Array] = []
         self._phases: list[int] = []
         self._writer = ipc.new_stream(str(path), SPOOL_SCHEMA)
 
     def add(self, tick: Tick) -> None:
         """Append a tick."""
-        self._rows.append(_matrix(tick)[self._flying])
+        self._tables.append(_table(tick)[:, self._flying])
         self._phases.append(PHASES.index(tick.phase))
-        if len(self._rows) * len(self._flying) >= BATCH_ROWS:
+        if len(self._tables) * len(self._flying) >= BATCH_ROWS:
             self.flush()
 
     def flush(self) -> None:
         """Write what is waiting."""
-        if not self._rows:
+        if not self._tables:
             return
-        values = np.concatenate(self._rows)
-        ticks = len(self._rows)
+        values = np.concatenate(self._tables, axis=1)
+        ticks = len(self._tables)
         arrays: list[Any] = [
             pa.array(np.tile(self._network, ticks)),
             pa.array(np.tile(self._system, ticks)),
             pa.array(np.repeat(np.array(self._phases, dtype=np.int8), len(self._flying))),
-            *(pa.array(column) for column in values.T),
+            *(pa.array(column) for column in values),
         ]
         self._writer.write_batch(pa.record_batch(arrays, schema=SPOOL_SCHEMA))
-        self._rows, self._phases = [], []
+        self._tables, self._phases = [], []
 
     def close(self) -> None:
         """Write what is waiting and close the file."""
@@ -130,23 +130,12 @@ def read_parquet(path: Path) -> dict[str, Array]:
     return {name: table.column(name).to_numpy() for name in table.column_names}
 
 
-def _matrix(tick: Tick) -> Array:
-    state, told = tick.state, tick.setpoints
+def _table(tick: Tick) -> Array:
+    """Return a tick's values, (`MEASURED`, C)."""
     count = tick.age_s.size
-    flat = (
-        np.full(count, tick.now / NANOSECONDS),
-        np.full(count, tick.mission_time_s),
-        *(getattr(state, name) for name in STATE),
-        told.speed_mps,
-        told.heading_rad,
-        told.height_m,
-        tick.age_s,
-        tick.delay_s,
-        tick.jitter_s,
-        tick.margin_used,
-        tick.active,
-        np.arange(count) == tick.leader,
-        tick.yielding,
-        tick.airborne,
-    )
-    return np.column_stack((*flat, tick.slots_m, tick.error_m, tick.mixed, tick.gains))
+    times = np.full((len(TIME), count), ((tick.now / NANOSECONDS,), (tick.mission_time_s,)))
+    leads: Mask = np.arange(count) == tick.leader
+    measured = tick.age_s, tick.delay_s, tick.jitter_s, tick.margin_used
+    link = np.array((*measured, tick.active, leads, tick.yielding, tick.airborne))
+    law = tick.slots_m.T, tick.error_m.T, tick.mixed.T, tick.gains.T
+    return np.concatenate((times, tick.state.table, tick.setpoints.table, link, *law))

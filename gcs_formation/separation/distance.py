@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gcs_formation.arrays import Array, Mask
+from gcs_formation.arrays import Array, Mask, within
 
 
 class Approach(NamedTuple):
@@ -46,7 +46,7 @@ def approach(one: Array, other: Array, kept: Kept, times_s: Array) -> Approach:
     apart = other - one
     begin, way = apart[:, :-1], np.diff(apart, axis=1)
     squared = np.maximum((way**2).sum(axis=0), 1e-12)
-    share = np.clip(-(begin * way).sum(axis=0) / squared, 0.0, 1.0)
+    share = within(-(begin * way).sum(axis=0) / squared, 0.0, 1.0)
     distance = np.sqrt(((begin + share * way) ** 2).sum(axis=0))
     steps_s = np.diff(times_s)[:, None]
     needed_m = kept.distance_m + kept.off_s * np.sqrt(squared) / steps_s

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from airlink.clock import NANOSECONDS, Instant, seconds_between
 from formation_scenario import Scenario, ground_of, slot_schedule
-from gcs_formation.arrays import Array, Instants, Mask, wrap
+from gcs_formation.arrays import Array, Instants, Mask, or_zero, within, wrap
 from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Indices, Setpoints
 from gcs_formation.estimation.predictor import SetpointHistory
 from gcs_formation.estimation.projection import Measured
@@ -123,7 +123,7 @@ class SeparationKeeper:
             commanded=commanded,
             kept_m=self.kept_m,
             kept_from_others_m=self._keys.distance_m,
-            timing_s=TIMING_SHARE * np.nan_to_num(tick.age_s + tick.delay_s)[members],
+            timing_s=TIMING_SHARE * or_zero(tick.age_s + tick.delay_s)[members],
             reference=0,
             floor=self._floor_m,
             times_s=self._times_s,
@@ -155,14 +155,14 @@ class SeparationKeeper:
         turned = wrap(measured.state.heading_rad - before.state.heading_rad)
         rate = np.divide(turned, elapsed_s, out=self._turn_rps.copy(), where=fresh)
         most = self._model.turn_rate_max_rps
-        self._turn_rps = np.where(measured.active, 0.0, np.clip(rate, -most, most))
+        self._turn_rps = np.where(measured.active, 0.0, within(rate, -most, most))
 
     def _watch_slots(self, slots_m: Array) -> None:
         """Take note of slots that stand nearer to each other than any of the scenario's."""
         content = slots_m.tobytes()
         if content == self._slots:
             if self._slots_moved:
-                self.kept_m = min(self.kept_m, self._kept_in(np.nan_to_num(slots_m)))
+                self.kept_m = min(self.kept_m, self._kept_in(or_zero(slots_m)))
             self._slots_moved = False
         else:
             self._slots, self._slots_moved = content, True

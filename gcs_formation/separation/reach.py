@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +13,9 @@ from gcs_formation.estimation.flight_state import Indices
 from gcs_formation.estimation.predictor import AirLags
 from gcs_formation.separation.manoeuvre import COARSE_S
 from gcs_formation.separation.scene import Scene
+
+FEW = 32
+"""Vehicles of whom a look at every pair costs less than a search for those that are near."""
 
 
 class Reach(NamedTuple):
@@ -31,17 +35,13 @@ def possible_pairs(scene: Scene) -> tuple[Indices, Indices]:
     reach, timing_s = bound(scene), scene.timing_s
     most_m = 2 * (reach.far_m.max() + 2 * timing_s.max() * reach.fast_mps.max())
     most_m += max(scene.kept_m, scene.kept_from_others_m)
-    near = cKDTree(reach.place_m.T).query_pairs(most_m, output_type="ndarray")
-    if not near.size:
-        return _NOBODY, _NOBODY
-    one, other = near.min(axis=1), near.max(axis=1)
+    one, other = _pairs_within(most_m, reach.place_m)
     apart_m = _length(*(reach.place_m[:, other] - reach.place_m[:, one]))
     kept = scene.kept(one, other)
     needed_m = kept.distance_m + kept.off_s * (reach.fast_mps[one] + reach.fast_mps[other])
     possible: Mask = apart_m < needed_m + reach.far_m[one] + reach.far_m[other]
     possible &= scene.commanded[one] | scene.commanded[other]
-    order = np.lexsort((other[possible], one[possible]))
-    return one[possible][order], other[possible][order]
+    return one[possible], other[possible]
 
 
 def bound(scene: Scene) -> Reach:
@@ -81,8 +81,22 @@ def _free(scene: Scene, frame_mps: Array, far_m: Array, fast_mps: Array, horizon
     fast_mps[free], far_m[free] = mps[free], (mps * horizon_s)[free]
 
 
+def _pairs_within(most_m: float, place_m: Array) -> tuple[Indices, Indices]:
+    """Return the pairs (one < other), in order, of places (2, N) no farther apart; of few vehicles, all pairs."""
+    count = place_m.shape[1]
+    if count <= FEW:
+        return _all_pairs(count)
+    near = cKDTree(place_m.T).query_pairs(most_m, output_type="ndarray")
+    one, other = near.min(axis=1), near.max(axis=1)
+    order = np.lexsort((other, one))
+    return one[order], other[order]
+
+
+@cache
+def _all_pairs(count: int) -> tuple[Indices, Indices]:
+    one, other = np.triu_indices(count, 1)
+    return one, other
+
+
 def _length(north: Array, east: Array) -> Array:
     return np.hypot(north, east)
-
-
-_NOBODY: Indices = np.empty(0, dtype=np.intp)

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gcs_formation.arrays import Array, Mask
+from gcs_formation.arrays import Array, Mask, within
 from gcs_formation.estimation.flight_state import FlightState, Indices, Setpoints
 from gcs_formation.separation.distance import Kept
 from gcs_formation.separation.manoeuvre import Manoeuvre, Traffic, reach_m
@@ -49,7 +49,7 @@ class Scene:
     def along(self) -> tuple[Array, Array]:
         """Airspeed and heading of the reference as each vehicle can fly them, (N,); NaN for those not commanded."""
         state, model = self.traffic.state, self.traffic.model
-        speed = np.clip(state.airspeed_mps[self.reference], model.speed_min_mps, model.speed_max_mps)
+        speed = within(state.airspeed_mps[self.reference], model.speed_min_mps, model.speed_max_mps)
         heading = np.full(speed.size, state.heading_rad[self.reference])
         return np.where(self.commanded, speed, np.nan), np.where(self.commanded, heading, np.nan)
 
@@ -80,7 +80,7 @@ class Scene:
     def within_reach(self, which: Indices, height_m: Array) -> Array:
         """Return heights as near to the vehicles' own as they may be told (N,)."""
         own_m, most_m = self.traffic.state.height_m[which], reach_m(self.traffic.model.take(which))
-        return np.clip(height_m, own_m - most_m, own_m + most_m)
+        return within(height_m, own_m - most_m, own_m + most_m)
 
 
 def take_height(scene: Scene, vehicle: int, height_m: Array) -> Manoeuvre:
