@@ -31,6 +31,7 @@ def columns_of(tmp_path: Path, vehicle: int) -> dict[str, np.ndarray]:
     return {name: values[columns["vehicle"] == vehicle] for name, values in columns.items()}
 
 
+@pytest.mark.slow
 def test_slots_change_without_errors_or_anybody_near(fly: Fly) -> None:
     changes = [{"at_s": 5, "shape": "line"}, {"at_s": 45, "shape": "circle"}, {"at_s": 80, "shape": "square"}]
     summary = fly(
@@ -101,6 +102,7 @@ def test_without_succession_a_lost_leader_has_everyone_loiter(fly: Fly, tmp_path
     assert told == {"1", "2", "3"}
 
 
+@pytest.mark.slow
 def test_a_leader_that_its_pilot_has_taken_comes_back_as_a_follower(fly: Fly, tmp_path: Path) -> None:
     summary = fly(
         duration_s=140,

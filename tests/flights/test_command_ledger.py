@@ -31,7 +31,7 @@ START, GUIDED, LOITER, RTL = Instant(0), m.PLANE_MODE_GUIDED, m.PLANE_MODE_LOITE
 @pytest.mark.parametrize(
     "keys",
     [
-        {"start": {"in_air": True, "run_in_s": 6, "offset_m": [8, 6, 4]}},
+        {"start": {"in_air": True, "run_in_s": 12, "offset_m": [8, 6, 4]}},
         {"links": {"default": {"delay_ms": 300, "loss": 0.2, "mean_burst": 5}}},
         {"wind": {"velocity_mps": [3, -4, 0]}},
         {"vehicles": {"count": 3, "navigation": {"source": "noisy"}}},
@@ -39,7 +39,8 @@ START, GUIDED, LOITER, RTL = Instant(0), m.PLANE_MODE_GUIDED, m.PLANE_MODE_LOITE
     ],
 )
 def test_vehicles_that_obey_are_never_reported(keys: dict[str, Any]) -> None:
-    world = World(duration_s=40, path={"speed_mps": 22, "waypoints_m": WEAVING}, **keys)
+    start = {"in_air": True, "run_in_s": 12}
+    world = World(duration_s=40, path={"speed_mps": 22, "waypoints_m": WEAVING}, **{"start": start} | keys)
     world.run()
     assert world.words("disobeys") == world.words("streams") == []
     assert world.station.failure is None

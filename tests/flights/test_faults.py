@@ -127,7 +127,7 @@ def test_a_pilots_switch_is_respected_and_ends_when_the_pilot_gives_it_back(mode
     assert world.vehicle(2).pilot.mode is Mode[mode]
     world.strike(2, "pilot", ends=True)
     back_s = world.now_s
-    world.run()
+    world.run(None if mode == "FBWA" else 5.0)
     (parted_s,) = world.times_s("member", 2, "parted")
     (again_s,) = [at_s for at_s in world.times_s("member", 2, "flying") if at_s > taken_s]
     assert parted_s - taken_s < LAG_S
@@ -187,6 +187,7 @@ def test_an_order_to_loiter_that_arrives_after_the_link_is_back_is_taken_back(fl
     assert modes[2][1] - modes[1][1] == pytest.approx(2 * 0.6 + 0.2, abs=LAG_S)
 
 
+@pytest.mark.slow
 @settings(max_examples=12)
 @given(at_s=st.floats(0.0, 60.0))
 def test_stopped_at_any_moment_vehicles_loiter_or_are_disarmed(at_s: float) -> None:

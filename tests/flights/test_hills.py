@@ -21,6 +21,7 @@ def test_leader_and_followers_keep_the_clearance_over_a_hill_steeper_than_they_c
     """The ground rises by 5.2 m/s at 22 m/s; climbs are limited to 3 m/s, and links take 300 ms each way."""
     summary = fly(
         duration_s=75,
+        start={"in_air": True, "run_in_s": 12},
         path={"speed_mps": 22, "waypoints_m": [[0, 0, 70], [2000, 0, 70]]},
         terrain={"clearance_m": 60, "hills": HILLS},
         formation={"shape": "line", "spacing_m": 60},

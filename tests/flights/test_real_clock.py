@@ -16,7 +16,9 @@ from typing import Any
 
 import pytest
 import yaml
+from click.testing import CliRunner, Result
 
+from gcs_formation.cli import main
 from gcs_formation.record.timeseries import read_parquet
 from tests.flights.conftest import scenario
 
@@ -39,6 +41,11 @@ def path(tmp_path: Path) -> Path:
     file = tmp_path / "short.yaml"
     file.write_text(yaml.safe_dump(keys))
     return file
+
+
+def said(*arguments: str) -> Result:
+    """Give the command line these arguments, without a process of its own."""
+    return CliRunner().invoke(main, arguments)
 
 
 @contextmanager
@@ -88,7 +95,8 @@ def emulators_of(path: Path) -> list[str]:
 
 def test_run_over_udp_is_as_good_as_under_the_virtual_clock(path: Path, tmp_path: Path) -> None:
     out = tmp_path / "run"
-    command = [*STATION, "run", str(path), "--speedup", "4", "--out", str(out), "--json"]
+    keys = ["--speedup", "4", "--set", "duration_s=10"]
+    command = [*STATION, "run", str(path), *keys, "--out", str(out), "--json"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S, check=False)
     assert done.returncode == 0, done.stderr
     summary = json.loads(done.stdout)
@@ -97,6 +105,7 @@ def test_run_over_udp_is_as_good_as_under_the_virtual_clock(path: Path, tmp_path
     assert not emulators_of(tmp_path)
 
 
+@pytest.mark.slow
 def test_fly_against_vehicles_started_by_hand(path: Path, tmp_path: Path) -> None:
     out = tmp_path / "run"
     on_the_ground = ["--set", "start.in_air=false", "--speedup", "6"]
@@ -125,7 +134,6 @@ def test_ctrl_c_has_the_vehicles_loiter_and_leaves_a_whole_record(path: Path, tm
 
 
 @pytest.mark.slow
-@pytest.mark.slow
 def test_killed_the_station_takes_its_vehicles_along(path: Path, tmp_path: Path) -> None:
     out = tmp_path / "run"
     with started([*STATION, "run", str(path), "--out", str(out)]) as station:
@@ -139,6 +147,7 @@ def test_killed_the_station_takes_its_vehicles_along(path: Path, tmp_path: Path)
             time.sleep(0.1)
 
 
+@pytest.mark.slow
 def test_a_running_flight_is_told_another_shape_and_to_end(path: Path, tmp_path: Path) -> None:
     out = tmp_path / ("a-directory-with-a-long-name-" * 4)
     with started(
@@ -147,19 +156,19 @@ def test_a_running_flight_is_told_another_shape_and_to_end(path: Path, tmp_path:
         wait_for(out / "events.jsonl", '"flying"')
         told: list[tuple[int, str]] = []
         for order in ("shape line", "speed 40", "shape blob", "loiter"):
-            command = [*STATION, "tell", str(out), *order.split()]
-            done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S, check=False)
-            told.append((done.returncode, (done.stdout + done.stderr).strip()))
+            done = said("tell", str(out), *order.split())
+            told.append((done.exit_code, done.output.strip()))
         assert told[0] == (0, "shape line: accepted")
         assert told[1] == (1, "speed 40: refused: found 40 m/s; allowed: 16 to 28 m/s, leader 1's limits")
         assert told[2][0] == 2
         assert told[3] == (0, "loiter: accepted")
         assert station.wait(LIMIT_S) == 0
-    again = subprocess.run([*STATION, "tell", str(out), "loiter"], capture_output=True, text=True, check=False)
-    assert again.returncode == 3
+    again = said("tell", str(out), "loiter")
+    assert again.exit_code == 3
     assert "no flight answers in" in again.stderr
 
 
+@pytest.mark.slow
 def test_a_leader_lost_over_udp_is_succeeded_within_5_s(path: Path, tmp_path: Path) -> None:
     out = tmp_path / "run"
     keys = ["--set", "duration_s=40", "--set", "faults=[{at_s: 8, vehicles: [1], kind: crash}]"]
@@ -177,43 +186,45 @@ def test_a_taken_port_ends_with_3_and_its_name(path: Path, tmp_path: Path) -> No
     endpoint = yaml.safe_load(path.read_text())["vehicles"]["endpoint"]
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as occupier:
         occupier.bind(("127.0.0.1", int(endpoint.rpartition(":")[2])))
-        command = [*STATION, "run", str(path), "--out", str(tmp_path / "run")]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S, check=False)
-    assert done.returncode == 3
+        done = said("run", str(path), "--out", str(tmp_path / "run"))
+    assert done.exit_code == 3
     assert done.stderr.strip().endswith("is taken by another program")
     assert endpoint in done.stderr
 
 
 def test_nobody_there_ends_with_3_and_who_was_missed(path: Path, tmp_path: Path) -> None:
-    command = [*STATION, "fly", str(path), "--speedup", "50", "--out", str(tmp_path / "run")]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S, check=False)
-    assert done.returncode == 3
+    done = said("fly", str(path), "--speedup", "50", "--out", str(tmp_path / "run"))
+    assert done.exit_code == 3
     assert "no vehicle 1, 2, 3 answered at udpin:127.0.0.1" in done.stderr
 
 
 def test_an_expectation_window_beyond_until_is_not_reached_and_does_not_fail(path: Path, tmp_path: Path) -> None:
     expect = "expect=[{metric: error_x_m.max, from_s: 15, to_s: 20, below: 0.0}]"
-    command = [*STATION, "run", str(path), "--clock", "virtual", "--until", "5", "--set", expect, "--json"]
-    done = subprocess.run(
-        [*command, "--out", str(tmp_path / "run")], capture_output=True, text=True, timeout=LIMIT_S, check=False
-    )
-    assert done.returncode == 0
+    keys = ["--clock", "virtual", "--until", "5", "--set", expect, "--json"]
+    done = said("run", str(path), *keys, "--out", str(tmp_path / "run"))
+    assert done.exit_code == 0
     assert [entry["held"] for entry in json.loads(done.stdout)["expect"]] == [None, None]
 
 
 def test_a_broken_expectation_ends_with_1_and_its_figure(path: Path, tmp_path: Path) -> None:
     expect = "expect=[{metric: min_separation_m, above: 100}]"
-    command = [*STATION, "run", str(path), "--clock", "virtual", "--set", expect, "--out", str(tmp_path / "run")]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S, check=False)
-    assert done.returncode == 1
-    assert "min_separation_m from 0 s to 20 s: found 42.4" in done.stderr
+    keys = ["--clock", "virtual", "--set", expect, "--set", "duration_s=5"]
+    done = said("run", str(path), *keys, "--out", str(tmp_path / "run"))
+    assert done.exit_code == 1
+    assert "min_separation_m from 0 s to 5 s: found 42.4" in done.stderr
 
 
 @pytest.mark.parametrize(
     "arguments", [["check", "nowhere.yaml"], ["run", "nowhere.yaml"], ["report", "nowhere"], ["fly"]]
 )
-def test_bad_usage_ends_with_2_and_no_traceback(arguments: list[str]) -> None:
-    done = subprocess.run([*STATION, *arguments], capture_output=True, text=True, timeout=LIMIT_S, check=False)
-    assert done.returncode == 2
+def test_bad_usage_ends_with_2_and_words(arguments: list[str]) -> None:
+    done = said(*arguments)
+    assert done.exit_code == 2
     assert done.stderr
+
+
+def test_a_process_ends_with_the_status_of_its_command_and_no_traceback() -> None:
+    done = subprocess.run([*STATION, "run", "nowhere.yaml"], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "nowhere.yaml" in done.stderr
     assert "Traceback" not in done.stderr

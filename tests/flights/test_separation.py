@@ -8,6 +8,8 @@ import pytest
 
 from tests.flights.conftest import Fly
 
+START = {"in_air": True, "run_in_s": 12}
+"""Long enough for followers to be settled over late links: the leader doesn't go round again."""
 LEFT, RIGHT = [-30, -30, 0], [-30, 30, 0]
 SWAP: dict[str, Any] = {
     "duration_s": 45,
@@ -23,7 +25,7 @@ LINKS = [{}, {"default": {"delay_ms": 300}}, {"default": {"delay_ms": 150, "jitt
 @pytest.mark.slow
 @pytest.mark.parametrize("links", LINKS)
 def test_a_change_of_formation_keeps_apart_by_itself(fly: Fly, links: dict[str, Any]) -> None:
-    safety = fly(**SWAP, links=links).to_dict()["safety"]
+    safety = fly(**SWAP, start=START, links=links).to_dict()["safety"]
     assert safety["violations"] == 0
     assert safety["min_separation_m"] > 20.0
     assert safety["avoidance_s"] == 0.0
@@ -52,8 +54,8 @@ TURN: dict[str, Any] = {
 @pytest.mark.parametrize("delay_ms", [0, 300])
 def test_a_vehicle_that_nobody_commands_is_kept_away_from(fly: Fly, delay_ms: float) -> None:
     links = {"default": {"delay_ms": delay_ms}}
-    off = fly(**TURN, links=links, safety={"avoidance": {"enabled": False}}).to_dict()["safety"]
-    kept = fly(**TURN, links=links).to_dict()["safety"]
+    off = fly(**TURN, start=START, links=links, safety={"avoidance": {"enabled": False}}).to_dict()["safety"]
+    kept = fly(**TURN, start=START, links=links).to_dict()["safety"]
     assert off["min_separation_m"] < 5.0
     assert off["violations"] == 1
     assert kept["min_separation_m"] > 9.0

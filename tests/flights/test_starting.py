@@ -135,6 +135,7 @@ def test_after_the_path_has_begun_a_vehicle_that_can_not_be_started_again_is_aba
     assert world.station.flight.phase is Phase.DONE
 
 
+@pytest.mark.slow
 def test_when_the_time_for_assembly_is_over_the_path_begins_as_the_leader_comes_by_again() -> None:
     world = World(**ASSEMBLING)
     world.run(1.0)

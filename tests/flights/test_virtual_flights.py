@@ -37,7 +37,7 @@ def test_followers_settle_from_an_offset(fly: Fly, frame: str, law: str) -> None
         assert max(follower[f"error_{axis}_m"]["steady_max"] for axis in "xyz") <= 0.5
 
 
-@pytest.mark.parametrize("aside_m", [-150, 150])
+@pytest.mark.parametrize("aside_m", [pytest.param(-150, marks=pytest.mark.slow), 150])
 def test_a_follower_far_aside_flies_to_its_slot(fly: Fly, aside_m: float) -> None:
     summary = fly(duration_s=80, start={"in_air": True, "run_in_s": 6, "offset_m": [0, aside_m, 0]})
     for follower in summary.to_dict()["followers"].values():
@@ -51,25 +51,16 @@ def test_an_assembled_formation_keeps_its_slots_to_centimetres(fly: Fly) -> None
 def test_a_turn_leaves_no_offset(fly: Fly) -> None:
     """Slot-consistent feed-forward: in a turn of 0.9 degrees a second the errors stay at centimetres."""
     turn = [[1400 * math.sin(a), 1400 * (1 - math.cos(a)), 100] for a in np.linspace(0, 1.2, 9)]
-    assert max(worst(fly(duration_s=60, path={"speed_mps": 22, "waypoints_m": turn}), "max")) < 0.1
+    assert max(worst(fly(duration_s=40, path={"speed_mps": 22, "waypoints_m": turn}), "max")) < 0.1
 
 
 def test_wind_on_all_does_not_disturb_the_formation(fly: Fly) -> None:
     summary = fly(
-        wind={"velocity_mps": [3.0, -4.0, 0.0]}, expect=[{"metric": "error_x_m.max", "from_s": 20, "below": 0.1}]
+        start={"in_air": True, "run_in_s": 15},
+        wind={"velocity_mps": [3.0, -4.0, 0.0]},
+        expect=[{"metric": "error_x_m.max", "from_s": 20, "below": 0.1}],
     )
     assert summary.held
-
-
-def test_the_same_seed_gives_the_same_bytes(fly: Fly, tmp_path: Path) -> None:
-    links = {"default": {"delay_ms": 80, "jitter_ms": 20, "loss": 0.05}}
-    contents: list[list[bytes]] = []
-    for _ in range(2):
-        fly(duration_s=10, links=links)
-        contents.append(
-            [(tmp_path / "run" / name).read_bytes() for name in ("flight.tlog", "timeseries.parquet", "events.jsonl")]
-        )
-    assert contents[0] == contents[1]
 
 
 def test_pymavlink_reads_every_frame_of_the_log(fly: Fly, tmp_path: Path) -> None:
@@ -151,7 +142,7 @@ def test_clocks_that_are_off_do_not_matter(fly: Fly) -> None:
     assert max(worst(fly(vehicles=vehicles), "max")) < 0.1
 
 
-@pytest.mark.parametrize("shape", ["line", "diamond"])
+@pytest.mark.parametrize("shape", [pytest.param("line", marks=pytest.mark.slow), "diamond"])
 def test_slots_in_the_followers_own_frame_are_kept_in_bends_and_beside_the_leader(fly: Fly, shape: str) -> None:
     """A slot is towed: it bends as the leader does x_rc / v later; beside the leader nothing damps but the law."""
     weave = [[600.0 * i, 250.0 * math.sin(0.9 * i), 100.0] for i in range(6)]

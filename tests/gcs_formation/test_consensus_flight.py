@@ -177,7 +177,6 @@ def test_the_summary_has_the_margin_of_the_law(fly: Fly) -> None:
     assert summary.to_dict()["stability"]["delay_margin_s"] == expected
 
 
-@pytest.mark.slow
 def worst(summary: Summary, figure: str = "max") -> float:
     followers = summary.to_dict()["followers"].values()
     return max(each[f"error_{axis}_m"][figure] for each in followers for axis in "xyz")

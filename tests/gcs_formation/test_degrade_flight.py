@@ -52,7 +52,6 @@ def gains_events(flown: Flown) -> list[dict[str, Any]]:
 
 
 @pytest.mark.slow
-@pytest.mark.slow
 @pytest.mark.parametrize(("law", "delay_ms"), [("fuzzy_pid", 700), ("consensus", 900)])
 def test_beyond_the_margin_the_formation_diverges_unless_gains_come_down(fly: Fly, law: str, delay_ms: float) -> None:
     """The consensus of two loses stability at 1.38 s."""
@@ -84,6 +83,7 @@ def test_no_setpoint_jumps_as_gains_move_over_a_second(fly: Fly) -> None:
         assert np.abs(np.diff(values)).max() < 0.15 * np.ptp(values)
 
 
+@pytest.mark.slow
 def test_nothing_comes_down_in_flights_that_are_well_inside(tmp_path: Path) -> None:
     """The paper's flight, without prediction over 150 ms and with it over 500 ms and a scatter of 10 ms."""
     paper = Formation((), tmp_path)(PAPER).with_keys(law__on_delay="degrade")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,8 +18,8 @@ DRIFTS_PPM = (0, 50, 15000)
 SPEED_MPS = 22
 
 
-@pytest.fixture
-def plan(tmp_path: Path) -> Callable[..., Plan]:
+@pytest.fixture(scope="module")
+def plan(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Plan]:
     """Plan a flight in the air along a straight line, with the given keys instead of or beside these."""
 
     def of(**keys: Any) -> Plan:
@@ -32,7 +31,7 @@ def plan(tmp_path: Path) -> Callable[..., Plan]:
             "formation": {"shape": "line", "spacing_m": 30},
             "path": {"speed_mps": SPEED_MPS, "waypoints_m": [[0, 0, 100], [SPEED_MPS * 400, 0, 100]]},
         }
-        return Formation((), tmp_path)(plain | keys)
+        return Formation((), tmp_path_factory.mktemp("flights"))(plain | keys)
 
     return of
 
@@ -60,7 +59,9 @@ def test_the_measured_delay_is_the_realised_one_whatever_the_clocks_drift(plan, 
     """With 20 ms of jitter each way the median of 600 round trips is known to 0.7 ms."""
     vehicles, links = grid(jitter_ms)
     slow = {"rate_hz": 2}
-    flown = plan(duration_s=duration_s, vehicles=vehicles, telemetry=slow, law=slow, links={"changes": links}).fly()
+    start = {"in_air": True, "run_in_s": 16, "timeout_s": 5}  # at 2 Hz over 600 ms nobody settles
+    flight = plan(duration_s=duration_s, start=start, vehicles=vehicles, telemetry=slow, law=slow)
+    flown = flight.with_keys(links={"changes": links}).fly()
     shares = {v["id"]: difference_ms(flown.link(v["id"])) for v in vehicles[1:]}
     assert max(map(abs, shares.values())) <= 1.0, shares
 
@@ -127,7 +128,7 @@ RECORD = ("flight.tlog", "timeseries.parquet", "events.jsonl")
 
 
 def test_the_same_seed_gives_the_same_bytes_over_impaired_links(plan):
-    impaired = plan(duration_s=8).with_link(
+    impaired = plan(duration_s=5).with_link(
         delay_ms=80, jitter_ms=40, distribution="pareto", loss=0.1, mean_burst=3, duplicate=0.1, rate_kbps=500
     )
     one, again, other = impaired.fly(), impaired.fly(), impaired.with_keys(seed=2).fly()
@@ -137,13 +138,13 @@ def test_the_same_seed_gives_the_same_bytes_over_impaired_links(plan):
 
 
 def test_a_change_on_one_link_leaves_the_other_links_delays_alone(plan):
-    jittery = plan(duration_s=15).with_link(delay_ms=50, jitter_ms=20)
+    jittery = plan(duration_s=8).with_link(delay_ms=50, jitter_ms=20)
     before = jittery.fly().series(2)["delay_s"]
-    after = jittery.with_link(3, from_s=5, delay_ms=400, loss=0.3).fly().series(2)["delay_s"]
+    after = jittery.with_link(3, from_s=3, delay_ms=400, loss=0.3).fly().series(2)["delay_s"]
     assert np.array_equal(before, after, equal_nan=True)
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def outage(plan) -> Flown:
     """Fly with follower 3's link down from 10 s to 20 s."""
     return plan(duration_s=40).with_outage(3, from_s=10, to_s=20).fly()
