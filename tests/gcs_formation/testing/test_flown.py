@@ -26,6 +26,7 @@ def flown(directory: Path, **errors: np.ndarray) -> Flown:
         "active": np.ones(3 * rows),
         "leads": np.tile([1.0, 0.0, 0.0], rows),
         "yielding": np.zeros(3 * rows),
+        "airborne": np.ones(3 * rows),
         "mission_time_s": np.repeat(np.where(TIME_S < 0, np.nan, TIME_S), 3),
     }
     for axis in "xyz":
