@@ -39,8 +39,8 @@ START, GUIDED, LOITER, RTL = Instant(0), m.PLANE_MODE_GUIDED, m.PLANE_MODE_LOITE
     ],
 )
 def test_vehicles_that_obey_are_never_reported(keys: dict[str, Any]) -> None:
-    start = {"in_air": True, "run_in_s": 12}
-    world = World(duration_s=40, path={"speed_mps": 22, "waypoints_m": WEAVING}, **{"start": start} | keys)
+    keys = {"start": {"in_air": True, "run_in_s": 12}} | keys
+    world = World(duration_s=40, path={"speed_mps": 22, "waypoints_m": WEAVING}, **keys)
     world.run()
     assert world.words("disobeys") == world.words("streams") == []
     assert world.station.failure is None
