@@ -45,12 +45,14 @@ def open_socket(endpoint: Endpoint) -> socket.socket:
 def select_for(selector: selectors.BaseSelector, wait_s: float) -> list[tuple[selectors.SelectorKey, int]]:
     """Return what is ready, after `wait_s` at the latest.
 
-    The selector rounds its time-out up to milliseconds; the last one is slept away instead.
+    The selector rounds its time-out up to milliseconds; the last one is slept away instead. One whose time is over
+    when the process goes on after it was stopped doesn't look again whether something has come: we do.
     """
     coarse_s = max(0.0, wait_s - SELECTOR_RESOLUTION_S)
     ready = selector.select(coarse_s)
-    if not ready and wait_s > 0 and coarse_s == 0.0:
-        time.sleep(wait_s)
+    if not ready and wait_s > 0:
+        if coarse_s == 0.0:
+            time.sleep(wait_s)
         ready = selector.select(0)
     return ready
 

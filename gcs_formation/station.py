@@ -123,6 +123,7 @@ class Station:
         self._watch_links(now)
         self._start_vehicles(now)
         self._send_commands(now)
+        self._take_samples(now)
         if self.flight.phase is not Phase.LOITERING:
             self._judge_members(now)
             self._streams.watch(now)
@@ -192,13 +193,18 @@ class Station:
             if command is not None:
                 self._send(vehicle, command, now)
 
-    def _fly(self, now: Instant) -> None:
-        controller = self.controller
-        controller.begin_regardless = self._waited_long_enough(now)
+    def _take_samples(self, now: Instant) -> None:
+        """Take what has come before anybody is judged by its age: it may be that it's us who were away."""
+        if self.flight.phase not in (Phase.ASSEMBLING, Phase.FLYING):
+            return
         for identity, column in self._columns.items():
             sample = self.vehicles[identity].new_sample(now)
             if sample is not None:
-                controller.estimator.update(column, sample)
+                self.controller.estimator.update(column, sample)
+
+    def _fly(self, now: Instant) -> None:
+        controller = self.controller
+        controller.begin_regardless = self._waited_long_enough(now)
         mission_s = self.flight.mission_time_s(now)
         self._orders.advance(now)
         if self.flight.phase is Phase.LOITERING:

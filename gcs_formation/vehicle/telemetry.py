@@ -49,6 +49,8 @@ class Telemetry:
     motion: Motion | None = None
     attitude: Attitude | None = None
     airspeed_mps: float = math.nan
+    airspeed_stamp_s: float = math.nan
+    """Stamp of the newest position when the airspeed came: its own message has none."""
     heartbeat: Heartbeat | None = None
     heartbeats: int = 0
     ekf_flags: int = 0
@@ -69,6 +71,7 @@ class Telemetry:
                 self.attitude = message
             case VfrHud() if 0.0 <= message.airspeed_mps <= SPEED_LIMIT_MPS:
                 self.airspeed_mps = message.airspeed_mps
+                self.airspeed_stamp_s = self.motion.stamp_s if self.motion else math.nan
             case Heartbeat():
                 self.heartbeat = message
                 self.heartbeats += 1
@@ -95,12 +98,14 @@ class Telemetry:
             -message.vz_mps,
             message.relative_alt_m,
         )
+        if math.isnan(self.airspeed_stamp_s):
+            self.airspeed_stamp_s = message.time_boot_s
         self.updates += 1
 
     def forget(self) -> None:
         """Forget everything that a restart makes untrue."""
         self.motion = self.attitude = self.heartbeat = None
-        self.airspeed_mps = math.nan
+        self.airspeed_mps = self.airspeed_stamp_s = math.nan
         self.ekf_flags = self.sensors_healthy = 0
 
     @property

@@ -32,7 +32,7 @@ MAX_PROBES = 256
 """Unanswered probes kept: a minute of them."""
 CLOCK_LIMIT_NS = 2**62
 APART_LIMIT_S = 2.0
-"""Farther apart than this an attitude's stamp and its position's are no pair."""
+"""Farther apart than this an attitude's stamp, or an airspeed's, and its position's are no pair."""
 
 
 class Vehicle:
@@ -140,7 +140,8 @@ class Vehicle:
         motion, attitude = seen.motion, seen.attitude
         stamp, apart_s = self.clock.to_instant(motion.stamp_s), motion.stamp_s - attitude.time_boot_s
         possible = -EARLY_S <= seconds_between(stamp, now) <= LONGEST_DELAY_S
-        if not possible or abs(apart_s) > APART_LIMIT_S:
+        airspeed_age_s = motion.stamp_s - seen.airspeed_stamp_s
+        if not possible or abs(apart_s) > APART_LIMIT_S or airspeed_age_s > APART_LIMIT_S:
             self.telemetry.implausible += 1
             return None
         turned = attitude.yawspeed_radps * apart_s

@@ -1,3 +1,4 @@
+import selectors
 import socket
 
 import pytest
@@ -6,7 +7,7 @@ from airlink.clock import Instant, RealClock, after
 from airlink.endpoint import Address, parse_endpoint
 from airlink.engine import Datagram
 from airlink.errors import PortError
-from airlink.udp import UdpDriver, open_socket
+from airlink.udp import UdpDriver, open_socket, select_for
 
 
 class Echo:
@@ -74,3 +75,18 @@ def test_who_cannot_be_reached_is_no_error(port):
     with UdpDriver(engine, RealClock()) as driver:
         driver.run(lambda: len(engine.timers) >= 2)
     assert engine.heard == []
+
+
+class Stopped(selectors.SelectSelector):
+    """Its process was stopped for longer than it was to wait; what came meanwhile it hasn't looked for."""
+
+    def select(self, timeout=None):
+        return [] if timeout else super().select(timeout)
+
+
+def test_after_the_process_was_stopped_what_came_meanwhile_goes_before_the_timers():
+    here, there = socket.socketpair()
+    with here, there, Stopped() as selector:
+        selector.register(here, selectors.EVENT_READ)
+        there.send(b"x")
+        assert [key.fileobj for key, _ in select_for(selector, 0.01)] == [here]

@@ -56,6 +56,24 @@ def test_a_killed_station_leaves_a_record_up_to_the_last_second(path: Path, tmp_
 
 
 @pytest.mark.slow
+def test_a_station_that_was_stopped_for_a_while_hears_what_came_before_it_judges_anybody(
+    path: Path, tmp_path: Path
+) -> None:
+    """Two wall seconds, eight of flight; vehicles whose setpoints stop fly on."""
+    out = tmp_path / "run"
+    with started([*STATION, "run", str(path), "--speedup", "4", "--out", str(out)]) as station:
+        wait_for(out / "events.jsonl", '"flying"')
+        station.send_signal(signal.SIGSTOP)
+        time.sleep(2.0)
+        station.send_signal(signal.SIGCONT)
+        _, said = station.communicate(timeout=LIMIT_S)
+        assert station.returncode == 0, said
+    assert json.loads((out / "summary.json").read_text())["control"]["period_ms"]["max"] > 4000.0
+    begun = [event["text"] for event in events_of(out)].index("flying")
+    assert {event["kind"] for event in events_of(out)[begun + 1 :]} == {"phase", "mode"}  # those of the end
+
+
+@pytest.mark.slow
 def test_emulators_that_are_killed_end_the_run_with_3_and_a_whole_record(path: Path, tmp_path: Path) -> None:
     out = tmp_path / "run"
     with started([*STATION, "run", str(path), "--out", str(out)]) as station:

@@ -91,7 +91,7 @@ def test_whoever_keeps_switching_telemetry_off_is_answered_ever_more_rarely_and_
         requests.add(world.station._streams._streams[1][1].next_request)
     assert len(requests) == 4  # the first is of before
     assert len(world.times_s("streams", 2)) == 1
-    assert len(world.times_s("member", 2, "told to loiter")) == 1
+    assert world.times_s("member", 2, "told to loiter")
     assert not world.times_s("member", 3, "told to loiter")
 
 
@@ -106,3 +106,20 @@ def test_a_refusal_is_reported_once(monkeypatch: pytest.MonkeyPatch) -> None:
     assert first.endswith("it is asked again")
     assert second.startswith("refuses to send")
     assert not world.times_s("member", text="loiter")
+
+
+@pytest.mark.parametrize("message_id", MOTION)
+def test_without_any_one_of_position_attitude_and_airspeed_a_vehicle_is_told_to_loiter(
+    message_id: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An attitude or airspeed counts on for 2 s; what's older than 5 s isn't predicted from."""
+    world = World(duration_s=14)
+    world.fly_to(3.0)
+    stopped_s = tell(world, 2, [interval(2, message_id, NONE)])
+    world.run(0.5)
+    monkeypatch.setitem(HANDLERS, m.MAV_CMD_SET_MESSAGE_INTERVAL, lambda *_: m.MAV_RESULT_DENIED)
+    world.run()
+    (told_s,) = world.times_s("member", 2, "told to loiter")
+    kept_s = 0.0 if message_id == m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT else 2.0
+    assert told_s - stopped_s == pytest.approx(5.0 + kept_s, abs=0.3)
+    assert not world.times_s("member", 3, "loiter")
