@@ -33,6 +33,12 @@ class SlotMotion:
             self.position_m[..., which, :], self.velocity_mps[..., which, :], self.acceleration_mps2[..., which, :]
         )
 
+    def after(self, seconds: Array) -> SlotMotion:
+        """Return slots (N, 3) a little later, each by its own time (N,): their acceleration is kept."""
+        time_s, change = seconds[:, None], self.acceleration_mps2
+        position_m = self.position_m + time_s * (self.velocity_mps + time_s / 2.0 * change)
+        return SlotMotion(position_m, self.velocity_mps + time_s * change, change)
+
     @property
     def reach_m(self) -> float:
         """How far out the farthest slot is."""

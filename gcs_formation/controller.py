@@ -32,6 +32,7 @@ VIRTUAL = np.zeros(1, dtype=np.intp)
 HELD_FOR_S = 2.0
 """How long followers must stay in their slots to count as assembled."""
 CHANNELS = 3
+UP = np.array([0.0, 0.0, 1.0])
 LEADER_WIND_RADPS = 0.5
 """How fast the leader's guidance learns of wind: what it turns into at once, no follower's slot can."""
 GAINS_CHANGE_S = 1.0
@@ -207,19 +208,21 @@ class FormationController:
     def _over_ground(self, tick: Tick, states: States, lead: Lead) -> tuple[SlotMotion, Array]:
         """Return the slots for when setpoints act, clear of the ground, and where they are commanded to be now."""
         slots, route = self._slots(tick.now, tick.mission_time_s), self.guidance.route
+        instants = states.instants(np.arange(self._columns))
+        later = self.plan.at_each(instants / NANOSECONDS, begun=tick.mission_time_s >= 0)
         if self._clearance is None or route is None:
-            return slots, slots.position_m
+            return later, slots.position_m
 
         def ahead(seconds: float) -> Array:
             return self._slots(after(tick.now, seconds), tick.mission_time_s).position_m
 
-        leading, everyone = np.array([tick.leader]), np.arange(self._columns)
+        leading = np.array([tick.leader])
         along_mps, arranged = lead.path.along_mps, self.plan.arrangement
         leader = states.of(leading, leading)
         outlook = Outlook(route, leader, tick.leader, self.guidance.distance_m, along_mps, ahead, arranged)
-        later_s = (states.instants(everyone) - lead.at) / NANOSECONDS
         ago_s = (lead.at - tick.now) / NANOSECONDS
-        return self._clearance.over(slots, outlook, later_s, ago_s)
+        lifted, lift_m = self._clearance.over(later, outlook, (instants - lead.at) / NANOSECONDS, ago_s)
+        return lifted, slots.position_m + lift_m[:, None] * UP
 
     def _note(self, tick: Tick, decision: Decision, slots_m: Array) -> None:
         which, active = decision.columns, tick.active[decision.columns]

@@ -59,10 +59,10 @@ class SlotClearance:
         self._held = np.zeros((3, 0))
 
     def over(self, slots: SlotMotion, outlook: Outlook, later_s: Array, ago_s: float) -> tuple[SlotMotion, Array]:
-        """Return the slots clear of the ground, and their places (N, 3) `ago_s` before the leader is where it is.
+        """Return the slots clear of the ground, and their lifts (N,) `ago_s` before the leader is where it is.
 
         Args:
-            slots: N slots as the formation has them.
+            slots: N slots as the formation has them, each when its follower's setpoint acts.
             outlook: the leader's way on.
             later_s: (N,) how much later the leader's place counts for each slot.
             ago_s: see above.
@@ -77,7 +77,7 @@ class SlotClearance:
             slots.velocity_mps + outlook.along_mps * slope[:, None] * up,
             slots.acceleration_mps2 + outlook.along_mps**2 * curvature[:, None] * up,
         )
-        return lifted, slots.position_m + before_m[:, None] * up
+        return lifted, before_m
 
     def _look_ahead(self, outlook: Outlook, at_m: Array) -> None:
         """Make the lifts anew if it's time to; `at_m` (N,): where the leader is for each follower's setpoint.

@@ -12,6 +12,10 @@ from formation_scenario.arrangement import Arrangement
 from formation_scenario.formation import FormationChange
 from formation_scenario.slot_motion import SlotMotion
 from formation_scenario.transition import Transition
+from gcs_formation.arrays import Array
+
+APART_S = 0.05
+"""Between moments at which slots are worked out; around each they go on with the acceleration that they have there."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +48,14 @@ class FormationPlan:
         """Return the slots at a time of the station's clock, s; `begun`: whether the path is."""
         slots = self._way.at(now_s)
         return slots if begun else SlotMotion.at_rest(slots.position_m + self._offset_m)
+
+    def at_each(self, times_s: Array, *, begun: bool) -> SlotMotion:
+        """Return every slot at a time of its own, (C,)."""
+        coarse, which = np.unique(np.round(times_s / APART_S), return_inverse=True)
+        motions = [self.at(time_s, begun=begun) for time_s in (coarse * APART_S).tolist()]
+        each, rows = np.stack([(m.position_m, m.velocity_mps, m.acceleration_mps2) for m in motions]), which.reshape(-1)
+        near = SlotMotion(*(each[rows, i, np.arange(rows.size)] for i in range(3)))
+        return near.after(times_s - coarse[rows] * APART_S)
 
     def seen_from(self, leader: int, swing_rad: float, now_s: float) -> SlotMotion:
         """Return the slots now as another leader sees them, its heading `swing_rad` off the present one's."""

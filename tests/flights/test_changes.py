@@ -35,7 +35,12 @@ def columns_of(tmp_path: Path, vehicle: int) -> dict[str, np.ndarray]:
 def test_slots_change_without_errors_or_anybody_near(fly: Fly) -> None:
     changes = [{"at_s": 5, "shape": "line"}, {"at_s": 45, "shape": "circle"}, {"at_s": 80, "shape": "square"}]
     summary = fly(
-        duration_s=120, vehicles={"count": 4}, formation={"shape": "diamond", "changes": changes}, path=STRAIGHT
+        duration_s=120,
+        vehicles={"count": 4},
+        formation={"shape": "diamond", "changes": changes},
+        start={"in_air": True, "run_in_s": 20},
+        links={"default": {"delay_ms": 300}},
+        path=STRAIGHT,
     ).to_dict()
     assert summary["safety"]["min_separation_m"] > 18.0
     assert max(f[f"error_{axis}_m"]["max"] for f in summary["followers"].values() for axis in "xyz") < BEFORE_M
@@ -62,7 +67,8 @@ def test_a_crash_breaks_no_limit_that_the_others_keep(fly: Fly, lost: int) -> No
 def test_a_slot_that_goes_aside_in_the_followers_own_frame_stays_occupied(fly: Fly) -> None:
     """It turns its own axes as it goes, with a lag that changes on the way; one of the slots goes 60 m aside."""
     formation = {"shape": "arrow", "frame": "follower_heading", "changes": [{"at_s": 5, "shape": "square"}]}
-    summary = fly(duration_s=50, vehicles={"count": 4}, formation=formation, path=STRAIGHT).to_dict()
+    late = {"default": {"delay_ms": 300}}
+    summary = fly(duration_s=50, vehicles={"count": 4}, formation=formation, path=STRAIGHT, links=late).to_dict()
     assert max(f[f"error_{axis}_m"]["max"] for f in summary["followers"].values() for axis in "xyz") < BEFORE_M
 
 
