@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -28,6 +29,7 @@ class Verdict:
     expectation: Expectation
     vehicle: VehicleId | None
     value: float | None
+    """Infinite for the separation of one that is alone, null in summary.json."""
     reached: bool
     """Whether the run got to the end of the window."""
 
@@ -47,7 +49,8 @@ class Verdict:
         entry: dict[str, Any] = {"metric": wanted.metric}
         if self.vehicle is not None:
             entry["follower"] = self.vehicle.system if self.vehicle.network == 1 else str(self.vehicle)
-        entry |= {"value": self.value, "from_s": wanted.from_s, "to_s": wanted.to_s}
+        known = self.value is not None and math.isfinite(self.value)
+        entry |= {"value": self.value if known else None, "from_s": wanted.from_s, "to_s": wanted.to_s}
         entry |= {name: bound for name in ("below", "above") if (bound := getattr(wanted, name)) is not None}
         return entry | {"held": self.held, "reached": self.reached}
 
@@ -131,7 +134,7 @@ def _link_value(
 def _run_value(wanted: Expectation, flight: Flight, parts: Mapping[str, Any]) -> float | None:
     window = flight.window(wanted.from_s, wanted.to_s)
     if wanted.metric == "min_separation_m" and window.any():
-        return figures.least(figures.separation_m(flight, window))
+        return float(figures.separation_m(flight, window).min())
     if wanted.metric == "min_clearance_m" and window.any():
         return figures.least(figures.clearance_m(flight, window))
     name, _, figure = wanted.metric.partition(".")

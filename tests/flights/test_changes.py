@@ -72,6 +72,13 @@ def test_a_slot_that_goes_aside_in_the_followers_own_frame_stays_occupied(fly: F
     assert max(f[f"error_{axis}_m"]["max"] for f in summary["followers"].values() for axis in "xyz") < BEFORE_M
 
 
+def test_who_is_left_alone_is_near_nobody(fly: Fly) -> None:
+    alone = {"metric": "min_separation_m", "from_s": 6, "above": 5.0}
+    faults = [{"at_s": 5, "vehicles": [2], "kind": "crash"}]
+    summary = fly(duration_s=10, vehicles={"count": 2}, faults=faults, expect=[alone]).to_dict()
+    assert [(entry["value"], entry["held"]) for entry in summary["expect"]] == [(None, True)]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("law", ["fuzzy_pid", "consensus"])
 def test_the_nearest_follower_takes_over_from_a_leader_that_crashes(fly: Fly, tmp_path: Path, law: str) -> None:

@@ -21,7 +21,7 @@ class ErrorPlot extends View {
   }
 
   layout(width, height) {
-    const [left, right, top, bottom, gap] = [58, 18, 34, 34, 14];
+    const [left, right, top, bottom, gap] = [58, 18, 50, 34, 14];
     const tall = (height - top - bottom - 2 * gap) / 3;
     const panels = ["x", "y", "z"].map((axis, i) => ({ axis, top: top + i * (tall + gap), tall }));
     return { left, wide: width - left - right, bottom: height - bottom, panels };
@@ -139,7 +139,7 @@ class ErrorPlot extends View {
   drawMarks(pen, colours, box) {
     pen.textAlign = "left";
     pen.textBaseline = "top";
-    const free = [-Infinity, -Infinity];
+    const free = Array(3).fill(-Infinity);
     for (const mark of this.data.marks) {
       if (mark.t < this.range[0] || mark.t > this.range[1]) continue;
       const x = this.x(mark.t, box);
@@ -152,7 +152,7 @@ class ErrorPlot extends View {
       const level = free.findIndex((from) => left >= from);
       if (level < 0) continue;
       pen.fillStyle = colours.soft;
-      pen.fillText(mark.label, left, 18 - 16 * level);
+      pen.fillText(mark.label, left, 34 - 16 * level);
       free[level] = left + wide + 8;
     }
   }
