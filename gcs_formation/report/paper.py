@@ -19,8 +19,9 @@ REPORTED_M = {"x": 0.22, "y": 0.5}
 BOUND = (
     "Nothing can act before the round trip T has passed; then a vehicle accelerates by a at most. So whatever the law, "
     "the largest error is at least |D| T + D²/(2 a) along a slot axis; ours is held to 1.5 times that and 0.05 m. T is "
-    "as measured before the gust, with sampling and hold; D the change of the follower's disturbance beyond its "
-    "leader's; of the followers, the one nearest to its bound."
+    "as measured before the gust, with sampling and hold by their means: an error may stay a little below the least "
+    "possible where the gust comes just before a sample. D is the change of the follower's disturbance beyond its "
+    "leader's. Shown is the follower nearest to its bound."
 )
 
 
