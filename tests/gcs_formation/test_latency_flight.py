@@ -100,7 +100,8 @@ def test_over_real_sockets_the_measured_delay_is_the_realised_one(plan):
 def test_the_measured_loss_is_the_realised_one(plan, mean_burst):
     fast = {"rate_hz": 50}
     burst = {} if mean_burst is None else {"mean_burst": mean_burst}
-    flown = plan(duration_s=80, vehicles={"count": 2}, telemetry=fast).with_link(loss=0.2, **burst).fly()
+    start = {"in_air": True, "run_in_s": 16}
+    flown = plan(duration_s=80, start=start, vehicles={"count": 2}, telemetry=fast).with_link(loss=0.2, **burst).fly()
     link = flown.link(2)
     assert link["frames_in"] > 10_000
     assert link["injected_loss"] == pytest.approx(0.2, abs=0.02)
