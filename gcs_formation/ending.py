@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from airlink.clock import Instant
 from airlink.identity import VehicleId
 from formation_scenario.orders import End
 from gcs_formation.link.connection import LinkState
-from gcs_formation.loitering import loiter_heights
+from gcs_formation.loitering import GroundFloor, loiter_heights
 from gcs_formation.membership import Member
 from gcs_formation.vehicle.commands import Outcome
 from gcs_formation.vehicle.telemetry import Motion
@@ -22,12 +23,19 @@ class Ending:
     One that is taking off climbs out first; one that its pilot has taken is the pilot's.
     """
 
-    def __init__(self, vehicles: Mapping[VehicleId, Vehicle], now: Instant, manner: End = "loiter") -> None:
+    def __init__(
+        self,
+        vehicles: Mapping[VehicleId, Vehicle],
+        now: Instant,
+        manner: End = "loiter",
+        ground: GroundFloor | None = None,
+    ) -> None:
         """Give the heights out; drop what was under way with vehicles that don't fly."""
         places = {identity: _place(vehicle) for identity, vehicle in vehicles.items() if vehicle.telemetry.armed}
+        floor_m = _floor_m([place for place in places.values() if place], manner, ground)
         if manner != "loiter":  # they meet at home, wherever they are now
             places = {i: replace(place, north_m=0.0, east_m=0.0) if place else None for i, place in places.items()}
-        self._heights_m = loiter_heights({identity: place for identity, place in places.items() if place})
+        self._heights_m = loiter_heights({identity: place for identity, place in places.items() if place}, floor_m)
         self._manner: End = manner
         self._vehicles = vehicles
         self._left = {i: vehicle for i, vehicle in vehicles.items() if vehicle.member is not Member.PARTED}
@@ -53,6 +61,15 @@ class Ending:
         if vehicle.connection.state is not LinkState.CONNECTED:
             return False
         return vehicle.commands.outcome is Outcome.WAITING or (identity in self._left and vehicle.telemetry.armed)
+
+
+def _floor_m(places: Sequence[Motion], manner: End, ground: GroundFloor | None) -> float:
+    """Return how low all may circle, where they are or, over the ways there, at home."""
+    if ground is None:
+        return -math.inf
+    if manner != "loiter":
+        return max((ground.over_way_home(place.north_m, place.east_m) for place in places), default=-math.inf)
+    return max((ground.top(place.north_m, place.east_m).height_m for place in places), default=-math.inf)
 
 
 def _place(vehicle: Vehicle) -> Motion | None:

@@ -1,17 +1,32 @@
-"""Heights for vehicles that end up circling: those whose circles may meet are stacked."""
+"""Heights for vehicles that end up circling: clear of the ground around, and stacked where circles may meet."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Protocol
+from typing import NamedTuple, Protocol
+
+import numpy as np
 
 from airlink.identity import VehicleId
+from formation_scenario import Scenario, ground_of
 
 STACK_M = 15.0
 """Between the heights of circles that may meet."""
 CIRCLES_MEET_M = 400.0
 """Two circles this far apart don't meet: twice a diameter of 100 m radius, entered from anywhere."""
+
+AROUND_M = CIRCLES_MEET_M / 2
+"""How far from where it's told to a vehicle may circle."""
+SAMPLE_M = 10.0
+
+
+class Top(NamedTuple):
+    """The height that keeps clear of the ground around some place, and where that is highest."""
+
+    height_m: float
+    north_m: float
+    east_m: float
 
 
 class Place(Protocol):
@@ -33,8 +48,37 @@ class Place(Protocol):
         ...
 
 
-def loiter_heights(places: Mapping[VehicleId, Place]) -> dict[VehicleId, float]:
-    """Return a height above the origin for each vehicle, none below the lowest vehicle.
+class GroundFloor:
+    """How low vehicles may circle over the scenario's ground."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        """Keep the terrain's clearance; without terrain, circles are at any height."""
+        self._ground = ground_of(scenario) if scenario.terrain else None
+        self._clearance_m = scenario.terrain.clearance_m if scenario.terrain else 0.0
+        across = np.arange(-AROUND_M, AROUND_M + SAMPLE_M, SAMPLE_M)
+        north, east = (each.ravel() for each in np.meshgrid(across, across))
+        within = np.hypot(north, east) <= AROUND_M
+        self._north_m, self._east_m = north[within], east[within]
+
+    def top(self, north_m: float, east_m: float) -> Top:
+        """Return how low circles may be that begin at a place."""
+        if self._ground is None:
+            return Top(-math.inf, north_m, east_m)
+        north, east = north_m + self._north_m, east_m + self._east_m
+        height_m = np.nan_to_num(self._ground.height(north, east), nan=-math.inf)
+        highest = int(np.argmax(height_m))
+        return Top(float(height_m[highest]) + self._clearance_m, float(north[highest]), float(east[highest]))
+
+    def over_way_home(self, north_m: float, east_m: float) -> float:
+        """Return how low a vehicle may go home from a place, straight, and circle there."""
+        if self._ground is None:
+            return -math.inf
+        steps = np.linspace(0.0, 1.0, 2 + int(math.hypot(north_m, east_m) / AROUND_M))
+        return max(self.top(north_m * step, east_m * step).height_m for step in steps.tolist())
+
+
+def loiter_heights(places: Mapping[VehicleId, Place], floor_m: float = -math.inf) -> dict[VehicleId, float]:
+    """Return a height above the origin for each vehicle, none below the lowest vehicle or `floor_m`.
 
     From the lowest vehicle up, each takes the lowest level that no neighbour has: nobody crosses more of the others'
     heights than it must.
@@ -45,7 +89,7 @@ def loiter_heights(places: Mapping[VehicleId, Place]) -> dict[VehicleId, float]:
         near = [other for other in levels if _distance_m(places[identity], places[other]) < CIRCLES_MEET_M]
         taken = {levels[other] for other in near}
         levels[identity] = next(level for level in range(len(ordered)) if level not in taken)
-    base_m = min((place.height_m for place in places.values()), default=0.0)
+    base_m = max(min((place.height_m for place in places.values()), default=0.0), floor_m)
     return {identity: base_m + level * STACK_M for identity, level in levels.items()}
 
 

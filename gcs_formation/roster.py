@@ -9,7 +9,7 @@ from airlink.clock import Instant
 from airlink.identity import VehicleId
 from formation_scenario import Scenario
 from gcs_formation.estimation.estimator import StateEstimator
-from gcs_formation.loitering import loiter_heights
+from gcs_formation.loitering import GroundFloor, loiter_heights
 from gcs_formation.membership import Member, following
 from gcs_formation.records import Note
 from gcs_formation.vehicle.vehicle import Vehicle
@@ -31,6 +31,8 @@ class Roster:
         self._vehicles = vehicles
         self._columns = columns
         self._note = note
+        self._ground = GroundFloor(scenario)
+        self._floor_at, self._floor_m = Instant(-1), -math.inf
 
     def leader_lost(
         self, leader: Vehicle, estimator: StateEstimator, now: Instant, replaceable: Callable[[], bool]
@@ -69,13 +71,16 @@ class Roster:
     def _tell(self, vehicle: Vehicle, now: Instant) -> None:
         autopilot = vehicle.autopilot
         if vehicle.member is Member.HOLDING:
-            vehicle.commands.begin(autopilot.loiter(self._holding_height_m(vehicle)), now)
+            vehicle.commands.begin(autopilot.loiter(self._holding_height_m(vehicle, now)), now)
         elif vehicle.member is Member.RETURNING:
             vehicle.commands.begin((autopilot.set_mode(autopilot.guided_mode),), now)
         elif vehicle.member is not Member.STARTING:
             vehicle.commands.begin((), now)
 
-    def _holding_height_m(self, vehicle: Vehicle) -> float:
+    def _holding_height_m(self, vehicle: Vehicle, now: Instant) -> float:
         """Return the height at which a vehicle loiters apart from the others, wherever they are."""
         places = {i: v.telemetry.motion for i, v in self._vehicles.items() if v.telemetry.motion}
-        return loiter_heights(places)[vehicle.identity]
+        if now != self._floor_at:
+            tops = [self._ground.top(place.north_m, place.east_m).height_m for place in places.values()]
+            self._floor_at, self._floor_m = now, max(tops)
+        return loiter_heights(places, self._floor_m)[vehicle.identity]

@@ -23,6 +23,7 @@ from gcs_formation.ending import Ending
 from gcs_formation.identities import Identities
 from gcs_formation.ledger import CommandLedger
 from gcs_formation.link.receiver import Receiver
+from gcs_formation.loitering import GroundFloor
 from gcs_formation.margin_watch import MarginWatch
 from gcs_formation.orders import Answer, Orders
 from gcs_formation.phases import Cause, Flight, Phase
@@ -76,6 +77,7 @@ class Station:
         self._ledger = CommandLedger(scenario, self.controller, self.vehicles, self._columns, self._event)
         self._out, self._next_tick = list[Datagram](), Instant(0)
         self._loiter_s, self._ending = 0.0, Ending({}, Instant(0))
+        self._ground = GroundFloor(scenario)
 
     # The engine's side.
 
@@ -276,7 +278,7 @@ class Station:
         if self.flight.phase is Phase.LOITERING:
             self._loiter_s = self.scenario.finish.loiter_s if cause in (Cause.PATH_ENDED, Cause.ORDERED) else 0.0
             self._dispatch.clear()
-            self._ending = Ending(self.vehicles, now, self._orders.manner)
+            self._ending = Ending(self.vehicles, now, self._orders.manner, self._ground)
         return True
 
     def fail(self, text: str, now: Instant) -> None:

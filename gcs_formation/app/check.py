@@ -9,11 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from formation_scenario import Scenario, dump_scenario
+from formation_scenario import Scenario, dump_scenario, slot_schedule
+from formation_scenario.lifted_path import leader_path
 from formation_scenario.links import Impairment, LinkStep
 from formation_scenario.trace import read_trace_ms
 from gcs_formation.controller import HELD_FOR_S
 from gcs_formation.guidance.leader import DECISION_S
+from gcs_formation.loitering import GroundFloor
 from gcs_formation.parameters import hold_radius_m
 from gcs_formation.stability import (
     LawMargins,
@@ -88,6 +90,8 @@ def warnings(scenario: Scenario, margins: LawMargins) -> Iterator[str]:
             yield f"loop {loop} is unstable without any delay"
         elif delay_s > NEAR * margin_s and not scenario.law.delay_compensation:
             yield f"loop {loop}: {delay_s:.3f} s of delay is {delay_s / margin_s:.0%} of its margin {margin_s:.3f} s"
+    if lifted := circles_lifted(scenario):
+        yield lifted
     least_s, found_s = least_run_in_s(scenario), scenario.start.run_in_s
     if scenario.start.in_air and found_s < least_s:
         round_s = 2 * math.pi * hold_radius_m(scenario) / scenario.path.speed_mps
@@ -95,6 +99,21 @@ def warnings(scenario: Scenario, margins: LawMargins) -> Iterator[str]:
             f"start.run_in_s: found {found_s:g}; allowed: {least_s:.1f} or more for the path to begin at once; "
             f"the leader goes round first, for about {round_s:.0f} s"
         )
+
+
+def circles_lifted(scenario: Scenario) -> str | None:
+    """Return by how much vehicles climb to circle where the path ends, and for the ground at what place."""
+    path = leader_path(scenario)
+    end, ground = path.at(path.length_m), GroundFloor(scenario)
+    cos, sin = math.cos(end.course_rad), math.sin(end.course_rad)
+    slots = np.vstack((np.zeros(3), slot_schedule(scenario)[-1].slots_m))
+    top = max(ground.top(end.north_m + x * cos - y * sin, end.east_m + x * sin + y * cos) for x, y, _ in slots.tolist())
+    if top.height_m <= end.height_m:
+        return None
+    return (
+        f"path at {path.length_m:.0f} m, its end: vehicles circle {top.height_m - end.height_m:.1f} m above it, at "
+        f"{top.height_m:.0f} m and higher, for the ground at north {top.north_m:.0f}, east {top.east_m:.0f}"
+    )
 
 
 def least_run_in_s(scenario: Scenario) -> float:

@@ -113,3 +113,15 @@ def test_a_run_in_too_short_to_begin_at_once_is_warned_of_with_what_it_takes(del
         world = World(**keys, duration_s=5, vehicles={"count": 2})
         world.run(run_in_s + 1.0)
         assert (world.station.flight.phase is Phase.ASSEMBLING) == rounds
+
+
+def test_circles_that_are_lifted_at_the_paths_end_are_told_with_place_and_figure():
+    """The hill's top is 150 m aside of the path's end, which is 100 m high; 60 m above 90 m are 150 m."""
+    hill = {"shape": "cosine", "north_m": 2000, "east_m": 150, "height_m": 90, "radius_m": 100}
+    path = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [2000, 0, 100]]}
+    planned = load_scenario(flight(terrain={"clearance_m": 60, "hills": [hill]}, path=path))
+    (told,) = [text for text in check_report(planned)["warnings"] if text.startswith("path at 2000 m")]
+    assert told == (
+        "path at 2000 m, its end: vehicles circle 50.0 m above it, at 150 m and higher, for the ground at north 2000, "
+        "east 150"
+    )

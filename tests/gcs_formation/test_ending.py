@@ -14,12 +14,15 @@ from airlink.endpoint import Address
 from airlink.geodesy import GeodeticOrigin
 from airlink.identity import VehicleId
 from airlink.messages import CommandAck, GlobalPositionInt, Heartbeat
+from formation_scenario import load_scenario
 from formation_scenario.orders import End
 from gcs_formation.ending import Ending
 from gcs_formation.link.connection import Connection, LinkState
+from gcs_formation.loitering import GroundFloor
 from gcs_formation.membership import Member
 from gcs_formation.vehicle.arduplane import ArduPlane
 from gcs_formation.vehicle.vehicle import Vehicle
+from tests.flights.conftest import scenario
 
 ORIGIN = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 0.0)
 NOW = Instant(0)
@@ -63,8 +66,8 @@ def loiters_at(height_m: float) -> list[tuple[int, Any]]:
     ]
 
 
-def ending(*vehicles: Vehicle, manner: End = "loiter") -> Ending:
-    return Ending({vehicle.identity: vehicle for vehicle in vehicles}, NOW, manner)
+def ending(*vehicles: Vehicle, manner: End = "loiter", ground: GroundFloor | None = None) -> Ending:
+    return Ending({vehicle.identity: vehicle for vehicle in vehicles}, NOW, manner, ground)
 
 
 def test_vehicles_that_fly_close_together_loiter_15_m_apart(place: Place):
@@ -72,6 +75,19 @@ def test_vehicles_that_fly_close_together_loiter_15_m_apart(place: Place):
     end = ending(*vehicles)
     assert [told(vehicle) for vehicle in vehicles] == [loiters_at(height_m) for height_m in (100.0, 115.0, 130.0)]
     assert end.pending() == []
+
+
+@pytest.mark.parametrize("manner", ["loiter", "rtl"])
+@pytest.mark.parametrize(("hill_north_m", "base_m"), [(250.0, 150.0), (600.0, 100.0)])
+def test_circles_are_clear_of_the_ground_around_them(place: Place, manner: End, hill_north_m: float, base_m: float):
+    """Those of vehicles 50 m and 100 m north of home, and those at home; a hill 90 m high, 60 m of clearance."""
+    hill = {"shape": "cosine", "north_m": hill_north_m, "east_m": 0, "height_m": 90, "radius_m": 100}
+    away = {"speed_mps": 22, "waypoints_m": [[0, 3000, 100], [2000, 3000, 100]]}
+    planned = load_scenario(scenario(terrain={"clearance_m": 60, "hills": [hill]}, path=away))
+    vehicles = [place(i, m.PLANE_MODE_GUIDED, 100.0) for i in (1, 2)]
+    ending(*vehicles, manner=manner, ground=GroundFloor(planned))
+    heights_m = [told(vehicle)[-1][1] for vehicle in vehicles]
+    assert heights_m == pytest.approx([base_m, base_m + 15.0], abs=1.5)
 
 
 def test_a_vehicle_that_takes_off_climbs_out_before_it_circles(place: Place):
