@@ -108,7 +108,7 @@ def test_run_over_udp_is_as_good_as_under_the_virtual_clock(path: Path, tmp_path
 @pytest.mark.slow
 def test_fly_against_vehicles_started_by_hand(path: Path, tmp_path: Path) -> None:
     out = tmp_path / "run"
-    on_the_ground = ["--set", "start.in_air=false", "--speedup", "6"]
+    on_the_ground = ["--set", "start.in_air=false", "--set", "duration_s=8", "--speedup", "6"]
     with started([*VEHICLES, str(path), *on_the_ground]) as vehicles:
         assert vehicles.stdout is not None
         assert "vehicle 1 sends to 127.0.0.1" in vehicles.stdout.readline()
@@ -171,7 +171,7 @@ def test_a_running_flight_is_told_another_shape_and_to_end(path: Path, tmp_path:
 @pytest.mark.slow
 def test_a_leader_lost_over_udp_is_succeeded_within_5_s(path: Path, tmp_path: Path) -> None:
     out = tmp_path / "run"
-    keys = ["--set", "duration_s=40", "--set", "faults=[{at_s: 8, vehicles: [1], kind: crash}]"]
+    keys = ["--set", "duration_s=25", "--set", "faults=[{at_s: 8, vehicles: [1], kind: crash}]"]
     keys += ["--set", "formation.shape=follower"]  # where one is the nearest, not two within what a busy machine adds
     command = [*STATION, "run", str(path), "--speedup", "3", *keys, "--out", str(out)]
     subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S, check=False)
