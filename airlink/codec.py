@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 import re
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from operator import itemgetter
-from typing import Any, get_args
+from typing import Any, TypeVar, get_args
 
 from airlink.mavlink import Layout, layout
 from airlink.messages import Message
@@ -47,6 +47,7 @@ _RANGES = {
 _UNKNOWN_UINT16 = 2**16 - 1
 _FLOAT32_MAX: float = struct.unpack("<f", b"\xff\xff\x7f\x7f")[0]
 
+T = TypeVar("T")
 Convert = Callable[[Any], Any]
 Scatter = Callable[[list[Any]], Sequence[Any]]
 
@@ -64,7 +65,8 @@ class PayloadCodec:
         self.layout = layout(wire_name(message_class))
         self._make: Callable[[Any], Message] = message_class._make
         count = len(message_class._fields)
-        self._decoders = tuple(_decoder(self.layout, place) for place in range(count))
+        self._pick = _pick(self.layout, count)
+        self._decoders = _only_some(_decoder(self.layout, place) for place in range(count))
         self._fits = tuple(_fit(self.layout, place) for place in range(count))
         self._units_in_si = _units_in_si(self.layout, count)
         self._unpack = self.layout.packer.unpack
@@ -74,8 +76,10 @@ class PayloadCodec:
 
     def decode(self, payload: bytes) -> Message:
         """Return the message; missing bytes count as zeros, surplus ones (newer extensions) are left out."""
-        values = self._unpack(payload[: self._length].ljust(self._length, b"\0"))
-        return self._make([convert(values) for convert in self._decoders])
+        values = list(self._pick(self._unpack(payload[: self._length].ljust(self._length, b"\0"))))
+        for place, convert in self._decoders:
+            values[place] = convert(values[place])
+        return self._make(values)
 
     def encode(self, message: tuple[Any, ...]) -> bytes:
         """Return the whole payload, extension fields included and not yet truncated.
@@ -83,9 +87,10 @@ class PayloadCodec:
         A value outside its field's range is sent as the nearest that fits, NaN in an integer as unknown.
         """
         if self._units_in_si is not None:
-            pairs = zip(message, self._units_in_si, strict=True)
+            row = list(message)
             try:
-                row = [value if units is None else round(value * units) for value, units in pairs]
+                for place, units in self._units_in_si:
+                    row[place] = round(row[place] * units)
                 return self._pack(*self._scatter(row))
             except (struct.error, ValueError, OverflowError):
                 pass  # a value is NaN or doesn't fit
@@ -121,22 +126,33 @@ def _is_float(source: Layout, place: int) -> bool:
     return source.types[place] in {"float", "double"}
 
 
-def _decoder(source: Layout, place: int) -> Convert:
-    start = _starts(source)[place]
+def _pick(source: Layout, count: int) -> Callable[[Sequence[Any]], Sequence[Any]]:
+    """Return what picks the first fields, in the XML's order, out of the unpacked values."""
+    starts = _starts(source)
+    lengths = [0 if kind == "char" else length for kind, length in zip(source.types, source.array_lengths, strict=True)]
+    places = [slice(starts[i], starts[i] + lengths[i]) if lengths[i] else starts[i] for i in range(count)]
+    return itemgetter(*places) if count > 1 else lambda values: [values[places[0]]]
+
+
+def _decoder(source: Layout, place: int) -> Convert | None:
+    """Return what makes an unpacked value one of ours, None for a field that stays as it is."""
     scale = _scale(source, place)
     if source.types[place] == "char":
-        return lambda values: values[start].split(b"\0", 1)[0].decode("utf-8", "replace")
-    if source.array_lengths[place]:
-        return itemgetter(slice(start, start + source.array_lengths[place]))
-    if scale is None or (scale == 1.0 and _is_float(source, place)):
-        return itemgetter(start)
+        return lambda text: text.split(b"\0", 1)[0].decode("utf-8", "replace")
+    if source.array_lengths[place] or scale is None or (scale == 1.0 and _is_float(source, place)):
+        return None
     if source.types[place] == "uint16_t":
-        return lambda values: math.nan if values[start] == _UNKNOWN_UINT16 else values[start] * scale
-    return lambda values: values[start] * scale
+        return lambda value: math.nan if value == _UNKNOWN_UINT16 else value * scale
+    return lambda value: value * scale
 
 
-def _units_in_si(source: Layout, count: int) -> list[float | None] | None:
-    """Return how many units of each field the SI unit has, None for a field that is sent as it is.
+def _only_some(each: Iterable[T | None]) -> list[tuple[int, T]]:
+    """Return those that aren't None, with their places."""
+    return [(place, one) for place, one in enumerate(each) if one is not None]
+
+
+def _units_in_si(source: Layout, count: int) -> list[tuple[int, float]] | None:
+    """Return how many units of a field the SI unit has, with the places of the fields that aren't sent as they are.
 
     None altogether when a field asks for more than a product, rounded: a text, an array, a scaled float.
     """
@@ -148,7 +164,7 @@ def _units_in_si(source: Layout, count: int) -> list[float | None] | None:
             if scale not in {None, 1.0}:
                 return None
             scales[place] = None
-    return [1 / scale if scale else None for scale in scales]
+    return _only_some(1 / scale if scale else None for scale in scales)
 
 
 def _fit(source: Layout, place: int) -> Convert:
