@@ -236,9 +236,9 @@ class FormationController:
         tick.state.fill(which[known], decision.state.take(np.flatnonzero(known)))
 
     def _judge_assembly(self, tick: Tick) -> None:
-        error_m = np.delete(tick.error_m, tick.leader, axis=0)
-        within = bool((np.abs(error_m) < self._scenario.start.tolerance_m).all())
-        self._in_slots_s = self._in_slots_s + self._dt_s if within else 0.0
+        within = np.abs(tick.error_m) < self._scenario.start.tolerance_m
+        within[tick.leader] = True
+        self._in_slots_s = self._in_slots_s + self._dt_s if within.all() else 0.0
 
 
 _MOTION = ("north_m", "east_m", "airspeed_mps", "heading_rad")

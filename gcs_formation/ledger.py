@@ -56,10 +56,16 @@ class CommandLedger:
 
     def judge_motion(self, tick: Tick, now: Instant) -> None:
         """Look at how the vehicles follow a tick's setpoints, and those before it."""
-        estimator = self._controller.estimator
-        settled = np.zeros((len(CHANNELS), tick.active.size), dtype=bool)
         for identity, column in self._columns.items():
-            settled[:, column] = self._settled(identity, bool(tick.active[column]), now)
+            if not tick.active[column]:
+                self._commanded.pop(identity, None)
+            elif identity not in self._commanded:
+                self._commanded[identity] = now
+        if not self._obedience.due(now):
+            return
+        estimator, settled = self._controller.estimator, np.zeros((len(CHANNELS), tick.active.size), dtype=bool)
+        for identity, column in self._columns.items():
+            settled[:, column] = self._settled(identity, now)
         before = self._obedience.broken
         found = self._obedience.check(now, estimator.stamps, estimator.state, settled)
         for each in found:
@@ -67,13 +73,10 @@ class CommandLedger:
         for column in np.flatnonzero(before & ~self._obedience.broken):
             self._note(now, "obeys", "follows its setpoints again", self._at(int(column)), {"order": "setpoints"})
 
-    def _settled(self, identity: VehicleId, active: bool, now: Instant) -> list[bool]:
+    def _settled(self, identity: VehicleId, now: Instant) -> list[bool]:
         """Return which channels have been commanded, and acknowledged, for long enough."""
         runs = [run.since(now, self._gap_s) for run in self._vehicles[identity].setpoints_taken.values()]
-        if not active:
-            self._commanded.pop(identity, None)
-            return [False] * len(runs)
-        since, latest = self._commanded.setdefault(identity, now), after(now, -SETTLED_S)
+        since, latest = self._commanded.get(identity, now), after(now, -SETTLED_S)
         return [run is not None and max(since, run) <= latest for run in runs]
 
     def _at(self, column: int) -> Vehicle:

@@ -65,6 +65,10 @@ class Obedience:
         self._bad = np.zeros((len(CHANNELS), self.broken.size), dtype=np.int64)
         self._good = np.zeros(self.broken.size, dtype=np.int64)
 
+    def due(self, now: Instant) -> bool:
+        """Whether a check is due."""
+        return now >= self._next_check
+
     def check(self, now: Instant, stamps: Instants, state: FlightState, settled: Mask) -> list[Disobedience]:
         """Compare, if a check is due; return what has just been found; what mends shows in `broken`.
 
@@ -74,7 +78,7 @@ class Obedience:
             state: (C,) newest states.
             settled: (3, C) channels that have been commanded, and acknowledged, for `SETTLED_S`.
         """
-        if now < self._next_check:
+        if not self.due(now):
             return []
         self._next_check = Instant(now + round(CHECK_S * NANOSECONDS))
         self._past.append((stamps, state.table))

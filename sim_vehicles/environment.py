@@ -31,6 +31,7 @@ class Environment:
         self._wind = np.repeat(np.array(config.wind_mps)[:, None], count, axis=1)
         self._disturbances = [_acting(config, index) for index in range(len(config.disturbances))]
         self._faults = sorted(config.faults, key=lambda each: each.at_s)
+        self._calm = True
         self.disturbance_mps: Array = np.zeros((3, count))
         """(3, N) north, east, down: all disturbances together."""
         self.velocity_mps: Array = self._wind.copy()
@@ -54,10 +55,13 @@ class Environment:
         return struck
 
     def _disturb(self, mission_s: float, state: State) -> None:
+        acting = [each for each in self._disturbances if each.passing.acts(mission_s)]
+        if not acting and self._calm:
+            return
         velocity_mps = np.zeros_like(self._wind)
-        for each in self._disturbances:
-            if each.passing.acts(mission_s):
-                each.add_to(velocity_mps, mission_s, state)
+        for each in acting:
+            each.add_to(velocity_mps, mission_s, state)
+        self._calm = not acting
         self.disturbance_mps = velocity_mps
         self.velocity_mps = self._wind + velocity_mps
 

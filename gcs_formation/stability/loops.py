@@ -6,6 +6,7 @@ The leader is constant in them: its motion is an input, and the feed-forward no 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import product
 from typing import NamedTuple
 
@@ -211,6 +212,7 @@ def loop_margin(
     return delay_margin(Loop(gain_range.gains(nominal, outputs), plant).open_loop())
 
 
+@cache
 def worst_loop_margin(nominal: PidGains, plant: Plant, gain_range: GainRange) -> float:
     """Least delay margin, s, over all gains that the scheduler can reach: a grid of [0, 1]^3, then refined.
 
