@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import gcs_formation
 from gcs_formation.record.timeseries import read_parquet
 from tests.flights.conftest import Fly
 
+HILLY = Path(__file__).parents[2] / "configs" / "hills.yaml"
 HILLS = [
     {"name": "steep hill", "north_m": 900, "east_m": 60, "height_m": 70, "radius_m": 180},
     {"name": "ridge aside", "north_m": 500, "east_m": -140, "height_m": 45, "radius_m": 90, "length_m": 300},
@@ -37,6 +40,21 @@ def test_leader_and_followers_keep_the_clearance_over_a_hill_steeper_than_they_c
     assert columns["slot_up_m"][aside].max() > 5.0  # for the ridge, which the leader doesn't rise for
     assert columns["slot_up_m"][aside].min() >= -1e-6
     assert np.nanmax(np.abs(columns["error_z_m"][flown])) < 1.0
+
+
+@pytest.mark.slow
+def test_shapes_and_leaders_change_over_hills_with_everybody_clear_of_ground_and_each_other(tmp_path: Path) -> None:
+    """Slots that change places lie lifted over each other besides what the ground asks for."""
+    changes = [{"at_s": 62, "shape": "line"}, {"at_s": 130, "shape": "circle"}, {"at_s": 190, "leader": 2}]
+    flown = gcs_formation.run(
+        HILLY, clock="virtual", out=tmp_path / "run", duration_s=235, expect=[], formation__changes=changes
+    )
+    begun = [json.loads(line) for line in (tmp_path / "run" / "events.jsonl").read_text().splitlines()]
+    assert sum(event["kind"] == "formation" for event in begun) == 3
+    assert not any(event["kind"] == "postponed" for event in begun)
+    safety = flown.to_dict()["safety"]
+    assert safety["min_separation_m"] >= 15.0
+    assert safety["min_clearance_m"] >= 58.0
 
 
 @pytest.mark.slow
