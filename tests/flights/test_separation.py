@@ -31,6 +31,15 @@ def test_a_change_of_formation_keeps_apart_by_itself(fly: Fly, links: dict[str, 
     assert safety["avoidance_s"] == 0.0
 
 
+@pytest.mark.slow
+def test_slots_hardly_farther_apart_than_the_limit_are_flown_and_left_alone(fly: Fly) -> None:
+    links = {"default": {"delay_ms": 300, "jitter_ms": 10}}
+    close = {"shape": "square", "spacing_m": 6.5}
+    safety = fly(duration_s=25, vehicles={"count": 5}, links=links, formation=close).to_dict()["safety"]
+    assert safety["violations"] == 0
+    assert safety["avoidance_s"] == 0.0
+
+
 TURN: dict[str, Any] = {
     "duration_s": 60,
     "path": {
