@@ -78,7 +78,7 @@ def law(scenario: Scenario, model: AutopilotModel) -> Law:
 def projection(scenario: Scenario, history: SetpointHistory, model: AutopilotModel) -> Projection:
     """Return how measured states become those that the law acts on."""
     if scenario.law.delay_compensation:
-        return Prediction(history, model)
+        return Prediction(history, model, scenario.telemetry.rate_hz)
     return Pairing(scenario.law.rate_hz) if scenario.law.type == "consensus" else AsMeasured()
 
 

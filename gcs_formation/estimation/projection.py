@@ -20,6 +20,8 @@ WIND = slice(6, 8)
 """Its rows of the wind."""
 LONG_AGO = np.int64(-(2**61))
 """Stamp of a state that nothing may be interpolated from."""
+MISSED = 2
+"""Periods of telemetry after which something is missing."""
 LOST_S = 2.0
 """Age from which a vehicle that isn't commanded is taken to be where it was last seen: it costs no prediction."""
 
@@ -94,15 +96,19 @@ class WhenSetpointsAct:
     """Every vehicle's stamps (C,) and states (8, C), tick by tick, the newest last."""
     history: SetpointHistory
     model: AutopilotModel
+    between_messages: np.int64
+    """How much later than another vehicle's a state may be with nothing missing, ns."""
 
     def of(self, which: Indices, whose: Indices) -> FlightState:
         """Return the states predicted through the setpoints in flight, each from the stamp of `whose` newest sample.
 
         What two vehicles measured at different times tells of a gust as of a gap between them. Where `which` hasn't
-        told of its own for longer than `whose`, it's taken to have met the same gusts since.
+        told of its own for longer than `whose`, it's taken to have met the same gusts since; but not for what lies
+        between two messages: to share what is noise of the other's would take the noise out of neither.
         """
-        since, state = self._nearest(which, self.measured.stamps[whose])
-        _, then = self._nearest(whose, since)
+        newest = self.measured.stamps[whose]
+        since, state = self._nearest(which, newest)
+        _, then = self._nearest(whose, np.minimum(since + self.between_messages, newest))
         state[WIND] += self.measured.state.table[WIND, whose] - then[WIND]
         model = self.model.take(which)
         return self.history.predict(FlightState.of(state), since, self.measured.acts[whose], which, model)
@@ -135,8 +141,9 @@ class AsMeasured:
 class Prediction:
     """Model (7) run through the setpoints in flight."""
 
-    def __init__(self, history: SetpointHistory, model: AutopilotModel) -> None:
+    def __init__(self, history: SetpointHistory, model: AutopilotModel, telemetry_hz: float) -> None:
         """Predict by `model`, (C,) columns, through what `history` says was sent."""
+        self._between_messages = np.int64(MISSED * NANOSECONDS / telemetry_hz)
         self._history = history
         self._model = model
         self._samples: deque[tuple[Instants, Array]] = deque(maxlen=history.length)
@@ -146,7 +153,7 @@ class Prediction:
         lost = ~measured.active & (measured.acts - measured.stamps > LOST_S * NANOSECONDS)
         measured = replace(measured, stamps=np.where(lost, measured.acts, measured.stamps))
         self._samples.append((measured.stamps, measured.state.table))
-        return WhenSetpointsAct(measured, self._samples, self._history, self._model)
+        return WhenSetpointsAct(measured, self._samples, self._history, self._model, self._between_messages)
 
 
 class Pairing:

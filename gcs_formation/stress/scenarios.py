@@ -23,6 +23,8 @@ LONGEST_SPELL_S = 5.0
 """Outages and faults that pass are over by then."""
 CALM_S = 20.0
 """What follows trouble."""
+LIGHT_TAILS: Keys = {"at_s": FIRST_TROUBLE_S + TROUBLE_S + LONGEST_SPELL_S, "distribution": "normal"}
+"""Pareto's delays, now and then of seconds in which a link says nothing, are over then."""
 CHANGE_S = 15.0
 """What is added to that where the formation changes."""
 REJOIN_S = 45.0
@@ -66,7 +68,7 @@ def _scenario(rng: np.random.Generator, seed: int) -> Keys:
         "formation": formation,
         "law": {"type": _one_of(rng, "fuzzy_pid", "pid"), "rate_hz": _rate_hz(rng)},
         "path": {"speed_mps": speed_mps, "waypoints_m": _waypoints(rng, (duration_s + 30.0) * speed_mps)},
-        "links": {"default": _impairment(rng), "changes": [*_link_changes(rng, count), *outages]},
+        "links": {"default": _impairment(rng), "changes": [*_link_changes(rng, count), *outages, LIGHT_TAILS]},
         "wind": {"velocity_mps": _vector(rng, 4.0, 4.0, 0.0)},
         "disturbances": _disturbances(rng, count),
         "faults": faults,
