@@ -94,9 +94,10 @@ def warnings(scenario: Scenario, margins: LawMargins) -> Iterator[str]:
         yield lifted
     least_s, found_s = least_run_in_s(scenario), scenario.start.run_in_s
     if scenario.start.in_air and found_s < least_s:
+        allowed_s = math.ceil(round(10 * least_s, 6)) / 10
         round_s = 2 * math.pi * hold_radius_m(scenario) / scenario.path.speed_mps
         yield (
-            f"start.run_in_s: found {found_s:g}; allowed: {least_s:.1f} or more for the path to begin at once; "
+            f"start.run_in_s: found {found_s:g}; allowed: {allowed_s:g} or more for the path to begin at once; "
             f"the leader goes round first, for about {round_s:.0f} s"
         )
 

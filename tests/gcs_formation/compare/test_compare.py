@@ -69,7 +69,7 @@ def assert_no_error_is_above_its_line(out, law):
 
 
 def test_a_law_that_does_not_stand_the_delay_says_so(scenario, tmp_path):
-    far = ["--set", "links.default.delay_ms=450", "--set", "expect=[]", "--until", "3"]
+    far = ["--set", "links.default.delay_ms=450", "--set", "start.run_in_s=11", "--set", "expect=[]", "--until", "3"]
     laws = ["--laws", "pid,pid_uncompensated"]
     result = CliRunner().invoke(main, ["compare", scenario, *laws, *far, "--out", str(tmp_path / "laws")])
     assert result.exit_code == 0
