@@ -64,6 +64,7 @@ def test_a_crash_breaks_no_limit_that_the_others_keep(fly: Fly, lost: int) -> No
     assert summary.figures["safety"]["violations"] == 0
 
 
+@pytest.mark.slow
 def test_a_slot_that_goes_aside_in_the_followers_own_frame_stays_occupied(fly: Fly) -> None:
     """It turns its own axes as it goes, with a lag that changes on the way; one of the slots goes 60 m aside."""
     formation = {"shape": "arrow", "frame": "follower_heading", "changes": [{"at_s": 5, "shape": "square"}]}
