@@ -147,7 +147,7 @@ def test_faults_over_udp_lead_to_what_they_lead_to_under_the_virtual_clock(path:
     keys = ["duration_s=24", "formation.shape=circle", "formation.spacing_m=40", f"faults={FAULTS}", vehicles]
     command = [*STATION, "run", str(path), "--speedup", "2", *(f"--set={key}" for key in keys), "--out", str(out)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S, check=False)
-    assert (done.returncode, done.stderr[:21]) == (1, "clearance was 0.00 m ")  # of those that crash
+    assert (done.returncode, done.stderr) == (0, "")
     events = events_of(out)
     begun_s = next(event["t_s"] for event in events if event["text"] == "flying")
 
