@@ -10,7 +10,7 @@ from airlink.clock import Instant, after
 from airlink.identity import VehicleId
 from formation_scenario import Scenario
 from gcs_formation.controller import FormationController
-from gcs_formation.obedience import CHANNELS, SETTLED_S, WINDOW_S, Disobedience, Obedience
+from gcs_formation.obedience import CHANNELS, SETTLED_S, TAKEN_OVER_S, WINDOW_S, Disobedience, Obedience
 from gcs_formation.records import Note, Tick
 from gcs_formation.vehicle.vehicle import Vehicle
 
@@ -76,8 +76,8 @@ class CommandLedger:
     def _settled(self, identity: VehicleId, now: Instant) -> list[bool]:
         """Return which channels have been commanded, and acknowledged, for long enough."""
         runs = [run.since(now, self._gap_s) for run in self._vehicles[identity].setpoints_taken.values()]
-        since, latest = self._commanded.get(identity, now), after(now, -SETTLED_S)
-        return [run is not None and max(since, run) <= latest for run in runs]
+        taken_over = self._commanded.get(identity, now) <= after(now, -TAKEN_OVER_S)
+        return [taken_over and run is not None and run <= after(now, -SETTLED_S) for run in runs]
 
     def _at(self, column: int) -> Vehicle:
         return next(self._vehicles[identity] for identity, its in self._columns.items() if its == column)

@@ -20,7 +20,9 @@ CHECK_S = 0.4
 WINDOW_S = 3.2
 """How far back motion is compared from."""
 SETTLED_S = WINDOW_S + 1.0
-"""A vehicle is judged when it has been commanded, and has acknowledged, for so long."""
+"""A vehicle is judged when it has acknowledged setpoints for so long."""
+TAKEN_OVER_S = 15.0
+"""And been commanded for so long: an aircraft that levels out of its climb trades speed for height for a while."""
 LEAST_CHANGE = np.array((1.0, 0.04, 1.5))
 """Airspeed in m/s, heading in rad, height in m: less than that to be flown within the window tells nothing."""
 SIGMAS = 4.0
@@ -76,7 +78,7 @@ class Obedience:
             now: the tick's instant.
             stamps: (C,) when the states were true.
             state: (C,) newest states.
-            settled: (3, C) channels that have been commanded, and acknowledged, for `SETTLED_S`.
+            settled: (3, C) channels that have been commanded for `TAKEN_OVER_S`, and acknowledged for `SETTLED_S`.
         """
         if not self.due(now):
             return []
