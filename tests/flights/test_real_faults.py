@@ -70,8 +70,7 @@ def test_a_station_that_was_stopped_for_a_while_hears_what_came_before_it_judges
         assert station.returncode == 0, said
     assert json.loads((out / "summary.json").read_text())["control"]["period_ms"]["max"] > 4000.0
     begun = [event["text"] for event in events_of(out)].index("flying")
-    judged = {event["kind"] for event in events_of(out)[begun + 1 :]} - {"phase", "mode"}  # those of the end
-    assert judged <= {"delay_margin"}  # what waited 8 s in the socket was that late
+    assert {event["kind"] for event in events_of(out)[begun + 1 :]} == {"phase", "mode"}  # those of the end
 
 
 @pytest.mark.slow
