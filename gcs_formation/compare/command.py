@@ -62,7 +62,7 @@ class Compared:
         return [f"{each.law}: {each.aborted}" for each in self.flown if each.aborted]
 
 
-def compare(options: CompareOptions) -> Compared:
+def compare_laws(options: CompareOptions) -> Compared:
     """Fly a scenario by each law on one seed, and write and return the comparison.
 
     Raises:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import click
@@ -11,9 +13,11 @@ from click.testing import CliRunner, Result
 import sim_vehicles.cli
 from formation_scenario import load_scenario
 from gcs_formation.app.init import example_names
-from gcs_formation.cli import main
+from gcs_formation.cli import COMMANDS, main
 
-COMMANDS = [*main.commands.items(), *sim_vehicles.cli.main.commands.items()]
+PROGRAMS = [(main, name) for name in COMMANDS] + [
+    (sim_vehicles.cli.main, name) for name in sim_vehicles.cli.main.commands
+]
 
 
 def invoke(*arguments: object) -> Result:
@@ -45,8 +49,16 @@ def test_a_directory_that_cannot_be_made_is_refused_in_words(tmp_path: Path) -> 
     assert "cannot write" in result.output
 
 
-@pytest.mark.parametrize(("name", "command"), COMMANDS)
-def test_every_command_shows_examples(name: str, command: click.Command) -> None:
-    result = CliRunner().invoke(command, ["--help"])
+@pytest.mark.parametrize(("program", "command"), PROGRAMS)
+def test_every_command_shows_examples(program: click.Group, command: str) -> None:
+    result = CliRunner().invoke(program, [command, "--help"])
     assert result.exit_code == 0
     assert "Examples:" in result.output
+
+
+def test_the_list_of_commands_names_them_all_and_loads_none() -> None:
+    listed = "import sys; from gcs_formation.__main__ import main; sys.argv = ['gcs-formation', '--help']; "
+    listed += "import atexit; atexit.register(lambda: print(*sys.modules)); main()"
+    said = subprocess.run([sys.executable, "-c", listed], check=True, capture_output=True, text=True).stdout
+    assert all(f"\n  {command} " in said for command in COMMANDS)
+    assert "numpy" not in said.split()

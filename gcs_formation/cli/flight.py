@@ -1,0 +1,121 @@
+"""`gcs-formation run` and `gcs-formation fly`."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+from rich.console import Console
+
+from formation_scenario import Scenario
+from gcs_formation.app.directory import default_directory
+from gcs_formation.app.fly import fly as fly_scenario
+from gcs_formation.app.interrupt import Interrupts
+from gcs_formation.app.options import ClockName, RunOptions
+from gcs_formation.app.progress import ProgressLine, Silent
+from gcs_formation.app.run import run as run_scenario
+from gcs_formation.app.tell import summary_text
+from gcs_formation.cli import usage
+from gcs_formation.cli.status import Status, load, say
+from gcs_formation.errors import RecordError, RunAbortedError
+from gcs_formation.record.summary import Summary
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+Flown = Callable[[Scenario, RunOptions, ProgressLine | Silent, Interrupts], Summary]
+
+
+def _options(command: Command) -> Command:
+    """Add what `run` and `fly` have in common."""
+    for option in reversed(
+        (
+            click.argument("scenario", type=click.Path(path_type=Path)),
+            click.option(
+                "--speedup",
+                type=click.FloatRange(0.01, 1000),
+                default=1.0,
+                help="Real clock: X times faster.",
+            ),
+            click.option("--until", type=click.FloatRange(0), metavar="SECONDS", help="End the flight at this time."),
+            click.option("--seed", type=click.IntRange(0), help="Instead of the scenario's."),
+            click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key (repeatable)."),
+            click.option("--out", type=click.Path(path_type=Path), help="Run directory; default: runs/NAME-TIME."),
+            click.option("--quiet", is_flag=True, help="Say nothing but errors."),
+            click.option("--json", "as_json", is_flag=True, help="The summary alone on standard output."),
+        )
+    ):
+        command = option(command)
+    return command
+
+
+@click.command(epilog=usage.RUN)
+@_options
+@click.option(
+    "--clock",
+    type=click.Choice(["real", "virtual"]),
+    default="real",
+    help="virtual: as fast as possible, repeatable.",
+)
+def run(clock: ClockName, **given: Any) -> None:
+    """Fly SCENARIO with emulated vehicles: start them, take off, fly, record, judge."""
+    sys.exit(_fly(run_scenario, clock, _Given(**given)))
+
+
+@click.command(epilog=usage.FLY)
+@_options
+def fly(**given: Any) -> None:
+    """Fly SCENARIO with vehicles that are up already, at the scenario's endpoints."""
+    sys.exit(_fly(fly_scenario, "real", _Given(**given)))
+
+
+@dataclass(frozen=True)
+class _Given:
+    """What stands on the command line of `run` and `fly`."""
+
+    scenario: Path
+    speedup: float
+    until: float | None
+    seed: int | None
+    overrides: tuple[str, ...]
+    out: Path | None
+    quiet: bool
+    as_json: bool
+
+
+def _fly(flown: Flown, clock: ClockName, given: _Given) -> Status:
+    seed = () if given.seed is None else (f"seed={given.seed}",)
+    with Interrupts() as interrupts:
+        loaded = load(given.scenario, (*given.overrides, *seed))
+        options = RunOptions(given.out or default_directory(loaded.name), clock, given.speedup, given.until)
+        console = Console(stderr=True)
+        shown = ProgressLine(console) if console.is_terminal and not given.quiet else Silent()
+        try:
+            summary = flown(loaded, options, shown, interrupts)
+        except RecordError as error:
+            return say(str(error), Status.BAD_USAGE)
+        except RunAbortedError as error:
+            return _interrupted(options) if interrupts.count else say(str(error), Status.COULD_NOT_GO_ON)
+        finally:
+            if isinstance(shown, ProgressLine):
+                shown.close()
+        return _conclude(summary, options, interrupts, given)
+
+
+def _conclude(summary: Summary, options: RunOptions, interrupts: Interrupts, given: _Given) -> Status:
+    if given.as_json:
+        click.echo(json.dumps(summary.to_dict(), indent=2))
+    if not given.quiet:
+        click.echo(summary_text(summary, options.out), err=given.as_json)
+    if interrupts.count:
+        return _interrupted(options)
+    for broken in (*(str(v) for v in summary.verdicts if v.held is False), *summary.breaches):
+        click.echo(broken, err=True)
+    return Status.FINE if summary.held else Status.EXPECTATION_BROKEN
+
+
+def _interrupted(options: RunOptions) -> Status:
+    return say(f"interrupted; what was recorded is in {options.out}", Status.INTERRUPTED)

@@ -1,0 +1,22 @@
+"""`gcs-formation report`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from gcs_formation.cli import usage
+from gcs_formation.cli.status import Status, fail
+from gcs_formation.errors import RecordError
+from gcs_formation.report import write_report
+
+
+@click.command(epilog=usage.REPORT)
+@click.argument("run_dir", type=click.Path(path_type=Path))
+def report(run_dir: Path) -> None:
+    """Draw the figures of a finished run, and one self-contained report.html."""
+    try:
+        click.echo(f"wrote {write_report(run_dir)}")
+    except RecordError as error:
+        fail(str(error), Status.BAD_USAGE)

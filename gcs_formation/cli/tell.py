@@ -1,0 +1,31 @@
+"""`gcs-formation tell`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import click
+
+from formation_scenario.orders import OrderError, parse_order
+from gcs_formation.app.steering import tell as give_order
+from gcs_formation.cli import usage
+from gcs_formation.cli.status import Status, fail
+from gcs_formation.errors import NothingRunningError
+
+
+@click.command(epilog=usage.TELL)
+@click.argument("run_dir", type=click.Path(path_type=Path))
+@click.argument("order", nargs=-1, required=True)
+def tell(run_dir: Path, order: tuple[str, ...]) -> None:
+    """Give the flight that records into RUN_DIR an ORDER, and print what came of it."""
+    text = " ".join(order)
+    try:
+        parse_order(text)
+        answer = give_order(run_dir, text)
+    except OrderError as error:
+        fail(str(error), Status.BAD_USAGE)
+    except NothingRunningError as error:
+        fail(str(error), Status.COULD_NOT_GO_ON)
+    click.echo(answer.text, err=not answer.accepted)
+    sys.exit(Status.FINE if answer.accepted else Status.EXPECTATION_BROKEN)
