@@ -22,6 +22,7 @@ from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory
 from gcs_formation.estimation.projection import Measured, States
 from gcs_formation.formation.clearance import Outlook
 from gcs_formation.formation.plan import FormationPlan
+from gcs_formation.guidance.leader import ASSEMBLED_S
 from gcs_formation.guidance.tracking import Lags, Motion
 from gcs_formation.guidance.virtual_leader import amid, fly_on
 from gcs_formation.records import Tick
@@ -29,8 +30,6 @@ from gcs_formation.separation.keeper import SeparationKeeper
 
 VIRTUAL = np.zeros(1, dtype=np.intp)
 """The column of a virtual leader."""
-HELD_FOR_S = 2.0
-"""How long followers must stay in their slots to count as assembled."""
 CHANNELS = 3
 UP = np.array([0.0, 0.0, 1.0])
 LEADER_WIND_RADPS = 0.5
@@ -86,7 +85,7 @@ class FormationController:
     @property
     def assembled(self) -> bool:
         """Whether every follower has been in its slot for a while."""
-        return self._in_slots_s >= HELD_FOR_S or self.begin_regardless
+        return self._in_slots_s >= ASSEMBLED_S or self.begin_regardless
 
     def hand_over(self, leader: int, swing_rad: float) -> None:
         """Let another lead, whose heading lies `swing_rad` off the present leader's; the guidance is told apart."""

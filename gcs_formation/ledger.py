@@ -11,7 +11,7 @@ from airlink.identity import VehicleId
 from formation_scenario import Scenario
 from gcs_formation.controller import FormationController
 from gcs_formation.obedience import CHANNELS, SETTLED_S, TAKEN_OVER_S, WINDOW_S, Disobedience, Obedience
-from gcs_formation.records import Note, Tick
+from gcs_formation.records import Detail, Note, Tick
 from gcs_formation.vehicle.vehicle import Vehicle
 
 GAP_S = 0.5
@@ -92,5 +92,5 @@ def _words(found: Disobedience) -> str:
     )
 
 
-def _figures(found: Disobedience) -> dict[str, str | int | float | bool | None]:
+def _figures(found: Disobedience) -> dict[str, Detail]:
     return {"order": "setpoints", "channel": found.channel, "expected": found.expected, "flown": found.flown}

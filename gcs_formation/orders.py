@@ -10,7 +10,8 @@ from formation_scenario import Scenario
 from formation_scenario.orders import End, Order, OrderError, parse_order
 from formation_scenario.transition import NotFlyableError
 from gcs_formation.phases import Flight, Phase
-from gcs_formation.reconfiguration import Reconfiguration, Say
+from gcs_formation.reconfiguration import Reconfiguration
+from gcs_formation.records import Note
 
 
 class Answer(NamedTuple):
@@ -32,13 +33,13 @@ class Orders:
     """Takes orders from outside and those that the scenario plans."""
 
     def __init__(
-        self, scenario: Scenario, flight: Flight, reconfiguration: Reconfiguration, end: EndFlight, say: Say
+        self, scenario: Scenario, flight: Flight, reconfiguration: Reconfiguration, end: EndFlight, note: Note
     ) -> None:
         """Carry orders out on `reconfiguration`, and by `end`."""
         self._flight = flight
         self._reconfiguration = reconfiguration
         self._end = end
-        self._say = say
+        self._note = note
         self.manner: End = "loiter"
         """How the flight is to end."""
         self._planned = deque(sorted(scenario.orders, key=lambda each: each.at_s))
@@ -56,7 +57,7 @@ class Orders:
         except (OrderError, NotFlyableError, ValueError) as error:
             refusal = str(error)
         answer = Answer(refusal is None, f"{text}: {'accepted' if refusal is None else f'refused: {refusal}'}")
-        self._say(now, "order", answer.text, None, {"accepted": answer.accepted})
+        self._note(now, "order", answer.text, None, {"accepted": answer.accepted})
         return answer
 
     def _carry_out(self, order: Order, now: Instant) -> str | None:

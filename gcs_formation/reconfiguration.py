@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Protocol
 
 import numpy as np
 
@@ -23,28 +22,13 @@ from gcs_formation.controller import FormationController
 from gcs_formation.formation.plan import Proposal
 from gcs_formation.guidance.tracking import Motion, project
 from gcs_formation.membership import Member
-from gcs_formation.records import Detail, Tick
+from gcs_formation.records import Note, Tick
 from gcs_formation.vehicle.vehicle import Vehicle
 
 RETRY_S = 1.0
 """Between tries at a change that can't be flown where the formation is."""
 HEARD_S = 1.0
 """Telemetry of a successor is no older."""
-
-
-class Say(Protocol):
-    """Takes what happened."""
-
-    def __call__(
-        self,
-        now: Instant,
-        kind: str,
-        text: str,
-        vehicle: Vehicle | None = None,
-        details: dict[str, Detail] | None = None,
-    ) -> None:
-        """Record it."""
-        ...
 
 
 class Reconfiguration:
@@ -56,7 +40,7 @@ class Reconfiguration:
         controller: FormationController,
         vehicles: Mapping[VehicleId, Vehicle],
         columns: Mapping[VehicleId, int],
-        say: Say,
+        note: Note,
     ) -> None:
         """Change the formation that `controller` flies; `columns` are the vehicles' in it."""
         self._scenario = scenario
@@ -64,7 +48,7 @@ class Reconfiguration:
         self._controller = controller
         self._by_column = {column: vehicles[identity] for identity, column in columns.items()}
         self._names = column_names(scenario)
-        self._say = say
+        self._note = note
         self._wanted: Arrangement | None = None
         self._next_try = Instant(0)
         self._postponed: Arrangement | None = None
@@ -87,7 +71,7 @@ class Reconfiguration:
         except NotFlyableError as error:
             if self._postponed != self._wanted:
                 self._postponed = self._wanted
-                self._say(now, "postponed", f"the change is tried again: {error}")
+                self._note(now, "postponed", f"the change is tried again: {error}")
 
     def change(self, wanted: Arrangement, now: Instant) -> None:
         """Begin a change.
@@ -112,7 +96,7 @@ class Reconfiguration:
             self._hand_over(wanted.leader, now)
         plan.adopt(Proposal(wanted, way))
         self._wanted = None
-        self._say(now, "formation", self._in_words(wanted), None, {"duration_s": way.duration_s})
+        self._note(now, "formation", self._in_words(wanted), None, {"duration_s": way.duration_s})
 
     def order_change(self, change: FormationChange, now: Instant) -> str | None:
         """Begin a change that somebody orders; return why it can't be flown, None when it has begun.
@@ -173,7 +157,7 @@ class Reconfiguration:
         controller.hand_over(leader, swing_rad)
         if self._wanted is not None:
             self._wanted = self._wanted._replace(leader=leader)
-        self._say(now, "leader", "leads the formation", self._by_column[leader])
+        self._note(now, "leader", "leads the formation", self._by_column[leader])
 
     def _take_over(self, leader: int, now_s: float) -> tuple[DisplacedPath | None, float, float]:
         """Return a successor's way onto the path, where on it it is, and its heading off the present leader's."""

@@ -13,8 +13,7 @@ from formation_scenario import Scenario, dump_scenario, slot_schedule
 from formation_scenario.lifted_path import leader_path
 from formation_scenario.links import Impairment, LinkStep
 from formation_scenario.trace import read_trace_ms
-from gcs_formation.controller import HELD_FOR_S
-from gcs_formation.guidance.leader import DECISION_S
+from gcs_formation.guidance.leader import ASSEMBLED_S, DECISION_S
 from gcs_formation.loitering import GroundFloor
 from gcs_formation.parameters import hold_radius_m
 from gcs_formation.stability import (
@@ -127,7 +126,7 @@ def least_run_in_s(scenario: Scenario) -> float:
     requests = max(len(family.start_up(scenario.telemetry.rate_hz)[0].commands) for family in families)
     way_s, loop_s = max(sum(_ways_s(step)) / 2 for step in steps), max(family.loop_s for family in families)
     heard_s, answered_s = (math.ceil(round((way + loop_s) / tick_s, 6)) * tick_s for way in (way_s, 2 * way_s))
-    return heard_s + requests * answered_s + tick_s + HELD_FOR_S + DECISION_S + way_s
+    return heard_s + requests * answered_s + tick_s + ASSEMBLED_S + DECISION_S + way_s
 
 
 def _followers_text(scenario: Scenario) -> Iterator[str]:

@@ -19,7 +19,7 @@ TOW_S = 1.36
 """Least time behind the leader that the heading's gains are for in the follower's own frame: 30 m at 22 m/s."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Mixer:
     """Coefficients of (13)."""
 

@@ -13,6 +13,8 @@ from gcs_formation.setpoint import Setpoint
 
 DECISION_S = 2.0
 """How long before the path's start it's decided whether to begin or to go round again."""
+ASSEMBLED_S = 2.0
+"""How long followers must stay in their slots to count as assembled."""
 ON_EXTENSION_M = 60.0
 ON_EXTENSION_RAD = math.radians(30.0)
 CLIMB_SHARE = 0.7

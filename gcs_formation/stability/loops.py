@@ -15,6 +15,7 @@ import numpy.typing as npt
 from scipy.optimize import minimize
 
 from gcs_formation.arrays import Array
+from gcs_formation.control.mixer import Mixer
 
 Coefficients = npt.NDArray[np.float64] | npt.NDArray[np.complex128]
 Triple = tuple[float, float, float]
@@ -67,17 +68,6 @@ class GainRange:
 
 
 FIXED_GAINS = GainRange(base=1.0, span=0.0)
-
-
-@dataclass(frozen=True, slots=True)
-class Mixer:
-    """Weights of the linear mixer (13)."""
-
-    k_v: float
-    k_x: float
-    k_psi: float
-    k_y: float
-    k_z: float
 
 
 @dataclass(frozen=True, slots=True)
