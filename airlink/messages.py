@@ -12,6 +12,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from airlink.mission_messages import MissionMessage
+
 
 class Heartbeat(NamedTuple):
     """HEARTBEAT (0): a system is there, of this type and in this mode."""
@@ -147,46 +149,6 @@ class GlobalPositionInt(NamedTuple):
     vy_mps: float
     vz_mps: float
     hdg_rad: float
-
-
-class MissionCurrent(NamedTuple):
-    """MISSION_CURRENT (42): the sequence number of the active mission item."""
-
-    seq: int
-
-
-class MissionRequestList(NamedTuple):
-    """MISSION_REQUEST_LIST (43): how many items there are (MAV_MISSION_TYPE)."""
-
-    target_system: int
-    target_component: int
-    mission_type: int = 0
-
-
-class MissionCount(NamedTuple):
-    """MISSION_COUNT (44): how many items there are, or will be sent."""
-
-    target_system: int
-    target_component: int
-    count: int  # pyright: ignore[reportIncompatibleMethodOverride]
-    mission_type: int = 0
-
-
-class MissionClearAll(NamedTuple):
-    """MISSION_CLEAR_ALL (45): forget all items."""
-
-    target_system: int
-    target_component: int
-    mission_type: int = 0
-
-
-class MissionAck(NamedTuple):
-    """MISSION_ACK (47): what became of a mission request (MAV_MISSION_RESULT)."""
-
-    target_system: int
-    target_component: int
-    type: int
-    mission_type: int = 0
 
 
 class GpsGlobalOrigin(NamedTuple):
@@ -396,11 +358,7 @@ Message = (
     | Attitude
     | LocalPositionNed
     | GlobalPositionInt
-    | MissionCurrent
-    | MissionRequestList
-    | MissionCount
-    | MissionClearAll
-    | MissionAck
+    | MissionMessage
     | GpsGlobalOrigin
     | NavControllerOutput
     | RequestDataStream

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from airlink import mavlink as m
 from airlink.messages import CommandInt, CommandLong, MessageInterval
+from airlink.mission_messages import MissionItem, MissionItemInt
+from sim_vehicles.mission_items import from_message
 from sim_vehicles.modes import Mode, select
 from sim_vehicles.telemetry import BUILDERS
 
@@ -37,6 +39,8 @@ FULL_TURN_DEG, POLE_DEG = 360.0, 90.0
 HIGHEST_M = 2**31 / 100
 """ArduPlane keeps heights as 32-bit integers of centimetres."""
 HIGHEST_MESSAGE_ID = 2**16 - 1
+AT_ONCE = PLACE_NOW, HEIGHT_NOW = 2, 3
+"""`current` of an item that isn't meant for the mission, but to be flown now: a place, a height alone."""
 
 
 class Order(NamedTuple):
@@ -80,17 +84,13 @@ def _flag(value: float, flag: int) -> bool:
     return math.isfinite(value) and bool(int(value) & flag)
 
 
-def _is_speed(vehicle: Vehicle, speed_mps: float) -> bool:
-    return vehicle.parameters["AIRSPEED_MIN"] <= speed_mps <= vehicle.parameters["AIRSPEED_MAX"]
-
-
 def _change_speed(vehicle: Vehicle, given: Order) -> int:
     kind, speed_mps, accel_mps2, _ = given.params
     if vehicle.pilot.mode is not Mode.GUIDED:
         return FAILED
     if kind != m.SPEED_TYPE_AIRSPEED or not math.isfinite(speed_mps) or math.isnan(accel_mps2):
         return DENIED
-    if not _is_speed(vehicle, speed_mps):
+    if not vehicle.parameters.is_airspeed(speed_mps):
         return FAILED
     vehicle.pilot.guide_speed(speed_mps, abs(accel_mps2) or math.inf)
     return ACCEPTED
@@ -148,7 +148,7 @@ def _legacy_speed(vehicle: Vehicle, given: Order) -> int:
     kind, speed_mps = given.params[0], given.params[1]
     if not math.isfinite(speed_mps) or kind not in (m.SPEED_TYPE_AIRSPEED, m.SPEED_TYPE_GROUNDSPEED):
         return DENIED
-    if not _is_speed(vehicle, speed_mps):
+    if not vehicle.parameters.is_airspeed(speed_mps):
         return FAILED
     if not vehicle.pilot.guided_by_setpoints:
         vehicle.pilot.change_speed(speed_mps, math.inf)
@@ -174,6 +174,33 @@ def _reposition(vehicle: Vehicle, given: Order) -> int:
     if _enter(vehicle, Mode.GUIDED) != ACCEPTED:
         return FAILED
     vehicle.go_to(given.lat_rad, given.lon_rad, height_m)
+    return ACCEPTED
+
+
+def fly_to(vehicle: Vehicle, item: MissionItem | MissionItemInt) -> int:
+    """Fly to a place, or at a height, that comes as a mission's item; return its MAV_MISSION_RESULT."""
+    found = from_message(item)
+    if isinstance(found, int):
+        return found
+    height_m = _height_m(vehicle, found.z, found.frame)
+    if height_m is None or (item.current == PLACE_NOW and vehicle.pilot.mode is not Mode.GUIDED):
+        return m.MAV_MISSION_ERROR
+    if item.current == PLACE_NOW:
+        vehicle.go_to(found.x * DEGREES_E7, found.y * DEGREES_E7, height_m)
+    elif not vehicle.pilot.guided_by_setpoints:
+        vehicle.pilot.change_height(height_m)
+    return m.MAV_MISSION_ACCEPTED
+
+
+def _start_mission(vehicle: Vehicle, given: Order) -> int:
+    """Go on with the mission; a first and a last item to fly aren't taken."""
+    return DENIED if any(given.params[:2]) else _enter(vehicle, Mode.AUTO)
+
+
+def _choose_item(vehicle: Vehicle, given: Order) -> int:
+    if not vehicle.missions.choose(given.params[0]):
+        return DENIED
+    _send(vehicle, m.MAVLINK_MSG_ID_MISSION_CURRENT)
     return ACCEPTED
 
 
@@ -212,7 +239,8 @@ HANDLERS: dict[int, Callable[[Vehicle, Order], int]] = {
     m.MAV_CMD_NAV_TAKEOFF: lambda _vehicle, _given: FAILED,
     m.MAV_CMD_NAV_RETURN_TO_LAUNCH: lambda vehicle, _: _enter(vehicle, Mode.RTL),
     m.MAV_CMD_NAV_LOITER_UNLIM: lambda vehicle, _: _enter(vehicle, Mode.LOITER),
-    m.MAV_CMD_MISSION_START: lambda vehicle, _: _enter(vehicle, Mode.AUTO),
+    m.MAV_CMD_MISSION_START: _start_mission,
+    m.MAV_CMD_DO_SET_MISSION_CURRENT: _choose_item,
     m.MAV_CMD_DO_CHANGE_SPEED: _legacy_speed,
     m.MAV_CMD_DO_CHANGE_ALTITUDE: _legacy_altitude,
     m.MAV_CMD_DO_REPOSITION: _reposition,

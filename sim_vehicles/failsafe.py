@@ -10,8 +10,8 @@ from sim_vehicles.modes import Mode
 from sim_vehicles.parameters import ParameterServer
 from sim_vehicles.streams import NEVER
 
-ACTIONS = {1: Mode.RTL, 2: Mode.FBWA, 4: Mode.RTL}
-"""FS_LONG_ACTN: return, glide, AUTO (which without a mission returns); 0 and 3 fly on."""
+ACTIONS = {1: Mode.RTL, 2: Mode.FBWA, 4: Mode.AUTO}
+"""FS_LONG_ACTN: return, glide, AUTO; 0 and 3 fly on."""
 
 
 class GroundStationFailsafe:

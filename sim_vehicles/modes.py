@@ -90,10 +90,10 @@ def follow(condition: Condition, request: Request) -> Condition | None:
 
 
 def select(condition: Condition, mode: float) -> Mode | None:
-    """Return the mode that asking for one leads to, None when it's refused. AUTO has no mission and returns home."""
+    """Return the mode that asking for one leads to, None when it's refused."""
     if condition.booting or mode not in SELECTABLE:
         return None
-    return Mode.RTL if mode == Mode.AUTO else Mode(int(mode))
+    return Mode(int(mode))
 
 
 def system_status(condition: Condition) -> int:

@@ -47,6 +47,7 @@ KINDS: dict[str, Kind] = {
     "RTL_ALTITUDE": _floating(10, 1000),
     "TKOFF_ALT": Kind(m.MAV_PARAM_TYPE_INT16, 10, 200),
     "WP_LOITER_RAD": Kind(m.MAV_PARAM_TYPE_INT16, 1, 32767),
+    "WP_RADIUS": Kind(m.MAV_PARAM_TYPE_INT16, 1, 32767),
 }
 NAMES = tuple(KINDS)
 FIXED = frozenset({"MAV_SYSID"})
@@ -70,6 +71,7 @@ def initial_values(config: VehicleConfig, cruise_mps: float) -> dict[str, float]
         "RTL_ALTITUDE": 100,
         "TKOFF_ALT": 50,
         "WP_LOITER_RAD": math.ceil(max(LOITER_RADIUS_M, WIDER_THAN_TIGHTEST * tightest_m)),
+        "WP_RADIUS": 90,
     }
 
 
@@ -84,6 +86,10 @@ class ParameterServer:
     def __getitem__(self, name: str) -> float:
         """Return a value."""
         return self._values[name]
+
+    def is_airspeed(self, speed_mps: float) -> bool:
+        """Return whether an airspeed is one that may be asked for."""
+        return self["AIRSPEED_MIN"] <= speed_mps <= self["AIRSPEED_MAX"]
 
     @property
     def listing(self) -> bool:

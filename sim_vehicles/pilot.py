@@ -27,6 +27,8 @@ class Pilot:
         self.guided_by_setpoints = False
         """Whether 43000 or 43001 came since GUIDED was entered: other ways to change speed and height then do nothing.
         """
+        self.takeoff_m: float | None = None
+        """Height at which a take-off under way, or waiting to be armed for, is over."""
         self._index = index
         self._config = config
         self._steering = steering
@@ -41,10 +43,12 @@ class Pilot:
     @property
     def taking_off(self) -> bool:
         """Whether a take-off is under way."""
-        if self.mode is not Mode.TAKEOFF:
-            return False
-        climbing = self.condition is Condition.FLYING and self._steering.kind[self._index] == HEADING
-        return climbing or self.condition is Condition.ARMED
+        return self.takeoff_m is not None and self.condition.armed
+
+    @property
+    def radius_m(self) -> float:
+        """Radius of the circle that was last flown, or is."""
+        return float(self._steering.radius_m[self._index])
 
     def request(self, request: Request) -> bool:
         """Follow the table of conditions; return whether the request was granted."""
@@ -67,6 +71,7 @@ class Pilot:
         """Change the mode; what the last one was told is forgotten."""
         self.mode = mode
         self.guided_by_setpoints = False
+        self.takeoff_m = self._parameters["TKOFF_ALT"] if mode is Mode.TAKEOFF and not self.airborne else None
         self._tell_condition()
         self.fly_straight(motion)
         if mode is Mode.RTL:
@@ -122,19 +127,30 @@ class Pilot:
         """Climb or sink to a height above the origin."""
         self._steering.height_m[self._index] = height_m
 
+    def take_off(self, height_m: float, motion: Motion) -> None:
+        """Climb to a height straight on, after a run on the ground where it stands there."""
+        self.takeoff_m = height_m
+        self._tell_condition()
+        self.fly_straight(motion)
+        if self.airborne:
+            self.change_height(height_m)
+
     def progress(self, motion: Motion) -> bool:
         """Let a take-off go on; return whether the vehicle has just left the ground."""
-        target_m = self._parameters["TKOFF_ALT"]
+        target_m = self.takeoff_m
+        if target_m is None:
+            return False
         if self.condition is Condition.ARMED:
             if motion.airspeed_mps < LIFT_OFF_SHARE * self._config.airframe.speed_min_mps:
                 return False
             self.change_height(target_m)
             return self.request(Request.LIFT_OFF)
         if motion.height_m > target_m - TAKEOFF_DONE_M:
+            self.takeoff_m = None
             self.circle(motion.north_m, motion.east_m, target_m)
         return False
 
     def _tell_condition(self) -> None:
-        rolls = self.condition is Condition.ARMED and self.mode is Mode.TAKEOFF
+        rolls = self.condition is Condition.ARMED and self.takeoff_m is not None
         self._steering.stopped[self._index] = not (self.airborne or rolls)
         self._steering.airborne[self._index] = self.airborne

@@ -146,6 +146,11 @@ def home_position(v: Vehicle) -> Message:
     return HomePosition(*home, 0.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0), time_usec=v.time_ns // 1000)
 
 
+def mission_current(v: Vehicle) -> Message:
+    """Return MISSION_CURRENT."""
+    return v.missions.told()
+
+
 def extended_sys_state(v: Vehicle) -> Message:
     """Return EXTENDED_SYS_STATE."""
     flying = v.pilot.condition is Condition.FLYING
@@ -181,6 +186,7 @@ BUILDERS: dict[int, Callable[[Vehicle], Message]] = {
     m.MAVLINK_MSG_ID_ATTITUDE: attitude,
     m.MAVLINK_MSG_ID_LOCAL_POSITION_NED: local_position_ned,
     m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: global_position_int,
+    m.MAVLINK_MSG_ID_MISSION_CURRENT: mission_current,
     m.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT: nav_controller_output,
     m.MAVLINK_MSG_ID_VFR_HUD: vfr_hud,
     m.MAVLINK_MSG_ID_WIND: wind,

@@ -15,9 +15,6 @@ from airlink.messages import (
     CommandLong,
     Heartbeat,
     Message,
-    MissionClearAll,
-    MissionCount,
-    MissionRequestList,
     NamedValueFloat,
     ParamRequestList,
     ParamRequestRead,
@@ -27,10 +24,14 @@ from airlink.messages import (
     Statustext,
     Timesync,
 )
-from sim_vehicles import commands, missions
+from airlink.mission_messages import MissionAck, MissionItem, MissionItemInt, MissionItemReached, MissionMessage
+from sim_vehicles import commands
 from sim_vehicles.config import Fault, VehicleConfig
 from sim_vehicles.failsafe import GroundStationFailsafe
 from sim_vehicles.link import Link
+from sim_vehicles.mission_flight import MissionFlight
+from sim_vehicles.mission_items import E7, Item
+from sim_vehicles.missions import Missions, Sender
 from sim_vehicles.modes import Condition, Mode, Request, select
 from sim_vehicles.motion import Motion
 from sim_vehicles.parameters import ParameterServer, initial_values
@@ -63,6 +64,8 @@ class Vehicle:
         self.parameters = ParameterServer(initial_values(config, fleet.config.cruise_mps))
         self.pilot = Pilot(index, config, fleet.steering, self.parameters)
         self.link = Link(index, config, fleet.outbox)
+        self.missions = Missions(self._home)
+        self._mission_flight = MissionFlight(self.missions, self.pilot, self.parameters, fleet.origin)
         errors = config.sensors
         self._sensors = None if errors is None else Sensors(errors, config.identity, fleet.config.seed)
         self._asker = config.endpoint.address
@@ -85,6 +88,10 @@ class Vehicle:
         """Whether it may be armed, or flies."""
         up_s = seconds_between(self._clock.booted, self.now)
         return not self.pilot.condition.booting and (self.pilot.airborne or up_s >= self.fleet.config.ready_s)
+
+    @property
+    def _flies_mission(self) -> bool:
+        return self.pilot.mode is Mode.AUTO and self.pilot.condition.armed
 
     @property
     def motion(self) -> Motion:
@@ -116,6 +123,7 @@ class Vehicle:
         if self.pilot.taking_off and self.pilot.progress(self.motion):
             self._tell_heartbeat()
         self._watch_ground_station()
+        self._fly_mission()
         self._tell()
         self._plan()
 
@@ -140,9 +148,14 @@ class Vehicle:
     # What commands do to it.
 
     def enter(self, mode: Mode) -> None:
-        """Change the mode, and say so at once; a mode that it's in already goes on."""
+        """Change the mode, and say so at once; a mode that it's in already goes on. Without a mission, AUTO is RTL."""
+        if mode is Mode.AUTO and not self.missions.flyable:
+            mode = Mode.RTL
         if mode is not self.pilot.mode:
+            if self.pilot.mode is Mode.AUTO:
+                self._mission_flight.pause()
             self.pilot.enter(mode, self.motion)
+            self._begin_mission()
             self._tell_heartbeat()
 
     def arm(self, *, force: bool) -> bool:
@@ -152,6 +165,7 @@ class Vehicle:
             return False
         if not self.pilot.arm(self.motion):
             return False
+        self._begin_mission()
         self._say(NOTICE, "Throttle armed")
         self._tell_heartbeat()
         self._broadcast(BUILDERS[m.MAVLINK_MSG_ID_HOME_POSITION](self))
@@ -191,6 +205,7 @@ class Vehicle:
         self.streams = Streams(now)
         self.failsafe = GroundStationFailsafe(self.parameters)
         self.link.restart()
+        self.missions.restart()
         self.pilot.mode = Mode.INITIALISING
 
     def _come_up(self, mode: Mode) -> None:
@@ -225,8 +240,6 @@ class Vehicle:
                 self.answer(self.parameters.read(message))
             case ParamSet():
                 self.answer(self.parameters.set(message))
-            case MissionRequestList() | MissionCount() | MissionClearAll():
-                self.answer(missions.answer(message, frame.system, frame.component))
             case RequestDataStream():
                 rate_hz = message.req_message_rate if message.start_stop else 0
                 self.streams.set_group(message.req_stream_id, rate_hz, self.now)
@@ -234,8 +247,18 @@ class Vehicle:
                 self._switch(message.custom_mode)
             case NamedValueFloat(name=name, value=value) if name == MISSION_TIME and math.isfinite(value):
                 self.fleet.environment.mission_told(value, self.now)
+            case _ if isinstance(message, MissionMessage):
+                self._take_mission(message, Sender(self._asker, frame.system, frame.component))
             case _:
                 pass
+
+    def _take_mission(self, message: MissionMessage, sender: Sender) -> None:
+        if isinstance(message, MissionItem | MissionItemInt) and message.current in commands.AT_ONCE:
+            result = m.MAV_MISSION_ACCEPTED if self._ignores else commands.fly_to(self, message)
+            self.answer(MissionAck(sender.system, sender.component, result))
+            return
+        for answer in self.missions.take(message, sender, self.now):
+            self.answer(answer)
 
     def _is_for_us(self, message: Message | None) -> bool:
         """Return whether a message is for everyone or names us."""
@@ -245,6 +268,24 @@ class Vehicle:
         mode = select(self.pilot.condition, number)
         if mode is not None:
             self.enter(mode)
+
+    def _home(self) -> Item:
+        """Return home as the mission's first item."""
+        start, origin = self.config.start, self.fleet.origin
+        lat_rad, lon_rad, alt_m = origin.from_ned(start.north_m, start.east_m, 0.0)
+        x, y = (round(math.degrees(each) * E7) for each in (lat_rad, lon_rad))
+        return Item(m.MAV_CMD_NAV_WAYPOINT, m.MAV_FRAME_GLOBAL, (0.0, 0.0, 0.0, 0.0), x, y, alt_m)
+
+    def _begin_mission(self) -> None:
+        if self._flies_mission:
+            self._mission_flight.resume()
+
+    def _fly_mission(self) -> None:
+        if self._flies_mission:
+            for seq in self._mission_flight.turn(self.motion, self.now):
+                self._broadcast(MissionItemReached(seq))
+            if self._mission_flight.over:
+                self.enter(Mode.RTL)
 
     def _watch_ground_station(self) -> None:
         mode = self.failsafe.strike(self.now)
@@ -259,16 +300,21 @@ class Vehicle:
         listed = self.parameters.next_of_list()
         if listed is not None:
             self.link.answer(*listed)
+        reminder = self.missions.remind(self.now)
+        if reminder is not None:
+            for message in reminder[1]:
+                self.link.answer(reminder[0], message)
         for message_id in self.streams.take_due(self.now):
             self._broadcast(BUILDERS[message_id](self))
 
     def _plan(self) -> None:
         """Work out when there's something to do again, other than to listen."""
-        if self.parameters.listing or self.pilot.taking_off:
+        if self.parameters.listing or self.pilot.taking_off or self._flies_mission:
             self.wake = self.now
             return
         up = self._up if self.pilot.condition.booting else NEVER
-        self.wake = min(self.streams.next_due, self._next_timesync, up, self.failsafe.deadline())
+        waits = self.failsafe.deadline(), self.missions.next_due()
+        self.wake = min(self.streams.next_due, self._next_timesync, up, *waits)
 
     def _tell_heartbeat(self) -> None:
         self._broadcast(BUILDERS[m.MAVLINK_MSG_ID_HEARTBEAT](self))

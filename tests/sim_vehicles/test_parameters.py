@@ -158,15 +158,3 @@ def test_heartbeats_of_another_system_do_not_hold_off_the_failsafe(flying):
     beat(flying, 1)
     beat(flying, 8, system=250)
     assert flying.ground.of("HEARTBEAT")[-1].custom_mode == RTL
-
-
-def test_mission_lists_are_empty_and_stay_so(flying):
-    dialect = flying.ground.dialect
-    for kind in (0, 1, 2):
-        flying.ground.send(dialect.mission_request_list_encode(1, 1, kind))
-        flying.ground.send(dialect.mission_clear_all_encode(1, 1, kind))
-        flying.ground.send(dialect.mission_count_encode(1, 1, 5, kind))
-        flying.run(0.02)
-        count = flying.ground.of("MISSION_COUNT")[-1]
-        assert (count.count, count.mission_type, count.target_system, count.target_component) == (0, kind, 255, 190)
-        assert [answer.type for answer in flying.ground.of("MISSION_ACK")[-2:]] == [0, 3]

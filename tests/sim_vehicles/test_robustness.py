@@ -19,7 +19,9 @@ FLOATS = st.one_of(
     st.floats(width=32),
     st.sampled_from([math.nan, math.inf, -math.inf, 0.0, -1.0, 1.0, 2.0, 22.0, 3.4e38, -3.4e38, 1e-45, 90.0, 360.0]),
 )
-COMMANDS = (43000, 43001, 43002, 176, 400, 22, 20, 17, 300, 178, 186, 192, 511, 510, 512, 410, 520)
+COMMANDS = (
+    43000, 43001, 43002, 176, 400, 22, 20, 17, 16, 18, 19, 177, 224, 300, 178, 186, 192, 511, 510, 512, 410, 520,
+)  # fmt: skip
 PARAMETERS = ("AIRSPEED_MIN", "AIRSPEED_MAX", "AIRSPEED_CRUISE", "WP_LOITER_RAD", "TKOFF_ALT", "RTL_ALTITUDE", "NONE")
 FAILSAFE = ("FS_GCS_ENABL", "FS_LONG_ACTN", "FS_LONG_TIMEOUT", "MAV_GCS_SYSID", "MAV_SYSID", "ARMING_CHECK")
 VALUES = {
@@ -40,11 +42,16 @@ PLAUSIBLE = {
     "param_id": st.sampled_from([name.encode() for name in PARAMETERS + FAILSAFE]),
     "name": st.just(b"MISSION_T"),
     "tc1": st.sampled_from([0, 1, -1]),
+    "mission_type": st.sampled_from([0, 0, 0, 1, 255]),
+    "seq": st.integers(0, 3),
+    "count": st.integers(0, 4),
+    "current": st.sampled_from([0, 0, 2, 3]),
 }
 MESSAGES = (
     "command_int", "command_int", "command_int", "command_long", "command_long", "set_mode", "request_data_stream",
     "timesync", "param_request_list", "param_request_read", "param_set", "param_set", "mission_request_list",
-    "mission_count", "mission_clear_all", "heartbeat", "named_value_float",
+    "mission_count", "mission_clear_all", "heartbeat", "named_value_float", "mission_item_int", "mission_item_int",
+    "mission_item", "mission_set_current", "mission_request_int", "mission_request", "mission_write_partial_list",
 )  # fmt: skip
 
 
@@ -91,7 +98,10 @@ def test_no_message_makes_a_flying_fleet_fall_out_of_its_envelope(data, make_air
     assert air.ground.of("HEARTBEAT") or air.fleet.vehicles[0].pilot.condition.value == "crashed"
 
 
-@given(payload=st.binary(max_size=60), message_id=st.sampled_from([11, 20, 21, 23, 43, 44, 45, 66, 75, 76, 111, 251]))
+@given(
+    payload=st.binary(max_size=60),
+    message_id=st.sampled_from([11, 20, 21, 23, 38, 39, 40, 41, 43, 44, 45, 51, 66, 73, 75, 76, 111, 251]),
+)
 @settings(deadline=None, max_examples=100)
 def test_any_payload_of_a_known_message_is_survived(payload, message_id, make_air_for_any_bytes):
     air = make_air_for_any_bytes()

@@ -21,6 +21,7 @@ UNASKED = {
     "VFR_HUD",
     "WIND",
     "EKF_STATUS_REPORT",
+    "MISSION_CURRENT",
 }
 
 

@@ -1,0 +1,94 @@
+"""One item of a mission: what is taken, what is refused, and how it's told back.
+
+Sources: MAVLink guide, "Mission Protocol"; answers of ArduPlane 4.7, which keeps of an item only what it uses. Two
+differences are on purpose: heights above terrain are heights above home (the ground is level), and commands that the
+emulator can't fly, such as NAV_LAND, are refused rather than kept.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from airlink import mavlink as m
+from airlink.mission_messages import MissionItem, MissionItemInt
+
+E7 = 1e7
+HIGHEST_M = 2**23 / 100
+"""ArduPlane keeps heights of items as 24-bit integers of centimetres."""
+FRAMES = {
+    m.MAV_FRAME_GLOBAL: m.MAV_FRAME_GLOBAL,
+    m.MAV_FRAME_GLOBAL_INT: m.MAV_FRAME_GLOBAL,
+    m.MAV_FRAME_GLOBAL_RELATIVE_ALT: m.MAV_FRAME_GLOBAL_RELATIVE_ALT,
+    m.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT: m.MAV_FRAME_GLOBAL_RELATIVE_ALT,
+    m.MAV_FRAME_GLOBAL_TERRAIN_ALT: m.MAV_FRAME_GLOBAL_TERRAIN_ALT,
+    m.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT: m.MAV_FRAME_GLOBAL_TERRAIN_ALT,
+}
+"""Frames that are taken, and as what they're told back."""
+KEPT: dict[int, tuple[bool, bool, bool, bool]] = {
+    m.MAV_CMD_NAV_WAYPOINT: (False, True, True, False),
+    m.MAV_CMD_NAV_LOITER_UNLIM: (False, False, True, False),
+    m.MAV_CMD_NAV_LOITER_TURNS: (True, False, True, True),
+    m.MAV_CMD_NAV_LOITER_TIME: (True, False, False, False),
+    m.MAV_CMD_NAV_RETURN_TO_LAUNCH: (False, False, False, False),
+    m.MAV_CMD_NAV_TAKEOFF: (True, False, False, False),
+    m.MAV_CMD_DO_JUMP: (True, True, False, False),
+    m.MAV_CMD_DO_CHANGE_SPEED: (True, True, True, False),
+}
+"""Commands that are taken, and which of their parameters are kept."""
+PLACELESS = frozenset({m.MAV_CMD_NAV_RETURN_TO_LAUNCH, m.MAV_CMD_DO_JUMP, m.MAV_CMD_DO_CHANGE_SPEED})
+YAW_MAY_BE_NAN = frozenset({m.MAV_CMD_NAV_WAYPOINT, m.MAV_CMD_NAV_LOITER_UNLIM, m.MAV_CMD_NAV_TAKEOFF})
+
+
+class Item(NamedTuple):
+    """An item as it's kept: its place in 1e-7 degrees, its height in metres by its frame."""
+
+    command: int
+    frame: int
+    params: tuple[float, float, float, float]
+    x: int
+    y: int
+    z: float
+
+
+def from_message(message: MissionItem | MissionItemInt) -> Item | int:
+    """Return the item of a message, or the MAV_MISSION_RESULT that refuses it."""
+    kept = KEPT.get(message.command)
+    if kept is None:
+        return m.MAV_MISSION_UNSUPPORTED
+    given = message.param1, message.param2, message.param3, message.param4
+    for place, value in enumerate(given):
+        yaw = place == 3 and message.command in YAW_MAY_BE_NAN
+        if not (math.isfinite(value) or (yaw and math.isnan(value))):
+            return m.MAV_MISSION_INVALID_PARAM1 + place
+    params = given[0] * kept[0], given[1] * kept[1], given[2] * kept[2], given[3] if kept[3] else 0.0
+    if message.command in PLACELESS:
+        return Item(message.command, m.MAV_FRAME_GLOBAL, params, 0, 0, 0.0)
+    place = _place(message)
+    return place if isinstance(place, int) else Item(message.command, FRAMES[message.frame], params, *place)
+
+
+def to_message(item: Item, seq: int, system: int, component: int, *, current: bool) -> MissionItemInt:
+    """Return an item as it's told to a ground station."""
+    fields = item.frame, item.command, int(current), 1, *item.params, item.x, item.y, item.z
+    return MissionItemInt(system, component, seq, *fields)
+
+
+def in_degrees(message: MissionItemInt) -> MissionItem:
+    """Return the old form of an item, with its place in degrees as floats."""
+    return MissionItem(*message._replace(x=0, y=0))._replace(x=message.x / E7, y=message.y / E7)
+
+
+def _place(message: MissionItem | MissionItemInt) -> tuple[int, int, float] | int:
+    """Return latitude, longitude in 1e-7 degrees and height, or the MAV_MISSION_RESULT that refuses them."""
+    if message.frame not in FRAMES:
+        return m.MAV_MISSION_UNSUPPORTED_FRAME
+    scale = 1.0 if isinstance(message, MissionItemInt) else E7
+    lat, lon = message.x * scale, message.y * scale
+    if not abs(lat) <= 90 * E7:
+        return m.MAV_MISSION_INVALID_PARAM5_X
+    if not abs(lon) <= 180 * E7:
+        return m.MAV_MISSION_INVALID_PARAM6_Y
+    if not abs(message.z) <= HIGHEST_M:
+        return m.MAV_MISSION_INVALID_PARAM7
+    return round(lat), round(lon), message.z
