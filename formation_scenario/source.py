@@ -17,7 +17,6 @@ Key: TypeAlias = str | int
 KeyPath: TypeAlias = tuple[Key, ...]
 Plain: TypeAlias = "bool | int | float | str | list[Plain] | dict[Key, Plain] | None"
 
-_STRING_TAG = "tag:yaml.org,2002:str"
 _MERGE_TAG = "tag:yaml.org,2002:merge"
 _INT_TAG = "tag:yaml.org,2002:int"
 _FLOAT_TAG = "tag:yaml.org,2002:float"

@@ -17,9 +17,9 @@ from gcs_formation.app.directory import default_directory
 from gcs_formation.app.fly import fly as fly_scenario
 from gcs_formation.app.interrupt import Interrupts
 from gcs_formation.app.options import ClockName, RunOptions
+from gcs_formation.app.outcome import summary_text
 from gcs_formation.app.progress import ProgressLine, Silent
 from gcs_formation.app.run import run as run_scenario
-from gcs_formation.app.tell import summary_text
 from gcs_formation.cli import usage
 from gcs_formation.cli.status import Status, load, say
 from gcs_formation.errors import RecordError, RunAbortedError

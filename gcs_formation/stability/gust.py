@@ -31,11 +31,6 @@ def allowed_gust_error_m(gust_mps: npt.ArrayLike, round_trip_s: npt.ArrayLike, a
     return SHARE * least_gust_error_m(gust_mps, round_trip_s, accel_max_mps2) + SPARE_M
 
 
-def longest_round_trip_s(error_m: float, gust_mps: float, accel_max_mps2: float) -> float:
-    """Return the round trip up to which a maximum error is possible at all, s; 0 or less: at none."""
-    return error_m / abs(gust_mps) - abs(gust_mps) / (2.0 * accel_max_mps2)
-
-
 def accel_limits_mps2(model: VehicleModel, speed_mps: float) -> tuple[float, float]:
     """Return how hard a vehicle can accelerate along its way and, by turning, across it."""
     return model.accel_max_mps2, speed_mps * model.turn_rate_max_rps

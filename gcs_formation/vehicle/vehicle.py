@@ -67,7 +67,6 @@ class Vehicle:
         self.orders = Orders()
         self.setpoints_taken = {command: UnbrokenRun() for command in autopilot.setpoint_commands}
         """Acknowledgements of airspeeds, headings and heights."""
-        self.setpoints_refused = 0
         self.beyond_margin = False
         """Whether its loop's delay is beyond what keeps it stable."""
         self.restarted = False
@@ -201,5 +200,3 @@ class Vehicle:
             self.orders.acknowledged(promise, self.telemetry, now)
         if ack.result == m.MAV_RESULT_ACCEPTED and ack.command in self.setpoints_taken:
             self.setpoints_taken[ack.command].note(now)
-        if ack.result not in (m.MAV_RESULT_ACCEPTED, m.MAV_RESULT_IN_PROGRESS):
-            self.setpoints_refused += 1
