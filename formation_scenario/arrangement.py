@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 
+from airlink.identity import VehicleId
 from formation_scenario.fields import Vector, VehicleRef
 from formation_scenario.formation import FormationChange, Shape
 from formation_scenario.model import Scenario, long_ref
@@ -52,9 +53,9 @@ class SlotStep(NamedTuple):
         return self.arrangement.shape
 
     @property
-    def slots_m(self) -> Array:
-        """Return the places (F, 3) of the scenario's followers, in its order."""
-        return self.places_m[1:]
+    def following(self) -> tuple[int, ...]:
+        """Return the columns that follow, whose places are slots: all but the one that leads."""
+        return tuple(column for column in range(len(self.places_m)) if column != self.arrangement.leader)
 
 
 def columns(scenario: Scenario) -> tuple[Vehicle | None, ...]:
@@ -97,6 +98,19 @@ def slot_schedule(scenario: Scenario) -> tuple[SlotStep, ...]:
         places = assigned(scenario, arrangement, before - before[arrangement.leader], everyone)
         steps.append(SlotStep(change.at_s, arrangement, places))
     return tuple(steps)
+
+
+def planned_slots(scenario: Scenario) -> dict[VehicleId, Array]:
+    """Return the slots (S, 3) that each vehicle is to have, step after step of those in which it follows.
+
+    The scenario's leader has some where another is to lead later on; who never follows has no entry.
+    """
+    steps, planned = slot_schedule(scenario), dict[VehicleId, Array]()
+    for column, vehicle in enumerate(columns(scenario)):
+        slots_m = [step.places_m[column] for step in steps if step.arrangement.leader != column]
+        if vehicle is not None and slots_m:
+            planned[vehicle.vehicle_id] = np.array(slots_m)
+    return planned
 
 
 def assigned(scenario: Scenario, arrangement: Arrangement, now_m: Array, present: Mask) -> Array:

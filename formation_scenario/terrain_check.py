@@ -15,6 +15,7 @@ from formation_scenario.lifted_path import LEADER_SHARE, LiftedPath, leader_path
 from formation_scenario.model import Scenario
 from formation_scenario.path import PathPoints, SplinePath
 from formation_scenario.placement import start_states
+from formation_scenario.reconfiguration import column_names
 from formation_scenario.source import KeyPath, Source
 from formation_scenario.terrain import Terrain
 
@@ -51,11 +52,12 @@ def _unknown(
 ) -> Iterator[Problem]:
     """Yield where the file has no value under the leader, or under a slot."""
     cosine, sine = np.cos(points.course_rad), np.sin(points.course_rad)
-    slots = {"the leader": np.zeros(3)}
+    everyone, slots = column_names(scenario), {(0.0, 0.0, 0.0): "the leader"}
     for step in slot_schedule(scenario):
-        for vehicle, slot in zip(scenario.followers, step.slots_m, strict=True):
-            slots.setdefault(f"vehicle {vehicle.vehicle_id} in shape {step.shape}", slot)
-    for who, slot in slots.items():
+        for column in step.following:
+            forward, right, up = step.places_m[column].tolist()
+            slots.setdefault((forward, right, up), f"{everyone[column]} in shape {step.shape}")
+    for slot, who in slots.items():
         north = points.north_m + slot[0] * cosine - slot[1] * sine
         east = points.east_m + slot[0] * sine + slot[1] * cosine
         void = np.flatnonzero(np.isnan(ground.height(north, east)))

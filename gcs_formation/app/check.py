@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from formation_scenario import Scenario, dump_scenario, slot_schedule
+from formation_scenario.arrangement import planned_slots
 from formation_scenario.lifted_path import leader_path
 from formation_scenario.links import Impairment, LinkStep
 from formation_scenario.trace import read_trace_ms
@@ -66,7 +67,9 @@ def configured_loop_delay_s(scenario: Scenario) -> float:
         steps = [step for vehicle in scenario.vehicles for step in scenario.link_steps(vehicle)]
         ways = [(max(up for up, _ in map(_ways_s, steps)), max(down for _, down in map(_ways_s, steps)))]
     else:
-        ways = [_ways_s(step) for vehicle in scenario.followers for step in scenario.link_steps(vehicle)]
+        following = planned_slots(scenario)
+        loops = (vehicle for vehicle in scenario.vehicles if vehicle.vehicle_id in following)
+        ways = [_ways_s(step) for vehicle in loops for step in scenario.link_steps(vehicle)]
     return max((loop_delay_s(up, down, 0.0, *rates) for up, down in ways), default=loop_delay_s(0, 0, 0, *rates))
 
 
@@ -106,8 +109,8 @@ def circles_lifted(scenario: Scenario) -> str | None:
     path = leader_path(scenario)
     end, ground = path.at(path.length_m), GroundFloor(scenario)
     cos, sin = math.cos(end.course_rad), math.sin(end.course_rad)
-    slots = np.vstack((np.zeros(3), slot_schedule(scenario)[-1].slots_m))
-    top = max(ground.top(end.north_m + x * cos - y * sin, end.east_m + x * sin + y * cos) for x, y, _ in slots.tolist())
+    places = slot_schedule(scenario)[-1].places_m.tolist()
+    top = max(ground.top(end.north_m + x * cos - y * sin, end.east_m + x * sin + y * cos) for x, y, _ in places)
     if top.height_m <= end.height_m:
         return None
     return (

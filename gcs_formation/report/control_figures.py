@@ -114,7 +114,7 @@ def gains(run: RunData) -> Figure:
 def _shown(run: RunData) -> list[VehicleId]:
     leaders = [run.leader] if run.leader else []
     worst = set(run.worst_first()[: MOST_COLUMNS - len(leaders)])
-    return leaders + [vehicle for vehicle in run.followers if vehicle in worst]
+    return leaders + [vehicle for vehicle in run.followers if vehicle in worst and vehicle not in leaders]
 
 
 def _follow(axes: Axes, run: RunData, pair: Followed) -> None:

@@ -76,7 +76,7 @@ def _errors(run: RunData, group: Group) -> list[dict[str, Any]]:
     time_s = run.whole_time_s
     found: list[dict[str, Any]] = []
     for index, vehicle in enumerate(group.vehicles):
-        if vehicle == run.leader:
+        if vehicle not in run.followers:
             continue
         error_m = run.whole.error(vehicle)
         axes = zip("xyz", error_m.T, strict=True)

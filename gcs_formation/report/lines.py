@@ -29,7 +29,7 @@ class Group:
 
     vehicles: tuple[VehicleId, ...]
     leader: VehicleId | None
-    """The one of them that leads, if any."""
+    """The one of them that leads first, if any."""
     worst: VehicleId | None
     """The follower with the largest errors."""
 
@@ -112,14 +112,14 @@ class Group:
 def followers_of(run: RunData) -> Group:
     """Return the followers of a run."""
     worst = run.worst_first()
-    return Group(run.followers, None, worst[0] if worst else None)
+    return Group(run.followers, run.leader if run.leader in run.followers else None, worst[0] if worst else None)
 
 
 def everyone(run: RunData) -> Group:
     """Return all vehicles of a run, the leader first."""
     followers = followers_of(run)
     first = (run.leader,) if run.leader else ()
-    return Group(first + followers.vehicles, run.leader, followers.worst)
+    return Group(first + tuple(v for v in followers.vehicles if v not in first), run.leader, followers.worst)
 
 
 def _stretches(time_s: Array, values: Sequence[Array], windows: int) -> tuple[Array, list[Array]]:

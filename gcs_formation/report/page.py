@@ -44,7 +44,7 @@ def page(run: RunData, plates: Iterable[tuple[Plate, Path]]) -> str:
 
 
 def _subtitle(run: RunData) -> str:
-    scenario, count = run.scenario, len(run.followers)
+    scenario, count = run.scenario, len(run.scenario.followers)
     leader = "a leader" if run.leader else "a virtual leader"
     followers = f"{count} follower{'s' * (count != 1)}" if count else "no followers"
     law = {"fuzzy_pid": "fuzzy PID", "pid": "PID", "consensus": "consensus"}[scenario.law.type]

@@ -53,13 +53,14 @@ class RunData:
 
     @property
     def leader(self) -> VehicleId | None:
-        """The vehicle that leads, None when a virtual leader does."""
+        """The vehicle that leads first, None when a virtual leader does."""
         return self.scenario.leader.vehicle_id if self.scenario.leader else None
 
     @property
     def followers(self) -> tuple[VehicleId, ...]:
-        """The vehicles that follow, in the scenario's order."""
-        return tuple(vehicle.vehicle_id for vehicle in self.scenario.followers)
+        """The vehicles that follow, in the scenario's order, and last the leader where that has followed another."""
+        led = (self.leader,) if self.leader is not None and self.flown.has_followed(self.leader) else ()
+        return (*(vehicle.vehicle_id for vehicle in self.scenario.followers), *led)
 
     def worst_first(self) -> list[VehicleId]:
         """Return the followers by falling root mean square of their flown errors."""

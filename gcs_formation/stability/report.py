@@ -6,14 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 
-import numpy as np
-
 from airlink.identity import VehicleId
 from formation_scenario import law as keys
-from formation_scenario.arrangement import slot_schedule
+from formation_scenario.arrangement import planned_slots
 from formation_scenario.model import Scenario
 from formation_scenario.vehicles import VehicleModel
-from gcs_formation.arrays import Array
 from gcs_formation.control.mixer import TOW_S
 from gcs_formation.stability.loops import (
     FIXED_GAINS,
@@ -43,7 +40,7 @@ class FollowerMargins:
 
 @dataclass(frozen=True, slots=True)
 class ScenarioMargins:
-    """Margins of every follower, and of each axis the least over the followers.
+    """Margins of everyone who is to follow, and of each axis the least over them.
 
     Of the loops without prediction and without disturbance observer.
     """
@@ -56,7 +53,7 @@ def scenario_margins(scenario: Scenario) -> ScenarioMargins:
     """Delay margins of the loops that a scenario's law closes around each follower.
 
     A follower's figure is the least over the slots that it has during the run, at the speed along the
-    path. Law `pid` has the nominal gains throughout.
+    path. The scenario's leader is one where another is to lead. Law `pid` has the nominal gains throughout.
     """
     gain_range = _gain_range(scenario.law)
 
@@ -71,30 +68,30 @@ def scenario_margins(scenario: Scenario) -> ScenarioMargins:
         return FollowerMargins(LoopMargins(*small_signal), LoopMargins(*worst))
 
     followers = {
-        vehicle.vehicle_id: _least([margins(vehicle.model, x_rc_m) for x_rc_m in row])
-        for vehicle, row in zip(scenario.followers, _places_m(scenario).tolist(), strict=True)
+        identity: _least([margins(model, x_rc_m) for x_rc_m in places_m])
+        for identity, model, places_m in _planned(scenario)
     }
     return ScenarioMargins(followers, _least(list(followers.values())))
 
 
 def follower_loops(scenario: Scenario) -> dict[VehicleId, dict[str, tuple[Loop, ...]]]:
-    """Return the loops x, y and z that a scenario's law closes around each follower, of every slot that it's to have.
+    """Return the loops x, y and z that a scenario's law closes around all who follow, of every slot they're to have.
 
     At the small-signal gains.
     """
-    rows = zip(scenario.followers, _places_m(scenario).tolist(), strict=True)
-    return {vehicle.vehicle_id: _loops(scenario, vehicle.model, row) for vehicle, row in rows}
+    return {identity: _loops(scenario, model, places_m) for identity, model, places_m in _planned(scenario)}
 
 
 def leader_loops(scenario: Scenario) -> dict[VehicleId, dict[str, tuple[Loop, ...]]]:
     """Return the same around the scenario's leader while another leads, of every slot that anybody is to have."""
-    leader, places_m = scenario.leader, _places_m(scenario).ravel().tolist()
+    leader, places_m = scenario.leader, [x_rc_m for _, _, row in _planned(scenario) for x_rc_m in row]
     return {leader.vehicle_id: _loops(scenario, leader.model, places_m)} if leader and places_m else {}
 
 
-def _places_m(scenario: Scenario) -> Array:
-    """Return x_rc of the scenario's followers, (F, S), step after step of its schedule."""
-    return np.stack([-step.slots_m[:, 0] for step in slot_schedule(scenario)], axis=1)
+def _planned(scenario: Scenario) -> list[tuple[VehicleId, VehicleModel, list[float]]]:
+    """Return everyone who is to follow with the x_rc of the slots that the schedule has for them."""
+    models = {vehicle.vehicle_id: vehicle.model for vehicle in scenario.vehicles}
+    return [(each, models[each], (-slots_m[:, 0]).tolist()) for each, slots_m in planned_slots(scenario).items()]
 
 
 def _loops(scenario: Scenario, model: VehicleModel, places_m: Sequence[float]) -> dict[str, tuple[Loop, ...]]:

@@ -47,6 +47,14 @@ def test_the_outer_slot_must_hurry_and_the_inner_one_must_not_stall(refusal, loa
     assert load(with_path(circle(400.0)), wide, *generous, *faster)
 
 
+def test_a_leader_that_is_to_follow_has_a_slot_too(refusal, load):
+    column = "formation={shape: custom, slots_m: {2: [-30, 0, 0], 3: [-60, 0, 0], 4: [-90, 0, 0]}, changes: [%s]}"
+    assert load(with_path(circle(400.0)), column % "{at_s: 20, leader: 2}")
+    aside = "{at_s: 20, leader: 2, slots_m: {2: [0, -150, 0], 3: [-60, 0, 0], 4: [-90, 0, 0]}}"
+    lines = refusal(with_path(circle(400.0)), column % aside)
+    assert any("vehicle 1's slot in shape custom would need" in line for line in lines)
+
+
 def test_each_vehicle_and_limit_is_reported_once_at_its_worst_place(refusal):
     twice = [*circle(80.0)[:-1], *([n - 2000.0, e + 4000.0, 100.0] for n, e, _ in circle(70.0))]
     lines = [line.split("leader 1")[1] for line in refusal(with_path(twice)) if "leader 1" in line]

@@ -116,6 +116,6 @@ def test_the_schedule_has_each_change_with_its_own_spacing_and_slots(load):
         (70.0, "line"),
         (90.0, "custom"),
     ]
-    assert steps[1].slots_m[:, 0].tolist() == [-50.0, -100.0, -150.0]
-    assert steps[2].slots_m[:, 1].tolist() == [-30.0, 30.0, -60.0]
-    assert steps[3].slots_m[:, 0].tolist() == [-10.0, -20.0, -30.0]
+    assert steps[1].places_m[1:, 0].tolist() == [-50.0, -100.0, -150.0]
+    assert steps[2].places_m[1:, 1].tolist() == [-30.0, 30.0, -60.0]
+    assert steps[3].places_m[1:, 0].tolist() == [-10.0, -20.0, -30.0]

@@ -99,6 +99,23 @@ def test_a_file_beside_the_scenario_is_found_and_where_it_ends_is_said(tmp_path)
         load_scenario(read_text(text.replace("N35E125.hgt", str(tmp_path / "N35E125.hgt")) % 3000).data)
 
 
+def test_the_first_leader_needs_elevations_under_the_slot_it_has_behind_another(tmp_path):
+    """The tile's values end 1202 m north of the origin: 60 m to the left of the path north of it."""
+    write_tile(tmp_path)
+    keys = {
+        "terrain": {"file": str(tmp_path / "N35E125.hgt")},
+        "start": {"in_air": True},
+        "vehicles": {"count": 3},
+        "origin": {"lat_deg": 35.49, "lon_deg": 125.5},
+        "path": {"waypoints_m": [[1150, 0, 100], [1150, 900, 100]]},
+        "formation": {"shape": "custom", "slots_m": {2: [-60, 60, 0], 3: [-60, 120, 0]}},
+    }
+    assert load_scenario(keys)
+    change = "{at_s: 20, leader: 2, slots_m: {2: [-60, -60, 0], 3: [-60, 120, 0]}}"
+    with pytest.raises(Exception, match="no elevation under vehicle 1 in shape custom at "):
+        load_scenario(keys, [f"formation.changes=[{change}]"])
+
+
 def test_followers_in_the_air_begin_clear_of_the_ground(load):
     beside = "terrain={clearance_m: 60, hills: [{north_m: -220, east_m: 150, height_m: 80, radius_m: 60}]}"
     scenario = load(beside, LOW, "start={in_air: true, run_in_s: 10}", "formation={shape: line, spacing_m: 100}")

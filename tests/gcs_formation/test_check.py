@@ -69,6 +69,13 @@ def test_the_slowest_way_up_and_down_of_all_vehicles_make_the_loop(check) -> Non
     )
 
 
+def test_the_link_of_a_leader_that_is_to_follow_is_in_its_loop(check) -> None:
+    late = ("--set", "law={type: fuzzy_pid}", "--set", "links.changes=[{at_s: 0, vehicles: [1], delay_ms: 300}]")
+    follows = ("--set", "formation.changes=[{at_s: 60, leader: 2}]")
+    told = [json.loads(check("--json", *late, *more)[1])["loop_delay_s"] for more in ((), follows)]
+    assert told == pytest.approx([0.1, 0.7])
+
+
 def test_recorded_delays_count_with_their_mean(check, tmp_path: Path) -> None:
     """0.1 s constant and 0.2 s recorded each way, and half of each period."""
     (tmp_path / "trace.txt").write_text("100\n300\n")

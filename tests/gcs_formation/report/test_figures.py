@@ -11,9 +11,11 @@ from PIL import Image
 from formation_scenario import load_scenario, slot_schedule
 from gcs_formation.record.flight import Flight
 from gcs_formation.report.control_figures import followed
+from gcs_formation.report.embedded import embedded
 from gcs_formation.report.error_figure import transient_end_s
 from gcs_formation.report.figures import PLATES, write_figures
 from gcs_formation.report.geometry import snapshot, snapshot_ticks
+from gcs_formation.report.lines import everyone
 from gcs_formation.report.marks import marks
 from gcs_formation.report.run_data import load_run
 from gcs_formation.report.style import print_style
@@ -128,7 +130,7 @@ def test_nothing_after_the_end_is_marked(make_run):
 
 
 def test_snapshots_show_the_commanded_slots(eventful):
-    before, after = [step.slots_m for step in slot_schedule(eventful.scenario)]
+    before, after = [step.places_m[1:] for step in slot_schedule(eventful.scenario)]
     for tick in snapshot_ticks(eventful):
         expected = before if float(eventful.time_s[tick]) < 60.0 else after
         np.testing.assert_allclose(snapshot(eventful, tick).slots_m, expected[:, [1, 0]], atol=1e-6)
@@ -145,6 +147,19 @@ def test_a_snapshot_is_of_those_that_fly_around_whoever_leads(make_run):
     assert places[heir] == pytest.approx(0.0)
     assert np.isnan(places[lost]).all()
     assert np.isfinite(places[run.followers[1]]).all()
+
+
+def test_a_leader_that_follows_another_later_on_has_errors_too(make_run):
+    run = load_run(make_run(flown_s=20.0))
+    first, heir = run.scenario.vehicles[0].vehicle_id, run.followers[0]
+    assert first not in run.followers
+    own = {vehicle: dict(columns) for vehicle, columns in run.flown.vehicles.items()}
+    own[heir]["leads"] = (run.time_s > 10.0).astype(float)
+    own[first] |= {"leads": 1.0 - own[heir]["leads"], "active": np.ones(run.time_s.size)}
+    passed_on = replace(run, flown=Flight(own, run.flown.truth))
+    assert passed_on.followers == (*run.followers, first)
+    assert sorted(everyone(passed_on).vehicles) == sorted(own)
+    assert len(embedded(passed_on)["errors"]) == len(own)
 
 
 def test_a_snapshot_is_taken_before_the_shape_changes(eventful):

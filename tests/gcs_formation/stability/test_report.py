@@ -56,6 +56,22 @@ def test_slots_of_the_whole_run_count():
     assert both == far < near
 
 
+def test_a_leader_that_is_to_follow_counts():
+    """Its own autopilot, in its slot behind the other: as a follower's that has always been there."""
+    keys = {
+        "path": {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [6000, 0, 100]]},
+        "formation": {"shape": "follower", "frame": "follower_heading", "spacing_m": 30},
+    }
+    slow, changes = {"tau_v_s": 2.0, "tau_psi_s": 2.5}, ["formation.changes=[{at_s: 40, leader: 2}]"]
+    leading = keys | {"vehicles": [{"id": 1, "role": "leader", "model": slow}, {"id": 2}]}
+    behind = keys | {"vehicles": [{"id": 1, "role": "leader"}, {"id": 2, "model": slow}]}
+    first, second = VehicleId(1, 1), VehicleId(1, 2)
+    assert set(scenario_margins(load_scenario(leading)).followers) == {second}
+    found = scenario_margins(load_scenario(leading, changes)).followers
+    assert found[first] == scenario_margins(load_scenario(behind)).followers[second]
+    assert found[first].worst.y_s < found[second].worst.y_s
+
+
 def test_weakest_follower_decides():
     """A slot farther behind has less margin in y (follower's frame); another autopilot, another one in x."""
     found = margins(model={"tau_v_s": 2.0})
