@@ -1,4 +1,4 @@
-"""How a run leaves its vehicles: those that fly circle, here or at home, at heights apart; others are disarmed."""
+"""How a run leaves its vehicles: in the air they circle, here or at home, at heights apart, or land; or disarmed."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from dataclasses import replace
 from airlink.clock import Instant
 from airlink.identity import VehicleId
 from formation_scenario.orders import End
+from gcs_formation.landing import Landings, lowest_circle_m, why_not
 from gcs_formation.link.connection import LinkState
 from gcs_formation.loitering import GroundFloor, loiter_heights
 from gcs_formation.membership import Member
@@ -33,10 +34,13 @@ class Ending:
         """Give the heights out; drop what was under way with vehicles that don't fly."""
         places = {identity: _place(vehicle) for identity, vehicle in vehicles.items() if vehicle.telemetry.armed}
         floor_m = _floor_m([place for place in places.values() if place], manner, ground)
+        if manner == "land":
+            floor_m = max(floor_m, lowest_circle_m(vehicles))
         if manner != "loiter":  # they meet at home, wherever they are now
             places = {i: replace(place, north_m=0.0, east_m=0.0) if place else None for i, place in places.items()}
         self._heights_m = loiter_heights({identity: place for identity, place in places.items() if place}, floor_m)
         self._manner: End = manner
+        self.landings = Landings(lambda: why_not(vehicles, ground) if ground else None)
         self._vehicles = vehicles
         self._left = {i: vehicle for i, vehicle in vehicles.items() if vehicle.member is not Member.PARTED}
         for vehicle in vehicles.values():
@@ -45,13 +49,17 @@ class Ending:
         self.advance(now)
 
     def advance(self, now: Instant) -> None:
-        """Let vehicles loiter, or go home, that have climbed out or turn out to fly."""
+        """Let vehicles loiter, or go home, that have climbed out or turn out to fly; from home they land in turn."""
         for identity, vehicle in list(self._left.items()):
             autopilot, seen = vehicle.autopilot, vehicle.telemetry
             if seen.motion and autopilot.is_airborne(seen) and not autopilot.climbs_out(seen):
                 height_m = self._heights_m.get(identity, seen.motion.height_m)
                 vehicle.commands.begin(autopilot.leave(self._manner, height_m), now)
                 del self._left[identity]
+                if self._manner == "land":
+                    self.landings.await_turn(vehicle, height_m)
+        climbs_out = any(self._is_pending(identity, self._vehicles[identity]) for identity in self._left)
+        self.landings.advance(now, climbs_out=climbs_out)
 
     def pending(self) -> list[Vehicle]:
         """Return the vehicles within reach that aren't where they may be left."""
@@ -60,7 +68,9 @@ class Ending:
     def _is_pending(self, identity: VehicleId, vehicle: Vehicle) -> bool:
         if vehicle.connection.state is not LinkState.CONNECTED:
             return False
-        return vehicle.commands.outcome is Outcome.WAITING or (identity in self._left and vehicle.telemetry.armed)
+        if vehicle.commands.outcome is Outcome.WAITING or self.landings.is_pending(vehicle):
+            return True
+        return identity in self._left and vehicle.telemetry.armed
 
 
 def _floor_m(places: Sequence[Motion], manner: End, ground: GroundFloor | None) -> float:

@@ -69,6 +69,15 @@ class GroundFloor:
         highest = int(np.argmax(height_m))
         return Top(float(height_m[highest]) + self._clearance_m, float(north[highest]), float(east[highest]))
 
+    def highest_m(self, north_m: float, east_m: float, around_m: float) -> float:
+        """Return how high the ground is at most within a distance of a place; of no terrain, infinitely low."""
+        if self._ground is None:
+            return -math.inf
+        across = np.arange(-around_m, around_m + SAMPLE_M, SAMPLE_M)
+        north, east = np.meshgrid(across, across)
+        height_m = self._ground.height(north_m + north, east_m + east)[np.hypot(north, east) <= around_m]
+        return float(np.nan_to_num(height_m, nan=-math.inf).max())
+
     def over_way_home(self, north_m: float, east_m: float) -> float:
         """Return how low a vehicle may go home from a place, straight, and circle there."""
         if self._ground is None:

@@ -21,6 +21,7 @@ from gcs_formation.controller import FormationController
 from gcs_formation.dispatch import Dispatch
 from gcs_formation.ending import Ending
 from gcs_formation.identities import Identities
+from gcs_formation.landing import why_not
 from gcs_formation.ledger import CommandLedger
 from gcs_formation.link.receiver import Receiver
 from gcs_formation.loitering import GroundFloor
@@ -148,9 +149,10 @@ class Station:
         self.roster.judge(changes.leader, estimator, now, connecting=connecting)
 
     def stop(self, now: Instant) -> None:
-        """End the flight: everyone loiters."""
+        """End the flight: everyone loiters. Where they land already, nobody begins to any more."""
         if self._move(Cause.STOP, now):
             self.cut_short = True
+        self._ending.landings.call_off()
 
     def order(self, text: str, now: Instant) -> Answer:
         """Carry out an order in words, such as `shape line`, or say why not."""
@@ -244,9 +246,9 @@ class Station:
 
     def _end_by_order(self, manner: End, now: Instant) -> str | None:
         """End the flight as ordered; return why not, where a vehicle can't do that."""
-        unable = [str(v.identity) for v in self.vehicles.values() if manner == "land" and v.autopilot.land() is None]
+        unable = why_not(self.vehicles, self._ground) if manner == "land" else None
         if unable:
-            return f"found no mode that lands vehicle {', '.join(unable)}; allowed: rtl, loiter"
+            return f"{unable}; allowed: rtl, loiter"
         self.cut_short = True
         self._move(Cause.ORDERED, now)
         return None
@@ -254,8 +256,11 @@ class Station:
     def _wait_for_loiter(self, now: Instant) -> None:
         waited_s = seconds_between(self.flight.since, now)
         self._ending.advance(now)
-        pending = self._ending.pending()
-        if (not pending and waited_s >= self._loiter_s) or waited_s > self._loiter_s + LOITER_LIMIT_S:
+        if self._ending.landings.failure and not self.failure:
+            self.fail(self._ending.landings.failure, now)
+        pending, landing = self._ending.pending(), self._ending.landings.under_way
+        late = waited_s > self._loiter_s + LOITER_LIMIT_S and not landing
+        if (not pending and waited_s >= self._loiter_s) or late:
             for vehicle in pending:
                 self._event(now, "unacknowledged", "has not acknowledged that it loiters", vehicle)
             self._move(Cause.GIVEN_UP if self.failure else Cause.LOITERED, now)

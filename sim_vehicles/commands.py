@@ -15,7 +15,7 @@ from airlink import mavlink as m
 from airlink.messages import CommandInt, CommandLong, MessageInterval
 from airlink.mission_messages import MissionItem, MissionItemInt
 from sim_vehicles.mission_items import from_message
-from sim_vehicles.modes import Mode, select
+from sim_vehicles.modes import Mode
 from sim_vehicles.telemetry import BUILDERS
 
 if TYPE_CHECKING:
@@ -129,11 +129,7 @@ def _set_mode(vehicle: Vehicle, given: Order) -> int:
 
 
 def _enter(vehicle: Vehicle, number: float) -> int:
-    mode = select(vehicle.pilot.condition, number)
-    if mode is None:
-        return FAILED
-    vehicle.enter(mode)
-    return ACCEPTED
+    return ACCEPTED if vehicle.switch(number) else FAILED
 
 
 def _arm_disarm(vehicle: Vehicle, given: Order) -> int:

@@ -21,6 +21,7 @@ class Mode(IntEnum):
     TAKEOFF = 13
     GUIDED = 15
     INITIALISING = 16
+    AUTOLAND = 26
 
 
 class Condition(Enum):
@@ -52,6 +53,7 @@ class Request(Enum):
     DISARM = "disarm"
     FORCE_DISARM = "disarm by force"
     LIFT_OFF = "lift off"
+    TOUCH_DOWN = "touch down"
     RESTART = "restart"
     CRASH = "crash"
 
@@ -69,6 +71,7 @@ TRANSITIONS: dict[tuple[Condition, Request], Condition] = {
     (Condition.ARMED, Request.LIFT_OFF): Condition.FLYING,
     (Condition.ARMED, Request.RESTART): Condition.BOOTING,
     (Condition.FLYING, Request.ARM): Condition.FLYING,
+    (Condition.FLYING, Request.TOUCH_DOWN): Condition.ARMED,
     (Condition.FLYING, Request.FORCE_DISARM): Condition.CRASHED,
     (Condition.FLYING, Request.RESTART): Condition.BOOTING_IN_AIR,
     (Condition.DISARMED, Request.CRASH): Condition.CRASHED,

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 
 from sim_vehicles.config import VehicleConfig
+from sim_vehicles.landing import Approach
 from sim_vehicles.modes import STRAIGHT_ON, Condition, Mode, Request, follow
 from sim_vehicles.motion import Motion
 from sim_vehicles.parameters import ParameterServer
 from sim_vehicles.steering import CIRCLE, COURSE, HEADING, Steering
 
 TAKEOFF_DONE_M = 2.0
+TOUCH_DOWN_M = 0.1
 LIFT_OFF_SHARE = 0.7
 """Share of the lowest flying speed at which the wheels leave the ground."""
 TIGHTEST_SHARE = 1.05
@@ -29,6 +31,8 @@ class Pilot:
         """
         self.takeoff_m: float | None = None
         """Height at which a take-off under way, or waiting to be armed for, is over."""
+        self.landing_rad: float | None = None
+        """The direction in which AUTOLAND lands: that of the take-off, unknown without one."""
         self._index = index
         self._config = config
         self._steering = steering
@@ -49,6 +53,11 @@ class Pilot:
     def radius_m(self) -> float:
         """Radius of the circle that was last flown, or is."""
         return float(self._steering.radius_m[self._index])
+
+    @property
+    def landing(self) -> bool:
+        """Whether a landing is under way."""
+        return self.mode is Mode.AUTOLAND and self.airborne
 
     def request(self, request: Request) -> bool:
         """Follow the table of conditions; return whether the request was granted."""
@@ -77,6 +86,9 @@ class Pilot:
         if mode is Mode.RTL:
             start = self._config.start
             self.circle(start.north_m, start.east_m, self._parameters["RTL_ALTITUDE"])
+        elif self.landing:
+            radius_m = self._circle_radius_m()
+            self.circle(*self._approach().circle(radius_m), self._parameters["AUTOLAND_WP_ALT"])
         elif mode not in STRAIGHT_ON and self.airborne:
             self.circle(motion.north_m, motion.east_m, motion.height_m)
 
@@ -94,9 +106,8 @@ class Pilot:
 
     def circle_again(self) -> None:
         """Go back to the last place that was circled, and take what height was asked for since along."""
-        config, i = self._config, self._index
-        tightest_m = TIGHTEST_SHARE * float(self._steering.speed_mps[i]) / config.airframe.turn_rate_max_rps
-        self._steering.radius_m[i] = max(self._parameters["WP_LOITER_RAD"], tightest_m)
+        i = self._index
+        self._steering.radius_m[i] = self._circle_radius_m()
         self._steering.lateral_mps2[i] = math.inf
         self._steering.kind[i] = CIRCLE
 
@@ -136,7 +147,10 @@ class Pilot:
             self.change_height(height_m)
 
     def progress(self, motion: Motion) -> bool:
-        """Let a take-off go on; return whether the vehicle has just left the ground."""
+        """Let a take-off or a landing go on; return whether the vehicle has just left the ground, or come to it."""
+        return self._land(motion) if self.landing else self._climb_out(motion)
+
+    def _climb_out(self, motion: Motion) -> bool:
         target_m = self.takeoff_m
         if target_m is None:
             return False
@@ -144,11 +158,39 @@ class Pilot:
             if motion.airspeed_mps < LIFT_OFF_SHARE * self._config.airframe.speed_min_mps:
                 return False
             self.change_height(target_m)
+            self.landing_rad = motion.heading_rad
             return self.request(Request.LIFT_OFF)
         if motion.height_m > target_m - TAKEOFF_DONE_M:
             self.takeoff_m = None
             self.circle(motion.north_m, motion.east_m, target_m)
         return False
+
+    def _land(self, motion: Motion) -> bool:
+        approach, circles = self._approach(), self._steering.kind[self._index] == CIRCLE
+        if circles and not approach.begins(motion):
+            return False
+        course_rad, height_m = approach.guide(motion)
+        self.change_speed(self._parameters["AIRSPEED_MIN"], math.inf)
+        self.steer(course_rad, course=True, lateral_mps2=math.inf)
+        self.change_height(height_m)
+        return motion.height_m < TOUCH_DOWN_M and self.request(Request.TOUCH_DOWN)
+
+    def _approach(self) -> Approach:
+        """Return the final approach: it comes down where braking from there ends at home."""
+        airframe, start, speed_mps = self._config.airframe, self._config.start, self._parameters["AIRSPEED_MIN"]
+        lag_m = speed_mps * (airframe.tau_ha_s + airframe.tau_hb_s)
+        return Approach(
+            start.north_m,
+            start.east_m,
+            self.landing_rad or 0.0,
+            self._parameters["AUTOLAND_WP_DIST"],
+            self._parameters["AUTOLAND_WP_ALT"],
+            speed_mps**2 / (2.0 * airframe.accel_max_mps2) + lag_m,
+        )
+
+    def _circle_radius_m(self) -> float:
+        tightest_m = float(self._steering.speed_mps[self._index]) / self._config.airframe.turn_rate_max_rps
+        return max(self._parameters["WP_LOITER_RAD"], TIGHTEST_SHARE * tightest_m)
 
     def _tell_condition(self) -> None:
         rolls = self.condition is Condition.ARMED and self.takeoff_m is not None

@@ -48,7 +48,7 @@ INITIALISING_S = 1.0
 TIMESYNC_S = 10.0
 MICROSECOND_NS = 1000
 MISSION_TIME = "MISSION_T"
-NOTICE, CRITICAL = m.MAV_SEVERITY_NOTICE, m.MAV_SEVERITY_CRITICAL
+NOTICE, WARNING, CRITICAL = m.MAV_SEVERITY_NOTICE, m.MAV_SEVERITY_WARNING, m.MAV_SEVERITY_CRITICAL
 
 
 class Vehicle:
@@ -120,8 +120,13 @@ class Vehicle:
         for peer, frame in self.link.frames(now):
             self._asker = peer
             self._take(frame)
-        if self.pilot.taking_off and self.pilot.progress(self.motion):
+        if (self.pilot.taking_off or self.pilot.landing) and self.pilot.progress(self.motion):
             self._tell_heartbeat()
+            if not self.pilot.airborne:
+                self._disarm_at = after(now, self.parameters["LAND_DISARMDELAY"])
+        if now >= self._disarm_at:
+            self._disarm_at = NEVER
+            self.disarm(force=False)
         self._watch_ground_station()
         self._fly_mission()
         self._tell()
@@ -141,7 +146,7 @@ class Vehicle:
             case "restart" if self.pilot.request(Request.RESTART):
                 self._boot(now, 0.0)
             case "pilot" if not self._frozen:
-                self._switch(Mode.GUIDED if fault.ends else Mode[fault.mode])
+                self.switch(Mode.GUIDED if fault.ends else Mode[fault.mode])
             case _:
                 pass
 
@@ -157,6 +162,17 @@ class Vehicle:
             self.pilot.enter(mode, self.motion)
             self._begin_mission()
             self._tell_heartbeat()
+
+    def switch(self, number: float) -> bool:
+        """Change to the mode of a number; return whether that was granted. AUTOLAND lands as the take-off went."""
+        mode = select(self.pilot.condition, number)
+        if mode is Mode.AUTOLAND and (not self.pilot.airborne or self.pilot.landing_rad is None):
+            flies = self.pilot.airborne
+            self._say(WARNING, "Takeoff initial direction not set" if flies else "Must already be flying!")
+            return False
+        if mode is not None:
+            self.enter(mode)
+        return mode is not None
 
     def arm(self, *, force: bool) -> bool:
         """Arm; refused before the vehicle is ready unless by force."""
@@ -202,6 +218,8 @@ class Vehicle:
         self._clock = VehicleClock(now, clock_offset_s, self.config.clock_drift)
         self._up = after(now, INITIALISING_S)
         self._next_timesync = after(now, TIMESYNC_S)
+        self._disarm_at = NEVER
+        self.pilot.landing_rad = None
         self.streams = Streams(now)
         self.failsafe = GroundStationFailsafe(self.parameters)
         self.link.restart()
@@ -244,7 +262,7 @@ class Vehicle:
                 rate_hz = message.req_message_rate if message.start_stop else 0
                 self.streams.set_group(message.req_stream_id, rate_hz, self.now)
             case SetMode() if not self._ignores and message.base_mode & m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
-                self._switch(message.custom_mode)
+                self.switch(message.custom_mode)
             case NamedValueFloat(name=name, value=value) if name == MISSION_TIME and math.isfinite(value):
                 self.fleet.environment.mission_told(value, self.now)
             case _ if isinstance(message, MissionMessage):
@@ -263,11 +281,6 @@ class Vehicle:
     def _is_for_us(self, message: Message | None) -> bool:
         """Return whether a message is for everyone or names us."""
         return getattr(message, "target_system", 0) in (0, self.config.identity.system)
-
-    def _switch(self, number: int) -> None:
-        mode = select(self.pilot.condition, number)
-        if mode is not None:
-            self.enter(mode)
 
     def _home(self) -> Item:
         """Return home as the mission's first item."""
@@ -309,11 +322,11 @@ class Vehicle:
 
     def _plan(self) -> None:
         """Work out when there's something to do again, other than to listen."""
-        if self.parameters.listing or self.pilot.taking_off or self._flies_mission:
+        if self.parameters.listing or self.pilot.taking_off or self.pilot.landing or self._flies_mission:
             self.wake = self.now
             return
         up = self._up if self.pilot.condition.booting else NEVER
-        waits = self.failsafe.deadline(), self.missions.next_due()
+        waits = self.failsafe.deadline(), self.missions.next_due(), self._disarm_at
         self.wake = min(self.streams.next_due, self._next_timesync, up, *waits)
 
     def _tell_heartbeat(self) -> None:

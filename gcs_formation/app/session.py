@@ -18,7 +18,6 @@ from gcs_formation.app.options import RunOptions
 from gcs_formation.app.steering import OrderSocket
 from gcs_formation.app.timing import TimedStation
 from gcs_formation.errors import RunAbortedError
-from gcs_formation.phases import Phase
 from gcs_formation.record.flight import join, split
 from gcs_formation.record.run_directory import SPOOL, TIMESERIES, RunDirectory
 from gcs_formation.record.summary import LinkFigures, Outcome, Summary, summarise
@@ -73,7 +72,7 @@ class Session:
         """Whether the flight has ended; asked by the driver after everything that happens."""
         if self.recorder.failure is not None and self.station.failure is None:
             self.station.fail(self.recorder.failure, self.clock.now())
-        if self.interrupts.count and self.station.flight.phase is not Phase.LOITERING:
+        if self.interrupts.count:
             self.station.stop(self.clock.now())
         self._injected.note(self.station.controlled_ticks)
         if self._orders is not None:

@@ -43,7 +43,7 @@ Orders:
   spacing SPACING_M        fly the same shape wider or closer
   speed MPS                fly the path at another speed
   leader ID                let another vehicle lead
-  loiter | rtl | land      end the flight: circle here, at home, or land
+  loiter | rtl | land      end the flight: circle here, at home, or land there
 
 Exit status 1: refused, with the reason. 3: no flight answers there.
 """

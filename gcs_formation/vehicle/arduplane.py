@@ -1,7 +1,7 @@
 """ArduPlane.
 
-Sources: ArduPilot documentation, "Plane: GUIDED mode" and "Get and set message intervals"; its acceptance and refusals
-as its simulator showed them.
+Sources: ArduPilot documentation, "Plane: GUIDED mode", "AUTOLAND Mode" and "Get and set message intervals"; its
+acceptance and refusals as its simulator showed them.
 """
 
 from __future__ import annotations
@@ -40,6 +40,8 @@ class ArduPlane(Autopilot):
     guided_mode = m.PLANE_MODE_GUIDED
     setpoint_commands = GUIDED_COMMANDS
     loiter_mode = m.PLANE_MODE_LOITER
+    approach_m = 55.0
+    """AUTOLAND_WP_ALT's default."""
     mode_names: ClassVar = {
         m.PLANE_MODE_MANUAL: "MANUAL",
         m.PLANE_MODE_AUTO: "AUTO",
@@ -48,6 +50,7 @@ class ArduPlane(Autopilot):
         m.PLANE_MODE_TAKEOFF: "TAKEOFF",
         m.PLANE_MODE_GUIDED: "GUIDED",
         m.PLANE_MODE_INITIALIZING: "INITIALISING",
+        m.PLANE_MODE_AUTOLAND: "AUTOLAND",
     }
 
     def rates_hz(self, telemetry_rate_hz: float) -> Mapping[int, float]:
@@ -116,6 +119,10 @@ class ArduPlane(Autopilot):
     def go_home(self, height_m: float) -> tuple[Command, ...]:
         """Return RTL, which circles over home, then the height in place of RTL_ALTITUDE, which all have alike."""
         return (self.set_mode(m.PLANE_MODE_RTL), self._altitude(height_m))
+
+    def land(self) -> tuple[Command, ...]:
+        """Return AUTOLAND, of version 4.7 on: at home, in the direction of the take-off."""
+        return (self.set_mode(m.PLANE_MODE_AUTOLAND),)
 
     def _altitude(self, height_m: float) -> Command:
         return CommandLong(

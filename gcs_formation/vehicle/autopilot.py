@@ -42,6 +42,8 @@ class Autopilot(ABC):
     mode_names: ClassVar[dict[int, str]]
     setpoint_commands: ClassVar[tuple[int, ...]]
     """Ids of the commands that carry airspeed, heading and height, each acknowledged."""
+    approach_m: ClassVar[float] = 0.0
+    """Height above home of the approach that `land` begins with."""
 
     def __init__(self, system: int, origin_alt_m: float, turn_rate_max_rps: float) -> None:
         """Address `system`; setpoint heights count from `origin_alt_m` above sea level."""
@@ -116,14 +118,12 @@ class Autopilot(ABC):
         return CommandLong(self.system, m.MAV_COMP_ID_AUTOPILOT1, m.MAV_CMD_COMPONENT_ARM_DISARM, param1=float(arm))
 
     def leave(self, manner: End, height_m: float) -> tuple[Command, ...]:
-        """Return the commands that end a flight: circle here or at home at `height_m`, or land where that can be."""
-        if manner == "loiter":
-            return self.loiter(height_m)
-        return (self.land() if manner == "land" else None) or self.go_home(height_m)
+        """Return the commands that end a flight: circle here, or at home, from where who is to land does."""
+        return self.loiter(height_m) if manner == "loiter" else self.go_home(height_m)
 
-    def land(self) -> tuple[Command, ...] | None:
-        """Return the commands to land here, None for a family that has no such mode."""
-        return None
+    def land(self) -> tuple[Command, ...]:
+        """Return the commands to land where it took off, none for a family that can't."""
+        return ()
 
     @abstractmethod
     def go_home(self, height_m: float) -> tuple[Command, ...]:

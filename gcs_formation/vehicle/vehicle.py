@@ -22,6 +22,7 @@ from gcs_formation.vehicle.autopilot import Autopilot, Step
 from gcs_formation.vehicle.commands import CommandQueue
 from gcs_formation.vehicle.orders import Orders, UnbrokenRun
 from gcs_formation.vehicle.startup import StartUp
+from gcs_formation.vehicle.take_off import TakeOff
 from gcs_formation.vehicle.telemetry import Telemetry
 
 STATION_SYSTEM = 255
@@ -69,12 +70,12 @@ class Vehicle:
         """Acknowledgements of airspeeds, headings and heights."""
         self.beyond_margin = False
         """Whether its loop's delay is beyond what keeps it stable."""
+        self.take_off = TakeOff()
         self.restarted = False
         """Whether it has restarted since the station last looked."""
         self._writer = FrameWriter(STATION_SYSTEM, STATION_COMPONENT)
         self._loiter_ordered = after(Instant(0), -ORDER_COMES_S)
-        self._sampled = 0
-        self._probes: dict[int, Instant] = {}
+        self._sampled, self._probes = 0, dict[int, Instant]()
 
     def sight(self, now: Instant, *, fresh: bool) -> Sight:
         """Return what decides on the vehicle's place in the formation."""
@@ -107,6 +108,7 @@ class Vehicle:
                 self.telemetry.take(message)
                 if isinstance(message, GlobalPositionInt):
                     self.jitter.observe(message.time_boot_s, now, self.clock.drift)
+                    self.take_off.watch(self.telemetry)
         return changed
 
     def leave_to_pilot(self, now: Instant) -> None:
@@ -187,6 +189,7 @@ class Vehicle:
         self.telemetry.forget()
         self.sequence.restart()
         self.orders = Orders()
+        self.take_off = TakeOff()
         self.jitter = JitterMeter()
         self.start_up = StartUp(self._steps)
         self.restarted = True

@@ -163,7 +163,7 @@ def test_orders_are_carried_out_or_refused_with_the_reason(fly: Fly, tmp_path: P
         ),
         (True, "leader 3: accepted"),
         (False, "shape custom: refused: found no slot for vehicle 2; allowed: formation.slots_m for each follower"),
-        (False, "land: refused: found no mode that lands vehicle 1, 2, 3; allowed: rtl, loiter"),
+        (False, "land: refused: vehicle 1 lands where it took off, and that was not seen; allowed: rtl, loiter"),
         (True, "rtl: accepted"),
     ]
     assert [event["text"] for event in events(tmp_path, "mode")][-3:] == ["RTL"] * 3

@@ -6,6 +6,7 @@ Set ARDUPLANE_SITL to the path of ArduPilot's `arduplane` binary for SITL to run
 from __future__ import annotations
 
 import json
+import math
 import os
 import socket
 import subprocess
@@ -14,6 +15,7 @@ from collections import Counter
 from collections.abc import Generator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -33,6 +35,8 @@ LIMIT_S = 300
 FIRST_INSTANCE = 40
 """Its RC input is at UDP port 5501 + 10 times this: away from a simulation that somebody else runs."""
 APART_DEG = 0.0006
+METRES_A_DEGREE = 111_200.0
+APART_M = APART_DEG * METRES_A_DEGREE * math.cos(math.radians(35.0))
 MODEL = {
     "tau_v_s": 4.0,
     "tau_psi_s": 3.4,
@@ -134,10 +138,14 @@ def scenario(ports: list[int]) -> dict[str, object]:
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Fly, and return the run directory."""
-    directory = tmp_path_factory.mktemp("real")
+    return flown(tmp_path_factory.mktemp("real"))
+
+
+def flown(directory: Path, **changes: object) -> Path:
+    """Fly the scenario with keys changed, and return the run directory."""
     ports = free_ports(2)
     file = directory / "real.yaml"
-    file.write_text(yaml.safe_dump(scenario(ports)))
+    file.write_text(yaml.safe_dump(scenario(ports) | changes))
     with ExitStack() as stack:
         for number, port in enumerate(ports, start=1):
             stack.enter_context(simulated(number, port, directory / f"plane{number}"))
@@ -165,6 +173,36 @@ def test_every_vehicle_goes_through_take_off_and_guided_to_loiter(run):
         assert modes[-3:] == ["TAKEOFF", "GUIDED", "LOITER"]
     phases = [event["text"] for event in events if event["kind"] == "phase"]
     assert phases == ["assembling", "flying", "loitering", "done"]
+
+
+def test_they_land_one_after_another_where_they_took_off(tmp_path):
+    run = flown(tmp_path, orders=[{"at_s": 10, "order": "land"}])
+    told = [json.loads(line) for line in (run / "events.jsonl").read_text().splitlines()]
+    modes = [(event["vehicle"], event["text"], event["t_s"]) for event in told if event["kind"] == "mode"]
+    lands = [(who, at_s) for who, mode, at_s in modes if mode == "AUTOLAND"]
+    assert sorted(who for who, _ in lands) == ["1", "2"]
+    standing = places_at_the_end(run)
+    for number in (1, 2):
+        north_m, east_m, height_m, armed = standing[number]
+        assert not armed
+        assert abs(height_m) < 2.0
+        assert math.hypot(north_m, east_m - (number - 1) * APART_M) < 60.0
+
+
+def places_at_the_end(run: Path) -> dict[int, tuple[float, float, float, bool]]:
+    """Return where each vehicle was last told to be, m north, east and up of the first one's home, and if armed."""
+    log = mavutil.mavlink_connection(str(run / "flight.tlog"), dialect="ardupilotmega")
+    last: dict[int, dict[str, Any]] = {1: {}, 2: {}}
+    while (message := log.recv_match(type=["GLOBAL_POSITION_INT", "HEARTBEAT"])) is not None:
+        last.get(message.get_srcSystem(), {})[message.get_type()] = message
+    log.close()
+    found: dict[int, tuple[float, float, float, bool]] = {}
+    for number, told in last.items():
+        place, beat = told["GLOBAL_POSITION_INT"], told["HEARTBEAT"]
+        north_m = (place.lat / 1e7 - 35.0) * METRES_A_DEGREE
+        east_m = (place.lon / 1e7 - 125.0) * METRES_A_DEGREE * math.cos(math.radians(35.0))
+        found[number] = north_m, east_m, place.relative_alt / 1e3, bool(beat.base_mode & m.MAV_MODE_FLAG_SAFETY_ARMED)
+    return found
 
 
 def test_the_autopilot_refuses_nothing(run):

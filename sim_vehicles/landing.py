@@ -1,0 +1,59 @@
+"""AUTOLAND: down on a circle beside where the final approach begins, then straight to home, as it took off.
+
+Source: ArduPilot documentation, "AUTOLAND Mode". Circles are clockwise here, where a real one takes the nearer side,
+and nothing is flared.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from sim_vehicles.motion import Motion
+
+LINED_UP_RAD = math.radians(10.0)
+AT_HEIGHT_M = 3.0
+LOOK_AHEAD_M = 60.0
+"""How far ahead on the line it aims at, from beside it."""
+BELOW_GROUND_M = 3.0
+"""How far below the field the glide slope is followed: heights lag."""
+
+
+class Approach(NamedTuple):
+    """The final approach to home: its direction, and where and how high it begins."""
+
+    north_m: float
+    east_m: float
+    direction_rad: float
+    length_m: float
+    height_m: float
+    lead_m: float
+    """How far before a place its height is told, for what the autopilot's height lags."""
+
+    def circle(self, radius_m: float) -> tuple[float, float]:
+        """Return the centre, north and east, of a clockwise circle that touches the line where it begins."""
+        cos, sin = math.cos(self.direction_rad), math.sin(self.direction_rad)
+        north_m = self.north_m - self.length_m * cos - radius_m * sin
+        return north_m, self.east_m - self.length_m * sin + radius_m * cos
+
+    def begins(self, motion: Motion) -> bool:
+        """Whether a vehicle on that circle is low enough, and flies along the line."""
+        course_rad = math.atan2(motion.velocity_east_mps, motion.velocity_north_mps)
+        off_rad = math.remainder(course_rad - self.direction_rad, math.tau)
+        low = abs(motion.height_m - self.height_m) < AT_HEIGHT_M
+        return low and abs(off_rad) < LINED_UP_RAD and abs(self._aside_m(motion)) < LOOK_AHEAD_M
+
+    def guide(self, motion: Motion) -> tuple[float, float]:
+        """Return the course back to the line and the height of the glide slope."""
+        share = (self._to_go_m(motion) - self.lead_m) / self.length_m
+        course_rad = self.direction_rad - math.atan(self._aside_m(motion) / LOOK_AHEAD_M)
+        return course_rad, max(share * self.height_m, -BELOW_GROUND_M)
+
+    def _to_go_m(self, motion: Motion) -> float:
+        north_m, east_m = self.north_m - motion.north_m, self.east_m - motion.east_m
+        return north_m * math.cos(self.direction_rad) + east_m * math.sin(self.direction_rad)
+
+    def _aside_m(self, motion: Motion) -> float:
+        """Return how far right of the line it is."""
+        north_m, east_m = motion.north_m - self.north_m, motion.east_m - self.east_m
+        return east_m * math.cos(self.direction_rad) - north_m * math.sin(self.direction_rad)

@@ -1,0 +1,180 @@
+"""The order `land`: one after another, each where it took off."""
+
+from __future__ import annotations
+
+import math
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from airlink import mavlink as m
+from airlink.clock import Instant, after
+from airlink.endpoint import Address
+from airlink.geodesy import GeodeticOrigin
+from airlink.identity import VehicleId
+from airlink.messages import CommandAck, GlobalPositionInt, Heartbeat
+from formation_scenario import load_scenario
+from gcs_formation.landing import Landings, why_not
+from gcs_formation.link.connection import Connection, LinkState
+from gcs_formation.loitering import GroundFloor
+from gcs_formation.phases import Phase
+from gcs_formation.vehicle.arduplane import ArduPlane
+from gcs_formation.vehicle.vehicle import Vehicle
+from sim_vehicles.modes import Condition, Mode
+from tests.flights.conftest import STRAIGHT, scenario
+from tests.flights.in_memory import World
+
+ORIGIN = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 0.0)
+NOW = Instant(0)
+LEVEL = GroundFloor(load_scenario(scenario()))
+
+
+@pytest.mark.slow
+def test_they_land_one_after_another_each_where_it_took_off() -> None:
+    world = World(
+        start={"in_air": False},
+        formation={"shape": "line", "spacing_m": 40},
+        duration_s=60,
+        orders=[{"at_s": 5, "order": "land"}],
+        finish={"loiter_s": 0},
+    )
+    began = world.fleet.state.table[:2].copy()
+    least_m = math.inf
+    world.fly_to(5.0)
+    while not world.station.flight.ended:
+        world.run(0.2)
+        flying = [each for each in world.fleet.vehicles if each.pilot.condition is Condition.FLYING]
+        assert len([each for each in flying if each.pilot.mode is Mode.AUTOLAND]) <= 1
+        places = [world.fleet.state.table[:3, each.index] for each in flying]
+        least_m = min([least_m, *(float(np.linalg.norm(one - other)) for one, other in combinations(places, 2))])
+    assert least_m > 12.0
+    assert world.station.flight.phase is Phase.DONE
+    assert [each.pilot.condition for each in world.fleet.vehicles] == [Condition.DISARMED] * 3
+    assert np.hypot(*(world.fleet.state.table[:2] - began)).max() < 60.0
+
+
+def plane(number: int, north_m: float, east_m: float, height_m: float = 100.0, course_rad: float = 0.0) -> Vehicle:
+    """Return a vehicle that took off from a place on the ground, and circles over it."""
+    connection = Connection(0, Address("127.0.0.1", 1), LinkState.CONNECTED)
+    vehicle = Vehicle(VehicleId(1, number), ArduPlane(number, 0.0, 0.25), connection, ORIGIN, 10.0)
+    for armed, up_m in ((False, 0.0), (True, 20.0), (True, height_m)):
+        tell(vehicle, north_m, east_m, up_m, armed=armed, course_rad=course_rad)
+    vehicle.commands.begin((), NOW)
+    return vehicle
+
+
+def tell(
+    vehicle: Vehicle, north_m: float, east_m: float, height_m: float, *, armed: bool = True, course_rad: float = 0.0
+) -> None:
+    base, status = (m.MAV_MODE_FLAG_SAFETY_ARMED, m.MAV_STATE_ACTIVE) if armed else (0, m.MAV_STATE_STANDBY)
+    kind = m.MAV_TYPE_FIXED_WING, m.MAV_AUTOPILOT_ARDUPILOTMEGA
+    vehicle.telemetry.take(Heartbeat(*kind, base, m.PLANE_MODE_RTL, status))
+    lat_rad, lon_rad, alt_m = ORIGIN.from_ned(north_m, east_m, -height_m)
+    velocity = 20.0 * math.cos(course_rad), 20.0 * math.sin(course_rad), 0.0
+    vehicle.telemetry.take(GlobalPositionInt(1.0, lat_rad, lon_rad, alt_m, height_m, *velocity, 0.0))
+    vehicle.take_off.watch(vehicle.telemetry)
+
+
+def refusal(*vehicles: Vehicle, ground: GroundFloor = LEVEL) -> str | None:
+    return why_not({vehicle.identity: vehicle for vehicle in vehicles}, ground)
+
+
+@pytest.mark.parametrize(
+    ("place", "course_deg", "in_way"),
+    [
+        ((0.0, 30.0), 0.0, False),
+        ((0.0, 20.0), 0.0, True),
+        ((-140.0, 0.0), 0.0, True),  # it would come in low over it
+        ((-160.0, 0.0), 0.0, False),
+        ((50.0, 0.0), 0.0, True),  # it would roll there
+        ((70.0, 0.0), 0.0, False),
+        ((0.0, -140.0), 90.0, True),
+        ((-140.0, 0.0), 90.0, False),
+    ],
+)
+def test_nobody_lands_where_another_stands(place: tuple[float, float], course_deg: float, in_way: bool) -> None:
+    """A vehicle that took off at the origin, and one that stands on the ground."""
+    lands, stands = plane(1, 0.0, 0.0, course_rad=math.radians(course_deg)), plane(2, 0.0, 0.0)
+    tell(stands, *place, 0.0, armed=False)
+    said = "vehicle 1 would come in over the place of vehicle 2"
+    assert refusal(lands, stands) == (said if in_way else None)
+
+
+def test_who_was_not_seen_to_take_off_can_not_land() -> None:
+    vehicle = plane(1, 0.0, 0.0)
+    vehicle.take_off.stood = None
+    assert refusal(vehicle) == "vehicle 1 lands where it took off, and that was not seen"
+
+
+def test_the_ground_around_must_be_level() -> None:
+    hill = {"shape": "cosine", "north_m": 500, "east_m": 0, "height_m": 40, "radius_m": 100}
+    rough = load_scenario(scenario(terrain={"clearance_m": 10, "hills": [hill]}, path=STRAIGHT))
+    said = "the ground within 600 m of where vehicle 1 lands is 40 m higher"
+    assert refusal(plane(1, 0.0, 0.0), ground=GroundFloor(rough)) == said
+    assert refusal(plane(1, -300.0, 0.0), ground=GroundFloor(rough)) is None
+
+
+def waiting(*vehicles: Vehicle) -> Landings:
+    landings = Landings(lambda: refusal(*vehicles))
+    for level, vehicle in reversed(list(enumerate(vehicles))):
+        landings.await_turn(vehicle, 100.0 + 15.0 * level)
+    return landings
+
+
+def told(vehicle: Vehicle) -> int | None:
+    """Return the mode that a vehicle is told."""
+    command = vehicle.commands.due(NOW)
+    return int(command.param2) if command is not None else None
+
+
+def test_the_lowest_lands_when_all_are_at_their_heights_and_the_next_when_it_is_disarmed() -> None:
+    low, high = plane(1, 0.0, 0.0), plane(2, 0.0, 50.0)
+    landings = waiting(low, high)
+    landings.advance(NOW)
+    assert (told(low), told(high)) == (None, None)
+    tell(high, 0.0, 50.0, 113.0)
+    landings.advance(NOW)
+    assert (told(low), told(high)) == (m.PLANE_MODE_AUTOLAND, None)
+    tell(low, 0.0, 0.0, 0.0)
+    landings.advance(NOW)
+    assert told(high) is None, "the first one stands there, armed"
+    tell(low, 0.0, 0.0, 0.0, armed=False)
+    landings.advance(NOW)
+    landings.advance(NOW)
+    assert told(high) == m.PLANE_MODE_AUTOLAND
+
+
+def test_nobody_lands_where_the_one_before_has_rolled_to() -> None:
+    low, high = plane(1, 0.0, 0.0), plane(2, 0.0, 50.0, 115.0)
+    landings = waiting(low, high)
+    landings.advance(NOW)
+    tell(low, 10.0, 30.0, 0.0, armed=False)
+    landings.advance(NOW)
+    landings.advance(NOW)
+    assert told(high) is None
+    assert landings.failure == "vehicle 2 would come in over the place of vehicle 1"
+
+
+def test_when_one_refuses_to_land_the_others_circle_on() -> None:
+    low, high = plane(1, 0.0, 0.0), plane(2, 0.0, 50.0, 115.0)
+    landings = waiting(low, high)
+    landings.advance(NOW)
+    assert told(low) == m.PLANE_MODE_AUTOLAND
+    low.commands.acknowledge(CommandAck(m.MAV_CMD_DO_SET_MODE, m.MAV_RESULT_FAILED), NOW)
+    landings.advance(after(NOW, 6.0))
+    assert landings.failure == "vehicle 1 refused to land (FAILED)"
+    landings.advance(after(NOW, 7.0))
+    assert (told(low), told(high), landings.under_way) == (None, None, False)
+
+
+def test_landings_that_are_called_off_end_with_the_one_under_way() -> None:
+    low, high = plane(1, 0.0, 0.0), plane(2, 0.0, 50.0, 115.0)
+    landings = waiting(low, high)
+    landings.advance(NOW)
+    landings.call_off()
+    assert landings.under_way
+    tell(low, 0.0, 0.0, 0.0, armed=False)
+    landings.advance(NOW)
+    landings.advance(NOW)
+    assert (told(high), landings.under_way) == (None, False)
