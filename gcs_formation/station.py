@@ -39,6 +39,8 @@ from gcs_formation.vehicle.vehicle import Vehicle
 
 LOITER_LIMIT_S = 20.0
 """Longest wait at the end for vehicles to climb out and to acknowledge that they loiter."""
+AWAY_S = 0.2
+"""A timer that is overdue by more shows that the station itself was held up: what came meanwhile has waited for it."""
 
 
 @dataclass
@@ -100,14 +102,18 @@ class Station:
 
     def receive(self, datagram: Datagram, now: Instant) -> None:
         """Take a datagram: frames to the vehicles they are from, others counted."""
+        timed = not self._was_away(now)
         for frame in self._receiver.frames(datagram):
             self._recorder.frame(now, frame.raw)
             vehicle = self._identities.sender(frame, datagram, now)
             if vehicle is not None:
-                self._take(vehicle, frame, now)
+                self._take(vehicle, frame, now, timed=timed)
 
     def handle_timer(self, now: Instant) -> None:
         """Do what is due: probes and setpoints held back between ticks, everything else at ticks."""
+        if self._was_away(now):
+            for vehicle in self.vehicles.values():
+                vehicle.forget_probes()
         if now >= self._beacon.next_probe:
             self._send_all(self._beacon.probes(now), now)
         if now >= self._next_tick:
@@ -135,6 +141,10 @@ class Station:
             self._fly(now)
         elif self.flight.phase is Phase.LOITERING:
             self._wait_for_loiter(now)
+
+    def _was_away(self, now: Instant) -> bool:
+        timer = self.next_timer()
+        return timer is not None and seconds_between(timer, now) > AWAY_S
 
     def _judge_members(self, now: Instant) -> None:
         """Decide who flies in the formation, and who leads it if its leader doesn't any more."""
@@ -267,9 +277,9 @@ class Station:
 
     # What happens, and what is said about it.
 
-    def _take(self, vehicle: Vehicle, frame: Frame, now: Instant) -> None:
+    def _take(self, vehicle: Vehicle, frame: Frame, now: Instant, *, timed: bool) -> None:
         mode, said = vehicle.telemetry.custom_mode, len(vehicle.telemetry.texts)
-        if vehicle.take(frame, now):
+        if vehicle.take(frame, now, timed=timed):
             self._note_link(vehicle, now)
         if vehicle.telemetry.custom_mode != mode:
             self._event(now, "mode", vehicle.autopilot.mode_name(vehicle.telemetry), vehicle)

@@ -90,8 +90,14 @@ class Vehicle:
             order_may_come=now < after(self._loiter_ordered, ORDER_COMES_S),
         )
 
-    def take(self, frame: Frame, now: Instant) -> bool:
-        """Take a frame of this vehicle's autopilot, as its claims have it; return whether the link's state changed."""
+    def take(self, frame: Frame, now: Instant, *, timed: bool = True) -> bool:
+        """Take a frame of this vehicle's autopilot, as its claims have it; return whether the link's state changed.
+
+        Args:
+            frame: what came.
+            now: when it was read.
+            timed: whether that is when it arrived; what has waited for us tells nothing of the link's delay.
+        """
         self.frames_in += 1
         self.messages_in[frame.message_id] += 1
         self.sequence.observe(frame.sequence)
@@ -101,12 +107,12 @@ class Vehicle:
             case CommandAck():
                 self._acknowledged(message, now)
             case Timesync():
-                self._take_probe(message, now)
+                self._take_probe(message, now, timed=timed)
             case None:
                 pass
             case _:
                 self.telemetry.take(message)
-                if isinstance(message, GlobalPositionInt):
+                if timed and isinstance(message, GlobalPositionInt):
                     self.jitter.observe(message.time_boot_s, now, self.clock.drift)
                     self.take_off.watch(self.telemetry)
         return changed
@@ -170,10 +176,14 @@ class Vehicle:
             del self._probes[next(iter(self._probes))]
         return Timesync(0, now)
 
-    def _take_probe(self, answer: Timesync, now: Instant) -> None:
+    def forget_probes(self) -> None:
+        """Take no answer to a probe that is out: how long it takes isn't the link's doing."""
+        self._probes.clear()
+
+    def _take_probe(self, answer: Timesync, now: Instant, *, timed: bool) -> None:
         """Take an answer to a probe of ours; requests and answers to others are left alone."""
         sent = self._probes.pop(answer.ts1_ns, None) if answer.tc1_ns else None
-        if sent is None:
+        if sent is None or not timed:
             return
         if not 0 < answer.tc1_ns < CLOCK_LIMIT_NS:
             self.telemetry.implausible += 1

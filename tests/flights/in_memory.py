@@ -61,6 +61,41 @@ class Between:
         self.fleet.handle_timer(now)
 
 
+class Sleeper:
+    """A station whose process is stopped for a while; what comes meanwhile waits in its sockets."""
+
+    def __init__(self, station: Engine) -> None:
+        self._station = station
+        self._waiting: list[Datagram] = []
+        self._until = Instant(0)
+
+    def stop(self, now: Instant, seconds: float) -> None:
+        self._until = after(now, seconds)
+
+    def endpoints(self) -> tuple[Endpoint, ...]:
+        return self._station.endpoints()
+
+    def receive(self, datagram: Datagram, now: Instant) -> None:
+        if now < self._until:
+            self._waiting.append(datagram)
+        else:
+            self._station.receive(datagram, now)
+
+    def datagrams_to_send(self) -> list[Datagram]:
+        return self._station.datagrams_to_send()
+
+    def next_timer(self) -> Instant | None:
+        timer = self._station.next_timer()
+        return None if timer is None else max(timer, self._until)
+
+    def handle_timer(self, now: Instant) -> None:
+        """Take what has come, then do what is due, as a driver over UDP does when its process goes on."""
+        waiting, self._waiting = self._waiting, []
+        for datagram in waiting:
+            self._station.receive(datagram, now)
+        self._station.handle_timer(now)
+
+
 class World:
     """A leader and two followers under the virtual clock, by default in the air on a straight path."""
 
@@ -72,7 +107,8 @@ class World:
         self.fleet = Fleet(self.config)
         self.between = between(self.fleet)
         self.attach(self.between)
-        self.attach(impair(planned, self.station, self.station) or self.station)
+        self.process = Sleeper(impair(planned, self.station, self.station) or self.station)
+        self.attach(self.process)
 
     def attach(self, engine: Engine) -> None:
         self.network.attach(engine)

@@ -164,6 +164,21 @@ def test_without_succession_followers_loiter_until_the_leader_is_back(kind: Faul
         assert again_s - back_s == pytest.approx(0.2, abs=LAG_S)
 
 
+@pytest.mark.parametrize("moment_s", [9.0, 9.06, 9.12, 9.18, 9.24])
+@pytest.mark.parametrize("delay_ms", [0, 100, 300])
+def test_a_station_that_is_stopped_does_not_take_its_own_pause_for_delay(moment_s: float, delay_ms: int) -> None:
+    """It is stopped for 3 s, at different moments between two probes."""
+    world = World(duration_s=30, links={"default": {"delay_ms": delay_ms}})
+    world.fly_to(moment_s)
+    world.process.stop(world.clock.now(), 3.0)
+    world.run()
+    for vehicle in world.station.vehicles.values():
+        measured_s = [one_way_s for _, one_way_s in vehicle.delays]
+        assert max(measured_s) < 0.001 * delay_ms + 0.011, "half of a turn of the answering loop"
+        assert vehicle.jitter.jitter_s < 0.02
+    assert not world.words("delay_margin")
+
+
 def test_an_order_to_loiter_that_arrives_after_the_link_is_back_is_taken_back(fly: Fly, tmp_path: Path) -> None:
     """Over 0.6 s of delay the order that was sent last meets a vehicle that flies in the formation again."""
     outage = [{"at_s": 5, "vehicles": [3], "outage": True}, {"at_s": 10.5, "vehicles": [3], "outage": False}]
