@@ -46,6 +46,8 @@ def plan_change(
 ) -> Transition:
     """Return the way of all columns into an arrangement, from `start` as its leader sees it.
 
+    Slots of those who are away have no way: nobody keeps apart on it, so they stand where they are to be.
+
     Args:
         scenario: vehicles, limits, frame and separation.
         start: (C, 3) where the slots are.
@@ -68,7 +70,7 @@ def plan_change(
         present=there,
         names=column_names(scenario),
     )
-    return plan_transition(start, goal_m, at_s, conditions)
+    return plan_transition(start.standing(~there, goal_m), goal_m, at_s, conditions)
 
 
 def take_over(

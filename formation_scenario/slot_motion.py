@@ -12,6 +12,7 @@ from formation_scenario.formation import Frame
 from formation_scenario.path import PathPoints
 
 Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,12 @@ class SlotMotion:
         return SlotMotion(
             self.position_m[..., which, :], self.velocity_mps[..., which, :], self.acceleration_mps2[..., which, :]
         )
+
+    def standing(self, which: Mask, place_m: Array) -> SlotMotion:
+        """Return slots (N, 3) of which those that are `which` (N,) stand at `place_m` (N, 3)."""
+        still = which[:, None]
+        velocity, acceleration = (np.where(still, 0.0, each) for each in (self.velocity_mps, self.acceleration_mps2))
+        return SlotMotion(np.where(still, place_m, self.position_m), velocity, acceleration)
 
     def after(self, seconds: Array) -> SlotMotion:
         """Return slots (N, 3) a little later, each by its own time (N,): their acceleration is kept."""

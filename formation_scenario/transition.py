@@ -199,8 +199,7 @@ def _checked(level: Transition, apart_m: float, conditions: Conditions) -> Trans
     near = np.flatnonzero(distances.min(axis=0) < apart_m)
     if not near.size:
         return level
-    levels = _levels(near, conditions)
-    lifted = _lift(level, levels * apart_m, course, conditions)
+    lifted = _lift(level, _lifts_m(level, _levels(near, conditions), apart_m), course, conditions)
     slots = lifted.sample(moments_s)
     needs = _within_limits(lifted, slots, course, moments_s, conditions)
     _refuse_near(_distances_m(slots, needs, conditions), apart_m, moments_s, conditions)
@@ -279,6 +278,15 @@ def _levels(near: npt.NDArray[np.intp], conditions: Conditions) -> Array:
         taken = {levels.get(one if other == who else other) for one, other in pairs if who in (one, other)}
         levels[who] = next(level for level in range(len(taken) + 1) if level not in taken)
     return np.array([float(levels.get(column, 0)) for column in range(conditions.present.size)])
+
+
+def _lifts_m(way: Transition, levels: Array, apart_m: float) -> Array:
+    """Return how far each is to be lifted, (N,): so many levels over the highest place that anybody begins or ends at.
+
+    Who begins or ends lower is lifted by that much more.
+    """
+    ends_m = np.stack((way.start.position_m[:, 2], way.goal_m[:, 2]))
+    return np.where(levels > 0, levels * apart_m + ends_m.max() - ends_m.min(axis=0), 0.0)
 
 
 def _lift(level: Transition, lift_m: Array, course: Course, conditions: Conditions) -> Transition:

@@ -15,6 +15,7 @@ from formation_scenario.slot_motion import SlotMotion
 from gcs_formation import parameters
 from gcs_formation.arrays import Array, Instants, Mask, or_zero
 from gcs_formation.control import envelope
+from gcs_formation.control.mixer import rotate_to
 from gcs_formation.control.situation import Decision, Lead, Situation
 from gcs_formation.estimation.estimator import ROWS, StateEstimator
 from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Setpoints
@@ -67,6 +68,7 @@ class FormationController:
         self.bandwidth: Array = np.ones((self._columns, CHANNELS))
         """(C, 3) share of their bandwidth that the law's loops are to come to."""
         self._bandwidth = self.bandwidth
+        self._lift_m = np.zeros(self._columns)
         self.begin_regardless = False
         """Whether the path is begun even if the formation isn't assembled."""
         fusions = parameters.fusions(scenario, self._history, self._model)
@@ -91,6 +93,13 @@ class FormationController:
         """Let another lead, whose heading lies `swing_rad` off the present leader's; the guidance is told apart."""
         self.plan.hand_over(leader, swing_rad)
         self._leader_told_rad = math.nan
+
+    def places_m(self, now: Instant) -> Array:
+        """Return where everybody is, (C, 3) forward, right, up of the leader, less the lifts over the ground."""
+        state, leader = self.estimator.state, self.plan.leader
+        places = state.places_after((now - self.estimator.stamps) / NANOSECONDS)
+        north, east, up = (places - places[leader]).T
+        return np.stack((*rotate_to(state.heading_rad[leader], north, east), up), axis=1) - self._lift_m[:, None] * UP
 
     def step(self, now: Instant, mission_time_s: float, phase: str, ready: Mask, delay_s: Array, lag_s: Array) -> Tick:
         """Return this tick's setpoints and what led to them.
@@ -220,8 +229,8 @@ class FormationController:
         leader = states.of(leading, leading)
         outlook = Outlook(route, leader, tick.leader, self.guidance.distance_m, along_mps, ahead, arranged)
         ago_s = (lead.at - tick.now) / NANOSECONDS
-        lifted, lift_m = self._clearance.over(later, outlook, (instants - lead.at) / NANOSECONDS, ago_s)
-        return lifted, slots.position_m + lift_m[:, None] * UP
+        lifted, self._lift_m = self._clearance.over(later, outlook, (instants - lead.at) / NANOSECONDS, ago_s)
+        return lifted, slots.position_m + self._lift_m[:, None] * UP
 
     def _note(self, tick: Tick, decision: Decision, slots_m: Array) -> None:
         which, active = decision.columns, tick.active[decision.columns]

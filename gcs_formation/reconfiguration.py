@@ -16,6 +16,7 @@ from formation_scenario.feasibility import check_ahead
 from formation_scenario.formation import FormationChange
 from formation_scenario.path import PathPoint
 from formation_scenario.reconfiguration import ahead, column_names, plan_change, take_over
+from formation_scenario.slot_motion import SlotMotion
 from formation_scenario.transition import NotFlyableError
 from gcs_formation.arrays import Array, Mask
 from gcs_formation.controller import FormationController
@@ -27,6 +28,8 @@ from gcs_formation.vehicle.vehicle import Vehicle
 
 RETRY_S = 1.0
 """Between tries at a change that can't be flown where the formation is."""
+AMID = 2.0
+"""How far from the leader those amid the formation are at most, as a share of the farthest slot's distance."""
 HEARD_S = 1.0
 """Telemetry of a successor is no older."""
 
@@ -52,6 +55,8 @@ class Reconfiguration:
         self._wanted: Arrangement | None = None
         self._next_try = Instant(0)
         self._postponed: Arrangement | None = None
+        self._planned_for = np.ones(len(self._names), dtype=np.bool_)
+        """(C,) whose way the present plan has."""
 
     @property
     def leader(self) -> Vehicle | None:
@@ -59,10 +64,15 @@ class Reconfiguration:
         return self._by_column.get(self._controller.plan.leader)
 
     def advance(self, now: Instant, mission_time_s: float) -> None:
-        """Begin the scheduled change that is due; one that can't be flown is tried again."""
+        """Begin the scheduled change that is due; one that can't be flown is tried again.
+
+        What was planned while somebody was away is planned anew when that one is back.
+        """
         plan = self._controller.plan
         if plan.scheduled and mission_time_s >= plan.scheduled[0].at_s:
             self._want((self._wanted or plan.arrangement).changed(plan.scheduled.popleft(), self._scenario), now)
+        if self._wanted is None and self._returned().any():
+            self._want(plan.arrangement, now)
         if self._wanted is None or now < self._next_try:
             return
         self._next_try = after(now, RETRY_S)
@@ -87,7 +97,7 @@ class Reconfiguration:
                 found = f"{self._names[wanted.leader]} doesn't fly in the formation"
                 raise NotFlyableError(found, "a vehicle that does", 0.0)
             route, distance_m, swing_rad = self._take_over(wanted.leader, now_s)
-        start = plan.seen_from(wanted.leader, swing_rad, now_s)
+        start = self._slots(now).seen_from(wanted.leader, swing_rad)
         if route is None:
             raise NotFlyableError("the leader isn't on its way yet", "a change in flight", 0.0)
         course = ahead(route, controller.guidance.speed_mps, distance_m)
@@ -95,7 +105,7 @@ class Reconfiguration:
         if wanted.leader != plan.leader:
             self._hand_over(wanted.leader, now)
         plan.adopt(Proposal(wanted, way))
-        self._wanted = None
+        self._wanted, self._planned_for = None, present
         self._note(now, "formation", self._in_words(wanted), None, {"duration_s": way.duration_s})
 
     def order_change(self, change: FormationChange, now: Instant) -> str | None:
@@ -189,6 +199,21 @@ class Reconfiguration:
         along_mps = self._controller.guidance.speed_mps / (1.0 - point.curvature_1pm * right_m)
         change_mps2 = min(max(change_mps2, -most_mps2), most_mps2)
         return Rise(0.0, climb_mps / along_mps - point.slope, change_mps2 / along_mps**2 - point.slope_rate_1pm)
+
+    def _slots(self, now: Instant) -> SlotMotion:
+        """Return the slots now: of those who come back amid the formation, where they are themselves.
+
+        From there they are led to their places apart from the others. Those farther off have their places' slots: the
+        law brings them there, and the others don't wait for them.
+        """
+        slots, places_m = self._controller.plan.at(now / NANOSECONDS, begun=True), self._controller.places_m(now)
+        amid = np.hypot(places_m[:, 0], places_m[:, 1]) <= AMID * slots.reach_m
+        return slots.standing(self._returned() & amid, places_m)
+
+    def _returned(self) -> Mask:
+        """Return who is there, but wasn't when the present way was planned, (C,)."""
+        returned: Mask = self._present() & ~self._planned_for
+        return returned
 
     def _present(self) -> Mask:
         """Return who is there, (C,): the leader, and whoever flies in the formation."""

@@ -83,6 +83,13 @@ class FlightState(Columns):
         """Put the states together."""
         super().__init__(north_m, east_m, height_m, climb_mps, airspeed_mps, heading_rad, wind_north_mps, wind_east_mps)
 
+    def places_after(self, seconds: Array) -> Array:
+        """Return where vehicles are that fly straight on for (N,) seconds: (N, 3) north, east, height."""
+        north_mps = self.airspeed_mps * np.cos(self.heading_rad) + self.wind_north_mps
+        east_mps = self.airspeed_mps * np.sin(self.heading_rad) + self.wind_east_mps
+        velocity_mps = np.stack((north_mps, east_mps, self.climb_mps))
+        return (self.table[:3] + seconds * velocity_mps).T
+
     def turned(self, by_rad: Array) -> FlightState:
         """Return the same with headings that lie `by_rad` farther to the right, (N,)."""
         state = FlightState.of(self.table.copy())

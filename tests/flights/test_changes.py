@@ -135,6 +135,26 @@ def test_a_leader_that_its_pilot_has_taken_comes_back_as_a_follower(fly: Fly, tm
     assert np.isnan(columns_of(tmp_path, 2)["margin_used"][late]).all()
 
 
+@pytest.mark.parametrize(("shape", "count"), [("arrow", 4), ("follower", 2)])
+def test_a_leader_that_hangs_is_led_to_its_new_slot_apart_from_the_others(
+    fly: Fly, tmp_path: Path, shape: str, count: int
+) -> None:
+    """It's back amid them, ahead of the one that has taken over, and its slot lies behind that one."""
+    summary = fly(
+        duration_s=50,
+        vehicles={"count": count},
+        formation={"shape": shape, "spacing_m": 30},
+        path=STRAIGHT,
+        faults=[{"at_s": 5, "until_s": 9, "vehicles": [1], "kind": "freeze"}],
+    ).to_dict()
+    assert [event["text"] for event in events(tmp_path, "formation")] == [f"{shape}, 30 m, behind vehicle 2"] * 2
+    assert events(tmp_path, "separation") == []
+    assert summary["safety"]["min_separation_m"] > 17.9  # 60 % of the spacing on the way
+    own = columns_of(tmp_path, 1)
+    late = own["mission_time_s"] > 20
+    assert max(np.abs(own[f"error_{axis}_m"][late]).max() for axis in "xyz") < 0.5
+
+
 def test_orders_are_carried_out_or_refused_with_the_reason(fly: Fly, tmp_path: Path) -> None:
     orders = {
         5: "shape line",

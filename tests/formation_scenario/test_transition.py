@@ -85,6 +85,28 @@ def test_who_is_away_is_kept_the_last_places(load):
     assert {tuple(place) for place in given_out} == {(0, -60, 0), (0, -30, 0), (0, 0, 0), (0, 30, 0), (0, 60, 0)}
 
 
+def test_a_slot_whose_vehicle_is_away_has_no_way_and_nobody_makes_room_for_it(load):
+    scenario = load("vehicles={count: 5}")
+    step = slot_schedule(scenario)[0]
+    start = SlotMotion(step.places_m - step.places_m[2], np.ones((5, 3)), np.zeros((5, 3)))
+    present = np.array([False, True, True, True, True])
+    course = ahead(SplinePath(scenario.path.waypoints_m), SPEED, 0.0)
+    way = plan_change(scenario, start, step.arrangement._replace(shape="line", leader=2), 0.0, course, present)
+    for moment in (0.0, way.duration_s / 2):
+        np.testing.assert_array_equal(way.at(moment).position_m[0], [0, 60, 0])
+        np.testing.assert_array_equal(way.at(moment).velocity_mps[0], 0.0)
+
+
+@pytest.mark.parametrize("below_m", [0.0, 5.0])
+def test_who_begins_lower_is_lifted_as_far_over_the_leader(load, below_m):
+    scenario = load("vehicles={count: 2}")
+    arrangement = slot_schedule(scenario)[0].arrangement._replace(shape="follower")
+    start = SlotMotion.at_rest(np.array([[0.0, 0.0, 0.0], [30.0, 0.0, -below_m]]))
+    way = plan_change(scenario, start, arrangement, 0.0, ahead(SplinePath(scenario.path.waypoints_m), SPEED, 0.0))
+    sampled = way.sample(np.linspace(0.0, way.duration_s, 600)).position_m
+    assert np.linalg.norm(sampled[:, 1], axis=1).min() > 17.9
+
+
 def test_a_custom_shape_under_another_leader_gives_its_place_to_the_scenarios_leader(load):
     own = "{2: [-10, 0, 0], 3: [-20, 0, 0], 4: [-30, 0, 0]}"
     steps = slot_schedule(load(f"formation.changes=[{{at_s: 20, shape: custom, slots_m: {own}, leader: 3}}]"))
