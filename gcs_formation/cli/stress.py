@@ -11,14 +11,16 @@ import click
 from gcs_formation.cli import usage
 from gcs_formation.cli.status import Status, fail
 from gcs_formation.stress.campaign import fly_seed, fly_seeds
+from gcs_formation.stress.scenarios import HARD, USUAL
 
 
 @click.command(epilog=usage.STRESS)
 @click.option("--count", type=click.IntRange(1), default=100, show_default=True, help="How many flights.")
 @click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Seed of the first; then one more.")
 @click.option("--jobs", type=click.IntRange(1), default=os.cpu_count() or 1, help="Flights at a time; default: cores.")
+@click.option("--hard", is_flag=True, help="Longer trouble, faster flights, stronger wind: three times the time.")
 @click.option("--out", type=click.Path(path_type=Path), help="Keep the record of the one flight here (--count 1).")
-def stress(count: int, seed: int, jobs: int, out: Path | None) -> None:
+def stress(count: int, seed: int, jobs: int, hard: bool, out: Path | None) -> None:
     """Fly seeded random scenarios under the virtual clock and look for what must never be.
 
     Each seed is a short flight with random shape, path, rates, links, wind, disturbances and faults. Its record is held
@@ -27,13 +29,14 @@ def stress(count: int, seed: int, jobs: int, out: Path | None) -> None:
     """
     if out is not None and count != 1:
         fail(f"--out: found --count {count}; allowed: --count 1, whose record it keeps", Status.BAD_USAGE)
-    trials = [fly_seed(seed, out)] if out else fly_seeds(seed, count, min(jobs, count))
+    severity, again = (HARD, "stress --hard") if hard else (USUAL, "stress")
+    trials = [fly_seed(seed, out, severity)] if out else fly_seeds(seed, count, min(jobs, count), severity)
     flown, wrong = 0, 0
     for trial in trials:
         flown += 1
         wrong += bool(trial.broken)
         for text in trial.broken:
             click.echo(f"seed {trial.seed}: {text}", err=True)
-            click.echo(f"  again: gcs-formation stress --count 1 --seed {trial.seed} --out DIR", err=True)
+            click.echo(f"  again: gcs-formation {again} --count 1 --seed {trial.seed} --out DIR", err=True)
     click.echo(f"{flown} flights, seeds {seed} to {seed + count - 1}: {wrong or 'none'} broke an invariant")
     sys.exit(Status.EXPECTATION_BROKEN if wrong else Status.FINE)

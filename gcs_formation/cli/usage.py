@@ -55,5 +55,6 @@ COMPARE = _examples(
 )
 STRESS = _examples(
     "gcs-formation stress --count 100",
+    "gcs-formation stress --hard --count 200",
     "gcs-formation stress --count 1 --seed 17 --out runs/seed-17",
 )

@@ -7,6 +7,7 @@ import tempfile
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from formation_scenario import Scenario
@@ -17,7 +18,7 @@ from gcs_formation.app.run import run
 from gcs_formation.errors import RunAbortedError
 from gcs_formation.record.run_directory import EVENTS, TIMESERIES, TLOG
 from gcs_formation.stress.invariants import broken, read_flown
-from gcs_formation.stress.scenarios import draw
+from gcs_formation.stress.scenarios import USUAL, Severity, draw
 
 REPEATED_EVERY = 10
 """One flight in so many is flown again and compared byte for byte."""
@@ -33,14 +34,15 @@ class Trial:
     """What wasn't so, in words."""
 
 
-def fly_seed(seed: int, out: Path | None = None) -> Trial:
+def fly_seed(seed: int, out: Path | None = None, severity: Severity = USUAL) -> Trial:
     """Fly one seed under the virtual clock and hold its record against the invariants.
 
     Args:
         seed: of the scenario and everything random in it.
         out: where the record is kept; by default nowhere.
+        severity: of what is drawn.
     """
-    scenario = draw(seed)
+    scenario = draw(seed, severity)
     with tempfile.TemporaryDirectory() as scratch:
         directory = out or Path(scratch) / "flight"
         wrong = _fly(scenario, directory)
@@ -52,14 +54,14 @@ def fly_seed(seed: int, out: Path | None = None) -> Trial:
     return Trial(seed, scenario.duration_s, tuple(wrong))
 
 
-def fly_seeds(first: int, count: int, jobs: int) -> Iterator[Trial]:
+def fly_seeds(first: int, count: int, jobs: int, severity: Severity = USUAL) -> Iterator[Trial]:
     """Yield the flights of `count` seeds from `first` on, as they finish, `jobs` at a time."""
-    seeds = range(first, first + count)
+    seeds, fly = range(first, first + count), partial(fly_seed, severity=severity)
     if jobs == 1:
-        yield from map(fly_seed, seeds)
+        yield from map(fly, seeds)
         return
     with ProcessPoolExecutor(jobs) as pool:
-        for flight in as_completed(pool.submit(fly_seed, seed) for seed in seeds):
+        for flight in as_completed(pool.submit(fly, seed) for seed in seeds):
             yield flight.result()
 
 

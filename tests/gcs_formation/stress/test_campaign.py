@@ -13,7 +13,7 @@ from formation_scenario.faults import FaultKind
 from gcs_formation.cli import main
 from gcs_formation.stress import campaign
 from gcs_formation.stress.campaign import fly_seed
-from gcs_formation.stress.scenarios import draw
+from gcs_formation.stress.scenarios import HARD, draw
 
 SEEDS_EACH = 5
 
@@ -32,22 +32,37 @@ def test_seeds_cover_what_may_happen() -> None:
     assert any(not each.start.in_air for each in scenarios)
 
 
+def test_hard_flights_are_faster_and_in_trouble_for_longer() -> None:
+    usual, hard = ([draw(seed, *severity) for seed in range(60)] for severity in ((), (HARD,)))
+    for harder in (
+        lambda each: each.law.rate_hz,
+        lambda each: each.path.speed_mps,
+        lambda each: max(abs(mps) for mps in each.wind.velocity_mps),
+        lambda each: max((fault.until_s - fault.at_s for fault in each.faults if fault.until_s), default=0.0),
+        lambda each: each.duration_s,
+    ):
+        assert max(map(harder, hard)) > max(map(harder, usual))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("first", range(1, 101, SEEDS_EACH))
 def test_seeded_flights_break_nothing(first: int) -> None:
     assert [trial for seed in range(first, first + SEEDS_EACH) if (trial := fly_seed(seed)).broken] == []
 
 
-def test_the_command_names_the_seed_that_breaks_something(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+@pytest.mark.parametrize("hard", [[], ["--hard"]])
+def test_the_command_names_the_seed_that_breaks_something(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, hard: list[str]
+) -> None:
     def fly(scenario: Scenario, directory: Path) -> list[str]:
         directory.mkdir()
         return [f"separation: seed {scenario.seed} came too near"]
 
     monkeypatch.setattr(campaign, "_fly", fly)
-    result = CliRunner().invoke(main, ["stress", "--count", "1", "--seed", "7", "--out", str(tmp_path / "run")])
+    result = CliRunner().invoke(main, ["stress", *hard, "--count", "1", "--seed", "7", "--out", str(tmp_path / "run")])
     assert result.exit_code == 1
     assert "seed 7: separation: seed 7 came too near" in result.stderr
-    assert "gcs-formation stress --count 1 --seed 7" in result.stderr
+    assert " ".join(["gcs-formation stress", *hard, "--count 1 --seed 7"]) in result.stderr
     assert (tmp_path / "run").is_dir()
 
 
