@@ -10,7 +10,7 @@ from airlink.clock import Instant
 from airlink.identity import VehicleId
 from formation_scenario.orders import End
 from gcs_formation.landing import Landings, lowest_circle_m, why_not
-from gcs_formation.link.connection import LinkState
+from gcs_formation.link.connection import TALKING
 from gcs_formation.loitering import GroundFloor, loiter_heights
 from gcs_formation.membership import Member
 from gcs_formation.vehicle.commands import Outcome
@@ -66,7 +66,7 @@ class Ending:
         return [vehicle for identity, vehicle in self._vehicles.items() if self._is_pending(identity, vehicle)]
 
     def _is_pending(self, identity: VehicleId, vehicle: Vehicle) -> bool:
-        if vehicle.connection.state is not LinkState.CONNECTED:
+        if vehicle.connection.state not in TALKING:
             return False
         if vehicle.commands.outcome is Outcome.WAITING or self.landings.is_pending(vehicle):
             return True

@@ -9,6 +9,7 @@ from airlink.clock import Instant
 from airlink.identity import VehicleId
 from formation_scenario import Scenario
 from gcs_formation.estimation.estimator import StateEstimator
+from gcs_formation.link.connection import LinkState
 from gcs_formation.loitering import GroundFloor, loiter_heights
 from gcs_formation.membership import Member, following
 from gcs_formation.records import Note
@@ -16,6 +17,9 @@ from gcs_formation.vehicle.vehicle import Vehicle
 
 SUCCESSION_S = 3.0
 """Silence of a leader after which another takes over, where one can."""
+MUTE_S = 1.5
+"""Heartbeats of a vehicle that is heard may be missing for so long; after that nobody knows in which mode it flies."""
+WITHOUT_HEARTBEATS = (LinkState.MUTE, LinkState.LOST)
 BACK_S = 3.0
 """Telemetry of a vehicle that is out is no older when it comes back."""
 
@@ -63,7 +67,10 @@ class Roster:
     def _is_fresh(self, vehicle: Vehicle, estimator: StateEstimator, now: Instant, limit_s: float = math.inf) -> bool:
         if vehicle.beyond_margin and self._law.on_delay == "hold":
             return False
-        if vehicle.member is not Member.FLYING:
+        out, link = vehicle.member is not Member.FLYING, vehicle.connection
+        if link.state in WITHOUT_HEARTBEATS and (out or link.mute_s(vehicle.sequence.loss) > MUTE_S):
+            return False
+        if out:
             limit_s = min(limit_s, BACK_S)
         age_s = estimator.age_s(self._columns[vehicle.identity], now)
         return math.isnan(age_s) or age_s <= min(self._law.max_age_s, limit_s)

@@ -185,7 +185,7 @@ class Station:
 
     def _watch_links(self, now: Instant) -> None:
         for vehicle in self.vehicles.values():
-            if vehicle.connection.check(now):
+            if vehicle.connection.check(now, vehicle.sequence.loss):
                 self._note_link(vehicle, now)
 
     def _start_vehicles(self, now: Instant) -> None:

@@ -16,7 +16,7 @@ from airlink import mavlink as m
 from airlink.clock import Instant, after, seconds_between
 from airlink.codec import CODEC_OF_ID
 from airlink.identity import VehicleId
-from gcs_formation.link.connection import LinkState
+from gcs_formation.link.connection import TALKING, LinkState
 from gcs_formation.records import Note
 from gcs_formation.vehicle.commands import Outcome
 from gcs_formation.vehicle.vehicle import Vehicle
@@ -106,12 +106,14 @@ class StreamWatch:
         for vehicle, streams in self._streams:
             if not vehicle.start_up.asked_for_telemetry:
                 streams.looks.clear()
-            elif vehicle.connection.state is LinkState.CONNECTED and vehicle.commands.outcome is not Outcome.WAITING:
+            elif vehicle.connection.state in TALKING and vehicle.commands.outcome is not Outcome.WAITING:
                 self._judge(vehicle, streams, now)
 
     def _judge(self, vehicle: Vehicle, streams: Streams, now: Instant) -> None:
         streams.look(vehicle, now)
         missing = streams.too_few()
+        if vehicle.connection.state is LinkState.MUTE and m.MAVLINK_MSG_ID_HEARTBEAT not in missing:
+            missing = (*missing, m.MAVLINK_MSG_ID_HEARTBEAT)
         if streams.missing and not streams.refused and _refuses(vehicle):
             streams.refused = True
             self._note(now, "streams", f"refuses to send {_names(streams.missing)} as often as asked for", vehicle)

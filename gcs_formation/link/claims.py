@@ -14,7 +14,7 @@ from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import Address
 from airlink.messages import Heartbeat, Message
 from gcs_formation.link.clock_sync import ClockSync
-from gcs_formation.link.connection import Connection, LinkState
+from gcs_formation.link.connection import TALKING, Connection, LinkState
 
 LONGEST_DELAY_S = 10.0
 """A stamp may be this old when it arrives."""
@@ -112,7 +112,7 @@ class Claims:
     def _judge_other(self, remote: Remote, evidence: Evidence, now: Instant, *, heartbeat: bool) -> Ruling:
         """Decide on a frame from another address than the vehicle's."""
         state = self._connection.state
-        if state is LinkState.CONNECTED or evidence is Evidence.ANOTHERS:
+        if state in TALKING or evidence is Evidence.ANOTHERS:
             return Ruling(False, self._rival(remote, evidence, now))
         refuted = remote in self._rivals and self._rivals[remote].refuted
         clockless = heartbeat and not refuted and (state is LinkState.LOST or not self._clock.samples)

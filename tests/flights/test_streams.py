@@ -7,9 +7,11 @@ from typing import Any
 import pytest
 
 from airlink import mavlink as m
+from airlink.clock import NANOSECONDS
 from airlink.endpoint import Address
 from airlink.engine import Datagram
 from airlink.frame import FrameWriter
+from airlink.identity import VehicleId
 from airlink.messages import CommandLong, Message, RequestDataStream
 from gcs_formation.phases import Phase
 from sim_vehicles.commands import HANDLERS
@@ -71,13 +73,48 @@ def test_a_vehicle_that_another_ground_station_has_told_to_send_less_is_asked_ag
     assert world.station.flight.phase is Phase.DONE
 
 
-def test_heartbeats_that_were_switched_off_are_asked_for_before_a_pilots_switch_goes_unseen_for_long() -> None:
+def test_heartbeats_that_were_switched_off_are_asked_for_before_anybody_is_told_to_loiter() -> None:
+    """At 3.5 s, as after any three heartbeats that are missing; the next one comes at once."""
     world = World(duration_s=16)
     world.fly_to(5.0)
-    told_s = tell(world, 2, [interval(2, m.MAVLINK_MSG_ID_HEARTBEAT, NONE)])
+    tell(world, 2, [interval(2, m.MAVLINK_MSG_ID_HEARTBEAT, NONE)])
+    last_s = world.station.vehicles[VehicleId(1, 2)].connection.last_heartbeat / NANOSECONDS
     world.run()
+    (mute_s,) = world.times_s("link", 2, "without heartbeats")
+    assert mute_s - last_s == pytest.approx(3.5, abs=0.15)
     assert world.words("streams")[0].startswith("sends HEARTBEAT less than half as often")
-    assert world.times_s("streams", 2)[0] - told_s < 10.0
+    assert world.times_s("streams", 2)[0] - mute_s < 0.6
+    assert world.times_s("link", 2, "connected")[-1] - mute_s < 1.8
+    assert not world.times_s("member", text="loiter")
+
+
+@pytest.mark.parametrize("number", [1, 2])
+def test_a_vehicle_that_refuses_to_send_heartbeats_is_told_to_loiter_and_comes_back_with_them(
+    number: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nobody knows its mode any more; another takes over where it leads. Its telemetry goes on all the time."""
+    world = World(duration_s=40)
+    world.fly_to(5.0)
+    stopped_s = tell(world, number, [interval(number, m.MAVLINK_MSG_ID_HEARTBEAT, NONE)])
+    world.run(0.5)
+    with monkeypatch.context() as patch:
+        patch.setitem(HANDLERS, m.MAV_CMD_SET_MESSAGE_INTERVAL, lambda *_: m.MAV_RESULT_DENIED)
+        world.run(9.5)
+        (told_s,) = world.times_s("member", number, "told to loiter")
+        assert 4.0 <= told_s - stopped_s <= 5.2
+        assert world.vehicle(number).pilot.mode.name == "LOITER"
+        assert not world.times_s("member", 3, "loiter")
+        assert bool(world.times_s("leader")) == (number == 1)
+    again_s = tell(world, number, [interval(number, m.MAVLINK_MSG_ID_HEARTBEAT, UNASKED)])
+    world.run()
+    assert world.times_s("member", number, "flying")[-1] - again_s < 2.0
+
+
+@pytest.mark.slow
+def test_heartbeats_lost_on_the_way_are_not_missing() -> None:
+    world = World(duration_s=60, links={"default": {"loss": 0.5}})
+    world.run()
+    assert not world.times_s("link", text="without heartbeats")
 
 
 def test_whoever_keeps_switching_telemetry_off_is_answered_ever_more_rarely_and_the_vehicle_loiters() -> None:

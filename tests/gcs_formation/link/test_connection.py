@@ -18,6 +18,30 @@ def test_silence_leads_through_stale_to_lost_and_a_heartbeat_back() -> None:
     assert connection.state is LinkState.CONNECTED
 
 
+def test_telemetry_without_heartbeats_is_a_link_without_heartbeats() -> None:
+    connection = Connection(0)
+    connection.heard(START, heartbeat=True)
+    for tenth in range(1, 36):
+        assert not connection.heard(after(START, 0.1 * tenth), heartbeat=False)
+        assert not connection.check(after(START, 0.1 * tenth))
+    connection.heard(after(START, 3.6), heartbeat=False)
+    assert not connection.check(after(START, 3.6), loss=0.2)  # five heartbeats may be lost, one time in 3000
+    assert connection.check(after(START, 3.6))
+    assert connection.state is LinkState.MUTE
+    assert not connection.heard(after(START, 4.0), heartbeat=True)  # of a change of mode
+    assert connection.heard(after(START, 5.0), heartbeat=True)
+    assert connection.state is LinkState.CONNECTED
+
+
+def test_heartbeats_are_not_missing_after_a_silence_of_everything() -> None:
+    connection = Connection(0)
+    connection.heard(START, heartbeat=True)
+    assert connection.check(after(START, 4.0))
+    assert connection.heard(after(START, 4.1), heartbeat=False)
+    assert not connection.check(after(START, 4.2))
+    assert connection.state is LinkState.CONNECTED
+
+
 def test_only_a_heartbeat_makes_the_first_contact() -> None:
     connection = Connection(0)
     assert not connection.heard(START, heartbeat=False)
