@@ -36,8 +36,8 @@ def comparison_figure(comparison: Comparison) -> Figure:
     for index, (begin, end) in enumerate(columns):
         for axis, axes in enumerate(column_of(grid, index)):
             _panel(axes, comparison.lines, axis, begin, end)
-        draw_marks(column_of(grid, index), comparison.marks)
         grid[-1][index].set_xlabel("mission time, s")
+    draw_marks([column_of(grid, index) for index in range(len(columns))], comparison.marks)
     for axis, (row, label) in enumerate(zip(grid, LABELS, strict=True)):
         row[0].set_ylabel(label)
         most = max(float(np.nanmax(line.error_m[:, axis], initial=SETTLED_M)) for line in comparison.lines)

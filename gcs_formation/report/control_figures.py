@@ -55,7 +55,6 @@ def setpoints(run: RunData) -> Figure:
     shown = _shown(run)
     figure = new_figure(11.5)
     grid = axes_grid(figure, 3, len(shown), sharex=True, sharey="row")
-    found = marks(run)
     for column, vehicle in enumerate(shown):
         name = f"leader ({vehicle})" if vehicle == run.leader else f"vehicle {vehicle}"
         grid[0][column].annotate(
@@ -64,7 +63,7 @@ def setpoints(run: RunData) -> Figure:
         )  # fmt: skip
         for row, channel in enumerate(LABELS):
             _follow(grid[row][column], run, followed(run, vehicle, channel))
-        draw_marks(column_of(grid, column), found, labels=False)
+    draw_marks([column_of(grid, column) for column in range(len(shown))], marks(run), labels=False)
     for row, label in enumerate(LABELS.values()):
         grid[row][0].set_ylabel(label)
     figure.align_ylabels(column_of(grid, 0))
@@ -101,7 +100,7 @@ def gains(run: RunData) -> Figure:
     for column, window in enumerate(windows):
         for axes, gain in zip(column_of(grid, column), GAINS, strict=True):
             _gain(axes, run, columns, gain, window)
-        draw_marks(column_of(grid, column), marks(run))
+    draw_marks([column_of(grid, column) for column in range(len(windows))], marks(run))
     for row, label in zip(grid, GAINS.values(), strict=True):
         row[0].set_ylabel(f"{label} / nominal")
     figure.align_ylabels(column_of(grid, 0))

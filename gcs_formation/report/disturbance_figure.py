@@ -33,7 +33,7 @@ def disturbance(run: RunData) -> Figure:
         at_least(axes, -LEAST_MPS, LEAST_MPS)
         axes.set_ylabel(label)
     span(rows[0], float(run.time_s[0]), float(run.time_s[-1]))
-    draw_marks(rows, marks(run))
+    draw_marks([rows], marks(run))
     rows[-1].set_xlabel(time_label(run))
     figure.align_ylabels(rows)
     legend_below(figure)

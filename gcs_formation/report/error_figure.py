@@ -48,7 +48,7 @@ def errors(run: RunData) -> Figure:
     values = np.stack([run.flown.error(vehicle) for vehicle in group.vehicles])
     windows = error_windows(run)
     grid = axes_grid(figure, 3, len(windows), sharex="col", width_ratios=WIDTHS[-len(windows) :])
-    found, gusted = marks(run), gusts(run)
+    gusted = gusts(run)
     for column, window in enumerate(windows):
         for row, (axis, label) in enumerate(AXES.items()):
             _panel(grid[row][column], group, time_s[window], values[:, window, row])
@@ -57,7 +57,7 @@ def errors(run: RunData) -> Figure:
             at_least(grid[row][column], -LEAST_M, LEAST_M)
             if column == 0:
                 grid[row][column].set_ylabel(label)
-        draw_marks(column_of(grid, column), found)
+    draw_marks([column_of(grid, column) for column in range(len(windows))], marks(run))
     figure.align_ylabels(column_of(grid, 0))
     for axes in grid[-1]:
         axes.set_xlabel(time_label(run))

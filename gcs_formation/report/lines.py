@@ -110,9 +110,10 @@ class Group:
 
 
 def followers_of(run: RunData) -> Group:
-    """Return the followers of a run."""
+    """Return the followers of a run; a leader that has followed another comes first, so that its line is lowest."""
     worst = run.worst_first()
-    return Group(run.followers, run.leader if run.leader in run.followers else None, worst[0] if worst else None)
+    followers = tuple(sorted(run.followers, key=lambda vehicle: vehicle != run.leader))
+    return Group(followers, run.leader if run.leader in followers else None, worst[0] if worst else None)
 
 
 def everyone(run: RunData) -> Group:

@@ -105,7 +105,7 @@ def _limit(axes: Axes, limit: float) -> None:
 
 def _finished(figure: Figure, run: RunData) -> Figure:
     rows = figure.axes
-    draw_marks(rows, marks(run))
+    draw_marks([rows], marks(run))
     rows[-1].set_xlabel(time_label(run))
     figure.align_ylabels(rows)
     legend_below(figure)

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, cast
 
 import matplotlib as mpl
-import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, FigureBase
@@ -108,7 +107,7 @@ def save(figure: Figure, path: Path) -> None:
 
 
 def legend_below(figure: Figure, *, outside: bool = True) -> None:
-    """Name everything that has a label, once, under the axes, in as many columns as fit.
+    """Name everything that has a label, once, under the axes, row after row, in as many columns as fit.
 
     `outside`: the axes make room for it by themselves.
     """
@@ -118,11 +117,13 @@ def legend_below(figure: Figure, *, outside: bool = True) -> None:
         named |= {str(label): handle for handle, label in zip(handles, labels, strict=True)}
     if named:
         room_pt = 72.0 * figure.get_figwidth()
+        columns = _columns_that_fit([_width_pt(label) for label in named], room_pt)
+        by_row = [label for column in range(columns) for label in list(named)[column::columns]]
         figure.legend(
-            list(named.values()),
-            list(named),
+            [named[label] for label in by_row],
+            by_row,
             loc="outside lower center" if outside else "lower center",
-            ncols=_columns_that_fit([_width_pt(label) for label in named], room_pt),
+            ncols=columns,
             handlelength=HANDLE_EM,
             columnspacing=BETWEEN_EM,
         )
@@ -135,9 +136,9 @@ def _width_pt(label: str) -> float:
 
 
 def _columns_that_fit(widths_pt: Sequence[float], room_pt: float) -> int:
-    """Return the most columns, filled one after the other from the top, that have room beside each other."""
+    """Return the most columns, filled row after row, that have room beside each other."""
     for columns in range(min(MOST_COLUMNS, len(widths_pt)), 1, -1):
-        if sum(float(column.max()) for column in np.array_split(widths_pt, columns)) <= room_pt:
+        if sum(max(widths_pt[column::columns]) for column in range(columns)) <= room_pt:
             return columns
     return 1
 

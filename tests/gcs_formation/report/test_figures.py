@@ -1,5 +1,6 @@
 from dataclasses import replace
 from io import BytesIO
+from itertools import combinations
 from pathlib import Path
 
 import matplotlib as mpl
@@ -12,13 +13,14 @@ from formation_scenario import load_scenario, slot_schedule
 from gcs_formation.record.flight import Flight
 from gcs_formation.report.control_figures import followed
 from gcs_formation.report.embedded import embedded
-from gcs_formation.report.error_figure import transient_end_s
+from gcs_formation.report.error_figure import WIDTHS, errors, transient_end_s
 from gcs_formation.report.figures import PLATES, write_figures
 from gcs_formation.report.geometry import snapshot, snapshot_ticks
 from gcs_formation.report.lines import everyone
-from gcs_formation.report.marks import marks
+from gcs_formation.report.marks import Mark, marks
 from gcs_formation.report.run_data import load_run
-from gcs_formation.report.style import print_style
+from gcs_formation.report.style import FOLLOWERS, INK, axes_grid, column_of, new_figure, print_style
+from gcs_formation.report.time_axes import draw_marks, span
 
 QUICKSTART = Path(__file__).parents[3] / "configs" / "quickstart.yaml"
 STRAIGHT: dict[str, object] = {"duration_s": 40, "path": {"waypoints_m": [[0, 0, 200], [4000, 0, 200]]}}
@@ -129,6 +131,33 @@ def test_nothing_after_the_end_is_marked(make_run):
     assert marks(load_run(make_run(scenario, flown_s=20.0))) == []
 
 
+def test_names_of_marks_are_at_their_lines_and_none_lies_on_another():
+    """The flight of a leader that freezes for a while, in axes as narrow as those of a transient."""
+    happened = {
+        6.2: "disturbance (1, 2, 4)",
+        13.8: "freeze (1)",
+        17.0: "leader 2",
+        17.8: "freeze over (1)",
+        28.0: "link",
+    }
+    with print_style():
+        figure = new_figure(8.0)
+        grid = axes_grid(figure, 3, 2, sharex="col", width_ratios=WIDTHS)
+        for column, (begin_s, end_s) in enumerate([(0.0, 30.0), (30.0, 80.0)]):
+            span(grid[0][column], begin_s, end_s)
+        columns = [column_of(grid, column) for column in range(2)]
+        draw_marks(columns, [Mark(time_s, label, "fault") for time_s, label in happened.items()])
+        figure.savefig(BytesIO(), format="raw")
+    names = {text.get_text(): text.get_window_extent() for text in grid[0][0].texts if text.get_text()}
+    assert list(names) == [*happened.values()][::-1]
+    for one, other in combinations(names.values(), 2):
+        assert one.y1 <= other.y0 or other.y1 <= one.y0 or one.x1 <= other.x0 or other.x1 <= one.x0
+    for time_s, label in happened.items():
+        line = grid[0][0].transData.transform((time_s, 0.0))[0]
+        assert names[label].x0 - 3.0 <= line <= names[label].x1 + 3.0
+    assert figure.get_figheight() * 2.54 > 8.0
+
+
 def test_snapshots_show_the_commanded_slots(eventful):
     before, after = [step.places_m[1:] for step in slot_schedule(eventful.scenario)]
     for tick in snapshot_ticks(eventful):
@@ -160,6 +189,8 @@ def test_a_leader_that_follows_another_later_on_has_errors_too(make_run):
     assert passed_on.followers == (*run.followers, first)
     assert sorted(everyone(passed_on).vehicles) == sorted(own)
     assert len(embedded(passed_on)["errors"]) == len(own)
+    assert [each["colour"] for each in embedded(passed_on)["vehicles"]] == [None, *FOLLOWERS[:3]]
+    assert INK in [line.get_color() for line in errors(passed_on).axes[0].get_lines()]
 
 
 def test_a_snapshot_is_taken_before_the_shape_changes(eventful):
