@@ -99,7 +99,7 @@ def draw(seed: int, severity: Severity = USUAL) -> Scenario:
 def _scenario(rng: np.random.Generator, seed: int, severity: Severity) -> Keys:
     count = int(rng.integers(2, 5))
     faults = _faults(rng, severity, count)
-    outages = _outages(rng, severity, count)
+    outages = _outages(rng, severity, count, faults)
     formation = _formation(rng, severity, count)
     more_s = severity.rejoin_s if faults or outages else severity.change_s if formation.get("changes") else 0.0
     duration_s = FIRST_TROUBLE_S + severity.trouble_s + severity.calm_s + more_s
@@ -197,10 +197,13 @@ def _link_changes(rng: np.random.Generator, severity: Severity, count: int, outa
     return [*changes, *outages, {"at_s": severity.calm_from_s, "distribution": "normal"}]
 
 
-def _outages(rng: np.random.Generator, severity: Severity, count: int) -> list[Keys]:
+def _outages(rng: np.random.Generator, severity: Severity, count: int, faults: list[Keys]) -> list[Keys]:
+    """Return an outage of a vehicle that its pilot doesn't take meanwhile: where it is then, nobody can know."""
     if rng.random() > severity.outage_share:
         return []
     begins_s, vehicle = _trouble_at(rng, severity), _vehicle(rng, count)
+    if any(fault["kind"] == "pilot" and vehicle in fault["vehicles"] for fault in faults):
+        vehicle = vehicle % count + 1
     ends_s = begins_s + float(rng.uniform(0.5, severity.longest_spell_s))
     return [{"at_s": at_s, "vehicles": [vehicle], "outage": at_s == begins_s} for at_s in (begins_s, ends_s)]
 

@@ -23,8 +23,12 @@ def test_a_seed_is_one_scenario_and_seeds_differ() -> None:
     assert drawn[0] == drawn[1] != drawn[2]
 
 
-def test_seeds_cover_what_may_happen() -> None:
-    scenarios = [draw(seed) for seed in range(200)]
+@pytest.fixture(scope="module")
+def scenarios() -> list[Scenario]:
+    return [draw(seed) for seed in range(200)]
+
+
+def test_seeds_cover_what_may_happen(scenarios: list[Scenario]) -> None:
     assert {fault.kind for each in scenarios for fault in each.faults} == set(get_args(FaultKind))
     assert {each.formation.frame for each in scenarios} == {"leader_heading", "follower_heading"}
     assert len({each.formation.shape for each in scenarios}) == 9
@@ -32,8 +36,15 @@ def test_seeds_cover_what_may_happen() -> None:
     assert any(not each.start.in_air for each in scenarios)
 
 
-def test_hard_flights_are_faster_and_in_trouble_for_longer() -> None:
-    usual, hard = ([draw(seed, *severity) for seed in range(60)] for severity in ((), (HARD,)))
+def test_a_vehicle_that_its_pilot_takes_is_heard(scenarios: list[Scenario]) -> None:
+    for each in scenarios:
+        taken = {number for fault in each.faults if fault.kind == "pilot" for number in fault.vehicles}
+        unheard = {number for change in each.links.changes if change.outage for number in change.vehicles}
+        assert not taken & unheard
+
+
+def test_hard_flights_are_faster_and_in_trouble_for_longer(scenarios: list[Scenario]) -> None:
+    hard = [draw(seed, HARD) for seed in range(30)]
     for harder in (
         lambda each: each.law.rate_hz,
         lambda each: each.path.speed_mps,
@@ -41,7 +52,7 @@ def test_hard_flights_are_faster_and_in_trouble_for_longer() -> None:
         lambda each: max((fault.until_s - fault.at_s for fault in each.faults if fault.until_s), default=0.0),
         lambda each: each.duration_s,
     ):
-        assert max(map(harder, hard)) > max(map(harder, usual))
+        assert max(map(harder, hard)) > max(map(harder, scenarios))
 
 
 @pytest.mark.slow
