@@ -119,10 +119,16 @@ class FormationLaw:
         return FlightState.of(table[:, :count]), FlightState.of(table[:, count:])
 
     def _led(self, lead: Lead, state: FlightState) -> LeaderMotion:
-        """Return the motion of a leader in `state`, (F,) columns; its heading lags what it's told by (7)."""
+        """Return the motion of a leader in `state`, (F,) columns; its heading lags what it's told by (7).
+
+        Where its route changes, what it's told jumps: faster than it can turn isn't how the slots turn.
+        """
         model = self._leader_model
         turn_rps = turn_rate(state, lead.told.take(np.zeros_like(self._leading)), model)
-        bend_rps2 = (lead.told_turn_rps - turn_rps) / model.tau_psi_s
+        told_turn_rps = within(
+            np.full_like(turn_rps, lead.told_turn_rps), -model.turn_rate_max_rps, model.turn_rate_max_rps
+        )
+        bend_rps2 = (told_turn_rps - turn_rps) / model.tau_psi_s
         hurry_mps2 = (lead.told.speed_mps - state.airspeed_mps) / model.tau_v_s
         hurry_mps2 = within(hurry_mps2, -model.accel_max_mps2, model.accel_max_mps2)
         to_climb_m = lead.told.height_m - state.height_m - (model.tau_ha_s + model.tau_hb_s) * state.climb_mps

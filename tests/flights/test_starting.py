@@ -12,6 +12,7 @@ from airlink import mavlink as m
 from airlink.clock import Instant
 from airlink.engine import Datagram
 from airlink.frame import HEADER_V2
+from gcs_formation.arrays import wrap
 from gcs_formation.phases import Phase
 from sim_vehicles.modes import Condition, Mode
 from tests.flights.in_memory import Between, World
@@ -166,3 +167,14 @@ def test_without_anybody_to_follow_the_run_ends_when_the_time_for_assembly_is_ov
     assert failed_s - assembling_s == pytest.approx(30.0, abs=LAG_S)
     assert all(each.pilot.mode is Mode.LOITER for each in world.fleet.vehicles)
     assert len(world.times_s("postponed")) == len(taken) // 3  # once, though it was tried again for 27 s
+
+
+def test_where_the_leader_turns_off_to_go_round_again_nobody_is_told_to_turn_about() -> None:
+    """A straight line that becomes a circle is a step in what the leader is told, and a spike in its rate of change."""
+    world = World(formation={"shape": "diamond", "spacing_m": 40}, **ASSEMBLING)
+    world.run(1.0)
+    world.strike(LAST, "pilot")
+    world.run(30.0)
+    assert world.station.controller.guidance.rounds > 0
+    headings = np.array([tick.setpoints.heading_rad for tick in world.notes.ticks])
+    assert np.nanmax(np.abs(wrap(np.diff(headings, axis=0)))) < 0.5
