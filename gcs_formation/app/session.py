@@ -19,8 +19,9 @@ from gcs_formation.app.steering import OrderSocket
 from gcs_formation.app.timing import TimedStation
 from gcs_formation.errors import RunAbortedError
 from gcs_formation.record.flight import join, split
+from gcs_formation.record.outcome import LinkFigures, Outcome
 from gcs_formation.record.run_directory import SPOOL, TIMESERIES, RunDirectory
-from gcs_formation.record.summary import LinkFigures, Outcome, Summary, summarise
+from gcs_formation.record.summary import Summary, summarise
 from gcs_formation.record.timeseries import read_spool, write_parquet
 from gcs_formation.record.truth import GroundTruth
 from gcs_formation.stability import scenario_delay_margin

@@ -9,7 +9,7 @@ import numpy as np
 from airlink.clock import NANOSECONDS, Instant
 from airlink.endpoint import Endpoint
 from airlink.engine import Datagram
-from gcs_formation.record.summary import ControlFigures
+from gcs_formation.record.outcome import ControlFigures
 from gcs_formation.station import Station
 
 

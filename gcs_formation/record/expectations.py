@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -14,9 +14,7 @@ from formation_scenario import Scenario
 from formation_scenario.expectation import ERROR_METRICS, FOLLOWER_METRICS, LINK_METRICS, Expectation
 from gcs_formation.record import figures_of_merit as figures
 from gcs_formation.record.flight import Flight
-
-if TYPE_CHECKING:
-    from gcs_formation.record.summary import LinkFigures
+from gcs_formation.record.outcome import LinkFigures
 
 AXES = {"error_x_m": 0, "error_y_m": 1, "error_z_m": 2}
 SECTIONS = ("safety", "control", "stability")
@@ -31,7 +29,7 @@ class Verdict:
     value: float | None
     """Infinite for the separation of one that is alone, null in summary.json."""
     reached: bool
-    """Whether the run got to the end of the window."""
+    """Whether the run got to the end of the window, and the vehicle didn't lead all through it."""
 
     @property
     def held(self) -> bool | None:
@@ -85,15 +83,21 @@ def judge(
     for wanted in scenario.expect:
         reached = not cut_short or flown_s >= wanted.to_s
         if wanted.metric in FOLLOWER_METRICS:
-            chosen = scenario.selected(wanted.followers)
-            for vehicle in (v.vehicle_id for v in scenario.followers if v in chosen):
-                yield Verdict(wanted, vehicle, _follower_value(wanted, flight, vehicle, parts), reached)
+            chosen = {planned.vehicle_id for planned in scenario.selected(wanted.followers)}
+            for vehicle in (each for each in flight.followers(scenario) if each in chosen):
+                followed = reached and not _leads_throughout(wanted, flight, vehicle)
+                yield Verdict(wanted, vehicle, _follower_value(wanted, flight, vehicle, parts), followed)
         elif wanted.metric in LINK_METRICS:
             for planned in scenario.selected(wanted.followers):
                 value = _link_value(wanted, planned.vehicle_id, flight, parts, links)
                 yield Verdict(wanted, planned.vehicle_id, value, reached)
         else:
             yield Verdict(wanted, None, _run_value(wanted, flight, parts), reached)
+
+
+def _leads_throughout(wanted: Expectation, flight: Flight, vehicle: VehicleId) -> bool:
+    leads = flight.vehicles[vehicle]["leads"][flight.window(wanted.from_s, wanted.to_s)] > 0
+    return bool(leads.size and leads.all())
 
 
 def _follower_value(wanted: Expectation, flight: Flight, vehicle: VehicleId, parts: Mapping[str, Any]) -> float | None:

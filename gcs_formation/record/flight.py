@@ -62,6 +62,11 @@ class Flight:
         own = self.vehicles[vehicle]
         return bool(((own["active"] > 0) & ~(own["leads"] > 0)).any())
 
+    def followers(self, scenario: Scenario) -> list[VehicleId]:
+        """Return the scenario's followers, and its leader where that has followed another."""
+        planned = [vehicle.vehicle_id for vehicle in scenario.followers]
+        return [vehicle for vehicle in self.vehicles if vehicle in planned or self.has_followed(vehicle)]
+
     def error(self, vehicle: VehicleId) -> Array:
         """Return (T, 3) signed formation errors of a follower, x, y and z in m."""
         return np.column_stack([self.vehicles[vehicle][name] for name in ERROR])

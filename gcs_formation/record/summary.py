@@ -10,74 +10,14 @@ import numpy as np
 
 from airlink.frame import ParserCounts
 from airlink.identity import VehicleId
-from formation_scenario import Scenario
 from gcs_formation.arrays import Array, Mask
 from gcs_formation.record import figures_of_merit as figures
 from gcs_formation.record.expectations import Verdict, judge
 from gcs_formation.record.flight import Flight
+from gcs_formation.record.outcome import LinkFigures, Outcome
 
 SCHEMA = 1
-LATE_S = 0.010
 AXES = ("error_x_m", "error_y_m", "error_z_m")
-
-
-@dataclass(frozen=True)
-class LinkFigures:
-    """What was counted on one vehicle's link; delays one-way in seconds."""
-
-    delays_s: Array
-    delay_times_s: Array
-    """Mission times of the probes, NaN before the path began."""
-    measured_loss: float
-    frames_in: int
-    frames_out: int
-    frames_bad: int
-    frames_implausible: int = 0
-    injected_delay_s: float = 0.0
-    injected_loss: float = 0.0
-
-
-@dataclass(frozen=True)
-class ControlFigures:
-    """When ticks were due and began, in seconds of the run's clock; how long they took, by the wall's."""
-
-    rate_hz: float
-    due_s: Array
-    begun_s: Array
-    compute_s: Array
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the `control` part of the summary."""
-        period_ms = np.diff(self.begun_s) * 1e3
-        return {
-            "rate_hz": self.rate_hz,
-            "ticks": int(self.begun_s.size),
-            "late_ticks": int((self.begun_s - self.due_s > LATE_S).sum()),
-            "period_ms": figures.percentiles(period_ms, 50, 99)
-            | {"max": float(period_ms.max()) if period_ms.size else None},
-            "compute_ms": figures.percentiles(self.compute_s * 1e3, 50, 99),
-        }
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """All that a summary is made from."""
-
-    scenario: Scenario
-    clock: str
-    flight: Flight
-    links: Mapping[VehicleId, LinkFigures]
-    control: ControlFigures
-    delay_margin_s: float | None
-    worst_loop_delay_s: float | None
-    margin_used: float
-    """Largest share of the delay margin that a loop used."""
-    received: ParserCounts
-    """What has come from everybody, vehicles and others."""
-    simulated_s: float
-    wall_s: float
-    cut_short: bool
-    """Whether the run was ended (`--until`, Ctrl-C) before the path or the time was."""
 
 
 @dataclass(frozen=True)
@@ -114,7 +54,7 @@ def summarise(outcome: Outcome) -> Summary:
         "wall_s": outcome.wall_s,
         "real_time_factor": outcome.simulated_s / outcome.wall_s if outcome.wall_s > 0 else None,
         "truth": flight.truth,
-        "followers": {str(v): _follower(flight, v, window) for v in _followed(scenario, flight)},
+        "followers": {str(v): _follower(flight, v, window) for v in flight.followers(scenario)},
         "links": {str(i): _link(link, flight.vehicles[i]["jitter_s"]) for i, link in outcome.links.items()},
         "received": _received(outcome.received),
         "control": outcome.control.to_dict(),
@@ -128,12 +68,6 @@ def summarise(outcome: Outcome) -> Summary:
     verdicts = tuple(judge(scenario, flight, parts, outcome.links, outcome.cut_short))
     parts["expect"] = [verdict.to_dict() for verdict in verdicts]
     return Summary(parts, verdicts, breaches)
-
-
-def _followed(scenario: Scenario, flight: Flight) -> list[VehicleId]:
-    """Return the scenario's followers, and its leader where that has followed another."""
-    followers = [vehicle.vehicle_id for vehicle in scenario.followers]
-    return [vehicle for vehicle in flight.vehicles if vehicle in followers or flight.has_followed(vehicle)]
 
 
 def _follower(flight: Flight, vehicle: VehicleId, window: Mask) -> dict[str, Any]:

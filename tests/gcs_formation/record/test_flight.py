@@ -5,6 +5,7 @@ import pytest
 
 from airlink.identity import VehicleId
 from formation_scenario import load_scenario
+from gcs_formation.record.expectations import judge
 from gcs_formation.record.figures_of_merit import clearance_m, least, separation_m
 from gcs_formation.record.flight import split
 from gcs_formation.record.timeseries import MEASURED
@@ -14,15 +15,18 @@ LEADER, FOLLOWER, THIRD = (VehicleId(1, system) for system in (1, 2, 3))
 TIME_S = np.arange(0.0, 10.01, 0.1)
 CRASH_S = 4.02
 """Between two ticks, and between two rows of the truth."""
-SCENARIO = load_scenario(
-    {"vehicles": {"count": 3}, "duration_s": 10, "path": {"waypoints_m": [[0, 0, 100], [4000, 0, 100]]}}
-)
+KEYS = {"vehicles": {"count": 3}, "duration_s": 10, "path": {"waypoints_m": [[0, 0, 100], [4000, 0, 100]]}}
+SCENARIO = load_scenario(KEYS)
 
 
-def spool(*, station_airborne=None):
-    """Return the station's columns of three vehicles in a row, 30 m apart, at 22 m/s; each in its slot."""
-    parts = []
+def spool(*, station_airborne=None, handed_over_s=np.inf):
+    """Return the station's columns of three vehicles in a row, 30 m apart, at 22 m/s; each in its slot.
+
+    From `handed_over_s` on the second leads.
+    """
+    parts, leader = [], np.where(handed_over_s <= TIME_S, 1, 0)
     for index in range(3):
+        slot_m = 30.0 * (leader - index)
         own = {name: np.zeros(TIME_S.size) for name in MEASURED} | {
             "network": np.ones(TIME_S.size),
             "vehicle": np.full(TIME_S.size, index + 1),
@@ -30,8 +34,9 @@ def spool(*, station_airborne=None):
             "t_s": TIME_S,
             "north_m": 22.0 * TIME_S - 30.0 * index,
             "height_m": np.full(TIME_S.size, 100.0),
-            "leads": np.full(TIME_S.size, index == 0),
-            "slot_forward_m": np.full(TIME_S.size, np.nan if index == 0 else -30.0 * index),
+            "active": np.ones(TIME_S.size),
+            "leads": leader == index,
+            "slot_forward_m": np.where(leader == index, np.nan, slot_m),
             "airborne": np.ones(TIME_S.size),
         }
         if station_airborne is not None and index == 2:
@@ -108,6 +113,20 @@ def test_without_truth_the_station_s_knowledge_decides():
     flight = split(spool(station_airborne=airborne), SCENARIO, None, injected)
     assert np.isfinite(flight.error(THIRD)).all(axis=1).tolist() == airborne.tolist()
     assert np.isfinite(flight.clearance(THIRD)).tolist() == airborne.tolist()
+
+
+def test_expectations_are_of_whoever_follows_in_their_window():
+    """The second vehicle leads from 5 s on: of what follows then it can keep or break nothing, and the first can."""
+    injected = dict.fromkeys((LEADER, FOLLOWER, THIRD), np.zeros(TIME_S.size))
+    flight = split(spool(handed_over_s=5.0), SCENARIO, truth(), injected)
+    windows = [{"from_s": 0, "to_s": 4}, {"from_s": 6, "to_s": 10}, {"from_s": 0, "to_s": 10}]
+    expect = [{"metric": "error_x_m.max", "below": 0.1, **window} for window in windows]
+    scenario = load_scenario(KEYS | {"expect": expect})
+    parts = {"duration_s": 10.0, "followers": {str(system): {"settled_at_s": None} for system in (1, 2, 3)}}
+    held = [(str(each.vehicle), each.held) for each in judge(scenario, flight, parts, {}, cut_short=False)]
+    assert held[:3] == [("1", None), ("2", True), ("3", True)]
+    assert held[3:6] == [("1", True), ("2", None), ("3", True)]
+    assert held[6:] == [("1", True), ("2", True), ("3", True)]
 
 
 def test_of_nothing_there_is_no_least():
