@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from gcs_formation.compare.comparison import Comparison, Line
+from gcs_formation.compare.comparison import Comparison, Line, Window
 from gcs_formation.record.figures_of_merit import SETTLED_M
 from gcs_formation.report.downsample import extremes
 from gcs_formation.report.lines import BUCKETS
@@ -23,14 +23,12 @@ SETTLING_S = 60.0
 
 
 def comparison_figure(comparison: Comparison) -> Figure:
-    """Draw |error| by axis: on the left how the laws settle, on the right the window."""
+    """Draw |error| by axis over the window; where that begins later, how the laws settle on the left of it."""
     figure = new_figure(13.5)
     if not comparison.lines:
         note(figure.add_subplot(), "no law flew any follower")
         return figure
-    window = comparison.window
-    settling = (0.0, min(SETTLING_S, window.to_s))
-    columns = [settling, (window.from_s, window.to_s)] if window.to_s > settling[1] else [settling]
+    columns = spans(comparison.window)
     ratios = (0.6, 1.0)[-len(columns) :]
     grid = axes_grid(figure, 3, len(columns), sharex="col", sharey="row", width_ratios=ratios)
     for index, (begin, end) in enumerate(columns):
@@ -45,6 +43,13 @@ def comparison_figure(comparison: Comparison) -> Figure:
     figure.align_ylabels(column_of(grid, 0))
     legend_below(figure)
     return figure
+
+
+def spans(window: Window) -> list[tuple[float, float]]:
+    """Return the spans of time that are drawn beside each other: one, where it shows how laws settle as well."""
+    if window.from_s > 0.0 and window.to_s > SETTLING_S:
+        return [(0.0, SETTLING_S), (window.from_s, window.to_s)]
+    return [(0.0, window.to_s)]
 
 
 def _panel(axes: Axes, lines: tuple[Line, ...], axis: int, begin: float, end: float) -> None:

@@ -8,7 +8,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from gcs_formation.compare.comparison import Comparison
-from gcs_formation.compare.figure import comparison_figure
+from gcs_formation.compare.figure import comparison_figure, spans
 from gcs_formation.compare.laws import LAWS
 from gcs_formation.compare.table import comparison_table
 from gcs_formation.errors import RecordError
@@ -19,9 +19,10 @@ from gcs_formation.report.tables import table
 NAME = "comparison"
 TITLE = "Largest error of any follower over time"
 CAPTION = (
-    "Left: how each law settles; right: the window of the table. Drawn is the largest within a second before and "
-    "after, so that errors that pass through zero are no dips; what is below 1 mm is drawn there."
+    "Drawn is the largest within a second before and after, so that errors that pass through zero are no dips; "
+    "what is below 1 mm is drawn there."
 )
+TWO_SPANS = "Left: how each law settles; right: the window of the table. "
 
 
 def write_comparison(comparison: Comparison, out: Path) -> Path:
@@ -44,6 +45,7 @@ def write_comparison(comparison: Comparison, out: Path) -> Path:
 
 def _page(comparison: Comparison, picture: Path) -> str:
     body = files("gcs_formation.compare") / "comparison.html"
+    caption = TWO_SPANS + CAPTION if len(spans(comparison.window)) > 1 else CAPTION
     return document(
         f"{comparison.name}: laws side by side",
         body.read_text(encoding="utf-8"),
@@ -52,7 +54,7 @@ def _page(comparison: Comparison, picture: Path) -> str:
         from_s=f"{comparison.window.from_s:g}",
         to_s=f"{comparison.window.to_s:g}",
         table=comparison_table(comparison),
-        figure=figure(NAME, TITLE, CAPTION, picture),
+        figure=figure(NAME, TITLE, caption, picture),
         laws=table(
             ["Law", "What it sets in the scenario"],
             [[row.law, ", ".join(LAWS[row.law])] for row in comparison.rows],

@@ -14,7 +14,7 @@ from gcs_formation.report.figures import Plate
 from gcs_formation.report.paper import after_gusts, beside_the_paper
 from gcs_formation.report.run_data import RunData
 
-GROUND = " The darker the ground, the higher."
+GROUND = " The browner the ground, the higher."
 SCRIPTS = ("surface.js", "errors.js", "plan.js", "space.js", "report.js")
 
 

@@ -78,10 +78,10 @@ class PlanView extends View {
     pen.fillStyle = colours.soft;
     pen.textAlign = "center";
     pen.textBaseline = "bottom";
-    for (const tick of east) if (this.x(tick.value) > 60) pen.fillText(tick.text, this.x(tick.value), height - 3);
+    for (const tick of east) if (this.x(tick.value) > 60 && this.x(tick.value) < width - 24) pen.fillText(tick.text, this.x(tick.value), height - 3);
     pen.textAlign = "left";
     pen.textBaseline = "middle";
-    for (const tick of north) if (this.y(tick.value) < height - 24) pen.fillText(tick.text, 3, this.y(tick.value));
+    for (const tick of north) if (this.y(tick.value) > 6 && this.y(tick.value) < height - 24) pen.fillText(tick.text, 3, this.y(tick.value));
   }
 
   drawGround(pen) {
