@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from airlink.clock import Instant, VirtualClock, after, seconds_between
-from airlink.endpoint import Address, parse_endpoint
+from airlink.endpoint import Address
 from airlink.engine import Datagram
 from airlink.frame import FrameWriter, StreamParser
 from airlink.identity import VehicleId
@@ -13,51 +13,36 @@ from airlink.impaired import MAX_REMOTES, ImpairedEngine
 from airlink.impairment import UNIMPAIRED, Impairment
 from airlink.memory import MemoryNetwork
 from airlink.messages import Heartbeat, SystemTime
+from tests.airlink.engines import PlainEngine
 
 PERIOD_S = 0.05
 
 
-class Vehicle:
+class Vehicle(PlainEngine):
     """Sends its time every period; keeps what it hears."""
 
     def __init__(self, system, port=14550):
-        self.endpoint = parse_endpoint(f"udpout:127.0.0.1:{port}")
+        super().__init__(f"udpout:127.0.0.1:{port}")
         self.writer = FrameWriter(system, 1)
-        self.timer = Instant(0)
-        self.outbox, self.heard = [], []
-
-    def endpoints(self):
-        return (self.endpoint,)
 
     def receive(self, datagram, now):
         (frame,) = StreamParser().feed(datagram.data)
         message: Any = frame.message
         self.heard.append((now, message.time_boot_s))
 
-    def datagrams_to_send(self):
-        sent, self.outbox = self.outbox, []
-        return sent
-
-    def next_timer(self):
-        return self.timer
-
     def handle_timer(self, now):
         frame = self.writer.encode(SystemTime(0, seconds_between(Instant(0), now)))
-        self.outbox.append(Datagram(0, self.endpoint.address, frame))
+        self.outbox.append(Datagram(0, self.wanted[0].address, frame))
         self.timer = after(now, PERIOD_S)
 
 
-class Ground:
+class Ground(PlainEngine):
     """Answers each datagram with its own time and keeps when it came, from whom, and how old it was."""
 
     def __init__(self, *ports):
-        self.wanted = tuple(parse_endpoint(f"udpin:127.0.0.1:{port}") for port in ports or (14550,))
+        super().__init__(*(f"udpin:127.0.0.1:{port}" for port in ports or (14550,)))
         self.writer = FrameWriter(255, 190)
-        self.outbox, self.heard, self.ticks = [], [], []
-        self.timer: Instant | None = Instant(0)
-
-    def endpoints(self):
-        return self.wanted
+        self.ticks = []
 
     def receive(self, datagram, now):
         for frame in StreamParser().feed(datagram.data):
@@ -66,13 +51,6 @@ class Ground:
             self.heard.append((now, frame.system, age_s))
         answer = self.writer.encode(SystemTime(0, seconds_between(Instant(0), now)))
         self.outbox.append(Datagram(datagram.socket, datagram.peer, answer))
-
-    def datagrams_to_send(self):
-        sent, self.outbox = self.outbox, []
-        return sent
-
-    def next_timer(self):
-        return self.timer
 
     def handle_timer(self, now):
         self.ticks.append(now)

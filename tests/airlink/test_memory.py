@@ -1,46 +1,32 @@
 import pytest
 
 from airlink.clock import Instant, VirtualClock, after
-from airlink.endpoint import Address, parse_endpoint
+from airlink.endpoint import Address
 from airlink.engine import Datagram
 from airlink.errors import PortError
 from airlink.memory import MemoryNetwork
+from tests.airlink.engines import PlainEngine
 
 GROUND = Address("127.0.0.1", 14550)
 
 
-class Beacon:
+class Beacon(PlainEngine):
     """Sends its name and a number every period, and answers whatever it hears with it."""
 
     def __init__(self, name, endpoint, period_s=0.0, answers=False):
-        self.name, self.endpoint, self.period_s, self.answers = (
-            name,
-            parse_endpoint(endpoint),
-            period_s,
-            answers,
-        )
-        self.heard, self.outbox, self.sent = [], [], 0
+        super().__init__(endpoint)
+        self.name, self.period_s, self.answers, self.sent = name, period_s, answers, 0
         self.timer = Instant(0) if period_s else None
-
-    def endpoints(self):
-        return (self.endpoint,)
 
     def receive(self, datagram, now):
         self.heard.append((now, datagram))
         if self.answers:
             self.outbox.append(datagram)
 
-    def datagrams_to_send(self):
-        sent, self.outbox = self.outbox, []
-        return sent
-
-    def next_timer(self):
-        return self.timer
-
     def handle_timer(self, now):
         self.timer = after(now, self.period_s)
         self.sent += 1
-        self.outbox.append(Datagram(0, self.endpoint.address, f"{self.name}{self.sent}".encode()))
+        self.outbox.append(Datagram(0, self.wanted[0].address, f"{self.name}{self.sent}".encode()))
 
 
 def network_of(*engines):

@@ -3,34 +3,24 @@ import socket
 
 import pytest
 
-from airlink.clock import Instant, RealClock, after
+from airlink.clock import RealClock, after
 from airlink.endpoint import Address, parse_endpoint
 from airlink.engine import Datagram
 from airlink.errors import PortError
 from airlink.udp import UdpDriver, open_socket, select_for
+from tests.airlink.engines import PlainEngine
 
 
-class Echo:
-    """Answers the first datagram and has a timer now and then."""
+class Echo(PlainEngine):
+    """Answers datagrams and has a timer now and then."""
 
     def __init__(self, *endpoints):
-        self.wanted = tuple(parse_endpoint(text) for text in endpoints)
-        self.heard, self.outbox, self.timers = [], [], []
-        self.timer = Instant(0)
-
-    def endpoints(self):
-        return self.wanted
+        super().__init__(*endpoints)
+        self.timers = []
 
     def receive(self, datagram, now):
         self.heard.append(datagram)
         self.outbox.append(Datagram(datagram.socket, datagram.peer, datagram.data.upper()))
-
-    def datagrams_to_send(self):
-        sent, self.outbox = self.outbox, []
-        return sent
-
-    def next_timer(self):
-        return self.timer
 
     def handle_timer(self, now):
         self.timers.append(now)
