@@ -9,13 +9,10 @@ from formation_scenario.source import KeyPath, Plain, Source
 
 EACH = "*"
 NOT_AVAILABLE: dict[tuple[str, ...], tuple[str, ...]] = {
-    ("vehicles", EACH, "navigation", "source"): ("ins",),
-    ("vehicles", "navigation", "source"): ("ins",),
     ("vehicles", EACH, "autopilot"): ("px4", "arducopter"),
     ("vehicles", "autopilot"): ("px4", "arducopter"),
 }
 AVAILABLE: dict[str, str] = {
-    "source": "truth, noisy",
     "autopilot": "emulator, arduplane",
 }
 

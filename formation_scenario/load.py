@@ -17,7 +17,7 @@ from formation_scenario.feasibility import check
 from formation_scenario.model import Scenario
 from formation_scenario.overrides import apply_overrides
 from formation_scenario.resolve import resolve
-from formation_scenario.source import Dumper, Key, KeyPath, Plain, Source, dotted, plain_mapping, read_file
+from formation_scenario.source import Dumper, Key, Plain, Source, plain_mapping, read_file
 from formation_scenario.vehicles import VehicleGroup
 
 ONE_VEHICLE: dict[Key, Plain] = {"id": 1, "role": "leader"}
@@ -77,7 +77,7 @@ def _typed(source: Source) -> tuple[Scenario, Source]:
     except ValidationError as error:
         scenario = None
         problems = [*problems, *problems_of(error, Scenario, resolved)]
-    problems = [*missing.values(), *(problem for problem in problems if not _beside(problem, missing))]
+    problems = [*missing.values(), *problems]
     if problems or scenario is None:
         raise ScenarioError(list(dict.fromkeys(problems)))
     return scenario, resolved
@@ -92,9 +92,3 @@ def _group_problems(source: Source) -> list[Problem]:
     except ValidationError as error:
         return problems_of(error, VehicleGroup, source, ("vehicles",))
     return []
-
-
-def _beside(problem: Problem, missing: Mapping[KeyPath, Problem]) -> bool:
-    """Tell whether a problem is about a key beside `navigation.source` where that source isn't available."""
-    groups = [dotted(path[:-1]) for path in missing if path[-2:] == ("navigation", "source")]
-    return any(problem.key.startswith(f"{group}.") for group in groups)

@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field, Tag
 
-from formation_scenario.fields import Keys, NonNegative, Rate, one_of
+from formation_scenario.fields import Allowed, Keys, NonNegative, Number, Positive, Rate, one_of
+
+SOURCES = "truth | noisy | ins"
 
 
 class TrueNavigation(Keys):
     """Vehicles know their state exactly."""
 
-    source: Literal["truth"] = Field(default="truth", description="truth | noisy")
+    source: Literal["truth"] = Field(default="truth", description=SOURCES)
 
 
 class NoisyNavigation(Keys):
     """Telemetry carries errors of the sensors; the vehicle's own loops go by the truth."""
 
-    source: Literal["noisy"] = Field(description="truth | noisy")
+    source: Literal["noisy"] = Field(description=SOURCES)
     rate_hz: Rate = Field(default=10.0, description="new errors a second, as a GNSS receiver's, Hz")
     position_sigma_m: NonNegative = Field(default=0.3, description="standard deviation north, east and up, m")
     velocity_sigma_mps: NonNegative = Field(default=0.1, description="of ground velocity north, east and up, m/s")
@@ -29,7 +31,69 @@ class NoisyNavigation(Keys):
     )
 
 
+Axes: TypeAlias = Annotated[
+    Number | tuple[Number, Number, Number], Allowed("a number, or a list of 3 numbers: right, forward and up")
+]
+Grade = Literal["ideal", "navigation", "aviation", "intermediate", "tactical"]
+GRADES: dict[str, tuple[float, float, float, float]] = {
+    "ideal": (0.0, 0.0, 0.0, 0.0),
+    "navigation": (50.0, 0.01, 20.0, 0.002),
+    "aviation": (100.0, 0.02, 20.0, 0.002),
+    "intermediate": (1000.0, 0.1, 50.0, 0.01),
+    "tactical": (2000.0, 10.0, 100.0, 0.1),
+}
+"""Accelerometers' bias in micro-g and gyroscopes' in degrees an hour, and their random walks, as the keys below.
+
+In the terms of Groves, Principles of GNSS, Inertial, and Multisensor Integrated Navigation Systems (2013), section 4.1.
+"""
+
+
+class InertialSensorKeys(Keys):
+    """Accelerometers and gyroscopes along the body's axes; what isn't given is the grade's."""
+
+    accel_bias_ug: Axes | None = Field(default=None, description="constant bias, micro-g: of every axis, or of each")
+    gyro_bias_deg_per_h: Axes | None = Field(default=None, description="likewise, degrees an hour")
+    accel_noise_ug_per_rthz: NonNegative | None = Field(default=None, description="white noise, micro-g/sqrt(Hz)")
+    gyro_noise_deg_per_rth: NonNegative | None = Field(default=None, description="angle random walk, deg/sqrt(h)")
+
+
+class GnssKeys(Keys):
+    """A satellite receiver that aids inertial navigation; white errors."""
+
+    rate_hz: Annotated[float, Field(strict=True, gt=0.0, le=10.0)] = Field(default=1.0, description="Hz, 10 at most")
+    position_sigma_m: Positive = Field(default=1.5, description="standard deviation north and east, m")
+    height_sigma_m: Positive = Field(default=3.0, description="of the height, m")
+    velocity_sigma_mps: Positive = Field(default=0.1, description="of the velocity north, east and up, m/s")
+
+
+class BarometerKeys(Keys):
+    """An altimeter that aids inertial navigation; white errors."""
+
+    rate_hz: Annotated[float, Field(strict=True, gt=0.0, le=10.0)] = Field(default=1.0, description="Hz, 10 at most")
+    height_sigma_m: Positive = Field(default=1.0, description="standard deviation, m")
+
+
+class InertialNavigation(Keys):
+    """Strap-down inertial navigation, after an alignment; telemetry carries its errors."""
+
+    source: Literal["ins"] = Field(description=SOURCES)
+    grade: Grade = Field(default="aviation", description="ideal | navigation | aviation | intermediate | tactical")
+    sensors: InertialSensorKeys = InertialSensorKeys()
+    alignment_s: Annotated[int, Field(strict=True, ge=10, le=7200)] = Field(
+        default=900, description="how long the vehicle stands and aligns, whole s"
+    )
+    flight_start: Literal["exact", "aligned"] = Field(
+        default="exact",
+        description="exact | aligned: flight starts from the true state, or the alignment's attitude",
+    )
+    aiding: Literal["none", "baro", "gnss"] = Field(default="none", description="none | baro | gnss")
+    gnss: GnssKeys = GnssKeys()
+    barometer: BarometerKeys = BarometerKeys()
+
+
 Navigation = Annotated[
-    Annotated[TrueNavigation, Tag("truth")] | Annotated[NoisyNavigation, Tag("noisy")],
+    Annotated[TrueNavigation, Tag("truth")]
+    | Annotated[NoisyNavigation, Tag("noisy")]
+    | Annotated[InertialNavigation, Tag("ins")],
     one_of("source", default="truth"),
 ]

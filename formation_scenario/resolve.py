@@ -6,6 +6,7 @@ from pathlib import Path
 
 from formation_scenario.fields import MAX_SYSTEM_ID
 from formation_scenario.gains import CLEAN, NOISE, filters, gain_groups
+from formation_scenario.navigation import GRADES, InertialNavigation, InertialSensorKeys
 from formation_scenario.source import Key, Plain, Source
 from formation_scenario.vehicles import BASE_PORT
 
@@ -114,12 +115,20 @@ def _vehicles(vehicles: Plain) -> Plain:
         vehicles = _counted(vehicles)
     if not isinstance(vehicles, list):
         return vehicles
-    return [
-        _filled(vehicle, {"endpoint": _default_endpoint(vehicle.get("network"))})
-        if isinstance(vehicle, dict)
-        else vehicle
-        for vehicle in vehicles
-    ]
+    return [_vehicle(each) if isinstance(each, dict) else each for each in vehicles]
+
+
+def _vehicle(vehicle: dict[Key, Plain]) -> Plain:
+    navigation = _group(vehicle, "navigation")
+    inertial = {"navigation": _with_sensors(navigation)} if navigation.get("source") == "ins" else {}
+    return _filled(vehicle | inertial, {"endpoint": _default_endpoint(vehicle.get("network"))})
+
+
+def _with_sensors(navigation: dict[Key, Plain]) -> Plain:
+    """Return the keys of inertial navigation with the sensors of its grade."""
+    grade = str(navigation.get("grade", InertialNavigation.model_fields["grade"].default))
+    sensors = dict[Key, Plain](zip(InertialSensorKeys.model_fields, GRADES.get(grade, ()), strict=False))
+    return navigation | {"sensors": _filled(navigation.get("sensors"), sensors)}
 
 
 def _counted(group: dict[Key, Plain]) -> Plain:

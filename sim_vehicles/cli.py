@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import sys
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -25,6 +26,7 @@ BASE_PORT = 14550
 MOST_VEHICLES = 254
 APART_M = 20.0
 ORIGIN_LAT_DEG, ORIGIN_LON_DEG = 35.0, 125.0
+SINS = "sins"
 
 
 EXAMPLES = """\b
@@ -32,6 +34,7 @@ Examples:
   sim-vehicles configs/quickstart.yaml        the vehicles of a scenario, at its endpoints
   sim-vehicles --count 4 --base-port 14551    vehicle i has system id i and sends to port 14550 + i
   sim-vehicles --count 20 --one-port          all of them to port 14550
+  sim-vehicles sins configs/sins.yaml         inertial navigation: alignment, then flight
   sim-vehicles fly --help                     every option
 """
 
@@ -55,9 +58,19 @@ SECONDS = FiniteRange(0)
 class _FlyByDefault(click.Group):
     """A group whose plain call, with a scenario or with options alone, flies vehicles."""
 
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the names."""
+        return [*super().list_commands(ctx), SINS]
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Return a command; the one that draws figures is imported when it is chosen."""
+        if cmd_name == SINS:
+            return import_module("sim_vehicles.inertial.command").sins
+        return super().get_command(ctx, cmd_name)
+
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         own = {"-h", "--help", "--version"}
-        if not args or (args[0] not in self.commands and args[0] not in own):
+        if not args or args[0] not in (*self.list_commands(ctx), *own):
             args = ["fly", *args]
         return super().parse_args(ctx, args)
 

@@ -8,6 +8,7 @@ from typing import Literal
 from airlink.endpoint import Endpoint
 from airlink.identity import VehicleId
 from sim_vehicles.disturbances import Disturbance, Turbulence
+from sim_vehicles.inertial.errors import InertialErrors
 
 FaultKind = Literal["crash", "freeze", "restart", "ignore", "pilot"]
 
@@ -66,7 +67,7 @@ class VehicleConfig:
     clock_offset_s: float = 0.0
     clock_drift: float = 0.0
     """How much faster than true time its clock runs."""
-    sensors: SensorErrors | None = None
+    sensors: SensorErrors | InertialErrors | None = None
     """None: it knows its state exactly."""
 
 

@@ -11,9 +11,11 @@ from formation_scenario import Scenario, start_states
 from formation_scenario import disturbances as keys
 from formation_scenario import faults as fault_keys
 from formation_scenario.fields import VehicleSelection
-from formation_scenario.navigation import Navigation, TrueNavigation
+from formation_scenario.navigation import InertialNavigation, Navigation, TrueNavigation
 from sim_vehicles.config import Airframe, Fault, FleetConfig, SensorErrors, Start, VehicleConfig
 from sim_vehicles.disturbances import Disturbance, Intensity, Ramp, Sine, Turbulence
+from sim_vehicles.inertial.errors import InertialErrors
+from sim_vehicles.inertial.from_keys import aid, inertial_sensors
 
 
 def fleet_config(scenario: Scenario) -> FleetConfig:
@@ -56,9 +58,12 @@ def _selected(scenario: Scenario, selection: VehicleSelection) -> frozenset[Vehi
     return frozenset(vehicle.vehicle_id for vehicle in scenario.selected(selection))
 
 
-def _sensors(keys: Navigation) -> SensorErrors | None:
+def _sensors(keys: Navigation) -> SensorErrors | InertialErrors | None:
     if isinstance(keys, TrueNavigation):
         return None
+    if isinstance(keys, InertialNavigation):
+        aligned_s = keys.alignment_s if keys.flight_start == "aligned" else None
+        return InertialErrors(inertial_sensors(keys.sensors), aid(keys), aligned_s)
     return SensorErrors(
         rate_hz=keys.rate_hz,
         position_m=keys.position_sigma_m,

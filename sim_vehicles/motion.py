@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -28,6 +29,13 @@ class Motion(NamedTuple):
     airspeed_told_mps: float
     heading_told_rad: float
     height_told_m: float
+
+
+def with_drift(sensed: Motion) -> Motion:
+    """Return a motion with what its vehicle takes for the wind: ground velocity minus airspeed along the heading."""
+    north = sensed.velocity_north_mps - sensed.airspeed_mps * math.cos(sensed.heading_rad)
+    east = sensed.velocity_east_mps - sensed.airspeed_mps * math.sin(sensed.heading_rad)
+    return sensed._replace(drift_north_mps=north, drift_east_mps=east)
 
 
 class MotionTable:

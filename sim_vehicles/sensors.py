@@ -11,7 +11,7 @@ from airlink.clock import NANOSECONDS, Instant
 from airlink.identity import VehicleId
 from sim_vehicles.config import SensorErrors
 from sim_vehicles.dynamics import Array
-from sim_vehicles.motion import Motion
+from sim_vehicles.motion import Motion, with_drift
 
 _SENSORS: Final = int.from_bytes(b"sensors", "big")
 """Sets the errors' random numbers apart from whatever else a run's seed is for."""
@@ -54,7 +54,7 @@ class Sensors:
             velocity_east_mps=true.velocity_east_mps + v_east,
             velocity_down_mps=true.velocity_down_mps + v_down,
         )
-        return sensed._replace(**_drift(sensed))
+        return with_drift(sensed)
 
     def _draw(self) -> Array:
         """Return the next sample's standard normal variates, (8,)."""
@@ -64,10 +64,3 @@ class Sensors:
             self._block = np.concatenate([each.standard_normal((BLOCK, size)) for each, size in sizes], axis=1)
         self._number += 1
         return self._block[index]
-
-
-def _drift(sensed: Motion) -> dict[str, float]:
-    """Return what a vehicle takes for the wind: ground velocity minus airspeed along the heading."""
-    north = sensed.velocity_north_mps - sensed.airspeed_mps * math.cos(sensed.heading_rad)
-    east = sensed.velocity_east_mps - sensed.airspeed_mps * math.sin(sensed.heading_rad)
-    return {"drift_north_mps": north, "drift_east_mps": east}

@@ -26,8 +26,10 @@ from airlink.messages import (
 )
 from airlink.mission_messages import MissionAck, MissionItem, MissionItemInt, MissionItemReached, MissionMessage
 from sim_vehicles import commands
-from sim_vehicles.config import Fault, VehicleConfig
+from sim_vehicles.config import Fault, SensorErrors, VehicleConfig
 from sim_vehicles.failsafe import GroundStationFailsafe
+from sim_vehicles.inertial.errors import InertialErrors
+from sim_vehicles.inertial.navigator import InertialNavigator
 from sim_vehicles.link import Link
 from sim_vehicles.mission_flight import MissionFlight
 from sim_vehicles.mission_items import E7, Item
@@ -66,8 +68,7 @@ class Vehicle:
         self.link = Link(index, config, fleet.outbox)
         self.missions = Missions(self._home)
         self._mission_flight = MissionFlight(self.missions, self.pilot, self.parameters, fleet.origin)
-        errors = config.sensors
-        self._sensors = None if errors is None else Sensors(errors, config.identity, fleet.config.seed)
+        self._sensors = _sensors(config, fleet)
         self._asker = config.endpoint.address
         self._boot(now, config.clock_offset_s)
         if config.start.in_air:
@@ -338,3 +339,14 @@ class Vehicle:
 
     def _broadcast(self, message: Message) -> None:
         self.link.broadcast(message, self.now)
+
+
+def _sensors(config: VehicleConfig, fleet: Fleet) -> Sensors | InertialNavigator | None:
+    errors, own = config.sensors, (config.identity, fleet.config.seed)
+    match errors:
+        case SensorErrors():
+            return Sensors(errors, *own)
+        case InertialErrors():
+            return InertialNavigator(errors, fleet.origin, config.start.heading_rad, *own)
+        case None:
+            return None

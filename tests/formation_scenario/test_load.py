@@ -189,9 +189,11 @@ def test_what_is_not_available_is_refused_by_name(refusal):
     ]
 
 
-def test_keys_beside_an_unavailable_navigation_are_not_called_unknown(refusal):
-    lines = refusal("vehicles.1.navigation={source: ins, grade: tactical}")
-    assert lines == ["vehicles.1.navigation.source: found 'ins', not available in this version; truth, noisy"]
+def test_the_grade_of_inertial_sensors_fills_in_what_is_not_given(load):
+    keys = "{source: ins, grade: tactical, sensors: {gyro_bias_deg_per_h: [1, 2, 3]}}"
+    sensors = load(f"vehicles.1.navigation={keys}").vehicles[1].navigation.sensors
+    assert (sensors.accel_bias_ug, sensors.gyro_bias_deg_per_h) == (2000.0, (1.0, 2.0, 3.0))
+    assert load("vehicles.1.navigation={source: ins}").vehicles[1].navigation.sensors.accel_bias_ug == 100.0
 
 
 def test_one_error_carries_every_problem():

@@ -14,6 +14,7 @@ from gcs_formation.stability.loops import loop_delay_s
 from gcs_formation.testing.plan import Formation, Plan
 
 NOISY = {"count": 3, "navigation": {"source": "noisy"}}
+INERTIAL = {"count": 3, "navigation": {"source": "ins", "aiding": "gnss"}}
 GUST = [{"at_s": 10, "vehicles": [2, 3], "velocity_mps": [0.6, 0.6, 0.0]}]
 TURBULENCE = [{"at_s": 2, "vehicles": [2], "kind": "dryden", "wind_6m_mps": 7}]
 
@@ -89,6 +90,15 @@ def test_noise_and_turbulence_are_the_same_bytes_with_the_same_seed(plan):
     for name in ("flight.tlog", "timeseries.parquet"):
         assert (one.directory / name).read_bytes() == (again.directory / name).read_bytes()
     assert (one.directory / "flight.tlog").read_bytes() != (other.directory / "flight.tlog").read_bytes()
+
+
+def test_vehicles_that_navigate_by_aided_inertia_keep_their_slots_as_well_as_they_know_their_places(plan):
+    """GNSS of 1.5 m and 0.1 m/s once a second leaves about 0.3 m of each vehicle's place."""
+    flown = plan(vehicles=INERTIAL).fly()
+    for follower in (2, 3):
+        for axis in "xyz":
+            worst_m = np.nanmax(np.abs(flown.series(follower)[f"error_{axis}_m"]))
+            assert 0.05 < worst_m < 1.5
 
 
 @pytest.mark.slow

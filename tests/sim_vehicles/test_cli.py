@@ -81,7 +81,7 @@ def test_a_scenario_and_a_count_exclude_each_other(tmp_path):
 def test_help_shows_its_examples_a_line_each():
     answer = call("--help")
     assert answer.exit_code == 0
-    assert sum(line.lstrip().startswith("sim-vehicles ") for line in answer.stdout.splitlines()) == 4
+    assert sum(line.lstrip().startswith("sim-vehicles ") for line in answer.stdout.splitlines()) == 5
 
 
 def test_a_bad_scenario_exits_2_and_names_the_place(tmp_path):

@@ -1,0 +1,33 @@
+"""What is measured beside inertial sensors, to hold a navigator's errors."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from sim_vehicles.inertial.error_model import PLACE, SIZE, UP
+
+Array = npt.NDArray[np.float64]
+
+
+class Aid(NamedTuple):
+    """A receiver that measures some of the place and velocity, with independent white errors."""
+
+    rate_hz: float
+    seen: Array
+    """(M, 15) which errors a measurement shows."""
+    sigmas: Array
+    """(M,) standard deviations, m and m/s."""
+
+
+def gnss(rate_hz: float, position_sigma_m: float, height_sigma_m: float, velocity_sigma_mps: float) -> Aid:
+    """Return a satellite receiver: place and velocity, loosely coupled (Groves, 2013, section 14.1.2)."""
+    sigmas = (position_sigma_m, position_sigma_m, height_sigma_m, *(velocity_sigma_mps,) * 3)
+    return Aid(rate_hz, np.eye(6, SIZE), np.array(sigmas))
+
+
+def barometer(rate_hz: float, height_sigma_m: float) -> Aid:
+    """Return a barometric altimeter: the height alone."""
+    return Aid(rate_hz, np.eye(SIZE)[PLACE][[UP]], np.array((height_sigma_m,)))

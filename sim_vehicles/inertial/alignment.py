@@ -1,0 +1,194 @@
+"""How a vehicle that stands finds its attitude: from gravity and the Earth's rotation, then by a Kalman filter.
+
+Coarse: the mean specific force shows what is up, the mean angular rate what is north. Fine: a filter of ten states; its
+measurement is that the vehicle's velocity is zero. What it can't tell apart remains: an accelerometer's level bias from
+a tilt (b / g), the eastern gyroscope's bias from a heading error (epsilon / (Omega cos L)). Source: Titterton and
+Weston (2004), sections 10.2 and 10.5.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from airlink.geodesy import GeodeticOrigin
+from sim_vehicles.inertial.earth import RATE_RADPS, gravity_mps2
+from sim_vehicles.inertial.error_model import (
+    ACCEL_BIAS,
+    EAST,
+    GYRO_BIAS,
+    NORTH,
+    SIZE,
+    TILT,
+    UP,
+    VELOCITY,
+    dynamics,
+    noise_density,
+)
+from sim_vehicles.inertial.imu import InertialSensors, measured
+from sim_vehicles.inertial.kalman import ErrorFilter
+from sim_vehicles.inertial.rotation import misalignment
+from sim_vehicles.inertial.strapdown import Strapdown
+from sim_vehicles.inertial.trajectory import Increments, NavigationState, Trajectory
+
+Array = npt.NDArray[np.float64]
+
+COARSE_S: Final = 60.0
+"""Over which forces and rates are averaged; the fine filter begins with the same samples again."""
+UPDATE_S: Final = 1.0
+FIRST_SIGMA: Final = np.radians((1.0, 1.0, 5.0))
+"""Of the attitude after the coarse alignment, about east, north and up, rad."""
+FIRST_SHARE: Final = 10.0
+"""And no less than this many times what can't be aligned away: a bias mustn't look known because a prior is narrow."""
+VELOCITY_SIGMA_MPS: Final = 0.1
+"""How a vehicle that stands sways in the wind, east and north."""
+STATES: Final = np.array(
+    [VELOCITY.start + EAST, VELOCITY.start + NORTH]
+    + [TILT.start + axis for axis in range(3)]
+    + [ACCEL_BIAS.start + EAST, ACCEL_BIAS.start + NORTH]
+    + [GYRO_BIAS.start + axis for axis in range(3)]
+)
+"""Of the fifteen errors; biases here along east, north and up, which turn with a vehicle that doesn't turn."""
+TILTS: Final = slice(2, 5)
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """What came of it."""
+
+    times_s: Array
+    """(K,) of the updates."""
+    sigma_rad: Array
+    """(K, 3) of the misalignment about east, north and up, by the filter's covariance."""
+    error_rad: Array
+    """(K, 3) true misalignment."""
+    innovations: Array
+    """(K, 2) of the velocity east and north, in their standard deviations."""
+    bias: Array
+    """(6,) estimated biases, body components: accelerometers' in m/s², gyroscopes' in rad/s."""
+    covariance: Array
+    """(15, 15) of all errors, biases in body components; what the filter doesn't estimate is zero."""
+    coarse_rad: Array
+    """(3,) true misalignment after the coarse part."""
+
+
+def coarse(rate_radps: Array, force_mps2: Array) -> Array:
+    """Return the attitude (3, 3) of a vehicle that stands, from its mean rate and force (3,), body components."""
+    up = force_mps2 / np.linalg.norm(force_mps2)
+    east = np.cross(rate_radps, up)
+    east /= np.linalg.norm(east)
+    return np.stack((east, np.cross(up, east), up))
+
+
+def limits(sensors: InertialSensors, place: GeodeticOrigin) -> Array:
+    """Return what no alignment takes away, (3,) about east, north and up: b / g, b / g, epsilon / (Omega cos L)."""
+    tilt = sensors.accel_bias_sigma / gravity_mps2(place.lat_rad, place.alt_m)
+    return np.array((tilt, tilt, sensors.gyro_bias_sigma / (RATE_RADPS * math.cos(place.lat_rad))))
+
+
+class FineAlignment:
+    """The filter of ten states for a vehicle that stands at a place."""
+
+    def __init__(self, place: GeodeticOrigin, sensors: InertialSensors) -> None:
+        """Begin after a coarse alignment; `sensors` is what the filter takes them for."""
+        self.place = place
+        force = np.array((0.0, 0.0, gravity_mps2(place.lat_rad, place.alt_m)))
+        model = dynamics(place.lat_rad, place.alt_m, np.zeros(3), force, np.eye(3))
+        self._dynamics = model[np.ix_(STATES, STATES)]
+        self._density = noise_density(sensors)[STATES]
+        self._accel_bias_sigma = accel = sensors.accel_bias_sigma
+        tilts = np.maximum(FIRST_SIGMA, FIRST_SHARE * limits(sensors, place))
+        sigmas = np.concatenate(((VELOCITY_SIGMA_MPS,) * 2, tilts, (accel,) * 2, (sensors.gyro_bias_sigma,) * 3))
+        self._filter = ErrorFilter(np.diag(sigmas**2))
+
+    @property
+    def sigma_rad(self) -> Array:
+        """Standard deviations (3,) of the misalignment about east, north and up."""
+        return np.sqrt(np.diag(self._filter.covariance)[TILTS])
+
+    def update(self, velocity_mps: Array) -> tuple[Array, Array]:
+        """Take the velocity (2,) east and north, `UPDATE_S` later; return the errors (15,) and the innovation (2,)."""
+        self._filter.predict(self._dynamics, self._density, UPDATE_S)
+        seen = np.eye(2, len(STATES))
+        estimate = self._filter.update(seen, velocity_mps, np.full(2, VELOCITY_SIGMA_MPS))
+        errors = np.zeros(SIZE)
+        errors[STATES] = estimate.errors
+        return errors, estimate.innovation
+
+    def covariance(self, to_body: Array) -> Array:
+        """Return that of all errors (15, 15), biases in the components of a body turned by (3, 3).
+
+        The place and the vertical velocity are known where a vehicle stands.
+        """
+        whole = np.zeros((SIZE, SIZE))
+        whole[np.ix_(STATES, STATES)] = self._filter.covariance
+        whole[ACCEL_BIAS.start + UP, ACCEL_BIAS.start + UP] = self._accel_bias_sigma**2
+        turn = np.eye(SIZE)
+        turn[ACCEL_BIAS, ACCEL_BIAS] = turn[GYRO_BIAS, GYRO_BIAS] = to_body
+        return turn @ whole @ turn.T
+
+
+def align(
+    fine: FineAlignment,
+    heading_rad: float,
+    sensors: InertialSensors,
+    duration_s: int,
+    rate_hz: float,
+    random: np.random.Generator,
+) -> Alignment:
+    """Align a level vehicle that stands at the filter's place, with sensors that give `rate_hz` increments a second."""
+    period_s, each = 1.0 / rate_hz, round(rate_hz * UPDATE_S)
+    rest = Trajectory.at_rest(fine.place, heading_rad, UPDATE_S)
+    ideal = rest.increments(period_s, 0, each)
+    repeated = Increments(*(np.tile(part, (duration_s, 1)) for part in ideal))
+    samples = measured(repeated, sensors, period_s, random)
+    means = (part[: round(COARSE_S * rate_hz)].mean(axis=0) / period_s for part in samples)
+    truth = rest.state(np.array(0.0))
+    start = truth._replace(attitude=coarse(*means))
+    return _Run(truth, start, fine).through(samples, period_s, random)
+
+
+class _Run:
+    """A navigator that stands, corrected whenever the filter has estimated its errors."""
+
+    def __init__(self, truth: NavigationState, start: NavigationState, fine: FineAlignment) -> None:
+        self._truth, self._start, self._fine = truth, start, fine
+        self._navigator = Strapdown.at(start)
+        self._bias: Array = np.zeros(6)
+
+    def through(self, samples: Increments, period_s: float, random: np.random.Generator) -> Alignment:
+        each = round(UPDATE_S / period_s)
+        sigma, error, innovations = list[Array](), list[Array](), list[Array]()
+        for first in range(0, len(samples.angle_rad), each):
+            self._navigator.run(samples.part(first, first + each), period_s)
+            sway = VELOCITY_SIGMA_MPS * random.standard_normal(2)
+            innovations.append(self._update(sway))
+            sigma.append(self._fine.sigma_rad)
+            error.append(misalignment(self._navigator.state().attitude, self._truth.attitude))
+        return Alignment(
+            times_s=UPDATE_S * np.arange(1, len(sigma) + 1, dtype=np.float64),
+            sigma_rad=np.array(sigma),
+            error_rad=np.array(error),
+            innovations=np.array(innovations),
+            bias=self._bias,
+            covariance=self._fine.covariance(self._navigator.state().attitude.T),
+            coarse_rad=misalignment(self._start.attitude, self._truth.attitude),
+        )
+
+    def _update(self, sway_mps: Array) -> Array:
+        """Take in that the vehicle stands; it knows its place, too, and that it doesn't rise."""
+        navigator, truth = self._navigator, self._truth
+        velocity = np.array(navigator.velocity)
+        errors, innovation = self._fine.update(velocity[:2] - sway_mps)
+        errors[VELOCITY.start + UP] = velocity[UP]
+        navigator.correct(np.zeros(3), errors[VELOCITY], errors[TILT])
+        navigator.lat_rad, navigator.lon_rad = float(truth.lat_rad), float(truth.lon_rad)
+        navigator.height_m = float(truth.height_m)
+        to_body = navigator.state().attitude.T
+        self._bias += np.concatenate((to_body @ errors[ACCEL_BIAS], to_body @ errors[GYRO_BIAS]))
+        navigator.take_off(self._bias[:3], self._bias[3:])
+        return innovation

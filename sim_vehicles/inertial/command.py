@@ -1,0 +1,104 @@
+"""`sim-vehicles sins SCENARIO`: the navigation experiment."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from pathlib import Path
+from typing import Any, NoReturn
+
+import click
+
+from formation_scenario import Scenario, ScenarioError, Vehicle, load_scenario
+from sim_vehicles.inertial.experiment import Experiment, experiment, inertial_vehicles, summary
+from sim_vehicles.inertial.record import write
+
+BAD_SCENARIO = 2
+SHARPEST_LIMIT_RAD = math.radians(5.0)
+"""Beyond it the alignment's heading is worth nothing: small angles aren't small any more."""
+EXAMPLES = """\b
+Examples:
+  sim-vehicles sins configs/sins.yaml                              alignment, then free-inertial flight
+  sim-vehicles sins configs/sins.yaml --set vehicles.0.navigation.aiding=gnss --out runs/aided
+"""
+
+
+@click.command(epilog=EXAMPLES)
+@click.argument("scenario", type=click.Path(path_type=Path))
+@click.option("--vehicle", metavar="ID", help="Which vehicle.  [default: the first with source: ins]")
+@click.option("--seed", type=click.IntRange(0), help="Of the sensors' noise, in place of the scenario's.")
+@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key of the scenario.")
+@click.option("--out", type=click.Path(path_type=Path), help="Where to.  [default: runs/NAME]")
+@click.option("--json", "as_json", is_flag=True, help="Print the summary alone, as JSON.")
+@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+def sins(
+    scenario: Path,
+    vehicle: str | None,
+    seed: int | None,
+    overrides: tuple[str, ...],
+    out: Path | None,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Align a vehicle of SCENARIO and navigate along its path by inertia; write figures and summary.json."""
+    seeded = overrides if seed is None else (*overrides, f"seed={seed}")
+    try:
+        loaded = load_scenario(scenario, seeded)
+    except ScenarioError as error:
+        _fail(str(error))
+    done = experiment(loaded, _chosen(loaded, vehicle, scenario))
+    directory = out or Path("runs") / loaded.name
+    try:
+        write(directory, done)
+    except OSError as error:
+        _fail(f"cannot write the directory {directory}: {error.strerror}; allowed: a directory that can be written")
+    _warn(done)
+    figures = summary(done)
+    if as_json:
+        click.echo(json.dumps(figures, indent=2, ensure_ascii=False))
+    elif not quiet:
+        click.echo(_in_words(figures, directory))
+
+
+def _chosen(scenario: Scenario, wanted: str | None, file: Path) -> Vehicle:
+    able = {str(each.vehicle_id): each for each in inertial_vehicles(scenario)}
+    if not able:
+        _fail(f"{file}: vehicles: found none with navigation: {{source: ins}}; allowed: one or more")
+    name = next(iter(able)) if wanted is None else wanted
+    if name not in able:
+        _fail(f"--vehicle: found '{wanted}'; allowed: those with navigation: {{source: ins}}: {', '.join(able)}")
+    return able[name]
+
+
+def _warn(done: Experiment) -> None:
+    if done.limit_rad[2] > SHARPEST_LIMIT_RAD:
+        off_deg = math.degrees(done.limit_rad[2])
+        text = f"warning: gyroscopes of this bias don't find the heading: the alignment's may be {off_deg:.0f}° off"
+        click.echo(text, err=True)
+
+
+def _in_words(figures: dict[str, Any], directory: Path) -> str:
+    alignment, flight = figures["alignment"], figures["flight"]
+    rows = [f'alignment, {alignment["duration_s"]:g} s      east, "   north, "   heading, \'']
+    rows += [
+        f"  {label:<20}{row['east_arcsec']:>11.2f}{row['north_arcsec']:>11.2f}{row['heading_arcmin']:>13.2f}"
+        for label, row in (
+            ("coarse error", alignment["coarse_error"]),
+            ("error", alignment["error"]),
+            ("σ of the filter", alignment["sigma"]),
+            ("least possible σ", alignment["limit"]),
+        )
+    ]
+    rows += [f"flight, {flight['duration_s']:g} s, {_aided(figures['aiding'])}      max, m   at the end, m"]
+    rows += [f"  {axis:<20}{row['max']:>11.2f}{row['final']:>16.2f}" for axis, row in flight["error_m"].items()]
+    return "\n".join([*rows, f"figures and summary.json: {directory}"])
+
+
+def _aided(aiding: str) -> str:
+    return {"none": "by inertia alone", "baro": "height by barometer", "gnss": "with GNSS"}[aiding]
+
+
+def _fail(text: str) -> NoReturn:
+    click.echo(text, err=True)
+    sys.exit(BAD_SCENARIO)

@@ -1,0 +1,73 @@
+"""How an inertial navigator's errors go on: the linear model of 15 states that filters and covariances use.
+
+The errors are: place, east, north and up in m; velocity likewise in m/s; misalignment phi in rad, where the computed
+attitude is (I - [phi x]) times the true one; the accelerometers' biases and the gyroscopes', body components, in SI
+units. Sources: Titterton and Weston, Strapdown Inertial Navigation Technology (2004), section 12.3; Groves (2013),
+section 14.2.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from sim_vehicles.inertial.earth import RATE_RADPS, gravity_mps2, radii_m
+from sim_vehicles.inertial.imu import InertialSensors
+
+Array = npt.NDArray[np.float64]
+
+PLACE, VELOCITY, TILT, ACCEL_BIAS, GYRO_BIAS = (slice(3 * i, 3 * i + 3) for i in range(5))
+SIZE = 15
+EAST, NORTH, UP = range(3)
+
+
+def dynamics(lat_rad: float, height_m: float, velocity_mps: Array, force_mps2: Array, attitude: Array) -> Array:
+    """Return F (15, 15) of x' = F x + noise.
+
+    Args:
+        lat_rad: latitude.
+        height_m: above the ellipsoid.
+        velocity_mps: (3,) east, north and up.
+        force_mps2: (3,) specific force, east, north and up.
+        attitude: (3, 3) body to navigation.
+    """
+    meridian_m, across_m = (radius + height_m for radius in radii_m(lat_rad))
+    sine, cosine = math.sin(lat_rad), math.cos(lat_rad)
+    tangent = sine / cosine
+    earth = RATE_RADPS * np.array((0.0, cosine, sine))
+    east, north, _ = velocity_mps
+    transport = np.array((-north / meridian_m, east / across_m, east / across_m * tangent))
+    of_velocity = np.array(((0.0, -1.0 / meridian_m, 0.0), (1.0 / across_m, 0.0, 0.0), (tangent / across_m, 0.0, 0.0)))
+    earth_of_place, transport_of_place = np.zeros((3, 3)), np.zeros((3, 3))
+    earth_of_place[:, NORTH] = RATE_RADPS / meridian_m * np.array((0.0, -sine, cosine))
+    transport_of_place[UP, NORTH] = east / (across_m * cosine**2 * meridian_m)
+    moving = _skew(velocity_mps)
+    f = np.zeros((SIZE, SIZE))
+    f[PLACE, VELOCITY] = np.eye(3)
+    f[EAST, EAST] = -north * tangent / meridian_m
+    f[EAST, NORTH] = east * tangent / across_m
+    f[EAST, UP], f[NORTH, UP] = -east / across_m, -north / meridian_m
+    f[VELOCITY, PLACE] = moving @ (2.0 * earth_of_place + transport_of_place)
+    f[VELOCITY.start + UP, UP] += 2.0 * gravity_mps2(lat_rad, height_m) / math.sqrt(meridian_m * across_m)
+    f[VELOCITY, VELOCITY] = moving @ of_velocity - _skew(2.0 * earth + transport)
+    f[VELOCITY, TILT] = _skew(force_mps2)
+    f[VELOCITY, ACCEL_BIAS] = attitude
+    f[TILT, PLACE] = earth_of_place + transport_of_place
+    f[TILT, VELOCITY] = of_velocity
+    f[TILT, TILT] = -_skew(earth + transport)
+    f[TILT, GYRO_BIAS] = -attitude
+    return f
+
+
+def noise_density(sensors: InertialSensors) -> Array:
+    """Return the diagonal (15,) of the sensors' noise density: random walks of velocity and angle."""
+    density = np.zeros(SIZE)
+    density[VELOCITY], density[TILT] = sensors.accel_noise**2, sensors.gyro_noise**2
+    return density
+
+
+def _skew(v: Array) -> Array:
+    """Return [v x]."""
+    return np.array(((0.0, -v[2], v[1]), (v[2], 0.0, -v[0]), (-v[1], v[0], 0.0)))

@@ -1,0 +1,55 @@
+"""Inertial sensors' grades, and what they make of ideal increments."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from airlink.identity import VehicleId
+from sim_vehicles.inertial.trajectory import Increments
+
+Array = npt.NDArray[np.float64]
+
+_INERTIAL: Final = int.from_bytes(b"inertial", "big")
+"""Sets the sensors' random numbers apart from whatever else a run's seed is for."""
+
+
+@dataclass(frozen=True)
+class InertialSensors:
+    """Three accelerometers and three gyroscopes along the body's axes, in SI units."""
+
+    accel_bias_mps2: tuple[float, float, float]
+    gyro_bias_radps: tuple[float, float, float]
+    accel_noise: float
+    """Root of the white noise's density, (m/s²)/sqrt(Hz): velocity random walk in m/s a root second."""
+    gyro_noise: float
+    """Likewise (rad/s)/sqrt(Hz): angle random walk."""
+
+    @property
+    def accel_bias_sigma(self) -> float:
+        """What a filter takes for the biases' standard deviation: their root mean square, m/s²."""
+        return math.sqrt(sum(each**2 for each in self.accel_bias_mps2) / 3.0)
+
+    @property
+    def gyro_bias_sigma(self) -> float:
+        """The same of the gyroscopes, rad/s."""
+        return math.sqrt(sum(each**2 for each in self.gyro_bias_radps) / 3.0)
+
+
+def measured(ideal: Increments, sensors: InertialSensors, period_s: float, random: np.random.Generator) -> Increments:
+    """Return what sensors give where ideal ones gave `ideal` for intervals of `period_s`."""
+    shape, root_s = ideal.angle_rad.shape, math.sqrt(period_s)
+    angle = np.multiply(sensors.gyro_bias_radps, period_s) + sensors.gyro_noise * root_s * random.standard_normal(shape)
+    change = np.multiply(sensors.accel_bias_mps2, period_s) + sensors.accel_noise * root_s * random.standard_normal(
+        shape
+    )
+    return Increments(ideal.angle_rad + angle, ideal.velocity_mps + change)
+
+
+def sensor_random(seed: int, vehicle: VehicleId) -> np.random.Generator:
+    """Return a vehicle's own stream of random numbers."""
+    return np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(_INERTIAL, *vehicle))))

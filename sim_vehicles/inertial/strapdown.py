@@ -1,0 +1,136 @@
+"""Strap-down navigation: place, velocity and attitude from increments of angle and velocity.
+
+Sources: Savage, Strapdown Inertial Navigation Integration Algorithm Design, J. Guidance, Control, and Dynamics 21
+(1998): two-sample coning and sculling; Groves (2013), section 5.5.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Self, cast
+
+import numpy as np
+
+from sim_vehicles.inertial.earth import RATE_RADPS, gravity_mps2, radii_m
+from sim_vehicles.inertial.rotation import (
+    Array,
+    Quaternion,
+    Vector,
+    cross,
+    normalised,
+    of_vector,
+    product,
+    to_matrix,
+    to_quaternion,
+    turned,
+)
+from sim_vehicles.inertial.trajectory import Increments, NavigationState
+
+TWO_THIRDS = 2.0 / 3.0
+
+
+class Strapdown:
+    """A navigation computer: starts from a state and goes on by pairs of increments."""
+
+    def __init__(self, lat_rad: float, lon_rad: float, height_m: float, velocity: Vector, attitude: Quaternion) -> None:
+        """Start; `velocity` is east, north and up in m/s."""
+        self.lat_rad, self.lon_rad, self.height_m = lat_rad, lon_rad, height_m
+        self.velocity, self.attitude = velocity, attitude
+        self._accel_bias: Vector = (0.0, 0.0, 0.0)
+        self._gyro_bias: Vector = (0.0, 0.0, 0.0)
+        self._change: Vector = (0.0, 0.0, 0.0)
+
+    @classmethod
+    def at(cls, state: NavigationState) -> Self:
+        """Start from a state of one instant."""
+        east, north, up = state.velocity_mps.tolist()
+        place = float(state.lat_rad), float(state.lon_rad), float(state.height_m)
+        return cls(*place, (east, north, up), to_quaternion(state.attitude))
+
+    def run(self, samples: Increments, period_s: float) -> None:
+        """Go on by an even number of samples of `period_s` each."""
+        angles, changes = (cast("list[Vector]", part.tolist()) for part in samples)
+        for i in range(0, len(angles), 2):
+            self.advance((angles[i], angles[i + 1]), (changes[i], changes[i + 1]), 2.0 * period_s)
+
+    def advance(self, angles: tuple[Vector, Vector], changes: tuple[Vector, Vector], period_s: float) -> None:
+        """Go on by two successive intervals of `period_s` / 2 each: increments of angle in rad and velocity in m/s."""
+        half_s = period_s / 2.0
+        first, second = (_less(each, self._gyro_bias, half_s) for each in angles)
+        push, more = (_less(each, self._accel_bias, half_s) for each in changes)
+        middle = _sum(self.velocity, self._change, 0.5)
+        earth, transport = self._rates(middle)
+        rotation = _sum((0.0, 0.0, 0.0), _sum(earth, transport, 1.0), period_s)
+        before = self.velocity
+        gained = self._gained(first, second, push, more, rotation)
+        coriolis = cross(_sum(transport, earth, 2.0), middle)
+        gravity = gravity_mps2(self.lat_rad, self.height_m + before[2] * half_s)
+        change = (
+            gained[0] - coriolis[0] * period_s,
+            gained[1] - coriolis[1] * period_s,
+            gained[2] - (coriolis[2] + gravity) * period_s,
+        )
+        self.velocity, self._change = _sum(before, change, 1.0), change
+        self._move(_sum(before, change, 0.5), period_s)
+        coning = cross(first, second)
+        turn = _sum(_sum(first, second, 1.0), coning, TWO_THIRDS)
+        back = of_vector((-rotation[0], -rotation[1], -rotation[2]))
+        self.attitude = normalised(product(back, product(self.attitude, of_vector(turn))))
+
+    def correct(self, place_m: Array, velocity_mps: Array, misalignment_rad: Array) -> None:
+        """Take off estimated errors (3,) of place and velocity, east, north and up, and of the attitude."""
+        meridian_m, across_m = radii_m(self.lat_rad)
+        east, north, up = place_m.tolist()
+        self.lon_rad -= east / ((across_m + self.height_m) * math.cos(self.lat_rad))
+        self.lat_rad -= north / (meridian_m + self.height_m)
+        self.height_m -= up
+        a, b, c = velocity_mps.tolist()
+        self.velocity = (self.velocity[0] - a, self.velocity[1] - b, self.velocity[2] - c)
+        x, y, z = misalignment_rad.tolist()
+        self.attitude = normalised(product(of_vector((x, y, z)), self.attitude))
+
+    def take_off(self, accel_bias_mps2: Array, gyro_bias_radps: Array) -> None:
+        """Take biases (3,) off all measurements from now on."""
+        x, y, z = accel_bias_mps2.tolist()
+        self._accel_bias = x, y, z
+        x, y, z = gyro_bias_radps.tolist()
+        self._gyro_bias = x, y, z
+
+    def state(self) -> NavigationState:
+        """Return where it takes itself to be."""
+        lat_rad, lon_rad, height_m = (np.array(each) for each in (self.lat_rad, self.lon_rad, self.height_m))
+        return NavigationState(lat_rad, lon_rad, height_m, np.array(self.velocity), to_matrix(self.attitude))
+
+    def _rates(self, velocity: Vector) -> tuple[Vector, Vector]:
+        """Return the Earth's rate and the transport rate, rad/s."""
+        meridian_m, across_m = radii_m(self.lat_rad)
+        sine, cosine = math.sin(self.lat_rad), math.cos(self.lat_rad)
+        eastward = velocity[0] / (across_m + self.height_m)
+        earth = (0.0, RATE_RADPS * cosine, RATE_RADPS * sine)
+        return earth, (-velocity[1] / (meridian_m + self.height_m), eastward, eastward * sine / cosine)
+
+    def _gained(self, first: Vector, second: Vector, push: Vector, more: Vector, rotation: Vector) -> Vector:
+        """Return the velocity gained by specific force, in the middle of the frame's own turn."""
+        whole, angle = _sum(push, more, 1.0), _sum(first, second, 1.0)
+        turning = cross(angle, whole)
+        sculling = _sum(cross(first, more), cross(push, second), 1.0)
+        body = _sum(_sum(whole, turning, 0.5), sculling, TWO_THIRDS)
+        gained = turned(self.attitude, body)
+        return _sum(gained, cross(rotation, gained), -0.5)
+
+    def _move(self, velocity: Vector, period_s: float) -> None:
+        meridian_m, across_m = radii_m(self.lat_rad)
+        height_m = self.height_m + velocity[2] * period_s / 2.0
+        lat_rad = self.lat_rad + velocity[1] * period_s / (meridian_m + height_m)
+        cosine = math.cos((self.lat_rad + lat_rad) / 2.0)
+        self.lon_rad += velocity[0] * period_s / ((across_m + height_m) * cosine)
+        self.lat_rad = lat_rad
+        self.height_m += velocity[2] * period_s
+
+
+def _sum(a: Vector, b: Vector, share: float) -> Vector:
+    return a[0] + share * b[0], a[1] + share * b[1], a[2] + share * b[2]
+
+
+def _less(increment: Vector, bias: Vector, period_s: float) -> Vector:
+    return _sum(increment, bias, -period_s)

@@ -1,0 +1,103 @@
+"""Strap-down navigation against the figures of the literature: the Earth's, and how each error grows."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from airlink.geodesy import GeodeticOrigin
+from formation_scenario import SplinePath
+from sim_vehicles.inertial.earth import RATE_RADPS, gravity_mps2, radii_m
+from sim_vehicles.inertial.error_model import NORTH, TILT, VELOCITY, dynamics
+from sim_vehicles.inertial.flight import Start, exact_start, navigate
+from sim_vehicles.inertial.imu import InertialSensors
+from sim_vehicles.inertial.rotation import angles, attitude, displaced, misalignment, to_matrix, to_quaternion
+from sim_vehicles.inertial.trajectory import Trajectory
+
+PLACE = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 1.0)
+MICRO_G, DEGREE_PER_HOUR = 9.797336e-6, math.radians(1.0) / 3600.0
+ARCSEC, ARCMIN = math.radians(1.0 / 3600.0), math.radians(1.0 / 60.0)
+BENDS = SplinePath([[0, 0, 200], [700, 0, 200], [1400, 300, 220], [2000, 900, 190], [2100, 3000, 200]])
+
+
+def sensors(accel_ug: float = 0.0, gyro_deg_per_h: float = 0.0) -> InertialSensors:
+    """Return sensors without noise, with biases forward (north) of the accelerometer and right (east) of the gyro."""
+    return InertialSensors((0.0, accel_ug * MICRO_G, 0.0), (gyro_deg_per_h * DEGREE_PER_HOUR, 0.0, 0.0), 0.0, 0.0)
+
+
+def north_error_m(end_s: float, faulty: InertialSensors, tilt_rad: tuple[float, float, float]) -> float:
+    """Return the error of a vehicle that stands, north, after some time."""
+    rest = Trajectory.at_rest(PLACE, 0.0, end_s)
+    start = exact_start(rest, faulty)
+    off = displaced(start.state.attitude, np.array(tilt_rad))
+    start = Start(start.state._replace(attitude=off), start.bias, start.covariance)
+    found = navigate(rest, start, faulty, None, 20.0, np.random.default_rng(1))
+    return float(found.errors[-1, NORTH])
+
+
+def test_the_earth_at_the_paper_s_place() -> None:
+    lat_rad = PLACE.lat_rad
+    assert gravity_mps2(lat_rad, 0.0) == pytest.approx(9.797336, abs=1e-6)
+    assert radii_m(lat_rad) == pytest.approx((6356426.7, 6385172.2), abs=0.1)
+    assert RATE_RADPS * math.cos(lat_rad) / DEGREE_PER_HOUR == pytest.approx(12.3209, abs=1e-4)
+    assert RATE_RADPS * math.sin(lat_rad) / DEGREE_PER_HOUR == pytest.approx(8.6272, abs=1e-4)
+
+
+def test_sensors_at_rest_feel_the_earth_s_rotation_and_gravity() -> None:
+    angle, velocity = Trajectory.at_rest(PLACE, 0.0, 1.0).increments(0.01, 0, 1)
+    assert np.linalg.norm(angle) / 0.01 / DEGREE_PER_HOUR == pytest.approx(15.0411, abs=1e-4)
+    assert velocity[0] / 0.01 == pytest.approx((0.0, 0.0, 9.797333), abs=1e-6)
+
+
+def test_angles_matrices_and_quaternions_are_one_another_s_inverse() -> None:
+    given = np.array((2.0, -0.4, 0.7))
+    matrix = attitude(*given)
+    assert angles(matrix) == pytest.approx(given)
+    assert to_matrix(to_quaternion(matrix)) == pytest.approx(matrix)
+    assert matrix[:, 1] == pytest.approx((math.sin(2.0) * math.cos(0.4), math.cos(2.0) * math.cos(0.4), -math.sin(0.4)))
+    phi = np.array((1e-5, -2e-5, 3e-5))
+    assert misalignment(displaced(matrix, phi), matrix) == pytest.approx(phi, rel=1e-4)
+
+
+def test_without_sensor_errors_only_integration_errs() -> None:
+    """200 s of bends, hills and banking, 4.4 km: errors beyond a millimetre would be a wrong equation's."""
+    ideal = sensors()
+    flight = Trajectory.along(BENDS, 22.0, PLACE, 200.0)
+    found = navigate(flight, exact_start(flight, ideal), ideal, None, 100.0, np.random.default_rng(1))
+    assert np.abs(found.errors[:, :3]).max() < 1e-3
+    assert np.abs(found.errors[:, 6:]).max() < 0.001 * ARCSEC
+
+
+@pytest.mark.parametrize(
+    ("end_s", "faulty", "tilt_rad", "expected_m"),
+    [
+        (60.0, sensors(accel_ug=100.0), (0.0, 0.0, 0.0), 1.763),
+        (600.0, sensors(accel_ug=100.0), (0.0, 0.0, 0.0), 168.3),
+        (1000.0, sensors(accel_ug=100.0), (0.0, 0.0, 0.0), 429.9),
+        (600.0, sensors(gyro_deg_per_h=0.01), (0.0, 0.0, 0.0), -16.6),
+        (1000.0, sensors(gyro_deg_per_h=0.01), (0.0, 0.0, 0.0), -73.2),
+        (600.0, sensors(), (20.0 * ARCSEC, 0.0, 0.0), 163.2),
+        (600.0, sensors(), (0.0, 0.0, 3.0 * ARCMIN), -17.9),
+    ],
+)
+def test_each_error_grows_as_the_single_channel_formulas_say(
+    end_s: float, faulty: InertialSensors, tilt_rad: tuple[float, float, float], expected_m: float
+) -> None:
+    """b/ws² (1 - cos ws t) and its like; coupling of the channels is below 0.3 % by then."""
+    assert north_error_m(end_s, faulty, tilt_rad) == pytest.approx(expected_m, rel=0.005)
+
+
+def test_the_error_model_swings_with_schuler_s_period_split_by_foucault_s() -> None:
+    model = dynamics(PLACE.lat_rad, 0.0, np.zeros(3), np.array((0.0, 0.0, gravity_mps2(PLACE.lat_rad, 0.0))), np.eye(3))
+    level = [VELOCITY.start, VELOCITY.start + 1, *range(TILT.start, TILT.stop)]
+    rates = np.abs(np.linalg.eigvals(model[np.ix_(level, level)]).imag)
+    periods_min = sorted({round(math.tau / rate / 60.0, 1) for rate in rates if rate > 1e-3})
+    assert periods_min == pytest.approx([81.0, 88.0], abs=0.05)
+
+
+def test_height_by_inertia_alone_diverges_with_a_time_of_570_s() -> None:
+    model = dynamics(PLACE.lat_rad, 0.0, np.zeros(3), np.array((0.0, 0.0, 9.797336)), np.eye(3))
+    vertical = model[np.ix_([2, 5], [2, 5])]
+    assert 1.0 / np.linalg.eigvals(vertical).real.max() == pytest.approx(570.0, abs=1.0)
