@@ -15,6 +15,8 @@ LEVEL_PT = 10.0
 MOST_LEVELS = 5
 BETWEEN_PT = 25.0
 """Between axes beside each other: what a name may take of it."""
+BESIDE_PT = 1.0
+"""From a line to its name."""
 DARK = "#404040"
 UP = {"arrowstyle": "-", "shrinkA": 0, "shrinkB": 0, "color": GREY, "lw": THIN}
 BEHIND = {"facecolor": "white", "edgecolor": "none", "pad": 0.5}
@@ -96,6 +98,6 @@ def _place(axes: Axes, mark: Mark, beyond_pt: float) -> _Name:
     wide_pt = CHARACTER_PT * (len(mark.label) + 1)
     last_pt = width_pt + beyond_pt - wide_pt
     if last_pt < at_pt and wide_pt <= at_pt:
-        return _Name(at_pt - wide_pt, at_pt, 0.0, "right")
+        return _Name(at_pt - wide_pt, at_pt, -BESIDE_PT, "right")
     left_pt = min(at_pt, max(0.0, last_pt))
-    return _Name(left_pt, left_pt + wide_pt, left_pt - at_pt, "left")
+    return _Name(left_pt, left_pt + wide_pt, left_pt - at_pt + BESIDE_PT, "left")

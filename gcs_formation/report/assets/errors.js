@@ -1,5 +1,8 @@
 // Formation errors over time: three panels with one time axis.
 
+const LEVEL = 16;
+const MOST_LEVELS = 5;
+
 class ErrorPlot extends View {
   constructor(canvas, data, state) {
     super(canvas, data, state);
@@ -21,10 +24,28 @@ class ErrorPlot extends View {
   }
 
   layout(width, height) {
-    const [left, right, top, bottom, gap] = [58, 18, 50, 34, 14];
+    const [left, right, bottom, gap] = [58, 18, 34, 14];
+    const names = this.names({ left, wide: width - left - right });
+    const top = 12 + LEVEL * (1 + Math.max(...names.map((name) => name.level), -1));
     const tall = (height - top - bottom - 2 * gap) / 3;
     const panels = ["x", "y", "z"].map((axis, i) => ({ axis, top: top + i * (tall + gap), tall }));
-    return { left, wide: width - left - right, bottom: height - bottom, panels };
+    return { left, wide: width - left - right, bottom: height - bottom, panels, names };
+  }
+
+  // Where the marks' names stand: from the last to the first, so that no line to a name runs through another.
+  names(box) {
+    const pen = this.canvas.getContext("2d");
+    pen.font = FONT;
+    const taken = Array.from({ length: MOST_LEVELS }, () => []);
+    const inside = this.data.marks.filter((mark) => mark.t >= this.range[0] && mark.t <= this.range[1]);
+    return inside.reverse().map(({ t, label }) => {
+      const x = this.x(t, box);
+      const wide = pen.measureText(label).width;
+      const left = x + wide <= box.left + box.wide ? x + 3 : Math.max(x - wide - 3, box.left);
+      const level = taken.findIndex((row) => row.every(([from, to]) => left >= to || left + wide + 8 <= from));
+      if (level >= 0) taken[level].push([left, left + wide + 8]);
+      return { x, label, left, level };
+    });
   }
 
   x(t, box) {
@@ -139,21 +160,14 @@ class ErrorPlot extends View {
   drawMarks(pen, colours, box) {
     pen.textAlign = "left";
     pen.textBaseline = "top";
-    const free = Array(3).fill(-Infinity);
-    for (const mark of this.data.marks) {
-      if (mark.t < this.range[0] || mark.t > this.range[1]) continue;
-      const x = this.x(mark.t, box);
-      pen.strokeStyle = colours.soft;
+    pen.strokeStyle = colours.soft;
+    pen.fillStyle = colours.soft;
+    for (const { x, label, left, level } of box.names) {
+      const top = box.panels[0].top - LEVEL * (level + 1);
       pen.setLineDash([4, 3]);
-      line(pen, x, box.panels[0].top, x, box.bottom);
+      line(pen, x, level < 0 ? box.panels[0].top : top, x, box.bottom);
       pen.setLineDash([]);
-      const wide = pen.measureText(mark.label).width;
-      const left = Math.min(x, box.left + box.wide - wide);
-      const level = free.findIndex((from) => left >= from);
-      if (level < 0) continue;
-      pen.fillStyle = colours.soft;
-      pen.fillText(mark.label, left, 34 - 16 * level);
-      free[level] = left + wide + 8;
+      if (level >= 0) pen.fillText(label, left, top);
     }
   }
 

@@ -1,5 +1,7 @@
 // What all plots need: a sharp canvas, the page's colours, ticks, values between samples, and where everyone is.
 
+const FONT = "12px system-ui, sans-serif";
+
 // A canvas that paints the data as the state asks for.
 class View {
   constructor(canvas, data, state) {
@@ -24,7 +26,7 @@ function prepare(canvas) {
   const pen = canvas.getContext("2d");
   pen.setTransform(ratio, 0, 0, ratio, 0, 0);
   pen.clearRect(0, 0, width, height);
-  pen.font = "12px system-ui, sans-serif";
+  pen.font = FONT;
   pen.lineJoin = "round";
   return { pen, width, height };
 }
