@@ -6,11 +6,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from airlink.clock import Instant, after
+from airlink.clock import Instant, after, seconds_between
 from airlink.identity import VehicleId
 from formation_scenario import Scenario
 from gcs_formation.controller import FormationController
-from gcs_formation.obedience import CHANNELS, SETTLED_S, TAKEN_OVER_S, WINDOW_S, Disobedience, Obedience
+from gcs_formation.obedience import CHANNELS, SETTLED_S, WINDOW_S, Disobedience, Obedience
 from gcs_formation.records import Detail, Note, Tick
 from gcs_formation.vehicle.vehicle import Vehicle
 
@@ -64,10 +64,12 @@ class CommandLedger:
         if not self._obedience.due(now):
             return
         estimator, settled = self._controller.estimator, np.zeros((len(CHANNELS), tick.active.size), dtype=bool)
+        commanded_s = np.zeros(tick.active.size)
         for identity, column in self._columns.items():
+            commanded_s[column] = seconds_between(self._commanded.get(identity, now), now)
             settled[:, column] = self._settled(identity, now)
         before = self._obedience.broken
-        found = self._obedience.check(now, estimator.stamps, estimator.state, settled)
+        found = self._obedience.check(now, estimator.stamps, estimator.state, settled, commanded_s)
         for each in found:
             self._note(now, "disobeys", _words(each), self._at(each.column), _figures(each))
         for column in np.flatnonzero(before & ~self._obedience.broken):
@@ -76,8 +78,8 @@ class CommandLedger:
     def _settled(self, identity: VehicleId, now: Instant) -> list[bool]:
         """Return which channels have been commanded, and acknowledged, for long enough."""
         runs = [run.since(now, self._gap_s) for run in self._vehicles[identity].setpoints_taken.values()]
-        taken_over = self._commanded.get(identity, now) <= after(now, -TAKEN_OVER_S)
-        return [taken_over and run is not None and run <= after(now, -SETTLED_S) for run in runs]
+        since, latest = self._commanded.get(identity, now), after(now, -SETTLED_S)
+        return [run is not None and max(since, run) <= latest for run in runs]
 
     def _at(self, column: int) -> Vehicle:
         return next(self._vehicles[identity] for identity, its in self._columns.items() if its == column)

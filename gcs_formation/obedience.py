@@ -20,9 +20,10 @@ CHECK_S = 0.4
 WINDOW_S = 3.2
 """How far back motion is compared from."""
 SETTLED_S = WINDOW_S + 1.0
-"""A vehicle is judged when it has acknowledged setpoints for so long."""
-TAKEN_OVER_S = 15.0
-"""And been commanded for so long: an aircraft that levels out of its climb trades speed for height for a while."""
+"""A vehicle is judged when it has been commanded, and has acknowledged setpoints, for so long."""
+CLIMBING_MPS, LEVELS_OUT_S = 1.0, 30.0
+"""Airspeed and height of one that climbed, or sank, faster when it was taken over, after so long: an aircraft that
+levels out of its climb trades speed for height, and its throttle lags."""
 LEAST_CHANGE = np.array((1.0, 0.04, 1.5))
 """Airspeed in m/s, heading in rad, height in m: less than that to be flown within the window tells nothing."""
 SIGMAS = 4.0
@@ -38,6 +39,8 @@ CHANNELS = ("airspeed", "heading", "height")
 ROWS = [4, 5, 2]
 """Rows of a state's table that the channels are."""
 HEIGHT = CHANNELS.index("height")
+ENERGY = [CHANNELS.index("airspeed"), HEIGHT]
+"""Channels that share an aircraft's energy."""
 
 
 class Disobedience(NamedTuple):
@@ -63,6 +66,8 @@ class Obedience:
         self._air_variance = np.zeros(self.broken.size)
         """Of the vertical motion of the air that would explain each column's heights, (m/s)²."""
         self._past: deque[tuple[Instants, Array]] = deque(maxlen=round(WINDOW_S / CHECK_S))
+        self._climbed: Mask = np.zeros(self.broken.size, dtype=bool)
+        """Columns that weren't level when they were taken over."""
         self._next_check = Instant(0)
         self._bad = np.zeros((len(CHANNELS), self.broken.size), dtype=np.int64)
         self._good = np.zeros(self.broken.size, dtype=np.int64)
@@ -71,22 +76,28 @@ class Obedience:
         """Whether a check is due."""
         return now >= self._next_check
 
-    def check(self, now: Instant, stamps: Instants, state: FlightState, settled: Mask) -> list[Disobedience]:
+    def check(
+        self, now: Instant, stamps: Instants, state: FlightState, settled: Mask, commanded_s: Array
+    ) -> list[Disobedience]:
         """Compare, if a check is due; return what has just been found; what mends shows in `broken`.
 
         Args:
             now: the tick's instant.
             stamps: (C,) when the states were true.
             state: (C,) newest states.
-            settled: (3, C) channels that have been commanded for `TAKEN_OVER_S`, and acknowledged for `SETTLED_S`.
+            settled: (3, C) channels that have been commanded, and acknowledged, for `SETTLED_S`.
+            commanded_s: (C,) for how long each has been commanded without a break.
         """
         if not self.due(now):
             return []
         self._next_check = Instant(now + round(CHECK_S * NANOSECONDS))
+        self._climbed = np.where(commanded_s < CHECK_S, np.abs(state.climb_mps) > CLIMBING_MPS, self._climbed)
         self._past.append((stamps, state.table))
         if len(self._past) < (self._past.maxlen or 0):
             return []
         expected, flown = self._changes(stamps, state.table)
+        settled = settled.copy()
+        settled[ENERGY] &= ~self._climbed | (commanded_s >= LEVELS_OUT_S)
         missed = self._missed(expected, flown, settled)
         self._bad = np.where(missed, self._bad + 1, 0)
         self._good = np.where((settled & ~missed).all(axis=0), self._good + 1, 0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from airlink.messages import Heartbeat
 from formation_scenario import load_scenario
 from gcs_formation.estimation.flight_state import FlightState, Setpoints
 from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory
-from gcs_formation.obedience import Obedience
+from gcs_formation.obedience import SETTLED_S, Obedience
 from gcs_formation.vehicle.arduplane import ArduPlane
 from gcs_formation.vehicle.orders import Orders
 from gcs_formation.vehicle.telemetry import Telemetry
@@ -135,20 +136,48 @@ def test_an_order_to_loiter_that_is_acknowledged_and_not_obeyed_is_reported() ->
 @pytest.mark.parametrize(("share", "reported"), [(0.0, True), (1.0, False), (2.0, False)])
 def test_falling_short_of_a_change_is_disobedience_and_overshooting_is_not(share: float, *, reported: bool) -> None:
     """From 4 s on 27 m/s are told, in place of 22; airspeed lags by 4 s, as in equation (7)."""
+    found = judged(lambda at_s: 22.0 + share * 5.0 * (1 - np.exp(-max(0.0, at_s - 4.0) / 4.0)), lambda _: 0.0)
+    assert any(at_s < 10.0 for _, at_s in found) is reported
+
+
+@pytest.mark.parametrize(
+    ("climb_mps", "told_from_s", "at_least_s", "at_most_s"),
+    [(0.0, 0.1, 4.2, 6.0), (0.0, 4.0, 4.0, 9.0), (3.0, 0.1, 30.0, 32.0)],
+)
+def test_airspeed_is_judged_at_once_but_not_while_an_aircraft_levels_out_of_its_climb(
+    climb_mps: float, told_from_s: float, at_least_s: float, at_most_s: float
+) -> None:
+    """It climbs for 2 s from when it is taken over, or doesn't, and ignores that 27 m/s are told."""
+    ((channel, at_s),) = judged(lambda _: 22.0, lambda at_s: climb_mps if at_s < 2.0 else 0.0, told_from_s)
+    assert channel == "airspeed"
+    assert at_least_s <= at_s <= at_most_s
+
+
+def test_headings_are_judged_all_the_time() -> None:
+    ((channel, at_s),) = judged(lambda _: 27.0, lambda _: 3.0, heading_rad=0.5)
+    assert channel == "heading"
+    assert at_s < 4.0 + 5.0
+
+
+def judged(
+    airspeed_mps: Callable[[float], float],
+    climb_mps: Callable[[float], float],
+    told_from_s: float = 4.0,
+    heading_rad: float = 0.0,
+) -> list[tuple[str, float]]:
+    """Take a vehicle over at 0 s, tell it 27 m/s and a heading from a time on; return what is found, and when."""
     planned, history, state = load_scenario(scenario()), SetpointHistory(10.0), np.zeros((8, 3))
-    obedience, found, state[2] = Obedience(planned, history), 0, 100.0
-    for tick in range(100):
-        now = after(START, 0.1 * tick)
-        history.add(SentSetpoints(np.full(3, now), told_all(22.0 if tick < 40 else 27.0)))
-        state[4] = 22.0 + share * 5.0 * (1 - np.exp(-max(0.0, 0.1 * tick - 4.0) / 4.0))
-        found += len(
-            obedience.check(now, np.full(3, now), FlightState(*state.copy()), np.full((3, 3), fill_value=True))
-        )
-    assert (found > 0) is reported
-
-
-def told_all(speed_mps: float) -> Setpoints:
-    return Setpoints(*(np.full(3, value) for value in (speed_mps, 0.0, 100.0)))
+    obedience, found, state[2] = Obedience(planned, history), list[tuple[str, float]](), 100.0
+    settled = np.zeros((3, 3), dtype=bool)
+    for tick in range(400):
+        now, at_s = after(START, 0.1 * tick), 0.1 * tick
+        told = (27.0, heading_rad, 100.0) if at_s >= told_from_s else (22.0, 0.0, 100.0)
+        history.add(SentSetpoints(np.full(3, now), Setpoints(*(np.full(3, value) for value in told))))
+        state[3], state[4], settled[:, 1] = climb_mps(at_s), airspeed_mps(at_s), at_s >= SETTLED_S
+        flown = FlightState(*state.copy())
+        new = obedience.check(now, np.full(3, now), flown, settled, np.array((0.0, at_s, 0.0)))
+        found += [(each.channel, at_s) for each in new]
+    return found
 
 
 @pytest.fixture
