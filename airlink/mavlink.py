@@ -24,10 +24,10 @@ def __getattr__(name: str) -> int:
     return value
 
 
-def result_name(result: int) -> str:
-    """Return the name of a MAV_RESULT, as in DENIED."""
-    entry: Any = _dialect.enums["MAV_RESULT"].get(result)
-    return str(result) if entry is None else str(entry.name).removeprefix("MAV_RESULT_")
+def name_of(enum: str, value: int) -> str:
+    """Return the name of an enum's value without the enum's own: of MAV_RESULT's 2, DENIED."""
+    entry: Any = _dialect.enums[enum].get(value)
+    return str(value) if entry is None else str(entry.name).removeprefix(f"{enum}_")
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from airlink.clock import Instant
 from airlink.engine import Datagram
 from airlink.frame import Frame
 from airlink.identity import VehicleId
-from airlink.messages import Heartbeat
+from airlink.messages import Heartbeat, Message
 from gcs_formation.phases import Flight, Phase
 from gcs_formation.records import GiveUp, Note
 from gcs_formation.vehicle.vehicle import STATION_SYSTEM, Vehicle
@@ -44,7 +44,7 @@ class Identities:
         if vehicle is None:
             self._note_stranger(identity, frame, datagram, now)
             return None
-        if frame.component != m.MAV_COMP_ID_AUTOPILOT1:
+        if frame.component != m.MAV_COMP_ID_AUTOPILOT1 or _is_no_autopilots(frame.message):
             return None
         ruling = vehicle.claims.judge(frame.message, datagram.socket, datagram.peer, now)
         if ruling.finding:
@@ -67,3 +67,8 @@ class Identities:
         else:
             why = "is everyone's address and nobody's id" if identity.system == EVERYONE else "isn't in the scenario"
             self._note(now, "stranger", f"system {identity} is heard, but {why}", None, details)
+
+
+def _is_no_autopilots(message: Message | None) -> bool:
+    """Whether it's the heartbeat of something that says it's no autopilot, as companions do that share its id."""
+    return isinstance(message, Heartbeat) and message.autopilot == m.MAV_AUTOPILOT_INVALID

@@ -113,7 +113,7 @@ class Landings:
         elif vehicle.commands.outcome is not Outcome.ACCEPTED and refusal is not None and waited_s > REFUSED_FOR_S:
             vehicle.commands.begin((), now)
             said = f"; it said: '{vehicle.telemetry.texts[-1]}'" if vehicle.telemetry.texts else ""
-            self._give_up(f"vehicle {vehicle.identity} refused to land ({m.result_name(refusal[1])}){said}")
+            self._give_up(f"vehicle {vehicle.identity} refused to land ({m.name_of('MAV_RESULT', refusal[1])}){said}")
         elif waited_s > LIMIT_S:
             self._give_up(f"vehicle {vehicle.identity} has not landed within {LIMIT_S:g} s")
 

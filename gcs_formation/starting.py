@@ -8,6 +8,7 @@ from airlink import mavlink as m
 from airlink.clock import Instant, seconds_between
 from airlink.endpoint import Endpoint
 from airlink.identity import VehicleId
+from airlink.messages import Heartbeat
 from gcs_formation.link.connection import LinkState
 from gcs_formation.membership import Member
 from gcs_formation.phases import Flight, Phase
@@ -42,6 +43,9 @@ class Starting:
         if silent:
             self._wait_for(silent, now)
             return
+        foreign = [vehicle for vehicle in self._vehicles.values() if not _is_of_its_family(vehicle)]
+        if foreign and self._flight.phase is Phase.CONNECTING:
+            self._give_up("; ".join(map(_is_another, foreign)), now)
         for vehicle in self._vehicles.values():
             if not vehicle.start_up.finished and self._flight.phase is not Phase.LOITERING:
                 self._advance(vehicle, now)
@@ -79,6 +83,17 @@ class Starting:
             self._note(now, "abandoned", text, vehicle)
 
 
+def _is_of_its_family(vehicle: Vehicle) -> bool:
+    heartbeat = vehicle.telemetry.heartbeat
+    return heartbeat is None or vehicle.autopilot.speaks(heartbeat)
+
+
+def _is_another(vehicle: Vehicle) -> str:
+    heartbeat = vehicle.telemetry.heartbeat or Heartbeat(0, 0)
+    names = m.name_of("MAV_AUTOPILOT", heartbeat.autopilot), m.name_of("MAV_TYPE", heartbeat.type)
+    return f"vehicle {vehicle.identity} says that it is a {' '.join(names)}; allowed: {vehicle.autopilot.family}"
+
+
 def _result(vehicle: Vehicle) -> str:
     refusal = vehicle.commands.refusal
-    return f" (command {refusal[0]}: {m.result_name(refusal[1])})" if refusal else ""
+    return f" (command {refusal[0]}: {m.name_of('MAV_RESULT', refusal[1])})" if refusal else ""

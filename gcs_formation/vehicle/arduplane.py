@@ -13,7 +13,7 @@ from typing import ClassVar
 import numpy as np
 
 from airlink import mavlink as m
-from airlink.messages import CommandInt, CommandLong
+from airlink.messages import CommandInt, CommandLong, Heartbeat
 from gcs_formation.setpoint import Setpoint
 from gcs_formation.vehicle.autopilot import Autopilot, Command, Step
 from gcs_formation.vehicle.telemetry import Telemetry
@@ -29,11 +29,15 @@ SLOW_RATE_HZ = 2.0
 UNASKED = {m.MAVLINK_MSG_ID_HEARTBEAT: 1.0}
 """What comes by itself, and how often."""
 AIRBORNE_M = 10.0
+AUTOPILOTS = frozenset({m.MAV_AUTOPILOT_GENERIC, m.MAV_AUTOPILOT_ARDUPILOTMEGA})
+TYPES = frozenset({m.MAV_TYPE_GENERIC, m.MAV_TYPE_FIXED_WING, *range(m.MAV_TYPE_VTOL_DUOROTOR, m.MAV_TYPE_GIMBAL)})
+"""What ArduPlane tells itself as, and what tells nothing."""
 
 
 class ArduPlane(Autopilot):
     """A fixed-wing ArduPilot, commanded in GUIDED by MAV_CMD_GUIDED_CHANGE_SPEED, _ALTITUDE and _HEADING."""
 
+    family = "ArduPlane"
     loop_s = 0.02
     take_off_m = 45.0
     """TKOFF_ALT is 50 m, and the climb ends softly."""
@@ -52,6 +56,10 @@ class ArduPlane(Autopilot):
         m.PLANE_MODE_INITIALIZING: "INITIALISING",
         m.PLANE_MODE_AUTOLAND: "AUTOLAND",
     }
+
+    def speaks(self, heartbeat: Heartbeat) -> bool:
+        """Whether a heartbeat is of a fixed wing of ArduPilot's, one that can hover too, or of who doesn't say."""
+        return heartbeat.autopilot in AUTOPILOTS and heartbeat.type in TYPES
 
     def rates_hz(self, telemetry_rate_hz: float) -> Mapping[int, float]:
         """Return the rates of what motion, readiness and mode are known from."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from airlink import mavlink as m
-from airlink.messages import CommandInt, CommandLong
+from airlink.messages import CommandInt, CommandLong, Heartbeat
 from formation_scenario.orders import End
 from gcs_formation.setpoint import Setpoint
 from gcs_formation.vehicle.orders import Promise
@@ -33,6 +33,8 @@ class Step:
 class Autopilot(ABC):
     """Speaks one family's language to one vehicle."""
 
+    family: ClassVar[str]
+    """What it speaks to, in words."""
     loop_s: ClassVar[float]
     """Period of the loop on which it answers."""
     take_off_m: ClassVar[float]
@@ -89,6 +91,10 @@ class Autopilot(ABC):
             param1=message_id,
             param2=round(1e6 / rate_hz),
         )
+
+    @abstractmethod
+    def speaks(self, heartbeat: Heartbeat) -> bool:
+        """Whether a heartbeat is of this family: another one takes the same mode numbers for other modes."""
 
     @abstractmethod
     def rates_hz(self, telemetry_rate_hz: float) -> Mapping[int, float]:
