@@ -139,11 +139,17 @@ def _decoder(source: Layout, place: int) -> Convert | None:
     scale = _scale(source, place)
     if source.types[place] == "char":
         return lambda text: text.split(b"\0", 1)[0].decode("utf-8", "replace")
-    if source.array_lengths[place] or scale is None or (scale == 1.0 and _is_float(source, place)):
+    if scale is None or (scale == 1.0 and _is_float(source, place)):
         return None
-    if source.types[place] == "uint16_t":
-        return lambda value: math.nan if value == _UNKNOWN_UINT16 else value * scale
-    return lambda value: value * scale
+
+    def decode(value: float) -> float:
+        return value * scale
+
+    def decode_unless_unknown(value: float) -> float:
+        return math.nan if value == _UNKNOWN_UINT16 else value * scale
+
+    one = decode_unless_unknown if source.types[place] == "uint16_t" else decode
+    return (lambda values: tuple(map(one, values))) if source.array_lengths[place] else one
 
 
 def _only_some(each: Iterable[T | None]) -> list[tuple[int, T]]:
@@ -173,11 +179,15 @@ def _fit(source: Layout, place: int) -> Convert:
     scale = _scale(source, place)
     if kind == "char":
         return lambda text: text.encode("utf-8", "replace")[:array]
-    if array:
-        return lambda values: [_nearest_float32(value) for value in (*values, *[0.0] * array)[:array]]
+    one = _fit_one(source, place, scale)
+    return (lambda values: [one(value) for value in (*values, *[0] * array)[:array]]) if array else one
+
+
+def _fit_one(source: Layout, place: int, scale: float | None) -> Convert:
+    """Return what makes any value, or any one of an array, one that can be packed."""
     if _is_float(source, place):
         return _nearest_float32 if scale in {None, 1.0} else lambda value: _nearest_float32(value / scale)
-    low, high = _RANGES[kind]
+    low, high = _RANGES[source.types[place]]
     if scale is None:
         return lambda value: value if low <= value <= high else int(min(max(value, low), high))
     unknown = high if high == _UNKNOWN_UINT16 else 0

@@ -267,6 +267,20 @@ class Timesync(NamedTuple):
     ts1_ns: int
 
 
+class BatteryStatus(NamedTuple):
+    """BATTERY_STATUS (147): one battery; voltages of its cells, or of the whole in the first place, NaN for none."""
+
+    id: int
+    battery_function: int
+    type: int
+    temperature: int
+    voltages_v: tuple[float, ...]
+    current_battery_a: float
+    current_consumed: int
+    energy_consumed: int
+    battery_remaining: int
+
+
 class AutopilotVersion(NamedTuple):
     """AUTOPILOT_VERSION (148): capabilities (MAV_PROTOCOL_CAPABILITY) and the firmware's version."""
 
@@ -368,6 +382,7 @@ Message = (
     | CommandAck
     | SetPositionTargetLocalNed
     | Timesync
+    | BatteryStatus
     | AutopilotVersion
     | Wind
     | EkfStatusReport

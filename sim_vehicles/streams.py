@@ -24,6 +24,7 @@ GROUPS: dict[int, tuple[int, ...]] = {
     m.MAV_DATA_STREAM_EXTRA2: (m.MAVLINK_MSG_ID_VFR_HUD,),
     m.MAV_DATA_STREAM_EXTRA3: (
         m.MAVLINK_MSG_ID_SYSTEM_TIME,
+        m.MAVLINK_MSG_ID_BATTERY_STATUS,
         m.MAVLINK_MSG_ID_WIND,
         m.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
     ),

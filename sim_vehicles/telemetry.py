@@ -10,6 +10,7 @@ from airlink import mavlink as m
 from airlink.messages import (
     Attitude,
     AutopilotVersion,
+    BatteryStatus,
     EkfStatusReport,
     ExtendedSysState,
     GlobalPositionInt,
@@ -50,6 +51,7 @@ VERSION_4_7 = 4 << 24 | 7 << 16
 LOAD_PERMILLE = 200
 CRUISE_THROTTLE_PERCENT = 50
 BATTERY_V, BATTERY_A, BATTERY_PERCENT = 12.4, 8.0, 95
+NO_CELLS, NO_TEMPERATURE, NOT_COUNTED = (math.nan,) * 9, 2**15 - 1, -1
 HDOP, SATELLITES = 70, 14
 
 
@@ -71,6 +73,13 @@ def sys_status(v: Vehicle) -> Message:
     healthy = SENSORS | m.MAV_SYS_STATUS_GEOFENCE | (m.MAV_SYS_STATUS_PREARM_CHECK if v.ready else 0)
     known = SENSORS | m.MAV_SYS_STATUS_PREARM_CHECK
     return SysStatus(known, known, healthy, LOAD_PERMILLE, BATTERY_V, BATTERY_A, BATTERY_PERCENT)
+
+
+def battery_status(_: Vehicle) -> Message:
+    """Return BATTERY_STATUS: the one that SYS_STATUS tells of, its cells unknown."""
+    return BatteryStatus(
+        0, 0, 0, NO_TEMPERATURE, (BATTERY_V, *NO_CELLS), BATTERY_A, NOT_COUNTED, NOT_COUNTED, BATTERY_PERCENT
+    )
 
 
 def system_time(v: Vehicle) -> Message:
@@ -189,6 +198,7 @@ BUILDERS: dict[int, Callable[[Vehicle], Message]] = {
     m.MAVLINK_MSG_ID_MISSION_CURRENT: mission_current,
     m.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT: nav_controller_output,
     m.MAVLINK_MSG_ID_VFR_HUD: vfr_hud,
+    m.MAVLINK_MSG_ID_BATTERY_STATUS: battery_status,
     m.MAVLINK_MSG_ID_WIND: wind,
     m.MAVLINK_MSG_ID_EKF_STATUS_REPORT: ekf_status_report,
     m.MAVLINK_MSG_ID_HOME_POSITION: home_position,

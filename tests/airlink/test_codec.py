@@ -82,7 +82,7 @@ def to_si(value, of_type, unit):
     if of_type == "char":
         return value.decode()
     if isinstance(value, list):
-        return tuple(value)
+        return tuple(to_si(each, of_type, unit) for each in value)
     factor = SI.get(unit, ("", "", None))[2]
     if factor is None:
         return value

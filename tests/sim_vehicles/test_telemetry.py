@@ -22,6 +22,7 @@ UNASKED = {
     "WIND",
     "EKF_STATUS_REPORT",
     "MISSION_CURRENT",
+    "BATTERY_STATUS",
 }
 
 
@@ -169,3 +170,11 @@ def test_request_message_brings_what_it_has_and_fails_for_the_rest(flying):
         assert flying.command_long(REQUEST, message_id) == 0
         assert len(flying.ground.of(name)) > before
     assert flying.command_long(REQUEST, 77777) == 4
+
+
+def test_both_messages_tell_of_the_same_battery(flying):
+    flying.run(1.0)
+    status, battery = flying.ground.of("SYS_STATUS")[-1], flying.ground.of("BATTERY_STATUS")[-1]
+    assert battery.voltages == [status.voltage_battery, *[65535] * 9]
+    assert battery.current_battery == status.current_battery
+    assert battery.battery_remaining == status.battery_remaining
