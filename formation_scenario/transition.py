@@ -281,12 +281,14 @@ def _levels(near: npt.NDArray[np.intp], conditions: Conditions) -> Array:
 
 
 def _lifts_m(way: Transition, levels: Array, apart_m: float) -> Array:
-    """Return how far each is to be lifted, (N,): so many levels over the highest place that anybody begins or ends at.
+    """Return how far each is to be lifted, (N,): its levels over the highest place at which one below begins or ends.
 
-    Who begins or ends lower is lifted by that much more.
+    Who begins or ends lower itself is lifted by that much more; who is up from another change already, by less.
     """
     ends_m = np.stack((way.start.position_m[:, 2], way.goal_m[:, 2]))
-    return np.where(levels > 0, levels * apart_m + ends_m.max() - ends_m.min(axis=0), 0.0)
+    below = levels < levels[:, None]
+    highest_m = np.where(below, ends_m.max(axis=0), -np.inf).max(axis=1)
+    return np.where(levels > 0, np.maximum(levels * apart_m + highest_m - ends_m.min(axis=0), 0.0), 0.0)
 
 
 def _lift(level: Transition, lift_m: Array, course: Course, conditions: Conditions) -> Transition:

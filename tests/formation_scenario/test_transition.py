@@ -1,11 +1,14 @@
 """Transitions: smooth, inside everyone's limits, and nobody near anybody, as Turpin, Michael and Kumar prove it."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.distance import pdist
 
+from formation_scenario import load_scenario
 from formation_scenario.arrangement import assigned, slot_schedule
 from formation_scenario.displaced_path import DisplacedPath, Rise
 from formation_scenario.path import SplinePath
@@ -13,6 +16,7 @@ from formation_scenario.reconfiguration import ahead, plan_change
 from formation_scenario.slot_motion import Course, SlotMotion, slot_needs
 from formation_scenario.transition import Transition
 
+CONFIGS = Path(__file__).parents[2] / "configs"
 SPEED = 22.0
 CHANGES = "formation.changes=[{at_s: 10, shape: line}, {at_s: 80, shape: circle}, {at_s: 150, shape: square}]"
 vectors = st.lists(st.floats(-60, 60), min_size=12, max_size=12).map(lambda values: np.array(values).reshape(4, 3))
@@ -105,6 +109,26 @@ def test_who_begins_lower_is_lifted_as_far_over_the_leader(load, below_m):
     way = plan_change(scenario, start, arrangement, 0.0, ahead(SplinePath(scenario.path.waypoints_m), SPEED, 0.0))
     sampled = way.sample(np.linspace(0.0, way.duration_s, 600)).position_m
     assert np.linalg.norm(sampled[:, 1], axis=1).min() > 17.9
+
+
+def test_who_is_up_already_is_lifted_over_the_others_not_over_itself(load):
+    """A follower that passes the leader, 18 m over it: one that begins 12 m up needs no more than one that doesn't."""
+    scenario = load("vehicles={count: 2}")
+    arrangement = slot_schedule(scenario)[0].arrangement._replace(shape="follower")
+    course = ahead(SplinePath(scenario.path.waypoints_m), SPEED, 0.0)
+    lifts = [
+        plan_change(
+            scenario, SlotMotion.at_rest(np.array([[0.0, 0.0, 0.0], [30.0, 0.0, up_m]])), arrangement, 0.0, course
+        )
+        for up_m in (0.0, 12.0)
+    ]
+    assert [way.lift_m[1] for way in lifts] == pytest.approx([18.0, 18.0])
+
+
+def test_a_change_is_planned_amid_another_leaders_way_over_hills():
+    """The first leader is still 17 m up, on its way into its slot, when the next change begins."""
+    changes = "{at_s: 190, leader: 2}, {at_s: 250, shape: square}"
+    assert load_scenario(CONFIGS / "hills.yaml", [f"formation.changes=[{{at_s: 130, shape: circle}}, {changes}]"])
 
 
 def test_a_custom_shape_under_another_leader_gives_its_place_to_the_scenarios_leader(load):
