@@ -9,6 +9,7 @@ from typing import Final
 
 import click
 
+from airlink.arguments import SEED
 from airlink.endpoint import Endpoint, parse_endpoint
 from airlink.errors import EndpointError, ImpairmentError, PortError
 from airlink.impairment import Direction
@@ -113,14 +114,15 @@ def _set(relay: Relay, options: dict[str, str | None]) -> None:
                     raise click.UsageError(f"--{prefix}{error}") from error
 
 
-@click.command(epilog=EXAMPLES)
+@click.command(epilog=EXAMPLES, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="gcs-formation")
 @click.option(
     "--listen", metavar="UDPIN", callback=_connection("udpin"), required=True, help="where the vehicles send to"
 )
 @click.option(
     "--to", metavar="UDPOUT", callback=_connection("udpout"), required=True, help="where the ground station listens"
 )
-@click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="of the random numbers")
+@click.option("--seed", type=SEED, default=1, show_default=True, help="of the random numbers")
 @_impairment_options
 def main(listen: Endpoint, to: Endpoint, seed: int, **options: str | None) -> None:
     """Put an impaired link between vehicles and a ground station."""

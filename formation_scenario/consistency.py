@@ -8,6 +8,7 @@ from pathlib import Path
 
 from airlink.endpoint import parse_endpoint
 from airlink.errors import EndpointError
+from formation_scenario import surroundings
 from formation_scenario.disturbances import DrydenTurbulence
 from formation_scenario.elevation import ALLOWED as ELEVATION_ALLOWED
 from formation_scenario.elevation import ElevationError
@@ -55,6 +56,8 @@ def inconsistencies(scenario: Scenario, source: Source) -> list[Problem]:
         _orders,
         _consensus,
         _path,
+        surroundings.places,
+        surroundings.wind,
         _terrain,
         _avoidance,
         _expectations,

@@ -14,6 +14,8 @@ from formation_scenario.fields import CHOICE, Allowed
 from formation_scenario.source import Key, KeyPath, Plain, Source, dotted, kind, show
 
 MAPPING_KEY = "[key]"
+UNKNOWN_KEY = ("extra_forbidden", "invalid_key")
+"""pydantic's errors for a key that a group doesn't have: a word, a number."""
 
 
 class _Expected(NamedTuple):
@@ -36,7 +38,7 @@ def problems_of(error: ValidationError, model: type[BaseModel], source: Source, 
 
 
 def _problem(error: str, loc: tuple[Key, ...], model: type[BaseModel], source: Source, above: KeyPath) -> Problem:
-    if error == "extra_forbidden":
+    if error in UNKNOWN_KEY:
         parent = _expected(model, loc[:-1])
         keys = _keys(parent.type) if _is_group(parent.type) else []
         return _unknown_key((*above, *parent.path, loc[-1]), keys, source)

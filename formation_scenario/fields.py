@@ -13,6 +13,8 @@ MAX_SYSTEM_ID = 254
 MAX_NETWORK = 1000
 MAX_NAME_LENGTH = 80
 MAX_NUMBER = 1e9
+MAX_NEAR_M = 10_000.0
+"""How far aircraft of one formation may be from each other."""
 
 
 class Keys(BaseModel):
@@ -53,8 +55,11 @@ def _printable(value: object) -> object:
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-MAX_NUMBER, le=MAX_NUMBER)]
 NonNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=MAX_NUMBER)]
 Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, le=MAX_NUMBER)]
+TimeConstant = Annotated[Number, Field(ge=1e-3, le=1e4)]
+Distance = Annotated[NonNegative, Field(le=MAX_NEAR_M)]
+Speed = Annotated[Number, Field(ge=1e-3, le=1e3)]
 Fraction = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=1.0)]
-Rate = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, le=1000.0)]
+Rate = Annotated[Number, Field(ge=0.5, le=1000.0)]
 Flag = StrictBool
 Text = StrictStr
 Name = Annotated[str, BeforeValidator(_printable), Allowed(f"text of 1 to {MAX_NAME_LENGTH} printable characters")]
@@ -65,13 +70,16 @@ SystemId = Annotated[
 ]
 NetworkId = Annotated[int, Field(strict=True, ge=1, le=MAX_NETWORK)]
 Vector: TypeAlias = Annotated[tuple[Number, Number, Number], Allowed("a list of 3 numbers")]
+Near = Annotated[Number, Field(ge=-MAX_NEAR_M, le=MAX_NEAR_M)]
+Offset: TypeAlias = Annotated[tuple[Near, Near, Near], Allowed(f"a list of 3 numbers, up to ±{MAX_NEAR_M:g}")]
 VehicleRef: TypeAlias = Annotated[
     Annotated[int, Field(strict=True, ge=1, le=MAX_SYSTEM_ID)]
     | Annotated[str, Field(strict=True, pattern=r"^[1-9][0-9]{0,3}:[1-9][0-9]{0,2}$")],
     Allowed("a vehicle's id, or 'network:id'"),
 ]
 VehicleSelection: TypeAlias = Annotated[
-    Literal["all"] | tuple[VehicleRef, ...], Allowed("all, or a list of vehicle ids such as [2, 3]")
+    Literal["all"] | Annotated[tuple[VehicleRef, ...], Field(min_length=1)],
+    Allowed("all, or a list of vehicle ids such as [2, 3]"),
 ]
 
 

@@ -7,12 +7,12 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from formation_scenario.fields import Keys, NonNegative, Positive, Vector, VehicleRef
+from formation_scenario.fields import MAX_NEAR_M, Keys, NonNegative, Offset, Positive, VehicleRef
 
 Shape = Literal["follower", "diamond", "triangle", "square", "plus", "arrow", "line", "echelon", "circle", "custom"]
 Frame = Literal["leader_heading", "follower_heading"]
-Slots = Mapping[VehicleRef, Vector]
-Spacing = Annotated[Positive, Field(le=10_000.0)]
+Slots = Mapping[VehicleRef, Offset]
+Spacing = Annotated[Positive, Field(le=MAX_NEAR_M)]
 
 
 class FormationChange(Keys):

@@ -11,13 +11,16 @@ from formation_scenario.expectation import Expectation
 from formation_scenario.faults import Fault
 from formation_scenario.fields import (
     Allowed,
+    Distance,
     Flag,
     Keys,
     Name,
     NonNegative,
     Number,
+    Offset,
     Positive,
     Rate,
+    Speed,
     Vector,
     VehicleSelection,
 )
@@ -29,6 +32,7 @@ from formation_scenario.terrain import Terrain
 from formation_scenario.vehicles import Vehicle
 
 Seconds = Annotated[Positive, Field(le=1e6)]
+Seed = Annotated[int, Field(strict=True, ge=0, le=2**63 - 1), Allowed("a whole number from 0 to 2^63 - 1")]
 Waypoints = Annotated[tuple[Vector, ...], Field(min_length=2), Allowed("a list of 2 or more [north, east, height]")]
 
 
@@ -47,8 +51,8 @@ class Start(Keys):
     """How the vehicles begin."""
 
     in_air: Flag = Field(default=False, description="emulators only: begin in flight, without take-off")
-    offset_m: Vector = Field(default=(0.0, 0.0, 0.0), description="follower from its slot: forward, right, up, m")
-    run_in_s: NonNegative = Field(
+    offset_m: Offset = Field(default=(0.0, 0.0, 0.0), description="follower from its slot: forward, right, up, m")
+    run_in_s: Annotated[NonNegative, Field(le=3600.0)] = Field(
         description="how long the leader flies straight to the path's start before t = 0, s; "
         "default 10 in the air, 60 from the ground"
     )
@@ -73,7 +77,7 @@ class Avoidance(Keys):
 class Safety(Keys):
     """Limits whose break fails a run, and what keeps from breaking them."""
 
-    separation_m: NonNegative = Field(default=5.0, description="least distance of two vehicles, m")
+    separation_m: Distance = Field(default=5.0, description="least distance of two vehicles, m")
     avoidance: Avoidance
     clearance_m: NonNegative = Field(default=5.0, description="least height above ground, m")
 
@@ -93,7 +97,7 @@ class Telemetry(Keys):
 class PathPlan(Keys):
     """The leader's path."""
 
-    speed_mps: Positive = Field(default=22.0, description="the leader's speed, m/s")
+    speed_mps: Speed = Field(default=22.0, description="the leader's speed, m/s")
     waypoints_m: Waypoints = Field(description="north, east and height above the origin, m")
 
 
@@ -102,7 +106,7 @@ class Scenario(Keys):
 
     schema_: Literal[1] = Field(default=1, alias="schema", description="version of these keys")
     name: Name = Field(default="scenario", description="name of the run; default: the file's")
-    seed: Annotated[int, Field(strict=True, ge=0, le=2**63 - 1)] = Field(default=1, description="of all randomness")
+    seed: Seed = Field(default=1, description="of all randomness")
     duration_s: Seconds = Field(default=120.0, description="end of the run, from the leader's start on its path, s")
     origin: Origin = Origin()
     start: Start

@@ -8,7 +8,7 @@ from pydantic import BeforeValidator, Field
 from pydantic_core import PydanticCustomError
 
 from formation_scenario.errors import did_you_mean
-from formation_scenario.fields import Allowed, Keys, NonNegative, VehicleRef
+from formation_scenario.fields import MAX_NEAR_M, Allowed, Keys, NonNegative, VehicleRef
 from formation_scenario.formation import FormationChange, Shape
 
 End = Literal["loiter", "rtl", "land"]
@@ -16,6 +16,7 @@ End = Literal["loiter", "rtl", "land"]
 ENDS: tuple[End, ...] = get_args(End)
 SHAPES: tuple[Shape, ...] = get_args(Shape)
 ALLOWED = "shape NAME [SPACING_M], spacing SPACING_M, speed MPS, leader ID, loiter, rtl, land"
+EXAMPLES = (*(f"shape {shape}" for shape in SHAPES), "spacing 40", "speed 24", "leader 2", *ENDS)
 MOST_LETTERS = 100
 
 
@@ -63,7 +64,7 @@ def _shape(name: str) -> Shape:
 
 
 def _spacing(given: list[str]) -> float | None:
-    return _positive(given[0], "m", most=10_000.0) if given else None
+    return _positive(given[0], "m", most=MAX_NEAR_M) if given else None
 
 
 def _positive(text: str, unit: str, most: float = 1000.0) -> float:
@@ -95,4 +96,4 @@ class PlannedOrder(Keys):
     """An order that is given at a time, as `gcs-formation tell` would."""
 
     at_s: NonNegative = Field(description="when, s")
-    order: Annotated[str, BeforeValidator(_known_order), Allowed(ALLOWED)] = Field(description=ALLOWED)
+    order: Annotated[str, BeforeValidator(_known_order), Allowed(ALLOWED, EXAMPLES)] = Field(description=ALLOWED)

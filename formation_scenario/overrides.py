@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from copy import deepcopy
 
 from formation_scenario.errors import Problem, ScenarioError
-from formation_scenario.source import Key, KeyPath, Place, Plain, Source, dotted, kind, read_value
+from formation_scenario.source import MOST_DIGITS, Key, KeyPath, Place, Plain, Source, dotted, kind, read_value
 
 
 def apply_overrides(source: Source, overrides: Sequence[str]) -> Source:
@@ -22,31 +22,41 @@ def apply_overrides(source: Source, overrides: Sequence[str]) -> Source:
     problems: list[Problem] = []
     for override in overrides:
         try:
-            path = _apply(data, override)
+            made = _apply(data, override)
         except ScenarioError as error:
             problems.extend(error.problems)
             continue
+        path = made[-1]
         places = {known: place for known, place in places.items() if known[: len(path)] != path}
-        places[path] = Place(f"--set {override}")
+        places |= dict.fromkeys(made, Place(f"--set {override}"))
     if problems:
         raise ScenarioError(problems)
     return Source(source.file, data, places)
 
 
-def _apply(data: dict[Key, Plain], override: str) -> KeyPath:
+def _apply(data: dict[Key, Plain], override: str) -> list[KeyPath]:
+    """Set a value; return every key path that wasn't there before, and its own as the last."""
     name, equals, text = override.partition("=")
-    path: KeyPath = tuple(int(key) if key.isdecimal() else key for key in name.strip().split("."))
+    path: KeyPath = tuple(_key(key) for key in name.strip().split("."))
     if not equals or "" in path:
         raise _refused(override, "", f"found '{override}'", "dotted.key=value")
     try:
         value = read_value(text)
     except ScenarioError as error:
-        raise _refused(override, dotted(path), error.problems[0].found) from error
+        first = error.problems[0]
+        raise _refused(override, dotted(path), first.found, first.allowed) from error
     parent: Plain = data
+    made: list[KeyPath] = []
     for depth, key in enumerate(path[:-1]):
+        if isinstance(parent, dict) and parent.get(key) is None:
+            made.append(path[: depth + 1])
         parent = _step(parent, key, path[:depth], override)
     _assign(parent, path, value, override)
-    return path
+    return [*made, path]
+
+
+def _key(text: str) -> Key:
+    return int(text) if text.isdecimal() and len(text) <= MOST_DIGITS else text
 
 
 def _step(parent: Plain, key: Key, above: KeyPath, override: str) -> Plain:

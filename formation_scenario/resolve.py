@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from formation_scenario.fields import MAX_SYSTEM_ID
+from formation_scenario.fields import MAX_NUMBER, MAX_SYSTEM_ID
 from formation_scenario.gains import CLEAN, NOISE, filters, gain_groups
 from formation_scenario.navigation import GRADES, InertialNavigation, InertialSensorKeys
 from formation_scenario.source import Key, Plain, Source
 from formation_scenario.vehicles import BASE_PORT
 
 RUN_IN_AIR_S = 10.0
+SEPARATION_M = 5.0
 BUFFER_M = 5.0
 """What the distance that vehicles keep is beyond the one that they must."""
 RUN_IN_GROUND_S = 60.0
+DURATION_S = 120.0
+MAY_BE_EMPTY = ("origin", "telemetry", "links", "wind", "disturbances", "orders", "faults", "finish", "expect")
+"""Keys whose every item may be commented out: `expect:` with nothing below it is as if it weren't there."""
 
 
 def resolve(source: Source) -> Source:
@@ -21,7 +25,7 @@ def resolve(source: Source) -> Source:
 
     Values of a wrong type are left as they are: typing them tells the user.
     """
-    data = dict(source.data)
+    data = {key: value for key, value in source.data.items() if value is not None or key not in MAY_BE_EMPTY}
     data.setdefault("name", Path(source.file).stem if source.file else "scenario")
     data["vehicles"] = _vehicles(data.get("vehicles"))
     if data["vehicles"] is None:
@@ -38,13 +42,19 @@ def resolve(source: Source) -> Source:
         data["links"] = _with_absolute(data["links"], "trace_file", directory)
     if "terrain" in data:
         data["terrain"] = _with_absolute(data["terrain"], "file", directory)
-    data["expect"] = _each(data.get("expect", []), {"to_s": data.get("duration_s", 120.0)})
+    data["expect"] = _each(data.get("expect", []), {"to_s": _usable(data.get("duration_s"), DURATION_S)})
     return Source(source.file, data, source.places)
 
 
 def _group(data: dict[Key, Plain], key: str) -> dict[Key, Plain]:
     value = data.get(key)
     return value if isinstance(value, dict) else {}
+
+
+def _usable(value: Plain, default: float) -> float:
+    """Return a number that another key's default may be made of; `default` for what will be refused anyway."""
+    usable = isinstance(value, int | float) and not isinstance(value, bool) and 0.0 <= value <= MAX_NUMBER
+    return value if usable else default
 
 
 def _filled(value: Plain, defaults: dict[Key, Plain]) -> Plain:
@@ -105,8 +115,7 @@ def _safety(safety: Plain) -> Plain:
     if safety is not None and not isinstance(safety, dict):
         return safety
     given = safety or {}
-    least = given.get("separation_m", 5.0)
-    kept: dict[Key, Plain] = {"distance_m": (least if isinstance(least, int | float) else 0.0) + BUFFER_M}
+    kept: dict[Key, Plain] = {"distance_m": _usable(given.get("separation_m"), SEPARATION_M) + BUFFER_M}
     return given | {"avoidance": _filled(given.get("avoidance"), kept)}
 
 

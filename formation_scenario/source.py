@@ -26,6 +26,12 @@ _FLOAT = re.compile(
     r"^[-+]?(?:(?:[0-9][0-9_]*\.[0-9_]*|\.[0-9][0-9_]*)(?:[eE][-+]?[0-9]+)?|[0-9]+[eE][-+]?[0-9]+"
     r"|\.(?:inf|Inf|INF))$|^\.(?:nan|NaN|NAN)$"
 )
+MOST_DIGITS = 100
+"""Of a whole number: Python neither reads nor shows 5000 of them, and 400 make no float."""
+
+MOST_VALUES = 1_000_000
+"""A few aliases of aliases make more than any memory holds."""
+ALLOWED_VALUES = f"text, true, false, null, or a number; a whole one of up to {MOST_DIGITS} digits"
 
 
 class Place(NamedTuple):
@@ -163,6 +169,9 @@ def _plain_mapping(mapping: Mapping[Any, object], path: KeyPath) -> dict[Key, Pl
 def _plain(value: object, path: KeyPath) -> Plain:
     if isinstance(value, np.ndarray | np.generic):
         value = cast("object", value.tolist())
+    if isinstance(value, int) and abs(value) >= 10**MOST_DIGITS:
+        found = f"found a number of more than {MOST_DIGITS} digits"
+        raise ScenarioError([Problem(None, None, None, dotted(path), found, ALLOWED_VALUES)])
     if value is None or isinstance(value, bool | int | float | str):
         return value
     if isinstance(value, Mapping):
@@ -181,6 +190,7 @@ class _Reader:
         self._file = file
         self._places: dict[KeyPath, Place] = {}
         self._problems: list[Problem] = []
+        self._count = 0
 
     def read(self) -> tuple[Plain, dict[KeyPath, Place]]:
         try:
@@ -198,6 +208,9 @@ class _Reader:
         return data, self._places
 
     def _value(self, loader: Loader, node: yaml.Node, path: KeyPath) -> Plain:
+        self._count += 1
+        if self._count > MOST_VALUES:
+            raise yaml.MarkedYAMLError(problem=f"found more than {MOST_VALUES} values", problem_mark=node.start_mark)
         if isinstance(node, yaml.MappingNode):
             return self._mapping(loader, node, path)
         if isinstance(node, yaml.SequenceNode):
@@ -205,7 +218,12 @@ class _Reader:
             for index, item in enumerate(items):
                 self._places[(*path, index)] = self._place(item)
             return [self._value(loader, item, (*path, index)) for index, item in enumerate(items)]
-        return cast("Plain", loader.construct_object(node))
+        value = _constructed(loader, cast("yaml.ScalarNode", node))
+        if value is not None and not isinstance(value, bool | int | float | str):
+            found = f"found {show(cast('str', node.value))}"
+            self._problems.append(Problem(*self._place(node), dotted(path), found, ALLOWED_VALUES))
+            return None
+        return value
 
     def _mapping(self, loader: Loader, node: yaml.MappingNode, path: KeyPath) -> dict[Key, Plain]:
         self._refuse_duplicates(node, path)
@@ -244,4 +262,15 @@ def _key(node: yaml.Node) -> Key:
     if not isinstance(node, yaml.ScalarNode):
         raise yaml.MarkedYAMLError(problem="found a list or mapping as a key", problem_mark=node.start_mark)
     text = cast("str", node.value)
-    return int(text.replace("_", ""), 0) if node.tag == _INT_TAG else text
+    whole = node.tag == _INT_TAG and _INT.match(text) and len(text) <= MOST_DIGITS
+    return int(text.replace("_", ""), 0) if whole else text
+
+
+def _constructed(loader: Loader, node: yaml.ScalarNode) -> object:
+    """Return a scalar's value; the node itself where there's none: a tag in the text promises what it isn't."""
+    if node.tag == _INT_TAG and len(cast("str", node.value)) > MOST_DIGITS:
+        return node
+    try:
+        return cast("object", loader.construct_object(node))
+    except (AttributeError, KeyError, ValueError):
+        return node

@@ -33,7 +33,7 @@ def check_terrain(scenario: Scenario, source: Source) -> list[Problem]:
     """Return why the formation can't keep clear of the ground; each reason with the place where it's worst."""
     terrain = scenario.terrain
     if terrain is None:
-        return []
+        return list(_over_plain(scenario, source))
     ground = ground_of(scenario)
     flat = SplinePath(scenario.path.waypoints_m)
     begin_m = -scenario.start.run_in_s * scenario.path.speed_mps
@@ -45,6 +45,19 @@ def check_terrain(scenario: Scenario, source: Source) -> list[Problem]:
     height_m = ground.height(points.north_m, points.east_m)
     begun = [*_take_off(scenario, source, ground), *_run_in(terrain, source, places, points, height_m)]
     return begun or list(_path(scenario, terrain, source, ground))
+
+
+def _over_plain(scenario: Scenario, source: Source) -> Iterator[Problem]:
+    """Yield the lowest place of anybody where it's below the clearance; nothing lifts a path over a plain."""
+    path, least_m = SplinePath(scenario.path.waypoints_m), scenario.safety.clearance_m
+    points = path.at(sample_places(0.0, int(path.length_m / STEP_M)))
+    worst = int(np.argmin(points.height_m))
+    below_m, who = min((float(step.places_m[:, 2].min()), step.shape) for step in slot_schedule(scenario))
+    height_m = float(points.height_m[worst]) + min(below_m, 0.0)
+    if height_m < least_m - SHORT_M:
+        whose = f"the lowest slot of shape {who}" if below_m < 0.0 else "the leader"
+        found = f"{_place(points, worst)}: {whose} is {height_m:.1f} m above the ground"
+        yield source.problem(WAYPOINTS, found, f"{least_m:g} m or more (safety.clearance_m)")
 
 
 def _unknown(

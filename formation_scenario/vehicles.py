@@ -14,12 +14,16 @@ from formation_scenario.fields import (
     NetworkId,
     Number,
     Positive,
+    Speed,
     SystemId,
     Text,
+    TimeConstant,
 )
 from formation_scenario.navigation import Navigation, TrueNavigation
 
 BASE_PORT = 14550
+MAX_CLOCK_S = 4e6
+"""MAVLink's time since boot, 32 bits of milliseconds, ends at 4.29e6 s."""
 
 Autopilot = Literal["emulator", "arduplane", "arducopter", "px4"]
 
@@ -27,21 +31,23 @@ Autopilot = Literal["emulator", "arduplane", "arducopter", "px4"]
 class VehicleModel(Keys):
     """Autopilot lags (equation 7) and the limits of flight; defaults: a fixed wing that cruises at 22 m/s."""
 
-    tau_v_s: Positive = Field(default=4.0, description="time constant of airspeed, s")
-    tau_psi_s: Positive = Field(default=1.5, description="time constant of heading, s")
-    tau_ha_s: Positive = Field(default=1.0, description="first time constant of height, s")
-    tau_hb_s: Positive = Field(default=3.0, description="second time constant of height, s")
-    speed_min_mps: Positive = Field(default=16.0, description="lowest airspeed, m/s")
-    speed_max_mps: Positive = Field(default=28.0, description="highest airspeed, m/s")
+    tau_v_s: TimeConstant = Field(default=4.0, description="time constant of airspeed, s")
+    tau_psi_s: TimeConstant = Field(default=1.5, description="time constant of heading, s")
+    tau_ha_s: TimeConstant = Field(default=1.0, description="first time constant of height, s")
+    tau_hb_s: TimeConstant = Field(default=3.0, description="second time constant of height, s")
+    speed_min_mps: Speed = Field(default=16.0, description="lowest airspeed, m/s")
+    speed_max_mps: Speed = Field(default=28.0, description="highest airspeed, m/s")
     accel_max_mps2: Positive = Field(default=1.5, description="largest change of airspeed, m/s²")
     turn_rate_max_rps: Positive = Field(default=0.25, description="highest turn rate, rad/s")
-    climb_max_mps: Positive = Field(default=3.0, description="highest climb and descent rate, m/s")
+    climb_max_mps: Speed = Field(default=3.0, description="highest climb and descent rate, m/s")
 
 
 class VehicleClock(Keys):
     """How a vehicle's clock differs from the ground station's; its time stamps carry the difference."""
 
-    offset_s: Number = Field(default=0.0, description="vehicle's clock minus true time at t = 0, s")
+    offset_s: Annotated[Number, Field(ge=0.0, le=MAX_CLOCK_S)] = Field(
+        default=0.0, description="vehicle's clock minus true time at t = 0, s"
+    )
     drift_ppm: Annotated[Number, Field(ge=-1e5, le=1e5)] = Field(
         default=0.0, description="how much faster than true time the vehicle's clock runs, 1e-6"
     )

@@ -11,6 +11,7 @@ from typing import Any, NoReturn
 
 import click
 
+from airlink.arguments import SECONDS, Number, WholeNumber
 from airlink.endpoint import LOOPBACK, MAX_PORT, Address, Endpoint
 from airlink.errors import PortError
 from airlink.identity import VehicleId
@@ -37,22 +38,6 @@ Examples:
   sim-vehicles sins configs/sins.yaml         inertial navigation: alignment, then flight
   sim-vehicles fly --help                     every option
 """
-
-
-class FiniteRange(click.FloatRange):
-    """A float in a range; NaN is in none."""
-
-    name = "number"
-
-    def convert(self, value: float, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        """Return the number."""
-        number = super().convert(value, param, ctx)
-        if not math.isfinite(number):
-            self.fail(f"{value} is not a finite number.", param, ctx)
-        return number
-
-
-SECONDS = FiniteRange(0)
 
 
 class _FlyByDefault(click.Group):
@@ -86,21 +71,21 @@ def main() -> None:
 
 @main.command(epilog=EXAMPLES)
 @click.argument("scenario", type=click.Path(path_type=Path), required=False)
-@click.option("--count", type=click.IntRange(1, MOST_VEHICLES), help="Without a scenario: how many vehicles.")
+@click.option("--count", type=WholeNumber(1, MOST_VEHICLES), help="Without a scenario: how many vehicles.")
 @click.option(
     "--base-port",
-    type=click.IntRange(1, MAX_PORT),
+    type=WholeNumber(1, MAX_PORT),
     help="Port of vehicle 1.  [default: 14550]",
 )
 @click.option("--one-port", is_flag=True, help="Every vehicle sends to the base port.")
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key of the scenario.")
 @click.option("--ready", "ready_s", type=SECONDS, metavar="SECONDS", help="From boot until armable.  [default: 3]")
-@click.option("--speedup", type=FiniteRange(0.01, 1000), default=1.0, help="Times faster than real time.")
+@click.option("--speedup", type=Number(0.01, 1000), default=1.0, help="Times faster than real time.")
 @click.option("--until", "until_s", type=SECONDS, metavar="SECONDS", help="End after this time.")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 @click.option("--clock-origin", "clock_origin_ns", type=int, hidden=True)
 @click.option("--truth", type=click.Path(path_type=Path), hidden=True)
-@click.option("--truth-rate", "truth_rate_hz", type=FiniteRange(0.01, 50), default=25.0, hidden=True)
+@click.option("--truth-rate", "truth_rate_hz", type=Number(0.01, 50), default=25.0, hidden=True)
 @click.option("--with-parent", "parent_pid", type=int, hidden=True)
 def fly(
     scenario: Path | None,

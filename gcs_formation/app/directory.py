@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from datetime import datetime
 from pathlib import Path
 
 
 def default_directory(name: str) -> Path:
-    """Return runs/NAME-TIME, with a number behind it where that's taken."""
-    stem = f"{name}-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
+    """Return runs/NAME-TIME, with a number behind it where that's taken; a name is no path."""
+    stem = f"{name.replace(os.sep, '-')}-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
     directory, number = Path("runs") / stem, 1
     while directory.exists():
         number += 1

@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from airlink.arguments import SECONDS, SEED, WholeNumber
 from formation_scenario import ScenarioError
 from gcs_formation.app.directory import default_directory
 from gcs_formation.cli import usage
@@ -19,12 +20,12 @@ from gcs_formation.errors import RecordError, RunAbortedError
 @click.command(epilog=usage.COMPARE)
 @click.argument("scenario", type=click.Path(path_type=Path))
 @click.option("--laws", default="pid,fuzzy_pid,consensus", show_default=True, help="Names, with commas between.")
-@click.option("--from", "from_s", type=click.FloatRange(0), default=0.0, metavar="SECONDS", help="Errors count from…")
-@click.option("--to", "to_s", type=click.FloatRange(0), metavar="SECONDS", help="… to; default: the end.")
-@click.option("--until", "until_s", type=click.FloatRange(0), metavar="SECONDS", help="End the flights at this time.")
-@click.option("--seed", type=click.IntRange(0), help="Instead of the scenario's.")
+@click.option("--from", "from_s", type=SECONDS, default=0.0, metavar="SECONDS", help="Errors count from…")
+@click.option("--to", "to_s", type=SECONDS, metavar="SECONDS", help="… to; default: the end.")
+@click.option("--until", "until_s", type=SECONDS, metavar="SECONDS", help="End the flights at this time.")
+@click.option("--seed", type=SEED, help="Instead of the scenario's.")
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key (repeatable).")
-@click.option("--jobs", type=click.IntRange(1), default=1, show_default=True, help="Flights at a time.")
+@click.option("--jobs", type=WholeNumber(1), default=1, show_default=True, help="Flights at a time.")
 @click.option("--out", type=click.Path(path_type=Path), help="Directory of it all; default: runs/NAME-TIME.")
 @click.option("--json", "as_json", is_flag=True, help="The figures alone on standard output, as JSON.")
 def compare(seed: int | None, overrides: tuple[str, ...], out: Path | None, as_json: bool, **given: Any) -> None:

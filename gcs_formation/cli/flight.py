@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 import click
 from rich.console import Console
 
+from airlink.arguments import SECONDS, SEED, Number
 from formation_scenario import Scenario
 from gcs_formation.app.directory import default_directory
 from gcs_formation.app.fly import fly as fly_scenario
@@ -36,12 +37,12 @@ def _options(command: Command) -> Command:
             click.argument("scenario", type=click.Path(path_type=Path)),
             click.option(
                 "--speedup",
-                type=click.FloatRange(0.01, 1000),
+                type=Number(0.01, 1000),
                 default=1.0,
                 help="Real clock: X times faster.",
             ),
-            click.option("--until", type=click.FloatRange(0), metavar="SECONDS", help="End the flight at this time."),
-            click.option("--seed", type=click.IntRange(0), help="Instead of the scenario's."),
+            click.option("--until", type=SECONDS, metavar="SECONDS", help="End the flight at this time."),
+            click.option("--seed", type=SEED, help="Instead of the scenario's."),
             click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key (repeatable)."),
             click.option("--out", type=click.Path(path_type=Path), help="Run directory; default: runs/NAME-TIME."),
             click.option("--quiet", is_flag=True, help="Say nothing but errors."),

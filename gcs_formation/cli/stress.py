@@ -8,6 +8,7 @@ from pathlib import Path
 
 import click
 
+from airlink.arguments import SEED, WholeNumber
 from gcs_formation.cli import usage
 from gcs_formation.cli.status import Status, fail
 from gcs_formation.stress.campaign import fly_seed, fly_seeds
@@ -15,9 +16,9 @@ from gcs_formation.stress.scenarios import HARD, USUAL
 
 
 @click.command(epilog=usage.STRESS)
-@click.option("--count", type=click.IntRange(1), default=100, show_default=True, help="How many flights.")
-@click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Seed of the first; then one more.")
-@click.option("--jobs", type=click.IntRange(1), default=os.cpu_count() or 1, help="Flights at a time; default: cores.")
+@click.option("--count", type=WholeNumber(1), default=100, show_default=True, help="How many flights.")
+@click.option("--seed", type=SEED, default=1, show_default=True, help="Seed of the first; then one more.")
+@click.option("--jobs", type=WholeNumber(1), default=os.cpu_count() or 1, help="Flights at a time; default: cores.")
 @click.option("--hard", is_flag=True, help="Longer trouble, faster flights, stronger wind: three times the time.")
 @click.option("--out", type=click.Path(path_type=Path), help="Keep the record of the one flight here (--count 1).")
 def stress(count: int, seed: int, jobs: int, hard: bool, out: Path | None) -> None:

@@ -52,6 +52,22 @@ import pytest
             "path.waypoints_m.1: found a path that turns",
         ),
         (["path.waypoints_m=[[0, 0, 90], [2e6, 0, 90]]"], "path.waypoints_m: found a path of 2e+06 m; up to 1e+06 m"),
+        (
+            ["path.waypoints_m=[[1e8, 0, 90], [100002000, 0, 90]]"],
+            "path.waypoints_m.0: found a waypoint 1e+08 m from the origin; up to 1e+06 m",
+        ),
+        (
+            ["origin.lat_deg=-85", "path.waypoints_m=[[0, 0, 90], [-5e5, 0, 90]]"],
+            "path.waypoints_m.1: found a waypoint at latitude -89.5°; up to 89°",
+        ),
+        (
+            ["path.waypoints_m=[[0, 0, 1e8], [2000, 0, 1e8]]"],
+            "path.waypoints_m.0: found a waypoint 1e+08 m high; up to 30000 m above sea level",
+        ),
+        (
+            ["wind.velocity_mps=[20, 20, 0]", "vehicles.2.model.speed_max_mps=25"],
+            "wind.velocity_mps: found a wind of 28.3 m/s; less than 25 m/s, vehicle 3's speed_max_mps",
+        ),
     ],
 )
 def test_keys_that_contradict_each_other_are_refused(refusal, overrides, expected):

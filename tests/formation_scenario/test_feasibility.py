@@ -129,3 +129,16 @@ def test_in_a_steady_turn_both_frames_keep_the_distance_to_the_leader(back, righ
     along = speed * np.cos(angle) - turn * right
     assert own.speed_mps[0, 0] == pytest.approx(along)
     assert own.turn_rate_rps[0, 0] == pytest.approx(turn)
+
+
+def test_a_path_or_a_slot_below_the_clearance_over_a_plain_is_refused(load, refusal):
+    low = with_path([[0, 0, 30], [2000, 0, 20], [4000, 0, 30]])
+    below = "formation.slots_m={2: [-30, 30, 0], 3: [-30, -30, -18], 4: [-60, 0, 5]}"
+    assert load(low)
+    assert load(low, "formation.shape=custom", below, "safety.clearance_m=1")
+    (line,) = refusal(low, "formation.shape=custom", below)
+    assert line == (
+        "path.waypoints_m: north 2000, east 0, height 20: the lowest slot of shape custom is 2.0 m above the ground; "
+        "5 m or more (safety.clearance_m)"
+    )
+    assert "the leader is -50.0 m above the ground" in refusal(with_path([[0, 0, -50], [2000, 0, -50]]))[0]

@@ -151,7 +151,7 @@ seconds = st.floats(1e-3, 1e6, allow_nan=False)
     st.floats(0, 1),
     st.integers(1, 12),
     st.sampled_from(["all", [1]]),
-    st.floats(-1e3, 1e3),
+    st.floats(0, 1e3),
 )
 def test_dump_and_load_is_the_identity(name, seed, duration, loss, count, vehicles, offset):
     scenario = load_scenario(
@@ -165,6 +165,15 @@ def test_dump_and_load_is_the_identity(name, seed, duration, loss, count, vehicl
         }
     )
     assert load_scenario(read_text(dump_scenario(scenario)).data) == scenario
+
+
+@pytest.mark.parametrize("key", ["links", "wind", "telemetry", "origin", "finish", "expect", "faults", "orders"])
+def test_a_group_whose_every_line_is_commented_out_is_its_default(load, key):
+    assert load(f"{key}=") == load()
+
+
+def test_an_empty_key_that_nobody_knows_is_still_unknown(refusal):
+    assert "link: found an unknown key 'link'" in refusal("link=")[0]
 
 
 def test_a_scenario_cannot_be_changed(load):

@@ -40,8 +40,8 @@ def test_a_wrong_word_names_file_line_column_key_choices_and_the_nearest(tmp_pat
             "a.yaml:3:1: sede: found an unknown key 'sede'; allowed: schema, name, seed, duration_s,",
         ),
         ("finish: {loiter: 3}\n", "allowed: loiter_s (did you mean 'loiter_s'?)"),
-        ("seed: true\n", "a.yaml:3:1: seed: found true; allowed: a whole number >= 0"),
-        ("seed: 1.5\n", "seed: found 1.5; allowed: a whole number >= 0"),
+        ("seed: true\n", "a.yaml:3:1: seed: found true; allowed: a whole number from 0 to 2^63 - 1"),
+        ("seed: 1.5\n", "seed: found 1.5; allowed: a whole number from 0"),
         ("duration_s: .inf\n", "duration_s: found .inf; allowed: a number > 0 and <= 1e+06"),
         ("duration_s: 'long'\n", "duration_s: found 'long'; allowed: a number > 0"),
         ("start: {in_air: 1}\n", "start.in_air: found 1; allowed: true or false"),
@@ -72,10 +72,32 @@ def test_a_wrong_word_names_file_line_column_key_choices_and_the_nearest(tmp_pat
         ("name: ''\n", "name: found ''; allowed: text of 1 to 80 printable characters"),
         ("schema: 2\n", "schema: found 2; allowed: 1"),
         ("expect: [{metric: error_x.max, below: 1}]\n", "(did you mean 'error_x_m.max'?)"),
+        (
+            "expect: [{metric: settled_at_s, followers: [], below: 1}]\n",
+            "expect.0.followers: found []; allowed: all, or",
+        ),
+        ("5: 5\n", "a.yaml:3:1: 5: found an unknown key '5'; allowed: schema, name,"),
+        ("law: {mixer: {7: 1}}\n", "a.yaml:3:15: law.mixer.7: found an unknown key '7'; allowed: k_v, k_x,"),
+        ("orders: [{at_s: 1, order: sped 20}]\n", "loiter, rtl, land (did you mean 'speed 24'?)"),
+        ("law: {rate_hz: 0.01}\n", "law.rate_hz: found 0.01; allowed: a number from 0.5 to 1000"),
+        ("safety: {separation_m: 1e9}\n", "safety.separation_m: found 1000000000.0; allowed: a number from 0 to 10000"),
+        ("start: {offset_m: [1e6, 0, 0]}\n", "allowed: a list of 3 numbers, up to ±10000"),
     ],
 )
 def test_what_was_found_and_what_is_allowed(tmp_path, text: str, expected: str):
     assert expected in message(tmp_path, text)
+
+
+def test_what_other_defaults_are_made_of_is_refused_once(tmp_path):
+    expected = "expect: [{metric: settled_at_s, below: 1}]\n"
+    assert len(message(tmp_path, f"duration_s: .inf\n{expected}").splitlines()) == 1
+    assert len(message(tmp_path, "safety: {separation_m: .nan}\n").splitlines()) == 1
+
+
+@pytest.mark.parametrize("key", ["tau_v_s", "tau_psi_s", "tau_ha_s", "tau_hb_s", "speed_min_mps", "climb_max_mps"])
+@pytest.mark.parametrize("number", [1e-300, 1e9])
+def test_a_model_that_no_aircraft_has_is_refused(refusal, key: str, number: float):
+    assert f"vehicles.1.model.{key}: found" in refusal(f"vehicles.1.model.{key}={number!r}")[0]
 
 
 def test_more_vehicles_than_system_ids_are_sent_to_another_network(refusal):

@@ -50,6 +50,24 @@ def test_broken_text_names_its_place(text: str, message: str):
     assert problem_lines(text)[0].startswith(message)
 
 
+@pytest.mark.parametrize("value", ["9" * 101, "0x" + "f" * 5000, "!!int abc", "!!timestamp x", "!!bool maybe"])
+def test_a_number_that_python_has_no_words_for_and_a_tag_that_lies_are_refused(value: str):
+    assert problem_lines(f"a:\n  b: {value}\n")[0].startswith("a.yaml:2:6: a.b: found '")
+    with pytest.raises(ScenarioError, match="--set b="):
+        apply_overrides(read_text("a: 1"), [f"b={value}"])
+
+
+def test_a_mapping_with_a_number_of_thousands_of_digits_is_refused():
+    with pytest.raises(ScenarioError, match="seed: found a number of more than 100 digits"):
+        plain_mapping({"seed": 10**5000})
+
+
+def test_aliases_of_aliases_end_before_the_memory_does():
+    text = "a: &a [x, x, x, x, x, x, x, x, x]\n"
+    text += "".join(f"{chr(98 + i)}: &{chr(98 + i)} [{', '.join(['*' + chr(97 + i)] * 9)}]\n" for i in range(9))
+    assert "found more than 1000000 values" in problem_lines(text)[0]
+
+
 def test_every_duplicate_key_is_reported():
     assert len(problem_lines("a: 1\na: 2\nb: {c: 1, c: 2}\n")) == 2
 
@@ -112,6 +130,12 @@ def test_overrides_reach_into_lists_and_make_missing_groups():
     assert data["law"] == {"type": "pid"}
     assert data["formation"] == {"slots_m": {2: [1, 2, 3]}}
     assert source.data == {"vehicles": [{"id": 1}, {"id": 2}]}
+
+
+def test_groups_that_an_override_makes_are_placed_at_it():
+    source = apply_overrides(read_text("law: {type: pid}\n", "a.yaml"), ["formation.changes.0.at_s=3", "law.rate_hz=5"])
+    assert source.place(("formation", "changes")).file == "--set formation.changes.0.at_s=3"
+    assert source.place(("law",)).file == "a.yaml"
 
 
 def test_a_later_override_wins_and_is_the_place_of_its_value():

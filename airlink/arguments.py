@@ -1,0 +1,30 @@
+"""Numbers as the commands take them on their command lines."""
+
+from __future__ import annotations
+
+import math
+
+import click
+
+
+class WholeNumber(click.IntRange):
+    """A whole number in a range."""
+
+    name = "integer"
+
+
+class Number(click.FloatRange):
+    """A number in a range; NaN and the infinities are in none."""
+
+    name = "number"
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Return the number."""
+        number = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{value} is not a finite number.", param, ctx)
+        return number
+
+
+SECONDS = Number(0)
+SEED = WholeNumber(0, 2**63 - 1)
