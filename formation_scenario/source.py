@@ -29,7 +29,7 @@ _FLOAT = re.compile(
 MOST_DIGITS = 100
 """Of a whole number: Python neither reads nor shows 5000 of them, and 400 make no float."""
 
-MOST_VALUES = 1_000_000
+MOST_VALUES = 500_000
 """A few aliases of aliases make more than any memory holds."""
 ALLOWED_VALUES = f"text, true, false, null, or a number; a whole one of up to {MOST_DIGITS} digits"
 

@@ -216,7 +216,17 @@ def test_a_broken_expectation_ends_with_1_and_its_figure(path: Path, tmp_path: P
 
 
 @pytest.mark.parametrize(
-    "arguments", [["check", "nowhere.yaml"], ["run", "nowhere.yaml"], ["report", "nowhere"], ["fly"]]
+    "arguments",
+    [
+        ["check", "nowhere.yaml"],
+        ["run", "nowhere.yaml"],
+        ["report", "nowhere"],
+        ["fly"],
+        ["run", "x.yaml", "--until", "nan"],
+        ["run", "x.yaml", "--speedup", "nan"],
+        ["fly", "x.yaml", "--seed", str(2**63)],
+        ["compare", "x.yaml", "--from", "inf"],
+    ],
 )
 def test_bad_usage_ends_with_2_and_words(arguments: list[str]) -> None:
     done = said(*arguments)
