@@ -53,8 +53,9 @@ def _group(data: dict[Key, Plain], key: str) -> dict[Key, Plain]:
 
 def _usable(value: Plain, default: float) -> float:
     """Return a number that another key's default may be made of; `default` for what will be refused anyway."""
-    usable = isinstance(value, int | float) and not isinstance(value, bool) and 0.0 <= value <= MAX_NUMBER
-    return value if usable else default
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return default
+    return value if 0.0 <= value <= MAX_NUMBER else default
 
 
 def _filled(value: Plain, defaults: dict[Key, Plain]) -> Plain:
