@@ -43,6 +43,7 @@ def run(
 
     Raises:
         ScenarioError: the scenario or an override is wrong; nothing was started.
+        ValueError: `clock`, `speedup` or `until` is wrong.
         RunAbortedError: a port is taken, a vehicle refused, the emulators ended.
         RecordError: the run directory can't be written.
     """

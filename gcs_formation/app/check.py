@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from formation_scenario import Scenario, dump_scenario, slot_schedule
+from formation_scenario import Scenario, ScenarioError, dump_scenario, slot_schedule
 from formation_scenario.arrangement import planned_slots
 from formation_scenario.lifted_path import leader_path
 from formation_scenario.links import Impairment, LinkStep
@@ -44,6 +45,11 @@ def check_report(scenario: Scenario) -> dict[str, Any]:
         "loop_delay_s": configured_loop_delay_s(scenario),
         "warnings": list(warnings(scenario, margins)),
     }
+
+
+def refusal_report(error: ScenarioError) -> dict[str, Any]:
+    """Return what `check --json` prints of a scenario that can't be flown: each problem with its place."""
+    return {"valid": False, "problems": [asdict(problem) for problem in error.problems]}
 
 
 def check_text(scenario: Scenario) -> str:

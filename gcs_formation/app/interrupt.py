@@ -6,7 +6,8 @@ import signal
 from types import FrameType, TracebackType
 from typing import Any, Self
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM)
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""SIGHUP: the terminal has been closed, or the line to it was cut."""
 
 
 class Interrupts:
@@ -18,9 +19,14 @@ class Interrupts:
         self._before: dict[signal.Signals, Any] = {}
 
     def __enter__(self) -> Self:
-        """Take over the signals; leaves them alone where that isn't allowed (not the main thread)."""
+        """Take over the signals; leaves them alone where that isn't allowed (not the main thread).
+
+        Under nohup a closed terminal stays nothing to us.
+        """
+        nohup = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+        taken = [number for number in SIGNALS if not (nohup and number is signal.SIGHUP)]
         try:
-            self._before = {number: signal.signal(number, self._note) for number in SIGNALS}
+            self._before = {number: signal.signal(number, self._note) for number in taken}
         except ValueError:
             self._before = {}
         return self
@@ -32,5 +38,6 @@ class Interrupts:
         for number, handler in self._before.items():
             signal.signal(number, handler)
 
-    def _note(self, _number: int, _frame: FrameType | None) -> None:
-        self.count += 1
+    def _note(self, number: int, _frame: FrameType | None) -> None:
+        # A shell and the system both tell of a closed terminal: that's no second wish.
+        self.count = max(self.count, 1) if number == signal.SIGHUP else self.count + 1

@@ -2,18 +2,32 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Literal, get_args
 
 ClockName = Literal["real", "virtual"]
 
 
 @dataclass(frozen=True)
 class RunOptions:
-    """Options of `run` and `fly`."""
+    """Options of `run` and `fly`.
+
+    Raises:
+        ValueError: one that isn't allowed.
+    """
 
     out: Path
     clock: ClockName = "real"
     speedup: float = 1.0
     until_s: float | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what the command line wouldn't take either."""
+        if self.clock not in get_args(ClockName):
+            raise ValueError(f"clock: found {self.clock!r}; allowed: {', '.join(get_args(ClockName))}")
+        if not 0.01 <= self.speedup <= 1000.0:
+            raise ValueError(f"speedup: found {self.speedup!r}; allowed: a number from 0.01 to 1000")
+        if self.until_s is not None and not 0.0 <= self.until_s < math.inf:
+            raise ValueError(f"until: found {self.until_s!r}; allowed: a number >= 0")

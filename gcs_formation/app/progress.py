@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 
 import numpy as np
 from rich.console import Console
@@ -32,11 +33,13 @@ class ProgressLine:
 
     def show(self, station: Station) -> None:
         """Show time, worst error and links."""
-        self._live.update(Text(progress_text(station), no_wrap=True, overflow="ellipsis"), refresh=True)
+        with suppress(OSError):  # the terminal has been closed, and the vehicles are still up
+            self._live.update(Text(progress_text(station), no_wrap=True, overflow="ellipsis"), refresh=True)
 
     def close(self) -> None:
         """Remove the line."""
-        self._live.stop()
+        with suppress(OSError):
+            self._live.stop()
 
 
 def progress_text(station: Station) -> str:

@@ -22,6 +22,9 @@ EVENTS = "events.jsonl"
 SPOOL = "timeseries.arrows"
 TIMESERIES = "timeseries.parquet"
 SUMMARY = "summary.json"
+REPORT = "report.html"
+FIGURES = "figures"
+"""What `report` makes of the rest."""
 FLUSH_S = 1.0
 EVENT_SCHEMA = 1
 
@@ -38,8 +41,8 @@ class RunDirectory:
         self.path = path
         try:
             path.mkdir(parents=True, exist_ok=True)
-            for stale in (SUMMARY, TIMESERIES):
-                (path / stale).unlink(missing_ok=True)
+            for stale in (path / SUMMARY, path / TIMESERIES, path / REPORT, *(path / FIGURES).glob("*.png")):
+                stale.unlink(missing_ok=True)
             (path / SCENARIO).write_text(dump_scenario(scenario), encoding="utf-8")
             self._tlog = TlogWriter(path / TLOG, epoch_us)
             self._events = (path / EVENTS).open("w", encoding="utf-8")

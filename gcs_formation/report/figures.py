@@ -17,8 +17,6 @@ from gcs_formation.report.run_data import RunData
 from gcs_formation.report.space_figure import trajectory
 from gcs_formation.report.style import print_style, save
 
-DIRECTORY = "figures"
-
 
 class Plate(NamedTuple):
     """A figure: its file's name without the suffix, its title and caption, and how it's drawn."""

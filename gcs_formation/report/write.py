@@ -5,11 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from gcs_formation.errors import RecordError
-from gcs_formation.report.figures import DIRECTORY, write_figures
+from gcs_formation.record.run_directory import FIGURES, REPORT
+from gcs_formation.report.figures import write_figures
 from gcs_formation.report.page import page
 from gcs_formation.report.run_data import load_run
-
-PAGE = "report.html"
 
 
 def write_report(run_dir: Path) -> Path:
@@ -19,9 +18,9 @@ def write_report(run_dir: Path) -> Path:
         RecordError: the directory isn't that of a finished run, or it can't be read or written.
     """
     run = load_run(run_dir)
-    target = run_dir / PAGE
+    target = run_dir / REPORT
     try:
-        plates = list(write_figures(run, run_dir / DIRECTORY))
+        plates = list(write_figures(run, run_dir / FIGURES))
         target.write_text(page(run, plates), encoding="utf-8")
     except OSError as error:
         raise RecordError(f"cannot write the report into {run_dir}: {error.strerror}") from error

@@ -39,6 +39,14 @@ def check(tmp_path: Path):
     return run
 
 
+def test_the_json_of_a_bad_scenario_has_every_problem_with_its_place(check) -> None:
+    status, printed = check("--json", "--set", "law.type=pidd")
+    assert status == 2
+    answer, _ = json.JSONDecoder().raw_decode(printed)  # its words for a person come after, on standard error
+    assert answer["valid"] is False
+    assert [(problem["key"], problem["found"]) for problem in answer["problems"]] == [("law.type", "found 'pidd'")]
+
+
 def test_the_json_has_the_consensus_margin_alone(check) -> None:
     status, printed = check("--json")
     assert status == 0

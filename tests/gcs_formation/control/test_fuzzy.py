@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gcs_formation.control.fuzzy import FuzzyGainScheduler, rule_tables
+from gcs_formation.control import FuzzyGainScheduler
+from gcs_formation.control.fuzzy import rule_tables
 
 unit = st.floats(-1.0, 1.0)
 

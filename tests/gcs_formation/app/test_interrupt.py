@@ -1,0 +1,23 @@
+import signal
+
+from gcs_formation.app.interrupt import Interrupts
+
+
+def test_a_closed_terminal_asks_for_an_orderly_end_and_never_for_an_immediate_one() -> None:
+    with Interrupts() as interrupts:
+        signal.raise_signal(signal.SIGHUP)
+        signal.raise_signal(signal.SIGHUP)
+        assert interrupts.count == 1
+        signal.raise_signal(signal.SIGINT)
+        assert interrupts.count == 2
+
+
+def test_under_nohup_a_closed_terminal_is_nothing() -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with Interrupts() as interrupts:
+            signal.raise_signal(signal.SIGHUP)
+            assert interrupts.count == 0
+        assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)

@@ -1,0 +1,15 @@
+import math
+from pathlib import Path
+
+import pytest
+
+from gcs_formation.app.options import RunOptions
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"clock": "fast"}, {"speedup": 0.0}, {"speedup": math.nan}, {"until_s": -1.0}, {"until_s": math.nan}],
+)
+def test_what_the_command_line_refuses_is_refused_from_python_too(wrong) -> None:
+    with pytest.raises(ValueError, match="allowed: "):
+        RunOptions(Path("run"), **wrong)
