@@ -1,16 +1,55 @@
 """The scenario: YAML -> frozen typed objects; slots, path geometry and start states that follow from it."""
 
-from formation_scenario.arrangement import SlotStep, slot_schedule, slot_table
-from formation_scenario.errors import Problem, ScenarioError
-from formation_scenario.ground import Ground, ground_of
-from formation_scenario.lifted_path import leader_path
-from formation_scenario.links import Impairment, LinkStep
-from formation_scenario.load import dump_scenario, load_scenario
-from formation_scenario.model import Scenario
-from formation_scenario.path import PathError, PathPoint, PathPoints, SplinePath
-from formation_scenario.placement import StartStates, start_states
-from formation_scenario.shapes import slots
-from formation_scenario.vehicles import Vehicle, VehicleModel
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from formation_scenario.arrangement import SlotStep, slot_schedule, slot_table
+    from formation_scenario.errors import Problem, ScenarioError
+    from formation_scenario.ground import Ground, ground_of
+    from formation_scenario.lifted_path import leader_path
+    from formation_scenario.links import Impairment, LinkStep
+    from formation_scenario.load import dump_scenario, load_scenario
+    from formation_scenario.model import Scenario
+    from formation_scenario.path import PathError, PathPoint, PathPoints, SplinePath
+    from formation_scenario.placement import StartStates, start_states
+    from formation_scenario.shapes import slots
+    from formation_scenario.vehicles import Vehicle, VehicleModel
+
+_HOME = {
+    "Ground": "formation_scenario.ground",
+    "Impairment": "formation_scenario.links",
+    "LinkStep": "formation_scenario.links",
+    "PathError": "formation_scenario.path",
+    "PathPoint": "formation_scenario.path",
+    "PathPoints": "formation_scenario.path",
+    "Problem": "formation_scenario.errors",
+    "Scenario": "formation_scenario.model",
+    "ScenarioError": "formation_scenario.errors",
+    "SlotStep": "formation_scenario.arrangement",
+    "SplinePath": "formation_scenario.path",
+    "StartStates": "formation_scenario.placement",
+    "Vehicle": "formation_scenario.vehicles",
+    "VehicleModel": "formation_scenario.vehicles",
+    "dump_scenario": "formation_scenario.load",
+    "ground_of": "formation_scenario.ground",
+    "leader_path": "formation_scenario.lifted_path",
+    "load_scenario": "formation_scenario.load",
+    "slot_schedule": "formation_scenario.arrangement",
+    "slot_table": "formation_scenario.arrangement",
+    "slots": "formation_scenario.shapes",
+    "start_states": "formation_scenario.placement",
+}
+
+
+def __getattr__(name: str) -> object:
+    """Import what is asked for when it's asked for: whoever reads an order alone doesn't load splines and solvers."""
+    if name not in _HOME:
+        raise AttributeError(f"module 'formation_scenario' has no attribute '{name}'")
+    return getattr(import_module(_HOME[name]), name)
+
 
 __all__ = [
     "Ground",

@@ -3,22 +3,16 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 from airlink.clock import Instant
 from formation_scenario import Scenario
 from formation_scenario.orders import End, Order, OrderError, parse_order
 from formation_scenario.transition import NotFlyableError
+from gcs_formation.answer import Answer
 from gcs_formation.phases import Flight, Phase
 from gcs_formation.reconfiguration import Reconfiguration
 from gcs_formation.records import Note
-
-
-class Answer(NamedTuple):
-    """What came of an order."""
-
-    accepted: bool
-    text: str
 
 
 class EndFlight(Protocol):

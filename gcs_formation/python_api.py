@@ -10,13 +10,13 @@ import yaml
 
 from formation_scenario import Scenario, load_scenario
 from formation_scenario.orders import parse_order
+from gcs_formation.answer import Answer
 from gcs_formation.app.directory import default_directory
 from gcs_formation.app.interrupt import Interrupts
 from gcs_formation.app.options import ClockName, RunOptions
 from gcs_formation.app.progress import Silent
 from gcs_formation.app.run import run as run_scenario
 from gcs_formation.app.steering import tell as give_order
-from gcs_formation.orders import Answer
 from gcs_formation.record.summary import Summary
 
 __all__ = ["Answer", "Summary", "run", "tell"]

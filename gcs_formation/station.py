@@ -16,6 +16,7 @@ from airlink.messages import Message
 from formation_scenario import Scenario
 from formation_scenario.arrangement import columns
 from formation_scenario.orders import End
+from gcs_formation.answer import Answer
 from gcs_formation.beacon import Beacon
 from gcs_formation.controller import FormationController
 from gcs_formation.dispatch import Dispatch
@@ -26,7 +27,7 @@ from gcs_formation.ledger import CommandLedger
 from gcs_formation.link.receiver import Receiver
 from gcs_formation.loitering import GroundFloor
 from gcs_formation.margin_watch import MarginWatch
-from gcs_formation.orders import Answer, Orders
+from gcs_formation.orders import Orders
 from gcs_formation.phases import Cause, Flight, Phase
 from gcs_formation.reconfiguration import Reconfiguration
 from gcs_formation.records import Detail, Event, Recorder, Tick

@@ -11,8 +11,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from gcs_formation.answer import Answer
 from gcs_formation.errors import NothingRunningError
-from gcs_formation.orders import Answer
 
 SOCKET = "orders.sock"
 MOST_BYTES = 400

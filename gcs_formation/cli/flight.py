@@ -22,7 +22,8 @@ from gcs_formation.app.outcome import summary_text
 from gcs_formation.app.progress import ProgressLine, Silent
 from gcs_formation.app.run import run as run_scenario
 from gcs_formation.cli import usage
-from gcs_formation.cli.status import Status, load, say
+from gcs_formation.cli.scenario import load
+from gcs_formation.cli.status import Status, say
 from gcs_formation.errors import RecordError, RunAbortedError
 from gcs_formation.record.summary import Summary
 

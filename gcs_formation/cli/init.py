@@ -8,7 +8,8 @@ import click
 
 from gcs_formation.app.init import example_names, write_example
 from gcs_formation.cli import usage
-from gcs_formation.cli.status import Status, fail, load
+from gcs_formation.cli.scenario import load
+from gcs_formation.cli.status import Status, fail
 from gcs_formation.errors import ExampleError
 
 

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import sys
 from enum import IntEnum
-from pathlib import Path
 from typing import NoReturn
 
 import click
-
-from formation_scenario import Scenario, ScenarioError, load_scenario
 
 
 class Status(IntEnum):
@@ -20,14 +17,6 @@ class Status(IntEnum):
     BAD_USAGE = 2
     COULD_NOT_GO_ON = 3
     INTERRUPTED = 130
-
-
-def load(scenario: Path, overrides: tuple[str, ...]) -> Scenario:
-    """Return a scenario, or end with what's wrong in it."""
-    try:
-        return load_scenario(scenario, overrides)
-    except ScenarioError as error:
-        fail(str(error), Status.BAD_USAGE)
 
 
 def say(text: str, status: Status) -> Status:

@@ -56,9 +56,22 @@ def test_every_command_shows_examples(program: click.Group, command: str) -> Non
     assert "Examples:" in result.output
 
 
+def loaded_by(*arguments: str) -> tuple[str, list[str]]:
+    """Return what a command says on standard output, and the modules that it has loaded at its end."""
+    script = "import atexit, sys; atexit.register(lambda: print(chr(0), *sys.modules)); "
+    script += "from gcs_formation.__main__ import main; main()"
+    done = subprocess.run([sys.executable, "-c", script, *arguments], check=False, capture_output=True, text=True)
+    said, modules = done.stdout.split("\0")
+    return said, modules.split()
+
+
 def test_the_list_of_commands_names_them_all_and_loads_none() -> None:
-    listed = "import sys; from gcs_formation.__main__ import main; sys.argv = ['gcs-formation', '--help']; "
-    listed += "import atexit; atexit.register(lambda: print(*sys.modules)); main()"
-    said = subprocess.run([sys.executable, "-c", listed], check=True, capture_output=True, text=True).stdout
+    said, modules = loaded_by("--help")
     assert all(f"\n  {command} " in said for command in COMMANDS)
-    assert "numpy" not in said.split()
+    assert "numpy" not in modules
+
+
+def test_an_order_is_given_without_loading_what_flies(tmp_path: Path) -> None:
+    _, modules = loaded_by("tell", str(tmp_path), "shape", "line")
+    assert "gcs_formation.app.steering" in modules
+    assert "numpy" not in modules

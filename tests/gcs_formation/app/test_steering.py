@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from gcs_formation.answer import Answer
 from gcs_formation.app.steering import MOST_BYTES, OrderSocket, tell
 from gcs_formation.errors import NothingRunningError
-from gcs_formation.orders import Answer
 
 
 @pytest.fixture

@@ -1,0 +1,16 @@
+"""The scenario on a command line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from formation_scenario import Scenario, ScenarioError, load_scenario
+from gcs_formation.cli.status import Status, fail
+
+
+def load(scenario: Path, overrides: tuple[str, ...]) -> Scenario:
+    """Return a scenario, or end with what's wrong in it."""
+    try:
+        return load_scenario(scenario, overrides)
+    except ScenarioError as error:
+        fail(str(error), Status.BAD_USAGE)
