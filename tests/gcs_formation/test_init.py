@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 
 import click
@@ -15,9 +16,7 @@ from formation_scenario import load_scenario
 from gcs_formation.app.init import example_names
 from gcs_formation.cli import COMMANDS, main
 
-PROGRAMS = [(main, name) for name in COMMANDS] + [
-    (sim_vehicles.cli.main, name) for name in sim_vehicles.cli.main.commands
-]
+PROGRAMS = [(main, name) for name in COMMANDS] + [(sim_vehicles.cli.main, name) for name in sim_vehicles.cli.COMMANDS]
 
 
 def invoke(*arguments: object) -> Result:
@@ -56,22 +55,25 @@ def test_every_command_shows_examples(program: click.Group, command: str) -> Non
     assert "Examples:" in result.output
 
 
-def loaded_by(*arguments: str) -> tuple[str, list[str]]:
+def loaded_by(program: str, *arguments: str) -> tuple[str, list[str]]:
     """Return what a command says on standard output, and the modules that it has loaded at its end."""
     script = "import atexit, sys; atexit.register(lambda: print(chr(0), *sys.modules)); "
-    script += "from gcs_formation.__main__ import main; main()"
+    script += f"from {program} import main; main()"
     done = subprocess.run([sys.executable, "-c", script, *arguments], check=False, capture_output=True, text=True)
     said, modules = done.stdout.split("\0")
     return said, modules.split()
 
 
-def test_the_list_of_commands_names_them_all_and_loads_none() -> None:
-    said, modules = loaded_by("--help")
-    assert all(f"\n  {command} " in said for command in COMMANDS)
+@pytest.mark.parametrize(
+    ("program", "commands"), [("gcs_formation.__main__", COMMANDS), ("sim_vehicles.cli", sim_vehicles.cli.COMMANDS)]
+)
+def test_the_list_of_commands_names_them_all_and_loads_none(program: str, commands: Iterable[str]) -> None:
+    said, modules = loaded_by(program, "--help")
+    assert all(f"\n  {command} " in said for command in commands)
     assert "numpy" not in modules
 
 
 def test_an_order_is_given_without_loading_what_flies(tmp_path: Path) -> None:
-    _, modules = loaded_by("tell", str(tmp_path), "shape", "line")
+    _, modules = loaded_by("gcs_formation.__main__", "tell", str(tmp_path), "shape", "line")
     assert "gcs_formation.app.steering" in modules
     assert "numpy" not in modules

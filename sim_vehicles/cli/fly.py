@@ -1,11 +1,10 @@
-"""The command line: `sim-vehicles SCENARIO`, or `sim-vehicles --count N`."""
+"""`sim-vehicles fly`, or `sim-vehicles` alone."""
 
 from __future__ import annotations
 
 import math
 import sys
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -16,6 +15,7 @@ from airlink.endpoint import LOOPBACK, MAX_PORT, Address, Endpoint
 from airlink.errors import PortError
 from airlink.identity import VehicleId
 from formation_scenario import ScenarioError, load_scenario
+from sim_vehicles.cli.usage import EXAMPLES
 from sim_vehicles.config import FleetConfig, Start, VehicleConfig
 from sim_vehicles.fleet import Fleet
 from sim_vehicles.from_scenario import fleet_config
@@ -27,49 +27,9 @@ BASE_PORT = 14550
 MOST_VEHICLES = 254
 APART_M = 20.0
 ORIGIN_LAT_DEG, ORIGIN_LON_DEG = 35.0, 125.0
-SINS = "sins"
 
 
-EXAMPLES = """\b
-Examples:
-  sim-vehicles configs/quickstart.yaml        the vehicles of a scenario, at its endpoints
-  sim-vehicles --count 4 --base-port 14551    vehicle i has system id i and sends to port 14550 + i
-  sim-vehicles --count 20 --one-port          all of them to port 14550
-  sim-vehicles sins configs/sins.yaml         inertial navigation: alignment, then flight
-  sim-vehicles fly --help                     every option
-"""
-
-
-class _FlyByDefault(click.Group):
-    """A group whose plain call, with a scenario or with options alone, flies vehicles."""
-
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        """Return the names."""
-        return [*super().list_commands(ctx), SINS]
-
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Return a command; the one that draws figures is imported when it is chosen."""
-        if cmd_name == SINS:
-            return import_module("sim_vehicles.inertial.command").sins
-        return super().get_command(ctx, cmd_name)
-
-    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        own = {"-h", "--help", "--version"}
-        if not args or args[0] not in (*self.list_commands(ctx), *own):
-            args = ["fly", *args]
-        return super().parse_args(ctx, args)
-
-
-@click.group(cls=_FlyByDefault, context_settings={"help_option_names": ["-h", "--help"]}, epilog=EXAMPLES)
-@click.version_option(package_name="gcs-formation")
-def main() -> None:
-    """Emulated ArduPlanes that speak MAVLink over UDP.
-
-    Give a scenario, or a number of vehicles; `fly` may be left out.
-    """
-
-
-@main.command(epilog=EXAMPLES)
+@click.command(epilog=EXAMPLES)
 @click.argument("scenario", type=click.Path(path_type=Path), required=False)
 @click.option("--count", type=WholeNumber(1, MOST_VEHICLES), help="Without a scenario: how many vehicles.")
 @click.option(
