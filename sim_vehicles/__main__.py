@@ -1,5 +1,17 @@
 """`python -m sim_vehicles` is `sim-vehicles`."""
 
-from sim_vehicles.cli import main
+from __future__ import annotations
 
-main()
+from airlink.interruption import end_quietly
+
+
+def main() -> None:
+    """Run the command line."""
+    end_quietly()
+    from sim_vehicles.cli import main as cli  # noqa: PLC0415 - Ctrl-C ends its import too
+
+    cli()
+
+
+if __name__ == "__main__":
+    main()

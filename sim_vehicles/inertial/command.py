@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import sys
 from pathlib import Path
 from typing import Any, NoReturn
 
 import click
 
+from airlink.arguments import SEED
 from formation_scenario import Scenario, ScenarioError, Vehicle, load_scenario
 from sim_vehicles.inertial.experiment import Experiment, experiment, inertial_vehicles, summary
 from sim_vehicles.inertial.record import write
@@ -27,7 +29,7 @@ Examples:
 @click.command(epilog=EXAMPLES)
 @click.argument("scenario", type=click.Path(path_type=Path))
 @click.option("--vehicle", metavar="ID", help="Which vehicle.  [default: the first with source: ins]")
-@click.option("--seed", type=click.IntRange(0), help="Of the sensors' noise, in place of the scenario's.")
+@click.option("--seed", type=SEED, help="Of the sensors' noise, in place of the scenario's.")
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key of the scenario.")
 @click.option("--out", type=click.Path(path_type=Path), help="Where to.  [default: runs/NAME]")
 @click.option("--json", "as_json", is_flag=True, help="Print the summary alone, as JSON.")
@@ -48,7 +50,7 @@ def sins(
     except ScenarioError as error:
         _fail(str(error))
     done = experiment(loaded, _chosen(loaded, vehicle, scenario))
-    directory = out or Path("runs") / loaded.name
+    directory = out or Path("runs") / loaded.name.replace(os.sep, "-")
     try:
         write(directory, done)
     except OSError as error:

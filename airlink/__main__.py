@@ -1,0 +1,17 @@
+"""`python -m airlink` is `airlink-proxy`."""
+
+from __future__ import annotations
+
+from airlink.interruption import end_quietly
+
+
+def main() -> None:
+    """Run the proxy."""
+    end_quietly()
+    from airlink.proxy_cli import main as proxy  # noqa: PLC0415 - Ctrl-C ends its import too
+
+    proxy()
+
+
+if __name__ == "__main__":
+    main()
