@@ -61,6 +61,11 @@ def test_seeded_flights_break_nothing(first: int) -> None:
     assert [trial for seed in range(first, first + SEEDS_EACH) if (trial := fly_seed(seed)).broken] == []
 
 
+@pytest.mark.slow
+def test_a_leader_that_its_pilot_takes_600_m_away_is_in_its_slot_again() -> None:
+    assert fly_seed(14, severity=HARD).broken == ()
+
+
 @pytest.mark.parametrize("hard", [[], ["--hard"]])
 def test_the_command_names_the_seed_that_breaks_something(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, hard: list[str]
