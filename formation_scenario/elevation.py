@@ -94,13 +94,13 @@ def read_elevation(file: str, lat_deg: float, lon_deg: float, alt_m: float, arou
 
 def _read_hgt(path: Path) -> Raster:
     """Return an SRTM tile: a square of big-endian 16-bit metres, named by its south-west corner."""
-    named = HGT_NAME.match(path.stem)
-    if named is None:
-        raise ElevationError(f"found {path.name}, which doesn't say where the tile lies")
     try:
         values = np.fromfile(path, dtype=">i2").astype(np.float64)
     except OSError as error:
         raise ElevationError(f"found {path}: {error.strerror}") from error
+    named = HGT_NAME.match(path.stem)
+    if named is None:
+        raise ElevationError(f"found {path.name}, which doesn't say where the tile lies")
     side = round(values.size**0.5)
     if side < 2 or side * side != values.size:
         raise ElevationError(f"found {path.name} with {values.size} values, which make no square")

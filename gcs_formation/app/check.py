@@ -14,6 +14,7 @@ from formation_scenario import Scenario, ScenarioError, dump_scenario, slot_sche
 from formation_scenario.arrangement import planned_slots
 from formation_scenario.lifted_path import leader_path
 from formation_scenario.links import Impairment, LinkStep
+from formation_scenario.path import SplinePath
 from formation_scenario.trace import read_trace_ms
 from gcs_formation.guidance.leader import ASSEMBLED_S, DECISION_S
 from gcs_formation.loitering import GroundFloor
@@ -100,6 +101,7 @@ def warnings(scenario: Scenario, margins: LawMargins) -> Iterator[str]:
             yield f"loop {loop}: {delay_s:.3f} s of delay is {delay_s / margin_s:.0%} of its margin {margin_s:.3f} s"
     if lifted := circles_lifted(scenario):
         yield lifted
+    yield from never_reached(scenario)
     least_s, found_s = least_run_in_s(scenario), scenario.start.run_in_s
     if scenario.start.in_air and found_s < least_s:
         allowed_s = math.ceil(round(10 * least_s, 6)) / 10
@@ -108,6 +110,24 @@ def warnings(scenario: Scenario, margins: LawMargins) -> Iterator[str]:
             f"start.run_in_s: found {found_s:g}; allowed: {allowed_s:g} or more for the path to begin at once; "
             f"the leader goes round first, for about {round_s:.0f} s"
         )
+
+
+def never_reached(scenario: Scenario) -> Iterator[str]:
+    """Yield what is planned for a time at which the flight is over; orders may make it slower than its path says."""
+    path_s = SplinePath(scenario.path.waypoints_m).length_m / scenario.path.speed_mps
+    end_s = scenario.duration_s if scenario.orders else min(scenario.duration_s, path_s)
+    planned = {
+        "formation.changes": scenario.formation.changes,
+        "links.changes": scenario.links.changes,
+        "disturbances": scenario.disturbances,
+        "orders": scenario.orders,
+        "faults": scenario.faults,
+    }
+    times_s = {f"{key}.{i}.at_s": entry.at_s for key, entries in planned.items() for i, entry in enumerate(entries)}
+    times_s |= {f"expect.{i}.from_s": entry.from_s for i, entry in enumerate(scenario.expect)}
+    for key, at_s in times_s.items():
+        if at_s >= end_s:
+            yield f"{key}: found {at_s:g}; the flight is over at {end_s:.4g} s"
 
 
 def circles_lifted(scenario: Scenario) -> str | None:

@@ -137,3 +137,8 @@ def test_many_places_on_the_earth_are_those_of_one_by_one():
     north, east = np.array([0.0, 4000.0, -20_000.0]), np.array([0.0, -7000.0, 30_000.0])
     for i, (lat, lon) in enumerate(zip(*ORIGIN.places(north, east), strict=True)):
         assert (lat, lon) == pytest.approx(ORIGIN.from_ned(north[i], east[i], 0.0)[:2], abs=1e-14)
+
+
+def test_a_tile_that_is_not_there_is_missed_before_its_name_is_judged(tmp_path):
+    with pytest.raises(ElevationError, match="No such file"):
+        read_elevation(str(tmp_path / "tile.hgt"), 35.5, 125.5, 0.0, NEAR)

@@ -11,7 +11,7 @@ import yaml
 from click.testing import CliRunner
 
 from formation_scenario import load_scenario
-from gcs_formation.app.check import check_report
+from gcs_formation.app.check import check_report, never_reached
 from gcs_formation.cli import main
 from gcs_formation.phases import Phase
 from gcs_formation.stability import consensus_delay_margin, graph_adjacency
@@ -140,3 +140,18 @@ def test_circles_that_are_lifted_at_the_paths_end_are_told_with_place_and_figure
         "path at 2000 m, its end: vehicles circle 50.0 m above it, at 150 m and higher, for the ground at north 2000, "
         "east 150"
     )
+
+
+def test_what_is_planned_for_after_the_flight_is_warned_of() -> None:
+    late = {
+        "faults": [{"at_s": 50, "kind": "crash", "vehicles": [2]}, {"at_s": 500, "kind": "crash", "vehicles": [2]}],
+        "expect": [{"metric": "error_x_m.max", "from_s": 140, "to_s": 150, "below": 1}],
+        "duration_s": 600,
+    }
+    scenario = load_scenario(PLAIN | late)  # 3000 m at 22 m/s
+    assert list(never_reached(scenario)) == [
+        "faults.1.at_s: found 500; the flight is over at 136.4 s",
+        "expect.0.from_s: found 140; the flight is over at 136.4 s",
+    ]
+    slower = load_scenario(PLAIN | late | {"orders": [{"at_s": 9, "order": "speed 18"}]})
+    assert list(never_reached(slower)) == []
