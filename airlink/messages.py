@@ -267,6 +267,15 @@ class Timesync(NamedTuple):
     ts1_ns: int
 
 
+class FileTransferProtocol(NamedTuple):
+    """FILE_TRANSFER_PROTOCOL (110): one packet of MAVLink FTP, as bytes."""
+
+    target_network: int
+    target_system: int
+    target_component: int
+    payload: tuple[int, ...]
+
+
 class BatteryStatus(NamedTuple):
     """BATTERY_STATUS (147): one battery; voltages of its cells, or of the whole in the first place, NaN for none."""
 
@@ -382,6 +391,7 @@ Message = (
     | CommandAck
     | SetPositionTargetLocalNed
     | Timesync
+    | FileTransferProtocol
     | BatteryStatus
     | AutopilotVersion
     | Wind

@@ -93,6 +93,10 @@ class ParameterServer:
         """Return a value."""
         return self._values[name]
 
+    def entries(self) -> list[tuple[str, int, float]]:
+        """Return the name, MAV_PARAM_TYPE and value of each."""
+        return [(name, kind.type, self._values[name]) for name, kind in KINDS.items()]
+
     def is_airspeed(self, speed_mps: float) -> bool:
         """Return whether an airspeed is one that may be asked for."""
         return self["AIRSPEED_MIN"] <= speed_mps <= self["AIRSPEED_MAX"]

@@ -16,15 +16,12 @@ from airlink.messages import (
     Heartbeat,
     Message,
     NamedValueFloat,
-    ParamRequestList,
-    ParamRequestRead,
-    ParamSet,
     RequestDataStream,
     SetMode,
     Statustext,
     Timesync,
 )
-from airlink.mission_messages import MissionAck, MissionItem, MissionItemInt, MissionItemReached, MissionMessage
+from airlink.mission_messages import MissionAck, MissionItem, MissionItemInt, MissionItemReached
 from sim_vehicles import commands
 from sim_vehicles.config import Fault, SensorErrors, VehicleConfig
 from sim_vehicles.failsafe import GroundStationFailsafe
@@ -39,6 +36,7 @@ from sim_vehicles.motion import Motion
 from sim_vehicles.parameters import ParameterServer, initial_values
 from sim_vehicles.pilot import Pilot
 from sim_vehicles.sensors import Sensors
+from sim_vehicles.storage import Storage
 from sim_vehicles.streams import NEVER, Streams
 from sim_vehicles.telemetry import BUILDERS
 from sim_vehicles.vehicle_clock import VehicleClock
@@ -67,6 +65,7 @@ class Vehicle:
         self.pilot = Pilot(index, config, fleet.steering, self.parameters)
         self.link = Link(index, config, fleet.outbox)
         self.missions = Missions(self._home)
+        self._storage = Storage(self.parameters, self.missions)
         self._mission_flight = MissionFlight(self.missions, self.pilot, self.parameters, fleet.origin)
         self._sensors = _sensors(config, fleet)
         self._asker = config.endpoint.address
@@ -253,12 +252,6 @@ class Vehicle:
                 self.answer(Timesync(self.time_ns, message.ts1_ns))
             case Heartbeat():
                 self.failsafe.heartbeat(frame.system, self.now)
-            case ParamRequestList():
-                self.parameters.begin_list(self._asker)
-            case ParamRequestRead():
-                self.answer(self.parameters.read(message))
-            case ParamSet():
-                self.answer(self.parameters.set(message))
             case RequestDataStream():
                 rate_hz = message.req_message_rate if message.start_stop else 0
                 self.streams.set_group(message.req_stream_id, rate_hz, self.now)
@@ -266,18 +259,13 @@ class Vehicle:
                 self.switch(message.custom_mode)
             case NamedValueFloat(name=name, value=value) if name == MISSION_TIME and math.isfinite(value):
                 self.fleet.environment.mission_told(value, self.now)
-            case _ if isinstance(message, MissionMessage):
-                self._take_mission(message, Sender(self._asker, frame.system, frame.component))
+            case MissionItem() | MissionItemInt() if message.current in commands.AT_ONCE:
+                result = m.MAV_MISSION_ACCEPTED if self._ignores else commands.fly_to(self, message)
+                self.answer(MissionAck(frame.system, frame.component, result))
             case _:
-                pass
-
-    def _take_mission(self, message: MissionMessage, sender: Sender) -> None:
-        if isinstance(message, MissionItem | MissionItemInt) and message.current in commands.AT_ONCE:
-            result = m.MAV_MISSION_ACCEPTED if self._ignores else commands.fly_to(self, message)
-            self.answer(MissionAck(sender.system, sender.component, result))
-            return
-        for answer in self.missions.take(message, sender, self.now):
-            self.answer(answer)
+                sender = Sender(self._asker, frame.system, frame.component)
+                for answer in self._storage.answers(message, sender, self.now):
+                    self.answer(answer)
 
     def _is_for_us(self, message: Message | None) -> bool:
         """Return whether a message is for everyone or names us."""

@@ -74,7 +74,8 @@ class Hostile:
         layout = draw.choice(LAYOUTS)
         payload = self._payload(layout)
         if version == 2 and draw.random() < 0.3:
-            payload = payload[: draw.randrange(len(payload) + 1)] + draw.randbytes(draw.choice((0, 0, 9)))
+            cut = payload[: draw.randrange(len(payload) + 1)]
+            payload = (cut + draw.randbytes(draw.choice((0, 0, 9))))[:LONGEST_PAYLOAD]
         return framed(layout.message_id, _retargeted(layout, payload, names.target), header)
 
     def _payload(self, layout: Layout) -> bytes:

@@ -219,3 +219,8 @@ def test_the_follower_keeps_its_slot(run):
     assert follower["error_y_m"]["max"] < 4.0
     assert follower["error_z_m"]["max"] < 5.0
     assert summary["safety"]["violations"] == 0
+
+
+def test_nobody_is_said_to_disobey(run):
+    events = [json.loads(line) for line in (run / "events.jsonl").read_text().splitlines()]
+    assert [event for event in events if event["kind"] == "disobeys"] == []
