@@ -16,10 +16,9 @@ from airlink.impairment import Direction
 from airlink.impairment_keys import KEYS, changed, described, obey
 from airlink.proxy import Proxy
 from airlink.relay import Relay
+from airlink.status import Status, fail
 
 LONGEST_LINE: Final = 4096
-EXIT_CANNOT_GO_ON: Final = 3
-EXIT_INTERRUPTED: Final = 130
 EXAMPLES: Final = """\b
 Every option that takes a VALUE is there for one direction too: --uplink-delay-ms
 (to the vehicle), --downlink-loss (from it), ...
@@ -137,8 +136,7 @@ def main(listen: Endpoint, to: Endpoint, seed: int, **options: str | None) -> No
                 proxy.watch(sys.stdin.fileno(), Console(relay).take)
             proxy.run(lambda: False)
     except PortError as error:
-        click.echo(f"error: {error}", err=True)
-        sys.exit(EXIT_CANNOT_GO_ON)
+        fail(f"error: {error}", Status.COULD_NOT_GO_ON)
     except KeyboardInterrupt:
         click.echo(summary(relay))
-        sys.exit(EXIT_INTERRUPTED)
+        sys.exit(Status.INTERRUPTED)

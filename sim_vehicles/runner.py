@@ -11,12 +11,11 @@ from pathlib import Path
 from types import FrameType
 
 from airlink.clock import NANOSECONDS, RealClock
+from airlink.status import Status
 from airlink.udp import UdpDriver
 from sim_vehicles.config import FleetConfig
 from sim_vehicles.fleet import Fleet
 from sim_vehicles.truth import TruthWriter
-
-INTERRUPTED = 130
 
 
 @dataclass(frozen=True)
@@ -53,7 +52,7 @@ def run(config: FleetConfig, options: RunnerOptions, started: Callable[[Fleet], 
         with UdpDriver(fleet, clock) as driver:
             started(fleet)
             driver.run(over)
-    return INTERRUPTED if stop.signal == signal.SIGINT else 0
+    return Status.INTERRUPTED if stop.signal == signal.SIGINT else Status.FINE
 
 
 class _Stop:

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import click
 
+from airlink.status import fail
 from formation_scenario import ScenarioError, load_scenario
 from gcs_formation.app.check import check_report, check_text, refusal_report
 from gcs_formation.cli import usage
-from gcs_formation.cli.status import Status, fail
 
 
 @click.command(epilog=usage.CHECK)
@@ -24,5 +24,5 @@ def check(scenario: Path, overrides: tuple[str, ...], as_json: bool) -> None:
     except ScenarioError as error:
         if as_json:
             click.echo(json.dumps(refusal_report(error), indent=2))
-        fail(str(error), Status.BAD_USAGE)
+        fail(str(error))
     click.echo(json.dumps(check_report(loaded), indent=2) if as_json else check_text(loaded))

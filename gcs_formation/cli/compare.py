@@ -9,10 +9,10 @@ from typing import Any
 import click
 
 from airlink.arguments import SECONDS, SEED, WholeNumber
+from airlink.status import Status, fail, say
 from formation_scenario import ScenarioError
 from gcs_formation.app.directory import default_directory
 from gcs_formation.cli import usage
-from gcs_formation.cli.status import Status, fail, say
 from gcs_formation.compare.command import Compared, CompareOptions, compare_laws
 from gcs_formation.errors import RecordError, RunAbortedError
 
@@ -39,7 +39,7 @@ def compare(seed: int | None, overrides: tuple[str, ...], out: Path | None, as_j
     try:
         compared = compare_laws(CompareOptions(**given))
     except (ScenarioError, RecordError) as error:
-        fail(str(error), Status.BAD_USAGE)
+        fail(str(error))
     except RunAbortedError as error:
         fail(str(error), Status.COULD_NOT_GO_ON)
     if as_json:

@@ -13,6 +13,7 @@ import click
 from rich.console import Console
 
 from airlink.arguments import SECONDS, SEED, Number
+from airlink.status import Status, say
 from formation_scenario import Scenario
 from gcs_formation.app.directory import default_directory
 from gcs_formation.app.fly import fly as fly_scenario
@@ -23,7 +24,6 @@ from gcs_formation.app.progress import ProgressLine, Silent
 from gcs_formation.app.run import run as run_scenario
 from gcs_formation.cli import usage
 from gcs_formation.cli.scenario import load
-from gcs_formation.cli.status import Status, say
 from gcs_formation.errors import RecordError, RunAbortedError
 from gcs_formation.record.summary import Summary
 

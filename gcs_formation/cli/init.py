@@ -6,10 +6,10 @@ from pathlib import Path
 
 import click
 
+from airlink.status import fail
 from gcs_formation.app.init import example_names, write_example
 from gcs_formation.cli import usage
 from gcs_formation.cli.scenario import load
-from gcs_formation.cli.status import Status, fail
 from gcs_formation.errors import ExampleError
 
 
@@ -21,7 +21,7 @@ def init(directory: Path, example: str) -> None:
     try:
         path = write_example(example, directory)
     except ExampleError as error:
-        fail(str(error), Status.BAD_USAGE)
+        fail(str(error))
     emulated = all(vehicle.autopilot == "emulator" for vehicle in load(path, ()).vehicles)
     click.echo(
         f"wrote {path}; next:\n  gcs-formation check {path}\n  gcs-formation {'run' if emulated else 'fly'} {path}"

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import click
 
+from airlink.status import fail
 from gcs_formation.cli import usage
-from gcs_formation.cli.status import Status, fail
 from gcs_formation.errors import RecordError
 from gcs_formation.report import write_report
 
@@ -19,4 +19,4 @@ def report(run_dir: Path) -> None:
     try:
         click.echo(f"wrote {write_report(run_dir)}")
     except RecordError as error:
-        fail(str(error), Status.BAD_USAGE)
+        fail(str(error))

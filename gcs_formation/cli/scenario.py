@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from airlink.status import fail
 from formation_scenario import Scenario, ScenarioError, load_scenario
-from gcs_formation.cli.status import Status, fail
 
 
 def load(scenario: Path, overrides: tuple[str, ...]) -> Scenario:
@@ -13,4 +13,4 @@ def load(scenario: Path, overrides: tuple[str, ...]) -> Scenario:
     try:
         return load_scenario(scenario, overrides)
     except ScenarioError as error:
-        fail(str(error), Status.BAD_USAGE)
+        fail(str(error))

@@ -9,8 +9,8 @@ from pathlib import Path
 import click
 
 from airlink.arguments import SEED, WholeNumber
+from airlink.status import Status, fail
 from gcs_formation.cli import usage
-from gcs_formation.cli.status import Status, fail
 from gcs_formation.stress.campaign import fly_seed, fly_seeds
 from gcs_formation.stress.scenarios import HARD, USUAL
 
@@ -29,7 +29,7 @@ def stress(count: int, seed: int, jobs: int, hard: bool, out: Path | None) -> No
     every tenth is flown twice and compared byte for byte. A broken one is named with its seed; exit status 1.
     """
     if out is not None and count != 1:
-        fail(f"--out: found --count {count}; allowed: --count 1, whose record it keeps", Status.BAD_USAGE)
+        fail(f"--out: found --count {count}; allowed: --count 1, whose record it keeps")
     severity, again = (HARD, "stress --hard") if hard else (USUAL, "stress")
     trials = [fly_seed(seed, out, severity)] if out else fly_seeds(seed, count, min(jobs, count), severity)
     flown, wrong = 0, 0

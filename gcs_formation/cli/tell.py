@@ -7,10 +7,10 @@ from pathlib import Path
 
 import click
 
+from airlink.status import Status, fail
 from formation_scenario.orders import OrderError, parse_order
 from gcs_formation.app.steering import tell as give_order
 from gcs_formation.cli import usage
-from gcs_formation.cli.status import Status, fail
 from gcs_formation.errors import NothingRunningError
 
 
@@ -24,7 +24,7 @@ def tell(run_dir: Path, order: tuple[str, ...]) -> None:
         parse_order(text)
         answer = give_order(run_dir, text)
     except OrderError as error:
-        fail(str(error), Status.BAD_USAGE)
+        fail(str(error))
     except NothingRunningError as error:
         fail(str(error), Status.COULD_NOT_GO_ON)
     click.echo(answer.text, err=not answer.accepted)

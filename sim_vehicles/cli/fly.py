@@ -6,7 +6,7 @@ import math
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import click
 
@@ -14,6 +14,7 @@ from airlink.arguments import SECONDS, Number, WholeNumber
 from airlink.endpoint import LOOPBACK, MAX_PORT, Address, Endpoint
 from airlink.errors import PortError
 from airlink.identity import VehicleId
+from airlink.status import Status, fail
 from formation_scenario import ScenarioError, load_scenario
 from sim_vehicles.cli.usage import EXAMPLES
 from sim_vehicles.config import FleetConfig, Start, VehicleConfig
@@ -21,8 +22,6 @@ from sim_vehicles.fleet import Fleet
 from sim_vehicles.from_scenario import fleet_config
 from sim_vehicles.runner import RunnerOptions, run
 
-BAD_USAGE = 2
-COULD_NOT_GO_ON = 3
 BASE_PORT = 14550
 MOST_VEHICLES = 254
 APART_M = 20.0
@@ -59,9 +58,9 @@ def fly(
 ) -> None:
     """Fly the emulated vehicles of SCENARIO, or --count of them, until Ctrl-C."""
     if scenario is None and overrides:
-        _fail("found --set without a scenario; allowed: with one", BAD_USAGE)
+        fail("found --set without a scenario; allowed: with one")
     if scenario is not None and (count or base_port or one_port):
-        _fail("found a scenario beside --count, --base-port or --one-port; allowed: one of them", BAD_USAGE)
+        fail("found a scenario beside --count, --base-port or --one-port; allowed: one of them")
     plain = _plain(count or 1, base_port or BASE_PORT, one_port=one_port)
     config = plain if scenario is None else _of(scenario, overrides)
     if ready_s is not None:
@@ -74,21 +73,21 @@ def fly(
     try:
         sys.exit(run(config, RunnerOptions(**options), started))
     except (PortError, OSError) as error:
-        _fail(str(error), COULD_NOT_GO_ON)
+        fail(str(error), Status.COULD_NOT_GO_ON)
 
 
 def _of(scenario: Path, overrides: tuple[str, ...]) -> FleetConfig:
     try:
         return fleet_config(load_scenario(scenario, overrides))
     except ScenarioError as error:
-        _fail(str(error), BAD_USAGE)
+        fail(str(error))
 
 
 def _plain(count: int, base_port: int, *, one_port: bool) -> FleetConfig:
     """Return vehicles in a row on the ground, heading north."""
     last = base_port if one_port else base_port + count - 1
     if last > MAX_PORT:
-        _fail(f"found ports up to {last}; allowed: up to {MAX_PORT}", BAD_USAGE)
+        fail(f"found ports up to {last}; allowed: up to {MAX_PORT}")
     vehicles = tuple(
         VehicleConfig(
             VehicleId(1, 1 + i),
@@ -103,8 +102,3 @@ def _plain(count: int, base_port: int, *, one_port: bool) -> FleetConfig:
 def _line(vehicle: VehicleConfig) -> str:
     what = "sends to" if vehicle.endpoint.kind == "udpout" else "listens at"
     return f"vehicle {vehicle.identity} {what} {vehicle.endpoint.address}"
-
-
-def _fail(text: str, status: int) -> NoReturn:
-    click.echo(text, err=True)
-    sys.exit(status)

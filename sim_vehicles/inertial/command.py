@@ -5,18 +5,17 @@ from __future__ import annotations
 import json
 import math
 import os
-import sys
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import click
 
 from airlink.arguments import SEED
+from airlink.status import fail
 from formation_scenario import Scenario, ScenarioError, Vehicle, load_scenario
 from sim_vehicles.inertial.experiment import Experiment, experiment, inertial_vehicles, summary
 from sim_vehicles.inertial.record import write
 
-BAD_SCENARIO = 2
 SHARPEST_LIMIT_RAD = math.radians(5.0)
 """Beyond it the alignment's heading is worth nothing: small angles aren't small any more."""
 EXAMPLES = """\b
@@ -48,13 +47,13 @@ def sins(
     try:
         loaded = load_scenario(scenario, seeded)
     except ScenarioError as error:
-        _fail(str(error))
+        fail(str(error))
     done = experiment(loaded, _chosen(loaded, vehicle, scenario))
     directory = out or Path("runs") / loaded.name.replace(os.sep, "-")
     try:
         write(directory, done)
     except OSError as error:
-        _fail(f"cannot write the directory {directory}: {error.strerror}; allowed: a directory that can be written")
+        fail(f"cannot write the directory {directory}: {error.strerror}; allowed: a directory that can be written")
     _warn(done)
     figures = summary(done)
     if as_json:
@@ -66,10 +65,10 @@ def sins(
 def _chosen(scenario: Scenario, wanted: str | None, file: Path) -> Vehicle:
     able = {str(each.vehicle_id): each for each in inertial_vehicles(scenario)}
     if not able:
-        _fail(f"{file}: vehicles: found none with navigation: {{source: ins}}; allowed: one or more")
+        fail(f"{file}: vehicles: found none with navigation: {{source: ins}}; allowed: one or more")
     name = next(iter(able)) if wanted is None else wanted
     if name not in able:
-        _fail(f"--vehicle: found '{wanted}'; allowed: those with navigation: {{source: ins}}: {', '.join(able)}")
+        fail(f"--vehicle: found '{wanted}'; allowed: those with navigation: {{source: ins}}: {', '.join(able)}")
     return able[name]
 
 
@@ -99,8 +98,3 @@ def _in_words(figures: dict[str, Any], directory: Path) -> str:
 
 def _aided(aiding: str) -> str:
     return {"none": "by inertia alone", "baro": "height by barometer", "gnss": "with GNSS"}[aiding]
-
-
-def _fail(text: str) -> NoReturn:
-    click.echo(text, err=True)
-    sys.exit(BAD_SCENARIO)

@@ -25,6 +25,6 @@ def say(text: str, status: Status) -> Status:
     return status
 
 
-def fail(text: str, status: Status) -> NoReturn:
+def fail(text: str, status: Status = Status.BAD_USAGE) -> NoReturn:
     """Say it, and end."""
     sys.exit(say(text, status))
