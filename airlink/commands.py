@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from difflib import get_close_matches
 from importlib import import_module
 from typing import Any, NamedTuple
 
@@ -33,6 +34,17 @@ class ImportedWhenChosen(click.Group):
         if cmd_name not in self.entries:
             return super().get_command(ctx, cmd_name)
         return getattr(import_module(self.entries[cmd_name].module), cmd_name)
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Return the command that is named first; who mistypes it is told what there is."""
+        names = self.list_commands(ctx)
+        if args[0] not in names and not ctx.resilient_parsing:
+            near = get_close_matches(args[0], names, n=1)
+            nearest = f" (did you mean '{near[0]}'?)" if near else ""
+            ctx.fail(f"found command '{args[0]}'; allowed: {', '.join(names)}{nearest}")
+        return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the list without importing what's in it."""

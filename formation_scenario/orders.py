@@ -53,7 +53,8 @@ def parse_order(text: str) -> Order:
         case "leader", [ref]:
             return Order(said, FormationChange(at_s=0.0, leader=_vehicle(ref)))
         case _:
-            near = did_you_mean(word, ("shape", "spacing", "speed", "leader", *ENDS))
+            words = ("shape", "spacing", "speed", "leader", *ENDS)
+            near = "" if word in words else did_you_mean(word, words)
             raise OrderError(f"found '{said}'; allowed: {ALLOWED}{near}")
 
 

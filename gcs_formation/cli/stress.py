@@ -11,6 +11,7 @@ import click
 from airlink.arguments import SEED, WholeNumber
 from airlink.status import Status, fail
 from gcs_formation.cli import usage
+from gcs_formation.errors import RecordError
 from gcs_formation.stress.campaign import fly_seed, fly_seeds
 from gcs_formation.stress.scenarios import HARD, USUAL
 
@@ -31,13 +32,16 @@ def stress(count: int, seed: int, jobs: int, hard: bool, out: Path | None) -> No
     if out is not None and count != 1:
         fail(f"--out: found --count {count}; allowed: --count 1, whose record it keeps")
     severity, again = (HARD, "stress --hard") if hard else (USUAL, "stress")
-    trials = [fly_seed(seed, out, severity)] if out else fly_seeds(seed, count, min(jobs, count), severity)
+    trials = map(fly_seed, [seed], [out], [severity]) if out else fly_seeds(seed, count, min(jobs, count), severity)
     flown, wrong = 0, 0
-    for trial in trials:
-        flown += 1
-        wrong += bool(trial.broken)
-        for text in trial.broken:
-            click.echo(f"seed {trial.seed}: {text}", err=True)
-            click.echo(f"  again: gcs-formation {again} --count 1 --seed {trial.seed} --out DIR", err=True)
+    try:
+        for trial in trials:
+            flown += 1
+            wrong += bool(trial.broken)
+            for text in trial.broken:
+                click.echo(f"seed {trial.seed}: {text}", err=True)
+                click.echo(f"  again: gcs-formation {again} --count 1 --seed {trial.seed} --out DIR", err=True)
+    except RecordError as error:
+        fail(str(error))
     click.echo(f"{flown} flights, seeds {seed} to {seed + count - 1}: {wrong or 'none'} broke an invariant")
     sys.exit(Status.EXPECTATION_BROKEN if wrong else Status.FINE)

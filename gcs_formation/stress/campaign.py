@@ -15,7 +15,7 @@ from gcs_formation.app.interrupt import Interrupts
 from gcs_formation.app.options import RunOptions
 from gcs_formation.app.progress import Silent
 from gcs_formation.app.run import run
-from gcs_formation.errors import RunAbortedError
+from gcs_formation.errors import RecordError, RunAbortedError
 from gcs_formation.record.run_directory import EVENTS, TIMESERIES, TLOG
 from gcs_formation.stress.invariants import broken, read_flown
 from gcs_formation.stress.scenarios import USUAL, Severity, draw
@@ -41,6 +41,9 @@ def fly_seed(seed: int, out: Path | None = None, severity: Severity = USUAL) -> 
         seed: of the scenario and everything random in it.
         out: where the record is kept; by default nowhere.
         severity: of what is drawn.
+
+    Raises:
+        RecordError: `out` can't be written.
     """
     scenario = draw(seed, severity)
     with tempfile.TemporaryDirectory() as scratch:
@@ -68,6 +71,8 @@ def fly_seeds(first: int, count: int, jobs: int, severity: Severity = USUAL) -> 
 def _fly(scenario: Scenario, directory: Path) -> list[str]:
     try:
         run(scenario, RunOptions(directory, "virtual"), Silent(), Interrupts())
+    except RecordError:
+        raise
     except RunAbortedError as error:
         return [f"completed: {error}"]
     except Exception as error:  # noqa: BLE001 - what this looks for; the seed says where to find it again

@@ -226,6 +226,7 @@ def test_a_broken_expectation_ends_with_1_and_its_figure(path: Path, tmp_path: P
         ["run", "x.yaml", "--speedup", "nan"],
         ["fly", "x.yaml", "--seed", str(2**63)],
         ["compare", "x.yaml", "--from", "inf"],
+        ["stress", "--count", "1", "--out", "/proc/nowhere"],
     ],
 )
 def test_bad_usage_ends_with_2_and_words(arguments: list[str]) -> None:

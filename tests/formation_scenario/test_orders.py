@@ -45,3 +45,8 @@ def test_planned_orders_are_checked_before_the_flight(refusal, load):
     (line,) = refusal("orders=[{at_s: 5, order: shape blob}]")
     assert line.startswith("orders.0.order: found 'shape blob'; shape NAME")
     assert refusal("orders=[{at_s: 5, order: leader 9}]") == ["orders.0.order: found 9; 1, 2, 3, 4"]
+
+
+def test_a_word_that_is_right_is_not_offered_again():
+    with pytest.raises(OrderError, match=r"rtl, land$"):
+        parse_order("shape")
