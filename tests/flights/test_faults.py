@@ -164,7 +164,9 @@ def test_without_succession_followers_loiter_until_the_leader_is_back(kind: Faul
         assert again_s - back_s == pytest.approx(0.2, abs=LAG_S)
 
 
-@pytest.mark.parametrize("moment_s", [9.0, 9.06, 9.12, 9.18, 9.24])
+@pytest.mark.parametrize(
+    "moment_s", [9.0, 9.12, *(pytest.param(s, marks=pytest.mark.slow) for s in (9.06, 9.18, 9.24))]
+)
 @pytest.mark.parametrize("delay_ms", [0, 100, 300])
 def test_a_station_that_is_stopped_does_not_take_its_own_pause_for_delay(moment_s: float, delay_ms: int) -> None:
     """It is stopped for 3 s, at different moments between two probes."""
