@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from airlink.clock import NANOSECONDS, Instant
 from airlink.identity import VehicleId
@@ -36,17 +37,20 @@ class RunDirectory:
         """Create the directory and its files, in place of an earlier run's.
 
         Raises:
-            RecordError: it can't be written.
+            RecordError: it can't be written, or another run is recording into it.
         """
         self.path = path
         try:
             path.mkdir(parents=True, exist_ok=True)
+            self._events = _own(path / EVENTS)
             for stale in (path / SUMMARY, path / TIMESERIES, path / REPORT, *(path / FIGURES).glob("*.png")):
                 stale.unlink(missing_ok=True)
             (path / SCENARIO).write_text(dump_scenario(scenario), encoding="utf-8")
             self._tlog = TlogWriter(path / TLOG, epoch_us)
-            self._events = (path / EVENTS).open("w", encoding="utf-8")
             self._spool = TickSpool(path / SPOOL, columns)
+        except BlockingIOError as error:
+            found = f"found another run that is recording into {path}; allowed: a directory of its own"
+            raise RecordError(found) from error
         except OSError as error:
             raise RecordError(
                 f"cannot write the run directory {path}: {error.strerror}; allowed: a directory that can be written"
@@ -104,6 +108,24 @@ class RunDirectory:
 
     def _give_up(self, error: OSError) -> None:
         self.failure = self.failure or f"cannot go on recording in {self.path}: {error.strerror or error}"
+
+
+def _own(path: Path) -> TextIO:
+    """Return a file emptied for writing, ours for as long as it's open.
+
+    Raises:
+        BlockingIOError: it's another's.
+    """
+    file = path.open("a", encoding="utf-8")
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        file.close()
+        raise
+    except OSError:
+        pass  # a file system without locks
+    file.truncate(0)
+    return file
 
 
 def event_line(event: Event) -> dict[str, Any]:

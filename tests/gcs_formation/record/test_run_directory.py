@@ -1,0 +1,32 @@
+from pathlib import Path
+
+import pytest
+
+from formation_scenario import load_scenario
+from gcs_formation.errors import RecordError
+from gcs_formation.record.run_directory import RunDirectory
+
+SCENARIO = load_scenario({"vehicles": {"count": 2}, "path": {"waypoints_m": [[0, 0, 100], [4000, 0, 100]]}})
+
+
+def record(path: Path) -> RunDirectory:
+    return RunDirectory(path, SCENARIO, [vehicle.vehicle_id for vehicle in SCENARIO.vehicles], 0)
+
+
+def test_a_directory_that_another_run_records_into_is_left_alone(tmp_path: Path) -> None:
+    first = record(tmp_path)
+    kept = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
+    with pytest.raises(RecordError, match="found another run that is recording into"):
+        record(tmp_path)
+    assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == kept
+    first.close()
+    record(tmp_path).close()
+
+
+def test_an_earlier_runs_report_goes_with_its_record(tmp_path: Path) -> None:
+    (tmp_path / "figures").mkdir()
+    for name in ("report.html", "figures/errors.png", "summary.json", "notes.txt"):
+        (tmp_path / name).write_text("earlier")
+    record(tmp_path).close()
+    assert not any((tmp_path / name).exists() for name in ("report.html", "figures/errors.png", "summary.json"))
+    assert (tmp_path / "notes.txt").read_text() == "earlier"
