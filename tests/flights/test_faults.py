@@ -165,15 +165,15 @@ def test_without_succession_followers_loiter_until_the_leader_is_back(kind: Faul
 
 
 @pytest.mark.parametrize(
-    "moment_s", [9.0, 9.12, *(pytest.param(s, marks=pytest.mark.slow) for s in (9.06, 9.18, 9.24))]
+    "moment_s", [3.0, 3.12, *(pytest.param(s, marks=pytest.mark.slow) for s in (3.06, 3.18, 3.24))]
 )
-@pytest.mark.parametrize("delay_ms", [0, 100, 300])
+@pytest.mark.parametrize("delay_ms", [0, 300])
 def test_a_station_that_is_stopped_does_not_take_its_own_pause_for_delay(moment_s: float, delay_ms: int) -> None:
     """It is stopped for 3 s, at different moments between two probes."""
     world = World(duration_s=30, links={"default": {"delay_ms": delay_ms}})
     world.fly_to(moment_s)
     world.process.stop(world.clock.now(), 3.0)
-    world.run()
+    world.run(8.0)
     for vehicle in world.station.vehicles.values():
         measured_s = [one_way_s for _, one_way_s in vehicle.delays]
         assert max(measured_s) < 0.001 * delay_ms + 0.011, "half of a turn of the answering loop"
