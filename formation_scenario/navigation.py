@@ -31,8 +31,18 @@ class NoisyNavigation(Keys):
     )
 
 
-Axes: TypeAlias = Annotated[
-    Number | tuple[Number, Number, Number], Allowed("a number, or a list of 3 numbers: right, forward and up")
+MAX_ACCEL_UG, MAX_GYRO_DEG_PER_H = 1e5, 3600.0
+"""A tenth of gravity and a degree a second: no accelerometer or gyroscope that anybody navigates by is worse."""
+MAX_NOISE_DEG_PER_RTH = 100.0
+AccelBias = Annotated[Number, Field(ge=-MAX_ACCEL_UG, le=MAX_ACCEL_UG)]
+GyroBias = Annotated[Number, Field(ge=-MAX_GYRO_DEG_PER_H, le=MAX_GYRO_DEG_PER_H)]
+AccelBiases: TypeAlias = Annotated[
+    AccelBias | tuple[AccelBias, AccelBias, AccelBias],
+    Allowed(f"a number, or a list of 3 numbers (right, forward, up), up to ±{MAX_ACCEL_UG:g}"),
+]
+GyroBiases: TypeAlias = Annotated[
+    GyroBias | tuple[GyroBias, GyroBias, GyroBias],
+    Allowed(f"a number, or a list of 3 numbers (right, forward, up), up to ±{MAX_GYRO_DEG_PER_H:g}"),
 ]
 Grade = Literal["ideal", "navigation", "aviation", "intermediate", "tactical"]
 GRADES: dict[str, tuple[float, float, float, float]] = {
@@ -51,10 +61,16 @@ In the terms of Groves, Principles of GNSS, Inertial, and Multisensor Integrated
 class InertialSensorKeys(Keys):
     """Accelerometers and gyroscopes along the body's axes; what isn't given is the grade's."""
 
-    accel_bias_ug: Axes | None = Field(default=None, description="constant bias, micro-g: of every axis, or of each")
-    gyro_bias_deg_per_h: Axes | None = Field(default=None, description="likewise, degrees an hour")
-    accel_noise_ug_per_rthz: NonNegative | None = Field(default=None, description="white noise, micro-g/sqrt(Hz)")
-    gyro_noise_deg_per_rth: NonNegative | None = Field(default=None, description="angle random walk, deg/sqrt(h)")
+    accel_bias_ug: AccelBiases | None = Field(
+        default=None, description="constant bias, micro-g: of every axis, or of each"
+    )
+    gyro_bias_deg_per_h: GyroBiases | None = Field(default=None, description="likewise, degrees an hour")
+    accel_noise_ug_per_rthz: Annotated[NonNegative, Field(le=MAX_ACCEL_UG)] | None = Field(
+        default=None, description="white noise, micro-g/sqrt(Hz)"
+    )
+    gyro_noise_deg_per_rth: Annotated[NonNegative, Field(le=MAX_NOISE_DEG_PER_RTH)] | None = Field(
+        default=None, description="angle random walk, deg/sqrt(h)"
+    )
 
 
 class GnssKeys(Keys):

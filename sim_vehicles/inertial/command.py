@@ -11,9 +11,10 @@ from typing import Any
 import click
 
 from airlink.arguments import SEED
-from airlink.status import fail
+from airlink.status import Status, fail
 from formation_scenario import Scenario, ScenarioError, Vehicle, load_scenario
 from sim_vehicles.inertial.experiment import Experiment, experiment, inertial_vehicles, summary
+from sim_vehicles.inertial.flight import DivergedError
 from sim_vehicles.inertial.record import write
 
 SHARPEST_LIMIT_RAD = math.radians(5.0)
@@ -48,12 +49,16 @@ def sins(
         loaded = load_scenario(scenario, seeded)
     except ScenarioError as error:
         fail(str(error))
-    done = experiment(loaded, _chosen(loaded, vehicle, scenario))
+    chosen = _chosen(loaded, vehicle, scenario)
     directory = out or Path("runs") / loaded.name.replace(os.sep, "-")
     try:
+        directory.mkdir(parents=True, exist_ok=True)
+        done = experiment(loaded, chosen)
         write(directory, done)
     except OSError as error:
         fail(f"cannot write the directory {directory}: {error.strerror}; allowed: a directory that can be written")
+    except DivergedError as error:
+        fail(str(error), Status.COULD_NOT_GO_ON)
     _warn(done)
     figures = summary(done)
     if as_json:
@@ -74,7 +79,7 @@ def _chosen(scenario: Scenario, wanted: str | None, file: Path) -> Vehicle:
 
 def _warn(done: Experiment) -> None:
     if done.limit_rad[2] > SHARPEST_LIMIT_RAD:
-        off_deg = math.degrees(done.limit_rad[2])
+        off_deg = min(180.0, math.degrees(done.limit_rad[2]))
         text = f"warning: gyroscopes of this bias don't find the heading: the alignment's may be {off_deg:.0f}° off"
         click.echo(text, err=True)
 

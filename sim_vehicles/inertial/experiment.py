@@ -22,6 +22,7 @@ from sim_vehicles.inertial.trajectory import Trajectory
 Array = npt.NDArray[np.float64]
 
 SCHEMA: Final = 1
+LEAST_S: Final = 1.0
 RATE_HZ: Final = 100.0
 """Increments of the sensors a second."""
 AXES: Final = ("east", "north", "up")
@@ -48,13 +49,18 @@ def inertial_vehicles(scenario: Scenario) -> tuple[Vehicle, ...]:
 
 
 def experiment(scenario: Scenario, vehicle: Vehicle) -> Experiment:
-    """Align, then fly: from t = 0 to the scenario's duration or the path's end, whichever comes first."""
+    """Align, then fly: from t = 0 to the scenario's duration or the path's end, whichever is first; a second at least.
+
+    Raises:
+        DivergedError: the flight is longer than inertia alone can compute.
+    """
     keys = vehicle.navigation
     assert isinstance(keys, InertialNavigation)
     origin = _origin(scenario)
     sensors, random = inertial_sensors(keys.sensors), sensor_random(scenario.seed, vehicle.vehicle_id)
     path, speed_mps = leader_path(scenario), scenario.path.speed_mps
-    trajectory = Trajectory.along(path, speed_mps, origin, min(scenario.duration_s, path.length_m / speed_mps))
+    duration_s = max(LEAST_S, min(scenario.duration_s, path.length_m / speed_mps))
+    trajectory = Trajectory.along(path, speed_mps, origin, duration_s)
     fine, heading_rad = FineAlignment(origin, sensors), path.at(0.0).course_rad
     alignment = align(fine, heading_rad, sensors, keys.alignment_s, RATE_HZ, random)
     start = exact_start(trajectory, sensors)

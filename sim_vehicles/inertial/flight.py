@@ -35,6 +35,8 @@ STEP_S: Final = 0.1
 EACH: Final = 10
 """Steps from one row of the record to the next."""
 BLOCK_STEPS: Final = 200
+FARTHEST_M: Final = 1e6
+"""The gravity of a height beyond has no meaning."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +82,9 @@ def navigate(
     """Navigate along a trajectory, with sensors that give `rate_hz` increments a second: an even number a step.
 
     The trajectory takes a second or more.
+
+    Raises:
+        DivergedError: the computed height is nowhere near the Earth any more.
     """
     steps = math.floor(trajectory.duration_s / STEP_S + 1e-9)
     times_s = STEP_S * np.arange(1, steps + 1, dtype=np.float64)
@@ -90,6 +95,8 @@ def navigate(
         now = NavigationState(*(part[step] for part in truth))
         computer.go_on(samples, 1.0 / rate_hz, now)
         if (step + 1) % EACH == 0:
+            if abs(computer.height_m) > FARTHEST_M:
+                raise DivergedError(float(times_s[step]), computer.height_m)
             rows.append(np.concatenate((computer.errors(now), computer.sigmas)))
     table, kept = np.array(rows).reshape(-1, 2, 9), slice(EACH - 1, None, EACH)
     place = np.stack((truth.lat_rad, truth.lon_rad, truth.height_m), axis=1)
@@ -108,6 +115,17 @@ def _samples(
             yield block.part(step * each, (step + 1) * each)
 
 
+class DivergedError(Exception):
+    """A navigator whose height, which inertia doesn't hold, has left everything behind."""
+
+    def __init__(self, time_s: float, height_m: float) -> None:
+        """Take when, and the computed height."""
+        super().__init__(
+            f"by inertia the computed height diverges: {height_m:.3g} m after {time_s:.0f} s; "
+            "allowed: a shorter flight, or aiding: baro or gnss"
+        )
+
+
 class _Computer:
     """A strap-down navigator and the filter of its errors."""
 
@@ -119,6 +137,10 @@ class _Computer:
         self._density = noise_density(sensors)
         self._aid, self._random = aid, random
         self._steps = self._measurements = 0
+
+    @property
+    def height_m(self) -> float:
+        return self._navigator.height_m
 
     @property
     def sigmas(self) -> Array:

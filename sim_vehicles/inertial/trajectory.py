@@ -53,9 +53,9 @@ class Increments(NamedTuple):
 class Trajectory:
     """Latitude, longitude, height, heading, pitch and bank as splines of time."""
 
-    def __init__(self, times_s: Array, rows: Array) -> None:
-        """Take the values of the six (N, 6) at N >= 6 equidistant times, from 0 on."""
-        self.duration_s = float(times_s[-1])
+    def __init__(self, times_s: Array, rows: Array, duration_s: float) -> None:
+        """Take the values of the six (N, 6) at N >= 6 equidistant times from 0 on, and how much of it is flown."""
+        self.duration_s = duration_s
         self._first = rows[0].copy()
         # Differences from the start keep the digits that the Earth's radius would cost.
         self._spline: BSpline = make_interp_spline(times_s, rows - self._first, k=DEGREE)
@@ -65,7 +65,7 @@ class Trajectory:
         """Return a level vehicle that stands still at an origin."""
         times_s = _knots(duration_s)
         row = (origin.lat_rad, origin.lon_rad, origin.alt_m, heading_rad, 0.0, 0.0)
-        return cls(times_s, np.tile(row, (times_s.size, 1)))
+        return cls(times_s, np.tile(row, (times_s.size, 1)), duration_s)
 
     @classmethod
     def along(cls, path: SplinePath, speed_mps: float, origin: GeodeticOrigin, duration_s: float) -> Self:
@@ -77,7 +77,7 @@ class Trajectory:
         bank_rad = np.arctan(speed_mps**2 * points.curvature_1pm / gravity)
         height_m, heading_rad = origin.alt_m + points.height_m, np.unwrap(points.course_rad)
         columns = lat_rad, lon_rad, height_m, heading_rad, np.arctan(points.slope), bank_rad
-        return cls(times_s, np.stack(columns, axis=1))
+        return cls(times_s, np.stack(columns, axis=1), duration_s)
 
     def state(self, times_s: Array) -> NavigationState:
         """Return the truth at times (...)."""

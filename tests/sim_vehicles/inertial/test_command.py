@@ -59,6 +59,7 @@ def test_an_aid_and_a_seed_by_option(scenario: Path, tmp_path: Path) -> None:
         (("--vehicle", "2"), "--vehicle: found '2'; allowed: those with navigation: {source: ins}: 1"),
         (("--set", "vehicles.0.navigation.grade=tacticl"), "did you mean 'tactical'"),
         (("--set", "vehicles.0.navigation.sensors={gyro_bias_deg_per_h: [1, 2]}"), "a list of 3 numbers"),
+        (("--set", "vehicles.0.navigation.sensors.accel_bias_ug=1e6"), "up to ±100000"),
         (("--set", "vehicles.0.navigation.alignment_s=5"), "a whole number from 10 to 7200"),
         (("--out", "/dev/null/here"), "cannot write the directory /dev/null/here"),
     ],
@@ -67,6 +68,15 @@ def test_what_can_not_be_done_is_refused_with_2(scenario: Path, arguments: tuple
     refused = sins(scenario, *arguments)
     assert (refused.exit_code, refused.stdout) == (2, "")
     assert words in refused.stderr
+
+
+@pytest.mark.slow
+def test_a_flight_that_inertia_alone_can_not_compute_ends_with_3(scenario: Path, tmp_path: Path) -> None:
+    biased = "vehicles.0.navigation={source: ins, alignment_s: 10, sensors: {accel_bias_ug: [0, 0, 1e5]}}"
+    far = ("--set", "path.waypoints_m=[[0, 0, 100], [1e5, 0, 100]]", "--set", "duration_s=1500")
+    ended = sins(scenario, "--set", biased, *far, "--out", tmp_path / "out")
+    assert (ended.exit_code, ended.stdout) == (3, "")
+    assert "by inertia the computed height diverges: 1e+06 m after 12" in ended.stderr
 
 
 def test_gyroscopes_that_do_not_find_north_are_warned_of(scenario: Path, tmp_path: Path) -> None:
