@@ -87,7 +87,7 @@ def followed(run: RunData, vehicle: VehicleId, channel: str) -> Followed:
 
 
 def gains(run: RunData) -> Figure:
-    """Draw the gains of the follower with the largest errors as shares of their nominal values."""
+    """Draw the gains of one follower as shares of their nominal values: of those that follow longest, the worst."""
     followers = run.worst_first()
     if not followers:
         figure = new_figure(4.0)
@@ -96,7 +96,7 @@ def gains(run: RunData) -> Figure:
     figure = new_figure(11.0)
     windows = error_windows(run)
     grid = axes_grid(figure, 3, len(windows), sharex="col", sharey="row", width_ratios=WIDTHS[-len(windows) :])
-    columns = run.flown.vehicles[followers[0]]
+    columns = max((run.flown.vehicles[each] for each in followers), key=_ticks_following)
     for column, window in enumerate(windows):
         for axes, gain in zip(column_of(grid, column), GAINS, strict=True):
             _gain(axes, run, columns, gain, window)
@@ -108,6 +108,10 @@ def gains(run: RunData) -> Figure:
         axes.set_xlabel(time_label(run))
     legend_below(figure)
     return figure
+
+
+def _ticks_following(columns: Columns) -> int:
+    return int(np.isfinite(columns["kp_speed"]).sum())
 
 
 def _shown(run: RunData) -> list[VehicleId]:

@@ -66,7 +66,7 @@ PLATES = (
     Plate(
         "gains",
         "Gains",
-        "Of the follower with the largest errors, as shares of their nominal values, which the legend has.",
+        "Of the worst of those that follow longest, as shares of their nominal values, which the legend has.",
         gains,
     ),
     Plate(

@@ -11,7 +11,7 @@ from PIL import Image
 
 from formation_scenario import load_scenario, slot_schedule
 from gcs_formation.record.flight import Flight
-from gcs_formation.report.control_figures import followed
+from gcs_formation.report.control_figures import followed, gains
 from gcs_formation.report.embedded import embedded
 from gcs_formation.report.error_figure import WIDTHS, errors, transient_end_s
 from gcs_formation.report.figures import PLATES, write_figures
@@ -191,6 +191,15 @@ def test_a_leader_that_follows_another_later_on_has_errors_too(make_run):
     assert len(embedded(passed_on)["errors"]) == len(own)
     assert [each["colour"] for each in embedded(passed_on)["vehicles"]] == [None, *FOLLOWERS[:3]]
     assert INK in [line.get_color() for line in errors(passed_on).axes[0].get_lines()]
+
+
+def test_gains_are_of_a_follower_that_follows_to_the_end(make_run):
+    run = load_run(make_run(flown_s=20.0))
+    worst = run.worst_first()[0]
+    led = {name: np.where(run.time_s > 10.0, np.nan, values) for name, values in run.flown.vehicles[worst].items()}
+    relieved = replace(run, flown=Flight({**run.flown.vehicles, worst: led}, run.flown.truth))
+    assert relieved.worst_first()[0] == worst
+    assert all(np.isfinite(line.get_ydata()).all() for axes in gains(relieved).axes for line in axes.get_lines()[:3])
 
 
 def test_a_snapshot_is_taken_before_the_shape_changes(eventful):
