@@ -30,3 +30,13 @@ def test_however_far_aside_a_follower_is_it_turns_towards_its_slot(correction: f
     """Half a turn's worth of correction isn't a turn the other way."""
     wanted = Setpoints(*np.array([[22.0], [-correction], [100.0]]))
     assert limit(wanted, np.zeros(1), STATE, MODEL).heading_rad[0] == -min(correction, math.radians(60.0))
+
+
+@given(st.floats(-0.5, 0.5), st.floats(-3.0, 3.0))
+def test_with_its_back_to_the_leader_a_follower_is_told_its_slot_s_heading_whatever_its_errors(
+    beside: float, correction: float
+) -> None:
+    """So it turns about to one side; told now left, now right of what is behind it, it would fly on."""
+    behind = FlightState(*np.array([[0.0], [0.0], [100.0], [0.0], [22.0], [math.pi + beside], [0.0], [0.0]]))
+    wanted = Setpoints(*np.array([[22.0], [correction], [100.0]]))
+    assert limit(wanted, np.zeros(1), behind, MODEL).heading_rad[0] == 0.0
