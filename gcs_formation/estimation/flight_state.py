@@ -90,10 +90,20 @@ class FlightState(Columns):
         velocity_mps = np.stack((north_mps, east_mps, self.climb_mps))
         return (self.table[:3] + seconds * velocity_mps).T
 
-    def turned(self, by_rad: Array) -> FlightState:
-        """Return the same with headings that lie `by_rad` farther to the right, (N,)."""
-        state = FlightState.of(self.table.copy())
-        state.heading_rad[:] += by_rad
+    def turned(self, turn_rps: Array, over_s: Array) -> FlightState:
+        """Return where vehicles are that turned at a constant rate on the way here, where these states have it straight.
+
+        Args:
+            turn_rps: (N,) to the right.
+            over_s: (N,) how long they have turned.
+        """
+        if not turn_rps.any():
+            return self
+        state, half = FlightState.of(self.table.copy()), turn_rps * over_s / 2
+        way_m, chord = self.airspeed_mps * over_s, np.sinc(half / np.pi)
+        state.north_m[:] += way_m * (chord * np.cos(self.heading_rad + half) - np.cos(self.heading_rad))
+        state.east_m[:] += way_m * (chord * np.sin(self.heading_rad + half) - np.sin(self.heading_rad))
+        state.heading_rad[:] += 2 * half
         return state
 
 

@@ -55,6 +55,14 @@ class SetpointHistory:
         told = np.array([row.setpoints.table for row in rows])[:, :, vehicles]
         return advance(state, told, duration_s, model)
 
+    def told(self, instants: Instants, vehicles: Indices) -> Setpoints:
+        """Return the newest setpoint of each vehicle that has begun to act at its instant, the oldest if none has."""
+        rows = self._relevant(instants, vehicles)
+        acts = np.array([row.acts for row in rows])[:, vehicles]
+        newest = np.maximum((acts <= instants).sum(axis=0) - 1, 0)
+        table = np.array([row.setpoints.table for row in rows])
+        return Setpoints.of(table[newest, :, vehicles].T)
+
     def _relevant(self, since: Instants, vehicles: Indices) -> list[SentSetpoints]:
         """Return what was sent from the last row on that acts before all of `since`."""
         rows = list[SentSetpoints]()

@@ -18,6 +18,7 @@ from gcs_formation.records import Tick
 from gcs_formation.separation.manoeuvre import Traffic, sample_times
 from gcs_formation.separation.rule import Conflict, Memory, Resolution, resolve
 from gcs_formation.separation.scene import Scene
+from gcs_formation.separation.silence import Silence
 
 SLOT_SHARE = 0.8
 """Share of the distance of the two nearest slots that is kept at most: the rule doesn't fight the formation."""
@@ -25,7 +26,7 @@ TIMING_SHARE = 0.1
 """Share of a state's age and of the way back by which instants may be off."""
 RESERVE_S = 0.2
 """How much longer than a tick a setpoint is reckoned to act: the next one may be lost."""
-FORGOTTEN_AFTER_S = 10.0
+FORGOTTEN_AFTER_S = 30.0
 """Age of a state that nobody keeps away from any more."""
 STANDS_MPS = 3.0
 """Speed over ground and through the air below which a vehicle isn't flying."""
@@ -56,6 +57,7 @@ class SeparationKeeper:
         self._virtual, self._predicted = scenario.leader is None, scenario.law.delay_compensation
         self._ground, self._clearance_m = ground_of(scenario), scenario.safety.clearance_m
         self._history, self._model = history, model
+        self._silence = Silence(history, model)
         self._dt_s = 1.0 / scenario.law.rate_hz
         self._times_s = sample_times(self._dt_s + RESERVE_S, self._keys.horizon_s)
         columns = model.tau_v_s.size
@@ -78,21 +80,22 @@ class SeparationKeeper:
             return
         self._watch_turns(measured)
         self._watch_slots(tick.slots_m)
+        self._silence.watch(measured, tick.age_s, measured.acts - tick.now)
         members = self._members(tick, measured)
         if members.size < 2:
             return
-        scene = self._scene(tick, measured, members)
-        resolution = resolve(scene, Memory(self._side[members]))
-        self._side[:] = 0.0
-        self._side[members] = resolution.memory.side
-        tick.yielding[:] = self._side != 0
-        self._replace(tick.setpoints, members, resolution)
-        self._note(tick.now, members, resolution.conflicts, scene.traffic.state)
+        scene = self._scene(tick, measured, members, self._silence.deaf(members))
+        resolution = resolve(scene, Memory(np.where(scene.commanded, self._side[scene.vehicles], 0.0)))
+        self._replace(tick, scene.vehicles, resolution)
+        self._note(tick.now, scene, resolution.conflicts)
 
-    def _replace(self, setpoints: Setpoints, members: Indices, resolution: Resolution) -> None:
+    def _replace(self, tick: Tick, vehicles: Indices, resolution: Resolution) -> None:
         """Put what the rule decided in the place of what the law did, and remember where they differ."""
-        yielding = resolution.memory.yielding
-        columns, told = members[yielding], resolution.told.table[:, yielding]
+        yielding, setpoints = resolution.memory.yielding, tick.setpoints
+        columns, told = vehicles[yielding], resolution.told.table[:, yielding]
+        self._side[:] = 0.0
+        self._side[columns] = resolution.memory.side[yielding]
+        tick.yielding[:] = self._side != 0
         self.replaced[columns] = (told != setpoints.table[:, columns]).T
         setpoints.table[:, columns] = told
 
@@ -109,21 +112,30 @@ class SeparationKeeper:
             return counted
         return np.concatenate(([leader], counted[counted != leader])).astype(np.intp)
 
-    def _scene(self, tick: Tick, measured: Measured, members: Indices) -> Scene:
+    def _scene(self, tick: Tick, measured: Measured, members: Indices, deaf: Indices) -> Scene:
+        """Return what the rule looks at; those that may be deaf follow once more, where they are then."""
         commanded = tick.active[members]
         acts = measured.acts[members]
         together = acts[commanded].max(initial=acts.min())
         until: Instants = np.where(commanded, acts, together)
         turn_rps: Array = np.where(commanded, 0.0, self._turn_rps[members])
-        model = self._model.take(members)
         state = self._state(tick, measured, members, until, turn_rps)
+        lead_s = (together - until) / NANOSECONDS
+        vehicles = np.concatenate((members, deaf))
+        if deaf.size:
+            unmoved = np.zeros(deaf.size)
+            twins = self._silence.states(deaf, measured, together)
+            state = FlightState.of(np.concatenate((state.table, twins.table), axis=1))
+            lead_s, turn_rps = np.concatenate((lead_s, unmoved)), np.concatenate((turn_rps, unmoved))
+            commanded = np.concatenate((commanded, unmoved > 0))
         return Scene(
-            traffic=Traffic(state, (together - until) / NANOSECONDS, turn_rps, model),
-            told=Setpoints.of(np.where(commanded, tick.setpoints.table[:, members], np.nan)),
+            traffic=Traffic(state, lead_s, turn_rps, self._model.take(vehicles)),
+            told=Setpoints.of(np.where(commanded, tick.setpoints.table[:, vehicles], np.nan)),
             commanded=commanded,
+            vehicles=vehicles,
             kept_m=self.kept_m,
             kept_from_others_m=self._keys.distance_m,
-            timing_s=TIMING_SHARE * or_zero(tick.age_s + tick.delay_s)[members],
+            timing_s=TIMING_SHARE * or_zero(tick.age_s + tick.delay_s)[vehicles],
             reference=0,
             floor=self._floor_m,
             times_s=self._times_s,
@@ -136,7 +148,7 @@ class SeparationKeeper:
             return tick.state.take(members)
         begin, stamps = measured.state.take(members), measured.stamps[members]
         state = self._history.predict(begin, stamps, until, members, self._model.take(members))
-        return state.turned(turn_rps * (until - stamps) / NANOSECONDS)
+        return state.turned(turn_rps, (until - stamps) / NANOSECONDS)
 
     def _floor_m(self, state: FlightState) -> Array:
         """Return the height that vehicles may be sent down to: clear of the ground that they come to straight on."""
@@ -172,13 +184,13 @@ class SeparationKeeper:
         solid = places_m[1:] if self._virtual else places_m
         return SLOT_SHARE * _nearest_m(solid)
 
-    def _note(self, now: Instant, members: Indices, conflicts: tuple[Conflict, ...], state: FlightState) -> None:
+    def _note(self, now: Instant, scene: Scene, conflicts: tuple[Conflict, ...]) -> None:
         if not conflicts and not self._encounters:
             return
-        place = np.stack((state.north_m, state.east_m, state.height_m))
-        where = {int(column): place[:, row] for row, column in enumerate(members)}
+        state, vehicles = scene.traffic.state, scene.vehicles
+        where = dict(zip(reversed(vehicles.tolist()), state.table[:3, ::-1].T, strict=True))
         for conflict in conflicts:
-            pair = int(members[conflict.vehicle]), int(members[conflict.other])
+            pair = int(vehicles[conflict.vehicle]), int(vehicles[conflict.other])
             if pair not in self._encounters:
                 upwards = bool(self._side[pair[0]] > 0)
                 begun = Encounter(*pair, now, conflict.nearest_m, conflict.in_s, upwards, np.inf)

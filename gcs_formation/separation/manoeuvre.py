@@ -98,7 +98,7 @@ def _begun(traffic: Traffic, manoeuvre: Manoeuvre, times_s: Array) -> tuple[Flig
     twice = np.concatenate((np.arange(count), np.arange(count)))
     both, elapsed_s = traffic.take(twice), np.concatenate((traffic.lead_s, traffic.lead_s + times_s[1]))
     state = advance(both.state, manoeuvre.first.table[None][:, :, twice], elapsed_s[None], both.model)
-    state = state.turned(both.turn_rps * elapsed_s)
+    state = state.turned(both.turn_rps, elapsed_s)
     return state.take(twice[:count]), state.take(twice[count:] + count)
 
 

@@ -25,6 +25,8 @@ class Scene:
     told: Setpoints
     """By the law; NaN for those that aren't commanded."""
     commanded: Mask
+    vehicles: Indices
+    """(N,) whose columns they are: one that may be in two places has two, which don't keep apart."""
     kept_m: float
     """Distance that two keep that are commanded."""
     kept_from_others_m: float
@@ -56,8 +58,9 @@ class Scene:
     def kept(self, one: Indices, other: Indices) -> Kept:
         """Return what pairs are to keep (P,)."""
         both = self.commanded[one] & self.commanded[other]
+        apart = self.vehicles[one] != self.vehicles[other]
         distance_m: Array = np.where(both, self.kept_m, self.kept_from_others_m)
-        return Kept(distance_m, self.timing_s[one] + self.timing_s[other])
+        return Kept(apart * distance_m, apart * (self.timing_s[one] + self.timing_s[other]))
 
     @cached_property
     def floor_m(self) -> Array:

@@ -87,6 +87,9 @@ def test_setpoints_act_when_they_arrive() -> None:
         np.array([0]),
         MODEL,
     )
+    for instant_s, values in ((0.2, told[0]), (0.35, told[0]), (0.45, told[1]), (9.0, told[2])):
+        held = history.told(np.array([round(instant_s * NANOSECONDS)]), np.array([0]))
+        assert held.table[:, 0].tolist() == list(values)
     for values, duration_s in zip(told, (0.15, 0.1, 0.15), strict=True):
         state = advance(state, np.array(values)[None, :, None], np.array([[duration_s]]), MODEL)
     for name in ("north_m", "east_m", "height_m", "airspeed_mps", "heading_rad"):
@@ -99,6 +102,20 @@ def test_untold_vehicles_fly_straight_on() -> None:
     assert later.heading_rad == pytest.approx([0.5])
     assert later.airspeed_mps == pytest.approx([22.0])
     assert later.north_m == pytest.approx([44.0 * np.cos(0.5)])
+
+
+@pytest.mark.parametrize("turn_rps", [0.0, 1e-9, 0.2, -0.2])
+def test_an_untold_vehicle_in_a_turn_flies_an_arc(turn_rps: float) -> None:
+    state, over_s = FlightState(*column(0, 0, 100, 0, 22, 0.5, 3, -2)), 12.0
+    straight = advance(state, np.full((1, 3, 1), np.nan), np.array([[over_s]]), MODEL)
+    turned = straight.turned(*column(turn_rps, over_s))
+
+    def velocity(time_s: float, _: Any) -> list[float]:
+        return [22 * np.cos(0.5 + turn_rps * time_s) + 3, 22 * np.sin(0.5 + turn_rps * time_s) - 2]
+
+    place = solve_ivp(velocity, (0.0, over_s), [0.0, 0.0], rtol=1e-9, atol=1e-9).y[:, -1]
+    assert turned.heading_rad == pytest.approx([0.5 + turn_rps * over_s])
+    assert [turned.north_m[0], turned.east_m[0]] == pytest.approx(place.tolist(), abs=1e-5)
 
 
 def test_limits_hold() -> None:

@@ -85,6 +85,7 @@ def scene(vehicles: Vehicles, state: FlightState, told: Setpoints, age_s: float 
         traffic=Traffic(state, np.zeros(count), np.where(ours, 0.0, vehicles.turn_rps), model(count)),
         told=Setpoints(*np.where(ours, told.table, np.nan)),
         commanded=ours,
+        vehicles=np.arange(count),
         kept_m=KEPT_M,
         kept_from_others_m=KEPT_M,
         timing_s=np.full(count, 0.1 * (2 * vehicles.delay_s + age_s)),
