@@ -91,7 +91,7 @@ class FlightState(Columns):
         return (self.table[:3] + seconds * velocity_mps).T
 
     def turned(self, turn_rps: Array, over_s: Array) -> FlightState:
-        """Return where vehicles are that turned at a constant rate on the way here, where these states have it straight.
+        """Return the states of vehicles that turned at a constant rate on the way here; these have them fly straight.
 
         Args:
             turn_rps: (N,) to the right.

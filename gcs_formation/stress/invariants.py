@@ -17,8 +17,9 @@ from airlink.messages import CommandInt
 from formation_scenario import Scenario
 from formation_scenario import Vehicle as PlannedVehicle
 from gcs_formation.arrays import Array
+from gcs_formation.link.connection import STALE_AFTER_S
 from gcs_formation.record.run_directory import EVENTS, SUMMARY, TIMESERIES, TLOG
-from gcs_formation.record.timeseries import ERROR, SETPOINT, STATE, TRUTH, read_parquet
+from gcs_formation.record.timeseries import ERROR, INJECTED, SETPOINT, STATE, TRUTH, read_parquet
 from gcs_formation.record.tlog import read_tlog
 
 REGAINED_M = 1.0
@@ -146,7 +147,7 @@ def regained(flown: Flown) -> Iterator[str]:
     for vehicle in flown.scenario.vehicles:
         rows = flown.rows(vehicle)
         late = (rows["mission_time_s"] > flown.scenario.duration_s - REGAINED_FOR_S) & (rows["leads"] == 0)
-        if np.isfinite(flown.lost_at_s(vehicle)) or not late.any():
+        if np.isfinite(flown.lost_at_s(vehicle)) or not late.any() or _held_up(flown, rows):
             continue
         worst_m = max(float(np.abs(rows[name][late]).max()) for name in ERROR)
         if not worst_m < REGAINED_M:
@@ -154,6 +155,14 @@ def regained(flown: Flown) -> Iterator[str]:
                 f"regained: vehicle {vehicle.vehicle_id} was {worst_m:.2f} m from its slot in the last "
                 f"{REGAINED_FOR_S:g} s; allowed: {REGAINED_M:g} m"
             )
+
+
+def _held_up(flown: Flown, rows: Mapping[str, Array]) -> bool:
+    """Whether a delay of seconds, as in Pareto's tail, reaches beyond the last change of the links into the calm."""
+    calm_from_s = max((change.at_s for change in flown.scenario.links.changes), default=0.0)
+    there_and_back_s = 2 * rows[INJECTED]
+    under_way = rows["mission_time_s"] + there_and_back_s > calm_from_s
+    return bool((under_way & (rows["mission_time_s"] < calm_from_s) & (there_and_back_s > STALE_AFTER_S)).any())
 
 
 INVARIANTS = (separation, envelope, finite, acknowledged, recorded, regained)

@@ -76,3 +76,17 @@ def test_a_sound_record_breaks_nothing(sound: Flown) -> None:
 )
 def test_what_is_broken_is_named(sound: Flown, tamper: Tamper, said: str) -> None:
     assert said in "\n".join(broken(tamper(sound)))
+
+
+def test_a_vehicle_that_a_delay_of_seconds_keeps_unheard_in_the_calm_need_not_be_in_its_slot(sound: Flown) -> None:
+    keys = scenario(duration_s=20, links={"changes": [{"at_s": 10, "distribution": "normal"}]})
+    off = replace(with_column(sound, "error_y_m", -1, -1.5), scenario=load_scenario(keys))
+    of_the_last = off.columns["vehicle"] == 3
+
+    def with_delay(sent_s: float, mean_s: float) -> Flown:
+        row = int(np.argmax(of_the_last & (off.columns["mission_time_s"] > sent_s)))
+        return with_column(off, "injected_delay_s", row, mean_s)
+
+    assert broken(with_delay(9.0, 2.0)) == []
+    for heard in (with_delay(9.0, 0.4), with_delay(3.0, 2.0), with_delay(11.0, 2.0)):
+        assert "regained: vehicle 3" in "\n".join(broken(heard))
