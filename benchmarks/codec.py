@@ -11,7 +11,7 @@ os.environ["MAVLINK20"] = "1"
 from pymavlink.dialects.v20 import ardupilotmega as peer
 
 from airlink.frame import FrameWriter, StreamParser
-from airlink.messages import Attitude, GlobalPositionInt
+from airlink.messages.telemetry import Attitude, GlobalPositionInt
 from benchmarks.tables import markdown
 
 FRAMES = 20_000

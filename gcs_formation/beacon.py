@@ -8,7 +8,8 @@ from collections.abc import Iterator, Mapping
 from airlink import mavlink as m
 from airlink.clock import Instant, after, seconds_between
 from airlink.identity import VehicleId
-from airlink.messages import Heartbeat, Message, NamedValueFloat
+from airlink.messages import Message
+from airlink.messages.system import MISSION_TIME, Heartbeat, NamedValueFloat
 from gcs_formation.link.connection import LinkState
 from gcs_formation.vehicle.vehicle import Vehicle
 
@@ -17,8 +18,6 @@ PROBE_S = 0.25
 GOLDEN = (math.sqrt(5) - 1) / 2
 PROBE_DITHER_S = 0.02
 """Probes are spread over a vehicle's main loop, so that the wait for it averages to half of it."""
-MISSION_TIME = "MISSION_T"
-"""Name under which every vehicle is told the mission time, for its log."""
 
 
 class Beacon:

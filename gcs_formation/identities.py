@@ -9,7 +9,8 @@ from airlink.clock import Instant
 from airlink.engine import Datagram
 from airlink.frame import Frame
 from airlink.identity import VehicleId
-from airlink.messages import Heartbeat, Message
+from airlink.messages import Message
+from airlink.messages.system import Heartbeat
 from gcs_formation.phases import Flight, Phase
 from gcs_formation.records import GiveUp, Note
 from gcs_formation.vehicle.vehicle import STATION_SYSTEM, Vehicle

@@ -8,7 +8,7 @@ from airlink import mavlink as m
 from airlink.clock import Instant, seconds_between
 from airlink.endpoint import Endpoint
 from airlink.identity import VehicleId
-from airlink.messages import Heartbeat
+from airlink.messages.system import Heartbeat
 from gcs_formation.link.connection import LinkState
 from gcs_formation.membership import Member
 from gcs_formation.phases import Flight, Phase

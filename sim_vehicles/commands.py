@@ -12,8 +12,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
 from airlink import mavlink as m
-from airlink.messages import CommandInt, CommandLong, MessageInterval
-from airlink.mission_messages import MissionItem, MissionItemInt
+from airlink.messages.command import CommandInt, CommandLong, MessageInterval
+from airlink.messages.mission import MissionItem, MissionItemInt
 from sim_vehicles.mission_items import from_message
 from sim_vehicles.modes import Mode
 from sim_vehicles.telemetry import BUILDERS

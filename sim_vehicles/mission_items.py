@@ -11,7 +11,7 @@ import math
 from typing import NamedTuple
 
 from airlink import mavlink as m
-from airlink.mission_messages import MissionItem, MissionItemInt
+from airlink.messages.mission import MissionItem, MissionItemInt
 
 E7 = 1e7
 HIGHEST_M = 2**23 / 100

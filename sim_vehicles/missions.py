@@ -13,8 +13,8 @@ from typing import NamedTuple
 from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.endpoint import Address
-from airlink.messages import Message, Statustext
-from airlink.mission_messages import (
+from airlink.messages import Message
+from airlink.messages.mission import (
     MissionAck,
     MissionClearAll,
     MissionCount,
@@ -28,6 +28,7 @@ from airlink.mission_messages import (
     MissionSetCurrent,
     MissionWritePartialList,
 )
+from airlink.messages.system import Statustext
 from sim_vehicles.mission_items import Item, from_message, in_degrees, to_message
 from sim_vehicles.streams import NEVER
 

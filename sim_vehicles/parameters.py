@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from airlink import mavlink as m
 from airlink.endpoint import Address
-from airlink.messages import ParamRequestRead, ParamSet, ParamValue
+from airlink.messages.parameter import ParamRequestRead, ParamSet, ParamValue
 from sim_vehicles.config import VehicleConfig
 
 UNINDEXED = 65535

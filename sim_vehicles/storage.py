@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from airlink.clock import Instant
-from airlink.messages import FileTransferProtocol, Message, ParamRequestList, ParamRequestRead, ParamSet
-from airlink.mission_messages import MissionMessage
+from airlink.messages import Message
+from airlink.messages.mission import MissionMessage
+from airlink.messages.parameter import FileTransferProtocol, ParamRequestList, ParamRequestRead, ParamSet
 from sim_vehicles.files import Files
 from sim_vehicles.missions import Missions, Sender
 from sim_vehicles.parameters import ParameterServer

@@ -7,21 +7,19 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from airlink import mavlink as m
-from airlink.messages import (
+from airlink.messages import Message
+from airlink.messages.system import AutopilotVersion, Heartbeat, SystemTime
+from airlink.messages.telemetry import (
     Attitude,
-    AutopilotVersion,
     BatteryStatus,
     EkfStatusReport,
     ExtendedSysState,
     GlobalPositionInt,
     GpsRawInt,
-    Heartbeat,
     HomePosition,
     LocalPositionNed,
-    Message,
     NavControllerOutput,
     SysStatus,
-    SystemTime,
     VfrHud,
     Wind,
 )

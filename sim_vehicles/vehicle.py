@@ -9,19 +9,10 @@ from airlink import mavlink as m
 from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import Address
 from airlink.frame import Frame
-from airlink.messages import (
-    CommandAck,
-    CommandInt,
-    CommandLong,
-    Heartbeat,
-    Message,
-    NamedValueFloat,
-    RequestDataStream,
-    SetMode,
-    Statustext,
-    Timesync,
-)
-from airlink.mission_messages import MissionAck, MissionItem, MissionItemInt, MissionItemReached
+from airlink.messages import Message
+from airlink.messages.command import CommandAck, CommandInt, CommandLong, RequestDataStream, SetMode
+from airlink.messages.mission import MissionAck, MissionItem, MissionItemInt, MissionItemReached
+from airlink.messages.system import MISSION_TIME, Heartbeat, NamedValueFloat, Statustext, Timesync
 from sim_vehicles import commands
 from sim_vehicles.config import Fault, SensorErrors, VehicleConfig
 from sim_vehicles.failsafe import GroundStationFailsafe
@@ -47,7 +38,6 @@ if TYPE_CHECKING:
 INITIALISING_S = 1.0
 TIMESYNC_S = 10.0
 MICROSECOND_NS = 1000
-MISSION_TIME = "MISSION_T"
 NOTICE, WARNING, CRITICAL = m.MAV_SEVERITY_NOTICE, m.MAV_SEVERITY_WARNING, m.MAV_SEVERITY_CRITICAL
 
 

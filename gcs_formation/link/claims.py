@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import Address
-from airlink.messages import Heartbeat, Message
+from airlink.messages import Message
+from airlink.messages.system import Heartbeat
 from gcs_formation.link.clock_sync import ClockSync
 from gcs_formation.link.connection import TALKING, Connection, LinkState
 

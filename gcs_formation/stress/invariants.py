@@ -13,7 +13,7 @@ import numpy as np
 
 from airlink import mavlink as m
 from airlink.frame import StreamParser
-from airlink.messages import CommandInt
+from airlink.messages.command import CommandInt
 from formation_scenario import Scenario
 from formation_scenario import Vehicle as PlannedVehicle
 from gcs_formation.arrays import Array

@@ -13,7 +13,8 @@ from typing import ClassVar
 import numpy as np
 
 from airlink import mavlink as m
-from airlink.messages import CommandInt, CommandLong, Heartbeat
+from airlink.messages.command import CommandInt, CommandLong
+from airlink.messages.system import Heartbeat
 from gcs_formation.setpoint import Setpoint
 from gcs_formation.vehicle.autopilot import Autopilot, Command, Step
 from gcs_formation.vehicle.telemetry import Telemetry

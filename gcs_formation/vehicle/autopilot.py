@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from airlink import mavlink as m
-from airlink.messages import CommandInt, CommandLong, Heartbeat
+from airlink.messages.command import CommandInt, CommandLong
+from airlink.messages.system import Heartbeat
 from formation_scenario.orders import End
 from gcs_formation.setpoint import Setpoint
 from gcs_formation.vehicle.orders import Promise

@@ -11,7 +11,7 @@ from enum import Enum
 
 from airlink import mavlink as m
 from airlink.clock import Instant, after
-from airlink.messages import CommandAck, CommandLong
+from airlink.messages.command import CommandAck, CommandLong
 from gcs_formation.vehicle.autopilot import Command
 
 RETRY_S = 0.7

@@ -8,16 +8,9 @@ from dataclasses import dataclass, field
 
 from airlink import mavlink as m
 from airlink.geodesy import GeodeticOrigin
-from airlink.messages import (
-    Attitude,
-    EkfStatusReport,
-    GlobalPositionInt,
-    Heartbeat,
-    Message,
-    Statustext,
-    SysStatus,
-    VfrHud,
-)
+from airlink.messages import Message
+from airlink.messages.system import Heartbeat, Statustext
+from airlink.messages.telemetry import Attitude, EkfStatusReport, GlobalPositionInt, SysStatus, VfrHud
 
 KEPT_TEXTS = 8
 SPEED_LIMIT_MPS = 400.0

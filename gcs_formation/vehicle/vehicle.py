@@ -10,7 +10,10 @@ from airlink.clock import NANOSECONDS, Instant, after, seconds_between
 from airlink.frame import Frame, FrameWriter
 from airlink.geodesy import GeodeticOrigin
 from airlink.identity import VehicleId
-from airlink.messages import CommandAck, GlobalPositionInt, Heartbeat, Message, Timesync
+from airlink.messages import Message
+from airlink.messages.command import CommandAck
+from airlink.messages.system import Heartbeat, Timesync
+from airlink.messages.telemetry import GlobalPositionInt
 from airlink.sequence import SequenceTracker
 from gcs_formation.estimation.estimator import Sample
 from gcs_formation.link.claims import EARLY_S, LONGEST_DELAY_S, Claims

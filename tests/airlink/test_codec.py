@@ -12,19 +12,11 @@ from hypothesis import strategies as st
 from airlink import mavlink as m
 from airlink.codec import CODECS, wire_name
 from airlink.frame import FrameWriter, StreamParser
-from airlink.messages import (
-    Attitude,
-    CommandLong,
-    GlobalPositionInt,
-    Heartbeat,
-    HomePosition,
-    Message,
-    ParamSet,
-    ParamValue,
-    Statustext,
-    VfrHud,
-    Wind,
-)
+from airlink.messages import Message
+from airlink.messages.command import CommandLong
+from airlink.messages.parameter import ParamSet, ParamValue
+from airlink.messages.system import Heartbeat, Statustext
+from airlink.messages.telemetry import Attitude, GlobalPositionInt, HomePosition, VfrHud, Wind
 
 dialect = importlib.import_module("pymavlink.dialects.v20.ardupilotmega")
 dialect_v1 = importlib.import_module("pymavlink.dialects.v10.ardupilotmega")

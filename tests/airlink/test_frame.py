@@ -9,7 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from airlink.frame import HEADER_V1, HEADER_V2, FrameWriter, StreamParser
-from airlink.messages import Attitude, CommandAck, Heartbeat, ParamValue, Statustext
+from airlink.messages.command import CommandAck
+from airlink.messages.parameter import ParamValue
+from airlink.messages.system import Heartbeat, Statustext
+from airlink.messages.telemetry import Attitude
 
 dialect = importlib.import_module("pymavlink.dialects.v20.ardupilotmega")
 

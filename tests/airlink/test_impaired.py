@@ -12,7 +12,7 @@ from airlink.identity import VehicleId
 from airlink.impaired import MAX_REMOTES, ImpairedEngine
 from airlink.impairment import UNIMPAIRED, Impairment
 from airlink.memory import MemoryNetwork
-from airlink.messages import Heartbeat, SystemTime
+from airlink.messages.system import Heartbeat, SystemTime
 from tests.airlink.engines import PlainEngine
 
 PERIOD_S = 0.05

@@ -11,7 +11,7 @@ import pytest
 from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.engine import Datagram
-from airlink.messages import Heartbeat
+from airlink.messages.system import Heartbeat
 from formation_scenario import load_scenario
 from gcs_formation.estimation.flight_state import FlightState, Setpoints
 from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory

@@ -10,7 +10,7 @@ from airlink.endpoint import LOOPBACK, Address, Endpoint
 from airlink.engine import Datagram
 from airlink.frame import HEADER_V2, FrameWriter
 from airlink.identity import VehicleId
-from airlink.messages import Heartbeat, Statustext
+from airlink.messages.system import Heartbeat, Statustext
 from formation_scenario import load_scenario
 from gcs_formation.phases import Phase
 from gcs_formation.station import Station

@@ -12,7 +12,8 @@ from airlink.endpoint import Address
 from airlink.engine import Datagram
 from airlink.frame import FrameWriter
 from airlink.identity import VehicleId
-from airlink.messages import CommandLong, Message, RequestDataStream
+from airlink.messages import Message
+from airlink.messages.command import CommandLong, RequestDataStream
 from gcs_formation.phases import Phase
 from sim_vehicles.commands import HANDLERS
 from tests.flights.in_memory import World

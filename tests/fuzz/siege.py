@@ -19,7 +19,7 @@ from airlink.endpoint import LOOPBACK, Address, Endpoint
 from airlink.engine import Datagram, Engine
 from airlink.frame import HEADER_V2, MARKER_V2
 from airlink.memory import FIRST_EPHEMERAL_PORT, MemoryNetwork
-from airlink.messages import CommandInt
+from airlink.messages.command import CommandInt
 from formation_scenario import Scenario, load_scenario
 from gcs_formation.app.links import impair
 from gcs_formation.arrays import Array

@@ -9,7 +9,7 @@ import pytest
 from airlink import mavlink as m
 from airlink.frame import FrameWriter
 from airlink.mavlink import Layout
-from airlink.messages import RequestDataStream, SetMode
+from airlink.messages.command import RequestDataStream, SetMode
 from gcs_formation.vehicle.vehicle import STATION_COMPONENT, STATION_SYSTEM
 from sim_vehicles.commands import HANDLERS
 from tests.fuzz.flight import FOLLOWER, USUAL, Flight

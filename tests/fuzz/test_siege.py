@@ -12,7 +12,7 @@ from airlink.endpoint import Address
 from airlink.engine import Datagram
 from airlink.frame import FrameWriter
 from airlink.identity import VehicleId
-from airlink.messages import Heartbeat
+from airlink.messages.system import Heartbeat
 from gcs_formation.station import Station
 from tests.fuzz.siege import End, Notes, Siege, check, fly, planned, worst_error_m
 

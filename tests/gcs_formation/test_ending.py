@@ -13,7 +13,9 @@ from airlink.clock import Instant
 from airlink.endpoint import Address
 from airlink.geodesy import GeodeticOrigin
 from airlink.identity import VehicleId
-from airlink.messages import CommandAck, GlobalPositionInt, Heartbeat
+from airlink.messages.command import CommandAck
+from airlink.messages.system import Heartbeat
+from airlink.messages.telemetry import GlobalPositionInt
 from formation_scenario import load_scenario
 from formation_scenario.orders import End
 from gcs_formation.ending import Ending

@@ -10,7 +10,8 @@ from airlink.endpoint import Address, parse_endpoint
 from airlink.engine import Datagram
 from airlink.frame import FrameWriter
 from airlink.memory import MemoryNetwork
-from airlink.messages import CommandInt, CommandLong, Heartbeat
+from airlink.messages.command import CommandInt, CommandLong
+from airlink.messages.system import Heartbeat
 
 GROUND = Address("127.0.0.1", 14550)
 SPEED, HEADING = 43000, 43002

@@ -9,7 +9,8 @@ import pytest
 
 from airlink import mavlink as m
 from airlink.geodesy import GeodeticOrigin
-from airlink.messages import Attitude, EkfStatusReport, GlobalPositionInt, Heartbeat, SysStatus, VfrHud
+from airlink.messages.system import Heartbeat
+from airlink.messages.telemetry import Attitude, EkfStatusReport, GlobalPositionInt, SysStatus, VfrHud
 from gcs_formation.vehicle.arduplane import EKF_READY, ArduPlane
 from gcs_formation.vehicle.telemetry import Telemetry
 

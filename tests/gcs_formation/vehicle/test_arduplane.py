@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from airlink import mavlink as m
 from airlink.frame import FrameWriter, StreamParser
-from airlink.messages import CommandInt, SysStatus
+from airlink.messages.command import CommandInt
+from airlink.messages.telemetry import SysStatus
 from gcs_formation.setpoint import Setpoint
 from gcs_formation.vehicle.arduplane import ArduPlane
 from gcs_formation.vehicle.autopilot import Command

@@ -8,7 +8,7 @@ import pytest
 
 from airlink import mavlink as m
 from airlink.clock import Instant, after
-from airlink.messages import CommandAck
+from airlink.messages.command import CommandAck
 from gcs_formation.vehicle.arduplane import ArduPlane
 from gcs_formation.vehicle.commands import CommandQueue, Outcome
 from gcs_formation.vehicle.startup import StartUp

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from airlink import mavlink as m
-from airlink.messages import Attitude, GlobalPositionInt, VfrHud
+from airlink.messages.telemetry import Attitude, GlobalPositionInt, VfrHud
 from gcs_formation.vehicle.telemetry import Telemetry
 from tests.gcs_formation.vehicle.conftest import ORIGIN, heartbeat, position
 

@@ -1,16 +1,18 @@
-"""The messages of MAVLink's mission protocol, typed as those of `airlink.messages` are.
+"""Messages of the mission protocol.
 
-Places are in 1e-7 degrees (integers) or in degrees (floats), or whatever the item's command makes of them: the dialect
-declares no unit for them, so they stay as they are. Source: MAVLink guide, "Mission Protocol".
+The dialect declares no unit for an item's x, y and z, since they depend on the item's command and frame: they stay as
+they are on the wire. Source: MAVLink guide, "Mission Protocol".
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
+
+Coordinate = TypeVar("Coordinate", int, float)
 
 
 class MissionWritePartialList(NamedTuple):
-    """MISSION_WRITE_PARTIAL_LIST (38): items from one to another, both included, will be sent anew."""
+    """MISSION_WRITE_PARTIAL_LIST (38): the items from start_index to end_index will be replaced."""
 
     target_system: int
     target_component: int
@@ -19,28 +21,8 @@ class MissionWritePartialList(NamedTuple):
     mission_type: int = 0
 
 
-class MissionItem(NamedTuple):
-    """MISSION_ITEM (39): an item with its place in degrees; `current` 2 is a place to fly to now, 3 a height."""
-
-    target_system: int
-    target_component: int
-    seq: int
-    frame: int
-    command: int
-    current: int
-    autocontinue: int
-    param1: float
-    param2: float
-    param3: float
-    param4: float
-    x: float
-    y: float
-    z: float
-    mission_type: int = 0
-
-
 class MissionRequest(NamedTuple):
-    """MISSION_REQUEST (40): send this item, as MISSION_ITEM or MISSION_ITEM_INT."""
+    """MISSION_REQUEST (40): asks for an item, as MISSION_ITEM or MISSION_ITEM_INT."""
 
     target_system: int
     target_component: int
@@ -49,7 +31,7 @@ class MissionRequest(NamedTuple):
 
 
 class MissionSetCurrent(NamedTuple):
-    """MISSION_SET_CURRENT (41): go on with this item."""
+    """MISSION_SET_CURRENT (41): continue the mission at this item."""
 
     target_system: int
     target_component: int
@@ -57,7 +39,7 @@ class MissionSetCurrent(NamedTuple):
 
 
 class MissionCurrent(NamedTuple):
-    """MISSION_CURRENT (42): the sequence number of the active item, how many there are, MISSION_STATE."""
+    """MISSION_CURRENT (42): sequence number of the active item, number of items, and MISSION_STATE."""
 
     seq: int
     total: int = 0
@@ -65,7 +47,7 @@ class MissionCurrent(NamedTuple):
 
 
 class MissionRequestList(NamedTuple):
-    """MISSION_REQUEST_LIST (43): how many items there are (MAV_MISSION_TYPE)."""
+    """MISSION_REQUEST_LIST (43): asks for the number of items of a type (MAV_MISSION_TYPE)."""
 
     target_system: int
     target_component: int
@@ -82,7 +64,7 @@ class MissionCount(NamedTuple):
 
 
 class MissionClearAll(NamedTuple):
-    """MISSION_CLEAR_ALL (45): forget all items."""
+    """MISSION_CLEAR_ALL (45): delete all items."""
 
     target_system: int
     target_component: int
@@ -96,7 +78,7 @@ class MissionItemReached(NamedTuple):
 
 
 class MissionAck(NamedTuple):
-    """MISSION_ACK (47): what became of a mission request (MAV_MISSION_RESULT)."""
+    """MISSION_ACK (47): the result of a mission request (MAV_MISSION_RESULT)."""
 
     target_system: int
     target_component: int
@@ -105,7 +87,7 @@ class MissionAck(NamedTuple):
 
 
 class MissionRequestInt(NamedTuple):
-    """MISSION_REQUEST_INT (51): send this item, as MISSION_ITEM_INT."""
+    """MISSION_REQUEST_INT (51): asks for an item, as MISSION_ITEM_INT."""
 
     target_system: int
     target_component: int
@@ -113,8 +95,8 @@ class MissionRequestInt(NamedTuple):
     mission_type: int = 0
 
 
-class MissionItemInt(NamedTuple):
-    """MISSION_ITEM_INT (73): an item with its place in 1e-7 degrees."""
+class _Item(NamedTuple, Generic[Coordinate]):
+    """What both forms of a mission item carry, in the same order."""
 
     target_system: int
     target_component: int
@@ -122,15 +104,28 @@ class MissionItemInt(NamedTuple):
     frame: int
     command: int
     current: int
+    """1: the item that is flown now; 2: not of the mission, a place to fly to at once; 3: likewise, a height alone."""
     autocontinue: int
     param1: float
     param2: float
     param3: float
     param4: float
-    x: int
-    y: int
+    x: Coordinate
+    y: Coordinate
     z: float
     mission_type: int = 0
+
+
+class MissionItem(_Item[float]):
+    """MISSION_ITEM (39): an item whose place, if it has one, is in degrees."""
+
+    __slots__ = ()
+
+
+class MissionItemInt(_Item[int]):
+    """MISSION_ITEM_INT (73): an item whose place, if it has one, is in 1e-7 degrees."""
+
+    __slots__ = ()
 
 
 MissionMessage = (

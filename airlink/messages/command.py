@@ -1,0 +1,81 @@
+"""Messages that command a vehicle, and those that set which messages it streams.
+
+Source: MAVLink guide, "Command Protocol" and "Requesting Data From Vehicles".
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class CommandInt(NamedTuple):
+    """COMMAND_INT (75): a command whose position is in scaled integers; the command defines the units."""
+
+    target_system: int
+    target_component: int
+    frame: int
+    command: int
+    current: int = 0
+    autocontinue: int = 0
+    param1: float = 0.0
+    param2: float = 0.0
+    param3: float = 0.0
+    param4: float = 0.0
+    x: int = 0
+    y: int = 0
+    z: float = 0.0
+
+
+class CommandLong(NamedTuple):
+    """COMMAND_LONG (76): a command with seven float parameters; the command defines their units."""
+
+    target_system: int
+    target_component: int
+    command: int
+    confirmation: int = 0
+    param1: float = 0.0
+    param2: float = 0.0
+    param3: float = 0.0
+    param4: float = 0.0
+    param5: float = 0.0
+    param6: float = 0.0
+    param7: float = 0.0
+
+
+class CommandAck(NamedTuple):
+    """COMMAND_ACK (77): the result of a command (MAV_RESULT), and the system that it answers."""
+
+    command: int
+    result: int
+    progress: int = 0
+    result_param2: int = 0
+    target_system: int = 0
+    target_component: int = 0
+
+
+class SetMode(NamedTuple):
+    """SET_MODE (11): the predecessor of MAV_CMD_DO_SET_MODE, which ground stations still send."""
+
+    target_system: int
+    base_mode: int
+    custom_mode: int
+
+
+class RequestDataStream(NamedTuple):
+    """REQUEST_DATA_STREAM (66): the older request for groups of messages at a rate."""
+
+    target_system: int
+    target_component: int
+    req_stream_id: int
+    req_message_rate: int
+    start_stop: int
+
+
+class MessageInterval(NamedTuple):
+    """MESSAGE_INTERVAL (244): the interval at which a message is sent; 0: unavailable, -1: not sent."""
+
+    message_id: int
+    interval_us: int
+
+
+CommandMessage = CommandInt | CommandLong | CommandAck | SetMode | RequestDataStream | MessageInterval
