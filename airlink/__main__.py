@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from airlink.interruption import end_quietly
+from airlink.cli.interruption import end_quietly
 
 
 def main() -> None:
     """Run the proxy."""
     end_quietly()
-    from airlink.proxy_cli import main as proxy  # noqa: PLC0415 - Ctrl-C ends its import too
+    from airlink.cli.proxy import main as proxy  # noqa: PLC0415 - Ctrl-C ends its import too
 
     proxy()
 

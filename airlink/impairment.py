@@ -18,6 +18,7 @@ import numpy as np
 
 from airlink.clock import Instant, after, seconds_between
 from airlink.identity import VehicleId
+from airlink.random_streams import random_stream
 
 Distribution = Literal["normal", "uniform", "pareto", "trace"]
 
@@ -129,13 +130,9 @@ class Direction(IntEnum):
     DOWNLINK = 1
 
 
-_LINKS: Final = int.from_bytes(b"links", "big")
-"""Sets the links' random numbers apart from whatever else a run's seed is for."""
-
-
 def link_stream(seed: int, vehicle: VehicleId, direction: Direction) -> np.random.SeedSequence:
     """Return where the random numbers of one direction of one link come from, independent of all others."""
-    return np.random.SeedSequence(seed, spawn_key=(_LINKS, vehicle.network, vehicle.system, direction))
+    return random_stream(seed, "links", vehicle.network, vehicle.system, direction)
 
 
 @dataclass

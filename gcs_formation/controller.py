@@ -26,7 +26,7 @@ from gcs_formation.formation.plan import FormationPlan
 from gcs_formation.guidance.leader import ASSEMBLED_S
 from gcs_formation.guidance.tracking import Lags, Motion
 from gcs_formation.guidance.virtual_leader import amid, fly_on
-from gcs_formation.records import Tick
+from gcs_formation.recorder import Tick
 from gcs_formation.separation.keeper import SeparationKeeper
 
 VIRTUAL = np.zeros(1, dtype=np.intp)

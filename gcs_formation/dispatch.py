@@ -15,7 +15,7 @@ from airlink.messages import Message
 from formation_scenario import Scenario
 from gcs_formation.arrays import Array, Mask
 from gcs_formation.membership import Member
-from gcs_formation.records import Tick
+from gcs_formation.recorder import Tick
 from gcs_formation.setpoint import Setpoint
 from gcs_formation.vehicle.vehicle import Vehicle
 

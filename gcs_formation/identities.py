@@ -12,7 +12,7 @@ from airlink.identity import VehicleId
 from airlink.messages import Message
 from airlink.messages.system import Heartbeat
 from gcs_formation.phases import Flight, Phase
-from gcs_formation.records import GiveUp, Note
+from gcs_formation.recorder import GiveUp, Note
 from gcs_formation.vehicle.vehicle import STATION_SYSTEM, Vehicle
 
 EVERYONE = 0

@@ -11,7 +11,7 @@ from airlink.identity import VehicleId
 from formation_scenario import Scenario
 from gcs_formation.controller import FormationController
 from gcs_formation.obedience import CHANNELS, SETTLED_S, WINDOW_S, Disobedience, Obedience
-from gcs_formation.records import Detail, Note, Tick
+from gcs_formation.recorder import Detail, Note, Tick
 from gcs_formation.vehicle.vehicle import Vehicle
 
 GAP_S = 0.5

@@ -12,8 +12,7 @@ from airlink.clock import Instant
 from airlink.identity import VehicleId
 from formation_scenario import Scenario
 from gcs_formation.arrays import Array
-from gcs_formation.records import Detail
-from gcs_formation.roster import Note
+from gcs_formation.recorder import Detail, Note
 from gcs_formation.stability import LoopDelay, Usage, law_loops, loop_delay_s
 from gcs_formation.vehicle.vehicle import Vehicle
 

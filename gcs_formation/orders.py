@@ -12,7 +12,7 @@ from formation_scenario.transition import NotFlyableError
 from gcs_formation.answer import Answer
 from gcs_formation.phases import Flight, Phase
 from gcs_formation.reconfiguration import Reconfiguration
-from gcs_formation.records import Note
+from gcs_formation.recorder import Note
 
 
 class EndFlight(Protocol):

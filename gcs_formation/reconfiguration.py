@@ -23,7 +23,7 @@ from gcs_formation.controller import FormationController
 from gcs_formation.formation.plan import Proposal
 from gcs_formation.guidance.tracking import Motion, project
 from gcs_formation.membership import Member
-from gcs_formation.records import Note, Tick
+from gcs_formation.recorder import Note, Tick
 from gcs_formation.vehicle.vehicle import Vehicle
 
 RETRY_S = 1.0

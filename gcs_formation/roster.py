@@ -12,7 +12,7 @@ from gcs_formation.estimation.estimator import StateEstimator
 from gcs_formation.link.connection import LinkState
 from gcs_formation.loitering import GroundFloor, loiter_heights
 from gcs_formation.membership import Member, following
-from gcs_formation.records import Note
+from gcs_formation.recorder import Note
 from gcs_formation.vehicle.vehicle import Vehicle
 
 SUCCESSION_S = 3.0

@@ -12,7 +12,7 @@ from airlink.messages.system import Heartbeat
 from gcs_formation.link.connection import LinkState
 from gcs_formation.membership import Member
 from gcs_formation.phases import Flight, Phase
-from gcs_formation.records import GiveUp, Note
+from gcs_formation.recorder import GiveUp, Note
 from gcs_formation.vehicle.vehicle import Vehicle
 
 CONNECT_LIMIT_S = 30.0

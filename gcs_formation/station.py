@@ -30,7 +30,7 @@ from gcs_formation.margin_watch import MarginWatch
 from gcs_formation.orders import Orders
 from gcs_formation.phases import Cause, Flight, Phase
 from gcs_formation.reconfiguration import Reconfiguration
-from gcs_formation.records import Detail, Event, Recorder, Tick
+from gcs_formation.recorder import Detail, Event, Recorder, Tick
 from gcs_formation.roster import Roster
 from gcs_formation.separation.keeper import words
 from gcs_formation.starting import Starting

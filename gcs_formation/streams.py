@@ -17,7 +17,7 @@ from airlink.clock import Instant, after, seconds_between
 from airlink.codec import CODEC_OF_ID
 from airlink.identity import VehicleId
 from gcs_formation.link.connection import TALKING, LinkState
-from gcs_formation.records import Note
+from gcs_formation.recorder import Note
 from gcs_formation.vehicle.commands import Outcome
 from gcs_formation.vehicle.vehicle import Vehicle
 

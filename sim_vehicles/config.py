@@ -3,29 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
 
 from airlink.endpoint import Endpoint
 from airlink.identity import VehicleId
+from formation_scenario.faults import DEFAULT_MODE, FaultKind
+from formation_scenario.vehicles import VehicleModel
 from sim_vehicles.disturbances import Disturbance, Turbulence
-from sim_vehicles.inertial.errors import InertialErrors
-
-FaultKind = Literal["crash", "freeze", "restart", "ignore", "pilot"]
-
-
-@dataclass(frozen=True)
-class Airframe:
-    """Equation (7)'s time constants in s, and the limits of flight in SI units."""
-
-    tau_v_s: float = 4.0
-    tau_psi_s: float = 1.5
-    tau_ha_s: float = 1.0
-    tau_hb_s: float = 3.0
-    speed_min_mps: float = 16.0
-    speed_max_mps: float = 28.0
-    accel_max_mps2: float = 1.5
-    turn_rate_max_rps: float = 0.25
-    climb_max_mps: float = 3.0
+from sim_vehicles.inertial.config import InertialConfig
 
 
 @dataclass(frozen=True)
@@ -63,11 +47,11 @@ class VehicleConfig:
     endpoint: Endpoint
     """The vehicle's own end: `udpout` to where a ground station listens, or `udpin`."""
     start: Start
-    airframe: Airframe = Airframe()
+    model: VehicleModel = field(default_factory=VehicleModel)
     clock_offset_s: float = 0.0
     clock_drift: float = 0.0
     """How much faster than true time its clock runs."""
-    sensors: SensorErrors | InertialErrors | None = None
+    sensors: SensorErrors | InertialConfig | None = None
     """None: it knows its state exactly."""
 
 
@@ -80,7 +64,7 @@ class Fault:
     kind: FaultKind
     ends: bool = False
     """Whether it ends then, or begins."""
-    mode: str = "LOITER"
+    mode: str = DEFAULT_MODE
     """The mode that a pilot switches to."""
 
 
@@ -94,8 +78,8 @@ class FleetConfig:
     vehicles: tuple[VehicleConfig, ...]
     cruise_mps: float = 22.0
     wind_mps: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    disturbances: tuple[Disturbance | Turbulence, ...] = field(default=())
-    faults: tuple[Fault, ...] = field(default=())
+    disturbances: tuple[Disturbance | Turbulence, ...] = ()
+    faults: tuple[Fault, ...] = ()
     seed: int = 1
     """Of all that is random."""
     ready_s: float = 3.0

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import exprel
 
-from sim_vehicles.config import Airframe
+from formation_scenario.vehicles import VehicleModel
 
 Array = npt.NDArray[np.float64]
 
@@ -85,14 +85,14 @@ class Parameters:
     dt_s: float
 
     @classmethod
-    def of(cls, airframes: list[Airframe], dt_s: float) -> Self:
-        """Return the parameters of N airframes that fly in steps of `dt_s`."""
+    def of(cls, models: list[VehicleModel], dt_s: float) -> Self:
+        """Return the parameters of N models that fly in steps of `dt_s`."""
         return cls(
-            tau_s=np.array([(each.tau_v_s, each.tau_psi_s) for each in airframes]).T,
-            rate_max=np.array([(each.accel_max_mps2, each.turn_rate_max_rps) for each in airframes]).T,
-            fast_s=np.array([min(each.tau_ha_s, each.tau_hb_s) for each in airframes]),
-            slow_s=np.array([max(each.tau_ha_s, each.tau_hb_s) for each in airframes]),
-            climb_max_mps=np.array([each.climb_max_mps for each in airframes]),
+            tau_s=np.array([(each.tau_v_s, each.tau_psi_s) for each in models]).T,
+            rate_max=np.array([(each.accel_max_mps2, each.turn_rate_max_rps) for each in models]).T,
+            fast_s=np.array([min(each.tau_ha_s, each.tau_hb_s) for each in models]),
+            slow_s=np.array([max(each.tau_ha_s, each.tau_hb_s) for each in models]),
+            climb_max_mps=np.array([each.climb_max_mps for each in models]),
             dt_s=dt_s,
         )
 

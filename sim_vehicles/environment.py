@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
 from airlink.clock import Instant, after, seconds_between
+from airlink.random_streams import random_stream
 from sim_vehicles.config import Fault, FleetConfig
 from sim_vehicles.disturbances import Disturbance, Turbulence
 from sim_vehicles.dynamics import Array, State
-from sim_vehicles.streams import LOOP_HZ
+from sim_vehicles.loop import LOOP_S
 from sim_vehicles.turbulence import DrydenGusts
-
-_TURBULENCE: Final = int.from_bytes(b"turbulence", "big")
-"""Sets the gusts' random numbers apart from whatever else a run's seed is for."""
-LOOP_S = 1.0 / LOOP_HZ
 
 
 class Environment:
@@ -99,5 +94,6 @@ def _acting(config: FleetConfig, index: int) -> _Steady | _Turbulent:
     hit = np.array([identity in passing.vehicles for identity in identities], dtype=np.float64)
     if isinstance(passing, Disturbance):
         return _Steady(passing, hit)
-    keys = [(_TURBULENCE, index, *identity) for identity in identities if identity in passing.vehicles]
-    return _Turbulent(passing, hit, [np.random.SeedSequence(config.seed, spawn_key=key) for key in keys])
+    met_by = [identity for identity in identities if identity in passing.vehicles]
+    streams = [random_stream(config.seed, "turbulence", index, *identity) for identity in met_by]
+    return _Turbulent(passing, hit, streams)

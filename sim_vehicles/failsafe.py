@@ -6,9 +6,9 @@ Source: ArduPilot documentation, "Plane Failsafe Function".
 from __future__ import annotations
 
 from airlink.clock import Instant, after
+from sim_vehicles.loop import NEVER
 from sim_vehicles.modes import Mode
 from sim_vehicles.parameters import ParameterServer
-from sim_vehicles.streams import NEVER
 
 ACTIONS = {1: Mode.RTL, 2: Mode.FBWA, 4: Mode.AUTO}
 """FS_LONG_ACTN: return, glide, AUTO; 0 and 3 fly on."""

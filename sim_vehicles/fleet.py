@@ -13,12 +13,11 @@ from airlink.geodesy import GeodeticOrigin
 from sim_vehicles.config import FleetConfig
 from sim_vehicles.dynamics import Array, Command, Parameters, State, step
 from sim_vehicles.environment import Environment
+from sim_vehicles.loop import LOOP_S
 from sim_vehicles.motion import MotionTable
 from sim_vehicles.steering import Steering
-from sim_vehicles.streams import LOOP_HZ
 from sim_vehicles.vehicle import Vehicle
 
-LOOP_S = 1.0 / LOOP_HZ
 STANDING_MPS = 1e-3
 
 TruthListener = Callable[[Instant, "Fleet"], None]
@@ -35,16 +34,16 @@ class Fleet:
         """Boot every vehicle at `now`; `truth` is called after each turn."""
         self.config = config
         self.origin = GeodeticOrigin(config.origin_lat_rad, config.origin_lon_rad, config.origin_alt_m)
-        airframes = [vehicle.airframe for vehicle in config.vehicles]
-        self.steering = Steering(airframes)
+        models = [vehicle.model for vehicle in config.vehicles]
+        self.steering = Steering(models)
         self.environment = Environment(config)
         self.state = _start_state(config)
-        self.drift_mps: Array = np.zeros((3, len(airframes)))
-        self._parameters = Parameters.of(airframes, LOOP_S)
+        self.drift_mps: Array = np.zeros((3, len(models)))
+        self._parameters = Parameters.of(models, LOOP_S)
         self._truth = truth
         self.outbox: list[Datagram] = []
         self._next_turn = after(now, LOOP_S)
-        self.turn_rate_radps: Array = np.zeros(len(airframes))
+        self.turn_rate_radps: Array = np.zeros(len(models))
         self.motions = self._motions(self.steering.commands(self.state, self._parameters, self.drift_mps))
         self.vehicles = [Vehicle(i, vehicle, self, now) for i, vehicle in enumerate(config.vehicles)]
 

@@ -12,9 +12,9 @@ from formation_scenario import disturbances as keys
 from formation_scenario import faults as fault_keys
 from formation_scenario.fields import VehicleSelection
 from formation_scenario.navigation import InertialNavigation, Navigation, TrueNavigation
-from sim_vehicles.config import Airframe, Fault, FleetConfig, SensorErrors, Start, VehicleConfig
+from sim_vehicles.config import Fault, FleetConfig, SensorErrors, Start, VehicleConfig
 from sim_vehicles.disturbances import Disturbance, Intensity, Ramp, Sine, Turbulence
-from sim_vehicles.inertial.errors import InertialErrors
+from sim_vehicles.inertial.config import InertialConfig
 from sim_vehicles.inertial.from_keys import aid, inertial_sensors
 
 
@@ -33,7 +33,7 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
                 airspeed_mps=float(states.airspeed_mps[i]),
                 in_air=states.in_air,
             ),
-            airframe=Airframe(**vehicle.model.model_dump()),
+            model=vehicle.model,
             clock_offset_s=vehicle.clock.offset_s,
             clock_drift=vehicle.clock.drift_ppm * 1e-6,
             sensors=_sensors(vehicle.navigation),
@@ -58,12 +58,12 @@ def _selected(scenario: Scenario, selection: VehicleSelection) -> frozenset[Vehi
     return frozenset(vehicle.vehicle_id for vehicle in scenario.selected(selection))
 
 
-def _sensors(keys: Navigation) -> SensorErrors | InertialErrors | None:
+def _sensors(keys: Navigation) -> SensorErrors | InertialConfig | None:
     if isinstance(keys, TrueNavigation):
         return None
     if isinstance(keys, InertialNavigation):
         aligned_s = keys.alignment_s if keys.flight_start == "aligned" else None
-        return InertialErrors(inertial_sensors(keys.sensors), aid(keys), aligned_s)
+        return InertialConfig(inertial_sensors(keys.sensors), aid(keys), aligned_s)
     return SensorErrors(
         rate_hz=keys.rate_hz,
         position_m=keys.position_sigma_m,

@@ -29,8 +29,8 @@ from airlink.messages.mission import (
     MissionWritePartialList,
 )
 from airlink.messages.system import Statustext
+from sim_vehicles.loop import NEVER
 from sim_vehicles.mission_items import Item, from_message, in_degrees, to_message
-from sim_vehicles.streams import NEVER
 
 MOST_ITEMS = 655
 ASK_AGAIN_S, GIVE_UP_S = 1.0, 8.0

@@ -59,12 +59,11 @@ FIXED = frozenset({"MAV_SYSID"})
 
 def initial_values(config: VehicleConfig, cruise_mps: float) -> dict[str, float]:
     """Return the parameters of a vehicle as it comes."""
-    airframe = config.airframe
-    tightest_m = cruise_mps / airframe.turn_rate_max_rps
+    tightest_m = cruise_mps / config.model.turn_rate_max_rps
     return {
         "AIRSPEED_CRUISE": cruise_mps,
-        "AIRSPEED_MAX": airframe.speed_max_mps,
-        "AIRSPEED_MIN": airframe.speed_min_mps,
+        "AIRSPEED_MAX": config.model.speed_max_mps,
+        "AIRSPEED_MIN": config.model.speed_min_mps,
         "ARMING_CHECK": 1,
         "AUTOLAND_WP_ALT": 55,
         "AUTOLAND_WP_DIST": 400,

@@ -155,7 +155,7 @@ class Pilot:
         if target_m is None:
             return False
         if self.condition is Condition.ARMED:
-            if motion.airspeed_mps < LIFT_OFF_SHARE * self._config.airframe.speed_min_mps:
+            if motion.airspeed_mps < LIFT_OFF_SHARE * self._config.model.speed_min_mps:
                 return False
             self.change_height(target_m)
             self.landing_rad = motion.heading_rad
@@ -177,19 +177,19 @@ class Pilot:
 
     def _approach(self) -> Approach:
         """Return the final approach: it comes down where braking from there ends at home."""
-        airframe, start, speed_mps = self._config.airframe, self._config.start, self._parameters["AIRSPEED_MIN"]
-        lag_m = speed_mps * (airframe.tau_ha_s + airframe.tau_hb_s)
+        model, start, speed_mps = self._config.model, self._config.start, self._parameters["AIRSPEED_MIN"]
+        lag_m = speed_mps * (model.tau_ha_s + model.tau_hb_s)
         return Approach(
             start.north_m,
             start.east_m,
             self.landing_rad or 0.0,
             self._parameters["AUTOLAND_WP_DIST"],
             self._parameters["AUTOLAND_WP_ALT"],
-            speed_mps**2 / (2.0 * airframe.accel_max_mps2) + lag_m,
+            speed_mps**2 / (2.0 * model.accel_max_mps2) + lag_m,
         )
 
     def _circle_radius_m(self) -> float:
-        tightest_m = float(self._steering.speed_mps[self._index]) / self._config.airframe.turn_rate_max_rps
+        tightest_m = float(self._steering.speed_mps[self._index]) / self._config.model.turn_rate_max_rps
         return max(self._parameters["WP_LOITER_RAD"], TIGHTEST_SHARE * tightest_m)
 
     def _tell_condition(self) -> None:

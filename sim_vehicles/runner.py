@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 
+from airlink.cli.status import Status
 from airlink.clock import NANOSECONDS, RealClock
-from airlink.status import Status
 from airlink.udp import UdpDriver
 from sim_vehicles.config import FleetConfig
 from sim_vehicles.fleet import Fleet

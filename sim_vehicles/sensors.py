@@ -9,12 +9,11 @@ import numpy as np
 
 from airlink.clock import NANOSECONDS, Instant
 from airlink.identity import VehicleId
+from airlink.random_streams import random_stream
 from sim_vehicles.config import SensorErrors
 from sim_vehicles.dynamics import Array
 from sim_vehicles.motion import Motion, with_drift
 
-_SENSORS: Final = int.from_bytes(b"sensors", "big")
-"""Sets the errors' random numbers apart from whatever else a run's seed is for."""
 SIZES: Final = (3, 3, 1, 1)
 """How many numbers position, velocity, airspeed and heading are; each sensor draws from a stream of its own."""
 BLOCK = 256
@@ -25,8 +24,7 @@ class Sensors:
 
     def __init__(self, errors: SensorErrors, vehicle: VehicleId, seed: int) -> None:
         """Draw from streams that are the vehicle's own."""
-        keys = [(_SENSORS, *vehicle, sensor) for sensor in range(len(SIZES))]
-        streams = [np.random.SeedSequence(seed, spawn_key=key) for key in keys]
+        streams = [random_stream(seed, "sensors", *vehicle, sensor) for sensor in range(len(SIZES))]
         self._random = [np.random.Generator(np.random.Philox(stream)) for stream in streams]
         self._period_ns = round(NANOSECONDS / errors.rate_hz)
         each = errors.position_m, errors.velocity_mps, errors.airspeed_mps, errors.heading_rad

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sim_vehicles.config import Airframe
+from formation_scenario.vehicles import VehicleModel
 from sim_vehicles.dynamics import Array, Command, Parameters, State
 
 HEADING, COURSE, CIRCLE = 0, 1, 2
@@ -19,9 +19,9 @@ LEAST_SPEED_MPS = 1.0
 class Steering:
     """Targets of N vehicles; vehicles write their own element, the main loop reads them all."""
 
-    def __init__(self, airframes: list[Airframe]) -> None:
+    def __init__(self, models: list[VehicleModel]) -> None:
         """Start with nobody moving."""
-        count = len(airframes)
+        count = len(models)
         self.kind = np.zeros(count, dtype=np.int8)
         self.speed_mps: Array = np.zeros(count)
         self.direction_rad: Array = np.zeros(count)
@@ -33,8 +33,8 @@ class Steering:
         self.stopped = np.ones(count, dtype=np.bool_)
         """Throttle at 0."""
         self.airborne = np.zeros(count, dtype=np.bool_)
-        self._speed_min_mps = np.array([each.speed_min_mps for each in airframes])
-        self._speed_max_mps = np.array([each.speed_max_mps for each in airframes])
+        self._speed_min_mps = np.array([each.speed_min_mps for each in models])
+        self._speed_max_mps = np.array([each.speed_max_mps for each in models])
 
     def commands(self, state: State, parameters: Parameters, drift_mps: Array) -> Command:
         """Return what the model is told this loop; on the ground it stays there."""

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, Instant
+from sim_vehicles.loop import LOOP_HZ, NEVER
 from sim_vehicles.telemetry import BUILDERS
 
-LOOP_HZ = 50
 SHORTEST_US = 1e6 / LOOP_HZ
 LONGEST_US = 60e6
 DEFAULT, STOP = 0.0, -1.0
-NEVER = Instant(2**63)
 
 GROUPS: dict[int, tuple[int, ...]] = {
     m.MAV_DATA_STREAM_EXTENDED_STATUS: (

@@ -14,7 +14,7 @@ import numpy as np
 from airlink.clock import NANOSECONDS, Instant
 from sim_vehicles.dynamics import Array, ground_velocity
 from sim_vehicles.errors import TruthError
-from sim_vehicles.streams import LOOP_HZ
+from sim_vehicles.loop import LOOP_HZ
 
 if TYPE_CHECKING:
     from sim_vehicles.fleet import Fleet

@@ -16,9 +16,10 @@ from airlink.messages.system import MISSION_TIME, Heartbeat, NamedValueFloat, St
 from sim_vehicles import commands
 from sim_vehicles.config import Fault, SensorErrors, VehicleConfig
 from sim_vehicles.failsafe import GroundStationFailsafe
-from sim_vehicles.inertial.errors import InertialErrors
+from sim_vehicles.inertial.config import InertialConfig
 from sim_vehicles.inertial.navigator import InertialNavigator
 from sim_vehicles.link import Link
+from sim_vehicles.loop import NEVER
 from sim_vehicles.mission_flight import MissionFlight
 from sim_vehicles.mission_items import E7, Item
 from sim_vehicles.missions import Missions, Sender
@@ -28,7 +29,7 @@ from sim_vehicles.parameters import ParameterServer, initial_values
 from sim_vehicles.pilot import Pilot
 from sim_vehicles.sensors import Sensors
 from sim_vehicles.storage import Storage
-from sim_vehicles.streams import NEVER, Streams
+from sim_vehicles.streams import Streams
 from sim_vehicles.telemetry import BUILDERS
 from sim_vehicles.vehicle_clock import VehicleClock
 
@@ -324,7 +325,7 @@ def _sensors(config: VehicleConfig, fleet: Fleet) -> Sensors | InertialNavigator
     match errors:
         case SensorErrors():
             return Sensors(errors, *own)
-        case InertialErrors():
+        case InertialConfig():
             return InertialNavigator(errors, fleet.origin, config.start.heading_rad, *own)
         case None:
             return None

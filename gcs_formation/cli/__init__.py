@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from airlink.commands import Entry, ImportedWhenChosen
+from airlink.cli.commands import Entry, ImportedWhenChosen
 from gcs_formation.cli import usage
 
 COMMANDS = {

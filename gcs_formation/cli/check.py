@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from airlink.status import fail
+from airlink.cli.status import fail
 from formation_scenario import ScenarioError, load_scenario
 from gcs_formation.app.check import check_report, check_text, refusal_report
 from gcs_formation.cli import usage

@@ -8,8 +8,8 @@ from typing import Any
 
 import click
 
-from airlink.arguments import SECONDS, SEED, WholeNumber
-from airlink.status import Status, fail, say
+from airlink.cli.arguments import SECONDS, SEED, WholeNumber
+from airlink.cli.status import Status, fail, say
 from formation_scenario import ScenarioError
 from gcs_formation.app.directory import default_directory
 from gcs_formation.cli import usage

@@ -12,8 +12,8 @@ from typing import Any, TypeVar
 import click
 from rich.console import Console
 
-from airlink.arguments import SECONDS, SEED, Number
-from airlink.status import Status, say
+from airlink.cli.arguments import SECONDS, SEED, Number
+from airlink.cli.status import Status, say
 from formation_scenario import Scenario
 from gcs_formation.app.directory import default_directory
 from gcs_formation.app.fly import fly as fly_scenario

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from airlink.status import fail
+from airlink.cli.status import fail
 from gcs_formation.app.init import example_names, write_example
 from gcs_formation.cli import usage
 from gcs_formation.cli.scenario import load

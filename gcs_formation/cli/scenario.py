@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from airlink.status import fail
+from airlink.cli.status import fail
 from formation_scenario import Scenario, ScenarioError, load_scenario
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import click
 
-from airlink.arguments import SEED, WholeNumber
-from airlink.status import Status, fail
+from airlink.cli.arguments import SEED, WholeNumber
+from airlink.cli.status import Status, fail
 from gcs_formation.cli import usage
 from gcs_formation.errors import RecordError
 from gcs_formation.stress.campaign import fly_seed, fly_seeds

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from airlink.status import Status, fail
+from airlink.cli.status import Status, fail
 from formation_scenario.orders import OrderError, parse_order
 from gcs_formation.app.steering import tell as give_order
 from gcs_formation.cli import usage

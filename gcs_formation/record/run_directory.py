@@ -15,7 +15,7 @@ from formation_scenario import Scenario, dump_scenario
 from gcs_formation.errors import RecordError
 from gcs_formation.record.timeseries import TickSpool
 from gcs_formation.record.tlog import TlogWriter
-from gcs_formation.records import Event, Tick
+from gcs_formation.recorder import Event, Tick
 
 SCENARIO = "run.yaml"
 TLOG = "flight.tlog"

@@ -15,7 +15,7 @@ from pyarrow import ipc
 from airlink.clock import NANOSECONDS
 from airlink.identity import VehicleId
 from gcs_formation.arrays import Array, Mask
-from gcs_formation.records import Tick
+from gcs_formation.recorder import Tick
 
 CHANNELS = ("speed", "heading", "height")
 STATE = (

@@ -14,7 +14,7 @@ from gcs_formation.arrays import Array, Instants, Mask, or_zero, within, wrap
 from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Indices, Setpoints
 from gcs_formation.estimation.predictor import SetpointHistory
 from gcs_formation.estimation.projection import Measured
-from gcs_formation.records import Tick
+from gcs_formation.recorder import Tick
 from gcs_formation.separation.manoeuvre import Traffic, sample_times
 from gcs_formation.separation.rule import Conflict, Memory, Resolution, resolve
 from gcs_formation.separation.scene import Scene

@@ -20,7 +20,6 @@ from gcs_formation.stability.loops import (
     FIXED_GAINS,
     MID_RANGE,
     SMALL_SIGNAL,
-    Autopilot,
     GainRange,
     Loop,
     LoopMargins,
@@ -35,15 +34,14 @@ from gcs_formation.stability.loops import (
     right_plant,
     worst_loop_margin,
 )
+from gcs_formation.stability.pid_loops import FollowerMargins, ScenarioMargins, follower_loops, scenario_margins
 from gcs_formation.stability.prediction import MismatchMargin, predicted_mismatch_margin
-from gcs_formation.stability.report import FollowerMargins, ScenarioMargins, follower_loops, scenario_margins
 from gcs_formation.stability.usage import LoopDelay, Usage
 
 __all__ = [
     "FIXED_GAINS",
     "MID_RANGE",
     "SMALL_SIGNAL",
-    "Autopilot",
     "ConsensusMargins",
     "FollowerMargins",
     "GainRange",

@@ -12,7 +12,7 @@ from gcs_formation.arrays import Array
 from gcs_formation.stability.consensus import ground_consensus_loops
 from gcs_formation.stability.graphs import as_adjacency
 from gcs_formation.stability.loops import Loop, LoopMargins, delay_margin
-from gcs_formation.stability.report import follower_loops, leader_loops, scenario_margins
+from gcs_formation.stability.pid_loops import follower_loops, leader_loops, scenario_margins
 
 
 @dataclass(frozen=True, slots=True)

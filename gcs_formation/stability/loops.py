@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import minimize
 
+from formation_scenario.vehicles import VehicleModel
 from gcs_formation.arrays import Array
 from gcs_formation.control.mixer import Mixer
 
@@ -68,16 +69,6 @@ class GainRange:
 
 
 FIXED_GAINS = GainRange(base=1.0, span=0.0)
-
-
-@dataclass(frozen=True, slots=True)
-class Autopilot:
-    """Time constants of the autopilot model (7), s."""
-
-    tau_v_s: float
-    tau_psi_s: float
-    tau_ha_s: float
-    tau_hb_s: float
 
 
 class Plant(NamedTuple):
@@ -144,27 +135,27 @@ class LoopMargins:
         return min(self.x_s, self.y_s, self.z_s)
 
 
-def forward_plant(mixer: Mixer, autopilot: Autopilot) -> Plant:
+def forward_plant(mixer: Mixer, model: VehicleModel) -> Plant:
     """Speed setpoint to mixed speed error: (k_v + k_x/s)/(tau_v s + 1)."""
-    return _lag_and_integral(autopilot.tau_v_s, mixer.k_v, mixer.k_x)
+    return _lag_and_integral(model.tau_v_s, mixer.k_v, mixer.k_x)
 
 
-def right_plant(mixer: Mixer, autopilot: Autopilot, speed_mps: float, x_rc_m: float = 0.0) -> Plant:
+def right_plant(mixer: Mixer, model: VehicleModel, speed_mps: float, x_rc_m: float = 0.0) -> Plant:
     """Heading setpoint to mixed heading error: (k_psi + k_y (v1 + x_rc s)/s)/(tau_psi s + 1).
 
     Args:
         mixer: weights of (13).
-        autopilot: time constants of (7).
+        model: time constants of (7).
         speed_mps: the leader's speed v1.
         x_rc_m: how far the leader is ahead of the slot; 0 for slots in the leader's frame, where the
             follower's heading doesn't turn them.
     """
-    return _lag_and_integral(autopilot.tau_psi_s, mixer.k_psi + mixer.k_y * x_rc_m, mixer.k_y * speed_mps)
+    return _lag_and_integral(model.tau_psi_s, mixer.k_psi + mixer.k_y * x_rc_m, mixer.k_y * speed_mps)
 
 
-def height_plant(mixer: Mixer, autopilot: Autopilot) -> Plant:
+def height_plant(mixer: Mixer, model: VehicleModel) -> Plant:
     """Height setpoint to mixed height error: k_z/((tau_ha s + 1)(tau_hb s + 1))."""
-    a, b = autopilot.tau_ha_s, autopilot.tau_hb_s
+    a, b = model.tau_ha_s, model.tau_hb_s
     return Plant(((0.0, 1.0), (-1.0 / (a * b), -1.0 / a - 1.0 / b)), (0.0, 1.0 / (a * b)), (mixer.k_z, 0.0))
 
 

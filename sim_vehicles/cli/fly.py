@@ -10,27 +10,28 @@ from typing import Any
 
 import click
 
-from airlink.arguments import SECONDS, Number, WholeNumber
+from airlink.cli.arguments import SECONDS, Number, WholeNumber
+from airlink.cli.status import Status, fail
 from airlink.endpoint import LOOPBACK, MAX_PORT, Address, Endpoint
 from airlink.errors import PortError
 from airlink.identity import VehicleId
-from airlink.status import Status, fail
 from formation_scenario import ScenarioError, load_scenario
+from formation_scenario.fields import MAX_SYSTEM_ID
+from formation_scenario.model import Origin
+from formation_scenario.vehicles import BASE_PORT
 from sim_vehicles.cli.usage import EXAMPLES
 from sim_vehicles.config import FleetConfig, Start, VehicleConfig
 from sim_vehicles.fleet import Fleet
 from sim_vehicles.from_scenario import fleet_config
 from sim_vehicles.runner import RunnerOptions, run
 
-BASE_PORT = 14550
-MOST_VEHICLES = 254
 APART_M = 20.0
-ORIGIN_LAT_DEG, ORIGIN_LON_DEG = 35.0, 125.0
+ORIGIN = Origin()
 
 
 @click.command(epilog=EXAMPLES)
 @click.argument("scenario", type=click.Path(path_type=Path), required=False)
-@click.option("--count", type=WholeNumber(1, MOST_VEHICLES), help="Without a scenario: how many vehicles.")
+@click.option("--count", type=WholeNumber(1, MAX_SYSTEM_ID), help="Without a scenario: how many vehicles.")
 @click.option(
     "--base-port",
     type=WholeNumber(1, MAX_PORT),
@@ -96,7 +97,7 @@ def _plain(count: int, base_port: int, *, one_port: bool) -> FleetConfig:
         )
         for i in range(count)
     )
-    return FleetConfig(math.radians(ORIGIN_LAT_DEG), math.radians(ORIGIN_LON_DEG), 0.0, vehicles)
+    return FleetConfig(math.radians(ORIGIN.lat_deg), math.radians(ORIGIN.lon_deg), ORIGIN.alt_m, vehicles)
 
 
 def _line(vehicle: VehicleConfig) -> str:

@@ -190,5 +190,5 @@ class _Run:
         navigator.height_m = float(truth.height_m)
         to_body = navigator.state().attitude.T
         self._bias += np.concatenate((to_body @ errors[ACCEL_BIAS], to_body @ errors[GYRO_BIAS]))
-        navigator.take_off(self._bias[:3], self._bias[3:])
+        navigator.set_biases(self._bias[:3], self._bias[3:])
         return innovation

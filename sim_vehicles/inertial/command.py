@@ -10,8 +10,8 @@ from typing import Any
 
 import click
 
-from airlink.arguments import SEED
-from airlink.status import Status, fail
+from airlink.cli.arguments import SEED
+from airlink.cli.status import Status, fail
 from formation_scenario import Scenario, ScenarioError, Vehicle, load_scenario
 from sim_vehicles.inertial.experiment import Experiment, experiment, inertial_vehicles, summary
 from sim_vehicles.inertial.flight import DivergedError

@@ -131,7 +131,7 @@ class _Computer:
 
     def __init__(self, start: Start, sensors: InertialSensors, aid: Aid | None, random: np.random.Generator) -> None:
         self._navigator = Strapdown.at(start.state)
-        self._navigator.take_off(start.bias[:3], start.bias[3:])
+        self._navigator.set_biases(start.bias[:3], start.bias[3:])
         self._bias = start.bias.copy()
         self._filter = ErrorFilter(start.covariance)
         self._density = noise_density(sensors)
@@ -175,4 +175,4 @@ class _Computer:
         estimate = self._filter.update(aid.seen, aid.seen @ errors - noise, aid.sigmas).errors
         self._navigator.correct(estimate[PLACE], estimate[VELOCITY], estimate[TILT])
         self._bias += np.concatenate((estimate[ACCEL_BIAS], estimate[GYRO_BIAS]))
-        self._navigator.take_off(self._bias[:3], self._bias[3:])
+        self._navigator.set_biases(self._bias[:3], self._bias[3:])

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
 from airlink.identity import VehicleId
+from airlink.random_streams import random_stream
 from sim_vehicles.inertial.trajectory import Increments
 
 Array = npt.NDArray[np.float64]
-
-_INERTIAL: Final = int.from_bytes(b"inertial", "big")
-"""Sets the sensors' random numbers apart from whatever else a run's seed is for."""
 
 
 @dataclass(frozen=True)
@@ -52,4 +49,4 @@ def measured(ideal: Increments, sensors: InertialSensors, period_s: float, rando
 
 def sensor_random(seed: int, vehicle: VehicleId) -> np.random.Generator:
     """Return a vehicle's own stream of random numbers."""
-    return np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(_INERTIAL, *vehicle))))
+    return np.random.Generator(np.random.Philox(random_stream(seed, "inertial", *vehicle)))

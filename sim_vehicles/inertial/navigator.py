@@ -16,6 +16,7 @@ from airlink.clock import NANOSECONDS, Instant
 from airlink.geodesy import GeodeticOrigin
 from airlink.identity import VehicleId
 from sim_vehicles.inertial.alignment import UPDATE_S, FineAlignment
+from sim_vehicles.inertial.config import InertialConfig
 from sim_vehicles.inertial.earth import gravity_mps2
 from sim_vehicles.inertial.error_model import (
     ACCEL_BIAS,
@@ -26,7 +27,6 @@ from sim_vehicles.inertial.error_model import (
     dynamics,
     noise_density,
 )
-from sim_vehicles.inertial.errors import InertialErrors
 from sim_vehicles.inertial.imu import sensor_random
 from sim_vehicles.inertial.kalman import ErrorFilter
 from sim_vehicles.inertial.rotation import attitude
@@ -41,7 +41,7 @@ class InertialNavigator:
     """One vehicle's errors; those of a sample stay until the next one's instant, whoever asks and however often."""
 
     def __init__(
-        self, keys: InertialErrors, origin: GeodeticOrigin, heading_rad: float, vehicle: VehicleId, seed: int
+        self, keys: InertialConfig, origin: GeodeticOrigin, heading_rad: float, vehicle: VehicleId, seed: int
     ) -> None:
         """Begin at boot, with a heading; `origin` is what motions are counted from."""
         self._origin, self._aid = origin, keys.aid
@@ -99,7 +99,7 @@ class InertialNavigator:
 
 
 def _start(
-    keys: InertialErrors, place: GeodeticOrigin, heading_rad: float, random: np.random.Generator
+    keys: InertialConfig, place: GeodeticOrigin, heading_rad: float, random: np.random.Generator
 ) -> tuple[Array, Array]:
     """Return the covariance (15, 15) that a flight begins with, and the errors (15,)."""
     sensors = keys.sensors

@@ -78,7 +78,7 @@ class Strapdown:
         self.attitude = normalised(product(back, product(self.attitude, of_vector(turn))))
 
     def correct(self, place_m: Array, velocity_mps: Array, misalignment_rad: Array) -> None:
-        """Take off estimated errors (3,) of place and velocity, east, north and up, and of the attitude."""
+        """Subtract estimated errors (3,) of position in m and velocity, east, north and up, and of the attitude."""
         meridian_m, across_m = radii_m(self.lat_rad)
         east, north, up = place_m.tolist()
         self.lon_rad -= east / ((across_m + self.height_m) * math.cos(self.lat_rad))
@@ -89,8 +89,8 @@ class Strapdown:
         x, y, z = misalignment_rad.tolist()
         self.attitude = normalised(product(of_vector((x, y, z)), self.attitude))
 
-    def take_off(self, accel_bias_mps2: Array, gyro_bias_radps: Array) -> None:
-        """Take biases (3,) off all measurements from now on."""
+    def set_biases(self, accel_bias_mps2: Array, gyro_bias_radps: Array) -> None:
+        """Subtract these biases (3,), body components, from all later increments."""
         x, y, z = accel_bias_mps2.tolist()
         self._accel_bias = x, y, z
         x, y, z = gyro_bias_radps.tolist()

@@ -7,13 +7,13 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
+from airlink.cli.proxy import Console, main, summary
 from airlink.clock import Instant, after
 from airlink.endpoint import Address, Endpoint
 from airlink.errors import ImpairmentError, PortError
 from airlink.impairment import UNIMPAIRED, Direction, Impairment
 from airlink.impairment_keys import KEYS, changed, described, obey
 from airlink.proxy import Proxy
-from airlink.proxy_cli import Console, main, summary
 from airlink.relay import Passage, Relay
 from airlink.udp import open_socket
 
@@ -202,7 +202,7 @@ def test_bad_usage_is_status_2_with_what_is_allowed(listen, options, found):
 
 
 def test_an_interrupt_ends_it_with_a_summary_and_status_130(listen):
-    command = [sys.executable, "-c", "from airlink.proxy_cli import main; main()"]
+    command = [sys.executable, "-c", "from airlink.cli.proxy import main; main()"]
     ends = ["--listen", str(listen), "--to", "udpout:127.0.0.1:9", "--delay-ms", "5"]
     pipes: Any = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
     process: Any

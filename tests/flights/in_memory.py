@@ -14,7 +14,7 @@ from airlink.identity import VehicleId
 from airlink.memory import MemoryNetwork
 from formation_scenario import load_scenario
 from gcs_formation.app.links import impair
-from gcs_formation.records import Event, Tick
+from gcs_formation.recorder import Event, Tick
 from gcs_formation.station import Station
 from sim_vehicles.config import Fault, FaultKind
 from sim_vehicles.fleet import Fleet

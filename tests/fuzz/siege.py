@@ -21,12 +21,12 @@ from airlink.frame import HEADER_V2, MARKER_V2
 from airlink.memory import FIRST_EPHEMERAL_PORT, MemoryNetwork
 from airlink.messages.command import CommandInt
 from formation_scenario import Scenario, load_scenario
+from formation_scenario.vehicles import VehicleModel
 from gcs_formation.app.links import impair
 from gcs_formation.arrays import Array
-from gcs_formation.records import Event, Tick
+from gcs_formation.recorder import Event, Tick
 from gcs_formation.station import Station
 from gcs_formation.vehicle.vehicle import STATION_SYSTEM
-from sim_vehicles.config import Airframe
 from sim_vehicles.fleet import Fleet
 from sim_vehicles.from_scenario import fleet_config
 from tests.flights.conftest import scenario
@@ -194,7 +194,7 @@ def peak_kib() -> int:
 
 def check(flown: Flown) -> None:
     """Hold a flight to what no datagram may break: what is told and how vehicles move stay an aircraft's."""
-    model, airframe = flown.station.controller.model, Airframe()
+    model, default = flown.station.controller.model, VehicleModel()
     told = np.array(flown.notes.setpoints).reshape(-1, 3, model.tau_v_s.size)
     assert not np.isinf(told).any()
     assert np.array_equal(np.isnan(told[:, 0]), np.isnan(told).any(axis=1)), "part of a setpoint"
@@ -208,7 +208,7 @@ def check(flown: Flown) -> None:
         assert all(math.isfinite(value) for value in fields if isinstance(value, float)), fields
     state = flown.fleet.state
     assert np.isfinite(state.table).all()
-    assert (state.airspeed_mps <= airframe.speed_max_mps + 1e-9).all()
+    assert (state.airspeed_mps <= default.speed_max_mps + 1e-9).all()
     assert (state.height_m >= 0.0).all()
 
 

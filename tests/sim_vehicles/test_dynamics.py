@@ -8,17 +8,25 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from sim_vehicles.config import Airframe
+from formation_scenario.vehicles import VehicleModel
 from sim_vehicles.dynamics import Command, Parameters, State, ground_velocity, step
 
 TAU_V, TAU_PSI, TAU_HA, TAU_HB = 4.0, 1.5, 1.0, 3.0
 ACCEL, TURN, CLIMB = 1.5, 0.25, 3.0
-AIRFRAME = Airframe(TAU_V, TAU_PSI, TAU_HA, TAU_HB, 16.0, 28.0, ACCEL, TURN, CLIMB)
+MODEL = VehicleModel(
+    tau_v_s=TAU_V,
+    tau_psi_s=TAU_PSI,
+    tau_ha_s=TAU_HA,
+    tau_hb_s=TAU_HB,
+    accel_max_mps2=ACCEL,
+    turn_rate_max_rps=TURN,
+    climb_max_mps=CLIMB,
+)
 FIELDS = ("north_m", "east_m", "height_m", "climb_mps", "airspeed_mps", "heading_rad")
 
 
-def parameters(*airframes, dt_s=1.0):
-    return Parameters.of(list(airframes) or [AIRFRAME], dt_s)
+def parameters(*models, dt_s=1.0):
+    return Parameters.of(list(models) or [MODEL], dt_s)
 
 
 def state(**changes):
@@ -173,7 +181,7 @@ def test_vehicles_do_not_touch_each_other():
     one, two = fly(state(), command(speed=25.0), 1.0), fly(state(), command(heading=0.5), 1.0)
     both = State(np.hstack([state().table] * 2))
     told = Command(np.array([[25.0, 22.0], [0.0, 0.5]]), np.full((2, 2), np.inf), np.array([100.0, 100.0]))
-    end = step(both, told, parameters(AIRFRAME, AIRFRAME), np.zeros((3, 2)))
+    end = step(both, told, parameters(MODEL, MODEL), np.zeros((3, 2)))
     for name in FIELDS:
         assert getattr(end, name) == pytest.approx([value(one, name), value(two, name)], rel=1e-15)
 
@@ -181,8 +189,8 @@ def test_vehicles_do_not_touch_each_other():
 @pytest.mark.parametrize("tau_s", [0.5, 2.0, 40.0])
 @pytest.mark.parametrize("apart", [0.0, 1e-9])
 def test_equal_time_constants_of_the_height_make_a_double_pole(tau_s, apart):
-    airframe = Airframe(tau_ha_s=tau_s, tau_hb_s=tau_s * (1 + apart))
-    end = step(state(), command(height=101.0), parameters(airframe), np.zeros((3, 1)))
+    model = VehicleModel(tau_ha_s=tau_s, tau_hb_s=tau_s * (1 + apart))
+    end = step(state(), command(height=101.0), parameters(model), np.zeros((3, 1)))
     left = math.exp(-1 / tau_s)
     assert value(end, "height_m") == pytest.approx(101 - (1 + 1 / tau_s) * left, abs=1e-8)
     assert value(end, "climb_mps") == pytest.approx(left / tau_s**2, abs=1e-8)

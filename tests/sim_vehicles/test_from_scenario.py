@@ -39,7 +39,7 @@ def test_a_vehicle_talks_to_where_the_ground_station_listens_and_listens_where_i
 
 def test_models_clocks_and_the_origin_come_over(config):
     leader, follower = config.vehicles
-    assert (leader.airframe.tau_v_s, follower.airframe.tau_v_s) == (4.0, 5.0)
+    assert (leader.model.tau_v_s, follower.model.tau_v_s) == (4.0, 5.0)
     assert (leader.clock_offset_s, leader.clock_drift) == (2.5, pytest.approx(0.015))
     assert (follower.clock_offset_s, follower.clock_drift) == (0.0, 0.0)
     assert math.degrees(config.origin_lat_rad) == pytest.approx(47.5)

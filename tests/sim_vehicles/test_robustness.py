@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from airlink.endpoint import Address
 from airlink.engine import Datagram
-from sim_vehicles.config import Airframe
+from formation_scenario.vehicles import VehicleModel
 from sim_vehicles.link import MAX_PEERS
 from sim_vehicles.parameters import MAX_LISTS, NAMES
 
@@ -68,7 +68,7 @@ def messages(draw):
 
 
 def envelope_holds(air):
-    frame, state = Airframe(), air.fleet.state
+    frame, state = VehicleModel(), air.fleet.state
     assert np.isfinite(state.table).all()
     assert (state.airspeed_mps >= 0.0).all()
     assert (state.airspeed_mps <= frame.speed_max_mps + 1e-9).all()

@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
+from formation_scenario import VehicleModel
 from gcs_formation.stability import (
     FIXED_GAINS,
     MID_RANGE,
     SMALL_SIGNAL,
-    Autopilot,
     GainRange,
     Loop,
     LoopMargins,
@@ -29,13 +29,13 @@ from gcs_formation.stability import (
 )
 
 MIXER = Mixer(k_v=0.1, k_x=1.0, k_psi=0.1, k_y=0.05, k_z=1.0)
-AUTOPILOT = Autopilot(tau_v_s=4.0, tau_psi_s=1.5, tau_ha_s=1.0, tau_hb_s=3.0)
+MODEL = VehicleModel(tau_v_s=4.0, tau_psi_s=1.5, tau_ha_s=1.0, tau_hb_s=3.0)
 RANGE = GainRange(base=0.7, span=0.6)
 CHANNELS = {
-    "x": (PidGains(3.0, 0.8, 6.5), forward_plant(MIXER, AUTOPILOT)),
-    "y": (PidGains(1.0, 0.6, 0.1), right_plant(MIXER, AUTOPILOT, 22.0, x_rc_m=60.0)),
-    "y in the leader's frame": (PidGains(1.2, 0.5, 1.8), right_plant(MIXER, AUTOPILOT, 22.0)),
-    "z": (PidGains(2.0, 0.4, 4.0), height_plant(MIXER, AUTOPILOT)),
+    "x": (PidGains(3.0, 0.8, 6.5), forward_plant(MIXER, MODEL)),
+    "y": (PidGains(1.0, 0.6, 0.1), right_plant(MIXER, MODEL, 22.0, x_rc_m=60.0)),
+    "y in the leader's frame": (PidGains(1.2, 0.5, 1.8), right_plant(MIXER, MODEL, 22.0)),
+    "z": (PidGains(2.0, 0.4, 4.0), height_plant(MIXER, MODEL)),
 }
 
 
@@ -84,30 +84,32 @@ def test_nominal_gains_are_the_middle_of_the_range(channel):
 
 def test_margin_of_an_integrator_is_a_quarter_period():
     """L = k/s: crossover at k, a quarter turn left."""
-    lag_free = Loop(PidGains(2.0, 0.0, 0.0), right_plant(Mixer(0, 0, 0, 1.0, 0), Autopilot(1, 1e-9, 1, 1), 1.0))
+    lag_free = Loop(
+        PidGains(2.0, 0.0, 0.0), right_plant(Mixer(0, 0, 0, 1.0, 0), VehicleModel.model_construct(tau_psi_s=1e-9), 1.0)
+    )
     assert delay_margin(lag_free.open_loop()) == pytest.approx(np.pi / 4.0, abs=1e-8)
 
 
 def test_open_loop_that_is_stable_stands_any_delay():
     off = PidGains(0.0, 0.0, 0.0)
-    assert loop_margin(off, height_plant(MIXER, AUTOPILOT)) == np.inf
-    assert loop_margin(off, forward_plant(MIXER, AUTOPILOT)) == 0.0  # nothing holds the position
+    assert loop_margin(off, height_plant(MIXER, MODEL)) == np.inf
+    assert loop_margin(off, forward_plant(MIXER, MODEL)) == 0.0  # nothing holds the position
 
 
 def test_slot_ahead_of_the_leader_is_unstable_in_the_followers_frame():
     gains, _ = CHANNELS["y"]
-    assert loop_margin(gains, right_plant(MIXER, AUTOPILOT, 22.0, x_rc_m=-30.0)) <= 0.0
+    assert loop_margin(gains, right_plant(MIXER, MODEL, 22.0, x_rc_m=-30.0)) <= 0.0
 
 
 def test_followers_frame_gains_are_unstable_somewhere_in_the_leaders_frame():
     gains, _ = CHANNELS["y"]
-    assert worst_loop_margin(gains, right_plant(MIXER, AUTOPILOT, 22.0), RANGE) < 0.0
+    assert worst_loop_margin(gains, right_plant(MIXER, MODEL, 22.0), RANGE) < 0.0
 
 
 def test_unfiltered_derivative_of_a_proper_loop():
     """High-frequency gain kd k_v/tau_v: below 1 a delay is stood, above 1 none is."""
-    plant = forward_plant(MIXER, AUTOPILOT)
-    limit = AUTOPILOT.tau_v_s / MIXER.k_v
+    plant = forward_plant(MIXER, MODEL)
+    limit = MODEL.tau_v_s / MIXER.k_v
     assert loop_margin(PidGains(3.0, 0.8, 0.9 * limit, filter_s=0.0), plant) > 0.0
     assert loop_margin(PidGains(3.0, 0.8, 1.1 * limit, filter_s=0.0), plant) == 0.0
 
@@ -191,7 +193,7 @@ def test_prediction_trades_margin_against_mismatch_for_the_longer_delay():
 
 def test_prediction_saves_no_loop_that_is_unstable_without_delay():
     gains, _ = CHANNELS["y"]
-    assert predicted_mismatch_margin(Loop(gains, right_plant(MIXER, AUTOPILOT, 22.0, -30.0)), 0.3) == (
+    assert predicted_mismatch_margin(Loop(gains, right_plant(MIXER, MODEL, 22.0, -30.0)), 0.3) == (
         0.0,
         0.0,
     )

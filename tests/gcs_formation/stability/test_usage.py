@@ -8,9 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from formation_scenario import load_scenario
+from formation_scenario import VehicleModel, load_scenario
 from gcs_formation.stability import (
-    Autopilot,
     Loop,
     LoopDelay,
     Mixer,
@@ -31,12 +30,12 @@ from gcs_formation.stability.graphs import laplacian
 from gcs_formation.stability.usage import BANDWIDTHS
 
 MIXER = Mixer(k_v=0.1, k_x=1.0, k_psi=0.1, k_y=0.05, k_z=1.0)
-AUTOPILOT = Autopilot(tau_v_s=4.0, tau_psi_s=1.5, tau_ha_s=1.0, tau_hb_s=3.0)
-FORWARD = Loop(PidGains(3.0, 0.8, 6.5), forward_plant(MIXER, AUTOPILOT))
+MODEL = VehicleModel(tau_v_s=4.0, tau_psi_s=1.5, tau_ha_s=1.0, tau_hb_s=3.0)
+FORWARD = Loop(PidGains(3.0, 0.8, 6.5), forward_plant(MIXER, MODEL))
 LOOPS = {
     "x": FORWARD,
-    "y, follower's frame": Loop(PidGains(1.0, 0.6, 0.1), right_plant(MIXER, AUTOPILOT, 22.0, 60.0)),
-    "y, leader's frame": Loop(PidGains(1.2, 0.5, 1.8), right_plant(MIXER, AUTOPILOT, 22.0)),
+    "y, follower's frame": Loop(PidGains(1.0, 0.6, 0.1), right_plant(MIXER, MODEL, 22.0, 60.0)),
+    "y, leader's frame": Loop(PidGains(1.2, 0.5, 1.8), right_plant(MIXER, MODEL, 22.0)),
 }
 DIRECTED_RING = [[0, 1, 0], [0, 0, 1], [1, 0, 0]]
 

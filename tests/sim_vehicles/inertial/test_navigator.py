@@ -13,7 +13,7 @@ from airlink.identity import VehicleId
 from formation_scenario import SplinePath
 from sim_vehicles.inertial.aiding import gnss
 from sim_vehicles.inertial.alignment import limits
-from sim_vehicles.inertial.errors import InertialErrors
+from sim_vehicles.inertial.config import InertialConfig
 from sim_vehicles.inertial.flight import exact_start, navigate
 from sim_vehicles.inertial.imu import InertialSensors
 from sim_vehicles.inertial.navigator import InertialNavigator
@@ -36,7 +36,7 @@ def motion(time_s: float) -> Motion:
     return Motion(*place, north, east, -climb, 0.0, 0.0, 0.0, turn_rate, SPEED_MPS, point.course_rad, point.height_m)
 
 
-def flown(keys: InertialErrors, end_s: int, seed: int = 1) -> np.ndarray:
+def flown(keys: InertialConfig, end_s: int, seed: int = 1) -> np.ndarray:
     """Return the errors (10 end_s, 4): east, north, up in m and heading in rad, ten times a second."""
     navigator = InertialNavigator(keys, ORIGIN, 0.0, VehicleId(1, 1), seed)
     rows = list[tuple[float, ...]]()
@@ -50,11 +50,11 @@ def flown(keys: InertialErrors, end_s: int, seed: int = 1) -> np.ndarray:
 def test_without_aid_it_errs_as_the_strap_down_computation_does() -> None:
     trajectory = Trajectory.along(PATH, SPEED_MPS, ORIGIN, 200.0)
     whole = navigate(trajectory, exact_start(trajectory, QUIET), QUIET, None, 20.0, np.random.default_rng(1))
-    assert flown(InertialErrors(QUIET), 200)[-1] == pytest.approx(whole.errors[-1, :3], rel=0.03, abs=0.3)
+    assert flown(InertialConfig(QUIET), 200)[-1] == pytest.approx(whole.errors[-1, :3], rel=0.03, abs=0.3)
 
 
 def test_gnss_holds_its_place_and_every_seed_has_its_own_errors() -> None:
-    aided = InertialErrors(NOISY, gnss(1.0, 1.5, 3.0, 0.1))
+    aided = InertialConfig(NOISY, gnss(1.0, 1.5, 3.0, 0.1))
     one, other = flown(aided, 100), flown(aided, 100, seed=2)
     assert np.abs(one[200:]).max() < 2.0
     assert np.abs(one - other)[200:].max() > 0.1
@@ -64,14 +64,14 @@ def test_gnss_holds_its_place_and_every_seed_has_its_own_errors() -> None:
 def test_an_aligned_vehicle_begins_with_the_heading_error_that_alignment_leaves() -> None:
     """Draws of the filter's covariance: about epsilon / (Omega cos L)."""
     sigma = limits(NOISY, ORIGIN)[2]
-    aligned = InertialErrors(NOISY, aligned_s=300)
+    aligned = InertialConfig(NOISY, aligned_s=300)
     navigators = [InertialNavigator(aligned, ORIGIN, 0.0, VehicleId(1, 1), seed) for seed in range(20)]
     told = [each.sense(motion(0.0), Instant(0)).heading_rad for each in navigators]
     assert 0.6 * sigma < np.std(told) < 1.5 * sigma
 
 
 def test_the_errors_of_a_sample_stay_until_the_next() -> None:
-    navigator = InertialNavigator(InertialErrors(NOISY), ORIGIN, 0.0, VehicleId(1, 1), 1)
+    navigator = InertialNavigator(InertialConfig(NOISY), ORIGIN, 0.0, VehicleId(1, 1), 1)
     still = motion(0.0)
     first = navigator.sense(still, Instant(350_000_000))
     assert navigator.sense(still, Instant(399_000_000)) == first

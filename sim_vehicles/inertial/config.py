@@ -1,4 +1,4 @@
-"""How a vehicle navigates by inertia."""
+"""The configuration of a vehicle that navigates by inertia."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from sim_vehicles.inertial.imu import InertialSensors
 
 
 @dataclass(frozen=True)
-class InertialErrors:
-    """Its sensors, what aids them, and what it begins with."""
+class InertialConfig:
+    """Sensors, the aid that bounds their drift, and the alignment before the flight."""
 
     sensors: InertialSensors
     aid: Aid | None = None
     aligned_s: int | None = None
-    """How long it has stood and aligned before it boots; None: it begins with its true state."""
+    """Duration of the alignment, at rest, before the vehicle boots, s; None: it starts from its true state."""

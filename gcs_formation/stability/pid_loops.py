@@ -15,7 +15,6 @@ from gcs_formation.control.mixer import TOW_S
 from gcs_formation.stability.loops import (
     FIXED_GAINS,
     SMALL_SIGNAL,
-    Autopilot,
     GainRange,
     Loop,
     LoopMargins,
@@ -135,7 +134,6 @@ def _nominal(law: keys.Law) -> tuple[PidGains, PidGains, PidGains]:
 def _plants(scenario: Scenario, model: VehicleModel, x_rc_m: float) -> tuple[Plant, Plant, Plant]:
     weights = scenario.law.mixer
     mixer = Mixer(weights.k_v, weights.k_x, weights.k_psi, weights.k_y, weights.k_z)
-    autopilot = Autopilot(model.tau_v_s, model.tau_psi_s, model.tau_ha_s, model.tau_hb_s)
     speed_mps, towed = scenario.path.speed_mps, scenario.formation.frame == "follower_heading"
-    right = right_plant(mixer, autopilot, speed_mps, max(x_rc_m, TOW_S * speed_mps) if towed else 0.0)
-    return forward_plant(mixer, autopilot), right, height_plant(mixer, autopilot)
+    right = right_plant(mixer, model, speed_mps, max(x_rc_m, TOW_S * speed_mps) if towed else 0.0)
+    return forward_plant(mixer, model), right, height_plant(mixer, model)

@@ -9,14 +9,14 @@ from typing import Final
 
 import click
 
-from airlink.arguments import SEED
+from airlink.cli.arguments import SEED
+from airlink.cli.status import Status, fail
 from airlink.endpoint import Endpoint, parse_endpoint
 from airlink.errors import EndpointError, ImpairmentError, PortError
 from airlink.impairment import Direction
 from airlink.impairment_keys import KEYS, changed, described, obey
 from airlink.proxy import Proxy
 from airlink.relay import Relay
-from airlink.status import Status, fail
 
 LONGEST_LINE: Final = 4096
 EXAMPLES: Final = """\b

@@ -1,0 +1,1 @@
+"""The command `airlink-proxy`, and what the command lines of all three packages share."""

@@ -1,0 +1,16 @@
+"""Independent streams of random numbers, all derived from a run's one seed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def random_stream(seed: int, purpose: str, *key: int) -> np.random.SeedSequence:
+    """Return the origin of a stream, independent of the streams of every other purpose and key.
+
+    Args:
+        seed: the run's seed.
+        purpose: what the numbers are for, such as "links".
+        *key: who they are for among those of one purpose, such as a vehicle's network and system id.
+    """
+    return np.random.SeedSequence(seed, spawn_key=(int.from_bytes(purpose.encode(), "big"), *key))
