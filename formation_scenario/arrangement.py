@@ -9,17 +9,15 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 
 from airlink.identity import VehicleId
+from formation_scenario.arrays import Array, Mask
 from formation_scenario.fields import Vector, VehicleRef
 from formation_scenario.formation import FormationChange, Shape
 from formation_scenario.model import Scenario, long_ref
-from formation_scenario.shapes import Array, slots
+from formation_scenario.shapes import slots
 from formation_scenario.vehicles import Vehicle
-
-Mask = npt.NDArray[np.bool_]
 
 
 class Arrangement(NamedTuple):

@@ -6,6 +6,7 @@ from math import atan2, cos, hypot, sin
 from typing import NamedTuple
 
 from formation_scenario.lift import STEP_M, Lift, blend
+from formation_scenario.minimum_jerk import minimum_jerk
 from formation_scenario.path import PathPoint, SplinePath
 
 
@@ -78,10 +79,9 @@ class DisplacedPath:
         """Return the share of the displacement that is left and its first three derivatives by distance."""
         length = self._over_m
         u = max(distance_m - self._from_m, 0.0) / length
-        made = u**3 * (10 - 15 * u + 6 * u**2)
-        rate, change = 30 * u**2 * (1 - u) ** 2, 60 * u * (1 - u) * (1 - 2 * u)
+        gone, rate, change = minimum_jerk(u)
         jerk = 60 * (1 - 6 * u + 6 * u**2) if u > 0.0 else 0.0
-        return 1.0 - made, -rate / length, -change / length**2, -jerk / length**3
+        return 1.0 - gone, -rate / length, -change / length**2, -jerk / length**3
 
     def _up(self, distance_m: float) -> Rise:
         """Return what is left of the height: the quintic that goes on as it begins, and ends level at 0."""

@@ -9,11 +9,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from airlink.geodesy import GeodeticOrigin
-
-Array = npt.NDArray[np.float64]
+from formation_scenario.arrays import Array
 
 HGT_NAME = re.compile(r"^([NS])(\d{2})([EW])(\d{3})$", re.IGNORECASE)
 HGT_VOID = -32768

@@ -6,9 +6,9 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from formation_scenario.arrangement import SlotStep, columns, slot_schedule
+from formation_scenario.arrays import Array
 from formation_scenario.displaced_path import Rise
 from formation_scenario.errors import Problem
 from formation_scenario.lifted_path import leader_path
@@ -18,10 +18,9 @@ from formation_scenario.reconfiguration import Route, ahead, column_names, plan_
 from formation_scenario.slot_motion import Course, SlotMotion, SlotNeeds, slot_needs
 from formation_scenario.source import KeyPath, Source
 from formation_scenario.terrain_check import check_terrain
-from formation_scenario.transition import NotFlyableError, Transition
+from formation_scenario.transition import Transition
+from formation_scenario.transition_plan import NotFlyableError
 from formation_scenario.vehicles import VehicleModel
-
-Array = npt.NDArray[np.float64]
 
 SAMPLE_M = 5.0
 TOLERANCE = 1e-6

@@ -7,13 +7,11 @@ from math import radians
 from typing import NamedTuple, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
+from formation_scenario.arrays import Array
 from formation_scenario.elevation import read_elevation
 from formation_scenario.model import Scenario
 from formation_scenario.terrain import Hill
-
-Array = npt.NDArray[np.float64]
 
 
 class Ground(Protocol):

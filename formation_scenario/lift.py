@@ -11,12 +11,11 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
-import numpy.typing as npt
 from scipy import sparse
 from scipy.optimize import linprog
 
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
+from formation_scenario.arrays import Array, Indices
+
 T = TypeVar("T", float, Array)
 
 STEP_M = 20.0

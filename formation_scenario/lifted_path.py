@@ -7,14 +7,12 @@ from math import hypot
 from typing import overload
 
 import numpy as np
-import numpy.typing as npt
 
+from formation_scenario.arrays import Array
 from formation_scenario.ground import Ground, ground_of
 from formation_scenario.lift import STEP_M, Bounds, Lift, blend, least_lift, sample_places
 from formation_scenario.model import Scenario
 from formation_scenario.path import PathPoint, PathPoints, SplinePath
-
-Array = npt.NDArray[np.float64]
 
 LEADER_SHARE = 0.7
 """Share of the climb limit that the lifted path uses: followers, and what disturbs them, need the rest."""

@@ -10,13 +10,13 @@ import yaml
 from pydantic import ValidationError
 
 from formation_scenario.availability import unavailable
-from formation_scenario.consistency import inconsistencies
 from formation_scenario.describe import problems_of
 from formation_scenario.errors import Problem, ScenarioError
 from formation_scenario.feasibility import check
 from formation_scenario.model import Scenario
 from formation_scenario.overrides import apply_overrides
 from formation_scenario.resolve import resolve
+from formation_scenario.rules import inconsistencies
 from formation_scenario.source import Dumper, Key, Plain, Source, plain_mapping, read_file
 from formation_scenario.vehicles import VehicleGroup
 

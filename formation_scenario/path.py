@@ -8,10 +8,10 @@ from math import atan2, cos, sin
 from typing import NamedTuple, TypeVar, cast, overload
 
 import numpy as np
-import numpy.typing as npt
 from scipy.interpolate import BSpline, make_interp_spline
 
-Array = npt.NDArray[np.float64]
+from formation_scenario.arrays import Array
+
 T = TypeVar("T", float, Array)
 
 MIN_LEG_M = 1.0

@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from formation_scenario.arrangement import slot_table
+from formation_scenario.arrays import Array
 from formation_scenario.ground import ground_of
 from formation_scenario.model import Scenario
 from formation_scenario.path import SplinePath
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,15 +8,18 @@ from typing import Protocol
 
 import numpy as np
 
-from formation_scenario.arrangement import Arrangement, Mask, assigned, columns
+from formation_scenario.arrangement import Arrangement, assigned, columns
+from formation_scenario.arrays import Array, Mask
 from formation_scenario.displaced_path import DisplacedPath, Rise
 from formation_scenario.ground import Ground
 from formation_scenario.lift import STEP_M, least_lift, sample_places
 from formation_scenario.lifted_path import LEADER_SHARE, rise_bounds
+from formation_scenario.minimum_jerk import PEAK_CHANGE, PEAK_RATE
 from formation_scenario.model import Scenario
 from formation_scenario.path import PathPoint, PathPoints, SplinePath
-from formation_scenario.slot_motion import Array, Course, SlotMotion
-from formation_scenario.transition import MEAN_SPEED_MPS, Conditions, Limits, Transition, plan_transition
+from formation_scenario.slot_motion import Course, SlotMotion
+from formation_scenario.transition import Transition
+from formation_scenario.transition_plan import MEAN_SPEED_MPS, Conditions, Limits, plan_transition
 from formation_scenario.vehicles import VehicleModel
 
 TURN_SHARE = 0.5
@@ -90,12 +93,11 @@ def take_over(
     speed, models = scenario.path.speed_mps, column_models(scenario)
     turn_rps = TURN_SHARE * keepable_turn_rps(scenario, reach_m)
     climb_mps = CLIMB_SHARE * min(model.climb_max_mps for model in models)
-    # Peaks of a minimum-jerk way over T: 1.875 / T of it a second, 5.77 / T^2 of it a second squared.
     over_s = max(
         LEAST_S,
         abs(right_m) / MEAN_SPEED_MPS,
-        sqrt(5.77 * abs(right_m) / (speed * turn_rps)),
-        1.875 * abs(above.height_m) / climb_mps,
+        sqrt(PEAK_CHANGE * abs(right_m) / (speed * turn_rps)),
+        PEAK_RATE * abs(above.height_m) / climb_mps,
     )
     way = DisplacedPath(path, from_m, over_s * speed, right_m, above)
     if scenario.terrain is None or ground is None:

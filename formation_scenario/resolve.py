@@ -5,17 +5,20 @@ from __future__ import annotations
 from pathlib import Path
 
 from formation_scenario.fields import MAX_NUMBER, MAX_SYSTEM_ID
+from formation_scenario.formation import Formation
 from formation_scenario.gains import CLEAN, NOISE, filters, gain_groups
+from formation_scenario.model import Safety, Scenario
 from formation_scenario.navigation import GRADES, InertialNavigation, InertialSensorKeys
 from formation_scenario.source import Key, Plain, Source
 from formation_scenario.vehicles import BASE_PORT
 
-RUN_IN_AIR_S = 10.0
-SEPARATION_M = 5.0
+DURATION_S: float = Scenario.model_fields["duration_s"].default
+SEPARATION_M: float = Safety.model_fields["separation_m"].default
+SPACING_M: float = Formation.model_fields["spacing_m"].default
+GRADE: str = InertialNavigation.model_fields["grade"].default
+RUN_IN_AIR_S, RUN_IN_GROUND_S = 10.0, 60.0
 BUFFER_M = 5.0
-"""What the distance that vehicles keep is beyond the one that they must."""
-RUN_IN_GROUND_S = 60.0
-DURATION_S = 120.0
+"""By how much the distance that the separation rule keeps exceeds the least that is allowed."""
 MAY_BE_EMPTY = ("origin", "telemetry", "links", "wind", "disturbances", "orders", "faults", "finish", "expect")
 """Keys whose every item may be commented out: `expect:` with nothing below it is as if it weren't there."""
 
@@ -100,7 +103,7 @@ def _with_absolute(value: Plain, name: str, directory: Path) -> Plain:
 def _formation(formation: Plain) -> Plain:
     if not isinstance(formation, dict):
         return {} if formation is None else formation
-    spacing = formation.get("spacing_m", 30.0)
+    spacing = formation.get("spacing_m", SPACING_M)
     changes = formation.get("changes", [])
     if isinstance(changes, list):
         changes = [_filled(each, {"spacing_m": spacing}) if _has_shape(each) else each for each in changes]
@@ -136,7 +139,7 @@ def _vehicle(vehicle: dict[Key, Plain]) -> Plain:
 
 def _with_sensors(navigation: dict[Key, Plain]) -> Plain:
     """Return the keys of inertial navigation with the sensors of its grade."""
-    grade = str(navigation.get("grade", InertialNavigation.model_fields["grade"].default))
+    grade = str(navigation.get("grade", GRADE))
     sensors = dict[Key, Plain](zip(InertialSensorKeys.model_fields, GRADES.get(grade, ()), strict=False))
     return navigation | {"sensors": _filled(navigation.get("sensors"), sensors)}
 

@@ -8,9 +8,9 @@ from itertools import islice
 from math import cos, pi, sin, sqrt
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from formation_scenario.arrays import Array
+
 Place = tuple[float, float]
 
 ROW_OF_TRIANGLE = sqrt(3.0) / 2.0

@@ -8,11 +8,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from formation_scenario.arrays import Array, Mask
 from formation_scenario.formation import Frame
 from formation_scenario.path import PathPoints
-
-Array = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

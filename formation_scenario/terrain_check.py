@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 
 from formation_scenario.arrangement import slot_schedule
+from formation_scenario.arrays import Array
 from formation_scenario.errors import Problem
 from formation_scenario.ground import Ground, ground_of
 from formation_scenario.lift import SAMPLE_M, STEP_M, sample_places
@@ -18,8 +18,6 @@ from formation_scenario.placement import start_states
 from formation_scenario.reconfiguration import column_names
 from formation_scenario.source import KeyPath, Source
 from formation_scenario.terrain import Terrain
-
-Array = npt.NDArray[np.float64]
 
 SHORT_M = 0.01
 """Clearance that may be missing."""

@@ -1,88 +1,16 @@
-"""The way from one set of slots to another: straight, smooth, all at once, and staggered in height where paths meet.
-
-Everyone covers the same share of its way at the same moment. Where places are 2√2 R apart and goals are given out at
-the least sum of squared distances, no two then come within 2 R of each other (Turpin, Michael, Kumar, "CAPT:
-Concurrent assignment and planning of trajectories for multiple robots", IJRR 33(1), 2014). The leader takes no part in
-that, nor do slots that already move or that are assigned by hand: those who would come too near are lifted over.
-"""
+"""Slots that move from one arrangement to another, all at once: straight, smooth, some of them lifted meanwhile."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
-from scipy.spatial.distance import pdist
 
-from formation_scenario.formation import Frame
-from formation_scenario.slot_motion import Array, Course, SlotMotion, SlotNeeds, slot_needs
-from formation_scenario.vehicles import VehicleModel
+from formation_scenario.minimum_jerk import minimum_jerk
+from formation_scenario.slot_motion import Array, SlotMotion
 
-Mask = npt.NDArray[np.bool_]
-
-MEAN_SPEED_MPS = 2.0
-"""Of the slot that has farthest to go, where that doesn't take longer than `USUAL_S`."""
-LEAST_S, USUAL_S, MOST_S = 8.0, 30.0, 240.0
-STRETCH = 1.12
-"""How much longer the next try is."""
-SAMPLES = 101
-SPACING_SHARE = 0.6
-"""Distance kept on the way, as a share of that of the nearest slots: below the 1/√2 that CAPT grants."""
-MARGIN_M = 2.0
-"""Added to the least separation for errors of flight."""
-RESERVE = 0.9
-"""Share of acceleration, turn rate and climb that the way may use: the rest is the law's."""
 RAMP = 0.3
-"""Share of the way's time in which it gets up to speed, and again in which it comes to rest."""
-PEAK = 1.875
-"""Fastest moment of a minimum-jerk rise, over its mean speed."""
-
-
-class NotFlyableError(Exception):
-    """A transition that can't be flown: what was found, what is allowed, and when on the way, s."""
-
-    def __init__(self, found: str, allowed: str, elapsed_s: float) -> None:
-        """Take the words and the moment."""
-        super().__init__(f"{found}; allowed: {allowed}")
-        self.found, self.allowed, self.elapsed_s = found, allowed, elapsed_s
-
-
-@dataclass(frozen=True)
-class Limits:
-    """Limits of flight and lags of N vehicles, (N,) each."""
-
-    speed_min_mps: Array
-    speed_max_mps: Array
-    accel_max_mps2: Array
-    turn_rate_max_rps: Array
-    climb_max_mps: Array
-    tau_v_s: Array
-    climb_lead_s: Array
-    """tau_ha tau_hb / (tau_ha + tau_hb): what a change of climb asks for beyond it."""
-
-    @classmethod
-    def of(cls, models: tuple[VehicleModel, ...]) -> Limits:
-        """Return the limits of vehicles of these models."""
-        names = ("speed_min_mps", "speed_max_mps", "accel_max_mps2", "turn_rate_max_rps", "climb_max_mps", "tau_v_s")
-        columns: list[Array] = [np.array([getattr(model, name) for model in models]) for name in names]
-        lead = [model.tau_ha_s * model.tau_hb_s / (model.tau_ha_s + model.tau_hb_s) for model in models]
-        return cls(*columns, climb_lead_s=np.array(lead))
-
-
-@dataclass(frozen=True)
-class Conditions:
-    """What a transition is planned under."""
-
-    course: Callable[[Array], Course]
-    """The leader's flight, by seconds from the transition's beginning."""
-    frame: Frame
-    limits: Limits
-    separation_m: float
-    leader: int
-    present: Mask
-    """(N,) those who are there to be flown into."""
-    names: tuple[str, ...]
+"""Share of a transition's time in which its speed ramps up, and again in which it ramps down."""
 
 
 @dataclass(frozen=True)
@@ -159,175 +87,22 @@ class Transition:
         return up[0] - down[0], up[1] - down[1], up[2] - down[2]
 
 
-def plan_transition(start: SlotMotion, goal_m: Array, at_s: float, conditions: Conditions) -> Transition:
-    """Return the quickest way from `start` to `goal_m` (N, 3) that is neither hurried nor beyond anyone's limits.
-
-    Raises:
-        NotFlyableError: there is none of up to `MOST_S`.
-    """
-    farthest_m = float(np.linalg.norm(goal_m - start.position_m, axis=1)[conditions.present].max(initial=0.0))
-    duration_s = min(max(farthest_m / MEAN_SPEED_MPS, LEAST_S), USUAL_S)
-    apart_m = _apart_m(start, goal_m, conditions)
-    while True:
-        level = Transition(at_s, duration_s, start, goal_m, np.zeros(len(goal_m)), 0.0)
-        try:
-            return _checked(level, apart_m, conditions)
-        except NotFlyableError:
-            duration_s *= STRETCH
-            if duration_s > MOST_S:
-                raise
-
-
-def _apart_m(start: SlotMotion, goal_m: Array, conditions: Conditions) -> float:
-    """Return the distance to be kept on the way: never more than there is at its ends."""
-    if conditions.present.sum() < 2:
-        return 0.0
-    begin, end = (float(pdist(places[conditions.present]).min()) for places in (start.position_m, goal_m))
-    return min(max(conditions.separation_m + MARGIN_M, SPACING_SHARE * end), begin * 0.99, end * 0.99)
-
-
-def _checked(level: Transition, apart_m: float, conditions: Conditions) -> Transition:
-    """Return the transition, lifted where need be.
-
-    Raises:
-        NotFlyableError: it can't be flown at this duration.
-    """
-    moments_s = np.linspace(0.0, level.duration_s, SAMPLES)
-    course = conditions.course(moments_s)
-    needs = _within_limits(level, level.sample(moments_s), course, moments_s, conditions)
-    distances = _distances_m(level.sample(moments_s), needs, conditions)
-    near = np.flatnonzero(distances.min(axis=0) < apart_m)
-    if not near.size:
-        return level
-    lifted = _lift(level, _lifts_m(level, _levels(near, conditions), apart_m), course, conditions)
-    slots = lifted.sample(moments_s)
-    needs = _within_limits(lifted, slots, course, moments_s, conditions)
-    _refuse_near(_distances_m(slots, needs, conditions), apart_m, moments_s, conditions)
-    return lifted
-
-
-def _within_limits(
-    way: Transition, slots: SlotMotion, course: Course, moments_s: Array, conditions: Conditions
-) -> SlotNeeds:
-    """Return what the slots need; setpoints that lead the lags are held inside the limits, not the flight alone.
-
-    Where a slot that stands needs more than the way may use, it may have that.
-    """
-    needs = slot_needs(course, slots, conditions.frame)
-    still = [
-        slot_needs(course, SlotMotion.at_rest(places), conditions.frame)
-        for places in (way.start.position_m, way.goal_m)
-    ]
-    flies = conditions.present.copy()
-    flies[conditions.leader] = False
-    for found, allowed, unit, limit in zip(
-        _asked(needs, conditions.limits),
-        zip(*(_asked(each, conditions.limits) for each in still), strict=True),
-        ("m/s", "m/s", "m/s² of acceleration", "rad/s of turn", "m/s of climb"),
-        _ceilings(conditions.limits),
-        strict=True,
-    ):
-        excess = np.where(flies, found - np.maximum(limit, np.maximum(*allowed)) - 1e-6, -1.0)
-        if excess.max() > 0.0:
-            moment, who = np.unravel_index(int(excess.argmax()), excess.shape)
-            figure = f"{conditions.names[who]}'s slot would need {abs(found[moment, who]):.3g} {unit} on the way"
-            bound = "at least" if limit[who] < 0 else "up to"
-            raise NotFlyableError(figure, f"{bound} {abs(limit[who]):.3g} {unit}", float(moments_s[moment]))
-    return needs
-
-
-def _asked(needs: SlotNeeds, limits: Limits) -> tuple[Array, ...]:
-    """Return what is asked of each limit, (K, N) each: speed, its least, acceleration, turn, climb, with leads."""
-    speed = needs.speed_mps + limits.tau_v_s * needs.accel_mps2
-    climb = np.abs(needs.climb_mps + limits.climb_lead_s * needs.climb_change_mps2)
-    return speed, -speed, np.abs(needs.accel_mps2), np.abs(needs.turn_rate_rps), climb
-
-
-def _ceilings(limits: Limits) -> tuple[Array, ...]:
-    return (
-        limits.speed_max_mps,
-        -limits.speed_min_mps,
-        RESERVE * limits.accel_max_mps2,
-        RESERVE * limits.turn_rate_max_rps,
-        RESERVE * limits.climb_max_mps,
-    )
-
-
-def _distances_m(slots: SlotMotion, needs: SlotNeeds, conditions: Conditions) -> Array:
-    """Return the distances (K, pairs) of all who are there, in the leader's frame."""
-    places = slots.position_m
-    if conditions.frame == "follower_heading":
-        cos, sin = np.cos(needs.aside_rad), np.sin(needs.aside_rad)
-        forward, right = places[..., 0], places[..., 1]
-        places = np.stack((forward * cos - right * sin, forward * sin + right * cos, places[..., 2]), axis=-1)
-    there = places[:, conditions.present]
-    return np.array([pdist(each) for each in there])
-
-
-def _pairs(conditions: Conditions) -> npt.NDArray[np.intp]:
-    """Return the columns (pairs, 2) that distances belong to."""
-    there = np.flatnonzero(conditions.present)
-    return np.stack([there[index] for index in np.triu_indices(there.size, 1)], axis=1)
-
-
-def _levels(near: npt.NDArray[np.intp], conditions: Conditions) -> Array:
-    """Return a level (N,) for each vehicle so that no two that come near share one; the leader keeps the lowest."""
-    levels = {conditions.leader: 0}
-    pairs: list[list[int]] = _pairs(conditions)[near].tolist()
-    for who in sorted({column for pair in pairs for column in pair} - {conditions.leader}):
-        taken = {levels.get(one if other == who else other) for one, other in pairs if who in (one, other)}
-        levels[who] = next(level for level in range(len(taken) + 1) if level not in taken)
-    return np.array([float(levels.get(column, 0)) for column in range(conditions.present.size)])
-
-
-def _lifts_m(way: Transition, levels: Array, apart_m: float) -> Array:
-    """Return how far each is to be lifted, (N,): its levels over the highest place at which one below begins or ends.
-
-    Who begins or ends lower itself is lifted by that much more; who is up from another change already, by less.
-    """
-    ends_m = np.stack((way.start.position_m[:, 2], way.goal_m[:, 2]))
-    below = levels < levels[:, None]
-    highest_m = np.where(below, ends_m.max(axis=0), -np.inf).max(axis=1)
-    return np.where(levels > 0, np.maximum(levels * apart_m + highest_m - ends_m.min(axis=0), 0.0), 0.0)
-
-
-def _lift(level: Transition, lift_m: Array, course: Course, conditions: Conditions) -> Transition:
-    """Return the transition with vehicles lifted as fast as their climb limits allow beside the leader's climb."""
-    room_mps = RESERVE * conditions.limits.climb_max_mps - float(np.abs(course.climb_mps).max())
-    rises = lift_m > 0
-    if (room_mps[rises] <= 0).any():
-        raise NotFlyableError("no climb is left for some to pass over others", "a path less steep there", 0.0)
-    # The climb's own change is led too: the peak asked for is beyond PEAK.
-    rise_s = 1.3 * PEAK * float((lift_m[rises] / room_mps[rises]).max())
-    if rise_s > level.duration_s / 2:
-        raise NotFlyableError("no time is left for some to pass over others", "a path less steep there", 0.0)
-    return replace(level, lift_m=lift_m, rise_s=rise_s)
-
-
-def _refuse_near(distances: Array, apart_m: float, moments_s: Array, conditions: Conditions) -> None:
-    moment, pair = np.unravel_index(int(distances.argmin()), distances.shape)
-    nearest_m = float(distances[moment, pair])
-    if nearest_m < apart_m * 0.999:
-        pairs: list[list[int]] = _pairs(conditions).tolist()
-        one, other = (conditions.names[column] for column in pairs[int(pair)])
-        found = f"{one} and {other} would come within {nearest_m:.3g} m on the way"
-        raise NotFlyableError(found, f"{apart_m:.3g} m or more", float(moments_s[moment]))
-
-
 def _share(elapsed_s: Array, duration_s: float) -> tuple[Array, Array, Array]:
-    """Return the share made of a way with smooth ramps of speed at its ends, (K, 1), and its first two derivatives."""
+    """Return the share of the way covered after `elapsed_s` (K,), (K, 1), and its first two derivatives by time.
+
+    The speed rises and falls over `RAMP` of the time, as a minimum-jerk step, and is constant between.
+    """
     u = np.clip(elapsed_s / duration_s, 0.0, 1.0)[:, None]
     near_end = np.minimum(u, 1.0 - u)
     w = np.minimum(near_end / RAMP, 1.0)
-    speed = w**3 * (10 - 15 * w + 6 * w**2) / (1 - RAMP)
+    risen, rise, _ = minimum_jerk(w)
     ramped = w**4 * (2.5 - 3 * w + w**2) * RAMP / (1 - RAMP)
-    made = ramped + np.maximum(near_end - RAMP, 0.0) / (1 - RAMP)
-    change = 30 * w**2 * (1 - w) ** 2 / RAMP / (1 - RAMP) * np.sign(0.5 - u)
-    return np.where(u <= 0.5, made, 1.0 - made), speed / duration_s, change / duration_s**2
+    covered = ramped + np.maximum(near_end - RAMP, 0.0) / (1 - RAMP)
+    change = rise / RAMP / (1 - RAMP) * np.sign(0.5 - u)
+    return np.where(u <= 0.5, covered, 1.0 - covered), risen / (1 - RAMP) / duration_s, change / duration_s**2
 
 
 def _smooth_step(elapsed_s: Array, duration_s: float) -> tuple[Array, Array, Array]:
-    """Return the share of a minimum-jerk way, 0 to 1, and its first two derivatives."""
-    u = np.clip(elapsed_s / duration_s, 0.0, 1.0)
-    share = u**3 * (10 - 15 * u + 6 * u**2)
-    return share, 30 * u**2 * (1 - u) ** 2 / duration_s, 60 * u * (1 - u) * (1 - 2 * u) / duration_s**2
+    """Return a minimum-jerk step from 0 to 1 over `duration_s`, and its first two derivatives by time."""
+    share, rate, change = minimum_jerk(np.clip(elapsed_s / duration_s, 0.0, 1.0))
+    return share, rate / duration_s, change / duration_s**2

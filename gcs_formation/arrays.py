@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from formation_scenario.arrays import Array, Indices, Mask
+
 Instants = npt.NDArray[np.int64]
-Mask = npt.NDArray[np.bool_]
+
+__all__ = ["Array", "Indices", "Instants", "Mask", "or_zero", "within", "wrap"]
 
 TURN = 2 * np.pi
 

@@ -8,7 +8,7 @@ from typing import Protocol
 from airlink.clock import Instant
 from formation_scenario import Scenario
 from formation_scenario.orders import End, Order, OrderError, parse_order
-from formation_scenario.transition import NotFlyableError
+from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.answer import Answer
 from gcs_formation.phases import Flight, Phase
 from gcs_formation.reconfiguration import Reconfiguration

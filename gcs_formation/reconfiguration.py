@@ -17,7 +17,7 @@ from formation_scenario.formation import FormationChange
 from formation_scenario.path import PathPoint
 from formation_scenario.reconfiguration import ahead, column_names, plan_change, take_over
 from formation_scenario.slot_motion import SlotMotion
-from formation_scenario.transition import NotFlyableError
+from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.arrays import Array, Mask
 from gcs_formation.controller import FormationController
 from gcs_formation.formation.plan import Proposal

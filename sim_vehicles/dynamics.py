@@ -7,12 +7,10 @@ from functools import cached_property
 from typing import NamedTuple, Self
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import exprel
 
+from formation_scenario.arrays import Array
 from formation_scenario.vehicles import VehicleModel
-
-Array = npt.NDArray[np.float64]
 
 SHARES = np.array([0.0, 0.5, 1.0])[:, None, None]
 SIMPSON = np.array([1.0, 4.0, 1.0]) / 6

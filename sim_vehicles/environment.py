@@ -6,9 +6,10 @@ import numpy as np
 
 from airlink.clock import Instant, after, seconds_between
 from airlink.random_streams import random_stream
+from formation_scenario.arrays import Array
 from sim_vehicles.config import Fault, FleetConfig
 from sim_vehicles.disturbances import Disturbance, Turbulence
-from sim_vehicles.dynamics import Array, State
+from sim_vehicles.dynamics import State
 from sim_vehicles.loop import LOOP_S
 from sim_vehicles.turbulence import DrydenGusts
 

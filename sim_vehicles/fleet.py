@@ -10,8 +10,9 @@ from airlink.clock import Instant, after
 from airlink.endpoint import Endpoint
 from airlink.engine import Datagram
 from airlink.geodesy import GeodeticOrigin
+from formation_scenario.arrays import Array
 from sim_vehicles.config import FleetConfig
-from sim_vehicles.dynamics import Array, Command, Parameters, State, step
+from sim_vehicles.dynamics import Command, Parameters, State, step
 from sim_vehicles.environment import Environment
 from sim_vehicles.loop import LOOP_S
 from sim_vehicles.motion import MotionTable

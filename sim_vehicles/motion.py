@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim_vehicles.dynamics import Array, Command, State, ground_velocity
+from formation_scenario.arrays import Array
+from sim_vehicles.dynamics import Command, State, ground_velocity
 
 
 class Motion(NamedTuple):

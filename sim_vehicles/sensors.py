@@ -10,8 +10,8 @@ import numpy as np
 from airlink.clock import NANOSECONDS, Instant
 from airlink.identity import VehicleId
 from airlink.random_streams import random_stream
+from formation_scenario.arrays import Array
 from sim_vehicles.config import SensorErrors
-from sim_vehicles.dynamics import Array
 from sim_vehicles.motion import Motion, with_drift
 
 SIZES: Final = (3, 3, 1, 1)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from formation_scenario.arrays import Array
 from formation_scenario.vehicles import VehicleModel
-from sim_vehicles.dynamics import Array, Command, Parameters, State
+from sim_vehicles.dynamics import Command, Parameters, State
 
 HEADING, COURSE, CIRCLE = 0, 1, 2
 CAPTURE = 2.0

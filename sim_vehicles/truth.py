@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 
 from airlink.clock import NANOSECONDS, Instant
-from sim_vehicles.dynamics import Array, ground_velocity
+from formation_scenario.arrays import Array
+from sim_vehicles.dynamics import ground_velocity
 from sim_vehicles.errors import TruthError
 from sim_vehicles.loop import LOOP_HZ
 

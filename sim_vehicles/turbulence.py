@@ -11,8 +11,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from formation_scenario.arrays import Array
 from sim_vehicles.disturbances import Intensity
-from sim_vehicles.dynamics import Array
 
 FOOT_M = 0.3048
 LOWEST_FT, HIGHEST_FT = 10.0, 1000.0

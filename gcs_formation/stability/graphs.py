@@ -8,9 +8,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse.csgraph import connected_components
 
-from gcs_formation.arrays import Array
+from gcs_formation.arrays import Array, Indices
 
-Indices = npt.NDArray[np.intp]
 Graph = str | npt.ArrayLike
 
 GRAPH_NAMES = ("star", "path", "ring", "complete")

@@ -5,11 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from formation_scenario.arrays import Array
 from sim_vehicles.inertial.error_model import PLACE, SIZE, UP
-
-Array = npt.NDArray[np.float64]
 
 
 class Aid(NamedTuple):

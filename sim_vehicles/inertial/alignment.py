@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from airlink.geodesy import GeodeticOrigin
+from formation_scenario.arrays import Array
 from sim_vehicles.inertial.earth import RATE_RADPS, gravity_mps2
 from sim_vehicles.inertial.error_model import (
     ACCEL_BIAS,
@@ -34,8 +34,6 @@ from sim_vehicles.inertial.kalman import ErrorFilter
 from sim_vehicles.inertial.rotation import misalignment
 from sim_vehicles.inertial.strapdown import Strapdown
 from sim_vehicles.inertial.trajectory import Increments, NavigationState, Trajectory
-
-Array = npt.NDArray[np.float64]
 
 COARSE_S: Final = 60.0
 """Over which forces and rates are averaged; the fine filter begins with the same samples again."""

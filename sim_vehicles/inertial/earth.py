@@ -10,11 +10,9 @@ import math
 from typing import Final, overload
 
 import numpy as np
-import numpy.typing as npt
 
 from airlink.geodesy import ECCENTRICITY_SQUARED, SEMI_MAJOR_M
-
-Array = npt.NDArray[np.float64]
+from formation_scenario.arrays import Array
 
 RATE_RADPS: Final = 7.292115e-5
 EQUATOR_MPS2: Final = 9.7803253359

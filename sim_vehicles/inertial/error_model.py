@@ -11,12 +11,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from formation_scenario.arrays import Array
 from sim_vehicles.inertial.earth import RATE_RADPS, gravity_mps2, radii_m
 from sim_vehicles.inertial.imu import InertialSensors
-
-Array = npt.NDArray[np.float64]
 
 PLACE, VELOCITY, TILT, ACCEL_BIAS, GYRO_BIAS = (slice(3 * i, 3 * i + 3) for i in range(5))
 SIZE = 15

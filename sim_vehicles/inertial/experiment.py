@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
 from airlink.geodesy import GeodeticOrigin
 from formation_scenario import Scenario, Vehicle, leader_path
+from formation_scenario.arrays import Array
 from formation_scenario.navigation import InertialNavigation
 from sim_vehicles.inertial.alignment import Alignment, FineAlignment, align, limits
 from sim_vehicles.inertial.flight import NavigationRecord, Start, exact_start, navigate
@@ -18,8 +18,6 @@ from sim_vehicles.inertial.from_keys import aid, inertial_sensors
 from sim_vehicles.inertial.imu import sensor_random
 from sim_vehicles.inertial.rotation import displaced
 from sim_vehicles.inertial.trajectory import Trajectory
-
-Array = npt.NDArray[np.float64]
 
 SCHEMA: Final = 1
 LEAST_S: Final = 1.0

@@ -7,14 +7,11 @@ from typing import Any, Final, cast
 
 import matplotlib as mpl
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from sim_vehicles.inertial.earth import radii_m
 from sim_vehicles.inertial.experiment import UNITS, Experiment
-
-Array = npt.NDArray[np.float64]
 
 CM: Final = 1 / 2.54
 DPI: Final = 200

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from formation_scenario.arrays import Array
 from sim_vehicles.inertial.aiding import Aid
 from sim_vehicles.inertial.earth import radii_m
 from sim_vehicles.inertial.error_model import (
@@ -27,8 +27,6 @@ from sim_vehicles.inertial.kalman import ErrorFilter
 from sim_vehicles.inertial.rotation import misalignment
 from sim_vehicles.inertial.strapdown import Strapdown
 from sim_vehicles.inertial.trajectory import Increments, NavigationState, Trajectory
-
-Array = npt.NDArray[np.float64]
 
 STEP_S: Final = 0.1
 """Of the covariance, and the grid that aids measure on."""

@@ -6,13 +6,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from airlink.identity import VehicleId
 from airlink.random_streams import random_stream
 from sim_vehicles.inertial.trajectory import Increments
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 
-Array = npt.NDArray[np.float64]
+from formation_scenario.arrays import Array
 
 
 class Estimate(NamedTuple):

@@ -10,11 +10,11 @@ import math
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from airlink.clock import NANOSECONDS, Instant
 from airlink.geodesy import GeodeticOrigin
 from airlink.identity import VehicleId
+from formation_scenario.arrays import Array
 from sim_vehicles.inertial.alignment import UPDATE_S, FineAlignment
 from sim_vehicles.inertial.config import InertialConfig
 from sim_vehicles.inertial.earth import gravity_mps2
@@ -31,8 +31,6 @@ from sim_vehicles.inertial.imu import sensor_random
 from sim_vehicles.inertial.kalman import ErrorFilter
 from sim_vehicles.inertial.rotation import attitude
 from sim_vehicles.motion import Motion, with_drift
-
-Array = npt.NDArray[np.float64]
 
 RATE_HZ: Final = 10
 

@@ -8,15 +8,13 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from formation_scenario import dump_scenario
+from formation_scenario.arrays import Array
 from sim_vehicles.inertial.experiment import ANGLES, UNITS, Experiment, summary
 from sim_vehicles.inertial.figures import draw
-
-Array = npt.NDArray[np.float64]
 
 SCENARIO, SUMMARY, ALIGNMENT, FLIGHT, FIGURES = (
     "run.yaml",

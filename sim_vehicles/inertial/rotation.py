@@ -10,9 +10,9 @@ import math
 from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from formation_scenario.arrays import Array
+
 Vector: TypeAlias = tuple[float, float, float]
 Quaternion: TypeAlias = tuple[float, float, float, float]
 """Scalar first; turns body components into navigation components."""

@@ -11,9 +11,9 @@ from typing import Self, cast
 
 import numpy as np
 
+from formation_scenario.arrays import Array
 from sim_vehicles.inertial.earth import RATE_RADPS, gravity_mps2, radii_m
 from sim_vehicles.inertial.rotation import (
-    Array,
     Quaternion,
     Vector,
     cross,

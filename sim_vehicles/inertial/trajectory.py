@@ -10,15 +10,13 @@ import math
 from typing import NamedTuple, Self
 
 import numpy as np
-import numpy.typing as npt
 from scipy.interpolate import BSpline, make_interp_spline
 
 from airlink.geodesy import ECCENTRICITY_SQUARED, GeodeticOrigin
 from formation_scenario import SplinePath
+from formation_scenario.arrays import Array
 from sim_vehicles.inertial.earth import RATE_RADPS, gravity_mps2, radii_m
 from sim_vehicles.inertial.rotation import attitude
-
-Array = npt.NDArray[np.float64]
 
 KNOT_S = 1.0
 """Between the splines' knots. They are of fifth degree: rates and forces change smoothly, and so can be integrated."""

@@ -1,0 +1,84 @@
+"""Rules for what happens during a flight, and for what is expected of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+
+from formation_scenario.disturbances import DrydenTurbulence
+from formation_scenario.errors import Problem
+from formation_scenario.expectation import RUN_METRICS
+from formation_scenario.faults import PASSING
+from formation_scenario.fields import VehicleSelection
+from formation_scenario.model import Scenario
+from formation_scenario.rules.vehicles import one_vehicle
+from formation_scenario.source import KeyPath, Source
+from formation_scenario.vehicles import Vehicle
+
+
+def references(scenario: Scenario, source: Source) -> Iterator[Problem]:
+    """Yield vehicles that links, disturbances, faults and expectations name and that don't exist."""
+    groups: tuple[tuple[KeyPath, Iterable[VehicleSelection]], ...] = (
+        (("links", "changes"), (change.vehicles for change in scenario.links.changes)),
+        (("disturbances",), (entry.vehicles for entry in scenario.disturbances)),
+        (("faults",), (entry.vehicles for entry in scenario.faults)),
+    )
+    for path, selections in groups:
+        for index, selection in enumerate(selections):
+            yield from _unknown(selection, scenario.vehicles, (*path, index, "vehicles"), source)
+    for index, entry in enumerate(scenario.expect):
+        path = ("expect", index, "followers")
+        yield from _unknown(entry.followers, scenario.followers, path, source)
+
+
+def disturbances(scenario: Scenario, source: Source) -> Iterator[Problem]:
+    """Yield disturbances that end before they begin, and turbulence without its intensity."""
+    for index, entry in enumerate(scenario.disturbances):
+        path: KeyPath = ("disturbances", index)
+        if entry.end_s <= entry.at_s:
+            yield source.problem((*path, "until_s"), f"found {entry.end_s:g}", f"more than at_s, {entry.at_s:g}")
+        if isinstance(entry, DrydenTurbulence):
+            given = {name for name in ("wind_6m_mps", "sigma_mps", "length_m") if getattr(entry, name) is not None}
+            if given not in ({"wind_6m_mps"}, {"sigma_mps", "length_m"}):
+                found = f"found {', '.join(sorted(given)) or 'neither'}"
+                yield source.problem(path, found, "wind_6m_mps, or sigma_mps and length_m")
+
+
+def faults(scenario: Scenario, source: Source) -> Iterator[Problem]:
+    """Yield faults with an end or a mode that their kind doesn't have."""
+    for index, fault in enumerate(scenario.faults):
+        path: KeyPath = ("faults", index)
+        if fault.until_s is not None and fault.kind not in PASSING:
+            yield source.problem(
+                (*path, "until_s"), f"found an end of a {fault.kind}", f"only for {', '.join(PASSING)}"
+            )
+        elif fault.until_s is not None and fault.until_s <= fault.at_s:
+            yield source.problem((*path, "until_s"), f"found {fault.until_s:g}", f"after at_s, {fault.at_s:g}")
+        if fault.mode is not None and fault.kind != "pilot":
+            yield source.problem((*path, "mode"), f"found a mode for a {fault.kind}", "only for pilot")
+
+
+def expectations(scenario: Scenario, source: Source) -> Iterator[Problem]:
+    """Yield expectations without a bound, with an empty window, or that nothing could meet."""
+    for index, entry in enumerate(scenario.expect):
+        if entry.below is None and entry.above is None:
+            yield source.problem(("expect", index), "found no bound", "below, above or both")
+        if entry.from_s >= entry.to_s:
+            found = f"found a window from {entry.from_s:g} to {entry.to_s:g} s"
+            yield source.problem(("expect", index, "from_s"), found, "from_s before to_s")
+        if entry.metric in RUN_METRICS and entry.followers != "all":
+            found = f"found followers for {entry.metric}, a figure of the whole run"
+            yield source.problem(("expect", index, "followers"), found, "all")
+        if (entry.below if entry.below is not None else math.inf) <= (
+            entry.above if entry.above is not None else -math.inf
+        ):
+            found = f"found above {entry.above:g} and below {entry.below:g}"
+            yield source.problem(("expect", index, "below"), found, "more than above")
+
+
+def _unknown(
+    selection: VehicleSelection, vehicles: tuple[Vehicle, ...], path: KeyPath, source: Source
+) -> Iterator[Problem]:
+    if selection != "all":
+        for index, ref in enumerate(selection):
+            yield from one_vehicle(ref, vehicles, (*path, index), source)
