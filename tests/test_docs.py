@@ -14,7 +14,7 @@ FILES = {path.name for package in PACKAGES for path in (ROOT / package).rglob("*
 """Names that may stand alone, where a document has said before which folder is meant."""
 OUTPUTS = {"run.yaml"}
 """Of a run, not of the tree."""
-TO_COME = "## Where the next things go"
+TO_COME = "## Where to add things"
 
 
 def written(document: Path) -> str:
