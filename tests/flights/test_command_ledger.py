@@ -22,7 +22,7 @@ from gcs_formation.vehicle.telemetry import Telemetry
 from tests.flights.conftest import scenario
 from tests.flights.in_memory import Between, World
 
-CHANGE = {"shape": "arrow", "spacing_m": 30, "changes": [{"at_s": 10, "shape": "line"}]}
+CHANGE = {"shape": "arrow", "spacing_m": 30, "changes": [{"at_s": 5, "shape": "line"}]}
 WEAVING = [[0, 0, 100], [700, 0, 100], [1400, 200, 115], [2100, 100, 100], [2800, 300, 110]]
 HEADING = m.MAV_CMD_GUIDED_CHANGE_HEADING.to_bytes(2, "little")
 START, GUIDED, LOITER, RTL = Instant(0), m.PLANE_MODE_GUIDED, m.PLANE_MODE_LOITER, m.PLANE_MODE_RTL
@@ -56,7 +56,7 @@ class HeadingsLost(Between):
 
 
 def test_setpoints_of_one_kind_that_never_come_are_nobodys_disobedience() -> None:
-    world = World(HeadingsLost, duration_s=30, path={"speed_mps": 22, "waypoints_m": WEAVING})
+    world = World(HeadingsLost, duration_s=25, path={"speed_mps": 22, "waypoints_m": WEAVING})
     world.run()
     assert world.words("disobeys") == []
 
@@ -84,12 +84,12 @@ def test_a_follower_that_does_not_climb_with_the_path_is_reported() -> None:
 
 
 def test_a_follower_that_ignores_a_change_of_formation_is_reported_and_so_is_its_end() -> None:
-    world = World(duration_s=40, formation=CHANGE)
-    world.fly_to(9.0)
+    world = World(duration_s=25, formation=CHANGE)
+    world.fly_to(4.0)
     world.strike(2, "ignore")
-    world.fly_to(10.0)
+    world.fly_to(5.0)
     changed_s = world.now_s
-    world.fly_to(18.0)
+    world.fly_to(13.0)
     world.strike(2, "ignore", ends=True)
     world.run()
     (reported_s,) = world.times_s("disobeys", 2)

@@ -32,9 +32,11 @@ from tests.flights.in_memory import World
 
 LAG_S = 0.2
 """Two ticks: what an event may come later than what leads to it."""
+PREDICTED = {"in_air": True, "run_in_s": 10}
+"""Long enough over 300 ms each way: with less the leader goes round once more, for 90 s."""
 
 
-def flying(kind: FaultKind, number: int, at_s: float = 5.0, **keys: Any) -> tuple[World, float]:
+def flying(kind: FaultKind, number: int, at_s: float = 2.0, **keys: Any) -> tuple[World, float]:
     """Return a world in which a fault has just struck, and when it did."""
     world = World(duration_s=keys.pop("duration_s", 60), **keys)
     world.fly_to(at_s)
@@ -44,7 +46,7 @@ def flying(kind: FaultKind, number: int, at_s: float = 5.0, **keys: Any) -> tupl
 
 @pytest.mark.parametrize("kind", ["crash", "freeze"])
 def test_a_silent_follower_is_given_up_step_by_step_and_the_others_fly_on(kind: FaultKind) -> None:
-    world, struck_s = flying(kind, 2, duration_s=25)
+    world, struck_s = flying(kind, 2, duration_s=9)
     world.run()
     (stale_s,), (lost_s,) = world.times_s("link", 2, "stale"), world.times_s("link", 2, "lost")
     (told_s,) = world.times_s("member", 2, "told to loiter")
@@ -52,49 +54,49 @@ def test_a_silent_follower_is_given_up_step_by_step_and_the_others_fly_on(kind: 
     assert lost_s - struck_s == pytest.approx(5.0, abs=LAG_S)
     assert told_s - struck_s == pytest.approx(5.0, abs=LAG_S)
     assert world.times_s("member", 3, "told to loiter") == []
-    assert max(abs(tick.error_m[2]).max() for tick in world.notes.ticks if tick.mission_time_s > 5.0) < 0.05
+    assert max(abs(tick.error_m[2]).max() for tick in world.notes.ticks if tick.mission_time_s > 2.0) < 0.05
     assert world.station.flight.phase is Phase.DONE
 
 
 def test_a_follower_that_hangs_and_comes_back_flies_in_its_slot_again() -> None:
-    world, _ = flying("freeze", 2)
-    world.run(8.0)
+    world, _ = flying("freeze", 2, duration_s=25)
+    world.run(6.0)
     world.strike(2, "freeze", ends=True)
     back_s = world.now_s
     world.run()
     (again_s,) = [at_s for at_s in world.times_s("member", 2, "flying") if at_s > back_s]
     assert again_s - back_s < 1.5
-    assert world.worst_m(50.0) < 0.1
+    assert world.worst_m(22.0) < 0.1
 
 
 @pytest.mark.parametrize("number", [1, 2])
 def test_a_restart_in_flight_is_taken_up_again(number: int) -> None:
-    world, struck_s = flying("restart", number)
+    world, struck_s = flying("restart", number, duration_s=18)
     world.run()
     (restarted_s,) = world.times_s("restarted", number)
     (again_s,) = [at_s for at_s in world.times_s("ready", number) if at_s > struck_s]
     assert restarted_s - struck_s < 0.5
     assert again_s - struck_s < 6.0
-    assert world.worst_m(50.0) < 0.1
+    assert world.worst_m(14.0) < 0.1
     assert world.station.failure is None
 
 
 @pytest.mark.parametrize("number", [1, 2])
 def test_a_restart_on_the_ground_is_left_to_the_pilot_until_it_flies_and_is_given_back(number: int) -> None:
-    world = World(duration_s=80)
-    world.fly_to(5.0)
+    world = World(duration_s=60)
+    world.fly_to(2.0)
     vehicle = world.vehicle(number)
     vehicle.pilot.condition = Condition.DISARMED
     world.fleet.ground(number - 1)
     vehicle.enter(Mode.MANUAL)
     world.strike(number, "restart")
-    world.run(30.0)
+    world.run(25.0)
     assert len(world.times_s("abandoned", number, "left to its pilot")) == 1
     assert vehicle.pilot.condition is Condition.DISARMED
     assert vehicle.pilot.mode is Mode.MANUAL
     vehicle.enter(Mode.TAKEOFF)
     vehicle.arm(force=True)
-    world.run(20.0)
+    world.run(10.0)
     assert vehicle.pilot.condition is Condition.FLYING
     assert vehicle.pilot.mode is Mode.TAKEOFF
     world.strike(number, "pilot", ends=True)
@@ -107,7 +109,7 @@ def test_a_restart_on_the_ground_is_left_to_the_pilot_until_it_flies_and_is_give
 
 @pytest.mark.parametrize("kind", ["crash", "freeze"])
 def test_followers_of_a_silent_leader_are_told_to_loiter_apart(kind: FaultKind) -> None:
-    world, struck_s = flying(kind, 1, duration_s=25, formation={"shape": "arrow", "succession": "none"})
+    world, struck_s = flying(kind, 1, duration_s=18, formation={"shape": "arrow", "succession": "none"})
     world.run()
     for number in (2, 3):
         (told_s,) = world.times_s("member", number, "told to loiter")
@@ -119,27 +121,27 @@ def test_followers_of_a_silent_leader_are_told_to_loiter_apart(kind: FaultKind) 
 
 @pytest.mark.parametrize("mode", ["LOITER", "RTL", "FBWA"])
 def test_a_pilots_switch_is_respected_and_ends_when_the_pilot_gives_it_back(mode: str) -> None:
-    world = World(duration_s=60)
-    world.fly_to(5.0)
+    world = World(duration_s=15)
+    world.fly_to(2.0)
     world.strike(2, "pilot", mode=mode)
     taken_s = world.now_s
-    world.run(10.0)
+    world.run(6.0)
     assert world.vehicle(2).pilot.mode is Mode[mode]
     world.strike(2, "pilot", ends=True)
     back_s = world.now_s
-    world.run(None if mode == "FBWA" else 5.0)
+    world.run(None if mode == "FBWA" else 2.0)
     (parted_s,) = world.times_s("member", 2, "parted")
     (again_s,) = [at_s for at_s in world.times_s("member", 2, "flying") if at_s > taken_s]
     assert parted_s - taken_s < LAG_S
     assert again_s - back_s < LAG_S
     assert world.times_s("disobeys") == []
-    assert mode != "FBWA" or world.worst_m(58.0) < 1.0  # the others have been left far behind
+    assert mode != "FBWA" or world.worst_m(13.0) < 1.0  # the others have been left far behind
 
 
 @pytest.mark.parametrize("kind", ["pilot", "restart"])
 def test_a_leader_that_can_not_lead_any_more_is_succeeded_at_once_and_follows_when_it_can(kind: FaultKind) -> None:
-    world, struck_s = flying(kind, 1, duration_s=20)
-    world.run(5.0)
+    world, struck_s = flying(kind, 1, duration_s=9)
+    world.run(4.0)
     world.strike(1, "pilot", ends=True)
     world.run()
     (leads_s,) = world.times_s("leader", 2)
@@ -152,7 +154,7 @@ def test_a_leader_that_can_not_lead_any_more_is_succeeded_at_once_and_follows_wh
 
 @pytest.mark.parametrize("kind", ["pilot", "restart"])
 def test_without_succession_followers_loiter_until_the_leader_is_back(kind: FaultKind) -> None:
-    world, struck_s = flying(kind, 1, duration_s=20, formation={"shape": "arrow", "succession": "none"})
+    world, struck_s = flying(kind, 1, duration_s=12, formation={"shape": "arrow", "succession": "none"})
     world.run(5.0)
     world.strike(1, "pilot", ends=True)
     world.run()
@@ -170,7 +172,7 @@ def test_without_succession_followers_loiter_until_the_leader_is_back(kind: Faul
 @pytest.mark.parametrize("delay_ms", [0, 300])
 def test_a_station_that_is_stopped_does_not_take_its_own_pause_for_delay(moment_s: float, delay_ms: int) -> None:
     """It is stopped for 3 s, at different moments between two probes."""
-    world = World(duration_s=30, links={"default": {"delay_ms": delay_ms}})
+    world = World(duration_s=30, start=PREDICTED, links={"default": {"delay_ms": delay_ms}})
     world.fly_to(moment_s)
     world.process.stop(world.clock.now(), 3.0)
     world.run(8.0)
@@ -185,7 +187,7 @@ def test_an_order_to_loiter_that_arrives_after_the_link_is_back_is_taken_back(fl
     """Over 0.6 s of delay the order that was sent last meets a vehicle that flies in the formation again."""
     outage = [{"at_s": 5, "vehicles": [3], "outage": True}, {"at_s": 10.5, "vehicles": [3], "outage": False}]
     fly(
-        duration_s=18,
+        duration_s=17,
         start={"in_air": True, "run_in_s": 15},
         links={"default": {"delay_ms": 600}, "changes": outage},
     )

@@ -93,8 +93,8 @@ def test_two_vehicles_with_one_id_are_not_taken_off() -> None:
 
 
 def test_in_flight_a_second_vehicle_with_the_same_id_is_reported_and_ignored() -> None:
-    world = World()
-    world.fly_to(6.0)
+    world = World(duration_s=10)
+    world.fly_to(3.0)
     twin = world.another(2)
     world.attach(twin)
     begun_s = world.now_s
@@ -107,7 +107,7 @@ def test_in_flight_a_second_vehicle_with_the_same_id_is_reported_and_ignored() -
 
 
 def test_two_vehicles_behind_one_address_are_told_apart_by_their_clocks() -> None:
-    world = World(Routing)
+    world = World(Routing, duration_s=12)
     world.fly_to(3.0)
     assert isinstance(world.between, Routing)
     world.between.other = world.another(2, clock_offset_s=500.0)
@@ -120,7 +120,7 @@ def test_two_vehicles_behind_one_address_are_told_apart_by_their_clocks() -> Non
 
 
 def test_a_vehicle_heard_from_another_port_is_the_same_when_its_clock_goes_on() -> None:
-    world = World(Moving)
+    world = World(Moving, duration_s=13)
     world.fly_to(6.0)
     assert isinstance(world.between, Moving)
     world.between.moved = True
@@ -134,7 +134,7 @@ def test_a_vehicle_heard_from_another_port_is_the_same_when_its_clock_goes_on() 
 
 
 def test_a_vehicle_that_restarts_at_another_port_is_taken_up_again() -> None:
-    world = World(Moving, duration_s=60)
+    world = World(Moving, duration_s=30)
     world.fly_to(6.0)
     assert isinstance(world.between, Moving)
     world.between.moved = True
@@ -143,11 +143,11 @@ def test_a_vehicle_that_restarts_at_another_port_is_taken_up_again() -> None:
     world.run()
     assert all("its clock began after that" in text for text in world.words("address"))
     assert len(world.times_s("address")) == len(world.times_s("restarted")) == 3
-    assert world.worst_m(50.0) < 0.1
+    assert world.worst_m(26.0) < 0.1
 
 
 def test_the_place_of_a_silent_vehicle_is_not_taken_by_another_clock() -> None:
-    world = World(duration_s=20)
+    world = World(duration_s=15)
     world.fly_to(3.0)
     world.strike(2, "freeze")
     impostor = world.another(2, clock_offset_s=500.0)
@@ -173,7 +173,7 @@ class HeartbeatsOnly(Between):
 
 
 def test_the_place_of_a_lost_vehicle_is_taken_by_heartbeats_alone_and_their_clock_shown_by_a_probe() -> None:
-    world = World(duration_s=20)
+    world = World(duration_s=14)
     world.fly_to(3.0)
     world.strike(2, "freeze")
     struck_s = world.now_s
@@ -191,7 +191,7 @@ def test_the_place_of_a_lost_vehicle_is_taken_by_heartbeats_alone_and_their_cloc
 
 
 def test_our_own_frames_that_come_back_change_nothing() -> None:
-    world = World(Echoing)
+    world = World(Echoing, duration_s=10)
     world.run()
     assert world.words("own_id") == [
         "system 255 is our own id: another ground station has it, or our own frames come back"

@@ -20,7 +20,8 @@ from tests.flights.in_memory import Between, World
 LAG_S = 0.2
 """Two ticks: what an event may come later than what leads to it."""
 LAST = 3
-ON_THE_GROUND: dict[str, Any] = {"start": {"in_air": False}, "duration_s": 20}
+SELDOM = {"rate_hz": 5}
+ON_THE_GROUND: dict[str, Any] = {"start": {"in_air": False}, "duration_s": 20, "telemetry": SELDOM, "law": SELDOM}
 ASSEMBLING: dict[str, Any] = {"start": {"in_air": True, "run_in_s": 6, "timeout_s": 30}, "duration_s": 20}
 
 
@@ -118,15 +119,15 @@ def test_nobody_takes_off_for_a_formation_of_which_one_never_answers() -> None:
 
 
 def test_after_the_path_has_begun_a_vehicle_that_can_not_be_started_again_is_abandoned_and_the_others_fly_on() -> None:
-    world = World(duration_s=50)
-    world.fly_to(5.0)
+    world = World(duration_s=32)
+    world.fly_to(2.0)
     world.strike(2, "restart")
     world.strike(2, "ignore")
-    world.run(40.0)
+    world.run(28.0)
     (told_s,), (abandoned_s,) = world.times_s("disobeys", 2), world.times_s("abandoned", 2)
     assert abandoned_s - told_s == pytest.approx(18.0, abs=1.0)
     assert world.words("abandoned") == ["vehicle 2: not done within 20 s after we set mode GUIDED"]
-    assert max(abs(tick.error_m[2]).max() for tick in world.notes.ticks if tick.mission_time_s > 5.0) < 0.05
+    assert max(abs(tick.error_m[2]).max() for tick in world.notes.ticks if tick.mission_time_s > 2.0) < 0.05
     world.strike(2, "ignore", ends=True)
     world.strike(2, "pilot", ends=True)
     back_s = world.now_s

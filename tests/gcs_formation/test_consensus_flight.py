@@ -183,7 +183,7 @@ def worst(summary: Summary, figure: str = "max") -> float:
 
 
 def test_followers_settle_from_an_offset(fly: Fly) -> None:
-    summary, _ = fly(duration_s=40, start={"in_air": True, "offset_m": [8, 6, 4]})
+    summary, _ = fly(duration_s=30, start={"in_air": True, "offset_m": [8, 6, 4]})
     assert worst(summary, "steady_max") <= 0.5
 
 
@@ -205,7 +205,7 @@ def test_a_turn_does_not_tear_the_formation(fly: Fly, delay_ms: float) -> None:
 def test_a_formation_without_a_leader_is_held_on_the_path(fly: Fly) -> None:
     slots = {1: [-20, -30, 0], 2: [40, 0, 0], 3: [-20, 30, 0]}
     _, series = fly(
-        duration_s=30,
+        duration_s=20,
         vehicles=[{"id": 1}, {"id": 2}, {"id": 3}],
         formation={"shape": "custom", "slots_m": slots},
         law={"type": "consensus", "consensus": {"graph": "ring"}},
@@ -222,5 +222,5 @@ def test_links_of_unlike_delay_are_paired_at_one_stamp(fly: Fly) -> None:
     """States of unlike age, taken as if they were of one, would leave 22 m/s times 0.15 s, or 3.3 m."""
     changes = [{"at_s": 0, "vehicles": [3], "delay_ms": 150}]
     law = {"type": "consensus", "delay_compensation": False}
-    summary, _ = fly(duration_s=30, law=law, links={"changes": changes})
+    summary, _ = fly(duration_s=20, law=law, links={"changes": changes})
     assert worst(summary) < 0.3

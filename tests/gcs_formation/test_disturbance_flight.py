@@ -15,7 +15,7 @@ from gcs_formation.testing.plan import Formation, Plan
 
 NOISY = {"count": 3, "navigation": {"source": "noisy"}}
 INERTIAL = {"count": 3, "navigation": {"source": "ins", "aiding": "gnss"}}
-GUST = [{"at_s": 10, "vehicles": [2, 3], "velocity_mps": [0.6, 0.6, 0.0]}]
+GUST = [{"at_s": 4, "vehicles": [2, 3], "velocity_mps": [0.6, 0.6, 0.0]}]
 TURBULENCE = [{"at_s": 2, "vehicles": [2], "kind": "dryden", "wind_6m_mps": 7}]
 
 
@@ -25,7 +25,7 @@ def plan(tmp_path: Path) -> Callable[..., Plan]:
 
     def of(**keys: Any) -> Plan:
         plain: dict[str, Any] = {
-            "duration_s": 22,
+            "duration_s": 16,
             "vehicles": {"count": 3},
             "start": {"in_air": True, "run_in_s": 10},
             "finish": {"loiter_s": 0},
@@ -60,8 +60,8 @@ def test_after_a_gust_on_the_followers_errors_are_near_the_least_possible(plan, 
 
 
 def test_a_gust_on_all_that_the_leader_cannot_tell_of_for_a_second_moves_nobody_off_its_slot(plan):
-    gust = [{"at_s": 10, "vehicles": "all", "velocity_mps": [0.6, 0.6, 0.0]}]
-    flown = plan(disturbances=gust).with_outage(1, from_s=9.8, to_s=10.8).fly()
+    gust = [{"at_s": 8, "vehicles": "all", "velocity_mps": [0.6, 0.6, 0.0]}]
+    flown = plan(disturbances=gust).with_outage(1, from_s=7.8, to_s=8.8).fly()
     for follower in (2, 3):
         flown.stays_within(0.05, followers=follower, from_s=5)
 
@@ -74,7 +74,7 @@ def test_what_jitter_makes_of_seldom_telemetry_is_not_shared_as_a_gust(plan):
 
 
 def test_the_true_disturbance_is_in_the_time_series_of_those_that_it_carries(plan):
-    flown = plan(duration_s=12, disturbances=TURBULENCE).fly()
+    flown = plan(duration_s=10, start={"in_air": True, "run_in_s": 6}, disturbances=TURBULENCE).fly()
     hit, spared = flown.series(2), flown.series(3)
     blows = hit["mission_time_s"] > 2.1
     for axis in ("north", "east", "down"):
@@ -85,7 +85,7 @@ def test_the_true_disturbance_is_in_the_time_series_of_those_that_it_carries(pla
 
 
 def test_noise_and_turbulence_are_the_same_bytes_with_the_same_seed(plan):
-    rough = plan(duration_s=5, vehicles=NOISY, disturbances=TURBULENCE)
+    rough = plan(duration_s=4, start={"in_air": True, "run_in_s": 8}, vehicles=NOISY, disturbances=TURBULENCE)
     one, again, other = rough.fly(), rough.fly(), rough.with_keys(seed=2).fly()
     for name in ("flight.tlog", "timeseries.parquet"):
         assert (one.directory / name).read_bytes() == (again.directory / name).read_bytes()
