@@ -107,7 +107,7 @@ def peer(speaks=dialect, system=7, component=9, sequence=0):
 
 def each_message(test):
     return pytest.mark.parametrize("kind", MESSAGES, ids=lambda kind: kind.__name__)(
-        settings(max_examples=25, deadline=None)(given(st.data())(test))
+        settings(max_examples=10, deadline=None)(given(st.data())(test))
     )
 
 

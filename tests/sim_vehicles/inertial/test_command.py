@@ -45,8 +45,13 @@ def test_it_writes_a_summary_by_the_contract_figures_and_a_scenario_that_gives_t
     assert all((again / name).read_bytes() == (out / name).read_bytes() for name in ("summary.json", "flight.parquet"))
 
 
-def test_an_aid_and_a_seed_by_option(scenario: Path, tmp_path: Path) -> None:
-    aided = sins(scenario, "--set", "vehicles.0.navigation.aiding=gnss", "--seed", 2, "--out", tmp_path, "--json")
+def test_an_aid_and_a_seed_by_option_and_gyroscopes_that_do_not_find_north_are_warned_of(
+    scenario: Path, tmp_path: Path
+) -> None:
+    options = ("--set", "vehicles.0.navigation.aiding=gnss", "--set", "vehicles.0.navigation.grade=tactical")
+    aided = sins(scenario, *options, "--seed", 2, "--out", tmp_path, "--json")
+    assert aided.exit_code == 0
+    assert "47° off" in aided.stderr
     summary = json.loads(aided.stdout)
     assert (summary["aiding"], summary["seed"]) == ("gnss", 2)
     assert summary["flight"]["sigma_m"]["east"] < 1.5
@@ -77,9 +82,3 @@ def test_a_flight_that_inertia_alone_can_not_compute_ends_with_3(scenario: Path,
     ended = sins(scenario, "--set", biased, *far, "--out", tmp_path / "out")
     assert (ended.exit_code, ended.stdout) == (3, "")
     assert "by inertia the computed height diverges: 1e+06 m after 12" in ended.stderr
-
-
-def test_gyroscopes_that_do_not_find_north_are_warned_of(scenario: Path, tmp_path: Path) -> None:
-    done = sins(scenario, "--set", "vehicles.0.navigation.grade=tactical", "--out", tmp_path / "out", "--json")
-    assert done.exit_code == 0
-    assert "47° off" in done.stderr
