@@ -17,15 +17,14 @@ from gcs_formation.station import Station
 from tests.fuzz.siege import End, Notes, Siege, check, fly, planned, worst_error_m
 
 DURATION_S = 5
-THRONG, CROWD = 10, 40
+THRONG, CROWD = 5, 40
 """Datagrams each turn of 20 ms."""
 ENDS: tuple[End, ...] = ("station", "vehicles")
 DELAYED = {"default": {"delay_ms": 40}}
 in_peace = cache(lambda delayed: fly(DURATION_S, Siege(links=DELAYED if delayed else {})))
 
 
-@pytest.mark.parametrize("delayed", [False, True], ids=["", "delayed"])
-@pytest.mark.parametrize("end", ENDS)
+@pytest.mark.parametrize(("end", "delayed"), [("station", False), ("station", True), ("vehicles", False)])
 def test_strangers_change_nothing(end: End, delayed: bool) -> None:
     peace = in_peace(delayed)
     flown = fly(DURATION_S, Siege(1, CROWD, end, links=DELAYED if delayed else {}))
