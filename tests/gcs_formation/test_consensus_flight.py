@@ -183,7 +183,7 @@ def worst(summary: Summary, figure: str = "max") -> float:
 
 
 def test_followers_settle_from_an_offset(fly: Fly) -> None:
-    summary, _ = fly(duration_s=30, start={"in_air": True, "offset_m": [8, 6, 4]})
+    summary, _ = fly(duration_s=40, start={"in_air": True, "offset_m": [8, 6, 4]})
     assert worst(summary, "steady_max") <= 0.5
 
 
