@@ -1,4 +1,4 @@
-"""Instants and the clocks that give them. Engines get `now`; only the drivers ask a clock."""
+"""Instants, and the clocks that give them. Only drivers read a clock; engines are passed `now`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def after(instant: Instant, seconds: float) -> Instant:
 
 
 def seconds_between(earlier: Instant, later: Instant) -> float:
-    """Return the seconds from `earlier` to `later`, negative when they are the other way round."""
+    """Return the seconds from `earlier` to `later`; negative if `later` is the earlier one."""
     return (later - earlier) / NANOSECONDS
 
 

@@ -1,4 +1,7 @@
-"""What a protocol engine offers to whatever moves its datagrams: no clock, no socket, no sleep inside."""
+"""The interface between a protocol engine and the driver that moves its datagrams.
+
+An engine never reads a clock, opens a socket or sleeps.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,7 @@ class Engine(Protocol):
     """
 
     def endpoints(self) -> tuple[Endpoint, ...]:
-        """Return the sockets that the engine wants, in the order of `Datagram.socket`."""
+        """Return the sockets that the engine needs; `Datagram.socket` is an index into them."""
         ...
 
     def receive(self, datagram: Datagram, now: Instant) -> None:
@@ -32,11 +35,11 @@ class Engine(Protocol):
         ...
 
     def datagrams_to_send(self) -> list[Datagram]:
-        """Return what is to be sent now, and forget it."""
+        """Remove and return the datagrams to send now."""
         ...
 
     def next_timer(self) -> Instant | None:
-        """Return when `handle_timer` is wanted, None when never."""
+        """Return when to call `handle_timer`, None if never."""
         ...
 
     def handle_timer(self, now: Instant) -> None:

@@ -13,17 +13,17 @@ Array = npt.NDArray[np.float64]
 SEMI_MAJOR_M = 6_378_137.0
 ECCENTRICITY_SQUARED = 6.694379990141317e-3
 INVERSION_STEPS = 4
-"""Each makes the error smaller by the ratio of the distance to the Earth's radius."""
+"""Each step reduces the error by the ratio of the distance to the Earth's radius."""
 
 
 @dataclass(frozen=True)
 class GeodeticOrigin:
     """The point that NED positions are counted from: radians, and metres above sea level.
 
-    North is the meridian's arc and east the parallel's, both with the radii of curvature at the latitude
-    halfway to the origin. Distances from the origin are true to a millimetre a kilometre as far as 10 km,
-    below 70 degrees; those between two places away from it are stretched, east to west by 0.2 mm a metre
-    3 km north of it and by 1.1 mm a metre 20 km north.
+    North is the arc of the meridian and east that of the parallel, with the radii of curvature at the latitude
+    halfway to the origin. Below 70 degrees of latitude and up to 10 km away, distances from the origin are accurate to
+    a millimetre per kilometre. Distances between two other points are stretched: from east to west by 0.2 mm per metre
+    3 km north of the origin, and by 1.1 mm per metre 20 km north of it.
     """
 
     lat_rad: float
@@ -45,12 +45,12 @@ class GeodeticOrigin:
         return lat_rad, math.remainder(lon_rad, math.tau), self.alt_m - down_m
 
     def places(self, north_m: Array, east_m: Array) -> tuple[Array, Array]:
-        """Return latitudes and longitudes in radians of many places: `from_ned`, on arrays of one shape."""
+        """Return latitudes and longitudes, rad, of many points: `from_ned` for arrays of one shape."""
         lat_rad = self._latitudes(north_m)
         return lat_rad, self.lon_rad + east_m / _radii_at((lat_rad + self.lat_rad) / 2)[1]
 
     def metres_per_radian(self, north_m: Array) -> tuple[Array, Array]:
-        """Return metres a radian of latitude and of longitude, at places so far north of the origin."""
+        """Return metres per radian of latitude and of longitude, at points `north_m` north of the origin."""
         return _radii_at((self._latitudes(north_m) + self.lat_rad) / 2)
 
     def _latitudes(self, north_m: Array) -> Array:
@@ -61,7 +61,7 @@ class GeodeticOrigin:
 
 
 def _radii(lat_rad: float) -> tuple[float, float]:
-    """Return metres a radian of latitude and of longitude."""
+    """Return metres per radian of latitude and of longitude."""
     sine = math.sin(lat_rad)
     squeeze = 1.0 - ECCENTRICITY_SQUARED * sine * sine
     normal_m = SEMI_MAJOR_M / math.sqrt(squeeze)

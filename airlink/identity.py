@@ -1,4 +1,4 @@
-"""Who is who: MAVLink has 254 system ids a network, so a vehicle is named by both."""
+"""Identities of vehicles: as MAVLink has only 254 system ids per network, a vehicle is named by both."""
 
 from typing import NamedTuple
 

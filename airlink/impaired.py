@@ -1,4 +1,4 @@
-"""Puts impaired links between an engine and the vehicles it talks to."""
+"""An engine behind impaired links."""
 
 from __future__ import annotations
 
@@ -15,30 +15,30 @@ from airlink.identity import VehicleId
 from airlink.impairment import Channel, ChannelStatistics, Direction, Impairment, link_stream
 
 Schedule = Callable[[VehicleId, Instant], tuple[Impairment, Impairment]]
-"""Returns what the uplink and the downlink of a vehicle are like at an instant."""
+"""Returns the impairments of a vehicle's uplink and downlink at an instant."""
 
 
 MAX_REMOTES = 1024
-"""Addresses kept; the one that was silent longest makes room, so strangers can't fill the memory."""
+"""Addresses that are remembered. The one silent longest is forgotten first, so strangers can't fill the memory."""
 
 
 class LinkStatistics(NamedTuple):
-    """What was done to both directions of a vehicle's link."""
+    """Statistics of both directions of a vehicle's link."""
 
     uplink: ChannelStatistics
     downlink: ChannelStatistics
 
 
 class ImpairedEngine:
-    """An engine, seen through its vehicles' impaired links; itself an engine for any driver.
+    """Wraps an engine and impairs the link of each vehicle that it talks to; itself an engine.
 
-    A datagram from a vehicle is known by its first frame's system id and its socket's network, once a sound frame has
-    come from its address; one to a vehicle by the address that the vehicle was last heard from. What belongs to no
-    vehicle passes as it is.
+    A datagram's sender is identified by the system id of its first frame and the network of its socket, once a valid
+    frame has come from its address; its receiver by the address from which that vehicle was last heard. Datagrams of no
+    known vehicle pass unimpaired.
     """
 
     def __init__(self, engine: Engine, network_of_socket: Sequence[int], schedule: Schedule, seed: int) -> None:
-        """Put links that follow `schedule` before `engine`, whose socket s hears `network_of_socket[s]`."""
+        """Wrap `engine`, whose socket s belongs to network `network_of_socket[s]`; links follow `schedule`."""
         self._engine = engine
         self._network_of_socket = network_of_socket
         self._schedule = schedule
@@ -54,7 +54,7 @@ class ImpairedEngine:
         return self._engine.endpoints()
 
     def receive(self, datagram: Datagram, now: Instant) -> None:
-        """Let a datagram on its way to the engine."""
+        """Send a datagram on its way to the engine."""
         self._move_to(now)
         vehicle = self._sender(datagram)
         if vehicle is None:
@@ -67,7 +67,7 @@ class ImpairedEngine:
                 self._under_way.push(delivery, (Direction.DOWNLINK, datagram))
 
     def datagrams_to_send(self) -> list[Datagram]:
-        """Return what has come through the uplinks by now."""
+        """Remove and return what has passed the uplinks by now."""
         for datagram in self._engine.datagrams_to_send():
             vehicle = self._vehicle_at.get(datagram[:2])
             if vehicle is None:
@@ -82,19 +82,19 @@ class ImpairedEngine:
         return sent
 
     def next_timer(self) -> Instant | None:
-        """Return when the engine's timer is due or a datagram comes through, whichever is first."""
+        """Return when the engine's timer is due or the next datagram arrives, whichever is first."""
         timers = [timer for timer in (self._engine.next_timer(), self._under_way.next()) if timer is not None]
         return min(timers, default=None)
 
     def handle_timer(self, now: Instant) -> None:
-        """Hand on what has come through; then let the engine do what is due."""
+        """Deliver what has arrived; then let the engine handle its timer if it is due."""
         self._move_to(now)
         timer = self._engine.next_timer()
         if timer is not None and timer <= now:
             self._engine.handle_timer(now)
 
     def statistics(self, vehicle: VehicleId) -> LinkStatistics:
-        """Return what was done to a vehicle's datagrams so far, nothing for one that was never heard."""
+        """Return the statistics of a vehicle's link so far; all zero for one that was never heard."""
         uplink, downlink = self._channels_of(vehicle)
         return LinkStatistics(uplink.statistics, downlink.statistics)
 

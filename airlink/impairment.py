@@ -1,4 +1,4 @@
-"""What a link does to datagrams: delay, jitter, loss, duplication, a limited rate. Pure and seeded.
+"""Impairments of a link: delay, jitter, loss, duplication, limited rate. Pure and seeded.
 
 Sources: Gilbert (1960), "Capacity of a burst-noise channel", for losses in bursts; tc-netem(8) for the
 Pareto distribution's shape.
@@ -33,7 +33,7 @@ _SMALLEST: Final = 2.0**-60
 
 
 class Standard(NamedTuple):
-    """A distribution of mean 0 and standard deviation 1: what its share below x is, and the reverse."""
+    """A distribution of mean 0 and standard deviation 1: its cumulative distribution function and quantiles."""
 
     cdf: Callable[[float], float]
     quantile: Callable[[float], float]
@@ -66,14 +66,14 @@ STANDARD: Final = {
 class Impairment:
     """What happens to the datagrams of one direction of one link.
 
-    A delay is `delay_s` plus a variate of mean 0 and standard deviation `jitter_s`, its distribution cut
-    off where the delay would be negative and scaled up above, so the mean grows as more is cut off.
+    A delay is `delay_s` plus a variate of mean 0 and standard deviation `jitter_s`. Its distribution is truncated
+    where the delay would be negative and renormalised, which raises the mean.
     """
 
     delay_s: float = 0.0
     jitter_s: float = 0.0
     distribution: Distribution = "normal"
-    """`trace`: the recorded delays `trace_s`, one after the other and over again, are added to `delay_s`."""
+    """`trace`: the recorded delays `trace_s` are added to `delay_s`, in their order, repeated from the beginning."""
     trace_s: tuple[float, ...] = ()
     loss: float = 0.0
     """Probability that a datagram is lost on its way, 0 to 1."""
@@ -84,15 +84,15 @@ class Impairment:
     rate_bps: float = 0.0
     """Bits of UDP payload that go through in a second; 0: no limit."""
     queue_s: float = 1.0
-    """How long a datagram waits for its turn at most; one that would have to wait longer is dropped."""
+    """Longest time that a datagram waits for the limited rate; one that would wait longer is dropped."""
     reorder: bool = True
-    """Whether a datagram may overtake another, or is held back until those before it have arrived."""
+    """Whether a datagram may overtake others; if not, it is held back until those before it have arrived."""
     outage: bool = False
     """Whether everything is lost."""
 
     @cached_property
     def transparent(self) -> bool:
-        """Whether datagrams pass as if there were nothing."""
+        """Whether datagrams pass unchanged and at once."""
         return self == Impairment()
 
     @cached_property
@@ -105,7 +105,7 @@ class Impairment:
         return odds / burst, 1.0 - 1.0 / burst
 
     def delay_of(self, share: float, number: int) -> float:
-        """Return the delay (s) below which `share` (0 to 1) of all lie, or the trace's for datagram `number`."""
+        """Return the delay, s, at the quantile `share` (0 to 1), or the trace's for datagram `number`."""
         if self.distribution == "trace":
             return self.delay_s + (self.trace_s[number % len(self.trace_s)] if self.trace_s else 0.0)
         if self.jitter_s == 0.0:
@@ -131,19 +131,19 @@ class Direction(IntEnum):
 
 
 def link_stream(seed: int, vehicle: VehicleId, direction: Direction) -> np.random.SeedSequence:
-    """Return where the random numbers of one direction of one link come from, independent of all others."""
+    """Return the random stream of one direction of one link, independent of all others."""
     return random_stream(seed, "links", vehicle.network, vehicle.system, direction)
 
 
 @dataclass
 class ChannelStatistics:
-    """What a channel has done so far."""
+    """Counts of a channel so far."""
 
     datagrams: int = 0
     """Sent into it."""
     lost: int = 0
     delivered: int = 0
-    """Come out of it, both copies of duplicated ones counted."""
+    """Arrived, counting both copies of duplicated ones."""
     total_delay_s: float = 0.0
 
     @property
@@ -153,15 +153,15 @@ class ChannelStatistics:
 
     @property
     def mean_delay_s(self) -> float:
-        """Mean delay of those that came out, waiting for the limited rate included; NaN when none did."""
+        """Mean delay of those that arrived, s, including the wait for the limited rate; NaN if none did."""
         return self.total_delay_s / self.delivered if self.delivered else math.nan
 
 
 class Channel:
     """One direction of one link.
 
-    The n-th datagram meets the n-th random numbers of its stream whatever the impairment was and is, so
-    runs that differ in an impairment alone can be compared datagram by datagram.
+    The n-th datagram always uses the n-th random numbers of the stream, whatever the impairment, so runs that
+    differ only in an impairment can be compared datagram by datagram.
     """
 
     def __init__(self, stream: np.random.SeedSequence) -> None:
@@ -173,7 +173,7 @@ class Channel:
         self._last_delivery = Instant(0)
 
     def pass_on(self, size_bytes: int, now: Instant, impairment: Impairment) -> list[Instant]:
-        """Take a datagram at `now`; return when it's delivered: not at all, once or twice."""
+        """Take a datagram at `now`; return when it is delivered: never, once or twice."""
         number = self.statistics.datagrams
         self.statistics.datagrams += 1
         if impairment.transparent:

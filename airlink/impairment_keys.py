@@ -1,4 +1,4 @@
-"""The keys by which a user sets an impairment, on the command line or while it's in force."""
+"""The keys by which a user sets an impairment, on the command line or while the proxy runs."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Key:
 
 
 def _number(low: float, high: float, units: float) -> Callable[[str], float]:
-    """Return what reads a number from `low` to `high` of which an SI unit has `units`."""
+    """Return a reader of numbers from `low` to `high`, in a unit of which one SI unit has `units`."""
 
     def read(text: str) -> float:
         value = float(text)
@@ -109,8 +109,8 @@ def described(impairment: Impairment) -> str:
     return ", ".join(f"{name} {key.show(getattr(impairment, key.field))}" for name, key in KEYS.items())
 
 
-def obey(impairments: dict[Direction, Impairment], line: str) -> None:
-    """Set what a line says: `KEY VALUE` for both directions, `uplink KEY VALUE` or `downlink KEY VALUE`.
+def apply_line(impairments: dict[Direction, Impairment], line: str) -> None:
+    """Apply a line: `KEY VALUE` for both directions, `uplink KEY VALUE` or `downlink KEY VALUE` for one.
 
     Raises:
         ImpairmentError: the line isn't of that form, or its key or value isn't allowed; nothing is changed.

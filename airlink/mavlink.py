@@ -25,17 +25,17 @@ def __getattr__(name: str) -> int:
 
 
 def name_of(enum: str, value: int) -> str:
-    """Return the name of an enum's value without the enum's own: of MAV_RESULT's 2, DENIED."""
+    """Return the name of an enum's value without the enum's prefix: for MAV_RESULT and 2, "DENIED"."""
     entry: Any = _dialect.enums[enum].get(value)
     return str(value) if entry is None else str(entry.name).removeprefix(f"{enum}_")
 
 
 @dataclass(frozen=True)
 class Layout:
-    """How one message lies in its payload (MAVLink serialisation, "Packet format").
+    """How the fields of one message are laid out in its payload (MAVLink guide, "Packet Serialization").
 
-    `fields` and what runs parallel to it are in the XML's order, `wire_order` gives for each of them
-    its place among the fields as packed.
+    `fields`, `types`, `units` and `array_lengths` are in the XML's order; `wire_order` gives the position of each field
+    among the fields as packed.
     """
 
     name: str

@@ -16,8 +16,7 @@ FIRST_EPHEMERAL_PORT = 49152
 class MemoryNetwork:
     """Carries datagrams between attached engines without delay or loss, and runs their timers in order.
 
-    Everything follows from the engines and the order in which they were attached, so a run repeats
-    itself to the byte.
+    A run depends only on the engines and the order in which they were attached, so it repeats byte for byte.
     """
 
     def __init__(self, clock: VirtualClock) -> None:
@@ -48,7 +47,7 @@ class MemoryNetwork:
         self._collect(index)
 
     def run(self, until: Callable[[], bool]) -> None:
-        """Go on until `until` holds, or nothing will ever happen again."""
+        """Run until `until` holds, or no engine has a timer left."""
         self._deliver(self.clock.now())
         while not until():
             timers = [(engine.next_timer(), index) for index, engine in enumerate(self._engines)]
@@ -76,7 +75,7 @@ class MemoryNetwork:
                 self._in_flight.append((index, Datagram(target_socket, source, data)))
 
     def _is_taken(self, address: Address) -> bool:
-        """Return whether the port is in use there; one that listens everywhere has it everywhere."""
+        """Return whether an address is in use; a socket on all interfaces uses its port on each of them."""
         if address.host == ANY_HOST:
             return any(port == address.port for _, port in self._listeners)
         return address in self._listeners or Address(ANY_HOST, address.port) in self._listeners
@@ -90,5 +89,5 @@ class MemoryNetwork:
 
 
 def _source(local: Address) -> Address:
-    """Return where the other end sees a socket's datagrams come from."""
+    """Return the address from which the other end sees a socket's datagrams come."""
     return Address(LOOPBACK, local.port) if local.host == ANY_HOST else local

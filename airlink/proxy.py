@@ -1,4 +1,4 @@
-"""The shell of the impaired relay: sockets, the real clock, and whatever is typed meanwhile."""
+"""The shell of the impaired relay: its sockets, the real clock, and lines typed while it runs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from airlink.relay import Passage, Relay
 from airlink.udp import DRAIN_LIMIT, IDLE_WAIT_S, MAX_DATAGRAM, open_socket, select_for
 
 MAX_REMOTES: Final = 256
-"""Sockets towards the target; further remotes are ignored, so strangers can't use up the machine's."""
+"""Sockets towards the target. Further remotes are ignored, so strangers can't exhaust the machine's sockets."""
 READ_SIZE: Final = 4096
 
 
@@ -58,7 +58,7 @@ class Proxy:
         self._selector.close()
 
     def watch(self, descriptor: int, take: Callable[[bytes], None]) -> None:
-        """Give `take` what can be read from a file descriptor, at its end nothing and nothing more."""
+        """Pass to `take` whatever is read from a file descriptor; empty bytes, once, at its end."""
 
         def read() -> None:
             try:
@@ -72,7 +72,7 @@ class Proxy:
         self._selector.register(descriptor, selectors.EVENT_READ, read)
 
     def run(self, until: Callable[[], bool]) -> None:
-        """Go on until `until` holds; it's asked after every wake, at least ten times a second."""
+        """Run until `until` holds; it is checked after every wake-up, at least ten times a second."""
         while not until():
             timer = self._relay.next_timer()
             wait_s = IDLE_WAIT_S if timer is None else min(self._clock.wall_seconds_until(timer), IDLE_WAIT_S)

@@ -1,4 +1,4 @@
-"""Passes datagrams between remotes and a target through impaired channels. Pure: no socket, no clock."""
+"""Relays datagrams between remotes and a target through impaired channels. Pure: no socket, no clock."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _NETWORK = 1
 
 
 class Passage(NamedTuple):
-    """A datagram of one remote, on its way in one direction."""
+    """A datagram of one remote, in transit in one direction."""
 
     remote: int
     direction: Direction
@@ -21,7 +21,7 @@ class Passage(NamedTuple):
 
 
 class Relay:
-    """Impairs the links of remotes, numbered from 0; all have the impairments that are set at the moment."""
+    """Impairs the links of remotes, numbered from 0; the present settings apply to all of them."""
 
     def __init__(self, seed: int) -> None:
         """Start with unimpaired links; remote r has the random numbers of vehicle r + 1 on network 1."""
@@ -31,7 +31,7 @@ class Relay:
         self._under_way = DelayQueue[Passage]()
 
     def accept(self, passage: Passage, now: Instant) -> None:
-        """Let a datagram on its way."""
+        """Send a datagram on its way."""
         key = (passage.remote, passage.direction)
         channel = self._channels.get(key)
         if channel is None:
@@ -41,15 +41,15 @@ class Relay:
             self._under_way.push(delivery, passage)
 
     def pop_due(self, now: Instant) -> list[Passage]:
-        """Return what has come through by `now`, and forget it."""
+        """Remove and return what has arrived by `now`."""
         return self._under_way.pop_due(now)
 
     def next_timer(self) -> Instant | None:
-        """Return when the next datagram comes through, None when nothing is under way."""
+        """Return when the next datagram arrives, None if none is in transit."""
         return self._under_way.next()
 
     def statistics(self, direction: Direction) -> ChannelStatistics:
-        """Return what was done to the datagrams of all remotes in one direction."""
+        """Return the statistics of one direction, summed over all remotes."""
         total = ChannelStatistics()
         for (_, of_direction), channel in self._channels.items():
             if of_direction is direction:

@@ -6,15 +6,15 @@ from dataclasses import dataclass, field
 
 MODULUS = 256
 LATE = MODULUS // 2
-"""A number up to this far behind the newest is of a late or repeated frame; any other is ahead."""
+"""A number at most this far behind the newest belongs to a late or repeated frame; any other is ahead of it."""
 
 
 @dataclass
 class SequenceTracker:
     """Counts frames received and lost (MAVLink guide, "Packet loss").
 
-    A frame that comes late takes back the loss that its gap was counted as; one that comes again is
-    neither received nor lost. Exact as long as fewer than 127 frames are lost in a row.
+    A late frame cancels the loss that its gap was counted as; a repeated one counts as neither received nor lost.
+    Exact as long as fewer than 127 frames are lost in a row.
     """
 
     received: int = 0
@@ -39,13 +39,13 @@ class SequenceTracker:
             self._missing = {number for number in self._missing if (sequence - number) % MODULUS <= LATE}
 
     def restart(self) -> None:
-        """Forget the last number: the sender has started anew."""
+        """Forget the last number, because the sender has restarted."""
         self._newest = None
         self._missing.clear()
 
     @property
     def loss(self) -> float:
-        """Share of the frames sent that didn't arrive, 0 to 1."""
+        """Share of the sent frames that didn't arrive, 0 to 1."""
         sent = self.received + self.lost
         return self.lost / sent if sent else 0.0
 

@@ -1,4 +1,4 @@
-"""Drives one engine over UDP sockets and the real clock."""
+"""Drives one engine with UDP sockets and the real clock."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from airlink.errors import PortError
 
 MAX_DATAGRAM: Final = 65535
 RECEIVE_BUFFER: Final = 4 * 1024 * 1024
-"""Bytes: a burst of 250 vehicles' telemetry while we're busy, kernel overhead included."""
+"""Bytes: holds a burst of 250 vehicles' telemetry while we are busy, kernel overhead included."""
 DRAIN_LIMIT: Final = 4096
-"""Datagrams taken from one socket before the timers get their turn again."""
+"""Datagrams taken from one socket before timers are handled again."""
 IDLE_WAIT_S: Final = 0.1
 SELECTOR_RESOLUTION_S: Final = 1e-3
 
@@ -45,8 +45,8 @@ def open_socket(endpoint: Endpoint) -> socket.socket:
 def select_for(selector: selectors.BaseSelector, wait_s: float) -> list[tuple[selectors.SelectorKey, int]]:
     """Return what is ready, after `wait_s` at the latest.
 
-    The selector rounds its time-out up to milliseconds; the last one is slept away instead. One whose time is over
-    when the process goes on after it was stopped doesn't look again whether something has come: we do.
+    The selector rounds its time-out up to milliseconds; we sleep through the last one instead. If the process was
+    stopped meanwhile and the time-out has expired, the selector doesn't look again whether data has come: we do.
     """
     coarse_s = max(0.0, wait_s - SELECTOR_RESOLUTION_S)
     ready = selector.select(coarse_s)
@@ -58,7 +58,7 @@ def select_for(selector: selectors.BaseSelector, wait_s: float) -> list[tuple[se
 
 
 class UdpDriver:
-    """Moves an engine's datagrams through sockets and wakes it for its timer, in the calling thread."""
+    """Moves an engine's datagrams through sockets and calls its timer, in the calling thread."""
 
     def __init__(self, engine: Engine, clock: RealClock) -> None:
         """Open the engine's sockets.
@@ -96,7 +96,7 @@ class UdpDriver:
         self._selector.close()
 
     def run(self, until: Callable[[], bool]) -> None:
-        """Go on until `until` holds; it's asked after every wake, at least ten times a second."""
+        """Run until `until` holds; it is checked after every wake-up, at least ten times a second."""
         self._send()
         while not until():
             self._wait()
@@ -107,7 +107,7 @@ class UdpDriver:
             self._send()
 
     def _wait(self) -> None:
-        """Sleep until a datagram or the timer comes, and take in what has arrived."""
+        """Sleep until a datagram arrives or the timer is due, and pass on what has arrived."""
         timer = self._engine.next_timer()
         wait_s = IDLE_WAIT_S if timer is None else min(self._clock.wall_seconds_until(timer), IDLE_WAIT_S)
         for key, _ in select_for(self._selector, wait_s):

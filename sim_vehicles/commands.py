@@ -1,8 +1,8 @@
-"""Commands as ArduPlane takes and refuses them.
+"""Commands, accepted and refused as by ArduPlane.
 
-Sources: MAVLink guide, "Command Protocol"; ArduPilot documentation, "Plane: GUIDED mode"; answers of ArduPlane 4.7.
-Two differences are on purpose: NaN in a used field is denied here, where the real one would take it, and the climb rate
-of MAV_CMD_GUIDED_CHANGE_ALTITUDE is ignored, where the real one's is far too slow.
+Sources: MAVLink guide, "Command Protocol"; ArduPilot documentation, "Plane: GUIDED mode"; answers of ArduPlane 4.7. Two
+differences are deliberate: NaN in a field that is used is denied, where a real one accepts it; and the climb rate of
+MAV_CMD_GUIDED_CHANGE_ALTITUDE is ignored, as a real one follows it far too slowly.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ ABOVE_HOME = (
 )
 """The ground is level, so heights above terrain are heights above home."""
 LEAST_LATERAL_MPS2 = 0.05
-"""What a heading's lateral acceleration of 0 becomes: it hardly turns."""
+"""What a lateral acceleration of 0 becomes: the vehicle hardly turns."""
 FORCE = 21196
 FULL_TURN_DEG, POLE_DEG = 360.0, 90.0
 HIGHEST_M = 2**31 / 100
-"""ArduPlane keeps heights as 32-bit integers of centimetres."""
+"""ArduPlane stores heights as 32-bit integers of centimetres."""
 HIGHEST_MESSAGE_ID = 2**16 - 1
 AT_ONCE = PLACE_NOW, HEIGHT_NOW = 2, 3
-"""`current` of an item that isn't meant for the mission, but to be flown now: a place, a height alone."""
+"""`current` of an item to be flown at once instead of being stored: a position, or a height alone."""
 
 
 class Order(NamedTuple):
@@ -55,7 +55,7 @@ class Order(NamedTuple):
 
 
 def order(message: CommandInt | CommandLong) -> Order:
-    """Return what a message orders. COMMAND_LONG has heights above home and degrees as floats."""
+    """Return the order in a message. COMMAND_LONG has heights above home, and degrees as floats."""
     params = (message.param1, message.param2, message.param3, message.param4)
     if isinstance(message, CommandInt):
         place = message.x * DEGREES_E7, message.y * DEGREES_E7
@@ -71,7 +71,7 @@ def execute(vehicle: Vehicle, given: Order) -> int:
 
 
 def _height_m(vehicle: Vehicle, z: float, frame: float) -> float | None:
-    """Return a height above the fleet's origin, None for a frame or a height that isn't taken."""
+    """Return a height above the fleet's origin, None for a frame or a height that isn't accepted."""
     if not abs(z) <= HIGHEST_M:
         return None
     if frame in ABOVE_SEA_LEVEL:
@@ -80,7 +80,7 @@ def _height_m(vehicle: Vehicle, z: float, frame: float) -> float | None:
 
 
 def _flag(value: float, flag: int) -> bool:
-    """Return whether a float, taken as bits, has a flag; NaN and infinities have none."""
+    """Return whether a float, as an integer, has a flag set; NaN and infinities have none."""
     return math.isfinite(value) and bool(int(value) & flag)
 
 
@@ -174,7 +174,7 @@ def _reposition(vehicle: Vehicle, given: Order) -> int:
 
 
 def fly_to(vehicle: Vehicle, item: MissionItem | MissionItemInt) -> int:
-    """Fly to a place, or at a height, that comes as a mission's item; return its MAV_MISSION_RESULT."""
+    """Fly at once to a position or a height that came as a mission item; return the MAV_MISSION_RESULT."""
     found = from_message(item)
     if isinstance(found, int):
         return found
@@ -189,7 +189,7 @@ def fly_to(vehicle: Vehicle, item: MissionItem | MissionItemInt) -> int:
 
 
 def _start_mission(vehicle: Vehicle, given: Order) -> int:
-    """Go on with the mission; a first and a last item to fly aren't taken."""
+    """Start or resume the mission; a first and a last item aren't supported."""
     return DENIED if any(given.params[:2]) else _enter(vehicle, Mode.AUTO)
 
 
@@ -254,4 +254,4 @@ ORDERS = frozenset(HANDLERS) - {
     m.MAV_CMD_GET_HOME_POSITION,
     m.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES,
 }
-"""Commands that change what the vehicle does, not only what it tells."""
+"""Commands that change what the vehicle does, not just what it sends."""

@@ -1,4 +1,4 @@
-"""What a fleet is made of."""
+"""The configuration of a fleet."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Start:
 
 @dataclass(frozen=True)
 class SensorErrors:
-    """Standard deviations of what telemetry tells, in SI units, and how errors go on in time."""
+    """Standard deviations of the errors in telemetry, in SI units, and their correlation in time."""
 
     rate_hz: float
     """New errors a second."""
@@ -50,22 +50,22 @@ class VehicleConfig:
     model: VehicleModel = field(default_factory=VehicleModel)
     clock_offset_s: float = 0.0
     clock_drift: float = 0.0
-    """How much faster than true time its clock runs."""
+    """Relative rate by which its clock runs faster than true time."""
     sensors: SensorErrors | InertialConfig | None = None
-    """None: it knows its state exactly."""
+    """None: telemetry carries the exact state."""
 
 
 @dataclass(frozen=True)
 class Fault:
-    """Something that happens to vehicles at a mission time."""
+    """Something that happens to some vehicles at a mission time."""
 
     at_s: float
     vehicles: frozenset[VehicleId]
     kind: FaultKind
     ends: bool = False
-    """Whether it ends then, or begins."""
+    """Whether the fault ends at `at_s`; it begins then otherwise."""
     mode: str = DEFAULT_MODE
-    """The mode that a pilot switches to."""
+    """kind `pilot`: the mode that the pilot switches to."""
 
 
 @dataclass(frozen=True)
@@ -81,6 +81,6 @@ class FleetConfig:
     disturbances: tuple[Disturbance | Turbulence, ...] = ()
     faults: tuple[Fault, ...] = ()
     seed: int = 1
-    """Of all that is random."""
+    """Seed of every random stream."""
     ready_s: float = 3.0
-    """From boot until a vehicle may be armed; a real one's estimator takes 23 s."""
+    """Time from boot until a vehicle may be armed; a real one's estimator takes 23 s."""

@@ -1,4 +1,4 @@
-"""The air and what happens in it: wind, disturbances and faults, by mission time."""
+"""Wind, disturbances and faults, scheduled by mission time."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from sim_vehicles.turbulence import DrydenGusts
 
 
 class Environment:
-    """What carries N vehicles through the air, and when faults strike.
+    """The velocity that the air adds to each of N vehicles, and the faults that are due.
 
-    Mission time begins when a ground station says so: vehicles don't know the path.
+    Vehicles don't know the path, so mission time is what a ground station sends.
     """
 
     def __init__(self, config: FleetConfig) -> None:
@@ -29,17 +29,17 @@ class Environment:
         self._faults = sorted(config.faults, key=lambda each: each.at_s)
         self._calm = True
         self.disturbance_mps: Array = np.zeros((3, count))
-        """(3, N) north, east, down: all disturbances together."""
+        """(3, N) north, east, down: the sum of all disturbances."""
         self.velocity_mps: Array = self._wind.copy()
-        """The same, the wind included: what is added to the velocity through the air."""
+        """The same including the wind: what is added to the velocity through the air."""
 
     def mission_told(self, mission_time_s: float, now: Instant) -> None:
-        """Take a ground station's mission time; the first one that isn't negative counts."""
+        """Take a mission time from a ground station; only the first one that isn't negative is used."""
         if self.mission_zero is None and mission_time_s >= 0:
             self.mission_zero = after(now, -mission_time_s)
 
     def advance(self, now: Instant, state: State) -> list[Fault]:
-        """Put into force what is due for vehicles in `state`; return the faults that strike."""
+        """Update the velocities at `now` for vehicles in `state`; return the faults that have become due."""
         if self.mission_zero is None or not (self._disturbances or self._faults):
             return []
         mission_s = seconds_between(self.mission_zero, now)
@@ -63,7 +63,7 @@ class Environment:
 
 
 class _Steady:
-    """A disturbance that follows from time alone."""
+    """A disturbance that depends on time only."""
 
     def __init__(self, passing: Disturbance, hit: Array) -> None:
         self.passing = passing
@@ -74,7 +74,7 @@ class _Steady:
 
 
 class _Turbulent:
-    """Gusts, along the vehicles' own way through the air."""
+    """Gusts that depend on each vehicle's own flight through the air."""
 
     def __init__(self, passing: Turbulence, hit: Array, streams: list[np.random.SeedSequence]) -> None:
         self.passing = passing
@@ -89,7 +89,7 @@ class _Turbulent:
 
 
 def _acting(config: FleetConfig, index: int) -> _Steady | _Turbulent:
-    """Return what the entry at `index` does; gusts of one vehicle in one entry are independent of all others."""
+    """Return the disturbance of the entry at `index`; each vehicle's gusts in each entry are independent."""
     passing = config.disturbances[index]
     identities = [vehicle.identity for vehicle in config.vehicles]
     hit = np.array([identity in passing.vehicles for identity in identities], dtype=np.float64)

@@ -15,7 +15,7 @@ ACTIONS = {1: Mode.RTL, 2: Mode.FBWA, 4: Mode.AUTO}
 
 
 class GroundStationFailsafe:
-    """Strikes once when the heartbeats of MAV_GCS_SYSID stop; they clear it, and leave the mode alone."""
+    """Triggers once when heartbeats of MAV_GCS_SYSID stop. New heartbeats clear it, but don't restore the mode."""
 
     def __init__(self, parameters: ParameterServer) -> None:
         """Wait for a first heartbeat."""
@@ -30,13 +30,13 @@ class GroundStationFailsafe:
             self.active = False
 
     def deadline(self) -> Instant:
-        """Return when it strikes, `NEVER` while it can't."""
+        """Return when it triggers, `NEVER` while it can't."""
         if self._heard is None or self.active or not self._parameters["FS_GCS_ENABL"]:
             return NEVER
         return after(self._heard, self._parameters["FS_LONG_TIMEOUT"])
 
     def strike(self, now: Instant) -> Mode | None:
-        """Return the mode to change to if it strikes now."""
+        """Return the mode to change to if it triggers now."""
         if now < self.deadline():
             return None
         self.active = True

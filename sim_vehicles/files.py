@@ -1,4 +1,4 @@
-"""MAVLink FTP with one file, the parameters: ground stations read them so in a moment, where they're offered.
+"""MAVLink FTP with a single file: all parameters, which ground stations prefer to read this way.
 
 Sources: MAVLink guide, "File Transfer Protocol (FTP)"; ArduPilot, AP_Filesystem's notes on @PARAM/param.pck.
 """
@@ -16,7 +16,7 @@ PARAMETERS_FILE = "@PARAM/param.pck"
 
 
 class Op(IntEnum):
-    """What is asked for, and whether it's granted."""
+    """Opcodes of requests and answers."""
 
     NONE = 0
     TERMINATE = 1
@@ -41,11 +41,11 @@ PACKED: dict[int, tuple[int, str]] = {
     m.MAV_PARAM_TYPE_INT32: (3, "<i"),
     m.MAV_PARAM_TYPE_REAL32: (4, "<f"),
 }
-"""Type of a parameter -> its number and form in the file."""
+"""MAV_PARAM_TYPE -> the type's number in the file and its `struct` format."""
 
 
 class Packet(NamedTuple):
-    """One packet, asked or answered."""
+    """One packet, a request or an answer."""
 
     seq: int
     session: int
@@ -69,16 +69,16 @@ class Packet(NamedTuple):
 
 
 class Files:
-    """Answers requests for the file; what is read is as it was when the file was opened."""
+    """Serves the file; a session reads the values as they were when it opened the file."""
 
     def __init__(self, parameters: Callable[[], list[tuple[str, int, float]]]) -> None:
         """Serve `parameters`: name, MAV_PARAM_TYPE and value of each."""
         self._parameters = parameters
         self._open: dict[int, bytes] = {}
-        """What each session reads; a ground station chooses its number."""
+        """Content of each open session, by the session number that the ground station chose."""
 
     def answer(self, payload: bytes) -> Iterator[bytes]:
-        """Yield the payloads of the answers to a request's."""
+        """Yield the payloads of the answers to a request's payload."""
         asked = Packet.parse(payload)
         match asked.opcode:
             case Op.NONE:
@@ -127,7 +127,7 @@ class Files:
 
 
 def packed(parameters: list[tuple[str, int, float]]) -> bytes:
-    """Return the file of all parameters, sorted by name; a name leaves out what it has in common with the last one."""
+    """Return the file: all parameters by name, each name without the prefix that it shares with the previous one."""
     content, last = _PACK_HEADER.pack(PACK_MAGIC, len(parameters), len(parameters)), ""
     for name, kind, value in sorted(parameters):
         common = next(

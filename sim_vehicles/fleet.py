@@ -27,12 +27,12 @@ TruthListener = Callable[[Instant, "Fleet"], None]
 class Fleet:
     """Flies all vehicles; each has a socket of its own.
 
-    A turn of the loop flies the vehicles on to its instant, then takes what has arrived (replies leave on the loop, as
-    a real autopilot's do), then sends what is due. A timer that comes late catches up turn by turn.
+    A cycle of the main loop moves the vehicles to its instant, then handles what has arrived (so replies are sent on
+    the loop, as a real autopilot's are), then sends what is due. A late timer catches up cycle by cycle.
     """
 
     def __init__(self, config: FleetConfig, now: Instant = Instant(0), truth: TruthListener | None = None) -> None:
-        """Boot every vehicle at `now`; `truth` is called after each turn."""
+        """Boot every vehicle at `now`; `truth` is called after each cycle."""
         self.config = config
         self.origin = GeodeticOrigin(config.origin_lat_rad, config.origin_lon_rad, config.origin_alt_m)
         models = [vehicle.model for vehicle in config.vehicles]
@@ -53,27 +53,27 @@ class Fleet:
         return tuple(vehicle.endpoint for vehicle in self.config.vehicles)
 
     def receive(self, datagram: Datagram, now: Instant) -> None:  # noqa: ARG002 - acted on at the next turn
-        """Keep a datagram for its vehicle's next turn."""
+        """Keep a datagram for its vehicle's next cycle."""
         self.vehicles[datagram.socket].receive(datagram.peer, datagram.data)
 
     def datagrams_to_send(self) -> list[Datagram]:
-        """Return what is to be sent now, and forget it."""
+        """Remove and return the datagrams to send now."""
         out = self.outbox.copy()
         self.outbox.clear()
         return out
 
     def next_timer(self) -> Instant:
-        """Return the next turn of the loop."""
+        """Return the instant of the loop's next cycle."""
         return self._next_turn
 
     def handle_timer(self, now: Instant) -> None:
-        """Take every turn that is due."""
+        """Run every cycle that is due."""
         while self._next_turn <= now:
             self._turn(self._next_turn)
             self._next_turn = after(self._next_turn, LOOP_S)
 
     def ground(self, index: int) -> None:
-        """Let a vehicle lie on the ground."""
+        """Put a vehicle on the ground, at rest."""
         self.state.table[2:5, index] = 0.0
 
     def _turn(self, now: Instant) -> None:
@@ -89,7 +89,7 @@ class Fleet:
             self._truth(now, self)
 
     def _fly(self) -> None:
-        """Fly everyone on by a turn; what stands on the ground stays there."""
+        """Move all vehicles by one cycle; those that stand on the ground stay there."""
         self.drift_mps = self.environment.velocity_mps * self.steering.airborne
         before = self.state
         if self.steering.stopped.all() and (before.airspeed_mps < STANDING_MPS).all():

@@ -1,4 +1,4 @@
-"""One vehicle's end of its link: who is at the other end, datagrams to frames, messages to datagrams."""
+"""One vehicle's end of its link: its peers, datagrams to frames, and messages to datagrams."""
 
 from __future__ import annotations
 
@@ -16,17 +16,18 @@ from sim_vehicles.config import VehicleConfig
 PEER_FORGOTTEN_S = 10.0
 MAX_PEERS = 16
 MAX_INBOX = 4096
-"""Datagrams kept for the next turn; more are dropped, as a full serial buffer would."""
+"""Datagrams kept for the next cycle; more are dropped, as by a full serial buffer."""
 
 
 class Link:
-    """Answers go to whoever asked; the rest to the peer of a `udpout`, or to everyone a `udpin` heard lately.
+    """Sends answers to the peer that asked, and everything else to all peers.
 
-    Each peer's frames are numbered by themselves: a gap is a loss on that peer's link.
+    A `udpout` has one peer; those of a `udpin` are all that it has heard lately. Frames are numbered separately for
+    each peer, so that a gap in the numbers is a loss on that peer's link.
     """
 
     def __init__(self, socket: int, config: VehicleConfig, outbox: list[Datagram]) -> None:
-        """Send on a socket of the engine's by putting datagrams into its outbox."""
+        """Send on socket number `socket` of the engine, by appending datagrams to its outbox."""
         self._socket = socket
         self._outbox = outbox
         self._system = config.identity.system
@@ -35,11 +36,11 @@ class Link:
         self._parsers: dict[Address, StreamParser] = {}
         self._heard: dict[Address, Instant] = {}
         self.frames_bad = 0
-        """Frames that were dropped, from whomever."""
+        """Dropped frames, from all peers."""
         self.restart()
 
     def restart(self) -> None:
-        """Begin anew, as after power-up: nothing waits, frames are numbered from 0."""
+        """Start afresh, as after power-up: an empty inbox, no peers, frames numbered from 0."""
         self._writers: dict[Address, FrameWriter] = {}
         self._inbox.clear()
         self._parsers.clear()
@@ -55,7 +56,7 @@ class Link:
         self._inbox.clear()
 
     def frames(self, now: Instant) -> Iterator[tuple[Address, Frame]]:
-        """Yield the sound frames of what has arrived, with whom they are from."""
+        """Yield the valid frames that have arrived, each with its peer."""
         while self._inbox:
             peer, data = self._inbox.popleft()
             parser = self._parser(peer)
@@ -95,7 +96,7 @@ class Link:
         return parser
 
     def _forget_one(self) -> None:
-        """Make room for a new peer: those that never sent a sound frame go first, then who was silent longest."""
+        """Make room for a new peer: forget one that never sent a valid frame, else the one silent longest."""
         known = [peer for peer in self._parsers if peer != self._fixed_peer]
         gone = next((peer for peer in known if peer not in self._heard), known[0])
         del self._parsers[gone]

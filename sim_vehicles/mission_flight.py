@@ -1,7 +1,7 @@
 """AUTO: one item of the mission after another.
 
-Source: ArduPilot documentation, "Plane: AUTO mode". Ways lead straight from where the vehicle is to the item's place;
-circles have WP_LOITER_RAD, whatever radius the item asks for.
+Source: ArduPilot documentation, "Plane: AUTO mode". The vehicle flies straight from its position to the item's;
+circles have the radius WP_LOITER_RAD, whatever the item asks for.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from sim_vehicles.parameters import ParameterServer
 from sim_vehicles.pilot import Pilot
 
 MOST_STEPS = 100
-"""Items done within one turn of the main loop; a mission that goes on like that only jumps, and has ended."""
+"""Items completed in one cycle of the main loop; a mission that exceeds it only jumps, and counts as ended."""
 ON_CIRCLE = 1.2
-"""Within so many radii the turns and the seconds of a circle count."""
+"""Turns and seconds of a circle count from within this many radii of its centre."""
 CIRCLES = frozenset({m.MAV_CMD_NAV_LOITER_UNLIM, m.MAV_CMD_NAV_LOITER_TURNS, m.MAV_CMD_NAV_LOITER_TIME})
 PLACES = CIRCLES | {m.MAV_CMD_NAV_WAYPOINT, m.MAV_CMD_NAV_TAKEOFF}
-"""Commands that are flown; the others take no time."""
+"""Commands that take time to fly; all others are completed at once."""
 
 
 class Leg(NamedTuple):
-    """The item under way: from where to where, north, east and height in m from the origin."""
+    """The item being flown: start and end, north and east, and height, m from the origin."""
 
     seq: int
     start_m: tuple[float, float]
@@ -38,7 +38,7 @@ class Leg(NamedTuple):
 
 
 class MissionFlight:
-    """Flies a vehicle through its mission, for as long as it's in AUTO and armed."""
+    """Flies a vehicle through its mission while it is armed and in AUTO."""
 
     def __init__(self, missions: Missions, pilot: Pilot, parameters: ParameterServer, origin: GeodeticOrigin) -> None:
         """Steer by `pilot`."""
@@ -49,7 +49,7 @@ class MissionFlight:
         self._circling_from_rad = 0.0
 
     def resume(self) -> None:
-        """Begin the item under way anew, or the mission: AUTO was entered, or the vehicle was armed in it."""
+        """Restart the current item, or start the mission: AUTO was entered, or the vehicle was armed in it."""
         self._leg = None
         self._missions.state = m.MISSION_STATE_ACTIVE
         if self._missions.current == 0:
@@ -57,7 +57,7 @@ class MissionFlight:
             self._missions.choose(0)
 
     def pause(self) -> None:
-        """Leave the item under way for later: another mode was entered."""
+        """Suspend the current item: another mode was entered."""
         if not self.over:
             self._missions.state = m.MISSION_STATE_PAUSED
 
@@ -67,7 +67,7 @@ class MissionFlight:
         return self._missions.state == m.MISSION_STATE_COMPLETE
 
     def turn(self, motion: Motion, now: Instant) -> list[int]:
-        """Fly on for a turn of the main loop; return the items done. At the end, the missions' state is complete."""
+        """Run one cycle of the main loop; return the items completed. At the mission's end its state is complete."""
         missions, done = self._missions, list[int]()
         for _ in range(MOST_STEPS):
             if missions.current == 0:
@@ -115,7 +115,7 @@ class MissionFlight:
         return passed or math.hypot(north_m, east_m) <= (item.params[1] or self._parameters["WP_RADIUS"])
 
     def _has_circled(self, item: Item, distance_m: float, motion: Motion, now: Instant) -> bool:
-        """Return whether a circle has been flown for as long, or as often, as the item asks for."""
+        """Return whether the circle has been flown for the time, or the number of turns, that the item asks for."""
         if self._circling_since is None:
             if distance_m > ON_CIRCLE * self._pilot.radius_m:
                 return False
@@ -126,7 +126,7 @@ class MissionFlight:
         return item.command == m.MAV_CMD_NAV_LOITER_TURNS and turns >= item.params[0]
 
     def _advance(self, item: Item) -> None:
-        """Go to the item after the one that is done, or to the one that it jumps to; 0 at the end."""
+        """Select the next item, or the one that this item jumps to; 0 at the end."""
         missions, seq = self._missions, self._missions.current
         missions.current = seq + 1 if seq + 1 < len(missions.items) else 0
         target, times = item.params[:2]

@@ -1,8 +1,8 @@
-"""One item of a mission: what is taken, what is refused, and how it's told back.
+"""Mission items: which are accepted, what is kept of them, and how they are read back.
 
-Sources: MAVLink guide, "Mission Protocol"; answers of ArduPlane 4.7, which keeps of an item only what it uses. Two
-differences are on purpose: heights above terrain are heights above home (the ground is level), and commands that the
-emulator can't fly, such as NAV_LAND, are refused rather than kept.
+Sources: MAVLink guide, "Mission Protocol"; answers of ArduPlane 4.7, which keeps only those parts of an item that it
+uses. Two differences are deliberate: heights above terrain are heights above home (the ground is level), and commands
+that the emulator can't fly, such as NAV_LAND, are refused rather than kept.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ FRAMES = {
     m.MAV_FRAME_GLOBAL_TERRAIN_ALT: m.MAV_FRAME_GLOBAL_TERRAIN_ALT,
     m.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT: m.MAV_FRAME_GLOBAL_TERRAIN_ALT,
 }
-"""Frames that are taken, and as what they're told back."""
+"""Accepted frames -> the frame with which an item is read back."""
 KEPT: dict[int, tuple[bool, bool, bool, bool]] = {
     m.MAV_CMD_NAV_WAYPOINT: (False, True, True, False),
     m.MAV_CMD_NAV_LOITER_UNLIM: (False, False, True, False),
@@ -35,13 +35,13 @@ KEPT: dict[int, tuple[bool, bool, bool, bool]] = {
     m.MAV_CMD_DO_JUMP: (True, True, False, False),
     m.MAV_CMD_DO_CHANGE_SPEED: (True, True, True, False),
 }
-"""Commands that are taken, and which of their parameters are kept."""
+"""Accepted commands -> which of their four parameters are kept."""
 PLACELESS = frozenset({m.MAV_CMD_NAV_RETURN_TO_LAUNCH, m.MAV_CMD_DO_JUMP, m.MAV_CMD_DO_CHANGE_SPEED})
 YAW_MAY_BE_NAN = frozenset({m.MAV_CMD_NAV_WAYPOINT, m.MAV_CMD_NAV_LOITER_UNLIM, m.MAV_CMD_NAV_TAKEOFF})
 
 
 class Item(NamedTuple):
-    """An item as it's kept: its place in 1e-7 degrees, its height in metres by its frame."""
+    """A stored item: latitude and longitude in 1e-7 degrees, height in m relative to its frame."""
 
     command: int
     frame: int
@@ -69,13 +69,13 @@ def from_message(message: MissionItem | MissionItemInt) -> Item | int:
 
 
 def to_message(item: Item, seq: int, system: int, component: int, *, current: bool) -> MissionItemInt:
-    """Return an item as it's told to a ground station."""
+    """Return the message with which an item is read back."""
     fields = item.frame, item.command, int(current), 1, *item.params, item.x, item.y, item.z
     return MissionItemInt(system, component, seq, *fields)
 
 
 def in_degrees(message: MissionItemInt) -> MissionItem:
-    """Return the old form of an item, with its place in degrees as floats."""
+    """Return the older form of an item, with latitude and longitude as floats in degrees."""
     return MissionItem(*message._replace(x=0, y=0))._replace(x=message.x / E7, y=message.y / E7)
 
 

@@ -1,7 +1,7 @@
 """One vehicle's mission, and the protocol by which ground stations write and read it.
 
-Item 0 is home, whatever is written there. Fences and rally points there are none: their lists are empty, and stay so.
-Sources: MAVLink guide, "Mission Protocol"; answers of ArduPlane 4.7, which writes items into its list as they come.
+Item 0 is always home, whatever is written there. There are no fences and no rally points: their lists are always empty.
+Sources: MAVLink guide, "Mission Protocol"; answers of ArduPlane 4.7, which stores items as soon as they arrive.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from sim_vehicles.mission_items import Item, from_message, in_degrees, to_messag
 
 MOST_ITEMS = 655
 ASK_AGAIN_S, GIVE_UP_S = 1.0, 8.0
-"""When an item that doesn't come is asked for again, and when the upload is given up."""
+"""Time until a missing item is requested again, and until the upload is abandoned."""
 ACCEPTED = m.MAV_MISSION_ACCEPTED
 PLAN, EMPTY_LISTS = m.MAV_MISSION_TYPE_MISSION, (m.MAV_MISSION_TYPE_FENCE, m.MAV_MISSION_TYPE_RALLY)
 RECEIVED = Statustext(m.MAV_SEVERITY_INFO, "Flight plan received")
@@ -42,7 +42,7 @@ GIVEN_UP = Statustext(m.MAV_SEVERITY_WARNING, "Mission upload timeout")
 
 
 class Sender(NamedTuple):
-    """Who a request is from, and where the answer goes."""
+    """The sender of a request: the address and the component to answer."""
 
     peer: Address
     system: int
@@ -51,31 +51,31 @@ class Sender(NamedTuple):
 
 @dataclass
 class Upload:
-    """Items under way to us."""
+    """An upload in progress."""
 
     sender: Sender
     seq: int
-    """The one that is asked for."""
+    """The item that is being requested."""
     last: int
     ask_again: Instant
     give_up: Instant
 
 
 class Missions:
-    """A list of items, the number of the one that is flown, and an upload that may be under way."""
+    """The stored items, the number of the current one, and the upload in progress, if any."""
 
     def __init__(self, home: Callable[[], Item]) -> None:
         """Start with home alone."""
         self.items: list[Item] = [home()]
         self.current: int
-        """0 before the mission has begun, and after it has ended."""
+        """Number of the current item; 0 before the mission has begun and after it has ended."""
         self.state: int
         """MISSION_STATE, as long as there are items."""
         self._home = home
         self.restart()
 
     def restart(self) -> None:
-        """Begin anew, as after power-up: the items are kept."""
+        """Start afresh, as after power-up; the items are kept."""
         self.current, self.state = 0, m.MISSION_STATE_NOT_STARTED
         self._upload: Upload | None = None
 
@@ -90,7 +90,7 @@ class Missions:
         return MissionCurrent(self.current, max(0, len(self.items) - 1), state)
 
     def choose(self, seq: float) -> bool:
-        """Go on with an item, the first one for 0; return whether there is one of that number."""
+        """Make an item the current one, the first for 0; return False if there is no item of that number."""
         if not 0 <= seq < len(self.items) or not self.flyable:
             return False
         self.current = max(1, int(seq))
@@ -114,11 +114,11 @@ class Missions:
                 return []
 
     def next_due(self) -> Instant:
-        """Return when an upload under way has to be looked after."""
+        """Return when an upload in progress next needs attention."""
         return NEVER if self._upload is None else min(self._upload.ask_again, self._upload.give_up)
 
     def remind(self, now: Instant) -> tuple[Address, list[Message]] | None:
-        """Return what is to be sent because an item doesn't come, and where to."""
+        """Return the messages to send because an item is missing, and their receiver."""
         upload = self._upload
         if upload is None or now < self.next_due():
             return None
@@ -144,7 +144,7 @@ class Missions:
     def _begin(
         self, message: MissionCount | MissionClearAll | MissionWritePartialList, sender: Sender, now: Instant
     ) -> list[Message]:
-        """Begin to be written anew, in part, or with nothing; an upload may be begun again by who began it."""
+        """Start an upload of all items or of a part, or clear the list; only its sender may restart an upload."""
         partial = isinstance(message, MissionWritePartialList)
         if self._upload and (partial or self._upload.sender[1:] != sender[1:]):
             return [_ack(sender, m.MAV_MISSION_DENIED)]
@@ -187,7 +187,7 @@ class Missions:
             self.current, self.state = 0, m.MISSION_STATE_NOT_STARTED
 
     def _ask(self, upload: Upload, now: Instant, *, fresh: bool = False) -> MissionRequest:
-        """Ask for the next item; `fresh`: for the first time."""
+        """Return the request for the next item; `fresh`: it is requested for the first time."""
         self._upload, upload.ask_again = upload, after(now, ASK_AGAIN_S)
         if fresh:
             upload.give_up = after(now, GIVE_UP_S)

@@ -1,4 +1,4 @@
-"""An emulated ArduPlane's conditions and modes: every request, and what it leads to."""
+"""An emulated ArduPlane's conditions and modes, with a table of all transitions."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from airlink import mavlink as m
 
 
 class Mode(IntEnum):
-    """ArduPlane's modes that we have, by its own numbers."""
+    """The ArduPlane modes that are emulated, by ArduPlane's numbers."""
 
     MANUAL = 0
     STABILIZE = 2
@@ -25,7 +25,7 @@ class Mode(IntEnum):
 
 
 class Condition(Enum):
-    """What the vehicle is, apart from its mode."""
+    """The vehicle's condition, independent of its mode."""
 
     BOOTING = "booting"
     BOOTING_IN_AIR = "booting in the air"
@@ -46,7 +46,7 @@ class Condition(Enum):
 
 
 class Request(Enum):
-    """What is asked of the vehicle, or befalls it."""
+    """A request to the vehicle, or an event that happens to it."""
 
     BOOTED = "booted"
     ARM = "arm"
@@ -78,13 +78,13 @@ TRANSITIONS: dict[tuple[Condition, Request], Condition] = {
     (Condition.ARMED, Request.CRASH): Condition.CRASHED,
     (Condition.FLYING, Request.CRASH): Condition.CRASHED,
 }
-"""What isn't here is refused. An autopilot that restarts in the air finds itself armed, as after a watchdog reset."""
+"""All other requests are refused. An autopilot that restarts in flight is armed, as after a watchdog reset."""
 
 SELECTABLE = frozenset(Mode) - {Mode.INITIALISING}
-"""Modes that can be asked for, in any condition but booting."""
+"""Modes that can be selected, in any condition but booting."""
 
 STRAIGHT_ON = frozenset({Mode.MANUAL, Mode.STABILIZE, Mode.FBWA, Mode.FBWB, Mode.CRUISE})
-"""A pilot's modes: nobody touches the sticks, so it flies on, level."""
+"""Modes flown by a pilot's sticks, which nobody touches: the vehicle flies straight and level."""
 
 
 def follow(condition: Condition, request: Request) -> Condition | None:

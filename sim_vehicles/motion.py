@@ -1,4 +1,4 @@
-"""One vehicle's motion at a turn of the main loop, as its telemetry tells it."""
+"""One vehicle's motion at a cycle of the main loop, as telemetry reports it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from sim_vehicles.dynamics import Command, State, ground_velocity
 
 
 class Motion(NamedTuple):
-    """NED from the fleet's origin, heights upwards; airspeed and heading are air-relative, headings not wrapped."""
+    """NED from the fleet's origin, heights upwards; airspeed and heading are air-relative; headings aren't wrapped."""
 
     north_m: float
     east_m: float
@@ -27,23 +27,23 @@ class Motion(NamedTuple):
     drift_east_mps: float
     drift_down_mps: float
     turn_rate_radps: float
-    airspeed_told_mps: float
-    heading_told_rad: float
-    height_told_m: float
+    airspeed_setpoint_mps: float
+    heading_setpoint_rad: float
+    height_setpoint_m: float
 
 
 def with_drift(sensed: Motion) -> Motion:
-    """Return a motion with what its vehicle takes for the wind: ground velocity minus airspeed along the heading."""
+    """Return a motion with the drift as the vehicle estimates it: ground velocity minus airspeed along the heading."""
     north = sensed.velocity_north_mps - sensed.airspeed_mps * math.cos(sensed.heading_rad)
     east = sensed.velocity_east_mps - sensed.airspeed_mps * math.sin(sensed.heading_rad)
     return sensed._replace(drift_north_mps=north, drift_east_mps=east)
 
 
 class MotionTable:
-    """The motions of N vehicles; made when the first one is asked for, since in most turns nobody tells anything."""
+    """The motions of N vehicles; computed on first use, since in most cycles no vehicle sends anything."""
 
     def __init__(self, state: State, command: Command, drift_mps: Array, turn_rate_radps: Array) -> None:
-        """Take the tables of one turn: (6, N), what was told, (3, N) and (N,)."""
+        """Take the arrays of one cycle: states (6, N), commands, drift (3, N) and turn rates (N,)."""
         self._sources = state, command, drift_mps, turn_rate_radps
         self._motions: list[Motion] | None = None
 

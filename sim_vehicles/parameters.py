@@ -1,4 +1,4 @@
-"""Parameters by ArduPlane's names and types: the few that change what an emulated vehicle does.
+"""Parameters with ArduPlane's names and types: those that affect an emulated vehicle.
 
 Source: MAVLink guide, "Parameter Protocol"; ArduPilot documentation, "Complete Parameter List".
 """
@@ -15,15 +15,15 @@ from airlink.messages.parameter import ParamRequestRead, ParamSet, ParamValue
 from sim_vehicles.config import VehicleConfig
 
 UNINDEXED = 65535
-"""Index in the answer to a question by name."""
+"""Index in the answer to a request by name."""
 WIDER_THAN_TIGHTEST = 1.3
 LOITER_RADIUS_M = 60.0
 MAX_LISTS = 16
-"""Lists under way at once; who asks for one more is left without an answer, as by an autopilot that is busy."""
+"""Lists sent at the same time; a further request gets no answer, as from a busy autopilot."""
 
 
 class Kind(NamedTuple):
-    """A parameter's type, and what can be set; a value beyond is taken as the nearest."""
+    """A parameter's type and range; a value outside it is set to the nearest bound."""
 
     type: int
     least: float
@@ -54,11 +54,11 @@ KINDS: dict[str, Kind] = {
 }
 NAMES = tuple(KINDS)
 FIXED = frozenset({"MAV_SYSID"})
-"""What keeps its value whatever is set, as until a reboot."""
+"""Parameters that can't be changed without a reboot."""
 
 
 def initial_values(config: VehicleConfig, cruise_mps: float) -> dict[str, float]:
-    """Return the parameters of a vehicle as it comes."""
+    """Return the initial parameters of a vehicle."""
     tightest_m = cruise_mps / config.model.turn_rate_max_rps
     return {
         "AIRSPEED_CRUISE": cruise_mps,
@@ -81,7 +81,7 @@ def initial_values(config: VehicleConfig, cruise_mps: float) -> dict[str, float]
 
 
 class ParameterServer:
-    """One vehicle's parameters, and the answers to questions for them."""
+    """One vehicle's parameters, and the answers to requests for them."""
 
     def __init__(self, values: dict[str, float]) -> None:
         """Start with `values`, one for each name."""
@@ -97,36 +97,36 @@ class ParameterServer:
         return [(name, kind.type, self._values[name]) for name, kind in KINDS.items()]
 
     def is_airspeed(self, speed_mps: float) -> bool:
-        """Return whether an airspeed is one that may be asked for."""
+        """Return whether an airspeed is within the limits."""
         return self["AIRSPEED_MIN"] <= speed_mps <= self["AIRSPEED_MAX"]
 
     @property
     def listing(self) -> bool:
-        """Whether a list is under way."""
+        """Whether a list is being sent."""
         return bool(self._to_list)
 
     def begin_list(self, peer: Address) -> None:
-        """Begin the list for a peer, anew if one is under way."""
+        """Start sending the list to a peer, from its beginning."""
         self._to_list = deque(entry for entry in self._to_list if entry[0] != peer)
         if len(self._to_list) <= (MAX_LISTS - 1) * len(NAMES):
             self._to_list.extend((peer, index) for index in range(len(NAMES)))
 
     def next_of_list(self) -> tuple[Address, ParamValue] | None:
-        """Return the next value of a list under way and whom it's for: one a turn, so that no peer is flooded."""
+        """Return the next value of a list and its receiver: one per cycle, so that no peer is flooded."""
         if not self._to_list:
             return None
         peer, index = self._to_list.popleft()
         return peer, self._told(NAMES[index], index)
 
     def read(self, request: ParamRequestRead) -> ParamValue | None:
-        """Answer a question by name, or by an index that isn't negative; None for what there isn't."""
+        """Return the answer to a request by index, or by name if the index is negative; None if there is none."""
         if request.param_index >= 0:
             known = request.param_index < len(NAMES)
             return self._told(NAMES[request.param_index], request.param_index) if known else None
         return self._told(request.param_id, UNINDEXED) if request.param_id in KINDS else None
 
     def set(self, request: ParamSet) -> ParamValue | None:
-        """Change a value, whatever type it's sent as, and tell what it's now; None for what there isn't."""
+        """Change a value, whatever type it is sent as, and return the new one; None if there is no such parameter."""
         name, value = request.param_id, request.param_value
         kind = KINDS.get(name)
         if kind is None or not math.isfinite(value):

@@ -1,4 +1,4 @@
-"""What an emulated ArduPlane does in each mode: it sets the vehicle's own element of the fleet's steering."""
+"""What an emulated ArduPlane does in each mode. It writes the vehicle's elements of the fleet's `Steering`."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from sim_vehicles.steering import CIRCLE, COURSE, HEADING, Steering
 TAKEOFF_DONE_M = 2.0
 TOUCH_DOWN_M = 0.1
 LIFT_OFF_SHARE = 0.7
-"""Share of the lowest flying speed at which the wheels leave the ground."""
+"""Share of the lowest airspeed at which the vehicle lifts off."""
 TIGHTEST_SHARE = 1.05
-"""How much wider than the tightest turn a circle has to be."""
+"""Smallest radius of a circle, relative to that of the tightest turn."""
 
 
 class Pilot:
-    """One vehicle's condition and mode, and what they make it do. The ground is level, at the origin's height."""
+    """One vehicle's condition and mode, and the resulting flight. The ground is level, at the origin's height."""
 
     def __init__(self, index: int, config: VehicleConfig, steering: Steering, parameters: ParameterServer) -> None:
-        """Begin to boot."""
+        """Start in the condition of booting."""
         self.condition = Condition.BOOTING_IN_AIR if config.start.in_air else Condition.BOOTING
         self.mode = Mode.INITIALISING
         self.guided_by_setpoints = False
-        """Whether 43000 or 43001 came since GUIDED was entered: other ways to change speed and height then do nothing.
-        """
+        """Whether a speed or height setpoint (commands 43000, 43001) has come since GUIDED was entered. From then on,
+        other commands that change speed or height are ignored."""
         self.takeoff_m: float | None = None
-        """Height at which a take-off under way, or waiting to be armed for, is over."""
+        """Height at which the take-off is complete, from the selection of TAKEOFF until then."""
         self.landing_rad: float | None = None
-        """The direction in which AUTOLAND lands: that of the take-off, unknown without one."""
+        """Heading of the take-off, in which AUTOLAND lands; None if there was none."""
         self._index = index
         self._config = config
         self._steering = steering
@@ -41,26 +41,26 @@ class Pilot:
 
     @property
     def airborne(self) -> bool:
-        """Whether it's off the ground."""
+        """Whether it is in the air."""
         return self.condition in (Condition.FLYING, Condition.BOOTING_IN_AIR)
 
     @property
     def taking_off(self) -> bool:
-        """Whether a take-off is under way."""
+        """Whether it is taking off."""
         return self.takeoff_m is not None and self.condition.armed
 
     @property
     def radius_m(self) -> float:
-        """Radius of the circle that was last flown, or is."""
+        """Radius of the present or last circle, m."""
         return float(self._steering.radius_m[self._index])
 
     @property
     def landing(self) -> bool:
-        """Whether a landing is under way."""
+        """Whether it is landing."""
         return self.mode is Mode.AUTOLAND and self.airborne
 
     def request(self, request: Request) -> bool:
-        """Follow the table of conditions; return whether the request was granted."""
+        """Make the transition that the table of conditions allows; return whether there is one."""
         following = follow(self.condition, request)
         if following is None:
             return False
@@ -69,7 +69,7 @@ class Pilot:
         return True
 
     def arm(self, motion: Motion) -> bool:
-        """Arm, and do what the mode asks for; return whether it was granted."""
+        """Arm, and start what the mode does; return whether arming was allowed."""
         if not self.request(Request.ARM):
             return False
         if not self.airborne:
@@ -77,7 +77,7 @@ class Pilot:
         return True
 
     def enter(self, mode: Mode, motion: Motion) -> None:
-        """Change the mode; what the last one was told is forgotten."""
+        """Change the mode; setpoints of the previous one are dropped."""
         self.mode = mode
         self.guided_by_setpoints = False
         self.takeoff_m = self._parameters["TKOFF_ALT"] if mode is Mode.TAKEOFF and not self.airborne else None
@@ -93,44 +93,44 @@ class Pilot:
             self.circle(motion.north_m, motion.east_m, motion.height_m)
 
     def fly_straight(self, motion: Motion) -> None:
-        """Fly straight on, level, at cruising speed; a circle asked for later is round this place."""
+        """Fly straight and level at cruising speed; `circle_again` will circle this position."""
         self.change_speed(self._parameters["AIRSPEED_CRUISE"], math.inf)
         self.circle(motion.north_m, motion.east_m, motion.height_m)
         self.steer(motion.heading_rad, course=False, lateral_mps2=math.inf)
 
     def circle(self, north_m: float, east_m: float, height_m: float) -> None:
-        """Circle a place clockwise."""
+        """Circle a position clockwise."""
         self._steering.centre_m[:, self._index] = north_m, east_m
         self.change_height(height_m)
         self.circle_again()
 
     def circle_again(self) -> None:
-        """Go back to the last place that was circled, and take what height was asked for since along."""
+        """Circle the last position again, at the present height setpoint."""
         i = self._index
         self._steering.radius_m[i] = self._circle_radius_m()
         self._steering.lateral_mps2[i] = math.inf
         self._steering.kind[i] = CIRCLE
 
     def steer(self, direction_rad: float, *, course: bool, lateral_mps2: float) -> None:
-        """Fly a heading, or a course over ground, turning with a lateral acceleration."""
+        """Fly a heading or a course over ground, turning at the given lateral acceleration."""
         steering, i = self._steering, self._index
         steering.kind[i] = COURSE if course else HEADING
         steering.direction_rad[i] = direction_rad
         steering.lateral_mps2[i] = lateral_mps2
 
     def guide_speed(self, speed_mps: float, accel_mps2: float) -> None:
-        """Take a setpoint of airspeed; one that it has already changes nothing, its acceleration neither."""
+        """Take an airspeed setpoint; a repeated one changes nothing, not even the acceleration."""
         if not self.guided_by_setpoints or speed_mps != self._steering.speed_mps[self._index]:
             self.change_speed(speed_mps, accel_mps2)
         self.guided_by_setpoints = True
 
     def guide_height(self, height_m: float) -> None:
-        """Take a setpoint of height."""
+        """Take a height setpoint."""
         self.change_height(height_m)
         self.guided_by_setpoints = True
 
     def change_speed(self, speed_mps: float, accel_mps2: float) -> None:
-        """Fly at an airspeed, and get there with an acceleration."""
+        """Change to an airspeed at an acceleration."""
         self._steering.speed_mps[self._index] = speed_mps
         self._steering.accel_mps2[self._index] = accel_mps2
 
@@ -139,7 +139,7 @@ class Pilot:
         self._steering.height_m[self._index] = height_m
 
     def take_off(self, height_m: float, motion: Motion) -> None:
-        """Climb to a height straight on, after a run on the ground where it stands there."""
+        """Climb straight ahead to a height, after a ground run if it is on the ground."""
         self.takeoff_m = height_m
         self._tell_condition()
         self.fly_straight(motion)
@@ -147,7 +147,7 @@ class Pilot:
             self.change_height(height_m)
 
     def progress(self, motion: Motion) -> bool:
-        """Let a take-off or a landing go on; return whether the vehicle has just left the ground, or come to it."""
+        """Continue a take-off or a landing; return whether the vehicle has just left or touched the ground."""
         return self._land(motion) if self.landing else self._climb_out(motion)
 
     def _climb_out(self, motion: Motion) -> bool:
@@ -176,7 +176,7 @@ class Pilot:
         return motion.height_m < TOUCH_DOWN_M and self.request(Request.TOUCH_DOWN)
 
     def _approach(self) -> Approach:
-        """Return the final approach: it comes down where braking from there ends at home."""
+        """Return the final approach, which touches down where braking from there ends at home."""
         model, start, speed_mps = self._config.model, self._config.start, self._parameters["AIRSPEED_MIN"]
         lag_m = speed_mps * (model.tau_ha_s + model.tau_hb_s)
         return Approach(

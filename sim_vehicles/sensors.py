@@ -1,4 +1,4 @@
-"""What a vehicle's sensors make of its motion: errors of position, velocity, airspeed and heading."""
+"""Sensor errors of position, velocity, airspeed and heading."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from sim_vehicles.config import SensorErrors
 from sim_vehicles.motion import Motion, with_drift
 
 SIZES: Final = (3, 3, 1, 1)
-"""How many numbers position, velocity, airspeed and heading are; each sensor draws from a stream of its own."""
+"""Number of components of position, velocity, airspeed and heading, each with a random stream of its own."""
 BLOCK = 256
 
 
 class Sensors:
-    """One vehicle's; a sample's errors stay until the next one's instant, whoever asks and however often."""
+    """One vehicle's sensors. A sample's errors stay the same until the next sample, however often it is read."""
 
     def __init__(self, errors: SensorErrors, vehicle: VehicleId, seed: int) -> None:
-        """Draw from streams that are the vehicle's own."""
+        """Draw from the vehicle's own random streams."""
         streams = [random_stream(seed, "sensors", *vehicle, sensor) for sensor in range(len(SIZES))]
         self._random = [np.random.Generator(np.random.Philox(stream)) for stream in streams]
         self._period_ns = round(NANOSECONDS / errors.rate_hz)
@@ -36,7 +36,7 @@ class Sensors:
         self._error: Array = self._draw()
 
     def sense(self, true: Motion, now: Instant) -> Motion:
-        """Return the motion with the errors of the sample that is the newest `now`."""
+        """Return the motion with the errors of the newest sample at `now`."""
         while self._number <= now // self._period_ns:
             self._error = self._kept * self._error + math.sqrt(1.0 - self._kept**2) * self._draw()
         errors: list[float] = (self._sigmas * self._error).tolist()

@@ -1,4 +1,4 @@
-"""From what vehicles are to do (a heading, a course, a circle) to the model's commands, for all of them at once."""
+"""Computes the model's commands from headings, courses and circles, for all vehicles at once."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from sim_vehicles.dynamics import Command, Parameters, State
 
 HEADING, COURSE, CIRCLE = 0, 1, 2
 CAPTURE = 2.0
-"""Steepness of the approach to a circle: radians off the tangent for each radius of distance from it."""
+"""Steepness of the approach to a circle: radians off the tangent per radius of distance from it."""
 ON_CIRCLE_RAD = 1.0
-"""Less off the tangent than this, a turn leads by what the heading's lag costs."""
+"""Closer to the tangent than this, the heading setpoint leads by the heading's lag in the turn."""
 LEAST_SPEED_MPS = 1.0
-"""In divisions by airspeed, of what stands still too."""
+"""Lower bound of airspeeds in divisions, for vehicles that stand still."""
 
 
 class Steering:
-    """Targets of N vehicles; vehicles write their own element, the main loop reads them all."""
+    """Targets of N vehicles. Each vehicle writes its own elements; the main loop reads them all."""
 
     def __init__(self, models: list[VehicleModel]) -> None:
-        """Start with nobody moving."""
+        """Start with all vehicles at rest."""
         count = len(models)
         self.kind = np.zeros(count, dtype=np.int8)
         self.speed_mps: Array = np.zeros(count)
@@ -38,7 +38,7 @@ class Steering:
         self._speed_max_mps = np.array([each.speed_max_mps for each in models])
 
     def commands(self, state: State, parameters: Parameters, drift_mps: Array) -> Command:
-        """Return what the model is told this loop; on the ground it stays there."""
+        """Return the model's commands for this cycle; vehicles on the ground stay there."""
         heading = self.direction_rad
         if self.kind.any():
             heading = np.where(self.kind == CIRCLE, self._round(state, parameters), heading)
@@ -54,7 +54,7 @@ class Steering:
         return Command(np.array((speed, heading)), np.array((self.accel_mps2, turn_rate)), height_m)
 
     def _round(self, state: State, parameters: Parameters) -> Array:
-        """Return the courses that lead onto clockwise circles and round them."""
+        """Return the courses (N,) that lead onto the clockwise circles and along them."""
         north, east = state.table[:2] - self.centre_m
         off = CAPTURE * (np.hypot(north, east) / self.radius_m - 1.0)
         off = np.minimum(np.maximum(off, -np.pi / 2), np.pi / 2)
@@ -64,7 +64,7 @@ class Steering:
 
 
 def _crab(course: Array, state: State, drift_mps: Array) -> Array:
-    """Return by how much the heading lies left of the course so that the drift doesn't carry the vehicle aside."""
+    """Return the crab angle (N,): how far left of the course the heading must point to cancel the drift across it."""
     aside = drift_mps[1] * np.cos(course) - drift_mps[0] * np.sin(course)
     share = aside / np.maximum(state.airspeed_mps, LEAST_SPEED_MPS)
     return np.arcsin(np.minimum(np.maximum(share, -1.0), 1.0))

@@ -1,4 +1,4 @@
-"""What a vehicle keeps for ground stations: its parameters, as values and as a file, and its mission."""
+"""What ground stations read from and write to a vehicle: parameters, singly and as a file, and the mission."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from sim_vehicles.parameters import ParameterServer
 
 
 class Storage:
-    """Answers whoever reads or writes."""
+    """Answers requests to read or write."""
 
     def __init__(self, parameters: ParameterServer, missions: Missions) -> None:
-        """Offer both."""
+        """Serve both."""
         self._parameters = parameters
         self._missions = missions
         self._files = Files(parameters.entries)
 
     def answers(self, message: Message | None, sender: Sender, now: Instant) -> list[Message]:
-        """Return the answers to a message, none where nothing in it is for us; a list of parameters comes later."""
+        """Return the answers to a message, none if it is no such request; a list of parameters is sent later."""
         match message:
             case ParamRequestList():
                 self._parameters.begin_list(sender.peer)

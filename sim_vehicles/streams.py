@@ -1,4 +1,4 @@
-"""Which messages are due, and when."""
+"""When each streamed message is due."""
 
 from __future__ import annotations
 
@@ -31,22 +31,22 @@ GROUPS: dict[int, tuple[int, ...]] = {
 """What REQUEST_DATA_STREAM's groups consist of (ArduPilot documentation, "SRn_ parameters")."""
 STREAMED = tuple(message_id for group in GROUPS.values() for message_id in group)
 UNASKED = (m.MAVLINK_MSG_ID_HEARTBEAT, *STREAMED)
-"""What flows without being asked for, every `UNASKED_NS`."""
+"""Messages that are streamed without a request, every `UNASKED_NS`."""
 UNASKED_NS = NANOSECONDS
 
 
 class Streams:
-    """One vehicle's message intervals; a message leaves in the first turn of the main loop at or after its time."""
+    """One vehicle's message intervals. A message is sent in the first cycle of the main loop at or after its time."""
 
     def __init__(self, now: Instant) -> None:
-        """Start with what flows unasked."""
+        """Start with the messages that need no request."""
         self._interval_ns = dict.fromkeys(UNASKED, UNASKED_NS)
         self._due = dict.fromkeys(UNASKED, now)
         self.next_due = now
         """When the next message is due; `NEVER` when none is."""
 
     def set_interval(self, message_id: int, interval_us: float, now: Instant) -> bool:
-        """Set an interval: 0 the default one, -1 never; return False for one that the loop can't keep.
+        """Set an interval, 0 for the default one, -1 for never; return False for one shorter than the main loop's.
 
         Source: MAVLink, MAV_CMD_SET_MESSAGE_INTERVAL.
         """
@@ -67,12 +67,12 @@ class Streams:
             self._set(message_id, NANOSECONDS // min(rate_hz, LOOP_HZ) if rate_hz else None, now)
 
     def interval_us(self, message_id: int) -> int:
-        """Return an interval, -1 for a message that doesn't flow."""
+        """Return an interval, -1 for a message that isn't streamed."""
         interval_ns = self._interval_ns.get(message_id)
         return int(STOP) if interval_ns is None else interval_ns // 1000
 
     def leave_out(self, now: Instant) -> None:
-        """Leave out what was due before now."""
+        """Skip messages that were due before now."""
         self._due = {message_id: max(instant, now) for message_id, instant in self._due.items()}
         self._plan()
 

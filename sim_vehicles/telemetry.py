@@ -1,4 +1,4 @@
-"""The messages by which an emulated ArduPlane tells its state."""
+"""The messages with which an emulated ArduPlane reports its state."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ EKF_READY = 831
 EKF_STARTING = 1024
 EPOCH_2020_US = 1_577_836_800_000_000
 CAPABILITIES = 62319
-"""As ArduPlane 4.7 tells them, though parts aren't here: ground stations take its family from them."""
+"""Those of ArduPlane 4.7, though not all are emulated: ground stations recognise the family by them."""
 VERSION_4_7 = 4 << 24 | 7 << 16
 LOAD_PERMILLE = 200
 CRUISE_THROTTLE_PERCENT = 50
@@ -67,14 +67,14 @@ def heartbeat(v: Vehicle) -> Message:
 
 
 def sys_status(v: Vehicle) -> Message:
-    """Return SYS_STATUS: the pre-arm bit is healthy when the vehicle may be armed, no fence is a fence not breached."""
+    """Return SYS_STATUS; the pre-arm bit is healthy once the vehicle may be armed, as is the fence that it lacks."""
     healthy = SENSORS | m.MAV_SYS_STATUS_GEOFENCE | (m.MAV_SYS_STATUS_PREARM_CHECK if v.ready else 0)
     known = SENSORS | m.MAV_SYS_STATUS_PREARM_CHECK
     return SysStatus(known, known, healthy, LOAD_PERMILLE, BATTERY_V, BATTERY_A, BATTERY_PERCENT)
 
 
 def battery_status(_: Vehicle) -> Message:
-    """Return BATTERY_STATUS: the one that SYS_STATUS tells of, its cells unknown."""
+    """Return BATTERY_STATUS of the battery that SYS_STATUS reports; its cells are unknown."""
     return BatteryStatus(
         0, 0, 0, NO_TEMPERATURE, (BATTERY_V, *NO_CELLS), BATTERY_A, NOT_COUNTED, NOT_COUNTED, BATTERY_PERCENT
     )
@@ -95,7 +95,7 @@ def gps_raw_int(v: Vehicle) -> Message:
 
 
 def attitude(v: Vehicle) -> Message:
-    """Return ATTITUDE; bank and pitch are those that the turn and the climb take."""
+    """Return ATTITUDE; bank and pitch follow from the turn rate and the climb rate."""
     motion = v.sensed
     pitch = math.asin(min(max(motion.climb_mps / max(motion.airspeed_mps, 1.0), -1.0), 1.0))
     heading = math.remainder(motion.heading_rad, math.tau)
@@ -119,8 +119,8 @@ def global_position_int(v: Vehicle) -> Message:
 def nav_controller_output(v: Vehicle) -> Message:
     """Return NAV_CONTROLLER_OUTPUT."""
     motion = v.sensed
-    bearings = math.remainder(motion.heading_rad, math.tau), math.remainder(motion.heading_told_rad, math.tau)
-    errors = motion.height_told_m - motion.height_m, motion.airspeed_told_mps - motion.airspeed_mps
+    bearings = math.remainder(motion.heading_rad, math.tau), math.remainder(motion.heading_setpoint_rad, math.tau)
+    errors = motion.height_setpoint_m - motion.height_m, motion.airspeed_setpoint_mps - motion.airspeed_mps
     return NavControllerOutput(_bank(motion), 0.0, *bearings, 0.0, *errors, 0.0)
 
 
@@ -135,7 +135,7 @@ def vfr_hud(v: Vehicle) -> Message:
 
 
 def wind(v: Vehicle) -> Message:
-    """Return WIND: where it comes from."""
+    """Return WIND; its direction is where the wind comes from."""
     motion = v.sensed
     north, east, down = motion.drift_north_mps, motion.drift_east_mps, motion.drift_down_mps
     return Wind(math.remainder(math.atan2(-east, -north), math.tau), math.hypot(north, east), down)

@@ -1,4 +1,4 @@
-"""Ground truth of a fleet: rows of little-endian float64 in a file, readable up to its last whole row at any time."""
+"""Ground truth of a fleet: a file of rows of little-endian float64 that can be read while it is being written."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Truth:
     airspeed_mps: Array
     heading_rad: Array
     disturbance_north_mps: Array
-    """What carries it besides the wind; so do the next two."""
+    """The sum of all disturbances without the wind; so are the next two."""
     disturbance_east_mps: Array
     disturbance_down_mps: Array
     airborne: Array
@@ -48,10 +48,10 @@ class Truth:
 
 
 class TruthWriter:
-    """Appends a row after every so many turns of a fleet's loop; a fleet's truth listener."""
+    """Appends rows to the file; pass it to a fleet as its truth listener."""
 
     def __init__(self, path: Path, vehicles: int, rate_hz: float) -> None:
-        """Create the file for rows at `rate_hz` at most the loop's."""
+        """Create the file; rows are written at `rate_hz`, or at the main loop's rate if that is lower."""
         self._file = path.open("wb")
         self._file.write(HEADER.pack(MAGIC, vehicles))
         self._turns = max(1, round(LOOP_HZ / rate_hz))
@@ -69,7 +69,7 @@ class TruthWriter:
             self._file.close()
 
     def __call__(self, now: Instant, fleet: Fleet) -> None:
-        """Take the fleet's state after a turn."""
+        """Take the fleet's state after a cycle of the main loop."""
         self._turn += 1
         if self._full or self._turn % self._turns:
             return
@@ -87,7 +87,7 @@ class TruthWriter:
 
 
 def read_truth(path: Path) -> Truth:
-    """Return what was written so far.
+    """Return the complete rows that have been written so far.
 
     Raises:
         TruthError: the file isn't a record of ground truth.

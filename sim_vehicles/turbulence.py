@@ -1,7 +1,7 @@
-"""Dryden's turbulence along each vehicle's own way through the air.
+"""Dryden turbulence along each vehicle's own flight through the air.
 
 Sources: MIL-F-8785C (1980), section 3.7.1.2 for the spectra, 3.7.3.4 for intensities and scale lengths at low altitude.
-There u lies along the horizontal way through the air and w down; v completes the axes.
+There u points along the horizontal motion through the air and w downwards; v completes the axes.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from sim_vehicles.disturbances import Intensity
 
 FOOT_M = 0.3048
 LOWEST_FT, HIGHEST_FT = 10.0, 1000.0
-"""Where the formulas of low altitude hold; beyond, their values there are taken."""
+"""Range of heights for which the low-altitude formulas hold; outside it their values at its ends are used."""
 LEAST_AIRSPEED_MPS = 1.0
-"""Of a vehicle that hardly moves, for which a gust would last for ever."""
+"""Lower bound of the airspeed: for a vehicle at rest a gust would last for ever."""
 DRAWS_EACH = 5
 BLOCK = 256
 SQRT3 = math.sqrt(3.0)
@@ -61,12 +61,12 @@ def discretised(duration: Array) -> tuple[Array, Array]:
 class DrydenGusts:
     """The gusts that N vehicles meet, each from random numbers of its own.
 
-    The filters' states have unit variance, so that airspeed and height may change: what's there is of the rms value
-    at any time, as if the gusts had always been.
+    The filters' states are normalised to unit variance, so that the gusts have the right rms velocities while airspeed
+    and height change. They start in the stationary state.
     """
 
     def __init__(self, streams: Sequence[np.random.SeedSequence], intensity: Intensity | float) -> None:
-        """Draw vehicle i's from `streams[i]`; `intensity` as given, or the wind 6 m above ground."""
+        """Draw the gusts of vehicle i from `streams[i]`; `intensity` is explicit, or the wind 6 m above ground, m/s."""
         self._intensity = intensity
         self._random = [np.random.Generator(np.random.Philox(stream)) for stream in streams]
         self._drawn: Array = np.zeros((0, DRAWS_EACH, len(streams)))
@@ -77,7 +77,7 @@ class DrydenGusts:
         self._across: Array = np.stack((p, p / 2 + first[3:5] * math.sqrt(1 / 8)))
 
     def advance(self, airspeed_mps: Array, height_m: Array, dt_s: float) -> Array:
-        """Return the gusts (3, N) forward, right and down, in m/s, `dt_s` after the last ones."""
+        """Advance by `dt_s` and return the gusts (3, N) forward, right and down, m/s."""
         sigma_mps, length_m = self._scales(height_m)
         duration = dt_s * np.maximum(airspeed_mps, LEAST_AIRSPEED_MPS) / length_m
         noise = self._draw()

@@ -1,4 +1,4 @@
-"""One emulated vehicle's side of the protocol: frames in, frames out, on the turns of its main loop."""
+"""One emulated vehicle's side of the protocol: frames in, frames out, in the cycles of its main loop."""
 
 from __future__ import annotations
 
@@ -43,15 +43,15 @@ NOTICE, WARNING, CRITICAL = m.MAV_SEVERITY_NOTICE, m.MAV_SEVERITY_WARNING, m.MAV
 
 
 class Vehicle:
-    """An emulated ArduPlane: its link, its modes, its messages. How it flies is the fleet's arrays' business."""
+    """An emulated ArduPlane: its link, modes and messages. The fleet's arrays hold its motion."""
 
     def __init__(self, index: int, config: VehicleConfig, fleet: Fleet, now: Instant) -> None:
-        """Boot at `now`; one that starts in the air is up at once."""
+        """Boot at `now`; a vehicle that starts in the air has booted at once."""
         self.index = index
         self.config = config
         self.fleet = fleet
         self.wake = now
-        """When its next turn has something to do."""
+        """When its next cycle has something to do."""
         self.parameters = ParameterServer(initial_values(config, fleet.config.cruise_mps))
         self.pilot = Pilot(index, config, fleet.steering, self.parameters)
         self.link = Link(index, config, fleet.outbox)
@@ -66,7 +66,7 @@ class Vehicle:
 
     @property
     def time_ns(self) -> int:
-        """Nanoseconds since boot by the vehicle's own clock, which has microseconds."""
+        """Nanoseconds since boot by the vehicle's own clock, which counts microseconds."""
         return self._clock.nanoseconds(self.now) // MICROSECOND_NS * MICROSECOND_NS
 
     @property
@@ -76,7 +76,7 @@ class Vehicle:
 
     @property
     def ready(self) -> bool:
-        """Whether it may be armed, or flies."""
+        """Whether it may be armed, or is in the air."""
         up_s = seconds_between(self._clock.booted, self.now)
         return not self.pilot.condition.booting and (self.pilot.airborne or up_s >= self.fleet.config.ready_s)
 
@@ -91,16 +91,16 @@ class Vehicle:
 
     @property
     def sensed(self) -> Motion:
-        """How it takes itself to move: what telemetry tells. Its own loops go by the truth."""
+        """Its motion as its sensors measure it, for telemetry; its own control loops use the truth."""
         return self.motion if self._sensors is None else self._sensors.sense(self.motion, self.now)
 
     def receive(self, peer: Address, data: bytes) -> None:
-        """Keep a datagram for the next turn of the main loop."""
+        """Keep a datagram for the next cycle of the main loop."""
         self.link.receive(peer, data)
         self.wake = Instant(0)
 
     def turn(self, now: Instant) -> None:
-        """Take one turn of the main loop: boot, listen, fly on, tell."""
+        """Run one cycle of the main loop: boot, read frames, fly, send messages."""
         self.now = now
         if self._frozen or self.pilot.condition is Condition.CRASHED:
             self.link.ignore()
@@ -124,7 +124,7 @@ class Vehicle:
         self._plan()
 
     def strike(self, fault: Fault, now: Instant) -> None:
-        """Let a fault happen, or end."""
+        """Begin or end a fault."""
         self.wake = self.now = now
         match fault.kind:
             case "crash":
@@ -144,7 +144,7 @@ class Vehicle:
     # What commands do to it.
 
     def enter(self, mode: Mode) -> None:
-        """Change the mode, and say so at once; a mode that it's in already goes on. Without a mission, AUTO is RTL."""
+        """Change to a mode, unless it is in it already, and report it at once. Without a mission AUTO becomes RTL."""
         if mode is Mode.AUTO and not self.missions.flyable:
             mode = Mode.RTL
         if mode is not self.pilot.mode:
@@ -155,7 +155,7 @@ class Vehicle:
             self._tell_heartbeat()
 
     def switch(self, number: float) -> bool:
-        """Change to the mode of a number; return whether that was granted. AUTOLAND lands as the take-off went."""
+        """Change to a mode by its number; return whether that was allowed. AUTOLAND needs the take-off's direction."""
         mode = select(self.pilot.condition, number)
         if mode is Mode.AUTOLAND and (not self.pilot.airborne or self.pilot.landing_rad is None):
             flies = self.pilot.airborne
@@ -166,7 +166,7 @@ class Vehicle:
         return mode is not None
 
     def arm(self, *, force: bool) -> bool:
-        """Arm; refused before the vehicle is ready unless by force."""
+        """Arm; refused before the vehicle is ready, unless forced."""
         if not self.ready and not force and self.parameters["ARMING_CHECK"]:
             self._say(CRITICAL, "PreArm: AHRS: waiting for home")
             return False
@@ -179,7 +179,7 @@ class Vehicle:
         return True
 
     def disarm(self, *, force: bool) -> bool:
-        """Disarm; refused in flight unless by force, and then it falls."""
+        """Disarm; refused in flight, unless forced: then it crashes."""
         if force and self.pilot.airborne:
             granted = self._crash(Request.FORCE_DISARM)
         else:
@@ -190,14 +190,14 @@ class Vehicle:
         return granted
 
     def go_to(self, lat_rad: float, lon_rad: float, height_m: float) -> None:
-        """Circle a place; the height is left alone when setpoints came before."""
+        """Circle a position; a height that a setpoint has set is kept."""
         north_m, east_m, _ = self.fleet.origin.to_ned(lat_rad, lon_rad, self.fleet.origin.alt_m)
         if self.pilot.guided_by_setpoints:
             height_m = float(self.fleet.steering.height_m[self.index])
         self.pilot.circle(north_m, east_m, height_m)
 
     def answer(self, message: Message | None) -> None:
-        """Send to whoever asked; None is silence."""
+        """Send a message to the peer that asked; nothing for None."""
         if message is not None:
             self.link.answer(self._asker, message)
 
@@ -301,7 +301,7 @@ class Vehicle:
             self._broadcast(BUILDERS[message_id](self))
 
     def _plan(self) -> None:
-        """Work out when there's something to do again, other than to listen."""
+        """Set when there is next something to do other than to read frames."""
         if self.parameters.listing or self.pilot.taking_off or self.pilot.landing or self._flies_mission:
             self.wake = self.now
             return
@@ -313,7 +313,7 @@ class Vehicle:
         self._broadcast(BUILDERS[m.MAVLINK_MSG_ID_HEARTBEAT](self))
 
     def _say(self, severity: int, text: str) -> None:
-        """Send words for a person to everyone."""
+        """Send a text for the operator to all peers."""
         self._broadcast(Statustext(severity, text))
 
     def _broadcast(self, message: Message) -> None:

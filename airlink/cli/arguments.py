@@ -1,4 +1,4 @@
-"""Numbers as the commands take them on their command lines."""
+"""Types of numbers on the command lines."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class WholeNumber(click.IntRange):
 
 
 class Number(click.FloatRange):
-    """A number in a range; NaN and the infinities are in none."""
+    """A finite number in a range."""
 
     name = "number"
 
@@ -27,4 +27,6 @@ class Number(click.FloatRange):
 
 
 SECONDS = Number(0)
+"""A duration or a mission time, s."""
 SEED = WholeNumber(0, 2**63 - 1)
+"""A seed of the random streams: the same range as the scenario's key `seed`."""

@@ -11,17 +11,17 @@ import click
 
 
 class Entry(NamedTuple):
-    """Where a command is, and what the list of commands says of it."""
+    """The module that defines a command, and the command's line in the list of commands."""
 
     module: str
     summary: str
 
 
 class ImportedWhenChosen(click.Group):
-    """Commands of which none pays for what another needs: the list of them imports none."""
+    """A group that imports a command only when it is used, so that none pays for the imports of another."""
 
     def __init__(self, *args: Any, entries: Mapping[str, Entry], **kwargs: Any) -> None:
-        """Offer `entries`: each name is the command's in its module."""
+        """Offer `entries`; each key is the name of the command's object in its module."""
         super().__init__(*args, **kwargs)
         self.entries = entries
 
@@ -30,7 +30,7 @@ class ImportedWhenChosen(click.Group):
         return sorted([*super().list_commands(ctx), *self.entries])
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Return a command by its name, None for one that isn't there."""
+        """Return the command of a name, None if there is none."""
         if cmd_name not in self.entries:
             return super().get_command(ctx, cmd_name)
         return getattr(import_module(self.entries[cmd_name].module), cmd_name)
@@ -38,7 +38,7 @@ class ImportedWhenChosen(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Return the command that is named first; who mistypes it is told what there is."""
+        """Return the command that the arguments name; for an unknown one, fail with the names that are allowed."""
         names = self.list_commands(ctx)
         if args[0] not in names and not ctx.resilient_parsing:
             near = get_close_matches(args[0], names, n=1)
@@ -47,6 +47,6 @@ class ImportedWhenChosen(click.Group):
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the list without importing what's in it."""
+        """Write the list of commands without importing them."""
         with formatter.section("Commands"):
             formatter.write_dl([(name, self.entries[name].summary) for name in self.list_commands(ctx)])

@@ -1,4 +1,4 @@
-"""Ctrl-C while a command is still being imported: it ends as any other, without a traceback."""
+"""Ctrl-C while a command is still being imported: the process ends without a traceback, as it does later."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ INTERRUPTED = 130
 
 
 def end_quietly() -> None:
-    """Have Ctrl-C end the process with 130 from now on; what the command itself does about it comes later."""
+    """End the process with status 130 on Ctrl-C, until the command installs a handler of its own."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _end)
 

@@ -14,7 +14,7 @@ from airlink.cli.status import Status, fail
 from airlink.endpoint import Endpoint, parse_endpoint
 from airlink.errors import EndpointError, ImpairmentError, PortError
 from airlink.impairment import Direction
-from airlink.impairment_keys import KEYS, changed, described, obey
+from airlink.impairment_keys import KEYS, apply_line, changed, described
 from airlink.proxy import Proxy
 from airlink.relay import Relay
 
@@ -33,7 +33,7 @@ Example:
 
 
 class Console:
-    """Obeys the lines that come in; answers each with what is now set, or with what is allowed."""
+    """Applies lines from standard input; answers each with the new settings, or with what is allowed."""
 
     def __init__(self, relay: Relay) -> None:
         """Change the impairments of `relay`."""
@@ -41,7 +41,7 @@ class Console:
         self._begun = b""
 
     def take(self, data: bytes) -> None:
-        """Obey the lines that `data` completes; no data is the end, and completes the last one."""
+        """Apply the lines that `data` completes; empty `data` is the end of input and completes the last one."""
         *lines, begun = (self._begun + (data or b"\n")).split(b"\n")
         self._begun = begun[-LONGEST_LINE:]
         for line in lines:
@@ -50,19 +50,19 @@ class Console:
 
     def _answer(self, line: str) -> str:
         try:
-            obey(self._relay.impairments, line)
+            apply_line(self._relay.impairments, line)
         except ImpairmentError as error:
             return f"error: {error}"
         return settings(self._relay)
 
 
 def settings(relay: Relay) -> str:
-    """Return what is set, a line for each direction."""
+    """Return the settings, one line for each direction."""
     return "\n".join(f"{way.name.lower()}: {described(relay.impairments[way])}" for way in Direction)
 
 
 def summary(relay: Relay) -> str:
-    """Return what was done in each direction, on one line."""
+    """Return the statistics of both directions on one line."""
     parts: list[str] = []
     for way in Direction:
         done = relay.statistics(way)
@@ -72,7 +72,7 @@ def summary(relay: Relay) -> str:
 
 
 def _connection(kind: str) -> Callable[[click.Context, click.Parameter, str], Endpoint]:
-    """Return what reads a connection string of one kind, `udpin` or `udpout`."""
+    """Return a callback that parses a connection string of one kind, `udpin` or `udpout`."""
 
     def read(_context: click.Context, _parameter: click.Parameter, text: str) -> Endpoint:
         try:
@@ -96,7 +96,7 @@ def _impairment_options(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def _set(relay: Relay, options: dict[str, str | None]) -> None:
-    """Set what the options ask for; those of one direction override those of both.
+    """Apply the options; those for one direction override those for both.
 
     Raises:
         UsageError: a value isn't allowed.

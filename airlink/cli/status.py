@@ -1,4 +1,4 @@
-"""What a command ends with: a word on standard error, and a status that scripts rely on."""
+"""How a command ends: a message on standard error, and an exit status that scripts rely on."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import click
 
 
 class Status(IntEnum):
-    """Exit statuses."""
+    """Exit statuses of all commands."""
 
     FINE = 0
     EXPECTATION_BROKEN = 1
@@ -20,11 +20,11 @@ class Status(IntEnum):
 
 
 def say(text: str, status: Status) -> Status:
-    """Say it; return the status."""
+    """Print a message to standard error; return the status."""
     click.echo(text, err=True)
     return status
 
 
 def fail(text: str, status: Status = Status.BAD_USAGE) -> NoReturn:
-    """Say it, and end."""
+    """Print a message to standard error and exit."""
     sys.exit(say(text, status))

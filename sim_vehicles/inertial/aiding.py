@@ -1,4 +1,4 @@
-"""What is measured beside inertial sensors, to hold a navigator's errors."""
+"""Aids: sensors that bound an inertial navigator's errors."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from sim_vehicles.inertial.error_model import PLACE, SIZE, UP
 
 
 class Aid(NamedTuple):
-    """A receiver that measures some of the place and velocity, with independent white errors."""
+    """A sensor that measures part of the position and velocity, with independent white errors."""
 
     rate_hz: float
     seen: Array
-    """(M, 15) which errors a measurement shows."""
+    """(M, 15) measurement matrix: which of the errors each measurement contains."""
     sigmas: Array
     """(M,) standard deviations, m and m/s."""
 
 
 def gnss(rate_hz: float, position_sigma_m: float, height_sigma_m: float, velocity_sigma_mps: float) -> Aid:
-    """Return a satellite receiver: place and velocity, loosely coupled (Groves, 2013, section 14.1.2)."""
+    """Return a GNSS receiver: position and velocity, loosely coupled (Groves, 2013, section 14.1.2)."""
     sigmas = (position_sigma_m, position_sigma_m, height_sigma_m, *(velocity_sigma_mps,) * 3)
     return Aid(rate_hz, np.eye(6, SIZE), np.array(sigmas))
 

@@ -1,9 +1,9 @@
-"""How a vehicle that stands finds its attitude: from gravity and the Earth's rotation, then by a Kalman filter.
+"""Alignment: how a vehicle at rest finds its attitude, from gravity and the Earth's rotation, then by a Kalman filter.
 
-Coarse: the mean specific force shows what is up, the mean angular rate what is north. Fine: a filter of ten states; its
-measurement is that the vehicle's velocity is zero. What it can't tell apart remains: an accelerometer's level bias from
-a tilt (b / g), the eastern gyroscope's bias from a heading error (epsilon / (Omega cos L)). Source: Titterton and
-Weston (2004), sections 10.2 and 10.5.
+Coarse alignment: the mean specific force gives the vertical, the mean angular rate gives north. Fine alignment: a
+filter of ten states, whose measurement is that the vehicle's velocity is zero. It can't separate a horizontal
+accelerometer bias from a tilt (b / g), nor the eastern gyroscope's bias from a heading error (epsilon / (Omega cos L)).
+Source: Titterton and Weston (2004), sections 10.2 and 10.5.
 """
 
 from __future__ import annotations
@@ -36,27 +36,27 @@ from sim_vehicles.inertial.strapdown import Strapdown
 from sim_vehicles.inertial.trajectory import Increments, NavigationState, Trajectory
 
 COARSE_S: Final = 60.0
-"""Over which forces and rates are averaged; the fine filter begins with the same samples again."""
+"""Averaging time of the coarse alignment; the fine filter then starts with the same samples again."""
 UPDATE_S: Final = 1.0
 FIRST_SIGMA: Final = np.radians((1.0, 1.0, 5.0))
-"""Of the attitude after the coarse alignment, about east, north and up, rad."""
+"""Standard deviations of the attitude after the coarse alignment, about east, north and up, rad."""
 FIRST_SHARE: Final = 10.0
-"""And no less than this many times what can't be aligned away: a bias mustn't look known because a prior is narrow."""
+"""They are at least this many times the alignment's limits: a narrow prior would make a bias look known."""
 VELOCITY_SIGMA_MPS: Final = 0.1
-"""How a vehicle that stands sways in the wind, east and north."""
+"""Standard deviation of the velocity with which a vehicle at rest sways in the wind, east and north."""
 STATES: Final = np.array(
     [VELOCITY.start + EAST, VELOCITY.start + NORTH]
     + [TILT.start + axis for axis in range(3)]
     + [ACCEL_BIAS.start + EAST, ACCEL_BIAS.start + NORTH]
     + [GYRO_BIAS.start + axis for axis in range(3)]
 )
-"""Of the fifteen errors; biases here along east, north and up, which turn with a vehicle that doesn't turn."""
+"""Which of the fifteen errors are estimated. Biases are along east, north and up: the vehicle doesn't rotate."""
 TILTS: Final = slice(2, 5)
 
 
 @dataclass(frozen=True)
 class Alignment:
-    """What came of it."""
+    """The result of an alignment."""
 
     times_s: Array
     """(K,) of the updates."""
@@ -83,16 +83,16 @@ def coarse(rate_radps: Array, force_mps2: Array) -> Array:
 
 
 def limits(sensors: InertialSensors, place: GeodeticOrigin) -> Array:
-    """Return what no alignment takes away, (3,) about east, north and up: b / g, b / g, epsilon / (Omega cos L)."""
+    """Return the limits of any alignment, rad, (3,) about east, north and up: b / g, b / g, epsilon / (Omega cos L)."""
     tilt = sensors.accel_bias_sigma / gravity_mps2(place.lat_rad, place.alt_m)
     return np.array((tilt, tilt, sensors.gyro_bias_sigma / (RATE_RADPS * math.cos(place.lat_rad))))
 
 
 class FineAlignment:
-    """The filter of ten states for a vehicle that stands at a place."""
+    """The filter of ten states, for a vehicle at rest at a known position."""
 
     def __init__(self, place: GeodeticOrigin, sensors: InertialSensors) -> None:
-        """Begin after a coarse alignment; `sensors` is what the filter takes them for."""
+        """Begin after a coarse alignment; `sensors` are those that the filter assumes."""
         self.place = place
         force = np.array((0.0, 0.0, gravity_mps2(place.lat_rad, place.alt_m)))
         model = dynamics(place.lat_rad, place.alt_m, np.zeros(3), force, np.eye(3))
@@ -118,9 +118,9 @@ class FineAlignment:
         return errors, estimate.innovation
 
     def covariance(self, to_body: Array) -> Array:
-        """Return that of all errors (15, 15), biases in the components of a body turned by (3, 3).
+        """Return the covariance of all errors (15, 15), biases in body components; `to_body` (3, 3) rotates into them.
 
-        The place and the vertical velocity are known where a vehicle stands.
+        The position and the vertical velocity of a vehicle at rest are known.
         """
         whole = np.zeros((SIZE, SIZE))
         whole[np.ix_(STATES, STATES)] = self._filter.covariance
@@ -138,7 +138,7 @@ def align(
     rate_hz: float,
     random: np.random.Generator,
 ) -> Alignment:
-    """Align a level vehicle that stands at the filter's place, with sensors that give `rate_hz` increments a second."""
+    """Align a level vehicle at rest at the filter's position, with sensors that give `rate_hz` increments a second."""
     period_s, each = 1.0 / rate_hz, round(rate_hz * UPDATE_S)
     rest = Trajectory.at_rest(fine.place, heading_rad, UPDATE_S)
     ideal = rest.increments(period_s, 0, each)
@@ -151,7 +151,7 @@ def align(
 
 
 class _Run:
-    """A navigator that stands, corrected whenever the filter has estimated its errors."""
+    """A navigator at rest, corrected whenever the filter has estimated its errors."""
 
     def __init__(self, truth: NavigationState, start: NavigationState, fine: FineAlignment) -> None:
         self._truth, self._start, self._fine = truth, start, fine
@@ -178,7 +178,7 @@ class _Run:
         )
 
     def _update(self, sway_mps: Array) -> Array:
-        """Take in that the vehicle stands; it knows its place, too, and that it doesn't rise."""
+        """Apply the measurement of zero velocity; the position and the vertical velocity are known as well."""
         navigator, truth = self._navigator, self._truth
         velocity = np.array(navigator.velocity)
         errors, innovation = self._fine.update(velocity[:2] - sway_mps)

@@ -18,7 +18,7 @@ from sim_vehicles.inertial.flight import DivergedError
 from sim_vehicles.inertial.record import write
 
 SHARPEST_LIMIT_RAD = math.radians(5.0)
-"""Beyond it the alignment's heading is worth nothing: small angles aren't small any more."""
+"""Beyond it the heading of the alignment is useless, as its error is no small angle any more."""
 EXAMPLES = """\b
 Examples:
   sim-vehicles sins configs/sins.yaml                              alignment, then free-inertial flight

@@ -1,6 +1,6 @@
-"""How an inertial navigator's errors go on: the linear model of 15 states that filters and covariances use.
+"""The linear model of an inertial navigator's errors, with 15 states, which filters and covariances use.
 
-The errors are: place, east, north and up in m; velocity likewise in m/s; misalignment phi in rad, where the computed
+The errors are: position, east, north and up in m; velocity likewise in m/s; misalignment phi in rad, where the computed
 attitude is (I - [phi x]) times the true one; the accelerometers' biases and the gyroscopes', body components, in SI
 units. Sources: Titterton and Weston, Strapdown Inertial Navigation Technology (2004), section 12.3; Groves (2013),
 section 14.2.

@@ -30,27 +30,27 @@ UNITS: Final = np.radians((1.0 / 3600.0, 1.0 / 3600.0, 1.0 / 60.0))
 
 @dataclass(frozen=True)
 class Experiment:
-    """What was asked, and what came of it."""
+    """A navigation experiment and its results."""
 
     scenario: Scenario
     vehicle: Vehicle
     keys: InertialNavigation
     limit_rad: Array
-    """(3,) what alignment leaves about east, north and up: b / g, b / g, epsilon / (Omega cos L)."""
+    """(3,) limits of the alignment about east, north and up: b / g, b / g, epsilon / (Omega cos L)."""
     alignment: Alignment
     flight: NavigationRecord
 
 
 def inertial_vehicles(scenario: Scenario) -> tuple[Vehicle, ...]:
-    """Return the vehicles of a scenario that navigate by inertia."""
+    """Return the vehicles of a scenario with inertial navigation."""
     return tuple(each for each in scenario.vehicles if isinstance(each.navigation, InertialNavigation))
 
 
 def experiment(scenario: Scenario, vehicle: Vehicle) -> Experiment:
-    """Align, then fly: from t = 0 to the scenario's duration or the path's end, whichever is first; a second at least.
+    """Align, then fly from t = 0 to the scenario's duration or the path's end, whichever is first, but at least 1 s.
 
     Raises:
-        DivergedError: the flight is longer than inertia alone can compute.
+        DivergedError: without aids, the computed height diverged during so long a flight.
     """
     keys = vehicle.navigation
     assert isinstance(keys, InertialNavigation)

@@ -1,4 +1,4 @@
-"""The experiment's figures: alignment, errors of navigation, and the way that was flown beside the computed one."""
+"""The experiment's figures: alignment, navigation errors, and the true and the computed track."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def _grid(figure: Figure, rows: int, columns: int) -> list[list[Axes]]:
 
 
 def _alignment(done: Experiment) -> Figure:
-    """Draw the misalignment and its standard deviation on logarithmic axes, with what can't be aligned away."""
+    """Draw the misalignment, its standard deviation and the alignment's limits on logarithmic axes."""
     figure, aligned = _figure(6.5), done.alignment
     labels = ("about east, arcsec", "about north, arcsec", "heading, arcmin")
     limits = done.limit_rad / UNITS
@@ -72,7 +72,7 @@ def _alignment(done: Experiment) -> Figure:
 
 
 def _navigation(done: Experiment) -> Figure:
-    """Draw the errors of place, velocity and attitude within plus and minus one standard deviation."""
+    """Draw the errors of position, velocity and attitude, with plus and minus one standard deviation."""
     figure, flight = _figure(13.0), done.flight
     labels = (
         ("east, m", "north, m", "up, m"),
@@ -96,7 +96,7 @@ def _navigation(done: Experiment) -> Figure:
 
 
 def _track(done: Experiment) -> Figure:
-    """Draw the way that was flown and the one that was computed: from above, and its height."""
+    """Draw the true and the computed track: plan view, and height over time."""
     figure, flight = _figure(8.0), done.flight
     lat_rad, lon_rad, height_m = flight.place.T
     meridian_m, across_m = radii_m(float(lat_rad[0]))

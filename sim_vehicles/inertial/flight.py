@@ -1,4 +1,4 @@
-"""An inertial navigator's flight: free, or held by an aid, beside the truth."""
+"""An inertial navigator's flight, free or aided, compared with the truth."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ from sim_vehicles.inertial.strapdown import Strapdown
 from sim_vehicles.inertial.trajectory import Increments, NavigationState, Trajectory
 
 STEP_S: Final = 0.1
-"""Of the covariance, and the grid that aids measure on."""
+"""Step of the covariance propagation, and of the grid on which aids measure."""
 EACH: Final = 10
-"""Steps from one row of the record to the next."""
+"""Steps between two rows of the record."""
 BLOCK_STEPS: Final = 200
 FARTHEST_M: Final = 1e6
-"""The gravity of a height beyond has no meaning."""
+"""Gravity has no meaning at heights beyond."""
 
 
 @dataclass(frozen=True)
 class Start:
-    """What a flight starts with: a state, and what is known of its errors."""
+    """The start of a flight: a state, and what is known of its errors."""
 
     state: NavigationState
     bias: Array
@@ -63,7 +63,7 @@ class NavigationRecord:
 
 
 def exact_start(trajectory: Trajectory, sensors: InertialSensors) -> Start:
-    """Return the true state at the start of a flight; the biases are unknown."""
+    """Return the true state at the start of a flight, with unknown biases."""
     sigmas = np.zeros(SIZE)
     sigmas[ACCEL_BIAS], sigmas[GYRO_BIAS] = sensors.accel_bias_sigma, sensors.gyro_bias_sigma
     return Start(trajectory.state(np.array(0.0)), np.zeros(6), np.diag(sigmas**2))
@@ -77,12 +77,12 @@ def navigate(
     rate_hz: float,
     random: np.random.Generator,
 ) -> NavigationRecord:
-    """Navigate along a trajectory, with sensors that give `rate_hz` increments a second: an even number a step.
+    """Navigate along a trajectory, with sensors that give `rate_hz` increments a second, an even number per step.
 
-    The trajectory takes a second or more.
+    The trajectory must last a second or more.
 
     Raises:
-        DivergedError: the computed height is nowhere near the Earth any more.
+        DivergedError: the computed height is beyond `FARTHEST_M`.
     """
     steps = math.floor(trajectory.duration_s / STEP_S + 1e-9)
     times_s = STEP_S * np.arange(1, steps + 1, dtype=np.float64)
@@ -104,7 +104,7 @@ def navigate(
 def _samples(
     trajectory: Trajectory, sensors: InertialSensors, steps: int, rate_hz: float, random: np.random.Generator
 ) -> Iterator[Increments]:
-    """Yield each step's samples; a few seconds at once, since whole flights take memory."""
+    """Yield each step's samples, computed in blocks to limit memory."""
     period_s, each = 1.0 / rate_hz, round(rate_hz * STEP_S)
     for first in range(0, steps, BLOCK_STEPS):
         end = min(first + BLOCK_STEPS, steps)
@@ -114,10 +114,10 @@ def _samples(
 
 
 class DivergedError(Exception):
-    """A navigator whose height, which inertia doesn't hold, has left everything behind."""
+    """The computed height diverged: inertial navigation is unstable in the vertical."""
 
     def __init__(self, time_s: float, height_m: float) -> None:
-        """Take when, and the computed height."""
+        """Take the time and the computed height."""
         super().__init__(
             f"by inertia the computed height diverges: {height_m:.3g} m after {time_s:.0f} s; "
             "allowed: a shorter flight, or aiding: baro or gnss"
@@ -125,7 +125,7 @@ class DivergedError(Exception):
 
 
 class _Computer:
-    """A strap-down navigator and the filter of its errors."""
+    """A strap-down navigator with the filter of its errors."""
 
     def __init__(self, start: Start, sensors: InertialSensors, aid: Aid | None, random: np.random.Generator) -> None:
         self._navigator = Strapdown.at(start.state)
@@ -154,7 +154,7 @@ class _Computer:
         )
 
     def go_on(self, samples: Increments, period_s: float, true: NavigationState) -> None:
-        """Take a step's samples, and what the aid measures at its end."""
+        """Process a step's samples, and the aid's measurement at its end if one is due."""
         navigator = self._navigator
         navigator.run(samples, period_s)
         state = navigator.state()

@@ -1,4 +1,4 @@
-"""Inertial sensors' grades, and what they make of ideal increments."""
+"""Inertial sensors: their errors, applied to ideal increments."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ class InertialSensors:
     accel_bias_mps2: tuple[float, float, float]
     gyro_bias_radps: tuple[float, float, float]
     accel_noise: float
-    """Root of the white noise's density, (m/s²)/sqrt(Hz): velocity random walk in m/s a root second."""
+    """Square root of the white noise's density, (m/s²)/sqrt(Hz): the velocity random walk, m/s per root second."""
     gyro_noise: float
-    """Likewise (rad/s)/sqrt(Hz): angle random walk."""
+    """Likewise, (rad/s)/sqrt(Hz): the angle random walk."""
 
     @property
     def accel_bias_sigma(self) -> float:
-        """What a filter takes for the biases' standard deviation: their root mean square, m/s²."""
+        """The standard deviation of a bias that filters assume: the biases' root mean square, m/s²."""
         return math.sqrt(sum(each**2 for each in self.accel_bias_mps2) / 3.0)
 
     @property
@@ -35,7 +35,7 @@ class InertialSensors:
 
 
 def measured(ideal: Increments, sensors: InertialSensors, period_s: float, random: np.random.Generator) -> Increments:
-    """Return what sensors give where ideal ones gave `ideal` for intervals of `period_s`."""
+    """Return the increments that these sensors measure instead of `ideal`, over intervals of `period_s`."""
     shape, root_s = ideal.angle_rad.shape, math.sqrt(period_s)
     angle = np.multiply(sensors.gyro_bias_radps, period_s) + sensors.gyro_noise * root_s * random.standard_normal(shape)
     change = np.multiply(sensors.accel_bias_mps2, period_s) + sensors.accel_noise * root_s * random.standard_normal(

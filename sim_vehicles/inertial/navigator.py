@@ -1,7 +1,7 @@
-"""What an emulated vehicle that navigates by inertia tells: its true motion, and errors by the linear model.
+"""Telemetry of an emulated vehicle with inertial navigation: its true motion plus errors by the linear model.
 
-The whole strap-down computation would give the same to first order in the errors (`flight.navigate` does it); here the
-errors themselves go on, and a filter that knows their covariance takes off what an aid shows of them.
+The full strap-down computation (`flight.navigate`) would give the same to first order in the errors. Here the errors
+themselves are propagated, and a filter with their covariance corrects them by the aid's measurements.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ RATE_HZ: Final = 10
 
 
 class InertialNavigator:
-    """One vehicle's errors; those of a sample stay until the next one's instant, whoever asks and however often."""
+    """One vehicle's navigation errors. They stay the same until the next sample, however often they are read."""
 
     def __init__(
         self, keys: InertialConfig, origin: GeodeticOrigin, heading_rad: float, vehicle: VehicleId, seed: int
     ) -> None:
-        """Begin at boot, with a heading; `origin` is what motions are counted from."""
+        """Begin at boot with a heading; `origin` is the origin of motions."""
         self._origin, self._aid = origin, keys.aid
         self._random = sensor_random(seed, vehicle)
         self._density = noise_density(keys.sensors)
@@ -51,7 +51,7 @@ class InertialNavigator:
         self._velocity: Array | None = None
 
     def sense(self, true: Motion, now: Instant) -> Motion:
-        """Return the motion with the errors of the sample that is the newest `now`."""
+        """Return the motion with the errors of the newest sample at `now`."""
         while self._samples <= now * RATE_HZ // NANOSECONDS:
             self._go_on(true)
         east, north, up, v_east, v_north, v_up = self._errors[:6].tolist()
@@ -99,7 +99,7 @@ class InertialNavigator:
 def _start(
     keys: InertialConfig, place: GeodeticOrigin, heading_rad: float, random: np.random.Generator
 ) -> tuple[Array, Array]:
-    """Return the covariance (15, 15) that a flight begins with, and the errors (15,)."""
+    """Return the covariance (15, 15) and the errors (15,) at the start of a flight."""
     sensors = keys.sensors
     if keys.aligned_s is None:
         sigmas, errors = np.zeros(SIZE), np.zeros(SIZE)

@@ -27,7 +27,7 @@ LENGTHS: Final = tuple(f"{axis}_{unit}" for unit in ("m", "mps") for axis in ("e
 
 
 def write(directory: Path, done: Experiment) -> None:
-    """Write everything, in place of an earlier experiment's.
+    """Write all files, replacing those of an earlier experiment.
 
     Raises:
         OSError: the directory can't be written.
@@ -50,7 +50,7 @@ def _alignment(done: Experiment) -> dict[str, Array]:
 
 
 def _flight(done: Experiment) -> dict[str, Array]:
-    """Return true places, and errors and standard deviations of place, velocity and attitude."""
+    """Return true positions, and errors and standard deviations of position, velocity and attitude."""
     flight, names = done.flight, (*LENGTHS, *ANGLES)
     lat_rad, lon_rad, height_m = flight.place.T
     place = {"true_lat_deg": np.degrees(lat_rad), "true_lon_deg": np.degrees(lon_rad), "true_height_m": height_m}

@@ -1,7 +1,7 @@
-"""Rotations: matrices for many samples at once, quaternions in plain floats for one at a time.
+"""Rotations: matrices for arrays of samples, quaternions of plain floats for single ones.
 
-Angles: heading clockwise from north, pitch upwards, bank to the right. A matrix turns body components (right, forward,
-up) into navigation components (east, north, up).
+Angles: heading clockwise from north, pitch upwards, bank to the right. A matrix rotates body components (right,
+forward, up) into navigation components (east, north, up).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from formation_scenario.arrays import Array
 
 Vector: TypeAlias = tuple[float, float, float]
 Quaternion: TypeAlias = tuple[float, float, float, float]
-"""Scalar first; turns body components into navigation components."""
+"""Scalar first; rotates body components into navigation components."""
 
 
 def attitude(heading_rad: Array, pitch_rad: Array, bank_rad: Array) -> Array:
@@ -87,7 +87,7 @@ def of_vector(rotation: Vector) -> Quaternion:
 
 
 def product(a: Quaternion, b: Quaternion) -> Quaternion:
-    """Return the quaternion of b's rotation, then a's."""
+    """Return the quaternion of the rotation b followed by a."""
     aw, ax, ay, az = a
     bw, bx, by, bz = b
     return (

@@ -30,7 +30,7 @@ TWO_THIRDS = 2.0 / 3.0
 
 
 class Strapdown:
-    """A navigation computer: starts from a state and goes on by pairs of increments."""
+    """A navigation computer that starts from a state and integrates pairs of increments."""
 
     def __init__(self, lat_rad: float, lon_rad: float, height_m: float, velocity: Vector, attitude: Quaternion) -> None:
         """Start; `velocity` is east, north and up in m/s."""
@@ -42,19 +42,19 @@ class Strapdown:
 
     @classmethod
     def at(cls, state: NavigationState) -> Self:
-        """Start from a state of one instant."""
+        """Return one that starts from a state of a single instant."""
         east, north, up = state.velocity_mps.tolist()
         place = float(state.lat_rad), float(state.lon_rad), float(state.height_m)
         return cls(*place, (east, north, up), to_quaternion(state.attitude))
 
     def run(self, samples: Increments, period_s: float) -> None:
-        """Go on by an even number of samples of `period_s` each."""
+        """Integrate an even number of samples of `period_s` each."""
         angles, changes = (cast("list[Vector]", part.tolist()) for part in samples)
         for i in range(0, len(angles), 2):
             self.advance((angles[i], angles[i + 1]), (changes[i], changes[i + 1]), 2.0 * period_s)
 
     def advance(self, angles: tuple[Vector, Vector], changes: tuple[Vector, Vector], period_s: float) -> None:
-        """Go on by two successive intervals of `period_s` / 2 each: increments of angle in rad and velocity in m/s."""
+        """Integrate two successive intervals of `period_s` / 2 each: increments of angle, rad, and velocity, m/s."""
         half_s = period_s / 2.0
         first, second = (_less(each, self._gyro_bias, half_s) for each in angles)
         push, more = (_less(each, self._accel_bias, half_s) for each in changes)
@@ -97,7 +97,7 @@ class Strapdown:
         self._gyro_bias = x, y, z
 
     def state(self) -> NavigationState:
-        """Return where it takes itself to be."""
+        """Return the computed state."""
         lat_rad, lon_rad, height_m = (np.array(each) for each in (self.lat_rad, self.lon_rad, self.height_m))
         return NavigationState(lat_rad, lon_rad, height_m, np.array(self.velocity), to_matrix(self.attitude))
 
@@ -110,7 +110,7 @@ class Strapdown:
         return earth, (-velocity[1] / (meridian_m + self.height_m), eastward, eastward * sine / cosine)
 
     def _gained(self, first: Vector, second: Vector, push: Vector, more: Vector, rotation: Vector) -> Vector:
-        """Return the velocity gained by specific force, in the middle of the frame's own turn."""
+        """Return the velocity gained by specific force, in the navigation frame midway through its own rotation."""
         whole, angle = _sum(push, more, 1.0), _sum(first, second, 1.0)
         turning = cross(angle, whole)
         sculling = _sum(cross(first, more), cross(push, second), 1.0)

@@ -1,7 +1,7 @@
 """True motion, and what ideal inertial sensors measure along it, both from the same splines.
 
-Source: Groves (2013), sections 2.2 and 5.3 to 5.5 turned round: specific force and angular rate from the derivatives of
-place and attitude.
+Source: Groves (2013), sections 2.2 and 5.3 to 5.5, inverted: specific force and angular rate from the derivatives of
+position and attitude.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from sim_vehicles.inertial.earth import RATE_RADPS, gravity_mps2, radii_m
 from sim_vehicles.inertial.rotation import attitude
 
 KNOT_S = 1.0
-"""Between the splines' knots. They are of fifth degree: rates and forces change smoothly, and so can be integrated."""
+"""Spacing of the splines' knots. They have degree 5, so that rates and forces are smooth enough to integrate."""
 DEGREE = 5
 GAUSS_POINTS = 4
 LAT, LON, HEIGHT, HEADING, PITCH, BANK = range(6)
 
 
 class NavigationState(NamedTuple):
-    """Place and motion over the ellipsoid at one instant or many, (...): radians, metres, m/s."""
+    """Position and motion over the ellipsoid at one instant or several, (...): rad, m, m/s."""
 
     lat_rad: Array
     lon_rad: Array
@@ -38,13 +38,13 @@ class NavigationState(NamedTuple):
 
 
 class Increments(NamedTuple):
-    """What inertial sensors give for N successive intervals: integrals over each, body components, (N, 3)."""
+    """Measurements of inertial sensors: integrals over N successive intervals, body components, (N, 3)."""
 
     angle_rad: Array
     velocity_mps: Array
 
     def part(self, first: int, end: int) -> Increments:
-        """Return those of the intervals from `first` up to `end`, without it."""
+        """Return the increments of intervals `first` to `end` - 1."""
         return Increments(self.angle_rad[first:end], self.velocity_mps[first:end])
 
 
@@ -52,7 +52,7 @@ class Trajectory:
     """Latitude, longitude, height, heading, pitch and bank as splines of time."""
 
     def __init__(self, times_s: Array, rows: Array, duration_s: float) -> None:
-        """Take the values of the six (N, 6) at N >= 6 equidistant times from 0 on, and how much of it is flown."""
+        """Take the six values (N, 6) at N >= 6 equidistant times from 0 on, and the duration that is flown."""
         self.duration_s = duration_s
         self._first = rows[0].copy()
         # Differences from the start keep the digits that the Earth's radius would cost.
@@ -60,14 +60,14 @@ class Trajectory:
 
     @classmethod
     def at_rest(cls, origin: GeodeticOrigin, heading_rad: float, duration_s: float) -> Self:
-        """Return a level vehicle that stands still at an origin."""
+        """Return a level vehicle at rest at an origin."""
         times_s = _knots(duration_s)
         row = (origin.lat_rad, origin.lon_rad, origin.alt_m, heading_rad, 0.0, 0.0)
         return cls(times_s, np.tile(row, (times_s.size, 1)), duration_s)
 
     @classmethod
     def along(cls, path: SplinePath, speed_mps: float, origin: GeodeticOrigin, duration_s: float) -> Self:
-        """Return the flight along a path at a horizontal speed: nose along the way, banked as its turns take it."""
+        """Return the flight along a path at a horizontal speed, heading along the path in coordinated turns."""
         times_s = _knots(duration_s)
         points = path.at(speed_mps * times_s)
         lat_rad, lon_rad = origin.places(points.north_m, points.east_m)
@@ -86,10 +86,7 @@ class Trajectory:
         return NavigationState(values[..., LAT], values[..., LON], values[..., HEIGHT], velocity, matrices)
 
     def increments(self, period_s: float, first: int, end: int) -> Increments:
-        """Return what ideal sensors give for the intervals of `period_s` from `first` up to `end`, without it.
-
-        By Gauss's quadrature.
-        """
+        """Return increments of ideal sensors over intervals `first` to `end` - 1 of `period_s`, by Gauss quadrature."""
         nodes, weights = np.polynomial.legendre.leggauss(GAUSS_POINTS)
         times_s = (np.arange(first, end)[:, None] + (1.0 + nodes) / 2.0) * period_s
         rate, force = self._sensed(times_s)

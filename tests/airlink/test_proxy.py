@@ -12,7 +12,7 @@ from airlink.clock import Instant, after
 from airlink.endpoint import Address, Endpoint
 from airlink.errors import ImpairmentError, PortError
 from airlink.impairment import UNIMPAIRED, Direction, Impairment
-from airlink.impairment_keys import KEYS, changed, described, obey
+from airlink.impairment_keys import KEYS, apply_line, changed, described
 from airlink.proxy import Proxy
 from airlink.relay import Passage, Relay
 from airlink.udp import open_socket
@@ -114,7 +114,7 @@ def test_each_remotes_datagrams_meet_their_own_numbers_in_both_directions():
 
 def test_a_relay_hands_on_nothing_too_early():
     relay = Relay(1)
-    obey(relay.impairments, "uplink delay-ms 250")
+    apply_line(relay.impairments, "uplink delay-ms 250")
     relay.accept(Passage(0, UP, b"x"), Instant(0))
     assert relay.pop_due(after(Instant(0), 0.2499)) == []
     assert relay.pop_due(after(Instant(0), 0.25)) == [Passage(0, UP, b"x")]
@@ -134,7 +134,7 @@ def test_a_relay_hands_on_nothing_too_early():
 )
 def test_a_line_changes_what_it_names(line, uplink, downlink):
     impairments = dict.fromkeys(Direction, UNIMPAIRED)
-    obey(impairments, line)
+    apply_line(impairments, line)
     assert impairments == {UP: uplink, DOWN: downlink}
 
 
@@ -157,7 +157,7 @@ def test_a_bad_line_changes_nothing_and_is_told_what_is_allowed(line, answer, ca
     assert capsys.readouterr().out.startswith(f"error: {answer}")
     assert relay.impairments == dict.fromkeys(Direction, UNIMPAIRED)
     with pytest.raises(ImpairmentError):
-        obey(relay.impairments, line)
+        apply_line(relay.impairments, line)
 
 
 def test_every_line_is_answered_with_what_is_set(capsys):
