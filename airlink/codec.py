@@ -10,6 +10,7 @@ import math
 import re
 import struct
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from operator import itemgetter
 from typing import Any, TypeVar, get_args
 
@@ -63,7 +64,7 @@ class PayloadCodec:
     def __init__(self, message_class: type[Any]) -> None:
         """Work out from the dialect's layout how each field of `message_class` is converted."""
         self.layout = layout(wire_name(message_class))
-        self._make: Callable[[Any], Message] = message_class._make
+        self._make: Callable[[Any], Message] = partial(tuple.__new__, message_class)
         count = len(message_class._fields)
         self._pick = _pick(self.layout, count)
         self._decoders = _only_some(_decoder(self.layout, place) for place in range(count))

@@ -23,7 +23,7 @@ class Datagram(NamedTuple):
 class Engine(Protocol):
     """A ground station or a fleet of vehicles, driven by `receive` and `handle_timer`.
 
-    After each call the driver takes what `datagrams_to_send` gives and arms one timer at `next_timer`.
+    After the calls of an instant the driver takes what `datagrams_to_send` gives and arms one timer at `next_timer`.
     """
 
     def endpoints(self) -> tuple[Endpoint, ...]:

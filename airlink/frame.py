@@ -29,6 +29,8 @@ _find_marker = re.compile(rb"[\xfd\xfe]").search
 _pack_header_v1 = struct.Struct("<BBBBB").pack
 _pack_header_v2 = struct.Struct("<BBBBBBHB").pack
 _pack_checksum = struct.Struct("<H").pack
+_unpack_header_v1 = struct.Struct("<xBBBBB").unpack_from
+_unpack_header_v2 = struct.Struct("<xBBxBBBHB").unpack_from
 _EXTRA_BYTE = {message_id: bytes([extra]) for message_id, extra in crc_extras().items()}
 _checksum = crc16.mcrf4xx
 
@@ -143,19 +145,23 @@ class StreamParser:
 
     def _accept(self, raw: bytes, *, counted: bool) -> Frame | None:
         """Return the frame, None when it's refused; `counted` unless that lies inside another candidate."""
-        version, message_id, header = _identify(raw)
+        if raw[0] == MARKER_V2:
+            length, flags, sequence, system, component, low, high = _unpack_header_v2(raw)
+            version, header, message_id = 2, HEADER_V2, low | high << 16
+        else:
+            length, sequence, system, component, message_id = _unpack_header_v1(raw)
+            version, header, flags = 1, HEADER_V1, 0
         extra = _EXTRA_BYTE.get(message_id)
-        end = header + raw[1]
+        end = header + length
         if extra is None:
             self.counts.unknown_messages += counted
         elif _checksum(raw[1:end] + extra) != raw[end] | raw[end + 1] << 8:
             self.counts.bad_checksums += counted
-        elif version == 2 and raw[2] & ~SIGNED_FLAG:
+        elif flags & ~SIGNED_FLAG:
             self.counts.incompatible += counted
         else:
             codec = CODEC_OF_ID.get(message_id)
             message = codec.decode(raw[header:end]) if codec else None
-            sequence, system, component = raw[4:7] if version == 2 else raw[2:5]
             return Frame(system, component, sequence, message_id, version, message, raw)
         return None
 
@@ -173,13 +179,6 @@ def frame_length(data: bytes, offset: int) -> int:
             return HEADER_V1 + CHECKSUM
         return HEADER_V1 + data[offset + 1] + CHECKSUM
     return 0
-
-
-def _identify(raw: bytes) -> tuple[Literal[1, 2], int, int]:
-    """Return the protocol version, the message id and the header's length of a whole frame."""
-    if raw[0] == MARKER_V2:
-        return 2, raw[7] | raw[8] << 8 | raw[9] << 16, HEADER_V2
-    return 1, raw[5], HEADER_V1
 
 
 def first_system(data: bytes) -> int | None:

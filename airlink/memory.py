@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
 
 from airlink.clock import Instant, VirtualClock
@@ -23,9 +22,12 @@ class MemoryNetwork:
         """Run everything under `clock`."""
         self.clock = clock
         self._engines: list[Engine] = []
-        self._addresses: list[list[Address]] = []
+        self._sources: list[list[Address]] = []
+        """Where the other end sees the datagrams of an engine's sockets come from."""
         self._listeners: dict[Address, tuple[int, int]] = {}
-        self._in_flight: deque[tuple[int, Datagram]] = deque()
+        self._listeners_anywhere: dict[int, tuple[int, int]] = {}
+        """By port: those that listen at every address of the machine."""
+        self._in_flight: list[tuple[int, Datagram]] = []
         self._next_port = FIRST_EPHEMERAL_PORT
 
     def attach(self, engine: Engine) -> None:
@@ -35,15 +37,17 @@ class MemoryNetwork:
             PortError: two engines want the same address.
         """
         index = len(self._engines)
-        addresses: list[Address] = []
+        sources: list[Address] = []
         for socket, endpoint in enumerate(engine.endpoints()):
             address = endpoint.address if endpoint.kind == "udpin" else self._ephemeral()
             if self._is_taken(address):
                 raise PortError(f"cannot listen at {endpoint}: {address} is taken by another engine")
             self._listeners[address] = (index, socket)
-            addresses.append(address)
+            if address.host == ANY_HOST:
+                self._listeners_anywhere[address.port] = (index, socket)
+            sources.append(_source(address))
         self._engines.append(engine)
-        self._addresses.append(addresses)
+        self._sources.append(sources)
         self._collect(index)
 
     def run(self, until: Callable[[], bool]) -> None:
@@ -61,18 +65,21 @@ class MemoryNetwork:
             self._deliver(self.clock.now())
 
     def _deliver(self, now: Instant) -> None:
+        """Deliver what is under way, then what was sent on receiving that, and so on."""
         while self._in_flight:
-            index, datagram = self._in_flight.popleft()
-            self._engines[index].receive(datagram, now)
-            self._collect(index)
+            arrived, self._in_flight = self._in_flight, []
+            for index, datagram in arrived:
+                self._engines[index].receive(datagram, now)
+            for index in range(len(self._engines)):
+                self._collect(index)
 
     def _collect(self, sender: int) -> None:
+        sources = self._sources[sender]
         for socket, peer, data in self._engines[sender].datagrams_to_send():
-            target = self._listeners.get(peer) or self._listeners.get(Address(ANY_HOST, peer.port))
+            target = self._listeners.get(peer) or self._listeners_anywhere.get(peer.port)
             if target is not None:
                 index, target_socket = target
-                source = _source(self._addresses[sender][socket])
-                self._in_flight.append((index, Datagram(target_socket, source, data)))
+                self._in_flight.append((index, Datagram(target_socket, sources[socket], data)))
 
     def _is_taken(self, address: Address) -> bool:
         """Return whether an address is in use; a socket on all interfaces uses its port on each of them."""

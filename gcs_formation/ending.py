@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 from airlink.clock import Instant
 from airlink.identity import VehicleId
@@ -37,7 +36,7 @@ class Ending:
         if manner == "land":
             floor_m = max(floor_m, lowest_circle_m(vehicles))
         if manner != "loiter":  # they meet at home, wherever they are now
-            places = {i: replace(place, north_m=0.0, east_m=0.0) if place else None for i, place in places.items()}
+            places = {i: place._replace(north_m=0.0, east_m=0.0) if place else None for i, place in places.items()}
         self._heights_m = loiter_heights({identity: place for identity, place in places.items() if place}, floor_m)
         self._manner: End = manner
         self.landings = Landings(lambda: why_not(vehicles, ground) if ground else None)
@@ -87,7 +86,7 @@ def _place(vehicle: Vehicle) -> Motion | None:
     motion = vehicle.telemetry.motion
     if motion is None or not vehicle.autopilot.climbs_out(vehicle.telemetry):
         return motion
-    return replace(motion, height_m=motion.height_m - motion.above_home_m + vehicle.autopilot.take_off_m)
+    return motion._replace(height_m=motion.height_m - motion.above_home_m + vehicle.autopilot.take_off_m)
 
 
 def _keep_down(vehicle: Vehicle, now: Instant) -> None:

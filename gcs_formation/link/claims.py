@@ -58,6 +58,9 @@ class Ruling(NamedTuple):
     finding: Finding | None = None
 
 
+ADMITTED, REFUSED = Ruling(True), Ruling(False)
+
+
 @dataclass
 class Rival:
     """Somebody else who speaks under the same id."""
@@ -94,7 +97,7 @@ class Claims:
             return Ruling(False, self._rival(remote, evidence, now))
         if evidence is Evidence.GOES_ON or not self._clock.samples:
             self._agreed = now
-        return Ruling(True)
+        return ADMITTED
 
     def believes(self, vehicle_time_s: float, now: Instant) -> bool:
         """Whether an answer to a probe is of the vehicle's clock, or of one that it may have by now."""
@@ -118,7 +121,7 @@ class Claims:
         refuted = remote in self._rivals and self._rivals[remote].refuted
         clockless = heartbeat and not refuted and (state is LinkState.LOST or not self._clock.samples)
         if evidence is Evidence.NONE and not clockless:
-            return Ruling(False)
+            return REFUSED
         return Ruling(True, self._move(remote, evidence, now))
 
     def _move(self, remote: Remote, evidence: Evidence, now: Instant) -> Finding:

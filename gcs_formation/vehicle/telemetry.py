@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from airlink import mavlink as m
 from airlink.geodesy import GeodeticOrigin
@@ -18,10 +19,10 @@ ANGLE_LIMIT_RAD = 2 * math.pi
 TURN_LIMIT_RPS = 50.0
 ALTITUDE_LIMIT_M = 100e3
 """What is beyond these isn't an aircraft's state, however finite."""
+WITHOUT_HEADING = GlobalPositionInt._fields.index("hdg_rad")
 
 
-@dataclass(frozen=True)
-class Motion:
+class Motion(NamedTuple):
     """Position and motion at one stamp of the vehicle's clock: NED from the origin, height upwards."""
 
     stamp_s: float
@@ -119,10 +120,9 @@ class Telemetry:
 
 def _is_position(message: GlobalPositionInt) -> bool:
     """Whether it's a place on Earth, or in its air."""
-    kept = message[: GlobalPositionInt._fields.index("hdg_rad")]
-    heights = message.alt_m, message.relative_alt_m
     on_earth = abs(message.lat_rad) < math.pi / 2 and abs(message.lon_rad) <= math.pi
-    return all(map(math.isfinite, kept)) and on_earth and all(abs(height) <= ALTITUDE_LIMIT_M for height in heights)
+    in_air = abs(message.alt_m) <= ALTITUDE_LIMIT_M and abs(message.relative_alt_m) <= ALTITUDE_LIMIT_M
+    return on_earth and in_air and all(map(math.isfinite, message[:WITHOUT_HEADING]))
 
 
 def _is_attitude(message: Attitude) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import astuple
 
 import pytest
 from hypothesis import given
@@ -21,7 +20,7 @@ ANYTHING = st.floats(allow_nan=True, allow_infinity=True)
 def test_whatever_a_position_message_holds_only_finite_motion_is_kept(fields):
     telemetry = Telemetry(ORIGIN)
     telemetry.take(GlobalPositionInt(*fields))
-    assert telemetry.motion is None or all(map(math.isfinite, astuple(telemetry.motion)))
+    assert telemetry.motion is None or all(map(math.isfinite, telemetry.motion))
 
 
 @given(st.tuples(*(ANYTHING,) * 7))
