@@ -133,21 +133,21 @@ def step(state: State, command: Command, parameters: Parameters, drift_mps: Arra
     rate_max = np.minimum(parameters.rate_max, command.rate_max)
     along = air_motion + (error - _left(error, rate_max, parameters))
     speed, heading = along[:, 0], along[:, 1]
-    north_mps = SIMPSON @ (speed * np.cos(heading)) + drift_mps[0]
-    east_mps = SIMPSON @ (speed * np.sin(heading)) + drift_mps[1]
-    height_m, climb_mps = _height(state, command.height_m, parameters)
-    way = np.array((north_mps, east_mps, -drift_mps[2])) * parameters.dt_s
-    start = np.array((state.north_m, state.east_m, height_m))
-    return State(np.concatenate((start + way, climb_mps[None], along[2])))
+    table = np.empty_like(state.table)
+    table[0] = SIMPSON.dot(speed * np.cos(heading)) + drift_mps[0]
+    table[1] = SIMPSON.dot(speed * np.sin(heading)) + drift_mps[1]
+    table[:2] *= parameters.dt_s
+    table[:2] += state.table[:2]
+    height_m, table[3] = _height(state, command.height_m, parameters)
+    table[2] = height_m - drift_mps[2] * parameters.dt_s
+    table[4:] = along[2]
+    return State(table)
 
 
 def ground_velocity(state: State, drift_mps: Array) -> Array:
     """Return (3, N) north, east and down in m/s."""
-    velocity = drift_mps.copy()
-    velocity[0] += state.airspeed_mps * np.cos(state.heading_rad)
-    velocity[1] += state.airspeed_mps * np.sin(state.heading_rad)
-    velocity[2] -= state.climb_mps
-    return velocity
+    climb_mps, airspeed_mps, heading_rad = state.table[3:]
+    return drift_mps + np.array((airspeed_mps * np.cos(heading_rad), airspeed_mps * np.sin(heading_rad), -climb_mps))
 
 
 def lag(error: Array, rate_max: Array, tau_s: Array, time_s: Array) -> Array:
@@ -159,7 +159,7 @@ def lag(error: Array, rate_max: Array, tau_s: Array, time_s: Array) -> Array:
 
 def _left(error: Array, rate_max: Array, parameters: Parameters) -> Array:
     """Return what is left of errors of air motion (2, N) at `SHARES` of a step, (3, 2, N)."""
-    if (np.abs(error) <= rate_max * parameters.tau_s).all():
+    if np.count_nonzero(np.abs(error) <= rate_max * parameters.tau_s) == error.size:
         return error * parameters.left.air_motion
     return lag(error, rate_max, parameters.tau_s, SHARES * parameters.dt_s)
 

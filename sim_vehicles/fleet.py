@@ -92,12 +92,12 @@ class Fleet:
         """Move all vehicles by one cycle; those that stand on the ground stay there."""
         self.drift_mps = self.environment.velocity_mps * self.steering.airborne
         before = self.state
-        if self.steering.stopped.all() and (before.airspeed_mps < STANDING_MPS).all():
+        if not np.count_nonzero(~self.steering.stopped) and (before.airspeed_mps < STANDING_MPS).all():
             return
         command = self.steering.commands(before, self._parameters, self.drift_mps)
         self.state = step(before, command, self._parameters, self.drift_mps)
         below = self.state.height_m < 0.0
-        if below.any():
+        if np.count_nonzero(below):
             self.state.table[2:4, below] = 0.0
         self.turn_rate_radps = (self.state.heading_rad - before.heading_rad) / LOOP_S
         self.motions = self._motions(command)

@@ -24,8 +24,9 @@ class Steering:
         """Start with all vehicles at rest."""
         count = len(models)
         self.kind = np.zeros(count, dtype=np.int8)
-        self.speed_mps: Array = np.zeros(count)
-        self.direction_rad: Array = np.zeros(count)
+        self._told = np.zeros((2, count))
+        self.speed_mps: Array = self._told[0]
+        self.direction_rad: Array = self._told[1]
         self.height_m: Array = np.zeros(count)
         self.accel_mps2: Array = np.full(count, np.inf)
         self.lateral_mps2: Array = np.full(count, np.inf)
@@ -39,19 +40,20 @@ class Steering:
 
     def commands(self, state: State, parameters: Parameters, drift_mps: Array) -> Command:
         """Return the model's commands for this cycle; vehicles on the ground stay there."""
-        heading = self.direction_rad
-        if self.kind.any():
-            heading = np.where(self.kind == CIRCLE, self._round(state, parameters), heading)
-            heading = np.where(self.kind == HEADING, heading, heading - _crab(heading, state, drift_mps))
-        speed = np.minimum(np.maximum(self.speed_mps, self._speed_min_mps), self._speed_max_mps)
+        air_motion = self._told.copy()
+        speed, heading = air_motion
+        if np.count_nonzero(self.kind):
+            heading[:] = np.where(self.kind == CIRCLE, self._round(state, parameters), heading)
+            heading[:] = np.where(self.kind == HEADING, heading, heading - _crab(heading, state, drift_mps))
+        np.minimum(np.maximum(speed, self._speed_min_mps), self._speed_max_mps, out=speed)
         height_m = self.height_m
-        if self.stopped.any():
-            speed = np.where(self.stopped, 0.0, speed)
-            heading = np.where(self.stopped, state.heading_rad, heading)
-        if not self.airborne.all():
+        if np.count_nonzero(self.stopped):
+            speed[self.stopped] = 0.0
+            heading[self.stopped] = state.heading_rad[self.stopped]
+        if np.count_nonzero(self.airborne) < self.airborne.size:
             height_m = np.where(self.airborne, height_m, state.height_m)
         turn_rate = self.lateral_mps2 / np.maximum(state.airspeed_mps, LEAST_SPEED_MPS)
-        return Command(np.array((speed, heading)), np.array((self.accel_mps2, turn_rate)), height_m)
+        return Command(air_motion, np.array((self.accel_mps2, turn_rate)), height_m)
 
     def _round(self, state: State, parameters: Parameters) -> Array:
         """Return the courses (N,) that lead onto the clockwise circles and along them."""
