@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from airlink.cli.garbage import look_seldom
 from airlink.cli.interruption import end_quietly
 
 
 def main() -> None:
     """Run the command line."""
     end_quietly()
+    look_seldom()
     from sim_vehicles.cli import main as cli  # noqa: PLC0415 - Ctrl-C ends its import too
 
     cli()

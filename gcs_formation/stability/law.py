@@ -46,7 +46,8 @@ def law_margins(scenario: Scenario) -> LawMargins:
 
 def scenario_delay_margin(scenario: Scenario) -> float:
     """Return the delay margin, s, of the loop that has the least, at the small-signal gains."""
-    return min(law_margins(scenario).small_signal.values())
+    loops = {loop for axes in law_loops(scenario).values() for of_axis in axes.values() for loop in of_axis}
+    return min((delay_margin(loop.open_loop()) for loop in loops), default=math.inf)
 
 
 def law_loops(scenario: Scenario, *, succession: bool = False) -> Mapping[VehicleId, Mapping[str, tuple[Loop, ...]]]:
