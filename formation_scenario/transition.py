@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -34,9 +35,14 @@ class Transition:
     def at(self, time_s: float) -> SlotMotion:
         """Return the slots (N, 3) at a time."""
         if time_s >= self.at_s + self.duration_s:
-            return SlotMotion.at_rest(self.goal_m)
+            return self._over
         sample = self.sample(np.array([max(time_s - self.at_s, 0.0)]))
         return SlotMotion(sample.position_m[0], sample.velocity_mps[0], sample.acceleration_mps2[0])
+
+    @cached_property
+    def _over(self) -> SlotMotion:
+        """The slots (N, 3) once it's over."""
+        return SlotMotion.at_rest(self.goal_m)
 
     def seen_from(self, leader: int, swing_rad: float = 0.0) -> Transition:
         """Return the same way as another leader sees it, its heading `swing_rad` clockwise of the last one's.
@@ -46,7 +52,7 @@ class Transition:
         return replace(
             self,
             start=self.start.seen_from(leader, swing_rad),
-            goal_m=SlotMotion.at_rest(self.goal_m).seen_from(leader, swing_rad).position_m,
+            goal_m=self._over.seen_from(leader, swing_rad).position_m,
             lift_m=self.lift_m - self.lift_m[leader],
         )
 

@@ -13,7 +13,7 @@ from airlink.clock import NANOSECONDS, Instant, after
 from formation_scenario import Scenario
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation import parameters
-from gcs_formation.arrays import Array, Instants, Mask, or_zero
+from gcs_formation.arrays import Array, Instants, Mask, all_of, or_zero
 from gcs_formation.control import envelope
 from gcs_formation.control.mixer import rotate_to
 from gcs_formation.control.situation import Decision, Lead, Situation
@@ -62,7 +62,7 @@ class FormationController:
         self.separation = SeparationKeeper(scenario, self._history, self._model)
         self._in_slots_s = 0.0
         self._leader_told_rad = math.nan
-        self._leader_wind_mps = np.full(2, np.nan)
+        self._leader_wind_mps: list[float] = []
         self.last_tick: Tick | None = None
         """The last one at which there was a leader to follow."""
         self.bandwidth: Array = np.ones((self._columns, CHANNELS))
@@ -193,10 +193,10 @@ class FormationController:
         leading = np.array([tick.leader])
         state, model = states.of(leading, leading), self._model.take(leading)
         tick.state.fill(leading, state)
-        wind_mps = self._slow_wind(float(state.wind_north_mps[0]), float(state.wind_east_mps[0]))
-        motion = Motion(*(float(getattr(state, name)[0]) for name in _MOTION), *wind_mps)
+        north_m, east_m, height_m, _, airspeed_mps, heading_rad, *wind_mps = state.table[:, 0].tolist()
+        motion = Motion(north_m, east_m, airspeed_mps, heading_rad, *self._slow_wind(wind_mps))
         lags = Lags(float(model.tau_psi_s[0]), float(model.tau_ha_s[0]), float(model.tau_hb_s[0]))
-        wanted = self.guidance.steer(motion, float(state.height_m[0]), lags, assembled=self.assembled)
+        wanted = self.guidance.steer(motion, height_m, lags, assembled=self.assembled)
         columns = Setpoints.of(np.array(wanted)[:, None])
         told = envelope.limit(columns, columns.heading_rad, state, model)
         tick.setpoints.fill(leading, told)
@@ -207,11 +207,11 @@ class FormationController:
             tick.leader, Instant(int(states.instants(leading)[0])), told, turn_rps, self.guidance.heading(motion)
         )
 
-    def _slow_wind(self, north_mps: float, east_mps: float) -> list[float]:
-        seen, kept = np.array((north_mps, east_mps)), math.exp(-LEADER_WIND_RADPS * self._dt_s)
-        before = np.where(np.isnan(self._leader_wind_mps), seen, self._leader_wind_mps)
-        self._leader_wind_mps = kept * before + (1 - kept) * seen
-        return self._leader_wind_mps.tolist()
+    def _slow_wind(self, seen_mps: list[float]) -> list[float]:
+        kept, before_mps = math.exp(-LEADER_WIND_RADPS * self._dt_s), self._leader_wind_mps or seen_mps
+        each = zip(before_mps, seen_mps, strict=True)
+        self._leader_wind_mps = [kept * before + (1 - kept) * seen for before, seen in each]
+        return self._leader_wind_mps
 
     def _over_ground(self, tick: Tick, states: States, lead: Lead) -> tuple[SlotMotion, Array]:
         """Return the slots for when setpoints act, clear of the ground, and where they are commanded to be now."""
@@ -246,7 +246,4 @@ class FormationController:
     def _judge_assembly(self, tick: Tick) -> None:
         within = np.abs(tick.error_m) < self._scenario.start.tolerance_m
         within[tick.leader] = True
-        self._in_slots_s = self._in_slots_s + self._dt_s if within.all() else 0.0
-
-
-_MOTION = ("north_m", "east_m", "airspeed_mps", "heading_rad")
+        self._in_slots_s = self._in_slots_s + self._dt_s if all_of(within) else 0.0

@@ -18,7 +18,7 @@ from formation_scenario.path import PathPoint
 from formation_scenario.reconfiguration import ahead, column_names, plan_change, take_over
 from formation_scenario.slot_motion import SlotMotion
 from formation_scenario.transition_plan import NotFlyableError
-from gcs_formation.arrays import Array, Mask
+from gcs_formation.arrays import Array, Mask, any_of
 from gcs_formation.controller import FormationController
 from gcs_formation.formation.plan import Proposal
 from gcs_formation.guidance.tracking import Motion, project
@@ -71,7 +71,7 @@ class Reconfiguration:
         plan = self._controller.plan
         if plan.scheduled and mission_time_s >= plan.scheduled[0].at_s:
             self._want((self._wanted or plan.arrangement).changed(plan.scheduled.popleft(), self._scenario), now)
-        if self._wanted is None and self._returned().any():
+        if self._wanted is None and any_of(self._returned()):
             self._want(plan.arrangement, now)
         if self._wanted is None or now < self._next_try:
             return
@@ -219,8 +219,7 @@ class Reconfiguration:
         """Return who is there, (C,): the leader, and whoever flies in the formation."""
         there = np.zeros(len(self._names), dtype=np.bool_)
         there[self._controller.plan.leader] = True
-        for column, vehicle in self._by_column.items():
-            there[column] |= vehicle.member is Member.FLYING
+        there[[column for column, vehicle in self._by_column.items() if vehicle.member is Member.FLYING]] = True
         return there
 
     def _leads_well(self, column: int, now: Instant) -> bool:

@@ -69,6 +69,7 @@ class Station:
         self._recorder, self._receiver = recorder, Receiver()
         self._endpoints, self.networks, self.vehicles = planned(scenario)
         self._columns = {vehicle.vehicle_id: i for i, vehicle in enumerate(columns(scenario)) if vehicle is not None}
+        self._planned_leader = scenario.leader.vehicle_id if scenario.leader else None
         self.roster = Roster(scenario, self.vehicles, self._columns, self._event)
         self._identities = Identities(self.vehicles, self.networks, self.flight, self._event, self.fail)
         self.margins = MarginWatch(scenario, self.vehicles, self._columns, self._event)
@@ -98,8 +99,8 @@ class Station:
         """Return the next tick, probe or setpoint held back; None when the run has ended."""
         if self.flight.ended:
             return None
-        held = self._dispatch.next()
-        return min(self._next_tick, self._beacon.next_probe, *(() if held is None else (held,)))
+        timer, held = min(self._next_tick, self._beacon.next_probe), self._dispatch.next()
+        return timer if held is None else min(timer, held)
 
     def receive(self, datagram: Datagram, now: Instant) -> None:
         """Take a datagram: frames to the vehicles they are from, others counted."""
@@ -194,7 +195,7 @@ class Station:
             if vehicle.restarted:
                 self._begin_anew(vehicle, now)
         self._starting.advance(now)
-        if self._starting.leader_ready(self.scenario.leader.vehicle_id if self.scenario.leader else None):
+        if self.flight.phase is Phase.CONNECTING and self._starting.leader_ready(self._planned_leader):
             self._move(Cause.LEADER_READY, now)
 
     def _begin_anew(self, vehicle: Vehicle, now: Instant) -> None:

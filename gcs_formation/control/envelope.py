@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from gcs_formation.arrays import Array, within, wrap
@@ -17,21 +19,44 @@ now left, now right, and so fly on.
 """
 
 
-def limit(wanted: Setpoints, own_heading_rad: Array, state: FlightState, model: AutopilotModel) -> Setpoints:
-    """Return the setpoints that are sent, (F,) each.
+class Envelope(NamedTuple):
+    """The limits of setpoints, (F,) each.
 
-    Speed within the limits; heading within `INTERCEPT_MAX_RAD` of `own_heading_rad`, less for a vehicle that flies
-    elsewhere, on the side on which it's wanted: `wanted` is that plus a correction, which may be more than half a turn
-    from far away. Height no farther from the
-    present one than the model climbs through in its own time constants, so that the climb limit isn't asked to be
-    broken.
+    Speed within the limits; heading within `INTERCEPT_MAX_RAD` of the vehicle's own one, less for a vehicle that flies
+    elsewhere. Height no farther from the present one than the model climbs through in its own time constants, so that
+    the climb limit isn't asked to be broken.
     """
-    aside = wanted.heading_rad - own_heading_rad
-    off_rad = np.abs(wrap(state.heading_rad - own_heading_rad))
-    most = INTERCEPT_MAX_RAD * within((AWAY_RAD - off_rad) / (AWAY_RAD - INTERCEPT_MAX_RAD), 0.0, 1.0)
-    climb_reach_m = model.climb_max_mps * (model.tau_ha_s + model.tau_hb_s)
-    return Setpoints(
-        within(wanted.speed_mps, model.speed_min_mps, model.speed_max_mps),
-        own_heading_rad + within(aside, -most, most),
-        within(wanted.height_m, state.height_m - climb_reach_m, state.height_m + climb_reach_m),
-    )
+
+    speed_min_mps: Array
+    speed_max_mps: Array
+    own_heading_rad: Array
+    aside_max_rad: Array
+    height_min_m: Array
+    height_max_m: Array
+
+    @classmethod
+    def of(cls, own_heading_rad: Array, state: FlightState, model: AutopilotModel) -> Envelope:
+        """Return the limits of vehicles in `state`, whose slots head along `own_heading_rad`."""
+        off_rad = np.abs(wrap(state.heading_rad - own_heading_rad))
+        most_rad = INTERCEPT_MAX_RAD * within((AWAY_RAD - off_rad) / (AWAY_RAD - INTERCEPT_MAX_RAD), 0.0, 1.0)
+        reach_m, height_m = model.climb_max_mps * (model.tau_ha_s + model.tau_hb_s), state.height_m
+        speeds_mps = model.speed_min_mps, model.speed_max_mps
+        return cls(*speeds_mps, own_heading_rad, most_rad, height_m - reach_m, height_m + reach_m)
+
+    def limit(self, wanted: Setpoints) -> Setpoints:
+        """Return the setpoints that are sent.
+
+        A heading is kept on the side on which it's wanted: it's the own one plus a correction, which may be more than
+        half a turn from far away.
+        """
+        aside_rad = wanted.heading_rad - self.own_heading_rad
+        return Setpoints(
+            within(wanted.speed_mps, self.speed_min_mps, self.speed_max_mps),
+            self.own_heading_rad + within(aside_rad, -self.aside_max_rad, self.aside_max_rad),
+            within(wanted.height_m, self.height_min_m, self.height_max_m),
+        )
+
+
+def limit(wanted: Setpoints, own_heading_rad: Array, state: FlightState, model: AutopilotModel) -> Setpoints:
+    """Return the setpoints that are sent, (F,) each: `wanted` within the envelope of vehicles in `state`."""
+    return Envelope.of(own_heading_rad, state, model).limit(wanted)

@@ -67,7 +67,7 @@ def feed_forward(
     heading = target.heading_rad + model.tau_psi_s * (turn + swing)
     height = leader.state.height_m + z + (model.tau_ha_s + model.tau_hb_s) * (leader.state.climb_mps + up)
     height = height + model.tau_ha_s * model.tau_hb_s * (leader.climb_change_mps2 + rising)
-    return np.stack((speed, heading, height), axis=1)
+    return np.array((speed, heading, height)).T
 
 
 def _led(leader: LeaderMotion, axes: Axes) -> tuple[Array, Array]:

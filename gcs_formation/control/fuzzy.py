@@ -62,8 +62,7 @@ class FuzzyGainScheduler:
 
         Inputs beyond -1 and 1 count as those.
         """
-        column, across = _place(np.asarray(error, dtype=np.float64))
-        row, down = _place(np.asarray(error_rate, dtype=np.float64))
+        (column, row), (across, down) = _place(np.array((error, error_rate), dtype=np.float64))
         corner = row * SETS + column
         across, down = across[..., None], down[..., None]
         upper = self._table[corner] * (1 - across) + self._table[corner + 1] * across
@@ -73,6 +72,6 @@ class FuzzyGainScheduler:
 
 def _place(value: Array) -> tuple[npt.NDArray[np.intp], Array]:
     """Return the cell that a value lies in and how far into it, 0 to 1."""
-    position = (within(value, -1.0, 1.0) + 1.0) * (SETS - 1) / 2
+    position = (within(value, -1.0, 1.0) + 1.0) * ((SETS - 1) / 2)
     cell = np.minimum(position.astype(np.intp), SETS - 2)
     return cell, position - cell

@@ -13,7 +13,8 @@ import numpy as np
 from formation_scenario.formation import Frame
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.arrays import Array, Mask, or_zero, within, wrap
-from gcs_formation.control import envelope, pid
+from gcs_formation.control import pid
+from gcs_formation.control.envelope import Envelope
 from gcs_formation.control.feed_forward import Axes, LeaderMotion, Turning, feed_forward
 from gcs_formation.control.fuzzy import FuzzyGainScheduler
 from gcs_formation.control.mixer import (
@@ -78,7 +79,7 @@ class FormationLaw:
         self._pairs = np.concatenate((self._leading, self._followers)), np.tile(self._followers, 2)
         self._leader_model = self._models.take(self._leading)
         self._model = self._models.take(self._followers)
-        self._state = PidState.at_rest((self._followers.size, CHANNELS))
+        self._state = self._rest = PidState.at_rest((self._followers.size, CHANNELS))
         self._drift_mps = np.full((2, self._followers.size), np.nan)
         self._tow = Tow(self._followers.size) if self._parameters.frame == "follower_heading" else None
 
@@ -99,14 +100,14 @@ class FormationLaw:
         axes = Axes(leader.state.heading_rad if self._tow is None else target.heading_rad, turning)
         forward = feed_forward(target, leader, axes, slots, self._gust(leader.state, follower, dt_s), self._model)
         wanted = Setpoints.of((forward + output).T)
-        limited = envelope.limit(wanted, forward[:, 1], follower, self._model)
+        bounds = Envelope.of(forward[:, 1], follower, self._model)
+        limited = bounds.limit(wanted)
         # What the feed-forward alone asks beyond the envelope isn't the integrators' to work off.
-        forward_limited = envelope.limit(Setpoints.of(forward.T), forward[:, 1], follower, self._model)
-        excess = _difference(limited, forward_limited) - output
+        excess = _difference(limited, bounds.limit(Setpoints.of(forward.T))) - output
         following = pid.integrate(state, gains, mixed, rate, excess, parameters.anti_windup_s, dt_s)
         following = following.with_integral(state.integral, situation.replaced[self._followers])
         active = situation.active[self._followers]
-        self._state = _where(active, following, PidState.at_rest(mixed.shape))
+        self._state = _where(active, following, self._rest)
         self._drift_mps[:, ~active] = np.nan
         if self._tow is not None:
             self._tow.forget(~active)
@@ -124,10 +125,8 @@ class FormationLaw:
         Where its route changes, what it's told jumps: faster than it can turn isn't how the slots turn.
         """
         model = self._leader_model
-        turn_rps = turn_rate(state, lead.told.take(np.zeros_like(self._leading)), model)
-        told_turn_rps = within(
-            np.full_like(turn_rps, lead.told_turn_rps), -model.turn_rate_max_rps, model.turn_rate_max_rps
-        )
+        turn_rps, most_rps = turn_rate(state, lead.told, model), model.turn_rate_max_rps
+        told_turn_rps = within(np.array(lead.told_turn_rps), -most_rps, most_rps)
         bend_rps2 = (told_turn_rps - turn_rps) / model.tau_psi_s
         hurry_mps2 = (lead.told.speed_mps - state.airspeed_mps) / model.tau_v_s
         hurry_mps2 = within(hurry_mps2, -model.accel_max_mps2, model.accel_max_mps2)

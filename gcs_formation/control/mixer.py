@@ -49,7 +49,7 @@ def formation_error(leader: FlightState, follower: FlightState, slots_m: Array, 
     """
     axis = slot_axis(leader, follower, frame)
     forward_m, right_m = rotate_to(axis, leader.north_m - follower.north_m, leader.east_m - follower.east_m)
-    return np.stack((forward_m, right_m, leader.height_m - follower.height_m), axis=1) + slots_m
+    return np.array((forward_m, right_m, leader.height_m - follower.height_m)).T + slots_m
 
 
 def slot_target(
@@ -75,7 +75,7 @@ def mix(mixer: Mixer, target: Target, follower: FlightState, error_m: Array) -> 
     """Return (F, 3): e_v in m/s, e_psi in rad and e_z in m of (13), v1 and psi1 replaced by the slot's target."""
     speed = mixer.k_v * (target.speed_mps - follower.airspeed_mps) + mixer.k_x * error_m[:, 0]
     heading = mixer.k_psi * wrap(target.heading_rad - follower.heading_rad) + mixer.k_y * error_m[:, 1]
-    return np.stack((speed, heading, mixer.k_z * error_m[:, 2]), axis=1)
+    return np.array((speed, heading, mixer.k_z * error_m[:, 2])).T
 
 
 def slot_axis(leader: FlightState, follower: FlightState, frame: Frame) -> Array:
@@ -85,12 +85,7 @@ def slot_axis(leader: FlightState, follower: FlightState, frame: Frame) -> Array
 
 def drift(leader: FlightState, follower: FlightState) -> Array:
     """Return (2, F) north and east: by how much faster the follower is carried than the leader (errata item 16)."""
-    return np.stack(
-        (
-            follower.wind_north_mps - leader.wind_north_mps,
-            follower.wind_east_mps - leader.wind_east_mps,
-        )
-    )
+    return follower.wind_mps - leader.wind_mps
 
 
 def rotate_to(heading_rad: Array, north: Array, east: Array) -> tuple[Array, Array]:

@@ -14,7 +14,8 @@ from gcs_formation.estimation.flight_state import FlightState
 from gcs_formation.estimation.fusion import Fusion
 
 ROWS = 8
-WIND_NORTH, WIND_EAST = 6, 7
+WIND = slice(6, 8)
+"""Rows of the wind."""
 LEAST_AIRSPEED_MPS = 1.0
 """What an airspeed below it is taken as: equations divide by it, and what flies has more."""
 
@@ -63,7 +64,7 @@ class StateEstimator:
     @property
     def known(self) -> Mask:
         """Which columns have a state: (columns,)."""
-        known: Mask = np.all(np.isfinite(self._table), axis=0)
+        known: Mask = np.logical_and.reduce(np.isfinite(self._table))
         return known
 
     def age_s(self, column: int, now: Instant) -> float:
@@ -85,8 +86,8 @@ class StateEstimator:
 
     def update(self, column: int, sample: Sample) -> None:
         """Take a vehicle's newest sample."""
-        before, since = self._table[:, column].copy(), self._stamps[column : column + 1].copy()
-        if column in self._fusions and not math.isnan(before[0]):
+        if column in self._fusions and not math.isnan(self._table[0, column]):
+            before, since = self._table[:, column].copy(), self._stamps[column : column + 1].copy()
             measured = np.array((*sample[1:7], sample.airspeed_mps, sample.heading_rad))
             stamp = np.maximum(since, np.int64(sample.stamp))
             self._table[:, column] = self._fusions[column].update(before, since, measured, stamp)
@@ -110,7 +111,7 @@ class StateEstimator:
             return 0.0, 0.0
         north = sample.north_mps - sample.airspeed_mps * math.cos(sample.heading_rad)
         east = sample.east_mps - sample.airspeed_mps * math.sin(sample.heading_rad)
-        before_north, before_east = self._table[WIND_NORTH, column], self._table[WIND_EAST, column]
+        before_north, before_east = self._table[WIND, column].tolist()
         if math.isnan(before_north):
             return north, east
         elapsed_s = max(0.0, seconds_between(Instant(int(self._stamps[column])), sample.stamp))

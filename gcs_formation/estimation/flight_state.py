@@ -66,6 +66,12 @@ class FlightState(Columns):
     heading_rad = Row(5)
     wind_north_mps = Row(6)
     wind_east_mps = Row(7)
+    place_m = Row(slice(0, 3))
+    """North, east and height, (3, N)."""
+    level_m = Row(slice(0, 2))
+    """North and east, (2, N)."""
+    wind_mps = Row(slice(6, 8))
+    """Wind to the north and east, (2, N)."""
     air_motion = Row(slice(4, 6))
     """Airspeed and heading, (2, N)."""
 
@@ -87,8 +93,8 @@ class FlightState(Columns):
         """Return where vehicles are that fly straight on for (N,) seconds: (N, 3) north, east, height."""
         north_mps = self.airspeed_mps * np.cos(self.heading_rad) + self.wind_north_mps
         east_mps = self.airspeed_mps * np.sin(self.heading_rad) + self.wind_east_mps
-        velocity_mps = np.stack((north_mps, east_mps, self.climb_mps))
-        return (self.table[:3] + seconds * velocity_mps).T
+        velocity_mps = np.array((north_mps, east_mps, self.climb_mps))
+        return (self.place_m + seconds * velocity_mps).T
 
     def turned(self, turn_rps: Array, over_s: Array) -> FlightState:
         """Return the states of vehicles that turned at a constant rate on the way here; these have them fly straight.

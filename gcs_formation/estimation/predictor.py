@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import exprel
 
 from airlink.clock import NANOSECONDS
-from gcs_formation.arrays import Array, Instants, or_zero, within, wrap
+from gcs_formation.arrays import Array, Instants, all_of, any_of, or_zero, within, wrap
 from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Indices, Setpoints
 
 HISTORY_S = 6.0
@@ -46,11 +46,10 @@ class SetpointHistory:
         Column i is vehicle `vehicles[i]`; a vehicle may stand in several columns. Before the oldest setpoint
         known it flies on as that one says; where none was told, straight on.
         """
-        rows = self._relevant(since, vehicles)
+        rows, end = self._relevant(since, vehicles), np.maximum(until, since)
         acts = np.array([row.acts for row in rows])[:, vehicles]
         acts[0] = since
-        end = np.maximum(until, since)
-        borders = np.vstack((np.minimum(np.maximum(np.maximum.accumulate(acts), since), end), end))
+        borders = np.concatenate((np.minimum(np.maximum.accumulate(acts), end), end[None]))
         duration_s = (borders[1:] - borders[:-1]) / NANOSECONDS
         told = np.array([row.setpoints.table for row in rows])[:, :, vehicles]
         return advance(state, told, duration_s, model)
@@ -68,7 +67,7 @@ class SetpointHistory:
         rows = list[SentSetpoints]()
         for row in reversed(self._sent):
             rows.append(row)
-            if (row.acts[vehicles] <= since).all():
+            if all_of(row.acts[vehicles] <= since):
                 break
         return rows[::-1]
 
@@ -91,10 +90,11 @@ def advance(state: FlightState, told: Array, duration_s: Array, model: Autopilot
     values, errors = lags.through(state.air_motion, told[:, :2], duration_s[:, None])
     height = _height_after(Height(state.height_m, state.climb_mps), told[:, 2], HeightSteps.of(model, duration_s))
     time_s = _NODES * duration_s
-    speed, heading = np.moveaxis(values[:-1] + errors - lags.remaining(errors, time_s[:, :, None]), 2, 0)
-    north_m = (_SHARES * duration_s * speed * np.cos(heading)).sum(axis=(0, 1))
-    east_m = (_SHARES * duration_s * speed * np.sin(heading)).sum(axis=(0, 1))
-    total_s = duration_s.sum(axis=0)
+    along = values[:-1] + errors - lags.remaining(errors, time_s[:, :, None])
+    way_m, heading = _SHARES * duration_s * along[:, :, 0], along[:, :, 1]
+    north_m = np.add.reduce(way_m * np.cos(heading), axis=(0, 1))
+    east_m = np.add.reduce(way_m * np.sin(heading), axis=(0, 1))
+    total_s = np.add.reduce(duration_s)
     return FlightState(
         north_m=state.north_m + north_m + state.wind_north_mps * total_s,
         east_m=state.east_m + east_m + state.wind_east_mps * total_s,
@@ -109,7 +109,7 @@ def advance(state: FlightState, told: Array, duration_s: Array, model: Autopilot
 
 def _height_after(height: Height, told_m: Array, steps: HeightSteps) -> Height:
     """Return a height after K steps with targets (K, N), NaN where none was told."""
-    silent = bool(np.isnan(told_m).any())
+    silent = any_of(np.isnan(told_m))
     for step, target_m in enumerate(told_m):
         aim_m = np.where(np.isnan(target_m), steps.level_m(height), target_m) if silent else target_m
         height = steps.after(step, height, aim_m)
@@ -117,7 +117,10 @@ def _height_after(height: Height, told_m: Array, steps: HeightSteps) -> Height:
 
 
 def turn_rate(state: FlightState, setpoints: Setpoints, model: AutopilotModel) -> Array:
-    """Return psi' of equation (7), rad/s (N,), within the limit; 0 where no heading was told."""
+    """Return psi' of equation (7), rad/s (N,), within the limit; 0 where no heading was told.
+
+    One column of setpoints is for all.
+    """
     rate = wrap(setpoints.heading_rad - state.heading_rad) / model.tau_psi_s
     return within(or_zero(rate), -model.turn_rate_max_rps, model.turn_rate_max_rps)
 
@@ -142,22 +145,29 @@ class AirLags(NamedTuple):
             duration_s: (K, 1, N).
         """
         values, errors = np.empty((len(told) + 1, *begin.shape)), np.empty_like(told)
-        kept, unlimited = np.exp(-duration_s / self.tau_s), self.rate_max * self.tau_s
-        silent = bool(np.isnan(told).any())
+        kept, unlimited = np.exp(-duration_s / self.tau_s), self.unlimited
+        silent = any_of(np.isnan(told))
         values[0] = begin
         for k, segment_s in enumerate(duration_s):
             error = np.subtract(told[k], values[k], out=errors[k])
             error[1] = wrap(error[1])
             if silent:
                 error[np.isnan(error)] = 0.0
-            within = (np.abs(error) <= unlimited).all()
-            left = error * kept[k] if within else self.remaining(error, segment_s)
+            free = all_of(np.abs(error) <= unlimited)
+            left = error * kept[k] if free else self.remaining(error, segment_s)
             np.subtract(values[k] + error, left, out=values[k + 1])
         return values, errors
+
+    @property
+    def unlimited(self) -> Array:
+        """The largest errors whose decay no limit holds, (2, N)."""
+        return self.rate_max * self.tau_s
 
     def remaining(self, error: Array, time_s: Array) -> Array:
         """Return what is left of `error` after `time_s`."""
         size = np.abs(error)
+        if all_of(size <= self.unlimited):
+            return error * np.exp(-time_s / self.tau_s)
         limited_s = np.minimum(np.maximum(size / self.rate_max - self.tau_s, 0.0), time_s)
         left = (size - self.rate_max * limited_s) * np.exp((limited_s - time_s) / self.tau_s)
         return np.copysign(left, error)
@@ -185,6 +195,8 @@ class HeightSteps(NamedTuple):
     """(K, N)."""
     most_m: Array
     """What the limit of climb rates allows in each step, (K, N)."""
+    least_m: Array
+    """The same downwards."""
 
     @classmethod
     def of(cls, model: AutopilotModel, time_s: Array) -> HeightSteps:
@@ -195,9 +207,9 @@ class HeightSteps(NamedTuple):
         slow, fast = np.maximum(model.tau_ha_s, model.tau_hb_s), np.minimum(model.tau_ha_s, model.tau_hb_s)
         slow_left = np.exp(-time_s / slow)
         between_s = time_s * slow_left * exprel(time_s / slow - time_s / fast)
-        climb_max_mps = model.climb_max_mps
+        most_m = model.climb_max_mps * time_s
         fast_left = np.exp(-time_s / fast)
-        return cls(slow, slow + fast, climb_max_mps, slow_left, fast_left, between_s, climb_max_mps * time_s)
+        return cls(slow, slow + fast, model.climb_max_mps, slow_left, fast_left, between_s, most_m, -most_m)
 
     def level_m(self, height: Height) -> Array:
         """Return where vehicles come to that stop climbing, (N,)."""
@@ -209,5 +221,5 @@ class HeightSteps(NamedTuple):
         push_mps = height.climb_mps + error / self.slow_s
         left_m = self.slow_left[step] * error + self.between_s[step] * push_mps
         climb_mps = self.fast_left[step] * push_mps - left_m / self.slow_s
-        most_m, most_mps = self.most_m[step], self.climb_max_mps
-        return Height(height.height_m + within(left_m - error, -most_m, most_m), within(climb_mps, -most_mps, most_mps))
+        climbed_m, most_mps = within(left_m - error, self.least_m[step], self.most_m[step]), self.climb_max_mps
+        return Height(height.height_m + climbed_m, within(climb_mps, -most_mps, most_mps))

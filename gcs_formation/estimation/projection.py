@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from airlink.clock import NANOSECONDS
-from gcs_formation.arrays import Array, Instants, Mask
+from gcs_formation.arrays import Array, Instants, Mask, any_of
 from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Indices
 from gcs_formation.estimation.predictor import HISTORY_S, SetpointHistory
 
@@ -115,11 +115,12 @@ class WhenSetpointsAct:
 
     def _nearest(self, which: Indices, stamps: Instants) -> tuple[Instants, Array]:
         """Return the samples (8, ...) of `which` that are nearest to the stamps, and when they were true."""
-        (newest, table), *older = reversed(self.samples)
+        older = reversed(self.samples)
+        newest, table = next(older)
         since, state = newest[which], table[:, which]
         for each_stamps, each in older:
             nearer = np.abs(each_stamps[which] - stamps) < np.abs(since - stamps)
-            if not nearer.any():
+            if not any_of(nearer):
                 break
             since = np.where(nearer, each_stamps[which], since)
             state = np.where(nearer, each[:, which], state)

@@ -51,11 +51,13 @@ class FormationPlan:
 
     def at_each(self, times_s: Array, *, begun: bool) -> SlotMotion:
         """Return every slot at a time of its own, (C,)."""
-        coarse, which = np.unique(np.round(times_s / APART_S), return_inverse=True)
-        motions = [self.at(time_s, begun=begun) for time_s in (coarse * APART_S).tolist()]
-        each, rows = np.stack([(m.position_m, m.velocity_mps, m.acceleration_mps2) for m in motions]), which.reshape(-1)
+        coarse = np.round(times_s / APART_S)
+        moments = sorted(set(coarse.tolist()))
+        motions = [self.at(moment * APART_S, begun=begun) for moment in moments]
+        each = np.array([(m.position_m, m.velocity_mps, m.acceleration_mps2) for m in motions])
+        rows = np.searchsorted(moments, coarse)
         near = SlotMotion(*(each[rows, i, np.arange(rows.size)] for i in range(3)))
-        return near.after(times_s - coarse[rows] * APART_S)
+        return near.after(times_s - coarse * APART_S)
 
     def seen_from(self, leader: int, swing_rad: float, now_s: float) -> SlotMotion:
         """Return the slots now as another leader sees them, its heading `swing_rad` off the present one's."""

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from airlink.clock import NANOSECONDS, Instant, seconds_between
 from formation_scenario import Scenario, ground_of, slot_schedule
-from gcs_formation.arrays import Array, Instants, Mask, or_zero, within, wrap
+from gcs_formation.arrays import Array, Instants, Mask, all_of, or_zero, within, wrap
 from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Indices, Setpoints
 from gcs_formation.estimation.predictor import SetpointHistory
 from gcs_formation.estimation.projection import Measured
@@ -102,7 +102,7 @@ class SeparationKeeper:
     def _members(self, tick: Tick, measured: Measured) -> Indices:
         """Return the columns that count, the leader's first."""
         counts = tick.active & (tick.age_s < FORGOTTEN_AFTER_S)
-        if not tick.active.all():
+        if not all_of(tick.active):
             state = measured.state
             over_ground = np.hypot(state.wind_north_mps, state.wind_east_mps) + state.airspeed_mps
             counts |= (over_ground > STANDS_MPS) & (tick.age_s < FORGOTTEN_AFTER_S)
@@ -144,7 +144,7 @@ class SeparationKeeper:
     def _state(self, tick: Tick, measured: Measured, members: Indices, until: Instants, turn_rps: Array) -> FlightState:
         """Return the states when setpoints act: the law's where it predicts, else predicted here."""
         commanded = tick.active[members]
-        if self._predicted and commanded.all():
+        if self._predicted and all_of(commanded):
             return tick.state.take(members)
         begin, stamps = measured.state.take(members), measured.stamps[members]
         state = self._history.predict(begin, stamps, until, members, self._model.take(members))
@@ -160,7 +160,7 @@ class SeparationKeeper:
     def _watch_turns(self, measured: Measured) -> None:
         """Learn from two states how those turn that nobody commands."""
         before, self._last = self._last, measured
-        if before is None or measured.active.all():
+        if before is None or all_of(measured.active):
             return
         elapsed_s = (measured.stamps - before.stamps) / NANOSECONDS
         fresh = (elapsed_s > 0) & (elapsed_s < FORGOTTEN_AFTER_S)
@@ -188,7 +188,7 @@ class SeparationKeeper:
         if not conflicts and not self._encounters:
             return
         state, vehicles = scene.traffic.state, scene.vehicles
-        where = dict(zip(reversed(vehicles.tolist()), state.table[:3, ::-1].T, strict=True))
+        where = dict(zip(reversed(vehicles.tolist()), state.place_m[:, ::-1].T, strict=True))
         for conflict in conflicts:
             pair = int(vehicles[conflict.vehicle]), int(vehicles[conflict.other])
             if pair not in self._encounters:

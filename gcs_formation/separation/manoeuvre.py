@@ -30,6 +30,8 @@ class Manoeuvre(Columns):
     """NaN: on the heading that they then have."""
     height_m = Row(5)
     """NaN: at the height that they come to when they stop climbing."""
+    air_motion = Row(slice(3, 5))
+    """Speed and heading, (2, N)."""
 
     def __init__(self, first: Setpoints, speed_mps: Array, heading_rad: Array, height_m: Array) -> None:
         """Put the manoeuvres together."""
@@ -103,24 +105,23 @@ def _begun(traffic: Traffic, manoeuvre: Manoeuvre, times_s: Array) -> tuple[Flig
 
 
 def _level(traffic: Traffic, manoeuvre: Manoeuvre, times_s: Array, begin: FlightState, turned: FlightState) -> Array:
-    first = np.stack((begin.north_m, begin.east_m))[:, None]
+    first = begin.level_m[:, None]
     return np.concatenate((first, _way(traffic, turned, manoeuvre, times_s[1:] - times_s[1])), axis=1)
 
 
 def _way(traffic: Traffic, state: FlightState, manoeuvre: Manoeuvre, times_s: Array) -> Array:
     """Return (2, S, N) north and east, `times_s` after `state`, by the trapezium rule of the velocity."""
     model = traffic.model
-    told = np.stack((manoeuvre.speed_mps, manoeuvre.heading_rad))
-    value = np.stack((state.airspeed_mps, state.heading_rad))
-    error = told - value
+    value = state.air_motion
+    error = manoeuvre.air_motion - value
     error[1] = wrap(error[1])
     error[np.isnan(error)] = 0.0
     lags = AirLags.of(model)
-    speed, heading = np.moveaxis(value + error - lags.remaining(error, times_s[:, None, None]), 1, 0)
-    heading = heading + traffic.turn_rps * times_s[:, None]
-    velocity = np.stack((speed * np.cos(heading) + state.wind_north_mps, speed * np.sin(heading) + state.wind_east_mps))
+    along = value + error - lags.remaining(error, times_s[:, None, None])
+    speed, heading = along[:, 0], along[:, 1] + traffic.turn_rps * times_s[:, None]
+    velocity = np.array((speed * np.cos(heading) + state.wind_north_mps, speed * np.sin(heading) + state.wind_east_mps))
     steps = (velocity[:, 1:] + velocity[:, :-1]) / 2 * np.diff(times_s)[:, None]
-    begin = np.stack((state.north_m, state.east_m))[:, None]
+    begin = state.level_m[:, None]
     return np.concatenate((begin, begin + np.cumsum(steps, axis=1)), axis=1)
 
 

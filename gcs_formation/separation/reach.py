@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from gcs_formation.arrays import Array, Mask, wrap
+from gcs_formation.arrays import Array, Mask, all_of, wrap
 from gcs_formation.estimation.flight_state import Indices
 from gcs_formation.estimation.predictor import AirLags
 from gcs_formation.separation.manoeuvre import COARSE_S
@@ -32,10 +32,8 @@ def possible_pairs(scene: Scene) -> tuple[Indices, Indices]:
 
     Exact: no pair is left out whose ways as told come nearer than they are to keep.
     """
-    reach, timing_s = bound(scene), scene.timing_s
-    most_m = 2 * (reach.far_m.max() + 2 * timing_s.max() * reach.fast_mps.max())
-    most_m += max(scene.kept_m, scene.kept_from_others_m)
-    one, other = _pairs_within(most_m, reach.place_m)
+    reach, count = bound(scene), scene.commanded.size
+    one, other = _all_pairs(count) if count <= FEW else _pairs_within(_farthest_m(scene, reach), reach.place_m)
     apart_m = _length(*(reach.place_m[:, other] - reach.place_m[:, one]))
     kept = scene.kept(one, other)
     needed_m = kept.distance_m + kept.off_s * (reach.fast_mps[one] + reach.fast_mps[other])
@@ -52,22 +50,21 @@ def bound(scene: Scene) -> Reach:
     """
     traffic, state, told = scene.traffic, scene.traffic.state, scene.told
     lags, value = AirLags.of(traffic.model), state.air_motion
-    along = np.stack(scene.along)
+    along = np.array(scene.along)
     error, to_told = np.abs(along - value), np.abs(told.air_motion - value)
     error[1], to_told[1] = np.abs(wrap(error[1])), np.abs(wrap(to_told[1]))
     first_s, horizon_s = traffic.lead_s + scene.times_s[1], traffic.lead_s + scene.times_s[-1]
     error += np.minimum(to_told / lags.tau_s, lags.rate_max) * first_s
     off = error * (first_s + lags.tau_s + COARSE_S / 2) + error**2 / (2 * lags.rate_max)
     reference = scene.reference
-    north, east = state.wind_north_mps, state.wind_east_mps
-    drift_mps = _length(north - north[reference], east - east[reference]) + np.abs(
+    drift_mps = _length(*(state.wind_mps - state.wind_mps[:, [reference]])) + np.abs(
         along[0] - state.airspeed_mps[reference]
     )
     far_m = off[0] + along[0] * off[1] + drift_mps * horizon_s
     fast_mps = error[0] + along[0] * error[1] + drift_mps
     frame_mps = scene.velocity_mps[:, [reference]]
-    place_m = np.stack((state.north_m, state.east_m)) + frame_mps * traffic.lead_s
-    if not scene.commanded.all():
+    place_m = state.level_m + frame_mps * traffic.lead_s
+    if not all_of(scene.commanded):
         _free(scene, frame_mps, far_m, fast_mps, horizon_s)
     return Reach(place_m, far_m, fast_mps)
 
@@ -81,11 +78,14 @@ def _free(scene: Scene, frame_mps: Array, far_m: Array, fast_mps: Array, horizon
     fast_mps[free], far_m[free] = mps[free], (mps * horizon_s)[free]
 
 
+def _farthest_m(scene: Scene, reach: Reach) -> float:
+    """Return a distance beyond which no two come too near."""
+    most_m = 2 * (reach.far_m.max() + 2 * scene.timing_s.max() * reach.fast_mps.max())
+    return float(most_m) + max(scene.kept_m, scene.kept_from_others_m)
+
+
 def _pairs_within(most_m: float, place_m: Array) -> tuple[Indices, Indices]:
-    """Return the pairs (one < other), in order, of places (2, N) no farther apart; of few vehicles, all pairs."""
-    count = place_m.shape[1]
-    if count <= FEW:
-        return _all_pairs(count)
+    """Return the pairs (one < other), in order, of places (2, N) no farther apart."""
     near = cKDTree(place_m.T).query_pairs(most_m, output_type="ndarray")
     one, other = near.min(axis=1), near.max(axis=1)
     order = np.lexsort((other, one))

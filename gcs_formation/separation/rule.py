@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs_formation.arrays import Array, Mask
+from gcs_formation.arrays import Array, Mask, any_of
 from gcs_formation.estimation.flight_state import Indices, Setpoints
 from gcs_formation.separation.distance import Approach, Kept, approach, may_come_near
 from gcs_formation.separation.manoeuvre import Manoeuvre, fly, fly_level
@@ -61,7 +61,7 @@ class Resolution:
 def resolve(scene: Scene, memory: Memory) -> Resolution:
     """Return the setpoints that keep the distances; exactly those that came in where nobody need give way."""
     one, other = possible_pairs(scene)
-    if not memory.yielding.any() and not _near_level(scene, one, other).any():
+    if not any_of(memory.yielding) and not any_of(_near_level(scene, one, other)):
         return Resolution(scene.told, memory, ())
     return _Search(scene, memory, one, other).resolution()
 

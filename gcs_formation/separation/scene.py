@@ -45,7 +45,7 @@ class Scene:
         """Ground velocity north and east, (2, N)."""
         state = self.traffic.state
         north = state.airspeed_mps * np.cos(state.heading_rad) + state.wind_north_mps
-        return np.stack((north, state.airspeed_mps * np.sin(state.heading_rad) + state.wind_east_mps))
+        return np.array((north, state.airspeed_mps * np.sin(state.heading_rad) + state.wind_east_mps))
 
     @cached_property
     def along(self) -> tuple[Array, Array]:
