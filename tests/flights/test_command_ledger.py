@@ -33,7 +33,10 @@ START, GUIDED, LOITER, RTL = Instant(0), m.PLANE_MODE_GUIDED, m.PLANE_MODE_LOITE
     "keys",
     [
         {"start": {"in_air": True, "run_in_s": 12, "offset_m": [8, 6, 4]}},
-        {"links": {"default": {"delay_ms": 300, "loss": 0.2, "mean_burst": 5}}},
+        {
+            "start": {"in_air": True, "run_in_s": 30},
+            "links": {"default": {"delay_ms": 300, "loss": 0.2, "mean_burst": 5}},
+        },
         {"wind": {"velocity_mps": [3, -4, 0]}},
         {"vehicles": {"count": 3, "navigation": {"source": "noisy"}}},
         {"disturbances": [{"at_s": 5, "velocity_mps": [1.0, 1.0, 1.0]}]},
@@ -64,7 +67,7 @@ def test_setpoints_of_one_kind_that_never_come_are_nobodys_disobedience() -> Non
 @pytest.mark.slow
 def test_turbulence_and_noise_are_not_disobedience() -> None:
     noisy = {"count": 3, "navigation": {"source": "noisy"}}
-    world = World(duration_s=90, vehicles=noisy, disturbances=[{"at_s": 0, "kind": "dryden", "wind_6m_mps": 7}])
+    world = World(duration_s=60, vehicles=noisy, disturbances=[{"at_s": 0, "kind": "dryden", "wind_6m_mps": 7}])
     world.run()
     assert world.words("disobeys") == []
 

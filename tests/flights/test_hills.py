@@ -65,6 +65,7 @@ def test_behind_a_leader_that_takes_over_on_a_slope_nobody_is_told_another_heigh
     ridge = {"name": "ridge", "north_m": 500, "east_m": -60, "height_m": 45, "radius_m": 50, "length_m": 500}
     fly(
         duration_s=38,
+        start={"in_air": True, "run_in_s": 12},
         path={"speed_mps": 22, "waypoints_m": [[0, 0, 70], [2500, 0, 70]]},
         terrain={"clearance_m": 60, "hills": [ridge, HILLS[0] | {"north_m": 1100}]},
         formation={"shape": "line", "spacing_m": 60},

@@ -17,7 +17,7 @@ from gcs_formation.record.timeseries import read_spool
 from tests.flights.test_real_clock import LIMIT_S, STATION, emulators_of, path, started, wait_for
 
 __all__ = ["path"]
-FILE_BYTES = 300_000
+FILE_BYTES = 150_000
 
 
 def events_of(out: Path) -> list[dict]:
@@ -61,7 +61,9 @@ def test_a_station_that_was_stopped_for_a_while_hears_what_came_before_it_judges
 ) -> None:
     """Two wall seconds, eight of flight; vehicles whose setpoints stop fly on."""
     out = tmp_path / "run"
-    with started([*STATION, "run", str(path), "--speedup", "4", "--out", str(out)]) as station:
+    with started(
+        [*STATION, "run", str(path), "--speedup", "4", "--set", "duration_s=14", "--out", str(out)]
+    ) as station:
         wait_for(out / "events.jsonl", '"flying"')
         station.send_signal(signal.SIGSTOP)
         time.sleep(2.0)
@@ -76,7 +78,7 @@ def test_a_station_that_was_stopped_for_a_while_hears_what_came_before_it_judges
 @pytest.mark.slow
 def test_emulators_that_are_killed_end_the_run_with_3_and_a_whole_record(path: Path, tmp_path: Path) -> None:
     out = tmp_path / "run"
-    with started([*STATION, "run", str(path), "--out", str(out)]) as station:
+    with started([*STATION, "run", str(path), "--speedup", "4", "--out", str(out)]) as station:
         wait_for(out / "events.jsonl", '"flying"')
         children = Path(f"/proc/{station.pid}/task/{station.pid}/children").read_text().split()
         for child in children:

@@ -12,7 +12,7 @@ START = {"in_air": True, "run_in_s": 12}
 """Long enough for followers to be settled over late links: the leader doesn't go round again."""
 LEFT, RIGHT = [-30, -30, 0], [-30, 30, 0]
 SWAP: dict[str, Any] = {
-    "duration_s": 45,
+    "duration_s": 35,
     "formation": {
         "shape": "custom",
         "slots_m": {2: LEFT, 3: RIGHT},
@@ -35,13 +35,13 @@ def test_a_change_of_formation_keeps_apart_by_itself(fly: Fly, links: dict[str, 
 def test_slots_hardly_farther_apart_than_the_limit_are_flown_and_left_alone(fly: Fly) -> None:
     links = {"default": {"delay_ms": 300, "jitter_ms": 10}}
     close = {"shape": "square", "spacing_m": 6.5}
-    safety = fly(duration_s=25, vehicles={"count": 5}, links=links, formation=close).to_dict()["safety"]
+    safety = fly(duration_s=25, vehicles={"count": 5}, start=START, links=links, formation=close).to_dict()["safety"]
     assert safety["violations"] == 0
     assert safety["avoidance_s"] == 0.0
 
 
 TURN: dict[str, Any] = {
-    "duration_s": 60,
+    "duration_s": 45,
     "path": {
         "speed_mps": 22,
         "waypoints_m": [

@@ -113,7 +113,7 @@ def test_a_vehicle_that_refuses_to_send_heartbeats_is_told_to_loiter_and_comes_b
 @pytest.mark.slow
 def test_heartbeats_lost_on_the_way_are_not_missing() -> None:
     world = World(duration_s=60, links={"default": {"loss": 0.5}})
-    world.run()
+    world.run(60.0)
     assert not world.times_s("link", text="without heartbeats")
 
 

@@ -15,7 +15,7 @@ from gcs_formation.stress import campaign
 from gcs_formation.stress.campaign import fly_seed
 from gcs_formation.stress.scenarios import HARD, draw
 
-SEEDS_EACH = 5
+SEEDS_EACH = 2
 
 
 def test_a_seed_is_one_scenario_and_seeds_differ() -> None:
