@@ -1,4 +1,4 @@
-"""The scenario: YAML -> frozen typed objects; slots, path geometry and start states that follow from it."""
+"""The scenario: YAML read into immutable typed objects, and the slots, path and start states that follow from it."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ _HOME = {
 
 
 def __getattr__(name: str) -> object:
-    """Import what is asked for when it's asked for: whoever reads an order alone doesn't load splines and solvers."""
+    """Import a name on first use, so that a program that only parses an order doesn't load splines and solvers."""
     if name not in _HOME:
         raise AttributeError(f"module 'formation_scenario' has no attribute '{name}'")
     return getattr(import_module(_HOME[name]), name)

@@ -1,6 +1,7 @@
-"""Who flies in which slot: a shape's places given out to vehicles, change after change.
+"""Arrangements: which vehicle has which slot, after each change of the formation.
 
-Columns are the order of every array of vehicles: first the scenario's leader, real or virtual, then its followers.
+Arrays of vehicles have a column for each: first the scenario's leader, real or virtual, then its followers in the
+scenario's order.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from formation_scenario.vehicles import Vehicle
 
 
 class Arrangement(NamedTuple):
-    """A formation but for who is where: shape, unit, a custom shape's slots, and the column that leads."""
+    """A formation without its assignment to vehicles: shape, spacing, a custom shape's slots, leading column."""
 
     shape: Shape
     spacing_m: float
@@ -29,7 +30,7 @@ class Arrangement(NamedTuple):
     leader: int
 
     def changed(self, change: FormationChange, scenario: Scenario) -> Arrangement:
-        """Return the arrangement after a change; what it doesn't name stays."""
+        """Return the arrangement after a change; what the change doesn't name stays."""
         return Arrangement(
             change.shape or self.shape,
             change.spacing_m or self.spacing_m,
@@ -39,7 +40,7 @@ class Arrangement(NamedTuple):
 
 
 class SlotStep(NamedTuple):
-    """The formation from `at_s` on: places (C, 3) of all columns, m forward, right, up of the leader."""
+    """The formation from `at_s` on: places (C, 3) of all columns, m forward, right and up of the leader."""
 
     at_s: float
     arrangement: Arrangement
@@ -52,7 +53,7 @@ class SlotStep(NamedTuple):
 
     @property
     def following(self) -> tuple[int, ...]:
-        """Return the columns that follow, whose places are slots: all but the one that leads."""
+        """Return the columns that follow: all but the one that leads."""
         return tuple(column for column in range(len(self.places_m)) if column != self.arrangement.leader)
 
 
@@ -62,10 +63,10 @@ def columns(scenario: Scenario) -> tuple[Vehicle | None, ...]:
 
 
 def column_of(scenario: Scenario, ref: VehicleRef) -> int:
-    """Return the column of a vehicle that is named by its id, or by 'network:id'.
+    """Return the column of the vehicle with an id, or 'network:id'.
 
     Raises:
-        ValueError: nobody is.
+        ValueError: there is no such vehicle.
     """
     for column, vehicle in enumerate(columns(scenario)):
         if vehicle is not None and ref in (vehicle.id, long_ref(vehicle)):
@@ -86,7 +87,7 @@ def slot_table(scenario: Scenario) -> Array:
 
 
 def slot_schedule(scenario: Scenario) -> tuple[SlotStep, ...]:
-    """Return the formation at the start and after each of `formation.changes`, in time order, everyone there."""
+    """Return the formation at the start and after each of `formation.changes`, in time order, with all present."""
     arrangement = first_arrangement(scenario)
     steps = [SlotStep(0.0, arrangement, _in_order(scenario, arrangement))]
     everyone = np.ones(1 + len(scenario.followers), dtype=np.bool_)
@@ -99,9 +100,9 @@ def slot_schedule(scenario: Scenario) -> tuple[SlotStep, ...]:
 
 
 def planned_slots(scenario: Scenario) -> dict[VehicleId, Array]:
-    """Return the slots (S, 3) that each vehicle is to have, step after step of those in which it follows.
+    """Return the slots (S, 3) of each vehicle, for the S steps of the schedule in which it follows.
 
-    The scenario's leader has some where another is to lead later on; who never follows has no entry.
+    The scenario's leader has slots if another vehicle leads later on. A vehicle that never follows has no entry.
     """
     steps, planned = slot_schedule(scenario), dict[VehicleId, Array]()
     for column, vehicle in enumerate(columns(scenario)):
@@ -112,13 +113,13 @@ def planned_slots(scenario: Scenario) -> dict[VehicleId, Array]:
 
 
 def assigned(scenario: Scenario, arrangement: Arrangement, now_m: Array, present: Mask) -> Array:
-    """Return the places (C, 3) of an arrangement, given out at the least sum of squared distances from `now_m` (C, 3).
+    """Return the places (C, 3) of an arrangement, assigned at the least sum of squared distances from `now_m` (C, 3).
 
-    Those who aren't `present` get the last of them: they are free to come back to. A custom shape's are given out by
-    the scenario; the leader's own, where it has one, is that of the scenario's leader.
+    Vehicles that aren't `present` (C,) are assigned the last slots, which stay free for them. The slots of a custom
+    shape are assigned by the scenario; if another vehicle leads, its slot goes to the scenario's leader.
 
     Raises:
-        ValueError: a custom shape without a slot for somebody.
+        ValueError: a custom shape has no slot for one of the vehicles.
     """
     places = _in_order(scenario, arrangement)
     if arrangement.shape == "custom":
@@ -134,7 +135,7 @@ def assigned(scenario: Scenario, arrangement: Arrangement, now_m: Array, present
 
 
 def _in_order(scenario: Scenario, arrangement: Arrangement) -> Array:
-    """Return the places (C, 3) in the order of the columns, the leader's own left out."""
+    """Return the places (C, 3) with the shape's slots in the order of the columns, 0 for the leader."""
     count, leader = len(scenario.followers), arrangement.leader
     places = np.zeros((1 + count, 3))
     if arrangement.shape != "custom":

@@ -1,4 +1,4 @@
-"""What the scenario's keys promise and this version doesn't do yet: the one list of it."""
+"""Values of scenario keys that are defined, but not available in this version."""
 
 from __future__ import annotations
 

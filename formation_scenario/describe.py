@@ -1,4 +1,4 @@
-"""pydantic's errors -> problems in the user's terms: what was found, what is allowed."""
+"""Translates pydantic's errors into problems in the user's terms: what was found, and what is allowed."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ UNKNOWN_KEY = ("extra_forbidden", "invalid_key")
 
 
 class _Expected(NamedTuple):
-    """A key path as far as the types follow it, and the type there with its constraints."""
+    """The part of an error's location that the types can follow, and the type there with its constraints."""
 
     path: KeyPath
     rest: KeyPath
-    """What of the location they don't follow."""
+    """The rest of the location."""
     type: object
     constraints: tuple[object, ...]
 
@@ -31,7 +31,7 @@ class _Expected(NamedTuple):
 def problems_of(error: ValidationError, model: type[BaseModel], source: Source, above: KeyPath = ()) -> list[Problem]:
     """Return one problem for each wrong value that pydantic found in a model read from `above`."""
     found = [(details["type"], details["loc"]) for details in error.errors()]
-    # Of a list that is too short pydantic counts the valid items alone; the others have their own problems.
+    # pydantic calls a list too short if some of its items are invalid; those have problems of their own.
     around = {loc[:length] for _, loc in found for length in range(len(loc))}
     kept = [each for each in found if each[0] != "too_short" or each[1] not in around]
     return list(dict.fromkeys(_problem(*each, model, source, above) for each in kept))
@@ -89,9 +89,9 @@ def _value_at(data: Plain, path: KeyPath) -> Plain:
 
 
 def _expected(model: type[BaseModel], loc: tuple[Key, ...]) -> _Expected:
-    """Follow an error's location through the types; it ends at a union, unless that's one of groups with tags.
+    """Follow an error's location through the types, up to a union, or through one whose groups have tags.
 
-    A tag is part of the location, but no key.
+    A tag is part of the location, but isn't a key.
     """
     expected = _Expected((), loc, model, ())
     for index, key in enumerate(loc):
@@ -105,7 +105,7 @@ def _expected(model: type[BaseModel], loc: tuple[Key, ...]) -> _Expected:
 
 
 def _members(annotation: object) -> dict[Key, object]:
-    """Return the groups of keys of a union, by their tags; none of any other type."""
+    """Return the groups of keys of a tagged union by their tags; empty for any other type."""
     members = get_args(annotation) if get_origin(annotation) in {Union, types.UnionType} else ()
     tagged = [(item, group) for group in members if get_origin(group) is Annotated for item in get_args(group)[1:]]
     return {item.tag: group for item, group in tagged if isinstance(item, Tag)}
@@ -122,7 +122,7 @@ def _inner(annotation: object, key: Key) -> object:
 
 
 def _bare(annotation: object) -> tuple[object, tuple[object, ...]]:
-    """Return a type without `Annotated`, `FieldInfo` and `| None`, and the constraints they held."""
+    """Strip `Annotated`, `FieldInfo` and `| None` from a type; return it with the constraints that they held."""
     constraints: tuple[object, ...] = ()
     while True:
         if isinstance(annotation, FieldInfo):
@@ -148,7 +148,7 @@ def _not_none(annotation: object) -> list[object]:
 
 
 def describe(annotation: object, constraints: Sequence[object] = ()) -> str:
-    """Return what a value of a type may be, for a user: "a number from 0 to 1", "diamond, square, ..."."""
+    """Return the allowed values of a type in words: "a number from 0 to 1", "diamond, square, ..."."""
     for constraint in constraints:
         if isinstance(constraint, Allowed):
             return constraint.text

@@ -1,4 +1,4 @@
-"""A path as a vehicle joins it from beside: displaced at first, smoothly less and less, at last the path itself."""
+"""A path that a vehicle joins from beside it: a displacement that fades out smoothly along the path."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from formation_scenario.path import PathPoint, SplinePath
 
 
 class Rise(NamedTuple):
-    """How a vehicle flies above a path: by the metre of the path's own length."""
+    """Height of a vehicle above a path, with its first two derivatives by the path's own length."""
 
     height_m: float = 0.0
     slope: float = 0.0
@@ -19,16 +19,17 @@ class Rise(NamedTuple):
 
 
 class DisplacedPath:
-    """A path, displaced at `from_m`, and of least jerk from there over `over_m`; lifted besides, where ground is near.
+    """A path with a displacement that fades out from `from_m` on, over `over_m`, as a minimum-jerk step.
 
-    Distances are those along the path itself. With the tangent (1 - k o) t + o' n of a curve of curvature k displaced
-    by o along its normal n; how fast its own curvature changes is taken from o alone.
+    It can be lifted in addition, to clear the ground. Distances are those along the path itself. A curve of curvature k
+    that is displaced by o along its normal n has the tangent (1 - k o) t + o' n; the rate at which its curvature
+    changes is approximated by the derivatives of o.
     """
 
     def __init__(
         self, path: SplinePath, from_m: float, over_m: float, right_m: float, above: Rise, lift: Lift | None = None
     ) -> None:
-        """Displace `path` by `right_m` and by `above`, which goes on as it begins."""
+        """Displace `path` to the right by `right_m`, and in height by `above`, whose slope it continues."""
         self.path = path
         self.length_m = path.length_m
         self._from_m, self._over_m = from_m, over_m
@@ -36,11 +37,11 @@ class DisplacedPath:
         self._control_m: list[float] = [] if lift is None else lift.control_m.tolist()
 
     def lifted(self, lift: Lift) -> DisplacedPath:
-        """Return this with a lift on it."""
+        """Return the same path with a lift."""
         return DisplacedPath(self.path, self._from_m, self._over_m, self._right_m, self._above, lift)
 
     def at(self, distance_m: float) -> PathPoint:
-        """Return the point beside the path's own at a distance."""
+        """Return the point at a distance along the path."""
         point = self._beside(distance_m)
         if self._lift is None:
             return point
@@ -76,7 +77,7 @@ class DisplacedPath:
         )
 
     def _kept(self, distance_m: float) -> tuple[float, float, float, float]:
-        """Return the share of the displacement that is left and its first three derivatives by distance."""
+        """Return the remaining share of the displacement, and its first three derivatives by distance."""
         length = self._over_m
         u = max(distance_m - self._from_m, 0.0) / length
         gone, rate, change = minimum_jerk(u)
@@ -84,7 +85,7 @@ class DisplacedPath:
         return 1.0 - gone, -rate / length, -change / length**2, -jerk / length**3
 
     def _up(self, distance_m: float) -> Rise:
-        """Return what is left of the height: the quintic that goes on as it begins, and ends level at 0."""
+        """Return the remaining height: the quintic that continues `above` and ends level at 0."""
         length = self._over_m
         u = max(distance_m - self._from_m, 0.0) / length
         p, q, r = self._above.height_m, self._above.slope * length, self._above.curvature_1pm * length**2 / 2.0

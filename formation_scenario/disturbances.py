@@ -1,4 +1,4 @@
-"""Keys of the disturbances: what carries vehicles through the air besides the wind, and when."""
+"""Keys of the disturbances: velocities that the air adds to vehicles besides the wind."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ Positives: TypeAlias = Annotated[tuple[Positive, Positive, Positive], Allowed("a
 
 
 class Passing(Timed):
-    """A disturbance of some vehicles that may end."""
+    """A disturbance of some vehicles, with an optional end."""
 
     until_s: Positive | None = Field(default=None, description="when it ends, s; default: it doesn't")
 
     @property
     def end_s(self) -> float:
-        """When it ends, infinite if it doesn't."""
+        """Its end, s; infinite if it has none."""
         return math.inf if self.until_s is None else self.until_s
 
 
 class StepDisturbance(Passing):
-    """A velocity that is there at once."""
+    """A velocity that acts at once."""
 
     kind: Literal["step"] = Field(default="step", description="step | ramp | sine | dryden")
     velocity_mps: Vector = Field(description="north, east, down, m/s")
 
 
 class RampDisturbance(Passing):
-    """A velocity that grows in proportion to time, then stays."""
+    """A velocity that grows linearly, then stays."""
 
     kind: Literal["ramp"] = Field(description="step | ramp | sine | dryden")
     velocity_mps: Vector = Field(description="north, east, down at the ramp's end, m/s")
@@ -39,7 +39,7 @@ class RampDisturbance(Passing):
 
 
 class SineDisturbance(Passing):
-    """A velocity that swings."""
+    """A sinusoidal velocity."""
 
     kind: Literal["sine"] = Field(description="step | ramp | sine | dryden")
     velocity_mps: Vector = Field(description="amplitude north, east, down, m/s")
@@ -50,7 +50,7 @@ class SineDisturbance(Passing):
 
 
 class DrydenTurbulence(Passing):
-    """Turbulence with Dryden's spectra, MIL-F-8785C: of low altitude by the wind at 6 m, or as given."""
+    """Turbulence with Dryden's spectra, MIL-F-8785C: for low altitude from the wind at 6 m, or explicit."""
 
     kind: Literal["dryden"] = Field(description="step | ramp | sine | dryden")
     wind_6m_mps: Positive | None = Field(default=None, description="mean wind 6 m (20 ft) above ground, m/s")

@@ -1,4 +1,4 @@
-"""Elevation files -> ground heights: SRTM tiles (.hgt) by numpy, GeoTIFF and its kin by rasterio (an extra)."""
+"""Ground heights from elevation files: SRTM tiles (.hgt) by numpy, GeoTIFF and other formats by rasterio (an extra)."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class ElevationError(Exception):
 
 
 class Raster(NamedTuple):
-    """Elevations in m above sea level, NaN where void: row 0 the northernmost; places are those of the values."""
+    """Elevations, m above sea level, NaN where void; row 0 is the northernmost. Positions are those of the values."""
 
     elevation_m: Array
     north_deg: float
@@ -36,10 +36,10 @@ class Raster(NamedTuple):
 
 
 class ElevationGrid:
-    """Ground heights between the values of a raster, bilinear in latitude and longitude."""
+    """Ground heights by bilinear interpolation of a raster in latitude and longitude."""
 
     def __init__(self, raster: Raster, origin: GeodeticOrigin) -> None:
-        """Take the raster, and the point that north, east and height count from."""
+        """Take the raster, and the origin of north, east and height."""
         self._raster = raster
         self._origin = origin
 
@@ -61,7 +61,7 @@ class ElevationGrid:
         return -southwards / step_north_m, eastwards / step_east_m
 
     def _cell(self, north_m: Array, east_m: Array) -> tuple[tuple[Array, ...], Array, Array]:
-        """Return the four values around each place, and the shares of the cell down and right of the first."""
+        """Return the four values around each point, and its position in the cell, down and right, 0 to 1."""
         raster = self._raster
         lat_rad, lon_rad = self._origin.places(north_m, east_m)
         down = (raster.north_deg - np.degrees(lat_rad)) / raster.step_lat_deg
@@ -76,10 +76,10 @@ class ElevationGrid:
 
 
 def read_elevation(file: str, lat_deg: float, lon_deg: float, alt_m: float, around_m: Array) -> ElevationGrid:
-    """Return the ground of a file, as far as `MARGIN_M` around the (n, 2) places in m north and east.
+    """Return the ground of a file up to `MARGIN_M` around points (n, 2), m north and east.
 
     Raises:
-        ElevationError: the file can't be read or has no place on the Earth; the extra isn't installed.
+        ElevationError: the file can't be read or isn't georeferenced, or rasterio isn't installed.
     """
     path, origin = Path(file), GeodeticOrigin(radians(lat_deg), radians(lon_deg), alt_m)
     if path.suffix.lower() == ".hgt":

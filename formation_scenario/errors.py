@@ -1,4 +1,4 @@
-"""What is wrong with a scenario, said in the user's terms."""
+"""Problems of a scenario, in the user's terms."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """One thing wrong in a scenario.
+    """One problem of a scenario.
 
-    `file` is the scenario's file or the override it came from, None for a mapping; `line` and `column`
-    count from 1. `found` is a phrase ("found 'diamnd'"), `allowed` what may stand there instead.
+    `file` is the scenario's file or the override that it came from, None for a mapping; `line` and `column` count from
+    1. `found` is a phrase ("found 'diamnd'"), and `allowed` says what is allowed instead.
     """
 
     file: str | None
@@ -30,7 +30,7 @@ class Problem:
 
 
 class ScenarioError(Exception):
-    """A scenario that can't be flown as written; `problems` holds everything found wrong in it."""
+    """A scenario that can't be flown as written; `problems` has everything that was found wrong."""
 
     def __init__(self, problems: Sequence[Problem]) -> None:
         """Take all problems at once; the message has one line for each, in the order of the file's lines."""
@@ -44,7 +44,7 @@ class ScenarioError(Exception):
 def did_you_mean(word: str, choices: Iterable[str]) -> str:
     """Return " (did you mean 'x'?)" for the choice nearest to a word, "" when none is near.
 
-    A choice that is the word and a unit (`speed` for `speed_mps`) goes before any other.
+    A choice that is the word with a unit (`speed_mps` for `speed`) takes precedence.
     """
     known = list(choices)
     with_unit = [choice for choice in known if choice.startswith(f"{word}_")]

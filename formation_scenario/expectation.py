@@ -1,4 +1,4 @@
-"""Keys of `expect`: what a run must have kept to."""
+"""Keys of `expect`: bounds that a run must have kept."""
 
 from __future__ import annotations
 

@@ -16,11 +16,11 @@ DEFAULT_MODE: PilotsMode = "LOITER"
 
 
 class Fault(Timed):
-    """Something that befalls some vehicles. Emulators only.
+    """A fault of some vehicles. Emulators only.
 
-    crash: it lies on the ground and is silent. freeze: its autopilot hangs; it flies on as it was told last.
-    restart: its autopilot begins anew, with its clock at 0. ignore: it acknowledges orders and obeys none.
-    pilot: its pilot takes it by the mode switch, and gives it back to GUIDED at the end.
+    crash: it lies on the ground and is silent. freeze: its autopilot hangs, and it flies on by its last setpoint.
+    restart: its autopilot reboots, with its clock at 0. ignore: it acknowledges commands without carrying them out.
+    pilot: its pilot changes the mode, and changes it back to GUIDED at the end.
     """
 
     kind: FaultKind = Field(description="crash | freeze | restart | ignore | pilot")

@@ -1,4 +1,4 @@
-"""Can the path and every slot be flown inside the vehicles' limits? In still air, at the path's speed."""
+"""Checks that the path and every slot can be flown inside the vehicles' limits, in still air at the path's speed."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ WAYPOINTS: KeyPath = ("path", "waypoints_m")
 
 
 class _Need(NamedTuple):
-    """The worst need of one vehicle for one limit, over path and shapes."""
+    """The largest excess of one vehicle over one limit, over the path and all shapes."""
 
     excess: float
     place: int
@@ -37,7 +37,7 @@ class _Need(NamedTuple):
 
 
 def check(scenario: Scenario, source: Source) -> list[Problem]:
-    """Return what can't be flown, the worst place only for each vehicle and limit."""
+    """Return what can't be flown: for each vehicle and limit, the place where it is exceeded most."""
     over_ground = check_terrain(scenario, source)
     if over_ground:
         return over_ground
@@ -47,7 +47,7 @@ def check(scenario: Scenario, source: Source) -> list[Problem]:
 
 
 def check_ahead(scenario: Scenario, step: SlotStep, path: SplinePath, from_m: float) -> list[str]:
-    """Return what of a formation can't be flown from a place of the path on, in words."""
+    """Return, in words, what of a formation can't be flown on the path from `from_m` on."""
     source, keys = Source(None, {}, {}), [("formation",)]
     problems = _standing(scenario, source, path, (step,), keys, min(max(from_m, 0.0), path.length_m))
     return [f"{problem.found}; allowed: {problem.allowed}" for problem in problems]
@@ -61,7 +61,7 @@ def _standing(
     keys: Sequence[KeyPath],
     from_m: float,
 ) -> list[Problem]:
-    """Return what of the slots can't be flown from a place of the path on, while they stay what they are."""
+    """Return what can't be flown from `from_m` on while the slots don't change."""
     uniform = np.linspace(from_m, path.length_m, int((path.length_m - from_m) / SAMPLE_M) + 2)
     places = np.unique(np.concatenate((uniform, path.nodes_m[path.nodes_m >= from_m])))
     points = path.at(places)
@@ -121,7 +121,7 @@ def _slot_needs(needs: SlotNeeds, column: int, limits: VehicleModel, step: SlotS
 
 
 def _transitions(scenario: Scenario, source: Source, path: SplinePath, steps: tuple[SlotStep, ...]) -> list[Problem]:
-    """Return the first change whose way can't be flown: where the next ones begin isn't known then."""
+    """Return the first change that can't be flown: the start of the later ones isn't known then."""
     speed, way, leader = scenario.path.speed_mps, Transition.standing(steps[0].places_m), 0
     for key, step in zip(_keys(scenario)[1:], steps[1:], strict=True):
         at_m = step.at_s * speed

@@ -1,4 +1,4 @@
-"""The kinds of values that scenario keys take, each with the words that tell a user what is allowed."""
+"""Types of the values of scenario keys, with descriptions of what is allowed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ MAX_NETWORK = 1000
 MAX_NAME_LENGTH = 80
 MAX_NUMBER = 1e9
 MAX_NEAR_M = 10_000.0
-"""How far aircraft of one formation may be from each other."""
+"""Largest distance of two aircraft of one formation."""
 
 
 class Keys(BaseModel):
@@ -25,14 +25,14 @@ class Keys(BaseModel):
 
 @dataclass(frozen=True, slots=True)
 class Allowed:
-    """What a value may be, where its type alone doesn't say it well; `choices` are the words it may be."""
+    """Describes the allowed values where the type alone doesn't say it well; `choices` are the allowed words."""
 
     text: str
     choices: tuple[str, ...] = ()
 
 
 def one_of(key: str, default: str) -> Discriminator:
-    """Return what chooses among groups of keys, each with a `Tag`, by the word at `key`."""
+    """Return a discriminator that selects a group of keys, each with a `Tag`, by the word at `key`."""
 
     def word(value: object) -> str:
         if isinstance(value, Mapping):
@@ -43,7 +43,7 @@ def one_of(key: str, default: str) -> Discriminator:
 
 
 CHOICE = "choice of "
-"""Begins the type of the error that a word makes which chooses no group of keys; the word's key follows."""
+"""Prefix of the error type for a word that selects no group of keys; the word's key follows it."""
 
 
 def _printable(value: object) -> object:
@@ -84,7 +84,7 @@ VehicleSelection: TypeAlias = Annotated[
 
 
 class Timed(Keys):
-    """What happens at a time to some vehicles."""
+    """Something that happens to some vehicles at a mission time."""
 
     at_s: NonNegative = Field(description="when, s")
     vehicles: VehicleSelection = Field(default="all", description="all, or a list of ids")

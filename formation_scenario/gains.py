@@ -1,4 +1,4 @@
-"""The law's sets of gains: defaults of its keys for exact data and for data with noise like a GNSS receiver's."""
+"""The law's two sets of gains: defaults of its keys for exact telemetry, and for telemetry as noisy as GNSS."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ FILTERS: dict[str, Group] = {
 
 
 def gain_groups(gains: str, frame: str) -> dict[str, Group]:
-    """Return the groups of keys that a set of gains fills, for slots in a frame; `clean` for any other word."""
+    """Return the groups of keys that a set of gains fills, for a slot frame; those of `clean` for an unknown set."""
     known = gains if gains in GROUPS else CLEAN
     heading = HEADING[known].get(frame, HEADING[known][LEADER])
     return GROUPS[known] | {"heading": heading}
 
 
 def filters(gains: str) -> Group:
-    """Return the single keys that it fills."""
+    """Return the single keys that a set of gains fills."""
     return FILTERS.get(gains, FILTERS[CLEAN])

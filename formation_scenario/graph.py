@@ -1,4 +1,4 @@
-"""What a communication graph must be for a formation to agree on it."""
+"""The condition on a communication graph for vehicles to reach consensus."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 
 def has_spanning_tree(weights: Sequence[Sequence[float]]) -> bool:
-    """Return whether one vehicle is heard, directly or through others, by all; weights[p][q] > 0 when p hears q."""
+    """Return whether all hear one vehicle, directly or through others; weights[p][q] > 0 when p hears q."""
     reached: set[int] = set()
     root = 0
     for vehicle in range(len(weights)):

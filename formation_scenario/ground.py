@@ -1,4 +1,4 @@
-"""The height of the ground, as a function of the place."""
+"""The height of the ground as a function of the position."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Ground(Protocol):
 
 
 class _Distance(NamedTuple):
-    """From each place to each hill's crest line: along it beyond its ends, across it, and the whole, squared."""
+    """Distances of points from hills' crest lines: along them beyond their ends, across them, in total and squared."""
 
     along_m: Array
     across_m: Array
@@ -35,7 +35,7 @@ class _Distance(NamedTuple):
 
 
 class Hills:
-    """A level ground with hills, which add up. The formulas are those of `terrain.Hill`."""
+    """Level ground with hills, which add up, by the formulas of `terrain.Hill`."""
 
     def __init__(self, base_m: float, hills: Sequence[Hill]) -> None:
         """Take H hills."""
@@ -57,7 +57,7 @@ class Hills:
         return self._base_m + share @ self._height_m
 
     def gradient(self, north_m: Array, east_m: Array) -> tuple[Array, Array]:
-        """Return the rise to the north and to the east, by the derivative of the share by d²/radius²."""
+        """Return the rise per metre to the north and to the east."""
         distance = self._distance(north_m, east_m)
         squared = distance.squared_m2 / self._radius_m**2
         cosine = np.where(squared < 1.0, -(np.pi**2) / 4 * np.sinc(np.sqrt(squared)), 0.0)

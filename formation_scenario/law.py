@@ -1,4 +1,4 @@
-"""Keys of the control law. The default gains suit the default vehicle model, and the noise in its data."""
+"""Keys of the control law. The default gains suit the default vehicle model, with or without noise in telemetry."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class PidGains(Keys):
 
 
 class Fuzzy(Keys):
-    """How far the fuzzy scheduler moves the gains: gain = (base + span·F)·nominal, F in [0, 1]."""
+    """Range of the fuzzy scheduler: gain = (base + span·F)·nominal, F in [0, 1]."""
 
     base: NonNegative = Field(default=0.7, description="share of the nominal gain at F = 0")
     span: NonNegative = Field(default=0.6, description="share of the nominal gain that F = 1 adds")

@@ -1,7 +1,7 @@
-"""The least lift that keeps a way clear of the ground: a cubic B-spline over its length, by a linear programme.
+"""The least lift that keeps a path clear of the ground: a cubic B-spline over its length, by a linear programme.
 
-A uniform cubic B-spline (equations 35 and 36) lies within the bounds of its control points' differences: bounds on
-those are bounds on slope and curvature everywhere.
+Slope and curvature of a uniform cubic B-spline (equations 35 and 36) are bounded by the differences of its control
+points, so that bounds on those hold everywhere.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from formation_scenario.arrays import Array, Indices
 T = TypeVar("T", float, Array)
 
 STEP_M = 20.0
-"""Between knots."""
+"""Distance between knots."""
 SAMPLES = 4
-"""Places a step at which the clearance is asked for."""
+"""Points per step at which the clearance is required."""
 SAMPLE_M = STEP_M / SAMPLES
 TRIFLE_M = 0.01
-"""What isn't worth a lift."""
+"""Lifts below this are left out."""
 SHORT_COST = 10.0
-"""Cost of a metre less than is needed, in metres of lift on the whole way: it is the last thing to give."""
+"""Cost of a missing metre, in metres of lift over the whole length: high, so that it is the last resort."""
 
 
 class Bounds(NamedTuple):
-    """How a way may rise: by the metre of horizontal distance, either way."""
+    """Bounds of slope and of curvature per metre of horizontal distance, upwards and downwards."""
 
     slope: float
     curvature_1pm: float
@@ -38,28 +38,28 @@ class Bounds(NamedTuple):
 
 @dataclass(frozen=True)
 class Lift:
-    """Metres above a way, by the distance along it: control points with `STEP_M` between their knots."""
+    """Metres above a path as a function of the distance along it: a spline with `STEP_M` between its knots."""
 
     start_m: float
     control_m: Array
     """(n,), for n - 3 steps from `start_m` on."""
     short_m: float = 0.0
-    """How much of what is needed can't be had within the bounds, at most."""
+    """Largest shortfall: how much of the required lift the bounds don't allow."""
 
     @property
     def end_m(self) -> float:
-        """Distance at which it ends."""
+        """Distance at which the lift ends."""
         return self.start_m + (self.control_m.size - 3) * STEP_M
 
     def at(self, distance_m: Array) -> tuple[Array, Array, Array]:
-        """Return lift, its slope and its curvature at distances from start to end; held beyond them."""
+        """Return the lift, its slope and its curvature at distances; constant beyond its ends."""
         steps = np.clip((distance_m - self.start_m) / STEP_M, 0.0, self.control_m.size - 3.0)
         index = np.minimum(steps.astype(np.intp), self.control_m.size - 4)
         return blend([self.control_m[index + i] for i in range(4)], steps - index)
 
 
 def blend(control: Sequence[T], u: T) -> tuple[T, T, T]:
-    """Return value, slope and curvature at a share u of a step, from the step's four control points."""
+    """Return value, slope and curvature at u, 0 to 1, within a step, from the step's four control points."""
     c0, c1, c2, c3 = control
     second = c0 + u * (c1 - c0) - 2.0 * (c1 + u * (c2 - c1)) + c2 + u * (c3 - c2)
     rest = 1.0 - u
@@ -70,20 +70,20 @@ def blend(control: Sequence[T], u: T) -> tuple[T, T, T]:
 
 
 def sample_places(start_m: float, steps: int) -> Array:
-    """Return the distances at which a lift of so many steps is to know what is needed."""
+    """Return the distances at which the required lift must be given, for a lift of `steps` steps."""
     return start_m + SAMPLE_M * np.arange(steps * SAMPLES + 1, dtype=np.float64)
 
 
 def least_lift(start_m: float, needed_m: Array, slope: Array, bounds: Bounds, begun_m: Array) -> Lift:
-    """Return the lift of the least area, which is nowhere negative; one that begins below 0 comes up to it.
+    """Return the lift of the least area. It is nowhere negative, but for one that begins below 0 and rises to it.
 
     Args:
-        start_m: where it starts.
-        needed_m: least lift at `sample_places`; what is negative or NaN asks for nothing.
-        slope: the way's own slope there. With the lift it stays within the bounds; where it's beyond them by itself,
+        start_m: distance at which it starts.
+        needed_m: required lift at `sample_places`; negative or NaN where none is required.
+        slope: the path's own slope there. With the lift it stays within the bounds; where it exceeds them by itself,
             the lift makes it no steeper.
-        bounds: of the slope of way and lift together, and of the lift's curvature.
-        begun_m: the first control points, where a lift is continued: within the bounds as soon as can be.
+        bounds: of the slope of path and lift together, and of the lift's curvature.
+        begun_m: the first control points of a lift that is continued; it returns inside the bounds as soon as possible.
     """
     count = (needed_m.size - 1) // SAMPLES + 3
     needed = np.flatnonzero(needed_m > TRIFLE_M)
@@ -100,7 +100,7 @@ def least_lift(start_m: float, needed_m: Array, slope: Array, bounds: Bounds, be
     within = list(zip(least.tolist(), most.tolist(), strict=True))
     found: Any = linprog(cost, rows, limits, bounds=within, method="highs-ds")
     if found.x is None:
-        # Nothing goes on from where it began within the bounds: it's held, and all that is missing said.
+        # No continuation is within the bounds: hold the last value, and report all that is missing.
         held = np.concatenate((begun_m, np.full(free, begun_m[-1])))
         return Lift(start_m, held, float(np.nanmax(needed_m)))
     control_m, short_m, _ = np.split(np.asarray(found.x, dtype=np.float64), [count, count + needed.size])
@@ -108,7 +108,7 @@ def least_lift(start_m: float, needed_m: Array, slope: Array, bounds: Bounds, be
 
 
 def _programme(needed: Indices, needed_m: Array, slope: Array, bounds: Bounds, begun_m: Array) -> tuple[Any, Array]:
-    """Return rows and limits of `rows @ (control points, shortfalls) <= limits`; `slope` is that amid each step."""
+    """Return rows and limits of `rows @ (control points, shortfalls) <= limits`; `slope` is that mid-step."""
     count = slope.size + 3
     lifted = _values_at(needed, count)
     rise: Any = sparse.diags_array([-1.0, 1.0], offsets=[0, 1], shape=(count - 1, count))
@@ -123,7 +123,7 @@ def _programme(needed: Indices, needed_m: Array, slope: Array, bounds: Bounds, b
 
 
 def _begun(begun_m: Array, up: Array, down: Array, curved: Array) -> tuple[Array, Array, Array, Array]:
-    """Return the limits wide enough for what has begun, and its slope beyond them to go as fast as curvature allows."""
+    """Return limits that admit the lift as begun; a slope beyond them decreases as fast as the curvature allows."""
     widened: list[Array] = []
     for sign, limit in ((1.0, up), (-1.0, down)):
         rises, wide = sign * np.diff(begun_m), limit.copy()
@@ -139,7 +139,7 @@ def _begun(begun_m: Array, up: Array, down: Array, curved: Array) -> tuple[Array
 
 
 def _with_depth(rows: Any, count: int) -> Any:  # noqa: ANN401 - scipy's sparse arrays are typed in part only
-    """Return the rows with more variables, as far as each control point is below 0, and with rows that bind them."""
+    """Return the rows with variables added for how far each control point is below 0, and the rows that bind them."""
     points: Any = sparse.hstack((-sparse.eye_array(count), sparse.csr_array((count, rows.shape[1] - count))))
     return sparse.vstack(
         (

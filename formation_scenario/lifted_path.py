@@ -1,4 +1,4 @@
-"""The leader's path over hills: as written, lifted where the ground and its clearance come near."""
+"""The leader's path over hills: as written, but lifted where it would be too near to the ground."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from formation_scenario.model import Scenario
 from formation_scenario.path import PathPoint, PathPoints, SplinePath
 
 LEADER_SHARE = 0.7
-"""Share of the climb limit that the lifted path uses: followers, and what disturbs them, need the rest."""
+"""Share of the climb limit that the lifted path uses; followers and disturbances need the rest."""
 FOLLOWER_SHARE = 0.85
-"""Share of it that path and a follower's own lift use together."""
+"""Share of the climb limit that the path and a follower's own lift use together."""
 
 
 class LiftedPath(SplinePath):
-    """A path with a lift on its height. It begins at the height as written; the straight line before it is level."""
+    """A path with a lift. It begins at the height that is written; the straight run-in before it is level."""
 
     def __init__(self, waypoints_m: Sequence[Sequence[float]] | Array, lift: Lift) -> None:
         """Take the waypoints as for `SplinePath`, and the lift from 0 to the path's length."""
@@ -79,9 +79,9 @@ def leader_path(scenario: Scenario, ground: Ground | None = None) -> SplinePath:
 
 
 def rise_bounds(scenario: Scenario, share: float) -> Bounds:
-    """Return how a way may rise for every vehicle to follow it with a share of its climb limit, wind from behind.
+    """Return bounds of a path that every vehicle can follow with a share of its climb limit, in a tailwind.
 
-    The climb rate takes twice the height loop's time constants, of (7), to change by the limit.
+    The climb rate may change by its limit within twice the sum of the height's time constants in (7).
     """
     models = [vehicle.model for vehicle in scenario.vehicles]
     climb_mps = min(model.climb_max_mps for model in models)

@@ -1,4 +1,4 @@
-"""Keys of the links: what is done to the datagrams of each direction, and when."""
+"""Keys of the links: impairments of each direction, and their changes in flight."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Milliseconds = Annotated[NonNegative, Field(le=600_000.0)]
 
 
 class Impairment(Keys):
-    """What happens to each datagram of one direction of one link."""
+    """Impairments of one direction of one link."""
 
     delay_ms: Milliseconds = Field(default=0.0, description="mean delay before truncation at 0, ms")
     jitter_ms: Milliseconds = Field(default=0.0, description="standard deviation of the delay, ms")
@@ -54,14 +54,14 @@ class ImpairmentPatch(Keys):
 
 
 class DefaultLink(Impairment):
-    """Both directions of every link, and what differs in one of them."""
+    """Both directions of every link, and the differences of each direction."""
 
     uplink: ImpairmentPatch | None = Field(default=None, description="ground station to vehicle")
     downlink: ImpairmentPatch | None = Field(default=None, description="vehicle to ground station")
 
 
 class LinkChange(ImpairmentPatch, Timed):
-    """A change of some vehicles' links: its own keys for both directions, then those of each direction."""
+    """A change of some vehicles' links: keys for both directions, then those for each direction."""
 
     uplink: ImpairmentPatch | None = Field(default=None, description="ground station to vehicle")
     downlink: ImpairmentPatch | None = Field(default=None, description="vehicle to ground station")
@@ -85,7 +85,7 @@ class LinkStep(NamedTuple):
 
 
 def least_mean_burst(loss: float) -> float:
-    """Return the shortest mean burst with which `loss` (0 to 1) can be: one arrival between any two bursts."""
+    """Return the shortest mean burst that is possible with `loss` (0 to 1): one arrival between any two bursts."""
     return max(1.0, loss / (1.0 - loss)) if loss < 1.0 else math.inf
 
 

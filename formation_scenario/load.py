@@ -1,4 +1,4 @@
-"""File or mapping -> scenario, and back."""
+"""Loads a scenario from a file or a mapping, and writes it as YAML."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def load_scenario(source: str | Path | Mapping[Any, Any] | Scenario, overrides: 
         overrides: `dotted.key=value` settings, the values in YAML.
 
     Raises:
-        ScenarioError: anything that can't be read, isn't allowed, contradicts itself or can't be flown.
+        ScenarioError: the scenario can't be read, has values that aren't allowed, contradicts itself or can't be flown.
     """
     read = apply_overrides(_read(source), overrides)
     scenario, resolved = _typed(read)
@@ -67,7 +67,7 @@ def _typed(source: Source) -> tuple[Scenario, Source]:
     missing = unavailable(source)
     problems = _group_problems(source)
     if problems:
-        # The rest is still worth checking, beside a list that is right.
+        # Check the rest as well, with a valid list in place of the group.
         data = dict(source.data)
         data["vehicles"] = [dict(ONE_VEHICLE)]
         source = Source(source.file, data, source.places)

@@ -1,4 +1,4 @@
-"""The scenario: every key, typed, in the units that its name carries."""
+"""The scenario: all keys, typed, in the units that their names carry."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ Fleet = Annotated[tuple[Vehicle, ...], Field(min_length=1), Allowed("a list of 1
 
 
 class Origin(Keys):
-    """The point that north, east and height are counted from."""
+    """The origin of north, east and height."""
 
     lat_deg: Annotated[Number, Field(ge=-85.0, le=85.0)] = Field(default=35.0, description="latitude, degrees")
     lon_deg: Annotated[Number, Field(ge=-180.0, le=180.0)] = Field(default=125.0, description="longitude, degrees")
@@ -48,7 +48,7 @@ class Origin(Keys):
 
 
 class Start(Keys):
-    """How the vehicles begin."""
+    """The start of the flight."""
 
     in_air: Flag = Field(default=False, description="emulators only: begin in flight, without take-off")
     offset_m: Offset = Field(default=(0.0, 0.0, 0.0), description="follower from its slot: forward, right, up, m")
@@ -67,7 +67,7 @@ class Wind(Keys):
 
 
 class Avoidance(Keys):
-    """The rule that keeps vehicles apart."""
+    """The separation rule."""
 
     enabled: Flag = Field(default=True, description="whether setpoints give way to it")
     distance_m: Positive = Field(description="distance that it keeps, m; default: safety.separation_m + 5")
@@ -75,7 +75,7 @@ class Avoidance(Keys):
 
 
 class Safety(Keys):
-    """Limits whose break fails a run, and what keeps from breaking them."""
+    """Limits that fail a run if they are violated, and the rule that prevents it."""
 
     separation_m: Distance = Field(default=5.0, description="least distance of two vehicles, m")
     avoidance: Avoidance
@@ -127,7 +127,7 @@ class Scenario(Keys):
 
     @property
     def leader(self) -> Vehicle | None:
-        """The vehicle that leads, None when a virtual leader flies the path."""
+        """The vehicle that leads at the start, None if a virtual leader does."""
         return next((vehicle for vehicle in self.vehicles if vehicle.role == "leader"), None)
 
     @property
@@ -148,5 +148,5 @@ class Scenario(Keys):
 
 
 def long_ref(vehicle: Vehicle) -> str:
-    """Return "network:id", the name of a vehicle whose id alone may stand for several."""
+    """Return "network:id", which names one vehicle even if several networks use its id."""
     return f"{vehicle.network}:{vehicle.id}"

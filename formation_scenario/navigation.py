@@ -1,4 +1,4 @@
-"""Keys of the vehicles' navigation: what their telemetry tells of their own state."""
+"""Keys of the vehicles' navigation: how well their telemetry knows their state."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class TrueNavigation(Keys):
 
 
 class NoisyNavigation(Keys):
-    """Telemetry carries errors of the sensors; the vehicle's own loops go by the truth."""
+    """Telemetry carries sensor errors; the vehicle's own control loops use the true state."""
 
     source: Literal["noisy"] = Field(description=SOURCES)
     rate_hz: Rate = Field(default=10.0, description="new errors a second, as a GNSS receiver's, Hz")
@@ -32,7 +32,7 @@ class NoisyNavigation(Keys):
 
 
 MAX_ACCEL_UG, MAX_GYRO_DEG_PER_H = 1e5, 3600.0
-"""A tenth of gravity and a degree a second: no accelerometer or gyroscope that anybody navigates by is worse."""
+"""A tenth of gravity and a degree per second: no sensor that is used for navigation is worse."""
 MAX_NOISE_DEG_PER_RTH = 100.0
 AccelBias = Annotated[Number, Field(ge=-MAX_ACCEL_UG, le=MAX_ACCEL_UG)]
 GyroBias = Annotated[Number, Field(ge=-MAX_GYRO_DEG_PER_H, le=MAX_GYRO_DEG_PER_H)]
@@ -52,14 +52,15 @@ GRADES: dict[str, tuple[float, float, float, float]] = {
     "intermediate": (1000.0, 0.1, 50.0, 0.01),
     "tactical": (2000.0, 10.0, 100.0, 0.1),
 }
-"""Accelerometers' bias in micro-g and gyroscopes' in degrees an hour, and their random walks, as the keys below.
+"""Biases of accelerometers, micro-g, and gyroscopes, degrees per hour, then their noise as in the keys below.
 
-In the terms of Groves, Principles of GNSS, Inertial, and Multisensor Integrated Navigation Systems (2013), section 4.1.
+The grades are those of Groves, Principles of GNSS, Inertial, and Multisensor Integrated Navigation Systems (2013),
+section 4.1.
 """
 
 
 class InertialSensorKeys(Keys):
-    """Accelerometers and gyroscopes along the body's axes; what isn't given is the grade's."""
+    """Accelerometers and gyroscopes along the body axes; keys that aren't given are the grade's."""
 
     accel_bias_ug: AccelBiases | None = Field(
         default=None, description="constant bias, micro-g: of every axis, or of each"
@@ -74,7 +75,7 @@ class InertialSensorKeys(Keys):
 
 
 class GnssKeys(Keys):
-    """A satellite receiver that aids inertial navigation; white errors."""
+    """A GNSS receiver that aids inertial navigation, with white errors."""
 
     rate_hz: Annotated[float, Field(strict=True, gt=0.0, le=10.0)] = Field(default=1.0, description="Hz, 10 at most")
     position_sigma_m: Positive = Field(default=1.5, description="standard deviation north and east, m")
@@ -83,14 +84,14 @@ class GnssKeys(Keys):
 
 
 class BarometerKeys(Keys):
-    """An altimeter that aids inertial navigation; white errors."""
+    """A barometric altimeter that aids inertial navigation, with white errors."""
 
     rate_hz: Annotated[float, Field(strict=True, gt=0.0, le=10.0)] = Field(default=1.0, description="Hz, 10 at most")
     height_sigma_m: Positive = Field(default=1.0, description="standard deviation, m")
 
 
 class InertialNavigation(Keys):
-    """Strap-down inertial navigation, after an alignment; telemetry carries its errors."""
+    """Strap-down inertial navigation after an alignment; telemetry carries its errors."""
 
     source: Literal["ins"] = Field(description=SOURCES)
     grade: Grade = Field(default="aviation", description="ideal | navigation | aviation | intermediate | tactical")

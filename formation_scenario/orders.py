@@ -1,4 +1,4 @@
-"""Orders to a formation in flight, as a person writes them: `shape line`, `speed 24`, `leader 3`, `loiter`."""
+"""Orders to a formation in flight, as an operator writes them: `shape line`, `speed 24`, `leader 3`, `loiter`."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ MOST_LETTERS = 100
 
 
 class OrderError(ValueError):
-    """Words that are no order: what was found, and what is allowed."""
+    """A text that isn't an order; the message says what was found and what is allowed."""
 
 
 class Order(NamedTuple):
-    """One of: a change of the formation, another speed in m/s, or how the flight is to end."""
+    """One of: a change of the formation, a new speed in m/s, or how to end the flight."""
 
     text: str
     change: FormationChange | None = None
@@ -34,10 +34,10 @@ class Order(NamedTuple):
 
 
 def parse_order(text: str) -> Order:
-    """Return what `text` orders.
+    """Return the order in `text`.
 
     Raises:
-        OrderError: nothing.
+        OrderError: the text isn't an order.
     """
     word, *rest = text[:MOST_LETTERS].split() or [""]
     said = " ".join((word, *rest))
@@ -94,7 +94,7 @@ def _known_order(value: object) -> object:
 
 
 class PlannedOrder(Keys):
-    """An order that is given at a time, as `gcs-formation tell` would."""
+    """An order that is given at a mission time, as by `gcs-formation tell`."""
 
     at_s: NonNegative = Field(description="when, s")
     order: Annotated[str, BeforeValidator(_known_order), Allowed(ALLOWED, EXAMPLES)] = Field(description=ALLOWED)

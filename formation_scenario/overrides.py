@@ -10,13 +10,13 @@ from formation_scenario.source import MOST_DIGITS, Key, KeyPath, Place, Plain, S
 
 
 def apply_overrides(source: Source, overrides: Sequence[str]) -> Source:
-    """Return the scenario with each override set, in order.
+    """Return the scenario with all overrides applied, in order.
 
     Values are YAML (`links.default={delay_ms: 300}`), list items are named by their index from 0
-    (`vehicles.1.model.tau_v_s=5`), mappings on the way that don't exist yet are created.
+    (`vehicles.1.model.tau_v_s=5`), and mappings along the key's path that don't exist yet are created.
 
     Raises:
-        ScenarioError: an override without `=`, with broken YAML, or into something that isn't there.
+        ScenarioError: an override without `=`, with broken YAML, or of an item that doesn't exist.
     """
     data, places = deepcopy(source.data), dict(source.places)
     problems: list[Problem] = []
@@ -35,7 +35,7 @@ def apply_overrides(source: Source, overrides: Sequence[str]) -> Source:
 
 
 def _apply(data: dict[Key, Plain], override: str) -> list[KeyPath]:
-    """Set a value; return every key path that wasn't there before, and its own as the last."""
+    """Set a value; return the key paths of the mappings that this created, and its own as the last."""
     name, equals, text = override.partition("=")
     path: KeyPath = tuple(_key(key) for key in name.strip().split("."))
     if not equals or "" in path:

@@ -1,4 +1,4 @@
-"""The leader's path: a B-spline through waypoints, run by horizontal arc length."""
+"""The leader's path: a B-spline through waypoints, parametrised by horizontal arc length."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _HERMITE = np.array(
 
 
 class PathError(ValueError):
-    """Waypoints that no vehicle can fly through; `waypoint` is the index of the first such one."""
+    """Waypoints that no vehicle can fly through; `waypoint` is the index of the first of them."""
 
     def __init__(self, message: str, waypoint: int) -> None:
         """Take the message and the waypoint's index."""
@@ -42,7 +42,7 @@ class PathError(ValueError):
 
 
 class PathPoint(NamedTuple):
-    """The path at one arc length: place in m, course in rad clockwise from north in (-pi, pi].
+    """The path at one arc length: position in m, course in rad clockwise from north in (-pi, pi].
 
     Curvature is positive in a right turn; `slope` is the rise per metre of horizontal distance.
     """
@@ -57,7 +57,7 @@ class PathPoint(NamedTuple):
     slope_rate_1pm: float
 
     def aside_m(self, north_m: float, east_m: float, height_m: float) -> tuple[float, float]:
-        """Return how far right of the path and above it a place abreast of this point lies."""
+        """Return how far to the right of the path and above it a position abreast of this point is, m."""
         north, east = north_m - self.north_m, east_m - self.east_m
         return east * cos(self.course_rad) - north * sin(self.course_rad), height_m - self.height_m
 
@@ -97,7 +97,7 @@ class SplinePath:
         self.nodes_m: Array = np.concatenate(([0.0], np.cumsum(lengths)))
         self.length_m = float(self.nodes_m[-1])
         self._coefficients = _hermite_pieces(*_by_arc_length(values.derivatives), lengths)
-        # A scalar costs less in plain floats than in numpy, and the simulator asks for scalars.
+        # For scalars, plain floats are faster than numpy, and the guidance asks for scalars.
         self._starts: list[float] = self.nodes_m[:-1].tolist()
         self._pieces = cast("list[list[list[float]]]", self._coefficients.tolist())
         self._ends = tuple(self._end(s) for s in (0.0, self.length_m))
@@ -117,9 +117,9 @@ class SplinePath:
         return self._inside(s)
 
     def nearest(self, north_m: float, east_m: float, around_s: float, window_m: float) -> float:
-        """Return the arc length of the path's point nearest to a place, by Newton's method.
+        """Return the arc length of the path's point nearest to a position, by Newton's method.
 
-        It starts at `around_s` and doesn't leave `around_s` ± `window_m`.
+        The search starts at `around_s` and stays within `window_m` of it.
         """
         low, high = around_s - window_m, around_s + window_m
         s = around_s
@@ -128,7 +128,7 @@ class SplinePath:
             tangent_n, tangent_e = cos(point.course_rad), sin(point.course_rad)
             ahead = (north_m - point.north_m) * tangent_n + (east_m - point.east_m) * tangent_e
             right = (east_m - point.east_m) * tangent_n - (north_m - point.north_m) * tangent_e
-            # Beyond the centre of curvature Newton would climb to the farthest point.
+            # Beyond the centre of curvature Newton's method would find the farthest point.
             step = ahead / max(1.0 - point.curvature_1pm * right, 0.2)
             s = min(max(s + step, low), high)
         return s
@@ -166,7 +166,7 @@ class SplinePath:
 
 
 class _SplineValues(NamedTuple):
-    """The spline over its parameter: the pieces' ends (m + 1,) and there derivatives 0 to 2 (3, m + 1, 3)."""
+    """The spline over its parameter: the ends of the pieces (m + 1,), and derivatives 0 to 2 there (3, m + 1, 3)."""
 
     spline: BSpline
     parameters: Array

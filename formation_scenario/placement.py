@@ -1,4 +1,4 @@
-"""Where the emulated vehicles begin."""
+"""Initial states of the emulated vehicles."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ class StartStates:
 def start_states(scenario: Scenario) -> StartStates:
     """Return the start states: the leader `run_in_s` before the path's start, the followers at their slots.
 
-    In the air each follower is `start.offset_m` from its slot, or above it to be clear of the terrain; on the ground
-    followers whose places are nearer than `safety.separation_m` stand further back.
+    In the air each follower is `start.offset_m` from its slot, and higher where the terrain's clearance requires it. On
+    the ground, followers that would be nearer to others than `safety.separation_m` are placed farther back.
     """
     path = SplinePath(scenario.path.waypoints_m)
     leader = path.at(-scenario.start.run_in_s * scenario.path.speed_mps)
@@ -66,9 +66,9 @@ def _with_leader(scenario: Scenario, slots: Array) -> Array:
 
 
 def _spread(slots: Array, separation_m: float) -> Array:
-    """Return slots that are the separation or more apart horizontally, from the leader too.
+    """Return slots that are at least `separation_m` apart horizontally, and from the leader.
 
-    Later followers move straight back by steps of twice the separation.
+    A follower that is too near to an earlier one moves straight back, in steps of twice the separation.
     """
     taken = [np.zeros(2)]
     step = np.array([2.0 * separation_m, 0.0])

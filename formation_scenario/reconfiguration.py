@@ -1,4 +1,4 @@
-"""A change of the formation as it's flown: from where the slots are to where they are to be."""
+"""Changes of the formation: transitions between slots, and the way of a new leader onto the path."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from formation_scenario.transition_plan import MEAN_SPEED_MPS, Conditions, Limit
 from formation_scenario.vehicles import VehicleModel
 
 TURN_SHARE = 0.5
-"""Share of what slots have to spare that the leader's turns onto its path use."""
+"""Share of the turn rate that all slots can keep up with, used by a new leader's turns onto the path."""
 CLIMB_SHARE = 0.3
-"""Share of the climb limit that the leader's way up or down to its path uses."""
+"""Share of the climb limit that a new leader uses on its way up or down to the path."""
 LEAST_S = 10.0
 LEVEL_OUT_STEPS = 50
-"""Of a lift on that way, beyond its end: a kilometre to come down in."""
+"""Steps of a lift beyond the end of that way: a kilometre to descend in."""
 
 
 class Route(Protocol):
-    """Something to fly along, by distance."""
+    """A curve to fly along, by distance."""
 
     def at(self, distance_m: float, /) -> PathPoint:
         """Return the point at a distance from the start."""
@@ -47,20 +47,20 @@ def plan_change(
     course: Callable[[Array], Course],
     present: Mask | None = None,
 ) -> Transition:
-    """Return the way of all columns into an arrangement, from `start` as its leader sees it.
+    """Return the transition of all columns to an arrangement.
 
-    Slots of those who are away have no way: nobody keeps apart on it, so they stand where they are to be.
+    Slots of absent vehicles are put at their goals at once, since nothing flies in them.
 
     Args:
         scenario: vehicles, limits, frame and separation.
-        start: (C, 3) where the slots are.
-        arrangement: what they are to be.
-        at_s: when it begins.
-        course: how the leader flies, by seconds from then on.
-        present: (C,) who is there; default: everyone.
+        start: (C, 3) present slots, in the frame of the arrangement's leader.
+        arrangement: the arrangement to reach.
+        at_s: when the transition begins.
+        course: the leader's flight, as a function of the seconds since then.
+        present: (C,) which vehicles are present; default: all.
 
     Raises:
-        NotFlyableError: it can't be flown there.
+        NotFlyableError: the transition can't be flown there.
     """
     there = np.ones(len(start.position_m), dtype=np.bool_) if present is None else present
     goal_m = assigned(scenario, arrangement, start.position_m, there)
@@ -85,10 +85,10 @@ def take_over(
     reach_m: float,
     ground: Ground | None = None,
 ) -> DisplacedPath:
-    """Return the way onto the path of a vehicle that takes it over at `from_m`, to the right of it and above it.
+    """Return the way onto the path of a new leader that is abreast of `from_m`, to the right of the path and above it.
 
-    Its turns are as gentle as slots need that are `reach_m` out. Its climb goes on as it is; with a ground given it's
-    lifted where that needs it.
+    Its turns are gentle enough for slots up to `reach_m` away to keep up. It continues the vehicle's climb; if a ground
+    is given, it is lifted to clear it.
     """
     speed, models = scenario.path.speed_mps, column_models(scenario)
     turn_rps = TURN_SHARE * keepable_turn_rps(scenario, reach_m)
@@ -110,14 +110,14 @@ def take_over(
 
 
 def keepable_turn_rps(scenario: Scenario, reach_m: float) -> float:
-    """Return the turn rate of a leader that slots `reach_m` out can keep up with, outside and inside."""
+    """Return the highest turn rate of a leader at which slots `reach_m` away keep up, outside and inside the turn."""
     speed, models = scenario.path.speed_mps, column_models(scenario)
     spare_mps = min(min(model.speed_max_mps - speed, speed - model.speed_min_mps) for model in models)
     return max(min(*(model.turn_rate_max_rps for model in models), spare_mps / max(reach_m, 1.0)), 1e-3)
 
 
 def ahead(route: Route, speed_mps: float, from_m: float) -> Callable[[Array], Course]:
-    """Return how a leader flies that is at `from_m` of a route at 0 s, by seconds from then on."""
+    """Return the flight of a leader along a route from `from_m` on, as a function of the elapsed seconds."""
 
     def course(elapsed_s: Array) -> Course:
         points = [route.at(distance_m) for distance_m in (from_m + speed_mps * elapsed_s).tolist()]
@@ -132,5 +132,5 @@ def column_models(scenario: Scenario) -> tuple[VehicleModel, ...]:
 
 
 def column_names(scenario: Scenario) -> tuple[str, ...]:
-    """Return what a person calls the vehicle of each column."""
+    """Return a name for the vehicle of each column, for messages."""
     return tuple(f"vehicle {v.vehicle_id}" if v else "the virtual leader" for v in columns(scenario))

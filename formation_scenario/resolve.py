@@ -1,4 +1,4 @@
-"""Defaults that depend on other keys, filled into the plain scenario before it is typed."""
+"""Fills defaults that depend on other keys into the plain scenario, before it is typed."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ RUN_IN_AIR_S, RUN_IN_GROUND_S = 10.0, 60.0
 BUFFER_M = 5.0
 """By how much the distance that the separation rule keeps exceeds the least that is allowed."""
 MAY_BE_EMPTY = ("origin", "telemetry", "links", "wind", "disturbances", "orders", "faults", "finish", "expect")
-"""Keys whose every item may be commented out: `expect:` with nothing below it is as if it weren't there."""
+"""Keys that may be left empty: `expect:` with all of its items commented out is as good as absent."""
 
 
 def resolve(source: Source) -> Source:
     """Return the scenario with `count` written out as a list and every dependent default in place.
 
-    Values of a wrong type are left as they are: typing them tells the user.
+    Values of a wrong type are left as they are; typing reports them afterwards.
     """
     data = {key: value for key, value in source.data.items() if value is not None or key not in MAY_BE_EMPTY}
     data.setdefault("name", Path(source.file).stem if source.file else "scenario")
@@ -55,7 +55,7 @@ def _group(data: dict[Key, Plain], key: str) -> dict[Key, Plain]:
 
 
 def _usable(value: Plain, default: float) -> float:
-    """Return a number that another key's default may be made of; `default` for what will be refused anyway."""
+    """Return a number from which another key's default is derived; `default` if it will be refused anyway."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return default
     return value if 0.0 <= value <= MAX_NUMBER else default
@@ -90,7 +90,7 @@ def _any_noisy(vehicles: Plain) -> bool:
 
 
 def _with_absolute(value: Plain, name: str, directory: Path) -> Plain:
-    """Return a group of keys with every file under `name` as an absolute path: the resolved scenario finds it too."""
+    """Return a group of keys with every file under `name` as an absolute path, so that run.yaml finds it as well."""
     if isinstance(value, list):
         return [_with_absolute(item, name, directory) for item in value]
     if not isinstance(value, dict):

@@ -1,4 +1,4 @@
-"""Shapes -> slots: places forward, right and up of the leader."""
+"""Slots of each shape: places forward, right and up of the leader."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ ROW_OF_TRIANGLE = sqrt(3.0) / 2.0
 def slots(shape: str, count: int, spacing_m: float) -> Array:
     """Return the slots (count, 3) of a shape, in m forward, right and up of the leader.
 
-    No two vehicles, the leader included, are nearer than the spacing. Only circle and plus, which have the
-    leader in their middle, have slots ahead of it. All but the circle grow without moving a slot.
+    No two vehicles, the leader included, are nearer to each other than the spacing. Only circle and plus, which have
+    the leader in their middle, have slots ahead of it. In all but the circle, more vehicles don't move the slots.
 
     Raises:
         ValueError: a shape that isn't one of `SHAPES`.

@@ -1,4 +1,4 @@
-"""Slots that move in a turning frame, and the flight that keeps them occupied."""
+"""Slots that move in a rotating frame, and the flight that keeps vehicles in them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from formation_scenario.path import PathPoints
 
 @dataclass(frozen=True)
 class SlotMotion:
-    """Where slots are and how they move, (..., N, 3) each: forward, right, up of the leader, in its frame."""
+    """Position and motion of slots, (..., N, 3) each: forward, right and up of the leader, in its frame."""
 
     position_m: Array
     velocity_mps: Array
@@ -23,7 +23,7 @@ class SlotMotion:
 
     @classmethod
     def at_rest(cls, position_m: Array) -> SlotMotion:
-        """Return slots that stay where they are."""
+        """Return slots at rest."""
         return cls(position_m, np.zeros_like(position_m), np.zeros_like(position_m))
 
     def take(self, which: npt.NDArray[np.intp]) -> SlotMotion:
@@ -33,24 +33,24 @@ class SlotMotion:
         )
 
     def standing(self, which: Mask, place_m: Array) -> SlotMotion:
-        """Return slots (N, 3) of which those that are `which` (N,) stand at `place_m` (N, 3)."""
+        """Return these slots (N, 3), with those in the mask `which` (N,) at rest at `place_m` (N, 3)."""
         still = which[:, None]
         velocity, acceleration = (np.where(still, 0.0, each) for each in (self.velocity_mps, self.acceleration_mps2))
         return SlotMotion(np.where(still, place_m, self.position_m), velocity, acceleration)
 
     def after(self, seconds: Array) -> SlotMotion:
-        """Return slots (N, 3) a little later, each by its own time (N,): their acceleration is kept."""
+        """Return slots (N, 3) a short time later, each by its own time (N,), at constant acceleration."""
         time_s, change = seconds[:, None], self.acceleration_mps2
         position_m = self.position_m + time_s * (self.velocity_mps + time_s / 2.0 * change)
         return SlotMotion(position_m, self.velocity_mps + time_s * change, change)
 
     @property
     def reach_m(self) -> float:
-        """How far out the farthest slot is."""
+        """Horizontal distance of the farthest slot from the leader, m."""
         return float(np.hypot(self.position_m[..., 0], self.position_m[..., 1]).max(initial=0.0))
 
     def seen_from(self, leader: int, swing_rad: float = 0.0) -> SlotMotion:
-        """Return slots (N, 3) as another leader sees them, its heading `swing_rad` clockwise of the last one's."""
+        """Return slots (N, 3) relative to another leader, which heads `swing_rad` clockwise of the present one."""
         cos, sin = np.cos(swing_rad), np.sin(swing_rad)
         turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
         each = (self.position_m, self.velocity_mps, self.acceleration_mps2)
@@ -58,7 +58,7 @@ class SlotMotion:
 
 
 class Course(NamedTuple):
-    """How the leader flies, over K places or moments: (K,) each but for the speed."""
+    """The leader's flight at K points or moments: arrays (K,), and a constant speed."""
 
     speed_mps: float
     turn_rate_rps: Array
@@ -68,7 +68,7 @@ class Course(NamedTuple):
 
     @classmethod
     def along(cls, points: PathPoints, speed_mps: float) -> Course:
-        """Return how a leader flies at points of its path."""
+        """Return the leader's flight at points of its path."""
         return cls(
             speed_mps,
             speed_mps * points.curvature_1pm,
@@ -79,7 +79,7 @@ class Course(NamedTuple):
 
 
 class SlotNeeds(NamedTuple):
-    """What slots need, (K, N) each: airspeed, turn rate, climb, their changes, and heading off the leader's."""
+    """The flight that slots require, (K, N) each; `aside_rad` is the heading relative to the leader's."""
 
     speed_mps: Array
     accel_mps2: Array
@@ -90,10 +90,10 @@ class SlotNeeds(NamedTuple):
 
 
 def slot_needs(course: Course, slots: SlotMotion, frame: Frame) -> SlotNeeds:
-    """Return what slots (N, 3), or (K, N, 3) where they move, need in still air.
+    """Return the flight that slots (N, 3), or (K, N, 3) if they move, require in still air.
 
-    In the leader's frame a slot turns with it: the velocity of a point of a turning frame, and its derivative. In the
-    follower's frame the equilibrium of a steady turn is used: both turn at the leader's rate.
+    A slot in the leader's frame has the velocity of a point of that rotating frame, and its derivative. For the
+    follower's frame the equilibrium of a steady turn is used, in which both turn at the leader's rate.
     """
     speed, turn, bend = course.speed_mps, course.turn_rate_rps[:, None], course.turn_change_rps2[:, None]
     (x, y, _), (vx, vy, vz), (ax, ay, az) = (

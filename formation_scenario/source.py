@@ -1,4 +1,4 @@
-"""Scenario text -> plain values, with the place in the file that each key was read from."""
+"""Reads scenario text into plain values, and keeps the place in the file that each key came from."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ _FLOAT = re.compile(
     r"|\.(?:inf|Inf|INF))$|^\.(?:nan|NaN|NAN)$"
 )
 MOST_DIGITS = 100
-"""Of a whole number: Python neither reads nor shows 5000 of them, and 400 make no float."""
+"""Of a whole number. Python refuses to parse or print 5000 digits, and 400 exceed a float."""
 
 MOST_VALUES = 500_000
-"""A few aliases of aliases make more than any memory holds."""
+"""Limit of all values, since a few nested aliases could expand to more than any memory holds."""
 ALLOWED_VALUES = f"text, true, false, null, or a number; a whole one of up to {MOST_DIGITS} digits"
 
 
@@ -51,7 +51,7 @@ class Source:
     places: Mapping[KeyPath, Place] = field(default_factory=dict[KeyPath, Place])
 
     def place(self, path: KeyPath) -> Place:
-        """Return the place of a key, or of the nearest key around it that has one."""
+        """Return the place of a key, or else of the nearest enclosing key that has one."""
         for length in range(len(path), 0, -1):
             if path[:length] in self.places:
                 return self.places[path[:length]]
@@ -79,7 +79,7 @@ class Loader(yaml.SafeLoader):
 
 
 class Dumper(yaml.SafeDumper):
-    """The dumper whose output `Loader` reads back: it quotes what `Loader` would take for a number."""
+    """The dumper whose output `Loader` reads back: it quotes texts that `Loader` would take for numbers."""
 
     yaml_implicit_resolvers = Loader.yaml_implicit_resolvers
 
@@ -89,7 +89,7 @@ class Dumper(yaml.SafeDumper):
 
 
 def dotted(path: KeyPath) -> str:
-    """Return a key path as overrides write it: `vehicles.1.model.tau_v_s`, list items from 0."""
+    """Return a key path as in overrides: `vehicles.1.model.tau_v_s`, list items from 0."""
     return ".".join(str(key) for key in path)
 
 
@@ -140,7 +140,7 @@ def read_value(text: str) -> Plain:
 
 
 def kind(value: Plain) -> str:
-    """Return what a value is, in a word of YAML's."""
+    """Return the kind of a value in YAML's terms, or the value itself if it is a scalar."""
     if isinstance(value, dict):
         return "a mapping"
     if isinstance(value, list):
@@ -183,7 +183,7 @@ def _plain(value: object, path: KeyPath) -> Plain:
 
 
 class _Reader:
-    """One pass over a YAML document."""
+    """Reads one YAML document."""
 
     def __init__(self, text: str, file: str | None) -> None:
         self._text = text
@@ -267,7 +267,7 @@ def _key(node: yaml.Node) -> Key:
 
 
 def _constructed(loader: Loader, node: yaml.ScalarNode) -> object:
-    """Return a scalar's value; the node itself where there's none: a tag in the text promises what it isn't."""
+    """Return a scalar's value; the node itself if it has none, because its tag doesn't fit the text."""
     if node.tag == _INT_TAG and len(cast("str", node.value)) > MOST_DIGITS:
         return node
     try:

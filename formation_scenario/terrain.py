@@ -1,4 +1,4 @@
-"""Keys of the terrain: hills by their formulas or an elevation file, and the clearance that is to be kept."""
+"""Keys of the terrain: hills by formulas or an elevation file, and the clearance to keep."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ HillShape = Literal["gaussian", "cosine"]
 class Hill(Keys):
     """A hill, or a ridge: `height_m` times a shape of the distance d from its top, or from its crest line.
 
-    gaussian: exp(-d²/(2 radius²)); cosine: cos²(π d/(2 radius)), and nothing from d = radius on. A hollow has a
-    negative height.
+    gaussian: exp(-d²/(2 radius²)); cosine: cos²(π d/(2 radius)), and 0 from d = radius on. A hollow has a negative
+    height.
     """
 
     name: Name = Field(default="hill", description="what messages call it")
@@ -29,7 +29,7 @@ class Hill(Keys):
 
 
 class Terrain(Keys):
-    """The ground, and how the formation keeps clear of it."""
+    """The ground, and the clearance that the formation keeps from it."""
 
     file: Text | None = Field(
         default=None, description="elevations above sea level: a .hgt tile, or a GeoTIFF (with the extra `terrain`)"

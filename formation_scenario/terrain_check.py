@@ -1,4 +1,4 @@
-"""Can the path and every slot be flown over this ground?"""
+"""Checks that the path and every slot can be flown over the ground."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from formation_scenario.source import KeyPath, Source
 from formation_scenario.terrain import Terrain
 
 SHORT_M = 0.01
-"""Clearance that may be missing."""
+"""Shortfall of clearance that is tolerated."""
 LEVEL_M = 1.0
-"""How far off the origin's height the ground may be where emulated vehicles take off: theirs is level."""
+"""Largest height of the ground at a take-off, above or below the origin: the emulators' ground is level."""
 WAYPOINTS: KeyPath = ("path", "waypoints_m")
 FILE: KeyPath = ("terrain", "file")
 
 
 def check_terrain(scenario: Scenario, source: Source) -> list[Problem]:
-    """Return why the formation can't keep clear of the ground; each reason with the place where it's worst."""
+    """Return the reasons why the formation can't clear the ground, each with the place where it is worst."""
     terrain = scenario.terrain
     if terrain is None:
         return list(_over_plain(scenario, source))
@@ -46,7 +46,7 @@ def check_terrain(scenario: Scenario, source: Source) -> list[Problem]:
 
 
 def _over_plain(scenario: Scenario, source: Source) -> Iterator[Problem]:
-    """Yield the lowest place of anybody where it's below the clearance; nothing lifts a path over a plain."""
+    """Yield the lowest point of any vehicle if it is below the clearance: over a plain, paths aren't lifted."""
     path, least_m = SplinePath(scenario.path.waypoints_m), scenario.safety.clearance_m
     points = path.at(sample_places(0.0, int(path.length_m / STEP_M)))
     worst = int(np.argmin(points.height_m))
@@ -61,7 +61,7 @@ def _over_plain(scenario: Scenario, source: Source) -> Iterator[Problem]:
 def _unknown(
     scenario: Scenario, source: Source, ground: Ground, places: Array, points: PathPoints
 ) -> Iterator[Problem]:
-    """Yield where the file has no value under the leader, or under a slot."""
+    """Yield the first point of the path below which, or below a slot at which, the file has no value."""
     cosine, sine = np.cos(points.course_rad), np.sin(points.course_rad)
     everyone, slots = column_names(scenario), {(0.0, 0.0, 0.0): "the leader"}
     for step in slot_schedule(scenario):
@@ -93,7 +93,7 @@ def _take_off(scenario: Scenario, source: Source, ground: Ground) -> Iterator[Pr
 
 
 def _run_in(terrain: Terrain, source: Source, places: Array, points: PathPoints, height_m: Array) -> Iterator[Problem]:
-    """Yield the worst place of the level line to the path's start, which isn't lifted, and of the start itself."""
+    """Yield the lowest clearance on the level run-in, which isn't lifted, and at the path's start."""
     before = np.flatnonzero(places <= 0.0)
     clearance = points.height_m[before] - height_m[before]
     worst = int(np.argmin(clearance))

@@ -11,14 +11,14 @@ _NUMBER = re.compile(r"^[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")
 
 
 class TraceError(Exception):
-    """A file that holds no recorded delays; the message says what was found, and on which line."""
+    """A file that isn't a list of recorded delays; the message says what was found, and on which line."""
 
 
 def read_trace_ms(path: Path) -> tuple[float, ...]:
     """Return the delays of a file in ms, in its order; empty lines and what follows a # are left out.
 
     Raises:
-        TraceError: the file can't be read, has no number in it, or something else than a number from 0 to `MOST_MS`.
+        TraceError: the file can't be read, has no number, or a line that isn't a number from 0 to `MOST_MS`.
     """
     try:
         text = path.read_text(encoding="utf-8")

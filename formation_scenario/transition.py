@@ -16,20 +16,20 @@ RAMP = 0.3
 
 @dataclass(frozen=True)
 class Transition:
-    """N slots on their way; at rest in `goal_m` once it's over."""
+    """N slots that move to `goal_m`, and are at rest there once the transition is over."""
 
     at_s: float
     duration_s: float
     start: SlotMotion
     goal_m: Array
     lift_m: Array
-    """(N,) how far each is lifted meanwhile."""
+    """(N,) by how much each is lifted meanwhile."""
     rise_s: float
-    """Time for that, and again for the way down at the end."""
+    """Duration of the rise, and again of the descent at the end."""
 
     @classmethod
     def standing(cls, slots_m: Array) -> Transition:
-        """Return slots (N, 3) that have long been where they are."""
+        """Return a transition that is over, with slots (N, 3) at rest."""
         return cls(-np.inf, 1.0, SlotMotion.at_rest(slots_m), slots_m, np.zeros(len(slots_m)), 0.0)
 
     def at(self, time_s: float) -> SlotMotion:
@@ -45,9 +45,9 @@ class Transition:
         return SlotMotion.at_rest(self.goal_m)
 
     def seen_from(self, leader: int, swing_rad: float = 0.0) -> Transition:
-        """Return the same way as another leader sees it, its heading `swing_rad` clockwise of the last one's.
+        """Return the same transition relative to another leader, which heads `swing_rad` clockwise of the present one.
 
-        Every moment of it is linear in start, goals and lifts.
+        This is exact, as the slots are linear in start, goals and lifts at every moment.
         """
         return replace(
             self,
@@ -57,9 +57,10 @@ class Transition:
         )
 
     def sample(self, elapsed_s: Array) -> SlotMotion:
-        """Return the slots (K, N, 3) at moments from the beginning to the end.
+        """Return the slots (K, N, 3) at moments (K,) since the beginning.
 
-        Whatever they do at the start dies away over the first half; what is left to the goals is made good beside it.
+        The motion that slots have at the start is brought to rest during the first half; superposed on it, they cover
+        the remaining distance to their goals.
         """
         left_m, *coming = self._braking(elapsed_s)
         share, rate, change = _share(elapsed_s, self.duration_s)
@@ -74,9 +75,10 @@ class Transition:
         return SlotMotion(self.start.position_m + position, velocity, acceleration)
 
     def _braking(self, elapsed_s: Array) -> tuple[Array, Array, Array, Array]:
-        """Return where the start's motion leads to, (N, 3), and on the way place, velocity and acceleration (K, N, 3).
+        """Return the displacement (N, 3) in which the initial motion comes to rest, and its course over time.
 
-        The quartic that comes to rest with the least jerk, wherever that is.
+        The course is displacement, velocity and acceleration (K, N, 3), of the quartic that comes to rest with the
+        least jerk.
         """
         t = self.duration_s / 2
         v, a = self.start.velocity_mps * t, self.start.acceleration_mps2 * t**2
@@ -87,7 +89,7 @@ class Transition:
         return v / 2 + a / 12, place, velocity / t, (a + u * (6 * c3 + u * 12 * c4)) * (u < 1.0) / t**2
 
     def _lifted(self, elapsed_s: Array) -> tuple[Array, Array, Array]:
-        """Return the share of the lift, (K, 1), and its first two derivatives: up first, down last."""
+        """Return the share of the lift (K, 1) and its first two derivatives: up at the start, down at the end."""
         up = _smooth_step(elapsed_s[:, None], self.rise_s)
         down = _smooth_step(elapsed_s[:, None] - (self.duration_s - self.rise_s), self.rise_s)
         return up[0] - down[0], up[1] - down[1], up[2] - down[2]

@@ -24,24 +24,24 @@ from formation_scenario.transition import Transition
 from formation_scenario.vehicles import VehicleModel
 
 MEAN_SPEED_MPS = 2.0
-"""Of the slot that has farthest to go, where that doesn't take longer than `USUAL_S`."""
+"""Mean speed of the slot that moves farthest, unless that takes longer than `USUAL_S`."""
 LEAST_S, USUAL_S, MOST_S = 8.0, 30.0, 240.0
 STRETCH = 1.12
-"""How much longer the next try is."""
+"""Factor by which the duration grows from one attempt to the next."""
 SAMPLES = 101
 SPACING_SHARE = 0.6
-"""Distance kept on the way, as a share of that of the nearest slots: below the 1/√2 that CAPT grants."""
+"""Distance kept in transition, as a share of the nearest slots' distance: below the 1/√2 that CAPT guarantees."""
 MARGIN_M = 2.0
-"""Added to the least separation for errors of flight."""
+"""Added to the least separation, for formation errors."""
 RESERVE = 0.9
-"""Share of acceleration, turn rate and climb that the way may use: the rest is the law's."""
+"""Share of acceleration, turn rate and climb that a transition may use; the rest is left to the law."""
 
 
 class NotFlyableError(Exception):
-    """A transition that can't be flown: what was found, what is allowed, and when on the way, s."""
+    """A transition that can't be flown: what was found, what is allowed, and how long after its beginning, s."""
 
     def __init__(self, found: str, allowed: str, elapsed_s: float) -> None:
-        """Take the words and the moment."""
+        """Take the texts and the time since the beginning."""
         super().__init__(f"{found}; allowed: {allowed}")
         self.found, self.allowed, self.elapsed_s = found, allowed, elapsed_s
 
@@ -57,7 +57,7 @@ class Limits:
     climb_max_mps: Array
     tau_v_s: Array
     climb_lead_s: Array
-    """tau_ha tau_hb / (tau_ha + tau_hb): what a change of climb asks for beyond it."""
+    """tau_ha tau_hb / (tau_ha + tau_hb): how far height setpoints lead a change of climb."""
 
     @classmethod
     def of(cls, models: tuple[VehicleModel, ...]) -> Limits:
@@ -70,24 +70,24 @@ class Limits:
 
 @dataclass(frozen=True)
 class Conditions:
-    """What a transition is planned under."""
+    """The conditions under which a transition is planned."""
 
     course: Callable[[Array], Course]
-    """The leader's flight, by seconds from the transition's beginning."""
+    """The leader's flight, as a function of the seconds since the transition began."""
     frame: Frame
     limits: Limits
     separation_m: float
     leader: int
     present: Mask
-    """(N,) those who are there to be flown into."""
+    """(N,) which vehicles are present, and so must be kept apart."""
     names: tuple[str, ...]
 
 
 def plan_transition(start: SlotMotion, goal_m: Array, at_s: float, conditions: Conditions) -> Transition:
-    """Return the quickest way from `start` to `goal_m` (N, 3) that is neither hurried nor beyond anyone's limits.
+    """Return the shortest transition from `start` to `goal_m` (N, 3) that keeps to all limits.
 
     Raises:
-        NotFlyableError: there is none of up to `MOST_S`.
+        NotFlyableError: there is none that lasts up to `MOST_S`.
     """
     farthest_m = float(np.linalg.norm(goal_m - start.position_m, axis=1)[conditions.present].max(initial=0.0))
     duration_s = min(max(farthest_m / MEAN_SPEED_MPS, LEAST_S), USUAL_S)
@@ -103,7 +103,7 @@ def plan_transition(start: SlotMotion, goal_m: Array, at_s: float, conditions: C
 
 
 def _apart_m(start: SlotMotion, goal_m: Array, conditions: Conditions) -> float:
-    """Return the distance to be kept on the way: never more than there is at its ends."""
+    """Return the distance to keep during the transition: no more than there is at its beginning and its end."""
     if conditions.present.sum() < 2:
         return 0.0
     begin, end = (float(pdist(places[conditions.present]).min()) for places in (start.position_m, goal_m))
@@ -111,10 +111,10 @@ def _apart_m(start: SlotMotion, goal_m: Array, conditions: Conditions) -> float:
 
 
 def _checked(level: Transition, apart_m: float, conditions: Conditions) -> Transition:
-    """Return the transition, lifted where need be.
+    """Return the transition, with lifts where vehicles would come too near to each other.
 
     Raises:
-        NotFlyableError: it can't be flown at this duration.
+        NotFlyableError: it can't be flown in this duration.
     """
     moments_s = np.linspace(0.0, level.duration_s, SAMPLES)
     course = conditions.course(moments_s)
@@ -133,9 +133,10 @@ def _checked(level: Transition, apart_m: float, conditions: Conditions) -> Trans
 def _within_limits(
     way: Transition, slots: SlotMotion, course: Course, moments_s: Array, conditions: Conditions
 ) -> SlotNeeds:
-    """Return what the slots need; setpoints that lead the lags are held inside the limits, not the flight alone.
+    """Return the flight that the slots require, which must be inside the limits.
 
-    Where a slot that stands needs more than the way may use, it may have that.
+    The limits apply to setpoints, which lead the autopilot's lags, not just to the flight itself. Where a slot at rest
+    already requires more than a transition may use, that much is allowed.
     """
     needs = slot_needs(course, slots, conditions.frame)
     still = [
@@ -161,7 +162,7 @@ def _within_limits(
 
 
 def _asked(needs: SlotNeeds, limits: Limits) -> tuple[Array, ...]:
-    """Return what is asked of each limit, (K, N) each: speed, its least, acceleration, turn, climb, with leads."""
+    """Return the demand on each limit, (K, N) each: speed, minus speed, acceleration, turn rate and climb."""
     speed = needs.speed_mps + limits.tau_v_s * needs.accel_mps2
     climb = np.abs(needs.climb_mps + limits.climb_lead_s * needs.climb_change_mps2)
     return speed, -speed, np.abs(needs.accel_mps2), np.abs(needs.turn_rate_rps), climb
@@ -178,7 +179,7 @@ def _ceilings(limits: Limits) -> tuple[Array, ...]:
 
 
 def _distances_m(slots: SlotMotion, needs: SlotNeeds, conditions: Conditions) -> Array:
-    """Return the distances (K, pairs) of all who are there, in the leader's frame."""
+    """Return the distances (K, pairs) of all vehicles that are present."""
     places = slots.position_m
     if conditions.frame == "follower_heading":
         cos, sin = np.cos(needs.aside_rad), np.sin(needs.aside_rad)
@@ -189,13 +190,13 @@ def _distances_m(slots: SlotMotion, needs: SlotNeeds, conditions: Conditions) ->
 
 
 def _pairs(conditions: Conditions) -> npt.NDArray[np.intp]:
-    """Return the columns (pairs, 2) that distances belong to."""
+    """Return the two columns of each pair, (pairs, 2)."""
     there = np.flatnonzero(conditions.present)
     return np.stack([there[index] for index in np.triu_indices(there.size, 1)], axis=1)
 
 
 def _levels(near: npt.NDArray[np.intp], conditions: Conditions) -> Array:
-    """Return a level (N,) for each vehicle so that no two that come near share one; the leader keeps the lowest."""
+    """Return a level (N,) for each vehicle, different for any two that come near; the leader has the lowest."""
     levels = {conditions.leader: 0}
     pairs: list[list[int]] = _pairs(conditions)[near].tolist()
     for who in sorted({column for pair in pairs for column in pair} - {conditions.leader}):
@@ -205,9 +206,9 @@ def _levels(near: npt.NDArray[np.intp], conditions: Conditions) -> Array:
 
 
 def _lifts_m(way: Transition, levels: Array, apart_m: float) -> Array:
-    """Return how far each is to be lifted, (N,): its levels over the highest place at which one below begins or ends.
+    """Return the lift of each vehicle, (N,): its levels above the highest start or goal of all on lower levels.
 
-    Who begins or ends lower itself is lifted by that much more; who is up from another change already, by less.
+    A vehicle that starts or ends lower is lifted by that much more; one that is already high by less.
     """
     ends_m = np.stack((way.start.position_m[:, 2], way.goal_m[:, 2]))
     below = levels < levels[:, None]
@@ -216,12 +217,12 @@ def _lifts_m(way: Transition, levels: Array, apart_m: float) -> Array:
 
 
 def _lift(level: Transition, lift_m: Array, course: Course, conditions: Conditions) -> Transition:
-    """Return the transition with vehicles lifted as fast as their climb limits allow beside the leader's climb."""
+    """Return the transition with lifts, as fast as the climb limits allow in addition to the leader's climb."""
     room_mps = RESERVE * conditions.limits.climb_max_mps - float(np.abs(course.climb_mps).max())
     rises = lift_m > 0
     if (room_mps[rises] <= 0).any():
         raise NotFlyableError("no climb is left for some to pass over others", "a path less steep there", 0.0)
-    # The climb's own change is led too: the peak asked for is beyond PEAK_RATE.
+    # Setpoints also lead the change of climb, so their peak is higher than PEAK_RATE.
     rise_s = 1.3 * PEAK_RATE * float((lift_m[rises] / room_mps[rises]).max())
     if rise_s > level.duration_s / 2:
         raise NotFlyableError("no time is left for some to pass over others", "a path less steep there", 0.0)

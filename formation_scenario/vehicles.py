@@ -43,7 +43,7 @@ class VehicleModel(Keys):
 
 
 class VehicleClock(Keys):
-    """How a vehicle's clock differs from the ground station's; its time stamps carry the difference."""
+    """Offset and drift of a vehicle's clock relative to the ground station's; its time stamps carry them."""
 
     offset_s: Annotated[Number, Field(ge=0.0, le=MAX_CLOCK_S)] = Field(
         default=0.0, description="vehicle's clock minus true time at t = 0, s"
@@ -54,7 +54,7 @@ class VehicleClock(Keys):
 
 
 class VehicleCommon(Keys):
-    """Keys that a vehicle of the list and a group given by its count have in common."""
+    """Keys of a vehicle in the list, and of a group `{count: N}`."""
 
     network: NetworkId = Field(default=1, description="MAVLink network; each has system ids 1 to 254 of its own")
     endpoint: Text = Field(
@@ -68,7 +68,7 @@ class VehicleCommon(Keys):
 
 
 class VehicleIdentity(Keys):
-    """What a vehicle of the list has for itself."""
+    """Keys of a vehicle in the list only."""
 
     id: SystemId = Field(description="MAVLink system id, unique on its network")
     role: Literal["leader", "follower"] = Field(default="follower", description="leader | follower")
@@ -91,6 +91,6 @@ Count = Annotated[
 
 
 class VehicleGroup(VehicleCommon):
-    """`vehicles: {count: N, ...}`: N vehicles alike, vehicle 1 leads."""
+    """`vehicles: {count: N, ...}`: N identical vehicles, of which vehicle 1 leads."""
 
     count: Count = Field(description="number of vehicles, the leader included")

@@ -22,7 +22,7 @@ MAX_HEIGHT_M = 30_000.0
 
 
 def places(scenario: Scenario, source: Source) -> Iterator[Problem]:
-    """Yield the first waypoint that lies where north, east and height don't describe a place near the Earth."""
+    """Yield the first waypoint too far from the origin, too near to a pole, or too high."""
     origin = scenario.origin
     for index, (north_m, east_m, height_m) in enumerate(scenario.path.waypoints_m):
         distance_m = math.hypot(north_m, east_m)
@@ -40,7 +40,7 @@ def places(scenario: Scenario, source: Source) -> Iterator[Problem]:
 
 
 def wind(scenario: Scenario, source: Source) -> Iterator[Problem]:
-    """Yield a wind against which somebody makes no way at all."""
+    """Yield a wind at least as fast as the slowest vehicle's highest airspeed."""
     speed_mps = math.hypot(*scenario.wind.velocity_mps[:2])
     slowest = min(scenario.vehicles, key=lambda vehicle: vehicle.model.speed_max_mps)
     if speed_mps >= slowest.model.speed_max_mps:
