@@ -26,7 +26,7 @@ _HOME = {
 
 
 def __getattr__(name: str) -> object:
-    """Import what is asked for when it's asked for: whoever wants a delay margin alone doesn't load the rest."""
+    """Import a name on first use, so that a program that only needs a delay margin doesn't load the rest."""
     if name not in _HOME:
         raise AttributeError(f"module 'gcs_formation' has no attribute '{name}'")
     return getattr(import_module(_HOME[name]), name)

@@ -1,4 +1,4 @@
-"""What came of an order."""
+"""The answer to an order."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class Answer(NamedTuple):
-    """Whether an order is followed, and what is said to it."""
+    """Whether an order is accepted, and the answer in words."""
 
     accepted: bool
     text: str

@@ -20,7 +20,7 @@ def wrap(angle_rad: Array) -> Array:
 
 
 def within(value: Array, low: Array | float, high: Array | float) -> Array:
-    """Return values held between two limits; NaN stays. What `np.clip` does, at a third of its cost."""
+    """Return values clipped to two limits; NaN stays. Same as `np.clip`, at a third of its cost."""
     return np.minimum(np.maximum(value, low), high)
 
 
@@ -35,5 +35,5 @@ def any_of(mask: Mask) -> bool:
 
 
 def or_zero(value: Array) -> Array:
-    """Return values with 0 in the place of NaN."""
+    """Return values with NaN replaced by 0."""
     return np.where(np.isnan(value), 0.0, value)

@@ -1,4 +1,4 @@
-"""What every vehicle is sent whether it flies or not: heartbeats, the mission time, and TIMESYNC probes."""
+"""What every vehicle is sent, whether it flies or not: heartbeats, the mission time, and TIMESYNC probes."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ HEARTBEAT_S = 1.0
 PROBE_S = 0.25
 GOLDEN = (math.sqrt(5) - 1) / 2
 PROBE_DITHER_S = 0.02
-"""Probes are spread over a vehicle's main loop, so that the wait for it averages to half of it."""
+"""Probes are spread over the period of a vehicle's main loop, so that the wait for it averages to half a period."""
 
 
 class Beacon:
-    """Says when heartbeats and probes are due, and what they are."""
+    """Schedules heartbeats and probes, and creates their messages."""
 
     def __init__(self, vehicles: Mapping[VehicleId, Vehicle]) -> None:
         """Serve `vehicles`, from the first instant on."""
@@ -31,11 +31,11 @@ class Beacon:
         self._probes = 0
 
     def hasten(self, now: Instant) -> None:
-        """Let the next heartbeat, and the mission time with it, be due at once."""
+        """Make the next heartbeat, and the mission time with it, due at once."""
         self._next_heartbeat = now
 
     def greets(self, now: Instant) -> bool:
-        """Return whether a heartbeat is due, and plan the next one."""
+        """Return whether a heartbeat is due; if so, schedule the next one."""
         if now < self._next_heartbeat:
             return False
         self._next_heartbeat = after(now, HEARTBEAT_S)
@@ -49,7 +49,7 @@ class Beacon:
                 yield vehicle, NamedValueFloat(seconds_between(Instant(0), now), MISSION_TIME, mission_s)
 
     def probes(self, now: Instant) -> Iterator[tuple[Vehicle, Message]]:
-        """Yield a probe for every vehicle that was ever heard, and plan the next ones."""
+        """Yield a probe for every vehicle that was ever heard, and schedule the next ones."""
         self._probes += 1
         dither_s = PROBE_DITHER_S * ((self._probes * GOLDEN) % 1.0)
         grid_s = (math.floor(seconds_between(Instant(0), now) / PROBE_S) + 1) * PROBE_S

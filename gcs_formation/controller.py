@@ -1,6 +1,6 @@
-"""From the vehicles' newest states to everyone's setpoints, in one place and in one order.
+"""Computes the setpoints of all vehicles from their newest states, in one place and in a fixed order.
 
-state as measured -> state when the setpoint acts -> leader's guidance -> slots -> law -> envelope -> separation.
+measured state -> state when the setpoint acts -> leader's guidance -> slots -> law -> envelope -> separation rule.
 """
 
 from __future__ import annotations
@@ -34,15 +34,15 @@ VIRTUAL = np.zeros(1, dtype=np.intp)
 CHANNELS = 3
 UP = np.array([0.0, 0.0, 1.0])
 LEADER_WIND_RADPS = 0.5
-"""How fast the leader's guidance learns of wind: what it turns into at once, no follower's slot can."""
+"""Bandwidth of the wind estimate for the leader's guidance: followers' slots can't keep up with quicker turns."""
 GAINS_CHANGE_S = 1.0
-"""Time constant with which gains change when the bandwidth does: no setpoint jumps."""
+"""Time constant with which gains follow a change of the bandwidth, so that no setpoint jumps."""
 
 
 class FormationController:
-    """Commands C columns, one of which leads: a virtual leader's, or the scenario's own leader's, is the first.
+    """Commands C columns, one of which leads. Column 0 is the scenario's leader, real or virtual.
 
-    Knows no message and no socket.
+    Knows neither messages nor sockets.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -64,13 +64,13 @@ class FormationController:
         self._leader_told_rad = math.nan
         self._leader_wind_mps: list[float] = []
         self.last_tick: Tick | None = None
-        """The last one at which there was a leader to follow."""
+        """The last tick at which there was a leader to follow."""
         self.bandwidth: Array = np.ones((self._columns, CHANNELS))
-        """(C, 3) share of their bandwidth that the law's loops are to come to."""
+        """(C, 3) share of their full bandwidth that the law's loops should have."""
         self._bandwidth = self.bandwidth
         self._lift_m = np.zeros(self._columns)
         self.begin_regardless = False
-        """Whether the path is begun even if the formation isn't assembled."""
+        """Whether to begin the path even if the formation isn't assembled."""
         fusions = parameters.fusions(scenario, self._history, self._model)
         self.estimator = StateEstimator(self._columns, scenario.law.disturbance_observer_radps, fusions)
 
@@ -81,7 +81,7 @@ class FormationController:
 
     @property
     def history(self) -> SetpointHistory:
-        """What was told, and when it acts."""
+        """The setpoints that were sent, and when each acts."""
         return self._history
 
     @property
@@ -90,12 +90,12 @@ class FormationController:
         return self._in_slots_s >= ASSEMBLED_S or self.begin_regardless
 
     def hand_over(self, leader: int, swing_rad: float) -> None:
-        """Let another lead, whose heading lies `swing_rad` off the present leader's; the guidance is told apart."""
+        """Make another column the leader; it heads `swing_rad` clockwise of the present one."""
         self.plan.hand_over(leader, swing_rad)
         self._leader_told_rad = math.nan
 
     def places_m(self, now: Instant) -> Array:
-        """Return where everybody is, (C, 3) forward, right, up of the leader, less the lifts over the ground."""
+        """Return all positions, (C, 3) forward, right and up of the leader, without the lifts over terrain."""
         state, leader = self.estimator.state, self.plan.leader
         places = state.places_after((now - self.estimator.stamps) / NANOSECONDS)
         north, east, up = (places - places[leader]).T
@@ -158,21 +158,21 @@ class FormationController:
         )
 
     def _acts(self, now: Instant, delay_s: Array, lag_s: Array) -> Instants:
-        """Return when each column's setpoint of now acts; a virtual leader amid the followers acts as they do."""
+        """Return when each column's present setpoint acts; a virtual leader amid the followers acts as they do."""
         acts = now + np.round((or_zero(delay_s) + lag_s) * NANOSECONDS).astype(np.int64)
         if self._leader_amid:
             acts[0] = acts[1:].mean()
         return acts
 
     def _measured(self, active: Mask, acts: Instants) -> Measured:
-        """Return what was measured; vehicles that were never heard get the leader's state, so that nothing is NaN."""
+        """Return the measured states; vehicles that were never heard get the leader's, so that no value is NaN."""
         known, table, stamps = self.estimator.known, self.estimator.state.table, self.estimator.stamps
         leader = self.plan.leader
         filled: Array = np.where(known, table, table[:, [leader]])
         return Measured(FlightState.of(filled), np.where(known, stamps, stamps[leader]), active, acts)
 
     def _place_virtual_leader(self, now: Instant) -> None:
-        """Put the virtual leader amid the followers; where they're bound to it, it then flies on by itself."""
+        """Place the virtual leader amid the followers; unless the law commands it, it then flies by the model."""
         flown, stamp = self.last_tick, now
         if flown is not None and not self._leader_amid:
             model = self._model.take(VIRTUAL)
@@ -214,7 +214,7 @@ class FormationController:
         return self._leader_wind_mps
 
     def _over_ground(self, tick: Tick, states: States, lead: Lead) -> tuple[SlotMotion, Array]:
-        """Return the slots for when setpoints act, clear of the ground, and where they are commanded to be now."""
+        """Return the slots at the instants when setpoints act, clear of the ground, and the slots commanded now."""
         slots, route = self._slots(tick.now, tick.mission_time_s), self.guidance.route
         instants = states.instants(np.arange(self._columns))
         later = self.plan.at_each(instants / NANOSECONDS, begun=tick.mission_time_s >= 0)

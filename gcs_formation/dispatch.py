@@ -1,4 +1,4 @@
-"""Setpoints on their way to the vehicles: to whom, and when, so that everybody's act together."""
+"""Sends setpoints so that those of all vehicles act at the same time."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from gcs_formation.setpoint import Setpoint
 from gcs_formation.vehicle.vehicle import Vehicle
 
 HOLD_MAX_S = 1.0
-"""Longest time that a leader's setpoints are held back for its followers'."""
+"""Longest time for which the leader's setpoints are held back."""
 
 
 class Links(NamedTuple):
-    """The way to every column, (C,) arrays."""
+    """The link to every column, arrays (C,)."""
 
     ready: Mask
     """Whether it follows setpoints."""
@@ -33,8 +33,8 @@ class Links(NamedTuple):
     jitter_s: Array
     """Interarrival jitter of the telemetry, NaN where there is none yet."""
     lag_s: Array
-    """How long a setpoint waits beyond that: on the mean half a turn of the vehicle's loop, and as long as it's held
-    back here."""
+    """Half a period of the vehicle's main loop, the mean wait of a setpoint that has arrived, and the time for which
+    it is held back here."""
     hold_s: float
     """How long the leader's setpoints are held back."""
     airborne: Mask
@@ -42,7 +42,7 @@ class Links(NamedTuple):
 
 
 class Dispatch:
-    """Gives each vehicle its setpoints, the leader's when the slowest follower's act."""
+    """Sends each vehicle its setpoints; the leader's are delayed until the slowest follower's act."""
 
     def __init__(
         self, scenario: Scenario, vehicles: Mapping[VehicleId, Vehicle], columns: Mapping[VehicleId, int]
@@ -56,7 +56,7 @@ class Dispatch:
         self._held = DelayQueue[tuple[Vehicle, Message]]()
 
     def links(self, leader: int) -> Links:
-        """Return the ways as they are now, to a leader and everybody else."""
+        """Return the present state of all links; `leader` is the leading column."""
         ready, delay_s, lag_s = np.zeros(self._count, dtype=bool), np.zeros(self._count), np.zeros(self._count)
         jitter_s, airborne = np.full(self._count, np.nan), np.ones(self._count, dtype=bool)
         ready[0] = self._virtual_leader
@@ -89,17 +89,17 @@ class Dispatch:
         return self._held.next()
 
     def pop_due(self, now: Instant) -> list[tuple[Vehicle, Message]]:
-        """Return what is to be sent now, and forget it."""
+        """Remove and return the messages to send now."""
         return self._held.pop_due(now)
 
     def clear(self) -> None:
-        """Drop what is held: no setpoint may follow the order to loiter."""
+        """Drop all messages that are held back: no setpoint may follow an order to loiter."""
         self._held = DelayQueue[tuple[Vehicle, Message]]()
 
     def _hold_s(self, leader: int, ready: Mask, delay_s: Array) -> float:
-        """Return how long the leader's setpoints are held back: until those of the slowest follower act.
+        """Return for how long the leader's setpoints are held back: until those of the slowest follower act.
 
-        A leader on a quicker link would turn before any follower can, by setpoints that followers' weren't made with.
+        Otherwise a leader on a quicker link would turn before its followers can.
         """
         following = ready & (np.arange(self._count) != leader)
         if not self._compensates or not following.any():

@@ -1,4 +1,4 @@
-"""How a run leaves its vehicles: in the air they circle, here or at home, at heights apart, or land; or disarmed."""
+"""The end of a run: vehicles in the air circle at separate heights, here or at home, or land; others are disarmed."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from gcs_formation.vehicle.vehicle import Vehicle
 
 
 class Ending:
-    """Brings every vehicle to where it may be left alone.
+    """Brings every vehicle to a state in which it may be left alone.
 
-    One that is taking off climbs out first; one that its pilot has taken is the pilot's.
+    A vehicle that is taking off climbs out first; one that its pilot has taken over is left to the pilot.
     """
 
     def __init__(
@@ -30,7 +30,7 @@ class Ending:
         manner: End = "loiter",
         ground: GroundFloor | None = None,
     ) -> None:
-        """Give the heights out; drop what was under way with vehicles that don't fly."""
+        """Assign heights; replace the pending commands of vehicles on the ground."""
         places = {identity: _place(vehicle) for identity, vehicle in vehicles.items() if vehicle.telemetry.armed}
         floor_m = _floor_m([place for place in places.values() if place], manner, ground)
         if manner == "land":
@@ -48,7 +48,7 @@ class Ending:
         self.advance(now)
 
     def advance(self, now: Instant) -> None:
-        """Let vehicles loiter, or go home, that have climbed out or turn out to fly; from home they land in turn."""
+        """Command vehicles that are in the air and have climbed out to loiter or go home; continue the landings."""
         for identity, vehicle in list(self._left.items()):
             autopilot, seen = vehicle.autopilot, vehicle.telemetry
             if seen.motion and autopilot.is_airborne(seen) and not autopilot.climbs_out(seen):
@@ -61,7 +61,7 @@ class Ending:
         self.landings.advance(now, climbs_out=climbs_out)
 
     def pending(self) -> list[Vehicle]:
-        """Return the vehicles within reach that aren't where they may be left."""
+        """Return the vehicles that can be reached and may not be left alone yet."""
         return [vehicle for identity, vehicle in self._vehicles.items() if self._is_pending(identity, vehicle)]
 
     def _is_pending(self, identity: VehicleId, vehicle: Vehicle) -> bool:
@@ -73,7 +73,7 @@ class Ending:
 
 
 def _floor_m(places: Sequence[Motion], manner: End, ground: GroundFloor | None) -> float:
-    """Return how low all may circle, where they are or, over the ways there, at home."""
+    """Return the lowest height for all circles: over the ground here or, with `rtl` and `land`, on the ways home."""
     if ground is None:
         return -math.inf
     if manner != "loiter":
@@ -82,7 +82,7 @@ def _floor_m(places: Sequence[Motion], manner: End, ground: GroundFloor | None) 
 
 
 def _place(vehicle: Vehicle) -> Motion | None:
-    """Return where a vehicle is, one that is taking off as high as it will be then."""
+    """Return a vehicle's position; that of one that is taking off has the height at which it will be done."""
     motion = vehicle.telemetry.motion
     if motion is None or not vehicle.autopilot.climbs_out(vehicle.telemetry):
         return motion
@@ -90,6 +90,6 @@ def _place(vehicle: Vehicle) -> Motion | None:
 
 
 def _keep_down(vehicle: Vehicle, now: Instant) -> None:
-    """Disarm a vehicle on the ground; it may be about to be armed even if it doesn't say so yet."""
+    """Disarm a vehicle on the ground, even if an arming command is still pending."""
     unsafe = vehicle.telemetry.armed or vehicle.commands.outcome is Outcome.WAITING
     vehicle.commands.begin(vehicle.autopilot.stand_down() if unsafe else (), now)

@@ -2,7 +2,7 @@
 
 
 class StationError(Exception):
-    """Root of what the ground station raises; the message says what was found and what is allowed."""
+    """Root of the ground station's errors; the message says what was found and what is allowed."""
 
 
 class RunAbortedError(StationError):

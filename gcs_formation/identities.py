@@ -1,4 +1,4 @@
-"""Whose frames are whose: the vehicles' that we fly, their rivals', strangers', and our own that come back."""
+"""Identifies the sender of each frame: one of our vehicles, a rival with its id, a stranger, or our own echo."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from gcs_formation.recorder import GiveUp, Note
 from gcs_formation.vehicle.vehicle import STATION_SYSTEM, Vehicle
 
 EVERYONE = 0
-"""MAVLink's system id of a broadcast's target: nobody's."""
+"""MAVLink's broadcast id, which no sender may have."""
 
 
 class Identities:
-    """Finds the vehicle that a frame is from; reports, once each, who else is on the network."""
+    """Finds the vehicle that sent a frame; reports each other sender on the network once."""
 
     def __init__(
         self,
@@ -30,7 +30,7 @@ class Identities:
         note: Note,
         give_up: GiveUp,
     ) -> None:
-        """Know `vehicles`; `networks` are those that each socket hears."""
+        """Know `vehicles`; `networks[s]` is the network of socket s."""
         self._vehicles = vehicles
         self._networks = networks
         self._flight = flight
@@ -39,7 +39,7 @@ class Identities:
         self._strangers: set[VehicleId] = set()
 
     def sender(self, frame: Frame, datagram: Datagram, now: Instant) -> Vehicle | None:
-        """Return the vehicle whose autopilot sent a frame, None when it's somebody else's."""
+        """Return the vehicle whose autopilot sent a frame, None if another sender did."""
         identity = VehicleId(self._networks[datagram.socket], frame.system)
         vehicle = self._vehicles.get(identity)
         if vehicle is None:
@@ -71,5 +71,5 @@ class Identities:
 
 
 def _is_no_autopilots(message: Message | None) -> bool:
-    """Whether it's the heartbeat of something that says it's no autopilot, as companions do that share its id."""
+    """Return whether it is the heartbeat of a device that isn't an autopilot, such as a companion computer."""
     return isinstance(message, Heartbeat) and message.autopilot == m.MAV_AUTOPILOT_INVALID

@@ -1,7 +1,7 @@
-"""Landing one after another, each where it took off: who can't, whose turn it is, and what goes wrong.
+"""Landing one vehicle after another, each where it took off.
 
-Over their homes all circle at heights of their own; the lowest comes down first, below all the others, and the next one
-when it stands there, disarmed. So nobody lands while somebody else does, nor where somebody stands.
+All vehicles circle over their homes at separate heights. The lowest lands first, and the next one when that one stands
+there disarmed. So no two vehicles land at the same time, and none lands where another stands.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from gcs_formation.vehicle.telemetry import Motion
 from gcs_formation.vehicle.vehicle import Vehicle
 
 BEFORE_M, BEYOND_M, ASIDE_M = 150.0, 60.0, 25.0
-"""Of where it lands: how far before, beyond and beside it an aircraft is low, or rolls."""
+"""Distances before, beyond and beside its home within which a landing aircraft is low, or rolls."""
 APPROACH_M = 600.0
-"""How far from there its approach may lead."""
+"""Distance from home within which its approach may lead."""
 LEVEL_M = 5.0
-"""How much higher the ground may be within that distance."""
+"""How much higher than home the ground may be within that distance."""
 AT_HEIGHT_M = STACK_M / 3
 REFUSED_FOR_S = 5.0
 LIMIT_S = 900.0
-"""Longest wait for a vehicle to be over its home, and to stand there."""
+"""Longest wait for vehicles to circle over their homes, and for each to land."""
 
 
 def why_not(vehicles: Mapping[VehicleId, Vehicle], ground: GroundFloor) -> str | None:
-    """Return why those that fly can't land where they took off, in words; None when they can."""
+    """Return why the flying vehicles can't land where they took off, in words; None if they can."""
     flying = {each: vehicle for each, vehicle in vehicles.items() if _is_ours(vehicle)}
     places = {each: v.take_off.stood if each in flying else v.telemetry.motion for each, v in vehicles.items()}
     for each, vehicle in flying.items():
@@ -52,42 +52,42 @@ def why_not(vehicles: Mapping[VehicleId, Vehicle], ground: GroundFloor) -> str |
 
 
 def lowest_circle_m(vehicles: Mapping[VehicleId, Vehicle]) -> float:
-    """Return how high the lowest may circle, above the origin: over everyone's approach."""
+    """Return the lowest height of circles above the origin, m: above the approaches of all vehicles."""
     stood = ((vehicle.take_off.stood, vehicle.autopilot.approach_m) for vehicle in vehicles.values())
     return max((home.height_m + approach_m + STACK_M for home, approach_m in stood if home), default=-math.inf)
 
 
 class Landings:
-    """Lets vehicles that circle over their homes land, one at a time."""
+    """Lands the vehicles that circle over their homes, one at a time."""
 
     def __init__(self, refusal: Callable[[], str | None]) -> None:
-        """Start with nobody; `refusal` is asked each time why they can't land, None when they can."""
+        """Start empty; `refusal` is called before each landing and returns why it isn't possible, None if it is."""
         self._refusal = refusal
         self.failure: str | None = None
-        """Why it doesn't go on. Those that haven't landed circle."""
+        """Why landing was stopped; vehicles that haven't landed go on circling."""
         self._waiting = deque[tuple[float, Vehicle]]()
         self._landing: Vehicle | None = None
         self._since: Instant | None = None
 
     def await_turn(self, vehicle: Vehicle, height_m: float) -> None:
-        """Add a vehicle that was told to circle over its home at a height above the origin."""
+        """Add a vehicle that was commanded to circle over its home at a height above the origin."""
         self._waiting = deque(sorted((*self._waiting, (height_m, vehicle)), key=lambda each: each[0]))
 
     def call_off(self) -> None:
-        """Let nobody land any more; one that is about to does."""
+        """Start no further landing; one that has begun is completed."""
         self._waiting.clear()
 
     @property
     def under_way(self) -> bool:
-        """Whether somebody is to land yet, or lands."""
+        """Whether a vehicle is landing or waiting to land."""
         return self._landing is not None or bool(self._waiting)
 
     def is_pending(self, vehicle: Vehicle) -> bool:
-        """Whether a vehicle is to land, or lands."""
+        """Return whether a vehicle is landing or waiting to land."""
         return vehicle is self._landing or any(vehicle is each for _, each in self._waiting)
 
     def advance(self, now: Instant, *, climbs_out: bool = False) -> None:
-        """Tell the next one to land when nobody does, or still climbs out, and everybody else is at its height."""
+        """Command the next landing if none is in progress, no vehicle climbs out, and all circle at their heights."""
         if self._since is None:
             self._since = now
         if self._landing is not None:
@@ -127,7 +127,7 @@ def _is_ours(vehicle: Vehicle) -> bool:
 
 
 def _in_way(home: Motion, course_rad: float, place: Motion) -> bool:
-    """Whether a vehicle that lands at `home` with this course is low at a place, or rolls there."""
+    """Return whether a vehicle that lands at `home` on this course is low at `place`, or rolls there."""
     north_m, east_m = place.north_m - home.north_m, place.east_m - home.east_m
     along_m = north_m * math.cos(course_rad) + east_m * math.sin(course_rad)
     aside_m = east_m * math.cos(course_rad) - north_m * math.sin(course_rad)
@@ -135,7 +135,7 @@ def _in_way(home: Motion, course_rad: float, place: Motion) -> bool:
 
 
 def _circles(vehicle: Vehicle, height_m: float) -> bool:
-    """Whether a vehicle circles over its home at its height, as told."""
+    """Return whether a vehicle circles over its home at the commanded height."""
     seen, home = vehicle.telemetry.motion, vehicle.take_off.stood
     if seen is None or home is None or vehicle.commands.outcome is not Outcome.ACCEPTED:
         return False

@@ -1,4 +1,4 @@
-"""What was commanded, what was acknowledged and what the vehicles do, compared."""
+"""Compares what was commanded and acknowledged with what the vehicles do."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from gcs_formation.recorder import Detail, Note, Tick
 from gcs_formation.vehicle.vehicle import Vehicle
 
 GAP_S = 0.5
-"""Acknowledgements of setpoints that are further apart may hide setpoints that never arrived."""
+"""Longer gaps between acknowledgements of setpoints may mean that setpoints didn't arrive."""
 
 
 class CommandLedger:
-    """Reports vehicles that acknowledge and don't obey: events `disobeys`, and `obeys` when they do again."""
+    """Reports vehicles that don't do what they acknowledged: events `disobeys`, and `obeys` when they do again."""
 
     def __init__(
         self,
@@ -37,10 +37,10 @@ class CommandLedger:
         self._obedience = Obedience(scenario, controller.history)
         self._gap_s = max(GAP_S, 2.5 / scenario.law.rate_hz)
         self._commanded: dict[VehicleId, Instant] = {}
-        """Since when each vehicle is commanded without a break."""
+        """Since when each vehicle has been commanded without interruption."""
 
     def judge_orders(self, now: Instant) -> None:
-        """Look at modes and arming."""
+        """Check modes and arming."""
         for vehicle in self._vehicles.values():
             before = vehicle.orders.broken
             vehicle.orders.judge(vehicle.telemetry, now)
@@ -55,7 +55,7 @@ class CommandLedger:
                 self._note(now, "obeys", f"{before.words} is over", vehicle, {"order": before.words})
 
     def judge_motion(self, tick: Tick, now: Instant) -> None:
-        """Look at how the vehicles follow a tick's setpoints, and those before it."""
+        """Check how the vehicles follow this and earlier ticks' setpoints."""
         for identity, column in self._columns.items():
             if not tick.active[column]:
                 self._commanded.pop(identity, None)

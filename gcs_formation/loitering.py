@@ -1,4 +1,4 @@
-"""Heights for vehicles that end up circling: clear of the ground around, and stacked where circles may meet."""
+"""Heights for circling vehicles: clear of the ground around them, and separated where circles may meet."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from airlink.identity import VehicleId
 from formation_scenario import Scenario, ground_of
 
 STACK_M = 15.0
-"""Between the heights of circles that may meet."""
+"""Vertical distance of circles that may meet."""
 CIRCLES_MEET_M = 400.0
-"""Two circles this far apart don't meet: twice a diameter of 100 m radius, entered from anywhere."""
+"""Circles whose vehicles start this far apart don't meet: twice the diameter of a circle of 100 m radius."""
 
 AROUND_M = CIRCLES_MEET_M / 2
-"""How far from where it's told to a vehicle may circle."""
+"""Largest distance of a circle from where it was commanded."""
 SAMPLE_M = 10.0
 
 
 class Top(NamedTuple):
-    """The height that keeps clear of the ground around some place, and where that is highest."""
+    """The lowest height that clears the ground around a position, and where that ground is highest."""
 
     height_m: float
     north_m: float
@@ -49,10 +49,10 @@ class Place(Protocol):
 
 
 class GroundFloor:
-    """How low vehicles may circle over the scenario's ground."""
+    """The lowest heights at which vehicles may circle over the scenario's ground."""
 
     def __init__(self, scenario: Scenario) -> None:
-        """Keep the terrain's clearance; without terrain, circles are at any height."""
+        """Keep the terrain's clearance; without terrain, circles may be at any height."""
         self._ground = ground_of(scenario) if scenario.terrain else None
         self._clearance_m = scenario.terrain.clearance_m if scenario.terrain else 0.0
         across = np.arange(-AROUND_M, AROUND_M + SAMPLE_M, SAMPLE_M)
@@ -61,7 +61,7 @@ class GroundFloor:
         self._north_m, self._east_m = north[within], east[within]
 
     def top(self, north_m: float, east_m: float) -> Top:
-        """Return how low circles may be that begin at a place."""
+        """Return the lowest height of a circle that begins at a position."""
         if self._ground is None:
             return Top(-math.inf, north_m, east_m)
         north, east = north_m + self._north_m, east_m + self._east_m
@@ -70,7 +70,7 @@ class GroundFloor:
         return Top(float(height_m[highest]) + self._clearance_m, float(north[highest]), float(east[highest]))
 
     def highest_m(self, north_m: float, east_m: float, around_m: float) -> float:
-        """Return how high the ground is at most within a distance of a place; of no terrain, infinitely low."""
+        """Return the highest ground within `around_m` of a position, m; minus infinity without terrain."""
         if self._ground is None:
             return -math.inf
         across = np.arange(-around_m, around_m + SAMPLE_M, SAMPLE_M)
@@ -79,7 +79,7 @@ class GroundFloor:
         return float(np.nan_to_num(height_m, nan=-math.inf).max())
 
     def over_way_home(self, north_m: float, east_m: float) -> float:
-        """Return how low a vehicle may go home from a place, straight, and circle there."""
+        """Return the lowest height for flying straight home from a position and circling there, m."""
         if self._ground is None:
             return -math.inf
         steps = np.linspace(0.0, 1.0, 2 + int(math.hypot(north_m, east_m) / AROUND_M))
@@ -87,10 +87,10 @@ class GroundFloor:
 
 
 def loiter_heights(places: Mapping[VehicleId, Place], floor_m: float = -math.inf) -> dict[VehicleId, float]:
-    """Return a height above the origin for each vehicle, none below the lowest vehicle or `floor_m`.
+    """Return a height above the origin for each vehicle, m, none below the lowest vehicle or `floor_m`.
 
-    From the lowest vehicle up, each takes the lowest level that no neighbour has: nobody crosses more of the others'
-    heights than it must.
+    From the lowest vehicle up, each takes the lowest level that no neighbour has, so that vehicles cross as few of the
+    others' heights as possible.
     """
     levels: dict[VehicleId, int] = {}
     ordered = sorted(places, key=lambda identity: (places[identity].height_m, identity))

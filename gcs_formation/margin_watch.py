@@ -1,4 +1,4 @@
-"""The measured delays held against the delay margins, in flight, and gains brought down to keep inside them."""
+"""Compares the measured delays with the delay margins in flight, and lowers gains to stay inside them."""
 
 from __future__ import annotations
 
@@ -17,31 +17,31 @@ from gcs_formation.stability import LoopDelay, Usage, law_loops, loop_delay_s
 from gcs_formation.vehicle.vehicle import Vehicle
 
 NEAR = 0.8
-"""Share of the margin from which it's said."""
+"""Share of the margin from which an event is recorded."""
 CLEAR = 0.7
-"""Share below which that's over."""
+"""Share below which another event records that it is over."""
 DEGRADE = 0.9
-"""Share from which gains are brought down."""
+"""Share from which gains are lowered."""
 RESTORE = 0.5
-"""Share below which gains that were brought down are raised again, once it has stayed there."""
+"""Share below which lowered gains are raised again, after `CALM_LOOKS` looks."""
 CALM_LOOKS = 10
-"""Looks, one a second, for which it must have: a standard deviation of few round trips scatters itself."""
+"""Consecutive looks, one a second: the standard deviation of a few round trips is uncertain itself."""
 KEPT = 0.7
-"""Share that is used after either; the fuzzy scheduler can take a margin down to about 0.77 of itself."""
+"""Share in use after either change; the fuzzy scheduler can reduce a margin to about 0.77 of itself."""
 CHANNELS = {"x": "speed", "y": "heading", "z": "height"}
 
 
 class MarginWatch:
-    """How much of the margin each vehicle's loops use, once a second, and what that leads to."""
+    """Determines once a second how much of their margin each vehicle's loops use, and acts on it."""
 
     def __init__(
         self, scenario: Scenario, vehicles: Mapping[VehicleId, Vehicle], columns: Mapping[VehicleId, int], note: Note
     ) -> None:
         """Watch the loops that the law closes around `vehicles`, whose columns in the controller are `columns`."""
         self.used: Array = np.full(1 + len(scenario.followers), np.nan)
-        """Share of the margin in use by each column, at the gains in force; NaN before its delay is known."""
+        """Share of the margin that each column uses at the present gains, (C,); NaN before its delay is known."""
         self.bandwidth: Array = np.ones((self.used.size, len(CHANNELS)))
-        """Share of their bandwidth that the loops of each column and channel are to have."""
+        """Share of their full bandwidth that the loops should have, (C, 3) by column and channel."""
         self.most_used = 0.0
         self.longest_s = math.nan
         """Longest loop delay so far."""
@@ -60,9 +60,9 @@ class MarginWatch:
         }
 
     def watch(self, now: Instant, leader: Vehicle | None) -> None:
-        """Look at every loop: say when it comes near its margin, and degrade where the scenario wants that.
+        """Check every loop: report when it comes near its margin, and lower gains if the scenario asks for that.
 
-        None is closed around the vehicle that leads, but by the consensus law.
+        Only the consensus law closes a loop around the vehicle that leads.
         """
         for identity, axes in self._axes.items():
             vehicle = self._vehicles[identity]
@@ -90,7 +90,7 @@ class MarginWatch:
         leader.beyond_margin = False
 
     def _delay(self, identity: VehicleId) -> LoopDelay:
-        """Return the delay of a vehicle's loops; those of a law that binds all wait for the latest state of all."""
+        """Return the delay of a vehicle's loops; without prediction, consensus waits for the latest of all states."""
         clock, law = self._vehicles[identity].clock, self._scenario.law
         down_s = clock.one_way_s
         if law.type == "consensus" and not law.delay_compensation:
@@ -102,7 +102,7 @@ class MarginWatch:
         return float(self.bandwidth[column, _channels(axis)][0])
 
     def _set_bandwidth(self, now: Instant, vehicle: Vehicle, axes: Mapping[str, Usage], delay: LoopDelay) -> None:
-        """Derive the gains anew on axes that use too much, or little with lowered gains."""
+        """Choose a new bandwidth on axes that use too much of the margin, or little at lowered gains."""
         column, changed = self._columns[vehicle.identity], False
         for axis, usage in axes.items():
             before = self._of(column, axis)
@@ -134,5 +134,5 @@ class MarginWatch:
 
 
 def _channels(axis: str) -> list[int]:
-    """Return the channels whose gains an axis' loops have: the consensus' are all of one."""
+    """Return the channels of an axis: one, or all for the consensus law."""
     return [list(CHANNELS).index(axis)] if axis in CHANNELS else list(range(len(CHANNELS)))

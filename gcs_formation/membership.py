@@ -1,4 +1,4 @@
-"""Whether a vehicle flies in the formation: what takes it out, and what brings it back."""
+"""Membership in the formation: what removes a vehicle, and what brings it back."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from enum import Enum
 
 
 class Member(Enum):
-    """A vehicle's place in the formation."""
+    """A vehicle's membership in the formation."""
 
     STARTING = "starting"
     FLYING = "flying in formation"
@@ -18,22 +18,22 @@ class Member(Enum):
 
 @dataclass(frozen=True)
 class Sight:
-    """What decides on it, at one tick."""
+    """What the membership depends on, at one tick."""
 
     started: bool
     """Whether its start-up is finished."""
     guided: bool
     """Whether it's in the mode in which it follows setpoints."""
     loiters: bool
-    """Whether it's in the mode that it was told to loiter in."""
+    """Whether it is in the mode for loitering."""
     fresh: bool
-    """Whether its telemetry is young enough to be predicted from, and a leader there to follow."""
+    """Whether its telemetry is recent enough for prediction, and there is a leader to follow."""
     order_may_come: bool = False
-    """Whether an order to loiter is so young that it may only now have reached the vehicle."""
+    """Whether a command to loiter was sent so recently that it may still reach the vehicle."""
 
 
 def following(member: Member, sight: Sight) -> Member:
-    """Return the next state. A pilot's change of mode is respected, and ends when the pilot changes it back."""
+    """Return the next membership. A pilot's change of mode is respected until the pilot reverts it."""
     if not sight.started:
         return Member.STARTING
     back = Member.FLYING if sight.guided else Member.RETURNING if sight.loiters else Member.PARTED

@@ -1,4 +1,4 @@
-"""Whether vehicles move as the model says that they would if they followed their setpoints."""
+"""Checks that vehicles move as the model predicts from their setpoints."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from gcs_formation.parameters import autopilot_model
 
 CHECK_S = 0.4
 WINDOW_S = 3.2
-"""How far back motion is compared from."""
+"""Length of the window over which motion is compared."""
 SETTLED_S = WINDOW_S + 1.0
-"""A vehicle is judged when it has been commanded, and has acknowledged setpoints, for so long."""
+"""A vehicle is judged once it has been commanded, and has acknowledged setpoints, for this long."""
 CLIMBING_MPS, LEVELS_OUT_S = 1.0, 30.0
 """Airspeed and height of one that climbed, or sank, faster when it was taken over, after so long: an aircraft that
 levels out of its climb trades speed for height, and its throttle lags."""
 LEAST_CHANGE = np.array((1.0, 0.04, 1.5))
-"""Airspeed in m/s, heading in rad, height in m: less than that to be flown within the window tells nothing."""
+"""Airspeed in m/s, heading in rad, height in m: smaller expected changes within the window aren't judged."""
 SIGMAS = 4.0
-"""The same in standard deviations of what telemetry tells."""
+"""To that, this many standard deviations of the telemetry's noise are added."""
 RISING_AIR_MPS = 1.5
-"""Air that rises or sinks so fast may keep a vehicle from its height; telemetry doesn't tell it."""
+"""Vertical air motion that may keep a vehicle from its height, and that telemetry doesn't show."""
 AIR_SIGMAS, AIR_MEMORY_S = 4.0, 60.0
 """If that is more, so many standard deviations of what a vehicle has shown of it within about that time."""
 MISSED_SHARE = 0.75
@@ -41,11 +41,11 @@ ROWS = [4, 5, 2]
 """Rows of a state's table that the channels are."""
 HEIGHT = CHANNELS.index("height")
 ENERGY = [CHANNELS.index("airspeed"), HEIGHT]
-"""Channels that share an aircraft's energy."""
+"""Channels between which an aircraft trades energy."""
 
 
 class Disobedience(NamedTuple):
-    """A change that a column was told and didn't fly, within the window: m/s, rad or m."""
+    """A commanded change that a column didn't fly within the window: m/s, rad or m."""
 
     column: int
     channel: str
@@ -54,7 +54,7 @@ class Disobedience(NamedTuple):
 
 
 class Obedience:
-    """Predicts every vehicle from its state a while ago through what it was told since, and compares."""
+    """Predicts every vehicle from an earlier state through the setpoints since then, and compares."""
 
     def __init__(self, scenario: Scenario, history: SetpointHistory) -> None:
         """Take the model from the scenario; `history` holds what was told."""
@@ -68,7 +68,7 @@ class Obedience:
         """Of the vertical motion of the air that would explain each column's heights, (m/s)²."""
         self._past: deque[tuple[Instants, Array]] = deque(maxlen=round(WINDOW_S / CHECK_S))
         self._climbed: Mask = np.zeros(self.broken.size, dtype=bool)
-        """Columns that weren't level when they were taken over."""
+        """Columns that were climbing or descending when they were first commanded, (C,)."""
         self._next_check = Instant(0)
         self._bad = np.zeros((len(CHANNELS), self.broken.size), dtype=np.int64)
         self._good = np.zeros(self.broken.size, dtype=np.int64)
@@ -80,7 +80,7 @@ class Obedience:
     def check(
         self, now: Instant, stamps: Instants, state: FlightState, settled: Mask, commanded_s: Array
     ) -> list[Disobedience]:
-        """Compare, if a check is due; return what has just been found; what mends shows in `broken`.
+        """Compare, if a check is due; return new findings. `broken` has all columns that don't follow.
 
         Args:
             now: the tick's instant.
@@ -112,7 +112,7 @@ class Obedience:
         return found
 
     def _missed(self, expected: Array, flown: Array, settled: Mask) -> Mask:
-        """Return which changes (3, C) aren't flown; take in what the heights tell of the air."""
+        """Return which changes (3, C) weren't flown, and update the estimate of vertical air motion."""
         limit, short = MISSED_SHARE * np.abs(expected), (expected - flown) * np.sign(expected)
         air_mps = np.maximum(RISING_AIR_MPS, AIR_SIGMAS * np.sqrt(self._air_variance))
         limit[HEIGHT] = np.maximum(limit[HEIGHT], air_mps * self._carried_m)
@@ -142,7 +142,7 @@ def _carried_m(model: AutopilotModel) -> Array:
 
 
 def _noise(scenario: Scenario) -> Array:
-    """Return the standard deviations (3, C) of what telemetry tells of each channel."""
+    """Return the standard deviations (3, C) of each channel's telemetry."""
     sources = [vehicle.navigation if vehicle else None for vehicle in columns(scenario)]
     rows = [
         (each.airspeed_sigma_mps, np.radians(each.heading_sigma_deg), each.position_sigma_m)

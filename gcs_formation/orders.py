@@ -1,4 +1,4 @@
-"""Orders in flight: what they do, and why one isn't followed."""
+"""Orders in flight: carries them out, or refuses them with a reason."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ class EndFlight(Protocol):
     """Ends a flight."""
 
     def __call__(self, manner: End, now: Instant) -> str | None:
-        """End it; return why not, if it can't be."""
+        """End the flight; return why that isn't possible, None if it is."""
         ...
 
 
 class Orders:
-    """Takes orders from outside and those that the scenario plans."""
+    """Takes orders from the operator and those that the scenario plans."""
 
     def __init__(
         self, scenario: Scenario, flight: Flight, reconfiguration: Reconfiguration, end: EndFlight, note: Note
     ) -> None:
-        """Carry orders out on `reconfiguration`, and by `end`."""
+        """Carry out changes by `reconfiguration`, and the flight's end by `end`."""
         self._flight = flight
         self._reconfiguration = reconfiguration
         self._end = end
         self._note = note
         self.manner: End = "loiter"
-        """How the flight is to end."""
+        """How the flight will end."""
         self._planned = deque(sorted(scenario.orders, key=lambda each: each.at_s))
 
     def advance(self, now: Instant) -> None:
@@ -45,7 +45,7 @@ class Orders:
             self.take(self._planned.popleft().order, now)
 
     def take(self, text: str, now: Instant) -> Answer:
-        """Carry an order out, or say why not; either is an event."""
+        """Carry out an order, or refuse it with a reason; record either as an event."""
         try:
             refusal = self._carry_out(parse_order(text), now)
         except (OrderError, NotFlyableError, ValueError) as error:

@@ -1,4 +1,4 @@
-"""What the scenario says, in the terms of the law, the model and the guidance."""
+"""Translates the scenario into the parameters of the law, the model and the guidance."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ from gcs_formation.guidance.leader import LeaderGuidance
 from gcs_formation.stability import scenario_adjacency
 
 RESOLUTION = 1e-3
-"""Standard deviation in SI units of what is said to have no noise: the least that a message's digits leave."""
+"""Least standard deviation, in SI units: the resolution of a message's fields."""
 HOLD_SHARE = 0.5
-"""Share of the turn rate, and of the speed that outer slots have to spare, that turns before the path use."""
+"""Share of the turn rate that all slots can keep up with, used by turns before the path."""
 
 
 def law_parameters(scenario: Scenario) -> LawParameters:
@@ -76,7 +76,7 @@ def law(scenario: Scenario, model: AutopilotModel) -> Law:
 
 
 def projection(scenario: Scenario, history: SetpointHistory, model: AutopilotModel) -> Projection:
-    """Return how measured states become those that the law acts on."""
+    """Return the projection from measured states to those that the law acts on."""
     if scenario.law.delay_compensation:
         return Prediction(history, model, scenario.telemetry.rate_hz)
     return Pairing(scenario.law.rate_hz) if scenario.law.type == "consensus" else AsMeasured()

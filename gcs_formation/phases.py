@@ -1,4 +1,4 @@
-"""The phases of a run, and every way from one to another."""
+"""The phases of a run, and a table of all transitions."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Phase(Enum):
 
 
 class Cause(Enum):
-    """What moves a run on."""
+    """Causes of a transition."""
 
     LEADER_READY = "the leader follows setpoints"
     PATH_BEGUN = "the leader has passed the start of its path"
@@ -47,12 +47,12 @@ TRANSITIONS: dict[tuple[Phase, Cause], Phase] = {
     (Phase.LOITERING, Cause.LOITERED): Phase.DONE,
     (Phase.LOITERING, Cause.GIVEN_UP): Phase.FAILED,
 }
-"""What isn't here changes nothing."""
+"""All other combinations change nothing."""
 
 
 @dataclass
 class Flight:
-    """Where a run stands, since when, and the instant t = 0 of its path."""
+    """The phase of a run, since when, and the instant at which t = 0."""
 
     phase: Phase = Phase.CONNECTING
     since: Instant = Instant(0)
@@ -74,5 +74,5 @@ class Flight:
 
     @property
     def ended(self) -> bool:
-        """Whether there's nothing more to do."""
+        """Whether the run is over."""
         return self.phase in (Phase.DONE, Phase.FAILED)

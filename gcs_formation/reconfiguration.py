@@ -1,4 +1,4 @@
-"""Changes of the formation in flight: those of the schedule, those that are ordered, and a lost leader's succession."""
+"""Changes of the formation in flight: planned ones, ordered ones, and the succession of a lost leader."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ from gcs_formation.recorder import Note, Tick
 from gcs_formation.vehicle.vehicle import Vehicle
 
 RETRY_S = 1.0
-"""Between tries at a change that can't be flown where the formation is."""
+"""Interval between attempts at a change that can't be flown at the formation's present position."""
 AMID = 2.0
-"""How far from the leader those amid the formation are at most, as a share of the farthest slot's distance."""
+"""Vehicles up to this many times the farthest slot's distance from the leader count as amid the formation."""
 HEARD_S = 1.0
-"""Telemetry of a successor is no older."""
+"""Largest age of a successor's telemetry."""
 
 
 class Reconfiguration:
-    """Decides on changes and has the controller fly them."""
+    """Plans changes and has the controller fly them."""
 
     def __init__(
         self,
@@ -56,7 +56,7 @@ class Reconfiguration:
         self._next_try = Instant(0)
         self._postponed: Arrangement | None = None
         self._planned_for = np.ones(len(self._names), dtype=np.bool_)
-        """(C,) whose way the present plan has."""
+        """(C,) which vehicles the present transition was planned for."""
 
     @property
     def leader(self) -> Vehicle | None:
@@ -64,9 +64,9 @@ class Reconfiguration:
         return self._by_column.get(self._controller.plan.leader)
 
     def advance(self, now: Instant, mission_time_s: float) -> None:
-        """Begin the scheduled change that is due; one that can't be flown is tried again.
+        """Begin the planned change that is due; if it can't be flown, try again later.
 
-        What was planned while somebody was away is planned anew when that one is back.
+        A transition that was planned without an absent vehicle is planned again when that vehicle is back.
         """
         plan = self._controller.plan
         if plan.scheduled and mission_time_s >= plan.scheduled[0].at_s:
@@ -109,10 +109,11 @@ class Reconfiguration:
         self._note(now, "formation", self._in_words(wanted), None, {"duration_s": way.duration_s})
 
     def order_change(self, change: FormationChange, now: Instant) -> str | None:
-        """Begin a change that somebody orders; return why it can't be flown, None when it has begun.
+        """Begin a change that was ordered; return why its slots can't be flown, None if it has begun.
 
         Raises:
-            NotFlyableError, ValueError: the same for its way, and for a vehicle that doesn't exist.
+            NotFlyableError: the transition to its slots can't be flown.
+            ValueError: it names a vehicle that doesn't exist.
         """
         wanted = (self._wanted or self._controller.plan.arrangement).changed(change, self._scenario)
         if wanted.leader != self._controller.plan.leader and self.leader is None:
@@ -132,7 +133,7 @@ class Reconfiguration:
         return refusal
 
     def successor(self, now: Instant) -> int | None:
-        """Return the column of the follower nearest to the leader, to a metre; None when nobody could take over."""
+        """Return the column of the follower nearest to the leader, to a metre; None if none can take over."""
         tick, leader = self._controller.last_tick, self._controller.plan.leader
         if self._scenario.formation.succession == "none" or leader not in self._by_column or tick is None:
             return None
@@ -141,14 +142,14 @@ class Reconfiguration:
         return min(fit, key=lambda column: (round(_distance_m(places, column, leader)), column), default=None)
 
     def succeed(self, now: Instant) -> None:
-        """Let the successor lead at once, and the others move to its slots as soon as they can."""
+        """Make the successor the leader at once; the others move to their slots behind it as soon as possible."""
         heir = self.successor(now)
         if heir is not None:
             self._hand_over(heir, now)
             self._want(self._wanted or self._controller.plan.arrangement, now)
 
     def _unflyable(self, scenario: Scenario, wanted: Arrangement, now: Instant) -> str | None:
-        """Return what of an arrangement can't be flown from here to the path's end, in the words of `check`."""
+        """Return why an arrangement can't be flown from here on, in the words of `check`; None if it can."""
         guidance, slots = (
             self._controller.guidance,
             self._controller.plan.seen_from(wanted.leader, 0.0, now / NANOSECONDS),
@@ -170,7 +171,7 @@ class Reconfiguration:
         self._note(now, "leader", "leads the formation", self._by_column[leader])
 
     def _take_over(self, leader: int, now_s: float) -> tuple[DisplacedPath | None, float, float]:
-        """Return a successor's way onto the path, where on it it is, and its heading off the present leader's."""
+        """Return a successor's route onto the path, its distance along it, and its heading relative to the leader's."""
         controller, guidance = self._controller, self._controller.guidance
         tick = controller.last_tick
         if tick is None:
@@ -189,34 +190,34 @@ class Reconfiguration:
         return way, distance_m, swing_rad
 
     def _climbing(self, leader: int, tick: Tick, point: PathPoint, right_m: float) -> Rise:
-        """Return how a successor's climb, and what it's told of it, differ from the path's where it's abreast of."""
+        """Return how a successor's climb, and the climb commanded of it, differ from the path's abreast of it."""
         model, climb_mps = self._controller.model, float(tick.state.climb_mps[leader])
         lag_s, other_s = float(model.tau_ha_s[leader]), float(model.tau_hb_s[leader])
         most_mps2 = float(model.climb_max_mps[leader]) / (2.0 * (lag_s + other_s))
         to_climb_m = float(np.nan_to_num(tick.setpoints.height_m[leader] - tick.state.height_m[leader]))
         change_mps2 = (to_climb_m - (lag_s + other_s) * climb_mps) / (lag_s * other_s)
-        # By the metre of the path: abreast of it, on the inside of a bend, less way is made than on it.
+        # Per metre of the path: on the inside of a bend, the vehicle covers less distance than the path.
         along_mps = self._controller.guidance.speed_mps / (1.0 - point.curvature_1pm * right_m)
         change_mps2 = min(max(change_mps2, -most_mps2), most_mps2)
         return Rise(0.0, climb_mps / along_mps - point.slope, change_mps2 / along_mps**2 - point.slope_rate_1pm)
 
     def _slots(self, now: Instant) -> SlotMotion:
-        """Return the slots now: of those who come back amid the formation, where they are themselves.
+        """Return the present slots; vehicles that return amid the formation have theirs where they are themselves.
 
-        From there they are led to their places apart from the others. Those farther off have their places' slots: the
-        law brings them there, and the others don't wait for them.
+        From there the transition leads them to their goals, clear of the others. Vehicles that are farther away keep
+        the slots assigned to them: the law brings them there, and the others don't wait.
         """
         slots, places_m = self._controller.plan.at(now / NANOSECONDS, begun=True), self._controller.places_m(now)
         amid = np.hypot(places_m[:, 0], places_m[:, 1]) <= AMID * slots.reach_m
         return slots.standing(self._returned() & amid, places_m)
 
     def _returned(self) -> Mask:
-        """Return who is there, but wasn't when the present way was planned, (C,)."""
+        """Return which vehicles are present, but weren't when the transition was planned, (C,)."""
         returned: Mask = self._present() & ~self._planned_for
         return returned
 
     def _present(self) -> Mask:
-        """Return who is there, (C,): the leader, and whoever flies in the formation."""
+        """Return which vehicles are present, (C,): the leader, and those that fly in the formation."""
         there = np.zeros(len(self._names), dtype=np.bool_)
         there[self._controller.plan.leader] = True
         there[[column for column, vehicle in self._by_column.items() if vehicle.member is Member.FLYING]] = True

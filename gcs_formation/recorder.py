@@ -1,4 +1,4 @@
-"""What the station tells its recorder. The station decides what happened; the recorder, where it's kept."""
+"""The interface between the station and its recorder: the station reports, the recorder stores."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ class Event:
 
 @dataclass(frozen=True)
 class Tick:
-    """One control tick: (C,) columns, the scenario's leader's or a virtual one's first."""
+    """One control tick, in arrays of C columns; column 0 is the scenario's leader, real or virtual."""
 
     now: Instant
     mission_time_s: float
-    """NaN before it's known when the path begins."""
+    """NaN before the path has begun."""
     phase: str
     leader: int
     """The column that leads."""
@@ -60,7 +60,7 @@ class Tick:
 
 
 class Recorder(Protocol):
-    """Keeps what it's told."""
+    """Stores what the station reports."""
 
     def frame(self, now: Instant, raw: bytes) -> None:
         """Keep a frame that came in or went out."""
@@ -76,7 +76,7 @@ class Recorder(Protocol):
 
 
 class Note(Protocol):
-    """Takes what happened, to a vehicle or to the run."""
+    """Reports an event, of a vehicle or of the run."""
 
     def __call__(
         self,
@@ -91,8 +91,8 @@ class Note(Protocol):
 
 
 class GiveUp(Protocol):
-    """Takes why a run can't go on."""
+    """Ends a run that can't go on, with the reason."""
 
     def __call__(self, text: str, now: Instant) -> None:
-        """End it."""
+        """End the run."""
         ...

@@ -1,4 +1,4 @@
-"""Who flies in the formation, decided anew at every tick, and what those who don't are told instead."""
+"""Decides at every tick which vehicles fly in the formation, and commands those that don't."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from gcs_formation.recorder import Note
 from gcs_formation.vehicle.vehicle import Vehicle
 
 SUCCESSION_S = 3.0
-"""Silence of a leader after which another takes over, where one can."""
+"""Silence of a leader after which another vehicle takes over, if one can."""
 MUTE_S = 1.5
-"""Heartbeats of a vehicle that is heard may be missing for so long; after that nobody knows in which mode it flies."""
+"""How long heartbeats of a vehicle that is heard may be missing; after that its mode counts as unknown."""
 WITHOUT_HEARTBEATS = (LinkState.MUTE, LinkState.LOST)
 BACK_S = 3.0
-"""Telemetry of a vehicle that is out is no older when it comes back."""
+"""Largest age of telemetry with which a vehicle returns to the formation."""
 
 
 class Roster:
-    """The vehicles' places in the formation."""
+    """The vehicles' membership in the formation."""
 
     def __init__(
         self, scenario: Scenario, vehicles: Mapping[VehicleId, Vehicle], columns: Mapping[VehicleId, int], note: Note
@@ -41,14 +41,14 @@ class Roster:
     def leader_lost(
         self, leader: Vehicle, estimator: StateEstimator, now: Instant, replaceable: Callable[[], bool]
     ) -> bool:
-        """Judge the leader alone; return whether it isn't there to follow. One that is `replaceable` is lost sooner."""
+        """Judge only the leader; return whether it is lost. A leader that is `replaceable` is given up sooner."""
         fresh = self._is_fresh(leader, estimator, now)
         late = not self._is_fresh(leader, estimator, now, SUCCESSION_S)
         self._judge(leader, now, fresh=fresh and not (late and replaceable()))
         return leader.member is not Member.FLYING
 
     def judge(self, leader: Vehicle | None, estimator: StateEstimator, now: Instant, *, connecting: bool) -> None:
-        """Decide who flies in the formation: without its leader, nobody does once that has been there."""
+        """Decide which vehicles fly in the formation; once there has been a leader, none does without one."""
         led = True
         if leader is not None:
             self._judge(leader, now, fresh=self._is_fresh(leader, estimator, now))
@@ -85,7 +85,7 @@ class Roster:
             vehicle.commands.begin((), now)
 
     def _holding_height_m(self, vehicle: Vehicle, now: Instant) -> float:
-        """Return the height at which a vehicle loiters apart from the others, wherever they are."""
+        """Return the height at which a vehicle loiters clear of all others, m."""
         places = {i: v.telemetry.motion for i, v in self._vehicles.items() if v.telemetry.motion}
         if now != self._floor_at:
             tops = [self._ground.top(place.north_m, place.east_m).height_m for place in places.values()]

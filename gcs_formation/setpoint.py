@@ -1,4 +1,4 @@
-"""What one vehicle is to fly."""
+"""The setpoint of one vehicle."""
 
 from typing import NamedTuple
 

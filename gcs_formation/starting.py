@@ -1,4 +1,4 @@
-"""How a run gets its vehicles into the air: all of them answer, then each walks through its family's start-up."""
+"""The start of a run: once all vehicles answer, each goes through the start-up of its autopilot family."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ CONNECT_LIMIT_S = 30.0
 
 
 class Starting:
-    """Gets vehicles ready, at the beginning and after a restart of theirs."""
+    """Gets vehicles ready, at the beginning and after a vehicle restarts."""
 
     def __init__(
         self,
@@ -38,7 +38,7 @@ class Starting:
         self._give_up = give_up
 
     def advance(self, now: Instant) -> None:
-        """Go on with every vehicle; nobody takes off for a formation of which somebody doesn't answer."""
+        """Continue the start-up of every vehicle; none takes off before all have answered."""
         silent = [vehicle for vehicle in self._vehicles.values() if vehicle.connection.state is LinkState.SEARCHING]
         if silent:
             self._wait_for(silent, now)
@@ -51,7 +51,7 @@ class Starting:
                 self._advance(vehicle, now)
 
     def leader_ready(self, leader: VehicleId | None) -> bool:
-        """Whether the leader follows setpoints; of a virtual one, whether everybody does."""
+        """Return whether the leader follows setpoints; under a virtual one, whether all vehicles do."""
         needed = self._vehicles.values() if leader is None else (self._vehicles[leader],)
         return all(vehicle.member is Member.FLYING for vehicle in needed)
 
@@ -75,7 +75,7 @@ class Starting:
             self._note(now, "ready", "in the air and following setpoints", vehicle)
 
     def _abandon(self, vehicle: Vehicle, text: str, now: Instant) -> None:
-        """End the run over a vehicle that can't be started; once the path has begun the others go on without it."""
+        """End the run because a vehicle can't be started; once the path has begun, go on without it instead."""
         if self._flight.phase is not Phase.FLYING:
             self._give_up(text, now)
         elif not vehicle.start_up.abandoned:

@@ -1,4 +1,4 @@
-"""The ground station: an engine that takes datagrams and instants and gives datagrams. It owns the order of it all."""
+"""The ground station: an engine that owns the order in which everything is done."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ from gcs_formation.vehicle.planned import planned
 from gcs_formation.vehicle.vehicle import Vehicle
 
 LOITER_LIMIT_S = 20.0
-"""Longest wait at the end for vehicles to climb out and to acknowledge that they loiter."""
+"""Longest wait at the end for vehicles to climb out and acknowledge that they loiter."""
 AWAY_S = 0.2
-"""A timer that is overdue by more shows that the station itself was held up: what came meanwhile has waited for it."""
+"""A timer that is overdue by more means that the station itself was held up, and datagrams have waited for it."""
 
 
 @dataclass
@@ -52,7 +52,7 @@ class Failure:
 
 
 class Station:
-    """Flies one scenario. Reads no clock, opens no socket; what it records goes to its recorder."""
+    """Flies one scenario. Reads no clock and opens no socket; its record goes to the recorder."""
 
     def __init__(self, scenario: Scenario, recorder: Recorder, until_s: float | None = None) -> None:
         """Prepare; nothing happens before the first timer. `until_s`: mission time at which to end early."""
@@ -91,19 +91,19 @@ class Station:
         return self._endpoints
 
     def datagrams_to_send(self) -> list[Datagram]:
-        """Return what is to be sent now, and forget it."""
+        """Remove and return the datagrams to send now."""
         out, self._out = self._out, []
         return out
 
     def next_timer(self) -> Instant | None:
-        """Return the next tick, probe or setpoint held back; None when the run has ended."""
+        """Return the instant of the next tick, probe or delayed setpoint; None when the run has ended."""
         if self.flight.ended:
             return None
         timer, held = min(self._next_tick, self._beacon.next_probe), self._dispatch.next()
         return timer if held is None else min(timer, held)
 
     def receive(self, datagram: Datagram, now: Instant) -> None:
-        """Take a datagram: frames to the vehicles they are from, others counted."""
+        """Take a datagram: pass its frames to their vehicles, and count the rest."""
         timed = not self._was_away(now)
         for frame in self._receiver.frames(datagram):
             self._recorder.frame(now, frame.raw)
@@ -112,7 +112,7 @@ class Station:
                 self._take(vehicle, frame, now, timed=timed)
 
     def handle_timer(self, now: Instant) -> None:
-        """Do what is due: probes and setpoints held back between ticks, everything else at ticks."""
+        """Do what is due: probes and delayed setpoints at any time, everything else at ticks."""
         if self._was_away(now):
             for vehicle in self.vehicles.values():
                 vehicle.forget_probes()
@@ -125,7 +125,7 @@ class Station:
     # A tick, in its order.
 
     def tick(self, now: Instant) -> None:
-        """Look after the links, get vehicles ready, decide, send, record."""
+        """Run one tick: links, start-up, membership, setpoints, record."""
         self._schedule_tick(now)
         if self._beacon.greets(now):
             self.margins.watch(now, self._reconfiguration.leader)
@@ -149,7 +149,7 @@ class Station:
         return timer is not None and seconds_between(timer, now) > AWAY_S
 
     def _judge_members(self, now: Instant) -> None:
-        """Decide who flies in the formation, and who leads it if its leader doesn't any more."""
+        """Decide which vehicles fly in the formation, and who succeeds a lost leader."""
         changes, estimator = self._reconfiguration, self.controller.estimator
         connecting = self.flight.phase is Phase.CONNECTING
 
@@ -161,13 +161,13 @@ class Station:
         self.roster.judge(changes.leader, estimator, now, connecting=connecting)
 
     def stop(self, now: Instant) -> None:
-        """End the flight: everyone loiters. Where they land already, nobody begins to any more."""
+        """End the flight: all vehicles loiter, and no further landing begins."""
         if self._move(Cause.STOP, now):
             self.cut_short = True
         self._ending.landings.call_off()
 
     def order(self, text: str, now: Instant) -> Answer:
-        """Carry out an order in words, such as `shape line`, or say why not."""
+        """Carry out an order such as `shape line`, or refuse it with a reason."""
         return self._orders.take(text, now)
 
     def bad_frames(self, identity: VehicleId) -> int:
@@ -180,7 +180,7 @@ class Station:
         return self._receiver.total()
 
     def _schedule_tick(self, now: Instant) -> None:
-        """Keep to the grid of ticks; those that a long wait has made us miss are left out."""
+        """Schedule the next tick on the grid of ticks; ticks that were missed are skipped."""
         period_s = 1.0 / self.scenario.law.rate_hz
         missed = max(0, math.floor(seconds_between(self._next_tick, now) / period_s))
         self._next_tick = after(self._next_tick, (missed + 1) * period_s)
@@ -210,7 +210,7 @@ class Station:
                 self._send(vehicle, command, now)
 
     def _take_samples(self, now: Instant) -> None:
-        """Take what has come before anybody is judged by its age: it may be that it's us who were away."""
+        """Take new samples before vehicles are judged by their age, in case the station itself was held up."""
         if self.flight.phase not in (Phase.ASSEMBLING, Phase.FLYING):
             return
         for identity, column in self._columns.items():
@@ -257,7 +257,7 @@ class Station:
             self._move(Cause.PATH_ENDED, now)
 
     def _end_by_order(self, manner: End, now: Instant) -> str | None:
-        """End the flight as ordered; return why not, where a vehicle can't do that."""
+        """End the flight as ordered; return why a vehicle can't do that, None if all can."""
         unable = why_not(self.vehicles, self._ground) if manner == "land" else None
         if unable:
             return f"{unable}; allowed: rtl, loiter"
@@ -299,7 +299,7 @@ class Station:
         return True
 
     def fail(self, text: str, now: Instant) -> None:
-        """Give the run up."""
+        """End the run because it can't go on; vehicles loiter."""
         self.failure = Failure(text)
         self._event(now, "failure", text)
         self._move(Cause.FAILURE, now)

@@ -1,4 +1,4 @@
-"""Whether vehicles still send what they were asked for. One that doesn't is asked again.
+"""Checks that vehicles still send the messages that they were asked for, and asks again if they don't.
 
 Another ground station may have set its own rates (REQUEST_DATA_STREAM), or switched messages off
 (MAV_CMD_SET_MESSAGE_INTERVAL): a vehicle has one set of intervals for everybody on a link.
@@ -23,29 +23,29 @@ from gcs_formation.vehicle.vehicle import Vehicle
 
 LOOK_S = 0.5
 FEWEST = 16
-"""Messages that should come in the time over which they're counted, 2 s or more."""
+"""Messages expected within the time over which they are counted, 2 s or more."""
 WINDOW_S = 2.0
 LEAST_SHARE = 0.5
 SIGMAS = 4.0
-"""Fewer messages than the link's loss explains: standard deviations of a binomial distribution."""
+"""Standard deviations of a binomial distribution beyond which the link's loss doesn't explain missing messages."""
 ASK_AGAIN_S, ASK_AGAIN_MAX_S = 2.5, 60.0
-"""Least time between two requests, doubled with each that changes nothing."""
+"""Interval between requests, doubled after each that changes nothing, up to the second value."""
 
 
 class Look(NamedTuple):
-    """What has come of a vehicle up to an instant."""
+    """Counts of what a vehicle has sent up to an instant."""
 
     heard_s: float
-    """Time in which it was heard at all."""
+    """Time during which it was heard at all, s."""
     received: int
     lost: int
     messages: tuple[int, ...]
-    """How often each of those that it was asked for has come."""
+    """Count of each requested message."""
 
 
 @dataclass
 class Streams:
-    """What one vehicle was asked for, and what comes of it."""
+    """The messages requested from one vehicle, and what has arrived."""
 
     rates_hz: Mapping[int, float]
     looks: deque[Look] = field(init=False)
@@ -56,12 +56,12 @@ class Streams:
     last_look: Instant = Instant(0)
 
     def __post_init__(self) -> None:
-        """Keep what the slowest message needs."""
+        """Keep counts for as long as the slowest message needs."""
         self._spans = tuple(math.ceil(max(WINDOW_S, FEWEST / rate_hz) / LOOK_S) for rate_hz in self.rates_hz.values())
         self.looks = deque[Look](maxlen=1 + max(self._spans))
 
     def look(self, vehicle: Vehicle, now: Instant) -> None:
-        """Count what has come; time in which nothing at all did says nothing of a single message."""
+        """Record the counts; time in which nothing arrives isn't counted against a single message."""
         sequence, messages = vehicle.sequence, tuple(vehicle.messages_in[each] for each in self.rates_hz)
         heard_s, arrived = 0.0, True
         if self.looks:
@@ -72,7 +72,7 @@ class Streams:
         self.looks.append(Look(heard_s, sequence.received, sequence.lost, messages))
 
     def too_few(self) -> tuple[int, ...]:
-        """Return the messages of which less than half comes of what the link lets through."""
+        """Return the messages of which less than half of what the link lets through arrives."""
         last = self.looks[-1]
         found: list[int] = []
         for place, (message_id, rate_hz) in enumerate(self.rates_hz.items()):
@@ -84,16 +84,16 @@ class Streams:
         return tuple(found)
 
     def judged(self, message_ids: tuple[int, ...]) -> bool:
-        """Whether these messages have been counted for long enough."""
+        """Return whether these messages have been counted for long enough."""
         spans = dict(zip(self.rates_hz, self._spans, strict=True))
         return len(self.looks) > max(spans[message_id] for message_id in message_ids)
 
 
 class StreamWatch:
-    """Asks for what doesn't come: events `streams`."""
+    """Requests missing messages again, and records events `streams`."""
 
     def __init__(self, vehicles: Mapping[VehicleId, Vehicle], telemetry_rate_hz: float, note: Note) -> None:
-        """Watch `vehicles`, whose motion should come at a rate."""
+        """Watch `vehicles`, which should report their motion at a rate."""
         self._streams = [(each, Streams(each.autopilot.rates_hz(telemetry_rate_hz))) for each in vehicles.values()]
         self._note = note
         self._next_look = Instant(0)

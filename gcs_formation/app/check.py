@@ -1,4 +1,4 @@
-"""`gcs-formation check`: what a scenario resolves to, its graph and its margins, without starting anything."""
+"""`gcs-formation check`: the resolved scenario, its communication graph and its delay margins. Starts nothing."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from gcs_formation.stability import (
 from gcs_formation.vehicle.families import autopilot_for
 
 NEAR = 0.8
-"""Share of the margin from which a configured delay is warned of."""
+"""Share of the delay margin from which `check` warns of the configured delay."""
 
 
 def check_report(scenario: Scenario) -> dict[str, Any]:
@@ -49,7 +49,7 @@ def check_report(scenario: Scenario) -> dict[str, Any]:
 
 
 def refusal_report(error: ScenarioError) -> dict[str, Any]:
-    """Return what `check --json` prints of a scenario that can't be flown: each problem with its place."""
+    """Return what `check --json` prints for a scenario that can't be flown: each problem with its place."""
     return {"valid": False, "problems": [asdict(problem) for problem in error.problems]}
 
 
@@ -65,9 +65,9 @@ def check_text(scenario: Scenario) -> str:
 
 
 def configured_loop_delay_s(scenario: Scenario) -> float:
-    """Return the longest loop delay that the scenario's links make, at any time of the run.
+    """Return the longest loop delay, s, that the scenario's links cause at any time of the run.
 
-    In the consensus law everyone's loop waits for the latest state of all.
+    Under the consensus law every loop waits for the latest state of all vehicles.
     """
     rates = (scenario.telemetry.rate_hz, scenario.law.rate_hz)
     if scenario.law.type == "consensus":
@@ -81,7 +81,7 @@ def configured_loop_delay_s(scenario: Scenario) -> float:
 
 
 def mismatch_margins_s(scenario: Scenario) -> dict[str, float]:
-    """Return by how much the longest configured delay may be off for each predicted loop; empty without prediction."""
+    """Return the mismatch of the longest configured delay, s, that each predicted loop tolerates."""
     if not scenario.law.delay_compensation:
         return {}
     delay_s, found = configured_loop_delay_s(scenario), dict[str, float]()
@@ -92,7 +92,7 @@ def mismatch_margins_s(scenario: Scenario) -> dict[str, float]:
 
 
 def warnings(scenario: Scenario, margins: LawMargins) -> Iterator[str]:
-    """Yield what a user should know before flying. With prediction a margin is one against its mismatch only."""
+    """Yield what a user should know before flying. With prediction, only its mismatch is limited by a margin."""
     delay_s = configured_loop_delay_s(scenario)
     for loop, margin_s in margins.small_signal.items():
         if margin_s <= 0:
@@ -113,7 +113,7 @@ def warnings(scenario: Scenario, margins: LawMargins) -> Iterator[str]:
 
 
 def never_reached(scenario: Scenario) -> Iterator[str]:
-    """Yield what is planned for a time at which the flight is over; orders may make it slower than its path says."""
+    """Yield what is planned for after the flight's end; with orders, which may slow it down, that is `duration_s`."""
     path_s = SplinePath(scenario.path.waypoints_m).length_m / scenario.path.speed_mps
     end_s = scenario.duration_s if scenario.orders else min(scenario.duration_s, path_s)
     planned = {
@@ -131,7 +131,7 @@ def never_reached(scenario: Scenario) -> Iterator[str]:
 
 
 def circles_lifted(scenario: Scenario) -> str | None:
-    """Return by how much vehicles climb to circle where the path ends, and for the ground at what place."""
+    """Return by how much vehicles climb to circle at the path's end, and for which ground; None if they don't."""
     path = leader_path(scenario)
     end, ground = path.at(path.length_m), GroundFloor(scenario)
     cos, sin = math.cos(end.course_rad), math.sin(end.course_rad)
@@ -146,9 +146,9 @@ def circles_lifted(scenario: Scenario) -> str | None:
 
 
 def least_run_in_s(scenario: Scenario) -> float:
-    """Return the shortest run-in, in s, with which a leader of vehicles in their slots need not go round.
+    """Return the shortest run-in, s, after which the path can begin at once if vehicles start in their slots.
 
-    They are heard, answer each request for telemetry, and are seen in their slots; then the leader decides.
+    Until then each vehicle must be heard, answer every request for telemetry, and be seen in its slot.
     """
     tick_s, steps = 1.0 / scenario.law.rate_hz, [scenario.link_steps(vehicle)[0] for vehicle in scenario.vehicles]
     families = [autopilot_for(vehicle, scenario.origin.alt_m) for vehicle in scenario.vehicles]
@@ -187,7 +187,7 @@ def _ways_s(step: LinkStep) -> tuple[float, float]:
 
 
 def _mean_s(way: Impairment) -> float:
-    """Return the mean delay of a direction; recorded delays come on top of the constant one."""
+    """Return the mean delay of one direction, s; recorded delays are added to the constant one."""
     recorded_ms = float(np.mean(read_trace_ms(Path(way.trace_file)))) if way.trace_file else 0.0
     return (way.delay_ms + recorded_ms) / 1e3
 

@@ -1,4 +1,4 @@
-"""Where a run is recorded when nobody says where."""
+"""The default run directory."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 
 def default_directory(name: str) -> Path:
-    """Return runs/NAME-TIME, with a number behind it where that's taken; a name is no path."""
+    """Return runs/NAME-TIME, with a number appended if that exists; slashes in NAME are replaced."""
     stem = f"{name.replace(os.sep, '-')}-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
     directory, number = Path("runs") / stem, 1
     while directory.exists():

@@ -1,4 +1,4 @@
-"""`gcs-formation init`: a copy of an example scenario, to begin with."""
+"""`gcs-formation init`: writes a copy of an example scenario."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from gcs_formation.errors import ExampleError
 
 SUFFIX = ".yaml"
 IN_THE_TREE = "configs"
-"""Where the examples are in the sources; an installed package has them inside."""
+"""Directory of the examples in the sources; an installed package contains them."""
 
 
 def example_names() -> list[str]:
@@ -18,10 +18,10 @@ def example_names() -> list[str]:
 
 
 def write_example(name: str, directory: Path) -> Path:
-    """Write an example into a directory, which is made if need be; return the file.
+    """Write an example into a directory, which is created if necessary; return the file.
 
     Raises:
-        ExampleError: the file is there already, or can't be written.
+        ExampleError: the file exists already, or can't be written.
     """
     path = directory / f"{name}{SUFFIX}"
     text = (_directory() / path.name).read_text(encoding="utf-8").replace(f"{IN_THE_TREE}/", "")

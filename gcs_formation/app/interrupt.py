@@ -1,4 +1,4 @@
-"""Ctrl-C as a flag: the first asks for an orderly end, the second for an immediate one."""
+"""Counts interrupts: the first requests an orderly end, the second an immediate one."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from types import FrameType, TracebackType
 from typing import Any, Self
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-"""SIGHUP: the terminal has been closed, or the line to it was cut."""
+"""SIGHUP: the terminal was closed, or the connection to it was lost."""
 
 
 class Interrupts:
-    """While entered, counts the signals that ask us to end instead of dying of them."""
+    """While entered, counts the signals that request our end, instead of being terminated by them."""
 
     def __init__(self) -> None:
         """Start with none."""
@@ -19,10 +19,7 @@ class Interrupts:
         self._before: dict[signal.Signals, Any] = {}
 
     def __enter__(self) -> Self:
-        """Take over the signals; leaves them alone where that isn't allowed (not the main thread).
-
-        Under nohup a closed terminal stays nothing to us.
-        """
+        """Install the handlers, unless this isn't the main thread. Under nohup, SIGHUP stays ignored."""
         nohup = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
         taken = [number for number in SIGNALS if not (nohup and number is signal.SIGHUP)]
         try:
@@ -34,10 +31,10 @@ class Interrupts:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Give the signals back."""
+        """Restore the previous handlers."""
         for number, handler in self._before.items():
             signal.signal(number, handler)
 
     def _note(self, number: int, _frame: FrameType | None) -> None:
-        # A shell and the system both tell of a closed terminal: that's no second wish.
+        # A closed terminal is signalled by both the shell and the system: that isn't a second request.
         self.count = max(self.count, 1) if number == signal.SIGHUP else self.count + 1

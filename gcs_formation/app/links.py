@@ -1,4 +1,4 @@
-"""The scenario's links as impairments around the station, and what was realised of them."""
+"""The scenario's links as impairments around the station, and the delays that they caused."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Both = tuple[Impairment, Impairment]
 
 
 class LinkPlan:
-    """What each vehicle's link is like over mission time; before the start it's like at its beginning."""
+    """Impairments of each vehicle's link over mission time; before t = 0 those of t = 0."""
 
     def __init__(self, scenario: Scenario, station: Station) -> None:
         """Take the links from the scenario, and mission time from the station."""
@@ -38,7 +38,7 @@ class LinkPlan:
 
     @property
     def clear(self) -> bool:
-        """Whether nothing is ever impaired."""
+        """Whether no link is ever impaired."""
         return all(one.transparent for links in self._links.values() for both in links for one in both)
 
     def at(self, vehicle: VehicleId, now: Instant) -> Both:
@@ -51,7 +51,7 @@ class LinkPlan:
 
 
 def impair(scenario: Scenario, station: Station, engine: Engine) -> ImpairedEngine | None:
-    """Return the engine behind the scenario's links, None when they do nothing."""
+    """Return the engine wrapped in the scenario's links, None if these never impair anything."""
     plan = LinkPlan(scenario, station)
     return None if plan.clear else ImpairedEngine(engine, station.networks, plan.at, scenario.seed)
 
@@ -63,17 +63,17 @@ def injected(statistics: LinkStatistics) -> tuple[float, float]:
 
 
 class InjectedDelays:
-    """What was injected into every link, tick by tick."""
+    """Delays that were injected into every link, tick by tick."""
 
     def __init__(self, vehicles: Iterable[VehicleId], links: ImpairedEngine | None) -> None:
-        """Look at `links`; None: nothing is injected."""
+        """Read the statistics of `links`; None: nothing is injected."""
         self._links = links
         self._sums: dict[VehicleId, list[tuple[float, int]]] = {vehicle: [(0.0, 0)] * 2 for vehicle in vehicles}
         self._series_s: dict[VehicleId, list[float]] = {vehicle: [] for vehicle in self._sums}
         self._ticks = 0
 
     def note(self, ticks: int) -> None:
-        """Note what was injected since the last tick, if there was one since."""
+        """Record what was injected since the previous tick, if there has been a new one."""
         if ticks == self._ticks:
             return
         for vehicle, series_s in self._series_s.items():
@@ -81,7 +81,7 @@ class InjectedDelays:
         self._ticks = ticks
 
     def series_s(self) -> Mapping[VehicleId, Array]:
-        """Return each vehicle's one-way delay, (T,): the mean of both ways' means, NaN where nothing was sent."""
+        """Return each vehicle's one-way delay, s (T,): the mean of both directions' means, NaN if nothing was sent."""
         return {vehicle: np.array(series_s) for vehicle, series_s in self._series_s.items()}
 
     def _since_last_s(self, vehicle: VehicleId) -> float:

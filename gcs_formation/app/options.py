@@ -1,4 +1,4 @@
-"""How a scenario is to be flown."""
+"""Options of a flight."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class RunOptions:
     """Options of `run` and `fly`.
 
     Raises:
-        ValueError: one that isn't allowed.
+        ValueError: a value that isn't allowed.
     """
 
     out: Path
@@ -24,7 +24,7 @@ class RunOptions:
     until_s: float | None = None
 
     def __post_init__(self) -> None:
-        """Refuse what the command line wouldn't take either."""
+        """Refuse values that the command line refuses as well."""
         if self.clock not in get_args(ClockName):
             raise ValueError(f"clock: found {self.clock!r}; allowed: {', '.join(get_args(ClockName))}")
         if not 0.01 <= self.speedup <= 1000.0:

@@ -1,4 +1,4 @@
-"""A finished run in a few lines, for a person."""
+"""The result of a finished run in a few lines of text."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ MOST_ROWS = 24
 
 
 def summary_text(summary: Summary, directory: Path) -> str:
-    """Return the run's figures as a table, its verdicts and where its files are."""
+    """Return the run's figures as a table, the verdicts, and where its files are."""
     figures = summary.to_dict()
     lines = [_headline(figures), *_follower_rows(figures), _safety(figures)]
     lines += _verdicts(summary)
@@ -20,7 +20,7 @@ def summary_text(summary: Summary, directory: Path) -> str:
 
 
 def _verdicts(summary: Summary) -> list[str]:
-    """Return a line for each expectation, or for what didn't hold and a count of the rest where there are many."""
+    """Return a line for each expectation; of many, only those that didn't hold and a count."""
     if len(summary.verdicts) <= MOST_ROWS:
         return [f"expect {verdict}" for verdict in summary.verdicts]
     held = sum(verdict.held is True for verdict in summary.verdicts)

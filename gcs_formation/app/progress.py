@@ -1,4 +1,4 @@
-"""A line that tells how the flight goes: on a terminal only."""
+"""A progress line, shown on terminals only."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class ProgressLine:
 
     def show(self, station: Station) -> None:
         """Show time, worst error and links."""
-        with suppress(OSError):  # the terminal has been closed, and the vehicles are still up
+        with suppress(OSError):  # the terminal was closed while the vehicles still fly
             self._live.update(Text(progress_text(station), no_wrap=True, overflow="ellipsis"), refresh=True)
 
     def close(self) -> None:

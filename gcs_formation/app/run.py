@@ -1,6 +1,7 @@
 """`gcs-formation run`: emulated vehicles and the ground station together, under either clock.
 
-The one place of this package that knows of `sim_vehicles`: it starts them, and takes their ground truth to the record.
+The only module of this package that imports `sim_vehicles`: it starts the vehicles and adds their ground truth to the
+record.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from sim_vehicles.truth import TruthWriter, read_truth
 TRUTH = "truth.bin"
 TRUTH_RATE_HZ = 25.0
 END_S = 5.0
-"""Wall seconds that the emulators get to end by themselves."""
+"""Wall time that the emulators get to end by themselves, s."""
 
 
 def run(scenario: Scenario, options: RunOptions, progress: Progress, interrupts: Interrupts) -> Summary:
@@ -75,7 +76,7 @@ def _run_real(scenario: Scenario, options: RunOptions, progress: Progress, inter
 
 
 class _Emulators:
-    """The emulated vehicles' process; it ends with us, whatever happens to us."""
+    """The emulated vehicles' process; it ends when this process does, in whatever way."""
 
     def __init__(self, options: RunOptions, clock: RealClock) -> None:
         command = [sys.executable, "-m", "sim_vehicles", str(options.out / SCENARIO)]
@@ -85,7 +86,7 @@ class _Emulators:
         self._command = command
 
     def __enter__(self) -> _Emulators:
-        # A session of its own: Ctrl-C reaches us alone, and we have the vehicles loiter first.
+        # A session of its own, so that Ctrl-C only reaches us and we can tell the vehicles to loiter first.
         self._process = subprocess.Popen(
             self._command, stdin=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True
         )
@@ -118,12 +119,12 @@ def _watch(session: Session, emulators: _Emulators) -> Callable[[], bool]:
 
 
 def _truth(session: Session) -> GroundTruth | None:
-    """Return the emulators' ground truth, None when nothing of it was written."""
+    """Return the emulators' ground truth, None if they wrote none."""
     path: Path = session.options.out / TRUTH
     vehicles = tuple(vehicle.vehicle_id for vehicle in session.scenario.vehicles)
     try:
         rows = read_truth(path)
-    except (FileNotFoundError, TruthError):  # interrupted before the emulators had begun it
+    except (FileNotFoundError, TruthError):  # interrupted before the emulators began to write it
         return None
     finally:
         path.unlink(missing_ok=True)

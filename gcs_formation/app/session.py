@@ -1,4 +1,4 @@
-"""One flight from first to last byte, under either clock: what `run` and `fly` have in common."""
+"""One flight from start to summary, under either clock: what `run` and `fly` have in common."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ MICROSECONDS = 1_000_000
 VIRTUAL_EPOCH_US = 1_577_836_800 * MICROSECONDS
 """2020-01-01 00:00 UTC."""
 PROGRESS_S = 0.25
-"""Wall seconds between looks at the progress."""
+"""Wall time between updates of the progress, s."""
 
 
 class Progress(Protocol):
-    """Told now and then how the flight goes."""
+    """Shows the progress of a flight."""
 
     def show(self, station: Station) -> None:
         """Show where the station stands."""
@@ -44,7 +44,7 @@ class Progress(Protocol):
 
 @dataclass
 class Session:
-    """A station, its record, and how the flight is brought to its end."""
+    """A station with its record, from the first tick to the summary."""
 
     scenario: Scenario
     options: RunOptions
@@ -55,7 +55,7 @@ class Session:
     interrupts: Interrupts
 
     def __post_init__(self) -> None:
-        """Begin the wall's time."""
+        """Wrap the station, and start to measure wall time."""
         self.timed = TimedStation(self.station)
         self._links = impair(self.scenario, self.station, self.timed)
         self.engine: Engine = self._links or self.timed
@@ -65,12 +65,12 @@ class Session:
         self._orders: OrderSocket | None = None
 
     def listening(self) -> OrderSocket:
-        """Return what takes orders for this flight while it's entered."""
+        """Return the socket that takes orders for this flight, as a context manager."""
         self._orders = OrderSocket(self.options.out, lambda text: self.station.order(text, self.clock.now()))
         return self._orders
 
     def over(self) -> bool:
-        """Whether the flight has ended; asked by the driver after everything that happens."""
+        """Return whether the flight has ended; the driver calls it after every event."""
         if self.recorder.failure is not None and self.station.failure is None:
             self.station.fail(self.recorder.failure, self.clock.now())
         if self.interrupts.count:
@@ -85,10 +85,10 @@ class Session:
         return self.station.flight.ended or self.interrupts.count > 1
 
     def conclude(self, truth: GroundTruth | None) -> Summary:
-        """Close the record and make the time series and the summary of it.
+        """Close the record, and write the time series and the summary.
 
         Raises:
-            RunAbortedError: the station or its record couldn't go on; what was recorded stays.
+            RunAbortedError: the station or its record failed; what was recorded is kept.
         """
         wall_s = time.perf_counter() - self._began
         self.recorder.close()
@@ -150,7 +150,7 @@ class Session:
 def open_session(
     scenario: Scenario, options: RunOptions, clock: Clock, progress: Progress, interrupts: Interrupts
 ) -> Session:
-    """Return a session with its record begun.
+    """Return a session with an open record.
 
     Raises:
         RecordError: the run directory can't be written.

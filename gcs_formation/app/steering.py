@@ -1,4 +1,4 @@
-"""How a running flight is told something: a line to a Unix socket in its run directory, a line of JSON back."""
+"""Orders to a running flight: a line to a Unix socket in its run directory, answered by a line of JSON."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ SOCKET = "orders.sock"
 MOST_BYTES = 400
 MOST_CALLERS = 8
 ANSWER_S = 10.0
-"""Longest wait for an answer: a run that is there gives it within a tick."""
+"""Longest wait for an answer; a running flight answers within a tick."""
 
 Take = Callable[[str], Answer]
 
 
 class OrderSocket:
-    """Takes orders for as long as it's entered; never waits for anybody."""
+    """Takes orders while it is entered; never blocks."""
 
     def __init__(self, directory: Path, take: Take) -> None:
-        """Hand every order to `take`."""
+        """Pass every order to `take`, and send its answer."""
         self._directory = directory
         self._take = take
         self._listening: socket.socket | None = None
         self._callers: dict[socket.socket, bytes] = {}
 
     def __enter__(self) -> Self:
-        """Listen; a run that can't be told anything flies all the same."""
+        """Start listening; if that fails, the flight goes on without orders."""
         with suppress(OSError), _short(self._directory) as path:
             with suppress(FileNotFoundError):
                 path.unlink()
@@ -56,7 +56,7 @@ class OrderSocket:
             (self._directory / SOCKET).unlink()
 
     def poll(self) -> None:
-        """Answer whoever has said something."""
+        """Answer the orders that have arrived."""
         if self._listening is None:
             return
         with suppress(BlockingIOError):
@@ -110,7 +110,7 @@ def tell(directory: Path, order: str) -> Answer:
 
 @contextmanager
 def _short(directory: Path) -> Generator[Path]:
-    """Yield the socket's path through an open directory: a Unix socket's own may have 107 bytes only."""
+    """Yield a short path of the socket, through an open directory: Unix socket paths are limited to 107 bytes."""
     handle = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
     try:
         yield Path(f"/proc/self/fd/{handle}") / SOCKET

@@ -1,4 +1,4 @@
-"""When an engine's control ticks were due, began, and how long they took."""
+"""Measures when control ticks were due, when they began, and how long they took."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from gcs_formation.station import Station
 
 
 class TimedStation:
-    """A station that is watched from outside; itself an engine."""
+    """Wraps a station and times its control ticks; itself an engine."""
 
     def __init__(self, station: Station) -> None:
-        """Watch `station`."""
+        """Time the ticks of `station`."""
         self._station = station
         self._due: list[int] = []
         self._begun: list[int] = []
@@ -40,7 +40,7 @@ class TimedStation:
         return self._station.next_timer()
 
     def handle_timer(self, now: Instant) -> None:
-        """Hand on the timer; note it if it was a tick in formation."""
+        """Pass on the timer; record it if it was a tick that commanded the formation."""
         due, ticks = self._station.next_timer(), self._station.controlled_ticks
         began = time.perf_counter()
         self._station.handle_timer(now)
@@ -50,7 +50,7 @@ class TimedStation:
             self._begun.append(now)
 
     def figures(self, rate_hz: float) -> ControlFigures:
-        """Return what was noted."""
+        """Return the times of all ticks."""
         return ControlFigures(
             rate_hz,
             np.array(self._due, dtype=np.float64) / NANOSECONDS,

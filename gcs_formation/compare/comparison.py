@@ -1,4 +1,4 @@
-"""What the laws' flights came to in one window of time."""
+"""Compares the laws' flights in one window of time."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from gcs_formation.stability import law_margins
 
 SCHEMA = 1
 AROUND_S = 1.0
-"""Errors pass through zero: what is drawn is the largest this long before and after."""
+"""Errors cross zero, so the figure shows the largest one within this time before and after each tick."""
 FIGURES = ("rms", "max", "steady_max")
 
 
@@ -33,7 +33,7 @@ class Window:
 
 @dataclass(frozen=True)
 class Row:
-    """One law's figures: of errors the worst follower's, each axis by itself; None where there is none."""
+    """One law's figures; errors are those of the worst follower, by axis; None where there are none."""
 
     law: str
     settled_at_s: float | None
@@ -45,9 +45,9 @@ class Row:
     delay_margin_s: float | None
     margin_used: float | None
     warnings: tuple[str, ...] = ()
-    """What `check` says of it: loops whose delay is near or beyond what they stand."""
+    """Warnings of `check`: loops whose delay is near or beyond their margin."""
     aborted: str = ""
-    """Why there are no figures: the run could not go on."""
+    """Why there are no figures: the reason for which the run was aborted."""
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class Flown:
-    """One law's flight and what came of it."""
+    """One law's flight and its outcome."""
 
     law: str
     directory: Path
@@ -40,7 +40,7 @@ class Flown:
 
 
 def trials(source: Path, overrides: tuple[str, ...], laws: tuple[str, ...], out: Path) -> list[Trial]:
-    """Return a trial for each law, which settles what it sets after `overrides`.
+    """Return a trial for each law, whose settings take precedence over `overrides`.
 
     Raises:
         ScenarioError: the scenario or an override is wrong.
@@ -49,11 +49,11 @@ def trials(source: Path, overrides: tuple[str, ...], laws: tuple[str, ...], out:
 
 
 def fly_trials(planned: list[Trial], until_s: float | None, jobs: int, interrupts: Interrupts) -> list[Flown]:
-    """Return every trial's outcome in their order, without those that Ctrl-C left unflown; `jobs` fly at a time.
+    """Fly `jobs` trials at a time; return the outcomes in the trials' order, without those that an interrupt prevented.
 
     Raises:
         RecordError: a run directory can't be written.
-        RunAbortedError: a process that flew was ended from outside.
+        RunAbortedError: a worker process was killed.
     """
     flown: Mapping[str, Flown] = {}
     for outcome in _flown(planned, until_s, jobs):

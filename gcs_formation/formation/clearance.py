@@ -1,8 +1,8 @@
-"""Slots over hills: each follower's is lifted where the ground below its own coming track needs it.
+"""Slots over hills: each follower's slot is lifted where the ground below its own future track requires it.
 
-The leader's height along its route is known beforehand, and so is where a slot goes with it. Over the next two
-kilometres every slot gets the least lift that keeps its clearance, within what it can climb beside the leader's own
-climbs, and continued from the last one; it is made anew as the leader gets on, and when route or plan are others.
+The leader's height along its route is known in advance, and with it the track of every slot. For the next two
+kilometres every slot gets the least lift that keeps its clearance, within the climb that the leader's own climb leaves.
+It continues the previous lift, and is computed again as the leader advances and whenever the route or the plan changes.
 """
 
 from __future__ import annotations
@@ -21,35 +21,35 @@ from gcs_formation.estimation.flight_state import FlightState
 from gcs_formation.guidance.tracking import Route
 
 AHEAD_STEPS = 100
-"""Of the lifts' splines: 2 km. The formation's own climb limit reaches 190 m of height on it."""
+"""Steps of the lifts' splines: 2 km, on which a climb at the formation's limit gains 190 m."""
 ADVANCE_M = 100.0
-"""How far the leader gets on before lifts are made anew."""
+"""Distance that the leader flies before lifts are computed again."""
 KEPT_M = 40.0
-"""How far around the present place a lift stays as it is: setpoints act later than they're made, each at its time."""
+"""Distance around the present position within which a lift isn't changed, since setpoints act at different times."""
 
 
 @dataclass(frozen=True)
 class Outlook:
-    """The leader's way from now on, and the slots'."""
+    """The future track of the leader and of the slots."""
 
     route: Route
     leader: FlightState
     """(1,) columns."""
     leading: int
-    """Which of the N slots is the leader's own: it's never lifted."""
+    """Which of the N slots is the leader's own, which is never lifted."""
     distance_m: float
     along_mps: float
     slots: Callable[[float], Array]
     """Seconds from now -> slots (N, 3)."""
     plan: object
-    """Another one where the slots' way isn't what it was."""
+    """Identifies the plan of the slots: a different object if the plan has changed."""
 
 
 class SlotClearance:
-    """The lifts of N slots, and what they were made for."""
+    """The lifts of N slots, and the route and plan for which they were computed."""
 
     def __init__(self, ground: Ground, clearance_m: float, bounds: Bounds, frame: Frame) -> None:
-        """Keep `clearance_m` above the ground; `bounds` are of the leader's way and the lift together."""
+        """Keep `clearance_m` above the ground; `bounds` apply to the leader's route and the lift together."""
         self._ground, self._clearance_m = ground, clearance_m
         self._bounds, self._frame = bounds, frame
         self._route: Route | None = None
@@ -59,13 +59,13 @@ class SlotClearance:
         self._held = np.zeros((3, 0))
 
     def over(self, slots: SlotMotion, outlook: Outlook, later_s: Array, ago_s: float) -> tuple[SlotMotion, Array]:
-        """Return the slots clear of the ground, and their lifts (N,) `ago_s` before the leader is where it is.
+        """Return the slots clear of the ground, and their lifts (N,) `ago_s` earlier.
 
         Args:
-            slots: N slots as the formation has them, each when its follower's setpoint acts.
-            outlook: the leader's way on.
-            later_s: (N,) how much later the leader's place counts for each slot.
-            ago_s: see above.
+            slots: the formation's N slots, each at the instant when its follower's setpoint acts.
+            outlook: the future track of the leader and the slots.
+            later_s: (N,) time from the leader's state until each slot's instant.
+            ago_s: how much earlier than the leader's state the second result applies, s.
         """
         at_m = outlook.distance_m + outlook.along_mps * later_s
         self._look_ahead(outlook, at_m)
@@ -80,9 +80,10 @@ class SlotClearance:
         return lifted, before_m
 
     def _look_ahead(self, outlook: Outlook, at_m: Array) -> None:
-        """Make the lifts anew if it's time to; `at_m` (N,): where the leader is for each follower's setpoint.
+        """Compute the lifts again if it is time to; `at_m` (N,) is the leader's distance at each follower's instant.
 
-        On the same route they go on where they are; on another one, perhaps behind another leader, as they were.
+        On the same route they continue the present lifts; on another one, possibly with another leader, the last
+        values.
         """
         going_on = outlook.route is self._route
         if going_on and outlook.plan is self._plan and outlook.distance_m < self._made_at_m + ADVANCE_M:
@@ -109,10 +110,10 @@ class SlotClearance:
         self._held = np.stack(self.lift(at_m))
 
     def _as_they_were(self, leading: int, first: int, at_m: Array) -> list[Array]:
-        """Return the first control points of lifts that go on from those of the last tick, less the leader's own.
+        """Return the first control points of lifts that continue those of the last tick, relative to the leader's own.
 
-        Height, slope and curvature are kept: a leader that was lifted itself flies on from where it is, so others that
-        were lifted less are below their slots behind it.
+        Height, slope and curvature are continuous. A new leader continues from its own lifted height, so followers that
+        were lifted less are below their slots at first.
         """
         if self._route is None:
             return [np.zeros(0)] * at_m.size
@@ -121,7 +122,7 @@ class SlotClearance:
         begun: list[Array] = []
         for (lift_m, slope, curvature), ahead in zip(held.T.tolist(), steps.tolist(), strict=True):
             x_m = (np.arange(int(ahead) + 4) - 1.0 - ahead) * STEP_M
-            # Of a quadratic, which a cubic B-spline can be exactly.
+            # Control points of a quadratic, which a cubic B-spline represents exactly.
             begun.append(lift_m + slope * x_m + curvature * (x_m**2 / 2.0 - STEP_M**2 / 6.0))
         return begun
 
@@ -133,7 +134,7 @@ class SlotClearance:
         return blend([self._control_m[rows, index + i] for i in range(4)], steps - index)
 
     def _needed(self, outlook: Outlook, places: Array, points: list[PathPoint]) -> Array:
-        """Return the lift (N, K) that is needed where the leader is at `places` (K,)."""
+        """Return the required lifts (N, K) for the leader at distances `places` (K,)."""
         north, east, height, course, curvature = np.array(points).T[:5]
         leader = outlook.leader
         aside_mps = leader.wind_east_mps * np.cos(course) - leader.wind_north_mps * np.sin(course)
@@ -150,7 +151,7 @@ class SlotClearance:
 
 
 def _between(knots: Array) -> Array:
-    """Return places (N, K, 3) at every sample from those at every knot (N, S, 3), along straight lines."""
+    """Return positions (N, K, 3) at every sample, linearly interpolated from those at every knot (N, S, 3)."""
     share = (np.arange(SAMPLES) / SAMPLES)[:, None]
     steps = knots[:, :-1, None] + share * np.diff(knots, axis=1)[:, :, None]
     return np.concatenate((steps.reshape(knots.shape[0], -1, 3), knots[:, -1:]), axis=1)

@@ -1,4 +1,4 @@
-"""Where every slot is at each moment, and who leads: one transition after another, each begun where the last one is."""
+"""The slots over time, and who leads: successive transitions, each of which starts from the previous one."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from formation_scenario.transition import Transition
 from gcs_formation.arrays import Array
 
 APART_S = 0.05
-"""Between moments at which slots are worked out; around each they go on with the acceleration that they have there."""
+"""Interval of the moments at which slots are evaluated; between them they are extrapolated at constant acceleration."""
 
 
 @dataclass(frozen=True)
 class Proposal:
-    """A change that can be flown, before it's adopted."""
+    """A change that can be flown and hasn't been adopted yet."""
 
     arrangement: Arrangement
     way: Transition
 
 
 class FormationPlan:
-    """The slots of all columns, (C, 3); before the path begins they stand `start.offset_m` aside."""
+    """The slots of all columns, (C, 3); before the path begins they are displaced by `start.offset_m`."""
 
     def __init__(self, scenario: Scenario) -> None:
         """Begin with the scenario's first shape and leader."""
         first = slot_schedule(scenario)[0]
         self.arrangement = first.arrangement
         self.scheduled: deque[FormationChange] = deque(sorted(scenario.formation.changes, key=lambda each: each.at_s))
-        """The scenario's changes that aren't done yet."""
+        """The scenario's changes that haven't begun yet."""
         self._way = Transition.standing(first.places_m)
         self._offset_m = np.tile(scenario.start.offset_m, (len(first.places_m), 1))
         self._offset_m[0] = 0.0
@@ -45,7 +45,7 @@ class FormationPlan:
         return self.arrangement.leader
 
     def at(self, now_s: float, *, begun: bool) -> SlotMotion:
-        """Return the slots at a time of the station's clock, s; `begun`: whether the path is."""
+        """Return the slots at a time of the station's clock, s; `begun`: whether the path has begun."""
         slots = self._way.at(now_s)
         return slots if begun else SlotMotion.at_rest(slots.position_m + self._offset_m)
 
@@ -60,11 +60,11 @@ class FormationPlan:
         return near.after(times_s - coarse * APART_S)
 
     def seen_from(self, leader: int, swing_rad: float, now_s: float) -> SlotMotion:
-        """Return the slots now as another leader sees them, its heading `swing_rad` off the present one's."""
+        """Return the slots now, relative to another leader that heads `swing_rad` clockwise of the present one."""
         return self._way.seen_from(leader, swing_rad).at(now_s)
 
     def hand_over(self, leader: int, swing_rad: float) -> None:
-        """Let another lead; everybody goes on as before."""
+        """Make another column the leader; all positions stay the same."""
         self._way = self._way.seen_from(leader, swing_rad)
         self.arrangement = self.arrangement._replace(leader=leader)
         self._offset_m -= self._offset_m[leader]

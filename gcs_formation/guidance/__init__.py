@@ -1,1 +1,1 @@
-"""The leader's way along its path."""
+"""The leader's guidance along its path."""

@@ -1,4 +1,4 @@
-"""The way from wherever the leader is to where its path begins: arc, straight, arc (Dubins 1957)."""
+"""The route from the leader's position to the start of its run-in: arc, straight line, arc (Dubins 1957)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ TURN = 2 * math.pi
 
 
 class Pose(NamedTuple):
-    """A place and a course over ground (clockwise from north)."""
+    """A position and a course over ground (clockwise from north)."""
 
     north_m: float
     east_m: float
@@ -43,7 +43,7 @@ class Leg(NamedTuple):
 
 @dataclass(frozen=True)
 class JoinRoute:
-    """Three legs, and a height that goes from the first pose's to the last one's as fast as `slope` allows."""
+    """Three legs, and a height that changes from that of the first pose to that of the last at `slope`."""
 
     legs: tuple[Leg, ...]
     begin_height_m: float
@@ -56,7 +56,7 @@ class JoinRoute:
         return sum(leg.length_m for leg in self.legs)
 
     def at(self, distance_m: float) -> PathPoint:
-        """Return the point at a distance from the start; the ends go straight on."""
+        """Return the point at a distance from the start; beyond its ends the route is straight."""
         leg, along_m = self._leg(distance_m)
         pose = leg.at(along_m)
         way_m = self.end_height_m - self.begin_height_m
@@ -92,7 +92,7 @@ def join(start: Pose, end: Pose, radius_m: float, slope: float) -> JoinRoute:
 
 
 def _legs(start: Pose, end: Pose, radius_m: float, first: int, last: int) -> tuple[Leg, ...]:
-    """Return the legs for turns to the right (1) or left (-1); none when the circles are too near to change sides."""
+    """Return the legs for turns to the right (1) or left (-1); none if the circles are too near for opposite turns."""
     from_north, from_east = _centre(start, radius_m * first)
     to_north, to_east = _centre(end, radius_m * last)
     apart_m = math.hypot(to_north - from_north, to_east - from_east)

@@ -1,4 +1,4 @@
-"""The leader's guidance: to the start of the path, round again while the formation isn't assembled, along the path."""
+"""The leader's guidance: to the start of the path, around again until the formation is assembled, along the path."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from gcs_formation.guidance.tracking import Lags, Motion, Route, RouteHeading, p
 from gcs_formation.setpoint import Setpoint
 
 DECISION_S = 2.0
-"""How long before the path's start it's decided whether to begin or to go round again."""
+"""How long before the path's start to decide whether to begin it or to go around again."""
 ASSEMBLED_S = 2.0
 """How long followers must stay in their slots to count as assembled."""
 ON_EXTENSION_M = 60.0
 ON_EXTENSION_RAD = math.radians(30.0)
 CLIMB_SHARE = 0.7
-"""Share of the climb limit that the way to the start uses: followers need the rest."""
+"""Share of the climb limit that the route to the start uses; followers need the rest."""
 
 
 @dataclass
 class LeaderGuidance:
-    """Where the leader is on its way, and what it's told."""
+    """The leader's route and its position on it; gives its setpoints."""
 
     path: SplinePath
     speed_mps: float
@@ -36,17 +36,17 @@ class LeaderGuidance:
 
     @property
     def on_path(self) -> bool:
-        """Whether the route is the path itself, or from beside it, or the straight line that leads to its start."""
+        """Whether the route is the path, its straight run-in, or a new leader's way onto it."""
         return self.route is self.path or isinstance(self.route, DisplacedPath)
 
     @property
     def started(self) -> bool:
-        """Whether the path's start is passed."""
+        """Whether the leader has passed the path's start."""
         return self.on_path and self.distance_m >= 0.0
 
     @property
     def at_end(self) -> bool:
-        """Whether the path's end is reached."""
+        """Whether the leader has reached the path's end."""
         return self.on_path and self.distance_m >= self.path.length_m
 
     def steer(self, motion: Motion, height_m: float, lags: Lags, *, assembled: bool) -> Setpoint:
@@ -63,11 +63,11 @@ class LeaderGuidance:
         return track(self.route, self.distance_m, motion, lags, self.speed_mps)
 
     def take_over(self, route: DisplacedPath | None, distance_m: float) -> None:
-        """Guide another vehicle from now on: along `route` from `distance_m`; without one it has to set out anew."""
+        """Guide another vehicle from now on, along `route` from `distance_m`; without one, to the path's start."""
         self.route, self.distance_m = route, distance_m
 
     def heading(self, motion: Motion) -> RouteHeading:
-        """Return how the route itself goes on where the leader is, without what brings it back onto it."""
+        """Return the route's own heading, turn and climb at the leader, without corrections towards the route."""
         assert self.route is not None
         return route_heading(self.route, self.distance_m, motion)
 
@@ -94,7 +94,7 @@ class LeaderGuidance:
         self.distance_m = north * math.cos(start.course_rad) + east * math.sin(start.course_rad)
 
     def _join(self, motion: Motion, height_m: float) -> None:
-        """Set out for the point from which the run-in begins."""
+        """Take the route to the start of the run-in."""
         entry = self.path.at(-self.run_in_m)
         course = math.atan2(*reversed(motion.ground_velocity()))
         begin = Pose(motion.north_m, motion.east_m, height_m, course)

@@ -1,4 +1,4 @@
-"""Holding a vehicle on a route: from its state to the setpoint that keeps it there."""
+"""Route tracking: from a vehicle's state to the setpoint that keeps it on a route."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from formation_scenario.path import PathPoint
 from gcs_formation.setpoint import Setpoint
 
 BANDWIDTH_RADPS = 0.15
-"""How fast a cross-track error is worked off: well below the heading hold's 1/tau_psi."""
+"""Bandwidth of the cross-track loop, well below the heading hold's 1/tau_psi."""
 INTERCEPT_MAX_RAD = math.radians(60.0)
 NEWTON_STEPS = 3
 
 
 class Route(Protocol):
-    """Something that can be flown along by horizontal arc length."""
+    """A curve to fly along, parametrised by horizontal arc length."""
 
     @property
     def length_m(self) -> float:
@@ -57,19 +57,19 @@ class Motion:
 
 
 class RouteHeading(NamedTuple):
-    """How a vehicle that is on a route heads, turns and climbs: the wind is allowed for."""
+    """Heading, turn rate and climb of a vehicle on a route, corrected for wind."""
 
     heading_rad: float
     turn_rps: float
     bend_rps2: float
-    """How fast the turn rate changes."""
+    """Rate of change of the turn rate."""
     climb_mps: float
     along_mps: float
-    """What of its velocity is along the route."""
+    """Component of its ground velocity along the route."""
 
 
 def route_heading(route: Route, distance_m: float, motion: Motion) -> RouteHeading:
-    """Return the heading along the route at `distance_m`, for a vehicle that makes good the speed of `motion`."""
+    """Return the heading along the route at `distance_m`, for a vehicle with the ground speed of `motion`."""
     point = route.at(distance_m)
     along_mps, _ = _rotate(*motion.ground_velocity(), point.course_rad)
     return RouteHeading(
@@ -82,7 +82,7 @@ def route_heading(route: Route, distance_m: float, motion: Motion) -> RouteHeadi
 
 
 def project(route: Route, motion: Motion, near_m: float) -> float:
-    """Return the distance along the route of its nearest point, looked for from `near_m` on."""
+    """Return the distance along the route of the point nearest to the vehicle, by Newton's method from `near_m`."""
     distance_m = near_m
     for _ in range(NEWTON_STEPS):
         point = route.at(distance_m)
@@ -92,10 +92,10 @@ def project(route: Route, motion: Motion, near_m: float) -> float:
 
 
 def track(route: Route, distance_m: float, motion: Motion, lags: Lags, speed_mps: float) -> Setpoint:
-    """Return the setpoint that holds a vehicle, whose nearest point is at `distance_m`, on the route.
+    """Return the setpoint that keeps a vehicle, whose nearest point is at `distance_m`, on the route.
 
-    The course aims at the route with `BANDWIDTH_RADPS`; the heading allows for the wind; both lags of (7) are led by
-    the route's own turn and climb.
+    The course closes the cross-track error with `BANDWIDTH_RADPS`; the heading is corrected for wind; the route's own
+    turn and climb are fed forward through the lags of (7).
     """
     point = route.at(distance_m)
     _, right_m = _rotate(motion.north_m - point.north_m, motion.east_m - point.east_m, point.course_rad)
@@ -115,7 +115,7 @@ def track(route: Route, distance_m: float, motion: Motion, lags: Lags, speed_mps
 
 
 def _crab(motion: Motion, course_rad: float) -> float:
-    """Return by how much the heading must lie left of the course for the wind not to carry the vehicle aside."""
+    """Return the crab angle: how far left of the course the heading must point to cancel the crosswind."""
     _, aside_mps = _rotate(motion.wind_north_mps, motion.wind_east_mps, course_rad)
     return math.asin(min(max(aside_mps / max(motion.airspeed_mps, 1.0), -1.0), 1.0))
 

@@ -1,4 +1,4 @@
-"""A leader that is nowhere but here: it flies the path by the autopilot model, and every vehicle follows it."""
+"""A virtual leader: it flies the path by the autopilot model, and every vehicle follows it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gcs_formation.estimation.predictor import advance
 
 
 def amid(followers: FlightState, slots_m: Array, speed_mps: float) -> FlightState:
-    """Return a leader (1 column) that the followers are, on the mean, in their slots (F, 3) of."""
+    """Return the leader (1 column) relative to which the followers are, on average, in their slots (F, 3)."""
     heading = np.arctan2(np.sin(followers.heading_rad).mean(), np.cos(followers.heading_rad).mean())
     cos, sin = np.cos(heading), np.sin(heading)
     forward_m, right_m, up_m = slots_m.T
@@ -26,5 +26,5 @@ def amid(followers: FlightState, slots_m: Array, speed_mps: float) -> FlightStat
 
 
 def fly_on(leader: FlightState, told: Setpoints, since: Instant, now: Instant, model: AutopilotModel) -> FlightState:
-    """Return the leader at `now`; `told` (1 column) has been in force since it was at `since`."""
+    """Return the leader's state at `now`, from the one at `since`, under setpoints `told` (1 column)."""
     return advance(leader, told.table[None], np.array([[seconds_between(since, now)]]), model)

@@ -1,7 +1,8 @@
-"""Which address speaks for a vehicle: the one that does, until it falls silent; then one whose clock shows that it may.
+"""Decides which address speaks for a vehicle.
 
-A system id is no proof of identity, and without signing nothing on this network is. So nobody takes a vehicle's place
-while it talks, and after that only by the evidence of time since boot: its clock goes on, or began after the last word.
+A system id proves no identity, and without signing nothing on the network does. So another address can't take a
+vehicle's place while the vehicle is heard. After it falls silent, another address can by the evidence of its time since
+boot: its clock must continue the vehicle's, or have started after the vehicle was last heard.
 """
 
 from __future__ import annotations
@@ -18,15 +19,15 @@ from gcs_formation.link.clock_sync import ClockSync
 from gcs_formation.link.connection import TALKING, Connection, LinkState
 
 LONGEST_DELAY_S = 10.0
-"""A stamp may be this old when it arrives."""
+"""Largest age of a time stamp on arrival."""
 EARLY_S = 2.0
-"""A stamp may lie this far ahead of us: half of the difference of both ways' delays is in the clock's map."""
+"""How far a stamp may lie in the future: the clock mapping is off by half the difference of both delays."""
 BOOT_SLACK_S = 1.0
-"""How much before the last word of the old clock a new one may seem to have begun."""
+"""How long before the old clock was last seen a new clock may seem to have started."""
 BOTH_TALK_S = 1.0
-"""A vehicle that speaks this long after another began to hasn't moved there: there are two."""
+"""If a vehicle is still heard this long after another sender began, it hasn't moved there: there are two."""
 DISBELIEVED_S = 2.0
-"""After this long without a stamp of the clock that we know, another clock's answer is believed."""
+"""After this long without a stamp of the known clock, the answer of another clock is accepted."""
 FORGOTTEN_S = 60.0
 MAX_RIVALS = 8
 
@@ -35,7 +36,7 @@ Remote = tuple[int, Address]
 
 
 class Evidence(Enum):
-    """What a message's stamp, time since boot, says of its sender."""
+    """What the time since boot in a message says about its sender."""
 
     NONE = "nothing tells its clock"
     GOES_ON = "its clock goes on"
@@ -44,7 +45,7 @@ class Evidence(Enum):
 
 
 class Finding(NamedTuple):
-    """What is to be reported."""
+    """A finding to report."""
 
     kind: str
     text: str
@@ -52,7 +53,7 @@ class Finding(NamedTuple):
 
 
 class Ruling(NamedTuple):
-    """Whether a frame is the vehicle's."""
+    """Whether a frame is accepted as the vehicle's."""
 
     admitted: bool
     finding: Finding | None = None
@@ -63,17 +64,17 @@ ADMITTED, REFUSED = Ruling(True), Ruling(False)
 
 @dataclass
 class Rival:
-    """Somebody else who speaks under the same id."""
+    """Another sender with the same system id."""
 
     since: Instant
     last: Instant
     refuted: bool = False
-    """Whether its clock has shown that it isn't the vehicle."""
+    """Whether its clock has proved that it isn't the vehicle."""
     reported: bool = False
 
 
 class Claims:
-    """Judges the frames that come under one vehicle's system id."""
+    """Judges the frames with one vehicle's system id."""
 
     def __init__(self, connection: Connection, clock: ClockSync) -> None:
         """Bind `connection` to the address that speaks for the vehicle; `clock` is the vehicle's."""
@@ -84,7 +85,7 @@ class Claims:
         self._rivals: dict[Remote, Rival] = {}
 
     def judge(self, message: Message | None, socket: int, peer: Address, now: Instant) -> Ruling:
-        """Decide on a frame, and bind the vehicle to its address where the evidence is for it."""
+        """Decide on a frame, and bind the vehicle to its address if the evidence supports it."""
         connection, remote = self._connection, (socket, peer)
         evidence = self._evidence(getattr(message, "time_boot_s", None), now)
         heartbeat = isinstance(message, Heartbeat)
@@ -100,7 +101,7 @@ class Claims:
         return ADMITTED
 
     def believes(self, vehicle_time_s: float, now: Instant) -> bool:
-        """Whether an answer to a probe is of the vehicle's clock, or of one that it may have by now."""
+        """Return whether to accept the clock in an answer to a probe as the vehicle's."""
         doubtful = self._evidence(vehicle_time_s, now) is Evidence.ANOTHERS
         return not doubtful or seconds_between(self._agreed, now) > DISBELIEVED_S
 
@@ -133,7 +134,7 @@ class Claims:
         return Finding("address", text, remote[1])
 
     def _rival(self, remote: Remote, evidence: Evidence, now: Instant) -> Finding | None:
-        """Note a frame of somebody else; return what is to be reported, once it's certain that there are two."""
+        """Record a frame of another sender; return a finding, once, when it is certain that there are two."""
         self._rivals = {r: each for r, each in self._rivals.items() if seconds_between(each.last, now) < FORGOTTEN_S}
         rival = self._rivals.get(remote)
         if rival is None:
@@ -153,6 +154,6 @@ class Claims:
         return Finding("duplicate", f"another sender has its system id, {where}{about}; it is ignored", remote[1])
 
     def _last_word(self, remote: Remote) -> Instant:
-        """Return when the vehicle itself was last heard, as surely as can be told from a sender at `remote`."""
+        """Return when the vehicle itself was last heard for certain, given another sender at `remote`."""
         connection = self._connection
         return self._agreed if remote == (connection.socket, connection.peer) else connection.last_heard

@@ -1,4 +1,4 @@
-"""A vehicle's clock against ours, and the delay between us, from TIMESYNC round trips.
+"""Maps a vehicle's clock to ours, and measures the delay, from TIMESYNC round trips.
 
 Sources: MAVLink guide, "Time Synchronization Protocol v2"; the weighting of samples by their excess
 delay is NTP's clock filter (RFC 5905, section 10) put into a two-state Kalman filter.
@@ -13,19 +13,19 @@ from dataclasses import dataclass, field
 from airlink.clock import NANOSECONDS, Instant
 
 WINDOW = 16
-"""Round trips over which the smallest is looked for, and the delay averaged: 4 s of probes."""
+"""Number of round trips (4 s) over which the fastest is determined and the delay is averaged."""
 RESOLUTION_S = 0.5e-3
 """Standard deviation of a sample that had no excess delay."""
 FEW = 8
 UNKNOWN_SCATTER_S = 0.02
-"""What fewer than `FEW` round trips are taken to scatter by."""
+"""Assumed standard deviation of round trips as long as there are fewer than `FEW`."""
 INITIAL_DRIFT = 0.02
 """Standard deviation of an unknown clock's rate: a PX4 simulator's runs 1.5 % off."""
 OFFSET_NOISE = 1e-4
 DRIFT_NOISE = 2e-6
 """Random walk of offset (s) and drift per square root of a second."""
 RESTART_S = 1.0
-"""A sample this far off what it can be at most is another clock: the vehicle has restarted."""
+"""A sample that is off by more than its uncertainty and this belongs to a new clock: the vehicle has restarted."""
 
 
 @dataclass
@@ -66,7 +66,7 @@ class ClockSync:
         return (self.round_trip_s - self.loop_s / 2) / 2
 
     def observe(self, sent: Instant, vehicle_time_ns: int, received: Instant) -> bool:
-        """Take an answered probe; return whether it shows that the vehicle's clock has started anew."""
+        """Take an answered probe; return whether it shows that the vehicle's clock has restarted."""
         self.round_trip_s = (received - sent) / NANOSECONDS
         self._recent.append(self.round_trip_s)
         middle = Instant((sent + received) // 2)
@@ -114,9 +114,10 @@ class ClockSync:
         self._variance = ((1 - gain0) * p00, (1 - gain0) * p01, p11 - gain1 * p01)
 
     def _sample_variance(self) -> float:
-        """Return the variance of a sample's offset: half of its own excess delay, half of the delays' scatter.
+        """Return the variance of a sample's offset, from half its own excess delay and half the delays' scatter.
 
-        Where queues make the delay, the fastest round trips are the truest; where both ways vary at random, none is.
+        Where queues cause the delay, the fastest round trips are the most accurate; where both delays vary at random,
+        none is better than the others.
         """
         excess_s = self.round_trip_s - min(self._recent)
         scatter_s = self.scatter_s if len(self._recent) >= FEW else UNKNOWN_SCATTER_S

@@ -1,4 +1,4 @@
-"""Is a vehicle there? One table says what silence and a heartbeat lead to."""
+"""The state of the link to a vehicle: a table of what silence and heartbeats lead to."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from airlink.endpoint import Address
 STALE_AFTER_S = 1.5
 LOST_AFTER_S = 5.0
 MUTE_AFTER_S = 3.5
-"""Three heartbeats and a half, as ground stations have it."""
+"""Three and a half heartbeats, as is usual in ground stations."""
 ALL_LOST = 1e-6
-"""More heartbeats than that where a link loses frames: this is how likely it is to lose all that were due."""
+"""On a lossy link it takes longer: until losing all heartbeats that were due is less probable than this."""
 
 
 class LinkState(Enum):
-    """What we know of a vehicle's presence."""
+    """What is known of a vehicle's presence."""
 
     SEARCHING = "searching"
     CONNECTED = "connected"
@@ -28,7 +28,7 @@ class LinkState(Enum):
 
 
 TALKING = frozenset({LinkState.CONNECTED, LinkState.MUTE})
-"""States in which frames come."""
+"""States in which frames are received."""
 
 SILENCE_LEADS_TO = (
     (LinkState.STALE, LOST_AFTER_S, LinkState.LOST),
@@ -37,8 +37,8 @@ SILENCE_LEADS_TO = (
     (LinkState.CONNECTED, LOST_AFTER_S, LinkState.LOST),
     (LinkState.CONNECTED, STALE_AFTER_S, LinkState.STALE),
 )
-"""State, seconds of silence, next state; a heartbeat leads from any state to CONNECTED, from MUTE the second one: an
-autopilot that sends none may yet tell a change of mode by one."""
+"""State, seconds of silence, next state. A heartbeat leads from any state to CONNECTED, but from MUTE only the second:
+an autopilot whose heartbeats are switched off may still report a change of mode by a single one."""
 
 
 @dataclass
@@ -50,10 +50,10 @@ class Connection:
     state: LinkState = LinkState.SEARCHING
     last_heard: Instant = Instant(0)
     last_heartbeat: Instant = Instant(0)
-    """Or when it began to be heard again."""
+    """The last heartbeat, or when the vehicle was heard again after silence."""
 
     def heard(self, now: Instant, *, heartbeat: bool) -> bool:
-        """Note a frame; return whether the state changed."""
+        """Record a frame; return whether the state changed."""
         self.last_heard, alone = now, seconds_between(self.last_heartbeat, now) > MUTE_AFTER_S
         if not heartbeat and self.state is not LinkState.STALE:
             return False
@@ -64,7 +64,7 @@ class Connection:
         return True
 
     def check(self, now: Instant, loss: float = 0.0) -> bool:
-        """Judge the silence, of heartbeats alone too where a share of all is lost; return whether the state changed."""
+        """Check for silence, and for heartbeats missing beyond `loss`; return whether the state changed."""
         if self.state is LinkState.CONNECTED and self.mute_s(loss) > 0.0:
             self.state = LinkState.MUTE
             return True
@@ -76,6 +76,6 @@ class Connection:
         return False
 
     def mute_s(self, loss: float) -> float:
-        """Return for how many seconds heartbeats that were due are missing; negative while they may yet come."""
+        """Return for how long heartbeats have been missing beyond what `loss` explains, s; negative if they aren't."""
         due_s = math.log(ALL_LOST) / math.log(loss) if 0.0 < loss < 1.0 else 0.0
         return seconds_between(self.last_heartbeat, self.last_heard) - max(MUTE_AFTER_S, due_s)

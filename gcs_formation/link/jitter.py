@@ -11,10 +11,10 @@ SHARE = 1 / 16
 
 
 class JitterMeter:
-    """How much the time on the way differs from sample to sample: a running mean of its absolute change.
+    """Running mean of the absolute change in transit time from sample to sample.
 
-    Of delays that vary independently about their mean by a normal distribution it comes to 2/sqrt(pi) standard
-    deviations. It needs no common clock; the drift of the vehicle's is taken off.
+    For independent, normally distributed delays it is 2/sqrt(pi) standard deviations. It needs no common clock; the
+    vehicle's clock drift is removed.
     """
 
     def __init__(self) -> None:

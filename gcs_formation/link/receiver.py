@@ -1,4 +1,4 @@
-"""Datagrams to frames, one stream parser for each remote."""
+"""Parses datagrams into frames, with a stream parser for each remote."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from airlink.engine import Datagram
 from airlink.frame import Frame, ParserCounts, StreamParser
 
 MAX_REMOTES = 1024
-"""Parsers kept; the remote that was silent longest makes room, so strangers can't fill the memory."""
+"""Parsers that are kept. The remote silent longest is forgotten first, so strangers can't fill the memory."""
 
 
 class Receiver:
-    """Parses what every remote sends and keeps the counts of what was dropped."""
+    """Parses the datagrams of every remote, and counts what was dropped."""
 
     def __init__(self) -> None:
         """Start with no remote known."""

@@ -1,4 +1,4 @@
-"""A flight that was flown, and what a test may claim about it."""
+"""A flown flight, and the claims that a test can make about it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a test wants to be flown, said step by step; nothing is flown before `fly`."""
+"""Plans of flights, built step by step; nothing is flown before `fly`."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ LONGEST = 10**6
 
 @dataclass(frozen=True)
 class Formation:
-    """Begins plans; what the fixture `formation` is."""
+    """Creates plans; the value of the fixture `formation`."""
 
     places: tuple[Path, ...]
     """Where a scenario's relative path is looked for, in this order."""
@@ -51,7 +51,7 @@ class Formation:
 
 @dataclass(frozen=True)
 class Plan:
-    """A flight to be; each method returns another plan and leaves this one as it is."""
+    """A planned flight; each method returns a new plan and leaves this one unchanged."""
 
     scenario: Path | Mapping[str, Any] | Scenario
     directory: Path
@@ -97,7 +97,7 @@ class Plan:
         return replace(self, clock="real", speedup=speedup)
 
     def fly(self, until_s: float | None = None) -> Flown:
-        """Fly, to the scenario's end or until a mission time, and return what became of it.
+        """Fly to the scenario's end or until a mission time, and return the flown flight.
 
         Raises:
             ScenarioError: the scenario or what replaces its keys is wrong; nothing was started.

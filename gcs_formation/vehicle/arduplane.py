@@ -28,11 +28,11 @@ EKF_READY = 831
 """Attitude, velocities and positions, relative and absolute: all that flying in GUIDED needs."""
 SLOW_RATE_HZ = 2.0
 UNASKED = {m.MAVLINK_MSG_ID_HEARTBEAT: 1.0}
-"""What comes by itself, and how often."""
+"""Messages that are sent without a request, and their rates, Hz."""
 AIRBORNE_M = 10.0
 AUTOPILOTS = frozenset({m.MAV_AUTOPILOT_GENERIC, m.MAV_AUTOPILOT_ARDUPILOTMEGA})
 TYPES = frozenset({m.MAV_TYPE_GENERIC, m.MAV_TYPE_FIXED_WING, *range(m.MAV_TYPE_VTOL_DUOROTOR, m.MAV_TYPE_GIMBAL)})
-"""What ArduPlane tells itself as, and what tells nothing."""
+"""MAV_TYPE of ArduPlane's aircraft, and the one that says nothing."""
 
 
 class ArduPlane(Autopilot):
@@ -59,17 +59,17 @@ class ArduPlane(Autopilot):
     }
 
     def speaks(self, heartbeat: Heartbeat) -> bool:
-        """Whether a heartbeat is of a fixed wing of ArduPilot's, one that can hover too, or of who doesn't say."""
+        """Return whether a heartbeat is that of an ArduPilot fixed wing or VTOL, or leaves it open."""
         return heartbeat.autopilot in AUTOPILOTS and heartbeat.type in TYPES
 
     def rates_hz(self, telemetry_rate_hz: float) -> Mapping[int, float]:
-        """Return the rates of what motion, readiness and mode are known from."""
+        """Return the rates of the messages that carry motion, readiness and mode."""
         fast = (m.MAVLINK_MSG_ID_ATTITUDE, m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, m.MAVLINK_MSG_ID_VFR_HUD)
         slow = (m.MAVLINK_MSG_ID_EKF_STATUS_REPORT, m.MAVLINK_MSG_ID_SYS_STATUS)
         return dict.fromkeys(fast, telemetry_rate_hz) | dict.fromkeys(slow, SLOW_RATE_HZ) | UNASKED
 
     def start_up(self, telemetry_rate_hz: float) -> tuple[Step, ...]:
-        """Return: streams, ready, take-off, GUIDED. Steps that a vehicle in the air doesn't need are done at once."""
+        """Return the steps: streams, ready, take-off, GUIDED. In the air, unnecessary ones are done at once."""
         return (
             Step(
                 "asked for telemetry",
@@ -90,7 +90,7 @@ class ArduPlane(Autopilot):
         )
 
     def is_airborne(self, telemetry: Telemetry) -> bool:
-        """Whether it's in flight by its heartbeat, or armed and above the ground."""
+        """Return whether it is in flight by its heartbeat, or armed and above the ground."""
         heartbeat = telemetry.heartbeat
         if heartbeat is None or telemetry.motion is None:
             return False
@@ -99,7 +99,7 @@ class ArduPlane(Autopilot):
         )
 
     def climbs_out(self, telemetry: Telemetry) -> bool:
-        """Whether it's in TAKEOFF and not up yet."""
+        """Return whether it is in TAKEOFF, below the height at which that ends."""
         motion, mode = telemetry.motion, telemetry.custom_mode
         return motion is not None and mode == m.PLANE_MODE_TAKEOFF and motion.above_home_m <= self.take_off_m
 
@@ -122,11 +122,11 @@ class ArduPlane(Autopilot):
         )
 
     def loiter(self, height_m: float) -> tuple[Command, ...]:
-        """Return LOITER, then the height: a change of mode forgets heights given before."""
+        """Return LOITER, then the height, since a change of mode resets heights."""
         return (self.set_mode(self.loiter_mode), self._altitude(height_m))
 
     def go_home(self, height_m: float) -> tuple[Command, ...]:
-        """Return RTL, which circles over home, then the height in place of RTL_ALTITUDE, which all have alike."""
+        """Return RTL, which circles over home, then a height to replace RTL_ALTITUDE, which is the same for all."""
         return (self.set_mode(m.PLANE_MODE_RTL), self._altitude(height_m))
 
     def land(self) -> tuple[Command, ...]:

@@ -1,4 +1,4 @@
-"""What the station asks of an autopilot, whatever its family. Differences live in the subclasses alone."""
+"""What the station requires of an autopilot of any family; all differences are in subclasses."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ class Autopilot(ABC):
     """Speaks one family's language to one vehicle."""
 
     family: ClassVar[str]
-    """What it speaks to, in words."""
+    """Name of the family, for messages."""
     loop_s: ClassVar[float]
-    """Period of the loop on which it answers."""
+    """Period of the autopilot's main loop, on which it answers, s."""
     take_off_m: ClassVar[float]
-    """Height above home at which a take-off is over."""
+    """Height above home at which a take-off is complete, m."""
     loiter_mode: ClassVar[int]
     guided_mode: ClassVar[int]
     mode_names: ClassVar[dict[int, str]]
@@ -95,11 +95,11 @@ class Autopilot(ABC):
 
     @abstractmethod
     def speaks(self, heartbeat: Heartbeat) -> bool:
-        """Whether a heartbeat is of this family: another one takes the same mode numbers for other modes."""
+        """Return whether a heartbeat is of this family; in others the same mode numbers mean other modes."""
 
     @abstractmethod
     def rates_hz(self, telemetry_rate_hz: float) -> Mapping[int, float]:
-        """Return how often each message that we need should come, those that come unasked included."""
+        """Return the rate, Hz, of each message that we need, including those sent without a request."""
 
     @abstractmethod
     def start_up(self, telemetry_rate_hz: float) -> tuple[Step, ...]:
@@ -111,7 +111,7 @@ class Autopilot(ABC):
 
     @abstractmethod
     def climbs_out(self, telemetry: Telemetry) -> bool:
-        """Whether the vehicle is taking off and too low yet to do anything else."""
+        """Return whether the vehicle is taking off and still too low to do anything else."""
 
     @abstractmethod
     def setpoint(self, setpoint: Setpoint) -> tuple[Command, ...]:
@@ -125,11 +125,11 @@ class Autopilot(ABC):
         return CommandLong(self.system, m.MAV_COMP_ID_AUTOPILOT1, m.MAV_CMD_COMPONENT_ARM_DISARM, param1=float(arm))
 
     def leave(self, manner: End, height_m: float) -> tuple[Command, ...]:
-        """Return the commands that end a flight: circle here, or at home, from where who is to land does."""
+        """Return the commands that end a flight: circle here or, for `rtl` and before `land`, at home."""
         return self.loiter(height_m) if manner == "loiter" else self.go_home(height_m)
 
     def land(self) -> tuple[Command, ...]:
-        """Return the commands to land where it took off, none for a family that can't."""
+        """Return the commands to land where the vehicle took off; none for a family that can't."""
         return ()
 
     @abstractmethod

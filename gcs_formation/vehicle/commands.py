@@ -1,4 +1,4 @@
-"""Commands under way to one vehicle: sent again until acknowledged, one at a time for each command id.
+"""Commands to one vehicle: sent one after another, each repeated until it is acknowledged.
 
 Source: MAVLink guide, "Command Protocol".
 """
@@ -17,7 +17,7 @@ from gcs_formation.vehicle.autopilot import Command
 RETRY_S = 0.7
 MAX_CONFIRMATION = 255
 TRY_AGAIN = (m.MAV_RESULT_TEMPORARILY_REJECTED, m.MAV_RESULT_FAILED)
-"""Results that may change by themselves: a vehicle that can't arm yet says FAILED."""
+"""Results that may change without our doing: a vehicle that can't be armed yet answers FAILED."""
 UNDER_WAY = m.MAV_RESULT_IN_PROGRESS
 
 
@@ -42,7 +42,7 @@ class CommandQueue:
     _next_attempt: Instant = Instant(0)
 
     def begin(self, commands: tuple[Command, ...], now: Instant) -> None:
-        """Start with these commands, whatever was under way before."""
+        """Start with these commands, and drop any earlier ones."""
         self._waiting = deque(commands)
         self._attempt, self._next_attempt, self.refusal = 0, now, None
         self.outcome = Outcome.WAITING if commands else Outcome.ACCEPTED
@@ -59,7 +59,7 @@ class CommandQueue:
         return command
 
     def acknowledge(self, ack: CommandAck, now: Instant) -> Command | None:
-        """Take an acknowledgement, one that isn't of the command under way changes nothing; return what it accepts."""
+        """Take an acknowledgement; return the command that it accepts. One of any other command changes nothing."""
         if self.outcome is not Outcome.WAITING or ack.command != self._waiting[0].command or not self._attempt:
             return None
         if ack.result == UNDER_WAY:

@@ -1,4 +1,4 @@
-"""Which class speaks to which autopilot."""
+"""The class for each autopilot family."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from gcs_formation.vehicle.arduplane import ArduPlane
 from gcs_formation.vehicle.autopilot import Autopilot
 
 FAMILIES: dict[str, type[Autopilot]] = {"emulator": ArduPlane, "arduplane": ArduPlane}
-"""The scenario's `autopilot` -> its language; the emulators speak as ArduPlane does."""
+"""The scenario's `autopilot` -> its class; the emulators behave like ArduPlane."""
 
 
 def autopilot_for(vehicle: Vehicle, origin_alt_m: float) -> Autopilot:

@@ -1,4 +1,4 @@
-"""The scenario's vehicles and the sockets that they're heard at."""
+"""The scenario's vehicles, and the sockets on which they are heard."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from gcs_formation.vehicle.vehicle import Vehicle
 
 
 class Planned(NamedTuple):
-    """What a scenario's vehicles need."""
+    """A scenario's vehicles and sockets."""
 
     endpoints: tuple[Endpoint, ...]
     """The sockets: one for each different endpoint."""

@@ -1,4 +1,4 @@
-"""From first contact to following setpoints in the air: an autopilot's steps, with time limits."""
+"""Start-up of a vehicle, from first contact to following setpoints in the air, in steps with time limits."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from gcs_formation.vehicle.telemetry import Telemetry
 
 @dataclass
 class StartUp:
-    """Walks through the steps; a step that is done already sends nothing."""
+    """Goes through the steps; a step that is already done sends nothing."""
 
     steps: tuple[Step, ...]
     index: int = -1

@@ -1,4 +1,4 @@
-"""How a vehicle left the ground: where it stood, and which way it went. It lands there by itself, the same way."""
+"""Where a vehicle stood before its take-off, and the course of that: AUTOLAND lands there, on the same course."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ UP_M = 5.0
 
 @dataclass
 class TakeOff:
-    """What was seen of it: nothing of a vehicle that was in the air before us."""
+    """What was seen of a take-off; nothing if the vehicle was in the air before."""
 
     stood: Motion | None = None
     """Where it was before it was armed."""

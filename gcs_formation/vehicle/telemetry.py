@@ -1,4 +1,4 @@
-"""What one vehicle last told about itself."""
+"""The newest telemetry of one vehicle."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SPEED_LIMIT_MPS = 400.0
 ANGLE_LIMIT_RAD = 2 * math.pi
 TURN_LIMIT_RPS = 50.0
 ALTITUDE_LIMIT_M = 100e3
-"""What is beyond these isn't an aircraft's state, however finite."""
+"""Limits beyond which a state isn't an aircraft's, even if it is finite."""
 WITHOUT_HEADING = GlobalPositionInt._fields.index("hdg_rad")
 
 
@@ -37,7 +37,7 @@ class Motion(NamedTuple):
 
 @dataclass
 class Telemetry:
-    """The newest of each message; `updates` counts positions, so that a reader sees whether one is new."""
+    """The newest of each message; `updates` counts positions, so that a reader notices a new one."""
 
     origin: GeodeticOrigin
     motion: Motion | None = None
@@ -55,7 +55,7 @@ class Telemetry:
     texts: deque[str] = field(default_factory=lambda: deque[str](maxlen=KEPT_TEXTS))
 
     def take(self, message: Message) -> None:
-        """Keep what `message` tells of a vehicle's state; what isn't finite or possible is dropped and counted."""
+        """Store the state in `message`; values that aren't finite or plausible are dropped and counted."""
         match message:
             case GlobalPositionInt() if message.lat_rad == message.lon_rad == 0.0:
                 pass  # what an autopilot says that has no fix
@@ -134,5 +134,5 @@ def _is_attitude(message: Attitude) -> bool:
 
 
 def _printable(text: str) -> str:
-    """Return the text without what would steer a terminal."""
+    """Return the text with control characters replaced."""
     return "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in text)

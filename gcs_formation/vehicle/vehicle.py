@@ -1,4 +1,4 @@
-"""One vehicle as the station knows it: its link, clock, telemetry, and what's under way with it."""
+"""One vehicle as the station knows it: its link, clock, telemetry, commands and start-up."""
 
 from __future__ import annotations
 
@@ -31,16 +31,16 @@ from gcs_formation.vehicle.telemetry import Telemetry
 STATION_SYSTEM = 255
 STATION_COMPONENT = m.MAV_COMP_ID_MISSIONPLANNER
 ORDER_COMES_S = 5.0
-"""For how long after it was last sent an order to loiter may still reach a vehicle."""
+"""For how long after it was last sent a command to loiter may still reach a vehicle."""
 MAX_PROBES = 256
-"""Unanswered probes kept: a minute of them."""
+"""Unanswered probes that are kept: a minute of them."""
 CLOCK_LIMIT_NS = 2**62
 APART_LIMIT_S = 2.0
-"""Farther apart than this an attitude's stamp, or an airspeed's, and its position's are no pair."""
+"""Largest difference of stamps between a position and the attitude and airspeed that are paired with it."""
 
 
 class Vehicle:
-    """Everything about one vehicle. Takes frames, gives frames; the station moves them."""
+    """All state of one vehicle. It takes and creates frames; the station moves them."""
 
     def __init__(
         self,
@@ -57,7 +57,7 @@ class Vehicle:
         self.telemetry = Telemetry(origin)
         self.clock = ClockSync(loop_s=autopilot.loop_s)
         self.claims = Claims(connection, self.clock)
-        """Who else speaks under its id."""
+        """Judges which sender with its system id is the vehicle."""
         self.jitter = JitterMeter()
         self.sequence = SequenceTracker()
         self.commands = CommandQueue()
@@ -70,7 +70,7 @@ class Vehicle:
         self.frames_in = self.frames_out = 0
         self.orders = Orders()
         self.setpoints_taken = {command: UnbrokenRun() for command in autopilot.setpoint_commands}
-        """Acknowledgements of airspeeds, headings and heights."""
+        """Acknowledgements of airspeed, heading and height setpoints."""
         self.beyond_margin = False
         """Whether its loop's delay is beyond what keeps it stable."""
         self.take_off = TakeOff()
@@ -94,12 +94,12 @@ class Vehicle:
         )
 
     def take(self, frame: Frame, now: Instant, *, timed: bool = True) -> bool:
-        """Take a frame of this vehicle's autopilot, as its claims have it; return whether the link's state changed.
+        """Take a frame of this vehicle's autopilot; return whether the link's state changed.
 
         Args:
-            frame: what came.
+            frame: the frame.
             now: when it was read.
-            timed: whether that is when it arrived; what has waited for us tells nothing of the link's delay.
+            timed: whether it also arrived then; a frame that waited for us says nothing about the link's delay.
         """
         self.frames_in += 1
         self.messages_in[frame.message_id] += 1
@@ -121,14 +121,14 @@ class Vehicle:
         return changed
 
     def leave_to_pilot(self, now: Instant) -> None:
-        """Send nothing any more, until the vehicle flies and its pilot has given it to us."""
+        """Send nothing more until the vehicle flies in the guided mode, as set by its pilot."""
         self.commands.begin((), now)
         wait = Step("left it to its pilot", self.autopilot.takes_setpoints, timeout_s=math.inf)
         self.start_up = StartUp((wait,), abandoned=True)
 
     @property
     def airborne(self) -> bool:
-        """Whether it flies, by what it told last; unknown, so no, once its link is lost."""
+        """Whether it flies, by its last telemetry; False once its link is lost."""
         return self.connection.state is not LinkState.LOST and self.autopilot.is_airborne(self.telemetry)
 
     @property
@@ -137,7 +137,7 @@ class Vehicle:
         return self.telemetry.implausible
 
     def new_sample(self, now: Instant) -> Sample | None:
-        """Return what the newest position tells, once; None before the vehicle's clock is known.
+        """Return the newest sample, once; None before the vehicle's clock is known.
 
         The heading is carried over from its own message's stamp to the position's.
         """
@@ -180,11 +180,11 @@ class Vehicle:
         return Timesync(0, now)
 
     def forget_probes(self) -> None:
-        """Take no answer to a probe that is out: how long it takes isn't the link's doing."""
+        """Ignore the answers to all pending probes: their delay isn't the link's."""
         self._probes.clear()
 
     def _take_probe(self, answer: Timesync, now: Instant, *, timed: bool) -> None:
-        """Take an answer to a probe of ours; requests and answers to others are left alone."""
+        """Take the answer to one of our probes; ignore requests, and answers to others."""
         sent = self._probes.pop(answer.ts1_ns, None) if answer.tc1_ns else None
         if sent is None or not timed:
             return
@@ -198,7 +198,7 @@ class Vehicle:
         self.delays.append((now, self.clock.last_one_way_s()))
 
     def _restart(self) -> None:
-        """Begin anew with a vehicle whose clock did: nothing that we knew of it holds."""
+        """Start afresh with a vehicle whose clock has restarted: nothing known of it still holds."""
         self.telemetry.forget()
         self.sequence.restart()
         self.orders = Orders()
