@@ -39,20 +39,20 @@ class CommandLedger:
         self._commanded: dict[VehicleId, Instant] = {}
         """Since when each vehicle has been commanded without interruption."""
 
-    def judge_orders(self, now: Instant) -> None:
+    def judge_commands(self, now: Instant) -> None:
         """Check modes and arming."""
         for vehicle in self._vehicles.values():
-            before = vehicle.orders.broken
-            vehicle.orders.judge(vehicle.telemetry, now)
-            broken = vehicle.orders.broken
-            if broken is not None and broken is not before:
+            before = vehicle.effects.missing
+            vehicle.effects.judge(vehicle.telemetry, now)
+            missing = vehicle.effects.missing
+            if missing is not None and missing is not before:
                 mode = vehicle.autopilot.mode_name(vehicle.telemetry)
-                text = f"acknowledged {broken.words} {broken.after_s:.1f} s ago, and is still in {mode}"
+                text = f"acknowledged {missing.description} {missing.after_s:.1f} s ago, and is still in {mode}"
                 armed = vehicle.telemetry.armed
-                details = {"order": broken.words, "after_s": broken.after_s, "mode": mode, "armed": armed}
+                details = {"order": missing.description, "after_s": missing.after_s, "mode": mode, "armed": armed}
                 self._note(now, "disobeys", text, vehicle, details)
-            elif broken is None and before is not None:
-                self._note(now, "obeys", f"{before.words} is over", vehicle, {"order": before.words})
+            elif missing is None and before is not None:
+                self._note(now, "obeys", f"{before.description} is over", vehicle, {"order": before.description})
 
     def judge_motion(self, tick: Tick, now: Instant) -> None:
         """Check how the vehicles follow this and earlier ticks' setpoints."""

@@ -138,7 +138,7 @@ class Station:
         if self.flight.phase is not Phase.LOITERING:
             self._judge_members(now)
             self._streams.watch(now)
-        self._ledger.judge_orders(now)
+        self._ledger.judge_commands(now)
         if self.flight.phase in (Phase.ASSEMBLING, Phase.FLYING):
             self._fly(now)
         elif self.flight.phase is Phase.LOITERING:

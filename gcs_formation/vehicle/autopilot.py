@@ -12,7 +12,7 @@ from airlink.messages.command import CommandInt, CommandLong
 from airlink.messages.system import Heartbeat
 from formation_scenario.orders import End
 from gcs_formation.setpoint import Setpoint
-from gcs_formation.vehicle.orders import Promise
+from gcs_formation.vehicle.command_effect import Effect
 from gcs_formation.vehicle.telemetry import Telemetry
 
 Command = CommandLong | CommandInt
@@ -63,14 +63,14 @@ class Autopilot(ABC):
         """Whether the vehicle is in the mode in which it follows setpoints, armed and flying."""
         return telemetry.custom_mode == self.guided_mode and telemetry.armed and self.is_airborne(telemetry)
 
-    def promise(self, command: Command) -> Promise | None:
-        """Return what heartbeats show after an obeyed command, None when it isn't in them."""
+    def effect(self, command: Command) -> Effect | None:
+        """Return what heartbeats show once a command is carried out, None when they don't show it."""
         if command.command == m.MAV_CMD_DO_SET_MODE:
             mode = int(command.param2)
-            return Promise(f"mode {self.mode_names.get(mode, mode)}", _mode, mode)
+            return Effect(f"mode {self.mode_names.get(mode, mode)}", _mode, mode)
         if command.command == m.MAV_CMD_COMPONENT_ARM_DISARM:
             arm = bool(command.param1)
-            return Promise("arming" if arm else "disarming", _armed, arm)
+            return Effect("arming" if arm else "disarming", _armed, arm)
         return None
 
     def set_mode(self, mode: int) -> Command:

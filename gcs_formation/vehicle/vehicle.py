@@ -22,11 +22,12 @@ from gcs_formation.link.connection import Connection, LinkState
 from gcs_formation.link.jitter import JitterMeter
 from gcs_formation.membership import Member, Sight
 from gcs_formation.vehicle.autopilot import Autopilot, Step
+from gcs_formation.vehicle.command_effect import EffectWatch
 from gcs_formation.vehicle.commands import CommandQueue
-from gcs_formation.vehicle.orders import Orders, UnbrokenRun
 from gcs_formation.vehicle.startup import StartUp
 from gcs_formation.vehicle.take_off import TakeOff
 from gcs_formation.vehicle.telemetry import Telemetry
+from gcs_formation.vehicle.unbroken_run import UnbrokenRun
 
 STATION_SYSTEM = 255
 STATION_COMPONENT = m.MAV_COMP_ID_MISSIONPLANNER
@@ -68,7 +69,7 @@ class Vehicle:
         self.delays: list[tuple[Instant, float]] = []
         """When each answered probe came back, and its one-way delay in seconds."""
         self.frames_in = self.frames_out = 0
-        self.orders = Orders()
+        self.effects = EffectWatch()
         self.setpoints_taken = {command: UnbrokenRun() for command in autopilot.setpoint_commands}
         """Acknowledgements of airspeed, heading and height setpoints."""
         self.beyond_margin = False
@@ -201,7 +202,7 @@ class Vehicle:
         """Start afresh with a vehicle whose clock has restarted: nothing known of it still holds."""
         self.telemetry.forget()
         self.sequence.restart()
-        self.orders = Orders()
+        self.effects = EffectWatch()
         self.take_off = TakeOff()
         self.jitter = JitterMeter()
         self.start_up = StartUp(self._steps)
@@ -211,8 +212,8 @@ class Vehicle:
         if ack.target_system not in (0, STATION_SYSTEM):
             return
         accepted = self.commands.acknowledge(ack, now)
-        promise = self.autopilot.promise(accepted) if accepted else None
-        if promise:
-            self.orders.acknowledged(promise, self.telemetry, now)
+        effect = self.autopilot.effect(accepted) if accepted else None
+        if effect:
+            self.effects.acknowledged(effect, self.telemetry, now)
         if ack.result == m.MAV_RESULT_ACCEPTED and ack.command in self.setpoints_taken:
             self.setpoints_taken[ack.command].note(now)

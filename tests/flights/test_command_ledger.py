@@ -17,7 +17,7 @@ from gcs_formation.estimation.flight_state import FlightState, Setpoints
 from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory
 from gcs_formation.obedience import SETTLED_S, Obedience
 from gcs_formation.vehicle.arduplane import ArduPlane
-from gcs_formation.vehicle.orders import Orders
+from gcs_formation.vehicle.command_effect import EffectWatch
 from gcs_formation.vehicle.telemetry import Telemetry
 from tests.flights.conftest import scenario
 from tests.flights.in_memory import Between, World
@@ -192,31 +192,31 @@ def beat(seen: Telemetry, mode: int) -> None:
     seen.take(Heartbeat(1, 3, m.MAV_MODE_FLAG_SAFETY_ARMED, mode, m.MAV_STATE_ACTIVE))
 
 
-def test_an_order_that_shows_is_done_and_a_pilots_later_choice_is_the_pilots(seen: Telemetry) -> None:
-    plane, orders = ArduPlane(1, 0.0, 0.25), Orders()
+def test_a_command_that_shows_is_done_and_a_pilots_later_choice_is_the_pilots(seen: Telemetry) -> None:
+    plane, effects = ArduPlane(1, 0.0, 0.25), EffectWatch()
     beat(seen, GUIDED)
-    promise = plane.promise(plane.set_mode(LOITER))
-    assert promise is not None
+    effect = plane.effect(plane.set_mode(LOITER))
+    assert effect is not None
     for following in (LOITER, RTL):
-        orders.acknowledged(promise, seen, START)
+        effects.acknowledged(effect, seen, START)
         for i in range(5):
             beat(seen, GUIDED if i == 0 else following)
-            orders.judge(seen, after(START, 1.0 * i))
-            assert orders.broken is None
+            effects.judge(seen, after(START, 1.0 * i))
+            assert effects.missing is None
 
 
-def test_an_order_that_does_not_show_in_two_heartbeats_and_2_s_is_broken_until_it_does(seen: Telemetry) -> None:
-    plane, orders = ArduPlane(1, 0.0, 0.25), Orders()
+def test_an_effect_not_shown_in_two_heartbeats_and_2_s_is_missing_until_it_shows(seen: Telemetry) -> None:
+    plane, effects = ArduPlane(1, 0.0, 0.25), EffectWatch()
     beat(seen, GUIDED)
-    promise = plane.promise(plane.set_mode(LOITER))
-    assert promise is not None
-    orders.acknowledged(promise, seen, START)
-    orders.judge(seen, after(START, 4.0))
-    assert orders.broken is None  # nothing heard since
+    effect = plane.effect(plane.set_mode(LOITER))
+    assert effect is not None
+    effects.acknowledged(effect, seen, START)
+    effects.judge(seen, after(START, 4.0))
+    assert effects.missing is None  # nothing heard since
     for _ in range(2):
         beat(seen, GUIDED)
-    orders.judge(seen, after(START, 4.1))
-    assert orders.broken is not None
+    effects.judge(seen, after(START, 4.1))
+    assert effects.missing is not None
     beat(seen, LOITER)
-    orders.judge(seen, after(START, 5.0))
-    assert orders.broken is None
+    effects.judge(seen, after(START, 5.0))
+    assert effects.missing is None

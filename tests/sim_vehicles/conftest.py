@@ -73,6 +73,9 @@ class Air:
             assert self.seconds < limit_s
             self.run(LOOP_S)
 
+    def tell_mission_time(self, seconds, vehicle=0):
+        self.ground.send(self.ground.dialect.named_value_float_encode(0, b"MISSION_T", seconds), vehicle)
+
     def command_int(self, command, *params, frame=3, x=0, y=0, z=0.0, target=1, component=1, vehicle=0, peer=None):
         """Send COMMAND_INT, take a turn, and return the MAV_RESULT; None when no answer came."""
         p1, p2, p3, p4 = (*params, 0.0, 0.0, 0.0, 0.0)[:4]

@@ -21,7 +21,7 @@ def struck(make_air):
         air = make_air(1, faults=(Fault(AT_S, WHO, kind, mode=mode), Fault(END_S, WHO, kind, ends=True)))
         air.run(3.0)
         air.set_mode(GUIDED)
-        air.ground.send(air.ground.dialect.named_value_float_encode(0, b"MISSION_T", AT_S))
+        air.tell_mission_time(AT_S)
         air.run(0.1)
         return air
 

@@ -12,10 +12,6 @@ HEADING, REPOSITION, ARM = 43002, 192, 400
 AUTO, RTL, TAKEOFF = 10, 11, 13
 
 
-def tell_mission_time(air, seconds):
-    air.ground.send(air.ground.dialect.named_value_float_encode(0, b"MISSION_T", seconds))
-
-
 @pytest.mark.parametrize("following", ["cancel", "reposition"])
 def test_a_gentle_heading_does_not_widen_the_circle_after_it(flying, following):
     assert flying.command_int(HEADING, 1, 0.0, 0.0) == 0
@@ -44,7 +40,7 @@ def test_a_take_off_run_is_not_blown_aside(make_air):
 
 def test_a_crash_of_the_only_vehicle_grounds_it(make_air):
     air = make_air(faults=(Fault(1.0, FIRST, "crash"),))
-    tell_mission_time(air, 0.0)
+    air.tell_mission_time(0.0)
     air.run(3.0)
     assert (air.state("height_m"), air.state("airspeed_mps")) == (0.0, 0.0)
 
@@ -57,7 +53,7 @@ def test_disarming_by_force_in_flight_is_a_crash(flying):
 
 def test_a_frozen_vehicle_speaks_again_after_a_restart(make_air):
     air = make_air(faults=(Fault(1.0, FIRST, "freeze"), Fault(2.0, FIRST, "restart")))
-    tell_mission_time(air, 0.0)
+    air.tell_mission_time(0.0)
     air.run(3.0)
     before = len(air.ground.heard)
     air.run(3.0)

@@ -288,6 +288,6 @@ def test_the_items_outlast_a_restart_and_the_upload_does_not(make_air):
     air.run(0.1)
     upload(air, item(1))
     ask(air, count(2))
-    air.ground.send(air.ground.dialect.named_value_float_encode(0, b"MISSION_T", 1.0))
+    air.tell_mission_time(1.0)
     air.run(4.0)
     assert listed(air) == [("MISSION_COUNT", 2)]
