@@ -1,4 +1,4 @@
-"""States now to setpoints: mixer, fuzzy scheduler, PID, envelope. Pure functions on arrays."""
+"""From present states to setpoints: mixer, fuzzy scheduler, PID, envelope. Pure functions on arrays."""
 
 from gcs_formation.control.fuzzy import FuzzyGainScheduler
 

@@ -1,12 +1,13 @@
 """The consensus law: protocol (3) on the scenario's graph, sent as setpoints of speed and heading.
 
 u_p = sum_q a_pq [k1 (x_q - x_p + r_pq) + k2 (v_q - v_p)] + k3 (v_s - v_p), both states at one stamp (errata items 3,
-6, 9). Vehicles are told v_s + tau_v u_x and psi_s + tau_psi u_y / v: the autopilot's own lag (7) is the undelayed
-damping 1/tau_v along and 1/tau_psi across, and only what k3 asks for beyond it is computed here, of the delayed state.
+6, 9). The setpoints are v_s + tau_v u_x for the speed and psi_s + tau_psi u_y / v for the heading. The autopilot's own
+lag (7) acts as damping of 1/tau_v along and 1/tau_psi across the heading, without delay; only the part of k3 beyond
+that is computed here, from the delayed state.
 
-In a turn, r_pq and v_s are those of slots that turn with the path: where (3) has differences of states, here stand
-differences of deviations from the slots' own motion, which is the same on a straight path. Every vehicle keeps the
-height of the path and its slot by itself: that loop is closed on board and no delay of the link is in it.
+In a turn, r_pq and v_s belong to slots that turn with the path. In place of the differences of states of (3), the law
+uses differences of deviations from the slots' own motion, which is the same on a straight path. Each vehicle holds the
+height of the path and of its slot by itself: that loop is closed on board, so no link delay is in it.
 """
 
 from __future__ import annotations
@@ -72,7 +73,7 @@ class ConsensusLaw:
         self._lead_by(0)
 
     def _lead_by(self, leader: int) -> None:
-        """Let a leader and the one at the start have each other's places in the graph."""
+        """Swap a new leader and the leader at the start in the graph."""
         self._leader, places = leader, self._everyone.copy()
         places[[0, leader]] = places[[leader, 0]]
         weights = self._parameters.weights[np.ix_(places, places)]
@@ -82,7 +83,7 @@ class ConsensusLaw:
         self._edge_weights = weights[receivers, senders]
 
     def decide(self, situation: Situation, dt_s: float) -> Decision:  # noqa: ARG002 - no memory, no rates
-        """Return everyone's setpoints; who isn't active is neither heard nor missed."""
+        """Return the setpoints of all vehicles; those that aren't active are left out of the sums."""
         if situation.lead.leader != self._leader:
             self._lead_by(situation.lead.leader)
         everyone, model = self._everyone, self._model
@@ -129,7 +130,7 @@ class ConsensusLaw:
         return total
 
     def _damping_beyond(self, own: _Deviation) -> Array:
-        """Return (k3 - 1/tau) (v_s - v_p) along and across, (2, C): what the autopilot's lag doesn't do by itself."""
+        """Return (k3 - 1/tau) (v_s - v_p) along and across, (2, C): damping beyond the autopilot's lag."""
         moving = np.stack(rotate_to(own.target.heading_rad, *own.velocity_mps))
         return (1.0 / np.stack((self._model.tau_v_s, self._model.tau_psi_s)) - self._parameters.k3) * moving
 
@@ -148,7 +149,7 @@ class ConsensusLaw:
         return _Reference(leader, lead.path.heading_rad + swung)
 
     def _led(self, situation: Situation, lead: Lead, swung: Array, later_s: Array) -> FlightState:
-        """Return a leader that follows the guidance without lag: what it's told, less the lead over its own lags."""
+        """Return the state of a leader without lag behind the guidance: its setpoints less the lead over its lags."""
         leading, model = np.full_like(self._everyone, lead.leader), self._model
         lag_s = float(model.tau_ha_s[lead.leader] + model.tau_hb_s[lead.leader])
         flown = situation.states.of(leading, self._everyone)

@@ -1,4 +1,4 @@
-"""What vehicles may be told: setpoints are held inside the autopilot's limits, and nothing that isn't finite leaves."""
+"""The envelope of setpoints: they stay inside the autopilot's limits, and only finite ones are sent."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, S
 INTERCEPT_MAX_RAD = np.radians(60.0)
 """Most that a heading setpoint may deviate from the slot's own heading: a follower far to the side doesn't circle."""
 AWAY_RAD = np.radians(120.0)
-"""A follower that heads off its slot's heading by more is told that heading itself: it turns about, to one side.
+"""A follower whose heading differs from its slot's by more gets the slot's heading, so that it turns to one side.
 
-From `INTERCEPT_MAX_RAD` on it may deviate by less and less. With its back to the leader, corrections would have it turn
-now left, now right, and so fly on.
+Between `INTERCEPT_MAX_RAD` and this angle, the correction allowed shrinks to zero. With its back to the leader, a
+follower would be told to turn left and right in alternation, and so fly straight on.
 """
 
 
 class Envelope(NamedTuple):
     """The limits of setpoints, (F,) each.
 
-    Speed within the limits; heading within `INTERCEPT_MAX_RAD` of the vehicle's own one, less for a vehicle that flies
-    elsewhere. Height no farther from the present one than the model climbs through in its own time constants, so that
-    the climb limit isn't asked to be broken.
+    Speed stays within the autopilot's limits, and heading within `INTERCEPT_MAX_RAD` of the slot's own heading (less
+    for a vehicle that flies elsewhere). Height stays so near the present height that the model needs no more than its
+    climb limit to get there within its time constants.
     """
 
     speed_min_mps: Array
@@ -46,8 +46,8 @@ class Envelope(NamedTuple):
     def limit(self, wanted: Setpoints) -> Setpoints:
         """Return the setpoints that are sent.
 
-        A heading is kept on the side on which it's wanted: it's the own one plus a correction, which may be more than
-        half a turn from far away.
+        A heading stays on the side on which it is wanted: it is the slot's own heading plus a correction, which may
+        exceed half a turn far from the slot.
         """
         aside_rad = wanted.heading_rad - self.own_heading_rad
         return Setpoints(

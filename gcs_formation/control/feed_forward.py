@@ -1,4 +1,4 @@
-"""Setpoints that lead the autopilot's lags: no error is left while the leader turns and slots go elsewhere."""
+"""Setpoints that lead the autopilot's lags, so that no error is left while the leader turns or the slots move."""
 
 from __future__ import annotations
 
@@ -49,10 +49,10 @@ def feed_forward(
 ) -> Array:
     """Return (N, 3): speed, heading and height setpoints that hold `target` (errata item 29).
 
-    Speed and heading that the slot needs change with the leader's own velocity, as the axes' turn rate does, in
-    proportion to the slot's place, and with the slot's own acceleration (the derivative of a velocity in a turning
-    frame), and with what carries the vehicle away: `gust_mps2` is that velocity's rate of change along and across the
-    axes.
+    The speed and heading that the slot needs change with three things: the leader's velocity; the axes' turn rate, in
+    proportion to the slot's offset; and the slot's own acceleration (the derivative of a velocity in a turning frame).
+    They also change with the wind that carries the vehicle: `gust_mps2` is its rate of change along and across the
+    axes, in m/s².
     """
     turn, bend = axes.turning.rate_rps, axes.turning.acceleration_rps2
     (x, y, z), (forth, aside, up) = slots.position_m.T, slots.velocity_mps.T
@@ -71,7 +71,7 @@ def feed_forward(
 
 
 def _led(leader: LeaderMotion, axes: Axes) -> tuple[Array, Array]:
-    """Return the leader's own change of velocity along and across the axes, as these see it."""
+    """Return the leader's acceleration along and across the axes, in their turning frame."""
     off = leader.state.heading_rad - axes.heading_rad
     cos, sin = np.cos(off), np.sin(off)
     swing_mps2 = leader.state.airspeed_mps * (leader.turning.rate_rps - axes.turning.rate_rps)

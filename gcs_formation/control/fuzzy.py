@@ -1,7 +1,7 @@
 """The fuzzy scheduler of the PID gains: tables 1 to 3 of the paper.
 
-Five triangles at -1, -1/2, 0, 1/2, 1 with shoulders, product inference and weighted average: that is exactly the
-bilinear interpolation of the tables (errata item 29f).
+Five triangular sets centred at -1, -1/2, 0, 1/2 and 1 (the outer two with shoulders), product inference and the
+weighted average amount exactly to bilinear interpolation of the tables (errata item 29f).
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ PH PH PH PH PH
 
 
 def rule_tables(kind: Literal["printed", "symmetric"] = "printed") -> Array:
-    """Return (5, 5, 3): F_p, F_i, F_d by rate and error, as printed or made indifferent to the error's sign (29g)."""
+    """Return (5, 5, 3): F_p, F_i, F_d by rate and error, as printed, or made symmetric in the error's sign (29g)."""
     tables = np.stack([_parse(table) for table in (TABLE_P, TABLE_I, TABLE_D)], axis=-1)
     return tables if kind == "printed" else (tables + tables[::-1, ::-1]) / 2
 
@@ -51,7 +51,7 @@ def _parse(table: str) -> Array:
 
 
 class FuzzyGainScheduler:
-    """Infers how far each gain is moved from its base towards its most."""
+    """Infers how far each gain moves from its base value towards its greatest."""
 
     def __init__(self, tables: Literal["printed", "symmetric"] = "printed") -> None:
         """Use the tables as printed, or symmetrised."""
@@ -60,7 +60,7 @@ class FuzzyGainScheduler:
     def infer(self, error: npt.ArrayLike, error_rate: npt.ArrayLike) -> Array:
         """Return F_p, F_i, F_d in [0, 1], shape (..., 3), for normalised inputs of any shape (...).
 
-        Inputs beyond -1 and 1 count as those.
+        Inputs outside [-1, 1] are clipped to it.
         """
         (column, row), (across, down) = _place(np.array((error, error_rate), dtype=np.float64))
         corner = row * SETS + column
@@ -71,7 +71,7 @@ class FuzzyGainScheduler:
 
 
 def _place(value: Array) -> tuple[npt.NDArray[np.intp], Array]:
-    """Return the cell that a value lies in and how far into it, 0 to 1."""
+    """Return the index of the cell that a value lies in, and its position in the cell, 0 to 1."""
     position = (within(value, -1.0, 1.0) + 1.0) * ((SETS - 1) / 2)
     cell = np.minimum(position.astype(np.intp), SETS - 2)
     return cell, position - cell

@@ -60,7 +60,7 @@ class LawParameters:
 
 
 class FormationLaw:
-    """The law of whoever follows, with what it remembers between ticks."""
+    """The law of all followers, with the state it keeps between ticks."""
 
     commands_leader = False
 
@@ -71,7 +71,7 @@ class FormationLaw:
         self._lead_by(0)
 
     def _lead_by(self, leader: int) -> None:
-        """Begin anew behind a leader: what the integrators hold is between a follower and the one that it followed."""
+        """Start again behind a new leader: what the integrators hold belongs to the old pair of leader and follower."""
         everyone = np.arange(self._models.tau_v_s.size, dtype=np.intp)
         self._leader = leader
         self._followers: Indices = everyone[everyone != leader]
@@ -122,7 +122,7 @@ class FormationLaw:
     def _led(self, lead: Lead, state: FlightState) -> LeaderMotion:
         """Return the motion of a leader in `state`, (F,) columns; its heading lags what it's told by (7).
 
-        Where its route changes, what it's told jumps: faster than it can turn isn't how the slots turn.
+        Its setpoint jumps where its route changes. The slots turn no faster than the leader can.
         """
         model = self._leader_model
         turn_rps, most_rps = turn_rate(state, lead.told, model), model.turn_rate_max_rps
@@ -137,9 +137,10 @@ class FormationLaw:
     def _steady(self, error_m: Array, target: Target, follower: FlightState, slots: SlotMotion) -> Array:
         """Return the errors that are mixed: in the follower's own frame, without what its heading sweeps forward.
 
-        While it heads off its slot's heading by some angle, that frame swings a slot to the side forward, by y_rc times
-        the angle. Speed can't follow that and needn't: it goes as the heading comes back. A slot behind swings aside,
-        by x_rc times the angle, which damps; a slot that has less of that than `TOW_S` is lent the rest.
+        While the follower's heading differs from its slot's by some angle, the follower's frame swings a slot at the
+        side forward by y_rc times the angle. Speed can't follow that and needn't: the error vanishes as the heading
+        comes back. A slot behind swings sideways by x_rc times the angle, which adds damping; a slot with less of
+        this damping than `TOW_S` gives is given the rest.
         """
         if self._parameters.frame == "leader_heading":
             return error_m
@@ -150,10 +151,10 @@ class FormationLaw:
         return steady_m
 
     def _bandwidth(self, situation: Situation, leader: FlightState, slots: SlotMotion) -> Array:
-        """Return (F, 3) share of their bandwidth that the loops have: the heading's less for a slot to the side.
+        """Return (F, 3), the share of the design bandwidth for each loop: less for the heading of a slot at the side.
 
-        In the follower's own frame a turn swings such a slot forward, at y_rc times the turn rate. Its speed has to
-        follow, and gathers far more slowly than the heading's loop would turn.
+        In the follower's own frame a turn swings such a slot forward at y_rc times the turn rate. The follower's speed
+        has to match that, and changes far more slowly than the heading loop would turn.
         """
         bandwidth = situation.bandwidth[self._followers]
         if self._parameters.frame == "leader_heading":
@@ -163,9 +164,9 @@ class FormationLaw:
         return bandwidth * np.column_stack((others, heading, others))
 
     def _gust(self, leader: FlightState, follower: FlightState, dt_s: float) -> tuple[Array, Array]:
-        """Return how what carries the followers away has changed since the last tick, along and across, in m/s².
+        """Return the rate of change of the followers' drift since the last tick, along and across, in m/s².
 
-        Across, nothing is led in the follower's own frame: its slot swings as it turns.
+        In the follower's own frame there is no lead across: its slot swings as it turns.
         """
         before_mps, self._drift_mps = self._drift_mps, drift(leader, follower)
         rate_mps2 = or_zero((self._drift_mps - before_mps) / dt_s)

@@ -32,7 +32,7 @@ class Mixer:
 
 @dataclass(frozen=True)
 class Target:
-    """The air-relative motion that keeps a follower in its slot, (F,) each: no error is left in a steady turn."""
+    """The air-relative motion that keeps a follower in its slot, (F,) each, without error in a steady turn."""
 
     speed_mps: Array
     heading_rad: Array
@@ -57,8 +57,8 @@ def slot_target(
 ) -> Target:
     """Return the airspeed and heading at which the slot stays occupied while its axes turn at `turn_rate_rps`.
 
-    The difference of what carries the two through the air (D of (8), errata item 16) and the slot's own way to another
-    place are allowed for. Source: (8) with x_c' and y_c' as commanded, solved for the follower's speed and heading.
+    It allows for the difference between the two vehicles' drift (D of (8), errata item 16), and for a slot that is
+    moving to another place. Source: (8) with x_c' and y_c' as commanded, solved for the follower's speed and heading.
     """
     x_rc, y_rc = -slots.position_m[:, 0], -slots.position_m[:, 1]
     speed, turn = leader.airspeed_mps, turn_rate_rps
@@ -84,7 +84,7 @@ def slot_axis(leader: FlightState, follower: FlightState, frame: Frame) -> Array
 
 
 def drift(leader: FlightState, follower: FlightState) -> Array:
-    """Return (2, F) north and east: by how much faster the follower is carried than the leader (errata item 16)."""
+    """Return (2, F) north and east: the follower's drift minus the leader's, in m/s (errata item 16)."""
     return follower.wind_mps - leader.wind_mps
 
 

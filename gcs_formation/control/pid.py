@@ -1,4 +1,4 @@
-"""The hybrid controller (14) without its feed-forward: PID on arrays, gains that change, output that is limited."""
+"""The hybrid controller (14) without its feed-forward: PID on arrays with scheduled gains and limited output."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from gcs_formation.arrays import Array, Mask, or_zero
 
 @dataclass(frozen=True)
 class Gains:
-    """k_p, k_i and k_d, each of any shape that broadcasts to the errors'."""
+    """k_p, k_i and k_d, each of any shape that broadcasts to the errors' shape."""
 
     proportional: Array
     integral: Array
     derivative: Array
 
     def slowed(self, bandwidth: Array) -> Gains:
-        """Return gains for a share of the loop's bandwidth; why so: `stability.PidGains.slowed`."""
+        """Return gains for a share of the loop's bandwidth; `stability.PidGains.slowed` gives the reason."""
         return Gains(self.proportional * bandwidth, self.integral * bandwidth**2, self.derivative * bandwidth)
 
 
@@ -35,18 +35,18 @@ class PidState:
 
     @classmethod
     def at_rest(cls, shape: tuple[int, ...]) -> PidState:
-        """Return the state of controllers that have seen nothing: integrators at trim (29)."""
+        """Return the state of controllers at the start, with their integrators at trim (29)."""
         return cls(np.zeros(shape), np.zeros(shape), np.full(shape, np.nan))
 
     def with_integral(self, integral: Array, which: Mask) -> PidState:
-        """Return this with some of the integrals as they were."""
+        """Return this state with some of the integrals replaced by earlier ones."""
         return PidState(np.where(which, integral, self.integral), self.rate, self.error)
 
 
 def filter_rate(state: PidState, error: Array, filter_s: float, dt_s: float) -> Array:
-    """Return the filtered derivative of the error, a second.
+    """Return the filtered derivative of the error, per second.
 
-    s/(T s + 1), exact for an error that runs straight from sample to sample; 0 at the first sample.
+    This is s/(T s + 1), exact for an error that is linear between samples; 0 at the first sample.
     """
     slope = or_zero((error - state.error) / dt_s)
     kept = np.exp(-dt_s / filter_s)
@@ -61,6 +61,6 @@ def unlimited(state: PidState, gains: Gains, error: Array, rate: Array) -> Array
 def integrate(
     state: PidState, gains: Gains, error: Array, rate: Array, excess: Array, anti_windup_s: float, dt_s: float
 ) -> PidState:
-    """Return the state after `dt_s`; `excess` (limited minus unlimited output) dies in `anti_windup_s` (29c)."""
+    """Return the state after `dt_s`; `excess` (limited minus unlimited output) decays with `anti_windup_s` (29c)."""
     growth = gains.integral * error + excess / anti_windup_s
     return PidState(state.integral + growth * dt_s, rate, error)

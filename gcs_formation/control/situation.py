@@ -1,4 +1,4 @@
-"""What every law is given at a tick, and what it gives back, in the order of the columns."""
+"""Input and output of every formation law at a tick, one column for each vehicle."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from gcs_formation.guidance.tracking import RouteHeading
 
 @dataclass(frozen=True)
 class Lead:
-    """What the guidance asks of the leader, and how the path goes on there."""
+    """What the guidance asks of the leader, and how the path continues there."""
 
     leader: int
     """Its column."""
@@ -32,7 +32,7 @@ class Lead:
 
 @dataclass(frozen=True)
 class Situation:
-    """What a law acts on."""
+    """Input of a law."""
 
     states: States
     lead: Lead
@@ -48,7 +48,7 @@ class Situation:
 
 @dataclass(frozen=True)
 class Decision:
-    """What a law decided, and why."""
+    """Output of a law: its setpoints, and the quantities they came from."""
 
     columns: Indices
     """(M,) the vehicles that it commands; the rows of everything else."""
@@ -64,14 +64,14 @@ class Decision:
 
 
 class Law(Protocol):
-    """Decides on setpoints, with what it remembers between ticks."""
+    """A formation law, with the state it keeps between ticks."""
 
     commands_leader: bool
     """Whether a leader has a part in it, and is bound to the others as they are to it; the guidance alone steers it
     otherwise."""
 
     def decide(self, situation: Situation, dt_s: float) -> Decision:
-        """Return this tick's setpoints, `dt_s` after the last tick's."""
+        """Return the setpoints of this tick, which is `dt_s` after the last one."""
         ...
 
 

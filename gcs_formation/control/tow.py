@@ -1,4 +1,4 @@
-"""How slots turn that lie along the followers' own axes: the leader tows them."""
+"""How slots turn that are defined along the followers' own axes: as if towed by the leader."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from gcs_formation.control.feed_forward import LeaderMotion, Turning
 
 
 class Tow:
-    """How the axes of slots in the followers' own frames turn, with what is remembered between ticks.
+    """The turning of the axes of slots in the followers' own frames, with the state kept between ticks.
 
     Equation (8) with the errors held at zero leaves the follower's heading no choice (the zero dynamics, errata item
-    23): x_rc psi_2' = v sin(psi_1 - psi_2) + the slot's velocity aside. The slot's heading off the leader's comes with
+    23): x_rc psi_2' = v sin(psi_1 - psi_2) + the slot's velocity sideways. The slot's heading follows the leader's with
     a lag of x_rc / v, which changes as the slot moves.
     """
 
     def __init__(self, followers: int) -> None:
-        """Begin with slots that have turned long since."""
+        """Start with slots that have finished turning."""
         self._off_rad = np.full(followers, np.nan)
 
     def turning(self, leader: LeaderMotion, slots: SlotMotion, dt_s: float) -> Turning:
@@ -37,5 +37,5 @@ class Tow:
         return Turning(turn + rate_rps, bend + (due_rps - rate_rps * (1.0 - forth / speed)) / lag_s)
 
     def forget(self, which: Mask) -> None:
-        """Begin anew for some followers."""
+        """Start again for some followers."""
         self._off_rad[which] = np.nan

@@ -1,1 +1,1 @@
-"""Delayed states to states now."""
+"""Estimates of the present states from delayed ones."""

@@ -1,4 +1,4 @@
-"""The newest state of every vehicle, at its own stamp on our clock, and what carries it through the air."""
+"""The newest state of every vehicle at its own time stamp, on the station's clock, and its wind estimate."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ LEAST_AIRSPEED_MPS = 1.0
 
 
 class Sample(NamedTuple):
-    """What a vehicle measured at one instant: NED from the scenario's origin, height upwards, ground velocity."""
+    """What a vehicle measured at one instant: ground velocity, and position north, east and up from the origin."""
 
     stamp: Instant
     north_m: float
@@ -35,16 +35,16 @@ class Sample(NamedTuple):
 
 
 class StateEstimator:
-    """Pairs what the vehicles' messages tell at one stamp each, in columns.
+    """Combines each vehicle's messages into a state at one time stamp; one column for each vehicle.
 
-    The disturbance observer is a first-order filter on ground velocity minus airspeed along the heading: what is left
-    is wind, or whatever else displaces the vehicle.
+    The disturbance observer is a first-order filter on ground velocity minus airspeed along the heading. What remains
+    is wind, or anything else that displaces the vehicle.
     """
 
     def __init__(self, columns: int, observer_radps: float, fusions: Mapping[int, Fusion] | None = None) -> None:
-        """Start with nothing known; an observer of 0 rad/s leaves the wind at 0.
+        """Start with nothing known. An observer bandwidth of 0 rad/s keeps the wind estimate at 0.
 
-        `fusions` are the filters of the columns whose samples are noisy; they observe the wind too.
+        `fusions` are the Kalman filters of the columns whose samples are noisy; they estimate the wind too.
         """
         self._table = np.full((ROWS, columns), np.nan)
         self._stamps = np.zeros(columns, dtype=np.int64)
@@ -53,12 +53,12 @@ class StateEstimator:
 
     @property
     def state(self) -> FlightState:
-        """The newest states, NaN where none came yet."""
+        """The newest states; NaN where none has arrived yet."""
         return FlightState.of(self._table.copy())
 
     @property
     def stamps(self) -> Instants:
-        """When those states were true, on our clock: (columns,) instants."""
+        """The time stamps of those states on the station's clock: (columns,) instants."""
         return self._stamps.copy()
 
     @property
@@ -80,7 +80,7 @@ class StateEstimator:
             self._fusions[column].begin()
 
     def place(self, column: int, state: Array, stamp: Instant) -> None:
-        """Set a column outright: (8,) in the order of FlightState."""
+        """Set a column to (8,) values in the order of FlightState."""
         self._table[:, column] = state
         self._stamps[column] = stamp
 

@@ -13,7 +13,7 @@ Indices = npt.NDArray[np.intp]
 
 
 class Row:
-    """A quantity of many vehicles, (N,): a row of the table that a `Columns` has; a slice of rows is several."""
+    """One quantity of many vehicles, (N,): a row of the table of a `Columns`; a slice gives several rows."""
 
     def __init__(self, index: int | slice) -> None:
         """Be the row at `index`."""
@@ -25,17 +25,17 @@ class Row:
 
 
 class Columns:
-    """Quantities of many vehicles: a table (R, N), a row a quantity and a column a vehicle."""
+    """Quantities of many vehicles: a table (R, N) with a row for each quantity and a column for each vehicle."""
 
     __slots__ = ("table",)
 
     def __init__(self, *rows: Array) -> None:
-        """Put the table together from its rows, (N,) each."""
+        """Build the table from its rows, (N,) each."""
         self.table: Array = np.array(rows)
 
     @classmethod
     def of(cls, table: Array) -> Self:
-        """Return the columns whose table this is, not a copy of it."""
+        """Return columns that share this table; it is not copied."""
         made = cls.__new__(cls)
         made.table = table
         return made
@@ -50,7 +50,7 @@ class Columns:
 
 
 class FlightState(Columns):
-    """Where vehicles are and how they move: NED from the scenario's origin, height upwards.
+    """Position and motion of vehicles: north, east and up from the scenario's origin.
 
     Airspeed and heading are relative to the air; ground velocity is airspeed along the heading, plus the wind
     (and whatever else carries the vehicle), equation (7) with errata item 17.
@@ -86,18 +86,18 @@ class FlightState(Columns):
         wind_north_mps: Array,
         wind_east_mps: Array,
     ) -> None:
-        """Put the states together."""
+        """Build the states from (N,) each."""
         super().__init__(north_m, east_m, height_m, climb_mps, airspeed_mps, heading_rad, wind_north_mps, wind_east_mps)
 
     def places_after(self, seconds: Array) -> Array:
-        """Return where vehicles are that fly straight on for (N,) seconds: (N, 3) north, east, height."""
+        """Return where vehicles are after flying straight on for (N,) seconds: (N, 3) north, east, height in m."""
         north_mps = self.airspeed_mps * np.cos(self.heading_rad) + self.wind_north_mps
         east_mps = self.airspeed_mps * np.sin(self.heading_rad) + self.wind_east_mps
         velocity_mps = np.array((north_mps, east_mps, self.climb_mps))
         return (self.place_m + seconds * velocity_mps).T
 
     def turned(self, turn_rps: Array, over_s: Array) -> FlightState:
-        """Return the states of vehicles that turned at a constant rate on the way here; these have them fly straight.
+        """Return these states, reached by flying straight, as if the vehicles had turned at a constant rate instead.
 
         Args:
             turn_rps: (N,) to the right.
@@ -114,7 +114,7 @@ class FlightState(Columns):
 
 
 class Setpoints(Columns):
-    """What vehicles are told to fly; NaN where nothing was told."""
+    """Setpoints of vehicles; NaN where none was sent."""
 
     __slots__ = ()
 
@@ -125,7 +125,7 @@ class Setpoints(Columns):
     """Speed and heading, (2, N)."""
 
     def __init__(self, speed_mps: Array, heading_rad: Array, height_m: Array) -> None:
-        """Put the setpoints together."""
+        """Build the setpoints from (N,) each."""
         super().__init__(speed_mps, heading_rad, height_m)
 
 

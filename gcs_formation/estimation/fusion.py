@@ -28,7 +28,7 @@ it's flown by somebody else, or on the ground."""
 
 @dataclass(frozen=True)
 class Noise:
-    """What one vehicle's samples are worth, in SI units: standard deviations."""
+    """Noise of one vehicle's samples: standard deviations in SI units."""
 
     position_m: float
     velocity_mps: float
@@ -62,7 +62,7 @@ class Fusion:
         """(8, 8) of the newest estimate's error."""
 
     def begin(self) -> None:
-        """Trust the state at hand no more than a sample."""
+        """Start from the present state, with the uncertainty of a single sample."""
         self.covariance = self._unknown()
 
     def update(self, state: Array, since: Instants, sample: Array, stamp: Instants) -> Array:
@@ -92,13 +92,13 @@ class Fusion:
         return fused
 
     def _unknown(self) -> Array:
-        """Return the covariance of what only one sample tells of, the wind not even by that."""
+        """Return the covariance of a state known from one sample only, which says nothing about the wind."""
         north, east, height, _, _, climb, speed, heading = np.diag(self._measured)
         wind = UNKNOWN_WIND_MPS**2 if self._walk[WIND_NORTH] > 0 else 0.0
         return 100.0 * np.diag((north, east, height, climb, speed, heading, wind, wind))
 
     def transition(self, state: Array, elapsed_s: float) -> Array:
-        """Return the derivative of the state `elapsed_s` later by the state now, (8, 8), with the heading as it is."""
+        """Return the derivative of the state `elapsed_s` later by the state now, (8, 8), at constant heading."""
         cos, sin = math.cos(state[HEADING]), math.sin(state[HEADING])
         (kept, turned), (speed_s, heading_s) = _decay(self._lags_s, elapsed_s)
         transition = np.eye(8)
@@ -115,7 +115,7 @@ class Fusion:
 
 
 def _decay(lags_s: tuple[float, float], elapsed_s: float) -> tuple[list[float], list[float]]:
-    """Return what first-order lags leave of a difference, and its integral."""
+    """Return the share of a difference that first-order lags leave, and its integral."""
     left = [math.exp(-elapsed_s / lag_s) for lag_s in lags_s]
     return left, [lag_s * (1.0 - each) for lag_s, each in zip(lags_s, left, strict=True)]
 

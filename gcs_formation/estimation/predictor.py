@@ -1,4 +1,4 @@
-"""A state now from a delayed one: the autopilot model (7) run through the setpoints that are in flight."""
+"""The present state from a delayed one: the autopilot model (7) run through the setpoints still in flight."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class SentSetpoints(NamedTuple):
 
 
 class SetpointHistory:
-    """What was sent to every vehicle in the last seconds, oldest first."""
+    """The setpoints sent to every vehicle in the last seconds, oldest first."""
 
     def __init__(self, rate_hz: float) -> None:
         """Keep `HISTORY_S` of ticks at `rate_hz`."""
@@ -35,7 +35,7 @@ class SetpointHistory:
         self._sent: deque[SentSetpoints] = deque(maxlen=self.length)
 
     def add(self, sent: SentSetpoints) -> None:
-        """Add a tick's; its arrays may still be filled in."""
+        """Add the setpoints of a tick; its arrays may still be filled in later."""
         self._sent.append(sent)
 
     def predict(
@@ -43,8 +43,8 @@ class SetpointHistory:
     ) -> FlightState:
         """Return the state of each column at `until`, from its `state` at `since`.
 
-        Column i is vehicle `vehicles[i]`; a vehicle may stand in several columns. Before the oldest setpoint
-        known it flies on as that one says; where none was told, straight on.
+        Column i is vehicle `vehicles[i]`; a vehicle may appear in several columns. Before the oldest known setpoint it
+        is taken to follow that one already, and without any setpoint to fly straight on.
         """
         rows, end = self._relevant(since, vehicles), np.maximum(until, since)
         acts = np.array([row.acts for row in rows])[:, vehicles]
@@ -55,7 +55,7 @@ class SetpointHistory:
         return advance(state, told, duration_s, model)
 
     def told(self, instants: Instants, vehicles: Indices) -> Setpoints:
-        """Return the newest setpoint of each vehicle that has begun to act at its instant, the oldest if none has."""
+        """Return each vehicle's newest setpoint that acts at its instant, or the oldest one if none does yet."""
         rows = self._relevant(instants, vehicles)
         acts = np.array([row.acts for row in rows])[:, vehicles]
         newest = np.maximum((acts <= instants).sum(axis=0) - 1, 0)
@@ -63,7 +63,7 @@ class SetpointHistory:
         return Setpoints.of(table[newest, :, vehicles].T)
 
     def _relevant(self, since: Instants, vehicles: Indices) -> list[SentSetpoints]:
-        """Return what was sent from the last row on that acts before all of `since`."""
+        """Return the setpoints from the last tick on that acts before all of `since`."""
         rows = list[SentSetpoints]()
         for row in reversed(self._sent):
             rows.append(row)
@@ -75,12 +75,12 @@ class SetpointHistory:
 def advance(state: FlightState, told: Array, duration_s: Array, model: AutopilotModel) -> FlightState:
     """Return the state after K segments of constant setpoints, by the closed forms of equation (7).
 
-    Speed and heading errors decay exponentially, linearly while a limit holds them; the way made good is
-    Gauss's quadrature of them; the height follows its two real poles. Wind is constant.
+    Speed and heading errors decay exponentially, and linearly while a rate limit holds them. The distance flown is
+    their integral by Gauss quadrature. The height follows its two real poles. The wind is constant.
 
     Args:
         state: (N,) columns.
-        told: (K, 3, N) speed, heading and height; NaN means straight on.
+        told: (K, 3, N) setpoints of speed, heading and height in m/s, rad and m; NaN means straight on.
         duration_s: (K, N).
         model: (N,) columns.
     """
@@ -108,7 +108,7 @@ def advance(state: FlightState, told: Array, duration_s: Array, model: Autopilot
 
 
 def _height_after(height: Height, told_m: Array, steps: HeightSteps) -> Height:
-    """Return a height after K steps with targets (K, N), NaN where none was told."""
+    """Return a height after K steps with targets (K, N); NaN where there is none."""
     silent = any_of(np.isnan(told_m))
     for step, target_m in enumerate(told_m):
         aim_m = np.where(np.isnan(target_m), steps.level_m(height), target_m) if silent else target_m
@@ -117,9 +117,9 @@ def _height_after(height: Height, told_m: Array, steps: HeightSteps) -> Height:
 
 
 def turn_rate(state: FlightState, setpoints: Setpoints, model: AutopilotModel) -> Array:
-    """Return psi' of equation (7), rad/s (N,), within the limit; 0 where no heading was told.
+    """Return psi' of equation (7), (N,) in rad/s, within its limit; 0 where there is no heading setpoint.
 
-    One column of setpoints is for all.
+    A single column of setpoints applies to all vehicles.
     """
     rate = wrap(setpoints.heading_rad - state.heading_rad) / model.tau_psi_s
     return within(or_zero(rate), -model.turn_rate_max_rps, model.turn_rate_max_rps)
@@ -137,7 +137,7 @@ class AirLags(NamedTuple):
         return cls(model.air_rates_max, model.air_lags_s)
 
     def through(self, begin: Array, told: Array, duration_s: Array) -> tuple[Array, Array]:
-        """Return the values (K + 1, 2, N) at the borders of K segments, and the errors (K, 2, N) that each begins with.
+        """Return the values (K + 1, 2, N) at the borders of K segments, and the errors (K, 2, N) as each begins.
 
         Args:
             begin: (2, N).
@@ -160,7 +160,7 @@ class AirLags(NamedTuple):
 
     @property
     def unlimited(self) -> Array:
-        """The largest errors whose decay no limit holds, (2, N)."""
+        """The largest errors that decay without reaching a rate limit, (2, N)."""
         return self.rate_max * self.tau_s
 
     def remaining(self, error: Array, time_s: Array) -> Array:
@@ -181,7 +181,7 @@ class Height(NamedTuple):
 
 
 class HeightSteps(NamedTuple):
-    """What K steps of time make of heights, by the two poles of equation (7)."""
+    """The transition of heights over K steps of time, by the two poles of equation (7)."""
 
     slow_s: Array
     """The larger time constant, (N,)."""
@@ -202,7 +202,7 @@ class HeightSteps(NamedTuple):
     def of(cls, model: AutopilotModel, time_s: Array) -> HeightSteps:
         """Return the steps that take `time_s`, (K, N) or (K, 1), for `model` of (N,) columns.
 
-        With equal time constants exprel's limit makes it the double pole's form.
+        With equal time constants, the limit of exprel gives the solution for a double pole.
         """
         slow, fast = np.maximum(model.tau_ha_s, model.tau_hb_s), np.minimum(model.tau_ha_s, model.tau_hb_s)
         slow_left = np.exp(-time_s / slow)
@@ -212,11 +212,11 @@ class HeightSteps(NamedTuple):
         return cls(slow, slow + fast, model.climb_max_mps, slow_left, fast_left, between_s, most_m, -most_m)
 
     def level_m(self, height: Height) -> Array:
-        """Return where vehicles come to that stop climbing, (N,)."""
+        """Return the height at which vehicles that stop climbing level off, (N,) in m."""
         return height.height_m + self.carried_s * height.climb_mps
 
     def after(self, step: int, height: Height, target_m: Array) -> Height:
-        """Return what a height becomes in a step; a climb beyond the limit counts as the limit."""
+        """Return the height after a step; a climb beyond the limit counts as the limit."""
         error = height.height_m - target_m
         push_mps = height.climb_mps + error / self.slow_s
         left_m = self.slow_left[step] * error + self.between_s[step] * push_mps

@@ -1,4 +1,4 @@
-"""From the states that vehicles measured to those that a law acts on: as they are, at one stamp, or predicted."""
+"""From measured states to those that a law acts on: as measured, at one common time stamp, or predicted."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ LOST_S = 2.0
 
 @dataclass(frozen=True)
 class Measured:
-    """The newest state of each vehicle, (C,) columns, when it was true, and when a setpoint sent now acts."""
+    """The newest state of each vehicle, (C,) columns, its time stamp, and when a setpoint sent now will act."""
 
     state: FlightState
     stamps: Instants
@@ -40,7 +40,7 @@ class States(Protocol):
     """The states that a law acts on at one tick."""
 
     def of(self, which: Indices, whose: Indices) -> FlightState:
-        """Return, column by column, the state of `which` at the instant that counts for the setpoint of `whose`."""
+        """Return, column by column, the state of `which` at the instant that matters for the setpoint of `whose`."""
         ...
 
     def instants(self, whose: Indices) -> Instants:
@@ -49,7 +49,7 @@ class States(Protocol):
 
 
 class Projection(Protocol):
-    """Makes them of what was measured, tick by tick."""
+    """Computes these from the measured states, tick by tick."""
 
     def take(self, measured: Measured) -> States:
         """Return the tick's states."""
@@ -58,7 +58,7 @@ class Projection(Protocol):
 
 @dataclass(frozen=True)
 class AtTheirStamps:
-    """Every vehicle's newest state, whenever it was true."""
+    """Every vehicle's newest state, each at its own time stamp."""
 
     measured: Measured
 
@@ -89,7 +89,7 @@ class AtOneStamp:
 
 @dataclass(frozen=True)
 class WhenSetpointsAct:
-    """Every vehicle's state at the instant when a setpoint to the one or the other acts."""
+    """Every vehicle's state at the instant at which a setpoint for it, or for another vehicle, acts."""
 
     measured: Measured
     samples: Sequence[tuple[Instants, Array]]
@@ -102,9 +102,9 @@ class WhenSetpointsAct:
     def of(self, which: Indices, whose: Indices) -> FlightState:
         """Return the states predicted through the setpoints in flight, each from the stamp of `whose` newest sample.
 
-        What two vehicles measured at different times tells of a gust as of a gap between them. Where `which` hasn't
-        told of its own for longer than `whose`, it's taken to have met the same gusts since; but not for what lies
-        between two messages: to share what is noise of the other's would take the noise out of neither.
+        Between states that two vehicles measured at different times, a gust looks like a gap. If the newest message of
+        `which` is older than that of `whose`, it is taken to have met the same gusts since then. This doesn't hold
+        for the usual interval between two messages, where it would only add the other's measurement noise.
         """
         newest = self.measured.stamps[whose]
         since, state = self._nearest(which, newest)
@@ -114,7 +114,7 @@ class WhenSetpointsAct:
         return self.history.predict(FlightState.of(state), since, self.measured.acts[whose], which, model)
 
     def _nearest(self, which: Indices, stamps: Instants) -> tuple[Instants, Array]:
-        """Return the samples (8, ...) of `which` that are nearest to the stamps, and when they were true."""
+        """Return the samples (8, ...) of `which` nearest to the stamps, and their own time stamps."""
         older = reversed(self.samples)
         newest, table = next(older)
         since, state = newest[which], table[:, which]
@@ -135,7 +135,7 @@ class AsMeasured:
     """No projection."""
 
     def take(self, measured: Measured) -> AtTheirStamps:
-        """Return the states as they are."""
+        """Return the states as measured."""
         return AtTheirStamps(measured)
 
 
@@ -158,7 +158,7 @@ class Prediction:
 
 
 class Pairing:
-    """All states at the newest instant for which every active vehicle has one, between two samples if need be."""
+    """All states at the newest instant for which every active vehicle has one, interpolated where necessary."""
 
     def __init__(self, rate_hz: float) -> None:
         """Keep `HISTORY_S` of samples, of ticks at `rate_hz`."""
@@ -172,7 +172,7 @@ class Pairing:
         return AtOneStamp(FlightState.of(self._at(stamp)), stamp)
 
     def _at(self, stamp: np.int64) -> Array:
-        """Return the table (8, C) at a stamp, interpolated; the nearest sample where none is on its other side."""
+        """Return the table (8, C) at a stamp: interpolated, or the nearest sample outside the samples' span."""
         (after_stamps, after), *older = reversed(self._samples)
         before_stamps, before = after_stamps, after
         for stamps, table in older:
