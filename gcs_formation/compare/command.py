@@ -1,4 +1,4 @@
-"""What the command `compare` does, from its options to its exit status."""
+"""The command `compare`, from its options to its exit status."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from gcs_formation.compare.write import write_comparison
 
 @dataclass(frozen=True)
 class CompareOptions:
-    """What stands on the command line of `compare`."""
+    """Options on the command line of `compare`."""
 
     scenario: Path
     laws: str
@@ -31,7 +31,7 @@ class CompareOptions:
 
 @dataclass(frozen=True)
 class Compared:
-    """What came of it."""
+    """Result of `compare`."""
 
     comparison: Comparison
     flown: tuple[Flown, ...]

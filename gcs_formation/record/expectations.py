@@ -74,10 +74,10 @@ def judge(
     links: Mapping[VehicleId, LinkFigures],
     cut_short: bool,
 ) -> Iterator[Verdict]:
-    """Yield a verdict for each expectation and, where it's about followers or links, for each of them.
+    """Yield a verdict for each expectation; where it concerns followers or links, one for each of them.
 
-    `cut_short`: the run was ended before the path or the time was; windows that it didn't get through count as not
-    reached.
+    `cut_short` says that the run ended before its path or its time did; windows that it didn't complete count as
+    not reached.
     """
     flown_s = float(parts["duration_s"]) + 1.5 / scenario.law.rate_hz
     for wanted in scenario.expect:
@@ -101,7 +101,7 @@ def _leads_throughout(wanted: Expectation, flight: Flight, vehicle: VehicleId) -
 
 
 def _follower_value(wanted: Expectation, flight: Flight, vehicle: VehicleId, parts: Mapping[str, Any]) -> float | None:
-    """Return a follower's figure over the window; `steady_max` and `settled_at_s` are of the run as a whole."""
+    """Return a follower's figure over the window; `steady_max` and `settled_at_s` concern the whole run."""
     whole = parts["followers"][str(vehicle)]
     if wanted.metric not in ERROR_METRICS:
         return whole[wanted.metric]

@@ -43,7 +43,7 @@ def axis_figures(time_s: Array, error_m: Array, settled_s: float | None) -> dict
 
 
 def separation_m(flight: Flight, window: Mask) -> Array:
-    """Return the least distance of any two that fly at each tick of the window, (T,); infinite where one is alone."""
+    """Return the least distance of any two airborne vehicles at each tick of the window, (T,) m; inf below two."""
     places = [flight.place_in_flight(vehicle)[window] for vehicle in flight.vehicles]
     ticks = places[0].shape[0]
     if len(places) <= PAIRWISE_UP_TO:
@@ -63,23 +63,23 @@ def _nearest_pair_m(places: Array) -> float:
 
 
 def gave_way_s(flight: Flight, window: Mask, rate_hz: float) -> float:
-    """Return how long the separation rule had somebody give way."""
+    """Return for how long the separation rule had some vehicle give way, in s."""
     anybody = np.any([columns["yielding"][window] > 0 for columns in flight.vehicles.values()], axis=0)
     return float(anybody.sum() / rate_hz)
 
 
 def clearance_m(flight: Flight, window: Mask) -> Array:
-    """Return the least height above the ground of any that flies at each tick of the window, (T,); NaN of none."""
+    """Return the least height above ground of airborne vehicles at each tick of the window, (T,) m; NaN without any."""
     return np.fmin.reduce([flight.clearance(vehicle)[window] for vehicle in flight.vehicles])
 
 
 def least(values: Array) -> float | None:
-    """Return the least of values that are known and finite, None if none is."""
+    """Return the least of the finite values, None if there are none."""
     known = values[np.isfinite(values)]
     return float(known.min()) if known.size else None
 
 
 def percentiles(values: Array, *wanted: int) -> dict[str, float | None]:
-    """Return percentiles by name, as in {"p50": …}; None of no values."""
+    """Return percentiles by name, as in {"p50": …}; None where there are no values."""
     finite = values[np.isfinite(values)]
     return {f"p{q}": float(np.percentile(finite, q)) if finite.size else None for q in wanted}

@@ -1,4 +1,4 @@
-"""A recorded flight as arrays, with its errors: what summary, expectations and report are made from."""
+"""A recorded flight as arrays, with its errors: the input of summary, expectations and report."""
 
 from __future__ import annotations
 
@@ -45,12 +45,12 @@ class Flight:
     def airborne(self, vehicle: VehicleId) -> Mask:
         """Return (T,) whether a vehicle flies: in truth where there is truth, else as far as the station knew.
 
-        What lies on the ground is no part of the formation: neither separation nor clearance nor errors count it.
+        A vehicle on the ground is not part of the formation: separation, clearance and errors leave it out.
         """
         return self.vehicles[vehicle][AIRBORNE] > 0
 
     def clearance(self, vehicle: VehicleId) -> Array:
-        """Return (T,) heights above the ground, of the true place where there is truth; NaN for what lies on it."""
+        """Return (T,) heights above the ground, at the true place where there is truth; NaN on the ground."""
         return np.where(self.airborne(vehicle), self.vehicles[vehicle][GROUND[1]], np.nan)
 
     def leader_at(self, tick: int) -> VehicleId | None:
@@ -121,7 +121,7 @@ def _leader(vehicles: Mapping[VehicleId, Columns]) -> Columns:
 def _errors(leader: Columns | None, own: Columns, frame: str) -> dict[str, Array]:
     """Return x_c - x_rc, y_c - y_rc, z_c - z_rc: from true places, or as the law saw them; NaN on the ground.
 
-    Behind a leader that lies there, nobody has an error until another leads.
+    Behind a leader that is on the ground, no follower has an error until another vehicle leads.
     """
     airborne = own[AIRBORNE] > 0
     if leader is None:

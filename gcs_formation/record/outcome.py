@@ -1,4 +1,4 @@
-"""What came of a run, as it was flown and counted: all that its summary is made from."""
+"""Everything about a run that its summary is made from."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ LATE_S = 0.010
 
 @dataclass(frozen=True)
 class LinkFigures:
-    """What was counted on one vehicle's link; delays one-way in seconds."""
+    """Counts and one-way delays (s) of one vehicle's link."""
 
     delays_s: Array
     delay_times_s: Array
@@ -37,7 +37,7 @@ class LinkFigures:
 
 @dataclass(frozen=True)
 class ControlFigures:
-    """When ticks were due and began, in seconds of the run's clock; how long they took, by the wall's."""
+    """When ticks were due and when they began, in s of the run's clock; how long they took, in s of real time."""
 
     rate_hz: float
     due_s: Array

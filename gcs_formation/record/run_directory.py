@@ -1,4 +1,4 @@
-"""A run's directory: what's written while it flies, and what's made of that at the end."""
+"""A run's directory: the files written during the flight, and those made from them at the end."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class RunDirectory:
         self._next_flush = Instant(0)
 
     def frame(self, now: Instant, raw: bytes) -> None:
-        """Keep a frame."""
+        """Record a frame."""
         if self.failure is not None:
             return
         try:
@@ -72,7 +72,7 @@ class RunDirectory:
             self._give_up(error)
 
     def tick(self, tick: Tick) -> None:
-        """Keep a control tick."""
+        """Record a control tick."""
         if self.failure is not None:
             return
         try:
@@ -81,7 +81,7 @@ class RunDirectory:
             self._give_up(error)
 
     def event(self, event: Event) -> None:
-        """Keep an event, a line of JSON; also when nothing else can be kept, if there's room."""
+        """Record an event as a line of JSON; where other files can no longer be written, this is still tried."""
         try:
             self._events.write(json.dumps(event_line(event), ensure_ascii=False) + "\n")
             self._events.flush()
@@ -89,7 +89,7 @@ class RunDirectory:
             self._give_up(error)
 
     def flush(self) -> None:
-        """Hand everything to the system."""
+        """Flush all files to the operating system."""
         self._tlog.flush()
         self._spool.flush()
 
@@ -111,10 +111,10 @@ class RunDirectory:
 
 
 def _own(path: Path) -> TextIO:
-    """Return a file emptied for writing, ours for as long as it's open.
+    """Return a file, emptied for writing and locked for as long as it's open.
 
     Raises:
-        BlockingIOError: it's another's.
+        BlockingIOError: another process has it locked.
     """
     file = path.open("a", encoding="utf-8")
     try:

@@ -54,7 +54,7 @@ BATCH_ROWS = 4096
 
 
 class TickSpool:
-    """Keeps ticks in a file as they come; what is in it can be read up to the last batch, whatever happens."""
+    """Appends ticks to a file that can be read up to its last whole batch, also after a crash."""
 
     def __init__(self, path: Path, columns: Sequence[VehicleId | None]) -> None:
         """Create the file; `columns` names the vehicle of each of a tick's columns, None for a virtual leader."""

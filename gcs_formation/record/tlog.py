@@ -33,7 +33,7 @@ class TlogWriter:
         self._file.write(_STAMP.pack(self._epoch_us + now // 1000) + raw)
 
     def flush(self) -> None:
-        """Hand what was written to the system, so that it survives us."""
+        """Flush to the operating system, so that a crash of this process loses nothing."""
         self._file.flush()
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""Ground truth of a simulated flight. It reaches the record by a way of its own, never the law."""
+"""Ground truth of a simulated flight. It goes to the record only; the control law never sees it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the law asked for and what became of it; the gains it used."""
+"""Setpoints and the responses to them; scheduled gains."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def followed(run: RunData, vehicle: VehicleId, channel: str) -> Followed:
 
 
 def gains(run: RunData) -> Figure:
-    """Draw the gains of one follower as shares of their nominal values: of those that follow longest, the worst."""
+    """Draw one follower's gains as shares of their nominal values: the worst of those that follow longest."""
     followers = run.worst_first()
     if not followers:
         figure = new_figure(4.0)

@@ -1,4 +1,4 @@
-"""The velocity that carried each vehicle through the air besides its own, over time."""
+"""The disturbance velocity of each vehicle over time: wind and whatever else displaces it."""
 
 from __future__ import annotations
 

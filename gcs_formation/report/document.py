@@ -1,4 +1,4 @@
-"""A page that is one file: what all pages have around what they say."""
+"""Self-contained HTML pages: the frame that all pages share."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from string import Template
 
 
 def document(title: str, template: str, **parts: str) -> str:
-    """Return a whole page of a template for its body, which takes `title` and `parts`; those are HTML already."""
+    """Return a whole page. The body's template takes `title` and `parts`, which are HTML already."""
     name = escape(title)
     body = Template(template).substitute(title=name, **parts)
     return Template(asset("page.html")).substitute(title=name, style=asset("report.css"), body=body)
@@ -22,7 +22,7 @@ def asset(name: str) -> str:
 
 
 def figure(name: str, title: str, caption: str, path: Path) -> str:
-    """Return a picture with its caption, the file's bytes inside."""
+    """Return a picture with its caption, its file embedded."""
     image = b64encode(path.read_bytes()).decode("ascii")
     return (
         f'<figure id="figure-{name}"><img alt="{escape(title)}" src="data:image/png;base64,{image}">'

@@ -1,4 +1,4 @@
-"""Fewer points, the same picture."""
+"""Downsampling that keeps what a plot shows."""
 
 from __future__ import annotations
 

@@ -53,7 +53,7 @@ def embedded(run: RunData) -> dict[str, Any]:
 
 
 def as_script(data: dict[str, Any]) -> str:
-    """Return JSON that nothing in it can end the script element around it."""
+    """Return JSON in which nothing can end the script element around it."""
     text = json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
 
@@ -70,7 +70,7 @@ def _vehicle(run: RunData, vehicle: VehicleId) -> dict[str, Any]:
 
 
 def _errors(run: RunData, group: Group) -> list[dict[str, Any]]:
-    """Return each follower's errors with the times of their own at which they are extreme."""
+    """Return each follower's errors at their extremes, with the times of these."""
     count = max(len(run.followers), 1)
     buckets = int(np.clip(ERROR_POINTS // (6 * count), FEWEST_BUCKETS, MOST_BUCKETS))
     time_s = run.whole_time_s
@@ -86,7 +86,7 @@ def _errors(run: RunData, group: Group) -> list[dict[str, Any]]:
 
 
 def _bounds(run: RunData) -> list[dict[str, Any]]:
-    """Return what errors after gusts on followers only are held to, and what is least possible."""
+    """Return the bounds on errors after gusts that act on followers only, and the least errors possible."""
     return [
         {
             "axis": error.axis,

@@ -1,4 +1,4 @@
-"""Formation errors over time, the transient and what follows it each at its own scale."""
+"""Formation errors over time: the transient and the rest, each at its own scale."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def transient_end_s(run: RunData) -> float | None:
 
 
 def error_windows(run: RunData) -> list[Mask]:
-    """Return which (T,) flown ticks are of the transient and which of the rest; all, where it hides nothing."""
+    """Return (T,) masks of the flown ticks in the transient and of the rest; one mask of all where it hides nothing."""
     time_s = run.time_s
     split_s = transient_end_s(run)
     if split_s is None:
@@ -114,7 +114,7 @@ def _expected(axes: Axes, wanted: tuple[Expectation, ...], axis: str) -> None:
 
 
 def _after_gusts(axes: Axes, gusted: list[Gust], axis: str) -> None:
-    """Draw what no law can do better than after each gust on followers only, and what ours is held to."""
+    """Draw the least error that any law can achieve after each gust on followers only, and the bound on ours."""
     begin, end = axes.get_xlim()
     for gust in gusted:
         reach = max(begin, gust.at_s), min(end, gust.to_s)

@@ -1,4 +1,4 @@
-"""All figures of a run: what they're called, what they show, what draws them."""
+"""All figures of a run: their names, captions and the functions that draw them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from gcs_formation.report.style import print_style, save
 
 
 class Plate(NamedTuple):
-    """A figure: its file's name without the suffix, its title and caption, and how it's drawn."""
+    """A figure: its file's name without the suffix, its title and caption, and the function that draws it."""
 
     name: str
     title: str

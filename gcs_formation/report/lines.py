@@ -1,4 +1,4 @@
-"""One quantity of many vehicles over time: a colour each, thin lines with the worst in colour, or percentile bands."""
+"""One quantity of many vehicles over time: coloured lines, grey lines with the worst in colour, or percentile bands."""
 
 from __future__ import annotations
 
@@ -52,13 +52,13 @@ class Group:
         return WORST if vehicle == self.worst else LIGHT
 
     def width(self, vehicle: VehicleId) -> float:
-        """Return how wide a vehicle's line is: of lines on each other the first is the widest, so that all are seen."""
+        """Return the width of a vehicle's line: the first is the widest, so that none hides another."""
         if not self.coloured:
             return THIN if self.colour(vehicle) == LIGHT else LINE
         return WIDTHS[(INK, *FOLLOWERS).index(self.colour(vehicle))]
 
     def stands_out(self, vehicle: VehicleId) -> bool:
-        """Whether a vehicle isn't drawn as one of many; what stands out is drawn last."""
+        """Whether a vehicle's line stands out from the others; such lines are drawn last."""
         return self.colour(vehicle) != LIGHT
 
     def label(self, vehicle: VehicleId) -> str:

@@ -86,7 +86,7 @@ def _from_zero(axes: Axes) -> None:
 
 
 def _margin_used(axes: Axes, run: RunData, followers: Group) -> None:
-    """Draw each follower's share of its delay margin, with the one from which an event tells of it."""
+    """Draw each follower's share of its delay margin in use, and the share from which an event reports it."""
     used = [100.0 * run.flown.vehicles[vehicle]["margin_used"] for vehicle in followers.vehicles]
     if not used:
         note(axes, "no followers: no loops")

@@ -34,7 +34,7 @@ class Mark(NamedTuple):
 
 
 def marks(run: RunData) -> list[Mark]:
-    """Return what was planned to happen, who took over, what was ordered and which links were lost, as they come."""
+    """Return planned changes and events, changes of leader, orders and lost links, by time."""
     begin, end = float(run.time_s[0]), float(run.time_s[-1])
     found = [*_planned(run), *_happened(run)]
     inside = (mark for mark in found if begin <= mark.time_s <= end)

@@ -1,4 +1,4 @@
-"""What the paper reports beside what this run came to, where the two can be compared; and what no law can do better."""
+"""The paper's figures beside this run's, where they can be compared, and errors after gusts beside their bounds."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def _largest_m(run: RunData, from_s: float) -> dict[str, float | None]:
 
 
 def _conditions(run: RunData, step: StepDisturbance) -> str:
-    """Return on whom the disturbance acts, in which frame the errors are, what the links take; and the paper's."""
+    """Return who is disturbed, the frame of the errors and the delay of the links, in this run and in the paper."""
     everybody = step.vehicles == "all" or run.leader in step.vehicles
     whom = "every vehicle" if everybody else "followers only, a relative disturbance"
     delays = [float(link["injected_delay_ms"]) for link in run.summary["links"].values()]

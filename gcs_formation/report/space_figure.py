@@ -1,4 +1,4 @@
-"""The flight in three dimensions, over the ground, and how high it went above it."""
+"""The flight in three dimensions above the ground, and its height over time."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ GROUND, SHADOW, TRACK = 0, 1, 2
 
 
 class Space(NamedTuple):
-    """What is shown: (least, greatest) in m."""
+    """Limits of the axes: (least, greatest) in m."""
 
     north: tuple[float, float]
     east: tuple[float, float]
@@ -41,12 +41,12 @@ class Space(NamedTuple):
 
     @property
     def longest(self) -> float:
-        """The longer of the two level sides, m."""
+        """The longer of the two horizontal sides, m."""
         return max(self.north[1] - self.north[0], self.east[1] - self.east[0])
 
     @property
     def unit(self) -> tuple[float, str]:
-        """Of the level axes, in m and by name."""
+        """Unit of the horizontal axes, in m and by name."""
         return (1000.0, "km") if self.longest >= KILOMETRES_FROM_M else (1.0, "m")
 
 

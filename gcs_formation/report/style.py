@@ -78,7 +78,7 @@ def print_style() -> Generator[None]:
 
 
 def new_figure(height_cm: float, width_cm: float = WIDTH_CM) -> Figure:
-    """Return an empty figure of a size in cm, which makes room for its labels by itself."""
+    """Return an empty figure of a size in cm, with automatic layout."""
     return Figure(figsize=(width_cm * CM, height_cm * CM), dpi=DPI, layout="constrained")
 
 
@@ -102,7 +102,7 @@ def column_of(grid: Sequence[Sequence[Axes]], column: int) -> list[Axes]:
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a figure as PNG, without the version of what drew it: the same run gives the same bytes."""
+    """Write a figure as PNG, without Matplotlib's version in it, so that the same run gives the same bytes."""
     figure.savefig(path, format="png", metadata={"Software": None})
 
 
@@ -144,5 +144,5 @@ def _columns_that_fit(widths_pt: Sequence[float], room_pt: float) -> int:
 
 
 def note(axes: Axes, text: str) -> None:
-    """Say in the middle of empty axes why they are."""
+    """Write in the middle of empty axes why they are empty."""
     axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color=GREY)

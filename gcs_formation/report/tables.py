@@ -58,7 +58,7 @@ def badge(held: bool | None, words: str) -> Html:
 
 
 def verdict(summary: Mapping[str, Any]) -> str:
-    """Return whether the run kept to everything that was expected of it."""
+    """Return whether the run met all its expectations."""
     verdicts = [entry["held"] for entry in summary["expect"]]
     broken, violations = verdicts.count(False), summary["safety"]["violations"]
     words = [f"{broken} of {len(verdicts)} expectations broken"] if broken else []
@@ -131,7 +131,7 @@ def _settled_cards(followers: Mapping[str, Any]) -> list[Card]:
 
 
 def followers(summary: Mapping[str, Any]) -> str:
-    """Return every follower's errors."""
+    """Return the errors of every follower."""
     keys = [(axis, key) for axis in AXES for key in ("rms", "max", "steady_max")]
     heads = ["Vehicle", *(f"{axis} {key.replace('_', ' ')}" for axis, key in keys), "settled, s"]
     rows = [
@@ -163,7 +163,7 @@ def expectations(summary: Mapping[str, Any]) -> str:
 
 
 def links(summary: Mapping[str, Any]) -> str:
-    """Return what was counted on every link."""
+    """Return the counts of every link."""
     heads = [
         "Vehicle", "injected delay, ms", "measured p50, ms", "p99, ms", "injected loss", "measured loss",
         "frames in", "out", "bad",
@@ -184,7 +184,7 @@ def links(summary: Mapping[str, Any]) -> str:
 
 
 def control(summary: Mapping[str, Any]) -> str:
-    """Return how punctual the control loop was."""
+    """Return the timing of the control loop."""
     found = summary["control"]
     period, compute = found["period_ms"], found["compute_ms"]
     heads = [
@@ -208,7 +208,7 @@ def control(summary: Mapping[str, Any]) -> str:
 
 
 def events(run: RunData) -> str:
-    """Return what happened, in the order in which it did."""
+    """Return the events in order."""
     rows = [
         [
             number(float(event["t_s"]) - run.zero_s, 1),

@@ -1,4 +1,4 @@
-"""A finished run -> its figures and its page."""
+"""Writes the figures and the page of a finished run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Delay margins: how late a loop closed over the link may be before it loses stability."""
+"""Delay margins: how much delay a loop closed over the link can have before it loses stability."""
 
 from gcs_formation.stability.consensus import (
     consensus_delay_margin,

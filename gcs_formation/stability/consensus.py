@@ -38,7 +38,7 @@ def consensus_delay_margin(
 
     Args:
         adjacency: (n, n) weights; entry (p, q) > 0 when p hears q.
-        k1: position gain, 1/s^2; without it positions are left as they are, and the margin is 0.
+        k1: position gain, 1/s^2; at 0 position differences stay, and the margin is 0.
         k2: velocity gain, 1/s.
         k3: gain of the undelayed velocity term, 1/s.
         h: weight of that term, one number or (n,).
@@ -69,8 +69,8 @@ def consensus_rightmost_root(
 ) -> complex:
     """Rightmost root of the protocol's disagreement: negative real part when the formation converges.
 
-    The translation of the whole formation, which no term opposes, is left out, and so is its common speed
-    where every vehicle weighs it alike.
+    The translation of the whole formation is left out, since no term opposes it. So is the common speed where
+    `h` is the same for all vehicles.
 
     Args:
         adjacency: (n, n) weights; entry (p, q) > 0 when p hears q.
@@ -103,10 +103,10 @@ def consensus_rightmost_root(
 def ground_consensus_delay_margin(
     adjacency: npt.ArrayLike, k1: float, k2: float, onboard_damping: float, delayed_damping: float
 ) -> float:
-    """Delay margin of the protocol closed through a ground station: its own velocity term is late too.
+    """Delay margin of the protocol closed through a ground station, where the k3 term is delayed too.
 
     s^2 + c s + [lambda (k1 + k2 s) + d s] exp(-s tau) = 0 over the nonzero eigenvalues of the Laplacian, and
-    s + c + d exp(-s tau) = 0 of the speed that all have in common. A setpoint v_s + tau_v u has the autopilot's lag
+    s + c + d exp(-s tau) = 0 for the speed that all have in common. A setpoint v_s + tau_v u has the autopilot's lag
     as its undelayed damping c = 1/tau_v, and d = 0.
 
     Args:
@@ -131,8 +131,8 @@ def ground_consensus_loops(
 ) -> list[Loop]:
     """Loops of the protocol closed through a ground station: its modes, and the speed that all have in common.
 
-    A mode of eigenvalue lambda: x'' = u - c x' and u = -lambda (k1 x + k2 x') - d x'. To scale the loops' gains is to
-    scale the protocol: its weights, and what it damps beyond the autopilot.
+    A mode of eigenvalue lambda: x'' = u - c x' and u = -lambda (k1 x + k2 x') - d x'. Scaling
+    the loops' gains scales the protocol's weights and its damping beyond the autopilot's.
 
     Args:
         adjacency: (n, n) weights; entry (p, q) > 0 when p hears q.
@@ -232,7 +232,7 @@ def _loci(w: Array | float, matrix: Array, gains: _Gains) -> Complex:
 
 
 def _crossover_grid(matrix: Array, part: Component, gains: _Gains) -> Array:
-    """Frequencies from where every locus is outside the unit circle to where none is."""
+    """Frequencies between one at which every locus is outside the unit circle and one at which none is."""
     norm = float(np.linalg.norm(matrix, 2))
     highest = 1.01 * float(_crossover(norm, gains.k1, gains.k2, float(gains.damping.min())))
     lowest = highest / 10.0
@@ -289,7 +289,7 @@ def _state_terms(by_delay: dict[float, Array], part: Component, gains: _Gains) -
 
 
 def _left_inverse(embedding: Array) -> Array:
-    """Coordinates along an embedding's columns: deviations from the first vehicle where it has none."""
+    """Left inverse of an embedding; one that leaves out the common motion gives deviations from the first vehicle."""
     count, kept = embedding.shape
     deviations = embedding.T.copy()
     if kept < count:

@@ -1,4 +1,4 @@
-"""How small the error after a gust on one vehicle can be, whatever the law: nothing acts before the round trip."""
+"""The least error after a gust on one vehicle that any law can achieve: no setpoint acts before the round trip."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ def least_gust_error_m(gust_mps: npt.ArrayLike, round_trip_s: npt.ArrayLike, acc
 
     Args:
         gust_mps: D of (8), the follower's minus the leader's, along that axis.
-        round_trip_s: T, uplink, computing, downlink, sampling and hold.
-        accel_max_mps2: a.
+        round_trip_s: T: uplink, downlink, computation, sampling and hold.
+        accel_max_mps2: a, the greatest acceleration.
     """
     gust = np.abs(np.asarray(gust_mps, dtype=np.float64))
     return gust * np.asarray(round_trip_s) + gust**2 / (2.0 * np.asarray(accel_max_mps2))

@@ -17,7 +17,7 @@ from gcs_formation.stability.pid_loops import follower_loops, leader_loops, scen
 
 @dataclass(frozen=True, slots=True)
 class LawMargins:
-    """Margin of each loop by its name, s: at no error, and the least that the law's own adaptation can make of it."""
+    """Margin of each loop by its name, s: at zero error, and the least over all gains that the law can schedule."""
 
     small_signal: Mapping[str, float]
     worst: Mapping[str, float]
@@ -51,7 +51,7 @@ def scenario_delay_margin(scenario: Scenario) -> float:
 
 
 def law_loops(scenario: Scenario, *, succession: bool = False) -> Mapping[VehicleId, Mapping[str, tuple[Loop, ...]]]:
-    """Return the loops that each vehicle that is commanded by the law is part of, by the name of their margin.
+    """Return, for each vehicle that the law commands, the loops it is part of, by the name of their margin.
 
     The consensus law closes its loops around all vehicles at once, the leader among them; the others around the
     leader too once another leads, with `succession`.
@@ -70,9 +70,9 @@ def scenario_adjacency(scenario: Scenario) -> Array:
 def consensus_margins(scenario: Scenario) -> ConsensusMargins:
     """Delay margins of protocol (3) closed through the ground station, on each axis.
 
-    The autopilot's lag is the undelayed damping, 1/tau_v along and 1/tau_psi across; what k3 asks for beyond it is
-    late. Where vehicles' time constants differ, the least over them: a lower bound on an undirected graph, as every
-    root belongs to a mean of their dampings.
+    The autopilot's lag is the undelayed damping, 1/tau_v along and 1/tau_psi across; the part of k3 beyond
+    it is delayed. Where the vehicles' time constants differ, this is the least margin over them: a lower bound on
+    an undirected graph, since every root belongs to a weighted mean of their dampings.
     """
     along, across = (
         min((delay_margin(loop.open_loop()) for loop in _axis_loops(scenario, lag)), default=math.inf)

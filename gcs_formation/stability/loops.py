@@ -1,6 +1,6 @@
 """Delay margins of the three PID loops (13)-(14) closed over the link around the autopilot model (7).
 
-The leader is constant in them: its motion is an input, and the feed-forward no part of the loop.
+The leader doesn't react in them: its motion is an input, and the feed-forward is not part of the loop.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class PidGains:
     filter_s: float = 0.1
 
     def slowed(self, bandwidth: float) -> PidGains:
-        """Gains of a loop whose crossover is brought down to a share `bandwidth` of what it was.
+        """Gains of a loop whose crossover frequency is reduced to the share `bandwidth` of its present one.
 
         About its crossover the loop falls like an integrator, (13) and (7) with the derivative: its crossover goes
         with its gain. The integral's corner ki/kp goes down with it, as its phase lag there would grow otherwise; the
@@ -57,7 +57,7 @@ class PidGains:
 
 @dataclass(frozen=True, slots=True)
 class GainRange:
-    """Where the fuzzy scheduler can put a gain: nominal (base + span F), F in [0, 1]."""
+    """Range of a gain under the fuzzy scheduler: nominal (base + span F), F in [0, 1]."""
 
     base: float = 0.7
     span: float = 0.6
@@ -107,7 +107,7 @@ class Rational(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Loop:
-    """One controlled axis; the gains in it are those of one moment."""
+    """One controlled axis with its gains frozen."""
 
     pid: PidGains
     plant: Plant
@@ -131,7 +131,7 @@ class LoopMargins:
     z_s: float
 
     def least(self) -> float:
-        """Margin of the axis that has the least."""
+        """The least margin of the three axes."""
         return min(self.x_s, self.y_s, self.z_s)
 
 
@@ -197,7 +197,7 @@ def loop_margin(
 def worst_loop_margin(nominal: PidGains, plant: Plant, gain_range: GainRange) -> float:
     """Least delay margin, s, over all gains that the scheduler can reach: a grid of [0, 1]^3, then refined.
 
-    Of frozen gains: how fast they may change is not covered.
+    It holds for frozen gains; it says nothing about how fast they may change.
     """
 
     def margin(outputs: npt.ArrayLike) -> float:

@@ -39,9 +39,9 @@ class FollowerMargins:
 
 @dataclass(frozen=True, slots=True)
 class ScenarioMargins:
-    """Margins of everyone who is to follow, and of each axis the least over them.
+    """Margins of every vehicle that follows at some time, and the least over them for each axis.
 
-    Of the loops without prediction and without disturbance observer.
+    They hold for the loops without prediction and without disturbance observer.
     """
 
     followers: Mapping[VehicleId, FollowerMargins]
@@ -51,8 +51,8 @@ class ScenarioMargins:
 def scenario_margins(scenario: Scenario) -> ScenarioMargins:
     """Delay margins of the loops that a scenario's law closes around each follower.
 
-    A follower's figure is the least over the slots that it has during the run, at the speed along the
-    path. The scenario's leader is one where another is to lead. Law `pid` has the nominal gains throughout.
+    A follower's margin is the least over the slots that it has during the run, at the speed along the path. The
+    scenario's leader counts as a follower where another vehicle is to lead. Law `pid` keeps the nominal gains.
     """
     gain_range = _gain_range(scenario.law)
 
@@ -74,21 +74,21 @@ def scenario_margins(scenario: Scenario) -> ScenarioMargins:
 
 
 def follower_loops(scenario: Scenario) -> dict[VehicleId, dict[str, tuple[Loop, ...]]]:
-    """Return the loops x, y and z that a scenario's law closes around all who follow, of every slot they're to have.
+    """Return the loops x, y and z around every follower, for each slot that it has in the plan.
 
-    At the small-signal gains.
+    They have the small-signal gains.
     """
     return {identity: _loops(scenario, model, places_m) for identity, model, places_m in _planned(scenario)}
 
 
 def leader_loops(scenario: Scenario) -> dict[VehicleId, dict[str, tuple[Loop, ...]]]:
-    """Return the same around the scenario's leader while another leads, of every slot that anybody is to have."""
+    """Return the same loops around the scenario's leader while another vehicle leads, for every planned slot."""
     leader, places_m = scenario.leader, [x_rc_m for _, _, row in _planned(scenario) for x_rc_m in row]
     return {leader.vehicle_id: _loops(scenario, leader.model, places_m)} if leader and places_m else {}
 
 
 def _planned(scenario: Scenario) -> list[tuple[VehicleId, VehicleModel, list[float]]]:
-    """Return everyone who is to follow with the x_rc of the slots that the schedule has for them."""
+    """Return every vehicle that is to follow, with the x_rc of its slots in the schedule."""
     models = {vehicle.vehicle_id: vehicle.model for vehicle in scenario.vehicles}
     return [(each, models[each], (-slots_m[:, 0]).tolist()) for each, slots_m in planned_slots(scenario).items()]
 

@@ -1,4 +1,4 @@
-"""How far a loop that predicts through the autopilot model (7) may be wrong about its delay."""
+"""How large an error of the assumed delay a loop with prediction through the autopilot model (7) can have."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class MismatchMargin(NamedTuple):
 
 
 def predicted_mismatch_margin(loop: Loop, nominal_delay_s: float) -> MismatchMargin:
-    """Mismatch of delay that the predicted loop stands.
+    """Mismatch of the delay at which the loop with prediction loses stability.
 
     The state measured T late is carried over the nominal delay T0 by the exact model and the commands sent:
     x_p = exp(A T0) x(t - T) + int_0^T0 exp(A r) B u(t - r) dr = x + exp(A T0) (x(t - T) - x(t - T0)).

@@ -1,4 +1,4 @@
-"""How much of their margin loops use, and how far their bandwidth must come down for them to use less."""
+"""How much of its delay margin a loop uses, and how far its bandwidth must be reduced to use less."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from gcs_formation.stability.loops import Loop, delay_margin
 from gcs_formation.stability.prediction import predicted_mismatch_margin
 
 DEVIATIONS = 2.0
-"""How many standard deviations of the round trip a mismatch is taken to be."""
+"""The mismatch, in standard deviations of the round trip."""
 STEP_S = 0.05
 """Mismatch margins are computed for whole multiples of this delay."""
 BANDWIDTHS = tuple(np.geomspace(1.0, 0.1, 33).tolist())
-"""The shares of their bandwidth that loops may be brought down to."""
+"""The shares to which the bandwidth may be reduced."""
 
 
 class LoopDelay(NamedTuple):
-    """What is known of the delay of a loop closed over the link, s."""
+    """Measured delay of a loop closed over the link, s."""
 
     mean_s: float
     """Round trip, sampling and hold included."""
@@ -30,10 +30,10 @@ class LoopDelay(NamedTuple):
 
 
 class Usage:
-    """What loops that one bandwidth is set for use of the least of their margins.
+    """Share of their least margin that loops with a common bandwidth use.
 
-    Without prediction: the loop's whole delay against the delay margin. With prediction: how far the delay scatters
-    about the value that the prediction bridges, against the mismatch that the predicted loop stands there.
+    Without prediction, it is the loop's whole delay over the delay margin. With prediction, it is the scatter of the
+    delay about the value that the prediction bridges, over the mismatch margin of the predicted loop there.
     """
 
     def __init__(self, loops: Sequence[Loop], *, predicted: bool) -> None:
