@@ -6,6 +6,7 @@ measured state -> state when the setpoint acts -> leader's guidance -> slots -> 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -37,6 +38,26 @@ LEADER_WIND_RADPS = 0.5
 """Bandwidth of the wind estimate for the leader's guidance: followers' slots can't keep up with quicker turns."""
 GAINS_CHANGE_S = 1.0
 """Time constant with which gains follow a change of the bandwidth, so that no setpoint jumps."""
+
+
+class Links(NamedTuple):
+    """The link to every column, arrays (C,)."""
+
+    ready: Mask
+    """Whether it follows setpoints."""
+    delay_s: Array
+    """One-way delay as measured."""
+    jitter_s: Array
+    """Interarrival jitter of the telemetry, NaN where there is none yet."""
+    lag_s: Array
+    """Half a period of the vehicle's main loop, the mean wait of a setpoint that has arrived, and the time for which
+    the station holds it back."""
+    hold_s: float
+    """How long the leader's setpoints are held back."""
+    airborne: Mask
+    """Whether it flies, as far as it can be heard."""
+    heard: Instants
+    """Until when it is known to have heard what it was told."""
 
 
 class FormationController:
@@ -101,21 +122,19 @@ class FormationController:
         north, east, up = (places - places[leader]).T
         return np.stack((*rotate_to(state.heading_rad[leader], north, east), up), axis=1) - self._lift_m[:, None] * UP
 
-    def step(self, now: Instant, mission_time_s: float, phase: str, ready: Mask, delay_s: Array, lag_s: Array) -> Tick:
+    def step(self, now: Instant, mission_time_s: float, phase: str, links: Links) -> Tick:
         """Return this tick's setpoints and what led to them.
 
         Args:
             now: the tick's instant.
             mission_time_s: seconds since the leader started along its path, NaN before.
             phase: recorded with the tick.
-            ready: (C,) columns that follow setpoints.
-            delay_s: (C,) one-way delay of each column's link, as measured.
-            lag_s: (C,) mean wait at the vehicle until a setpoint that arrived is acted on.
+            links: the way to every column.
         """
         if self._scenario.leader is None:
             self._place_virtual_leader(now)
-        acts = self._acts(now, delay_s, lag_s)
-        tick = self._blank_tick(now, mission_time_s, phase, ready, delay_s)
+        acts = self._acts(now, links.delay_s, links.lag_s)
+        tick = self._blank_tick(now, mission_time_s, phase, links)
         self._history.add(SentSetpoints(acts, tick.setpoints))
         if not tick.active[tick.leader]:
             tick.active[:] = False
@@ -129,12 +148,12 @@ class FormationController:
             self._bandwidth = self._bandwidth + self._gains_change * (self.bandwidth - self._bandwidth)
             situation = Situation(states, lead, slots, tick.active, self._bandwidth, self.separation.replaced)
             self._note(tick, self._law.decide(situation, self._dt_s), commanded_m)
-            self.separation.keep(tick, measured)
+            self.separation.keep(tick, measured, links.heard)
         self._judge_assembly(tick)
         self.last_tick = tick
         return tick
 
-    def _blank_tick(self, now: Instant, mission_time_s: float, phase: str, ready: Mask, delay_s: Array) -> Tick:
+    def _blank_tick(self, now: Instant, mission_time_s: float, phase: str, links: Links) -> Tick:
         known = self.estimator.known
         blank = np.full((self._columns, CHANNELS), np.nan)
         return Tick(
@@ -145,11 +164,11 @@ class FormationController:
             state=FlightState.of(np.full((ROWS, self._columns), np.nan)),
             setpoints=Setpoints.of(blank.T.copy()),
             age_s=np.where(known, (now - self.estimator.stamps) / NANOSECONDS, np.nan),
-            delay_s=delay_s,
-            jitter_s=blank[:, 0].copy(),
+            delay_s=links.delay_s,
+            jitter_s=links.jitter_s,
             margin_used=blank[:, 0].copy(),
-            active=ready & known,
-            airborne=np.ones(self._columns, dtype=bool),
+            active=links.ready & known,
+            airborne=links.airborne,
             yielding=np.zeros(self._columns, dtype=bool),
             slots_m=blank.copy(),
             error_m=blank.copy(),

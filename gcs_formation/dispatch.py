@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import NamedTuple
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from airlink.identity import VehicleId
 from airlink.messages import Message
 from formation_scenario import Scenario
 from gcs_formation.arrays import Array, Mask
+from gcs_formation.controller import Links
 from gcs_formation.membership import Member
 from gcs_formation.recorder import Tick
 from gcs_formation.setpoint import Setpoint
@@ -21,24 +21,6 @@ from gcs_formation.vehicle.vehicle import Vehicle
 
 HOLD_MAX_S = 1.0
 """Longest time for which the leader's setpoints are held back."""
-
-
-class Links(NamedTuple):
-    """The link to every column, arrays (C,)."""
-
-    ready: Mask
-    """Whether it follows setpoints."""
-    delay_s: Array
-    """One-way delay as measured."""
-    jitter_s: Array
-    """Interarrival jitter of the telemetry, NaN where there is none yet."""
-    lag_s: Array
-    """Half a period of the vehicle's main loop, the mean wait of a setpoint that has arrived, and the time for which
-    it is held back here."""
-    hold_s: float
-    """How long the leader's setpoints are held back."""
-    airborne: Mask
-    """Whether it flies, as far as it can be heard."""
 
 
 class Dispatch:
@@ -55,10 +37,11 @@ class Dispatch:
         self._columns = columns
         self._held = DelayQueue[tuple[Vehicle, Message]]()
 
-    def links(self, leader: int) -> Links:
+    def links(self, leader: int, now: Instant) -> Links:
         """Return the present state of all links; `leader` is the leading column."""
         ready, delay_s, lag_s = np.zeros(self._count, dtype=bool), np.zeros(self._count), np.zeros(self._count)
         jitter_s, airborne = np.full(self._count, np.nan), np.ones(self._count, dtype=bool)
+        heard = np.full(self._count, now, dtype=np.int64)
         ready[0] = self._virtual_leader
         for identity, column in self._columns.items():
             vehicle = self._vehicles[identity]
@@ -66,10 +49,11 @@ class Dispatch:
             delay_s[column] = vehicle.clock.one_way_s
             jitter_s[column] = vehicle.jitter.jitter_s
             airborne[column] = vehicle.airborne
+            heard[column] = vehicle.heard_at(now)
             lag_s[column] = vehicle.autopilot.loop_s / 2
         hold_s = self._hold_s(leader, ready, delay_s)
         lag_s[leader] += hold_s
-        return Links(ready, delay_s, jitter_s, lag_s, hold_s, airborne)
+        return Links(ready, delay_s, jitter_s, lag_s, hold_s, airborne, heard)
 
     def take(self, tick: Tick, hold_s: float, now: Instant) -> None:
         """Take a tick's setpoints; one that isn't finite is never sent."""

@@ -10,9 +10,10 @@ from airlink.clock import Instant, after, seconds_between
 from airlink.identity import VehicleId
 from formation_scenario import Scenario
 from gcs_formation.controller import FormationController
+from gcs_formation.membership import Member
 from gcs_formation.obedience import CHANNELS, SETTLED_S, WINDOW_S, Disobedience, Obedience
 from gcs_formation.recorder import Detail, Note, Tick
-from gcs_formation.vehicle.vehicle import Vehicle
+from gcs_formation.vehicle.vehicle import UNANSWERED_S, Vehicle
 
 GAP_S = 0.5
 """Longer gaps between acknowledgements of setpoints may mean that setpoints didn't arrive."""
@@ -36,8 +37,21 @@ class CommandLedger:
         self._note = note
         self._obedience = Obedience(scenario, controller.history)
         self._gap_s = max(GAP_S, 2.5 / scenario.law.rate_hz)
+        self._unanswered = set[VehicleId]()
+        """Those that were commanded and answered nothing."""
         self._commanded: dict[VehicleId, Instant] = {}
         """Since when each vehicle has been commanded without interruption."""
+
+    def judge_answers(self, now: Instant) -> None:
+        """Check that vehicles that are commanded and heard answer: events `uplink`, at the beginning and at the end."""
+        for identity, vehicle in self._vehicles.items():
+            reported, missing = identity in self._unanswered, vehicle.talks_on_s > UNANSWERED_S
+            if missing and not reported and vehicle.member is Member.FLYING:
+                self._unanswered.add(identity)
+                self._note(now, "uplink", "is heard and answers nothing: it may not hear us", vehicle)
+            elif reported and not missing:
+                self._unanswered.remove(identity)
+                self._note(now, "uplink", "answers again", vehicle)
 
     def judge_commands(self, now: Instant) -> None:
         """Check modes and arming."""

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from airlink.clock import NANOSECONDS, Instant, after
+from airlink.clock import NANOSECONDS, Instant, after, seconds_between
 from airlink.identity import VehicleId
 from formation_scenario import Scenario, ground_of
 from formation_scenario.arrangement import Arrangement, SlotStep, assigned
@@ -31,7 +31,7 @@ RETRY_S = 1.0
 AMID = 2.0
 """Vehicles up to this many times the farthest slot's distance from the leader count as amid the formation."""
 HEARD_S = 1.0
-"""Largest age of a successor's telemetry."""
+"""Largest age of a successor's telemetry, and of the newest sign that it hears."""
 
 
 class Reconfiguration:
@@ -224,8 +224,9 @@ class Reconfiguration:
         return there
 
     def _leads_well(self, column: int, now: Instant) -> bool:
-        age_s = self._controller.estimator.age_s(column, now)
-        return self._by_column[column].member is Member.FLYING and age_s <= HEARD_S
+        vehicle, age_s = self._by_column[column], self._controller.estimator.age_s(column, now)
+        hears = seconds_between(vehicle.heard_at(now), now) <= HEARD_S
+        return vehicle.member is Member.FLYING and hears and age_s <= HEARD_S
 
     def _in_words(self, wanted: Arrangement) -> str:
         return f"{wanted.shape}, {wanted.spacing_m:g} m, behind {self._names[wanted.leader]}"

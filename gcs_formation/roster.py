@@ -5,18 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 
-from airlink.clock import Instant
+from airlink.clock import Instant, seconds_between
 from airlink.identity import VehicleId
 from formation_scenario import Scenario
 from gcs_formation.estimation.estimator import StateEstimator
-from gcs_formation.link.connection import LinkState
+from gcs_formation.link.connection import TALKING, LinkState
 from gcs_formation.loitering import GroundFloor, loiter_heights
 from gcs_formation.membership import Member, following
 from gcs_formation.recorder import Note
-from gcs_formation.vehicle.vehicle import Vehicle
+from gcs_formation.separation.keeper import FORGOTTEN_AFTER_S
+from gcs_formation.vehicle.vehicle import UNANSWERED_S, Vehicle
 
 SUCCESSION_S = 3.0
-"""Silence of a leader after which another vehicle takes over, if one can."""
+"""Silence of a leader, or time without answers from it, after which another vehicle takes over, if one can."""
 MUTE_S = 1.5
 """How long heartbeats of a vehicle that is heard may be missing; after that its mode counts as unknown."""
 WITHOUT_HEARTBEATS = (LinkState.MUTE, LinkState.LOST)
@@ -44,21 +45,24 @@ class Roster:
         """Judge only the leader; return whether it is lost. A leader that is `replaceable` is given up sooner."""
         fresh = self._is_fresh(leader, estimator, now)
         late = not self._is_fresh(leader, estimator, now, SUCCESSION_S)
-        self._judge(leader, now, fresh=fresh and not (late and replaceable()))
+        self._judge(leader, estimator, now, fresh=fresh and not (late and replaceable()))
         return leader.member is not Member.FLYING
 
     def judge(self, leader: Vehicle | None, estimator: StateEstimator, now: Instant, *, connecting: bool) -> None:
         """Decide which vehicles fly in the formation; once there has been a leader, none does without one."""
         led = True
         if leader is not None:
-            self._judge(leader, now, fresh=self._is_fresh(leader, estimator, now))
+            self._judge(leader, estimator, now, fresh=self._is_fresh(leader, estimator, now))
             led = leader.member is Member.FLYING or connecting
         for vehicle in self._vehicles.values():
             if vehicle is not leader:
-                self._judge(vehicle, now, fresh=led and self._is_fresh(vehicle, estimator, now))
+                self._judge(vehicle, estimator, now, fresh=led and self._is_fresh(vehicle, estimator, now))
 
-    def _judge(self, vehicle: Vehicle, now: Instant, *, fresh: bool) -> None:
-        member = following(vehicle.member, vehicle.sight(now, fresh=fresh))
+    def _judge(self, vehicle: Vehicle, estimator: StateEstimator, now: Instant, *, fresh: bool) -> None:
+        heard = vehicle.connection.state in TALKING
+        forgotten = not estimator.age_s(self._columns[vehicle.identity], now) <= FORGOTTEN_AFTER_S
+        sight = vehicle.sight(now, fresh=fresh, loiter_may_be_told=heard or forgotten)
+        member = following(vehicle.member, sight)
         if member is not vehicle.member:
             vehicle.member = member
             self._note(now, "member", member.value, vehicle)
@@ -70,10 +74,11 @@ class Roster:
         out, link = vehicle.member is not Member.FLYING, vehicle.connection
         if link.state in WITHOUT_HEARTBEATS and (out or link.mute_s(vehicle.sequence.loss) > MUTE_S):
             return False
-        if out:
-            limit_s = min(limit_s, BACK_S)
+        limit_s = min(self._law.max_age_s, BACK_S if out else limit_s)
+        if seconds_between(vehicle.heard_at(now), now) > max(limit_s, UNANSWERED_S):
+            return False
         age_s = estimator.age_s(self._columns[vehicle.identity], now)
-        return math.isnan(age_s) or age_s <= min(self._law.max_age_s, limit_s)
+        return math.isnan(age_s) or age_s <= limit_s
 
     def _tell(self, vehicle: Vehicle, now: Instant) -> None:
         autopilot = vehicle.autopilot

@@ -115,7 +115,7 @@ class Station:
         """Do what is due: probes and delayed setpoints at any time, everything else at ticks."""
         if self._was_away(now):
             for vehicle in self.vehicles.values():
-                vehicle.forget_probes()
+                vehicle.was_not_asked(now)
         if now >= self._beacon.next_probe:
             self._send_all(self._beacon.probes(now), now)
         if now >= self._next_tick:
@@ -139,6 +139,7 @@ class Station:
             self._judge_members(now)
             self._streams.watch(now)
         self._ledger.judge_commands(now)
+        self._ledger.judge_answers(now)
         if self.flight.phase in (Phase.ASSEMBLING, Phase.FLYING):
             self._fly(now)
         elif self.flight.phase is Phase.LOITERING:
@@ -226,10 +227,10 @@ class Station:
         if self.flight.phase is Phase.LOITERING:
             return
         self._reconfiguration.advance(now, mission_s)
-        ready, delay_s, jitter_s, lag_s, hold_s, airborne = self._dispatch.links(controller.plan.leader)
-        tick = controller.step(now, mission_s, self.flight.phase.value, ready, delay_s, lag_s)
-        tick.jitter_s[:], tick.margin_used[:], tick.airborne[:] = jitter_s, self.margins.used, airborne
-        self._dispatch.take(tick, hold_s, now)
+        links = self._dispatch.links(controller.plan.leader, now)
+        tick = controller.step(now, mission_s, self.flight.phase.value, links)
+        tick.margin_used[:] = self.margins.used
+        self._dispatch.take(tick, links.hold_s, now)
         self.last_tick = tick
         self._recorder.tick(tick)
         self._ledger.judge_motion(tick, now)

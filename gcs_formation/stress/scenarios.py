@@ -205,7 +205,10 @@ def _outages(rng: np.random.Generator, severity: Severity, count: int, faults: l
     if any(fault["kind"] == "pilot" and vehicle in fault["vehicles"] for fault in faults):
         vehicle = vehicle % count + 1
     ends_s = begins_s + float(rng.uniform(0.5, severity.longest_spell_s))
-    return [{"at_s": at_s, "vehicles": [vehicle], "outage": at_s == begins_s} for at_s in (begins_s, ends_s)]
+    way = _one_of(rng.spawn(1)[0], "both", "uplink", "downlink")
+    spell: list[Keys] = [{"outage": True}, {"outage": False}]
+    ways = spell if way == "both" else [{way: each} for each in spell]
+    return [{"at_s": at_s, "vehicles": [vehicle], **keys} for at_s, keys in zip((begins_s, ends_s), ways, strict=True)]
 
 
 def _disturbances(rng: np.random.Generator, severity: Severity, count: int) -> list[Keys]:

@@ -19,6 +19,7 @@ from gcs_formation.record.run_directory import SCENARIO
 from gcs_formation.testing.flown import Flown
 
 Against = Literal["emulators", "real endpoints"]
+Way = Literal["both", "uplink", "downlink"]
 VehicleName = int | str
 """A vehicle's id, or "network:id"."""
 Vehicles = VehicleName | Sequence[VehicleName]
@@ -81,9 +82,10 @@ class Plan:
         change = {"at_s": from_s, "vehicles": vehicle if several else [vehicle]} | impairment
         return replace(self, link_changes=(*self.link_changes, change))
 
-    def with_outage(self, vehicle: Vehicles = "all", *, from_s: float, to_s: float) -> Plan:
-        """Cut the link of one vehicle, several, or all for a while."""
-        return self.with_link(vehicle, from_s=from_s, outage=True).with_link(vehicle, from_s=to_s, outage=False)
+    def with_outage(self, vehicle: Vehicles = "all", *, from_s: float, to_s: float, way: Way = "both") -> Plan:
+        """Cut the link of one vehicle, several, or all for a while: both ways, to the vehicle, or from it."""
+        begins, ends = ({"outage": lost} if way == "both" else {way: {"outage": lost}} for lost in (True, False))
+        return self.with_link(vehicle, from_s=from_s, **begins).with_link(vehicle, from_s=to_s, **ends)
 
     def against(self, opponent: Against) -> Plan:
         """Fly against emulated vehicles, or against "real endpoints": what is up already at the scenario's endpoints.

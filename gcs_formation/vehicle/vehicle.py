@@ -33,6 +33,8 @@ STATION_SYSTEM = 255
 STATION_COMPONENT = m.MAV_COMP_ID_MISSIONPLANNER
 ORDER_COMES_S = 5.0
 """For how long after it was last sent a command to loiter may still reach a vehicle."""
+UNANSWERED_S = 1.5
+"""For how long answers may be missing from a vehicle that hears the ground station."""
 MAX_PROBES = 256
 """Unanswered probes that are kept: a minute of them."""
 CLOCK_LIMIT_NS = 2**62
@@ -72,6 +74,7 @@ class Vehicle:
         self.effects = EffectWatch()
         self.setpoints_taken = {command: UnbrokenRun() for command in autopilot.setpoint_commands}
         """Acknowledgements of airspeed, heading and height setpoints."""
+        self._answered: Instant | None = None
         self.beyond_margin = False
         """Whether its loop's delay is beyond what keeps it stable."""
         self.take_off = TakeOff()
@@ -81,7 +84,7 @@ class Vehicle:
         self._loiter_ordered = after(Instant(0), -ORDER_COMES_S)
         self._sampled, self._probes = 0, dict[int, Instant]()
 
-    def sight(self, now: Instant, *, fresh: bool) -> Sight:
+    def sight(self, now: Instant, *, fresh: bool, loiter_may_be_told: bool) -> Sight:
         """Return what decides on the vehicle's place in the formation."""
         if self.member is Member.HOLDING:
             self._loiter_ordered = now
@@ -91,6 +94,7 @@ class Vehicle:
             guided=self.autopilot.takes_setpoints(self.telemetry),
             loiters=mode == self.autopilot.loiter_mode,
             fresh=fresh,
+            loiter_may_be_told=loiter_may_be_told,
             order_may_come=now < after(self._loiter_ordered, ORDER_COMES_S),
         )
 
@@ -126,6 +130,21 @@ class Vehicle:
         self.commands.begin((), now)
         wait = Step("left it to its pilot", self.autopilot.takes_setpoints, timeout_s=math.inf)
         self.start_up = StartUp((wait,), abandoned=True)
+
+    def heard_at(self, now: Instant) -> Instant:
+        """Return until when it is known to have heard the station: the time of its newest answer less the one-way delay.
+
+        Before the first answer, that is `now`.
+        """
+        if self._answered is None:
+            return now
+        one_way_s = self.clock.one_way_s
+        return self._answered if math.isnan(one_way_s) else after(self._answered, -one_way_s)
+
+    @property
+    def talks_on_s(self) -> float:
+        """For how long frames have come from it since its newest answer, s."""
+        return 0.0 if self._answered is None else max(0.0, seconds_between(self._answered, self.connection.last_heard))
 
     @property
     def airborne(self) -> bool:
@@ -180,14 +199,18 @@ class Vehicle:
             del self._probes[next(iter(self._probes))]
         return Timesync(0, now)
 
-    def forget_probes(self) -> None:
-        """Ignore the answers to all pending probes: their delay isn't the link's."""
+    def was_not_asked(self, now: Instant) -> None:
+        """Ignore the answers to all pending probes, their delay isn't the link's, and expect none before now."""
         self._probes.clear()
+        self._answered = now
 
     def _take_probe(self, answer: Timesync, now: Instant, *, timed: bool) -> None:
         """Take the answer to one of our probes; ignore requests, and answers to others."""
         sent = self._probes.pop(answer.ts1_ns, None) if answer.tc1_ns else None
-        if sent is None or not timed:
+        if sent is None:
+            return
+        self._answered = now
+        if not timed:
             return
         if not 0 < answer.tc1_ns < CLOCK_LIMIT_NS:
             self.telemetry.implausible += 1
@@ -211,6 +234,7 @@ class Vehicle:
     def _acknowledged(self, ack: CommandAck, now: Instant) -> None:
         if ack.target_system not in (0, STATION_SYSTEM):
             return
+        self._answered = now
         accepted = self.commands.acknowledge(ack, now)
         effect = self.autopilot.effect(accepted) if accepted else None
         if effect:

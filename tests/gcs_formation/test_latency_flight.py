@@ -16,6 +16,7 @@ from tests.flights.test_real_clock import free_port
 DELAYS_MS = (0, 50, 150, 300, 600)
 DRIFTS_PPM = (0, 50, 15000)
 SPEED_MPS = 22
+WAYS = ("both", "uplink", "downlink")
 
 
 @pytest.fixture(scope="module")
@@ -145,10 +146,10 @@ def test_a_change_on_one_link_leaves_the_other_links_delays_alone(plan):
     assert np.array_equal(before, after, equal_nan=True)
 
 
-@pytest.fixture(scope="module")
-def outage(plan) -> Flown:
+@pytest.fixture(scope="module", params=WAYS)
+def outage(plan, request) -> Flown:
     """Fly with follower 3's link down from 10 s to 20 s."""
-    return plan(duration_s=38).with_outage(3, from_s=10, to_s=20).fly()
+    return plan(duration_s=38).with_outage(3, from_s=10, to_s=20, way=request.param).fly()
 
 
 def test_an_outage_of_one_link_disturbs_nobody_else(outage):
@@ -160,8 +161,10 @@ def test_after_an_outage_of_10_s_a_follower_rejoins(outage):
     outage.stays_within(0.5, followers=3, from_s=35)
 
 
-def test_an_outage_of_the_leaders_link_has_a_follower_lead_and_the_leader_follow_when_it_is_over(plan):
-    flown = plan(duration_s=22, start={"in_air": True, "run_in_s": 6}).with_outage(1, from_s=5, to_s=15).fly()
+@pytest.mark.parametrize("way", WAYS)
+def test_an_outage_of_the_leaders_link_has_a_follower_lead_and_the_leader_follow_when_it_is_over(plan, way):
+    cut = plan(duration_s=22, start={"in_air": True, "run_in_s": 6}).with_outage(1, from_s=5, to_s=15, way=way)
+    flown = cut.fly()
     events = [json.loads(line) for line in (flown.directory / "events.jsonl").read_text().splitlines()]
     (begun_s,) = [event["t_s"] for event in events if event["text"] == "flying"]
     (leads,) = [event for event in events if event["kind"] == "leader"]
@@ -170,5 +173,13 @@ def test_an_outage_of_the_leaders_link_has_a_follower_lead_and_the_leader_follow
     member = [event for event in events if event["kind"] == "member" and event["vehicle"] == "1"]
     assert member[-1]["text"] == "flying in formation"
     assert member[-1]["t_s"] - begun_s == pytest.approx(15.0, abs=0.6)
-    assert {event["vehicle"] for event in events if event["kind"] == "member" and "loiter" in event["text"]} == {"1"}
+    away = [
+        (event["vehicle"], event["text"]) for event in events if event["kind"] == "member" and event["t_s"] > begun_s
+    ]
+    assert away[0] == ("1", "told to loiter" if way == "uplink" else "not heard: told nothing until it is")
+    assert {vehicle for vehicle, _ in away} == {"1"}
+    uplink = [(event["vehicle"], event["t_s"] - begun_s) for event in events if event["kind"] == "uplink"]
+    assert uplink == (
+        [("1", pytest.approx(6.6, abs=0.3)), ("1", pytest.approx(15.1, abs=0.3))] if way == "uplink" else []
+    )
     flown.keeps_apart(10.0)

@@ -26,11 +26,20 @@ def test_silence_leads_to_loitering_and_back() -> None:
     assert following(Member.RETURNING, GUIDED) is Member.FLYING
 
 
+def test_one_that_is_not_seen_is_told_nothing_until_it_is_told_blindly() -> None:
+    unseen = replace(SILENT, loiter_may_be_told=False)
+    unheard = following(Member.FLYING, unseen)
+    assert unheard is following(unheard, unseen) is Member.UNHEARD
+    assert following(unheard, SILENT) is Member.HOLDING
+    assert following(unheard, GUIDED) is Member.FLYING
+    assert following(Member.RETURNING, unseen) is Member.HOLDING
+
+
 def test_an_outage_too_short_for_the_order_to_arrive_ends_at_once() -> None:
     assert following(Member.HOLDING, GUIDED) is Member.FLYING
 
 
-@pytest.mark.parametrize("member", [Member.FLYING, Member.HOLDING, Member.RETURNING])
+@pytest.mark.parametrize("member", [Member.FLYING, Member.UNHEARD, Member.HOLDING, Member.RETURNING])
 def test_a_pilots_choice_is_respected_until_the_pilot_gives_it_back(member: Member) -> None:
     parted = following(member, ELSEWHERE)
     assert parted is Member.PARTED
@@ -42,6 +51,7 @@ def test_a_pilots_choice_is_respected_until_the_pilot_gives_it_back(member: Memb
 def test_an_order_to_loiter_that_comes_late_is_taken_back_and_isnt_a_pilots_choice() -> None:
     """After an outage the vehicle flies in formation again before the order sent meanwhile reaches it."""
     late = replace(LOITERS, order_may_come=True)
-    assert following(Member.FLYING, late) is Member.RETURNING
-    assert following(Member.FLYING, LOITERS) is Member.PARTED
-    assert following(Member.FLYING, replace(ELSEWHERE, order_may_come=True)) is Member.PARTED
+    for member in (Member.FLYING, Member.UNHEARD):
+        assert following(member, late) is Member.RETURNING
+        assert following(member, LOITERS) is Member.PARTED
+        assert following(member, replace(ELSEWHERE, order_may_come=True)) is Member.PARTED
