@@ -132,7 +132,7 @@ class Vehicle:
         self.start_up = StartUp((wait,), abandoned=True)
 
     def heard_at(self, now: Instant) -> Instant:
-        """Return until when it is known to have heard the station: the time of its newest answer less the one-way delay.
+        """Return until when it is known to have heard the station: the time of its newest answer less the way back.
 
         Before the first answer, that is `now`.
         """
