@@ -65,8 +65,8 @@ class FrameWriter:
         sequence, self._sequence = self._sequence, (self._sequence + 1) & 0xFF
         if version == 2:
             payload = payload.rstrip(b"\0") or b"\0"
-            sender = (sequence, self.system, self.component, number & 0xFFFF, number >> 16)
-            body = _pack_header_v2(len(payload), 0, 0, *sender) + payload
+            low, high = number & 0xFFFF, number >> 16
+            body = _pack_header_v2(len(payload), 0, 0, sequence, self.system, self.component, low, high) + payload
         else:
             payload = payload[: codec.layout.base_length]
             body = _pack_header_v1(len(payload), sequence, self.system, self.component, number) + payload

@@ -31,8 +31,14 @@ class Identities:
         give_up: GiveUp,
     ) -> None:
         """Know `vehicles`; `networks[s]` is the network of socket s."""
-        self._vehicles = vehicles
         self._networks = networks
+        self._vehicles = {
+            (socket, identity.system): vehicle
+            for socket, network in enumerate(networks)
+            for identity, vehicle in vehicles.items()
+            if identity.network == network
+        }
+        """By socket and system id."""
         self._flight = flight
         self._note = note
         self._give_up = give_up
@@ -40,10 +46,9 @@ class Identities:
 
     def sender(self, frame: Frame, datagram: Datagram, now: Instant) -> Vehicle | None:
         """Return the vehicle whose autopilot sent a frame, None if another sender did."""
-        identity = VehicleId(self._networks[datagram.socket], frame.system)
-        vehicle = self._vehicles.get(identity)
+        vehicle = self._vehicles.get((datagram.socket, frame.system))
         if vehicle is None:
-            self._note_stranger(identity, frame, datagram, now)
+            self._note_stranger(VehicleId(self._networks[datagram.socket], frame.system), frame, datagram, now)
             return None
         if frame.component != m.MAV_COMP_ID_AUTOPILOT1 or _is_no_autopilots(frame.message):
             return None
@@ -54,7 +59,7 @@ class Identities:
             if kind == "address":
                 vehicle.sequence.restart()
             elif self._flight.phase is Phase.CONNECTING:
-                self._give_up(f"vehicle {identity}: {text}; allowed: each id once", now)
+                self._give_up(f"vehicle {vehicle.identity}: {text}; allowed: each id once", now)
         return vehicle if ruling.admitted else None
 
     def _note_stranger(self, identity: VehicleId, frame: Frame, datagram: Datagram, now: Instant) -> None:

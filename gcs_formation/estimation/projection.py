@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -152,7 +152,8 @@ class Prediction:
     def take(self, measured: Measured) -> WhenSetpointsAct:
         """Return the states when this tick's setpoints act."""
         lost = ~measured.active & (measured.acts - measured.stamps > LOST_S * NANOSECONDS)
-        measured = replace(measured, stamps=np.where(lost, measured.acts, measured.stamps))
+        stamps = np.where(lost, measured.acts, measured.stamps)
+        measured = Measured(measured.state, stamps, measured.active, measured.acts)
         self._samples.append((measured.stamps, measured.state.table))
         return WhenSetpointsAct(measured, self._samples, self._history, self._model, self._between_messages)
 

@@ -54,10 +54,10 @@ class Connection:
 
     def heard(self, now: Instant, *, heartbeat: bool) -> bool:
         """Record a frame; return whether the state changed."""
-        self.last_heard, alone = now, seconds_between(self.last_heartbeat, now) > MUTE_AFTER_S
+        self.last_heard = now
         if not heartbeat and self.state is not LinkState.STALE:
             return False
-        self.last_heartbeat = now
+        self.last_heartbeat, alone = now, seconds_between(self.last_heartbeat, now) > MUTE_AFTER_S
         if self.state is LinkState.CONNECTED or (self.state is LinkState.MUTE and alone):
             return False
         self.state = LinkState.CONNECTED

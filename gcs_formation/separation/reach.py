@@ -51,8 +51,9 @@ def bound(scene: Scene) -> Reach:
     traffic, state, told = scene.traffic, scene.traffic.state, scene.told
     lags, value = AirLags.of(traffic.model), state.air_motion
     along = np.array(scene.along)
-    error, to_told = np.abs(along - value), np.abs(told.air_motion - value)
-    error[1], to_told[1] = np.abs(wrap(error[1])), np.abs(wrap(to_told[1]))
+    errors = np.abs(np.array((along, told.air_motion)) - value)
+    errors[:, 1] = np.abs(wrap(errors[:, 1]))
+    error, to_told = errors
     first_s, horizon_s = traffic.lead_s + scene.times_s[1], traffic.lead_s + scene.times_s[-1]
     error += np.minimum(to_told / lags.tau_s, lags.rate_max) * first_s
     off = error * (first_s + lags.tau_s + COARSE_S / 2) + error**2 / (2 * lags.rate_max)
