@@ -141,6 +141,7 @@ CASES = [
     pytest.param(name, count, marks=[pytest.mark.slow] if (name, count) != ("star", 4) else [])
     for count in (4, 10)
     for name in ("path", "ring", "star", "complete")
+    if (name, count) != ("ring", 10)  # of the same largest eigenvalue, 4, as the ring of four
 ]
 
 
