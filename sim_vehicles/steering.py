@@ -25,8 +25,6 @@ class Steering:
         count = len(models)
         self.kind = np.zeros(count, dtype=np.int8)
         self._told = np.zeros((2, count))
-        self.speed_mps: Array = self._told[0]
-        self.direction_rad: Array = self._told[1]
         self.height_m: Array = np.zeros(count)
         self.accel_mps2: Array = np.full(count, np.inf)
         self.lateral_mps2: Array = np.full(count, np.inf)
@@ -37,6 +35,16 @@ class Steering:
         self.airborne = np.zeros(count, dtype=np.bool_)
         self._speed_min_mps = np.array([each.speed_min_mps for each in models])
         self._speed_max_mps = np.array([each.speed_max_mps for each in models])
+
+    @property
+    def speed_mps(self) -> Array:
+        """(N,) airspeeds; a view, not kept beside the table: in a copy of a fleet it would be another array."""
+        return self._told[0]
+
+    @property
+    def direction_rad(self) -> Array:
+        """(N,) headings or courses, a view likewise."""
+        return self._told[1]
 
     def commands(self, state: State, parameters: Parameters, drift_mps: Array) -> Command:
         """Return the model's commands for this cycle; vehicles on the ground stay there."""
