@@ -58,6 +58,8 @@ class Links(NamedTuple):
     """Whether it flies, as far as it can be heard."""
     heard: Instants
     """Until when it is known to have heard what it was told."""
+    disobeying: Mask
+    """Whether it doesn't seem to fly as it was told, though it hears it."""
 
 
 class FormationController:
@@ -148,7 +150,7 @@ class FormationController:
             self._bandwidth = self._bandwidth + self._gains_change * (self.bandwidth - self._bandwidth)
             situation = Situation(states, lead, slots, tick.active, self._bandwidth, self.separation.replaced)
             self._note(tick, self._law.decide(situation, self._dt_s), commanded_m)
-            self.separation.keep(tick, measured, links.heard)
+            self.separation.keep(tick, measured, links.heard, links.disobeying)
         self._judge_assembly(tick)
         self.last_tick = tick
         return tick

@@ -37,8 +37,14 @@ class Dispatch:
         self._columns = columns
         self._held = DelayQueue[tuple[Vehicle, Message]]()
 
-    def links(self, leader: int, now: Instant) -> Links:
-        """Return the present state of all links; `leader` is the leading column."""
+    def links(self, leader: int, disobeying: Mask, now: Instant) -> Links:
+        """Return the present state of all links.
+
+        Args:
+            leader: the leading column.
+            disobeying: (C,) columns that don't seem to fly as they were told.
+            now: the tick's instant.
+        """
         ready, delay_s, lag_s = np.zeros(self._count, dtype=bool), np.zeros(self._count), np.zeros(self._count)
         jitter_s, airborne = np.full(self._count, np.nan), np.ones(self._count, dtype=bool)
         heard = np.full(self._count, now, dtype=np.int64)
@@ -53,7 +59,7 @@ class Dispatch:
             lag_s[column] = vehicle.autopilot.loop_s / 2
         hold_s = self._hold_s(leader, ready, delay_s)
         lag_s[leader] += hold_s
-        return Links(ready, delay_s, jitter_s, lag_s, hold_s, airborne, heard)
+        return Links(ready, delay_s, jitter_s, lag_s, hold_s, airborne, heard, disobeying)
 
     def take(self, tick: Tick, hold_s: float, now: Instant) -> None:
         """Take a tick's setpoints; one that isn't finite is never sent."""

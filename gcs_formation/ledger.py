@@ -9,6 +9,7 @@ import numpy as np
 from airlink.clock import Instant, after, seconds_between
 from airlink.identity import VehicleId
 from formation_scenario import Scenario
+from gcs_formation.arrays import Mask
 from gcs_formation.controller import FormationController
 from gcs_formation.membership import Member
 from gcs_formation.obedience import CHANNELS, SETTLED_S, WINDOW_S, Disobedience, Obedience
@@ -41,6 +42,11 @@ class CommandLedger:
         """Those that were commanded and answered nothing."""
         self._commanded: dict[VehicleId, Instant] = {}
         """Since when each vehicle has been commanded without interruption."""
+
+    @property
+    def doubted(self) -> Mask:
+        """Columns that don't seem to follow the setpoints that they acknowledge, (C,)."""
+        return self._obedience.doubted
 
     def judge_answers(self, now: Instant) -> None:
         """Check that vehicles that are commanded and heard answer: events `uplink`, at the beginning and at the end."""

@@ -35,7 +35,7 @@ AIR_SIGMAS, AIR_MEMORY_S = 4.0, 60.0
 MISSED_SHARE = 0.75
 """A vehicle that falls short by more isn't following. One that does, as the model says, falls short by 0.3 at most, or
 overshoots; a real one, whose turns begin 0.6 s later than the model's, by 0.65 at the beginning of a bend."""
-CHECKS_BROKEN, CHECKS_MENDED = 4, 8
+CHECKS_DOUBTED, CHECKS_BROKEN, CHECKS_MENDED = 2, 4, 8
 CHANNELS = ("airspeed", "heading", "height")
 ROWS = [4, 5, 2]
 """Rows of a state's table that the channels are."""
@@ -72,6 +72,11 @@ class Obedience:
         self._next_check = Instant(0)
         self._bad = np.zeros((len(CHANNELS), self.broken.size), dtype=np.int64)
         self._good = np.zeros(self.broken.size, dtype=np.int64)
+
+    @property
+    def doubted(self) -> Mask:
+        """Columns that don't follow, or have missed what was expected in two checks in a row, (C,)."""
+        return self.broken | (self._bad >= CHECKS_DOUBTED).any(axis=0)
 
     def due(self, now: Instant) -> bool:
         """Whether a check is due."""

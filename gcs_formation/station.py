@@ -227,7 +227,7 @@ class Station:
         if self.flight.phase is Phase.LOITERING:
             return
         self._reconfiguration.advance(now, mission_s)
-        links = self._dispatch.links(controller.plan.leader, now)
+        links = self._dispatch.links(controller.plan.leader, self._ledger.doubted, now)
         tick = controller.step(now, mission_s, self.flight.phase.value, links)
         tick.margin_used[:] = self.margins.used
         self._dispatch.take(tick, links.hold_s, now)

@@ -15,10 +15,10 @@ from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, I
 from gcs_formation.estimation.predictor import SetpointHistory
 from gcs_formation.estimation.projection import Measured
 from gcs_formation.recorder import Tick
-from gcs_formation.separation.lost_uplink import LostUplink
 from gcs_formation.separation.manoeuvre import Traffic, sample_times
 from gcs_formation.separation.rule import Conflict, Memory, Resolution, resolve
 from gcs_formation.separation.scene import Scene
+from gcs_formation.separation.unresponsive import Unresponsive
 
 SLOT_SHARE = 0.8
 """Share of the distance of the two nearest slots that is kept at most: the rule doesn't fight the formation."""
@@ -57,7 +57,7 @@ class SeparationKeeper:
         self._virtual, self._predicted = scenario.leader is None, scenario.law.delay_compensation
         self._ground, self._clearance_m = ground_of(scenario), scenario.safety.clearance_m
         self._history, self._model = history, model
-        self._lost_uplink = LostUplink(history, model)
+        self._unresponsive = Unresponsive(history, model)
         self._dt_s = 1.0 / scenario.law.rate_hz
         self._times_s = sample_times(self._dt_s + RESERVE_S, self._keys.horizon_s)
         columns = model.tau_v_s.size
@@ -72,13 +72,14 @@ class SeparationKeeper:
         self.replaced: Mask = np.zeros((columns, 3), dtype=bool)
         """Speed, heading and height of each column: what the law asked for isn't what is flown."""
 
-    def keep(self, tick: Tick, measured: Measured, heard: Instants) -> None:
+    def keep(self, tick: Tick, measured: Measured, heard: Instants, disobeying: Mask) -> None:
         """Put setpoints that keep the distance in the place of a tick's, where those don't.
 
         Args:
             tick: with the law's setpoints; changed.
             measured: the newest states.
             heard: (C,) until when each vehicle is known to have heard what it was told.
+            disobeying: (C,) which don't seem to fly as they were told.
         """
         self.changes = []
         self.replaced[:] = False
@@ -86,11 +87,11 @@ class SeparationKeeper:
             return
         self._watch_turns(measured)
         self._watch_slots(tick.slots_m)
-        self._lost_uplink.watch(tick.now, heard)
+        self._unresponsive.watch(tick.now, heard, disobeying)
         members = self._members(tick, measured)
         if members.size < 2:
             return
-        scene = self._scene(tick, measured, members, self._lost_uplink.among(members))
+        scene = self._scene(tick, measured, members, self._unresponsive.among(members))
         resolution = resolve(scene, Memory(np.where(scene.commanded, self._side[scene.vehicles], 0.0)))
         self._replace(tick, scene.vehicles, resolution)
         self._note(tick.now, scene, resolution.conflicts)
@@ -118,8 +119,8 @@ class SeparationKeeper:
             return counted
         return np.concatenate(([leader], counted[counted != leader])).astype(np.intp)
 
-    def _scene(self, tick: Tick, measured: Measured, members: Indices, deaf: Indices) -> Scene:
-        """Return what the rule looks at; those that may be deaf come once more, where they then are."""
+    def _scene(self, tick: Tick, measured: Measured, members: Indices, unresponsive: Indices) -> Scene:
+        """Return what the rule looks at; those that may be unresponsive come once more, where they then are."""
         commanded = tick.active[members]
         acts = measured.acts[members]
         together = acts[commanded].max(initial=acts.min())
@@ -127,10 +128,10 @@ class SeparationKeeper:
         turn_rps: Array = np.where(commanded, 0.0, self._turn_rps[members])
         state = self._state(tick, measured, members, until, turn_rps)
         lead_s = (together - until) / NANOSECONDS
-        vehicles = np.concatenate((members, deaf))
-        if deaf.size:
-            unmoved = np.zeros(deaf.size)
-            twins = self._lost_uplink.states(deaf, measured, together)
+        vehicles = np.concatenate((members, unresponsive))
+        if unresponsive.size:
+            unmoved = np.zeros(unresponsive.size)
+            twins = self._unresponsive.states(unresponsive, measured, together)
             state = FlightState.of(np.concatenate((state.table, twins.table), axis=1))
             lead_s, turn_rps = np.concatenate((lead_s, unmoved)), np.concatenate((turn_rps, unmoved))
             commanded = np.concatenate((commanded, unmoved > 0))
