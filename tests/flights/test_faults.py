@@ -184,6 +184,7 @@ def test_a_station_that_is_stopped_does_not_take_its_own_pause_for_delay(moment_
     assert not world.words("delay_margin")
 
 
+@pytest.mark.slow
 def test_an_order_to_loiter_that_arrives_after_the_link_is_back_is_taken_back(fly: Fly, tmp_path: Path) -> None:
     """Over 0.6 s of delay the order that was sent last meets a vehicle that flies in the formation again."""
     outage = [{"at_s": 5, "vehicles": [3], "outage": True}, {"at_s": 35.5, "vehicles": [3], "outage": False}]

@@ -93,6 +93,7 @@ def emulators_of(path: Path) -> list[str]:
     return lines
 
 
+@pytest.mark.slow
 def test_run_over_udp_is_as_good_as_under_the_virtual_clock(path: Path, tmp_path: Path) -> None:
     out = tmp_path / "run"
     keys = ["--speedup", "4", "--set", "duration_s=10"]

@@ -24,7 +24,9 @@ DELAYED = {"default": {"delay_ms": 40}}
 in_peace = cache(lambda delayed: fly(DURATION_S, Siege(links=DELAYED if delayed else {})))
 
 
-@pytest.mark.parametrize(("end", "delayed"), [("station", False), ("station", True), ("vehicles", False)])
+@pytest.mark.parametrize(
+    ("end", "delayed"), [("station", False), pytest.param("station", True, marks=pytest.mark.slow), ("vehicles", False)]
+)
 def test_strangers_change_nothing(end: End, delayed: bool) -> None:
     peace = in_peace(delayed)
     flown = fly(DURATION_S, Siege(1, CROWD, end, links=DELAYED if delayed else {}))

@@ -138,13 +138,14 @@ def amplitudes(series: dict[str, Array], which: str, vectors: Array, period_s: f
 
 
 CASES = [
-    pytest.param(name, count, marks=[pytest.mark.slow] if (name, count) != ("star", 4) else [])
+    (name, count)
     for count in (4, 10)
     for name in ("path", "ring", "star", "complete")
     if (name, count) != ("ring", 10)  # of the same largest eigenvalue, 4, as the ring of four
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.9, 1.1])
 @pytest.mark.parametrize(("name", "count"), CASES)
 def test_a_perturbation_of_1_m_decays_below_the_margin_and_grows_above(

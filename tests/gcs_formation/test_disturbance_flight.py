@@ -84,6 +84,7 @@ def test_the_true_disturbance_is_in_the_time_series_of_those_that_it_carries(pla
         assert not spared[column].any()
 
 
+@pytest.mark.slow
 def test_noise_and_turbulence_are_the_same_bytes_with_the_same_seed(plan):
     rough = plan(duration_s=4, start={"in_air": True, "run_in_s": 8}, vehicles=NOISY, disturbances=TURBULENCE)
     one, again, other = rough.fly(), rough.fly(), rough.with_keys(seed=2).fly()

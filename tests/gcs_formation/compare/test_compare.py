@@ -34,6 +34,7 @@ def scenario(tmp_path):
     return str(file)
 
 
+@pytest.mark.slow
 def test_each_laws_figures_are_those_of_its_record(scenario, tmp_path):
     out = tmp_path / "laws"
     laws = ["--laws", "pid,fuzzy_pid", "--from", "2", "--to", "10", "--jobs", "2"]

@@ -53,7 +53,7 @@ def eventful(make_run):
         pytest.param(None, {"flown_s": 20.0, "begun": False}, marks=pytest.mark.slow),
         pytest.param(straight([{"id": 1, "role": "leader"}]), {}, marks=pytest.mark.slow),
         pytest.param(straight([{"id": 2}, {"id": 3}]), {}, marks=pytest.mark.slow),
-        (straight({"count": 40}, formation={"shape": "triangle"}), {}),
+        pytest.param(straight({"count": 40}, formation={"shape": "triangle"}), {}, marks=pytest.mark.slow),
     ],
     ids=[
         "crash, by telemetry",

@@ -104,6 +104,7 @@ def test_embedded_tracks_are_recorded_places(report):
         np.testing.assert_allclose(shown, run.whole.place(vehicle)[at], atol=0.051)
 
 
+@pytest.mark.slow
 def test_a_hundred_vehicles_fit_in_2_megabytes(make_run):
     scenario = straight(100, 150, formation={"shape": "triangle"})
     data = embedded(load_run(make_run(scenario)))
