@@ -28,6 +28,8 @@ LEAST_CHANGE = np.array((1.0, 0.04, 1.5))
 """Airspeed in m/s, heading in rad, height in m: smaller expected changes within the window aren't judged."""
 SIGMAS = 4.0
 """To that, this many standard deviations of the telemetry's noise are added."""
+FAST_SHARE = 0.9
+"""Share of the highest airspeed above which climbs aren't judged: hardly any power is left for them."""
 RISING_AIR_MPS = 1.5
 """Vertical air motion that may keep a vehicle from its height, and that telemetry doesn't show."""
 AIR_SIGMAS, AIR_MEMORY_S = 4.0, 60.0
@@ -104,6 +106,9 @@ class Obedience:
         expected, flown = self._changes(stamps, state.table)
         settled = settled.copy()
         settled[ENERGY] &= ~self._climbed | (commanded_s >= LEVELS_OUT_S)
+        before = FlightState.of(self._past[0][1])
+        fast = np.maximum(state.airspeed_mps, before.airspeed_mps) > FAST_SHARE * self._model.speed_max_mps
+        settled[HEIGHT] &= ~(fast & (expected[HEIGHT] > 0.0))
         missed = self._missed(expected, flown, settled)
         self._bad = np.where(missed, self._bad + 1, 0)
         self._good = np.where((settled & ~missed).all(axis=0), self._good + 1, 0)

@@ -122,6 +122,7 @@ def test_fly_against_vehicles_started_by_hand(path: Path, tmp_path: Path) -> Non
     assert worst_rms_m(summary) < 1.0  # as the law saw it: what a busy machine adds to stamps is in it
 
 
+@pytest.mark.slow
 def test_ctrl_c_has_the_vehicles_loiter_and_leaves_a_whole_record(path: Path, tmp_path: Path) -> None:
     out = tmp_path / "run"
     with started([*STATION, "run", str(path), "--speedup", "4", "--out", str(out)]) as station:

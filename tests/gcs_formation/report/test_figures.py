@@ -46,7 +46,7 @@ def eventful(make_run):
 @pytest.mark.parametrize(
     ("scenario", "options"),
     [
-        (None, {"crash": True, "truth": False, "unseen": slice(300, 900)}),
+        pytest.param(None, {"crash": True, "truth": False, "unseen": slice(300, 900)}, marks=pytest.mark.slow),
         pytest.param(None, {"truth": False, "unseen": slice(None)}, marks=pytest.mark.slow),
         pytest.param(None, {"flown_s": 3.0}, marks=pytest.mark.slow),
         (None, {"flown_s": 0.0}),
