@@ -121,22 +121,20 @@ class SeparationKeeper:
 
     def _scene(self, tick: Tick, measured: Measured, members: Indices, unresponsive: Indices) -> Scene:
         """Return what the rule looks at; those that may be unresponsive come once more, where they then are."""
-        commanded = tick.active[members]
+        responding = tick.active[members]
         acts = measured.acts[members]
-        together = acts[commanded].max(initial=acts.min())
-        until: Instants = np.where(commanded, acts, together)
-        turn_rps: Array = np.where(commanded, 0.0, self._turn_rps[members])
+        together = acts[responding].max(initial=acts.min())
+        until: Instants = np.where(responding, acts, together)
+        turn_rps: Array = np.where(responding, 0.0, self._turn_rps[members])
         state = self._state(tick, measured, members, until, turn_rps)
-        lead_s = (together - until) / NANOSECONDS
+        traffic = Traffic(state, (together - until) / NANOSECONDS, turn_rps, self._model.take(members))
         vehicles = np.concatenate((members, unresponsive))
+        commanded = tick.active[vehicles]
         if unresponsive.size:
-            unmoved = np.zeros(unresponsive.size)
-            twins = self._unresponsive.states(unresponsive, measured, together)
-            state = FlightState.of(np.concatenate((state.table, twins.table), axis=1))
-            lead_s, turn_rps = np.concatenate((lead_s, unmoved)), np.concatenate((turn_rps, unmoved))
-            commanded = np.concatenate((commanded, unmoved > 0))
+            traffic = traffic.beside(self._unresponsive.traffic(unresponsive, measured, together))
+            commanded[members.size :] = False
         return Scene(
-            traffic=Traffic(state, lead_s, turn_rps, self._model.take(vehicles)),
+            traffic=traffic,
             told=Setpoints.of(np.where(commanded, tick.setpoints.table[:, vehicles], np.nan)),
             commanded=commanded,
             vehicles=vehicles,

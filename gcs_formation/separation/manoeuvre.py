@@ -64,6 +64,15 @@ class Traffic:
         """Return the columns of the vehicles at `which`, repeated as often as named."""
         return Traffic(self.state.take(which), self.lead_s[which], self.turn_rps[which], self.model.take(which))
 
+    def beside(self, other: Traffic) -> Traffic:
+        """Return these vehicles and others, in this order."""
+        return Traffic(
+            FlightState.of(np.concatenate((self.state.table, other.state.table), axis=1)),
+            np.concatenate((self.lead_s, other.lead_s)),
+            np.concatenate((self.turn_rps, other.turn_rps)),
+            AutopilotModel.of(np.concatenate((self.model.table, other.model.table), axis=1)),
+        )
+
 
 def sample_times(first_s: float, horizon_s: float) -> Array:
     """Return the instants (S,) at which a manoeuvre is looked at: 0, `first_s`, and so on to the horizon."""

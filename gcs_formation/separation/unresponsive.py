@@ -6,9 +6,10 @@ import numpy as np
 
 from airlink.clock import NANOSECONDS, Instant
 from gcs_formation.arrays import Instants, Mask
-from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Indices, Setpoints
+from gcs_formation.estimation.flight_state import AutopilotModel, Indices, Setpoints
 from gcs_formation.estimation.predictor import SetpointHistory, advance
 from gcs_formation.estimation.projection import Measured
+from gcs_formation.separation.manoeuvre import Traffic
 from gcs_formation.vehicle.vehicle import UNANSWERED_S
 
 
@@ -41,8 +42,9 @@ class Unresponsive:
         """Return those of some vehicles that may not respond."""
         return members[(self._unanswering | self._disobeying)[members]]
 
-    def states(self, which: Indices, measured: Measured, until: np.int64) -> FlightState:
-        """Return where vehicles are at `until` that haven't responded since."""
-        elapsed_s = np.maximum(until - measured.stamps[which], 0) / NANOSECONDS
-        told = np.where(self._unanswering[which], self._held.take(which).table, np.nan)
-        return advance(measured.state.take(which), told[None], elapsed_s[None], self._model.take(which))
+    def traffic(self, which: Indices, measured: Measured, at: np.int64) -> Traffic:
+        """Return vehicles as they are at the instant `at` if they haven't responded since."""
+        elapsed_s = np.maximum(at - measured.stamps[which], 0) / NANOSECONDS
+        told, model = np.where(self._unanswering[which], self._held.take(which).table, np.nan), self._model.take(which)
+        state = advance(measured.state.take(which), told[None], elapsed_s[None], model)
+        return Traffic(state, np.zeros(which.size), np.zeros(which.size), model)
