@@ -162,19 +162,32 @@ def test_headings_are_judged_all_the_time() -> None:
     assert at_s < 4.0 + 5.0
 
 
+@pytest.mark.parametrize(
+    ("airspeed_mps", "height_m", "channels"), [(24.0, 110.0, ["height"]), (27.0, 110.0, []), (27.0, 90.0, ["height"])]
+)
+def test_climbs_are_not_judged_near_the_highest_airspeed_where_no_power_is_left_for_them(
+    airspeed_mps: float, height_m: float, channels: list[str]
+) -> None:
+    """It flies level at the airspeed that it's told, of 28 m/s at most, and ignores the height."""
+    found = judged(lambda _: airspeed_mps, lambda _: 0.0, 0.1, told_mps=airspeed_mps, told_m=height_m)
+    assert [channel for channel, _ in found] == channels
+
+
 def judged(
     airspeed_mps: Callable[[float], float],
     climb_mps: Callable[[float], float],
     told_from_s: float = 4.0,
     heading_rad: float = 0.0,
+    told_mps: float = 27.0,
+    told_m: float = 100.0,
 ) -> list[tuple[str, float]]:
-    """Take a vehicle over at 0 s, tell it 27 m/s and a heading from a time on; return what is found, and when."""
+    """Take a vehicle over at 0 s, tell it speed, heading and height from a time on; return what is found, and when."""
     planned, history, state = load_scenario(scenario()), SetpointHistory(10.0), np.zeros((8, 3))
     obedience, found, state[2] = Obedience(planned, history), list[tuple[str, float]](), 100.0
     settled = np.zeros((3, 3), dtype=bool)
     for tick in range(400):
         now, at_s = after(START, 0.1 * tick), 0.1 * tick
-        told = (27.0, heading_rad, 100.0) if at_s >= told_from_s else (22.0, 0.0, 100.0)
+        told = (told_mps, heading_rad, told_m) if at_s >= told_from_s else (22.0, 0.0, 100.0)
         history.add(SentSetpoints(np.full(3, now), Setpoints(*(np.full(3, value) for value in told))))
         state[3], state[4], settled[:, 1] = climb_mps(at_s), airspeed_mps(at_s), at_s >= SETTLED_S
         flown = FlightState(*state.copy())
