@@ -14,7 +14,7 @@ from formation_scenario.describe import problems_of
 from formation_scenario.errors import Problem, ScenarioError
 from formation_scenario.feasibility import check
 from formation_scenario.model import Scenario
-from formation_scenario.overrides import apply_overrides
+from formation_scenario.overrides import OPTION, apply_overrides
 from formation_scenario.resolve import resolve
 from formation_scenario.rules import inconsistencies
 from formation_scenario.source import Dumper, Key, Plain, Source, plain_mapping, read_file
@@ -23,17 +23,20 @@ from formation_scenario.vehicles import VehicleGroup
 ONE_VEHICLE: dict[Key, Plain] = {"id": 1, "role": "leader"}
 
 
-def load_scenario(source: str | Path | Mapping[Any, Any] | Scenario, overrides: Sequence[str] = ()) -> Scenario:
+def load_scenario(
+    source: str | Path | Mapping[Any, Any] | Scenario, overrides: Sequence[str] = (), option: str = OPTION
+) -> Scenario:
     """Return a scenario, validated, with every default filled in.
 
     Args:
         source: a YAML file, the mapping that it would hold, or a scenario.
         overrides: `dotted.key=value` settings, the values in YAML.
+        option: what stands before an override in messages; "" where it was no command's option.
 
     Raises:
         ScenarioError: the scenario can't be read, has values that aren't allowed, contradicts itself or can't be flown.
     """
-    read = apply_overrides(_read(source), overrides)
+    read = apply_overrides(_read(source), overrides, option)
     scenario, resolved = _typed(read)
     problems = inconsistencies(scenario, resolved) or check(scenario, resolved)
     if problems:

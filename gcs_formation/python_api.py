@@ -3,23 +3,41 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
-
+from airlink.cli.directory import default_directory
 from formation_scenario import Scenario, load_scenario
 from formation_scenario.orders import parse_order
+from formation_scenario.overrides import settings
 from gcs_formation.answer import Answer
-from gcs_formation.app.directory import default_directory
 from gcs_formation.app.interrupt import Interrupts
 from gcs_formation.app.options import ClockName, RunOptions
 from gcs_formation.app.progress import Silent
 from gcs_formation.app.run import run as run_scenario
 from gcs_formation.app.steering import tell as give_order
-from gcs_formation.record.summary import Summary
+from gcs_formation.record.summary import Summary as RecordedSummary
 
 __all__ = ["Answer", "Summary", "run", "tell"]
+
+
+@dataclass(frozen=True)
+class Summary(RecordedSummary):
+    """The figures of a finished run, and where it is recorded."""
+
+    run_dir: Path
+    """run.yaml, flight.tlog, timeseries.parquet, events.jsonl and summary.json are here."""
+
+    def report(self) -> Path:
+        """Draw the figures and the page, as `gcs-formation report` does; return the path of report.html.
+
+        Raises:
+            RecordError: the run directory can't be read or written.
+        """
+        from gcs_formation.report import write_report  # noqa: PLC0415 - drawing needs twice the imports of flying
+
+        return write_report(self.run_dir)
 
 
 def run(
@@ -29,6 +47,7 @@ def run(
     speedup: float = 1.0,
     until: float | None = None,
     out: str | Path | None = None,
+    overwrite: bool = False,
     **overrides: Any,
 ) -> Summary:
     """Fly a scenario with emulated vehicles and return its summary.
@@ -38,23 +57,26 @@ def run(
         clock: "real" or "virtual", as the command's option.
         speedup: under the real clock, how many times faster.
         until: mission time in seconds at which to end early.
-        out: the run directory; default: runs/NAME-TIME.
+        out: the run directory, new or empty; default: runs/NAME-TIME.
+        overwrite: replace an earlier run in `out`.
         **overrides: scenario keys instead of the scenario's own; `__` stands for a dot: `law__rate_hz=5`.
 
     Raises:
         ScenarioError: the scenario or an override is wrong; nothing was started.
-        ValueError: `clock`, `speedup` or `until` is wrong.
+        ValueError: `clock`, `speedup`, `until` or `out` is wrong.
         RunAbortedError: a port is taken, a vehicle refused, the emulators ended.
-        RecordError: the run directory can't be written.
+        RecordError: the run directory holds other files or an earlier run, or it can't be written.
     """
-    settings = [f"{key.replace('__', '.')}={_as_yaml(value)}" for key, value in overrides.items()]
-    loaded = load_scenario(scenario, settings)
+    if out == "":
+        raise ValueError("out: found ''; allowed: a directory")
+    loaded = load_scenario(scenario, settings(overrides), option="")
     directory = default_directory(loaded.name) if out is None else Path(out)
+    options = RunOptions(directory, clock, speedup, until, overwrite)
     with Interrupts() as interrupts:
-        summary = run_scenario(loaded, RunOptions(directory, clock, speedup, until), Silent(), interrupts)
+        summary = run_scenario(loaded, options, Silent(), interrupts)
     if interrupts.count:
         raise KeyboardInterrupt
-    return summary
+    return Summary(summary.figures, summary.verdicts, summary.breaches, directory)
 
 
 def tell(run_dir: str | Path, order: str) -> Answer:
@@ -70,7 +92,3 @@ def tell(run_dir: str | Path, order: str) -> Answer:
     """
     parse_order(order)
     return give_order(Path(run_dir), order)
-
-
-def _as_yaml(value: object) -> str:
-    return yaml.safe_dump(value, default_flow_style=True, width=10**9).removesuffix("\n...\n").strip()

@@ -22,6 +22,8 @@ class RunOptions:
     clock: ClockName = "real"
     speedup: float = 1.0
     until_s: float | None = None
+    overwrite: bool = False
+    """Whether an earlier run in `out` may be replaced."""
 
     def __post_init__(self) -> None:
         """Refuse values that the command line refuses as well."""
@@ -29,5 +31,8 @@ class RunOptions:
             raise ValueError(f"clock: found {self.clock!r}; allowed: {', '.join(get_args(ClockName))}")
         if not 0.01 <= self.speedup <= 1000.0:
             raise ValueError(f"speedup: found {self.speedup!r}; allowed: a number from 0.01 to 1000")
+        if self.clock == "virtual" and self.speedup != 1.0:
+            found = f"found {self.speedup:g} under the virtual clock, which is as fast as the processor allows"
+            raise ValueError(f"speedup: {found}; allowed: none, or the real clock")
         if self.until_s is not None and not 0.0 <= self.until_s < math.inf:
             raise ValueError(f"until: found {self.until_s!r}; allowed: a number >= 0")

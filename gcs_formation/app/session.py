@@ -153,11 +153,11 @@ def open_session(
     """Return a session with an open record.
 
     Raises:
-        RecordError: the run directory can't be written.
+        RecordError: the run directory can't be written, or holds other files.
     """
     leader = scenario.leader.vehicle_id if scenario.leader else None
     columns = (leader, *(vehicle.vehicle_id for vehicle in scenario.followers))
-    recorder = RunDirectory(options.out, scenario, columns, _epoch_us(clock))
+    recorder = RunDirectory(options.out, scenario, columns, _epoch_us(clock), overwrite=options.overwrite)
     station = Station(scenario, recorder, options.until_s)
     return Session(scenario, options, clock, station, recorder, progress, interrupts)
 

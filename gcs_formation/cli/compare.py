@@ -8,10 +8,10 @@ from typing import Any
 
 import click
 
-from airlink.cli.arguments import SECONDS, SEED, WholeNumber
+from airlink.cli.arguments import OUT, SECONDS, SEED, WholeNumber
+from airlink.cli.directory import default_directory
 from airlink.cli.status import Status, fail, say
 from formation_scenario import ScenarioError
-from gcs_formation.app.directory import default_directory
 from gcs_formation.cli import usage
 from gcs_formation.compare.command import Compared, CompareOptions, compare_laws
 from gcs_formation.errors import RecordError, RunAbortedError
@@ -26,7 +26,8 @@ from gcs_formation.errors import RecordError, RunAbortedError
 @click.option("--seed", type=SEED, help="Instead of the scenario's.")
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key (repeatable).")
 @click.option("--jobs", type=WholeNumber(1), default=1, show_default=True, help="Flights at a time.")
-@click.option("--out", type=click.Path(path_type=Path), help="Directory of it all; default: runs/NAME-TIME.")
+@click.option("--out", type=OUT, help="Directory of it all; default: runs/NAME-TIME.")
+@click.option("--overwrite", is_flag=True, help="Replace an earlier comparison in --out.")
 @click.option("--json", "as_json", is_flag=True, help="The figures alone on standard output, as JSON.")
 def compare(seed: int | None, overrides: tuple[str, ...], out: Path | None, as_json: bool, **given: Any) -> None:
     """Fly SCENARIO by each of several laws, on one seed under the virtual clock, and set them side by side.

@@ -12,10 +12,10 @@ from typing import Any, TypeVar
 import click
 from rich.console import Console
 
-from airlink.cli.arguments import SECONDS, SEED, Number
-from airlink.cli.status import Status, say
+from airlink.cli.arguments import OUT, SECONDS, SEED, Number
+from airlink.cli.directory import default_directory
+from airlink.cli.status import Status, fail, say
 from formation_scenario import Scenario
-from gcs_formation.app.directory import default_directory
 from gcs_formation.app.fly import fly as fly_scenario
 from gcs_formation.app.interrupt import Interrupts
 from gcs_formation.app.options import ClockName, RunOptions
@@ -45,7 +45,8 @@ def _options(command: Command) -> Command:
             click.option("--until", type=SECONDS, metavar="SECONDS", help="End the flight at this time."),
             click.option("--seed", type=SEED, help="Instead of the scenario's."),
             click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key (repeatable)."),
-            click.option("--out", type=click.Path(path_type=Path), help="Run directory; default: runs/NAME-TIME."),
+            click.option("--out", type=OUT, help="Run directory; default: runs/NAME-TIME."),
+            click.option("--overwrite", is_flag=True, help="Replace an earlier run in --out."),
             click.option("--quiet", is_flag=True, help="Say nothing but errors."),
             click.option("--json", "as_json", is_flag=True, help="The summary alone on standard output."),
         )
@@ -84,6 +85,7 @@ class _Given:
     seed: int | None
     overrides: tuple[str, ...]
     out: Path | None
+    overwrite: bool
     quiet: bool
     as_json: bool
 
@@ -92,7 +94,7 @@ def _fly(flown: Flown, clock: ClockName, given: _Given) -> Status:
     seed = () if given.seed is None else (f"seed={given.seed}",)
     with Interrupts() as interrupts:
         loaded = load(given.scenario, (*given.overrides, *seed))
-        options = RunOptions(given.out or default_directory(loaded.name), clock, given.speedup, given.until)
+        options = _run_options(loaded, clock, given)
         console = Console(stderr=True)
         shown = ProgressLine(console) if console.is_terminal and not given.quiet else Silent()
         try:
@@ -105,6 +107,14 @@ def _fly(flown: Flown, clock: ClockName, given: _Given) -> Status:
             if isinstance(shown, ProgressLine):
                 shown.close()
         return _conclude(summary, options, interrupts, given)
+
+
+def _run_options(loaded: Scenario, clock: ClockName, given: _Given) -> RunOptions:
+    out = given.out or default_directory(loaded.name)
+    try:
+        return RunOptions(out, clock, given.speedup, given.until, given.overwrite)
+    except ValueError as error:
+        fail(str(error))
 
 
 def _conclude(summary: Summary, options: RunOptions, interrupts: Interrupts, given: _Given) -> Status:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from airlink.cli.arguments import SEED, WholeNumber
+from airlink.cli.arguments import OUT, SEED, WholeNumber
 from airlink.cli.status import Status, fail
 from gcs_formation.cli import usage
 from gcs_formation.errors import RecordError
@@ -21,8 +21,9 @@ from gcs_formation.stress.scenarios import HARD, USUAL
 @click.option("--seed", type=SEED, default=1, show_default=True, help="Seed of the first; then one more.")
 @click.option("--jobs", type=WholeNumber(1), default=os.cpu_count() or 1, help="Flights at a time; default: cores.")
 @click.option("--hard", is_flag=True, help="Longer trouble, faster flights, stronger wind: three times the time.")
-@click.option("--out", type=click.Path(path_type=Path), help="Keep the record of the one flight here (--count 1).")
-def stress(count: int, seed: int, jobs: int, hard: bool, out: Path | None) -> None:
+@click.option("--out", type=OUT, help="Keep the record of the one flight here (--count 1).")
+@click.option("--overwrite", is_flag=True, help="Replace an earlier run in --out.")
+def stress(count: int, seed: int, jobs: int, hard: bool, out: Path | None, overwrite: bool) -> None:
     """Fly seeded random scenarios under the virtual clock and look for what must never be.
 
     Each seed is a short flight with random shape, path, rates, links, wind, disturbances and faults. Its record is held
@@ -32,7 +33,8 @@ def stress(count: int, seed: int, jobs: int, hard: bool, out: Path | None) -> No
     if out is not None and count != 1:
         fail(f"--out: found --count {count}; allowed: --count 1, whose record it keeps")
     severity, again = (HARD, "stress --hard") if hard else (USUAL, "stress")
-    trials = map(fly_seed, [seed], [out], [severity]) if out else fly_seeds(seed, count, min(jobs, count), severity)
+    alone = (fly_seed(seed, each, severity, overwrite=overwrite) for each in ([out] if out else []))
+    trials = alone if out else fly_seeds(seed, count, min(jobs, count), severity)
     flown, wrong = 0, 0
     try:
         for trial in trials:

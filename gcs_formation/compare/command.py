@@ -6,13 +6,15 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
+from airlink.cli.directory import refusal
 from formation_scenario import Problem, Scenario, ScenarioError, load_scenario
 from gcs_formation.app.interrupt import Interrupts
 from gcs_formation.compare.comparison import Comparison, Window, compare_flights
 from gcs_formation.compare.flights import Flown, fly_trials, trials
 from gcs_formation.compare.laws import named_laws
 from gcs_formation.compare.table import comparison_text
-from gcs_formation.compare.write import write_comparison
+from gcs_formation.compare.write import NAME, write_comparison
+from gcs_formation.errors import RecordError
 
 
 @dataclass(frozen=True)
@@ -27,6 +29,7 @@ class CompareOptions:
     to_s: float | None = None
     until_s: float | None = None
     jobs: int = 1
+    overwrite: bool = False
 
 
 @dataclass(frozen=True)
@@ -67,12 +70,13 @@ def compare_laws(options: CompareOptions) -> Compared:
 
     Raises:
         ScenarioError: the scenario, an override or a law's name is wrong; nothing was started.
-        RecordError: a run directory or the comparison can't be written.
+        RecordError: the directory holds an earlier comparison or other files, or it can't be written.
         RunAbortedError: a process that flew was ended from outside.
     """
     laws = named_laws(options.laws)
     scenario = load_scenario(options.scenario, options.overrides)
     window = _window(scenario, options)
+    _claim(options.out, overwrite=options.overwrite)
     planned = trials(options.scenario, options.overrides, laws, options.out)
     with Interrupts() as interrupts:
         flown = fly_trials(planned, options.until_s, min(options.jobs, len(planned)), interrupts)
@@ -85,6 +89,15 @@ def compare_laws(options: CompareOptions) -> Compared:
         window,
     )
     return Compared(comparison, tuple(flown), write_comparison(comparison, options.out), stopped)
+
+
+def _claim(out: Path, *, overwrite: bool) -> None:
+    try:
+        refused = refusal(out, overwrite=overwrite, mark=f"{NAME}.json")
+    except OSError as error:
+        raise RecordError(f"cannot read {out}: {error.strerror}; allowed: a directory that can be written") from error
+    if refused is not None:
+        raise RecordError(refused)
 
 
 def _window(scenario: Scenario, options: CompareOptions) -> Window:

@@ -85,7 +85,7 @@ def fly_trial(trial: Trial, until_s: float | None) -> Flown:
     Raises:
         RecordError: the run directory can't be written.
     """
-    options = RunOptions(trial.directory, "virtual", until_s=until_s)
+    options = RunOptions(trial.directory, "virtual", until_s=until_s, overwrite=True)
     with Interrupts() as interrupts:
         try:
             summary = run(trial.scenario, options, Silent(), interrupts)

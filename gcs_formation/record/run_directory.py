@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TextIO
 
+from airlink.cli.directory import RUN, refusal
 from airlink.clock import NANOSECONDS, Instant
 from airlink.identity import VehicleId
 from formation_scenario import Scenario, dump_scenario
@@ -17,7 +18,7 @@ from gcs_formation.record.timeseries import TickSpool
 from gcs_formation.record.tlog import TlogWriter
 from gcs_formation.recorder import Event, Tick
 
-SCENARIO = "run.yaml"
+SCENARIO = RUN
 TLOG = "flight.tlog"
 EVENTS = "events.jsonl"
 SPOOL = "timeseries.arrows"
@@ -33,14 +34,25 @@ EVENT_SCHEMA = 1
 class RunDirectory:
     """Records a flight (a `Recorder`), flushed every second so that a crash costs no more than that."""
 
-    def __init__(self, path: Path, scenario: Scenario, columns: Sequence[VehicleId | None], epoch_us: int) -> None:
-        """Create the directory and its files, in place of an earlier run's.
+    def __init__(
+        self,
+        path: Path,
+        scenario: Scenario,
+        columns: Sequence[VehicleId | None],
+        epoch_us: int,
+        *,
+        overwrite: bool = False,
+    ) -> None:
+        """Create the directory and its files; with `overwrite` in place of an earlier run's.
 
         Raises:
-            RecordError: it can't be written, or another run is recording into it.
+            RecordError: it holds other files or an earlier run, it can't be written, or another run is recording there.
         """
         self.path = path
         try:
+            refused = refusal(path, overwrite=overwrite)
+            if refused is not None:
+                raise RecordError(refused)
             path.mkdir(parents=True, exist_ok=True)
             self._events = _own(path / EVENTS)
             for stale in (path / SUMMARY, path / TIMESERIES, path / REPORT, *(path / FIGURES).glob("*.png")):

@@ -34,13 +34,14 @@ class Trial:
     """What wasn't so, in words."""
 
 
-def fly_seed(seed: int, out: Path | None = None, severity: Severity = USUAL) -> Trial:
+def fly_seed(seed: int, out: Path | None = None, severity: Severity = USUAL, *, overwrite: bool = False) -> Trial:
     """Fly one seed under the virtual clock and hold its record against the invariants.
 
     Args:
         seed: of the scenario and everything random in it.
         out: where the record is kept; by default nowhere.
         severity: of what is drawn.
+        overwrite: whether an earlier run there may be replaced.
 
     Raises:
         RecordError: `out` can't be written.
@@ -48,10 +49,10 @@ def fly_seed(seed: int, out: Path | None = None, severity: Severity = USUAL) -> 
     scenario = draw(seed, severity)
     with tempfile.TemporaryDirectory() as scratch:
         directory = out or Path(scratch) / "flight"
-        wrong = _fly(scenario, directory)
+        wrong = _fly(scenario, RunOptions(directory, "virtual", overwrite=overwrite))
         if not wrong and seed % REPEATED_EVERY == 0:
             again = Path(scratch) / "again"
-            _fly(scenario, again)
+            _fly(scenario, RunOptions(again, "virtual"))
             if _digest(directory) != _digest(again):
                 wrong = ["repeatable: flown again, the record differs"]
     return Trial(seed, scenario.duration_s, tuple(wrong))
@@ -68,16 +69,16 @@ def fly_seeds(first: int, count: int, jobs: int, severity: Severity = USUAL) -> 
             yield flight.result()
 
 
-def _fly(scenario: Scenario, directory: Path) -> list[str]:
+def _fly(scenario: Scenario, options: RunOptions) -> list[str]:
     try:
-        run(scenario, RunOptions(directory, "virtual"), Silent(), Interrupts())
+        run(scenario, options, Silent(), Interrupts())
     except RecordError:
         raise
     except RunAbortedError as error:
         return [f"completed: {error}"]
     except Exception as error:  # noqa: BLE001 - what this looks for; the seed says where to find it again
         return [f"completed: raised {error!r}"]
-    return broken(read_flown(directory, scenario))
+    return broken(read_flown(options.out, scenario))
 
 
 def _digest(directory: Path) -> str:

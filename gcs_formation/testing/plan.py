@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from formation_scenario import Scenario, load_scenario
-from formation_scenario.source import plain_mapping, show
+from formation_scenario.overrides import settings
 from gcs_formation.app.fly import fly
 from gcs_formation.app.interrupt import Interrupts
 from gcs_formation.app.options import ClockName, RunOptions
@@ -24,7 +24,6 @@ VehicleName = int | str
 """A vehicle's id, or "network:id"."""
 Vehicles = VehicleName | Sequence[VehicleName]
 """One or several vehicles, or "all"."""
-LONGEST = 10**6
 
 
 @dataclass(frozen=True)
@@ -65,8 +64,7 @@ class Plan:
 
     def with_keys(self, **keys: Any) -> Plan:
         """Replace keys of the scenario, `__` standing for a dot: `with_keys(seed=7, law__rate_hz=5)`."""
-        named = plain_mapping({name.replace("__", "."): value for name, value in keys.items()})
-        return replace(self, settings=(*self.settings, *(f"{name}={show(named[name], LONGEST)}" for name in named)))
+        return replace(self, settings=(*self.settings, *settings(keys)))
 
     def with_link(self, vehicle: Vehicles = "all", *, from_s: float = 0.0, **impairment: Any) -> Plan:
         """Impair the link of one vehicle, several, or all, from a time of the flight on.
@@ -98,32 +96,31 @@ class Plan:
         """Fly the emulated vehicles over UDP under the machine's clock, `speedup` times faster."""
         return replace(self, clock="real", speedup=speedup)
 
-    def fly(self, until_s: float | None = None) -> Flown:
-        """Fly to the scenario's end or until a mission time, and return the flown flight.
+    def fly(self, until: float | None = None) -> Flown:
+        """Fly to the scenario's end or until a mission time in seconds, and return the flown flight.
 
         Raises:
             ScenarioError: the scenario or what replaces its keys is wrong; nothing was started.
             RunAbortedError: a port is taken, no vehicle answered, a vehicle refused.
         """
-        scenario = load_scenario(self.scenario, self.overrides())
+        scenario = load_scenario(self.scenario, self.overrides(), option="")
         directory = self._free_directory()
-        options = RunOptions(directory, self.clock, self.speedup, until_s)
+        options = RunOptions(directory, self.clock, self.speedup, until)
         flown = run if self.opponent == "emulators" else fly
         with Interrupts() as interrupts:
             summary = flown(scenario, options, Silent(), interrupts)
         if interrupts.count:
             raise KeyboardInterrupt
-        return Flown(scenario, summary, directory, self.command(directory, until_s))
+        return Flown(scenario, summary, directory, self.command(directory, until))
 
     def overrides(self) -> tuple[str, ...]:
         """Return all that replaces keys of the scenario, as `--set` takes it."""
         if not self.link_changes:
             return self.settings
-        own = load_scenario(self.scenario, self.settings).links.model_dump(exclude_none=True)["changes"]
-        changes = plain_mapping({"changes": [*own, *self.link_changes]})["changes"]
-        return (*self.settings, f"links.changes={show(changes, LONGEST)}")
+        own = load_scenario(self.scenario, self.settings, option="").links.model_dump(exclude_none=True)["changes"]
+        return (*self.settings, *settings({"links.changes": [*own, *self.link_changes]}))
 
-    def command(self, directory: Path, until_s: float | None = None) -> str:
+    def command(self, directory: Path, until: float | None = None) -> str:
         """Return the command that flies the same once more, for a POSIX shell."""
         words = ["gcs-formation", "run" if self.opponent == "emulators" else "fly"]
         if isinstance(self.scenario, Path):
@@ -134,8 +131,8 @@ class Plan:
             words += ["--clock", self.clock]
         if self.speedup != 1.0:
             words += ["--speedup", f"{self.speedup:g}"]
-        if until_s is not None:
-            words += ["--until", f"{until_s:g}"]
+        if until is not None:
+            words += ["--until", f"{until:g}"]
         return shlex.join(words)
 
     def _free_directory(self) -> Path:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 @pytest.fixture
 def formation(request: pytest.FixtureRequest, tmp_path: Path) -> Formation:
-    """Return what plans flights: `formation("scenario.yaml").with_link(vehicle=3, delay_ms=300).fly(until_s=60)`.
+    """Return what plans flights: `formation("scenario.yaml").with_link(vehicle=3, delay_ms=300).fly(until=60)`.
 
     A relative path is looked for beside the test's file, then from pytest's root directory. Flights are recorded in
     the test's `tmp_path`.

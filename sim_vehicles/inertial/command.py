@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from pathlib import Path
 from typing import Any
 
 import click
 
-from airlink.cli.arguments import SEED
+from airlink.cli.arguments import OUT, SEED
+from airlink.cli.directory import default_directory, refusal
 from airlink.cli.status import Status, fail
 from formation_scenario import Scenario, ScenarioError, Vehicle, load_scenario
 from sim_vehicles.inertial.experiment import Experiment, experiment, inertial_vehicles, summary
@@ -31,7 +31,8 @@ Examples:
 @click.option("--vehicle", metavar="ID", help="Which vehicle.  [default: the first with source: ins]")
 @click.option("--seed", type=SEED, help="Of the sensors' noise, in place of the scenario's.")
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key of the scenario.")
-@click.option("--out", type=click.Path(path_type=Path), help="Where to.  [default: runs/NAME]")
+@click.option("--out", type=OUT, help="Where to.  [default: runs/NAME-TIME]")
+@click.option("--overwrite", is_flag=True, help="Replace an earlier run in --out.")
 @click.option("--json", "as_json", is_flag=True, help="Print the summary alone, as JSON.")
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 def sins(
@@ -40,6 +41,7 @@ def sins(
     seed: int | None,
     overrides: tuple[str, ...],
     out: Path | None,
+    overwrite: bool,
     as_json: bool,
     quiet: bool,
 ) -> None:
@@ -50,8 +52,11 @@ def sins(
     except ScenarioError as error:
         fail(str(error))
     chosen = _chosen(loaded, vehicle, scenario)
-    directory = out or Path("runs") / loaded.name.replace(os.sep, "-")
+    directory = out or default_directory(loaded.name)
     try:
+        refused = refusal(directory, overwrite=overwrite)
+        if refused is not None:
+            fail(refused)
         directory.mkdir(parents=True, exist_ok=True)
         done = experiment(loaded, chosen)
         write(directory, done)

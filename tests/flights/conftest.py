@@ -35,6 +35,6 @@ def fly(tmp_path: Path) -> Fly:
     """Fly a scenario of the given keys; the record is in `tmp_path / "run"`."""
 
     def run(**keys: Any) -> Summary:
-        return gcs_formation.run(scenario(**keys), clock="virtual", out=tmp_path / "run")
+        return gcs_formation.run(scenario(**keys), clock="virtual", out=tmp_path / "run", overwrite=True)
 
     return run

@@ -230,6 +230,10 @@ def test_a_broken_expectation_ends_with_1_and_its_figure(path: Path, tmp_path: P
         ["fly", "x.yaml", "--seed", str(2**63)],
         ["compare", "x.yaml", "--from", "inf"],
         ["stress", "--count", "1", "--out", "/proc/nowhere"],
+        ["run", "x.yaml", "--out", ""],
+        ["run", "configs/quickstart.yaml", "--clock", "virtual", "--speedup", "5"],
+        ["run", "configs/quickstart.yaml", "--clock", "virtual", "--out", "configs", "--overwrite"],
+        ["compare", "configs/quickstart.yaml", "--laws", "pid", "--out", "gcs_formation", "--overwrite"],
     ],
 )
 def test_bad_usage_ends_with_2_and_words(arguments: list[str]) -> None:

@@ -90,7 +90,7 @@ def test_nothing_comes_down_in_flights_that_are_well_inside(tmp_path: Path) -> N
     plain = paper.with_keys(law__delay_compensation=False).with_link(delay_ms=150)
     predicted = paper.with_link(delay_ms=500, jitter_ms=10, loss=0.02)
     for plan in (plain, predicted):
-        flown = plan.fly(until_s=40)
+        flown = plan.fly(until=40)
         assert not gains_events(flown)
         assert flown.figures["stability"]["margin_used"] < 0.8
 

@@ -9,8 +9,8 @@ from gcs_formation.record.run_directory import RunDirectory
 SCENARIO = load_scenario({"vehicles": {"count": 2}, "path": {"waypoints_m": [[0, 0, 100], [4000, 0, 100]]}})
 
 
-def record(path: Path) -> RunDirectory:
-    return RunDirectory(path, SCENARIO, [vehicle.vehicle_id for vehicle in SCENARIO.vehicles], 0)
+def record(path: Path, *, overwrite: bool = True) -> RunDirectory:
+    return RunDirectory(path, SCENARIO, [vehicle.vehicle_id for vehicle in SCENARIO.vehicles], 0, overwrite=overwrite)
 
 
 def test_a_directory_that_another_run_records_into_is_left_alone(tmp_path: Path) -> None:
@@ -23,9 +23,24 @@ def test_a_directory_that_another_run_records_into_is_left_alone(tmp_path: Path)
     record(tmp_path).close()
 
 
+def test_an_earlier_run_and_anybody_elses_files_are_left_alone_unless_told_otherwise(tmp_path: Path) -> None:
+    run, other = tmp_path / "run", tmp_path / "other"
+    record(run, overwrite=False).close()
+    other.mkdir()
+    (other / "notes.txt").write_text("mine")
+    kept = (run / "run.yaml").stat()
+    with pytest.raises(RecordError, match=r"found an earlier run in .*--overwrite"):
+        record(run, overwrite=False)
+    assert (run / "run.yaml").stat() == kept
+    for overwrite in (False, True):
+        with pytest.raises(RecordError, match=r"found files in .*, and no run\.yaml"):
+            record(other, overwrite=overwrite)
+    assert [file.name for file in other.iterdir()] == ["notes.txt"]
+
+
 def test_an_earlier_runs_report_goes_with_its_record(tmp_path: Path) -> None:
     (tmp_path / "figures").mkdir()
-    for name in ("report.html", "figures/errors.png", "summary.json", "notes.txt"):
+    for name in ("run.yaml", "report.html", "figures/errors.png", "summary.json", "notes.txt"):
         (tmp_path / name).write_text("earlier")
     record(tmp_path).close()
     assert not any((tmp_path / name).exists() for name in ("report.html", "figures/errors.png", "summary.json"))

@@ -10,6 +10,7 @@ from click.testing import CliRunner
 
 from formation_scenario import Scenario, dump_scenario
 from formation_scenario.faults import FaultKind
+from gcs_formation.app.options import RunOptions
 from gcs_formation.cli import main
 from gcs_formation.stress import campaign
 from gcs_formation.stress.campaign import fly_seed
@@ -70,8 +71,8 @@ def test_a_leader_that_its_pilot_takes_600_m_away_is_in_its_slot_again() -> None
 def test_the_command_names_the_seed_that_breaks_something(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, hard: list[str]
 ) -> None:
-    def fly(scenario: Scenario, directory: Path) -> list[str]:
-        directory.mkdir()
+    def fly(scenario: Scenario, options: RunOptions) -> list[str]:
+        options.out.mkdir()
         return [f"separation: seed {scenario.seed} came too near"]
 
     monkeypatch.setattr(campaign, "_fly", fly)

@@ -58,7 +58,7 @@ def test_a_wrong_key_of_a_link_is_refused_with_what_was_meant(plan):
 
 def test_the_command_says_all_that_was_planned(plan, tmp_path):
     late = plan.with_keys(seed=3).with_link(2, delay_ms=300)
-    words = shlex.split(late.command(tmp_path, until_s=60))
+    words = shlex.split(late.command(tmp_path, until=60))
     assert words[:2] == ["gcs-formation", "run"]
     assert words[-4:] == ["--clock", "virtual", "--until", "60"]
     overrides = [words[i + 1] for i, word in enumerate(words) if word == "--set"]

@@ -33,7 +33,7 @@ def test_a_broken_claim_shows_the_users_line_and_what_was_found(session):
     session.makepyfile(
         """
         def test_too_much_to_ask(formation):
-            flight = formation("diamond.yaml", seed=5).with_link(vehicle=3, delay_ms=100).fly(until_s=1)
+            flight = formation("diamond.yaml", seed=5).with_link(vehicle=3, delay_ms=100).fly(until=1)
             flight.stays_within(1e-9, axes="x")
         """
     )

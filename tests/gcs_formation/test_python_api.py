@@ -1,0 +1,48 @@
+"""`gcs_formation.run`, as a script calls it."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import gcs_formation
+from tests.flights.conftest import scenario
+
+
+def test_a_summary_says_where_the_run_is_and_an_earlier_run_is_replaced_on_request_only(tmp_path: Path) -> None:
+    keys: dict[str, Any] = {"clock": "virtual", "until": 0.5, "out": tmp_path / "run"}
+    summary = gcs_formation.run(scenario(), **keys)
+    assert summary.run_dir == tmp_path / "run"
+    assert summary.to_dict()["duration_s"] == pytest.approx(0.5, abs=0.11)
+    with pytest.raises(gcs_formation.RecordError, match=r"found an earlier run in .*overwrite=True"):
+        gcs_formation.run(scenario(), **keys)
+    assert gcs_formation.run(scenario(), **keys, overwrite=True).to_dict()["links"] == summary.to_dict()["links"]
+
+
+@pytest.mark.slow
+def test_a_summary_draws_the_report_of_its_run(tmp_path: Path) -> None:
+    summary = gcs_formation.run(scenario(), clock="virtual", until=0.5, out=tmp_path / "run")
+    assert summary.report() == tmp_path / "run" / "report.html"
+    assert (tmp_path / "run" / "report.html").stat().st_size > 100_000
+
+
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [
+        ({"law__rate_hz": 0.1}, "law.rate_hz=0.1: law.rate_hz: found 0.1; allowed: "),
+        ({"expect__7__below": 3}, "expect.7.below=3: "),
+        ({"law__rate_hz": object()}, "law.rate_hz: found a object; allowed: "),
+    ],
+)
+def test_a_wrong_key_is_named_as_it_was_given_and_not_as_an_option_of_the_command(
+    keys: dict[str, Any], said: str
+) -> None:
+    with pytest.raises(gcs_formation.ScenarioError) as refused:
+        gcs_formation.run(scenario(), **keys)
+    assert str(refused.value).startswith(said)
+    assert "--set" not in str(refused.value)
+
+
+def test_an_empty_directory_name_is_none() -> None:
+    with pytest.raises(ValueError, match="out: found ''; allowed: a directory"):
+        gcs_formation.run(scenario(), out="")
