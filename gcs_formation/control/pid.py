@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs_formation.arrays import Array, Mask, or_zero
+from gcs_formation.arrays import Array, Mask, or_zero, within
 
 
 @dataclass(frozen=True)
@@ -61,6 +61,11 @@ def unlimited(state: PidState, gains: Gains, error: Array, rate: Array) -> Array
 def integrate(
     state: PidState, gains: Gains, error: Array, rate: Array, excess: Array, anti_windup_s: float, dt_s: float
 ) -> PidState:
-    """Return the state after `dt_s`; `excess` (limited minus unlimited output) decays with `anti_windup_s` (29c)."""
-    growth = gains.integral * error + excess / anti_windup_s
-    return PidState(state.integral + growth * dt_s, rate, error)
+    """Return the state after `dt_s`; `excess` (limited minus unlimited output) decays with `anti_windup_s` (29c).
+
+    This back-calculation takes from an integral what it has gathered, and no more: what it put in beyond that could
+    leave by the integral gain only, which may be 0.
+    """
+    grown = state.integral + gains.integral * error * dt_s
+    unwound = grown + excess * (dt_s / anti_windup_s)
+    return PidState(within(unwound, np.minimum(grown, 0.0), np.maximum(grown, 0.0)), rate, error)

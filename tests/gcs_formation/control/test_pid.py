@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from gcs_formation.control.pid import Gains, PidState, filter_rate, integrate, unlimited
 
@@ -46,3 +48,27 @@ def test_back_calculation_holds_the_integral_at_the_limit() -> None:
         state = integrate(state, gains, error, np.zeros(1), np.clip(output, -most, most) - output, 1.0, DT_S)
     # At rest k_i e = (output - limit) / T, so output = limit + T k_i e.
     assert unlimited(state, gains, error, np.zeros(1)) == pytest.approx([most + 10.0])
+
+
+SMALLEST_AND_LARGE = st.sampled_from((0.0, 1e-9, 1e-3, 0.1, 1.0, 10.0))
+
+
+@given(kp=SMALLEST_AND_LARGE, ki=SMALLEST_AND_LARGE, kd=SMALLEST_AND_LARGE, windup_s=st.sampled_from((0.1, 1.0, 100.0)))
+def test_a_limit_leaves_nothing_in_the_integral_that_the_error_did_not_put_there(
+    kp: float, ki: float, kd: float, windup_s: float
+) -> None:
+    """For 10 s an error of 8 drives the output beyond a limit of 6, then it is gone.
+
+    What the integral holds then has the error's sign, and is no more than the gain can have gathered: at a gain of 0
+    nothing. So the output is back where it was before the limit.
+    """
+    gains, state = Gains(*(np.array([gain]) for gain in (kp, ki, kd))), PidState.at_rest((1,))
+    gathered = 0.0
+    for k in range(200):
+        error = np.array([8.0 if k < 100 else 0.0])
+        rate = filter_rate(state, error, 0.1, DT_S)
+        output = unlimited(state, gains, error, rate)
+        state = integrate(state, gains, error, rate, np.clip(output, -6.0, 6.0) - output, windup_s, DT_S)
+        gathered += ki * error[0] * DT_S
+        assert -1e-9 <= state.integral[0] <= gathered + 1e-9
+    assert ki > 0.0 or unlimited(state, gains, np.zeros(1), np.zeros(1)) == 0.0
