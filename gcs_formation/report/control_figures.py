@@ -28,7 +28,6 @@ from gcs_formation.report.style import (
     column_of,
     legend_below,
     new_figure,
-    note,
 )
 from gcs_formation.report.time_axes import draw_marks, span, time_label
 
@@ -86,13 +85,14 @@ def followed(run: RunData, vehicle: VehicleId, channel: str) -> Followed:
     return Followed(steady + (apart + 180.0) % 360.0 - 180.0, steady)
 
 
+def has_gains(run: RunData) -> bool:
+    """Whether anybody followed by a law that has gains."""
+    return any(_ticks_following(run.flown.vehicles[vehicle]) for vehicle in run.followers)
+
+
 def gains(run: RunData) -> Figure:
     """Draw one follower's gains as shares of their nominal values: the worst of those that follow longest."""
     followers = run.worst_first()
-    if not followers:
-        figure = new_figure(4.0)
-        note(figure.add_subplot(), "no followers: no gains")
-        return figure
     figure = new_figure(11.0)
     windows = error_windows(run)
     grid = axes_grid(figure, 3, len(windows), sharex="col", sharey="row", width_ratios=WIDTHS[-len(windows) :])

@@ -9,7 +9,7 @@ from gcs_formation.record.timeseries import DISTURBANCE
 from gcs_formation.report.lines import everyone
 from gcs_formation.report.marks import marks
 from gcs_formation.report.run_data import RunData
-from gcs_formation.report.style import axes_grid, column_of, legend_below, new_figure, note
+from gcs_formation.report.style import axes_grid, column_of, legend_below, new_figure
 from gcs_formation.report.time_axes import at_least, draw_marks, span, time_label
 
 LABELS = ("north, m/s", "east, m/s", "down, m/s")
@@ -17,12 +17,14 @@ LEAST_MPS = 0.1
 """What the axes reach to at least, upwards and downwards."""
 
 
+def disturbed(run: RunData) -> bool:
+    """Whether any vehicle is known to have been disturbed; only ground truth knows."""
+    own = run.flown.vehicles.values()
+    return run.flown.truth and any(np.nan_to_num(each[name]).any() for each in own for name in DISTURBANCE)
+
+
 def disturbance(run: RunData) -> Figure:
     """Draw the true disturbance of every vehicle; the down component where there is any."""
-    if not run.flown.truth:
-        figure = new_figure(4.0)
-        note(figure.add_subplot(), "no ground truth: the disturbance isn't known")
-        return figure
     group = everyone(run)
     values = [[run.flown.vehicles[vehicle][name] for vehicle in group.vehicles] for name in DISTURBANCE]
     shown = 3 if np.nan_to_num(np.array(values[2])).any() else 2

@@ -29,7 +29,6 @@ PATH_POINTS = 400
 GROUND_CELLS = 120
 """Along the longer side of the ground that is shown."""
 GROUND_AROUND_M = 1000.0
-MORE_COLOURS = ("#E69F00", "#56B4E9", "#7A6FD0", "#8C6D31", "#5F8F8F", "#B05A7A")
 ERROR_DIGITS, PLACE_DIGITS, ANGLE_DIGITS, TIME_DIGITS = 4, 1, 3, 2
 
 
@@ -61,11 +60,10 @@ def as_script(data: dict[str, Any]) -> str:
 def _vehicle(run: RunData, vehicle: VehicleId) -> dict[str, Any]:
     if vehicle == run.leader:
         return {"name": str(vehicle), "role": "leader", "colour": None}
-    colours = (*FOLLOWERS, *MORE_COLOURS)
     return {
         "name": str(vehicle),
         "role": "follower",
-        "colour": colours[run.followers.index(vehicle) % len(colours)],
+        "colour": FOLLOWERS[run.followers.index(vehicle) % len(FOLLOWERS)],
     }
 
 

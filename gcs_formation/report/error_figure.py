@@ -15,7 +15,7 @@ from gcs_formation.report.gusts import Gust, gusts
 from gcs_formation.report.lines import Group, followers_of
 from gcs_formation.report.marks import marks
 from gcs_formation.report.run_data import RunData
-from gcs_formation.report.style import INK, LIMIT, THIN, axes_grid, column_of, legend_below, new_figure, note
+from gcs_formation.report.style import INK, LIMIT, THIN, axes_grid, column_of, legend_below, new_figure
 from gcs_formation.report.time_axes import at_least, draw_marks, span, time_label
 
 AXES = {"x": "forward error $x$, m", "y": "right error $y$, m", "z": "height error $z$, m"}
@@ -37,13 +37,15 @@ LEAST = r"least possible: $|D|\,T + D^2/2a$"
 ALLOWED = r"held to: $1.5\,(|D|\,T + D^2/2a)$ + 0.05 m"
 
 
+def has_followers(run: RunData) -> bool:
+    """Whether anybody followed."""
+    return bool(run.followers)
+
+
 def errors(run: RunData) -> Figure:
     """Draw the errors x, y and z of every follower."""
     group = followers_of(run)
-    figure = new_figure(12.5 if group.vehicles else 4.0)
-    if not group.vehicles:
-        note(figure.add_subplot(), "no followers: no formation errors")
-        return figure
+    figure = new_figure(12.5)
     time_s = run.time_s
     values = np.stack([run.flown.error(vehicle) for vehicle in group.vehicles])
     windows = error_windows(run)

@@ -8,9 +8,10 @@ from typing import NamedTuple
 
 from matplotlib.figure import Figure
 
-from gcs_formation.report.control_figures import gains, setpoints
-from gcs_formation.report.disturbance_figure import disturbance
-from gcs_formation.report.error_figure import errors
+from gcs_formation.report.assembly_figure import assembled_first, assembly
+from gcs_formation.report.control_figures import gains, has_gains, setpoints
+from gcs_formation.report.disturbance_figure import disturbance, disturbed
+from gcs_formation.report.error_figure import errors, has_followers
 from gcs_formation.report.link_figures import latency, separation
 from gcs_formation.report.plan_figures import plan
 from gcs_formation.report.run_data import RunData
@@ -25,6 +26,8 @@ class Plate(NamedTuple):
     title: str
     caption: str
     draw: Callable[[RunData], Figure]
+    has_something: Callable[[RunData], bool] = lambda _: True
+    """Whether the run has anything for it to show; it is left out otherwise."""
 
 
 PLATES = (
@@ -33,6 +36,7 @@ PLATES = (
         "Disturbance",
         "Velocity that was added to each vehicle's own over the ground, from ground truth (figure 11 of the paper).",
         disturbance,
+        disturbed,
     ),
     Plate(
         "errors",
@@ -41,6 +45,7 @@ PLATES = (
         "hide what follows it, it has axes of its own on the left. After a gust on followers only: what no law can do "
         "better than, and what ours is held to.",
         errors,
+        has_followers,
     ),
     Plate(
         "trajectory",
@@ -57,6 +62,14 @@ PLATES = (
         plan,
     ),
     Plate(
+        "assembly",
+        "Take-off and assembly",
+        "Before the path: tracks over the ground, north up; heights; and how far each follower was from its slot. "
+        "At 0 s the leader starts along the path.",
+        assembly,
+        assembled_first,
+    ),
+    Plate(
         "setpoints",
         "Setpoints and responses",
         "What the ground station asked of each autopilot, and what it did. Of many followers, those with the "
@@ -68,6 +81,7 @@ PLATES = (
         "Gains",
         "Of the worst of those that follow longest, as shares of their nominal values, which the legend has.",
         gains,
+        has_gains,
     ),
     Plate(
         "separation",
@@ -78,19 +92,23 @@ PLATES = (
     Plate(
         "latency",
         "Latency",
-        "One-way delay of each link: half of the measured round trip, and dashed what was injected. How old the newest "
+        "One-way delay of each link: half of the measured round trip, and dotted what was injected. How old the newest "
         "telemetry was when the law used it. Lines are medians over stretches of time, bands the range. Share of its "
-        "delay margin that each follower's loops used, at the gains in force.",
+        "delay margin that each follower's loops used, at the gains in force. While a vehicle isn't commanded, "
+        "nothing is drawn.",
         latency,
     ),
 )
 
 
 def write_figures(run: RunData, directory: Path) -> Iterator[tuple[Plate, Path]]:
-    """Draw every figure into a directory; yield each with its file."""
+    """Draw every figure that the run has something for into a directory; yield each with its file."""
     directory.mkdir(exist_ok=True)
     for plate in PLATES:
         path = directory / f"{plate.name}.png"
+        if not plate.has_something(run):
+            path.unlink(missing_ok=True)
+            continue
         with print_style():
             save(plate.draw(run), path)
         yield plate, path

@@ -1,4 +1,4 @@
-"""One quantity of many vehicles over time: coloured lines, grey lines with the worst in colour, or percentile bands."""
+"""One quantity of many vehicles over time: a coloured line each, or percentile bands with one vehicle singled out."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ from gcs_formation.report.downsample import extremes
 from gcs_formation.report.run_data import RunData
 from gcs_formation.report.style import BAND, FOLLOWERS, GREY, INK, LIGHT, LINE, THIN, WORST
 
-COLOURS_UP_TO = len(FOLLOWERS)
-LINES_UP_TO = 20
-WIDTHS = (1.9, 1.5, 1.1, 0.8, 0.5)
-"""Of the lines of the leader and of followers in the colours of `FOLLOWERS`."""
-DASHED = (0, (3, 2))
+LINES_UP_TO = 2 * len(FOLLOWERS)
+"""Followers that get a line each: once through the colours solid, once dashed."""
+WIDTHS = (1.9, 1.5, 1.1, 0.8)
+"""Of the lines of the leader and of the first followers, so that none hides another; later ones have the last."""
+SOLID, DASHED, DOTTED = (0, ()), (0, (7, 1.5)), (0, (1, 1.2))
+Dashes = tuple[int, tuple[float, ...]]
 BUCKETS = 1500
 """Pieces of a line, more than a figure has pixels across."""
 
@@ -30,32 +31,38 @@ class Group:
     vehicles: tuple[VehicleId, ...]
     leader: VehicleId | None
     """The one of them that leads first, if any."""
-    worst: VehicleId | None
-    """The follower with the largest errors."""
+    singled_out: VehicleId | None
+    """The one that is drawn where there are too many for a line each."""
+    why: str = "largest error"
+    """What it is singled out for."""
 
     @property
     def banded(self) -> bool:
         """Whether there are too many for a line each."""
-        return len(self.vehicles) > LINES_UP_TO
-
-    @property
-    def coloured(self) -> bool:
-        """Whether each has a colour of its own."""
-        return len(self.vehicles) - (self.leader is not None) <= COLOURS_UP_TO
+        return len(self.vehicles) - (self.leader is not None) > LINES_UP_TO
 
     def colour(self, vehicle: VehicleId) -> str:
         """Return a vehicle's colour."""
         if vehicle == self.leader:
             return INK
-        if self.coloured:
-            return FOLLOWERS[[v for v in self.vehicles if v != self.leader].index(vehicle)]
-        return WORST if vehicle == self.worst else LIGHT
+        if not self.banded:
+            return FOLLOWERS[self._number(vehicle) % len(FOLLOWERS)]
+        return WORST if vehicle == self.singled_out else LIGHT
+
+    def dashes(self, vehicle: VehicleId) -> Dashes:
+        """Return the style of a vehicle's line: dashed for the second that has a colour."""
+        second = vehicle != self.leader and not self.banded and self._number(vehicle) >= len(FOLLOWERS)
+        return DASHED if second else SOLID
 
     def width(self, vehicle: VehicleId) -> float:
-        """Return the width of a vehicle's line: the first is the widest, so that none hides another."""
-        if not self.coloured:
-            return THIN if self.colour(vehicle) == LIGHT else LINE
-        return WIDTHS[(INK, *FOLLOWERS).index(self.colour(vehicle))]
+        """Return the width of a vehicle's line."""
+        if self.banded:
+            return LINE if self.stands_out(vehicle) else THIN
+        return WIDTHS[0] if vehicle == self.leader else WIDTHS[1:][min(self._number(vehicle), len(WIDTHS) - 2)]
+
+    def _number(self, vehicle: VehicleId) -> int:
+        """Return how many followers come before this one."""
+        return [v for v in self.vehicles if v != self.leader].index(vehicle)
 
     def stands_out(self, vehicle: VehicleId) -> bool:
         """Whether a vehicle's line stands out from the others; such lines are drawn last."""
@@ -65,48 +72,41 @@ class Group:
         """Return a vehicle's name in the legend; all that look alike have one."""
         if vehicle == self.leader:
             return f"leader ({vehicle})"
-        if self.coloured:
+        if not self.banded:
             return f"vehicle {vehicle}"
-        return f"vehicle {vehicle} (largest error)" if vehicle == self.worst else "other followers"
+        return f"vehicle {vehicle} ({self.why})" if vehicle == self.singled_out else "other followers"
 
     def draw(self, axes: Axes, time_s: Array, values: Sequence[Array]) -> None:
-        """Draw one (T,) series of each vehicle, those in colour last."""
+        """Draw one (T,) series of each vehicle, or how they spread and the one that is singled out."""
         if self.banded:
             _bands(axes, time_s, np.stack(values, axis=1))
-            return
-        pairs = list(zip(self.vehicles, values, strict=True))
-        for vehicle, series in sorted(pairs, key=lambda pair: self.stands_out(pair[0])):
-            shown = extremes(series, BUCKETS)
-            axes.plot(
-                time_s[shown],
-                series[shown],
-                color=self.colour(vehicle),
-                lw=self.width(vehicle),
-                label=self.label(vehicle),
-            )
+        for vehicle, series in zip(self.vehicles, values, strict=True):
+            if not self.banded or vehicle == self.singled_out:
+                shown = extremes(series, BUCKETS)
+                self._line(axes, vehicle, time_s[shown], series[shown])
+
+    def _line(self, axes: Axes, vehicle: VehicleId, time_s: Array, series: Array) -> None:
+        look = {"color": self.colour(vehicle), "lw": self.width(vehicle), "ls": self.dashes(vehicle)}
+        axes.plot(time_s, series, label=self.label(vehicle), **look)
 
     def draw_spread(self, axes: Axes, time_s: Array, values: Sequence[Array], windows: int) -> None:
         """Draw how (T,) series that jump up and down spread over stretches of time, not every jump."""
         middle_s, pieces = _stretches(time_s, values, windows)
-        if not self.coloured:
+        if self.banded:
             _bands(axes, middle_s, np.concatenate(pieces, axis=1))
-            return
         for vehicle, piece in zip(self.vehicles, pieces, strict=True):
-            low, middle, high = _percentiles(piece, (0, 50, 100))
-            axes.plot(middle_s, middle, color=self.colour(vehicle), lw=self.width(vehicle), label=self.label(vehicle))
-            axes.fill_between(middle_s, low, high, color=self.colour(vehicle), alpha=0.12, lw=0)
+            if not self.banded or vehicle == self.singled_out:
+                low, middle, high = _percentiles(piece, (0, 50, 100))
+                self._line(axes, vehicle, middle_s, middle)
+                axes.fill_between(middle_s, low, high, color=self.colour(vehicle), alpha=0.12, lw=0)
 
     def draw_medians(self, axes: Axes, time_s: Array, values: Sequence[Array], windows: int, label: str) -> None:
-        """Draw (T,) series beside those of `draw_spread`, dashed: their medians over the same stretches."""
+        """Draw (T,) series over those of `draw_spread`, dotted: their medians over the same stretches."""
         middle_s, pieces = _stretches(time_s, values, windows)
-        if not self.coloured:
-            (middle,) = _percentiles(np.concatenate(pieces, axis=1), (50,))
-            axes.plot(middle_s, middle, color=INK, lw=LINE, ls=DASHED, label=label)
-            return
-        for number, (vehicle, piece) in enumerate(zip(self.vehicles, pieces, strict=True)):
-            (middle,) = _percentiles(piece, (50,))
-            once = label if number == 0 else None
-            axes.plot(middle_s, middle, color=self.colour(vehicle), lw=LINE, ls=DASHED, label=once)
+        for vehicle, piece in zip(self.vehicles, pieces, strict=True):
+            if not self.banded or vehicle == self.singled_out:
+                (middle,) = _percentiles(piece, (50,))
+                axes.plot(middle_s, middle, color=INK, lw=LINE, ls=DOTTED, label=label)
 
 
 def followers_of(run: RunData) -> Group:
@@ -120,7 +120,7 @@ def everyone(run: RunData) -> Group:
     """Return all vehicles of a run, the leader first."""
     followers = followers_of(run)
     first = (run.leader,) if run.leader else ()
-    return Group(first + tuple(v for v in followers.vehicles if v not in first), run.leader, followers.worst)
+    return Group(first + tuple(v for v in followers.vehicles if v not in first), run.leader, followers.singled_out)
 
 
 def _stretches(time_s: Array, values: Sequence[Array], windows: int) -> tuple[Array, list[Array]]:

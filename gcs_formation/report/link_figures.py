@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from airlink.identity import VehicleId
 from gcs_formation.arrays import Array
 from gcs_formation.margin_watch import NEAR
 from gcs_formation.record import figures_of_merit
@@ -14,23 +17,22 @@ from gcs_formation.report.downsample import extremes
 from gcs_formation.report.lines import BUCKETS, Group, everyone, followers_of
 from gcs_formation.report.marks import marks
 from gcs_formation.report.run_data import RunData
-from gcs_formation.report.style import LIMIT, NEAREST, axes_grid, column_of, legend_below, new_figure, note
+from gcs_formation.report.style import GREY, LIMIT, NEAREST, axes_grid, column_of, legend_below, new_figure, note
 from gcs_formation.report.time_axes import draw_marks, span, time_label
 
-SILENT = 20.0
-"""Oldest telemetry by the median from which its scale is logarithmic."""
+SILENT = 8.0
+"""How many times the median age the axis of ages reaches at most: a silent vehicle would flatten all others."""
 WINDOWS = 200
 """Stretches of time over which delay and age, which jump from tick to tick, are summed up."""
 
 
 def latency(run: RunData) -> Figure:
     """Draw each link's one-way delay, injected and measured, how old telemetry was, and what was used of the margin."""
-    group, followers = everyone(run), followers_of(run)
+    group, followers = _slowest(run, everyone(run)), _slowest(run, followers_of(run))
     figure = new_figure(12.5)
     rows = column_of(axes_grid(figure, 3, 1, sharex=True), 0)
     delays, ages, injected = (
-        [1e3 * run.flown.vehicles[vehicle][name] for vehicle in group.vehicles]
-        for name in ("delay_s", "age_s", INJECTED)
+        [1e3 * _used(run, vehicle, name) for vehicle in group.vehicles] for name in ("delay_s", "age_s", INJECTED)
     )
     group.draw_spread(rows[0], run.time_s, delays, WINDOWS)
     group.draw_spread(rows[1], run.time_s, ages, WINDOWS)
@@ -70,14 +72,28 @@ def separation(run: RunData) -> Figure:
     return _finished(figure, run)
 
 
+def _used(run: RunData, vehicle: VehicleId, name: str) -> Array:
+    """Return (T,) values of a vehicle's link, NaN while it isn't commanded."""
+    own = run.flown.vehicles[vehicle]
+    return np.where(own["active"] > 0, own[name], np.nan)
+
+
+def _slowest(run: RunData, group: Group) -> Group:
+    """Return the group with the vehicle of the longest delay singled out."""
+    longest = {v: float(np.fmax.reduce(_used(run, v, "delay_s"), initial=0.0)) for v in group.vehicles}
+    slowest = max(longest, key=lambda vehicle: longest[vehicle], default=None)
+    return replace(group, singled_out=slowest, why="longest delay")
+
+
 def _age_scale(axes: Axes, ages_ms: Array) -> None:
-    """Begin at 0, or make the scale logarithmic where a silent vehicle would flatten all others."""
+    """Begin at 0; where a vehicle falls silent, end at what the others need and say how far it goes."""
+    _from_zero(axes)
     known = ages_ms[np.isfinite(ages_ms)]
-    if known.size and known.max() > SILENT * max(float(np.median(known)), 1.0):
-        axes.set_yscale("log")
-        axes.set_ylim(bottom=max(float(known.min()), 1.0))
-    else:
-        _from_zero(axes)
+    most_ms = SILENT * max(float(np.median(known)), 1.0) if known.size else np.inf
+    if known.size and known.max() > most_ms:
+        axes.set_ylim(top=most_ms)
+        beyond = f"a silent vehicle: up to {known.max() / 1e3:.1f} s"
+        axes.text(0.99, 0.96, beyond, transform=axes.transAxes, ha="right", va="top", color=GREY)
 
 
 def _from_zero(axes: Axes) -> None:

@@ -20,7 +20,7 @@ SCRIPTS = ("surface.js", "errors.js", "plan.js", "space.js", "report.js")
 
 def page(run: RunData, plates: Iterable[tuple[Plate, Path]]) -> str:
     """Return the page of a run; `plates` are its figures and their files."""
-    summary = run.summary
+    summary, compared = run.summary, beside_the_paper(run) + after_gusts(run)
     gallery = "".join(figure(plate.name, plate.title, plate.caption, path) for plate, path in plates)
     return document(
         str(summary["name"]),
@@ -33,7 +33,8 @@ def page(run: RunData, plates: Iterable[tuple[Plate, Path]]) -> str:
         error_source=escape(_error_source(run)),
         followers=tables.followers(summary),
         expectations=tables.expectations(summary),
-        paper=beside_the_paper(run) + after_gusts(run),
+        paper_link='<a href="#paper">Beside the paper</a>' if compared else "",
+        paper=compared and f'<section id="paper">\n<h2>Beside the paper</h2>\n{compared}\n</section>',
         ground=GROUND if run.scenario.terrain is not None else "",
         figures=f'<div class="gallery">{gallery}</div>',
         links=tables.links(summary),

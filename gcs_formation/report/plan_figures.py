@@ -14,7 +14,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 from gcs_formation.arrays import Array
 from gcs_formation.report.downsample import evenly
 from gcs_formation.report.geometry import Snapshot, path_m, snapshot, snapshot_ticks
-from gcs_formation.report.lines import LINES_UP_TO, Group, everyone
+from gcs_formation.report.lines import Group, everyone
 from gcs_formation.report.run_data import RunData
 from gcs_formation.report.style import GREY, INK, LIGHT, THIN, WIDTH_CM, axes_grid, legend_below, new_figure
 
@@ -104,8 +104,8 @@ def _tracks(axes: Axes, run: RunData, group: Group, path: Array) -> None:
     dots = evenly(run.time_s.size, STILLS)
     for vehicle in sorted(group.vehicles, key=group.stands_out):
         place = run.flown.place_in_flight(vehicle)
-        colour = group.colour(vehicle)
-        axes.plot(place[shown, 1], place[shown, 0], color=colour, lw=THIN, label=group.label(vehicle))
+        colour, dashes = group.colour(vehicle), group.dashes(vehicle)
+        axes.plot(place[shown, 1], place[shown, 0], color=colour, lw=THIN, ls=dashes, label=group.label(vehicle))
         axes.plot(place[dots, 1], place[dots, 0], ls="", marker=".", ms=1.5, color=colour)
     axes.plot(path[0, 1], path[0, 0], ls="", marker="o", ms=6, mfc="none", mec=INK, mew=0.9, label="start")
 
@@ -143,7 +143,7 @@ def _formations(small: Sequence[Axes], run: RunData, group: Group, stills: Seque
     centre, half = _view(everything, aspect)
     vehicles = list(run.flown.vehicles)
     digits = 0 if run.time_s[-1] - run.time_s[0] > FEW_S else 1
-    size = 5.0 if len(vehicles) <= LINES_UP_TO else 2.5
+    size = 2.5 if group.banded else 5.0
     for axes, still, letter in zip(small, stills, LETTERS, strict=False):
         axes.plot(*still.slots_m.T, ls="", marker="o", ms=1.4 * size, mfc="none", mec=GREY, mew=THIN, label="slot")
         for vehicle, place, turn in zip(vehicles, still.places_m, still.headings_rad, strict=True):

@@ -22,7 +22,10 @@ DPI = 200
 INK = "#000000"
 GREY = "#8C8C8C"
 LIGHT = "#C8C8C8"
-FOLLOWERS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
+FOLLOWERS = (
+    "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7A6FD0", "#8C6D31", "#5F8F8F", "#B05A7A",
+)  # fmt: skip
+"""Okabe and Ito's first, in figures and on the page alike."""
 WORST = "#D55E00"
 ASKED = "#E69F00"
 BAND = "#0072B2"

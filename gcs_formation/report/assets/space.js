@@ -1,5 +1,8 @@
 // The flight in space: tracks over the ground, heights stretched, turned by dragging.
 
+// Of the canvas, in pixels: room for the vehicles' marks and the words.
+const MARGIN = 40;
+
 class SpaceView extends View {
   constructor(canvas, data, state) {
     super(canvas, data, state);
@@ -20,6 +23,19 @@ class SpaceView extends View {
     this.stretch = Math.max(1, (0.2 * this.long) / Math.max(height[1] - this.low, 1));
     [this.turn, this.tilt, this.zoom] = [north[1] - north[0] > east[1] - east[0] ? 1.1 : 0.35, 0.5, 1];
     this.shift = { x: 0, y: 0 };
+    this.fit = null;
+  }
+
+  // The scale at which every track and the ground below it fit the canvas, and the shift that centres them.
+  fitted() {
+    [this.scale, this.shift] = [1, { x: 0, y: 0 }];
+    const seen = this.data.tracks.vehicles.flatMap((track) => track.north.flatMap((north, k) => (
+      north === null ? [] : [track.height[k], track.below[k] ?? this.low].map((up) => this.project(north, track.east[k], up ?? this.low))
+    )));
+    const [x, y] = ["x", "y"].map((name) => extent(seen.map((point) => point[name])));
+    const scale = Math.min((this.width - 2 * MARGIN) / Math.max(x[1] - x[0], 1), (this.height - 2 * MARGIN) / Math.max(y[1] - y[0], 1));
+    const centred = (middle, side) => scale * (side / 2 - middle);
+    return { scale, x: centred((x[0] + x[1]) / 2, this.width), y: centred((y[0] + y[1]) / 2, this.height) };
   }
 
   // Where a place is on the canvas: seen from far away, `tilt` above the level.
@@ -37,7 +53,11 @@ class SpaceView extends View {
     const { pen, width, height } = prepare(this.canvas);
     const colours = theme();
     [this.width, this.height] = [width, height];
-    this.scale = (this.zoom * Math.min(0.88 * width, 1.8 * height)) / this.long;
+    if (!this.fit || this.fit.width !== width || this.fit.height !== height) {
+      const { scale, x, y } = this.fitted();
+      [this.fit, this.shift] = [{ scale, width, height }, { x, y }];
+    }
+    this.scale = this.zoom * this.fit.scale;
     this.drawGround(pen);
     const places = placesAt(this.data.tracks, this.state.time);
     this.data.tracks.vehicles.forEach((track, i) => { if (!this.state.hidden.has(i)) this.drawTrack(pen, colours, track, i); });

@@ -9,6 +9,7 @@ import pytest
 from matplotlib.text import Text
 from PIL import Image
 
+from airlink.identity import VehicleId
 from formation_scenario import load_scenario, slot_schedule
 from gcs_formation.record.flight import Flight
 from gcs_formation.report.control_figures import followed, gains
@@ -16,7 +17,8 @@ from gcs_formation.report.embedded import embedded
 from gcs_formation.report.error_figure import WIDTHS, errors, transient_end_s
 from gcs_formation.report.figures import PLATES, write_figures
 from gcs_formation.report.geometry import snapshot, snapshot_ticks
-from gcs_formation.report.lines import everyone
+from gcs_formation.report.lines import Group, everyone
+from gcs_formation.report.link_figures import latency
 from gcs_formation.report.marks import Mark, marks
 from gcs_formation.report.run_data import load_run
 from gcs_formation.report.style import FOLLOWERS, INK, axes_grid, column_of, new_figure, print_style
@@ -69,7 +71,7 @@ def eventful(make_run):
 def test_every_kind_of_run_can_be_drawn(make_run, scenario, options):
     run = load_run(make_run(scenario, **options))
     with print_style():
-        for plate in PLATES:
+        for plate in (plate for plate in PLATES if plate.has_something(run)):
             figure = plate.draw(run)
             figure.savefig(BytesIO(), format="raw", dpi=30)
             assert figure.get_figwidth() * 2.54 == pytest.approx(16.0)
@@ -77,6 +79,61 @@ def test_every_kind_of_run_can_be_drawn(make_run, scenario, options):
                 box = legend.get_window_extent()
                 assert 0.0 <= box.x0 < box.x1 <= figure.bbox.width, "a legend hangs over the edge"
             assert 3.0 < figure.get_figheight() * 2.54 < 20.0
+
+
+def left_out(run):
+    return {plate.name for plate in PLATES if not plate.has_something(run)}
+
+
+def test_a_figure_that_would_be_empty_is_left_out(make_run):
+    assert left_out(load_run(make_run(flown_s=5.0))) == {"disturbance"}
+    alone = load_run(make_run(straight([{"id": 1, "role": "leader"}]), flown_s=5.0))
+    assert left_out(alone) == {"disturbance", "errors", "gains"}
+
+
+def test_an_older_figure_that_is_left_out_now_is_removed(make_run, tmp_path, monkeypatch):
+    monkeypatch.setattr("gcs_formation.report.figures.PLATES", [p for p in PLATES if p.name == "disturbance"])
+    (tmp_path / "disturbance.png").touch()
+    assert list(write_figures(load_run(make_run(flown_s=5.0)), tmp_path)) == []
+    assert list(tmp_path.iterdir()) == []
+
+
+def with_column(run, vehicle, name, values):
+    """Return the run with one column of the flown time replaced."""
+    own = {**run.flown.vehicles, vehicle: {**run.flown.vehicles[vehicle], name: values}}
+    return replace(run, flown=Flight(own, run.flown.truth))
+
+
+@pytest.mark.parametrize("count", [6, 30])
+def test_the_delayed_link_is_found_among_many(make_run, count):
+    run = load_run(make_run(straight({"count": count}, formation={"shape": "triangle"}), flown_s=10.0))
+    slow = run.followers[3]
+    run = with_column(run, slow, "delay_s", np.full(run.time_s.size, 0.3))
+    with print_style():
+        delays, *_ = latency(run).axes
+    name = f"vehicle {slow}" + (" (longest delay)" if count > 21 else "")
+    lines = {line.get_label(): line for line in delays.get_lines()}
+    assert np.nanmedian(lines[name].get_ydata()) == pytest.approx(300.0)
+    assert [line.get_color() for line in delays.get_lines()].count(lines[name].get_color()) == 1
+
+
+def test_a_vehicle_that_fell_silent_leaves_the_ages_of_the_others_readable(make_run):
+    run = load_run(make_run(flown_s=40.0))
+    lost, silent = run.followers[0], np.maximum(run.time_s - 5.0, 0.1)
+    run = with_column(run, lost, "age_s", silent)
+    run = with_column(run, lost, "active", (silent < 5.0).astype(float))
+    with print_style():
+        ages = latency(run).axes[1]
+    assert ages.get_yscale() == "linear"
+    assert ages.get_ylim()[1] < 2000.0
+    assert [text.get_text() for text in ages.texts] == ["a silent vehicle: up to 5.0 s"]
+
+
+def test_twenty_followers_have_a_line_each_that_no_other_has():
+    vehicles = tuple(VehicleId(0, i) for i in range(1, 22))
+    group = Group(vehicles, vehicles[0], None)
+    assert not group.banded
+    assert len({(group.colour(vehicle), group.dashes(vehicle)) for vehicle in vehicles}) == len(vehicles)
 
 
 @pytest.fixture(scope="module")
