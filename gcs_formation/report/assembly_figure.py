@@ -32,7 +32,7 @@ def assembly(run: RunData) -> Figure:
     before = run.whole_time_s <= 0.0
     time_s = run.whole_time_s[before]
     figure = new_figure(10.0)
-    above, beside = figure.subfigures(1, 2, width_ratios=(1.0, 1.2))
+    above, beside = figure.subfigures(1, 2, squeeze=False, width_ratios=(1.0, 1.2)).ravel().tolist()
     _tracks(above.subplots(), group, [run.whole.place_in_flight(vehicle)[before] for vehicle in group.vehicles])
     rows = column_of(axes_grid(beside, 2, 1, sharex=True), 0)
     group.draw(rows[0], time_s, [run.whole.place_in_flight(vehicle)[before, 2] for vehicle in group.vehicles])
@@ -50,8 +50,7 @@ def assembly(run: RunData) -> Figure:
 def _tracks(axes: Axes, group: Group, places: list[Array]) -> None:
     shown = evenly(len(places[0]), TRACK_POINTS)
     for vehicle, place in zip(group.vehicles, places, strict=True):
-        look = {"color": group.colour(vehicle), "ls": group.dashes(vehicle), "lw": 0.7}
-        axes.plot(place[shown, 1], place[shown, 0], label=group.label(vehicle), **look)
+        axes.plot(place[shown, 1], place[shown, 0], lw=0.7, label=group.label(vehicle), **group.look(vehicle))
         axes.plot(place[-1, 1], place[-1, 0], ls="", marker="o", ms=3, color=group.colour(vehicle))
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(MARGIN)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,7 +20,6 @@ LINES_UP_TO = 2 * len(FOLLOWERS)
 WIDTHS = (1.9, 1.5, 1.1, 0.8)
 """Of the lines of the leader and of the first followers, so that none hides another; later ones have the last."""
 SOLID, DASHED, DOTTED = (0, ()), (0, (7, 1.5)), (0, (1, 1.2))
-Dashes = tuple[int, tuple[float, ...]]
 BUCKETS = 1500
 """Pieces of a line, more than a figure has pixels across."""
 
@@ -49,10 +49,10 @@ class Group:
             return FOLLOWERS[self._number(vehicle) % len(FOLLOWERS)]
         return WORST if vehicle == self.singled_out else LIGHT
 
-    def dashes(self, vehicle: VehicleId) -> Dashes:
-        """Return the style of a vehicle's line: dashed for the second that has a colour."""
+    def look(self, vehicle: VehicleId) -> dict[str, Any]:
+        """Return Matplotlib's colour and style of a vehicle's line: dashed for the second that has a colour."""
         second = vehicle != self.leader and not self.banded and self._number(vehicle) >= len(FOLLOWERS)
-        return DASHED if second else SOLID
+        return {"color": self.colour(vehicle), "ls": DASHED if second else SOLID}
 
     def width(self, vehicle: VehicleId) -> float:
         """Return the width of a vehicle's line."""
@@ -86,8 +86,7 @@ class Group:
                 self._line(axes, vehicle, time_s[shown], series[shown])
 
     def _line(self, axes: Axes, vehicle: VehicleId, time_s: Array, series: Array) -> None:
-        look = {"color": self.colour(vehicle), "lw": self.width(vehicle), "ls": self.dashes(vehicle)}
-        axes.plot(time_s, series, label=self.label(vehicle), **look)
+        axes.plot(time_s, series, lw=self.width(vehicle), label=self.label(vehicle), **self.look(vehicle))
 
     def draw_spread(self, axes: Axes, time_s: Array, values: Sequence[Array], windows: int) -> None:
         """Draw how (T,) series that jump up and down spread over stretches of time, not every jump."""

@@ -104,9 +104,8 @@ def _tracks(axes: Axes, run: RunData, group: Group, path: Array) -> None:
     dots = evenly(run.time_s.size, STILLS)
     for vehicle in sorted(group.vehicles, key=group.stands_out):
         place = run.flown.place_in_flight(vehicle)
-        colour, dashes = group.colour(vehicle), group.dashes(vehicle)
-        axes.plot(place[shown, 1], place[shown, 0], color=colour, lw=THIN, ls=dashes, label=group.label(vehicle))
-        axes.plot(place[dots, 1], place[dots, 0], ls="", marker=".", ms=1.5, color=colour)
+        axes.plot(place[shown, 1], place[shown, 0], lw=THIN, label=group.label(vehicle), **group.look(vehicle))
+        axes.plot(place[dots, 1], place[dots, 0], ls="", marker=".", ms=1.5, color=group.colour(vehicle))
     axes.plot(path[0, 1], path[0, 0], ls="", marker="o", ms=6, mfc="none", mec=INK, mew=0.9, label="start")
 
 

@@ -66,8 +66,8 @@ def trajectory(run: RunData) -> Figure:
         north, east, up = run.flown.place_in_flight(vehicle)[shown].T
         below = run.flown.vehicles[vehicle]["ground_height_m"][shown] if profile else np.full_like(up, space.height[0])
         axes.plot(east / unit, north / unit, below, color="#9A9A9A" if profile else "#DCDCDC", lw=THIN, zorder=SHADOW)
-        look = {"color": group.colour(vehicle), "ls": group.dashes(vehicle), "lw": 0.8}
-        axes.plot(east / unit, north / unit, up, label=group.label(vehicle), zorder=TRACK, **look)
+        look = group.look(vehicle)
+        axes.plot(east / unit, north / unit, up, lw=0.8, label=group.label(vehicle), zorder=TRACK, **look)
     _frame(axes, space)
     axes.set_xlabel(f"east, {name}", labelpad=6)
     axes.set_ylabel(f"north, {name}", labelpad=8)
@@ -138,8 +138,7 @@ def _profile(axes: Axes, run: RunData, group: Group) -> None:
     below = run.flown.vehicles[group.vehicles[0]]["ground_height_m"][shown]
     span(axes, float(time_s[0]), float(time_s[-1]))
     for vehicle in sorted(group.vehicles, key=group.stands_out):
-        look = {"color": group.colour(vehicle), "ls": group.dashes(vehicle), "lw": 0.8}
-        axes.plot(time_s, run.flown.place_in_flight(vehicle)[shown, 2], **look)
+        axes.plot(time_s, run.flown.place_in_flight(vehicle)[shown, 2], lw=0.8, **group.look(vehicle))
     low = min(0.0, float(np.fmin.reduce(below, initial=0.0)))
     axes.fill_between(time_s, below, low, color="#D9D3B8", lw=0)
     axes.plot(time_s, below, color=GREY, lw=THIN)

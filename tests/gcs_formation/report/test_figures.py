@@ -113,7 +113,7 @@ def test_the_delayed_link_is_found_among_many(make_run, count):
         delays, *_ = latency(run).axes
     name = f"vehicle {slow}" + (" (longest delay)" if count > 21 else "")
     lines = {line.get_label(): line for line in delays.get_lines()}
-    assert np.nanmedian(lines[name].get_ydata()) == pytest.approx(300.0)
+    assert np.nanmedian(np.asarray(lines[name].get_ydata(), dtype=float)) == pytest.approx(300.0)
     assert [line.get_color() for line in delays.get_lines()].count(lines[name].get_color()) == 1
 
 
@@ -133,7 +133,7 @@ def test_twenty_followers_have_a_line_each_that_no_other_has():
     vehicles = tuple(VehicleId(0, i) for i in range(1, 22))
     group = Group(vehicles, vehicles[0], None)
     assert not group.banded
-    assert len({(group.colour(vehicle), group.dashes(vehicle)) for vehicle in vehicles}) == len(vehicles)
+    assert len({tuple(group.look(vehicle).values()) for vehicle in vehicles}) == len(vehicles)
 
 
 @pytest.fixture(scope="module")
