@@ -40,7 +40,7 @@ def problems_of(error: ValidationError, model: type[BaseModel], source: Source, 
 def _problem(error: str, loc: tuple[Key, ...], model: type[BaseModel], source: Source, above: KeyPath) -> Problem:
     if error in UNKNOWN_KEY:
         parent = _expected(model, loc[:-1])
-        keys = _keys(parent.type) if _is_group(parent.type) else []
+        keys = _keys(parent.type) if is_group(parent.type) else []
         return _unknown_key((*above, *parent.path, loc[-1]), keys, source)
     if MAPPING_KEY in loc:
         return _wrong_id(loc[: loc.index(MAPPING_KEY)], model, source, above)
@@ -48,13 +48,13 @@ def _problem(error: str, loc: tuple[Key, ...], model: type[BaseModel], source: S
     path = (*above, *expected.path)
     if error.startswith(CHOICE):
         return _wrong_choice(
-            (*path, error.removeprefix(CHOICE)), [str(word) for word in _members(expected.type)], source
+            (*path, error.removeprefix(CHOICE)), [str(word) for word in members(expected.type)], source
         )
     allowed = describe(expected.type, expected.constraints)
     if error == "missing" and not expected.rest:
         return source.problem(path, "not found", allowed)
     value = _value_at(source.data, path)
-    found = f"found {kind(value) if _is_group(expected.type) else show(value)}"
+    found = f"found {kind(value) if is_group(expected.type) else show(value)}"
     near = did_you_mean(value, _choices(expected)) if isinstance(value, str) else ""
     return Problem(*source.place((*path, *expected.rest)), dotted(path), found, allowed + near)
 
@@ -66,7 +66,7 @@ def _wrong_choice(path: KeyPath, words: list[str], source: Source) -> Problem:
 
 
 def _wrong_id(loc: tuple[Key, ...], model: type[BaseModel], source: Source, above: KeyPath) -> Problem:
-    key_type, constraints = _bare(get_args(_expected(model, loc[:-1]).type)[0])
+    key_type, constraints = bare(get_args(_expected(model, loc[:-1]).type)[0])
     return source.problem((*above, *loc), f"found key {show(loc[-1])}", describe(key_type, constraints))
 
 
@@ -95,24 +95,24 @@ def _expected(model: type[BaseModel], loc: tuple[Key, ...]) -> _Expected:
     """
     expected = _Expected((), loc, model, ())
     for index, key in enumerate(loc):
-        members = _members(expected.type)
-        inner = members.get(key) or _inner(expected.type, key)
+        tagged = members(expected.type)
+        inner = tagged.get(key) or _inner(expected.type, key)
         if inner is None:
             break
-        path = expected.path if key in members else (*expected.path, key)
-        expected = _Expected(path, loc[index + 1 :], *_bare(inner))
+        path = expected.path if key in tagged else (*expected.path, key)
+        expected = _Expected(path, loc[index + 1 :], *bare(inner))
     return expected
 
 
-def _members(annotation: object) -> dict[Key, object]:
+def members(annotation: object) -> dict[Key, object]:
     """Return the groups of keys of a tagged union by their tags; empty for any other type."""
-    members = get_args(annotation) if get_origin(annotation) in {Union, types.UnionType} else ()
-    tagged = [(item, group) for group in members if get_origin(group) is Annotated for item in get_args(group)[1:]]
+    groups = get_args(annotation) if get_origin(annotation) in {Union, types.UnionType} else ()
+    tagged = [(item, group) for group in groups if get_origin(group) is Annotated for item in get_args(group)[1:]]
     return {item.tag: group for item, group in tagged if isinstance(item, Tag)}
 
 
 def _inner(annotation: object, key: Key) -> object:
-    if _is_group(annotation):
+    if is_group(annotation):
         fields = annotation.model_fields
         return next((field for name, field in fields.items() if (field.alias or name) == key), None)
     arguments = get_args(annotation)
@@ -121,7 +121,7 @@ def _inner(annotation: object, key: Key) -> object:
     return arguments[1] if get_origin(annotation) is Mapping else None
 
 
-def _bare(annotation: object) -> tuple[object, tuple[object, ...]]:
+def bare(annotation: object) -> tuple[object, tuple[object, ...]]:
     """Strip `Annotated`, `FieldInfo` and `| None` from a type; return it with the constraints that they held."""
     constraints: tuple[object, ...] = ()
     while True:
@@ -147,6 +147,11 @@ def _not_none(annotation: object) -> list[object]:
     return [argument for argument in get_args(annotation) if argument is not types.NoneType]
 
 
+def allowed(annotation: object) -> str:
+    """Return the allowed values of a field or an annotated type in words."""
+    return describe(*bare(annotation))
+
+
 def describe(annotation: object, constraints: Sequence[object] = ()) -> str:
     """Return the allowed values of a type in words: "a number from 0 to 1", "diamond, square, ..."."""
     for constraint in constraints:
@@ -158,7 +163,7 @@ def describe(annotation: object, constraints: Sequence[object] = ()) -> str:
         return "true or false"
     if get_origin(annotation) is Literal:
         return ", ".join(str(choice) for choice in get_args(annotation))
-    if _is_group(annotation):
+    if is_group(annotation):
         return "a mapping with " + ", ".join(_keys(annotation))
     origins = {tuple: "a list", Mapping: "a mapping of vehicle ids to [forward, right, up]"}
     return origins.get(cast("type", get_origin(annotation)), "text")
@@ -182,5 +187,6 @@ def _choices(expected: _Expected) -> list[str]:
     return named or [str(choice) for choice in get_args(expected.type) if get_origin(expected.type) is Literal]
 
 
-def _is_group(annotation: object) -> TypeGuard[type[BaseModel]]:
+def is_group(annotation: object) -> TypeGuard[type[BaseModel]]:
+    """Return whether a type is a group of keys."""
     return isinstance(annotation, type) and issubclass(annotation, BaseModel)

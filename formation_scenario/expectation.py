@@ -4,36 +4,50 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
-from formation_scenario.fields import Allowed, Keys, NonNegative, Number, VehicleSelection
+from formation_scenario.fields import Allowed, Keys, NonNegative, Number, VehicleSelection, derived
 
-ERROR_METRICS = tuple(f"error_{axis}_m.{figure}" for axis in "xyz" for figure in ("rms", "max", "steady_max"))
-FOLLOWER_METRICS = (*ERROR_METRICS, "settled_at_s")
-LINK_METRICS = (
-    "measured_delay_ms.p50",
-    "measured_delay_ms.p99",
-    "jitter_ms.p50",
-    "jitter_ms.p99",
-    "measured_loss",
-    "frames_bad",
-)
-RUN_METRICS = (
-    "min_separation_m",
-    "min_clearance_m",
-    "violations",
-    "late_ticks",
-    "period_ms.p50",
-    "period_ms.p99",
-    "period_ms.max",
-    "compute_ms.p50",
-    "compute_ms.p99",
-    "real_time_factor",
-    "delay_margin_s",
-    "worst_loop_delay_s",
-)
-METRICS = (*FOLLOWER_METRICS, *LINK_METRICS, *RUN_METRICS)
+_AXES = {"x": "forward error, m", "y": "lateral error, m", "z": "height error, m"}
+_FIGURES = {
+    "rms": "root mean square over the window",
+    "max": "largest over the window",
+    "steady_max": "largest over the window from settled_at_s on; no value if it never settles",
+}
+ERROR_METRICS = {
+    f"error_{axis}_m.{figure}": f"{error}: {meaning}"
+    for axis, error in _AXES.items()
+    for figure, meaning in _FIGURES.items()
+}
+FOLLOWER_METRICS = {
+    **ERROR_METRICS,
+    "settled_at_s": "from when on every error stays within 0.5 m for 10 s, s; of the whole flight",
+}
+LINK_METRICS = {
+    "measured_delay_ms.p50": "one-way delay, half the round trip: median over the window, ms",
+    "measured_delay_ms.p99": "the same, 99th percentile",
+    "jitter_ms.p50": "estimated jitter: median over the window, ms",
+    "jitter_ms.p99": "the same, 99th percentile",
+    "measured_loss": "share of the vehicle's frames that never came, 0 to 1; of the whole flight",
+    "frames_bad": "frames that came damaged; of the whole flight",
+}
+RUN_METRICS = {
+    "min_separation_m": "least distance of any two vehicles over the window, m",
+    "min_clearance_m": "least height of any vehicle above the ground over the window, m",
+    "violations": "how often the limits of `safety` were broken; of the whole flight",
+    "late_ticks": "control ticks that began more than 10 ms late; of the whole flight",
+    "period_ms.p50": "time between control ticks: median, ms; of the whole flight",
+    "period_ms.p99": "the same, 99th percentile",
+    "period_ms.max": "the same, the longest",
+    "compute_ms.p50": "computing time of a control tick: median, ms; of the whole flight",
+    "compute_ms.p99": "the same, 99th percentile",
+    "real_time_factor": "simulated seconds by seconds that passed",
+    "delay_margin_s": "least delay margin of any loop, s",
+    "worst_loop_delay_s": "longest delay of any loop, s; of the whole flight",
+}
+METRICS = {**FOLLOWER_METRICS, **LINK_METRICS, **RUN_METRICS}
+"""Metrics and what they are."""
 
 
 def _known_metric(value: object) -> object:
@@ -42,17 +56,28 @@ def _known_metric(value: object) -> object:
     return value
 
 
-Metric = Annotated[str, BeforeValidator(_known_metric), Allowed(", ".join(METRICS), METRICS)]
+Metric = Annotated[
+    str,
+    BeforeValidator(_known_metric),
+    WithJsonSchema({"type": "string", "enum": list(METRICS)}),
+    Allowed(", ".join(METRICS), tuple(METRICS)),
+]
 
 
 class Expectation(Keys):
     """A bound on one figure of the summary, for some followers and over a window of time."""
 
-    metric: Metric = Field(description="a figure of summary.json")
+    metric: Metric = Field(description="a figure of summary.json: see Metrics", examples=["error_x_m.max"])
     followers: VehicleSelection = Field(
-        default="all", description="all, or a list of ids; for figures of one follower or one link"
+        default="all",
+        description="all, or a list of ids; for figures of one follower or one link",
+        examples=[[2, 3]],
     )
-    from_s: NonNegative = Field(default=0.0, description="start of the window, s")
-    to_s: NonNegative = Field(description="end of the window, s; default: duration_s")
-    below: Number | None = Field(default=None, description="the figure must be smaller")
-    above: Number | None = Field(default=None, description="the figure must be larger")
+    from_s: NonNegative = Field(default=0.0, description="start of the window, s", examples=[70])
+    to_s: NonNegative = Field(
+        description="end of the window, s", json_schema_extra=derived("duration_s"), examples=[120]
+    )
+    below: Number | None = Field(
+        default=None, description="the figure must be smaller, in its own unit", examples=[0.22]
+    )
+    above: Number | None = Field(default=None, description="the figure must be larger, in its own unit", examples=[20])

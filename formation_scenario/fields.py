@@ -6,7 +6,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, TypeAlias, cast
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, StrictBool, StrictStr
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    StrictBool,
+    StrictStr,
+    WithJsonSchema,
+)
+from pydantic.config import JsonDict
 from pydantic_core import PydanticCustomError
 
 MAX_SYSTEM_ID = 254
@@ -29,6 +39,15 @@ class Allowed:
 
     text: str
     choices: tuple[str, ...] = ()
+
+
+def derived(words: str) -> JsonDict:
+    """Mark a key that `resolve` fills in from others where it isn't given; `words` say with what."""
+    return {DERIVED: words}
+
+
+DERIVED = "x-default"
+"""The JSON schema's keyword for the words of `derived`."""
 
 
 def one_of(key: str, default: str) -> Discriminator:
@@ -62,7 +81,12 @@ Fraction = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=1
 Rate = Annotated[Number, Field(ge=0.5, le=1000.0)]
 Flag = StrictBool
 Text = StrictStr
-Name = Annotated[str, BeforeValidator(_printable), Allowed(f"text of 1 to {MAX_NAME_LENGTH} printable characters")]
+Name = Annotated[
+    str,
+    BeforeValidator(_printable),
+    WithJsonSchema({"type": "string", "minLength": 1, "maxLength": MAX_NAME_LENGTH}),
+    Allowed(f"text of 1 to {MAX_NAME_LENGTH} printable characters"),
+]
 SystemId = Annotated[
     int,
     Field(strict=True, ge=1, le=MAX_SYSTEM_ID),
@@ -86,5 +110,5 @@ VehicleSelection: TypeAlias = Annotated[
 class Timed(Keys):
     """Something that happens to some vehicles at a mission time."""
 
-    at_s: NonNegative = Field(description="when, s")
-    vehicles: VehicleSelection = Field(default="all", description="all, or a list of ids")
+    at_s: NonNegative = Field(description="when it happens, s", examples=[40])
+    vehicles: VehicleSelection = Field(default="all", description="to whom: all, or a list of ids", examples=[[2, 3]])

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from formation_scenario.fields import Allowed, Flag, Keys, NonNegative, Positive, Rate
+from formation_scenario.fields import Allowed, Flag, Keys, NonNegative, Positive, Rate, derived
 
 GraphWeights = tuple[tuple[NonNegative, ...], ...]
 Graph = Annotated[
@@ -15,48 +15,87 @@ Graph = Annotated[
 ]
 
 
+OF_THE_SET = derived("of the set that law.gains names")
+
+
 class Mixer(Keys):
     """Weights of the mixed errors (equation 13)."""
 
-    k_v: NonNegative = Field(description="speed difference, m/s -> mixed speed error")
-    k_x: NonNegative = Field(description="forward error, m -> mixed speed error")
-    k_psi: NonNegative = Field(description="heading difference, rad -> mixed heading error")
-    k_y: NonNegative = Field(description="lateral error, m -> mixed heading error")
-    k_z: NonNegative = Field(description="height error, m -> mixed height error")
+    k_v: NonNegative = Field(
+        description="weight of the speed difference, m/s, in the mixed speed error",
+        json_schema_extra=OF_THE_SET,
+        examples=[0.5],
+    )
+    k_x: NonNegative = Field(
+        description="weight of the forward error, m, in the mixed speed error",
+        json_schema_extra=OF_THE_SET,
+        examples=[0.5],
+    )
+    k_psi: NonNegative = Field(
+        description="weight of the heading difference, rad, in the mixed heading error",
+        json_schema_extra=OF_THE_SET,
+        examples=[0.2],
+    )
+    k_y: NonNegative = Field(
+        description="weight of the lateral error, m, in the mixed heading error",
+        json_schema_extra=OF_THE_SET,
+        examples=[0.02],
+    )
+    k_z: NonNegative = Field(
+        description="weight of the height error, m, in the mixed height error",
+        json_schema_extra=OF_THE_SET,
+        examples=[0.8],
+    )
 
 
 class PidGains(Keys):
     """Nominal gains of one channel and the ranges of the fuzzy scheduler's inputs."""
 
-    kp: NonNegative = Field(description="proportional gain")
-    ki: NonNegative = Field(description="integral gain, 1/s")
-    kd: NonNegative = Field(description="derivative gain, s")
-    error_scale: Positive = Field(description="mixed error that counts as 1")
-    rate_scale: Positive = Field(description="rate of the mixed error that counts as 1, 1/s")
+    kp: NonNegative = Field(description="proportional gain", json_schema_extra=OF_THE_SET, examples=[1.5])
+    ki: NonNegative = Field(description="integral gain, 1/s", json_schema_extra=OF_THE_SET, examples=[0.2])
+    kd: NonNegative = Field(description="derivative gain, s", json_schema_extra=OF_THE_SET, examples=[1])
+    error_scale: Positive = Field(
+        description="mixed error that counts as 1", json_schema_extra=OF_THE_SET, examples=[2]
+    )
+    rate_scale: Positive = Field(
+        description="rate of the mixed error that counts as 1, 1/s", json_schema_extra=OF_THE_SET, examples=[2]
+    )
 
 
 class Fuzzy(Keys):
     """Range of the fuzzy scheduler: gain = (base + span·F)·nominal, F in [0, 1]."""
 
-    base: NonNegative = Field(default=0.7, description="share of the nominal gain at F = 0")
-    span: NonNegative = Field(default=0.6, description="share of the nominal gain that F = 1 adds")
-    tables: Literal["printed", "symmetric"] = Field(default="printed", description="printed | symmetric")
+    base: NonNegative = Field(default=0.7, description="share of the nominal gain at F = 0", examples=[0.8])
+    span: NonNegative = Field(default=0.6, description="share of the nominal gain that F = 1 adds", examples=[0.4])
+    tables: Literal["printed", "symmetric"] = Field(
+        default="printed", description="the rule tables: as the paper prints them, or made symmetric"
+    )
 
 
 class Consensus(Keys):
     """Gains and graph of the consensus protocol (equation 3)."""
 
-    k1: NonNegative = Field(default=0.1, description="position, 1/s²")
-    k2: NonNegative = Field(default=0.6, description="velocity, 1/s")
-    k3: NonNegative = Field(default=0.25, description="velocity of the formation, 1/s; 1/tau of it is the autopilot's")
-    graph: Graph = Field(default="star", description="a name, or weights [p][q] > 0 where vehicle p hears q")
+    k1: NonNegative = Field(default=0.1, description="gain on positions, 1/s²", examples=[0.05])
+    k2: NonNegative = Field(default=0.6, description="gain on velocities, 1/s", examples=[0.5])
+    k3: NonNegative = Field(
+        default=0.25,
+        description="gain on the formation's velocity; 1/tau of it is the autopilot's, 1/s",
+        examples=[0.5],
+    )
+    graph: Graph = Field(
+        default="star",
+        description="who hears whom: a name, or weights [p][q] > 0 where vehicle p hears q",
+        examples=["ring"],
+    )
 
 
 class Law(Keys):
     """The control law and its parameters."""
 
-    type: Literal["fuzzy_pid", "pid", "consensus"] = Field(default="fuzzy_pid", description="the law")
-    rate_hz: Rate = Field(default=10.0, description="control ticks a second, Hz")
+    type: Literal["fuzzy_pid", "pid", "consensus"] = Field(
+        default="fuzzy_pid", description="the law", examples=["consensus"]
+    )
+    rate_hz: Rate = Field(default=10.0, description="control ticks a second, Hz", examples=[20])
     delay_compensation: Flag = Field(default=True, description="predict the states over the links' delays")
     on_delay: Literal["degrade", "hold", "warn"] = Field(
         default="warn",
@@ -64,19 +103,29 @@ class Law(Keys):
     )
     gains: Literal["clean", "noise"] = Field(
         description="set of gains that fills what isn't given of mixer, speed, heading, height, derivative_filter_s "
-        "and disturbance_observer_radps: clean | noise; default: noise if any vehicle's navigation is noisy"
+        "and disturbance_observer_radps",
+        json_schema_extra=derived("noise if any vehicle's navigation is noisy, else clean"),
+        examples=["noise"],
     )
-    derivative_filter_s: NonNegative = Field(description="time constant of the derivative's filter, s")
-    anti_windup_s: Positive = Field(default=1.0, description="time constant of the back-calculation, s")
+    derivative_filter_s: NonNegative = Field(
+        description="time constant of the derivative's filter, s", json_schema_extra=OF_THE_SET, examples=[0.5]
+    )
+    anti_windup_s: Positive = Field(default=1.0, description="time constant of the back-calculation, s", examples=[20])
     max_age_s: Positive = Field(
-        5.0, description="oldest telemetry that is predicted from, s; beyond, the vehicle is told to loiter"
+        default=5.0,
+        description="oldest telemetry that is predicted from, s; beyond, the vehicle is told to loiter",
+        examples=[3],
     )
     disturbance_observer_radps: NonNegative = Field(
-        description="bandwidth of the disturbance observer, rad/s; 0 switches it off"
+        description="bandwidth of the disturbance observer, rad/s; 0 switches it off",
+        json_schema_extra=OF_THE_SET,
+        examples=[0.5],
     )
-    mixer: Mixer = Field(description="mixed errors")
-    speed: PidGains = Field(description="forward channel")
-    heading: PidGains = Field(description="lateral channel; defaults depend on formation.frame too")
-    height: PidGains = Field(description="height channel")
+    mixer: Mixer = Field(description="weights of the mixed errors", json_schema_extra=OF_THE_SET)
+    speed: PidGains = Field(description="forward channel", json_schema_extra=OF_THE_SET)
+    heading: PidGains = Field(
+        description="lateral channel; defaults depend on formation.frame too", json_schema_extra=OF_THE_SET
+    )
+    height: PidGains = Field(description="height channel", json_schema_extra=OF_THE_SET)
     fuzzy: Fuzzy = Fuzzy()
     consensus: Consensus = Consensus()

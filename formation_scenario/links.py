@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field
 
-from formation_scenario.fields import Flag, Fraction, Keys, NonNegative, Number, Text, Timed
+from formation_scenario.fields import Flag, Fraction, Keys, NonNegative, Number, Text, Timed, derived
 
 Distribution = Literal["normal", "uniform", "pareto"]
 Burst = Annotated[Number, Field(ge=1.0, le=1e6)]
@@ -18,15 +18,19 @@ Milliseconds = Annotated[NonNegative, Field(le=600_000.0)]
 class Impairment(Keys):
     """Impairments of one direction of one link."""
 
-    delay_ms: Milliseconds = Field(default=0.0, description="mean delay before truncation at 0, ms")
-    jitter_ms: Milliseconds = Field(default=0.0, description="standard deviation of the delay, ms")
-    distribution: Distribution = Field(default="normal", description="of the jitter: normal | uniform | pareto")
-    loss: Fraction = Field(default=0.0, description="probability that a datagram is lost")
-    duplicate: Fraction = Field(default=0.0, description="probability that a datagram arrives twice")
-    rate_kbps: NonNegative = Field(default=0.0, description="data rate, kbit/s; 0: unlimited")
-    queue_ms: Milliseconds = Field(default=1000.0, description="longest wait for the data rate, ms; more is dropped")
+    delay_ms: Milliseconds = Field(default=0.0, description="mean delay before truncation at 0, ms", examples=[300])
+    jitter_ms: Milliseconds = Field(default=0.0, description="standard deviation of the delay, ms", examples=[20])
+    distribution: Distribution = Field(default="normal", description="distribution of the jitter", examples=["pareto"])
+    loss: Fraction = Field(default=0.0, description="probability that a datagram is lost", examples=[0.02])
+    duplicate: Fraction = Field(default=0.0, description="probability that a datagram arrives twice", examples=[0.01])
+    rate_kbps: NonNegative = Field(default=0.0, description="data rate, kbit/s; 0: unlimited", examples=[57.6])
+    queue_ms: Milliseconds = Field(
+        default=1000.0, description="longest wait for the data rate, ms; what would wait longer is lost", examples=[500]
+    )
     mean_burst: Burst | None = Field(
-        default=None, description="mean number of datagrams lost in a row; without it each is lost on its own"
+        default=None,
+        description="mean number of datagrams lost in a row; without it each is lost on its own",
+        examples=[5],
     )
     reorder: Flag = Field(default=True, description="whether datagrams may overtake each other")
     outage: Flag = Field(default=False, description="whether everything is lost")
@@ -34,46 +38,80 @@ class Impairment(Keys):
         default=None,
         description="recorded delays, ms, a number a line, added to delay_ms instead of jitter, one after the other "
         "and over again; a path from the scenario's file",
+        examples=["lte.txt"],
+    )
+
+
+def _patch(key: str) -> Any:  # noqa: ANN401 - as pydantic types the defaults of fields
+    """Return the field of a key that may change: described as the key, None where it stays as it was."""
+    field = Impairment.model_fields[key]
+    return Field(
+        default=None,
+        description=field.description,
+        examples=field.examples,
+        json_schema_extra=derived("as it was"),
     )
 
 
 class ImpairmentPatch(Keys):
     """The keys of an impairment that change; the others stay as they were."""
 
-    delay_ms: Milliseconds | None = None
-    jitter_ms: Milliseconds | None = None
-    distribution: Distribution | None = None
-    loss: Fraction | None = None
-    duplicate: Fraction | None = None
-    rate_kbps: NonNegative | None = None
-    queue_ms: Milliseconds | None = None
-    mean_burst: Burst | None = None
-    reorder: Flag | None = None
-    outage: Flag | None = None
-    trace_file: Text | None = None
+    delay_ms: Milliseconds | None = _patch("delay_ms")
+    jitter_ms: Milliseconds | None = _patch("jitter_ms")
+    distribution: Distribution | None = _patch("distribution")
+    loss: Fraction | None = _patch("loss")
+    duplicate: Fraction | None = _patch("duplicate")
+    rate_kbps: NonNegative | None = _patch("rate_kbps")
+    queue_ms: Milliseconds | None = _patch("queue_ms")
+    mean_burst: Burst | None = _patch("mean_burst")
+    reorder: Flag | None = _patch("reorder")
+    outage: Flag | None = _patch("outage")
+    trace_file: Text | None = _patch("trace_file")
 
 
 class DefaultLink(Impairment):
     """Both directions of every link, and the differences of each direction."""
 
-    uplink: ImpairmentPatch | None = Field(default=None, description="ground station to vehicle")
-    downlink: ImpairmentPatch | None = Field(default=None, description="vehicle to ground station")
+    uplink: ImpairmentPatch | None = Field(
+        default=None, description="differences of the way from the ground station to the vehicle"
+    )
+    downlink: ImpairmentPatch | None = Field(
+        default=None, description="differences of the way from the vehicle to the ground station"
+    )
 
 
 class LinkChange(ImpairmentPatch, Timed):
     """A change of some vehicles' links: keys for both directions, then those for each direction."""
 
-    uplink: ImpairmentPatch | None = Field(default=None, description="ground station to vehicle")
-    downlink: ImpairmentPatch | None = Field(default=None, description="vehicle to ground station")
+    uplink: ImpairmentPatch | None = Field(
+        default=None, description="differences of the way from the ground station to the vehicle"
+    )
+    downlink: ImpairmentPatch | None = Field(
+        default=None, description="differences of the way from the vehicle to the ground station"
+    )
 
 
 class Links(Keys):
     """The links between the ground station and every vehicle."""
 
     default: DefaultLink = DefaultLink()
-    uplink: ImpairmentPatch | None = Field(default=None, description="ground station to vehicle, all vehicles")
-    downlink: ImpairmentPatch | None = Field(default=None, description="vehicle to ground station, all vehicles")
-    changes: tuple[LinkChange, ...] = Field(default=(), description="changes in flight")
+    uplink: ImpairmentPatch | None = Field(
+        default=None, description="the same as default.uplink; of a key that both give, this one holds"
+    )
+    downlink: ImpairmentPatch | None = Field(
+        default=None, description="the same as default.downlink; of a key that both give, this one holds"
+    )
+    changes: tuple[LinkChange, ...] = Field(
+        default=(),
+        description="changes in flight",
+        examples=[
+            [
+                {"at_s": 40, "vehicles": [2], "delay_ms": 300},
+                {"at_s": 60, "uplink": {"outage": True}},
+                {"at_s": 63, "uplink": {"outage": False}, "loss": 0.05},
+            ]
+        ],
+    )
 
 
 class LinkStep(NamedTuple):

@@ -23,6 +23,7 @@ from formation_scenario.fields import (
     Speed,
     Vector,
     VehicleSelection,
+    derived,
 )
 from formation_scenario.formation import Formation
 from formation_scenario.law import Law
@@ -42,88 +43,163 @@ Fleet = Annotated[tuple[Vehicle, ...], Field(min_length=1), Allowed("a list of 1
 class Origin(Keys):
     """The origin of north, east and height."""
 
-    lat_deg: Annotated[Number, Field(ge=-85.0, le=85.0)] = Field(default=35.0, description="latitude, degrees")
-    lon_deg: Annotated[Number, Field(ge=-180.0, le=180.0)] = Field(default=125.0, description="longitude, degrees")
-    alt_m: Annotated[Number, Field(ge=-500.0, le=9000.0)] = Field(default=0.0, description="above sea level, m")
+    lat_deg: Annotated[Number, Field(ge=-85.0, le=85.0)] = Field(
+        default=35.0, description="latitude, degrees", examples=[47.4]
+    )
+    lon_deg: Annotated[Number, Field(ge=-180.0, le=180.0)] = Field(
+        default=125.0, description="longitude, degrees", examples=[8.54]
+    )
+    alt_m: Annotated[Number, Field(ge=-500.0, le=9000.0)] = Field(
+        default=0.0, description="height above sea level, m", examples=[488]
+    )
 
 
 class Start(Keys):
     """The start of the flight."""
 
     in_air: Flag = Field(default=False, description="emulators only: begin in flight, without take-off")
-    offset_m: Offset = Field(default=(0.0, 0.0, 0.0), description="follower from its slot: forward, right, up, m")
-    run_in_s: Annotated[NonNegative, Field(le=3600.0)] = Field(
-        description="how long the leader flies straight to the path's start before t = 0, s; "
-        "default 10 in the air, 60 from the ground"
+    offset_m: Offset = Field(
+        default=(0.0, 0.0, 0.0),
+        description="where each follower starts, from its slot: forward, right, up, m",
+        examples=[[8, 6, 4]],
     )
-    tolerance_m: Positive = Field(default=3.0, description="a follower this near its slot counts as assembled, m")
-    timeout_s: Seconds = Field(default=300.0, description="longest wait for take-off and assembly, s")
+    run_in_s: Annotated[NonNegative, Field(le=3600.0)] = Field(
+        description="how long the leader flies straight to the path's start before t = 0, s",
+        json_schema_extra=derived("10 in the air, 60 from the ground"),
+        examples=[45],
+    )
+    tolerance_m: Positive = Field(
+        default=3.0, description="a follower this near its slot counts as assembled, m", examples=[5]
+    )
+    timeout_s: Seconds = Field(default=300.0, description="longest wait for take-off and assembly, s", examples=[900])
 
 
 class Wind(Keys):
     """Constant wind on all vehicles."""
 
-    velocity_mps: Vector = Field(default=(0.0, 0.0, 0.0), description="where it blows to: north, east, down, m/s")
+    velocity_mps: Vector = Field(
+        default=(0.0, 0.0, 0.0), description="where it blows to: north, east, down, m/s", examples=[[3, -2, 0]]
+    )
 
 
 class Avoidance(Keys):
     """The separation rule."""
 
     enabled: Flag = Field(default=True, description="whether setpoints give way to it")
-    distance_m: Positive = Field(description="distance that it keeps, m; default: safety.separation_m + 5")
-    horizon_s: Annotated[Number, Field(ge=4.0, le=60.0)] = Field(default=12.0, description="how far it looks ahead, s")
+    distance_m: Positive = Field(
+        description="distance that it keeps, m",
+        json_schema_extra=derived("safety.separation_m + 5"),
+        examples=[15],
+    )
+    horizon_s: Annotated[Number, Field(ge=4.0, le=60.0)] = Field(
+        default=12.0, description="how far it looks ahead, s", examples=[20]
+    )
 
 
 class Safety(Keys):
     """Limits that fail a run if they are violated, and the rule that prevents it."""
 
-    separation_m: Distance = Field(default=5.0, description="least distance of two vehicles, m")
-    avoidance: Avoidance
-    clearance_m: NonNegative = Field(default=5.0, description="least height above ground, m")
+    separation_m: Distance = Field(default=5.0, description="least distance of two vehicles, m", examples=[20])
+    avoidance: Avoidance = Field(json_schema_extra=derived("its keys'"))
+    clearance_m: NonNegative = Field(default=5.0, description="least height above ground, m", examples=[50])
 
 
 class Finish(Keys):
     """The end of a run."""
 
-    loiter_s: NonNegative = Field(default=10.0, description="how long the vehicles loiter after the run, s")
+    loiter_s: NonNegative = Field(
+        default=10.0, description="how long the vehicles loiter after the run, s", examples=[30]
+    )
 
 
 class Telemetry(Keys):
     """What the vehicles send."""
 
-    rate_hz: Rate = Field(default=10.0, description="position and attitude messages a second, Hz")
+    rate_hz: Rate = Field(default=10.0, description="position and attitude messages a second, Hz", examples=[5])
 
 
 class PathPlan(Keys):
     """The leader's path."""
 
-    speed_mps: Speed = Field(default=22.0, description="the leader's speed, m/s")
-    waypoints_m: Waypoints = Field(description="north, east and height above the origin, m")
+    speed_mps: Speed = Field(default=22.0, description="the leader's speed, m/s", examples=[20])
+    waypoints_m: Waypoints = Field(
+        description="north, east and height above the origin, m; a smooth curve goes through all of them",
+        examples=[[[0, 0, 100], [1500, 0, 100], [3000, 700, 120]]],
+    )
 
 
 class Scenario(Keys):
     """A scenario with every default filled in; `load_scenario` makes them, from a file or a mapping."""
 
     schema_: Literal[1] = Field(default=1, alias="schema", description="version of these keys")
-    name: Name = Field(default="scenario", description="name of the run; default: the file's")
-    seed: Seed = Field(default=1, description="of all randomness")
-    duration_s: Seconds = Field(default=120.0, description="end of the run, from the leader's start on its path, s")
+    name: Name = Field(
+        default="scenario",
+        description="name of the run",
+        json_schema_extra=derived("the file's"),
+        examples=["three-followers"],
+    )
+    seed: Seed = Field(default=1, description="seed of all randomness: the same seed, the same flight", examples=[7])
+    duration_s: Seconds = Field(
+        default=120.0,
+        description="end of the run, from the leader's start on its path, s; the path's end may come first",
+        examples=[600],
+    )
     origin: Origin = Origin()
-    start: Start
-    vehicles: Fleet = Field(description="a list of vehicles, or {count: N}")
+    start: Start = Field(json_schema_extra=derived("its keys'"))
+    vehicles: Fleet = Field(
+        description="a list of vehicles, or {count: N}; without a leader in the list, a virtual one flies the path",
+        examples=[
+            [{"id": 1, "role": "leader"}, {"id": 2}, {"id": 3, "model": {"tau_v_s": 5.0}}],
+            {"count": 4, "navigation": {"source": "noisy"}},
+        ],
+    )
     telemetry: Telemetry = Telemetry()
-    formation: Formation = Formation()
-    law: Law
+    formation: Formation = Field(default=Formation(), json_schema_extra=derived("its keys'"))
+    law: Law = Field(json_schema_extra=derived("its keys'"))
     path: PathPlan
     terrain: Terrain | None = Field(default=None, description="the ground; without it, a plain at the origin's height")
     links: Links = Links()
     wind: Wind = Wind()
-    disturbances: tuple[Disturbance, ...] = ()
-    orders: tuple[PlannedOrder, ...] = ()
-    faults: tuple[Fault, ...] = ()
-    safety: Safety
+    disturbances: tuple[Disturbance, ...] = Field(
+        default=(),
+        description="velocities that the air adds to vehicles besides the wind; they add up",
+        examples=[
+            [
+                {"at_s": 60, "velocity_mps": [0.6, 0.6, 0.0]},
+                {"at_s": 70, "until_s": 90, "kind": "ramp", "velocity_mps": [2, 0, 0], "duration_s": 5},
+                {"at_s": 80, "vehicles": [2], "kind": "sine", "velocity_mps": [0, 0.5, 0], "period_s": 8},
+                {"at_s": 90, "kind": "dryden", "wind_6m_mps": 7},
+            ]
+        ],
+    )
+    orders: tuple[PlannedOrder, ...] = Field(
+        default=(),
+        description="orders that are given at a mission time, as by `gcs-formation tell`",
+        examples=[[{"at_s": 40, "order": "shape line 40"}, {"at_s": 80, "order": "speed 20"}]],
+    )
+    faults: tuple[Fault, ...] = Field(
+        default=(),
+        description="faults of vehicles; emulators only",
+        examples=[
+            [
+                {"at_s": 50, "until_s": 60, "vehicles": [2], "kind": "freeze"},
+                {"at_s": 90, "vehicles": [3], "kind": "crash"},
+            ]
+        ],
+    )
+    safety: Safety = Field(json_schema_extra=derived("its keys'"))
     finish: Finish = Finish()
-    expect: tuple[Expectation, ...] = ()
+    expect: tuple[Expectation, ...] = Field(
+        default=(),
+        description="bounds that the run must have kept; exit status 1 if one is broken",
+        examples=[
+            [
+                {"metric": "error_x_m.max", "from_s": 70, "to_s": 120, "below": 0.22},
+                {"metric": "measured_delay_ms.p99", "followers": [2], "below": 350},
+                {"metric": "min_separation_m", "above": 20},
+            ]
+        ],
+    )
 
     @property
     def leader(self) -> Vehicle | None:

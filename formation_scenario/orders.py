@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, NamedTuple, get_args
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
 from formation_scenario.errors import did_you_mean
@@ -96,5 +96,7 @@ def _known_order(value: object) -> object:
 class PlannedOrder(Keys):
     """An order that is given at a mission time, as by `gcs-formation tell`."""
 
-    at_s: NonNegative = Field(description="when, s")
-    order: Annotated[str, BeforeValidator(_known_order), Allowed(ALLOWED, EXAMPLES)] = Field(description=ALLOWED)
+    at_s: NonNegative = Field(description="when, s", examples=[40])
+    order: Annotated[
+        str, BeforeValidator(_known_order), WithJsonSchema({"type": "string"}), Allowed(ALLOWED, EXAMPLES)
+    ] = Field(description="the order", examples=["shape line 40"])

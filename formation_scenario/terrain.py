@@ -18,22 +18,37 @@ class Hill(Keys):
     height.
     """
 
-    name: Name = Field(default="hill", description="what messages call it")
-    shape: HillShape = Field(default="gaussian", description="gaussian | cosine")
-    north_m: Number = Field(description="middle of the hill, m north of the origin")
-    east_m: Number = Field(description="the same, m east")
-    height_m: Number = Field(description="of the top above the ground around, m; hills add up")
-    radius_m: Positive = Field(description="one standard deviation (gaussian), or to the foot (cosine), m")
-    length_m: NonNegative = Field(default=0.0, description="length of a ridge's level crest line, m")
-    bearing_deg: Number = Field(default=0.0, description="direction of the crest line, degrees from north")
+    name: Name = Field(default="hill", description="what messages call it", examples=["ridge"])
+    shape: HillShape = Field(default="gaussian", description="form of its section")
+    north_m: Number = Field(description="middle of the hill, north of the origin, m", examples=[1500])
+    east_m: Number = Field(description="middle of the hill, east of the origin, m", examples=[-200])
+    height_m: Number = Field(description="height of the top above the ground around, m; hills add up", examples=[80])
+    radius_m: Positive = Field(
+        description="one standard deviation (gaussian), or to the foot (cosine), m", examples=[400]
+    )
+    length_m: NonNegative = Field(default=0.0, description="length of a ridge's level crest line, m", examples=[600])
+    bearing_deg: Number = Field(
+        default=0.0, description="direction of the crest line from north, degrees", examples=[60]
+    )
 
 
 class Terrain(Keys):
     """The ground, and the clearance that the formation keeps from it."""
 
     file: Text | None = Field(
-        default=None, description="elevations above sea level: a .hgt tile, or a GeoTIFF (with the extra `terrain`)"
+        default=None,
+        description="elevations above sea level: a .hgt tile, or a GeoTIFF (with the extra `terrain`); a path from the "
+        "scenario's file",
+        examples=["N35E125.hgt"],
     )
-    base_m: Number = Field(default=0.0, description="height of the ground around the hills, above the origin, m")
-    hills: tuple[Hill, ...] = Field(default=(), description="hills and ridges")
-    clearance_m: NonNegative = Field(default=50.0, description="height above ground that every vehicle keeps, m")
+    base_m: Number = Field(
+        default=0.0, description="height of the ground around the hills, above the origin, m", examples=[20]
+    )
+    hills: tuple[Hill, ...] = Field(
+        default=(),
+        description="hills and ridges",
+        examples=[[{"north_m": 1500, "east_m": 0, "height_m": 30, "radius_m": 600}]],
+    )
+    clearance_m: NonNegative = Field(
+        default=50.0, description="height above ground that every vehicle keeps, m", examples=[60]
+    )

@@ -18,6 +18,7 @@ from formation_scenario.fields import (
     SystemId,
     Text,
     TimeConstant,
+    derived,
 )
 from formation_scenario.navigation import Navigation, TrueNavigation
 
@@ -31,47 +32,55 @@ Autopilot = Literal["emulator", "arduplane", "arducopter", "px4"]
 class VehicleModel(Keys):
     """Autopilot lags (equation 7) and the limits of flight; defaults: a fixed wing that cruises at 22 m/s."""
 
-    tau_v_s: TimeConstant = Field(default=4.0, description="time constant of airspeed, s")
-    tau_psi_s: TimeConstant = Field(default=1.5, description="time constant of heading, s")
-    tau_ha_s: TimeConstant = Field(default=1.0, description="first time constant of height, s")
-    tau_hb_s: TimeConstant = Field(default=3.0, description="second time constant of height, s")
-    speed_min_mps: Speed = Field(default=16.0, description="lowest airspeed, m/s")
-    speed_max_mps: Speed = Field(default=28.0, description="highest airspeed, m/s")
-    accel_max_mps2: Positive = Field(default=1.5, description="largest change of airspeed, m/s²")
-    turn_rate_max_rps: Positive = Field(default=0.25, description="highest turn rate, rad/s")
-    climb_max_mps: Speed = Field(default=3.0, description="highest climb and descent rate, m/s")
+    tau_v_s: TimeConstant = Field(default=4.0, description="time constant of airspeed, s", examples=[5])
+    tau_psi_s: TimeConstant = Field(default=1.5, description="time constant of heading, s", examples=[3.4])
+    tau_ha_s: TimeConstant = Field(default=1.0, description="first time constant of height, s", examples=[1.5])
+    tau_hb_s: TimeConstant = Field(default=3.0, description="second time constant of height, s", examples=[2])
+    speed_min_mps: Speed = Field(default=16.0, description="lowest airspeed, m/s", examples=[14])
+    speed_max_mps: Speed = Field(default=28.0, description="highest airspeed, m/s", examples=[29])
+    accel_max_mps2: Positive = Field(default=1.5, description="largest change of airspeed, m/s²", examples=[1])
+    turn_rate_max_rps: Positive = Field(default=0.25, description="highest turn rate, rad/s", examples=[0.2])
+    climb_max_mps: Speed = Field(default=3.0, description="highest climb and descent rate, m/s", examples=[4])
 
 
 class VehicleClock(Keys):
     """Offset and drift of a vehicle's clock relative to the ground station's; its time stamps carry them."""
 
     offset_s: Annotated[Number, Field(ge=0.0, le=MAX_CLOCK_S)] = Field(
-        default=0.0, description="vehicle's clock minus true time at t = 0, s"
+        default=0.0, description="vehicle's clock minus true time at t = 0, s", examples=[0.25]
     )
     drift_ppm: Annotated[Number, Field(ge=-1e5, le=1e5)] = Field(
-        default=0.0, description="how much faster than true time the vehicle's clock runs, 1e-6"
+        default=0.0, description="how much faster than true time the vehicle's clock runs, 1e-6", examples=[20]
     )
 
 
 class VehicleCommon(Keys):
     """Keys of a vehicle in the list, and of a group `{count: N}`."""
 
-    network: NetworkId = Field(default=1, description="MAVLink network; each has system ids 1 to 254 of its own")
+    network: NetworkId = Field(
+        default=1, description="MAVLink network; each has system ids 1 to 254 of its own", examples=[2]
+    )
     endpoint: Text = Field(
         default=f"udpin:127.0.0.1:{BASE_PORT}",
-        description="where the ground station listens; default: one port a network, 14549 + network",
+        description="where the ground station listens: udpin:HOST:PORT",
+        json_schema_extra=derived("udpin:127.0.0.1, one port a network: 14549 + network"),
+        examples=["udpin:0.0.0.0:14552"],
     )
-    autopilot: Autopilot = Field(default="emulator", description="emulator | arduplane | arducopter | px4")
-    model: VehicleModel = VehicleModel()
-    navigation: Navigation = TrueNavigation()
+    autopilot: Autopilot = Field(
+        default="emulator", description="what flies the vehicle: an emulator, or one of the real autopilots"
+    )
+    model: VehicleModel = Field(default=VehicleModel(), description="its autopilot's lags, and its limits")
+    navigation: Navigation = Field(default=TrueNavigation(), description="how well its telemetry knows its state")
     clock: VehicleClock = VehicleClock()
 
 
 class VehicleIdentity(Keys):
     """Keys of a vehicle in the list only."""
 
-    id: SystemId = Field(description="MAVLink system id, unique on its network")
-    role: Literal["leader", "follower"] = Field(default="follower", description="leader | follower")
+    id: SystemId = Field(description="MAVLink system id, unique on its network", examples=[2])
+    role: Literal["leader", "follower"] = Field(
+        default="follower", description="whether it leads at the start; one vehicle may"
+    )
 
 
 class Vehicle(VehicleCommon, VehicleIdentity):
@@ -93,4 +102,4 @@ Count = Annotated[
 class VehicleGroup(VehicleCommon):
     """`vehicles: {count: N, ...}`: N identical vehicles, of which vehicle 1 leads."""
 
-    count: Count = Field(description="number of vehicles, the leader included")
+    count: Count = Field(description="number of vehicles, the leader included", examples=[20])

@@ -1,9 +1,13 @@
 """Documents name files, names in them and pictures that are there."""
 
+import json
 import re
 from pathlib import Path
 
 import pytest
+
+from formation_scenario.reference import REGENERATE, scenario_reference
+from formation_scenario.schema import scenario_schema
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")])
@@ -48,3 +52,10 @@ def test_every_equation_is_where_the_table_says():
         code = (ROOT / path).read_text(encoding="utf-8")
         for name in re.findall(r"`(\w+)`", names):
             assert re.search(rf"^ *(?:def|class) {name}\b|^{name}\b.*=", code, re.MULTILINE), f"{name} isn't in {path}"
+
+
+def test_the_reference_of_scenario_keys_and_their_schema_are_those_of_the_models():
+    reference = (ROOT / "docs" / "scenario.md").read_text(encoding="utf-8")
+    schema = (ROOT / "docs" / "scenario.schema.json").read_text(encoding="utf-8")
+    fresh = reference == scenario_reference() and json.loads(schema) == json.loads(json.dumps(scenario_schema()))
+    assert fresh, f"docs/scenario.md and docs/scenario.schema.json are stale; write them again by: {REGENERATE}"

@@ -1,4 +1,4 @@
-"""The command line: `gcs-formation init | check | run | fly | tell | report | compare | stress`."""
+"""The command line: `gcs-formation init | check | run | fly | tell | report | compare | schema | stress`."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ COMMANDS = {
     "init": Entry("gcs_formation.cli.init", "Write an example scenario to begin with."),
     "report": Entry("gcs_formation.cli.report", "Draw the figures and the page of a finished run."),
     "run": Entry("gcs_formation.cli.flight", "Fly a scenario with emulated vehicles."),
+    "schema": Entry("gcs_formation.cli.schema", "Print the JSON schema of scenarios, or the reference of their keys."),
     "stress": Entry("gcs_formation.cli.stress", "Fly random scenarios and look for what must never be."),
     "tell": Entry("gcs_formation.cli.tell", "Give a flight under way an order."),
 }

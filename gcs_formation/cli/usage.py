@@ -53,6 +53,10 @@ COMPARE = _examples(
     "gcs-formation compare paper.yaml --laws pid,fuzzy_pid,consensus --from 500 --jobs 2 --out runs/laws",
     "gcs-formation compare quickstart.yaml --laws fuzzy_pid,fuzzy_pid_uncompensated --set links.default.delay_ms=300",
 )
+SCHEMA = _examples(
+    "gcs-formation schema > scenario.schema.json",
+    "gcs-formation schema --markdown | less",
+)
 STRESS = _examples(
     "gcs-formation stress --count 100",
     "gcs-formation stress --hard --count 200",

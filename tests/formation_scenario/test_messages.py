@@ -32,58 +32,59 @@ def test_a_wrong_word_names_file_line_column_key_choices_and_the_nearest(tmp_pat
     )
 
 
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        (
-            "sede: 3\n",
-            "a.yaml:3:1: sede: found an unknown key 'sede'; allowed: schema, name, seed, duration_s,",
-        ),
-        ("finish: {loiter: 3}\n", "allowed: loiter_s (did you mean 'loiter_s'?)"),
-        ("seed: true\n", "a.yaml:3:1: seed: found true; allowed: a whole number from 0 to 2^63 - 1"),
-        ("seed: 1.5\n", "seed: found 1.5; allowed: a whole number from 0"),
-        ("duration_s: .inf\n", "duration_s: found .inf; allowed: a number > 0 and <= 1e+06"),
-        ("duration_s: 'long'\n", "duration_s: found 'long'; allowed: a number > 0"),
-        ("start: {in_air: 1}\n", "start.in_air: found 1; allowed: true or false"),
-        ("start: {offset_m: [1, 2]}\n", "start.offset_m: found [1, 2]; allowed: a list of 3 numbers"),
-        ("law: 3\n", "law: found 3; allowed: a mapping with type, rate_hz"),
-        ("law: {consensus: {graph: sta}}\n", "or a square list of weights >= 0 (did you mean 'star'?)"),
-        ("faults: [{at_s: 1, kind: crash, vehicles: [1.5]}]\n", "allowed: all, or a list of vehicle ids"),
-        ("faults: [{at_s: 1}]\n", "faults.0.kind: not found; allowed: crash, freeze, restart, ignore, pilot"),
-        ("disturbances: {at_s: 1}\n", "disturbances: found {at_s: 1}; allowed: a list"),
-        (
-            "disturbances: [{at_s: 1, kind: rmp}]\n",
-            "a.yaml:3:26: disturbances.0.kind: found 'rmp'; allowed: step, ramp, sine, dryden (did you mean 'ramp'?)",
-        ),
-        (
-            "disturbances: [{at_s: 1, kind: sine, perod_s: 3, velocity_mps: [1, 0, 0]}]\n",
-            "a.yaml:3:38: disturbances.0.perod_s: found an unknown key 'perod_s'; allowed: at_s, vehicles,",
-        ),
-        (
-            "disturbances: [{at_s: 1, kind: ramp, velocity_mps: [1, 0, 0]}]\n",
-            "a.yaml:3:16: disturbances.0.duration_s: not found; allowed: a number > 0",
-        ),
-        (
-            "formation: {slots_m: {x: [1, 2, 3]}}\n",
-            "formation.slots_m.x: found key 'x'; allowed: a vehicle's id",
-        ),
-        ("formation: {slots_m: {2: 1}}\n", "formation.slots_m.2: found 1; allowed: a list of 3 numbers"),
-        ("links: {default: {loss: 1.01}}\n", "links.default.loss: found 1.01; allowed: a number from 0 to 1"),
-        ("name: ''\n", "name: found ''; allowed: text of 1 to 80 printable characters"),
-        ("schema: 2\n", "schema: found 2; allowed: 1"),
-        ("expect: [{metric: error_x.max, below: 1}]\n", "(did you mean 'error_x_m.max'?)"),
-        (
-            "expect: [{metric: settled_at_s, followers: [], below: 1}]\n",
-            "expect.0.followers: found []; allowed: all, or",
-        ),
-        ("5: 5\n", "a.yaml:3:1: 5: found an unknown key '5'; allowed: schema, name,"),
-        ("law: {mixer: {7: 1}}\n", "a.yaml:3:15: law.mixer.7: found an unknown key '7'; allowed: k_v, k_x,"),
-        ("orders: [{at_s: 1, order: sped 20}]\n", "loiter, rtl, land (did you mean 'speed 24'?)"),
-        ("law: {rate_hz: 0.01}\n", "law.rate_hz: found 0.01; allowed: a number from 0.5 to 1000"),
-        ("safety: {separation_m: 1e9}\n", "safety.separation_m: found 1000000000.0; allowed: a number from 0 to 10000"),
-        ("start: {offset_m: [1e6, 0, 0]}\n", "allowed: a list of 3 numbers, up to ±10000"),
-    ],
-)
+WRONG = [
+    (
+        "sede: 3\n",
+        "a.yaml:3:1: sede: found an unknown key 'sede'; allowed: schema, name, seed, duration_s,",
+    ),
+    ("finish: {loiter: 3}\n", "allowed: loiter_s (did you mean 'loiter_s'?)"),
+    ("seed: true\n", "a.yaml:3:1: seed: found true; allowed: a whole number from 0 to 2^63 - 1"),
+    ("seed: 1.5\n", "seed: found 1.5; allowed: a whole number from 0"),
+    ("duration_s: .inf\n", "duration_s: found .inf; allowed: a number > 0 and <= 1e+06"),
+    ("duration_s: 'long'\n", "duration_s: found 'long'; allowed: a number > 0"),
+    ("start: {in_air: 1}\n", "start.in_air: found 1; allowed: true or false"),
+    ("start: {offset_m: [1, 2]}\n", "start.offset_m: found [1, 2]; allowed: a list of 3 numbers"),
+    ("law: 3\n", "law: found 3; allowed: a mapping with type, rate_hz"),
+    ("law: {consensus: {graph: sta}}\n", "or a square list of weights >= 0 (did you mean 'star'?)"),
+    ("faults: [{at_s: 1, kind: crash, vehicles: [1.5]}]\n", "allowed: all, or a list of vehicle ids"),
+    ("faults: [{at_s: 1}]\n", "faults.0.kind: not found; allowed: crash, freeze, restart, ignore, pilot"),
+    ("disturbances: {at_s: 1}\n", "disturbances: found {at_s: 1}; allowed: a list"),
+    (
+        "disturbances: [{at_s: 1, kind: rmp}]\n",
+        "a.yaml:3:26: disturbances.0.kind: found 'rmp'; allowed: step, ramp, sine, dryden (did you mean 'ramp'?)",
+    ),
+    (
+        "disturbances: [{at_s: 1, kind: sine, perod_s: 3, velocity_mps: [1, 0, 0]}]\n",
+        "a.yaml:3:38: disturbances.0.perod_s: found an unknown key 'perod_s'; allowed: at_s, vehicles,",
+    ),
+    (
+        "disturbances: [{at_s: 1, kind: ramp, velocity_mps: [1, 0, 0]}]\n",
+        "a.yaml:3:16: disturbances.0.duration_s: not found; allowed: a number > 0",
+    ),
+    (
+        "formation: {slots_m: {x: [1, 2, 3]}}\n",
+        "formation.slots_m.x: found key 'x'; allowed: a vehicle's id",
+    ),
+    ("formation: {slots_m: {2: 1}}\n", "formation.slots_m.2: found 1; allowed: a list of 3 numbers"),
+    ("links: {default: {loss: 1.01}}\n", "links.default.loss: found 1.01; allowed: a number from 0 to 1"),
+    ("name: ''\n", "name: found ''; allowed: text of 1 to 80 printable characters"),
+    ("schema: 2\n", "schema: found 2; allowed: 1"),
+    ("expect: [{metric: error_x.max, below: 1}]\n", "(did you mean 'error_x_m.max'?)"),
+    (
+        "expect: [{metric: settled_at_s, followers: [], below: 1}]\n",
+        "expect.0.followers: found []; allowed: all, or",
+    ),
+    ("5: 5\n", "a.yaml:3:1: 5: found an unknown key '5'; allowed: schema, name,"),
+    ("law: {mixer: {7: 1}}\n", "a.yaml:3:15: law.mixer.7: found an unknown key '7'; allowed: k_v, k_x,"),
+    ("orders: [{at_s: 1, order: sped 20}]\n", "loiter, rtl, land (did you mean 'speed 24'?)"),
+    ("law: {rate_hz: 0.01}\n", "law.rate_hz: found 0.01; allowed: a number from 0.5 to 1000"),
+    ("safety: {separation_m: 1e9}\n", "safety.separation_m: found 1000000000.0; allowed: a number from 0 to 10000"),
+    ("start: {offset_m: [1e6, 0, 0]}\n", "allowed: a list of 3 numbers, up to ±10000"),
+]
+WRONG_VALUES = [text for text, _ in WRONG]
+
+
+@pytest.mark.parametrize(("text", "expected"), WRONG)
 def test_what_was_found_and_what_is_allowed(tmp_path, text: str, expected: str):
     assert expected in message(tmp_path, text)
 
