@@ -62,6 +62,8 @@ class Station:
         self.controller = FormationController(scenario)
         self.controlled_ticks = 0
         """Ticks at which the formation was commanded."""
+        self.frames_refused = 0
+        """Sound frames that aren't taken for those of any of our vehicles."""
         self.cut_short = False
         """Whether the flight was ended before its path or time was."""
         self.last_tick: Tick | None = None
@@ -108,7 +110,9 @@ class Station:
         for frame in self._receiver.frames(datagram):
             self._recorder.frame(now, frame.raw)
             vehicle = self._identities.sender(frame, datagram, now)
-            if vehicle is not None:
+            if vehicle is None:
+                self.frames_refused += 1
+            else:
                 self._take(vehicle, frame, now, timed=timed)
 
     def handle_timer(self, now: Instant) -> None:

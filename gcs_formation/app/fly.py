@@ -21,7 +21,7 @@ def fly(scenario: Scenario, options: RunOptions, progress: Progress, interrupts:
         RecordError: the run directory can't be written.
     """
     clock = RealClock(options.speedup)
-    session = open_session(scenario, options, clock, progress, interrupts)
+    session = open_session(scenario, options, clock, progress, interrupts, emulated=False)
     try:
         with UdpDriver(session.engine, clock) as driver, session.listening():
             driver.run(session.over)

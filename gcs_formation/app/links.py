@@ -65,9 +65,9 @@ def injected(statistics: LinkStatistics) -> tuple[float, float]:
 class InjectedDelays:
     """Delays that were injected into every link, tick by tick."""
 
-    def __init__(self, vehicles: Iterable[VehicleId], links: ImpairedEngine | None) -> None:
-        """Read the statistics of `links`; None: nothing is injected."""
-        self._links = links
+    def __init__(self, vehicles: Iterable[VehicleId], links: ImpairedEngine | None, otherwise_s: float) -> None:
+        """Read the statistics of `links`; without any, each delay is `otherwise_s`: 0, or NaN where it isn't known."""
+        self._links, self._otherwise_s = links, otherwise_s
         self._sums: dict[VehicleId, list[tuple[float, int]]] = {vehicle: [(0.0, 0)] * 2 for vehicle in vehicles}
         self._series_s: dict[VehicleId, list[float]] = {vehicle: [] for vehicle in self._sums}
         self._ticks = 0
@@ -86,7 +86,7 @@ class InjectedDelays:
 
     def _since_last_s(self, vehicle: VehicleId) -> float:
         if self._links is None:
-            return 0.0
+            return self._otherwise_s
         sums = [(way.total_delay_s, way.delivered) for way in self._links.statistics(vehicle)]
         apart = [(now[0] - was[0], now[1] - was[1]) for now, was in zip(sums, self._sums[vehicle], strict=True)]
         self._sums[vehicle] = sums

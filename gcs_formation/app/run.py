@@ -49,7 +49,7 @@ def run(scenario: Scenario, options: RunOptions, progress: Progress, interrupts:
 def _run_virtual(scenario: Scenario, options: RunOptions, progress: Progress, interrupts: Interrupts) -> Summary:
     """Fly in one process, as fast as it goes: the same engines on a network in memory."""
     clock = VirtualClock()
-    session = open_session(scenario, options, clock, progress, interrupts)
+    session = open_session(scenario, options, clock, progress, interrupts, emulated=True)
     network = MemoryNetwork(clock)
     with TruthWriter(options.out / TRUTH, len(scenario.vehicles), TRUTH_RATE_HZ) as writer:
         fleet = Fleet(fleet_config(scenario), truth=writer)
@@ -65,7 +65,7 @@ def _run_virtual(scenario: Scenario, options: RunOptions, progress: Progress, in
 def _run_real(scenario: Scenario, options: RunOptions, progress: Progress, interrupts: Interrupts) -> Summary:
     """Fly over UDP, the vehicles in a process of their own."""
     clock = RealClock(options.speedup)
-    session = open_session(scenario, options, clock, progress, interrupts)
+    session = open_session(scenario, options, clock, progress, interrupts, emulated=True)
     try:
         with UdpDriver(session.engine, clock) as driver, _Emulators(options, clock) as emulators, session.listening():
             driver.run(_watch(session, emulators))

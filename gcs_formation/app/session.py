@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import dataclass
 from typing import Protocol
@@ -12,6 +13,7 @@ from airlink.clock import NANOSECONDS, Clock, VirtualClock
 from airlink.engine import Engine
 from airlink.identity import VehicleId
 from formation_scenario import Scenario
+from gcs_formation.app.faults import InjectedFaults
 from gcs_formation.app.interrupt import Interrupts
 from gcs_formation.app.links import InjectedDelays, impair, injected
 from gcs_formation.app.options import RunOptions
@@ -53,13 +55,16 @@ class Session:
     recorder: RunDirectory
     progress: Progress
     interrupts: Interrupts
+    emulated: bool
+    """Whether the vehicles are our emulators, with the scenario's faults in them and nothing unknown on their links."""
 
     def __post_init__(self) -> None:
         """Wrap the station, and start to measure wall time."""
         self.timed = TimedStation(self.station)
         self._links = impair(self.scenario, self.station, self.timed)
         self.engine: Engine = self._links or self.timed
-        self._injected = InjectedDelays(self.station.vehicles, self._links)
+        self._injected = InjectedDelays(self.station.vehicles, self._links, 0.0 if self.emulated else math.nan)
+        self._faults = InjectedFaults(self.scenario, self.recorder) if self.emulated else None
         self._began = time.perf_counter()
         self._shown = self._began
         self._orders: OrderSocket | None = None
@@ -76,6 +81,8 @@ class Session:
         if self.interrupts.count:
             self.station.stop(self.clock.now())
         self._injected.note(self.station.controlled_ticks)
+        if self._faults is not None:
+            self._faults.note(self.station.flight, self.clock.now())
         if self._orders is not None:
             self._orders.poll()
         wall = time.perf_counter()
@@ -116,6 +123,7 @@ class Session:
                 worst_loop_delay_s=self._worst_loop_delay_s(),
                 margin_used=self.station.margins.most_used,
                 received=self.station.received(),
+                frames_refused=self.station.frames_refused,
                 simulated_s=self.clock.now() / NANOSECONDS,
                 wall_s=wall_s,
                 cut_short=self.station.cut_short,
@@ -127,7 +135,8 @@ class Session:
     def _link(self, identity: VehicleId) -> LinkFigures:
         vehicle = self.station.vehicles[identity]
         began = self.station.flight.path_began
-        delay_s, loss = injected(self._links.statistics(identity)) if self._links else (0.0, 0.0)
+        unimpaired = 0.0 if self.emulated else None
+        delay_s, loss = injected(self._links.statistics(identity)) if self._links else (unimpaired, unimpaired)
         times = np.array([instant for instant, _ in vehicle.delays], dtype=np.float64)
         return LinkFigures(
             delays_s=np.array([delay_s for _, delay_s in vehicle.delays]),
@@ -148,9 +157,15 @@ class Session:
 
 
 def open_session(
-    scenario: Scenario, options: RunOptions, clock: Clock, progress: Progress, interrupts: Interrupts
+    scenario: Scenario,
+    options: RunOptions,
+    clock: Clock,
+    progress: Progress,
+    interrupts: Interrupts,
+    *,
+    emulated: bool,
 ) -> Session:
-    """Return a session with an open record.
+    """Return a session with an open record; `emulated`: our own emulators are what it flies.
 
     Raises:
         RecordError: the run directory can't be written, or holds other files.
@@ -159,7 +174,7 @@ def open_session(
     columns = (leader, *(vehicle.vehicle_id for vehicle in scenario.followers))
     recorder = RunDirectory(options.out, scenario, columns, _epoch_us(clock), overwrite=options.overwrite)
     station = Station(scenario, recorder, options.until_s)
-    return Session(scenario, options, clock, station, recorder, progress, interrupts)
+    return Session(scenario, options, clock, station, recorder, progress, interrupts, emulated)
 
 
 def _epoch_us(clock: Clock) -> int:

@@ -61,8 +61,15 @@ class FuzzyGainScheduler:
         """Return F_p, F_i, F_d in [0, 1], shape (..., 3), for normalised inputs of any shape (...).
 
         Inputs outside [-1, 1] are clipped to it.
+
+        Raises:
+            ValueError: an input is NaN.
         """
-        (column, row), (across, down) = _place(np.array((error, error_rate), dtype=np.float64))
+        inputs = np.array((error, error_rate), dtype=np.float64)
+        if np.isnan(inputs).any():
+            name = "error" if np.isnan(inputs[0]).any() else "error_rate"
+            raise ValueError(f"{name}: found nan; allowed: numbers")
+        (column, row), (across, down) = _place(inputs)
         corner = row * SETS + column
         across, down = across[..., None], down[..., None]
         upper = self._table[corner] * (1 - across) + self._table[corner + 1] * across

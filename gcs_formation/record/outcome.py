@@ -31,8 +31,9 @@ class LinkFigures:
     frames_out: int
     frames_bad: int
     frames_implausible: int = 0
-    injected_delay_s: float = 0.0
-    injected_loss: float = 0.0
+    injected_delay_s: float | None = None
+    """Mean of both directions' means; None where nothing is known of the link, as in `fly` behind something else."""
+    injected_loss: float | None = None
 
 
 @dataclass(frozen=True)
@@ -72,6 +73,8 @@ class Outcome:
     """Largest share of the delay margin that a loop used."""
     received: ParserCounts
     """What has come from everybody, vehicles and others."""
+    frames_refused: int
+    """Of the sound frames, those that weren't taken for any of the vehicles'."""
     simulated_s: float
     wall_s: float
     cut_short: bool

@@ -56,7 +56,7 @@ def summarise(outcome: Outcome) -> Summary:
         "truth": flight.truth,
         "followers": {str(v): _follower(flight, v, window) for v in flight.followers(scenario)},
         "links": {str(i): _link(link, flight.vehicles[i]["jitter_s"]) for i, link in outcome.links.items()},
-        "received": _received(outcome.received),
+        "received": _received(outcome.received, outcome.frames_refused),
         "control": outcome.control.to_dict(),
         "safety": safety,
         "stability": {
@@ -81,7 +81,7 @@ def _follower(flight: Flight, vehicle: VehicleId, window: Mask) -> dict[str, Any
 
 def _link(link: LinkFigures, jitter_s: Array) -> dict[str, Any]:
     return {
-        "injected_delay_ms": link.injected_delay_s * 1e3,
+        "injected_delay_ms": None if link.injected_delay_s is None else link.injected_delay_s * 1e3,
         "measured_delay_ms": figures.percentiles(link.delays_s * 1e3, 50, 99),
         "jitter_ms": figures.percentiles(jitter_s * 1e3, 50, 99),
         "injected_loss": link.injected_loss,
@@ -93,8 +93,13 @@ def _link(link: LinkFigures, jitter_s: Array) -> dict[str, Any]:
     }
 
 
-def _received(counts: ParserCounts) -> dict[str, Any]:
-    return {"frames": counts.frames, "frames_bad": counts.bad, "garbage_bytes": counts.garbage_bytes}
+def _received(counts: ParserCounts, refused: int) -> dict[str, Any]:
+    return {
+        "frames": counts.frames,
+        "frames_refused": refused,
+        "frames_bad": counts.bad,
+        "garbage_bytes": counts.garbage_bytes,
+    }
 
 
 def _safety(outcome: Outcome, window: Mask) -> tuple[dict[str, Any], tuple[str, ...]]:

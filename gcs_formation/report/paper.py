@@ -84,11 +84,13 @@ def _conditions(run: RunData, step: StepDisturbance) -> str:
     """Return who is disturbed, the frame of the errors and the delay of the links, in this run and in the paper."""
     everybody = step.vehicles == "all" or run.leader in step.vehicles
     whom = "every vehicle" if everybody else "followers only, a relative disturbance"
-    delays = [float(link["injected_delay_ms"]) for link in run.summary["links"].values()]
+    delays_ms = [link["injected_delay_ms"] for link in run.summary["links"].values()]
+    known_ms = [delay_ms for delay_ms in delays_ms if delay_ms is not None]
+    links = f"links take {max(known_ms):.0f} ms each way, or less" if known_ms else "nothing is injected into links"
     frame = run.scenario.formation.frame.replace("_heading", "'s")
     return (
-        f"This run: the step acts on {whom}, from {step.at_s:g} s on; slots in the {frame} frame; links take "
-        f"{max(delays, default=0.0):.0f} ms each way, or less. The paper says that it acts on every vehicle; it gives "
+        f"This run: the step acts on {whom}, from {step.at_s:g} s on; slots in the {frame} frame; {links}. "
+        "The paper says that it acts on every vehicle; it gives "
         "neither the links' delay nor path, speed, slots or gains, and whether figure 12 shows formation errors or "
         "errors of an estimate can't be told from its text."
     )

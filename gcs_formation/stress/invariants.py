@@ -129,9 +129,12 @@ def acknowledged(flown: Flown) -> Iterator[str]:
 
 def recorded(flown: Flown) -> Iterator[str]:
     """The log has every frame that was counted, the time series a row for each tick and vehicle, without a gap."""
-    counted = sum(link["frames_in"] + link["frames_out"] for link in flown.summary["links"].values())
-    if flown.frames != counted:
-        yield f"recorded: the log has {flown.frames} frames; counted: {counted}"
+    links, received = flown.summary["links"].values(), flown.summary["received"]
+    taken, sent = (sum(link[count] for link in links) for count in ("frames_in", "frames_out"))
+    if lost := received["frames"] - taken - received["frames_refused"]:
+        yield f"recorded: {lost} frames more than were taken or refused came in"
+    if flown.frames != received["frames"] + sent:
+        yield f"recorded: the log has {flown.frames} frames; came in and went out: {received['frames'] + sent}"
     period_s = 1.0 / flown.scenario.law.rate_hz
     for vehicle in flown.scenario.vehicles:
         steps_s = np.diff(flown.rows(vehicle)["t_s"])

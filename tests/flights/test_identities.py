@@ -104,6 +104,8 @@ def test_in_flight_a_second_vehicle_with_the_same_id_is_reported_and_ignored() -
     assert 1.0 <= reported_s - begun_s < 2.5
     assert not world.times_s("address")
     assert twin.vehicles[0].link._heard == {}  # nothing was ever said to it
+    taken = sum(vehicle.frames_in for vehicle in world.station.vehicles.values())
+    assert world.station.received().frames - taken == world.station.frames_refused > 100
 
 
 def test_two_vehicles_behind_one_address_are_told_apart_by_their_clocks() -> None:

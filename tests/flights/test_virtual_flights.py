@@ -77,7 +77,8 @@ def test_pymavlink_reads_every_frame_of_the_log(fly: Fly, tmp_path: Path) -> Non
 
 
 def test_what_a_run_leaves_is_as_documented(fly: Fly, tmp_path: Path) -> None:
-    fly(duration_s=5, expect=[{"metric": "error_x_m.max", "below": 1.0}])
+    fault = {"kind": "freeze", "vehicles": [2], "at_s": 1.0, "until_s": 2.0}
+    fly(duration_s=5, expect=[{"metric": "error_x_m.max", "below": 1.0}], faults=[fault])
     run = tmp_path / "run"
     summary_schema = json.loads((DOCS / "summary.schema.json").read_text())
     jsonschema.validate(json.loads((run / "summary.json").read_text()), summary_schema)

@@ -50,6 +50,11 @@ def without_a_tick(flown: Flown) -> Flown:
     return replace(flown, columns={name: values[kept] for name, values in flown.columns.items()})
 
 
+def with_a_frame_more(flown: Flown) -> Flown:
+    received = flown.summary["received"]
+    return replace(flown, summary={**flown.summary, "received": received | {"frames": received["frames"] + 1}})
+
+
 def unacknowledged(flown: Flown) -> Flown:
     event = {"schema": 1, "t_s": 1.0, "kind": "unacknowledged", "text": "has not acknowledged", "vehicle": "2"}
     return replace(flown, events=(*flown.events, event))
@@ -70,6 +75,7 @@ def test_a_sound_record_breaks_nothing(sound: Flown) -> None:
         (lambda flown: with_column(flown, "true_north_m", 5, np.inf), "true_north_m isn't a number in 1 rows"),
         (unacknowledged, "acknowledged: 2: has not acknowledged"),
         (lambda flown: replace(flown, frames=flown.frames - 1), "recorded: the log has"),
+        (with_a_frame_more, "recorded: 1 frames more than were taken or refused came in"),
         (without_a_tick, "ticks 0.200 s apart, not 0.1"),
         (lambda flown: with_column(flown, "error_y_m", -1, -1.5), "regained: vehicle 3 was 1.50 m from its slot"),
     ],

@@ -1,0 +1,41 @@
+"""What a session knows of the links depends on whose vehicles it flies."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from airlink.clock import VirtualClock
+from airlink.memory import MemoryNetwork
+from formation_scenario import load_scenario
+from gcs_formation.app.interrupt import Interrupts
+from gcs_formation.app.options import RunOptions
+from gcs_formation.app.progress import Silent
+from gcs_formation.app.session import open_session
+from gcs_formation.record.run_directory import TIMESERIES
+from gcs_formation.record.timeseries import read_parquet
+from sim_vehicles.fleet import Fleet
+from sim_vehicles.from_scenario import fleet_config
+from tests.flights.conftest import scenario
+
+
+@pytest.mark.parametrize(("emulated", "delay"), [(True, 0.0), (False, None)])
+def test_where_nothing_is_injected_here_the_delay_of_others_links_is_unknown(
+    emulated: bool, delay: float | None, tmp_path: Path
+) -> None:
+    """On links that the scenario leaves as they are: 0 of our own emulators', unknown of others'."""
+    planned, clock = load_scenario(scenario(duration_s=1, vehicles={"count": 2})), VirtualClock()
+    options = RunOptions(tmp_path, "virtual")
+    session, network = (
+        open_session(planned, options, clock, Silent(), Interrupts(), emulated=emulated),
+        MemoryNetwork(clock),
+    )
+    network.attach(Fleet(fleet_config(planned)))
+    network.attach(session.engine)
+    network.run(session.over)
+    link = session.conclude(None).to_dict()["links"]["2"]
+    assert (link["injected_delay_ms"], link["injected_loss"]) == (delay, delay)
+    injected_s = read_parquet(tmp_path / TIMESERIES)["injected_delay_s"]
+    assert np.isnan(injected_s).all() if delay is None else not injected_s.any()
