@@ -29,9 +29,15 @@ class Ending:
         now: Instant,
         manner: End = "loiter",
         ground: GroundFloor | None = None,
+        landings: Landings | None = None,
     ) -> None:
-        """Assign heights; replace the pending commands of vehicles on the ground."""
-        places = {identity: _place(vehicle) for identity, vehicle in vehicles.items() if vehicle.telemetry.armed}
+        """Assign heights; replace the pending commands of vehicles on the ground.
+
+        `landings`: those of an earlier order to land, where a vehicle is still landing; it is left to that.
+        """
+        self.landings = landings or Landings(lambda: why_not(vehicles, ground) if ground else None)
+        ours = {identity: vehicle for identity, vehicle in vehicles.items() if not self.landings.is_pending(vehicle)}
+        places = {identity: _place(vehicle) for identity, vehicle in ours.items() if vehicle.telemetry.armed}
         floor_m = _floor_m([place for place in places.values() if place], manner, ground)
         if manner == "land":
             floor_m = max(floor_m, lowest_circle_m(vehicles))
@@ -39,10 +45,9 @@ class Ending:
             places = {i: place._replace(north_m=0.0, east_m=0.0) if place else None for i, place in places.items()}
         self._heights_m = loiter_heights({identity: place for identity, place in places.items() if place}, floor_m)
         self._manner: End = manner
-        self.landings = Landings(lambda: why_not(vehicles, ground) if ground else None)
         self._vehicles = vehicles
-        self._left = {i: vehicle for i, vehicle in vehicles.items() if vehicle.member is not Member.PARTED}
-        for vehicle in vehicles.values():
+        self._left = {i: vehicle for i, vehicle in ours.items() if vehicle.member is not Member.PARTED}
+        for vehicle in ours.values():
             if not vehicle.autopilot.is_airborne(vehicle.telemetry):
                 _keep_down(vehicle, now)
         self.advance(now)

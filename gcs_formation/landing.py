@@ -39,6 +39,8 @@ def why_not(vehicles: Mapping[VehicleId, Vehicle], ground: GroundFloor) -> str |
         home, course_rad = places[each], vehicle.take_off.course_rad
         if not vehicle.autopilot.land():
             return f"vehicle {each} can't land by itself"
+        if home is not None and course_rad is None and vehicle.autopilot.climbs_out(vehicle.telemetry):
+            continue  # its take-off is being seen; this is asked again before it lands
         if home is None or course_rad is None:
             return f"vehicle {each} lands where it took off, and that was not seen"
         others = ((other, place) for other, place in places.items() if other != each and place is not None)
@@ -73,9 +75,10 @@ class Landings:
         """Add a vehicle that was commanded to circle over its home at a height above the origin."""
         self._waiting = deque(sorted((*self._waiting, (height_m, vehicle)), key=lambda each: each[0]))
 
-    def call_off(self) -> None:
-        """Start no further landing; one that has begun is completed."""
+    def called_off(self) -> Landings | None:
+        """Start no further landing; return this if one has begun, which is completed."""
         self._waiting.clear()
+        return self if self._landing is not None else None
 
     @property
     def under_way(self) -> bool:

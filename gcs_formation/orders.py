@@ -34,8 +34,6 @@ class Orders:
         self._reconfiguration = reconfiguration
         self._end = end
         self._note = note
-        self.manner: End = "loiter"
-        """How the flight will end."""
         self._planned = deque(sorted(scenario.orders, key=lambda each: each.at_s))
 
     def advance(self, now: Instant) -> None:
@@ -55,13 +53,10 @@ class Orders:
         return answer
 
     def _carry_out(self, order: Order, now: Instant) -> str | None:
+        if order.end is not None:
+            return self._end(order.end, now)
         if self._flight.phase not in (Phase.ASSEMBLING, Phase.FLYING):
             return f"the run is {self._flight.phase.value}; allowed: assembling, flying"
-        if order.end is not None:
-            before, self.manner = self.manner, order.end
-            refusal = self._end(order.end, now)
-            self.manner = before if refusal else self.manner
-            return refusal
         if order.speed_mps is not None:
             return self._reconfiguration.order_speed(order.speed_mps, now)
         return None if order.change is None else self._reconfiguration.order_change(order.change, now)

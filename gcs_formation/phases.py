@@ -35,6 +35,7 @@ class Cause(Enum):
 TRANSITIONS: dict[tuple[Phase, Cause], Phase] = {
     (Phase.CONNECTING, Cause.LEADER_READY): Phase.ASSEMBLING,
     (Phase.CONNECTING, Cause.STOP): Phase.LOITERING,
+    (Phase.CONNECTING, Cause.ORDERED): Phase.LOITERING,
     (Phase.CONNECTING, Cause.FAILURE): Phase.LOITERING,
     (Phase.ASSEMBLING, Cause.PATH_BEGUN): Phase.FLYING,
     (Phase.ASSEMBLING, Cause.STOP): Phase.LOITERING,
@@ -44,6 +45,7 @@ TRANSITIONS: dict[tuple[Phase, Cause], Phase] = {
     (Phase.FLYING, Cause.STOP): Phase.LOITERING,
     (Phase.FLYING, Cause.ORDERED): Phase.LOITERING,
     (Phase.FLYING, Cause.FAILURE): Phase.LOITERING,
+    (Phase.LOITERING, Cause.ORDERED): Phase.LOITERING,
     (Phase.LOITERING, Cause.LOITERED): Phase.DONE,
     (Phase.LOITERING, Cause.GIVEN_UP): Phase.FAILED,
 }

@@ -169,7 +169,7 @@ class Station:
         """End the flight: all vehicles loiter, and no further landing begins."""
         if self._move(Cause.STOP, now):
             self.cut_short = True
-        self._ending.landings.call_off()
+        self._ending.landings.called_off()
 
     def order(self, text: str, now: Instant) -> Answer:
         """Carry out an order such as `shape line`, or refuse it with a reason."""
@@ -266,8 +266,8 @@ class Station:
         unable = why_not(self.vehicles, self._ground) if manner == "land" else None
         if unable:
             return f"{unable}; allowed: rtl, loiter"
-        self.cut_short = True
-        self._move(Cause.ORDERED, now)
+        self.cut_short = self.cut_short or self.flight.phase is not Phase.LOITERING
+        self._move(Cause.ORDERED, now, manner)
         return None
 
     def _wait_for_loiter(self, now: Instant) -> None:
@@ -293,14 +293,14 @@ class Station:
         if frame.message_id == m.MAVLINK_MSG_ID_STATUSTEXT and (said or vehicle.telemetry.texts):
             self._event(now, "statustext", vehicle.telemetry.texts[-1], vehicle)
 
-    def _move(self, cause: Cause, now: Instant) -> bool:
+    def _move(self, cause: Cause, now: Instant, manner: End = "loiter") -> bool:
         if not self.flight.move(cause, now):
             return False
         self._event(now, "phase", self.flight.phase.value, details={"cause": cause.value})
         if self.flight.phase is Phase.LOITERING:
             self._loiter_s = self.scenario.finish.loiter_s if cause in (Cause.PATH_ENDED, Cause.ORDERED) else 0.0
             self._dispatch.clear()
-            self._ending = Ending(self.vehicles, now, self._orders.manner, self._ground)
+            self._ending = Ending(self.vehicles, now, manner, self._ground, self._ending.landings.called_off())
         return True
 
     def fail(self, text: str, now: Instant) -> None:

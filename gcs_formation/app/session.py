@@ -68,6 +68,7 @@ class Session:
         self._began = time.perf_counter()
         self._shown = self._began
         self._orders: OrderSocket | None = None
+        self._stopped = 0
 
     def listening(self) -> OrderSocket:
         """Return the socket that takes orders for this flight, as a context manager."""
@@ -78,7 +79,8 @@ class Session:
         """Return whether the flight has ended; the driver calls it after every event."""
         if self.recorder.failure is not None and self.station.failure is None:
             self.station.fail(self.recorder.failure, self.clock.now())
-        if self.interrupts.count:
+        if self.interrupts.count > self._stopped:
+            self._stopped = self.interrupts.count
             self.station.stop(self.clock.now())
         self._injected.note(self.station.controlled_ticks)
         if self._faults is not None:

@@ -174,7 +174,7 @@ def test_landings_that_are_called_off_end_with_the_one_under_way() -> None:
     low, high = plane(1, 0.0, 0.0), plane(2, 0.0, 50.0, 115.0)
     landings = waiting(low, high)
     landings.advance(NOW)
-    landings.call_off()
+    landings.called_off()
     assert landings.under_way
     tell(low, 0.0, 0.0, 0.0, armed=False)
     landings.advance(NOW)

@@ -110,7 +110,7 @@ def fly(tmp_path: Path) -> Fly:
             "law": {"type": "consensus"},
             "path": STRAIGHT,
         }
-        summary = gcs_formation.run(plain | keys, clock="virtual", out=tmp_path / "run")
+        summary = gcs_formation.run(plain | keys, clock="virtual", out=tmp_path / "run", overwrite=True)
         columns = read_parquet(tmp_path / "run" / "timeseries.parquet")
         count = len(summary.to_dict()["links"])
         return summary, {name: values.reshape(-1, count) for name, values in columns.items()}

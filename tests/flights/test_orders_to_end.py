@@ -1,0 +1,89 @@
+"""Orders to end the flight, in phases other than the flight itself."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from formation_scenario.orders import End
+from gcs_formation.answer import Answer
+from gcs_formation.phases import Phase
+from sim_vehicles.modes import Condition, Mode
+from tests.flights.in_memory import World
+
+ABREAST: dict[str, Any] = {
+    "start": {"in_air": False},
+    "formation": {"shape": "line", "spacing_m": 40},
+    "duration_s": 20,
+}
+"""Who stands 40 m beside each other lands out of each other's way."""
+
+
+def order(world: World, text: str) -> Answer:
+    return world.station.order(text, world.clock.now())
+
+
+def modes(world: World) -> list[Mode]:
+    return [vehicle.pilot.mode for vehicle in world.fleet.vehicles]
+
+
+@pytest.mark.parametrize(("at_s", "manner"), [(0.5, "land"), (8.0, "rtl")])
+def test_before_anybody_has_taken_off_all_stay_down_disarmed(at_s: float, manner: End) -> None:
+    world = World(**ABREAST)
+    world.run(at_s)
+    assert order(world, manner).accepted
+    world.run()
+    assert world.station.flight.phase is Phase.DONE
+    assert {vehicle.pilot.condition for vehicle in world.fleet.vehicles} == {Condition.DISARMED}
+    assert world.fleet.state.table[2].max() == 0.0
+
+
+def test_who_climbs_out_does_so_first_and_the_last_order_counts() -> None:
+    world = World(**ABREAST)
+    world.run(20.0)
+    assert world.station.flight.phase is Phase.CONNECTING
+    assert order(world, "loiter").accepted
+    world.run(1.0)
+    assert set(modes(world)) == {Mode.TAKEOFF}
+    assert order(world, "rtl").accepted
+    world.run()
+    assert set(modes(world)) == {Mode.RTL}
+    assert world.station.flight.phase is Phase.DONE
+    assert world.station.cut_short
+
+
+@pytest.mark.slow
+def test_who_climbs_out_lands_afterwards() -> None:
+    world = World(**ABREAST)
+    world.run(12.0)
+    assert order(world, "land").accepted
+    world.run()
+    assert world.station.flight.phase is Phase.DONE
+    assert {vehicle.pilot.condition for vehicle in world.fleet.vehicles} == {Condition.DISARMED}
+
+
+@pytest.mark.slow
+def test_one_that_is_landing_when_another_order_comes_lands_and_the_others_do_as_ordered() -> None:
+    world = World(**ABREAST)
+    world.run(40.0)
+    assert order(world, "land").accepted
+    while Mode.AUTOLAND not in modes(world):
+        world.run(1.0)
+    landing = modes(world).index(Mode.AUTOLAND)
+    assert order(world, "loiter").accepted
+    world.run()
+    assert world.station.flight.phase is Phase.DONE
+    assert world.fleet.vehicles[landing].pilot.condition is Condition.DISARMED
+    assert modes(world).count(Mode.LOITER) == 2
+
+
+def test_an_order_after_the_path_is_flown_does_not_make_the_flight_one_that_was_cut_short() -> None:
+    world = World(duration_s=3, finish={"loiter_s": 5})
+    world.run(12.0)
+    assert world.station.flight.phase is Phase.LOITERING
+    assert order(world, "rtl").accepted
+    assert not order(world, "speed 20").accepted
+    world.run()
+    assert set(modes(world)) == {Mode.RTL}
+    assert not world.station.cut_short
