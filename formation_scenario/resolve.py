@@ -134,7 +134,11 @@ def _vehicles(vehicles: Plain) -> Plain:
 def _vehicle(vehicle: dict[Key, Plain]) -> Plain:
     navigation = _group(vehicle, "navigation")
     inertial = {"navigation": _with_sensors(navigation)} if navigation.get("source") == "ins" else {}
-    return _filled(vehicle | inertial, {"endpoint": _default_endpoint(vehicle.get("network"))})
+    differs = vehicle.get("true_model")
+    true = dict[Key, Plain]()
+    if isinstance(differs, dict):
+        true["true_model"] = _group(vehicle, "model") | differs
+    return _filled(vehicle | inertial | true, {"endpoint": _default_endpoint(vehicle.get("network"))})
 
 
 def _with_sensors(navigation: dict[Key, Plain]) -> Plain:

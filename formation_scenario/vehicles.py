@@ -70,6 +70,12 @@ class VehicleCommon(Keys):
         default="emulator", description="what flies the vehicle: an emulator, or one of the real autopilots"
     )
     model: VehicleModel = Field(default=VehicleModel(), description="its autopilot's lags, and its limits")
+    true_model: VehicleModel | None = Field(
+        default=None,
+        description="emulators only: what the vehicle flies by where that differs from `model`, which the station "
+        "believes",
+        json_schema_extra=derived("the keys of `model`"),
+    )
     navigation: Navigation = Field(default=TrueNavigation(), description="how well its telemetry knows its state")
     clock: VehicleClock = VehicleClock()
 

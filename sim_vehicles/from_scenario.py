@@ -33,7 +33,7 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
                 airspeed_mps=float(states.airspeed_mps[i]),
                 in_air=states.in_air,
             ),
-            model=vehicle.model,
+            model=vehicle.true_model or vehicle.model,
             clock_offset_s=vehicle.clock.offset_s,
             clock_drift=vehicle.clock.drift_ppm * 1e-6,
             sensors=_sensors(vehicle.navigation),

@@ -54,11 +54,13 @@ def speeds(scenario: Scenario, source: Source) -> Iterator[Problem]:
     """Yield models whose lowest airspeed is above their highest."""
     refused: set[VehicleModel] = set()
     for index, vehicle in enumerate(scenario.vehicles):
-        low, high = vehicle.model.speed_min_mps, vehicle.model.speed_max_mps
-        if low > high and vehicle.model not in refused:
-            refused.add(vehicle.model)
-            path: KeyPath = ("vehicles", index, "model", "speed_min_mps")
-            yield source.problem(path, f"found {low:g}", f"at most speed_max_mps, {high:g}")
+        for name, model in (("model", vehicle.model), ("true_model", vehicle.true_model)):
+            if model is None or model.speed_min_mps <= model.speed_max_mps or model in refused:
+                continue
+            refused.add(model)
+            path: KeyPath = ("vehicles", index, name, "speed_min_mps")
+            allowed = f"at most speed_max_mps, {model.speed_max_mps:g}"
+            yield source.problem(path, f"found {model.speed_min_mps:g}", allowed)
 
 
 def one_vehicle(ref: VehicleRef, vehicles: tuple[Vehicle, ...], path: KeyPath, source: Source) -> Iterator[Problem]:

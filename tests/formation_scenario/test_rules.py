@@ -12,6 +12,10 @@ import pytest
             ["vehicles.1.model.speed_min_mps=30"],
             "vehicles.1.model.speed_min_mps: found 30; at most speed_max_mps",
         ),
+        (
+            ["vehicles.1.true_model={speed_min_mps: 30}"],
+            "vehicles.1.true_model.speed_min_mps: found 30; at most speed_max_mps",
+        ),
         (["faults=[{at_s: 1, until_s: 2, kind: crash}]"], "faults.0.until_s: found an end of a crash; only for freeze"),
         (["faults=[{at_s: 3, until_s: 2, kind: freeze}]"], "faults.0.until_s: found 2; after at_s, 3"),
         (["faults=[{at_s: 1, mode: RTL, kind: freeze}]"], "faults.0.mode: found a mode for a freeze; only for pilot"),

@@ -47,6 +47,16 @@ def test_models_clocks_and_the_origin_come_over(config):
     assert (config.origin_alt_m, config.cruise_mps, config.wind_mps) == (400.0, 21.0, (1.0, 2.0, 0.0))
 
 
+def test_a_vehicle_flies_by_its_true_model_where_that_differs_from_what_the_station_believes(tmp_path):
+    path = tmp_path / "pair.yaml"
+    path.write_text(SCENARIO.replace("model: {tau_v_s: 5.0}", "model: {tau_v_s: 5.0}, true_model: {tau_psi_s: 2.0}"))
+    scenario = load_scenario(path)
+    true = fleet_config(scenario).vehicles[1].model
+    believed = scenario.vehicles[1].model
+    assert (true.tau_v_s, true.tau_psi_s) == (5.0, 2.0)
+    assert (believed.tau_v_s, believed.tau_psi_s) == (5.0, 1.5)
+
+
 def test_all_means_every_vehicle(config):
     assert config.disturbances[0].vehicles == {VehicleId(1, 1), VehicleId(1, 2)}
     assert config.faults[0].vehicles == {VehicleId(1, 2)}
