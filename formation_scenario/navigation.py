@@ -119,6 +119,12 @@ class InertialNavigation(Keys):
         default="aviation", description="grade that fills what isn't given of sensors", examples=["tactical"]
     )
     sensors: InertialSensorKeys = InertialSensorKeys()
+    biases: Literal["keys", "random"] = Field(
+        default="keys",
+        description="keys | random: biases as the keys have them, or drawn by the seed for each vehicle, "
+        "with the keys' root mean square as standard deviation",
+    )
+    airspeed_sigma_mps: NonNegative = Field(default=0.2, description="standard deviation of the measured airspeed, m/s")
     alignment_s: Annotated[int, Field(strict=True, ge=10, le=7200)] = Field(
         default=900, description="how long the vehicle stands and aligns, s", examples=[600]
     )

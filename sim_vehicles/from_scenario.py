@@ -7,11 +7,11 @@ from collections.abc import Iterator
 
 from airlink.endpoint import parse_endpoint
 from airlink.identity import VehicleId
-from formation_scenario import Scenario, start_states
+from formation_scenario import Scenario, Vehicle, start_states
 from formation_scenario import disturbances as keys
 from formation_scenario import faults as fault_keys
 from formation_scenario.fields import VehicleSelection
-from formation_scenario.navigation import InertialNavigation, Navigation, TrueNavigation
+from formation_scenario.navigation import InertialNavigation, TrueNavigation
 from sim_vehicles.config import Fault, FleetConfig, SensorErrors, Start, VehicleConfig
 from sim_vehicles.disturbances import Disturbance, Intensity, Ramp, Sine, Turbulence
 from sim_vehicles.inertial.config import InertialConfig
@@ -36,7 +36,7 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
             model=vehicle.true_model or vehicle.model,
             clock_offset_s=vehicle.clock.offset_s,
             clock_drift=vehicle.clock.drift_ppm * 1e-6,
-            sensors=_sensors(vehicle.navigation),
+            sensors=_sensors(vehicle, scenario.seed),
         )
         for i, vehicle in enumerate(scenario.vehicles)
     )
@@ -58,12 +58,14 @@ def _selected(scenario: Scenario, selection: VehicleSelection) -> frozenset[Vehi
     return frozenset(vehicle.vehicle_id for vehicle in scenario.selected(selection))
 
 
-def _sensors(keys: Navigation) -> SensorErrors | InertialConfig | None:
+def _sensors(vehicle: Vehicle, seed: int) -> SensorErrors | InertialConfig | None:
+    keys = vehicle.navigation
     if isinstance(keys, TrueNavigation):
         return None
     if isinstance(keys, InertialNavigation):
         aligned_s = keys.alignment_s if keys.flight_start == "aligned" else None
-        return InertialConfig(inertial_sensors(keys.sensors), aid(keys), aligned_s)
+        sensors = inertial_sensors(keys, seed, vehicle.vehicle_id)
+        return InertialConfig(sensors, aid(keys), aligned_s, keys.airspeed_sigma_mps)
     return SensorErrors(
         rate_hz=keys.rate_hz,
         position_m=keys.position_sigma_m,

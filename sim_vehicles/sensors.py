@@ -12,6 +12,7 @@ from airlink.identity import VehicleId
 from airlink.random_streams import random_stream
 from formation_scenario.arrays import Array
 from sim_vehicles.config import SensorErrors
+from sim_vehicles.estimate import Estimate
 from sim_vehicles.motion import Motion, with_drift
 
 SIZES: Final = (3, 3, 1, 1)
@@ -53,6 +54,10 @@ class Sensors:
             velocity_down_mps=true.velocity_down_mps + v_down,
         )
         return with_drift(sensed)
+
+    def estimate(self, true: Motion, now: Instant) -> Estimate:
+        """Return the estimate, which takes all from the receiver."""
+        return Estimate(self.sense(true, now))
 
     def _draw(self) -> Array:
         """Return the next sample's standard normal variates, (8,)."""

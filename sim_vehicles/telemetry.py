@@ -51,6 +51,7 @@ CRUISE_THROTTLE_PERCENT = 50
 BATTERY_V, BATTERY_A, BATTERY_PERCENT = 12.4, 8.0, 95
 NO_CELLS, NO_TEMPERATURE, NOT_COUNTED = (math.nan,) * 9, 2**15 - 1, -1
 HDOP, SATELLITES = 70, 14
+UNKNOWN_DOP = 2**16 - 1
 
 
 def heartbeat(v: Vehicle) -> Message:
@@ -68,7 +69,8 @@ def heartbeat(v: Vehicle) -> Message:
 
 def sys_status(v: Vehicle) -> Message:
     """Return SYS_STATUS; the pre-arm bit is healthy once the vehicle may be armed, as is the fence that it lacks."""
-    healthy = SENSORS | m.MAV_SYS_STATUS_GEOFENCE | (m.MAV_SYS_STATUS_PREARM_CHECK if v.ready else 0)
+    working = SENSORS if v.estimate.received else SENSORS & ~m.MAV_SYS_STATUS_SENSOR_GPS
+    healthy = working | m.MAV_SYS_STATUS_GEOFENCE | (m.MAV_SYS_STATUS_PREARM_CHECK if v.ready else 0)
     known = SENSORS | m.MAV_SYS_STATUS_PREARM_CHECK
     return SysStatus(known, known, healthy, LOAD_PERMILLE, BATTERY_V, BATTERY_A, BATTERY_PERCENT)
 
@@ -86,20 +88,24 @@ def system_time(v: Vehicle) -> Message:
 
 
 def gps_raw_int(v: Vehicle) -> Message:
-    """Return GPS_RAW_INT: a 3-D fix."""
-    lat, lon, alt = _place(v)
-    north, east, _ = _velocity(v.sensed)
+    """Return GPS_RAW_INT: the receiver's own 3-D fix, or none where the vehicle has no receiver."""
+    received = v.estimate.received
+    if received is None:
+        return GpsRawInt(v.time_ns // 1000, m.GPS_FIX_TYPE_NO_FIX, 0.0, 0.0, 0.0, UNKNOWN_DOP, UNKNOWN_DOP, 0.0, 0.0, 0)
+    lat, lon, alt = v.fleet.origin.from_ned(received.north_m, received.east_m, -received.height_m)
+    north, east, _ = _velocity(received)
     course = math.atan2(east, north) % math.tau
     fix = m.GPS_FIX_TYPE_3D_FIX
     return GpsRawInt(v.time_ns // 1000, fix, lat, lon, alt, HDOP, HDOP, math.hypot(north, east), course, SATELLITES)
 
 
 def attitude(v: Vehicle) -> Message:
-    """Return ATTITUDE; bank and pitch follow from the turn rate and the climb rate."""
-    motion = v.sensed
-    pitch = math.asin(min(max(motion.climb_mps / max(motion.airspeed_mps, 1.0), -1.0), 1.0))
+    """Return ATTITUDE; bank and pitch follow from the turn rate and the climb rate, and are off as the estimate is."""
+    motion, estimate = v.sensed, v.estimate
+    pitch = math.asin(min(max(motion.climb_mps / max(motion.airspeed_mps, 1.0), -1.0), 1.0)) + estimate.pitch_error_rad
+    bank = _bank(motion) + estimate.bank_error_rad
     heading = math.remainder(motion.heading_rad, math.tau)
-    return Attitude(v.time_s, _bank(motion), pitch, heading, 0.0, 0.0, motion.turn_rate_radps)
+    return Attitude(v.time_s, bank, pitch, heading, 0.0, 0.0, motion.turn_rate_radps)
 
 
 def local_position_ned(v: Vehicle) -> Message:
@@ -143,7 +149,8 @@ def wind(v: Vehicle) -> Message:
 
 def ekf_status_report(v: Vehicle) -> Message:
     """Return EKF_STATUS_REPORT."""
-    return EkfStatusReport(EKF_READY if v.ready else EKF_STARTING, 0.02, 0.02, 0.02, 0.01, 0.0)
+    estimate = v.estimate
+    return EkfStatusReport(EKF_READY & ~estimate.unknown if v.ready else EKF_STARTING, *estimate.ratios, 0.0)
 
 
 def home_position(v: Vehicle) -> Message:

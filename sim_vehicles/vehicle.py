@@ -15,6 +15,7 @@ from airlink.messages.mission import MissionAck, MissionItem, MissionItemInt, Mi
 from airlink.messages.system import MISSION_TIME, Heartbeat, NamedValueFloat, Statustext, Timesync
 from sim_vehicles import commands
 from sim_vehicles.config import Fault, SensorErrors, VehicleConfig
+from sim_vehicles.estimate import Estimate
 from sim_vehicles.failsafe import GroundStationFailsafe
 from sim_vehicles.inertial.config import InertialConfig
 from sim_vehicles.inertial.navigator import InertialNavigator
@@ -93,6 +94,11 @@ class Vehicle:
     def sensed(self) -> Motion:
         """Its motion as its sensors measure it, for telemetry; its own control loops use the truth."""
         return self.motion if self._sensors is None else self._sensors.sense(self.motion, self.now)
+
+    @property
+    def estimate(self) -> Estimate:
+        """What its state estimate and its receiver say, for telemetry."""
+        return Estimate(self.motion) if self._sensors is None else self._sensors.estimate(self.motion, self.now)
 
     def receive(self, peer: Address, data: bytes) -> None:
         """Keep a datagram for the next cycle of the main loop."""

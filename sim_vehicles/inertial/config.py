@@ -16,3 +16,5 @@ class InertialConfig:
     aid: Aid | None = None
     aligned_s: int | None = None
     """Duration of the alignment, at rest, before the vehicle boots, s; None: it starts from its true state."""
+    airspeed_mps: float = 0.0
+    """Standard deviation of the airspeed as measured."""

@@ -55,7 +55,8 @@ def experiment(scenario: Scenario, vehicle: Vehicle) -> Experiment:
     keys = vehicle.navigation
     assert isinstance(keys, InertialNavigation)
     origin = _origin(scenario)
-    sensors, random = inertial_sensors(keys.sensors), sensor_random(scenario.seed, vehicle.vehicle_id)
+    sensors = inertial_sensors(keys, scenario.seed, vehicle.vehicle_id)
+    random = sensor_random(scenario.seed, vehicle.vehicle_id)
     path, speed_mps = leader_path(scenario), scenario.path.speed_mps
     duration_s = max(LEAST_S, min(scenario.duration_s, path.length_m / speed_mps))
     trajectory = Trajectory.along(path, speed_mps, origin, duration_s)

@@ -22,16 +22,28 @@ class InertialSensors:
     """Square root of the white noise's density, (m/s²)/sqrt(Hz): the velocity random walk, m/s per root second."""
     gyro_noise: float
     """Likewise, (rad/s)/sqrt(Hz): the angle random walk."""
+    drawn_with: tuple[float, float] | None = None
+    """The standard deviations with which random biases were drawn, m/s² and rad/s; None: they are given."""
 
     @property
     def accel_bias_sigma(self) -> float:
-        """The standard deviation of a bias that filters assume: the biases' root mean square, m/s²."""
-        return math.sqrt(sum(each**2 for each in self.accel_bias_mps2) / 3.0)
+        """The standard deviation of a bias that filters assume: the given biases' root mean square, m/s²."""
+        return self.drawn_with[0] if self.drawn_with else _root_mean_square(self.accel_bias_mps2)
 
     @property
     def gyro_bias_sigma(self) -> float:
         """The same of the gyroscopes, rad/s."""
-        return math.sqrt(sum(each**2 for each in self.gyro_bias_radps) / 3.0)
+        return self.drawn_with[1] if self.drawn_with else _root_mean_square(self.gyro_bias_radps)
+
+    def drawn(self, random: np.random.Generator) -> InertialSensors:
+        """Return such sensors with biases drawn as filters assume them: normal, each axis its own."""
+        sigmas = self.accel_bias_sigma, self.gyro_bias_sigma
+        (a, b, c), (d, e, f) = (np.array(sigmas)[:, None] * random.standard_normal((2, 3))).tolist()
+        return InertialSensors((a, b, c), (d, e, f), self.accel_noise, self.gyro_noise, sigmas)
+
+
+def _root_mean_square(biases: tuple[float, float, float]) -> float:
+    return math.sqrt(sum(each**2 for each in biases) / 3.0)
 
 
 def measured(ideal: Increments, sensors: InertialSensors, period_s: float, random: np.random.Generator) -> Increments:
@@ -44,6 +56,6 @@ def measured(ideal: Increments, sensors: InertialSensors, period_s: float, rando
     return Increments(ideal.angle_rad + angle, ideal.velocity_mps + change)
 
 
-def sensor_random(seed: int, vehicle: VehicleId) -> np.random.Generator:
-    """Return a vehicle's own stream of random numbers."""
-    return np.random.Generator(np.random.Philox(random_stream(seed, "inertial", *vehicle)))
+def sensor_random(seed: int, vehicle: VehicleId, purpose: str = "inertial") -> np.random.Generator:
+    """Return a vehicle's own stream of random numbers for a purpose."""
+    return np.random.Generator(np.random.Philox(random_stream(seed, purpose, *vehicle)))

@@ -11,16 +11,19 @@ from typing import Final
 
 import numpy as np
 
+from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, Instant
 from airlink.geodesy import GeodeticOrigin
 from airlink.identity import VehicleId
 from formation_scenario.arrays import Array
+from sim_vehicles.estimate import Estimate, InnovationRatios
 from sim_vehicles.inertial.alignment import UPDATE_S, FineAlignment
 from sim_vehicles.inertial.config import InertialConfig
 from sim_vehicles.inertial.earth import gravity_mps2
 from sim_vehicles.inertial.error_model import (
     ACCEL_BIAS,
     GYRO_BIAS,
+    PLACE,
     SIZE,
     TILT,
     UP,
@@ -33,6 +36,9 @@ from sim_vehicles.inertial.rotation import attitude
 from sim_vehicles.motion import Motion, with_drift
 
 RATE_HZ: Final = 10
+USEFUL_M: Final = 50.0
+"""Standard deviation of a place beyond which it is no longer called good."""
+ABSOLUTE: Final = m.EKF_POS_HORIZ_ABS | m.EKF_PRED_POS_HORIZ_ABS
 
 
 class InertialNavigator:
@@ -47,26 +53,44 @@ class InertialNavigator:
         self._density = noise_density(keys.sensors)
         covariance, self._errors = _start(keys, origin, heading_rad, self._random)
         self._filter = ErrorFilter(covariance)
+        self._pitot = sensor_random(seed, vehicle, "airspeed")
+        self._airspeed_mps, self._airspeed_error_mps = keys.airspeed_mps, 0.0
+        self._received: Array | None = None
+        self._ratios = InnovationRatios(0.0, 0.0, 0.0, 0.0)
         self._samples = self._measurements = 0
         self._velocity: Array | None = None
 
     def sense(self, true: Motion, now: Instant) -> Motion:
         """Return the motion with the errors of the newest sample at `now`."""
+        self._catch_up(true, now)
+        sensed = _displaced(true, self._errors)._replace(
+            heading_rad=true.heading_rad + float(self._errors[TILT.start + UP]),
+            airspeed_mps=max(0.0, true.airspeed_mps + self._airspeed_error_mps),
+        )
+        return with_drift(sensed)
+
+    def estimate(self, true: Motion, now: Instant) -> Estimate:
+        """Return what the filter says of itself, and the receiver's newest measurement where GNSS aids it."""
+        self._catch_up(true, now)
+        about_east, about_north, _ = self._errors[TILT].tolist()
+        sin, cos = math.sin(true.heading_rad), math.cos(true.heading_rad)
+        return Estimate(
+            received=None if self._received is None else _displaced(true, self._received),
+            pitch_error_rad=about_north * sin - about_east * cos,
+            bank_error_rad=-about_east * sin - about_north * cos,
+            unknown=self._unknown(),
+            ratios=self._ratios,
+        )
+
+    def _unknown(self) -> int:
+        """Return the bits of EKF_STATUS_FLAGS of what drifts beyond use."""
+        east_m, north_m, up_m = np.sqrt(np.diag(self._filter.covariance)[PLACE]).tolist()
+        level = ABSOLUTE if math.hypot(east_m, north_m) > USEFUL_M else 0
+        return level | (m.EKF_POS_VERT_ABS if up_m > USEFUL_M else 0)
+
+    def _catch_up(self, true: Motion, now: Instant) -> None:
         while self._samples <= now * RATE_HZ // NANOSECONDS:
             self._go_on(true)
-        east, north, up, v_east, v_north, v_up = self._errors[:6].tolist()
-        return with_drift(
-            true._replace(
-                north_m=true.north_m + north,
-                east_m=true.east_m + east,
-                height_m=true.height_m + up,
-                climb_mps=true.climb_mps + v_up,
-                heading_rad=true.heading_rad + float(self._errors[TILT.start + UP]),
-                velocity_north_mps=true.velocity_north_mps + v_north,
-                velocity_east_mps=true.velocity_east_mps + v_east,
-                velocity_down_mps=true.velocity_down_mps - v_up,
-            )
-        )
 
     def _go_on(self, true: Motion) -> None:
         step_s = 1.0 / RATE_HZ
@@ -76,11 +100,15 @@ class InertialNavigator:
         self._errors = self._errors + step @ self._errors + step @ (step @ self._errors) / 2.0 + noise
         self._filter.predict(model, self._density, step_s)
         self._samples += 1
+        self._airspeed_error_mps = self._airspeed_mps * float(self._pitot.standard_normal())
         aid = self._aid
         if aid is not None and self._samples * step_s * aid.rate_hz >= self._measurements + 1 - 1e-9:
             self._measurements += 1
-            seen = aid.seen @ self._errors - aid.sigmas * self._random.standard_normal(aid.sigmas.size)
-            self._errors = self._errors - self._filter.update(aid.seen, seen, aid.sigmas).errors
+            noise = aid.sigmas * self._random.standard_normal(aid.sigmas.size)
+            found = self._filter.update(aid.seen, aid.seen @ self._errors - noise, aid.sigmas)
+            self._errors = self._errors - found.errors
+            self._received = noise if aid.has_position else None
+            self._ratios = aid.test_ratios(found.innovation)
 
     def _dynamics(self, true: Motion, step_s: float) -> Array:
         lat_rad, _, height_m = self._origin.from_ned(true.north_m, true.east_m, -true.height_m)
@@ -94,6 +122,20 @@ class InertialNavigator:
         bank = math.atan(true.turn_rate_radps * true.airspeed_mps / gravity)
         body = attitude(*(np.array(angle) for angle in (true.heading_rad, pitch, bank)))
         return dynamics(lat_rad, height_m, velocity, force, body)
+
+
+def _displaced(true: Motion, errors: Array) -> Motion:
+    """Return a motion with errors (6,) or more of place and velocity, east, north and up."""
+    east, north, up, v_east, v_north, v_up = errors[:6].tolist()
+    return true._replace(
+        north_m=true.north_m + north,
+        east_m=true.east_m + east,
+        height_m=true.height_m + up,
+        climb_mps=true.climb_mps + v_up,
+        velocity_north_mps=true.velocity_north_mps + v_north,
+        velocity_east_mps=true.velocity_east_mps + v_east,
+        velocity_down_mps=true.velocity_down_mps - v_up,
+    )
 
 
 def _start(

@@ -1,5 +1,6 @@
 """What a vehicle tells unasked and asked, by which clock, and how often."""
 
+import importlib
 import math
 from collections import Counter
 from itertools import pairwise
@@ -7,7 +8,11 @@ from itertools import pairwise
 import pytest
 
 from sim_vehicles.config import Fault
+from sim_vehicles.inertial.aiding import gnss
+from sim_vehicles.inertial.config import InertialConfig
+from sim_vehicles.inertial.imu import InertialSensors
 
+mavlink = importlib.import_module("pymavlink.dialects.v20.ardupilotmega")
 INTERVAL, REQUEST = 511, 512
 UNASKED = {
     "HEARTBEAT",
@@ -178,3 +183,25 @@ def test_both_messages_tell_of_the_same_battery(flying):
     assert battery.voltages == [status.voltage_battery, *[65535] * 9]
     assert battery.current_battery == status.current_battery
     assert battery.battery_remaining == status.battery_remaining
+
+
+SENSORS = InertialSensors((1e-2, 5e-3, -5e-3), (2e-5, -1e-5, 1e-5), 2e-4, 6e-6)
+GOOD = 831
+
+
+@pytest.mark.parametrize("aid", [None, gnss(1.0, 1.5, 3.0, 0.1)], ids=["by inertia alone", "aided by GNSS"])
+def test_a_vehicle_that_navigates_by_inertia_tells_of_its_receiver_and_of_its_filter(make_air, aid):
+    """Gyroscopes of several degrees an hour and accelerometers of a milli-g: useless after minutes without an aid."""
+    air = make_air(sensors=InertialConfig(SENSORS, aid))
+    air.run(200.0)
+    fix, ekf, status = (air.ground.of(name)[-1] for name in ("GPS_RAW_INT", "EKF_STATUS_REPORT", "SYS_STATUS"))
+    gps_works = bool(status.onboard_control_sensors_health & mavlink.MAV_SYS_STATUS_SENSOR_GPS)
+    roll = air.ground.of("ATTITUDE")[-1].roll
+    if aid is None:
+        assert (fix.fix_type, fix.satellites_visible, fix.eph, gps_works) == (1, 0, 65535, False)
+        assert ekf.flags & GOOD == GOOD & ~(16 | 512 | 32)
+        assert abs(roll) > 1e-3
+    else:
+        assert (fix.fix_type, gps_works, ekf.flags & GOOD) == (3, True, GOOD)
+        assert 0.0 < ekf.pos_horiz_variance < 1.0
+        assert 0.0 < abs(roll) < 1e-2

@@ -6,17 +6,23 @@ import math
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
-from airlink.clock import Instant
+from airlink import mavlink as m
+from airlink.clock import NANOSECONDS, Instant
 from airlink.geodesy import GeodeticOrigin
 from airlink.identity import VehicleId
 from formation_scenario import SplinePath
+from formation_scenario.navigation import InertialNavigation, InertialSensorKeys
 from sim_vehicles.inertial.aiding import gnss
 from sim_vehicles.inertial.alignment import limits
 from sim_vehicles.inertial.config import InertialConfig
+from sim_vehicles.inertial.error_model import TILT
 from sim_vehicles.inertial.flight import exact_start, navigate
-from sim_vehicles.inertial.imu import InertialSensors
+from sim_vehicles.inertial.from_keys import inertial_sensors
+from sim_vehicles.inertial.imu import InertialSensors, sensor_random
 from sim_vehicles.inertial.navigator import InertialNavigator
+from sim_vehicles.inertial.rotation import angles, attitude, displaced
 from sim_vehicles.inertial.trajectory import Trajectory
 from sim_vehicles.motion import Motion
 
@@ -26,6 +32,8 @@ BIASES = (1e-3, 5e-4, -5e-4), (2e-6, -1e-6, 1e-6)
 QUIET = InertialSensors(*BIASES, 0.0, 0.0)
 NOISY = InertialSensors(*BIASES, 2e-4, 6e-7)
 STEP = Instant(100_000_000)
+KEYS = InertialNavigation(source="ins", sensors=InertialSensorKeys(accel_bias_ug=100.0, gyro_bias_deg_per_h=0.02))
+RANDOM = KEYS.model_copy(update={"biases": "random"})
 
 
 def motion(time_s: float) -> Motion:
@@ -59,6 +67,74 @@ def test_gnss_holds_its_place_and_every_seed_has_its_own_errors() -> None:
     assert np.abs(one[200:]).max() < 2.0
     assert np.abs(one - other)[200:].max() > 0.1
     assert np.array_equal(one, flown(aided, 100))
+
+
+def test_random_biases_are_each_vehicle_s_own_and_the_filter_takes_them_for_what_they_are() -> None:
+    """Normalised errors squared of 20 navigators with GNSS, after 30 s: chi-square of 20 times 15."""
+    aided, squares = gnss(1.0, 1.5, 3.0, 0.1), list[float]()
+    for seed in range(20):
+        sensors = NOISY.drawn(sensor_random(seed, VehicleId(1, 1), "biases"))
+        assert (sensors.accel_bias_sigma, sensors.gyro_bias_sigma) == (NOISY.accel_bias_sigma, NOISY.gyro_bias_sigma)
+        navigator = InertialNavigator(InertialConfig(sensors, aided), ORIGIN, 0.0, VehicleId(1, 1), seed)
+        for sample in range(305):
+            navigator.sense(motion(sample / 10), Instant(sample * STEP))
+        errors, covariance = navigator._errors, navigator._filter.covariance
+        squares.append(float(errors @ np.linalg.solve(covariance, errors)))
+    low, high = (float(chi2.ppf(share, 15 * 20)) for share in (0.005, 0.995))
+    assert low < sum(squares) < high
+    first, second = (inertial_sensors(RANDOM, 1, VehicleId(1, system)) for system in (1, 2))
+    assert first != second
+    assert first == inertial_sensors(RANDOM, 1, VehicleId(1, 1))
+    assert inertial_sensors(KEYS, 1, VehicleId(1, 1)) == inertial_sensors(KEYS, 2, VehicleId(1, 2))
+
+
+def test_telemetry_shows_the_attitude_that_the_navigator_computes() -> None:
+    """The computed attitude is (I - [phi x]) times the true one: all three angles are read off that matrix."""
+    navigator = InertialNavigator(InertialConfig(QUIET), ORIGIN, 0.0, VehicleId(1, 1), 1)
+    true = motion(60.0)._replace(turn_rate_radps=0.0, climb_mps=0.0)
+    navigator.sense(true, Instant(0))
+    navigator._errors[TILT] = (2e-3, -3e-3, 4e-3)
+    level = attitude(*(np.array(angle) for angle in (true.heading_rad, 0.0, 0.0)))
+    heading_rad, pitch_rad, bank_rad = angles(displaced(level, np.array((2e-3, -3e-3, 4e-3)))).tolist()
+    told, estimate = navigator.sense(true, Instant(0)), navigator.estimate(true, Instant(0))
+    assert told.heading_rad == pytest.approx(heading_rad, abs=1e-4)
+    assert estimate.pitch_error_rad == pytest.approx(pitch_rad, abs=1e-4)
+    assert estimate.bank_error_rad == pytest.approx(bank_rad, abs=1e-4)
+
+
+def test_without_a_receiver_there_is_no_fix_and_a_place_that_drifts_away_is_called_unknown() -> None:
+    navigator = InertialNavigator(InertialConfig(NOISY), ORIGIN, 0.0, VehicleId(1, 1), 1)
+    sigmas_m = list[float]()
+    for second in range(0, 401, 50):
+        estimate = navigator.estimate(motion(float(second)), Instant(second * NANOSECONDS))
+        assert estimate.received is None
+        sigmas_m.append(math.hypot(*np.sqrt(np.diag(navigator._filter.covariance)[:2])))
+        assert bool(estimate.unknown & m.EKF_POS_HORIZ_ABS) == (sigmas_m[-1] > 50.0)
+    assert sigmas_m[0] < 1.0
+    assert sigmas_m[-1] > 50.0
+
+
+def test_a_receiver_s_fix_errs_as_the_receiver_does_and_not_as_the_navigator() -> None:
+    aided = InertialNavigator(InertialConfig(NOISY, gnss(1.0, 1.5, 3.0, 0.1)), ORIGIN, 0.0, VehicleId(1, 1), 1)
+    off_m, ratios = list[float](), list[float]()
+    for sample in range(1, 3000, 10):
+        true = motion(sample / 10)
+        estimate = aided.estimate(true, Instant(sample * STEP))
+        if estimate.received is not None:
+            off_m.append(estimate.received.north_m - true.north_m)
+            ratios.append(estimate.ratios.horizontal)
+    assert np.std(off_m) == pytest.approx(1.5, rel=0.15)
+    assert 0.1 < np.median(ratios) < 0.4, "normal innovations by a gate of five standard deviations"
+
+
+def test_the_measured_airspeed_has_its_own_error() -> None:
+    navigator = InertialNavigator(InertialConfig(QUIET, airspeed_mps=0.2), ORIGIN, 0.0, VehicleId(1, 1), 1)
+    off_mps = [
+        navigator.sense(true, Instant(sample * STEP)).airspeed_mps - true.airspeed_mps
+        for sample in range(1000)
+        for true in (motion(sample / 10),)
+    ]
+    assert np.std(off_mps) == pytest.approx(0.2, rel=0.1)
 
 
 def test_an_aligned_vehicle_begins_with_the_heading_error_that_alignment_leaves() -> None:
