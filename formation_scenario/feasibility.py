@@ -3,44 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
-from formation_scenario.arrangement import SlotStep, columns, slot_schedule
-from formation_scenario.arrays import Array
+from formation_scenario.arrangement import SlotStep, assigned, first_arrangement, slot_schedule
+from formation_scenario.demands import Flown, climbs, excesses
 from formation_scenario.displaced_path import Rise
 from formation_scenario.errors import Problem
 from formation_scenario.lifted_path import leader_path
 from formation_scenario.model import Scenario
-from formation_scenario.path import PathPoints, SplinePath
+from formation_scenario.orders import Order, parse_order
+from formation_scenario.path import SplinePath
 from formation_scenario.reconfiguration import Route, ahead, column_names, plan_change, take_over
-from formation_scenario.slot_motion import Course, SlotMotion, SlotNeeds, slot_needs
 from formation_scenario.source import KeyPath, Source
 from formation_scenario.terrain_check import check_terrain
 from formation_scenario.transition import Transition
 from formation_scenario.transition_plan import NotFlyableError
-from formation_scenario.vehicles import VehicleModel
 
-SAMPLE_M = 5.0
 TOLERANCE = 1e-6
-WAYPOINTS: KeyPath = ("path", "waypoints_m")
-
-
-class _Need(NamedTuple):
-    """The largest excess of one vehicle over one limit, over the path and all shapes."""
-
-    excess: float
-    place: int
-    figure: float
-    step: SlotStep | None
 
 
 def check(scenario: Scenario, source: Source) -> list[Problem]:
-    """Return what can't be flown: for each vehicle and limit, the place where it is exceeded most."""
+    """Return what can't be flown: one problem for each place of the path, or for each formation.
+
+    A leg too steep makes the spline swing far below and above its ends: it is what is wrong then, not the ground.
+    """
     over_ground = check_terrain(scenario, source)
     if over_ground:
-        return over_ground
+        steep = list(climbs(scenario, source, Flown.along(SplinePath(scenario.path.waypoints_m))))
+        return steep or over_ground
     path, steps = leader_path(scenario), slot_schedule(scenario)
     standing = _standing(scenario, source, path, steps, _keys(scenario), 0.0)
     return standing or _transitions(scenario, source, path, steps)
@@ -53,6 +44,36 @@ def check_ahead(scenario: Scenario, step: SlotStep, path: SplinePath, from_m: fl
     return [f"{problem.found}; allowed: {problem.allowed}" for problem in problems]
 
 
+def refused_orders(scenario: Scenario) -> Iterator[tuple[int, str]]:
+    """Yield the planned orders that will be refused, each with its index and the reason, as `check_ahead` has it.
+
+    The leader is taken to be on its path in time, and the changes of the formation to have been made as planned.
+    """
+    path, arrangement, at_m, since_s = leader_path(scenario), first_arrangement(scenario), 0.0, 0.0
+    everyone = np.ones(1 + len(scenario.followers), dtype=np.bool_)
+    changes = [(change.at_s, None, Order("", change)) for change in scenario.formation.changes]
+    orders = [(order.at_s, index, parse_order(order.order)) for index, order in enumerate(scenario.orders)]
+    for at_s, index, order in sorted([*changes, *orders], key=lambda entry: entry[0]):
+        at_m, since_s = at_m + (at_s - since_s) * scenario.path.speed_mps, at_s
+        wanted, flown = arrangement, scenario
+        if order.end is not None or at_m > path.length_m:
+            return
+        if order.change is not None:
+            wanted = arrangement.changed(order.change, scenario)
+        if order.speed_mps is not None:
+            plan = scenario.path.model_copy(update={"speed_mps": order.speed_mps})
+            flown = scenario.model_copy(update={"path": plan})
+        try:
+            places_m = assigned(scenario, wanted, np.zeros((everyone.size, 3)), everyone)
+            reasons = check_ahead(flown, SlotStep(at_s, wanted, places_m), path, at_m)
+        except ValueError as error:  # a custom shape without slots
+            reasons = [str(error)]
+        if index is not None and reasons:
+            yield index, reasons[0]
+        else:
+            scenario, arrangement = flown, wanted
+
+
 def _standing(
     scenario: Scenario,
     source: Source,
@@ -62,62 +83,11 @@ def _standing(
     from_m: float,
 ) -> list[Problem]:
     """Return what can't be flown from `from_m` on while the slots don't change."""
-    uniform = np.linspace(from_m, path.length_m, int((path.length_m - from_m) / SAMPLE_M) + 2)
-    places = np.unique(np.concatenate((uniform, path.nodes_m[path.nodes_m >= from_m])))
-    points = path.at(places)
     return [
-        *_leaders(scenario, source, places, points, steps),
-        *_followers(scenario, source, places, points, steps),
+        *excesses(scenario, source, Flown.along(path, from_m), steps),
         *_separation(scenario, source, steps, keys),
         *_ahead_of_leader(scenario, source, steps, keys),
     ]
-
-
-def _leaders(
-    scenario: Scenario, source: Source, places: Array, points: PathPoints, steps: tuple[SlotStep, ...]
-) -> Iterator[Problem]:
-    speed = scenario.path.speed_mps
-    for leader in dict.fromkeys(columns(scenario)[step.arrangement.leader] for step in steps):
-        if leader is None:
-            continue
-        limits = leader.model
-        if not limits.speed_min_mps <= speed <= limits.speed_max_mps:
-            allowed = f"{_speeds(limits)}, leader {leader.vehicle_id}'s limits"
-            yield source.problem(("path", "speed_mps"), f"found {speed:g} m/s", allowed)
-        needs = {
-            "turn": _worst(np.abs(speed * points.curvature_1pm), limits.turn_rate_max_rps),
-            "climb": _worst(np.abs(speed * points.slope), limits.climb_max_mps),
-        }
-        yield from _report(f"leader {leader.vehicle_id}", needs, limits, source, places, points)
-
-
-def _followers(
-    scenario: Scenario, source: Source, places: Array, points: PathPoints, steps: tuple[SlotStep, ...]
-) -> Iterator[Problem]:
-    course = Course.along(points, scenario.path.speed_mps)
-    needed = [slot_needs(course, SlotMotion.at_rest(step.places_m), scenario.formation.frame) for step in steps]
-    for column, vehicle in enumerate(columns(scenario)):
-        worst: dict[str, _Need] = {}
-        for step, needs in zip(steps, needed, strict=True):
-            if vehicle is None or column == step.arrangement.leader:
-                continue
-            for name, need in _slot_needs(needs, column, vehicle.model, step).items():
-                if name not in worst or need.excess > worst[name].excess:
-                    worst[name] = need
-        if vehicle is not None:
-            yield from _report(f"vehicle {vehicle.vehicle_id}'s slot", worst, vehicle.model, source, places, points)
-
-
-def _slot_needs(needs: SlotNeeds, column: int, limits: VehicleModel, step: SlotStep) -> dict[str, _Need]:
-    speed = needs.speed_mps[:, column]
-    slow = _worst(-speed, -limits.speed_min_mps, step)
-    return {
-        "climb": _worst(np.abs(needs.climb_mps[:, column]), limits.climb_max_mps),
-        "speed": _worst(speed, limits.speed_max_mps, step),
-        "slow": slow._replace(figure=-slow.figure),
-        "turn": _worst(np.abs(needs.turn_rate_rps[:, column]), limits.turn_rate_max_rps, step),
-        "accel": _worst(np.abs(needs.accel_mps2[:, column]), limits.accel_max_mps2, step),
-    }
 
 
 def _transitions(scenario: Scenario, source: Source, path: SplinePath, steps: tuple[SlotStep, ...]) -> list[Problem]:
@@ -137,48 +107,11 @@ def _transitions(scenario: Scenario, source: Source, path: SplinePath, steps: tu
         try:
             way = plan_change(scenario, slots, step.arrangement, step.at_s, ahead(flown, speed, at_m))
         except NotFlyableError as error:
-            places = np.array([at_m + error.elapsed_s * speed])
-            found = f"{_place(places, path.at(places), 0)}: {error.found}"
+            place = path.at(at_m + error.elapsed_s * speed)
+            where = f"north {place.north_m:.0f}, east {place.east_m:.0f}, height {place.height_m:.0f}"
+            found = f"path at {at_m + error.elapsed_s * speed:.0f} m ({where}): {error.found}"
             return [source.problem(key, found, error.allowed)]
     return []
-
-
-def _worst(figures: Array, limit: float, step: SlotStep | None = None) -> _Need:
-    index = int(np.argmax(figures))
-    return _Need(float(figures[index]) - limit - TOLERANCE * abs(limit), index, float(figures[index]), step)
-
-
-def _report(
-    who: str,
-    needs: dict[str, _Need],
-    limits: VehicleModel,
-    source: Source,
-    places: Array,
-    points: PathPoints,
-) -> Iterator[Problem]:
-    words = {
-        "speed": ("m/s", _speeds(limits)),
-        "slow": ("m/s", _speeds(limits)),
-        "turn": ("rad/s of turn", f"up to {limits.turn_rate_max_rps:g} rad/s"),
-        "climb": ("m/s of climb", f"up to {limits.climb_max_mps:g} m/s"),
-        "accel": ("m/s² of acceleration", f"up to {limits.accel_max_mps2:g} m/s²"),
-    }
-    for name, need in needs.items():
-        if need.excess > 0.0:
-            unit, allowed = words[name]
-            shape = f" in shape {need.step.shape}" if need.step is not None else ""
-            place = _place(places, points, need.place)
-            found = f"{place}: {who}{shape} would need {need.figure:.3g} {unit}"
-            yield source.problem(WAYPOINTS, found, allowed)
-
-
-def _place(places: Array, points: PathPoints, index: int) -> str:
-    north, east, height = points.north_m[index], points.east_m[index], points.height_m[index]
-    return f"path at {places[index]:.0f} m (north {north:.0f}, east {east:.0f}, height {height:.0f})"
-
-
-def _speeds(limits: VehicleModel) -> str:
-    return f"{limits.speed_min_mps:g} to {limits.speed_max_mps:g} m/s"
 
 
 def _separation(

@@ -96,6 +96,7 @@ class SplinePath:
         lengths = _piece_lengths(values.spline, values.parameters)
         self.nodes_m: Array = np.concatenate(([0.0], np.cumsum(lengths)))
         self.length_m = float(self.nodes_m[-1])
+        self.waypoints_at_m: Array = self.nodes_m[::PIECES_PER_LEG]
         self._coefficients = _hermite_pieces(*_by_arc_length(values.derivatives), lengths)
         # For scalars, plain floats are faster than numpy, and the guidance asks for scalars.
         self._starts: list[float] = self.nodes_m[:-1].tolist()

@@ -12,6 +12,7 @@ import numpy as np
 
 from formation_scenario import Scenario, ScenarioError, dump_scenario, slot_schedule
 from formation_scenario.arrangement import planned_slots
+from formation_scenario.feasibility import refused_orders
 from formation_scenario.lifted_path import leader_path
 from formation_scenario.links import Impairment, LinkStep
 from formation_scenario.path import SplinePath
@@ -102,6 +103,8 @@ def warnings(scenario: Scenario, margins: LawMargins) -> Iterator[str]:
     if lifted := circles_lifted(scenario):
         yield lifted
     yield from never_reached(scenario)
+    for index, reason in refused_orders(scenario):
+        yield f"orders.{index}: '{scenario.orders[index].order}' will be refused: {reason}"
     least_s, found_s = least_run_in_s(scenario), scenario.start.run_in_s
     if scenario.start.in_air and found_s < least_s:
         allowed_s = math.ceil(round(10 * least_s, 6)) / 10

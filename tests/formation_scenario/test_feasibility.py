@@ -24,9 +24,9 @@ def test_a_straight_path_is_flown_by_every_shape(load):
 
 
 def test_a_turn_tighter_than_the_leader_can_fly_names_place_figure_and_limit(refusal):
-    lines = refusal(with_path(circle(80.0)))
-    leader = next(line for line in lines if "leader 1" in line)
-    assert leader.startswith("path.waypoints_m: path at ")
+    (leader,) = refusal(with_path(circle(80.0)))
+    assert leader.startswith("path.waypoints_m.2: path at 10")  # the half circle begins at waypoint 1, after 1000 m
+    assert "leader 1 would need" in leader
     assert "rad/s of turn; up to 0.25 rad/s" in leader
     assert "height 100" in leader
 
@@ -35,14 +35,14 @@ def test_the_outer_slot_must_hurry_and_the_inner_one_must_not_stall(refusal, loa
     # 120 m outside a turn of w rad/s asks for 22 + 120 w, 120 m inside for 22 - 120 w.
     path = SplinePath(circle(400.0))
     turn = 22.0 * path.at(np.linspace(0.0, path.length_m, 20_000)).curvature_1pm.max()
-    wide = "formation={shape: custom, slots_m: {2: [0, -120, 0], 3: [0, 120, 0], 4: [-30, 0, 0]}}"
+    wide = "formation={shape: custom, slots_m: {2: [0, %d, 0], 3: [-60, 0, 0], 4: [-30, 0, 0]}}"
     generous = [f"vehicles.{n}.model.accel_max_mps2=50" for n in range(4)]
-    lines = refusal(with_path(circle(400.0)), wide, *generous)
-    outer, inner = (next(line for line in lines if f"vehicle {n}'s slot" in line) for n in (2, 3))
-    assert f"would need {22.0 + 120.0 * turn:.3g} m/s" in outer
-    assert outer.endswith("m/s; 16 to 28 m/s")
-    assert f"would need {22.0 - 120.0 * turn:.3g} m/s" in inner
-    assert not any("vehicle 4" in line for line in lines)
+    for aside_m in (-120, 120):  # a right-hand bend
+        (line,) = refusal(with_path(circle(400.0)), wide % aside_m, *generous)
+        assert f"vehicle 2's slot in shape custom would need {22.0 - aside_m * turn:.3g} m/s" in line
+        assert line.endswith("m/s; 16 to 28 m/s")
+    wide = "formation={shape: custom, slots_m: {2: [0, -120, 0], 3: [0, 120, 0], 4: [-30, 0, 0]}}"
+    assert "m/s, the worst of 2 slots there; 16 to 28 m/s" in refusal(with_path(circle(400.0)), wide, *generous)[0]
     faster = [f"vehicles.{n}.model.{key}" for n in (1, 2) for key in ("speed_max_mps=32", "speed_min_mps=12")]
     assert load(with_path(circle(400.0)), wide, *generous, *faster)
 
@@ -55,22 +55,43 @@ def test_a_leader_that_is_to_follow_has_a_slot_too(refusal, load):
     assert any("vehicle 1's slot in shape custom would need" in line for line in lines)
 
 
-def test_each_vehicle_and_limit_is_reported_once_at_its_worst_place(refusal):
+def test_each_place_is_reported_once_with_its_worst_figure(refusal):
+    """Two bends too tight for all four: the second, of 70 m, is the tighter."""
     twice = [*circle(80.0)[:-1], *([n - 2000.0, e + 4000.0, 100.0] for n, e, _ in circle(70.0))]
-    lines = [line.split("leader 1")[1] for line in refusal(with_path(twice)) if "leader 1" in line]
-    assert len(lines) == len({line.split(";")[1] for line in lines})
+    lines = [line.partition("leader 1 would need ")[2].partition(" ")[0] for line in refusal(with_path(twice))]
+    assert len(lines) == 2
+    assert 22.0 / 80.0 < float(lines[0]) < float(lines[1]) < 1.5 * 22.0 / 70.0
 
 
-def test_a_climb_is_held_against_every_vehicles_limit(refusal, load):
+def test_many_places_are_counted_from_the_eleventh_on(refusal):
+    bends = [[500.0 * n, 60.0 * (n % 2) * (-1) ** (n // 2), 100.0] for n in range(60)]
+    tight = [f"vehicles.{n}.model.turn_rate_max_rps=0.005" for n in range(4)]
+    lines = refusal(with_path(bends), *tight)
+    assert len(lines) == 11
+    assert lines[-1].startswith("path.waypoints_m: found ")
+    assert lines[-1].endswith(" more places like these; ")
+
+
+def test_a_climb_is_held_against_the_vehicle_that_climbs_least(refusal, load):
     # 150 m over 1000 m at 22 m/s: 3.3 m/s.
-    lines = refusal("path.waypoints_m=[[0, 0, 100], [1000, 0, 250]]")
-    assert len(lines) == 4
-    assert all("would need 3.3 m/s of climb; up to 3 m/s" in line for line in lines)
+    (line,) = refusal("path.waypoints_m=[[0, 0, 100], [1000, 0, 250]]")
+    assert line.endswith("climbs 3.3 m/s; up to 3 m/s, vehicle 1's climb_max_mps")
     assert load("path.waypoints_m=[[0, 0, 100], [1000, 0, 236]]")
+    (line,) = refusal("path.waypoints_m=[[0, 0, 236], [1000, 0, 100]]", "vehicles.2.model.climb_max_mps=2")
+    assert line.endswith("descends 2.99 m/s; up to 2 m/s, vehicle 3's climb_max_mps")
+
+
+@pytest.mark.parametrize("ground", ["terrain=", "terrain={clearance_m: 20}"])
+def test_a_leg_too_steep_is_not_called_too_low(refusal, ground):
+    """The spline swings 450 m below the ground before a leg of 150 m in height over 100 m."""
+    (line,) = refusal("path.waypoints_m=[[0, 0, 100], [2000, 0, 100], [2100, 0, 250], [4000, 0, 100]]", ground)
+    assert line.startswith("path.waypoints_m.1: path at 2047 m (north 2047, east 0, height 171): climbs 33.4 m/s;")
 
 
 def test_the_speed_of_the_path_must_suit_the_leader(refusal):
-    assert "path.speed_mps: found 30 m/s; 16 to 28 m/s, leader 1's limits" in refusal("path.speed_mps=30")
+    assert refusal("path.speed_mps=30") == ["path.speed_mps: found 30 m/s; 16 to 28 m/s, leader 1's limits"]
+    (line,) = refusal("path.speed_mps=27", "vehicles.3.model.speed_max_mps=26")
+    assert line == "path.speed_mps: found 27 m/s; 16 to 26 m/s, vehicle 4's limits"
 
 
 def test_every_shape_of_the_schedule_is_checked(refusal):

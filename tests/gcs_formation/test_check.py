@@ -11,6 +11,7 @@ import yaml
 from click.testing import CliRunner
 
 from formation_scenario import load_scenario
+from formation_scenario.feasibility import refused_orders
 from gcs_formation.app.check import check_report, never_reached
 from gcs_formation.cli import main
 from gcs_formation.phases import Phase
@@ -155,3 +156,16 @@ def test_what_is_planned_for_after_the_flight_is_warned_of() -> None:
     ]
     slower = load_scenario(PLAIN | late | {"orders": [{"at_s": 9, "order": "speed 18"}]})
     assert list(never_reached(slower)) == []
+
+
+def test_planned_orders_that_will_be_refused_are_warned_of() -> None:
+    bend = {"waypoints_m": [[0, 0, 100], [1500, 0, 100], [2000, 500, 100], [2000, 3000, 100]]}
+    orders = ["speed 40", "shape line 3", "shape line 200", "speed 24", "rtl", "shape line 3"]
+    planned = [{"at_s": 10 + n, "order": order} for n, order in enumerate(orders)]
+    scenario = load_scenario({"vehicles": {"count": 4}, "path": bend, "orders": planned})
+    told = dict(refused_orders(scenario))
+    assert list(told) == [0, 1, 2]
+    assert told[0] == "found 40 m/s; allowed: 16 to 28 m/s, leader 1's limits"
+    assert told[1].startswith("found slots of the leader and vehicle")
+    assert "slot in shape line would need" in told[2]
+    assert check_report(scenario)["warnings"][0] == f"orders.0: 'speed 40' will be refused: {told[0]}"
