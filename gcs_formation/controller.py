@@ -46,7 +46,9 @@ class Links(NamedTuple):
     ready: Mask
     """Whether it follows setpoints."""
     delay_s: Array
-    """One-way delay as measured."""
+    """One-way delay as measured, half the round trip."""
+    ways_s: Array
+    """Delay up and down, (C, 2); NaN where it isn't known how the round trip is split."""
     jitter_s: Array
     """Interarrival jitter of the telemetry, NaN where there is none yet."""
     lag_s: Array
@@ -60,6 +62,11 @@ class Links(NamedTuple):
     """Until when it is known to have heard what it was told."""
     disobeying: Mask
     """Whether it doesn't seem to fly as it was told, though it hears it."""
+
+    @property
+    def up_s(self) -> Array:
+        """How long a setpoint is on its way, (C,): half the round trip where its split isn't known."""
+        return np.where(np.isnan(self.ways_s[:, 0]), self.delay_s, self.ways_s[:, 0])
 
 
 class FormationController:
@@ -135,7 +142,7 @@ class FormationController:
         """
         if self._scenario.leader is None:
             self._place_virtual_leader(now)
-        acts = self._acts(now, links.delay_s, links.lag_s)
+        acts = self._acts(now, links.up_s, links.lag_s)
         tick = self._blank_tick(now, mission_time_s, phase, links)
         self._history.add(SentSetpoints(acts, tick.setpoints))
         if not tick.active[tick.leader]:
@@ -167,6 +174,7 @@ class FormationController:
             setpoints=Setpoints.of(blank.T.copy()),
             age_s=np.where(known, (now - self.estimator.stamps) / NANOSECONDS, np.nan),
             delay_s=links.delay_s,
+            ways_s=links.ways_s,
             jitter_s=links.jitter_s,
             margin_used=blank[:, 0].copy(),
             active=links.ready & known,
@@ -178,9 +186,9 @@ class FormationController:
             gains=np.full((self._columns, CHANNELS * CHANNELS), np.nan),
         )
 
-    def _acts(self, now: Instant, delay_s: Array, lag_s: Array) -> Instants:
+    def _acts(self, now: Instant, up_s: Array, lag_s: Array) -> Instants:
         """Return when each column's present setpoint acts; a virtual leader amid the followers acts as they do."""
-        acts = now + np.round((or_zero(delay_s) + lag_s) * NANOSECONDS).astype(np.int64)
+        acts = now + np.round((or_zero(up_s) + lag_s) * NANOSECONDS).astype(np.int64)
         if self._leader_amid:
             acts[0] = acts[1:].mean()
         return acts

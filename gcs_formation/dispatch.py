@@ -46,6 +46,7 @@ class Dispatch:
             now: the tick's instant.
         """
         ready, delay_s, lag_s = np.zeros(self._count, dtype=bool), np.zeros(self._count), np.zeros(self._count)
+        ways_s = np.full((self._count, 2), np.nan)
         jitter_s, airborne = np.full(self._count, np.nan), np.ones(self._count, dtype=bool)
         heard = np.full(self._count, now, dtype=np.int64)
         ready[0] = self._virtual_leader
@@ -53,13 +54,15 @@ class Dispatch:
             vehicle = self._vehicles[identity]
             ready[column] = vehicle.member is Member.FLYING
             delay_s[column] = vehicle.clock.one_way_s
+            ways_s[column] = vehicle.ways_s
             jitter_s[column] = vehicle.jitter.jitter_s
             airborne[column] = vehicle.airborne
             heard[column] = vehicle.heard_at(now)
             lag_s[column] = vehicle.autopilot.loop_s / 2
-        hold_s = self._hold_s(leader, ready, delay_s)
+        links = Links(ready, delay_s, ways_s, jitter_s, lag_s, 0.0, airborne, heard, disobeying)
+        hold_s = self._hold_s(leader, ready, links.up_s)
         lag_s[leader] += hold_s
-        return Links(ready, delay_s, jitter_s, lag_s, hold_s, airborne, heard, disobeying)
+        return links._replace(hold_s=hold_s)
 
     def take(self, tick: Tick, hold_s: float, now: Instant) -> None:
         """Take a tick's setpoints; one that isn't finite is never sent."""
@@ -86,7 +89,7 @@ class Dispatch:
         """Drop all messages that are held back: no setpoint may follow an order to loiter."""
         self._held = DelayQueue[tuple[Vehicle, Message]]()
 
-    def _hold_s(self, leader: int, ready: Mask, delay_s: Array) -> float:
+    def _hold_s(self, leader: int, ready: Mask, up_s: Array) -> float:
         """Return for how long the leader's setpoints are held back: until those of the slowest follower act.
 
         Otherwise a leader on a quicker link would turn before its followers can.
@@ -94,6 +97,6 @@ class Dispatch:
         following = ready & (np.arange(self._count) != leader)
         if not self._compensates or not following.any():
             return 0.0
-        slowest_s = float(np.fmax.reduce(delay_s[following], initial=0.0))
-        own_s = float(delay_s[leader])
+        slowest_s = float(np.fmax.reduce(up_s[following], initial=0.0))
+        own_s = float(up_s[leader])
         return min(max(0.0, slowest_s - (0.0 if math.isnan(own_s) else own_s)), HOLD_MAX_S)

@@ -41,7 +41,9 @@ class Tick:
     setpoints: Setpoints
     age_s: Array
     delay_s: Array
-    """One-way delay as measured, (C,)."""
+    """One-way delay as measured, half the round trip, (C,)."""
+    ways_s: Array
+    """Delay up and down, (C, 2); NaN where it isn't known how the round trip is split."""
     jitter_s: Array
     """Interarrival jitter of the telemetry, (C,)."""
     margin_used: Array

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,9 +13,8 @@ from formation_scenario import Scenario, ScenarioError, dump_scenario, slot_sche
 from formation_scenario.arrangement import planned_slots
 from formation_scenario.feasibility import refused_orders
 from formation_scenario.lifted_path import leader_path
-from formation_scenario.links import Impairment, LinkStep
 from formation_scenario.path import SplinePath
-from formation_scenario.trace import read_trace_ms
+from gcs_formation.app.split_errors import split_errors, ways_s
 from gcs_formation.guidance.leader import ASSEMBLED_S, DECISION_S
 from gcs_formation.loitering import GroundFloor
 from gcs_formation.parameters import hold_radius_m
@@ -73,11 +71,11 @@ def configured_loop_delay_s(scenario: Scenario) -> float:
     rates = (scenario.telemetry.rate_hz, scenario.law.rate_hz)
     if scenario.law.type == "consensus":
         steps = [step for vehicle in scenario.vehicles for step in scenario.link_steps(vehicle)]
-        ways = [(max(up for up, _ in map(_ways_s, steps)), max(down for _, down in map(_ways_s, steps)))]
+        ways = [(max(up for up, _ in map(ways_s, steps)), max(down for _, down in map(ways_s, steps)))]
     else:
         following = planned_slots(scenario)
         loops = (vehicle for vehicle in scenario.vehicles if vehicle.vehicle_id in following)
-        ways = [_ways_s(step) for vehicle in loops for step in scenario.link_steps(vehicle)]
+        ways = [ways_s(step) for vehicle in loops for step in scenario.link_steps(vehicle)]
     return max((loop_delay_s(up, down, 0.0, *rates) for up, down in ways), default=loop_delay_s(0, 0, 0, *rates))
 
 
@@ -100,6 +98,7 @@ def warnings(scenario: Scenario, margins: LawMargins) -> Iterator[str]:
             yield f"loop {loop} is unstable without any delay"
         elif delay_s > NEAR * margin_s and not scenario.law.delay_compensation:
             yield f"loop {loop}: {delay_s:.3f} s of delay is {delay_s / margin_s:.0%} of its margin {margin_s:.3f} s"
+    yield from split_errors(scenario)
     if lifted := circles_lifted(scenario):
         yield lifted
     yield from never_reached(scenario)
@@ -156,7 +155,7 @@ def least_run_in_s(scenario: Scenario) -> float:
     tick_s, steps = 1.0 / scenario.law.rate_hz, [scenario.link_steps(vehicle)[0] for vehicle in scenario.vehicles]
     families = [autopilot_for(vehicle, scenario.origin.alt_m) for vehicle in scenario.vehicles]
     requests = max(len(family.start_up(scenario.telemetry.rate_hz)[0].commands) for family in families)
-    way_s, loop_s = max(sum(_ways_s(step)) / 2 for step in steps), max(family.loop_s for family in families)
+    way_s, loop_s = max(sum(ways_s(step)) / 2 for step in steps), max(family.loop_s for family in families)
     heard_s, answered_s = (math.ceil(round((way + loop_s) / tick_s, 6)) * tick_s for way in (way_s, 2 * way_s))
     return heard_s + requests * answered_s + tick_s + ASSEMBLED_S + DECISION_S + way_s
 
@@ -183,16 +182,6 @@ def _consensus_text(scenario: Scenario) -> Iterator[str]:
     margins = consensus_margins(scenario)
     yield "# delay margin of the consensus without prediction, s:"
     yield f"#   {margins.least():.3f}: along {margins.along_s:.3f}, across {margins.across_s:.3f}"
-
-
-def _ways_s(step: LinkStep) -> tuple[float, float]:
-    return _mean_s(step.uplink), _mean_s(step.downlink)
-
-
-def _mean_s(way: Impairment) -> float:
-    """Return the mean delay of one direction, s; recorded delays are added to the constant one."""
-    recorded_ms = float(np.mean(read_trace_ms(Path(way.trace_file)))) if way.trace_file else 0.0
-    return (way.delay_ms + recorded_ms) / 1e3
 
 
 def _finite(margins: Mapping[str, float]) -> dict[str, float | None]:

@@ -18,6 +18,7 @@ from formation_scenario import Impairment as PlannedImpairment
 from formation_scenario import Scenario
 from formation_scenario.trace import read_trace_ms
 from gcs_formation.arrays import Array
+from gcs_formation.record.outcome import Injected
 from gcs_formation.station import Station
 
 Both = tuple[Impairment, Impairment]
@@ -56,10 +57,10 @@ def impair(scenario: Scenario, station: Station, engine: Engine) -> ImpairedEngi
     return None if plan.clear else ImpairedEngine(engine, station.networks, plan.at, scenario.seed)
 
 
-def injected(statistics: LinkStatistics) -> tuple[float, float]:
-    """Return the realised mean delay of both directions in s, and the share of the downlink's datagrams lost."""
-    means_s = [way.mean_delay_s for way in (statistics.uplink, statistics.downlink) if way.delivered]
-    return sum(means_s) / len(means_s) if means_s else 0.0, statistics.downlink.loss
+def injected(statistics: LinkStatistics) -> Injected:
+    """Return what was injected into a link so far; 0 s where nothing was sent."""
+    up, down = statistics
+    return Injected(up.mean_delay_s if up.delivered else 0.0, down.mean_delay_s if down.delivered else 0.0, down.loss)
 
 
 class InjectedDelays:
@@ -69,7 +70,7 @@ class InjectedDelays:
         """Read the statistics of `links`; without any, each delay is `otherwise_s`: 0, or NaN where it isn't known."""
         self._links, self._otherwise_s = links, otherwise_s
         self._sums: dict[VehicleId, list[tuple[float, int]]] = {vehicle: [(0.0, 0)] * 2 for vehicle in vehicles}
-        self._series_s: dict[VehicleId, list[float]] = {vehicle: [] for vehicle in self._sums}
+        self._series_s: dict[VehicleId, list[tuple[float, float]]] = {vehicle: [] for vehicle in self._sums}
         self._ticks = 0
 
     def note(self, ticks: int) -> None:
@@ -81,17 +82,17 @@ class InjectedDelays:
         self._ticks = ticks
 
     def series_s(self) -> Mapping[VehicleId, Array]:
-        """Return each vehicle's one-way delay, s (T,): the mean of both directions' means, NaN if nothing was sent."""
-        return {vehicle: np.array(series_s) for vehicle, series_s in self._series_s.items()}
+        """Return each vehicle's mean delays up and down, s (T, 2); NaN where nothing was sent."""
+        return {vehicle: np.array(series_s).reshape(-1, 2) for vehicle, series_s in self._series_s.items()}
 
-    def _since_last_s(self, vehicle: VehicleId) -> float:
+    def _since_last_s(self, vehicle: VehicleId) -> tuple[float, float]:
         if self._links is None:
-            return self._otherwise_s
+            return self._otherwise_s, self._otherwise_s
         sums = [(way.total_delay_s, way.delivered) for way in self._links.statistics(vehicle)]
         apart = [(now[0] - was[0], now[1] - was[1]) for now, was in zip(sums, self._sums[vehicle], strict=True)]
         self._sums[vehicle] = sums
-        means_s = [total_s / delivered for total_s, delivered in apart if delivered]
-        return sum(means_s) / len(means_s) if means_s else math.nan
+        up_s, down_s = (total_s / delivered if delivered else math.nan for total_s, delivered in apart)
+        return up_s, down_s
 
 
 def _impairment(planned: PlannedImpairment) -> Impairment:

@@ -21,7 +21,7 @@ from gcs_formation.app.steering import OrderSocket
 from gcs_formation.app.timing import TimedStation
 from gcs_formation.errors import RunAbortedError
 from gcs_formation.record.flight import join, split
-from gcs_formation.record.outcome import LinkFigures, Outcome
+from gcs_formation.record.outcome import Injected, LinkFigures, Outcome
 from gcs_formation.record.run_directory import SPOOL, TIMESERIES, RunDirectory
 from gcs_formation.record.summary import Summary, summarise
 from gcs_formation.record.timeseries import read_spool, write_parquet
@@ -137,20 +137,20 @@ class Session:
     def _link(self, identity: VehicleId) -> LinkFigures:
         vehicle = self.station.vehicles[identity]
         began = self.station.flight.path_began
-        unimpaired = 0.0 if self.emulated else None
-        delay_s, loss = injected(self._links.statistics(identity)) if self._links else (unimpaired, unimpaired)
-        times = np.array([instant for instant, _ in vehicle.delays], dtype=np.float64)
+        times = np.array([probe.at for probe in vehicle.delays], dtype=np.float64)
         return LinkFigures(
-            delays_s=np.array([delay_s for _, delay_s in vehicle.delays]),
+            delays_s=np.array([probe[1:] for probe in vehicle.delays]).reshape(-1, 3),
             delay_times_s=(times - began) / NANOSECONDS if began is not None else np.full(times.shape, np.nan),
             measured_loss=vehicle.sequence.loss,
             frames_in=vehicle.frames_in,
             frames_out=vehicle.frames_out,
             frames_bad=self.station.bad_frames(identity),
             frames_implausible=vehicle.frames_implausible,
-            injected_delay_s=delay_s,
-            injected_loss=loss,
+            injected=injected(self._links.statistics(identity)) if self._links else self._uninjected(),
         )
+
+    def _uninjected(self) -> Injected | None:
+        return Injected(0.0, 0.0, 0.0) if self.emulated else None
 
     def _worst_loop_delay_s(self) -> float | None:
         """Return the longest loop delay that was measured, computing, sampling and hold included."""

@@ -129,7 +129,7 @@ def _link_value(
     if not percentile:
         return parts["links"][str(vehicle)][name]
     link = links[vehicle]
-    values_s = link.delays_s[(link.delay_times_s >= wanted.from_s) & (link.delay_times_s <= wanted.to_s)]
+    values_s = link.delays_s[:, 0][(link.delay_times_s >= wanted.from_s) & (link.delay_times_s <= wanted.to_s)]
     if name == "jitter_ms":
         values_s = flight.vehicles[vehicle]["jitter_s"][flight.window(wanted.from_s, wanted.to_s)]
     return figures.percentiles(values_s * 1e3, int(percentile))[f"p{percentile}"]

@@ -10,7 +10,7 @@ import numpy as np
 from airlink.identity import VehicleId
 from formation_scenario import Ground, Scenario, ground_of
 from gcs_formation.arrays import Array, Mask
-from gcs_formation.record.timeseries import AIRBORNE, ERROR, GROUND, INJECTED, LAW_ERROR, TRUTH
+from gcs_formation.record.timeseries import AIRBORNE, ERROR, GROUND, INJECTED, INJECTED_MEAN, LAW_ERROR, TRUTH
 from gcs_formation.record.truth import GroundTruth
 
 Columns = Mapping[str, Array]
@@ -81,7 +81,7 @@ def split(
         identity = planned.vehicle_id
         mine = (columns["network"] == identity.network) & (columns["vehicle"] == identity.system)
         vehicles[identity] = {name: values[mine] for name, values in columns.items()}
-        vehicles[identity][INJECTED] = injected_s[identity]
+        vehicles[identity] |= _injected(injected_s[identity])
     if truth is not None:
         vehicles = {i: {**own, **truth.at(i, own["t_s"])} for i, own in vehicles.items()}
     frame = scenario.formation.frame
@@ -90,6 +90,13 @@ def split(
     ground = ground_of(scenario)
     above = {i: {**own, **_clearance(ground, _place(own, truth=truth is not None))} for i, own in errors.items()}
     return Flight(above, truth is not None)
+
+
+def _injected(ways_s: Array) -> dict[str, Array]:
+    """Return the columns of what was injected up and down, (T, 2) s, and the mean over the ways that were used."""
+    used = np.isfinite(ways_s)
+    mean_s = np.where(used, ways_s, 0.0).sum(axis=1) / np.where(used.any(axis=1), used.sum(axis=1), np.nan)
+    return dict(zip((*INJECTED, INJECTED_MEAN), (*ways_s.T, mean_s), strict=True))
 
 
 def join(flight: Flight) -> dict[str, Array]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,11 +19,22 @@ LATE_S = 0.010
 """A tick that begins later than this after it was due is late."""
 
 
+class Injected(NamedTuple):
+    """What was injected into a vehicle's link."""
+
+    up_s: float
+    """Realised mean delay of the uplink."""
+    down_s: float
+    loss: float
+    """Share of the downlink's datagrams lost."""
+
+
 @dataclass(frozen=True)
 class LinkFigures:
-    """Counts and one-way delays (s) of one vehicle's link."""
+    """Counts and delays (s) of one vehicle's link."""
 
     delays_s: Array
+    """(P, 3) of each answered probe: one way, half the round trip; up and down, NaN where the split isn't known."""
     delay_times_s: Array
     """Mission times of the probes, NaN before the path began."""
     measured_loss: float
@@ -31,9 +42,8 @@ class LinkFigures:
     frames_out: int
     frames_bad: int
     frames_implausible: int = 0
-    injected_delay_s: float | None = None
-    """Mean of both directions' means; None where nothing is known of the link, as in `fly` behind something else."""
-    injected_loss: float | None = None
+    injected: Injected | None = None
+    """None where nothing is known of the link, as in `fly` behind something else."""
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from gcs_formation.arrays import Array, Mask
 from gcs_formation.record import figures_of_merit as figures
 from gcs_formation.record.expectations import Verdict, judge
 from gcs_formation.record.flight import Flight
-from gcs_formation.record.outcome import LinkFigures, Outcome
+from gcs_formation.record.outcome import Injected, LinkFigures, Outcome
 
 SCHEMA = 1
 AXES = ("error_x_m", "error_y_m", "error_z_m")
@@ -80,17 +80,28 @@ def _follower(flight: Flight, vehicle: VehicleId, window: Mask) -> dict[str, Any
 
 
 def _link(link: LinkFigures, jitter_s: Array) -> dict[str, Any]:
+    each_way_ms, up_ms, down_ms = link.delays_s.T * 1e3
+    injected_ms = [None] * 3 if link.injected is None else [1e3 * way_s for way_s in _ways_s(link.injected)]
     return {
-        "injected_delay_ms": None if link.injected_delay_s is None else link.injected_delay_s * 1e3,
-        "measured_delay_ms": figures.percentiles(link.delays_s * 1e3, 50, 99),
+        "injected_delay_ms": injected_ms[0],
+        "injected_up_ms": injected_ms[1],
+        "injected_down_ms": injected_ms[2],
+        "measured_delay_ms": figures.percentiles(each_way_ms, 50, 99),
+        "measured_up_ms": figures.percentiles(up_ms, 50)["p50"],
+        "measured_down_ms": figures.percentiles(down_ms, 50)["p50"],
         "jitter_ms": figures.percentiles(jitter_s * 1e3, 50, 99),
-        "injected_loss": link.injected_loss,
+        "injected_loss": None if link.injected is None else link.injected.loss,
         "measured_loss": link.measured_loss,
         "frames_in": link.frames_in,
         "frames_out": link.frames_out,
         "frames_bad": link.frames_bad,
         "frames_implausible": link.frames_implausible,
     }
+
+
+def _ways_s(injected: Injected) -> tuple[float, float, float]:
+    """Return the mean delay of both directions, that up, and that down."""
+    return (injected.up_s + injected.down_s) / 2, injected.up_s, injected.down_s
 
 
 def _received(counts: ParserCounts, refused: int) -> dict[str, Any]:

@@ -29,9 +29,10 @@ STATE = (
     "wind_east_mps",
 )
 SETPOINT = ("setpoint_speed_mps", "setpoint_heading_rad", "setpoint_height_m")
-LINK = ("age_s", "delay_s", "jitter_s", "margin_used", "active", "leads", "yielding")
+LINK = ("age_s", "delay_s", "up_s", "down_s", "jitter_s", "margin_used", "active", "leads", "yielding")
 AIRBORNE = "airborne"
-INJECTED = "injected_delay_s"
+INJECTED = ("injected_up_s", "injected_down_s")
+INJECTED_MEAN = "injected_delay_s"
 SLOT = ("slot_forward_m", "slot_right_m", "slot_up_m")
 LAW_ERROR = ("law_error_x_m", "law_error_y_m", "law_error_z_m")
 MIXED = ("mixed_speed_mps", "mixed_heading_rad", "mixed_height_m")
@@ -135,7 +136,7 @@ def _table(tick: Tick) -> Array:
     count = tick.age_s.size
     times = np.full((len(TIME), count), ((tick.now / NANOSECONDS,), (tick.mission_time_s,)))
     leads: Mask = np.arange(count) == tick.leader
-    measured = tick.age_s, tick.delay_s, tick.jitter_s, tick.margin_used
+    measured = tick.age_s, tick.delay_s, *tick.ways_s.T, tick.jitter_s, tick.margin_used
     link = np.array((*measured, tick.active, leads, tick.yielding, tick.airborne))
     law = tick.slots_m.T, tick.error_m.T, tick.mixed.T, tick.gains.T
     return np.concatenate((times, tick.state.table, tick.setpoints.table, link, *law))

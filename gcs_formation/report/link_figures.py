@@ -12,7 +12,7 @@ from airlink.identity import VehicleId
 from gcs_formation.arrays import Array
 from gcs_formation.margin_watch import NEAR
 from gcs_formation.record import figures_of_merit
-from gcs_formation.record.timeseries import INJECTED
+from gcs_formation.record.timeseries import INJECTED_MEAN
 from gcs_formation.report.downsample import extremes
 from gcs_formation.report.lines import BUCKETS, Group, everyone, followers_of
 from gcs_formation.report.marks import marks
@@ -32,7 +32,7 @@ def latency(run: RunData) -> Figure:
     figure = new_figure(12.5)
     rows = column_of(axes_grid(figure, 3, 1, sharex=True), 0)
     delays, ages, injected = (
-        [1e3 * _used(run, vehicle, name) for vehicle in group.vehicles] for name in ("delay_s", "age_s", INJECTED)
+        [1e3 * _used(run, vehicle, name) for vehicle in group.vehicles] for name in ("delay_s", "age_s", INJECTED_MEAN)
     )
     group.draw_spread(rows[0], run.time_s, delays, WINDOWS)
     group.draw_spread(rows[1], run.time_s, ages, WINDOWS)

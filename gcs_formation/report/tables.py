@@ -165,15 +165,16 @@ def expectations(summary: Mapping[str, Any]) -> str:
 def links(summary: Mapping[str, Any]) -> str:
     """Return the counts of every link."""
     heads = [
-        "Vehicle", "injected delay, ms", "measured p50, ms", "p99, ms", "injected loss", "measured loss",
+        "Vehicle", "injected up, ms", "down, ms", "measured one way p50, ms", "p99, ms", "up p50, ms", "down p50, ms",
+        "injected loss", "measured loss",
         "frames in", "out", "bad",
     ]  # fmt: skip
     rows = [
         [
             name,
-            number(link["injected_delay_ms"], 1),
-            number(link["measured_delay_ms"]["p50"], 1),
-            number(link["measured_delay_ms"]["p99"], 1),
+            *(number(link[key], 1) for key in ("injected_up_ms", "injected_down_ms")),
+            *(number(link["measured_delay_ms"][key], 1) for key in ("p50", "p99")),
+            *(number(link[key], 1) for key in ("measured_up_ms", "measured_down_ms")),
             _share(link["injected_loss"]),
             _share(link["measured_loss"]),
             *(str(link[key]) for key in ("frames_in", "frames_out", "frames_bad")),

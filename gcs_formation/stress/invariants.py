@@ -19,7 +19,7 @@ from formation_scenario import Vehicle as PlannedVehicle
 from gcs_formation.arrays import Array
 from gcs_formation.link.connection import STALE_AFTER_S
 from gcs_formation.record.run_directory import EVENTS, SUMMARY, TIMESERIES, TLOG
-from gcs_formation.record.timeseries import ERROR, INJECTED, SETPOINT, STATE, TRUTH, read_parquet
+from gcs_formation.record.timeseries import ERROR, INJECTED_MEAN, SETPOINT, STATE, TRUTH, read_parquet
 from gcs_formation.record.tlog import read_tlog
 
 REGAINED_M = 1.0
@@ -163,7 +163,7 @@ def regained(flown: Flown) -> Iterator[str]:
 def _held_up(flown: Flown, rows: Mapping[str, Array]) -> bool:
     """Whether a delay of seconds, as in Pareto's tail, reaches beyond the last change of the links into the calm."""
     calm_from_s = max((change.at_s for change in flown.scenario.links.changes), default=0.0)
-    there_and_back_s = 2 * rows[INJECTED]
+    there_and_back_s = 2 * rows[INJECTED_MEAN]
     under_way = rows["mission_time_s"] + there_and_back_s > calm_from_s
     return bool((under_way & (rows["mission_time_s"] < calm_from_s) & (there_and_back_s > STALE_AFTER_S)).any())
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from typing import NamedTuple
 
 from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, Instant, after, seconds_between
@@ -42,6 +43,20 @@ APART_LIMIT_S = 2.0
 """Largest difference of stamps between a position and the attitude and airspeed that are paired with it."""
 
 
+UNKNOWN_WAYS_S = math.nan, math.nan
+
+
+class Probed(NamedTuple):
+    """An answered probe: when it came back, and the delays in s that it shows."""
+
+    at: Instant
+    one_way_s: float
+    """Half the round trip."""
+    up_s: float
+    """NaN where it isn't known how the round trip is split; the same for `down_s`."""
+    down_s: float
+
+
 class Vehicle:
     """All state of one vehicle. It takes and creates frames; the station moves them."""
 
@@ -68,8 +83,7 @@ class Vehicle:
         self._steps = autopilot.start_up(telemetry_rate_hz)
         self.start_up = StartUp(self._steps)
         self.member = Member.STARTING
-        self.delays: list[tuple[Instant, float]] = []
-        """When each answered probe came back, and its one-way delay in seconds."""
+        self.delays: list[Probed] = []
         self.frames_in = self.frames_out = 0
         self.effects = EffectWatch()
         self.setpoints_taken = {command: UnbrokenRun() for command in autopilot.setpoint_commands}
@@ -140,6 +154,11 @@ class Vehicle:
             return now
         one_way_s = self.clock.one_way_s
         return self._answered if math.isnan(one_way_s) else after(self._answered, -one_way_s)
+
+    @property
+    def ways_s(self) -> tuple[float, float]:
+        """Delay up and down, s; NaN where it isn't known how the round trip is split."""
+        return UNKNOWN_WAYS_S
 
     @property
     def talks_on_s(self) -> float:
@@ -219,7 +238,7 @@ class Vehicle:
             return
         if self.clock.observe(sent, answer.tc1_ns, now):
             self._restart()
-        self.delays.append((now, self.clock.last_one_way_s()))
+        self.delays.append(Probed(now, self.clock.last_one_way_s(), *UNKNOWN_WAYS_S))
 
     def _restart(self) -> None:
         """Start afresh with a vehicle whose clock has restarted: nothing known of it still holds."""

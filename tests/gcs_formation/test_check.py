@@ -13,6 +13,7 @@ from click.testing import CliRunner
 from formation_scenario import load_scenario
 from formation_scenario.feasibility import refused_orders
 from gcs_formation.app.check import check_report, never_reached
+from gcs_formation.app.split_errors import split_errors
 from gcs_formation.cli import main
 from gcs_formation.phases import Phase
 from gcs_formation.stability import consensus_delay_margin, graph_adjacency
@@ -169,3 +170,15 @@ def test_planned_orders_that_will_be_refused_are_warned_of() -> None:
     assert told[1].startswith("found slots of the leader and vehicle")
     assert "slot in shape line would need" in told[2]
     assert check_report(scenario)["warnings"][0] == f"orders.0: 'speed 40' will be refused: {told[0]}"
+
+
+def test_unequal_ways_are_warned_of_with_the_metres_that_they_cost_against_the_leaders() -> None:
+    """22 m/s for half the difference, 160 ms of its own; from 30 s on the leader is off by 40 ms the other way."""
+    unequal = {"at_s": 0, "vehicles": [2], "uplink": {"delay_ms": 400}, "downlink": {"delay_ms": 80}}
+    leaders = {"at_s": 30, "vehicles": [1], "uplink": {"delay_ms": 80}, "downlink": {"delay_ms": 160}}
+    planned = load_scenario({"vehicles": {"count": 3}, "path": PLAIN["path"], "links": {"changes": [unequal, leaders]}})
+    about_2, about_3 = split_errors(planned)
+    assert "vehicle 2: 400 ms up and 80 ms down, the leader's 80 ms up and 160 ms down," in about_2
+    assert "4.40 m along the path (behind its slot, from 30 s on)" in about_2
+    assert "vehicle 3: 0 ms up and 0 ms down" in about_3
+    assert "0.88 m along the path (behind its slot, from 30 s on)" in about_3

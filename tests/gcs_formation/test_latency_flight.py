@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gcs_formation.app.split_errors import split_errors
 from gcs_formation.testing.flown import Flown
 from gcs_formation.testing.plan import Formation, Plan
 from tests.flights.test_real_clock import free_port
@@ -72,6 +73,18 @@ def test_both_ways_count_alike_in_the_injected_delay(plan):
     link = plan(duration_s=10).with_link(uplink={"delay_ms": 50}, downlink={"delay_ms": 250}).fly().link(2)
     assert link["injected_delay_ms"] == pytest.approx(150.0, abs=5.0)
     assert link["measured_delay_ms"]["p50"] == pytest.approx(150.0, abs=3.0)
+
+
+@pytest.mark.slow
+def test_unequal_ways_leave_the_constant_error_that_check_warns_of(plan):
+    """320 ms more up than down map its clock 160 ms early: at 22 m/s it flies 3.52 m behind its slot."""
+    flight = plan(duration_s=40).with_link(2, uplink={"delay_ms": 400}, downlink={"delay_ms": 80})
+    flown = flight.fly()
+    assert "3.52 m along the path (behind its slot" in next(split_errors(flown.scenario))
+    series, link = flown.series(2), flown.link(2)
+    assert series["error_x_m"][series["mission_time_s"] > 30].mean() == pytest.approx(3.52, abs=0.1)
+    assert (link["injected_up_ms"], link["injected_down_ms"]) == (pytest.approx(400), pytest.approx(80))
+    assert (link["measured_up_ms"], link["measured_down_ms"]) == (None, None)  # round trips can't tell
 
 
 def test_a_step_of_delay_is_tracked_within_5_s(plan):

@@ -73,7 +73,7 @@ def truth(crashed=None):
 
 
 def flown(crashed=None):
-    injected = dict.fromkeys((LEADER, FOLLOWER, THIRD), np.zeros(TIME_S.size))
+    injected = dict.fromkeys((LEADER, FOLLOWER, THIRD), np.zeros((TIME_S.size, 2)))
     return split(spool(), SCENARIO, truth(crashed), injected)
 
 
@@ -109,7 +109,7 @@ def test_nobody_has_an_error_behind_a_leader_that_is_dead():
 
 def test_without_truth_the_station_s_knowledge_decides():
     airborne = TIME_S < 6.0
-    injected = dict.fromkeys((LEADER, FOLLOWER, THIRD), np.zeros(TIME_S.size))
+    injected = dict.fromkeys((LEADER, FOLLOWER, THIRD), np.zeros((TIME_S.size, 2)))
     flight = split(spool(station_airborne=airborne), SCENARIO, None, injected)
     assert np.isfinite(flight.error(THIRD)).all(axis=1).tolist() == airborne.tolist()
     assert np.isfinite(flight.clearance(THIRD)).tolist() == airborne.tolist()
@@ -117,7 +117,7 @@ def test_without_truth_the_station_s_knowledge_decides():
 
 def test_expectations_are_of_whoever_follows_in_their_window():
     """The second vehicle leads from 5 s on: of what follows then it can keep or break nothing, and the first can."""
-    injected = dict.fromkeys((LEADER, FOLLOWER, THIRD), np.zeros(TIME_S.size))
+    injected = dict.fromkeys((LEADER, FOLLOWER, THIRD), np.zeros((TIME_S.size, 2)))
     flight = split(spool(handed_over_s=5.0), SCENARIO, truth(), injected)
     windows = [{"from_s": 0, "to_s": 4}, {"from_s": 6, "to_s": 10}, {"from_s": 0, "to_s": 10}]
     expect = [{"metric": "error_x_m.max", "below": 0.1, **window} for window in windows]

@@ -153,6 +153,10 @@ def vehicle_columns(
         "setpoint_height_m": height + 0.2,
         "age_s": 0.05 + 0.1 * random.random(ticks),
         "delay_s": np.maximum(0.0, 0.02 + 0.002 * random.standard_normal(ticks)),
+        "up_s": np.full(ticks, np.nan),
+        "down_s": np.full(ticks, np.nan),
+        "injected_up_s": np.full(ticks, 0.02),
+        "injected_down_s": np.full(ticks, 0.02),
         "injected_delay_s": np.full(ticks, 0.02),
         "jitter_s": np.full(ticks, 0.002),
         "margin_used": np.full(ticks, 0.3),
@@ -224,7 +228,11 @@ def summary_of(scenario: Scenario, columns: dict[str, np.ndarray], *, truth: boo
     near = float(least.min()) if least.size and np.isfinite(least.min()) else None
     link = {
         "injected_delay_ms": 0.0,
+        "injected_up_ms": 0.0,
+        "injected_down_ms": 0.0,
         "measured_delay_ms": {"p50": 20.1, "p99": 24.9},
+        "measured_up_ms": None,
+        "measured_down_ms": None,
         "injected_loss": 0.0,
         "measured_loss": 0.001,
         "frames_in": 5000,
