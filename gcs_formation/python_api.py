@@ -16,6 +16,7 @@ from gcs_formation.app.interrupt import Interrupts
 from gcs_formation.app.options import ClockName, RunOptions
 from gcs_formation.app.progress import Silent
 from gcs_formation.app.run import run as run_scenario
+from gcs_formation.app.steering import STATUS
 from gcs_formation.app.steering import tell as give_order
 from gcs_formation.record.summary import Summary as RecordedSummary
 
@@ -84,11 +85,13 @@ def tell(run_dir: str | Path, order: str) -> Answer:
 
     Args:
         run_dir: the directory of a flight that is running under the real clock.
-        order: `shape line`, `shape line 40`, `spacing 40`, `speed 24`, `leader 3`, `loiter`, `rtl` or `land`.
+        order: `shape line`, `shape line 40`, `spacing 40`, `speed 24`, `leader 3`, `loiter`, `rtl` or `land`; or
+            `status`, which is answered by a page on the flight.
 
     Raises:
         OrderError: the words are no order.
         NothingRunningError: no flight answers there.
     """
-    parse_order(order)
+    if order != STATUS:
+        parse_order(order)
     return give_order(Path(run_dir), order)

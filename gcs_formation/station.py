@@ -175,6 +175,10 @@ class Station:
         """Carry out an order such as `shape line`, or refuse it with a reason."""
         return self._orders.take(text, now)
 
+    def column(self, identity: VehicleId) -> int:
+        """Return a vehicle's column in a tick's arrays."""
+        return self._columns[identity]
+
     def bad_frames(self, identity: VehicleId) -> int:
         """Return how many frames from a vehicle's address were dropped."""
         connection = self.vehicles[identity].connection

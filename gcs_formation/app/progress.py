@@ -1,9 +1,12 @@
-"""A progress line, shown on terminals only."""
+"""How a flight shows its progress: a status line on a terminal, with lines above it; lines alone in a pipe or a log."""
 
 from __future__ import annotations
 
 import math
+import os
+from collections.abc import Sequence
 from contextlib import suppress
+from typing import Protocol, TextIO
 
 import numpy as np
 from rich.console import Console
@@ -11,9 +14,28 @@ from rich.live import Live
 from rich.text import Text
 
 from airlink.clock import NANOSECONDS
+from gcs_formation.app import columns
+from gcs_formation.app.narration import Narration
 from gcs_formation.link.connection import LinkState
 from gcs_formation.phases import Phase
+from gcs_formation.recorder import Event
 from gcs_formation.station import Station
+
+
+class Progress(Protocol):
+    """Shows the progress of a flight."""
+
+    def show(self, station: Station) -> None:
+        """Show where the station stands; called a few times a second."""
+        ...
+
+    def note(self, event: Event, mission_s: float) -> None:
+        """Show an event; `mission_s` is NaN before the path has begun."""
+        ...
+
+    def close(self) -> None:
+        """Show nothing more."""
+        ...
 
 
 class Silent:
@@ -22,58 +44,107 @@ class Silent:
     def show(self, station: Station) -> None:
         """Show nothing."""
 
+    def note(self, event: Event, mission_s: float) -> None:
+        """Show nothing."""
 
-class ProgressLine:
-    """One line at the bottom of a terminal, rewritten."""
+    def close(self) -> None:
+        """Do nothing."""
 
-    def __init__(self, console: Console) -> None:
-        """Write to `console`."""
-        self._live = Live(console=console, transient=True, auto_refresh=False)
+
+class Lines:
+    """A line for each phase and each event of weight."""
+
+    def __init__(self, stream: TextIO) -> None:
+        """Write to `stream`."""
+        self._stream, self._narration = stream, Narration()
+
+    def show(self, station: Station) -> None:
+        """Show nothing; a log has no place that is rewritten."""
+
+    def note(self, event: Event, mission_s: float) -> None:
+        """Write a line, if the event is of weight."""
+        told = self._narration.line(event, mission_s)
+        if told is not None:
+            with suppress(OSError, ValueError):  # nobody reads on while the vehicles still fly
+                self._stream.write(f"{told}\n")
+                self._stream.flush()
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+class StatusLine:
+    """One line at the bottom of a terminal, rewritten; events of weight as lines above it."""
+
+    def __init__(self, stream: TextIO) -> None:
+        """Write to the terminal behind `stream`."""
+        self._console = Console(file=stream, highlight=False)
+        self._live = Live(console=self._console, transient=True, auto_refresh=False)
+        self._narration = Narration()
         self._live.start()
 
     def show(self, station: Station) -> None:
-        """Show time, worst error and links."""
+        """Show time, worst error, delay and links, as much as fits."""
         with suppress(OSError):  # the terminal was closed while the vehicles still fly
-            self._live.update(Text(progress_text(station), no_wrap=True, overflow="ellipsis"), refresh=True)
+            # A line as wide as the terminal would move the cursor to the next one.
+            text = columns.line(progress_parts(station), self._console.width - 1)
+            self._live.update(Text(text, no_wrap=True, overflow="crop"), refresh=True)
+
+    def note(self, event: Event, mission_s: float) -> None:
+        """Write a line above the status line, if the event is of weight."""
+        told = self._narration.line(event, mission_s)
+        if told is not None:
+            with suppress(OSError):
+                for part in columns.wrapped(told, self._console.width - 1):
+                    self._console.print(Text(part, no_wrap=True, overflow="crop"))
 
     def close(self) -> None:
-        """Remove the line."""
+        """Remove the status line."""
         with suppress(OSError):
             self._live.stop()
 
 
-def progress_text(station: Station) -> str:
-    """Return the progress in words: phase and time, worst formation error, delay, state of the links."""
-    parts = [_where(station), _worst_error(station), _delay(station), _links(station)]
-    return "  ".join(part for part in parts if part)
+def progress_on(stream: TextIO | None) -> Progress:
+    """Return what shows a flight's progress on a stream; None is one that was closed from the start."""
+    if stream is None:
+        return Silent()
+    return StatusLine(stream) if stream.isatty() and os.environ.get("TERM") != "dumb" else Lines(stream)
 
 
-def _where(station: Station) -> str:
-    tick = station.last_tick
-    phase = station.flight.phase
+def progress_parts(station: Station) -> Sequence[tuple[str, ...]]:
+    """Return the parts of the status line, the most important first, each in wordings from long to short."""
+    return _where(station), _worst_error(station), _links(station), _delay(station)
+
+
+def _where(station: Station) -> tuple[str, ...]:
+    tick, phase = station.last_tick, station.flight.phase
     if tick is None:
         doing = sorted({v.start_up.doing for v in station.vehicles.values() if not v.start_up.finished})
-        return f"{phase.value}: {', '.join(doing)}" if doing else phase.value
+        return (f"{phase.value}: {', '.join(doing)}", phase.value) if doing else (phase.value,)
     if phase is Phase.FLYING:
-        return f"t {tick.mission_time_s:.0f} of {station.scenario.duration_s:.0f} s"
-    return f"{phase.value} {tick.now / NANOSECONDS:.0f} s"
+        return (f"t {tick.mission_time_s:.0f} of {station.scenario.duration_s:.0f} s", f"t {tick.mission_time_s:.0f} s")
+    return (f"{phase.value}, {tick.now / NANOSECONDS:.0f} s after the start", phase.value)
 
 
-def _worst_error(station: Station) -> str:
+def _worst_error(station: Station) -> tuple[str, ...]:
     tick = station.last_tick
     if tick is None or np.isnan(tick.error_m[1:]).all():
-        return ""
+        return ("",)
     worst = np.nanmax(np.abs(tick.error_m[1:]), axis=0)
-    return f"worst error {worst[0]:.2f} / {worst[1]:.2f} / {worst[2]:.2f} m"
+    each = f"{worst[0]:.2f} / {worst[1]:.2f} / {worst[2]:.2f} m"
+    return f"worst error {each}", f"error {each}", f"error {worst.max():.2f} m"
 
 
-def _delay(station: Station) -> str:
+def _delay(station: Station) -> tuple[str, ...]:
     delays = [v.clock.one_way_s for v in station.vehicles.values() if not math.isnan(v.clock.one_way_s)]
-    used = station.margins.most_used
-    return f"delay {max(delays) * 1e3:.0f} ms, {used:.0%} of its margin" if delays else ""
+    if not delays:
+        return ("",)
+    longest = f"delay {max(delays) * 1e3:.0f} ms"
+    return f"{longest}, {station.margins.most_used:.0%} of margin", longest
 
 
-def _links(station: Station) -> str:
+def _links(station: Station) -> tuple[str, ...]:
     states = [vehicle.connection.state for vehicle in station.vehicles.values()]
     named = [f"{states.count(state)} {state.value}" for state in LinkState if state in states]
-    return f"links: {', '.join(named)}"
+    well = states.count(LinkState.CONNECTED)
+    return ", ".join(named), f"{well} of {len(states)} links"

@@ -19,7 +19,8 @@ from airlink.udp import UdpDriver
 from formation_scenario import Scenario
 from gcs_formation.app.interrupt import Interrupts
 from gcs_formation.app.options import RunOptions
-from gcs_formation.app.session import Progress, Session, open_session
+from gcs_formation.app.progress import Progress
+from gcs_formation.app.session import Session, open_session
 from gcs_formation.errors import RunAbortedError
 from gcs_formation.record.run_directory import SCENARIO
 from gcs_formation.record.summary import Summary

@@ -5,43 +5,40 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
-from airlink.clock import NANOSECONDS, Clock, VirtualClock
+from airlink.clock import NANOSECONDS, Clock, Instant, VirtualClock
 from airlink.engine import Engine
 from airlink.identity import VehicleId
 from formation_scenario import Scenario
+from gcs_formation.answer import Answer
 from gcs_formation.app.faults import InjectedFaults
 from gcs_formation.app.interrupt import Interrupts
 from gcs_formation.app.links import InjectedDelays, impair, injected
 from gcs_formation.app.options import RunOptions
-from gcs_formation.app.steering import OrderSocket
+from gcs_formation.app.progress import Progress
+from gcs_formation.app.status import status_page
+from gcs_formation.app.steering import STATUS, OrderSocket
 from gcs_formation.app.timing import TimedStation
 from gcs_formation.errors import RunAbortedError
+from gcs_formation.phases import Phase
 from gcs_formation.record.flight import join, split
 from gcs_formation.record.outcome import Injected, LinkFigures, Outcome
 from gcs_formation.record.run_directory import SPOOL, TIMESERIES, RunDirectory
 from gcs_formation.record.summary import Summary, summarise
 from gcs_formation.record.timeseries import read_spool, write_parquet
 from gcs_formation.record.truth import GroundTruth
+from gcs_formation.recorder import Event
 from gcs_formation.stability import scenario_delay_margin
 from gcs_formation.station import Station
 
 MICROSECONDS = 1_000_000
 VIRTUAL_EPOCH_US = 1_577_836_800 * MICROSECONDS
 """2020-01-01 00:00 UTC."""
+MOST_DIGITS = 5
 PROGRESS_S = 0.25
 """Wall time between updates of the progress, s."""
-
-
-class Progress(Protocol):
-    """Shows the progress of a flight."""
-
-    def show(self, station: Station) -> None:
-        """Show where the station stands."""
-        ...
 
 
 @dataclass
@@ -69,10 +66,12 @@ class Session:
         self._shown = self._began
         self._orders: OrderSocket | None = None
         self._stopped = 0
+        self.recorder.listener = self._heard
+        self._heard(Event(Instant(0), "phase", f"{Phase.CONNECTING.value} to {len(self.station.vehicles)} vehicles"))
 
     def listening(self) -> OrderSocket:
         """Return the socket that takes orders for this flight, as a context manager."""
-        self._orders = OrderSocket(self.options.out, lambda text: self.station.order(text, self.clock.now()))
+        self._orders = OrderSocket(self.options.out, self._answer)
         return self._orders
 
     def over(self) -> bool:
@@ -108,6 +107,18 @@ class Session:
             return self._make_summary(truth, wall_s)
         except OSError as error:
             raise RunAbortedError(f"cannot write to {self.recorder.path}: {error.strerror or error}") from error
+
+    def _answer(self, text: str) -> Answer:
+        """Return the answer to a line of `tell`: a page on the flight, or what came of an order."""
+        asked, *columns = text.split()[:2] or [""]
+        now = self.clock.now()
+        if asked == STATUS:
+            given = (int(each) for each in columns if each.isdecimal() and len(each) < MOST_DIGITS)
+            return Answer(True, status_page(self.station, now, *given))
+        return self.station.order(text, now)
+
+    def _heard(self, event: Event) -> None:
+        self.progress.note(event, self.station.flight.mission_time_s(event.now))
 
     def _make_summary(self, truth: GroundTruth | None, wall_s: float) -> Summary:
         spool = self.recorder.path / SPOOL

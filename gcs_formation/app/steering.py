@@ -15,6 +15,8 @@ from gcs_formation.answer import Answer
 from gcs_formation.errors import NothingRunningError
 
 SOCKET = "orders.sock"
+STATUS = "status"
+"""Asks for a page on the flight. It isn't an order: a scenario can't plan it."""
 MOST_BYTES = 400
 MOST_CALLERS = 8
 ANSWER_S = 10.0

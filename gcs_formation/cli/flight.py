@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,7 +11,6 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import click
-from rich.console import Console
 
 from airlink.cli.arguments import OUT, SECONDS, SEED, Number
 from airlink.cli.directory import default_directory
@@ -19,8 +19,8 @@ from formation_scenario import Scenario
 from gcs_formation.app.fly import fly as fly_scenario
 from gcs_formation.app.interrupt import Interrupts
 from gcs_formation.app.options import ClockName, RunOptions
-from gcs_formation.app.outcome import summary_text
-from gcs_formation.app.progress import ProgressLine, Silent
+from gcs_formation.app.outcome import result_line, summary_text
+from gcs_formation.app.progress import Progress, Silent, progress_on
 from gcs_formation.app.run import run as run_scenario
 from gcs_formation.cli import usage
 from gcs_formation.cli.scenario import load
@@ -28,7 +28,7 @@ from gcs_formation.errors import RecordError, RunAbortedError
 from gcs_formation.record.summary import Summary
 
 Command = TypeVar("Command", bound=Callable[..., Any])
-Flown = Callable[[Scenario, RunOptions, ProgressLine | Silent, Interrupts], Summary]
+Flown = Callable[[Scenario, RunOptions, Progress, Interrupts], Summary]
 
 
 def _options(command: Command) -> Command:
@@ -95,8 +95,7 @@ def _fly(flown: Flown, clock: ClockName, given: _Given) -> Status:
     with Interrupts() as interrupts:
         loaded = load(given.scenario, (*given.overrides, *seed))
         options = _run_options(loaded, clock, given)
-        console = Console(stderr=True)
-        shown = ProgressLine(console) if console.is_terminal and not given.quiet else Silent()
+        shown = Silent() if given.quiet else progress_on(sys.stderr)
         try:
             summary = flown(loaded, options, shown, interrupts)
         except RecordError as error:
@@ -104,8 +103,7 @@ def _fly(flown: Flown, clock: ClockName, given: _Given) -> Status:
         except RunAbortedError as error:
             return _interrupted(options) if interrupts.count else say(str(error), Status.COULD_NOT_GO_ON)
         finally:
-            if isinstance(shown, ProgressLine):
-                shown.close()
+            shown.close()
         return _conclude(summary, options, interrupts, given)
 
 
@@ -121,12 +119,21 @@ def _conclude(summary: Summary, options: RunOptions, interrupts: Interrupts, giv
     if given.as_json:
         click.echo(json.dumps(summary.to_dict(), indent=2))
     if not given.quiet:
-        click.echo(summary_text(summary, options.out), err=given.as_json)
+        _tell(summary, options, given)
     if interrupts.count:
         return _interrupted(options)
     for broken in (*(str(v) for v in summary.verdicts if v.held is False), *summary.breaches):
         click.echo(broken, err=True)
     return Status.FINE if summary.held else Status.EXPECTATION_BROKEN
+
+
+def _tell(summary: Summary, options: RunOptions, given: _Given) -> None:
+    """Print the summary, on a terminal in its width; where standard error is a log, a line on the result as well."""
+    stream = sys.stderr if given.as_json else sys.stdout
+    width = shutil.get_terminal_size().columns if stream is not None and stream.isatty() else None
+    if sys.stderr is not None and not sys.stderr.isatty():
+        click.echo(result_line(summary), err=True)
+    click.echo(summary_text(summary, options.out, width), err=given.as_json)
 
 
 def _interrupted(options: RunOptions) -> Status:

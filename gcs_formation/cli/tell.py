@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import click
 
 from airlink.cli.status import Status, fail
 from formation_scenario.orders import OrderError, parse_order
+from gcs_formation.app.steering import STATUS
 from gcs_formation.app.steering import tell as give_order
 from gcs_formation.cli import usage
 from gcs_formation.errors import NothingRunningError
@@ -18,10 +20,13 @@ from gcs_formation.errors import NothingRunningError
 @click.argument("run_dir", type=click.Path(path_type=Path))
 @click.argument("order", nargs=-1, required=True)
 def tell(run_dir: Path, order: tuple[str, ...]) -> None:
-    """Give the flight that records into RUN_DIR an ORDER, and print what came of it."""
+    """Give the flight that records into RUN_DIR an ORDER, and print what came of it; `status`: ask how it is."""
     text = " ".join(order)
     try:
-        parse_order(text)
+        if text == STATUS:
+            text = f"{STATUS} {shutil.get_terminal_size().columns}"
+        else:
+            parse_order(text)
         answer = give_order(run_dir, text)
     except OrderError as error:
         fail(str(error))

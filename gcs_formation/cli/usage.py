@@ -34,7 +34,11 @@ CHECK = _examples(
     "gcs-formation check quickstart.yaml --set law.rate_hz=5 --json",
 )
 TELL = (
-    _examples("gcs-formation tell runs/quickstart shape line", "gcs-formation tell runs/quickstart leader 2")
+    _examples(
+        "gcs-formation tell runs/quickstart status",
+        "gcs-formation tell runs/quickstart shape line",
+        "gcs-formation tell runs/quickstart leader 2",
+    )
     + """
 
 \b
@@ -44,6 +48,10 @@ Orders:
   speed MPS                fly the path at another speed
   leader ID                let another vehicle lead
   loiter | rtl | land      end the flight: circle here, at home, or land there
+
+\b
+Or:
+  status                   a page on phase, vehicles, errors, delays and margins
 
 Exit status 1: refused, with the reason. 3: no flight answers there.
 """

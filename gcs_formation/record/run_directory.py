@@ -5,7 +5,7 @@ from __future__ import annotations
 import fcntl
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -67,6 +67,8 @@ class RunDirectory:
             raise RecordError(
                 f"cannot write the run directory {path}: {error.strerror}; allowed: a directory that can be written"
             ) from error
+        self.listener: Callable[[Event], None] | None = None
+        """Hears every event."""
         self.failure: str | None = None
         """Why what comes now isn't recorded any more: the disk is full, as a rule."""
         self._next_flush = Instant(0)
@@ -94,6 +96,8 @@ class RunDirectory:
 
     def event(self, event: Event) -> None:
         """Record an event as a line of JSON; where other files can no longer be written, this is still tried."""
+        if self.listener is not None:
+            self.listener(event)
         try:
             self._events.write(json.dumps(event_line(event), ensure_ascii=False) + "\n")
             self._events.flush()

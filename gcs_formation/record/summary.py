@@ -51,6 +51,7 @@ def summarise(outcome: Outcome) -> Summary:
         "seed": scenario.seed,
         "clock": outcome.clock,
         "duration_s": float(time_s[-1]) if time_s.size else 0.0,
+        "begun_s": _begun_s(flight),
         "wall_s": outcome.wall_s,
         "real_time_factor": outcome.simulated_s / outcome.wall_s if outcome.wall_s > 0 else None,
         "truth": flight.truth,
@@ -68,6 +69,13 @@ def summarise(outcome: Outcome) -> Summary:
     verdicts = tuple(judge(scenario, flight, parts, outcome.links, outcome.cut_short))
     parts["expect"] = [verdict.to_dict() for verdict in verdicts]
     return Summary(parts, verdicts, breaches)
+
+
+def _begun_s(flight: Flight) -> float | None:
+    """Return how long after the run's start the path began, s; None if it never did."""
+    since_s = next(iter(flight.vehicles.values()))["t_s"] - flight.mission_time_s
+    known = since_s[np.isfinite(since_s)]
+    return float(known[0]) if known.size else None
 
 
 def _follower(flight: Flight, vehicle: VehicleId, window: Mask) -> dict[str, Any]:

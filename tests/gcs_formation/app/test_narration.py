@@ -1,0 +1,50 @@
+"""What a user is told while a flight lasts."""
+
+import io
+import math
+
+import pytest
+
+from airlink.clock import Instant
+from airlink.identity import VehicleId
+from gcs_formation.app.narration import Narration
+from gcs_formation.app.progress import Lines, Silent, progress_on
+from gcs_formation.recorder import Event
+
+THREE = VehicleId(1, 3)
+
+
+def told(*events: Event, mission_s: float = math.nan) -> list[str | None]:
+    narration = Narration()
+    return [narration.line(event, mission_s) for event in events]
+
+
+def test_phases_are_told_with_their_cause_and_the_mission_time_once_there_is_one() -> None:
+    begun = Event(Instant(71_500_000_000), "phase", "flying", None, {"cause": "the leader has passed the start"})
+    assert told(begun) == ["start +   71.5 s  flying: the leader has passed the start"]
+    assert told(begun, mission_s=0.0) == ["t     =    0.0 s  flying: the leader has passed the start"]
+
+
+@pytest.mark.parametrize(("kind", "usual", "unusual"), [("link", "connected", "lost"), ("member", "starting", "x")])
+def test_what_every_start_is_full_of_is_told_only_after_trouble(kind: str, usual: str, unusual: str) -> None:
+    well, ill = Event(Instant(0), kind, usual, THREE), Event(Instant(0), kind, unusual, THREE)
+    other = Event(Instant(0), kind, usual, VehicleId(1, 4))
+    lines = told(well, ill, other, well, well)
+    assert [line is not None for line in lines] == [False, True, False, True, False]
+    assert lines[1] == f"start +    0.0 s  vehicle 3, {kind}: {unusual}"
+
+
+def test_chatter_is_for_the_record_alone() -> None:
+    kinds = (("mode", "GUIDED"), ("statustext", "Throttle armed"), ("ready", "in the air"), ("link", "stale"))
+    assert set(told(*(Event(Instant(0), kind, text, THREE) for kind, text in kinds))) == {None}
+
+
+def test_a_log_whose_reader_has_gone_ends_no_flight() -> None:
+    stream = io.StringIO()
+    lines = progress_on(stream)
+    assert isinstance(lines, Lines)
+    lines.note(Event(Instant(0), "failure", "the disk is full"), 1.0)
+    assert stream.getvalue() == "t     =    1.0 s  failure: the disk is full\n"
+    stream.close()
+    lines.note(Event(Instant(0), "failure", "the disk is full"), 1.0)
+    assert isinstance(progress_on(None), Silent)
