@@ -20,7 +20,7 @@ from benchmarks.disturbance_grid import DISTURBED_S, FRAMES, PAPER, both_ways
 from benchmarks.tables import markdown
 from formation_scenario import load_scenario
 from gcs_formation.record.run_directory import TIMESERIES
-from gcs_formation.record.timeseries import read_parquet
+from gcs_formation.record.timeseries import flying, read_parquet
 from gcs_formation.stability.gust import accel_limits_mps2, allowed_gust_error_m, least_gust_error_m
 from gcs_formation.stability.loops import loop_delay_s
 
@@ -67,7 +67,8 @@ def fly(case: Case, until_s: float) -> Errors:
             law__heading=FRAMES[case.frame],
             disturbances__0__vehicles=list(FOLLOWERS),
         ).to_dict()
-        series = read_parquet(Path(out) / TIMESERIES)
+        columns = read_parquet(Path(out) / TIMESERIES)
+        series = {name: values[flying(columns)] for name, values in columns.items()}
     delays = [summary["links"][str(follower)]["measured_delay_ms"]["p50"] / 1e3 for follower in FOLLOWERS]
     round_trip_s = max(loop_delay_s(delay, delay, 0.0, *RATES_HZ) for delay in delays)
     axes = [axis_of(series, case.frame, follower, round_trip_s) for follower in FOLLOWERS]

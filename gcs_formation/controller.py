@@ -36,6 +36,8 @@ CHANNELS = 3
 UP = np.array([0.0, 0.0, 1.0])
 LEADER_WIND_RADPS = 0.5
 """Bandwidth of the wind estimate for the leader's guidance: followers' slots can't keep up with quicker turns."""
+AHEAD_POINTS = 5
+"""Places along the leader's way at which the ground is looked at."""
 GAINS_CHANGE_S = 1.0
 """Time constant with which gains follow a change of the bandwidth, so that no setpoint jumps."""
 
@@ -99,6 +101,8 @@ class FormationController:
         """(C, 3) share of their full bandwidth that the law's loops should have."""
         self._bandwidth = self.bandwidth
         self._lift_m = np.zeros(self._columns)
+        self.heights_m: Array | None = None
+        """(C,) heights that are told instead of the law's at the end of a flight; NaN for a column that has none."""
         self.begin_regardless = False
         """Whether to begin the path even if the formation isn't assembled."""
         fusions = parameters.fusions(scenario, self._history, self._model)
@@ -131,6 +135,16 @@ class FormationController:
         north, east, up = (places - places[leader]).T
         return np.stack((*rotate_to(state.heading_rad[leader], north, east), up), axis=1) - self._lift_m[:, None] * UP
 
+    def ahead_m(self, seconds: float) -> list[tuple[float, float]]:
+        """Return how far north and east the leader gets along its route within some time, m, point by point."""
+        route, begin_m = self.guidance.route, self.guidance.distance_m
+        if route is None:
+            return [(0.0, 0.0)]
+        here = route.at(begin_m)
+        way_m = np.linspace(0.0, seconds * self.guidance.speed_mps, AHEAD_POINTS).tolist()
+        points = [route.at(begin_m + far_m) for far_m in way_m]
+        return [(point.north_m - here.north_m, point.east_m - here.east_m) for point in points]
+
     def step(self, now: Instant, mission_time_s: float, phase: str, links: Links) -> Tick:
         """Return this tick's setpoints and what led to them.
 
@@ -143,7 +157,7 @@ class FormationController:
         if self._scenario.leader is None:
             self._place_virtual_leader(now)
         acts = self._acts(now, links.up_s, links.lag_s)
-        tick = self._blank_tick(now, mission_time_s, phase, links)
+        tick = self.blank_tick(now, mission_time_s, phase, links)
         self._history.add(SentSetpoints(acts, tick.setpoints))
         if not tick.active[tick.leader]:
             tick.active[:] = False
@@ -157,12 +171,14 @@ class FormationController:
             self._bandwidth = self._bandwidth + self._gains_change * (self.bandwidth - self._bandwidth)
             situation = Situation(states, lead, slots, tick.active, self._bandwidth, self.separation.replaced)
             self._note(tick, self._law.decide(situation, self._dt_s), commanded_m)
+            self._open(tick)
             self.separation.keep(tick, measured, links.heard, links.disobeying)
         self._judge_assembly(tick)
         self.last_tick = tick
         return tick
 
-    def _blank_tick(self, now: Instant, mission_time_s: float, phase: str, links: Links) -> Tick:
+    def blank_tick(self, now: Instant, mission_time_s: float, phase: str, links: Links) -> Tick:
+        """Return a tick at which nothing is commanded yet, as `step`'s begins."""
         known = self.estimator.known
         blank = np.full((self._columns, CHANNELS), np.nan)
         return Tick(
@@ -271,6 +287,18 @@ class FormationController:
         tick.setpoints.fill(which, Setpoints.of(np.where(active, decision.setpoints.table, np.nan)))
         known = np.isfinite(tick.age_s[which])
         tick.state.fill(which[known], decision.state.take(np.flatnonzero(known)))
+
+    def _open(self, tick: Tick) -> None:
+        """Put the heights of the end in the place of the law's, within the envelope: slots are left."""
+        if self.heights_m is None:
+            return
+        opened = tick.active & np.isfinite(self.heights_m)
+        (which,) = np.nonzero(opened)
+        wanted = tick.setpoints.take(which)
+        wanted.table[2] = self.heights_m[which]
+        state, model = tick.state.take(which), self._model.take(which)
+        tick.setpoints.fill(which, envelope.limit(wanted, wanted.heading_rad, state, model))
+        tick.slots_m[:] = tick.error_m[:] = np.nan
 
     def _judge_assembly(self, tick: Tick) -> None:
         within = np.abs(tick.error_m) < self._scenario.start.tolerance_m

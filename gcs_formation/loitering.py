@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -86,21 +86,36 @@ class GroundFloor:
         return max(self.top(north_m * step, east_m * step).height_m for step in steps.tolist())
 
 
-def loiter_heights(places: Mapping[VehicleId, Place], floor_m: float = -math.inf) -> dict[VehicleId, float]:
-    """Return a height above the origin for each vehicle, m, none below the lowest vehicle or `floor_m`.
+class Band(NamedTuple):
+    """Heights at one of which a vehicle is that nobody can move, m."""
 
-    From the lowest vehicle up, each takes the lowest level that no neighbour has, so that vehicles cross as few of the
-    others' heights as possible.
+    low_m: float
+    high_m: float
+
+
+def loiter_heights(
+    places: Mapping[VehicleId, Place], floor_m: float = -math.inf, taken: Sequence[Band] = (), apart_m: float = STACK_M
+) -> dict[VehicleId, float]:
+    """Return a height above the origin for each vehicle, m; none below its own or `floor_m`.
+
+    From the lowest vehicle up, each takes the lowest height that is `apart_m` from those of its neighbours, and from
+    what is taken: nobody sinks, and as few as possible cross another's height.
     """
-    levels: dict[VehicleId, int] = {}
-    ordered = sorted(places, key=lambda identity: (places[identity].height_m, identity))
-    for identity in ordered:
-        near = [other for other in levels if _distance_m(places[identity], places[other]) < CIRCLES_MEET_M]
-        taken = {levels[other] for other in near}
-        levels[identity] = next(level for level in range(len(ordered)) if level not in taken)
-    base_m = max(min((place.height_m for place in places.values()), default=0.0), floor_m)
-    return {identity: base_m + level * STACK_M for identity, level in levels.items()}
+    heights: dict[VehicleId, float] = {}
+    for identity in sorted(places, key=lambda each: (places[each].height_m, each)):
+        near = [Band(heights[i], heights[i]) for i in heights if may_meet(places[identity], places[i])]
+        heights[identity] = _free_m(max(places[identity].height_m, floor_m), (*near, *taken), apart_m)
+    return heights
 
 
-def _distance_m(one: Place, other: Place) -> float:
-    return math.hypot(one.north_m - other.north_m, one.east_m - other.east_m)
+def may_meet(one: Place, other: Place) -> bool:
+    """Return whether circles that begin at two places may meet."""
+    return math.hypot(one.north_m - other.north_m, one.east_m - other.east_m) < CIRCLES_MEET_M
+
+
+def _free_m(height_m: float, taken: Sequence[Band], apart_m: float) -> float:
+    """Return the lowest height from `height_m` up that is `apart_m` from everything that's taken."""
+    for low_m, high_m in sorted(taken):
+        if low_m - apart_m < height_m < high_m + apart_m:
+            height_m = high_m + apart_m
+    return height_m

@@ -14,6 +14,7 @@ class Phase(Enum):
     CONNECTING = "connecting"
     ASSEMBLING = "assembling"
     FLYING = "flying"
+    ENDING = "ending"
     LOITERING = "loitering"
     DONE = "done"
     FAILED = "failed"
@@ -26,7 +27,9 @@ class Cause(Enum):
     PATH_BEGUN = "the leader has passed the start of its path"
     PATH_ENDED = "the path or the time is at its end"
     STOP = "told to stop"
+    HASTE = "told to stop at once"
     ORDERED = "ordered to end"
+    OPENED = "every vehicle that hears has a height of its own, or time is up"
     LOITERED = "every vehicle loiters"
     FAILURE = "the run can't go on"
     GIVEN_UP = "every vehicle loiters, and the run can't go on"
@@ -38,18 +41,26 @@ TRANSITIONS: dict[tuple[Phase, Cause], Phase] = {
     (Phase.CONNECTING, Cause.ORDERED): Phase.LOITERING,
     (Phase.CONNECTING, Cause.FAILURE): Phase.LOITERING,
     (Phase.ASSEMBLING, Cause.PATH_BEGUN): Phase.FLYING,
-    (Phase.ASSEMBLING, Cause.STOP): Phase.LOITERING,
-    (Phase.ASSEMBLING, Cause.ORDERED): Phase.LOITERING,
-    (Phase.ASSEMBLING, Cause.FAILURE): Phase.LOITERING,
-    (Phase.FLYING, Cause.PATH_ENDED): Phase.LOITERING,
-    (Phase.FLYING, Cause.STOP): Phase.LOITERING,
-    (Phase.FLYING, Cause.ORDERED): Phase.LOITERING,
-    (Phase.FLYING, Cause.FAILURE): Phase.LOITERING,
+    (Phase.ASSEMBLING, Cause.STOP): Phase.ENDING,
+    (Phase.ASSEMBLING, Cause.ORDERED): Phase.ENDING,
+    (Phase.ASSEMBLING, Cause.FAILURE): Phase.ENDING,
+    (Phase.FLYING, Cause.PATH_ENDED): Phase.ENDING,
+    (Phase.FLYING, Cause.STOP): Phase.ENDING,
+    (Phase.FLYING, Cause.ORDERED): Phase.ENDING,
+    (Phase.FLYING, Cause.FAILURE): Phase.ENDING,
+    (Phase.ENDING, Cause.ORDERED): Phase.ENDING,
+    (Phase.ENDING, Cause.OPENED): Phase.LOITERING,
+    (Phase.ENDING, Cause.HASTE): Phase.LOITERING,
     (Phase.LOITERING, Cause.ORDERED): Phase.LOITERING,
     (Phase.LOITERING, Cause.LOITERED): Phase.DONE,
     (Phase.LOITERING, Cause.GIVEN_UP): Phase.FAILED,
 }
 """All other combinations change nothing."""
+
+COMMANDED = (Phase.ASSEMBLING, Phase.FLYING, Phase.ENDING)
+"""Phases in which the law and the separation rule command the formation."""
+OVER = (Phase.ENDING, Phase.LOITERING)
+"""Phases in which nobody is started any more."""
 
 
 @dataclass

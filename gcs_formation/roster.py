@@ -37,6 +37,8 @@ class Roster:
         self._columns = columns
         self._note = note
         self._ground = GroundFloor(scenario)
+        self.ending_m: Mapping[VehicleId, float] | None = None
+        """At the end of the flight, the height of everyone's circle: nobody who loiters is told to come back."""
         self._floor_at, self._floor_m = Instant(-1), -math.inf
 
     def leader_lost(
@@ -71,6 +73,8 @@ class Roster:
     def _is_fresh(self, vehicle: Vehicle, estimator: StateEstimator, now: Instant, limit_s: float = math.inf) -> bool:
         if vehicle.beyond_margin and self._law.on_delay == "hold":
             return False
+        if vehicle.member is Member.HOLDING and self.ending_m is not None:
+            return False
         out, link = vehicle.member is not Member.FLYING, vehicle.connection
         if link.state in WITHOUT_HEARTBEATS and (out or link.mute_s(vehicle.sequence.loss) > MUTE_S):
             return False
@@ -83,7 +87,8 @@ class Roster:
     def _tell(self, vehicle: Vehicle, now: Instant) -> None:
         autopilot = vehicle.autopilot
         if vehicle.member is Member.HOLDING:
-            vehicle.commands.begin(autopilot.loiter(self._holding_height_m(vehicle, now)), now)
+            vehicle.holds_at_m = self._holding_height_m(vehicle, now)
+            vehicle.commands.begin(autopilot.loiter(vehicle.holds_at_m), now)
         elif vehicle.member is Member.RETURNING:
             vehicle.commands.begin((autopilot.set_mode(autopilot.guided_mode),), now)
         elif vehicle.member is not Member.STARTING:
@@ -91,6 +96,8 @@ class Roster:
 
     def _holding_height_m(self, vehicle: Vehicle, now: Instant) -> float:
         """Return the height at which a vehicle loiters clear of all others, m."""
+        if self.ending_m is not None and vehicle.identity in self.ending_m:
+            return self.ending_m[vehicle.identity]
         places = {i: v.telemetry.motion for i, v in self._vehicles.items() if v.telemetry.motion}
         if now != self._floor_at:
             tops = [self._ground.top(place.north_m, place.east_m).height_m for place in places.values()]

@@ -11,7 +11,7 @@ from airlink.identity import VehicleId
 from airlink.messages.system import Heartbeat
 from gcs_formation.link.connection import LinkState
 from gcs_formation.membership import Member
-from gcs_formation.phases import Flight, Phase
+from gcs_formation.phases import OVER, Flight, Phase
 from gcs_formation.recorder import GiveUp, Note
 from gcs_formation.vehicle.vehicle import Vehicle
 
@@ -47,7 +47,7 @@ class Starting:
         if foreign and self._flight.phase is Phase.CONNECTING:
             self._give_up("; ".join(map(_is_another, foreign)), now)
         for vehicle in self._vehicles.values():
-            if not vehicle.start_up.finished and self._flight.phase is not Phase.LOITERING:
+            if not vehicle.start_up.finished and self._flight.phase not in OVER:
                 self._advance(vehicle, now)
 
     def leader_ready(self, leader: VehicleId | None) -> bool:

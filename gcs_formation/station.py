@@ -27,8 +27,10 @@ from gcs_formation.ledger import CommandLedger
 from gcs_formation.link.receiver import Receiver
 from gcs_formation.loitering import GroundFloor
 from gcs_formation.margin_watch import MarginWatch
+from gcs_formation.onlooking import look_on
+from gcs_formation.opening import OPENING_LIMIT_S, Opening
 from gcs_formation.orders import Orders
-from gcs_formation.phases import Cause, Flight, Phase
+from gcs_formation.phases import COMMANDED, OVER, Cause, Flight, Phase
 from gcs_formation.reconfiguration import Reconfiguration
 from gcs_formation.recorder import Detail, Event, Recorder, Tick
 from gcs_formation.roster import Roster
@@ -38,8 +40,6 @@ from gcs_formation.streams import StreamWatch
 from gcs_formation.vehicle.planned import planned
 from gcs_formation.vehicle.vehicle import Vehicle
 
-LOITER_LIMIT_S = 20.0
-"""Longest wait at the end for vehicles to climb out and acknowledge that they loiter."""
 AWAY_S = 0.2
 """A timer that is overdue by more means that the station itself was held up, and datagrams have waited for it."""
 
@@ -60,8 +60,8 @@ class Station:
         self.flight = Flight()
         self.failure: Failure | None = None
         self.controller = FormationController(scenario)
-        self.controlled_ticks = 0
-        """Ticks at which the formation was commanded."""
+        self.controlled_ticks = self.recorded_ticks = 0
+        """Ticks at which the formation was commanded; with them, all others from the first take-off on."""
         self.frames_refused = 0
         """Sound frames that aren't taken for those of any of our vehicles."""
         self.cut_short = False
@@ -83,7 +83,7 @@ class Station:
         self._streams = StreamWatch(self.vehicles, scenario.telemetry.rate_hz, self._event)
         self._ledger = CommandLedger(scenario, self.controller, self.vehicles, self._columns, self._event)
         self._out, self._next_tick = list[Datagram](), Instant(0)
-        self._loiter_s, self._ending = 0.0, Ending({}, Instant(0))
+        self._ending = Ending({}, Instant(0))
         self._ground = GroundFloor(scenario)
 
     # The engine's side.
@@ -144,9 +144,11 @@ class Station:
             self._streams.watch(now)
         self._ledger.judge_commands(now)
         self._ledger.judge_answers(now)
-        if self.flight.phase in (Phase.ASSEMBLING, Phase.FLYING):
+        if self.flight.phase in COMMANDED:
             self._fly(now)
-        elif self.flight.phase is Phase.LOITERING:
+        else:
+            self._look_on(now)
+        if self.flight.phase is Phase.LOITERING:
             self._wait_for_loiter(now)
 
     def _was_away(self, now: Instant) -> bool:
@@ -166,10 +168,14 @@ class Station:
         self.roster.judge(changes.leader, estimator, now, connecting=connecting)
 
     def stop(self, now: Instant) -> None:
-        """End the flight: all vehicles loiter, and no further landing begins."""
+        """End the flight: the formation opens, all vehicles loiter, and no further landing begins."""
         if self._move(Cause.STOP, now):
             self.cut_short = True
-        self._ending.landings.called_off()
+        self._ending.hasten()
+
+    def stop_at_once(self, now: Instant) -> bool:
+        """Tell vehicles to loiter now that they still open the formation; return whether they did."""
+        return self._move(Cause.HASTE, now)
 
     def order(self, text: str, now: Instant) -> Answer:
         """Carry out an order such as `shape line`, or refuse it with a reason."""
@@ -220,7 +226,7 @@ class Station:
 
     def _take_samples(self, now: Instant) -> None:
         """Take new samples before vehicles are judged by their age, in case the station itself was held up."""
-        if self.flight.phase not in (Phase.ASSEMBLING, Phase.FLYING):
+        if self.flight.phase not in COMMANDED:
             return
         for identity, column in self._columns.items():
             sample = self.vehicles[identity].new_sample(now)
@@ -231,22 +237,39 @@ class Station:
         controller = self.controller
         controller.begin_regardless = self._waited_long_enough(now)
         mission_s = self.flight.mission_time_s(now)
-        self._orders.advance(now)
-        if self.flight.phase is Phase.LOITERING:
-            return
-        self._reconfiguration.advance(now, mission_s)
+        opening = self._ending.opening
+        if opening is None:
+            self._orders.advance(now)
+            self._reconfiguration.advance(now, mission_s)
         links = self._dispatch.links(controller.plan.leader, self._ledger.doubted, now)
+        if opening is not None:
+            opening.steer(links, now)
         tick = controller.step(now, mission_s, self.flight.phase.value, links)
         tick.margin_used[:] = self.margins.used
         self._dispatch.take(tick, links.hold_s, now)
         self.last_tick = tick
-        self._recorder.tick(tick)
+        self._record(tick)
         self._ledger.judge_motion(tick, now)
         self._note_separation(now)
         self.controlled_ticks += 1
         if controller.guidance.started and self._move(Cause.PATH_BEGUN, now):
             self._beacon.hasten(now)
-        self._end_in_time(now)
+        if opening is None:
+            self._end_in_time(now)
+        elif opening.over(now):
+            self._move(Cause.OPENED, now)
+
+    def _look_on(self, now: Instant) -> None:
+        """Record where everyone is while nobody is commanded, once somebody has taken off."""
+        if not self.recorded_ticks and not any(vehicle.airborne for vehicle in self.vehicles.values()):
+            return
+        links = self._dispatch.links(self.controller.plan.leader, self._ledger.doubted, now)
+        tick = self.controller.blank_tick(now, self.flight.mission_time_s(now), self.flight.phase.value, links)
+        self._record(look_on(tick, self.vehicles, self._columns, now))
+
+    def _record(self, tick: Tick) -> None:
+        self._recorder.tick(tick)
+        self.recorded_ticks += 1
 
     def _waited_long_enough(self, now: Instant) -> bool:
         assembling = self.flight.phase is Phase.ASSEMBLING
@@ -270,19 +293,16 @@ class Station:
         unable = why_not(self.vehicles, self._ground) if manner == "land" else None
         if unable:
             return f"{unable}; allowed: rtl, loiter"
-        self.cut_short = self.cut_short or self.flight.phase is not Phase.LOITERING
+        self.cut_short = self.cut_short or self.flight.phase not in OVER
         self._move(Cause.ORDERED, now, manner)
         return None
 
     def _wait_for_loiter(self, now: Instant) -> None:
-        waited_s = seconds_between(self.flight.since, now)
         self._ending.advance(now)
         if self._ending.landings.failure and not self.failure:
             self.fail(self._ending.landings.failure, now)
-        pending, landing = self._ending.pending(), self._ending.landings.under_way
-        late = waited_s > self._loiter_s + LOITER_LIMIT_S and not landing
-        if (not pending and waited_s >= self._loiter_s) or late:
-            for vehicle in pending:
+        if self._ending.over(seconds_between(self.flight.since, now)):
+            for vehicle in self._ending.pending():
                 self._event(now, "unacknowledged", "has not acknowledged that it loiters", vehicle)
             self._move(Cause.GIVEN_UP if self.failure else Cause.LOITERED, now)
 
@@ -301,11 +321,23 @@ class Station:
         if not self.flight.move(cause, now):
             return False
         self._event(now, "phase", self.flight.phase.value, details={"cause": cause.value})
+        if self.flight.phase in OVER and cause not in (Cause.OPENED, Cause.HASTE):
+            self._begin_to_end(cause, manner, now)
         if self.flight.phase is Phase.LOITERING:
-            self._loiter_s = self.scenario.finish.loiter_s if cause in (Cause.PATH_ENDED, Cause.ORDERED) else 0.0
             self._dispatch.clear()
-            self._ending = Ending(self.vehicles, now, manner, self._ground, self._ending.landings.called_off())
+            self._ending.leave(now)
         return True
+
+    def _begin_to_end(self, cause: Cause, manner: End, now: Instant) -> None:
+        """Prepare heights at which vehicles circle, go home or wait to land; a formation is opened at them first."""
+        opens, landings = self.flight.phase is Phase.ENDING, self._ending.landings.called_off()
+        ahead_m = self.controller.ahead_m(OPENING_LIMIT_S if opens else 0.0)
+        gap_m = self.scenario.safety.avoidance.distance_m
+        self._ending = Ending(self.vehicles, now, manner, self._ground, landings, ahead_m, gap_m)
+        self._ending.loiter_s = self.scenario.finish.loiter_s if cause in (Cause.PATH_ENDED, Cause.ORDERED) else 0.0
+        if opens:
+            self._ending.opening = Opening(self._ending.stack, self.controller, self.vehicles, self._columns, now)
+            self.roster.ending_m = self._ending.stack.heights_m
 
     def fail(self, text: str, now: Instant) -> None:
         """End the run because it can't go on; vehicles loiter."""

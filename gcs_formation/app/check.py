@@ -15,8 +15,10 @@ from formation_scenario.feasibility import refused_orders
 from formation_scenario.lifted_path import leader_path
 from formation_scenario.path import SplinePath
 from gcs_formation.app.split_errors import split_errors, ways_s
+from gcs_formation.controller import AHEAD_POINTS
 from gcs_formation.guidance.leader import ASSEMBLED_S, DECISION_S
 from gcs_formation.loitering import GroundFloor
+from gcs_formation.opening import OPENING_LIMIT_S
 from gcs_formation.parameters import hold_radius_m
 from gcs_formation.stability import (
     LawMargins,
@@ -133,12 +135,13 @@ def never_reached(scenario: Scenario) -> Iterator[str]:
 
 
 def circles_lifted(scenario: Scenario) -> str | None:
-    """Return by how much vehicles climb to circle at the path's end, and for which ground; None if they don't."""
+    """Return by how much vehicles climb to circle beyond the path's end, and for which ground; None if they don't."""
     path = leader_path(scenario)
     end, ground = path.at(path.length_m), GroundFloor(scenario)
     cos, sin = math.cos(end.course_rad), math.sin(end.course_rad)
-    places = slot_schedule(scenario)[-1].places_m.tolist()
-    top = max(ground.top(end.north_m + x * cos - y * sin, end.east_m + x * sin + y * cos) for x, y, _ in places)
+    ways_m = np.linspace(0.0, OPENING_LIMIT_S * scenario.path.speed_mps, AHEAD_POINTS).tolist()
+    places = [(x + way_m, y) for x, y, _ in slot_schedule(scenario)[-1].places_m.tolist() for way_m in ways_m]
+    top = max(ground.top(end.north_m + x * cos - y * sin, end.east_m + x * sin + y * cos) for x, y in places)
     if top.height_m <= end.height_m:
         return None
     return (

@@ -65,7 +65,7 @@ class Session:
         self._began = time.perf_counter()
         self._shown = self._began
         self._orders: OrderSocket | None = None
-        self._stopped = 0
+        self._heeded, self._left = 0, False
         self.recorder.listener = self._heard
         self._heard(Event(Instant(0), "phase", f"{Phase.CONNECTING.value} to {len(self.station.vehicles)} vehicles"))
 
@@ -78,10 +78,8 @@ class Session:
         """Return whether the flight has ended; the driver calls it after every event."""
         if self.recorder.failure is not None and self.station.failure is None:
             self.station.fail(self.recorder.failure, self.clock.now())
-        if self.interrupts.count > self._stopped:
-            self._stopped = self.interrupts.count
-            self.station.stop(self.clock.now())
-        self._injected.note(self.station.controlled_ticks)
+        left = self._heed_interrupts()
+        self._injected.note(self.station.recorded_ticks)
         if self._faults is not None:
             self._faults.note(self.station.flight, self.clock.now())
         if self._orders is not None:
@@ -90,7 +88,21 @@ class Session:
         if wall - self._shown > PROGRESS_S:
             self._shown = wall
             self.progress.show(self.station)
-        return self.station.flight.ended or self.interrupts.count > 1
+        return self.station.flight.ended or left
+
+    def _heed_interrupts(self) -> bool:
+        """Go one step further to the end with each interrupt; return whether nobody is to be waited for any longer.
+
+        The first: the formation opens and loiters; the next: it loiters at once; one after that: nothing is awaited.
+        """
+        now = self.clock.now()
+        while self._heeded < self.interrupts.count:
+            self._heeded += 1
+            if self._heeded == 1:
+                self.station.stop(now)
+            elif not self.station.stop_at_once(now):
+                self._left = True
+        return self._left
 
     def conclude(self, truth: GroundTruth | None) -> Summary:
         """Close the record, and write the time series and the summary.

@@ -10,7 +10,17 @@ import numpy as np
 from airlink.identity import VehicleId
 from formation_scenario import Ground, Scenario, ground_of
 from gcs_formation.arrays import Array, Mask
-from gcs_formation.record.timeseries import AIRBORNE, ERROR, GROUND, INJECTED, INJECTED_MEAN, LAW_ERROR, TRUTH
+from gcs_formation.record.timeseries import (
+    AIRBORNE,
+    ERROR,
+    GROUND,
+    INJECTED,
+    INJECTED_MEAN,
+    LAW_ERROR,
+    PHASES,
+    TRUTH,
+    flying,
+)
 from gcs_formation.record.truth import GroundTruth
 
 Columns = Mapping[str, Array]
@@ -30,9 +40,9 @@ class Flight:
         return next(iter(self.vehicles.values()))["mission_time_s"]
 
     def window(self, from_s: float, to_s: float) -> Mask:
-        """Return a (T,) mask of the ticks in a window of mission time, both ends included."""
+        """Return a (T,) mask of the ticks in a window of mission time, both ends included, before the flight's end."""
         time_s = self.mission_time_s
-        return (time_s >= from_s - 1e-9) & (time_s <= to_s + 1e-9)
+        return flying(next(iter(self.vehicles.values()))) & (time_s >= from_s - 1e-9) & (time_s <= to_s + 1e-9)
 
     def place(self, vehicle: VehicleId) -> Array:
         """Return (T, 3) north, east, height: true ones where there is truth."""
@@ -50,8 +60,14 @@ class Flight:
         return self.vehicles[vehicle][AIRBORNE] > 0
 
     def clearance(self, vehicle: VehicleId) -> Array:
-        """Return (T,) heights above the ground, at the true place where there is truth; NaN on the ground."""
-        return np.where(self.airborne(vehicle), self.vehicles[vehicle][GROUND[1]], np.nan)
+        """Return (T,) heights above the ground, at the true place where there is truth.
+
+        NaN on the ground, before a vehicle was first commanded (it takes off), and where it lands at the end.
+        """
+        own = self.vehicles[vehicle]
+        begun = np.maximum.accumulate(own["active"] > 0)
+        lands = (own["phase"] == PHASES.index("loitering")) & ~(own[AIRBORNE][-1:] > 0)
+        return np.where(self.airborne(vehicle) & begun & ~lands, own[GROUND[1]], np.nan)
 
     def leader_at(self, tick: int) -> VehicleId | None:
         """Return the vehicle that led at a tick, None where a virtual leader did."""

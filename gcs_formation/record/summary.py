@@ -15,6 +15,7 @@ from gcs_formation.record import figures_of_merit as figures
 from gcs_formation.record.expectations import Verdict, judge
 from gcs_formation.record.flight import Flight
 from gcs_formation.record.outcome import Injected, LinkFigures, Outcome
+from gcs_formation.record.timeseries import PHASES
 
 SCHEMA = 1
 AXES = ("error_x_m", "error_y_m", "error_z_m")
@@ -44,7 +45,7 @@ def summarise(outcome: Outcome) -> Summary:
     scenario, flight = outcome.scenario, outcome.flight
     window = flight.window(0.0, scenario.duration_s)
     time_s = flight.mission_time_s[window]
-    safety, breaches = _safety(outcome, window)
+    safety, breaches = _safety(outcome)
     parts: dict[str, Any] = {
         "schema": SCHEMA,
         "name": scenario.name,
@@ -121,13 +122,14 @@ def _received(counts: ParserCounts, refused: int) -> dict[str, Any]:
     }
 
 
-def _safety(outcome: Outcome, window: Mask) -> tuple[dict[str, Any], tuple[str, ...]]:
+def _safety(outcome: Outcome) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """Return the figures of the whole flight, from the first take-off to the last acknowledgement at its end."""
     flight, limits = outcome.flight, outcome.scenario.safety
-    if not window.any():
+    whole = np.ones(flight.mission_time_s.shape, dtype=bool)
+    if not whole.size:
         return {"min_separation_m": None, "min_clearance_m": None, "violations": 0, "avoidance_s": 0.0}, ()
-    separation = figures.separation_m(flight, window)
-    clearance = figures.clearance_m(flight, window)
-    time_s = flight.mission_time_s[window]
+    separation = figures.separation_m(flight, whole)
+    clearance = figures.clearance_m(flight, whole)
     breaches: list[str] = []
     for name, values, allowed in (
         ("separation", separation, limits.separation_m),
@@ -135,12 +137,21 @@ def _safety(outcome: Outcome, window: Mask) -> tuple[dict[str, Any], tuple[str, 
     ):
         if (values < allowed).any():
             worst = int(np.nanargmin(values))
-            found = f"{name} was {values[worst]:.2f} m at {time_s[worst]:.1f} s"
+            found = f"{name} was {values[worst]:.2f} m {_when(flight, worst)}"
             breaches.append(f"{found}; allowed: {allowed:g} m or more")
     violations = _episodes(separation < limits.separation_m) + _episodes(clearance < limits.clearance_m)
     measured = {"min_separation_m": figures.least(separation), "min_clearance_m": figures.least(clearance)}
-    gave_way_s = figures.gave_way_s(flight, window, outcome.scenario.law.rate_hz)
+    gave_way_s = figures.gave_way_s(flight, whole, outcome.scenario.law.rate_hz)
     return measured | {"violations": violations, "avoidance_s": gave_way_s}, tuple(breaches)
+
+
+def _when(flight: Flight, tick: int) -> str:
+    """Return in words when a tick was, by mission time where there is one, and in which phase if not on the path."""
+    rows = next(iter(flight.vehicles.values()))
+    mission_s, phase = float(rows["mission_time_s"][tick]), PHASES[int(rows["phase"][tick])]
+    if np.isnan(mission_s):
+        return f"{rows['t_s'][tick]:.1f} s after the start ({phase})"
+    return f"at {mission_s:.1f} s" + ("" if phase == "flying" else f" ({phase})")
 
 
 def _episodes(broken: Mask) -> int:

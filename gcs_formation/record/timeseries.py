@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -50,7 +50,7 @@ TRUTH = (
 )
 ERROR = ("error_x_m", "error_y_m", "error_z_m")
 GROUND = ("ground_height_m", "clearance_m")
-PHASES = ("assembling", "flying")
+PHASES = ("assembling", "flying", "ending", "loitering", "connecting")
 BATCH_ROWS = 4096
 
 
@@ -126,9 +126,18 @@ def write_parquet(path: Path, columns: dict[str, Array]) -> None:
 
 
 def read_parquet(path: Path) -> dict[str, Array]:
-    """Return the columns of a time series."""
+    """Return the columns of a time series; phases by their place in `PHASES`."""
     table = pq.read_table(path)
-    return {name: table.column(name).to_numpy() for name in table.column_names}
+    columns = {name: table.column(name).to_numpy() for name in table.column_names}
+    if "phase" in columns:
+        numbers = {name: number for number, name in enumerate(PHASES)}
+        columns["phase"] = np.array([numbers.get(name, -1) for name in columns["phase"]], dtype=np.float64)
+    return columns
+
+
+def flying(columns: Mapping[str, Array]) -> Mask:
+    """Return the rows between the start of the path and the flight's end, those that are scored."""
+    return columns["phase"] == PHASES.index("flying")
 
 
 def _table(tick: Tick) -> Array:

@@ -18,7 +18,7 @@ from gcs_formation.errors import RecordError
 from gcs_formation.record.flight import Columns, Flight
 from gcs_formation.record.run_directory import EVENTS, SCENARIO, SUMMARY, TIMESERIES
 from gcs_formation.record.summary import SCHEMA
-from gcs_formation.record.timeseries import ERROR, GROUND, MEASURED, TRUTH, read_parquet
+from gcs_formation.record.timeseries import ERROR, GROUND, MEASURED, TRUTH, flying, read_parquet
 
 WORST_WITHOUT_ERRORS = -1.0
 EXPECTED = ("network", "vehicle", "phase", *MEASURED, *ERROR, *GROUND)
@@ -27,7 +27,7 @@ EXPECTED = ("network", "vehicle", "phase", *MEASURED, *ERROR, *GROUND)
 
 @dataclass(frozen=True)
 class RunData:
-    """A run as its figures need it. `whole` has every tick; `flown`, those from the start of the path on."""
+    """A run as its figures need it. `whole` has every tick; `flown`, those from the path's start to its end."""
 
     scenario: Scenario
     summary: Mapping[str, Any]
@@ -49,7 +49,7 @@ class RunData:
     @property
     def time_s(self) -> Array:
         """(K,) mission times of the flown ticks."""
-        return self.whole_time_s[-next(iter(self.flown.vehicles.values()))["t_s"].size :]
+        return next(iter(self.flown.vehicles.values()))["t_s"] - self.zero_s
 
     @property
     def leader(self) -> VehicleId | None:
@@ -122,10 +122,10 @@ def _run_data(
     vehicles = _vehicles(directory / TIMESERIES, scenario, columns)
     any_vehicle = next(iter(vehicles.values()))
     mission_s, clock_s = any_vehicle["mission_time_s"], any_vehicle["t_s"]
-    known = np.flatnonzero(np.isfinite(mission_s))
-    first = int(known[0]) if known.size else 0
+    known = np.flatnonzero(flying(any_vehicle) & np.isfinite(mission_s))
+    first, end = (int(known[0]), int(known[-1]) + 1) if known.size else (0, mission_s.size)
     truth = TRUTH[0] in columns
-    flown = {v: {name: values[first:] for name, values in own.items()} for v, own in vehicles.items()}
+    flown = {v: {name: values[first:end] for name, values in own.items()} for v, own in vehicles.items()}
     return RunData(
         scenario=scenario,
         summary=summary,

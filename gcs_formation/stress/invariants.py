@@ -16,10 +16,20 @@ from airlink.frame import StreamParser
 from airlink.messages.command import CommandInt
 from formation_scenario import Scenario
 from formation_scenario import Vehicle as PlannedVehicle
-from gcs_formation.arrays import Array
+from gcs_formation.arrays import Array, Mask
 from gcs_formation.link.connection import STALE_AFTER_S
 from gcs_formation.record.run_directory import EVENTS, SUMMARY, TIMESERIES, TLOG
-from gcs_formation.record.timeseries import ERROR, INJECTED_MEAN, SETPOINT, STATE, TRUTH, read_parquet
+from gcs_formation.record.timeseries import (
+    AIRBORNE,
+    ERROR,
+    INJECTED_MEAN,
+    PHASES,
+    SETPOINT,
+    STATE,
+    TRUTH,
+    flying,
+    read_parquet,
+)
 from gcs_formation.record.tlog import read_tlog
 
 REGAINED_M = 1.0
@@ -47,6 +57,11 @@ class Flown:
         """Return a vehicle's time series."""
         mine = (self.columns["network"] == vehicle.network) & (self.columns["vehicle"] == vehicle.id)
         return {name: values[mine] for name, values in self.columns.items()}
+
+    @property
+    def flying(self) -> Mask:
+        """Rows between the path's beginning and the flight's end."""
+        return flying(self.columns)
 
     def lost_at_s(self, vehicle: PlannedVehicle) -> float:
         """Return when a vehicle crashed, infinity if it didn't."""
@@ -79,18 +94,19 @@ def broken(flown: Flown) -> list[str]:
 
 
 def separation(flown: Flown) -> Iterator[str]:
-    """No two vehicles that fly come nearer than `safety.separation_m`."""
+    """No two vehicles that fly come nearer than `safety.separation_m`, from the first take-off to the end."""
     least_m = flown.scenario.safety.separation_m
     for one, other in combinations(flown.scenario.vehicles, 2):
         ours, theirs = flown.rows(one), flown.rows(other)
         apart_m = np.linalg.norm([ours[name] - theirs[name] for name in TRUTH[:3]], axis=0)
-        flying = ours["mission_time_s"] < min(flown.lost_at_s(one), flown.lost_at_s(other))
+        flying = (ours[AIRBORNE] > 0) & (theirs[AIRBORNE] > 0)
         near = np.where(flying, apart_m, np.inf)
         if near.min(initial=np.inf) < least_m:
             worst = int(near.argmin())
             yield (
                 f"separation: vehicles {one.vehicle_id} and {other.vehicle_id} were {near[worst]:.2f} m apart at "
-                f"{ours['mission_time_s'][worst]:.1f} s; allowed: {least_m:g} m or more"
+                f"{ours['mission_time_s'][worst]:.1f} s ({PHASES[int(ours['phase'][worst])]}); "
+                f"allowed: {least_m:g} m or more"
             )
 
 
@@ -140,7 +156,7 @@ def recorded(flown: Flown) -> Iterator[str]:
         steps_s = np.diff(flown.rows(vehicle)["t_s"])
         if not np.allclose(steps_s, period_s, atol=1e-6):
             yield f"recorded: vehicle {vehicle.vehicle_id} has ticks {steps_s.max():.3f} s apart, not {period_s:g}"
-    last_s = flown.columns["mission_time_s"].max(initial=-np.inf)
+    last_s = flown.columns["mission_time_s"][flown.flying].max(initial=-np.inf)
     if last_s < flown.scenario.duration_s - 2 * period_s:
         yield f"recorded: the flight ends at {last_s:.1f} s of {flown.scenario.duration_s:g}"
 
@@ -150,6 +166,7 @@ def regained(flown: Flown) -> Iterator[str]:
     for vehicle in flown.scenario.vehicles:
         rows = flown.rows(vehicle)
         late = (rows["mission_time_s"] > flown.scenario.duration_s - REGAINED_FOR_S) & (rows["leads"] == 0)
+        late &= flying(rows)
         if np.isfinite(flown.lost_at_s(vehicle)) or not late.any() or _held_up(flown, rows):
             continue
         worst_m = max(float(np.abs(rows[name][late]).max()) for name in ERROR)

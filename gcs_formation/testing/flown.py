@@ -14,9 +14,10 @@ import numpy as np
 from airlink.identity import VehicleId
 from formation_scenario import Scenario, Vehicle
 from gcs_formation.arrays import Array, Mask
+from gcs_formation.phases import COMMANDED
 from gcs_formation.record.run_directory import TIMESERIES
 from gcs_formation.record.summary import Summary
-from gcs_formation.record.timeseries import read_parquet
+from gcs_formation.record.timeseries import PHASES, read_parquet
 
 Followers = int | str | Sequence[int | str]
 """One follower's id (or "network:id"), several, or "all"."""
@@ -61,7 +62,7 @@ class Flown:
         return self.figures["links"][identity]
 
     def series(self, vehicle: int | str) -> Mapping[str, Array]:
-        """Return a vehicle's columns of timeseries.parquet, a row for each control tick."""
+        """Return a vehicle's columns of timeseries.parquet, a row for each tick of the formation under command."""
         (chosen,) = self._chosen(vehicle, self.scenario.vehicles)
         return self._series_of(chosen.vehicle_id)
 
@@ -133,6 +134,7 @@ class Flown:
     def _series_of(self, vehicle: VehicleId) -> Mapping[str, Array]:
         columns = self._columns
         mine: Mask = (columns["network"] == vehicle.network) & (columns["vehicle"] == vehicle.system)
+        mine &= np.isin(columns["phase"], [PHASES.index(phase.value) for phase in COMMANDED])
         return {name: values[mine] for name, values in columns.items()}
 
     def _worst(self, vehicle: VehicleId, axes: str, from_s: float, to_s: float) -> Iterator[Violation]:

@@ -82,7 +82,8 @@ class Vehicle:
         self.messages_in = Counter[int]()
         self._steps = autopilot.start_up(telemetry_rate_hz)
         self.start_up = StartUp(self._steps)
-        self.member = Member.STARTING
+        # The height is the one at which it was last told to loiter while the others fly on.
+        self.member, self.holds_at_m = Member.STARTING, math.nan
         self.delays: list[Probed] = []
         self.frames_in = self.frames_out = 0
         self.effects = EffectWatch()

@@ -228,16 +228,18 @@ def test_a_vehicle_that_never_acknowledges_that_it_loiters_is_waited_for_for_20_
     world.vehicle(3).enter = lambda mode: None
     world.fleet.vehicles[2].answer = lambda message: None
     world.station.stop(world.clock.now())
-    stopped_s = world.now_s
     world.run()
-    (named_s,) = world.times_s("unacknowledged", 3)
-    assert named_s - stopped_s == pytest.approx(20.0, abs=LAG_S)
+    (named_s,), (loitering_s,) = world.times_s("unacknowledged", 3), world.times_s("phase", text="loitering")
+    assert named_s - loitering_s == pytest.approx(20.0, abs=LAG_S)
     assert world.times_s("unacknowledged") == [named_s]
     assert world.station.flight.phase is Phase.DONE
 
 
-@pytest.mark.parametrize(("signals", "loiter"), [([signal.SIGTERM], 3), ([signal.SIGINT], 3), ([signal.SIGINT] * 2, 0)])
-def test_a_signal_has_everyone_loiter_and_a_second_one_ends_at_once(
+SIGNALS = [([signal.SIGTERM], 3), ([signal.SIGINT], 3), ([signal.SIGINT] * 2, 3), ([signal.SIGINT] * 3, 0)]
+
+
+@pytest.mark.parametrize(("signals", "loiter"), SIGNALS)
+def test_a_signal_has_everyone_loiter_a_second_one_at_once_and_a_third_one_is_the_end(
     signals: list[signal.Signals], loiter: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out, event, left = tmp_path / "run", RunDirectory.event, list(signals)

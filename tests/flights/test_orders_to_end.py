@@ -79,7 +79,10 @@ def test_one_that_is_landing_when_another_order_comes_lands_and_the_others_do_as
 
 
 def test_an_order_after_the_path_is_flown_does_not_make_the_flight_one_that_was_cut_short() -> None:
-    world = World(duration_s=3, finish={"loiter_s": 5})
+    world = World(duration_s=3, finish={"loiter_s": 20})
+    world.run(12.0)
+    assert world.station.flight.phase is Phase.ENDING
+    assert order(world, "loiter").accepted
     world.run(12.0)
     assert world.station.flight.phase is Phase.LOITERING
     assert order(world, "rtl").accepted

@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 import gcs_formation
 from formation_scenario import SplinePath, load_scenario
 from gcs_formation import Summary
-from gcs_formation.record.timeseries import read_parquet
+from gcs_formation.record.timeseries import flying, read_parquet
 from gcs_formation.stability import (
     consensus_delay_margin,
     consensus_rightmost_root,
@@ -113,7 +113,7 @@ def fly(tmp_path: Path) -> Fly:
         summary = gcs_formation.run(plain | keys, clock="virtual", out=tmp_path / "run", overwrite=True)
         columns = read_parquet(tmp_path / "run" / "timeseries.parquet")
         count = len(summary.to_dict()["links"])
-        return summary, {name: values.reshape(-1, count) for name, values in columns.items()}
+        return summary, {name: values[flying(columns)].reshape(-1, count) for name, values in columns.items()}
 
     return run
 

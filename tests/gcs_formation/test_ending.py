@@ -69,7 +69,9 @@ def loiters_at(height_m: float) -> list[tuple[int, Any]]:
 
 
 def ending(*vehicles: Vehicle, manner: End = "loiter", ground: GroundFloor | None = None) -> Ending:
-    return Ending({vehicle.identity: vehicle for vehicle in vehicles}, NOW, manner, ground)
+    end = Ending({vehicle.identity: vehicle for vehicle in vehicles}, NOW, manner, ground)
+    end.leave(NOW)
+    return end
 
 
 def test_vehicles_that_fly_close_together_loiter_15_m_apart(place: Place):

@@ -8,7 +8,7 @@ from formation_scenario import load_scenario
 from gcs_formation.record.expectations import judge
 from gcs_formation.record.figures_of_merit import clearance_m, least, separation_m
 from gcs_formation.record.flight import split
-from gcs_formation.record.timeseries import MEASURED
+from gcs_formation.record.timeseries import MEASURED, PHASES
 from gcs_formation.record.truth import GroundTruth
 
 LEADER, FOLLOWER, THIRD = (VehicleId(1, system) for system in (1, 2, 3))
@@ -30,6 +30,7 @@ def spool(*, station_airborne=None, handed_over_s=np.inf):
         own = {name: np.zeros(TIME_S.size) for name in MEASURED} | {
             "network": np.ones(TIME_S.size),
             "vehicle": np.full(TIME_S.size, index + 1),
+            "phase": np.full(TIME_S.size, PHASES.index("flying")),
             "mission_time_s": TIME_S,
             "t_s": TIME_S,
             "north_m": 22.0 * TIME_S - 30.0 * index,

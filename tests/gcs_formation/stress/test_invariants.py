@@ -26,8 +26,9 @@ def sound(tmp_path_factory: pytest.TempPathFactory) -> Flown:
 
 
 def with_column(flown: Flown, name: str, row: int, value: float) -> Flown:
+    """Return a record with one value changed, in a row counted among those of the path."""
     column = flown.columns[name].copy()
-    column[row] = value
+    column[np.flatnonzero(flown.flying)[row]] = value
     return replace(flown, columns={**flown.columns, name: column})
 
 
@@ -90,7 +91,8 @@ def test_a_vehicle_that_a_delay_of_seconds_keeps_unheard_in_the_calm_need_not_be
     of_the_last = off.columns["vehicle"] == 3
 
     def with_delay(sent_s: float, mean_s: float) -> Flown:
-        row = int(np.argmax(of_the_last & (off.columns["mission_time_s"] > sent_s)))
+        late = of_the_last & (off.columns["mission_time_s"] > sent_s)
+        row = int(np.argmax(late[off.flying]))
         return with_column(off, "injected_delay_s", row, mean_s)
 
     assert broken(with_delay(9.0, 2.0)) == []
