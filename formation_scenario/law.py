@@ -97,6 +97,9 @@ class Law(Keys):
     )
     rate_hz: Rate = Field(default=10.0, description="control ticks a second, Hz", examples=[20])
     delay_compensation: Flag = Field(default=True, description="predict the states over the links' delays")
+    lag_estimation: Flag = Field(
+        default=True, description="learn each vehicle's lags in flight, from half to twice those of its model"
+    )
     on_delay: Literal["degrade", "hold", "warn"] = Field(
         default="warn",
         description="when a loop's delay nears its margin: degrade (gains come down until it holds), hold, warn",

@@ -18,7 +18,7 @@ from gcs_formation.arrays import Array, Instants, Mask, all_of, or_zero
 from gcs_formation.control import envelope
 from gcs_formation.control.mixer import rotate_to
 from gcs_formation.control.situation import Decision, Lead, Situation
-from gcs_formation.estimation.estimator import ROWS, StateEstimator
+from gcs_formation.estimation.estimator import ROWS, Sample, StateEstimator
 from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Setpoints
 from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory
 from gcs_formation.estimation.projection import Measured, States
@@ -90,6 +90,7 @@ class FormationController:
         self._leader_amid = scenario.leader is None and self._law.commands_leader
         self._clearance = parameters.slot_clearance(scenario)
         self._history = SetpointHistory(scenario.law.rate_hz)
+        self.lags = parameters.lag_estimator(scenario, self._history, self._model)
         self._projection = parameters.projection(scenario, self._history, self._model)
         self.separation = SeparationKeeper(scenario, self._history, self._model)
         self._in_slots_s = 0.0
@@ -105,12 +106,15 @@ class FormationController:
         """(C,) heights that are told instead of the law's at the end of a flight; NaN for a column that has none."""
         self.begin_regardless = False
         """Whether to begin the path even if the formation isn't assembled."""
-        fusions = parameters.fusions(scenario, self._history, self._model)
-        self.estimator = StateEstimator(self._columns, scenario.law.disturbance_observer_radps, fusions)
+        self.estimator = StateEstimator(
+            self._columns,
+            scenario.law.disturbance_observer_radps,
+            parameters.fusions(scenario, self._history, self._model),
+        )
 
     @property
     def model(self) -> AutopilotModel:
-        """The autopilot model of every column."""
+        """The autopilot model of every column; its lags follow what the vehicles fly."""
         return self._model
 
     @property
@@ -122,6 +126,13 @@ class FormationController:
     def assembled(self) -> bool:
         """Whether every follower has been in its slot for a while."""
         return self._in_slots_s >= ASSEMBLED_S or self.begin_regardless
+
+    def hear(self, column: int, sample: Sample) -> None:
+        """Take a vehicle's newest sample."""
+        self.estimator.update(column, sample)
+        if self.lags is not None:
+            motion = sample.airspeed_mps, sample.heading_rad, sample.height_m, sample.climb_mps
+            self.lags.hear(column, sample.stamp, motion)
 
     def hand_over(self, leader: int, swing_rad: float) -> None:
         """Make another column the leader; it heads `swing_rad` clockwise of the present one."""
@@ -158,6 +169,8 @@ class FormationController:
             self._place_virtual_leader(now)
         acts = self._acts(now, links.up_s, links.lag_s)
         tick = self.blank_tick(now, mission_time_s, phase, links)
+        if self.lags is not None:
+            self.lags.learn(tick.active & ~links.disobeying)
         self._history.add(SentSetpoints(acts, tick.setpoints))
         if not tick.active[tick.leader]:
             tick.active[:] = False

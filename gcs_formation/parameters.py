@@ -19,6 +19,7 @@ from gcs_formation.control.pid import Gains
 from gcs_formation.control.situation import Law
 from gcs_formation.estimation.flight_state import AutopilotModel, Indices
 from gcs_formation.estimation.fusion import Fusion, Noise
+from gcs_formation.estimation.lags import LagEstimator
 from gcs_formation.estimation.predictor import SetpointHistory
 from gcs_formation.estimation.projection import AsMeasured, Pairing, Prediction, Projection
 from gcs_formation.formation.clearance import SlotClearance
@@ -80,6 +81,13 @@ def projection(scenario: Scenario, history: SetpointHistory, model: AutopilotMod
     if scenario.law.delay_compensation:
         return Prediction(history, model, scenario.telemetry.rate_hz)
     return Pairing(scenario.law.rate_hz) if scenario.law.type == "consensus" else AsMeasured()
+
+
+def lag_estimator(scenario: Scenario, history: SetpointHistory, model: AutopilotModel) -> LagEstimator | None:
+    """Return what keeps the lags of `model` as the vehicles fly; None where the model is to be taken as it is."""
+    if not scenario.law.lag_estimation:
+        return None
+    return LagEstimator(model, history, scenario.telemetry.rate_hz, scenario.law.rate_hz)
 
 
 def fusions(scenario: Scenario, history: SetpointHistory, model: AutopilotModel) -> dict[int, Fusion]:

@@ -231,7 +231,7 @@ class Station:
         for identity, column in self._columns.items():
             sample = self.vehicles[identity].new_sample(now)
             if sample is not None:
-                self.controller.estimator.update(column, sample)
+                self.controller.hear(column, sample)
 
     def _fly(self, now: Instant) -> None:
         controller = self.controller

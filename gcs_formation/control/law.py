@@ -65,9 +65,9 @@ class FormationLaw:
     commands_leader = False
 
     def __init__(self, parameters: LawParameters, model: AutopilotModel) -> None:
-        """Start at rest; `model` has (C,) columns."""
+        """Start at rest; `model` has (C,) columns, and is read anew at every tick: its lags are learnt in flight."""
         self._parameters = parameters
-        self._models = model
+        self._models = self._leader_model = self._model = model
         self._lead_by(0)
 
     def _lead_by(self, leader: int) -> None:
@@ -77,8 +77,6 @@ class FormationLaw:
         self._followers: Indices = everyone[everyone != leader]
         self._leading: Indices = np.full_like(self._followers, leader)
         self._pairs = np.concatenate((self._leading, self._followers)), np.tile(self._followers, 2)
-        self._leader_model = self._models.take(self._leading)
-        self._model = self._models.take(self._followers)
         self._state = self._rest = PidState.at_rest((self._followers.size, CHANNELS))
         self._drift_mps = np.full((2, self._followers.size), np.nan)
         self._tow = Tow(self._followers.size) if self._parameters.frame == "follower_heading" else None
@@ -87,6 +85,7 @@ class FormationLaw:
         """Return the followers' setpoints; the controllers of those that aren't active are kept at rest."""
         if situation.lead.leader != self._leader:
             self._lead_by(situation.lead.leader)
+        self._leader_model, self._model = self._models.take(self._leading), self._models.take(self._followers)
         parameters, state, slots = self._parameters, self._state, situation.slots.take(self._followers)
         led, follower = self._pairwise(situation)
         leader = self._led(situation.lead, led)

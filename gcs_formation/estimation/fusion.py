@@ -54,12 +54,17 @@ class Fusion:
         self._walk[WIND_NORTH:] = noise.wind_walk**2
         self._column = np.array([column], dtype=np.intp)
         self._history = history
-        self._model = own = model.take(self._column)
+        self._models = model
+        self._take_lags()
+        self.covariance: Array = self._unknown()
+        """(8, 8) of the newest estimate's error."""
+
+    def _take_lags(self) -> None:
+        """Read the model anew: its lags are learnt in flight."""
+        self._model = own = self._models.take(self._column)
         self._lags_s = float(own.tau_v_s[0]), float(own.tau_psi_s[0])
         slow_s, fast_s = sorted((float(own.tau_ha_s[0]), float(own.tau_hb_s[0])), reverse=True)
         self._poles_s = slow_s, min(fast_s, slow_s * (1.0 - POLES_APART))
-        self.covariance: Array = self._unknown()
-        """(8, 8) of the newest estimate's error."""
 
     def begin(self) -> None:
         """Start from the present state, with the uncertainty of a single sample."""
@@ -74,6 +79,7 @@ class Fusion:
             sample: (8,) north, east, height, their rates, airspeed, heading.
             stamp: (1,) its instant, no earlier.
         """
+        self._take_lags()
         elapsed_s = float(stamp[0] - since[0]) / NANOSECONDS
         before = FlightState.of(state[:, None])
         predicted = self._history.predict(before, since, stamp, self._column, self._model).table[:, 0]

@@ -62,6 +62,14 @@ class SetpointHistory:
         table = np.array([row.setpoints.table for row in rows])
         return Setpoints.of(table[newest, :, vehicles].T)
 
+    def between(self, since: Instants, until: Instants) -> tuple[Instants, Array]:
+        """Return what all vehicles were told from `since` to `until`, (V,): when each acts (R, V), and (R, 3, V)."""
+        rows = self._relevant(since, np.arange(since.size))
+        while len(rows) > 1 and all_of(rows[-1].acts >= until):
+            rows.pop()
+        acts = np.maximum.accumulate(np.array([row.acts for row in rows]))
+        return acts, np.array([row.setpoints.table for row in rows])
+
     def _relevant(self, since: Instants, vehicles: Indices) -> list[SentSetpoints]:
         """Return the setpoints from the last tick on that acts before all of `since`."""
         rows = list[SentSetpoints]()

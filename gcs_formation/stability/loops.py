@@ -88,6 +88,26 @@ class Plant(NamedTuple):
         numerator = np.array([c @ b, c @ (a - trace * np.eye(2)) @ b], dtype=np.complex128)
         return real_if_exact(numerator), np.array([1.0, -trace, determinant])
 
+    @property
+    def lags(self) -> int:
+        """How many lags of the autopilot it has: two of the height, where neither state is the other's integral."""
+        return 2 if self._restoring else 1
+
+    @property
+    def _restoring(self) -> bool:
+        return self.state[0] == (0.0, 1.0) and self.state[1][0] != 0.0
+
+    def with_lags(self, first: float, second: float = 1.0) -> Plant:
+        """The plant of an autopilot whose lags are `first` and `second` times as long."""
+        if self._restoring:
+            product, total = -self.state[1][0], -self.state[1][1]
+            fast, slow = np.roots([1.0, -total, product]).real.tolist()
+            fast, slow = fast / first, slow / second
+            state = self.state[0], (-fast * slow, -fast - slow)
+            return self._replace(state=state, input=(0.0, self.input[1] * fast * slow / product))
+        rows = [(a / first, b / first) if own else (a, b) for (a, b), own in zip(self.state, self.input, strict=True)]
+        return self._replace(state=(rows[0], rows[1]), input=(self.input[0] / first, self.input[1] / first))
+
 
 class Rational(NamedTuple):
     """Ratio of polynomials in s, coefficients from the highest power down, the first not zero."""
@@ -115,6 +135,14 @@ class Loop:
     def slowed(self, bandwidth: float) -> Loop:
         """The loop with gains for a share of its bandwidth."""
         return replace(self, pid=self.pid.slowed(bandwidth))
+
+    def with_lags(self, first: float, second: float = 1.0) -> Loop:
+        """The loop around an autopilot whose lags are `first` and `second` times as long."""
+        return replace(self, plant=self.plant.with_lags(first, second))
+
+    def with_output(self, row: tuple[complex, complex]) -> Loop:
+        """The loop that feeds back another combination of the plant's states."""
+        return replace(self, plant=self.plant._replace(output=row))
 
     def open_loop(self) -> Rational:
         """L(s), without delay."""

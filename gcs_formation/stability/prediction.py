@@ -10,7 +10,7 @@ from scipy.linalg import expm
 from scipy.optimize import elementwise
 
 from gcs_formation.arrays import Array
-from gcs_formation.stability.loops import Loop, delay_margin
+from gcs_formation.stability.loops import Loop, Plant, delay_margin
 
 _GRID = 4000
 
@@ -27,6 +27,15 @@ class MismatchMargin(NamedTuple):
     def least(self) -> float:
         """The smaller of the two, in magnitude."""
         return min(-self.shorter_s, self.longer_s)
+
+    @classmethod
+    def of(cls, crossings: Array, nominal_delay_s: float) -> MismatchMargin:
+        """Return the margins by all rows (w, w (T - T0)) that put a root at iw."""
+        if not len(crossings):
+            return cls(-np.inf, np.inf)
+        w, turned = crossings[:, 0], np.mod(crossings[:, 1], 2.0 * np.pi)
+        shorter = float(np.max((turned - 2.0 * np.pi) / w))
+        return cls(shorter if shorter >= -nominal_delay_s else -np.inf, float(np.min(turned / w)))
 
 
 def predicted_mismatch_margin(loop: Loop, nominal_delay_s: float) -> MismatchMargin:
@@ -48,24 +57,23 @@ def predicted_mismatch_margin(loop: Loop, nominal_delay_s: float) -> MismatchMar
     """
     if delay_margin(loop.open_loop()) <= 0.0:
         return MismatchMargin(0.0, 0.0)
-    crossings = _crossings(loop, nominal_delay_s)
-    if not len(crossings):
-        return MismatchMargin(-np.inf, np.inf)
-    w, turned = crossings[:, 0], np.mod(crossings[:, 1], 2.0 * np.pi)
-    shorter = float(np.max((turned - 2.0 * np.pi) / w))
-    return MismatchMargin(shorter if shorter >= -nominal_delay_s else -np.inf, float(np.min(turned / w)))
+    return MismatchMargin.of(mismatch_crossings(loop, nominal_delay_s, loop), nominal_delay_s)
 
 
-def _crossings(loop: Loop, delay_s: float) -> Array:
-    """Rows (w, w (T - T0)) that put a root at iw."""
-    exact = loop.open_loop()
-    plant = loop.plant
-    carried = np.array(plant.output) @ expm(np.array(plant.state) * delay_s)
-    late = Loop(loop.pid, plant._replace(output=(complex(carried[0]), complex(carried[1])))).open_loop()
+def carried(plant: Plant, delay_s: float) -> tuple[complex, complex]:
+    """Return the row c exp(A T) that takes a state to the output that it leaves after `delay_s`."""
+    first, second = np.array(plant.output) @ expm(np.array(plant.state) * delay_s)
+    return complex(first), complex(second)
+
+
+def mismatch_crossings(loop: Loop, delay_s: float, true: Loop) -> Array:
+    """Rows (w, w (T - T0)) that put a root at iw; `true` is the loop with the autopilot that is really there."""
+    exact, row = loop.open_loop(), carried(loop.plant, delay_s)
+    late, true_late = (each.with_output(row).open_loop() for each in (loop, true))
 
     def ratio(w: Array) -> npt.NDArray[np.complex128]:
-        measured = late.at(w) * np.exp(-1j * w * delay_s)
-        return measured / (1.0 + exact.at(w) - measured)
+        behind = np.exp(-1j * w * delay_s)
+        return true_late.at(w) * behind / (1.0 + exact.at(w) - late.at(w) * behind)
 
     def excess(w: Array) -> Array:
         return np.abs(ratio(w)) - 1.0

@@ -1,0 +1,179 @@
+"""The lags of equation (7) as each vehicle flies them, learnt from its telemetry and the setpoints that it was sent.
+
+Output-error identification (Ljung, "System Identification", 2nd ed., 4.2 and 10.2): each vehicle is simulated from its
+setpoints alone by several models at once, whose lags span `lag_fit.RATIO_MAX`. Between them the simulated motion is
+interpolated by a polynomial in the logarithm of the lag's ratio to the believed one. The ratio found is the one that
+comes nearest to the telemetry by least squares, held by a normal prior about the believed lag. No measurement enters
+the simulation, so white noise in the telemetry doesn't bias it; a constant difference (a sensor's bias) isn't fitted.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from airlink.clock import NANOSECONDS
+from gcs_formation.arrays import Array, Instants, Mask, within, wrap
+from gcs_formation.estimation.flight_state import AutopilotModel
+from gcs_formation.estimation.lag_fit import BATCH_S, Channel, Nodes
+from gcs_formation.estimation.predictor import AirLags, Height, HeightSteps, SetpointHistory
+
+RESOLUTION = np.array((0.02, 0.002, 0.05))
+"""Residuals of airspeed (m/s), heading (rad) and height (m) count as no smaller: telemetry's digits, and the instant at
+which a setpoint acts, aren't known better."""
+FREE = 0.6
+"""Share of a rate limit beyond which nothing is learnt of a lag: what flies at its limit doesn't show it, and the limit
+may be lower than believed (an aircraft turns the slower, the faster it flies)."""
+GAP_S = 3.0
+"""A longer gap in the telemetry starts the simulation anew."""
+
+
+class LagEstimator:
+    """Keeps the lags of a model of all vehicles, (C,) columns, as they fly; `model` is changed in place.
+
+    Everyone who predicts or steers by that model reads it anew each tick.
+    """
+
+    def __init__(self, model: AutopilotModel, history: SetpointHistory, telemetry_hz: float, law_hz: float) -> None:
+        """Start with the lags that `model` has; `history` holds what was told."""
+        self.model = model
+        self._believed = AutopilotModel.of(model.table.copy())
+        self._history = history
+        columns = model.tau_v_s.size
+        air, height = Nodes.of(5, 1), Nodes.of(4, 2)
+        each = zip((air, air, height), RESOLUTION.tolist(), strict=True)
+        self.channels = tuple(Channel(nodes, columns, finest, telemetry_hz) for nodes, finest in each)
+        """Airspeed, heading, height."""
+        self._bank = Bank(self._believed, air.at[:, 0], height.at)
+        self._ticks = max(2, round(BATCH_S * law_hz))
+        self._seen: Array = np.full((4, columns), np.nan)
+        self._stamps = np.zeros(columns, dtype=np.int64)
+        self._samples: list[tuple[Instants, Array]] = []
+        self._learning: Mask = np.ones(columns, dtype=bool)
+
+    @property
+    def misfit(self) -> Array:
+        """(3, C) by what share the lags of airspeed, heading and height seem to differ from those in use."""
+        return np.array([channel.misfit for channel in self.channels])
+
+    @property
+    def ratios(self) -> Array:
+        """(4, C) of the lags of airspeed, heading and height (two) to the believed ones."""
+        return np.exp(np.concatenate([channel.log_ratio.T for channel in self.channels]))
+
+    @property
+    def spreads(self) -> Array:
+        """(4, C) standard deviations of the logarithms of those."""
+        return np.concatenate([channel.spread.T for channel in self.channels])
+
+    def hear(self, column: int, stamp: int, motion: tuple[float, float, float, float]) -> None:
+        """Take a vehicle's airspeed, heading, height and climb as measured at `stamp`, m/s, rad, m."""
+        self._stamps[column], self._seen[:, column] = max(stamp, int(self._stamps[column])), motion
+
+    def learn(self, learning: Mask) -> None:
+        """Take the newest samples at a tick; `learning` (C,): vehicles that fly as they were told.
+
+        Once in `BATCH_S` the model's lags are fitted.
+        """
+        self._learning = self._learning & learning & np.isfinite(self._seen[0])
+        self._samples.append((self._stamps.copy(), self._seen.copy()))
+        if len(self._samples) <= self._ticks:
+            return
+        stamps, seen = (np.array(each) for each in zip(*self._samples, strict=True))
+        self._take(stamps, seen)
+        self._samples, self._learning = self._samples[-1:], np.ones_like(self._learning)
+
+    def _take(self, stamps: Instants, seen: Array) -> None:
+        """Fit the lags to a batch of samples (B + 1, 4, C) at `stamps` (B + 1, C); its first ended the one before."""
+        acts, told = self._history.between(stamps[0], stamps[-1])
+        gaps = (stamps[-1] - stamps[0]) / NANOSECONDS > GAP_S + BATCH_S
+        learning = self._learning & self._bank.flying & np.isfinite(told).all(axis=(0, 1)) & ~gaps
+        if learning.any():
+            simulated, free = self._bank.fly(stamps, acts, np.where(learning, told, 0.0))
+            learning = learning & free
+            newer = stamps[1:] > stamps[:-1]
+            for row, (channel, motion) in enumerate(zip(self.channels, simulated, strict=True)):
+                differences = motion - seen[1:, row, :, None]
+                channel.learn(wrap(differences) if row == 1 else differences, newer & learning[row])
+            self.model.table[:4] = self._believed.table[:4] * self.ratios
+        self._bank.begin(~np.broadcast_to(learning, (len(self.channels), gaps.size)), seen[-1])
+
+
+class Bank:
+    """All vehicles' simulations from their setpoints alone, K each: airspeed and heading by one lag, height by two."""
+
+    def __init__(self, believed: AutopilotModel, air: Array, height: Array) -> None:
+        """Simulate lags that are the believed ones times e to the power of `air` (K,) and `height` (K', 2)."""
+        self._columns = columns = believed.tau_v_s.size
+        self.flying: Mask = np.zeros(columns, dtype=bool)
+        """(C,) whether a vehicle's simulations have begun."""
+        none = np.zeros_like
+        self._believed = believed
+        self._air_model = _spanned(believed, np.array((air, air, none(air), none(air))))
+        self._height_model = _spanned(believed, np.array((*none(height.T), *height.T)))
+        self._air: Array = np.zeros((2, columns * len(air)))
+        self._height = Height(np.zeros(columns * len(height)), np.zeros(columns * len(height)))
+
+    def begin(self, which: Mask, seen: Array) -> None:
+        """Begin some simulations, (3, C) of airspeed, heading and height, from what was measured.
+
+        `seen`, (4, C), is airspeed, heading, height and climb.
+        """
+        self.flying = np.isfinite(seen[0])
+        air_k, height_k = self._air.shape[1] // self._columns, self._height.height_m.size // self._columns
+        seen = np.where(self.flying, seen, 0.0)
+        of_air, of_height = np.repeat(seen[:2], air_k, axis=1), np.repeat(seen[2:], height_k, axis=1)
+        self._air = np.where(np.repeat(which[:2], air_k, axis=1), of_air, self._air)
+        self._height = Height(*np.where(np.repeat(which[2], height_k), of_height, self._height))
+
+    def fly(self, stamps: Instants, acts: Instants, told: Array) -> tuple[tuple[Array, Array, Array], Mask]:
+        """Return airspeed, heading and height at all stamps but the first, (B, C, K) each.
+
+        Also which of them, (3, C), kept clear of the rate limits.
+
+        Args:
+            stamps: (B + 1, C), in order; the simulations are at the first.
+            acts: (R, C) in order, when the setpoints act.
+            told: (R, 3, C).
+        """
+        borders = np.sort(np.concatenate((stamps, np.minimum(np.maximum(acts, stamps[0]), stamps[-1]))), axis=0)
+        duration_s = np.diff(borders, axis=0) / NANOSECONDS
+        newest = np.maximum((acts[:, None] <= borders[None, :-1]).sum(axis=0) - 1, 0)
+        every = np.arange(self._columns)
+        segments = told[newest, :, every].transpose(0, 2, 1)
+        at = (borders[:, None] < stamps[None, 1:]).sum(axis=0)
+        air, air_free = self._through_air(segments[:, :2], duration_s)
+        height, height_free = self._through_heights(segments[:, 2], duration_s)
+        return (air[at, 0, every], air[at, 1, every], height[at, every]), np.concatenate((air_free, height_free[None]))
+
+    def _through_air(self, told: Array, duration_s: Array) -> tuple[Array, Mask]:
+        """Return airspeeds and headings at the borders of S segments, (S + 1, 2, C, K), and which were free, (2, C)."""
+        model, count = self._air_model, self._air.shape[1] // self._columns
+        told = np.repeat(told, count, axis=2)
+        told[:, 0] = within(told[:, 0], model.speed_min_mps, model.speed_max_mps)
+        lags, each_s = AirLags.of(model), np.repeat(duration_s, count, axis=1)[:, None]
+        values, errors = lags.through(self._air, told, each_s)
+        self._air = values[-1]
+        error = np.abs(errors).reshape(-1, 2, self._columns, count).mean(axis=3).max(axis=0)
+        free: Mask = error < FREE * AirLags.of(self._believed).unlimited
+        return values.reshape(-1, 2, self._columns, count), free
+
+    def _through_heights(self, told_m: Array, duration_s: Array) -> tuple[Array, Mask]:
+        """Return heights at the borders of S segments, (S + 1, C, K), and which were free, (C,)."""
+        count = self._height.height_m.size // self._columns
+        told_m = np.repeat(told_m, count, axis=1)
+        steps = HeightSteps.of(self._height_model, np.repeat(duration_s, count, axis=1))
+        height, heights = self._height, [self._height.height_m]
+        for step, target_m in enumerate(told_m):
+            height = steps.after(step, height, target_m)
+            heights.append(height.height_m)
+        self._height, table = height, np.array(heights)
+        error_m = np.abs(told_m - table[:-1]).reshape(-1, self._columns, count).mean(axis=2).max(axis=0)
+        free: Mask = error_m < FREE * self._believed.climb_max_mps * (self._believed.tau_ha_s + self._believed.tau_hb_s)
+        return table.reshape(-1, self._columns, count), free
+
+
+def _spanned(believed: AutopilotModel, logs: Array) -> AutopilotModel:
+    """Return (C K,) models whose lags are the believed ones (C,) times e to the power of each of `logs` (4, K)."""
+    table = np.repeat(believed.table, logs.shape[1], axis=1)
+    table[:4] *= np.tile(np.exp(logs), believed.tau_v_s.size)
+    return AutopilotModel.of(table)

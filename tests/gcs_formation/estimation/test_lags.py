@@ -1,0 +1,109 @@
+"""Lags learnt from what simulated vehicles of known lags fly."""
+
+import numpy as np
+import pytest
+
+from formation_scenario.vehicles import VehicleModel
+from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Setpoints
+from gcs_formation.estimation.lags import LagEstimator
+from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory, advance
+
+TICK_S, DELAY_S = 0.1, 0.35
+LAGS = ("tau_v_s", "tau_psi_s", "tau_ha_s", "tau_hb_s")
+BELIEVED = VehicleModel()
+CRUISE = Setpoints(*np.array([[22.0], [0.0], [100.0]]))
+
+
+def models(ratios):
+    """Return a column for each row of four ratios to the default lags."""
+    lags = np.array([getattr(BELIEVED, lag) for lag in LAGS]) * np.array(ratios)
+    limits = [getattr(BELIEVED, key) for key in ("speed_min_mps", "speed_max_mps")]
+    limits += [BELIEVED.accel_max_mps2, BELIEVED.turn_rate_max_rps, BELIEVED.climb_max_mps]
+    return AutopilotModel.of(np.concatenate((lags, np.tile(limits, (len(lags), 1))), axis=1).T.copy())
+
+
+def wander(time_s):
+    """Return setpoints whose changes stay clear of the rate limits."""
+    return (
+        22 + 1.5 * np.sign(np.sin(0.35 * time_s)),
+        0.15 * np.sign(np.sin(0.8 * time_s)),
+        100 + 4 * np.sin(0.25 * time_s),
+    )
+
+
+def flown(ratios, seconds=30, tell=wander, learning=True, noise=(0, 0, 0), seed=1, true=None):
+    """Return the estimator after a flight of vehicles whose lags are `ratios` times the believed ones."""
+    true, count = true or models(ratios), len(ratios)
+    history = SetpointHistory(1 / TICK_S)
+    lags = LagEstimator(models(np.ones((count, 4))), history, 1 / TICK_S, 1 / TICK_S)
+    rows = np.array([0.0, 0.0, 100.0, 0.0, 22.0, 0.0, 0.0, 0.0])
+    state, random = FlightState.of(np.repeat(rows[:, None], count, axis=1)), np.random.default_rng(seed)
+    tick_ns, acting = round(TICK_S * 1e9), []
+    for tick in range(round(seconds / TICK_S)):
+        told = np.repeat(np.array(tell(tick * TICK_S), dtype=float)[:, None], count, axis=1)
+        acting.append(told)
+        acts = np.full(count, tick * tick_ns + round(DELAY_S * 1e9))
+        table = state.table
+        for column in range(count):
+            errors = random.normal(size=3) * noise
+            motion = table[4:6, column] + errors[:2], table[2, column] + errors[2], table[3, column]
+            lags.hear(column, tick * tick_ns, (*motion[0].tolist(), float(motion[1]), float(motion[2])))
+        lags.learn(np.full(count, learning))
+        history.add(SentSetpoints(acts, Setpoints.of(told)))
+        # A setpoint acts 3.5 ticks after it was told.
+        late = [acting[max(0, tick - 4)], acting[max(0, tick - 3)]]
+        state = advance(state, np.array(late), np.full((2, count), TICK_S / 2), true)
+    return lags
+
+
+CORNERS = ((1.3, 0.7, 1.3, 0.7), (0.7, 1.3, 0.7, 1.3), (1.3, 1.3, 1.3, 1.3), (0.7, 0.7, 0.7, 0.7))
+
+
+def test_lags_30_percent_off_are_found_each_vehicle_its_own():
+    found = flown(CORNERS).ratios
+    assert found[:2] == pytest.approx(np.array(CORNERS).T[:2], rel=0.02)
+    true_m, found_m = (np.array((1.0, 3.0)) @ ratios for ratios in (np.array(CORNERS).T[2:], found[2:]))
+    assert found_m == pytest.approx(true_m, rel=0.05)  # their sum; which of the two it is shows less
+
+
+def test_the_model_in_use_has_the_lags_that_were_found():
+    lags = flown(CORNERS[:1])
+    assert lags.model.tau_v_s == pytest.approx(4.0 * 1.3, rel=0.02)
+    assert lags.model.tau_psi_s == pytest.approx(1.5 * 0.7, rel=0.02)
+
+
+def test_white_noise_in_the_telemetry_does_not_bias_them():
+    found = np.mean([flown(CORNERS[2:], 60, noise=(0.2, 0.01, 0.3), seed=seed).ratios for seed in range(3)], axis=0)
+    assert found[:2] == pytest.approx(np.array(CORNERS[2:]).T[:2], rel=0.05)
+
+
+def test_beyond_half_and_twice_the_believed_lags_nothing_is_taken_and_the_misfit_tells():
+    lags = flown(((3.0, 3.0, 1.0, 1.0), (0.3, 0.3, 1.0, 1.0)))
+    assert lags.ratios[:2] == pytest.approx(np.array(((2.0, 0.5), (2.0, 0.5))))
+    assert (lags.misfit[:2] > 0.1).all()
+    assert (flown(CORNERS).misfit < 0.02).all()
+
+
+def test_straight_flight_teaches_nothing():
+    lags = flown(((1.3, 1.3, 1.3, 1.3),), tell=lambda _: (22.0, 0.0, 100.0), noise=(0.02, 0.001, 0.03))
+    assert lags.ratios == pytest.approx(1.0, abs=0.05)
+
+
+def test_what_was_learnt_stays_in_straight_flight():
+    def tell(time_s):
+        return wander(time_s) if time_s < 60 else (22.0, 0.0, 100.0)
+
+    assert flown(CORNERS, 120, tell).ratios[:2] == pytest.approx(np.array(CORNERS).T[:2], rel=0.02)
+
+
+def test_a_vehicle_that_does_not_fly_as_told_teaches_nothing():
+    assert (flown(CORNERS, learning=False).ratios == 1.0).all()
+
+
+def test_flight_at_a_rate_limit_teaches_nothing():
+    """A turn at a limit that is lower than believed looks like a long lag, but the rest of it shows the lag."""
+    right = np.ones((1, 4))
+    slow = models(right)
+    slow.turn_rate_max_rps[:] = 0.17
+    lags = flown(right, tell=lambda time_s: (22.0, 0.6 * np.sign(np.sin(0.5 * time_s)), 100.0), true=slow)
+    assert lags.ratios[1] == pytest.approx(1.0, abs=0.05)
