@@ -10,7 +10,9 @@ from formation_scenario.errors import Problem
 from formation_scenario.expectation import RUN_METRICS
 from formation_scenario.faults import PASSING
 from formation_scenario.fields import VehicleSelection
+from formation_scenario.flight_time import latest_end_s
 from formation_scenario.model import Scenario
+from formation_scenario.path import PathError
 from formation_scenario.rules.vehicles import one_vehicle
 from formation_scenario.source import KeyPath, Source
 from formation_scenario.vehicles import Vehicle
@@ -59,13 +61,17 @@ def faults(scenario: Scenario, source: Source) -> Iterator[Problem]:
 
 
 def expectations(scenario: Scenario, source: Source) -> Iterator[Problem]:
-    """Yield expectations without a bound, with an empty window, or that nothing could meet."""
+    """Yield expectations without a bound, with a window that is empty or never flown, or that nothing could meet."""
+    end_s = _latest_end_s(scenario)
     for index, entry in enumerate(scenario.expect):
         if entry.below is None and entry.above is None:
             yield source.problem(("expect", index), "found no bound", "below, above or both")
         if entry.from_s >= entry.to_s:
             found = f"found a window from {entry.from_s:g} to {entry.to_s:g} s"
             yield source.problem(("expect", index, "from_s"), found, "from_s before to_s")
+        elif entry.from_s >= end_s:
+            allowed = f"less than {end_s:.1f} s, when the flight is over at the latest"
+            yield source.problem(("expect", index, "from_s"), f"found {entry.from_s:g}", allowed)
         if entry.metric in RUN_METRICS and entry.followers != "all":
             found = f"found followers for {entry.metric}, a figure of the whole run"
             yield source.problem(("expect", index, "followers"), found, "all")
@@ -74,6 +80,15 @@ def expectations(scenario: Scenario, source: Source) -> Iterator[Problem]:
         ):
             found = f"found above {entry.above:g} and below {entry.below:g}"
             yield source.problem(("expect", index, "below"), found, "more than above")
+
+
+def _latest_end_s(scenario: Scenario) -> float:
+    if not any(entry.from_s for entry in scenario.expect):
+        return scenario.duration_s
+    try:
+        return latest_end_s(scenario)
+    except PathError:  # which the path's own rule reports
+        return math.inf
 
 
 def _unknown(

@@ -12,8 +12,8 @@ import numpy as np
 from formation_scenario import Scenario, ScenarioError, dump_scenario, slot_schedule
 from formation_scenario.arrangement import planned_slots
 from formation_scenario.feasibility import refused_orders
+from formation_scenario.flight_time import planned_end_s
 from formation_scenario.lifted_path import leader_path
-from formation_scenario.path import SplinePath
 from gcs_formation.app.split_errors import split_errors, ways_s
 from gcs_formation.controller import AHEAD_POINTS
 from gcs_formation.guidance.leader import ASSEMBLED_S, DECISION_S
@@ -117,9 +117,15 @@ def warnings(scenario: Scenario, margins: LawMargins) -> Iterator[str]:
 
 
 def never_reached(scenario: Scenario) -> Iterator[str]:
-    """Yield what is planned for after the flight's end; with orders, which may slow it down, that is `duration_s`."""
-    path_s = SplinePath(scenario.path.waypoints_m).length_m / scenario.path.speed_mps
-    end_s = scenario.duration_s if scenario.orders else min(scenario.duration_s, path_s)
+    """Yield what is planned for after the flight's end: the last of `duration_s` itself, windows, events."""
+    end_s, whole_s = planned_end_s(scenario), scenario.duration_s
+    over = f"the flight is over at {end_s:.4g} s"
+    if end_s < whole_s:
+        broken = "; windows of expect that reach beyond are broken" if scenario.expect else ""
+        yield f"duration_s: found {whole_s:g}; the path ends at {end_s:.4g} s{broken}"
+    for i, entry in enumerate(scenario.expect):
+        if entry.to_s > whole_s:
+            yield f"expect.{i}.to_s: found {entry.to_s:g}; {over}, so this is broken"
     planned = {
         "formation.changes": scenario.formation.changes,
         "links.changes": scenario.links.changes,
@@ -131,7 +137,7 @@ def never_reached(scenario: Scenario) -> Iterator[str]:
     times_s |= {f"expect.{i}.from_s": entry.from_s for i, entry in enumerate(scenario.expect)}
     for key, at_s in times_s.items():
         if at_s >= end_s:
-            yield f"{key}: found {at_s:g}; the flight is over at {end_s:.4g} s"
+            yield f"{key}: found {at_s:g}; {over}"
 
 
 def circles_lifted(scenario: Scenario) -> str | None:

@@ -50,9 +50,10 @@ def _verdicts(summary: Summary) -> list[str]:
     """Return a line for each expectation; of many, only those that didn't hold and a count."""
     if len(summary.verdicts) <= MOST_ROWS:
         return [f"expect {verdict}" for verdict in summary.verdicts]
-    held = sum(verdict.held is True for verdict in summary.verdicts)
+    held, waiting = (sum(verdict.held is state for verdict in summary.verdicts) for state in (True, None))
     others = [f"expect {verdict}" for verdict in summary.verdicts if verdict.held is not True]
-    return [*others[:MOST_ROWS], f"expect: {held} of {len(summary.verdicts)} held"]
+    not_judged = f", {waiting} not judged" if waiting else ""
+    return [*others[:MOST_ROWS], f"expect: {held} of {len(summary.verdicts)} held{not_judged}"]
 
 
 def _headline(figures: dict[str, Any]) -> str:

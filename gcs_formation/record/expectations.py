@@ -17,6 +17,7 @@ from gcs_formation.record.flight import Flight
 from gcs_formation.record.outcome import LinkFigures
 
 AXES = {"error_x_m": 0, "error_y_m": 1, "error_z_m": 2}
+WORDS = {True: "held", False: "broken", None: "not judged"}
 SECTIONS = ("safety", "control", "stability")
 
 
@@ -28,15 +29,19 @@ class Verdict:
     vehicle: VehicleId | None
     value: float | None
     """Infinite for the separation of one that is alone, null in summary.json."""
-    reached: bool
-    """Whether the run got to the end of the window, and the vehicle didn't lead all through it."""
+    reached: bool = True
+    """Whether the window was flown to its end."""
+    judged: bool = True
+    """False where the window was cut by `--until` or an order, or where the vehicle led all through it."""
+    reason: str = ""
+    """Why it wasn't reached or isn't judged, in words."""
 
     @property
     def held(self) -> bool | None:
-        """Whether the bound was kept; None when its window wasn't reached."""
-        if not self.reached:
+        """Whether the bound was kept, over a window that was flown to its end; None when that isn't judged."""
+        if not self.judged:
             return None
-        if self.value is None:
+        if self.value is None or not self.reached:
             return False
         below, above = self.expectation.below, self.expectation.above
         return (below is None or self.value < below) and (above is None or self.value > above)
@@ -50,7 +55,8 @@ class Verdict:
         known = self.value is not None and math.isfinite(self.value)
         entry |= {"value": self.value if known else None, "from_s": wanted.from_s, "to_s": wanted.to_s}
         entry |= {name: bound for name in ("below", "above") if (bound := getattr(wanted, name)) is not None}
-        return entry | {"held": self.held, "reached": self.reached}
+        entry |= {"held": self.held, "judged": self.judged, "reached": self.reached}
+        return entry | ({"reason": self.reason} if self.reason else {})
 
     def __str__(self) -> str:
         """Return the verdict in words."""
@@ -62,7 +68,7 @@ class Verdict:
         ]
         who = f"vehicle {self.vehicle}: " if self.vehicle else ""
         found = "no value" if self.value is None else f"{self.value:.4g}"
-        state = {True: "held", False: "broken", None: "not reached"}[self.held]
+        state = WORDS[self.held] + (f": {self.reason}" if self.reason else "")
         window = f"from {wanted.from_s:g} s to {wanted.to_s:g} s"
         return f"{who}{wanted.metric} {window}: found {found}; expected: {' and '.join(bounds)}: {state}"
 
@@ -76,23 +82,36 @@ def judge(
 ) -> Iterator[Verdict]:
     """Yield a verdict for each expectation; where it concerns followers or links, one for each of them.
 
-    `cut_short` says that the run ended before its path or its time did; windows that it didn't complete count as
-    not reached.
+    A window that wasn't flown to its end is broken, since what was promised of it wasn't shown. With `cut_short` it
+    isn't judged: somebody wanted the run to end before its path or its time did.
     """
-    flown_s = float(parts["duration_s"]) + 1.5 / scenario.law.rate_hz
     for wanted in scenario.expect:
-        reached = not cut_short or flown_s >= wanted.to_s
+        judged = _Judged(wanted, scenario, float(parts["duration_s"]), cut_short)
         if wanted.metric in FOLLOWER_METRICS:
             chosen = {planned.vehicle_id for planned in scenario.selected(wanted.followers)}
             for vehicle in (each for each in flight.followers(scenario) if each in chosen):
-                followed = reached and not _leads_throughout(wanted, flight, vehicle)
-                yield Verdict(wanted, vehicle, _follower_value(wanted, flight, vehicle, parts), followed)
+                value = _follower_value(wanted, flight, vehicle, parts)
+                yield judged(vehicle, value, led=_leads_throughout(wanted, flight, vehicle))
         elif wanted.metric in LINK_METRICS:
             for planned in scenario.selected(wanted.followers):
                 value = _link_value(wanted, planned.vehicle_id, flight, parts, links)
-                yield Verdict(wanted, planned.vehicle_id, value, reached)
+                yield judged(planned.vehicle_id, value)
         else:
-            yield Verdict(wanted, None, _run_value(wanted, flight, parts), reached)
+            yield judged(None, _run_value(wanted, flight, parts))
+
+
+class _Judged:
+    """An expectation's verdicts: what is the same for all vehicles."""
+
+    def __init__(self, wanted: Expectation, scenario: Scenario, flown_s: float, cut_short: bool) -> None:
+        self._wanted = wanted
+        self._reached = flown_s + 1.5 / scenario.law.rate_hz >= wanted.to_s
+        self._judged = self._reached or not cut_short
+        self._reason = "" if self._reached else f"flown to {flown_s:.1f} s of {wanted.to_s:g} s"
+
+    def __call__(self, vehicle: VehicleId | None, value: float | None, *, led: bool = False) -> Verdict:
+        reason = "led all the time" if led else self._reason
+        return Verdict(self._wanted, vehicle, value, self._reached, self._judged and not led, reason)
 
 
 def _leads_throughout(wanted: Expectation, flight: Flight, vehicle: VehicleId) -> bool:

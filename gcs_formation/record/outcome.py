@@ -88,4 +88,4 @@ class Outcome:
     simulated_s: float
     wall_s: float
     cut_short: bool
-    """Whether the run was ended (`--until`, Ctrl-C) before the path or the time was."""
+    """Whether the run was ended (`--until`, an order, Ctrl-C) before the path or the time was."""

@@ -32,7 +32,7 @@ class Summary:
 
     @property
     def held(self) -> bool:
-        """Whether every expectation that was reached held, and no safety limit was broken."""
+        """Whether every expectation that was judged held, and no safety limit was broken."""
         return not self.breaches and all(verdict.held is not False for verdict in self.verdicts)
 
     def to_dict(self) -> dict[str, Any]:

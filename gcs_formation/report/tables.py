@@ -6,13 +6,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from typing import Any, NamedTuple
 
+from gcs_formation.record.expectations import WORDS
 from gcs_formation.report.run_data import RunData
 
 MOST_EVENTS = 500
 AXES = ("x", "y", "z")
 NONE = "–"
 SIGNS = {"below": "<", "above": ">"}
-VERDICTS = {True: "held", False: "broken", None: "not reached"}
 
 
 class Html(str):
@@ -68,7 +68,7 @@ def verdict(summary: Mapping[str, Any]) -> str:
     if not verdicts:
         return badge(None, "nothing was expected")
     waiting = verdicts.count(None)
-    return badge(True, "all held") if not waiting else badge(None, f"none broken, {waiting} not reached")
+    return badge(True, "all held") if not waiting else badge(None, f"none broken, {waiting} not judged")
 
 
 def cards(run: RunData) -> str:
@@ -154,7 +154,7 @@ def expectations(summary: Mapping[str, Any]) -> str:
             f"{entry.get('from_s', 0):g} to {entry['to_s']:g}" if "to_s" in entry else NONE,
             " and ".join(f"{sign} {entry[key]:g}" for key, sign in SIGNS.items() if key in entry),
             NONE if entry["value"] is None else f"{entry['value']:.4g}".replace("-", "−"),
-            badge(entry["held"], VERDICTS[entry["held"]]),
+            badge(entry["held"], ": ".join(filter(None, (WORDS[entry["held"]], entry.get("reason"))))),
         ]
         for entry in summary["expect"]
     ]

@@ -121,7 +121,7 @@ class Flown:
         return self
 
     def meets_its_expectations(self) -> Self:
-        """Claim what exit status 0 says: every `expect` that was reached holds, no safety limit is broken."""
+        """Claim what exit status 0 says: every `expect` that was judged holds, no safety limit is broken."""
         __tracebackhide__ = True
         broken = [str(verdict) for verdict in self.summary.verdicts if verdict.held is False]
         self._require(not broken and not self.summary.breaches, "not as expected", [*broken, *self.summary.breaches])

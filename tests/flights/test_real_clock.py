@@ -202,12 +202,22 @@ def test_nobody_there_ends_with_3_and_who_was_missed(path: Path, tmp_path: Path)
     assert "no vehicle 1, 2, 3 answered at udpin:127.0.0.1" in done.stderr
 
 
-def test_an_expectation_window_beyond_until_is_not_reached_and_does_not_fail(path: Path, tmp_path: Path) -> None:
+def test_an_expectation_window_beyond_until_is_not_judged_says_so_and_does_not_fail(path: Path, tmp_path: Path) -> None:
     expect = "expect=[{metric: error_x_m.max, from_s: 15, to_s: 20, below: 0.0}]"
     keys = ["--clock", "virtual", "--until", "5", "--set", expect, "--json"]
     done = said("run", str(path), *keys, "--out", str(tmp_path / "run"))
     assert done.exit_code == 0
-    assert [entry["held"] for entry in json.loads(done.stdout)["expect"]] == [None, None]
+    judged = [(entry["held"], entry["judged"]) for entry in json.loads(done.stdout)["expect"]]
+    assert judged == [(None, False), (None, False)]
+    assert done.stderr.count("not judged: flown to 5.0 s of 20 s") == 2
+
+
+def test_an_expectation_window_that_the_path_s_end_cuts_short_is_broken(path: Path, tmp_path: Path) -> None:
+    expect = "expect=[{metric: error_x_m.max, followers: [2], from_s: 2, below: 1}]"
+    keys = ["--clock", "virtual", "--set", "path.waypoints_m=[[0, 0, 100], [220, 0, 100]]", "--set", expect]
+    done = said("run", str(path), *keys, "--quiet", "--out", str(tmp_path / "run"))
+    assert done.exit_code == 1
+    assert "broken: flown to 10." in done.stderr
 
 
 def test_a_broken_expectation_ends_with_1_and_its_figure(path: Path, tmp_path: Path) -> None:

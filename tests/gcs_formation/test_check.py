@@ -10,8 +10,9 @@ import pytest
 import yaml
 from click.testing import CliRunner
 
-from formation_scenario import load_scenario
+from formation_scenario import ScenarioError, load_scenario
 from formation_scenario.feasibility import refused_orders
+from formation_scenario.flight_time import path_end_s
 from gcs_formation.app.check import check_report, never_reached
 from gcs_formation.app.split_errors import split_errors
 from gcs_formation.cli import main
@@ -152,11 +153,28 @@ def test_what_is_planned_for_after_the_flight_is_warned_of() -> None:
     }
     scenario = load_scenario(PLAIN | late)  # 3000 m at 22 m/s
     assert list(never_reached(scenario)) == [
+        "duration_s: found 600; the path ends at 136.4 s; windows of expect that reach beyond are broken",
         "faults.1.at_s: found 500; the flight is over at 136.4 s",
         "expect.0.from_s: found 140; the flight is over at 136.4 s",
     ]
     slower = load_scenario(PLAIN | late | {"orders": [{"at_s": 9, "order": "speed 18"}]})
     assert list(never_reached(slower)) == []
+    longer = load_scenario(PLAIN | {"expect": [{"metric": "late_ticks", "to_s": 150, "below": 1}], "duration_s": 100})
+    assert list(never_reached(longer)) == ["expect.0.to_s: found 150; the flight is over at 100 s, so this is broken"]
+
+
+@pytest.mark.parametrize(("wind_mps", "end_s"), [([0, 0, 0], 136.36), ([-2, 0, 0], 150.0), ([0, 9, 0], 149.45)])
+def test_the_path_ends_when_the_leader_has_flown_it_in_the_wind(wind_mps: list[float], end_s: float) -> None:
+    """3000 m north at 22 m/s through the air; a wind of 9 m/s from the side leaves sqrt(22² - 9²)."""
+    assert path_end_s(load_scenario(PLAIN | {"wind": {"velocity_mps": wind_mps}})) == pytest.approx(end_s, abs=0.01)
+
+
+def test_a_window_that_begins_after_the_flight_is_refused_with_the_time_of_its_end() -> None:
+    late = {"expect": [{"metric": "error_x_m.max", "from_s": 140, "below": 1}], "duration_s": 2000}
+    with pytest.raises(
+        ScenarioError, match=r"expect\.0\.from_s: found 140; allowed: less than 137\.4 s, when the flight is over"
+    ):
+        load_scenario(PLAIN | late)
 
 
 def test_planned_orders_that_will_be_refused_are_warned_of() -> None:

@@ -124,7 +124,9 @@ def test_expectations_are_of_whoever_follows_in_their_window():
     expect = [{"metric": "error_x_m.max", "below": 0.1, **window} for window in windows]
     scenario = load_scenario(KEYS | {"expect": expect})
     parts = {"duration_s": 10.0, "followers": {str(system): {"settled_at_s": None} for system in (1, 2, 3)}}
-    held = [(str(each.vehicle), each.held) for each in judge(scenario, flight, parts, {}, cut_short=False)]
+    verdicts = list(judge(scenario, flight, parts, {}, cut_short=False))
+    assert str(verdicts[0]).endswith("not judged: led all the time")
+    held = [(str(each.vehicle), each.held) for each in verdicts]
     assert held[:3] == [("1", None), ("2", True), ("3", True)]
     assert held[3:6] == [("1", True), ("2", None), ("3", True)]
     assert held[6:] == [("1", True), ("2", True), ("3", True)]

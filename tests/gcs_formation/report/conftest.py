@@ -265,11 +265,12 @@ def summary_of(scenario: Scenario, columns: dict[str, np.ndarray], *, truth: boo
 
 
 def some_verdicts(worst: float | None) -> list[dict[str, Any]]:
-    """Return one expectation that held, one that broke, one that wasn't reached."""
+    """Return one expectation that held, one that broke, one that wasn't judged."""
+    until = {"judged": False, "reached": False, "reason": "flown to 90.0 s of 120 s"}
     window: dict[str, Any] = {"from_s": 60.0, "to_s": 120.0}
-    of = {"follower": 2, "below": 2.0, "reached": True}
+    of = {"follower": 2, "below": 2.0, "judged": True, "reached": True}
     return [
         {"metric": "error_x_m.max", "value": worst, "held": True, **of, **window},
         {"metric": "error_y_m.max", "value": 3.0, "held": False, **of, **window},
-        {"metric": "min_separation_m", "value": None, "above": 10.0, "held": None, "reached": False, **window},
+        {"metric": "min_separation_m", "value": None, "above": 10.0, "held": None, **until, **window},
     ]
