@@ -85,6 +85,9 @@ def _follower_groups(figures: dict[str, Any]) -> list[Group]:
         Group(("rms x", "y", "z"), [[_number(axis["rms"]) for axis in own] for own in axes], keep=1),
         Group(("settled s",), [(_number(follower["settled_at_s"], 1),) for _, follower in shown], keep=3),
         Group(("one-way ms",), [(_number(link["measured_delay_ms"]["p50"], 0),) for link in links], keep=2),
+        Group(
+            ("up", "down"), [[_number(link[f"measured_{way}_ms"], 0) for way in ("up", "down")] for link in links], 0
+        ),
     ]
 
 

@@ -22,7 +22,7 @@ from gcs_formation.app.options import RunOptions
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.session import Session, open_session
 from gcs_formation.errors import RunAbortedError
-from gcs_formation.record.run_directory import SCENARIO
+from gcs_formation.record.run_directory import SCENARIO, TRUTH
 from gcs_formation.record.summary import Summary
 from gcs_formation.record.truth import GroundTruth
 from sim_vehicles.errors import TruthError
@@ -30,7 +30,6 @@ from sim_vehicles.fleet import Fleet
 from sim_vehicles.from_scenario import fleet_config
 from sim_vehicles.truth import TruthWriter, read_truth
 
-TRUTH = "truth.bin"
 TRUTH_RATE_HZ = 25.0
 END_S = 5.0
 """Wall time that the emulators get to end by themselves, s."""
@@ -60,7 +59,7 @@ def _run_virtual(scenario: Scenario, options: RunOptions, progress: Progress, in
         except PortError as error:
             raise RunAbortedError(str(error)) from error
         network.run(session.over)
-    return session.conclude(_truth(session))
+    return _conclude(session)
 
 
 def _run_real(scenario: Scenario, options: RunOptions, progress: Progress, interrupts: Interrupts) -> Summary:
@@ -73,7 +72,7 @@ def _run_real(scenario: Scenario, options: RunOptions, progress: Progress, inter
     except PortError as error:
         session.recorder.close()
         raise RunAbortedError(str(error)) from error
-    return session.conclude(_truth(session))
+    return _conclude(session)
 
 
 class _Emulators:
@@ -119,16 +118,19 @@ def _watch(session: Session, emulators: _Emulators) -> Callable[[], bool]:
     return over
 
 
-def _truth(session: Session) -> GroundTruth | None:
-    """Return the emulators' ground truth, None if they wrote none."""
-    path: Path = session.options.out / TRUTH
-    vehicles = tuple(vehicle.vehicle_id for vehicle in session.scenario.vehicles)
+def _conclude(session: Session) -> Summary:
+    """Return the summary; without one, the ground truth stays in the directory for `report`."""
+    summary = session.conclude(recorded_truth(session.options.out, session.scenario))
+    (session.options.out / TRUTH).unlink(missing_ok=True)
+    return summary
+
+
+def recorded_truth(directory: Path, scenario: Scenario) -> GroundTruth | None:
+    """Return the emulators' ground truth as far as it was written, None if they wrote none."""
     try:
-        rows = read_truth(path)
+        rows = read_truth(directory / TRUTH)
     except (FileNotFoundError, TruthError):  # interrupted before the emulators began to write it
         return None
-    finally:
-        path.unlink(missing_ok=True)
     if len(rows.time_s) < 2:
         return None
-    return GroundTruth(vehicles=vehicles, **vars(rows))
+    return GroundTruth(vehicles=tuple(vehicle.vehicle_id for vehicle in scenario.vehicles), **vars(rows))

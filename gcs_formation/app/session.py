@@ -136,7 +136,6 @@ class Session:
         spool = self.recorder.path / SPOOL
         flight = split(read_spool(spool), self.scenario, truth, self._injected.series_s())
         write_parquet(self.recorder.path / TIMESERIES, join(flight))
-        spool.unlink()
         summary = summarise(
             Outcome(
                 scenario=self.scenario,
@@ -155,6 +154,7 @@ class Session:
             )
         )
         self.recorder.write_summary(summary.to_dict())
+        spool.unlink()
         return summary
 
     def _link(self, identity: VehicleId) -> LinkFigures:

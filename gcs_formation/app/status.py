@@ -51,6 +51,7 @@ def _groups(station: Station) -> list[Group]:
             ("vehicle", "x", "y", "z"), [(str(i), *_cells(own, 2)) for i, own in zip(vehicles, errors, strict=True)], 5
         ),
         Group(("one-way ms",), [_cells([v.clock.one_way_s * 1e3], 0) for v in vehicles.values()], 2),
+        Group(("up", "down"), [_cells([1e3 * way_s for way_s in v.ways_s], 0) for v in vehicles.values()], 1),
         Group(("loss",), [(f"{vehicle.sequence.loss:.1%}",) for vehicle in vehicles.values()], 0),
         Group(("margin used",), [(f"{each:.0%}" if math.isfinite(each) else "–",) for each in used], 3),
         Group(("state",), state, 4),

@@ -15,8 +15,9 @@ from gcs_formation.report import write_report
 @click.command(epilog=usage.REPORT)
 @click.argument("run_dir", type=click.Path(path_type=Path))
 def report(run_dir: Path) -> None:
-    """Draw the figures of a finished run, and one self-contained report.html."""
+    """Draw the figures of a run, and one self-contained report.html; of one that was killed, what there is."""
     try:
-        click.echo(f"wrote {write_report(run_dir)}")
+        page = write_report(run_dir, lambda text: click.echo(f"missing: {text}", err=True))
     except RecordError as error:
         fail(str(error))
+    click.echo(f"wrote {page}")

@@ -22,6 +22,7 @@ SCENARIO = RUN
 TLOG = "flight.tlog"
 EVENTS = "events.jsonl"
 SPOOL = "timeseries.arrows"
+TRUTH = "truth.bin"
 TIMESERIES = "timeseries.parquet"
 SUMMARY = "summary.json"
 REPORT = "report.html"
@@ -55,7 +56,13 @@ class RunDirectory:
                 raise RecordError(refused)
             path.mkdir(parents=True, exist_ok=True)
             self._events = _own(path / EVENTS)
-            for stale in (path / SUMMARY, path / TIMESERIES, path / REPORT, *(path / FIGURES).glob("*.png")):
+            for stale in (
+                path / SUMMARY,
+                path / TIMESERIES,
+                path / TRUTH,
+                path / REPORT,
+                *(path / FIGURES).glob("*.png"),
+            ):
                 stale.unlink(missing_ok=True)
             (path / SCENARIO).write_text(dump_scenario(scenario), encoding="utf-8")
             self._tlog = TlogWriter(path / TLOG, epoch_us)
@@ -118,9 +125,11 @@ class RunDirectory:
                 self._give_up(error)
 
     def write_summary(self, summary: Mapping[str, Any]) -> None:
-        """Write summary.json."""
+        """Write summary.json, whole or not at all: it says that the record is complete."""
         text = json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False)
-        (self.path / SUMMARY).write_text(text + "\n", encoding="utf-8")
+        part = self.path / f"{SUMMARY}.part"
+        part.write_text(text + "\n", encoding="utf-8")
+        part.replace(self.path / SUMMARY)
 
     def _give_up(self, error: OSError) -> None:
         self.failure = self.failure or f"cannot go on recording in {self.path}: {error.strerror or error}"

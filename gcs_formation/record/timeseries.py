@@ -109,20 +109,26 @@ def read_spool(path: Path) -> dict[str, Array]:
     """Return the columns of a spool, up to its last whole batch."""
     batches: list[pa.RecordBatch] = []
     with (
-        ipc.open_stream(pa.OSFile(str(path), "rb")) as reader,
-        suppress(pa.ArrowInvalid),
-    ):  # cut off in the middle of a batch
+        pa.OSFile(str(path), "rb") as file,
+        suppress(pa.ArrowInvalid, OSError),  # cut off in the middle of a batch, or before the first
+        ipc.open_stream(file) as reader,
+    ):
         batches.extend(reader)
     table = pa.Table.from_batches(batches, schema=SPOOL_SCHEMA)
     return {name: table.column(name).to_numpy() for name in table.column_names}
 
 
-def write_parquet(path: Path, columns: dict[str, Array]) -> None:
-    """Write the time series, phases in words."""
+def in_words(columns: Mapping[str, Array]) -> dict[str, Any]:
+    """Return the columns of a spool as the time series has them: phases in words, flags as true or false."""
     named: dict[str, Any] = dict(columns)
     named["phase"] = np.array(PHASES, dtype=object)[columns["phase"].astype(np.intp)]
     named |= {flag: columns[flag] > 0 for flag in ("active", "leads", "yielding", AIRBORNE)}
-    pq.write_table(pa.table(named), path)
+    return named
+
+
+def write_parquet(path: Path, columns: Mapping[str, Array]) -> None:
+    """Write the time series of a spool's columns."""
+    pq.write_table(pa.table(in_words(columns)), path)
 
 
 def read_parquet(path: Path) -> dict[str, Array]:

@@ -29,6 +29,7 @@ def page(run: RunData, plates: Iterable[tuple[Plate, Path]]) -> str:
         script="\n".join(asset(name) for name in SCRIPTS),
         data=as_script(embedded(run)),
         verdict=tables.verdict(summary),
+        missing=tables.missing(run.missing),
         cards=tables.cards(run),
         error_source=escape(_error_source(run)),
         followers=tables.followers(summary),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -16,7 +16,7 @@ from formation_scenario import Scenario, ScenarioError, load_scenario
 from gcs_formation.arrays import Array
 from gcs_formation.errors import RecordError
 from gcs_formation.record.flight import Columns, Flight
-from gcs_formation.record.run_directory import EVENTS, SCENARIO, SUMMARY, TIMESERIES
+from gcs_formation.record.run_directory import EVENTS, SCENARIO, SPOOL, SUMMARY, TIMESERIES
 from gcs_formation.record.summary import SCHEMA
 from gcs_formation.record.timeseries import ERROR, GROUND, MEASURED, TRUTH, flying, read_parquet
 
@@ -40,6 +40,8 @@ class RunData:
     """The clock's time at mission time 0; of the first tick where the path was never begun."""
     begun: bool
     """Whether the leader ever started along its path. If not, `flown` is everything."""
+    missing: tuple[str, ...] = ()
+    """What the record of an unfinished run lacks, in words."""
 
     @property
     def whole_time_s(self) -> Array:
@@ -71,11 +73,13 @@ def load_run(directory: Path) -> RunData:
     """Return the run recorded in a directory.
 
     Raises:
-        RecordError: it isn't the directory of a finished run, or a file of it can't be read.
+        RecordError: it isn't the directory of a run, nothing was flown, or a file of it can't be read.
     """
-    _check_finished(directory)
+    finished = _is_finished(directory)
     try:
         scenario = load_scenario(directory / SCENARIO)
+        if not finished:
+            return _unfinished(directory, scenario)
         summary = _summary(directory / SUMMARY)
         events = _events(directory / EVENTS)
         columns = read_parquet(directory / TIMESERIES)
@@ -84,14 +88,26 @@ def load_run(directory: Path) -> RunData:
     return _run_data(directory, scenario, summary, events, columns)
 
 
-def _check_finished(directory: Path) -> None:
+def _is_finished(directory: Path) -> bool:
+    """Return whether a run wrote all that it had to; what one without a summary recorded is in its spool."""
     if not directory.is_dir():
-        raise RecordError(f"found no directory {directory}; expected: the directory of a finished run")
+        raise RecordError(f"found no directory {directory}; expected: the directory of a run")
     if not (directory / SCENARIO).is_file():
-        raise RecordError(f"found no {SCENARIO} in {directory}; expected: the directory of a finished run")
-    missing = [name for name in (TIMESERIES, SUMMARY) if not (directory / name).is_file()]
-    if missing:
-        raise RecordError(f"found no {' and no '.join(missing)} in {directory}: the run hasn't finished, or it failed")
+        raise RecordError(f"found no {SCENARIO} in {directory}; expected: the directory of a run")
+    if (directory / TIMESERIES).is_file() and (directory / SUMMARY).is_file():
+        return True
+    if not (directory / SPOOL).is_file():
+        missing = [name for name in (TIMESERIES, SUMMARY) if not (directory / name).is_file()]
+        raise RecordError(f"found no {' and no '.join(missing)} in {directory}, and no {SPOOL} of an unfinished run")
+    return False
+
+
+def _unfinished(directory: Path, scenario: Scenario) -> RunData:
+    from gcs_formation.app.recover import recover  # noqa: PLC0415 - few reports need what flies
+
+    found = recover(directory, scenario)
+    run = _run_data(directory, scenario, found.summary, found.events, found.columns)
+    return replace(run, missing=found.missing)
 
 
 def _summary(path: Path) -> Mapping[str, Any]:

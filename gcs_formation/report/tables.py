@@ -71,6 +71,17 @@ def verdict(summary: Mapping[str, Any]) -> str:
     return badge(True, "all held") if not waiting else badge(None, f"none broken, {waiting} not judged")
 
 
+def missing(texts: Sequence[str]) -> str:
+    """Return what the record of an unfinished run lacks."""
+    items = "".join(f"<li>{escape(text)}</li>" for text in texts)
+    return f'<section id="missing"><h2>Missing from this record</h2><ul>{items}</ul></section>' if items else ""
+
+
+def count(value: int | None) -> str:
+    """Return a count, or a dash where it isn't known."""
+    return NONE if value is None else str(value)
+
+
 def cards(run: RunData) -> str:
     """Return the key figures."""
     summary = run.summary
@@ -83,7 +94,7 @@ def cards(run: RunData) -> str:
         _safety_card("Least clearance", safety["min_clearance_m"], limits.clearance_m),
         Card(
             "Late ticks",
-            str(control["late_ticks"]),
+            count(control["late_ticks"]),
             f"of {control['ticks']}; {number(control['rate_hz'], 0)} Hz",
         ),
         Card(
@@ -177,7 +188,7 @@ def links(summary: Mapping[str, Any]) -> str:
             *(number(link[key], 1) for key in ("measured_up_ms", "measured_down_ms")),
             _share(link["injected_loss"]),
             _share(link["measured_loss"]),
-            *(str(link[key]) for key in ("frames_in", "frames_out", "frames_bad")),
+            *(count(link[key]) for key in ("frames_in", "frames_out", "frames_bad")),
         ]
         for name, link in summary["links"].items()
     ]
@@ -201,7 +212,7 @@ def control(summary: Mapping[str, Any]) -> str:
     row = [
         number(found["rate_hz"], 1),
         str(found["ticks"]),
-        str(found["late_ticks"]),
+        count(found["late_ticks"]),
         *(number(period[key], 2) for key in ("p50", "p99", "max")),
         *(number(compute[key], 2) for key in ("p50", "p99")),
     ]

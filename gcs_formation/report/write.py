@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from gcs_formation.errors import RecordError
@@ -11,13 +12,21 @@ from gcs_formation.report.page import page
 from gcs_formation.report.run_data import load_run
 
 
-def write_report(run_dir: Path) -> Path:
-    """Write figures/*.png and report.html of a finished run into its directory; return the page's path.
+def _unsaid(text: str) -> None:
+    """Leave it to the page, which says it as well."""
+
+
+def write_report(run_dir: Path, lacks: Callable[[str], None] = _unsaid) -> Path:
+    """Write figures/*.png and report.html of a run into its directory; return the page's path.
+
+    `lacks` is called with each thing that the record of an unfinished run lacks, in words.
 
     Raises:
-        RecordError: the directory isn't that of a finished run, or it can't be read or written.
+        RecordError: the directory isn't that of a run, nothing was flown, or it can't be read or written.
     """
     run = load_run(run_dir)
+    for text in run.missing:
+        lacks(text)
     target = run_dir / REPORT
     try:
         plates = list(write_figures(run, run_dir / FIGURES))
