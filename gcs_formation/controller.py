@@ -118,6 +118,11 @@ class FormationController:
         return self._model
 
     @property
+    def lags_off(self) -> Array:
+        """(3, C) by what share lags seem to differ from the model in use, of speed, heading and height."""
+        return self.lags.misfit
+
+    @property
     def history(self) -> SetpointHistory:
         """The setpoints that were sent, and when each acts."""
         return self._history
@@ -130,9 +135,8 @@ class FormationController:
     def hear(self, column: int, sample: Sample) -> None:
         """Take a vehicle's newest sample."""
         self.estimator.update(column, sample)
-        if self.lags is not None:
-            motion = sample.airspeed_mps, sample.heading_rad, sample.height_m, sample.climb_mps
-            self.lags.hear(column, sample.stamp, motion)
+        motion = sample.airspeed_mps, sample.heading_rad, sample.height_m, sample.climb_mps
+        self.lags.hear(column, sample.stamp, motion)
 
     def hand_over(self, leader: int, swing_rad: float) -> None:
         """Make another column the leader; it heads `swing_rad` clockwise of the present one."""
@@ -169,8 +173,7 @@ class FormationController:
             self._place_virtual_leader(now)
         acts = self._acts(now, links.up_s, links.lag_s)
         tick = self.blank_tick(now, mission_time_s, phase, links)
-        if self.lags is not None:
-            self.lags.learn(tick.active & ~links.disobeying)
+        self.lags.learn(tick.active & ~links.disobeying)
         self._history.add(SentSetpoints(acts, tick.setpoints))
         if not tick.active[tick.leader]:
             tick.active[:] = False

@@ -50,6 +50,7 @@ class MarginWatch:
         self._columns = columns
         self._note = note
         self._near: set[VehicleId] = set()
+        self._lags_off: Array = np.zeros((len(CHANNELS), self.used.size))
         self._calm = Counter[tuple[VehicleId, str]]()
         predicted, shared = scenario.law.delay_compensation, dict[object, Usage]()
         self._axes = {
@@ -59,11 +60,17 @@ class MarginWatch:
             for vehicle, of_axes in law_loops(scenario, succession=True).items()
         }
 
-    def watch(self, now: Instant, leader: Vehicle | None) -> None:
+    def watch(self, now: Instant, leader: Vehicle | None, lags_off: Array) -> None:
         """Check every loop: report when it comes near its margin, and lower gains if the scenario asks for that.
 
         Only the consensus law closes a loop around the vehicle that leads.
+
+        Args:
+            now: the instant.
+            leader: who leads.
+            lags_off: (3, C) by what share each channel's lags seem to differ from those of the model in use.
         """
+        self._lags_off = lags_off
         for identity, axes in self._axes.items():
             vehicle = self._vehicles[identity]
             if vehicle is leader and self._scenario.law.type != "consensus":
@@ -75,12 +82,20 @@ class MarginWatch:
         column, delay = self._columns[vehicle.identity], self._delay(vehicle.identity)
         if self._scenario.law.on_delay == "degrade":
             self._set_bandwidth(now, vehicle, axes, delay)
-        used = max(usage.of(delay, self._of(column, axis)) for axis, usage in axes.items())
-        self.used[column] = used
+        by_delay = max(usage.of(delay, self._of(column, axis)) for axis, usage in axes.items())
+        by_lags, channel = self._by_lags(column, delay, axes)
+        self.used[column] = used = by_delay + by_lags
         self.most_used = max(self.most_used, used if math.isfinite(used) else 0.0)
         self.longest_s = float(np.fmax(self.longest_s, delay.mean_s))
-        self._say(now, vehicle, used)
-        vehicle.beyond_margin = used >= 1.0 or (vehicle.beyond_margin and used >= NEAR)
+        self._say(now, vehicle, used, channel if by_lags > by_delay else None)
+        vehicle.beyond_margin = by_delay >= 1.0 or (vehicle.beyond_margin and by_delay >= NEAR)
+
+    def _by_lags(self, column: int, delay: LoopDelay, axes: Mapping[str, Usage]) -> tuple[float, int]:
+        """Return the most that any loop uses of its margin against wrong lags, and the channel whose lags they are."""
+        off = self._lags_off[:, column].tolist()
+        return max(
+            (usage.of_lags(delay, off[channel]), channel) for axis, usage in axes.items() for channel in _channels(axis)
+        )
 
     def _let_go(self, leader: Vehicle) -> None:
         """Forget the loops of a vehicle that leads now."""
@@ -115,11 +130,17 @@ class MarginWatch:
             used = max(usage.of(delay, self._of(column, axis)) for axis, usage in axes.items())
             self._say_gains(now, vehicle, delay, used)
 
-    def _say(self, now: Instant, vehicle: Vehicle, used: float) -> None:
+    def _say(self, now: Instant, vehicle: Vehicle, used: float, channel: int | None) -> None:
+        """Say that a vehicle has come near its margin, or is clear of it; `channel`: whose lags are what takes most."""
         near = vehicle.identity in self._near
         if not near and used >= NEAR:
             self._near.add(vehicle.identity)
-            self._note(now, "delay_margin", f"uses {used:.0%} of its delay margin", vehicle, {"used": used})
+            text, details = f"uses {used:.0%} of its delay margin", dict[str, Detail](used=used)
+            if channel is not None:
+                off = float(self._lags_off[channel, self._columns[vehicle.identity]])
+                text += f": {list(CHANNELS.values())[channel]} doesn't follow as its model says, lags are {off:.0%} off"
+                details["lags_off"] = off
+            self._note(now, "delay_margin", text, vehicle, details)
         elif near and used < CLEAR:
             self._near.remove(vehicle.identity)
             self._note(now, "delay_margin", "is well inside its delay margin again", vehicle, {"used": used})

@@ -83,11 +83,10 @@ def projection(scenario: Scenario, history: SetpointHistory, model: AutopilotMod
     return Pairing(scenario.law.rate_hz) if scenario.law.type == "consensus" else AsMeasured()
 
 
-def lag_estimator(scenario: Scenario, history: SetpointHistory, model: AutopilotModel) -> LagEstimator | None:
-    """Return what keeps the lags of `model` as the vehicles fly; None where the model is to be taken as it is."""
-    if not scenario.law.lag_estimation:
-        return None
-    return LagEstimator(model, history, scenario.telemetry.rate_hz, scenario.law.rate_hz)
+def lag_estimator(scenario: Scenario, history: SetpointHistory, model: AutopilotModel) -> LagEstimator:
+    """Return what learns the vehicles' lags; `model` is given them unless the scenario wants it as it is."""
+    rates_hz = scenario.telemetry.rate_hz, scenario.law.rate_hz
+    return LagEstimator(model, history, *rates_hz, in_use=scenario.law.lag_estimation)
 
 
 def fusions(scenario: Scenario, history: SetpointHistory, model: AutopilotModel) -> dict[int, Fusion]:

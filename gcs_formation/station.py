@@ -132,7 +132,7 @@ class Station:
         """Run one tick: links, start-up, membership, setpoints, record."""
         self._schedule_tick(now)
         if self._beacon.greets(now):
-            self.margins.watch(now, self._reconfiguration.leader)
+            self.margins.watch(now, self._reconfiguration.leader, self.controller.lags_off)
             self.controller.bandwidth = self.margins.bandwidth
             self._send_all(self._beacon.greetings(self.flight.mission_time_s(now), now), now)
         self._watch_links(now)

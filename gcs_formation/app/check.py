@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -30,6 +30,8 @@ from gcs_formation.stability import (
     scenario_adjacency,
     scenario_margins,
 )
+from gcs_formation.stability.lag_margin import LAGS_OFF, lag_margin, mismatch_margin_with_lags_off
+from gcs_formation.stability.usage import STEP_S
 from gcs_formation.vehicle.families import autopilot_for
 
 NEAR = 0.8
@@ -44,6 +46,7 @@ def check_report(scenario: Scenario) -> dict[str, Any]:
         "delay_margin_s": _finite(margins.small_signal),
         "delay_margin_worst_s": _finite(margins.worst),
         "mismatch_margin_s": _finite(mismatch_margins_s(scenario)),
+        **{name: _finite(each) for name, each in asdict(lag_margins(scenario)).items()},
         "loop_delay_s": configured_loop_delay_s(scenario),
         "warnings": list(warnings(scenario, margins)),
     }
@@ -60,7 +63,11 @@ def check_text(scenario: Scenario) -> str:
     lines = [dump_scenario(scenario).rstrip(), "", *law_text(scenario)]
     lines.append(f"# loop delay as configured: {configured_loop_delay_s(scenario):.3f} s (sampling and hold included)")
     stood = ", ".join(f"{loop} {margin_s:.3f}" for loop, margin_s in mismatch_margins_s(scenario).items())
-    lines += [f"# mismatch of delay that the predicted loops stand there, s: {stood}"] if stood else []
+    if stood:
+        off, lags = lag_margins(scenario), f"with every lag up to {LAGS_OFF:.0%} off"
+        lines.append(f"# mismatch of delay that the predicted loops stand there, s: {stood}")
+        lines.append(f"# {lags}: {_listed(off.mismatch_margin_lags_off_s, '.3f')}")
+        lines.append(f"# by how much every lag may be off its model's there: {_listed(off.lag_margin, '.0%')}")
     lines.extend(f"# warning: {warning}" for warning in warnings(scenario, law_margins(scenario)))
     return "\n".join(lines)
 
@@ -90,6 +97,31 @@ def mismatch_margins_s(scenario: Scenario) -> dict[str, float]:
     for loop, loops in (each for axes in of_vehicles for each in axes):
         found[loop] = min(Usage(loops, predicted=True).margin_s(delay_s), found.get(loop, np.inf))
     return dict(sorted(found.items()))
+
+
+@dataclass(frozen=True)
+class LagMargins:
+    """What the predicted loops stand where lags aren't the model's, about the longest configured delay."""
+
+    lag_margin: dict[str, float]
+    """Share of itself by which every lag of a loop may be off."""
+    mismatch_margin_lags_off_s: dict[str, float]
+    """Mismatch of the delay with every lag up to `LAGS_OFF` off, s."""
+
+
+def lag_margins(scenario: Scenario) -> LagMargins:
+    """Return the margins against wrong lags of each predicted loop; none without prediction."""
+    found = LagMargins({}, {})
+    if not scenario.law.delay_compensation:
+        return found
+    delay_s = round(configured_loop_delay_s(scenario) / STEP_S) * STEP_S
+    for axis, loops in {each for axes in law_loops(scenario).values() for each in axes.items()}:
+        for loop in loops:
+            margin, stood_s = lag_margin(loop, delay_s), mismatch_margin_with_lags_off(loop, delay_s)
+            found.lag_margin[axis] = min(margin, found.lag_margin.get(axis, margin))
+            most_s = found.mismatch_margin_lags_off_s.get(axis, stood_s)
+            found.mismatch_margin_lags_off_s[axis] = min(stood_s, most_s)
+    return LagMargins(dict(sorted(found.lag_margin.items())), dict(sorted(found.mismatch_margin_lags_off_s.items())))
 
 
 def warnings(scenario: Scenario, margins: LawMargins) -> Iterator[str]:
@@ -191,6 +223,10 @@ def _consensus_text(scenario: Scenario) -> Iterator[str]:
     margins = consensus_margins(scenario)
     yield "# delay margin of the consensus without prediction, s:"
     yield f"#   {margins.least():.3f}: along {margins.along_s:.3f}, across {margins.across_s:.3f}"
+
+
+def _listed(margins: Mapping[str, float], form: str) -> str:
+    return ", ".join(f"{loop} {margin:{form}}" for loop, margin in margins.items())
 
 
 def _finite(margins: Mapping[str, float]) -> dict[str, float | None]:

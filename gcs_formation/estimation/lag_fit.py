@@ -116,16 +116,19 @@ class Fit(NamedTuple):
 class Channel:
     """Airspeed, heading or height of all vehicles: what was seen, and the P lags that fit it."""
 
-    def __init__(self, nodes: Nodes, columns: int, resolution: float, rate_hz: float) -> None:
-        """Start with the believed lags; `rate_hz` of telemetry."""
+    def __init__(self, nodes: Nodes, columns: int, resolution: float, rate_hz: float, *, in_use: bool) -> None:
+        """Start with the believed lags.
+
+        `rate_hz` is that of the telemetry; `in_use`: whether the lags found are, not the believed ones.
+        """
         self.nodes = nodes
         self.log_ratio: Array = np.zeros((columns, nodes.at.shape[1]))
         """(C, P) of the lags to the believed ones."""
         self.spread: Array = np.full_like(self.log_ratio, BELIEVED_SPREAD)
         """(C, P) standard deviations of these."""
         self.misfit: Array = np.zeros(columns)
-        """(C,) share by which lags seem to differ from those found, beyond chance, in what was flown last."""
-        self._resolution, self._rate_hz = resolution, rate_hz
+        """(C,) share by which lags seem to differ from those in use, beyond chance, in what was flown last."""
+        self._resolution, self._rate_hz, self._in_use = resolution, rate_hz, in_use
         self._all, self._recent = (Sums.none(columns, len(nodes.at)) for _ in range(2))
 
     def learn(self, differences: Array, counted: Mask) -> None:
@@ -136,7 +139,7 @@ class Channel:
         self._recent.add(differences, counted)
         self._all.add(differences, counted & excited)
         weights, slopes = self.nodes.weights(self.log_ratio)
-        self._judge(weights, slopes)
+        self._judge(*((weights, slopes) if self._in_use else self.nodes.weights(np.zeros_like(self.log_ratio))))
         self._fit(weights, slopes)
 
     def _fit(self, weights: Array, slopes: Array) -> None:
@@ -151,8 +154,12 @@ class Channel:
         self._all.keep(np.minimum(1.0, 1.0 / (LEAST_SPREAD**2 * np.maximum(most, 1.0))))
 
     def _judge(self, weights: Array, slopes: Array) -> None:
-        """Find by what common share the lags in use differ from those of the last flight."""
-        fit = Fit.of(self._recent, weights, slopes.sum(axis=1, keepdims=True), self._resolution, self._rate_hz)
-        information = np.maximum(fit.information[:, 0, 0], 1e-9)
-        off, chance = np.abs(fit.pull[:, 0]) / information, 1.0 / np.sqrt(information)
-        self.misfit = np.maximum(0.0, off - SIGNIFICANT * chance)
+        """Find by what common share the lags in use, those of `weights`, differ from those of the last flight."""
+        sums, slope = self._recent, slopes.sum(axis=1)
+        scatter = sums.scatter()
+        by_slope = (scatter @ slope[..., None])[..., 0]
+        excitation = np.maximum((slope * by_slope).sum(axis=1), 1e-12)
+        shown, misfit = (weights * by_slope).sum(axis=1), np.einsum("ck,ckl,cl->c", weights, scatter, weights)
+        left = np.maximum(misfit - shown**2 / excitation, 0.0) / np.maximum(sums.count, 1.0)
+        chance = np.sqrt((left + self._resolution**2) * max(1.0, CORRELATED_S * self._rate_hz) / excitation)
+        self.misfit = np.maximum(0.0, np.abs(shown) / excitation - SIGNIFICANT * chance)

@@ -33,15 +33,21 @@ class LagEstimator:
     Everyone who predicts or steers by that model reads it anew each tick.
     """
 
-    def __init__(self, model: AutopilotModel, history: SetpointHistory, telemetry_hz: float, law_hz: float) -> None:
-        """Start with the lags that `model` has; `history` holds what was told."""
+    def __init__(
+        self, model: AutopilotModel, history: SetpointHistory, telemetry_hz: float, law_hz: float, *, in_use: bool
+    ) -> None:
+        """Start with the lags that `model` has; `history` holds what was told.
+
+        Not `in_use`, the model stays as it is, and only its misfit is watched.
+        """
         self.model = model
+        self._in_use = in_use
         self._believed = AutopilotModel.of(model.table.copy())
         self._history = history
         columns = model.tau_v_s.size
         air, height = Nodes.of(5, 1), Nodes.of(4, 2)
         each = zip((air, air, height), RESOLUTION.tolist(), strict=True)
-        self.channels = tuple(Channel(nodes, columns, finest, telemetry_hz) for nodes, finest in each)
+        self.channels = tuple(Channel(nodes, columns, finest, telemetry_hz, in_use=in_use) for nodes, finest in each)
         """Airspeed, heading, height."""
         self._bank = Bank(self._believed, air.at[:, 0], height.at)
         self._ticks = max(2, round(BATCH_S * law_hz))
@@ -94,7 +100,8 @@ class LagEstimator:
             for row, (channel, motion) in enumerate(zip(self.channels, simulated, strict=True)):
                 differences = motion - seen[1:, row, :, None]
                 channel.learn(wrap(differences) if row == 1 else differences, newer & learning[row])
-            self.model.table[:4] = self._believed.table[:4] * self.ratios
+            if self._in_use:
+                self.model.table[:4] = self._believed.table[:4] * self.ratios
         self._bank.begin(~np.broadcast_to(learning, (len(self.channels), gaps.size)), seen[-1])
 
 

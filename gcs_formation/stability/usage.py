@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gcs_formation.stability.lag_margin import lag_margin
 from gcs_formation.stability.loops import Loop, delay_margin
 from gcs_formation.stability.prediction import predicted_mismatch_margin
 
@@ -18,6 +19,10 @@ STEP_S = 0.05
 """Mismatch margins are computed for whole multiples of this delay."""
 BANDWIDTHS = tuple(np.geomspace(1.0, 0.1, 33).tolist())
 """The shares to which the bandwidth may be reduced."""
+
+
+LAGS_NOTED = 0.05
+"""Lags that are less off, as a share of themselves, count as right."""
 
 
 class LoopDelay(NamedTuple):
@@ -50,6 +55,16 @@ class Usage:
             return _share(delay.mean_s, self.margin_s(delay.mean_s, bandwidth))
         mismatch_s = DEVIATIONS * delay.scatter_s
         return _share(mismatch_s, self.margin_s(delay.mean_s, bandwidth)) if mismatch_s > 0.0 else 0.0
+
+    def of_lags(self, delay: LoopDelay, off: float) -> float:
+        """Return the share of their margin against wrong lags that loops with prediction use.
+
+        `off` is by what share of itself a lag isn't the model's. Without prediction nothing goes by the model.
+        """
+        if not self._predicted or off < LAGS_NOTED or math.isnan(delay.mean_s):
+            return 0.0
+        delay_s = round(delay.mean_s / STEP_S) * STEP_S
+        return _share(off, min((lag_margin(loop, delay_s) for loop in self._loops), default=math.inf))
 
     def bandwidth(self, delay: LoopDelay, most: float) -> float:
         """Return the greatest of `BANDWIDTHS` at which no more than `most` of the margin is used; the least if none.

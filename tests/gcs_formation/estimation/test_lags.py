@@ -31,11 +31,11 @@ def wander(time_s):
     )
 
 
-def flown(ratios, seconds=30, tell=wander, learning=True, noise=(0, 0, 0), seed=1, true=None):
+def flown(ratios, seconds=30, tell=wander, learning=True, noise=(0, 0, 0), seed=1, true=None, in_use=True):
     """Return the estimator after a flight of vehicles whose lags are `ratios` times the believed ones."""
     true, count = true or models(ratios), len(ratios)
     history = SetpointHistory(1 / TICK_S)
-    lags = LagEstimator(models(np.ones((count, 4))), history, 1 / TICK_S, 1 / TICK_S)
+    lags = LagEstimator(models(np.ones((count, 4))), history, 1 / TICK_S, 1 / TICK_S, in_use=in_use)
     rows = np.array([0.0, 0.0, 100.0, 0.0, 22.0, 0.0, 0.0, 0.0])
     state, random = FlightState.of(np.repeat(rows[:, None], count, axis=1)), np.random.default_rng(seed)
     tick_ns, acting = round(TICK_S * 1e9), []
@@ -82,6 +82,12 @@ def test_beyond_half_and_twice_the_believed_lags_nothing_is_taken_and_the_misfit
     assert lags.ratios[:2] == pytest.approx(np.array(((2.0, 0.5), (2.0, 0.5))))
     assert (lags.misfit[:2] > 0.1).all()
     assert (flown(CORNERS).misfit < 0.02).all()
+
+
+def test_a_model_that_is_to_stay_stays_and_its_misfit_tells():
+    lags = flown(CORNERS, in_use=False)
+    assert (lags.model.table == lags.model.table[:, :1]).all()
+    assert lags.misfit[:2] == pytest.approx(0.3, abs=0.1)
 
 
 def test_straight_flight_teaches_nothing():
