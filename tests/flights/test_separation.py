@@ -101,3 +101,41 @@ def test_a_follower_that_passes_its_leader_comes_to_its_slot(fly: Fly) -> None:
     assert found["safety"]["violations"] == 0
     assert found["safety"]["avoidance_s"] > 2.0
     assert found["followers"]["2"]["settled_at_s"] < 50.0
+
+
+def dryden(seed: int, shape: str) -> dict[str, Any]:
+    """Return turbulence of a wind of 15 m/s in slots 12 m apart."""
+    return {
+        "seed": seed,
+        "duration_s": 40,
+        "vehicles": {"count": 4},
+        "start": {"in_air": True, "run_in_s": 10},
+        "finish": {"loiter_s": 20},
+        "path": {"speed_mps": 22, "waypoints_m": [[0, 0, 150], [3000, 0, 150]]},
+        "formation": {"shape": shape, "spacing_m": 12},
+        "disturbances": [{"kind": "dryden", "at_s": 1, "vehicles": "all", "wind_6m_mps": 15.0}],
+    }
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("seed", "shape"), [(1, "square"), (2, "line"), (4, "follower")])
+def test_heavy_turbulence_does_not_bring_near_slots_together_nor_those_that_circle(
+    fly: Fly, seed: int, shape: str
+) -> None:
+    safety = fly(**dryden(seed, shape)).to_dict()["safety"]
+    assert safety["min_separation_m"] > 5.5
+    assert safety["avoidance_s"] > 0.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("delay_ms", [0, 300])
+def test_vehicles_that_climb_a_third_as_fast_as_believed_are_kept_apart(fly: Fly, delay_ms: float) -> None:
+    """As they turn across the way of one that its pilot flies straight on, and where one doesn't respond."""
+    slow = {"vehicles": {"count": 3, "true_model": {"climb_max_mps": 1.0}}}
+    links = {"default": {"delay_ms": delay_ms}}
+    assert fly(**TURN, **slow, start=START, links=links).to_dict()["safety"]["min_separation_m"] > 6.5
+    beside = {"shape": "custom", "slots_m": {2: [5, -20, 0], 3: [-40, 40, 0]}}
+    flight = {"duration_s": 52, "path": TURN["path"], "formation": beside, "start": START}
+    for trouble in UNRESPONSIVE:
+        keys = trouble | {"links": links | trouble.get("links", {})}
+        assert fly(**flight, **slow, **keys).to_dict()["safety"]["min_separation_m"] > 5.5

@@ -172,7 +172,7 @@ def test_every_vehicle_goes_through_take_off_and_guided_to_loiter(run):
         modes = [event["text"] for event in events if event["kind"] == "mode" and event.get("vehicle") == vehicle]
         assert modes[-3:] == ["TAKEOFF", "GUIDED", "LOITER"]
     phases = [event["text"] for event in events if event["kind"] == "phase"]
-    assert phases == ["assembling", "flying", "loitering", "done"]
+    assert phases == ["assembling", "flying", "ending", "loitering", "done"]
 
 
 def test_they_land_one_after_another_where_they_took_off(tmp_path):

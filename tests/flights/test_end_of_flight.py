@@ -1,0 +1,81 @@
+"""The end of a flight: whoever doesn't hear is kept clear of, whatever ends it, and all of it is scored."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.flights.conftest import STRAIGHT, Fly
+from tests.flights.in_memory import World
+
+END_S = 12.0
+START = {"in_air": True, "run_in_s": 10}
+BESIDE = {"vehicles": {"count": 3}, "formation": {"shape": "custom", "slots_m": {2: [-5, 20, 0], 3: [-30, -30, 0]}}}
+"""Who flies straight on to the right of others crosses their circles."""
+
+
+def out(way: str, begins_s: float, ends_s: float, vehicle: int = 2) -> dict[str, Any]:
+    """Return links of which one is out for a while: `uplink`, `downlink` or both."""
+    states = [{"outage": gone} if way == "both" else {way: {"outage": gone}} for gone in (True, False)]
+    times_s = begins_s, ends_s
+    return {
+        "changes": [{"at_s": at_s, "vehicles": [vehicle]} | keys for at_s, keys in zip(times_s, states, strict=True)]
+    }
+
+
+def test_others_circle_only_where_one_that_does_not_hear_does_not_fly_straight_on(fly: Fly, tmp_path: Path) -> None:
+    """Told to loiter at once, as vehicles once were, two of them came within 1 m of each other 4.6 s later."""
+    links = out("uplink", END_S - 0.5, END_S + 9.0)
+    safety = fly(**BESIDE, duration_s=END_S, start=START, links=links).to_dict()["safety"]
+    assert safety["min_separation_m"] > 20.0
+    assert safety["violations"] == 0
+    events = [json.loads(line) for line in (tmp_path / "run" / "events.jsonl").read_text().splitlines()]
+    begins_s = {event["text"]: event["t_s"] for event in events if event["kind"] == "phase"}
+    loiters_s = [event["t_s"] for event in events if event["kind"] == "mode" and event["text"] == "LOITER"]
+    assert min(loiters_s) - begins_s["ending"] > 7.0, "10 m are climbed, or sunk, in no less"
+    assert begins_s["done"] - begins_s["loitering"] < 2.2
+
+
+@pytest.mark.parametrize(("at_once", "within_s"), [(False, 6.0), (True, 0.3)])
+def test_a_pair_that_is_stopped_loiters_after_5_s_or_at_once(at_once: bool, within_s: float) -> None:
+    world = World(vehicles={"count": 2})
+    world.fly_to(1.0)
+    world.station.stop(world.clock.now())
+    stopped_s = world.now_s
+    if at_once:
+        assert world.station.stop_at_once(world.clock.now())
+    world.run()
+    told_s = [world.times_s("mode", number, "LOITER")[0] - stopped_s for number in (1, 2)]
+    assert max(told_s) < within_s
+    assert at_once or min(told_s) > 4.5
+    assert not world.station.stop_at_once(world.clock.now())
+
+
+GEOMETRIES: dict[str, dict[str, Any]] = {
+    "beside": BESIDE,
+    "line, 15 m": {"vehicles": {"count": 4}, "formation": {"shape": "line", "spacing_m": 15}},
+    "square, 20 m": {"vehicles": {"count": 4}, "formation": {"shape": "square", "spacing_m": 20}},
+    "line, 30 m": {"vehicles": {"count": 4}, "formation": {"shape": "line", "spacing_m": 30}},
+    "triangle, 12 m": {"vehicles": {"count": 3}, "formation": {"shape": "triangle", "spacing_m": 12}},
+}
+FAULTS = ["uplink", "downlink", "both", "ignore", "crash", "restart", "pilot"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+def test_nobody_comes_near_at_the_end_whatever_fails_then(fly: Fly, geometry: str, fault: str) -> None:
+    for after_end_s in (-3.0, -0.5, 2.0, 6.0):
+        begins_s, ends_s = END_S + after_end_s, END_S + after_end_s + 8.0
+        keys: dict[str, Any] = {"links": out(fault, begins_s, ends_s)}
+        if fault not in ("uplink", "downlink", "both"):
+            lasts = {} if fault in ("crash", "restart") else {"until_s": ends_s}
+            keys = {"faults": [{"at_s": begins_s, "vehicles": [2], "kind": fault} | lasts]}
+        flight = GEOMETRIES[geometry] | keys
+        safety = fly(**flight, duration_s=END_S, start=START, finish={"loiter_s": 12}, path=STRAIGHT).to_dict()[
+            "safety"
+        ]
+        assert safety["min_separation_m"] > 7.0, f"{fault} {after_end_s} s after the end"
