@@ -35,6 +35,8 @@ from gcs_formation.record.tlog import read_tlog
 REGAINED_M = 1.0
 REGAINED_FOR_S = 10.0
 """At the end every follower has been this near its slot for so long."""
+NEAR_END_M = 30.0
+"""How near the path's end its leader has come when it is flown."""
 ROUNDING = 1e-3
 """Single precision on the wire."""
 
@@ -62,6 +64,18 @@ class Flown:
     def flying(self) -> Mask:
         """Rows between the path's beginning and the flight's end."""
         return flying(self.columns)
+
+    @property
+    def ends_s(self) -> float:
+        """Mission time of the flight's end, minus infinity where the path was never begun."""
+        return float(self.columns["mission_time_s"][self.flying].max(initial=-np.inf))
+
+    @property
+    def at_path_end(self) -> bool:
+        """Whether who leads is then at the end of the path: with the wind, that is before the time is over."""
+        last = self.flying & (self.columns["leads"] > 0) & (self.columns["mission_time_s"] >= self.ends_s)
+        apart_m = [self.columns[name][last] - self.scenario.path.waypoints_m[-1][i] for i, name in enumerate(TRUTH[:2])]
+        return bool((np.linalg.norm(apart_m, axis=0) < NEAR_END_M).any())
 
     def lost_at_s(self, vehicle: PlannedVehicle) -> float:
         """Return when a vehicle crashed, infinity if it didn't."""
@@ -156,16 +170,15 @@ def recorded(flown: Flown) -> Iterator[str]:
         steps_s = np.diff(flown.rows(vehicle)["t_s"])
         if not np.allclose(steps_s, period_s, atol=1e-6):
             yield f"recorded: vehicle {vehicle.vehicle_id} has ticks {steps_s.max():.3f} s apart, not {period_s:g}"
-    last_s = flown.columns["mission_time_s"][flown.flying].max(initial=-np.inf)
-    if last_s < flown.scenario.duration_s - 2 * period_s:
-        yield f"recorded: the flight ends at {last_s:.1f} s of {flown.scenario.duration_s:g}"
+    if flown.ends_s < flown.scenario.duration_s - 2 * period_s and not flown.at_path_end:
+        yield f"recorded: the flight ends at {flown.ends_s:.1f} s of {flown.scenario.duration_s:g}"
 
 
 def regained(flown: Flown) -> Iterator[str]:
     """When everything has been calm again for a while, every vehicle that doesn't lead is in its slot."""
     for vehicle in flown.scenario.vehicles:
         rows = flown.rows(vehicle)
-        late = (rows["mission_time_s"] > flown.scenario.duration_s - REGAINED_FOR_S) & (rows["leads"] == 0)
+        late = (rows["mission_time_s"] > flown.ends_s - REGAINED_FOR_S) & (rows["leads"] == 0)
         late &= flying(rows)
         if np.isfinite(flown.lost_at_s(vehicle)) or not late.any() or _held_up(flown, rows):
             continue

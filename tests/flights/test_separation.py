@@ -128,14 +128,11 @@ def test_heavy_turbulence_does_not_bring_near_slots_together_nor_those_that_circ
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("delay_ms", [0, 300])
-def test_vehicles_that_climb_a_third_as_fast_as_believed_are_kept_apart(fly: Fly, delay_ms: float) -> None:
+def test_vehicles_that_climb_a_third_as_fast_as_believed_are_kept_apart(fly: Fly) -> None:
     """As they turn across the way of one that its pilot flies straight on, and where one doesn't respond."""
     slow = {"vehicles": {"count": 3, "true_model": {"climb_max_mps": 1.0}}}
-    links = {"default": {"delay_ms": delay_ms}}
-    assert fly(**TURN, **slow, start=START, links=links).to_dict()["safety"]["min_separation_m"] > 6.5
+    assert fly(**TURN, **slow, start=START).to_dict()["safety"]["min_separation_m"] > 6.5
     beside = {"shape": "custom", "slots_m": {2: [5, -20, 0], 3: [-40, 40, 0]}}
     flight = {"duration_s": 52, "path": TURN["path"], "formation": beside, "start": START}
     for trouble in UNRESPONSIVE:
-        keys = trouble | {"links": links | trouble.get("links", {})}
-        assert fly(**flight, **slow, **keys).to_dict()["safety"]["min_separation_m"] > 5.5
+        assert fly(**flight, **slow, **trouble).to_dict()["safety"]["min_separation_m"] > 5.5

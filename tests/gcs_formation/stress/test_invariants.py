@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -98,3 +99,13 @@ def test_a_vehicle_that_a_delay_of_seconds_keeps_unheard_in_the_calm_need_not_be
     assert broken(with_delay(9.0, 2.0)) == []
     for heard in (with_delay(9.0, 0.4), with_delay(3.0, 2.0), with_delay(11.0, 2.0)):
         assert "regained: vehicle 3" in "\n".join(broken(heard))
+
+
+def test_a_flight_may_end_before_its_time_at_its_path_s_end_alone(sound: Flown) -> None:
+    def flown_of(**keys: Any) -> str:
+        return "\n".join(broken(replace(sound, scenario=load_scenario(scenario(duration_s=30, **keys)))))
+
+    leads = sound.flying & (sound.columns["leads"] > 0)
+    north_m = float(sound.columns["true_north_m"][leads][-1])
+    assert "recorded: the flight ends at 20.0 s of 30" in flown_of()
+    assert flown_of(path={"speed_mps": 22, "waypoints_m": [[0, 0, 100], [north_m, 0, 100]]}) == ""

@@ -1,0 +1,64 @@
+"""Least separation, from take-off to the last acknowledgement, of flights at whose end a vehicle stops responding.
+
+python -m benchmarks.endings
+"""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import gcs_formation
+
+END_S, BEGINS_S, FOR_S = 10.0, 9.5, 10.0
+GEOMETRIES: dict[str, dict[str, Any]] = {
+    "beside: 2 at (−5, 20), 3 at (−30, −30) m": {"shape": "custom", "slots_m": {2: [-5, 20, 0], 3: [-30, -30, 0]}},
+    "line, 15 m": {"shape": "line", "spacing_m": 15},
+    "square, 20 m": {"shape": "square", "spacing_m": 20},
+    "line, 30 m": {"shape": "line", "spacing_m": 30},
+}
+TROUBLES = ("none", "uplink", "both", "ignore")
+"""Of vehicle 2: its link to it is out, both ways are out, it acknowledges and ignores what it is told."""
+
+
+def scenario(formation: dict[str, Any], trouble: str) -> dict[str, Any]:
+    """Return a flight that ends half a second after the trouble begins."""
+    keys: dict[str, Any] = {
+        "duration_s": END_S,
+        "vehicles": {"count": 3 if formation["shape"] == "custom" else 4},
+        "start": {"in_air": True, "run_in_s": 8},
+        "finish": {"loiter_s": 12},
+        "path": {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [3000, 0, 100]]},
+        "formation": formation,
+    }
+    times_s = BEGINS_S, BEGINS_S + FOR_S
+    if trouble == "ignore":
+        keys["faults"] = [{"at_s": times_s[0], "until_s": times_s[1], "vehicles": [2], "kind": "ignore"}]
+    elif trouble != "none":
+        states = [{"outage": out} if trouble == "both" else {trouble: {"outage": out}} for out in (True, False)]
+        changes = [{"at_s": at_s, "vehicles": [2]} | state for at_s, state in zip(times_s, states, strict=True)]
+        keys["links"] = {"changes": changes}
+    return keys
+
+
+def flown(keys: dict[str, Any]) -> str:
+    """Return the least separation, m, and after how many seconds vehicles were told to loiter."""
+    with tempfile.TemporaryDirectory() as out:
+        summary = gcs_formation.run(keys, clock="virtual", out=Path(out) / "run").to_dict()
+        lines = (Path(out) / "run" / "events.jsonl").read_text().splitlines()
+    begins_s = {event["text"]: event["t_s"] for event in map(json.loads, lines) if event["kind"] == "phase"}
+    return f"{summary['safety']['min_separation_m']:.1f}, {begins_s['loitering'] - begins_s['ending']:.0f} s"
+
+
+def main() -> None:
+    """Print the table."""
+    print("| formation |", *(f"{trouble} |" for trouble in TROUBLES))
+    print("| --- " * (1 + len(TROUBLES)) + "|")
+    for name, formation in GEOMETRIES.items():
+        print(f"| {name} |", *(f"{flown(scenario(formation, trouble))} |" for trouble in TROUBLES), flush=True)
+
+
+if __name__ == "__main__":
+    main()
