@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from formation_scenario import Scenario, ScenarioError, load_scenario
     from gcs_formation.errors import NothingRunningError, RecordError, RunAbortedError, StationError
-    from gcs_formation.python_api import Answer, Summary, run, tell
+    from gcs_formation.python_api import Answer, Summary, run, study, tell
 
 _HOME = {
     "Answer": "gcs_formation.python_api",
@@ -21,6 +21,7 @@ _HOME = {
     "Summary": "gcs_formation.python_api",
     "load_scenario": "formation_scenario",
     "run": "gcs_formation.python_api",
+    "study": "gcs_formation.python_api",
     "tell": "gcs_formation.python_api",
 }
 
@@ -43,5 +44,6 @@ __all__ = [
     "Summary",
     "load_scenario",
     "run",
+    "study",
     "tell",
 ]

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import pyarrow as pa
 
 from airlink.cli.directory import default_directory
 from formation_scenario import Scenario, load_scenario
@@ -20,7 +23,7 @@ from gcs_formation.app.steering import STATUS
 from gcs_formation.app.steering import tell as give_order
 from gcs_formation.record.summary import Summary as RecordedSummary
 
-__all__ = ["Answer", "Summary", "run", "tell"]
+__all__ = ["Answer", "Summary", "run", "study", "tell"]
 
 
 @dataclass(frozen=True)
@@ -78,6 +81,42 @@ def run(
     if interrupts.count:
         raise KeyboardInterrupt
     return Summary(summary.figures, summary.verdicts, summary.breaches, directory)
+
+
+def study(
+    source: str | Path | Mapping[str, Any],
+    out: str | Path,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    resume: bool = False,
+    overwrite: bool = False,
+) -> pa.Table:
+    """Fly a study and return its flights, a row each: what `gcs-formation study` does.
+
+    Called from a script, it belongs below `if __name__ == "__main__":`, for its workers import that script.
+
+    Args:
+        source: a study file, or a mapping with its keys; a scenario's file in a mapping is relative to here.
+        out: the study's directory: flights.parquet, study.json and what is kept of each flight.
+        workers: local processes; default: the cores.
+        scheduler: fly on the cluster of this Dask scheduler instead, tcp://HOST:PORT.
+        resume: fly what an interrupted study in `out` lacks.
+        overwrite: replace an earlier study in `out`.
+
+    Raises:
+        ScenarioError: the study is wrong; nothing was started.
+        RecordError: `out` holds other files or another study, or it can't be written.
+        RunAbortedError: no flight can be flown any more; `resume` goes on with what was flown.
+    """
+    from gcs_formation.studies.campaign import fly_study, prepare  # noqa: PLC0415 - scipy.stats takes a second
+    from gcs_formation.studies.progress import StudyProgress  # noqa: PLC0415
+    from gcs_formation.studies.workers import Cluster, Processes  # noqa: PLC0415
+
+    planned, base = prepare(Path(source) if isinstance(source, str) else source)
+    chosen = Cluster(scheduler) if scheduler else Processes(workers or os.cpu_count() or 1)
+    with StudyProgress(quiet=True) as silent:
+        return fly_study(planned, base, Path(out), chosen, silent, resume=resume, overwrite=overwrite).table
 
 
 def tell(run_dir: str | Path, order: str) -> Answer:

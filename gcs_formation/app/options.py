@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Literal, get_args
 
 ClockName = Literal["real", "virtual"]
+Record = Literal["full", "series", "summary", "none"]
+"""What is kept of a flight: everything, all but the frames, the summary alone, nothing."""
 
 
 @dataclass(frozen=True)
@@ -24,6 +26,8 @@ class RunOptions:
     until_s: float | None = None
     overwrite: bool = False
     """Whether an earlier run in `out` may be replaced."""
+    record: Record = "full"
+    """What is written to `out`; the summary is returned in any case."""
 
     def __post_init__(self) -> None:
         """Refuse values that the command line refuses as well."""

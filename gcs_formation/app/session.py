@@ -135,7 +135,8 @@ class Session:
     def _make_summary(self, truth: GroundTruth | None, wall_s: float) -> Summary:
         spool = self.recorder.path / SPOOL
         flight = split(read_spool(spool), self.scenario, truth, self._injected.series_s())
-        write_parquet(self.recorder.path / TIMESERIES, join(flight))
+        if self.options.record in {"full", "series"}:
+            write_parquet(self.recorder.path / TIMESERIES, join(flight))
         summary = summarise(
             Outcome(
                 scenario=self.scenario,
@@ -197,7 +198,9 @@ def open_session(
     """
     leader = scenario.leader.vehicle_id if scenario.leader else None
     columns = (leader, *(vehicle.vehicle_id for vehicle in scenario.followers))
-    recorder = RunDirectory(options.out, scenario, columns, _epoch_us(clock), overwrite=options.overwrite)
+    recorder = RunDirectory(
+        options.out, scenario, columns, _epoch_us(clock), overwrite=options.overwrite, frames=options.record == "full"
+    )
     station = Station(scenario, recorder, options.until_s)
     return Session(scenario, options, clock, station, recorder, progress, interrupts, emulated)
 

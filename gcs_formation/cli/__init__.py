@@ -16,6 +16,7 @@ COMMANDS = {
     "run": Entry("gcs_formation.cli.flight", "Fly a scenario with emulated vehicles."),
     "schema": Entry("gcs_formation.cli.schema", "Print the JSON schema of scenarios, or the reference of their keys."),
     "stress": Entry("gcs_formation.cli.stress", "Fly random scenarios and look for what must never be."),
+    "study": Entry("gcs_formation.cli.study", "Fly one scenario many times, over parameters and seeds."),
     "tell": Entry("gcs_formation.cli.tell", "Give a flight under way an order."),
 }
 

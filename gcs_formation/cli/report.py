@@ -10,14 +10,18 @@ from airlink.cli.status import fail
 from gcs_formation.cli import usage
 from gcs_formation.errors import RecordError
 from gcs_formation.report import write_report
+from gcs_formation.studies.report import is_study, write_study_report
 
 
 @click.command(epilog=usage.REPORT)
 @click.argument("run_dir", type=click.Path(path_type=Path))
 def report(run_dir: Path) -> None:
-    """Draw the figures of a run, and one self-contained report.html; of one that was killed, what there is."""
+    """Draw the figures of a run or a study, and one self-contained report.html; of a killed one, what there is."""
     try:
-        page = write_report(run_dir, lambda text: click.echo(f"missing: {text}", err=True))
+        if is_study(run_dir):
+            page = write_study_report(run_dir)
+        else:
+            page = write_report(run_dir, lambda text: click.echo(f"missing: {text}", err=True))
     except RecordError as error:
         fail(str(error))
     click.echo(f"wrote {page}")

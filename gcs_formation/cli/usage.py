@@ -70,3 +70,9 @@ STRESS = _examples(
     "gcs-formation stress --hard --count 200",
     "gcs-formation stress --count 1 --seed 17 --out runs/seed-17",
 )
+STUDY = _examples(
+    "gcs-formation study delay-by-loss.yaml --out studies/delay-by-loss",
+    "gcs-formation study delay-by-loss.yaml --out studies/delay-by-loss --resume",
+    "gcs-formation study delay-by-loss.yaml --out studies/cluster --scheduler tcp://10.0.0.1:8786",
+    "gcs-formation study fly studies/delay-by-loss 17      that flight again, with its whole record",
+)

@@ -43,8 +43,9 @@ class RunDirectory:
         epoch_us: int,
         *,
         overwrite: bool = False,
+        frames: bool = True,
     ) -> None:
-        """Create the directory and its files; with `overwrite` in place of an earlier run's.
+        """Create the directory and its files; with `overwrite` in place of an earlier run's, without `frames` no log.
 
         Raises:
             RecordError: it holds other files or an earlier run, it can't be written, or another run is recording there.
@@ -65,7 +66,8 @@ class RunDirectory:
             ):
                 stale.unlink(missing_ok=True)
             (path / SCENARIO).write_text(dump_scenario(scenario), encoding="utf-8")
-            self._tlog = TlogWriter(path / TLOG, epoch_us)
+            (path / TLOG).unlink(missing_ok=True)
+            self._tlog = TlogWriter(path / TLOG, epoch_us) if frames else None
             self._spool = TickSpool(path / SPOOL, columns)
         except BlockingIOError as error:
             found = f"found another run that is recording into {path}; allowed: a directory of its own"
@@ -76,19 +78,18 @@ class RunDirectory:
             ) from error
         self.listener: Callable[[Event], None] | None = None
         """Hears every event."""
+        self._files = [file for file in (self._tlog, self._spool) if file is not None]
         self.failure: str | None = None
         """Why what comes now isn't recorded any more: the disk is full, as a rule."""
         self._next_flush = Instant(0)
 
     def frame(self, now: Instant, raw: bytes) -> None:
         """Record a frame."""
-        if self.failure is not None:
+        if self.failure is not None or self._tlog is None:
             return
         try:
             self._tlog.write(now, raw)
-            if now >= self._next_flush:
-                self._next_flush = Instant(now + round(FLUSH_S * NANOSECONDS))
-                self.flush()
+            self._flush_in_time(now)
         except OSError as error:
             self._give_up(error)
 
@@ -98,6 +99,7 @@ class RunDirectory:
             return
         try:
             self._spool.add(tick)
+            self._flush_in_time(tick.now)
         except OSError as error:
             self._give_up(error)
 
@@ -113,12 +115,17 @@ class RunDirectory:
 
     def flush(self) -> None:
         """Flush all files to the operating system."""
-        self._tlog.flush()
-        self._spool.flush()
+        for file in self._files:
+            file.flush()
+
+    def _flush_in_time(self, now: Instant) -> None:
+        if now >= self._next_flush:
+            self._next_flush = Instant(now + round(FLUSH_S * NANOSECONDS))
+            self.flush()
 
     def close(self) -> None:
         """Close the files; each is whole up to what could be written."""
-        for file in (self._tlog, self._events, self._spool):
+        for file in (*self._files, self._events):
             try:
                 file.close()
             except OSError as error:

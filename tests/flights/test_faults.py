@@ -267,6 +267,7 @@ def test_a_full_disk_ends_the_run_with_vehicles_loitering(tmp_path: Path, monkey
         nonlocal frames
         frames += 1
         if frames == 2000:
+            assert self._tlog is not None
             self._tlog._file.close()
             self._tlog._file = Full()  # type: ignore[assignment]
         frame(self, now, raw)

@@ -1,0 +1,1 @@
+"""Studies: many flights of one scenario, over parameters and seeds."""

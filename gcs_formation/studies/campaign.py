@@ -1,0 +1,161 @@
+"""Flies a study: plans, hands out flights, collects their rows, judges."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import pyarrow as pa
+
+from formation_scenario import ScenarioError
+from formation_scenario.source import Plain
+from gcs_formation.errors import RecordError
+from gcs_formation.studies.dataset import FLIGHTS, RESULT, Dataset
+from gcs_formation.studies.design import at, drawn
+from gcs_formation.studies.flight import VERSION, Task
+from gcs_formation.studies.keys import Study, base_keys, load_study
+from gcs_formation.studies.plan import Plan, Planned, Row, count_flights, replayed
+from gcs_formation.studies.verdicts import Verdict, judge
+from gcs_formation.studies.workers import Workers
+
+SCHEMA = 1
+MANY = 100_000
+"""Flights beyond which a study asks whether that many are meant."""
+TABLE_EVERY_S = 10.0
+EXTREMES = (0.0, 0.5, 1.0 - 1e-9)
+
+
+class Shown(Protocol):
+    """Shows how far a study is."""
+
+    def say(self, text: str) -> None:
+        """Show a line that stays, unless it is empty."""
+        ...
+
+    def show(self, done: int, total: int, failed: int) -> None:
+        """Show flights done, of how many at most, and how many couldn't be flown."""
+        ...
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of a study."""
+
+    table: pa.Table
+    verdicts: tuple[Verdict, ...]
+    figures: Mapping[str, Any]
+    """study.json."""
+
+    @property
+    def held(self) -> bool:
+        """Whether every expectation was kept."""
+        return all(verdict.held for verdict in self.verdicts)
+
+
+def prepare(source: Path | Mapping[str, Any]) -> tuple[Study, dict[Any, Plain]]:
+    """Return a study and its scenario's keys, after trying every parameter's values by themselves.
+
+    Raises:
+        ScenarioError: the study is wrong, or no flight of it could be flown as the scenario is.
+    """
+    study, home = load_study(source)
+    base = base_keys(study, home)
+    first = next(Plan(study).begin())
+    _task(study, base, None, first).scenario()
+    for name, parameter in study.parameters.items():
+        tried = {str(at(parameter, share)): at(parameter, share) for share in EXTREMES}
+        problems = [_problem(study, base, first, name, value) for value in tried.values()]
+        if all(problems):
+            raise problems[0] or ScenarioError([])
+    return study, base
+
+
+def fly_study(
+    study: Study, base: Mapping[Any, Plain], out: Path, workers: Workers, shown: Shown, *, resume: bool, overwrite: bool
+) -> Outcome:
+    """Fly what a study lacks, and judge it.
+
+    Raises:
+        RecordError: `out` holds other files or another study, or it can't be written.
+        RunAbortedError: no flight can be flown any more; what was flown is kept.
+    """
+    began = time.perf_counter()
+    with Dataset(out, study, base, resume=resume, overwrite=overwrite) as data:
+        plan, total = Plan(study), count_flights(study)
+        tasks = deque(_task(study, base, out, planned) for planned in replayed(plan, data.rows.values()))
+        failed = sum(row["exit"] > 1 for row in data.rows.values())
+        written = time.perf_counter()
+        try:
+            with workers:
+                shown.say(workers.where)
+                for row in workers.rows(tasks):
+                    data.add(row)
+                    following = plan.after(row)
+                    if following is not None:
+                        tasks.append(_task(study, base, out, following))
+                    failed += row["exit"] > 1
+                    shown.show(len(data.rows), total, failed)
+                    if time.perf_counter() - written > TABLE_EVERY_S:
+                        data.write_table()
+                        written = time.perf_counter()
+        finally:
+            made = data.write_table()
+        return _conclude(plan, data, made, time.perf_counter() - began)
+
+
+def refly_task(planned: Planned, study: Study, base: Mapping[Any, Plain], out: Path) -> Task:
+    """Return a flight of a study as a task whose whole record is kept in `out`."""
+    return Task(planned, base, study.set, study.measured, "full", str(out), study.until_s)
+
+
+def planned_of(study: Study, row: Row) -> Planned:
+    """Return the flight that a row is of."""
+    names = [*study.parameters, *([study.bisect.parameter] if study.bisect else [])]
+    return Planned(int(row["flight"]), int(row["seed"]), {name: row[name] for name in names if name in row})
+
+
+def _task(study: Study, base: Mapping[Any, Plain], out: Path | None, planned: Planned) -> Task:
+    kept = out is not None and study.record != "none"
+    directory = str(out / FLIGHTS / f"{planned.flight:06d}") if out is not None and kept else None
+    return Task(planned, base, study.set, study.measured, study.record, directory, study.until_s)
+
+
+def _problem(study: Study, base: Mapping[Any, Plain], first: Planned, name: str, value: object) -> ScenarioError | None:
+    sample: dict[str, Any] = {**drawn(study, 0), **first.parameters, name: value}
+    try:
+        _task(study, base, None, first._replace(parameters=sample)).scenario()
+    except ScenarioError as error:
+        return error
+    return None
+
+
+def _conclude(plan: Plan, data: Dataset, made: pa.Table, wall_s: float) -> Outcome:
+    study, rows = plan.study, [data.rows[flight] for flight in sorted(data.rows)]
+    verdicts = tuple(judge(wanted, rows) for wanted in study.expect)
+    exits = {str(status): sum(row["exit"] == status for row in rows) for status in range(4)}
+    figures: dict[str, Any] = {
+        "schema": SCHEMA,
+        "name": study.name,
+        "version": VERSION,
+        "flights": len(rows),
+        "exits": exits,
+        "wall_s": wall_s,
+        "flights_wall_s": sum(row["wall_s"] or 0.0 for row in rows),
+        "flights_cpu_s": sum(row["cpu_s"] or 0.0 for row in rows),
+        "expect": [verdict.to_dict() for verdict in verdicts],
+    }
+    if study.bisect is not None:
+        figures["bisect"] = [
+            {"seed": first.seed, **first.parameters, study.bisect.parameter: None, **crossing._asdict()}
+            for first, crossing in plan.crossings()
+        ]
+    try:
+        (data.path / RESULT).write_text(json.dumps(figures, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise RecordError(f"cannot write {data.path / RESULT}: {error.strerror or error}") from error
+    return Outcome(made, verdicts, figures)

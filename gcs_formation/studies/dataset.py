@@ -1,0 +1,178 @@
+"""A study's directory: a journal of rows as flights end, and the table that is made of it.
+
+The journal is appended to and flushed, so that whatever ends the study costs no finished flight; the table is written
+anew and put in place at once.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+import yaml
+
+from airlink.cli.directory import refusal
+from formation_scenario.source import Dumper, Plain
+from gcs_formation.errors import RecordError
+from gcs_formation.studies.flight import VERSION
+from gcs_formation.studies.keys import Study
+from gcs_formation.studies.plan import columns_of
+
+STUDY = "study.yaml"
+JOURNAL = "flights.jsonl"
+TABLE = "flights.parquet"
+RESULT = "study.json"
+FLIGHTS = "flights"
+
+
+class Dataset:
+    """The rows of a study on disk."""
+
+    def __init__(self, path: Path, study: Study, base: Mapping[Any, Plain], *, resume: bool, overwrite: bool) -> None:
+        """Open the directory of a study.
+
+        Raises:
+            RecordError: it has other files, or the study there is another one, or it can't be written.
+        """
+        self.path, self.study = path, study
+        plan = {
+            "study": study.model_dump(mode="json", by_alias=True, exclude_none=True),
+            "base": dict(base),
+            "version": VERSION,
+        }
+        try:
+            if resume:
+                self._check_same(plan)
+            elif (refused := refusal(path, overwrite=overwrite, mark=STUDY)) is not None:
+                raise RecordError(f"{refused}; or --resume, which flies what a study lacks")
+            else:
+                path.mkdir(parents=True, exist_ok=True)
+                for name in (JOURNAL, TABLE, RESULT):
+                    (path / name).unlink(missing_ok=True)
+                (path / STUDY).write_text(_text(plan), encoding="utf-8")
+            self.rows = {int(row["flight"]): row for row in read_journal(path)}
+            self._journal = (path / JOURNAL).open("a", encoding="utf-8")
+            self._end_torn_line()
+        except OSError as error:
+            raise RecordError(f"cannot write the study's directory {path}: {error.strerror or error}") from error
+
+    def __enter__(self) -> Self:
+        """Return itself."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close the journal."""
+        self._journal.close()
+
+    def add(self, row: Mapping[str, Any]) -> None:
+        """Add a flight's row, unless it is there already.
+
+        Raises:
+            RecordError: it can't be written; those before are kept.
+        """
+        if int(row["flight"]) in self.rows:
+            return
+        try:
+            self._journal.write(json.dumps(row, ensure_ascii=False, allow_nan=False) + "\n")
+            self._journal.flush()
+        except OSError as error:
+            raise RecordError(f"cannot go on writing to {self.path}: {error.strerror or error}") from error
+        self.rows[int(row["flight"])] = dict(row)
+
+    def write_table(self) -> pa.Table:
+        """Write flights.parquet, in the flights' order; return it.
+
+        Raises:
+            RecordError: it can't be written.
+        """
+        made = table(self.study, [self.rows[flight] for flight in sorted(self.rows)])
+        fresh = self.path / f"{TABLE}.new"
+        try:
+            pq.write_table(made, fresh)
+            fresh.replace(self.path / TABLE)
+        except OSError as error:
+            fresh.unlink(missing_ok=True)
+            raise RecordError(f"cannot write {self.path / TABLE}: {error.strerror or error}") from error
+        return made
+
+    def _check_same(self, plan: Mapping[str, Any]) -> None:
+        before = read_plan(self.path)
+        changed = [part for part in ("study", "base", "version") if _text(before[part]) != _text(plan[part])]
+        if changed:
+            where = {"study": "the study file", "base": "its scenario", "version": f"the version, now {VERSION}"}
+            found = f"found another study in {self.path}: {' and '.join(where[part] for part in changed)} changed"
+            raise RecordError(f"{found}; allowed with --resume: the same; else another directory, or --overwrite")
+
+    def _end_torn_line(self) -> None:
+        """End a line that was cut off, so that the next row begins on its own."""
+        written = (self.path / JOURNAL).read_bytes()
+        if written and not written.endswith(b"\n"):
+            self._journal.write("\n")
+
+
+def read_plan(path: Path) -> dict[str, Any]:
+    """Return study, scenario and version of a study's directory.
+
+    Raises:
+        RecordError: it isn't one.
+    """
+    try:
+        return yaml.safe_load((path / STUDY).read_text(encoding="utf-8"))
+    except (OSError, yaml.YAMLError) as error:
+        raise RecordError(f"found no study in {path}; expected: a directory that `study --out` wrote") from error
+
+
+def read_journal(path: Path) -> Iterator[dict[str, Any]]:
+    """Yield the rows of a study's directory, without one that was cut off."""
+    if not (path / JOURNAL).is_file():
+        return
+    for line in (path / JOURNAL).read_text(encoding="utf-8", errors="replace").splitlines():
+        try:
+            row: Any = json.loads(line)
+        except json.JSONDecodeError:
+            continue
+        if isinstance(row, dict) and "flight" in row:
+            yield row
+
+
+def table(study: Study, rows: Sequence[Mapping[str, Any]]) -> pa.Table:
+    """Return rows as a table; parameters that are no numbers are text, in YAML."""
+    parameters = {name: _column(name, rows) for name in columns_of(study)}
+    figures = {name: pa.array([row[name] for row in rows], pa.float64()) for name in study.measured}
+    return pa.table(
+        {
+            "flight": pa.array([row["flight"] for row in rows], pa.int64()),
+            "seed": pa.array([row["seed"] for row in rows], pa.int64()),
+            **parameters,
+            **figures,
+            "exit": pa.array([row["exit"] for row in rows], pa.int64()),
+            "wall_s": pa.array([row["wall_s"] for row in rows], pa.float64()),
+            "cpu_s": pa.array([row["cpu_s"] for row in rows], pa.float64()),
+            "version": pa.array([row["version"] for row in rows], pa.string()),
+            "words": pa.array([row["words"] for row in rows], pa.string()),
+        }
+    )
+
+
+def _column(name: str, rows: Sequence[Mapping[str, Any]]) -> Any:  # noqa: ANN401 - an array of pyarrow
+    values = [row.get(name) for row in rows]
+    if all(value is None or isinstance(value, bool) for value in values):
+        return pa.array(values, pa.bool_())
+    if all(value is None or (isinstance(value, int | float) and not isinstance(value, bool)) for value in values):
+        return pa.array([None if value is None else float(value) for value in values], pa.float64())
+    return pa.array([value if isinstance(value, str) else _inline(value) for value in values], pa.string())
+
+
+def _inline(value: object) -> str:
+    return yaml.dump(value, Dumper=Dumper, default_flow_style=True, width=10**6).removesuffix("\n...\n").strip()
+
+
+def _text(plan: object) -> str:
+    return yaml.dump(json.loads(json.dumps(plan)), Dumper=Dumper, sort_keys=False, allow_unicode=True)

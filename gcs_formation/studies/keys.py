@@ -1,0 +1,219 @@
+"""Keys of a study file, and loading them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self, TypeAlias
+
+from pydantic import Field, ValidationError, model_validator
+from pydantic_core import PydanticCustomError
+
+from formation_scenario import ScenarioError
+from formation_scenario.describe import problems_of
+from formation_scenario.expectation import METRICS, Metric
+from formation_scenario.fields import Allowed, Fraction, Keys, Name, Number, Positive
+from formation_scenario.source import Plain, Source, plain_mapping, read_file
+from gcs_formation.app.options import Record
+
+MOST_VALUES = 10_000
+Value: TypeAlias = Any
+"""Any value that YAML has."""
+
+
+class Range(Keys):
+    """Evenly spaced values, both ends included."""
+
+    range: Annotated[
+        tuple[Number, Number, Annotated[int, Field(ge=1, le=MOST_VALUES)]], Allowed("[first, last, how many]")
+    ] = Field(description="first, last, how many", examples=[[0, 500, 6]])
+
+
+class Uniform(Keys):
+    """A uniform distribution."""
+
+    uniform: Annotated[tuple[Number, Number], Allowed("[least, most]")] = Field(description="least, most")
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        return _rising(self, *self.uniform)
+
+
+class Normal(Keys):
+    """A normal distribution."""
+
+    normal: Annotated[tuple[Number, Positive], Allowed("[mean, standard deviation > 0]")] = Field(
+        description="mean, standard deviation"
+    )
+
+
+class LogUniform(Keys):
+    """A distribution whose logarithm is uniform."""
+
+    log_uniform: Annotated[tuple[Positive, Positive], Allowed("[least > 0, most]")] = Field(description="least, most")
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        return _rising(self, *self.log_uniform)
+
+
+Distribution = Uniform | Normal | LogUniform
+Values = Annotated[list[Any], Field(min_length=1, max_length=MOST_VALUES)]
+Parameter = Annotated[
+    Values | Range | Uniform | Normal | LogUniform,
+    Allowed(
+        "a list of values that isn't empty, {range: [first, last, how many]}, {uniform: [least, most]}, "
+        "{normal: [mean, sigma]} or {log_uniform: [least, most]}"
+    ),
+]
+
+
+class Seeds(Keys):
+    """The seeds with which every sample is flown."""
+
+    first: Annotated[int, Field(strict=True, ge=0, le=2**62)] = Field(default=1, description="the first seed")
+    count: Annotated[int, Field(strict=True, ge=1, le=10**6)] = Field(
+        default=1, description="how many, one after another"
+    )
+
+
+class Wanted(Keys):
+    """A bound that a share of the flights must keep."""
+
+    metric: Metric = Field(description="a figure of the flights")
+    below: Number | None = Field(default=None, description="it must be smaller")
+    above: Number | None = Field(default=None, description="it must be larger")
+    share: Fraction = Field(default=1.0, description="of the flights, at least")
+    confidence: Annotated[Fraction, Field(gt=0.0, lt=1.0)] = Field(
+        default=0.95, description="of the interval that is stated for the share (Clopper and Pearson)"
+    )
+    where: dict[str, Any] = Field(default={}, description="only flights whose parameters have these values")
+
+    @model_validator(mode="after")
+    def _bounded(self) -> Self:
+        return _one_bound(self, self.below, self.above)
+
+
+class Bisection(Keys):
+    """Searches the value of a parameter at which a figure crosses its bound, for every sample and seed."""
+
+    parameter: str = Field(description="a dotted key of the scenario, whose value is a number")
+    low: Number = Field(description="a value at which the bound should be kept")
+    high: Number = Field(description="a value at which it should be broken")
+    tolerance: Positive = Field(description="how near the two ends come to each other")
+    metric: Metric = Field(description="a figure of the flights")
+    below: Number | None = Field(default=None, description="it is kept while it is smaller")
+    above: Number | None = Field(default=None, description="it is kept while it is larger")
+
+    @model_validator(mode="after")
+    def _bounded(self) -> Self:
+        _rising(self, self.low, self.high)
+        return _one_bound(self, self.below, self.above)
+
+    @property
+    def most_flights(self) -> int:
+        """The flights that a search takes at most."""
+        return 2 + max(0, math.ceil(math.log2((self.high - self.low) / self.tolerance)))
+
+
+class Study(Keys):
+    """Many flights of one scenario."""
+
+    schema_: Literal[1] = Field(default=1, alias="schema", description="version of these keys")
+    name: Name = Field(default="study", description="name of the study; the file's by default")
+    base: Annotated[str | dict[str, Any], Allowed("a scenario's file, relative to the study's, or its keys")] = Field(
+        description="the scenario: a file, relative to the study's, or its keys"
+    )
+    set: dict[str, Any] = Field(default={}, description="keys of the scenario that all flights have, as --set")
+    parameters: Annotated[Mapping[str, Parameter], Allowed("a mapping of dotted keys to values")] = Field(
+        default={}, description="dotted keys of the scenario and their values"
+    )
+    design: Literal["grid", "one_at_a_time", "random", "latin_hypercube", "sobol"] = Field(
+        default="grid",
+        description="grid: every combination; one_at_a_time: the first value of each, and each varied alone; "
+        "random, latin_hypercube, sobol: `samples` points (scipy.stats.qmc)",
+    )
+    samples: Annotated[int, Field(strict=True, ge=1, le=10**7)] = Field(default=100, description="for the last three")
+    seeds: Seeds = Seeds()
+    metrics: Annotated[tuple[Metric, ...], Field(min_length=1)] = Field(
+        default=("error_x_m.rms", "error_y_m.rms", "error_z_m.rms", "min_separation_m", "settled_at_s"),
+        description="figures of each flight, as in the scenario's `expect`; of several vehicles the worst",
+    )
+    record: Record = Field(default="summary", description="what is kept of each flight")
+    until_s: Positive | None = Field(default=None, description="end every flight at this mission time")
+    bisect: Bisection | None = Field(default=None, description="search a bound's crossing instead of flying each once")
+    expect: tuple[Wanted, ...] = Field(default=(), description="exit status 1 if one is broken")
+
+    @property
+    def measured(self) -> tuple[str, ...]:
+        """All figures that are taken of each flight."""
+        others = [each.metric for each in self.expect] + ([self.bisect.metric] if self.bisect else [])
+        return tuple(dict.fromkeys([*self.metrics, *others]))
+
+
+def study_schema() -> dict[str, Any]:
+    """Return the JSON schema (draft 2020-12) of a study file."""
+    generated = Study.model_json_schema(by_alias=True)
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **generated,
+        "title": "Study of formation flights",
+    }
+
+
+def load_study(source: Path | Mapping[str, Any]) -> tuple[Study, Path]:
+    """Return a study, and the directory that its scenario's file is relative to.
+
+    Raises:
+        ScenarioError: it can't be read, or has values that aren't allowed.
+    """
+    if isinstance(source, Mapping):
+        read, home = Source(None, plain_mapping(source)), Path()
+    else:
+        read, home = read_file(source), source.parent
+        read.data.setdefault("name", source.stem)
+    try:
+        study = Study.model_validate(read.data)
+    except ValidationError as error:
+        raise ScenarioError(problems_of(error, Study, read)) from error
+    return study, home
+
+
+def base_keys(study: Study, home: Path) -> dict[Any, Plain]:
+    """Return the keys of the study's scenario.
+
+    Raises:
+        ScenarioError: its file can't be read.
+    """
+    if isinstance(study.base, str):
+        found = read_file(home / study.base).data
+        found.setdefault("name", Path(study.base).stem)
+        return found
+    return plain_mapping(study.base)
+
+
+def _rising(made: Any, low: float, high: float) -> Any:  # noqa: ANN401 - any of the groups
+    if low >= high:
+        raise PydanticCustomError("empty", "empty range")
+    return made
+
+
+def _one_bound(made: Any, below: float | None, above: float | None) -> Any:  # noqa: ANN401 - any of the groups
+    if below is None and above is None:
+        raise PydanticCustomError("bound", "no bound")
+    return made
+
+
+__all__ = [
+    "METRICS",
+    "Bisection",
+    "Distribution",
+    "Range",
+    "Record",
+    "Study",
+    "Value",
+    "Wanted",
+    "base_keys",
+    "load_study",
+]

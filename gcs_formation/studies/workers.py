@@ -1,0 +1,193 @@
+"""Where flights are flown: processes of this machine, or a cluster of Dask. Each flight counts once, whatever dies."""
+
+from __future__ import annotations
+
+import multiprocessing
+import signal
+from collections import Counter, deque
+from collections.abc import Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from types import TracebackType
+from typing import Any, Protocol, Self
+
+from gcs_formation.errors import RunAbortedError
+from gcs_formation.studies.flight import VERSION, Task, fly, lost
+
+TRIES = 3
+"""A flight with which this many workers died isn't flown again."""
+AHEAD = 2
+"""Flights for each worker that are handed out: one flown, one waiting."""
+ANSWER_S = 10.0
+"""In which a scheduler must answer."""
+
+
+class Workers(Protocol):
+    """Flies tasks, in whatever order."""
+
+    def __enter__(self) -> Self:
+        """Start."""
+        ...
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Give up what isn't flown yet."""
+        ...
+
+    @property
+    def where(self) -> str:
+        """Where else one can see what they do, in words; "" for nowhere. Known once they are started."""
+        ...
+
+    def rows(self, tasks: deque[Task]) -> Iterator[dict[str, Any]]:
+        """Yield the row of each task as it ends; the caller may add tasks meanwhile.
+
+        Raises:
+            RunAbortedError: no flight can be flown any more.
+        """
+        ...
+
+
+class Processes:
+    """Processes of this machine, each reused for many flights."""
+
+    def __init__(self, count: int) -> None:
+        """Use `count` of them."""
+        self._count = count
+
+    def __enter__(self) -> Self:
+        """Start them."""
+        self._pool = self._new_pool()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """End them: at once where the study was given up."""
+        processes = list(self._pool._processes.values()) if kind is not None else []
+        self._pool.shutdown(wait=kind is None, cancel_futures=True)
+        for process in processes:
+            process.kill()
+
+    @property
+    def where(self) -> str:
+        """Nowhere else than in the progress."""
+        return ""
+
+    def rows(self, tasks: deque[Task]) -> Iterator[dict[str, Any]]:
+        """Yield the rows. A killed process takes all that were handed out with it: they are flown again."""
+        flying, deaths = dict[Future[dict[str, Any]], Task](), Counter[int]()
+        while tasks or flying:
+            while tasks and len(flying) < AHEAD * self._count:
+                task = tasks.popleft()
+                flying[self._pool.submit(fly, task)] = task
+            done, _ = wait(flying, return_when=FIRST_COMPLETED)
+            broken = [flying.pop(future) for future in done if _died(future)]
+            yield from (future.result() for future in done if flying.pop(future, None) is not None)
+            if broken:
+                broken += flying.values()
+                flying.clear()
+                self._pool = self._new_pool()
+                yield from _again(broken, deaths, tasks)
+
+    def _new_pool(self) -> ProcessPoolExecutor:
+        context = multiprocessing.get_context("forkserver")
+        context.set_forkserver_preload(["gcs_formation.studies.flight"])
+        return ProcessPoolExecutor(self._count, context, _ignore_interrupts)
+
+
+def _ignore_interrupts() -> None:
+    """Leave Ctrl-C to the process that collects the rows."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _died(future: Future[dict[str, Any]]) -> bool:
+    return isinstance(future.exception(), BrokenProcessPool)
+
+
+def _again(broken: Iterable[Task], deaths: Counter[int], tasks: deque[Task]) -> Iterator[dict[str, Any]]:
+    """Queue tasks whose worker died, first of all; yield the row of one that has been tried often enough."""
+    for task in broken:
+        deaths[task.planned.flight] += 1
+        if deaths[task.planned.flight] < TRIES:
+            tasks.appendleft(task)
+        else:
+            yield lost(task, f"the process that flew it was ended from outside, {TRIES} times")
+
+
+class Cluster:
+    """The workers of a Dask scheduler (docs.dask.org, `distributed`)."""
+
+    def __init__(self, address: str) -> None:
+        """Use those of the scheduler at `address`, tcp://HOST:PORT."""
+        self._address = address
+
+    def __enter__(self) -> Self:
+        """Connect.
+
+        Raises:
+            RunAbortedError: `distributed` isn't installed, no scheduler answers, or its workers have another version.
+        """
+        try:
+            from distributed import Client  # noqa: PLC0415 - an extra
+        except ImportError as error:
+            raise RunAbortedError("--scheduler needs Dask: pip install 'gcs-formation[study]'") from error
+        try:
+            self._client: Any = Client(self._address, timeout=ANSWER_S)
+        except (OSError, TimeoutError, ValueError) as error:
+            raise RunAbortedError(f"no Dask scheduler answers at {self._address}: {error}") from error
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Disconnect; the scheduler forgets what isn't flown yet."""
+        self._client.close()
+
+    @property
+    def where(self) -> str:
+        """Where Dask shows what its workers do."""
+        return f"Dask's dashboard: {self._client.dashboard_link}"
+
+    def rows(self, tasks: deque[Task]) -> Iterator[dict[str, Any]]:
+        """Yield the rows. Dask flies a flight again whose worker died; one that a restarted scheduler forgot, we do."""
+        from distributed import as_completed  # noqa: PLC0415 - an extra
+        from distributed.client import FutureCancelledError  # noqa: PLC0415
+        from distributed.scheduler import KilledWorker  # noqa: PLC0415
+
+        self._check_versions()
+        flying, deaths = dict[Any, Task](), Counter[int]()
+        ended: Any = as_completed(with_results=False, raise_errors=False)
+        while tasks or flying:
+            while tasks and len(flying) < AHEAD * max(1, self._threads()):
+                task = tasks.popleft()
+                future = self._client.submit(fly, task, pure=False, retries=TRIES)
+                flying[future] = task
+                ended.add(future)
+            future: Any = next(ended)
+            task = flying.pop(future)
+            try:
+                yield future.result()
+            except (FutureCancelledError, KilledWorker):
+                yield from _again([task], deaths, tasks)
+
+    def _threads(self) -> int:
+        return sum(self._client.nthreads().values())
+
+    def _check_versions(self) -> None:
+        """Refuse workers of another version, whose flights would be other flights.
+
+        Raises:
+            RunAbortedError: found one, or no worker at all.
+        """
+        found: dict[str, str] = self._client.run(_version)
+        if not found:
+            raise RunAbortedError(f"the Dask scheduler at {self._address} has no workers")
+        for worker, theirs in found.items():
+            if theirs != VERSION:
+                raise RunAbortedError(f"the Dask worker {worker} has gcs-formation {theirs}; here it is {VERSION}")
+
+
+def _version() -> str:
+    return VERSION

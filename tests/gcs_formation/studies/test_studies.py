@@ -1,0 +1,297 @@
+"""Studies: designs, searches, resuming, verdicts; a few real flights."""
+
+import json
+import os
+import signal
+from collections import Counter, deque
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from click.testing import CliRunner
+from jsonschema import Draft202012Validator
+from scipy.stats import binom
+
+from formation_scenario import ScenarioError
+from gcs_formation.cli import main
+from gcs_formation.studies.campaign import prepare
+from gcs_formation.studies.dataset import Dataset, read_journal
+from gcs_formation.studies.design import count_samples, drawn, samples
+from gcs_formation.studies.flight import Task, figure, fly
+from gcs_formation.studies.keys import Study, load_study, study_schema
+from gcs_formation.studies.plan import Plan, Planned, count_flights, replayed
+from gcs_formation.studies.verdicts import clopper_pearson, judge
+from gcs_formation.studies.workers import Cluster, Processes
+
+SCENARIO = {
+    "vehicles": {"count": 2},
+    "start": {"in_air": True},
+    "duration_s": 3,
+    "path": {"waypoints_m": [[0, 0, 100], [4000, 0, 100]]},
+}
+DELAY, LOSS = "links.default.delay_ms", "links.default.loss"
+
+
+def study(**keys):
+    return load_study({"base": SCENARIO, **keys})[0]
+
+
+def row(planned, **values):
+    return {"flight": planned.flight, "seed": planned.seed, **planned.parameters, "exit": 0, **values}
+
+
+def test_a_grid_is_every_combination_with_every_seed():
+    grid = study(parameters={DELAY: [0, 100], LOSS: {"range": [0.0, 0.1, 3]}}, seeds={"first": 5, "count": 2})
+    flights = list(Plan(grid).begin())
+    assert [each.flight for each in flights] == list(range(12))
+    assert Counter(each.seed for each in flights) == {5: 6, 6: 6}
+    assert len({(*each.parameters.values(), each.seed) for each in flights}) == 12
+    assert {each.parameters[LOSS] for each in flights} == {0.0, 0.05, 0.1}
+
+
+def test_one_at_a_time_varies_each_parameter_around_the_first_values():
+    each = samples(study(parameters={DELAY: [0, 100, 300], LOSS: [0.0, 0.1]}, design="one_at_a_time"))
+    assert [tuple(sample.values()) for sample in each] == [(0, 0.0), (100, 0.0), (300, 0.0), (0, 0.1)]
+
+
+@pytest.mark.parametrize("design", ["random", "latin_hypercube", "sobol"])
+def test_points_follow_the_distributions(design):
+    """Means and quantiles of 512 points; a Latin hypercube has one in each of 512 slices."""
+    wide = {"uniform": [0.0, 0.2]}, {"normal": [100.0, 10.0]}, {"log_uniform": [1.0, 100.0]}, ["a", "b"]
+    planned = study(parameters=dict(zip("uvwx", wide, strict=True)), design=design, samples=512)
+    u, v, w = (np.array([sample[name] for sample in samples(planned)]) for name in "uvw")
+    assert [u.mean(), v.mean(), v.std(), np.median(w)] == pytest.approx([0.1, 100.0, 10.0, 10.0], rel=0.15)
+    assert 150 < [sample["x"] for sample in samples(planned)].count("a") < 362
+    if design == "latin_hypercube":
+        assert sorted((u / 0.2 * 512).astype(int)) == list(range(512))
+    assert samples(planned) == samples(planned)
+
+
+def test_a_distribution_in_a_grid_is_drawn_for_each_flight_and_the_same_again():
+    mixed = study(parameters={DELAY: [0, 100], LOSS: {"uniform": [0.0, 0.1]}}, seeds={"count": 3})
+    losses = [each.parameters[LOSS] for each in Plan(mixed).begin()]
+    assert len(set(losses)) == 6
+    assert all(0.0 <= loss <= 0.1 for loss in losses)
+    assert drawn(mixed, 4)[LOSS] == losses[4]
+
+
+def test_counts_are_known_without_planning():
+    huge = study(parameters={DELAY: {"range": [0, 1, 10_000]}, LOSS: {"range": [0, 1, 1000]}}, seeds={"count": 10})
+    assert (count_samples(huge), count_flights(huge)) == (10**7, 10**8)
+
+
+SEARCH = {"parameter": DELAY, "low": 0, "high": 1000, "tolerance": 10, "metric": "error_x_m.max", "below": 1.0}
+
+
+def searched(plan, breaks_at):
+    """Fly a search whose error is below 1 m up to a delay."""
+    flown, waiting = [], deque(plan.begin())
+    while waiting:
+        planned = waiting.popleft()
+        delay = planned.parameters[DELAY]
+        flown.append(row(planned, **{"error_x_m.max": 0.5 if delay < breaks_at[planned.seed] else 2.0}))
+        following = plan.after(flown[-1])
+        if following is not None:
+            waiting.append(following)
+    return flown
+
+
+def test_a_search_finds_where_the_bound_breaks_in_as_few_flights_as_halving_takes():
+    plan = Plan(study(bisect=SEARCH, seeds={"count": 2}))
+    flown = searched(plan, breaks_at={1: 437.0, 2: 12.0})
+    assert len(flown) <= count_flights(plan.study) == 2 * 9
+    assert len({each["flight"] for each in flown}) == len(flown)
+    for first, crossing in plan.crossings():
+        assert crossing.kept is not None
+        assert crossing.broken is not None
+        assert crossing.kept < {1: 437.0, 2: 12.0}[first.seed] <= crossing.broken
+        assert crossing.broken - crossing.kept <= 10
+
+
+@pytest.mark.parametrize(("breaks_at", "expected"), [(-1.0, (None, 0.0)), (2000.0, (1000.0, None))])
+def test_a_search_says_when_the_bound_breaks_at_once_or_never(breaks_at, expected):
+    plan = Plan(study(bisect=SEARCH))
+    flown = searched(plan, breaks_at={1: breaks_at})
+    assert len(flown) == (1 if breaks_at < 0 else 2)
+    assert [tuple(crossing) for _, crossing in plan.crossings()] == [expected]
+
+
+def test_a_search_goes_on_from_any_part_of_its_rows():
+    planned = study(bisect=SEARCH, seeds={"count": 2})
+    whole = searched(Plan(planned), breaks_at={1: 437.0, 2: 700.0})
+    for kept in range(len(whole)):
+        plan = Plan(planned)
+        left = replayed(plan, whole[:kept])
+        again = {each["flight"]: each for each in whole}
+        assert all(each.parameters == {DELAY: again[each.flight][DELAY]} for each in left)
+
+
+def test_shares_are_judged_with_clopper_and_pearson_s_interval():
+    """Its ends are where the binomial tail has half of what is left of the confidence."""
+    low, high = clopper_pearson(95, 100, 0.95)
+    assert binom.sf(94, 100, low) == pytest.approx(0.025)
+    assert binom.cdf(95, 100, high) == pytest.approx(0.025)
+    assert clopper_pearson(10, 10, 0.95)[0] == pytest.approx(0.025**0.1)
+    wanted = study(expect=[{"metric": "min_separation_m", "above": 10, "share": 0.75, "where": {DELAY: 300}}]).expect[0]
+    rows = [{DELAY: delay, "min_separation_m": s, "exit": e} for delay, s, e in
+            [(300, 11, 0), (300, 12, 1), (300, 13, 0), (300, 14, 3), (0, 1, 0)]]  # fmt: skip
+    verdict = judge(wanted, rows)
+    assert (verdict.flights, verdict.kept, verdict.held) == (4, 3, True)
+    assert not judge(wanted, rows[:1] + rows[3:4]).held
+    assert not judge(wanted, []).held, "an expectation that concerns no flight isn't kept"
+
+
+def test_of_several_vehicles_the_worst_counts_and_one_that_never_settles_has_no_time():
+    def summary(*followers):
+        each = {str(i): {"error_x_m": {"max": x}, "settled_at_s": t} for i, (x, t) in enumerate(followers, 2)}
+        return {"followers": each, "links": {}, "safety": {"min_separation_m": 9.0}, "control": {}, "stability": {}}
+
+    assert figure(summary((0.1, 5.0), (0.3, 2.0)), "error_x_m.max") == 0.3
+    assert figure(summary((0.1, 5.0), (0.3, 2.0)), "settled_at_s") == 5.0
+    assert figure(summary((0.1, 5.0), (0.3, None)), "settled_at_s") is None
+    assert figure(summary((0.1, 5.0)), "min_separation_m") == 9.0
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({"parameters": {"links.default.dely_ms": [1]}}, "did you mean 'delay_ms'?"),
+        ({"parameters": {DELAY: []}}, "a list of values that isn't empty"),
+        ({"parameters": {LOSS: [2.0, 3.0]}}, "a number from 0 to 1"),
+        ({"metrics": ["error_q_m.max"]}, "error_x_m.max"),
+        ({"design": "grd"}, "grid, one_at_a_time"),
+        ({"bases": "x"}, "unknown key"),
+        ({"base": "nowhere.yaml"}, "No such file"),
+    ],
+)
+def test_a_wrong_study_is_refused_in_words(keys, words):
+    with pytest.raises(ScenarioError, match="(?s)" + words.replace("(", r"\(").replace("?", r"\?")):
+        prepare({"base": SCENARIO, **keys})
+
+
+def test_the_schema_allows_what_the_loader_allows():
+    validator = Draft202012Validator(study_schema())
+    Draft202012Validator.check_schema(study_schema())
+    good = {"base": SCENARIO, "parameters": {DELAY: [0], LOSS: {"uniform": [0, 0.1]}}, "bisect": SEARCH}
+    assert validator.is_valid(good)
+    assert not validator.is_valid({**good, "design": "grd"})
+
+
+@pytest.fixture
+def two(tmp_path):
+    """A study of four flights of 3 s on disk."""
+    path = tmp_path / "two.yaml"
+    keys = {"base": SCENARIO, "parameters": {DELAY: [0, 50]}, "seeds": {"count": 2}, "metrics": ["error_x_m.max"]}
+    path.write_text(json.dumps(keys), encoding="utf-8")
+    return path
+
+
+def command(*words):
+    return CliRunner().invoke(main, [*map(str, words)])
+
+
+def values_of(directory):
+    kept = pq.read_table(directory / "flights.parquet").to_pylist()
+    return [{name: each[name] for name in each if name not in {"wall_s", "cpu_s"}} for each in kept]
+
+
+@pytest.mark.slow
+def test_a_study_flies_resumes_and_flies_one_again_to_the_same_figures(two, tmp_path):
+    out = tmp_path / "out"
+    assert command("study", two, "--out", out, "--workers", 1, "--quiet").exit_code == 0
+    whole = values_of(out)
+    assert [each["flight"] for each in whole] == [0, 1, 2, 3]
+    journal = (out / "flights.jsonl").read_text(encoding="utf-8").splitlines(keepends=True)
+    (out / "flights.jsonl").write_text("".join(journal[:2]) + journal[2][:20], encoding="utf-8")
+    assert "earlier" in command("study", two, "--out", out, "--workers", 1).output
+    assert command("study", two, "--out", out, "--workers", 1, "--quiet", "--resume").exit_code == 0
+    assert values_of(out) == whole
+    again = command("study", "fly", out, 2)
+    assert again.exit_code == 0
+    assert f"error_x_m.max: {whole[2]['error_x_m.max']}" in again.output
+    assert (out / "again" / "000002" / "flight.tlog").stat().st_size > 1000
+    two.write_text(two.read_text(encoding="utf-8").replace("50", "60"), encoding="utf-8")
+    changed = command("study", two, "--out", out, "--resume")
+    assert changed.exit_code == 2
+    assert "the study file changed" in changed.output
+    assert command("report", out).exit_code == 0
+    assert "gcs-formation study fly" in (out / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(("record", "kept"), [("none", set()), ("summary", {"summary.json"}),
+    ("series", {"summary.json", "run.yaml", "timeseries.parquet", "events.jsonl"})])  # fmt: skip
+def test_records_hold_what_their_level_says(tmp_path, record, kept):
+    task = Task(Planned(0, 1, {}), SCENARIO, {}, ("error_x_m.max",), record, str(tmp_path / "flight"))
+    assert fly(task)["exit"] == 0
+    assert {path.name for path in tmp_path.glob("flight/*")} == kept
+
+
+def test_a_flight_that_cannot_be_flown_is_a_row_with_its_words(tmp_path):
+    task = Task(Planned(7, 1, {"path.speed_mps": 90}), SCENARIO, {}, ("error_x_m.max",), "none", None)
+    found = fly(task)
+    assert (found["flight"], found["exit"], found["error_x_m.max"]) == (7, 2, None)
+    assert "path.speed_mps" in found["words"]
+
+
+@pytest.mark.slow
+def test_a_killed_worker_loses_nothing_and_counts_nothing_twice(two, tmp_path):
+    planned, base = prepare(two)
+    tasks = deque(Task(each, base, {}, ("error_x_m.max",), "none", None) for each in Plan(planned).begin())
+    with Processes(2) as workers:
+        rows = workers.rows(tasks)
+        first = next(rows)
+        os.kill(next(iter(workers._pool._processes)), signal.SIGKILL)
+        flown = [first, *rows]
+    assert sorted(each["flight"] for each in flown) == [0, 1, 2, 3]
+    assert all(each["exit"] == 0 for each in flown)
+
+
+@pytest.mark.slow
+def test_a_cluster_flies_the_same_as_processes_do_and_survives_a_killed_worker(two, tmp_path):
+    distributed = pytest.importorskip("distributed")
+    here, there = tmp_path / "here", tmp_path / "there"
+    assert command("study", two, "--out", here, "--workers", 1, "--quiet").exit_code == 0
+    planned, base = prepare(two)
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        address = cluster.scheduler_address
+        assert command("study", two, "--out", there, "--scheduler", address, "--quiet").exit_code == 0
+        tasks = deque(Task(each, base, {}, ("error_x_m.max",), "none", None) for each in Plan(planned).begin())
+        with Cluster(address) as workers:
+            rows = workers.rows(tasks)
+            first = next(rows)
+            os.kill(cluster.workers[0].pid, signal.SIGKILL)
+            flown = [first, *rows]
+    assert values_of(there) == values_of(here)
+    assert sorted(each["flight"] for each in flown) == [0, 1, 2, 3]
+    found = {each["flight"]: each["error_x_m.max"] for each in flown}
+    assert found == {each["flight"]: each["error_x_m.max"] for each in values_of(here)}
+
+
+def test_a_row_counts_once(two, tmp_path):
+    planned, base = prepare(two)
+    done = {"flight": 1, "seed": 1, DELAY: 0, "error_x_m.max": 0.1, "exit": 0, "wall_s": 1.0, "cpu_s": 1.0,
+            "version": "x", "words": ""}  # fmt: skip
+    with Dataset(tmp_path / "out", planned, base, resume=False, overwrite=False) as data:
+        data.add(done)
+        data.add({**done, "error_x_m.max": 0.2})
+        assert data.write_table().num_rows == 1
+    assert list(read_journal(tmp_path / "out")) == [done]
+
+
+def test_ten_million_flights_are_asked_about(two, tmp_path):
+    two.write_text(json.dumps({"base": SCENARIO, "parameters": {DELAY: [0]}, "seeds": {"count": 10**6}}))
+    refused = command("study", two, "--out", tmp_path / "out")
+    assert refused.exit_code == 2
+    assert "1,000,000 flights" in refused.output
+
+
+def test_a_scheduler_that_does_not_answer_is_said_so(two, tmp_path, monkeypatch):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("gcs_formation.studies.workers.ANSWER_S", 0.3)
+    done = command("study", two, "--out", tmp_path / "out", "--scheduler", "tcp://127.0.0.1:9")
+    assert done.exit_code == 3
+    assert "no Dask scheduler answers at tcp://127.0.0.1:9" in done.output
+
+
+def test_study_models_and_keys_agree():
+    assert Study.model_validate(study().model_dump(by_alias=True)) == study()
