@@ -9,8 +9,8 @@ import numpy as np
 from formation_scenario import Scenario, ground_of, leader_path, slot_table
 from formation_scenario.lifted_path import FOLLOWER_SHARE, rise_bounds
 from formation_scenario.navigation import NoisyNavigation
-from formation_scenario.reconfiguration import column_models, keepable_turn_rps
-from formation_scenario.slot_motion import SlotMotion
+from formation_scenario.reconfiguration import column_models
+from formation_scenario.slot_motion import Course, SlotMotion, slot_needs
 from gcs_formation.control.consensus import ConsensusLaw, ConsensusParameters
 from gcs_formation.control.fuzzy import FuzzyGainScheduler
 from gcs_formation.control.law import FormationLaw, LawParameters
@@ -28,8 +28,14 @@ from gcs_formation.stability import scenario_adjacency
 
 RESOLUTION = 1e-3
 """Least standard deviation, in SI units: the resolution of a message's fields."""
-HOLD_SHARE = 0.5
-"""Share of the turn rate that all slots can keep up with, used by turns before the path."""
+HOLD_SHARE = 0.8
+"""Share of the speed that vehicles have above and below the path's, used by turns before the path."""
+HOLD_TURN_SHARE = 0.5
+"""The same of the turn rate."""
+SWING_RAD = math.radians(15.0)
+"""Most that a follower's heading may differ from the leader's there: slots are swept aside as a turn begins."""
+GENTLEST_RPS = 0.01
+"""Turns before the path are no gentler: what can't keep up there catches up on the run-in."""
 
 
 def law_parameters(scenario: Scenario) -> LawParameters:
@@ -152,6 +158,21 @@ def slot_clearance(scenario: Scenario) -> SlotClearance | None:
 
 
 def hold_radius_m(scenario: Scenario) -> float:
-    """Return the radius of the leader's turns before its path: every slot can keep up, inside and outside."""
-    reach_m = SlotMotion.at_rest(slot_table(scenario)).reach_m
-    return scenario.path.speed_mps / (HOLD_SHARE * keepable_turn_rps(scenario, reach_m))
+    """Return the radius of the leader's turns before its path: the tightest in which every slot keeps up, either way.
+
+    A tailwind makes the leader turn faster.
+    """
+    speed, wind = scenario.path.speed_mps, math.hypot(*scenario.wind.velocity_mps[:2])
+    models = column_models(scenario)[1:]
+    most_rps = HOLD_TURN_SHARE * min(each.turn_rate_max_rps for each in column_models(scenario))
+    turn_rps = np.geomspace(min(GENTLEST_RPS, most_rps), most_rps, 200)
+    still, slots = np.zeros_like(turn_rps), SlotMotion.at_rest(slot_table(scenario))
+    low, high = (np.array([getattr(each, name) for each in models]) for name in ("speed_min_mps", "speed_max_mps"))
+    kept = np.ones_like(turn_rps, dtype=np.bool_)
+    for way in (1.0, -1.0):
+        needs = slot_needs(Course(speed, way * turn_rps, still, still, still), slots, scenario.formation.frame)
+        fast = needs.speed_mps - speed > HOLD_SHARE * (high - speed)
+        slow = speed - needs.speed_mps > HOLD_SHARE * (speed - low)
+        kept &= ~(fast | slow | (np.abs(needs.aside_rad) > SWING_RAD)).any(axis=1)
+    tightest = turn_rps[max(int(np.argmin(np.append(kept, False))) - 1, 0)]
+    return (speed + wind) / float(tightest)

@@ -14,12 +14,11 @@ from formation_scenario.arrangement import planned_slots
 from formation_scenario.feasibility import refused_orders
 from formation_scenario.flight_time import planned_end_s
 from formation_scenario.lifted_path import leader_path
+from gcs_formation.app.assembly import assembly, goes_round
 from gcs_formation.app.split_errors import split_errors, ways_s
 from gcs_formation.controller import AHEAD_POINTS
-from gcs_formation.guidance.leader import ASSEMBLED_S, DECISION_S
 from gcs_formation.loitering import GroundFloor
 from gcs_formation.opening import OPENING_LIMIT_S
-from gcs_formation.parameters import hold_radius_m
 from gcs_formation.stability import (
     LawMargins,
     Usage,
@@ -32,7 +31,6 @@ from gcs_formation.stability import (
 )
 from gcs_formation.stability.lag_margin import LAGS_OFF, lag_margin, mismatch_margin_with_lags_off
 from gcs_formation.stability.usage import STEP_S
-from gcs_formation.vehicle.families import autopilot_for
 
 NEAR = 0.8
 """Share of the delay margin from which `check` warns of the configured delay."""
@@ -48,6 +46,7 @@ def check_report(scenario: Scenario) -> dict[str, Any]:
         "mismatch_margin_s": _finite(mismatch_margins_s(scenario)),
         **{name: _finite(each) for name, each in asdict(lag_margins(scenario)).items()},
         "loop_delay_s": configured_loop_delay_s(scenario),
+        "assembly": assembly(scenario)._asdict(),
         "warnings": list(warnings(scenario, margins)),
     }
 
@@ -68,6 +67,7 @@ def check_text(scenario: Scenario) -> str:
         lines.append(f"# mismatch of delay that the predicted loops stand there, s: {stood}")
         lines.append(f"# {lags}: {_listed(off.mismatch_margin_lags_off_s, '.3f')}")
         lines.append(f"# by how much every lag may be off its model's there: {_listed(off.lag_margin, '.0%')}")
+    lines.append(f"# {assembly(scenario)}")
     lines.extend(f"# warning: {warning}" for warning in warnings(scenario, law_margins(scenario)))
     return "\n".join(lines)
 
@@ -138,14 +138,8 @@ def warnings(scenario: Scenario, margins: LawMargins) -> Iterator[str]:
     yield from never_reached(scenario)
     for index, reason in refused_orders(scenario):
         yield f"orders.{index}: '{scenario.orders[index].order}' will be refused: {reason}"
-    least_s, found_s = least_run_in_s(scenario), scenario.start.run_in_s
-    if scenario.start.in_air and found_s < least_s:
-        allowed_s = math.ceil(round(10 * least_s, 6)) / 10
-        round_s = 2 * math.pi * hold_radius_m(scenario) / scenario.path.speed_mps
-        yield (
-            f"start.run_in_s: found {found_s:g}; allowed: {allowed_s:g} or more for the path to begin at once; "
-            f"the leader goes round first, for about {round_s:.0f} s"
-        )
+    if told := goes_round(scenario):
+        yield told
 
 
 def never_reached(scenario: Scenario) -> Iterator[str]:
@@ -186,19 +180,6 @@ def circles_lifted(scenario: Scenario) -> str | None:
         f"path at {path.length_m:.0f} m, its end: vehicles circle {top.height_m - end.height_m:.1f} m above it, at "
         f"{top.height_m:.0f} m and higher, for the ground at north {top.north_m:.0f}, east {top.east_m:.0f}"
     )
-
-
-def least_run_in_s(scenario: Scenario) -> float:
-    """Return the shortest run-in, s, after which the path can begin at once if vehicles start in their slots.
-
-    Until then each vehicle must be heard, answer every request for telemetry, and be seen in its slot.
-    """
-    tick_s, steps = 1.0 / scenario.law.rate_hz, [scenario.link_steps(vehicle)[0] for vehicle in scenario.vehicles]
-    families = [autopilot_for(vehicle, scenario.origin.alt_m) for vehicle in scenario.vehicles]
-    requests = max(len(family.start_up(scenario.telemetry.rate_hz)[0].commands) for family in families)
-    way_s, loop_s = max(sum(ways_s(step)) / 2 for step in steps), max(family.loop_s for family in families)
-    heard_s, answered_s = (math.ceil(round((way + loop_s) / tick_s, 6)) * tick_s for way in (way_s, 2 * way_s))
-    return heard_s + requests * answered_s + tick_s + ASSEMBLED_S + DECISION_S + way_s
 
 
 def _followers_text(scenario: Scenario) -> Iterator[str]:

@@ -15,6 +15,8 @@ DECISION_S = 2.0
 """How long before the path's start to decide whether to begin it or to go around again."""
 ASSEMBLED_S = 2.0
 """How long followers must stay in their slots to count as assembled."""
+SETTLE_S = 30.0
+"""Shortest straight flight between a turn and the path: followers are back in their slots 10 s after a turn's end."""
 ON_EXTENSION_M = 60.0
 ON_EXTENSION_RAD = math.radians(30.0)
 CLIMB_SHARE = 0.7
@@ -95,7 +97,7 @@ class LeaderGuidance:
 
     def _join(self, motion: Motion, height_m: float) -> None:
         """Take the route to the start of the run-in."""
-        entry = self.path.at(-self.run_in_m)
+        entry = self.path.at(-max(self.run_in_m, SETTLE_S * self.speed_mps))
         course = math.atan2(*reversed(motion.ground_velocity()))
         begin = Pose(motion.north_m, motion.east_m, height_m, course)
         end = Pose(entry.north_m, entry.east_m, entry.height_m, entry.course_rad)

@@ -13,6 +13,7 @@ from airlink.clock import Instant
 from airlink.engine import Datagram
 from airlink.frame import HEADER_V2
 from gcs_formation.arrays import wrap
+from gcs_formation.guidance.leader import SETTLE_S
 from gcs_formation.phases import Phase
 from sim_vehicles.modes import Condition, Mode
 from tests.flights.in_memory import Between, World
@@ -149,7 +150,7 @@ def test_when_the_time_for_assembly_is_over_the_path_begins_as_the_leader_comes_
     guidance = world.station.controller.guidance
     turn_s = 2 * np.pi * guidance.hold_radius_m / guidance.speed_mps
     assert guidance.rounds == 1
-    assert unassembled_s < begun_s < unassembled_s + turn_s + 20.0
+    assert unassembled_s < begun_s < unassembled_s + turn_s + 2 * SETTLE_S
     assert world.vehicle(2).pilot.mode is Mode.LOITER
     assert world.station.failure is None
 

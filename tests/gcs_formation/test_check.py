@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from click.testing import CliRunner
 from formation_scenario import ScenarioError, load_scenario
 from formation_scenario.feasibility import refused_orders
 from formation_scenario.flight_time import path_end_s
+from gcs_formation.app.assembly import Assembly, assembly, goes_round
 from gcs_formation.app.check import check_report, never_reached
 from gcs_formation.app.split_errors import split_errors
 from gcs_formation.cli import main
@@ -200,3 +202,47 @@ def test_unequal_ways_are_warned_of_with_the_metres_that_they_cost_against_the_l
     assert "4.40 m along the path (behind its slot, from 30 s on)" in about_2
     assert "vehicle 3: 0 ms up and 0 ms down" in about_3
     assert "0.88 m along the path (behind its slot, from 30 s on)" in about_3
+
+
+def started(**keys: Any) -> Assembly:
+    straight = {"waypoints_m": [[0, 0, 200], [9000, 0, 200]]}
+    return assembly(load_scenario({"vehicles": {"count": 4}, "path": straight, "start": {"in_air": True}} | keys))
+
+
+@pytest.mark.parametrize(("vehicles", "loss", "least_s"), [(1, 0.2, 9.9), (4, 0.2, 12.0), (4, 0.5, 33.3)])
+def test_loss_lengthens_the_run_in_that_assembly_needs(vehicles: int, loss: float, least_s: float) -> None:
+    """The 95th percentile of the last heartbeat, then the last answer: negative binomials, one after the other."""
+    links = {"default": {"loss": loss}}
+    found = started(vehicles={"count": vehicles}, links=links)
+    assert found.least_run_in_s is not None
+    assert found.least_run_in_s == pytest.approx(least_s, abs=0.05)
+    assert found.least_run_in_s > (started().least_run_in_s or 0.0) + 1.0
+
+
+def test_a_start_with_loss_is_warned_of_with_the_time_of_a_lap() -> None:
+    bare = {"vehicles": {"count": 4}, "path": {"waypoints_m": [[0, 0, 200], [9000, 0, 200]]}, "start": {"in_air": True}}
+    lossy = load_scenario(bare | {"links": {"default": {"loss": 0.2}}})
+    assert goes_round(load_scenario(bare)) is None
+    assert str(goes_round(lossy)).startswith("start.run_in_s: found 10; allowed: 12 or more for the path to begin at")
+    assert "by the links' loss" in str(goes_round(lossy))
+    deaf = load_scenario(bare | {"links": {"default": {"loss": 1.0}}})
+    assert goes_round(deaf) == "links: too much is lost for the formation to assemble within 120 s"
+
+
+@pytest.mark.parametrize(
+    ("shape", "spacing_m", "needed_m"),
+    [("line", 300, 22 / (6 / 300)), ("follower", 100, 300 / math.tan(math.radians(15.0)))],
+)
+def test_a_lap_is_little_larger_than_the_turn_that_the_widest_formation_can_keep(shape, spacing_m, needed_m) -> None:
+    """The outer slot of a line may be 6 m/s faster than the leader; the last of a column flies 15 degrees aside."""
+    count = 3 if shape == "line" else 4
+    found = started(vehicles={"count": count}, formation={"shape": shape, "spacing_m": spacing_m})
+    assert needed_m <= found.lap_radius_m < 1.3 * needed_m
+    turned_m = 2 * math.pi * found.lap_radius_m
+    assert found.lap_s == pytest.approx((turned_m + 2 * (660.0 - 44.0)) / 22.0 + 2.0, abs=0.5)
+
+
+def test_no_formation_makes_the_leader_turn_gentler_than_half_a_degree_a_second() -> None:
+    """At its highest speed nobody has any to spare for a turn."""
+    fast = {"speed_mps": 28, "waypoints_m": [[0, 0, 200], [9000, 0, 200]]}
+    assert started(path=fast).lap_radius_m == pytest.approx(28 / 0.01)
