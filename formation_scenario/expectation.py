@@ -13,15 +13,27 @@ _AXES = {"x": "forward error, m", "y": "lateral error, m", "z": "height error, m
 _FIGURES = {
     "rms": "root mean square over the window",
     "max": "largest over the window",
-    "steady_max": "largest over the window from settled_at_s on; no value if it never settles",
+    "steady_max": "largest over the window from 30 s after settled_at_s on; no value if that is never flown",
 }
 ERROR_METRICS = {
     f"error_{axis}_m.{figure}": f"{error}: {meaning}"
     for axis, error in _AXES.items()
     for figure, meaning in _FIGURES.items()
 }
+_CHANNELS = {"speed": "m/s", "heading": "rad", "height": "m"}
+_EFFORT = {
+    "variation_per_s": "setpoint's total variation a second over the window, {}/s",
+    "step_p95": "setpoint's step from tick to tick: 95th percentile over the window, {}",
+}
+EFFORT_METRICS = {
+    f"effort.{channel}.{figure}": f"{channel} {meaning.format(unit)}"
+    for channel, unit in _CHANNELS.items()
+    for figure, meaning in _EFFORT.items()
+}
 FOLLOWER_METRICS = {
     **ERROR_METRICS,
+    **EFFORT_METRICS,
+    "in_slot_share": "share of the window with every error within 0.5 m",
     "settled_at_s": "from when on every error stays within 0.5 m for 10 s, s; of the whole flight",
 }
 LINK_METRICS = {

@@ -10,9 +10,11 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 
 from gcs_formation.app.check import warnings
-from gcs_formation.arrays import Array
+from gcs_formation.arrays import Array, Mask
 from gcs_formation.compare.flights import Flown
+from gcs_formation.record.effort import Effort, effort
 from gcs_formation.record.figures_of_merit import axis_figures, least, separation_m
+from gcs_formation.record.timeseries import CHANNELS
 from gcs_formation.report.marks import Mark, marks
 from gcs_formation.report.run_data import RunData, load_run
 from gcs_formation.stability import law_margins
@@ -41,6 +43,8 @@ class Row:
     error_x_m: dict[str, float | None]
     error_y_m: dict[str, float | None]
     error_z_m: dict[str, float | None]
+    effort: Effort
+    """Of the setpoints, by channel, over the window: the worst follower's."""
     min_separation_m: float | None
     delay_margin_s: float | None
     margin_used: float | None
@@ -95,7 +99,7 @@ def compare_flights(flown: Sequence[Flown], name: str, seed: int, frame: str, wi
 def _row(flown: Flown, run: RunData | None, window: Window) -> Row:
     if run is None:
         nothing: dict[str, float | None] = dict.fromkeys(FIGURES)
-        return Row(flown.law, None, nothing, nothing, nothing, None, None, None, aborted=flown.aborted)
+        return Row(flown.law, None, nothing, nothing, nothing, {}, None, None, None, aborted=flown.aborted)
     within = run.flown.window(window.from_s, window.to_s)
     stability = run.summary["stability"]
     x, y, z = (_axis(run, window, axis) for axis in range(3))
@@ -105,11 +109,22 @@ def _row(flown: Flown, run: RunData | None, window: Window) -> Row:
         error_x_m=x,
         error_y_m=y,
         error_z_m=z,
+        effort=_effort(run, within),
         min_separation_m=least(separation_m(run.flown, within)),
         delay_margin_s=stability["delay_margin_s"],
         margin_used=stability.get("margin_used"),
         warnings=tuple(warnings(run.scenario, law_margins(run.scenario))),
     )
+
+
+def _effort(run: RunData, within: Mask) -> Effort:
+    found = [effort(run.flown.vehicles[vehicle], within) for vehicle in run.followers]
+    return {
+        channel: {
+            figure: _worst([each[channel][figure] for each in found]) for figure in ("variation_per_s", "step_p95")
+        }
+        for channel in CHANNELS
+    }
 
 
 def _axis(run: RunData, window: Window, axis: int) -> dict[str, float | None]:
@@ -119,9 +134,7 @@ def _axis(run: RunData, window: Window, axis: int) -> dict[str, float | None]:
     for vehicle in run.followers:
         error_m = run.flown.error(vehicle)[:, axis]
         kept = run.flown.window(window.from_s, window.to_s) & np.isfinite(error_m)
-        time_s = run.time_s[kept]
-        steady_from = settled_s if settled_s is not None and (time_s >= settled_s).any() else None
-        found.append(axis_figures(time_s, error_m[kept], steady_from))
+        found.append(axis_figures(run.time_s[kept], error_m[kept], settled_s))
     return {figure: _worst([each[figure] for each in found]) for figure in FIGURES}
 
 

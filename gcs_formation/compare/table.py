@@ -47,7 +47,8 @@ def _about(comparison: Comparison) -> str:
     window = comparison.window
     return (
         f"{comparison.name}, seed {comparison.seed}: errors of the worst follower, frame {comparison.frame}, "
-        f"{window.from_s:g} to {window.to_s:g} s; settled: all within 0.5 m for 10 s; steady: max after that"
+        f"{window.from_s:g} to {window.to_s:g} s; settled: all within 0.5 m for 10 s; steady: max from 30 s "
+        "after that on; steps: of the setpoints from tick to tick, 95th percentile"
     )
 
 
@@ -66,6 +67,7 @@ def _cells(row: Row) -> list[Cell]:
     return [
         Cell("settled, s", number(row.settled_at_s, 1), 10),
         *(Cell(head, " / ".join(number(axis[figure]) for axis in errors), 21) for figure, head in HEADS.items()),
+        Cell("steps, m/s / rad / m", " / ".join(number(row.effort[each]["step_p95"]) for each in row.effort), 21),
         Cell("separation, m", number(row.min_separation_m, 1), 13),
         Cell("margin, s", number(row.delay_margin_s, 2), 9),
         Cell("used, %", number(used, 0), 7),

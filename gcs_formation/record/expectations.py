@@ -11,8 +11,9 @@ import numpy as np
 
 from airlink.identity import VehicleId
 from formation_scenario import Scenario
-from formation_scenario.expectation import ERROR_METRICS, FOLLOWER_METRICS, LINK_METRICS, Expectation
+from formation_scenario.expectation import EFFORT_METRICS, FOLLOWER_METRICS, LINK_METRICS, Expectation
 from gcs_formation.record import figures_of_merit as figures
+from gcs_formation.record.effort import effort
 from gcs_formation.record.flight import Flight
 from gcs_formation.record.outcome import LinkFigures
 
@@ -120,21 +121,21 @@ def _leads_throughout(wanted: Expectation, flight: Flight, vehicle: VehicleId) -
 
 
 def _follower_value(wanted: Expectation, flight: Flight, vehicle: VehicleId, parts: Mapping[str, Any]) -> float | None:
-    """Return a follower's figure over the window; `steady_max` and `settled_at_s` concern the whole run."""
-    whole = parts["followers"][str(vehicle)]
-    if wanted.metric not in ERROR_METRICS:
-        return whole[wanted.metric]
-    axis, figure = wanted.metric.split(".")
-    if figure == "steady_max" and whole["settled_at_s"] is None:
-        return None
+    """Return a follower's figure over the window; when it settled is of the whole run, for `steady_max` too."""
+    settled_s = parts["followers"][str(vehicle)]["settled_at_s"]
+    if wanted.metric == "settled_at_s":
+        return settled_s
     window = flight.window(wanted.from_s, wanted.to_s)
+    if wanted.metric in EFFORT_METRICS:
+        _, channel, figure = wanted.metric.split(".")
+        return effort(flight.vehicles[vehicle], window)[channel][figure]
     error_m = flight.error(vehicle)[window]
     seen = np.isfinite(error_m).all(axis=1)
-    time_s = flight.mission_time_s[window][seen]
-    settled_s = whole["settled_at_s"]
-    if settled_s is not None and not (time_s >= settled_s).any():
-        settled_s = None
-    return figures.axis_figures(time_s, error_m[seen][:, AXES[axis]], settled_s)[figure]
+    time_s, error_m = flight.mission_time_s[window][seen], error_m[seen]
+    if wanted.metric == "in_slot_share":
+        return figures.in_slot_share(error_m)
+    axis, figure = wanted.metric.split(".")
+    return figures.axis_figures(time_s, error_m[:, AXES[axis]], settled_s)[figure]
 
 
 def _link_value(

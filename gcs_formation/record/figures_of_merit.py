@@ -12,6 +12,8 @@ from gcs_formation.record.flight import Flight
 
 SETTLED_M = 0.5
 SETTLED_FOR_S = 10.0
+STEADY_AFTER_S = 30.0
+"""Steady flight begins so long after settling."""
 PAIRWISE_UP_TO = 12
 """Vehicles up to which every pair is looked at; beyond, a tree finds each tick's nearest pair."""
 
@@ -23,7 +25,7 @@ def settled_at_s(time_s: Array, error_m: Array) -> float | None:
         time_s: (T,) mission times of the scored ticks.
         error_m: (T, 3) errors at them.
     """
-    within: list[bool] = np.all(np.abs(error_m) <= SETTLED_M, axis=1).tolist()
+    within: list[bool] = _in_slot(error_m).tolist()
     begins = 0
     for index, inside in enumerate(within):
         if not inside:
@@ -34,12 +36,28 @@ def settled_at_s(time_s: Array, error_m: Array) -> float | None:
 
 
 def axis_figures(time_s: Array, error_m: Array, settled_s: float | None) -> dict[str, float | None]:
-    """Return rms and max of |error| (T,), and its maximum from `settled_s` on."""
+    """Return rms and max of |error| (T,), and its maximum from `STEADY_AFTER_S` after `settled_s` on."""
     if not error_m.size:
         return {"rms": None, "max": None, "steady_max": None}
     size = np.abs(error_m)
-    steady = None if settled_s is None else float(size[time_s >= settled_s].max())
+    later = size[time_s >= (np.inf if settled_s is None else settled_s + STEADY_AFTER_S - 1e-9)]
+    steady = float(later.max()) if later.size else None
     return {"rms": float(np.sqrt(np.mean(size**2))), "max": float(size.max()), "steady_max": steady}
+
+
+def in_slot_share(error_m: Array) -> float | None:
+    """Return the share of (T, 3) errors of which every axis is within `SETTLED_M`, None of none."""
+    return float(_in_slot(error_m).mean()) if error_m.size else None
+
+
+def left_at_s(time_s: Array, error_m: Array, settled_s: float | None) -> float | None:
+    """Return when a vehicle that settled at `settled_s` was first beyond `SETTLED_M` on any axis, None if never."""
+    out = ~_in_slot(error_m) & (time_s >= (np.inf if settled_s is None else settled_s))
+    return float(time_s[out.argmax()]) if out.any() else None
+
+
+def _in_slot(error_m: Array) -> Mask:
+    return np.all(np.abs(error_m) <= SETTLED_M, axis=1)
 
 
 def separation_m(flight: Flight, window: Mask) -> Array:

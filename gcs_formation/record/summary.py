@@ -12,6 +12,7 @@ from airlink.frame import ParserCounts
 from airlink.identity import VehicleId
 from gcs_formation.arrays import Array, Mask
 from gcs_formation.record import figures_of_merit as figures
+from gcs_formation.record.effort import effort
 from gcs_formation.record.expectations import Verdict, judge
 from gcs_formation.record.flight import Flight
 from gcs_formation.record.outcome import Injected, LinkFigures, Outcome
@@ -85,7 +86,12 @@ def _follower(flight: Flight, vehicle: VehicleId, window: Mask) -> dict[str, Any
     time_s, error_m = time_s[seen], error_m[seen]
     settled_s = figures.settled_at_s(time_s, error_m)
     axes: dict[str, Any] = {axis: figures.axis_figures(time_s, error_m[:, i], settled_s) for i, axis in enumerate(AXES)}
-    return axes | {"settled_at_s": settled_s}
+    return axes | {
+        "settled_at_s": settled_s,
+        "left_at_s": figures.left_at_s(time_s, error_m, settled_s),
+        "in_slot_share": figures.in_slot_share(error_m),
+        "effort": effort(flight.vehicles[vehicle], window),
+    }
 
 
 def _link(link: LinkFigures, jitter_s: Array) -> dict[str, Any]:

@@ -11,11 +11,12 @@ from matplotlib.figure import Figure
 from airlink.identity import VehicleId
 from formation_scenario.law import PidGains
 from gcs_formation.arrays import Array, Mask
+from gcs_formation.record.effort import setpoint_steps
 from gcs_formation.record.flight import Columns
 from gcs_formation.record.timeseries import CHANNELS
 from gcs_formation.report.downsample import extremes
 from gcs_formation.report.error_figure import WIDTHS, error_windows
-from gcs_formation.report.lines import BUCKETS
+from gcs_formation.report.lines import BUCKETS, followers_of
 from gcs_formation.report.marks import marks
 from gcs_formation.report.run_data import RunData
 from gcs_formation.report.style import (
@@ -39,6 +40,11 @@ NAMES = {
     "height": ("height_m", "height_m"),
 }
 """Columns of setpoint and response."""
+STEPS = {"speed": "airspeed step, m/s", "heading": "heading step, °", "height": "height step, m"}
+STRETCHES = 200
+"""Of time, over which the steps of a tick are summed up."""
+LEAST_STEP = 0.01
+"""What an axis of steps reaches to at least."""
 LABELS = {"speed": "airspeed, m/s", "heading": "heading, °", "height": "height, m"}
 
 
@@ -106,6 +112,26 @@ def gains(run: RunData) -> Figure:
     figure.align_ylabels(column_of(grid, 0))
     for axes in grid[-1]:
         axes.set_xlabel(time_label(run))
+    legend_below(figure)
+    return figure
+
+
+def steps(run: RunData) -> Figure:
+    """Draw how far each follower's setpoints moved from tick to tick."""
+    group = followers_of(run)
+    figure = new_figure(11.0)
+    rows = column_of(axes_grid(figure, len(STEPS), 1, sharex=True), 0)
+    for axes, (channel, label) in zip(rows, STEPS.items(), strict=True):
+        sizes = [setpoint_steps(run.flown.vehicles[vehicle], channel) for vehicle in group.vehicles]
+        if channel == "heading":
+            sizes = [np.degrees(size) for size in sizes]
+        group.draw_spread(axes, run.time_s, sizes, STRETCHES)
+        axes.set_ylim(0.0, max(1.05 * float(axes.dataLim.y1), LEAST_STEP))
+        axes.set_ylabel(label)
+    span(rows[0], float(run.time_s[0]), float(run.time_s[-1]))
+    draw_marks([rows], marks(run))
+    rows[-1].set_xlabel(time_label(run))
+    figure.align_ylabels(rows)
     legend_below(figure)
     return figure
 

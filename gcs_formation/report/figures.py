@@ -9,7 +9,7 @@ from typing import NamedTuple
 from matplotlib.figure import Figure
 
 from gcs_formation.report.assembly_figure import assembled_first, assembly
-from gcs_formation.report.control_figures import gains, has_gains, setpoints
+from gcs_formation.report.control_figures import gains, has_gains, setpoints, steps
 from gcs_formation.report.disturbance_figure import disturbance, disturbed
 from gcs_formation.report.error_figure import errors, has_followers
 from gcs_formation.report.link_figures import latency, separation
@@ -75,6 +75,14 @@ PLATES = (
         "What the ground station asked of each autopilot, and what it did. Of many followers, those with the "
         "largest errors.",
         setpoints,
+    ),
+    Plate(
+        "steps",
+        "Setpoint steps",
+        "How far each follower's setpoints moved from one tick to the next. Lines are medians over stretches of time, "
+        "bands the range.",
+        steps,
+        has_followers,
     ),
     Plate(
         "gains",

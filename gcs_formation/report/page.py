@@ -65,5 +65,7 @@ def _error_source(run: RunData) -> str:
     frame = {"leader_heading": "leader's", "follower_heading": "follower's"}[run.scenario.formation.frame]
     return (
         f"Metres, absolute values, from {source}; x forward and y right of the {frame} heading, z up. "
-        "Settled: the first time from which every axis stays within 0.5 m for 10 s; steady max: the maximum after it."
+        "Settled: the first time from which every axis stays within 0.5 m for 10 s; steady max: the maximum from "
+        "30 s after it on; left: when a settled vehicle was beyond 0.5 m first. "
+        "Steps: of the setpoints from tick to tick."
     )

@@ -144,16 +144,30 @@ def _settled_cards(followers: Mapping[str, Any]) -> list[Card]:
 def followers(summary: Mapping[str, Any]) -> str:
     """Return the errors of every follower."""
     keys = [(axis, key) for axis in AXES for key in ("rms", "max", "steady_max")]
-    heads = ["Vehicle", *(f"{axis} {key.replace('_', ' ')}" for axis, key in keys), "settled, s"]
+    heads = ["Vehicle", *(f"{axis} {key.replace('_', ' ')}" for axis, key in keys), "settled, s", "left, s", "in slot"]
     rows = [
         [
             name,
             *(number(follower[f"error_{axis}_m"][key]) for axis, key in keys),
             number(follower["settled_at_s"], 1),
+            number(follower["left_at_s"], 1),
+            _share(follower["in_slot_share"]),
         ]
         for name, follower in summary["followers"].items()
     ]
-    return table(heads, rows) if rows else '<p class="note">No vehicle followed.</p>'
+    return table(heads, rows) + _effort(summary) if rows else '<p class="note">No vehicle followed.</p>'
+
+
+def _effort(summary: Mapping[str, Any]) -> str:
+    """Return how much the setpoints of every follower moved."""
+    units = {"speed": "m/s", "heading": "rad", "height": "m"}
+    figures = {"step_p95": "steps, p95, {}", "variation_per_s": "variation a second, {}"}
+    heads = [f"{channel} {text.format(unit)}" for channel, unit in units.items() for text in figures.values()]
+    rows = [
+        [name, *(number(follower["effort"][channel][figure]) for channel in units for figure in figures)]
+        for name, follower in summary["followers"].items()
+    ]
+    return table(["Vehicle", *heads], rows)
 
 
 def expectations(summary: Mapping[str, Any]) -> str:

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from formation_scenario import Scenario, SplinePath, dump_scenario, load_scenario, slot_schedule
-from gcs_formation.record.figures_of_merit import axis_figures, separation_m, settled_at_s
+from gcs_formation.record.effort import effort
+from gcs_formation.record.figures_of_merit import axis_figures, in_slot_share, left_at_s, separation_m, settled_at_s
 from gcs_formation.record.flight import Flight
 from gcs_formation.record.timeseries import DISTURBANCE, ERROR, GAINS, LAW_ERROR, MIXED, STATE, TRUTH, write_parquet
 
@@ -223,7 +224,12 @@ def summary_of(scenario: Scenario, columns: dict[str, np.ndarray], *, truth: boo
         settled = settled_at_s(time_s[seen], error[seen])
         followers[str(planned.vehicle_id)] = {
             f"error_{axis}_m": axis_figures(time_s[seen], error[seen, i], settled) for i, axis in enumerate("xyz")
-        } | {"settled_at_s": settled}
+        } | {
+            "settled_at_s": settled,
+            "left_at_s": left_at_s(time_s[seen], error[seen], settled),
+            "in_slot_share": in_slot_share(error[seen]),
+            "effort": effort(flight.vehicles[planned.vehicle_id], window),
+        }
     least = separation_m(flight, window)
     near = float(least.min()) if least.size and np.isfinite(least.min()) else None
     link = {

@@ -88,7 +88,7 @@ def left_out(run):
 def test_a_figure_that_would_be_empty_is_left_out(make_run):
     assert left_out(load_run(make_run(flown_s=5.0))) == {"disturbance"}
     alone = load_run(make_run(straight([{"id": 1, "role": "leader"}]), flown_s=5.0))
-    assert left_out(alone) == {"disturbance", "errors", "gains"}
+    assert left_out(alone) == {"disturbance", "errors", "steps", "gains"}
 
 
 def test_an_older_figure_that_is_left_out_now_is_removed(make_run, tmp_path, monkeypatch):

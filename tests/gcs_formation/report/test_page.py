@@ -74,7 +74,7 @@ def test_whatever_a_vehicle_says_stays_text(report):
 
 def test_every_figure_is_in_the_page_and_in_its_directory(report):
     directory, _, text = report
-    names = {"assembly", "plan", "errors", "setpoints", "trajectory", "gains", "separation", "latency"}
+    names = {"assembly", "plan", "errors", "setpoints", "steps", "trajectory", "gains", "separation", "latency"}
     assert {path.stem for path in (directory / "figures").glob("*.png")} == names
     assert {f"figure-{name}" for name in names} <= Outline(text).ids
     assert text.count('src="data:image/png;base64,iVBOR') == len(names)

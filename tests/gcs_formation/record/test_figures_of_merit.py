@@ -1,0 +1,66 @@
+"""Figures of merit, by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gcs_formation.record.effort import effort
+from gcs_formation.record.figures_of_merit import axis_figures, in_slot_share, left_at_s, settled_at_s
+
+TIME_S = np.arange(0.0, 100.05, 0.1)
+
+
+def errors(out_from_s: float = np.inf) -> np.ndarray:
+    """Return (T, 3) m: beyond 0.5 m in height alone before 20 s and for 5 s from `out_from_s` on, 0.3 m to 50 s."""
+    out = (TIME_S < 19.95) | ((out_from_s - 0.05 <= TIME_S) & (out_from_s + 4.95 > TIME_S))
+    error_m = np.zeros((TIME_S.size, 3))
+    error_m[:, 2] = np.where(out, -0.6, np.where(TIME_S < 49.95, 0.3, -0.01))
+    return error_m
+
+
+def test_steady_flight_begins_30_s_after_settling():
+    settled_s = settled_at_s(TIME_S, errors())
+    assert settled_s == pytest.approx(20.0)
+    assert axis_figures(TIME_S, errors()[:, 2], settled_s)["steady_max"] == pytest.approx(0.01)
+    early = TIME_S < 49.9
+    assert axis_figures(TIME_S[early], errors()[early, 2], settled_s)["steady_max"] is None
+    assert axis_figures(TIME_S, errors()[:, 2], None)["steady_max"] is None
+
+
+def test_a_vehicle_that_leaves_its_slot_again_is_told_when_and_its_time_there_counts():
+    left = errors(out_from_s=60.0)
+    assert left_at_s(TIME_S, left, settled_at_s(TIME_S, left)) == pytest.approx(60.0)
+    assert in_slot_share(left) == pytest.approx(751 / 1001)
+    assert left_at_s(TIME_S, errors(), 20.0) is None
+    assert left_at_s(TIME_S, left, None) is None
+    assert in_slot_share(np.empty((0, 3))) is None
+
+
+def columns(**changes) -> dict[str, np.ndarray]:
+    """Return setpoints at 10 Hz: speed up and down by 0.2 m/s, heading turning 0.02 rad a tick through north."""
+    ticks = np.arange(101)
+    return {
+        "t_s": ticks / 10.0,
+        "active": np.ones(101),
+        "setpoint_speed_mps": 22.0 + 0.2 * (ticks % 2),
+        "setpoint_heading_rad": (6.0 + 0.02 * ticks) % (2.0 * np.pi),
+        "setpoint_height_m": np.full(101, 100.0),
+    } | changes
+
+
+def test_effort_is_the_setpoints_variation_a_second_and_the_95th_percentile_of_their_steps():
+    found = effort(columns(), np.ones(101, dtype=bool))
+    assert found["speed"] == {"variation_per_s": pytest.approx(2.0), "step_p95": pytest.approx(0.2)}
+    assert found["heading"] == {"variation_per_s": pytest.approx(0.2), "step_p95": pytest.approx(0.02)}
+    assert found["height"] == {"variation_per_s": 0.0, "step_p95": 0.0}
+
+
+def test_effort_has_no_step_into_the_window_nor_where_nothing_is_sent():
+    jump = np.where(np.arange(101) < 50, 0.0, 100.0)
+    after = effort(columns(setpoint_height_m=jump), np.arange(101) >= 50)
+    assert after["height"] == {"variation_per_s": 0.0, "step_p95": 0.0}
+    silent = np.where(np.abs(np.arange(101) - 50) < 3, 0.0, 1.0)
+    assert effort(columns(setpoint_height_m=jump, active=silent), np.ones(101, dtype=bool))["height"]["step_p95"] == 0.0
+    nothing = effort(columns(active=np.zeros(101)), np.ones(101, dtype=bool))
+    assert nothing["speed"] == {"variation_per_s": None, "step_p95": None}
