@@ -85,8 +85,8 @@ class Impairment:
     """Bits of UDP payload that go through in a second; 0: no limit."""
     queue_s: float = 1.0
     """Longest time that a datagram waits for the limited rate; one that would wait longer is dropped."""
-    reorder: bool = True
-    """Whether a datagram may overtake others; if not, it is held back until those before it have arrived."""
+    reorder: bool = False
+    """Whether a datagram may overtake others; if not, it waits until those before it have arrived."""
     outage: bool = False
     """Whether everything is lost."""
 
@@ -178,7 +178,7 @@ class Channel:
         self.statistics.datagrams += 1
         if impairment.transparent:
             self._lost_last = False
-            deliveries = [now]
+            deliveries = [max(now, self._last_delivery)]
         else:
             deliveries = self._impaired(number, size_bytes, now, impairment)
         if not deliveries:

@@ -46,6 +46,7 @@ def scenario(grid: list[Cell]) -> dict[str, Any]:
             "at_s": 0,
             "vehicles": [2 + i],
             "jitter_ms": cell.jitter_ms,
+            "reorder": True,
             "uplink": {"delay_ms": cell.up_ms},
             "downlink": {"delay_ms": cell.down_ms},
         }

@@ -54,7 +54,8 @@ class Formation(Keys):
         examples=[{2: [-30, 30, 0], 3: [-30, -30, 0], 4: [-60, 0, 5]}],
     )
     succession: Literal["nearest", "none"] = Field(
-        default="nearest", description="who leads when the leader is lost: the follower nearest to it, or nobody"
+        default="nearest",
+        description="who leads when the leader is lost: of the followers near it the one with the best link, or nobody",
     )
     changes: tuple[FormationChange, ...] = Field(
         default=(),

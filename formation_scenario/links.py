@@ -32,7 +32,11 @@ class Impairment(Keys):
         description="mean number of datagrams lost in a row; without it each is lost on its own",
         examples=[5],
     )
-    reorder: Flag = Field(default=True, description="whether datagrams may overtake each other")
+    reorder: Flag = Field(
+        default=False,
+        description="whether datagrams may overtake each other; if not, each waits for the one before it",
+        examples=[True],
+    )
     outage: Flag = Field(default=False, description="whether everything is lost")
     trace_file: Text | None = Field(
         default=None,

@@ -24,6 +24,7 @@ from gcs_formation.formation.plan import Proposal
 from gcs_formation.guidance.tracking import Motion, project
 from gcs_formation.membership import Member
 from gcs_formation.recorder import Note, Tick
+from gcs_formation.succession import Candidate, heir
 from gcs_formation.vehicle.vehicle import Vehicle
 
 RETRY_S = 1.0
@@ -133,13 +134,14 @@ class Reconfiguration:
         return refusal
 
     def successor(self, now: Instant) -> int | None:
-        """Return the column of the follower nearest to the leader, to a metre; None if none can take over."""
+        """Return the column of the follower that is to take over from the leader, None if none can."""
         tick, leader = self._controller.last_tick, self._controller.plan.leader
         if self._scenario.formation.succession == "none" or leader not in self._by_column or tick is None:
             return None
         places = np.stack((tick.state.north_m, tick.state.east_m, tick.state.height_m), axis=1)
         fit = [column for column in self._by_column if column != leader and self._leads_well(column, now)]
-        return min(fit, key=lambda column: (round(_distance_m(places, column, leader)), column), default=None)
+        candidates = (self._candidate(column, _distance_m(places, column, leader)) for column in fit)
+        return heir(candidates, self._controller.plan.arrangement.spacing_m)
 
     def succeed(self, now: Instant) -> None:
         """Make the successor the leader at once; the others move to their slots behind it as soon as possible."""
@@ -227,6 +229,11 @@ class Reconfiguration:
         vehicle, age_s = self._by_column[column], self._controller.estimator.age_s(column, now)
         hears = seconds_between(vehicle.heard_at(now), now) <= HEARD_S
         return vehicle.member is Member.FLYING and hears and age_s <= HEARD_S
+
+    def _candidate(self, column: int, distance_m: float) -> Candidate:
+        vehicle = self._by_column[column]
+        delay_s, jitter_s = vehicle.clock.one_way_s, vehicle.jitter.jitter_s
+        return Candidate(column, distance_m, delay_s, vehicle.sequence.loss, jitter_s)
 
     def _in_words(self, wanted: Arrangement) -> str:
         return f"{wanted.shape}, {wanted.spacing_m:g} m, behind {self._names[wanted.leader]}"

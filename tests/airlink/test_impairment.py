@@ -144,6 +144,14 @@ def test_order_is_kept_where_datagrams_may_not_overtake(seed, duplicate):
     assert free != sorted(free)
 
 
+def test_a_link_whose_delay_ends_keeps_the_order_of_what_is_under_way():
+    through = channel()
+    first, second = Instant(0), after(Instant(0), 0.01)
+    assert through.pass_on(50, first, Impairment(0.3)) == [after(first, 0.3)]
+    assert through.pass_on(50, second, Impairment()) == [after(first, 0.3)]
+    assert through.pass_on(50, second, Impairment(reorder=True)) == [second]
+
+
 def test_a_limited_rate_spaces_datagrams_by_their_length():
     out = [copies[0] for _, copies in passed(Impairment(rate_bps=8000.0, queue_s=1e9), 1000, 0.0, 125)]
     assert out == [after(Instant(0), 0.125 * number) for number in range(1, 1001)]

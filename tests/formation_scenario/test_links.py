@@ -47,11 +47,11 @@ def test_changes_at_one_time_are_one_step_and_those_at_0_hold_from_the_beginning
 
 def test_every_impairment_can_differ_by_direction_and_in_time(load):
     scenario = load(
-        "links.default={queue_ms: 200, loss: 0.2, mean_burst: 5, downlink: {reorder: false}}",
+        "links.default={queue_ms: 200, loss: 0.2, mean_burst: 5, downlink: {reorder: true}}",
         "links.changes=[{at_s: 10, outage: true}, {at_s: 20, outage: false, uplink: {mean_burst: 2, queue_ms: 50}}]",
     )
     first, dead, last = scenario.link_steps(scenario.vehicles[1])
-    assert (first.uplink.reorder, first.downlink.reorder) == (True, False)
+    assert (first.uplink.reorder, first.downlink.reorder) == (False, True)
     assert (first.uplink.outage, dead.uplink.outage, dead.downlink.outage, last.downlink.outage) == (
         False,
         True,

@@ -52,7 +52,8 @@ def grid(jitter_ms: float) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     for delay_ms in DELAYS_MS:
         for drift_ppm in DRIFTS_PPM:
             vehicles.append({"id": len(vehicles) + 1, "clock": {"drift_ppm": drift_ppm}})
-            links.append({"at_s": 0, "vehicles": [len(vehicles)], "delay_ms": delay_ms, "jitter_ms": jitter_ms})
+            jitter = {"jitter_ms": jitter_ms, "reorder": True}
+            links.append({"at_s": 0, "vehicles": [len(vehicles)], "delay_ms": delay_ms} | jitter)
     return vehicles, links
 
 
@@ -127,7 +128,9 @@ def test_the_record_has_injected_delay_and_jitter_tick_by_tick(plan):
     """Of 60 s at 10 Hz the mean jitter is known to 4 %; it's that of the way down alone."""
     jittery = plan(duration_s=60, vehicles={"count": 2}).with_link(2, uplink={"delay_ms": 50})
     flown = (
-        jittery.with_link(2, downlink={"delay_ms": 150, "jitter_ms": 20}).with_link(2, from_s=40, delay_ms=300).fly()
+        jittery.with_link(2, downlink={"delay_ms": 150, "jitter_ms": 20, "reorder": True})
+        .with_link(2, from_s=40, delay_ms=300)
+        .fly()
     )
     clean, series = flown.series(1), flown.series(2)
     time_s = series["mission_time_s"]
