@@ -1,4 +1,4 @@
-"""Mean delay of datagrams that keep their order, against those that may overtake: one direction of one link, no flight."""
+"""Mean delay of datagrams that keep their order, against those that may overtake, on one way of one link."""
 
 from __future__ import annotations
 
