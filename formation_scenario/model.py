@@ -116,6 +116,17 @@ class Telemetry(Keys):
     """What the vehicles send."""
 
     rate_hz: Rate = Field(default=10.0, description="position and attitude messages a second, Hz", examples=[5])
+    clock: Literal["round_trip", "gnss"] = Field(
+        default="round_trip",
+        description="how stamps are mapped to one clock: by half of each link's round trip, or by the vehicles' UTC "
+        "(SYSTEM_TIME), which no link is in",
+        examples=["gnss"],
+    )
+    station_utc: Flag = Field(
+        default=False,
+        description="with `clock: gnss`: whether the ground station's own clock keeps UTC to a few ms, as by a GNSS "
+        "receiver; delays up and down are then known without a common error",
+    )
 
 
 class PathPlan(Keys):

@@ -10,6 +10,7 @@ from airlink.identity import VehicleId
 from formation_scenario.fields import (
     MAX_SYSTEM_ID,
     Allowed,
+    Flag,
     Keys,
     NetworkId,
     Number,
@@ -51,6 +52,10 @@ class VehicleClock(Keys):
     )
     drift_ppm: Annotated[Number, Field(ge=-1e5, le=1e5)] = Field(
         default=0.0, description="how much faster than true time the vehicle's clock runs, 1e-6", examples=[20]
+    )
+    utc: Flag = Field(default=True, description="whether it knows UTC, by its GNSS receiver")
+    utc_error_s: Annotated[Number, Field(ge=-1e6, le=1e6)] = Field(
+        default=0.0, description="error of its receiver's UTC, s", examples=[0.05]
     )
 
 

@@ -107,11 +107,12 @@ class MarginWatch:
     def _delay(self, identity: VehicleId) -> LoopDelay:
         """Return the delay of a vehicle's loops; without prediction, consensus waits for the latest of all states."""
         clock, law = self._vehicles[identity].clock, self._scenario.law
-        down_s = clock.one_way_s
+        down_s = self._vehicles[identity].down_s
         if law.type == "consensus" and not law.delay_compensation:
-            down_s = float(np.fmax.reduce([self._vehicles[each].clock.one_way_s for each in self._axes]))
+            down_s = float(np.fmax.reduce([self._vehicles[each].down_s for each in self._axes]))
         rates = self._scenario.telemetry.rate_hz, law.rate_hz
-        return LoopDelay(loop_delay_s(clock.one_way_s, down_s, 0.0, *rates), clock.scatter_s)
+        up_s = 2.0 * clock.one_way_s - self._vehicles[identity].down_s
+        return LoopDelay(loop_delay_s(up_s, down_s, 0.0, *rates), clock.scatter_s)
 
     def _of(self, column: int, axis: str) -> float:
         return float(self.bandwidth[column, _channels(axis)][0])

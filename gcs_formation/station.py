@@ -18,6 +18,7 @@ from formation_scenario.arrangement import columns
 from formation_scenario.orders import End
 from gcs_formation.answer import Answer
 from gcs_formation.beacon import Beacon
+from gcs_formation.common_clock import CommonClock
 from gcs_formation.controller import FormationController
 from gcs_formation.dispatch import Dispatch
 from gcs_formation.ending import Ending
@@ -54,8 +55,13 @@ class Failure:
 class Station:
     """Flies one scenario. Reads no clock and opens no socket; its record goes to the recorder."""
 
-    def __init__(self, scenario: Scenario, recorder: Recorder, until_s: float | None = None) -> None:
-        """Prepare; nothing happens before the first timer. `until_s`: mission time at which to end early."""
+    def __init__(
+        self, scenario: Scenario, recorder: Recorder, until_s: float | None = None, utc_at_0_s: float | None = None
+    ) -> None:
+        """Prepare; nothing happens before the first timer. `until_s`: mission time at which to end early.
+
+        `utc_at_0_s` is UTC at instant 0 by the machine's clock, s since 1970.
+        """
         self.scenario = scenario
         self.flight = Flight()
         self.failure: Failure | None = None
@@ -75,6 +81,7 @@ class Station:
         self.roster = Roster(scenario, self.vehicles, self._columns, self._event)
         self._identities = Identities(self.vehicles, self.networks, self.flight, self._event, self.fail)
         self.margins = MarginWatch(scenario, self.vehicles, self._columns, self._event)
+        self._common_clock = CommonClock(scenario, self.vehicles, utc_at_0_s, self._event)
         self._starting = Starting(self.vehicles, self._endpoints, self.flight, self._event, self.fail)
         self._beacon = Beacon(self.vehicles)
         self._reconfiguration = Reconfiguration(scenario, self.controller, self.vehicles, self._columns, self._event)
@@ -83,8 +90,7 @@ class Station:
         self._streams = StreamWatch(self.vehicles, scenario.telemetry.rate_hz, self._event)
         self._ledger = CommandLedger(scenario, self.controller, self.vehicles, self._columns, self._event)
         self._out, self._next_tick = list[Datagram](), Instant(0)
-        self._ending = Ending({}, Instant(0))
-        self._ground = GroundFloor(scenario)
+        self._ending, self._ground = Ending({}, Instant(0)), GroundFloor(scenario)
 
     # The engine's side.
 
@@ -135,6 +141,7 @@ class Station:
             self.margins.watch(now, self._reconfiguration.leader, self.controller.lags_off)
             self.controller.bandwidth = self.margins.bandwidth
             self._send_all(self._beacon.greetings(self.flight.mission_time_s(now), now), now)
+        self._common_clock.watch(now)
         self._watch_links(now)
         self._start_vehicles(now)
         self._send_commands(now)

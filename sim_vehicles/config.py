@@ -11,6 +11,8 @@ from formation_scenario.vehicles import VehicleModel
 from sim_vehicles.disturbances import Disturbance, Turbulence
 from sim_vehicles.inertial.config import InertialConfig
 
+EPOCH_2020_US = 1_577_836_800_000_000
+
 
 @dataclass(frozen=True)
 class Start:
@@ -51,6 +53,8 @@ class VehicleConfig:
     clock_offset_s: float = 0.0
     clock_drift: float = 0.0
     """Relative rate by which its clock runs faster than true time."""
+    utc_error_s: float | None = 0.0
+    """Error of its receiver's UTC; None: it has none."""
     sensors: SensorErrors | InertialConfig | None = None
     """None: telemetry carries the exact state."""
 
@@ -80,6 +84,8 @@ class FleetConfig:
     wind_mps: tuple[float, float, float] = (0.0, 0.0, 0.0)
     disturbances: tuple[Disturbance | Turbulence, ...] = ()
     faults: tuple[Fault, ...] = ()
+    utc_at_0_us: int = EPOCH_2020_US
+    """UTC at instant 0, microseconds since 1970."""
     seed: int = 1
     """Seed of every random stream."""
     ready_s: float = 3.0

@@ -36,6 +36,7 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
             model=vehicle.true_model or vehicle.model,
             clock_offset_s=vehicle.clock.offset_s,
             clock_drift=vehicle.clock.drift_ppm * 1e-6,
+            utc_error_s=vehicle.clock.utc_error_s if vehicle.clock.utc else None,
             sensors=_sensors(vehicle, scenario.seed),
         )
         for i, vehicle in enumerate(scenario.vehicles)

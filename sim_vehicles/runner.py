@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 import signal
+import time
 from collections.abc import Callable
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import FrameType
 
@@ -42,7 +43,8 @@ def run(config: FleetConfig, options: RunnerOptions, started: Callable[[Fleet], 
     recording = TruthWriter(options.truth, len(config.vehicles), options.truth_rate_hz) if options.truth else None
     with recording or nullcontext():
         begun = clock.now()
-        fleet = Fleet(config, begun, recording)
+        utc_ns = time.time_ns() - (time.monotonic_ns() - clock.origin_ns)
+        fleet = Fleet(replace(config, utc_at_0_us=utc_ns // 1000), begun, recording)
         stop = _Stop()
 
         def over() -> bool:

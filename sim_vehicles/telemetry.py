@@ -42,7 +42,6 @@ SENSORS = (
 )
 EKF_READY = 831
 EKF_STARTING = 1024
-EPOCH_2020_US = 1_577_836_800_000_000
 CAPABILITIES = 62319
 """Those of ArduPlane 4.7, though not all are emulated: ground stations recognise the family by them."""
 VERSION_4_7 = 4 << 24 | 7 << 16
@@ -83,8 +82,8 @@ def battery_status(_: Vehicle) -> Message:
 
 
 def system_time(v: Vehicle) -> Message:
-    """Return SYSTEM_TIME; unix time counts from 2020 at the start of the clock."""
-    return SystemTime(EPOCH_2020_US + v.now // 1000, v.time_s)
+    """Return SYSTEM_TIME."""
+    return SystemTime(v.utc_us, v.time_s)
 
 
 def gps_raw_int(v: Vehicle) -> Message:

@@ -32,7 +32,7 @@ from sim_vehicles.sensors import Sensors
 from sim_vehicles.storage import Storage
 from sim_vehicles.streams import Streams
 from sim_vehicles.telemetry import BUILDERS
-from sim_vehicles.vehicle_clock import VehicleClock
+from sim_vehicles.vehicle_clock import UtcClock, VehicleClock
 
 if TYPE_CHECKING:
     from sim_vehicles.fleet import Fleet
@@ -74,6 +74,16 @@ class Vehicle:
     def time_s(self) -> float:
         """Seconds since boot by the vehicle's own clock."""
         return self._clock.seconds(self.now)
+
+    @property
+    def utc_us(self) -> int:
+        """UTC as it knows it, microseconds since 1970."""
+        self._set_utc()
+        return self._utc.microseconds(self.now)
+
+    def _set_utc(self) -> None:
+        if not self.pilot.condition.armed:
+            self._utc.set_by_receiver(self.now)
 
     @property
     def ready(self) -> bool:
@@ -176,6 +186,7 @@ class Vehicle:
         if not self.ready and not force and self.parameters["ARMING_CHECK"]:
             self._say(CRITICAL, "PreArm: AHRS: waiting for home")
             return False
+        self._set_utc()
         if not self.pilot.arm(self.motion):
             return False
         self._begin_mission()
@@ -213,6 +224,7 @@ class Vehicle:
         self.now = now
         self._frozen = self._ignores = False
         self._clock = VehicleClock(now, clock_offset_s, self.config.clock_drift)
+        self._utc = UtcClock(self._clock, self.fleet.config.utc_at_0_us, self.config.utc_error_s)
         self._up = after(now, INITIALISING_S)
         self._next_timesync = after(now, TIMESYNC_S)
         self._disarm_at = NEVER

@@ -201,7 +201,7 @@ def open_session(
     recorder = RunDirectory(
         options.out, scenario, columns, _epoch_us(clock), overwrite=options.overwrite, frames=options.record == "full"
     )
-    station = Station(scenario, recorder, options.until_s)
+    station = Station(scenario, recorder, options.until_s, _epoch_us(clock) / MICROSECONDS)
     return Session(scenario, options, clock, station, recorder, progress, interrupts, emulated)
 
 

@@ -43,4 +43,6 @@ def _vehicle(planned: PlannedVehicle, socket: int, endpoints: tuple[Endpoint, ..
     connection = Connection(socket, endpoint.address if endpoint.kind == "udpout" else None)
     origin = GeodeticOrigin(math.radians(keys.lat_deg), math.radians(keys.lon_deg), keys.alt_m)
     autopilot = autopilot_for(planned, keys.alt_m)
-    return Vehicle(planned.vehicle_id, autopilot, connection, origin, scenario.telemetry.rate_hz)
+    telemetry = scenario.telemetry
+    by_utc = telemetry.clock == "gnss"
+    return Vehicle(planned.vehicle_id, autopilot, connection, origin, telemetry.rate_hz, by_utc=by_utc)

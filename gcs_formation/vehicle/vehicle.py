@@ -13,14 +13,16 @@ from airlink.geodesy import GeodeticOrigin
 from airlink.identity import VehicleId
 from airlink.messages import Message
 from airlink.messages.command import CommandAck
-from airlink.messages.system import Heartbeat, Timesync
+from airlink.messages.system import Heartbeat, SystemTime, Timesync
 from airlink.messages.telemetry import GlobalPositionInt
 from airlink.sequence import SequenceTracker
 from gcs_formation.estimation.estimator import Sample
 from gcs_formation.link.claims import EARLY_S, LONGEST_DELAY_S, Claims
 from gcs_formation.link.clock_sync import ClockSync
 from gcs_formation.link.connection import Connection, LinkState
+from gcs_formation.link.gnss_clock import GnssClock
 from gcs_formation.link.jitter import JitterMeter
+from gcs_formation.link.stamp_map import StampMap
 from gcs_formation.membership import Member, Sight
 from gcs_formation.vehicle.autopilot import Autopilot, Step
 from gcs_formation.vehicle.command_effect import EffectWatch
@@ -41,9 +43,6 @@ MAX_PROBES = 256
 CLOCK_LIMIT_NS = 2**62
 APART_LIMIT_S = 2.0
 """Largest difference of stamps between a position and the attitude and airspeed that are paired with it."""
-
-
-UNKNOWN_WAYS_S = math.nan, math.nan
 
 
 class Probed(NamedTuple):
@@ -67,13 +66,16 @@ class Vehicle:
         connection: Connection,
         origin: GeodeticOrigin,
         telemetry_rate_hz: float,
+        *,
+        by_utc: bool = False,
     ) -> None:
-        """Start with a vehicle that hasn't been heard."""
+        """Start with a vehicle that hasn't been heard; `by_utc`: its stamps are mapped by UTC where that is known."""
         self.identity = identity
         self.autopilot = autopilot
         self.connection = connection
         self.telemetry = Telemetry(origin)
         self.clock = ClockSync(loop_s=autopilot.loop_s)
+        self.stamps = StampMap(self.clock, GnssClock(autopilot.loop_s) if by_utc else None)
         self.claims = Claims(connection, self.clock)
         """Judges which sender with its system id is the vehicle."""
         self.jitter = JitterMeter()
@@ -131,6 +133,8 @@ class Vehicle:
                 self._acknowledged(message, now)
             case Timesync():
                 self._take_probe(message, now, timed=timed)
+            case SystemTime() if self.gnss:
+                self.gnss.utc(message.time_unix_usec * 1e-6, message.time_boot_s, armed=self.telemetry.armed)
             case None:
                 pass
             case _:
@@ -153,13 +157,24 @@ class Vehicle:
         """
         if self._answered is None:
             return now
-        one_way_s = self.clock.one_way_s
-        return self._answered if math.isnan(one_way_s) else after(self._answered, -one_way_s)
+        down_s = self.down_s
+        return self._answered if math.isnan(down_s) else after(self._answered, -down_s)
+
+    @property
+    def gnss(self) -> GnssClock | None:
+        """Its clock against UTC, None where nobody asks for that."""
+        return self.stamps.gnss
 
     @property
     def ways_s(self) -> tuple[float, float]:
         """Delay up and down, s; NaN where it isn't known how the round trip is split."""
-        return UNKNOWN_WAYS_S
+        return self.stamps.ways_s(self.clock.one_way_s)
+
+    @property
+    def down_s(self) -> float:
+        """Delay down, s: half the round trip where it isn't known how that is split; NaN before the first."""
+        down_s = self.ways_s[1]
+        return self.clock.one_way_s if math.isnan(down_s) else down_s
 
     @property
     def talks_on_s(self) -> float:
@@ -188,7 +203,7 @@ class Vehicle:
             return None
         self._sampled = seen.updates
         motion, attitude = seen.motion, seen.attitude
-        stamp, apart_s = self.clock.to_instant(motion.stamp_s), motion.stamp_s - attitude.time_boot_s
+        stamp, apart_s = self.stamps.to_instant(motion.stamp_s), motion.stamp_s - attitude.time_boot_s
         possible = -EARLY_S <= seconds_between(stamp, now) <= LONGEST_DELAY_S
         airspeed_age_s = motion.stamp_s - seen.airspeed_stamp_s
         if not possible or abs(apart_s) > APART_LIMIT_S or airspeed_age_s > APART_LIMIT_S:
@@ -239,12 +254,16 @@ class Vehicle:
             return
         if self.clock.observe(sent, answer.tc1_ns, now):
             self._restart()
-        self.delays.append(Probed(now, self.clock.last_one_way_s(), *UNKNOWN_WAYS_S))
+        if self.gnss:
+            self.gnss.probe(sent, answer.tc1_ns, now)
+        one_way_s = self.clock.last_one_way_s()
+        self.delays.append(Probed(now, one_way_s, *self.stamps.ways_s(one_way_s)))
 
     def _restart(self) -> None:
         """Start afresh with a vehicle whose clock has restarted: nothing known of it still holds."""
         self.telemetry.forget()
         self.sequence.restart()
+        self.stamps = StampMap(self.clock, GnssClock(self.autopilot.loop_s) if self.gnss else None)
         self.effects = EffectWatch()
         self.take_off = TakeOff()
         self.jitter = JitterMeter()

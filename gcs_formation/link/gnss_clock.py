@@ -1,0 +1,176 @@
+"""Maps a vehicle's clock to UTC by its SYSTEM_TIME, and tells by round trips how its link's delay is split.
+
+A clock is stiff: its drift is tens of ppm, and steady. A link isn't. So a two-state Kalman filter takes the drift from
+the slope of the round trips' midpoints, and a step in them is the link's: its split has changed.
+
+UTC comes from the vehicle's receiver only while it is disarmed, and only forwards; then it runs on the vehicle's own
+crystal (ArduPilot, AP_RTC). A slow clock therefore left UTC when it was armed, a fast one when it booted. Both are
+corrected by the drift.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from statistics import median
+
+from airlink.clock import NANOSECONDS, Instant
+
+DRIFT = 1e-4
+"""Standard deviation of the drift of a crystal that nothing is known of."""
+OFFSET_NOISE, DRIFT_NOISE = 1e-5, 2e-8
+"""Random walk of offset (s) and drift per square root of a second."""
+RESOLUTION_S = 0.5e-3
+FEWEST = 8
+"""Round trips after which the split is known."""
+WINDOW = 12
+"""Round trips (3 s) of which a step is told from chance: by the median of what they differ from the filter by."""
+STEP_SIGMAS, STEP_S = 5.0, 3e-3
+GATE_SIGMAS, GATE_S = 4.0, 5e-3
+UNSTEADY_STEPS, UNSTEADY_S = 4, 60.0
+"""A clock that seems to step this often doesn't run steadily."""
+OLDEST_UNIX_S = 1.5e9
+"""UTC before July 2017 hasn't been set."""
+JUMP_S = 0.01
+UNKNOWN_DRIFT_S = 0.01
+"""Drift since an unknown instant that is too much to know UTC by."""
+
+
+class GnssClock:
+    """One vehicle's clock against UTC, and against ours."""
+
+    def __init__(self, loop_s: float) -> None:
+        """Start with nothing known; `loop_s` is the period of the loop on which the vehicle answers."""
+        self._loop_s = loop_s
+        self.drift = 0.0
+        """How much faster than our clock it runs."""
+        self.samples = 0
+        self.jump_s = 0.0
+        """By how much its UTC has jumped since `utc` was trusted, 0 if it hasn't; the jump isn't followed."""
+        self._middle_s = math.nan
+        self._offset_s = 0.0
+        self._variance = (1.0, 0.0, DRIFT**2)
+        self._trips = deque[float](maxlen=WINDOW)
+        self._off = deque[tuple[float, float]](maxlen=WINDOW)
+        self._steps = deque[float](maxlen=UNSTEADY_STEPS)
+        self._utc_s = math.nan
+        self._readings = 0
+        self._left_s: float | None = None
+        """Time since boot of the last reading while disarmed."""
+        self._first_s = math.nan
+
+    @property
+    def shortest_s(self) -> float:
+        """Shortest of the recent round trips."""
+        return min(self._trips, default=math.nan)
+
+    def why_not(self) -> str | None:
+        """Return why its UTC can't be used, None when it can."""
+        if math.isnan(self._utc_s):
+            return "it sends no UTC"
+        if self.samples < FEWEST:
+            return "it has answered too few requests"
+        lasting_s = self._middle_s - self._steps[0] if len(self._steps) == UNSTEADY_STEPS else math.inf
+        if lasting_s < UNSTEADY_S:
+            return "its clock doesn't run steadily"
+        if self._left_s is None and self.drift < 0 and -self.drift * self._first_s > UNKNOWN_DRIFT_S:
+            return "it was armed before it was first heard, and its clock has drifted since"
+        return None
+
+    def probe(self, sent: Instant, vehicle_time_ns: int, received: Instant) -> None:
+        """Take an answered TIMESYNC request."""
+        trip_s, middle_s = (received - sent) / NANOSECONDS, (sent + received) / 2 / NANOSECONDS
+        self._trips.append(trip_s)
+        wait_s, variance = self._wait(trip_s)
+        # The wait for the answering loop comes before the vehicle reads its clock: the midpoint is half of it late.
+        sample_s = (vehicle_time_ns - (sent + received) / 2) / NANOSECONDS - wait_s / 2
+        self.samples += 1
+        if self.samples == 1:
+            self._middle_s, self._offset_s, self._variance = middle_s, sample_s, (variance, 0.0, DRIFT**2)
+            return
+        self._advance(middle_s)
+        off_s = sample_s - self._offset_s
+        self._off.append((off_s, variance))
+        if abs(off_s) <= GATE_SIGMAS * math.sqrt(self._variance[0] + variance) + GATE_S:
+            self._correct(off_s, variance)
+        self._judge_step()
+
+    def utc(self, unix_s: float, boot_s: float, *, armed: bool) -> None:
+        """Take UTC and time since boot of one instant, from SYSTEM_TIME."""
+        if unix_s < OLDEST_UNIX_S:
+            return
+        ahead_s = unix_s - boot_s
+        if math.isnan(self._utc_s):
+            self._first_s = boot_s
+        elif abs(ahead_s - self._utc_s) > JUMP_S and armed:
+            self.jump_s = ahead_s - self._utc_s
+            return
+        fresh = math.isnan(self._utc_s) or not armed
+        self._readings = 1 if fresh else self._readings + 1
+        self._utc_s = ahead_s if fresh else self._utc_s + (ahead_s - self._utc_s) / self._readings
+        self.jump_s = 0.0
+        if not armed:
+            self._left_s = boot_s
+
+    def to_utc_s(self, boot_s: float) -> float:
+        """Return UTC, s since 1970, at a time since boot."""
+        return boot_s + self._utc_s - self.drift * (boot_s - self._left())
+
+    def station_utc_s(self) -> float:
+        """Return UTC minus our clock, s, if the link took equally long up and down.
+
+        A link that takes d longer up than down makes it d/2 more.
+        """
+        boot_s = self._middle_s + self._offset_s
+        return self.to_utc_s(boot_s) - self._middle_s
+
+    def _left(self) -> float:
+        """Return the time since boot at which its UTC left the receiver's."""
+        if self.drift >= 0:
+            return 0.0
+        return self._first_s / 2 if self._left_s is None else self._left_s
+
+    def _wait(self, trip_s: float) -> tuple[float, float]:
+        """Return the part of a round trip that was the wait for the answering loop, and the variance of the midpoint.
+
+        The best linear estimate: the wait is uniform, and the rest of what round trips vary by is the link's.
+        """
+        count = len(self._trips)
+        mean_s = sum(self._trips) / count
+        scatter_s2 = sum((each - mean_s) ** 2 for each in self._trips) / (count - 1) if count > 1 else 4e-4
+        loop_s2 = self._loop_s**2 / 12
+        share = min(1.0, loop_s2 / scatter_s2) if scatter_s2 > 0 else 1.0
+        wait_s = self._loop_s / 2 + share * (trip_s - mean_s)
+        rest_s = (1.0 - share) * (trip_s - mean_s)
+        return wait_s, RESOLUTION_S**2 + (max(0.0, scatter_s2 - loop_s2) + rest_s**2) / 4
+
+    def _advance(self, to_s: float) -> None:
+        elapsed_s = max(0.0, to_s - self._middle_s)
+        p00, p01, p11 = self._variance
+        self._offset_s += self.drift * elapsed_s
+        self._middle_s = to_s
+        self._variance = (
+            p00 + elapsed_s * (2 * p01 + elapsed_s * p11) + OFFSET_NOISE**2 * elapsed_s,
+            p01 + elapsed_s * p11,
+            p11 + DRIFT_NOISE**2 * elapsed_s,
+        )
+
+    def _correct(self, off_s: float, variance: float) -> None:
+        p00, p01, p11 = self._variance
+        gain0, gain1 = p00 / (p00 + variance), p01 / (p00 + variance)
+        self._offset_s += gain0 * off_s
+        self.drift += gain1 * off_s
+        self._variance = ((1 - gain0) * p00, (1 - gain0) * p01, p11 - gain1 * p01)
+
+    def _judge_step(self) -> None:
+        """Take what the last round trips have in common for a change of the link's split, not of the clock."""
+        if len(self._off) < WINDOW:
+            return
+        step_s = median(off_s for off_s, _ in self._off)
+        variance = median(variance for _, variance in self._off)
+        if abs(step_s) <= STEP_SIGMAS * math.sqrt(variance / WINDOW) + STEP_S:
+            return
+        self._offset_s += step_s
+        self._variance = (variance, 0.0, self._variance[2])
+        self._off.clear()
+        self._steps.append(self._middle_s)

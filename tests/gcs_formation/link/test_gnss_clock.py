@@ -1,0 +1,141 @@
+"""A vehicle's clock against UTC, and the split of its link, from made-up round trips and SYSTEM_TIME."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+
+import pytest
+
+from airlink.clock import NANOSECONDS, Instant, after
+from gcs_formation.common_clock import Bounds, agreed_s
+from gcs_formation.link.clock_sync import ClockSync
+from gcs_formation.link.gnss_clock import GnssClock
+from gcs_formation.link.stamp_map import StampMap
+
+UTC_AT_0_S = 1.6e9
+LOOP_S = 0.02
+Ways = Callable[[float], tuple[float, float]]
+
+
+class Made:
+    """A vehicle whose clock booted at 0 and is `drift` fast, armed at 30 s; probes every 0.25 s."""
+
+    def __init__(self, drift: float, ways: Ways, jitter_s: float = 0.0, armed_s: float = 30.0) -> None:
+        self.clock = GnssClock(LOOP_S)
+        self.drift, self.ways, self.jitter_s, self.armed_s = drift, ways, jitter_s, armed_s
+        self._random, self._probes, self._ahead_s = random.Random(1), 0, UTC_AT_0_S
+        self.now_s = 0.0
+
+    def boot_s(self, at_s: float) -> float:
+        return at_s * (1 + self.drift)
+
+    def fly(self, to_s: float, jump_s: float = 0.0) -> None:
+        while self.now_s < to_s:
+            self.now_s += 0.25
+            self._probes += 1
+            up_s, down_s = (max(0.0, way + self._random.gauss(0, self.jitter_s)) for way in self.ways(self.now_s))
+            up_s += LOOP_S * ((self._probes * 0.618034) % 1.0)  # the wait for the loop
+            boot_ns = round(self.boot_s(self.now_s + up_s) * NANOSECONDS)
+            sent = after(Instant(0), self.now_s)
+            self.clock.probe(sent, boot_ns, after(sent, up_s + down_s))
+            if self._probes % 4 == 0:
+                armed = self.now_s >= self.armed_s
+                boot_s = self.boot_s(self.now_s)
+                if not armed:
+                    self._ahead_s = max(self._ahead_s, UTC_AT_0_S + self.now_s - boot_s)
+                told_s = round(boot_s, 3)
+                self.clock.utc(boot_s + self._ahead_s + jump_s, told_s, armed=armed)
+
+    def utc_error_s(self) -> float:
+        return self.clock.to_utc_s(self.boot_s(self.now_s)) - UTC_AT_0_S - self.now_s
+
+    def split_s(self) -> float:
+        """Return by how much longer the link is found to take up than down."""
+        return 2 * (self.clock.station_utc_s() - UTC_AT_0_S)
+
+
+def constant(up_s: float, down_s: float) -> Ways:
+    return lambda _: (up_s, down_s)
+
+
+@pytest.mark.parametrize("drift", [-40e-6, 0.0, 40e-6])
+@pytest.mark.parametrize(("jitter_s", "allowed_s"), [(0.0, 0.002), (0.02, 0.006)])
+def test_utc_and_the_split_are_known_whatever_the_clock_drifts(drift, jitter_s, allowed_s):
+    """Uncorrected, 40 ppm would be 40 ms after 1000 s."""
+    made = Made(drift, constant(0.4, 0.08), jitter_s)
+    made.fly(1000.0)
+    assert made.clock.why_not() is None
+    assert abs(made.utc_error_s()) < allowed_s
+    assert abs(made.split_s() - 0.32) < 2 * allowed_s
+    assert made.clock.drift == pytest.approx(drift, abs=2e-6)
+
+
+@pytest.mark.parametrize("jitter_s", [0.0, 0.02])
+def test_a_step_of_the_split_is_the_links_and_is_followed_within_20_s(jitter_s):
+    made = Made(-40e-6, lambda at_s: (0.24, 0.24) if at_s < 100 else (0.4, 0.08), jitter_s)
+    made.fly(99.0)
+    before_s = made.utc_error_s()
+    made.fly(119.0)
+    assert abs(made.split_s() - 0.32) < 0.02
+    assert abs(made.utc_error_s() - before_s) < 1e-3  # the clock goes on
+
+
+@pytest.mark.parametrize("jump_s", [-0.5, 0.05, 18.0])
+def test_utc_that_jumps_in_flight_is_not_followed(jump_s):
+    made = Made(20e-6, constant(0.1, 0.1))
+    made.fly(60.0)
+    made.fly(90.0, jump_s)
+    assert made.clock.jump_s == pytest.approx(jump_s, abs=0.002)
+    assert abs(made.utc_error_s()) < 0.002
+
+
+def test_what_cannot_be_a_crystal_is_not_trusted():
+    made = Made(0.015, constant(0.1, 0.1))
+    made.fly(60.0)
+    assert made.clock.why_not() == "its clock doesn't run steadily"
+
+
+def test_a_vehicle_without_a_receiver_has_no_utc():
+    clock = GnssClock(LOOP_S)
+    clock.utc(12.0, 12.0, armed=False)
+    assert clock.why_not() == "it sends no UTC"
+
+
+def test_a_slow_clock_that_was_armed_unseen_has_drifted_by_an_unknown_amount():
+    made = Made(-40e-6, constant(0.1, 0.1), armed_s=0.0)
+    made.now_s = 1000.0
+    made.fly(1100.0)
+    assert "armed before" in str(made.clock.why_not())
+
+
+def test_what_most_allow_is_agreed_on_and_stands():
+    slow, even, wrong = Bounds(10.16, 0.24), Bounds(10.0, 0.1), Bounds(11.0, 0.24)
+    assert agreed_s([slow, even, even]) == pytest.approx(10.0)
+    assert agreed_s([slow, even, wrong]) == pytest.approx(10.08)
+    assert not wrong.allows(agreed_s([slow, even, wrong]))
+    assert agreed_s([even, wrong]) != agreed_s([even, wrong])  # NaN: nobody can say which
+    assert agreed_s([slow, even, even], 10.05) == 10.05
+    assert agreed_s([slow, slow, even], 9.0) == pytest.approx(10.1)
+
+
+def test_a_change_of_mapping_in_flight_comes_gradually():
+    """160 ms at 1 ms a tick."""
+    made = Made(0.0, constant(0.4, 0.08))
+    trips = ClockSync(LOOP_S)
+    for number in range(20):
+        sent = after(Instant(0), 0.25 * number)
+        trips.observe(sent, sent + 400_000_000, after(sent, 0.48))
+    made.fly(20.0)
+    stamps, now = StampMap(trips, made.clock), after(Instant(0), 20.0)
+    before = stamps.to_instant(20.0)
+    for _ in range(3):
+        stamps.use_utc(UTC_AT_0_S, now, 0.001)
+    assert stamps.to_instant(20.0) - before == pytest.approx(3e6, abs=0.1e6)
+    for _ in range(170):
+        stamps.use_utc(UTC_AT_0_S, now, 0.001)
+    assert stamps.to_instant(20.0) == pytest.approx(now, abs=2e6)
+    up_s, down_s = stamps.ways_s(0.24)
+    assert (up_s, down_s) == (pytest.approx(0.4, abs=0.003), pytest.approx(0.08, abs=0.003))
+    stamps.use_utc(None, now, 0.001)
+    assert stamps.to_instant(20.0) == pytest.approx(now, abs=2e6)  # and back, gradually too
