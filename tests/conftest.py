@@ -1,7 +1,10 @@
 """Settings of all tests."""
 
 import gc
+import signal
+from collections.abc import Iterator
 
+import pytest
 from hypothesis import settings
 
 # How long an example takes says nothing on a busy machine; the same examples in every run do.
@@ -14,3 +17,15 @@ def pytest_collection_finish() -> None:
     gc.collect()
     gc.freeze()
     gc.set_threshold(100_000)
+
+
+@pytest.fixture
+def foreground() -> Iterator[None]:
+    """Ctrl-C and hang-ups as a job in a shell's foreground meets them: `nohup … &` ignores both, and hands that on."""
+    before = {
+        signal.SIGINT: signal.signal(signal.SIGINT, signal.default_int_handler),
+        signal.SIGHUP: signal.signal(signal.SIGHUP, signal.SIG_DFL),
+    }
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)

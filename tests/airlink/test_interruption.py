@@ -5,6 +5,7 @@ import sys
 import pytest
 
 
+@pytest.mark.usefixtures("foreground")
 @pytest.mark.parametrize("command", ["airlink", "gcs_formation", "sim_vehicles"])
 def test_ctrl_c_while_a_command_is_imported_ends_it_with_130_and_no_word(command: str) -> None:
     begun = f"from {command}.__main__ import main; import signal, sys; sys.modules['click'] = Interrupting(); main()"

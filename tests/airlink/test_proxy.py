@@ -201,6 +201,7 @@ def test_bad_usage_is_status_2_with_what_is_allowed(listen, options, found):
     assert found in result.output
 
 
+@pytest.mark.usefixtures("foreground")
 def test_an_interrupt_ends_it_with_a_summary_and_status_130(listen):
     command = [sys.executable, "-c", "from airlink.cli.proxy import main; main()"]
     ends = ["--listen", str(listen), "--to", "udpout:127.0.0.1:9", "--delay-ms", "5"]

@@ -108,6 +108,7 @@ def test_a_taken_port_exits_3(tmp_path):
     assert f"127.0.0.1:{port}" in answer.stderr
 
 
+@pytest.mark.usefixtures("foreground")
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 0), (signal.SIGINT, 130)])
 def test_it_speaks_over_udp_and_ends_on_a_signal_without_a_word(number, status):
     with listener() as ground:
