@@ -47,7 +47,7 @@ def test_slots_change_without_errors_or_anybody_near(fly: Fly) -> None:
     assert max(f[f"error_{axis}_m"]["max"] for f in summary["followers"].values() for axis in "xyz") < BEFORE_M
 
 
-@pytest.mark.parametrize("lost", [1, 3])
+@pytest.mark.parametrize("lost", [1, pytest.param(3, marks=pytest.mark.slow)])
 def test_a_crash_breaks_no_limit_that_the_others_keep(fly: Fly, lost: int) -> None:
     """A wreck lies 0 m above the ground, and ever further from the followers that it led: neither is theirs."""
     summary = fly(
@@ -138,7 +138,7 @@ def test_a_leader_that_its_pilot_has_taken_comes_back_as_a_follower(fly: Fly, tm
     assert np.isnan(columns_of(tmp_path, 2)["margin_used"][late]).all()
 
 
-@pytest.mark.parametrize(("shape", "count"), [("arrow", 4), ("follower", 2)])
+@pytest.mark.parametrize(("shape", "count"), [pytest.param("arrow", 4, marks=pytest.mark.slow), ("follower", 2)])
 def test_a_leader_that_hangs_is_led_to_its_new_slot_apart_from_the_others(
     fly: Fly, tmp_path: Path, shape: str, count: int
 ) -> None:
@@ -158,6 +158,7 @@ def test_a_leader_that_hangs_is_led_to_its_new_slot_apart_from_the_others(
     assert max(np.abs(own[f"error_{axis}_m"][late]).max() for axis in "xyz") < 0.5
 
 
+@pytest.mark.slow
 def test_orders_are_carried_out_or_refused_with_the_reason(fly: Fly, tmp_path: Path) -> None:
     orders = {
         5: "shape line",

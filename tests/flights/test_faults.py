@@ -70,7 +70,7 @@ def test_a_follower_that_hangs_and_comes_back_flies_in_its_slot_again() -> None:
     assert world.worst_m(22.0) < 0.1
 
 
-@pytest.mark.parametrize("number", [1, 2])
+@pytest.mark.parametrize("number", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_restart_in_flight_is_taken_up_again(number: int) -> None:
     world, struck_s = flying("restart", number, duration_s=18)
     world.run()
@@ -82,7 +82,7 @@ def test_a_restart_in_flight_is_taken_up_again(number: int) -> None:
     assert world.station.failure is None
 
 
-@pytest.mark.parametrize("number", [1, 2])
+@pytest.mark.parametrize("number", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_a_restart_on_the_ground_is_left_to_the_pilot_until_it_flies_and_is_given_back(number: int) -> None:
     world = World(duration_s=60)
     world.fly_to(2.0)

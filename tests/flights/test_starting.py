@@ -85,7 +85,14 @@ def ignores_in_the_air(world: World) -> None:
         (Unready, nothing, ("mode", "MANUAL"), 90, "we waited for it to be ready to arm"),
         (Between, ignores, ("disobeys", "mode TAKEOFF"), 18, "we set mode TAKEOFF"),
         (Between, can_not_arm, ("mode", "TAKEOFF"), 30, "we armed (command 400: FAILED); it said: 'PreArm: Compass"),
-        (Between, stays_on_the_ground, ("statustext", "armed"), 90, "we waited for it to climb"),
+        pytest.param(
+            Between,
+            stays_on_the_ground,
+            ("statustext", "armed"),
+            90,
+            "we waited for it to climb",
+            marks=pytest.mark.slow,
+        ),
         (Between, ignores_in_the_air, ("disobeys", "mode GUIDED"), 18, "we set mode GUIDED"),
     ],
 )
@@ -119,6 +126,7 @@ def test_nobody_takes_off_for_a_formation_of_which_one_never_answers() -> None:
     assert all(each.pilot.condition is Condition.DISARMED for each in world.fleet.vehicles)
 
 
+@pytest.mark.slow
 def test_after_the_path_has_begun_a_vehicle_that_can_not_be_started_again_is_abandoned_and_the_others_fly_on() -> None:
     world = World(duration_s=32)
     world.fly_to(2.0)
@@ -155,7 +163,7 @@ def test_when_the_time_for_assembly_is_over_the_path_begins_as_the_leader_comes_
     assert world.station.failure is None
 
 
-@pytest.mark.parametrize("taken", [(1,), (1, 2, 3)])
+@pytest.mark.parametrize("taken", [pytest.param((1,), marks=pytest.mark.slow), (1, 2, 3)])
 def test_without_anybody_to_follow_the_run_ends_when_the_time_for_assembly_is_over(taken: tuple[int, ...]) -> None:
     """The leader alone is its pilot's, without succession; or everyone is, so that nobody can take over."""
     world = World(**ASSEMBLING, formation={"shape": "arrow", "succession": "none" if taken == (1,) else "nearest"})

@@ -54,7 +54,9 @@ def rates_hz(world: World, number: int) -> list[float]:
     return [1e6 / world.vehicle(number).streams.interval_us(each) for each in MOTION]
 
 
-@pytest.mark.parametrize(("number", "said"), [(1, stopped), (2, stopped), (2, unasked), (2, slowed)])
+@pytest.mark.parametrize(
+    ("number", "said"), [(1, stopped), (2, stopped), (2, unasked), pytest.param(2, slowed, marks=pytest.mark.slow)]
+)
 def test_a_vehicle_that_another_ground_station_has_told_to_send_less_is_asked_again(number: int, said: Any) -> None:
     world = World(duration_s=16 if said is slowed else 10)
     world.fly_to(2.0)
@@ -73,6 +75,7 @@ def test_a_vehicle_that_another_ground_station_has_told_to_send_less_is_asked_ag
     assert world.station.flight.phase is Phase.DONE
 
 
+@pytest.mark.slow
 def test_heartbeats_that_were_switched_off_are_asked_for_before_anybody_is_told_to_loiter() -> None:
     """At 3.5 s, as after any three heartbeats that are missing; the next one comes at once."""
     world = World(duration_s=9)

@@ -36,7 +36,8 @@ def test_followers_settle_from_an_offset(fly: Fly, frame: str, law: str) -> None
         assert follower["left_at_s"] is None
 
 
-@pytest.mark.parametrize("aside_m", [pytest.param(-150, marks=pytest.mark.slow), 150])
+@pytest.mark.slow
+@pytest.mark.parametrize("aside_m", [-150, 150])
 def test_a_follower_far_aside_flies_to_its_slot(fly: Fly, aside_m: float) -> None:
     summary = fly(duration_s=50, start={"in_air": True, "run_in_s": 6, "offset_m": [0, aside_m, 0]})
     for follower in summary.to_dict()["followers"].values():
@@ -145,7 +146,8 @@ def test_clocks_that_are_off_do_not_matter(fly: Fly) -> None:
     assert max(worst(fly(duration_s=20, vehicles=vehicles), "max")) < 0.1
 
 
-@pytest.mark.parametrize("shape", [pytest.param("line", marks=pytest.mark.slow), "diamond"])
+@pytest.mark.slow
+@pytest.mark.parametrize("shape", ["line", "diamond"])
 def test_slots_in_the_followers_own_frame_are_kept_in_bends_and_beside_the_leader(fly: Fly, shape: str) -> None:
     """A slot is towed: it bends as the leader does x_rc / v later; beside the leader nothing damps but the law."""
     weave = [[600.0 * i, 250.0 * math.sin(0.9 * i), 100.0] for i in range(6)]

@@ -53,6 +53,7 @@ def test_forged_frames_break_nothing(end: End) -> None:
     check(fly(DURATION_S, Siege(1, CROWD if end == "station" else THRONG, end, forged=True, own_share=0.5)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("end", ENDS)
 def test_memory_does_not_grow_with_what_is_thrown(end: End) -> None:
     few, many = (fly(DURATION_S, Siege(1, each, end)).kept for each in (THRONG, 3 * THRONG))

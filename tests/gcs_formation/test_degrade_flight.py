@@ -95,6 +95,7 @@ def test_nothing_comes_down_in_flights_that_are_well_inside(tmp_path: Path) -> N
         assert flown.figures["stability"]["margin_used"] < 0.8
 
 
+@pytest.mark.slow
 def test_a_follower_beyond_its_margin_loiters_where_that_is_asked_for_and_comes_back_with_the_delay(fly: Fly) -> None:
     """The delay is the mean of the last 4 s of round trips; the margin is looked at once a second."""
     flown = fly([{"at_s": 2, "delay_ms": 700}, {"at_s": 12, "delay_ms": 0}], duration_s=40, on_delay="hold")

@@ -66,6 +66,7 @@ def test_a_gust_on_all_that_the_leader_cannot_tell_of_for_a_second_moves_nobody_
         flown.stays_within(0.05, followers=follower, from_s=5)
 
 
+@pytest.mark.slow
 def test_what_jitter_makes_of_seldom_telemetry_is_not_shared_as_a_gust(plan):
     slowly = {"vehicles": {"count": 2}, "law": {"rate_hz": 5}, "telemetry": {"rate_hz": 5}}
     link = {"delay_ms": 300, "jitter_ms": 14, "distribution": "uniform"}

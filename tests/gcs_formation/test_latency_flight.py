@@ -18,7 +18,8 @@ from tests.flights.test_real_clock import free_port
 DELAYS_MS = (0, 50, 150, 300, 600)
 DRIFTS_PPM = (0, 50, 15000)
 SPEED_MPS = 22
-WAYS = ("both", "uplink", "downlink")
+ONE_FAST = ("uplink", *(pytest.param(way, marks=pytest.mark.slow) for way in ("both", "downlink")))
+"""Ways of a link that may be out: all of them at night, one at each push."""
 
 
 @pytest.fixture(scope="module")
@@ -98,17 +99,20 @@ def test_a_step_of_delay_is_tracked_within_5_s(plan):
 
 @pytest.mark.slow
 def test_over_real_sockets_the_measured_delay_is_the_realised_one(plan):
-    """Under the machine's clock, no faster than real time: within 5 ms or 3 %."""
+    """Under the machine's clock: within 5 ms or 3 %, and what the machine itself adds to a link without delay."""
     delays_ms = dict(enumerate((0, 50, 150, 300, 600), start=1))
     flight = plan(duration_s=10, vehicles={"count": 5, "endpoint": f"udpin:127.0.0.1:{free_port()}"}).in_real_time()
     for vehicle, delay_ms in delays_ms.items():
         flight = flight.with_link(vehicle, delay_ms=delay_ms, jitter_ms=5 if delay_ms else 0)
     flown = flight.fly()
+    late_ms = flown.link(1)["measured_delay_ms"]["p99"]
     for vehicle, delay_ms in delays_ms.items():
         link = flown.link(vehicle)
         injected_ms = link["injected_delay_ms"]
-        assert injected_ms == pytest.approx(delay_ms, abs=5.0)
-        assert link["measured_delay_ms"]["p50"] == pytest.approx(injected_ms, abs=max(5.0, 0.03 * injected_ms))
+        assert injected_ms == pytest.approx(delay_ms, abs=5.0 + late_ms)
+        assert link["measured_delay_ms"]["p50"] == pytest.approx(
+            injected_ms, abs=late_ms + max(5.0, 0.03 * injected_ms)
+        )
 
 
 @pytest.mark.slow
@@ -124,6 +128,7 @@ def test_the_measured_loss_is_the_realised_one(plan, mean_burst):
     assert link["measured_loss"] == pytest.approx(link["injected_loss"], abs=0.002)
 
 
+@pytest.mark.slow
 def test_the_record_has_injected_delay_and_jitter_tick_by_tick(plan):
     """Of 60 s at 10 Hz the mean jitter is known to 4 %; it's that of the way down alone."""
     jittery = plan(duration_s=60, vehicles={"count": 2}).with_link(2, uplink={"delay_ms": 50})
@@ -156,6 +161,7 @@ def test_the_same_seed_gives_the_same_bytes_over_impaired_links(plan):
     assert (one.directory / "flight.tlog").read_bytes() != (other.directory / "flight.tlog").read_bytes()
 
 
+@pytest.mark.slow
 def test_a_change_on_one_link_leaves_the_other_links_delays_alone(plan):
     jittery = plan(duration_s=6, start={"in_air": True, "run_in_s": 6}).with_link(delay_ms=50, jitter_ms=20)
     before = jittery.fly().series(2)
@@ -163,7 +169,7 @@ def test_a_change_on_one_link_leaves_the_other_links_delays_alone(plan):
     assert np.array_equal(*(each["delay_s"][flying(each)] for each in (before, after)), equal_nan=True)
 
 
-@pytest.fixture(scope="module", params=WAYS)
+@pytest.fixture(scope="module", params=ONE_FAST)
 def outage(plan, request) -> Flown:
     """Fly with follower 3's link down from 10 s to 20 s."""
     return plan(duration_s=38).with_outage(3, from_s=10, to_s=20, way=request.param).fly()
@@ -178,7 +184,7 @@ def test_after_an_outage_of_10_s_a_follower_rejoins(outage):
     outage.stays_within(0.5, followers=3, from_s=35)
 
 
-@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("way", ONE_FAST)
 def test_an_outage_of_the_leaders_link_has_a_follower_lead_and_the_leader_follow_when_it_is_over(plan, way):
     cut = plan(duration_s=22, start={"in_air": True, "run_in_s": 6}).with_outage(1, from_s=5, to_s=15, way=way)
     flown = cut.fly()

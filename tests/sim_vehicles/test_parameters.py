@@ -98,6 +98,7 @@ def test_take_off_ends_at_its_height(parked):
     assert parked.state("height_m") == pytest.approx(30.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_circles_have_the_radius_asked_for_unless_the_turn_rate_forbids_it(flying):
     for asked, flown in ((200.0, 200.0), (10.0, 1.05 * 22 / 0.25)):
         put(flying, b"WP_LOITER_RAD", asked)

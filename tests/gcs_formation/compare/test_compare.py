@@ -69,6 +69,7 @@ def assert_no_error_is_above_its_line(out, law):
     assert line.error_m.max(axis=0) == pytest.approx(error_m.max(axis=0))
 
 
+@pytest.mark.slow
 def test_a_law_that_does_not_stand_the_delay_says_so(scenario, tmp_path):
     far = ["--set", "links.default.delay_ms=450", "--set", "start.run_in_s=11", "--set", "expect=[]", "--until", "3"]
     laws = ["--laws", "pid,pid_uncompensated"]

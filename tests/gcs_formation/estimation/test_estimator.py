@@ -61,6 +61,7 @@ class Flight:
         return self.filter.noise.sigma[:, 0] / self.sigma
 
 
+@pytest.mark.slow
 def test_errors_are_as_large_as_the_filter_says():
     """The mean of the normalised error squared is the number of states (Bar-Shalom's consistency test)."""
     normalised = []

@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
 from gcs_formation.record.effort import effort
-from gcs_formation.record.figures_of_merit import axis_figures, in_slot_share, left_at_s, settled_at_s
+from gcs_formation.record.figures_of_merit import (
+    PAIRWISE_UP_TO,
+    axis_figures,
+    in_slot_share,
+    left_at_s,
+    separation_m,
+    settled_at_s,
+)
 
 TIME_S = np.arange(0.0, 100.05, 0.1)
 
@@ -64,3 +74,11 @@ def test_effort_has_no_step_into_the_window_nor_where_nothing_is_sent():
     assert effort(columns(setpoint_height_m=jump, active=silent), np.ones(101, dtype=bool))["height"]["step_p95"] == 0.0
     nothing = effort(columns(active=np.zeros(101)), np.ones(101, dtype=bool))
     assert nothing["speed"] == {"variation_per_s": None, "step_p95": None}
+
+
+@pytest.mark.parametrize("count", [2, PAIRWISE_UP_TO + 1])
+def test_separation_is_in_three_dimensions(count):
+    """By 3-4-5: 30 m apart on the ground and 40 m in height, so 50 m."""
+    steps = np.array([30.0, 0.0, 40.0])
+    flight: Any = SimpleNamespace(vehicles=range(count), place_in_flight=lambda each: np.tile(each * steps, (4, 1)))
+    assert separation_m(flight, np.ones(4, dtype=bool)) == pytest.approx(50.0)

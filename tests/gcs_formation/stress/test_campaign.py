@@ -29,6 +29,7 @@ def scenarios() -> list[Scenario]:
     return [draw(seed) for seed in range(200)]
 
 
+@pytest.mark.slow
 def test_seeds_cover_what_may_happen(scenarios: list[Scenario]) -> None:
     assert {fault.kind for each in scenarios for fault in each.faults} == set(get_args(FaultKind))
     assert {each.formation.frame for each in scenarios} == {"leader_heading", "follower_heading"}

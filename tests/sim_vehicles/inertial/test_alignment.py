@@ -97,6 +97,7 @@ def test_gravity_and_the_earth_s_rotation_show_any_attitude() -> None:
     assert coarse(leaning.T @ angle, leaning.T @ velocity) == pytest.approx(leaning, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_the_filter_is_honest() -> None:
     """Thirty alignments with biases drawn as it believes: innovations white, errors as large as it says."""
     random, nees, innovations = np.random.default_rng(3), list[float](), list[np.ndarray]()

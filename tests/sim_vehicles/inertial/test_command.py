@@ -28,6 +28,7 @@ def sins(*arguments: object) -> Result:
     return CliRunner().invoke(main, ["sins", *map(str, arguments)])
 
 
+@pytest.mark.slow
 def test_it_writes_a_summary_by_the_contract_figures_and_a_scenario_that_gives_the_same(
     scenario: Path, tmp_path: Path
 ) -> None:
