@@ -117,9 +117,8 @@ class FormationLaw:
         limited = bounds.limit(Setpoints.of((forward + self._correction + gust).T))
         # What the feed-forward alone asks beyond the envelope isn't the integrators' to work off.
         excess = _difference(limited, bounds.limit(Setpoints.of((forward + gust).T)).table.T) - output
-        following = pid.integrate(state, gains, mixed, rate, excess, parameters.anti_windup_s, dt_s).with_integral(
-            state.integral, situation.replaced[self._followers]
-        )
+        following = pid.integrate(state, gains, mixed, rate, excess, parameters.anti_windup_s, dt_s)
+        following = following.with_integral(state.integral, situation.replaced[self._followers])
         active = situation.active[self._followers]
         self._state = _where(active, following, self._rest)
         self._drift_mps[:, ~active] = self._correction[~active] = np.nan
