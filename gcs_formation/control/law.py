@@ -38,7 +38,7 @@ from gcs_formation.estimation.predictor import air_rates, turn_rate
 CHANNELS = 3
 """Speed, heading, height."""
 SLEW = np.array((1.6, 1.04))
-"""How fast corrections of speed and heading grow at most, as a share of the vehicle's own limits."""
+"""How fast setpoints of speed and heading change at most, as a share of the vehicle's own limits."""
 GUST_SIGMAS = 3.0
 """Standard deviations of the wind's estimate below which a change of it isn't led."""
 SWING_S = 0.6
@@ -87,7 +87,7 @@ class FormationLaw:
         self._state = self._rest = PidState.at_rest((self._followers.size, CHANNELS))
         self._drift_mps = np.full((2, self._followers.size), np.nan)
         self._drift_before_mps = self._drift_mps
-        self._correction = np.full((self._followers.size, CHANNELS), np.nan)
+        self._steady_told = np.full((self._followers.size, CHANNELS), np.nan)
         self._tow = Tow(self._followers.size) if self._parameters.frame == "follower_heading" else None
 
     def decide(self, situation: Situation, dt_s: float) -> Decision:
@@ -110,18 +110,16 @@ class FormationLaw:
         gust_mps2 = self._gust(situation, leader.state, follower, dt_s)
         gust = gust_lead(target, axes, gust_mps2, self._model)
         free = situation.replaced[self._followers] | np.any(gust_mps2, axis=0)[:, None]
+        self._steady_told = self._slewed(forward + output, free, dt_s)
         bounds = Envelope.of(forward[:, 1], follower, self._model)
-        self._correction = self._slewed(
-            _difference(bounds.limit(Setpoints.of((forward + output).T)), forward), free, dt_s
-        )
-        limited = bounds.limit(Setpoints.of((forward + self._correction + gust).T))
+        limited = bounds.limit(Setpoints.of((self._steady_told + gust).T))
         # What the feed-forward alone asks beyond the envelope isn't the integrators' to work off.
-        excess = _difference(limited, bounds.limit(Setpoints.of((forward + gust).T)).table.T) - output
+        excess = _difference(limited, bounds.limit(Setpoints.of(forward.T))) - output
         following = pid.integrate(state, gains, mixed, rate, excess, parameters.anti_windup_s, dt_s)
         following = following.with_integral(state.integral, situation.replaced[self._followers])
         active = situation.active[self._followers]
         self._state = _where(active, following, self._rest)
-        self._drift_mps[:, ~active] = self._correction[~active] = np.nan
+        self._drift_mps[:, ~active] = self._steady_told[~active] = np.nan
         if self._tow is not None:
             self._tow.forget(~active)
         shown = np.concatenate((gains.proportional, gains.integral, gains.derivative), axis=1)
@@ -181,18 +179,18 @@ class FormationLaw:
         heading, others = SWING_S / (SWING_S + aside_s), np.ones_like(aside_s)
         return bandwidth * np.column_stack((others, heading, others))
 
-    def _slewed(self, correction: Array, free: Mask, dt_s: float) -> Array:
-        """Return (F, 3) corrections of the feed-forward that grow no faster than a vehicle can follow.
+    def _slewed(self, wanted: Array, free: Mask, dt_s: float) -> Array:
+        """Return (F, 3) setpoints that differ from the last tick's by no more than a vehicle can follow.
 
-        They shrink as fast as they like, or the loop would lag in large manoeuvres. Heights are limited by their
-        envelope. Those of `free` are as wanted: while a gust is answered, when nothing may wait, and after a setpoint
-        that the separation rule replaced, which isn't one to start from.
+        Heights are limited by their envelope. Those of `free` are as wanted: while a gust is answered, when nothing may
+        wait, and after a setpoint that the separation rule replaced, which isn't one to start from.
         """
-        model, before = self._model, np.where(free, np.nan, self._correction)[:, :2]
+        model, before = self._model, np.where(free, np.nan, self._steady_told)
         most = SLEW * dt_s * np.array((model.accel_max_mps2, model.turn_rate_max_rps)).T
-        slewed, wanted = correction.copy(), correction[:, :2]
-        grown = within(wanted, np.minimum(before, 0.0) - most, np.maximum(before, 0.0) + most)
-        slewed[:, :2] = np.where(np.isnan(before), wanted, grown)
+        step = wanted[:, :2] - before[:, :2]
+        step[:, 1] = wrap(step[:, 1])
+        slewed = wanted.copy()
+        slewed[:, :2] -= or_zero(step - within(step, -most, most))
         return slewed
 
     def _slopes(
@@ -265,8 +263,8 @@ def scheduled_gains(parameters: LawParameters, mixed: Array, rate: Array) -> Gai
     )
 
 
-def _difference(limited: Setpoints, wanted: Array) -> Array:
-    return limited.table.T - wanted
+def _difference(limited: Setpoints, wanted: Setpoints) -> Array:
+    return (limited.table - wanted.table).T
 
 
 def _where(active: Mask, moving: PidState, rest: PidState) -> PidState:
