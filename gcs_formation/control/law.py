@@ -15,14 +15,13 @@ from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.arrays import Array, Mask, or_zero, within, wrap
 from gcs_formation.control import pid
 from gcs_formation.control.envelope import Envelope
-from gcs_formation.control.feed_forward import Axes, LeaderMotion, Turning, feed_forward, gust_lead
+from gcs_formation.control.feed_forward import Axes, LeaderMotion, Turning, feed_forward
 from gcs_formation.control.fuzzy import FuzzyGainScheduler
 from gcs_formation.control.mixer import (
     TOW_S,
     Mixer,
     Target,
     drift,
-    error_rate,
     formation_error,
     mix,
     rotate_to,
@@ -33,14 +32,10 @@ from gcs_formation.control.pid import Gains, PidState
 from gcs_formation.control.situation import Decision, Lead, Situation
 from gcs_formation.control.tow import Tow
 from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Indices, Setpoints
-from gcs_formation.estimation.predictor import air_rates, turn_rate
+from gcs_formation.estimation.predictor import turn_rate
 
 CHANNELS = 3
 """Speed, heading, height."""
-SLEW = np.array((1.6, 1.04))
-"""How fast setpoints of speed and heading change at most, as a share of the vehicle's own limits."""
-GUST_SIGMAS = 3.0
-"""Standard deviations of the wind's estimate below which a change of it isn't led."""
 SWING_S = 0.6
 """Time aside of the leader at which the heading's loop has half its bandwidth, in the follower's own frame."""
 
@@ -62,8 +57,6 @@ class LawParameters:
     """None for the plain PID: gains stay nominal."""
     derivative_filter_s: float
     anti_windup_s: float
-    gust_radps: float
-    """Bandwidth with which a change of the drift is fed forward."""
 
 
 class FormationLaw:
@@ -86,8 +79,6 @@ class FormationLaw:
         self._pairs = np.concatenate((self._leading, self._followers)), np.tile(self._followers, 2)
         self._state = self._rest = PidState.at_rest((self._followers.size, CHANNELS))
         self._drift_mps = np.full((2, self._followers.size), np.nan)
-        self._drift_before_mps = self._drift_mps
-        self._steady_told = np.full((self._followers.size, CHANNELS), np.nan)
         self._tow = Tow(self._followers.size) if self._parameters.frame == "follower_heading" else None
 
     def decide(self, situation: Situation, dt_s: float) -> Decision:
@@ -96,39 +87,36 @@ class FormationLaw:
             self._lead_by(situation.lead.leader)
         self._leader_model, self._model = self._models.take(self._leading), self._models.take(self._followers)
         parameters, state, slots = self._parameters, self._state, situation.slots.take(self._followers)
-        leader, follower = self._pairwise(situation)
+        led, follower = self._pairwise(situation)
+        leader = self._led(situation.lead, led)
         turning = leader.turning if self._tow is None else self._tow.turning(leader, slots, dt_s)
         error_m = formation_error(leader.state, follower, slots.position_m, parameters.frame)
         target = slot_target(leader.state, follower, turning.rate_rps, slots, parameters.frame)
         mixed = mix(parameters.mixer, target, follower, self._steady(error_m, target, follower, slots))
-        axes = Axes(leader.state.heading_rad if self._tow is None else target.heading_rad, turning)
-        forward = feed_forward(target, leader, axes, slots, self._model)
-        slope = self._slopes(leader, follower, error_m, target, forward, situation.told.take(self._followers), slots)
-        rate = pid.filter_rate(state, slope, parameters.derivative_filter_s, dt_s)
+        rate = pid.filter_rate(state, mixed, parameters.derivative_filter_s, dt_s)
         gains = scheduled_gains(parameters, mixed, rate).slowed(self._bandwidth(situation, leader.state, slots))
         output = pid.unlimited(state, gains, mixed, rate)
-        gust_mps2 = self._gust(situation, leader.state, follower, dt_s)
-        gust = gust_lead(target, axes, gust_mps2, self._model)
-        free = situation.replaced[self._followers] | np.any(gust_mps2, axis=0)[:, None]
-        self._steady_told = self._slewed(forward + output, free, dt_s)
+        axes = Axes(leader.state.heading_rad if self._tow is None else target.heading_rad, turning)
+        forward = feed_forward(target, leader, axes, slots, self._gust(leader.state, follower, dt_s), self._model)
+        wanted = Setpoints.of((forward + output).T)
         bounds = Envelope.of(forward[:, 1], follower, self._model)
-        limited = bounds.limit(Setpoints.of((self._steady_told + gust).T))
+        limited = bounds.limit(wanted)
         # What the feed-forward alone asks beyond the envelope isn't the integrators' to work off.
         excess = _difference(limited, bounds.limit(Setpoints.of(forward.T))) - output
         following = pid.integrate(state, gains, mixed, rate, excess, parameters.anti_windup_s, dt_s)
         following = following.with_integral(state.integral, situation.replaced[self._followers])
         active = situation.active[self._followers]
         self._state = _where(active, following, self._rest)
-        self._drift_mps[:, ~active] = self._steady_told[~active] = np.nan
+        self._drift_mps[:, ~active] = np.nan
         if self._tow is not None:
             self._tow.forget(~active)
         shown = np.concatenate((gains.proportional, gains.integral, gains.derivative), axis=1)
         return Decision(self._followers, follower, limited, error_m, mixed, shown)
 
-    def _pairwise(self, situation: Situation) -> tuple[LeaderMotion, FlightState]:
-        """Return the leader's motion and the followers' states when the followers' setpoints act."""
+    def _pairwise(self, situation: Situation) -> tuple[FlightState, FlightState]:
+        """Return the leader's states and the followers' own when the followers' setpoints act."""
         table, count = situation.states.of(*self._pairs).table, self._followers.size
-        return self._led(situation.lead, FlightState.of(table[:, :count])), FlightState.of(table[:, count:])
+        return FlightState.of(table[:, :count]), FlightState.of(table[:, count:])
 
     def _led(self, lead: Lead, state: FlightState) -> LeaderMotion:
         """Return the motion of a leader in `state`, (F,) columns; its heading lags what it's told by (7).
@@ -158,13 +146,8 @@ class FormationLaw:
         off = np.sin(wrap(follower.heading_rad - target.heading_rad))
         steady_m = error_m.copy()
         steady_m[:, 0] += slots.position_m[:, 1] * off
-        steady_m[:, 1] -= self._tow_m(target, slots) * off
+        steady_m[:, 1] -= np.maximum(TOW_S * target.speed_mps + slots.position_m[:, 0], 0.0) * off
         return steady_m
-
-    @staticmethod
-    def _tow_m(target: Target, slots: SlotMotion) -> Array:
-        """Return how much farther behind than its slot is a place whose damping the heading's gains are for, (F,)."""
-        return np.maximum(TOW_S * target.speed_mps + slots.position_m[:, 0], 0.0)
 
     def _bandwidth(self, situation: Situation, leader: FlightState, slots: SlotMotion) -> Array:
         """Return (F, 3), the share of the design bandwidth for each loop: less for the heading of a slot at the side.
@@ -179,70 +162,13 @@ class FormationLaw:
         heading, others = SWING_S / (SWING_S + aside_s), np.ones_like(aside_s)
         return bandwidth * np.column_stack((others, heading, others))
 
-    def _slewed(self, wanted: Array, free: Mask, dt_s: float) -> Array:
-        """Return (F, 3) setpoints that differ from the last tick's by no more than a vehicle can follow.
+    def _gust(self, leader: FlightState, follower: FlightState, dt_s: float) -> tuple[Array, Array]:
+        """Return the rate of change of the followers' drift since the last tick, along and across, in m/s².
 
-        Heights are limited by their envelope. Those of `free` are as wanted: while a gust is answered, when nothing may
-        wait, and after a setpoint that the separation rule replaced, which isn't one to start from.
+        In the follower's own frame there is no lead across: its slot swings as it turns.
         """
-        model, before = self._model, np.where(free, np.nan, self._steady_told)
-        most = SLEW * dt_s * np.array((model.accel_max_mps2, model.turn_rate_max_rps)).T
-        step = wanted[:, :2] - before[:, :2]
-        step[:, 1] = wrap(step[:, 1])
-        slewed = wanted.copy()
-        slewed[:, :2] -= or_zero(step - within(step, -most, most))
-        return slewed
-
-    def _slopes(
-        self,
-        leader: LeaderMotion,
-        follower: FlightState,
-        error_m: Array,
-        target: Target,
-        forward: Array,
-        told: Setpoints,
-        slots: SlotMotion,
-    ) -> Array:
-        """Return the rates of change of the mixed errors, (F, 3), from the states and not from earlier errors.
-
-        What the target needs changes at the rate that the feed-forward leads it by. The followers' own acceleration and
-        turn rate are those of (7) with what they are `told` until this tick's setpoints act.
-        """
-        own = air_rates(follower, told, self._model)
-        towed = self._parameters.frame == "follower_heading"
-        axis_turn_rps = own[1] if towed else leader.turning.rate_rps
-        rates = error_rate(leader.state, follower, error_m, slots, axis_turn_rps, self._parameters.frame)
-        wanted = (forward[:, :2].T - np.array((target.speed_mps, target.heading_rad))) / self._model.air_lags_s
-        if towed:
-            off, swing_rps = wrap(follower.heading_rad - target.heading_rad), own[1] - wanted[1]
-            along_m, along_mps = self._tow_m(target, slots), slots.velocity_mps[:, 1] * np.sin(off)
-            rates[:, 0] += slots.position_m[:, 1] * swing_rps * np.cos(off) + along_mps
-            rates[:, 1] -= along_m * swing_rps * np.cos(off)
-        mixer, changes = self._parameters.mixer, (wanted - own).T
-        weights = np.array((mixer.k_x, mixer.k_y, mixer.k_z))
-        return rates * weights + np.column_stack(
-            (mixer.k_v * changes[:, 0], mixer.k_psi * changes[:, 1], np.zeros_like(own[0]))
-        )
-
-    def _gust(
-        self, situation: Situation, leader: FlightState, follower: FlightState, dt_s: float
-    ) -> tuple[Array, Array]:
-        """Return how fast the followers' drift is to be followed, along and across, in m/s².
-
-        The drift is followed with a lag of 1/`gust_radps`, as far as it stands out from what isn't known of the wind
-        and two ticks agree on it: a gust on all shows in one vehicle's telemetry before it shows in another's. In the
-        follower's own frame there is no lead across: its slot swings as it turns.
-        """
-        seen_mps, before_mps = drift(leader, follower), self._drift_before_mps
-        lagged_mps = np.where(np.isnan(self._drift_mps), seen_mps, self._drift_mps)
-        now, before = seen_mps - lagged_mps, or_zero(before_mps - lagged_mps)
-        gust_mps = np.where(now * before > 0, np.copysign(np.minimum(np.abs(now), np.abs(before)), now), 0.0)
-        self._drift_mps = lagged_mps + gust_mps * -np.expm1(-self._parameters.gust_radps * dt_s)
-        self._drift_before_mps = seen_mps
-        unknown = situation.wind_sigma_mps[self._followers] ** 2 + situation.wind_sigma_mps[self._leading] ** 2
-        size = np.maximum((gust_mps**2).sum(axis=0), 1e-12)
-        certain = np.maximum(1.0 - GUST_SIGMAS**2 * unknown / size, 0.0)
-        rate_mps2 = certain * self._parameters.gust_radps * gust_mps
+        before_mps, self._drift_mps = self._drift_mps, drift(leader, follower)
+        rate_mps2 = or_zero((self._drift_mps - before_mps) / dt_s)
         along, across = rotate_to(slot_axis(leader, follower, self._parameters.frame), *rate_mps2)
         return along, np.zeros_like(across) if self._parameters.frame == "follower_heading" else across
 
@@ -272,4 +198,5 @@ def _where(active: Mask, moving: PidState, rest: PidState) -> PidState:
     return PidState(
         np.where(keep, moving.integral, rest.integral),
         np.where(keep, moving.rate, rest.rate),
+        np.where(keep, moving.error, rest.error),
     )
