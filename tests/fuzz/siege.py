@@ -60,9 +60,10 @@ class Notes:
             self.commands.add(raw[HEADER_V2 : HEADER_V2 + raw[1]])
 
     def tick(self, tick: Tick) -> None:
-        """Keep setpoints and errors."""
+        """Keep setpoints, and errors while the path is flown."""
         self.setpoints.append(tick.setpoints.table)
-        self.errors_m.append(tick.error_m[1:])
+        if tick.phase == "flying":
+            self.errors_m.append(tick.error_m[1:])
 
     def event(self, event: Event) -> None:
         """Keep it."""
@@ -213,6 +214,6 @@ def check(flown: Flown) -> None:
 
 
 def worst_error_m(notes: Notes) -> float:
-    """Return the largest formation error of a flight's last half, NaN when nobody was commanded."""
+    """Return the largest formation error of the last half of a flight's path, NaN when nobody was commanded."""
     late = np.abs(np.array(notes.errors_m[len(notes.errors_m) // 2 :]))
     return float(np.fmax.reduce(late, axis=None, initial=np.nan)) if late.size else float("nan")
