@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import nbinom
+from scipy.special import nbdtr
 
 from formation_scenario import Scenario, Vehicle
 from formation_scenario.arrays import Array
@@ -97,10 +97,15 @@ def _lost_s(starts: list[tuple[int, LinkStep]]) -> float:
         down, both = 1.0 - step.downlink.loss, (1.0 - step.uplink.loss) * (1.0 - step.downlink.loss)
         if both <= 0.0:
             return MOST_S
-        heard *= np.cumsum(_spaced(nbinom.pmf(losses, 1, down), HEARTBEAT_S))
-        answered *= np.cumsum(_spaced(nbinom.pmf(losses, requests, both), RETRY_S))
+        heard *= np.cumsum(_spaced(_chance(losses, 1, down), HEARTBEAT_S))
+        answered *= np.cumsum(_spaced(_chance(losses, requests, both), RETRY_S))
     ready = np.cumsum(np.convolve(np.diff(heard, prepend=0.0), np.diff(answered, prepend=0.0))[: losses.size])
     return CELL_S * float(np.argmax(np.append(ready, 1.0) >= SURE))
+
+
+def _chance(losses: Array, passed: int, each: float) -> Array:
+    """Return the probability of each number of losses before as many as `passed` got through (negative binomial)."""
+    return np.diff(nbdtr(losses, passed, each), prepend=0.0)
 
 
 def _spaced(chance: Array, each_s: float) -> Array:

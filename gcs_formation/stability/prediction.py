@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -60,6 +61,7 @@ def predicted_mismatch_margin(loop: Loop, nominal_delay_s: float) -> MismatchMar
     return MismatchMargin.of(mismatch_crossings(loop, nominal_delay_s, loop), nominal_delay_s)
 
 
+@cache
 def carried(plant: Plant, delay_s: float) -> tuple[complex, complex]:
     """Return the row c exp(A T) that takes a state to the output that it leaves after `delay_s`."""
     first, second = np.array(plant.output) @ expm(np.array(plant.state) * delay_s)
