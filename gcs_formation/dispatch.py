@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from airlink.clock import Instant, after
+from airlink.clock import Instant, after, seconds_between
 from airlink.delay_queue import DelayQueue
 from airlink.identity import VehicleId
 from airlink.messages import Message
@@ -21,6 +21,8 @@ from gcs_formation.vehicle.vehicle import Vehicle
 
 HOLD_MAX_S = 1.0
 """Longest time for which the leader's setpoints are held back."""
+UNGUIDED_S = 2.0
+"""For how long setpoints may be missing before a vehicle counts as left alone."""
 
 
 class Dispatch:
@@ -36,6 +38,8 @@ class Dispatch:
         self._vehicles = vehicles
         self._columns = columns
         self._held = DelayQueue[tuple[Vehicle, Message]]()
+        self._without: dict[VehicleId, Instant] = {}
+        """Since when there has been no setpoint for a vehicle that should get some."""
 
     def links(self, leader: int, disobeying: Mask, now: Instant) -> Links:
         """Return the present state of all links.
@@ -71,11 +75,19 @@ class Dispatch:
             setpoint = Setpoint(
                 float(told.speed_mps[column]), float(told.heading_rad[column]), float(told.height_m[column])
             )
-            if tick.active[column] and all(map(math.isfinite, setpoint)):
-                vehicle = self._vehicles[identity]
+            vehicle, usable = self._vehicles[identity], bool(tick.active[column]) and all(map(math.isfinite, setpoint))
+            if usable or vehicle.member is not Member.FLYING:
+                self._without.pop(identity, None)
+            else:
+                self._without.setdefault(identity, now)
+            if usable:
                 due = after(now, hold_s if column == tick.leader else 0.0)
                 for message in vehicle.autopilot.setpoint(setpoint):
                     self._held.push(due, (vehicle, message))
+
+    def unguided(self, now: Instant) -> frozenset[VehicleId]:
+        """Return the vehicles that fly in the formation, and for which there have been no setpoints for a while."""
+        return frozenset(each for each, since in self._without.items() if seconds_between(since, now) > UNGUIDED_S)
 
     def next(self) -> Instant | None:
         """Return when the next message is to be sent, None when none is held."""
@@ -88,6 +100,7 @@ class Dispatch:
     def clear(self) -> None:
         """Drop all messages that are held back: no setpoint may follow an order to loiter."""
         self._held = DelayQueue[tuple[Vehicle, Message]]()
+        self._without.clear()
 
     def _hold_s(self, leader: int, ready: Mask, up_s: Array) -> float:
         """Return for how long the leader's setpoints are held back: until those of the slowest follower act.

@@ -9,6 +9,10 @@ class RunAbortedError(StationError):
     """The run could not go on: a port is taken, no vehicle answered, a vehicle refused."""
 
 
+class NoEmulatorError(StationError):
+    """A vehicle of an autopilot family that can't be emulated."""
+
+
 class NothingRunningError(StationError):
     """No flight answers in a run directory."""
 

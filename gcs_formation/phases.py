@@ -27,7 +27,7 @@ class Cause(Enum):
     PATH_BEGUN = "the leader has passed the start of its path"
     PATH_ENDED = "the path or the time is at its end"
     STOP = "told to stop"
-    HASTE = "told to stop at once"
+    HASTE = "told to go home at once"
     ORDERED = "ordered to end"
     OPENED = "every vehicle that hears has a height of its own, or time is up"
     LOITERED = "every vehicle loiters"
@@ -51,6 +51,7 @@ TRANSITIONS: dict[tuple[Phase, Cause], Phase] = {
     (Phase.ENDING, Cause.ORDERED): Phase.ENDING,
     (Phase.ENDING, Cause.OPENED): Phase.LOITERING,
     (Phase.ENDING, Cause.HASTE): Phase.LOITERING,
+    (Phase.LOITERING, Cause.HASTE): Phase.LOITERING,
     (Phase.LOITERING, Cause.ORDERED): Phase.LOITERING,
     (Phase.LOITERING, Cause.LOITERED): Phase.DONE,
     (Phase.LOITERING, Cause.GIVEN_UP): Phase.FAILED,

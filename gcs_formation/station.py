@@ -83,7 +83,7 @@ class Station:
         self.margins = MarginWatch(scenario, self.vehicles, self._columns, self._event)
         self._common_clock = CommonClock(scenario, self.vehicles, utc_at_0_s, self._event)
         self._starting = Starting(self.vehicles, self._endpoints, self.flight, self._event, self.fail)
-        self._beacon = Beacon(self.vehicles)
+        self._beacon = Beacon(self.vehicles, self._event)
         self._reconfiguration = Reconfiguration(scenario, self.controller, self.vehicles, self._columns, self._event)
         self._orders = Orders(scenario, self.flight, self._reconfiguration, self._end_by_order, self._event)
         self._dispatch = Dispatch(scenario, self.vehicles, self._columns)
@@ -140,7 +140,8 @@ class Station:
         if self._beacon.greets(now):
             self.margins.watch(now, self._reconfiguration.leader, self.controller.lags_off)
             self.controller.bandwidth = self.margins.bandwidth
-            self._send_all(self._beacon.greetings(self.flight.mission_time_s(now), now), now)
+            unguided = self._dispatch.unguided(now)
+            self._send_all(self._beacon.greetings(self.flight.mission_time_s(now), unguided, now), now)
         self._common_clock.watch(now)
         self._watch_links(now)
         self._start_vehicles(now)
@@ -180,9 +181,9 @@ class Station:
             self.cut_short = True
         self._ending.hasten()
 
-    def stop_at_once(self, now: Instant) -> bool:
-        """Tell vehicles to loiter now that they still open the formation; return whether they did."""
-        return self._move(Cause.HASTE, now)
+    def go_home_at_once(self, now: Instant) -> bool:
+        """Send everyone home that was told to stop, however far the formation is open; return whether that began."""
+        return self._move(Cause.HASTE, now, "rtl")
 
     def order(self, text: str, now: Instant) -> Answer:
         """Carry out an order such as `shape line`, or refuse it with a reason."""
@@ -328,7 +329,7 @@ class Station:
         if not self.flight.move(cause, now):
             return False
         self._event(now, "phase", self.flight.phase.value, details={"cause": cause.value})
-        if self.flight.phase in OVER and cause not in (Cause.OPENED, Cause.HASTE):
+        if self.flight.phase in OVER and cause is not Cause.OPENED:
             self._begin_to_end(cause, manner, now)
         if self.flight.phase is Phase.LOITERING:
             self._dispatch.clear()

@@ -12,7 +12,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from airlink.clock import RealClock, VirtualClock
+from airlink.clock import Clock, Instant, RealClock, VirtualClock
 from airlink.errors import PortError
 from airlink.memory import MemoryNetwork
 from airlink.udp import UdpDriver
@@ -21,11 +21,13 @@ from gcs_formation.app.interrupt import Interrupts
 from gcs_formation.app.options import RunOptions
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.session import Session, open_session
-from gcs_formation.errors import RunAbortedError
+from gcs_formation.errors import NoEmulatorError, RunAbortedError
 from gcs_formation.record.run_directory import SCENARIO, TRUTH
 from gcs_formation.record.summary import Summary
 from gcs_formation.record.truth import GroundTruth
+from gcs_formation.recorder import Event
 from sim_vehicles.errors import TruthError
+from sim_vehicles.families import stand_ins, without_emulator
 from sim_vehicles.fleet import Fleet
 from sim_vehicles.from_scenario import fleet_config
 from sim_vehicles.truth import TruthWriter, read_truth
@@ -41,7 +43,11 @@ def run(scenario: Scenario, options: RunOptions, progress: Progress, interrupts:
     Raises:
         RunAbortedError: a port is taken, a vehicle refused, the emulators ended.
         RecordError: the run directory can't be written.
+        NoEmulatorError: a vehicle can't be emulated; nothing was started.
     """
+    refused = "; ".join(without_emulator(scenario))
+    if refused:
+        raise NoEmulatorError(refused)
     flown = _run_virtual if options.clock == "virtual" else _run_real
     return flown(scenario, options, progress, interrupts)
 
@@ -49,7 +55,7 @@ def run(scenario: Scenario, options: RunOptions, progress: Progress, interrupts:
 def _run_virtual(scenario: Scenario, options: RunOptions, progress: Progress, interrupts: Interrupts) -> Summary:
     """Fly in one process, as fast as it goes: the same engines on a network in memory."""
     clock = VirtualClock()
-    session = open_session(scenario, options, clock, progress, interrupts, emulated=True)
+    session = _open(scenario, options, clock, progress, interrupts)
     network = MemoryNetwork(clock)
     with TruthWriter(options.out / TRUTH, len(scenario.vehicles), TRUTH_RATE_HZ) as writer:
         fleet = Fleet(fleet_config(scenario), truth=writer)
@@ -65,7 +71,7 @@ def _run_virtual(scenario: Scenario, options: RunOptions, progress: Progress, in
 def _run_real(scenario: Scenario, options: RunOptions, progress: Progress, interrupts: Interrupts) -> Summary:
     """Fly over UDP, the vehicles in a process of their own."""
     clock = RealClock(options.speedup)
-    session = open_session(scenario, options, clock, progress, interrupts, emulated=True)
+    session = _open(scenario, options, clock, progress, interrupts)
     try:
         with UdpDriver(session.engine, clock) as driver, _Emulators(options, clock) as emulators, session.listening():
             driver.run(_watch(session, emulators))
@@ -73,6 +79,15 @@ def _run_real(scenario: Scenario, options: RunOptions, progress: Progress, inter
         session.recorder.close()
         raise RunAbortedError(str(error)) from error
     return _conclude(session)
+
+
+def _open(scenario: Scenario, options: RunOptions, clock: Clock, progress: Progress, interrupts: Interrupts) -> Session:
+    """Return a session with emulated vehicles, that says which of them stand for real ones."""
+    session = open_session(scenario, options, clock, progress, interrupts, emulated=True)
+    told = stand_ins(scenario)
+    if told:
+        session.recorder.event(Event(Instant(0), "emulation", told))
+    return session
 
 
 class _Emulators:

@@ -93,14 +93,14 @@ class Session:
     def _heed_interrupts(self) -> bool:
         """Go one step further to the end with each interrupt; return whether nobody is to be waited for any longer.
 
-        The first: the formation opens and loiters; the next: it loiters at once; one after that: nothing is awaited.
+        The first: the formation opens and loiters; the second: all go home at once; the third: nothing is awaited.
         """
         now = self.clock.now()
         while self._heeded < self.interrupts.count:
             self._heeded += 1
             if self._heeded == 1:
                 self.station.stop(now)
-            elif not self.station.stop_at_once(now):
+            elif self._heeded > 2 or not self.station.go_home_at_once(now):
                 self._left = True
         return self._left
 

@@ -24,7 +24,7 @@ from gcs_formation.app.progress import Progress, Silent, progress_on
 from gcs_formation.app.run import run as run_scenario
 from gcs_formation.cli import usage
 from gcs_formation.cli.scenario import load
-from gcs_formation.errors import RecordError, RunAbortedError
+from gcs_formation.errors import NoEmulatorError, RecordError, RunAbortedError
 from gcs_formation.record.summary import Summary
 
 Command = TypeVar("Command", bound=Callable[..., Any])
@@ -98,7 +98,7 @@ def _fly(flown: Flown, clock: ClockName, given: _Given) -> Status:
         shown = Silent() if given.quiet else progress_on(sys.stderr)
         try:
             summary = flown(loaded, options, shown, interrupts)
-        except RecordError as error:
+        except (RecordError, NoEmulatorError) as error:
             return say(str(error), Status.BAD_USAGE)
         except RunAbortedError as error:
             return _interrupted(options) if interrupts.count else say(str(error), Status.COULD_NOT_GO_ON)

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from gcs_formation.phases import Phase
 from tests.flights.conftest import STRAIGHT, Fly
 from tests.flights.in_memory import World
 
@@ -39,19 +40,30 @@ def test_others_circle_only_where_one_that_does_not_hear_does_not_fly_straight_o
     assert begins_s["done"] - begins_s["loitering"] < 2.2
 
 
-@pytest.mark.parametrize(("at_once", "within_s"), [(False, 6.0), (True, 0.3)])
-def test_a_pair_that_is_stopped_loiters_after_5_s_or_at_once(at_once: bool, within_s: float) -> None:
+def test_a_pair_that_is_stopped_loiters_after_5_s() -> None:
     world = World(vehicles={"count": 2})
     world.fly_to(1.0)
     world.station.stop(world.clock.now())
     stopped_s = world.now_s
-    if at_once:
-        assert world.station.stop_at_once(world.clock.now())
     world.run()
     told_s = [world.times_s("mode", number, "LOITER")[0] - stopped_s for number in (1, 2)]
-    assert max(told_s) < within_s
-    assert at_once or min(told_s) > 4.5
-    assert not world.station.stop_at_once(world.clock.now())
+    assert 4.5 < min(told_s) <= max(told_s) < 6.0
+
+
+@pytest.mark.parametrize("phase", [Phase.ENDING, Phase.LOITERING])
+def test_told_to_stop_once_more_everyone_goes_home_at_once_and_apart(phase: Phase) -> None:
+    world = World(vehicles={"count": 2}, finish={"loiter_s": 0})
+    world.fly_to(1.0)
+    world.station.stop(world.clock.now())
+    world.network.run(lambda: world.station.flight.phase is phase)
+    again_s = world.now_s
+    assert world.station.go_home_at_once(world.clock.now())
+    world.run()
+    told_s = [world.times_s("mode", number, "RTL")[0] - again_s for number in (1, 2)]
+    assert max(told_s) < 0.3
+    assert not world.station.go_home_at_once(world.clock.now())
+    wanted_m = world.fleet.steering.height_m
+    assert abs(wanted_m[0] - wanted_m[1]) >= 15.0
 
 
 GEOMETRIES: dict[str, dict[str, Any]] = {
