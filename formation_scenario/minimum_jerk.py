@@ -16,6 +16,8 @@ PEAK_RATE = 1.875
 """Largest first derivative, at u = 1/2."""
 PEAK_CHANGE = 5.77
 """Largest second derivative, 10 / sqrt(3)."""
+PEAK_JERK = 60.0
+"""Largest third derivative, at both ends."""
 
 
 def minimum_jerk(u: T) -> tuple[T, T, T]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import ceil, sqrt
+from math import cbrt, ceil, sqrt
 from typing import Protocol
 
 import numpy as np
@@ -14,7 +14,7 @@ from formation_scenario.displaced_path import DisplacedPath, Rise
 from formation_scenario.ground import Ground
 from formation_scenario.lift import STEP_M, least_lift, sample_places
 from formation_scenario.lifted_path import LEADER_SHARE, rise_bounds
-from formation_scenario.minimum_jerk import PEAK_CHANGE, PEAK_RATE
+from formation_scenario.minimum_jerk import PEAK_CHANGE, PEAK_JERK, PEAK_RATE
 from formation_scenario.model import Scenario
 from formation_scenario.path import PathPoint, PathPoints, SplinePath
 from formation_scenario.slot_motion import Course, SlotMotion
@@ -24,6 +24,9 @@ from formation_scenario.vehicles import VehicleModel
 
 TURN_SHARE = 0.5
 """Share of the turn rate that all slots can keep up with, used by a new leader's turns onto the path."""
+ACCELERATION_SHARE = 0.5
+"""Share of the acceleration limit that the outermost slots need as such a turn begins: a new leader often has a
+difference of speed to even out as well."""
 CLIMB_SHARE = 0.3
 """Share of the climb limit that a new leader uses on its way up or down to the path."""
 LEAST_S = 10.0
@@ -92,11 +95,13 @@ def take_over(
     """
     speed, models = scenario.path.speed_mps, column_models(scenario)
     turn_rps = TURN_SHARE * keepable_turn_rps(scenario, reach_m)
+    slot_mps2 = ACCELERATION_SHARE * min(model.accel_max_mps2 for model in models)
     climb_mps = CLIMB_SHARE * min(model.climb_max_mps for model in models)
     over_s = max(
         LEAST_S,
         abs(right_m) / MEAN_SPEED_MPS,
         sqrt(PEAK_CHANGE * abs(right_m) / (speed * turn_rps)),
+        cbrt(PEAK_JERK * abs(right_m) * reach_m / (speed * slot_mps2)),
         PEAK_RATE * abs(above.height_m) / climb_mps,
     )
     way = DisplacedPath(path, from_m, over_s * speed, right_m, above)

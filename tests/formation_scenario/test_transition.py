@@ -12,7 +12,14 @@ from formation_scenario import load_scenario
 from formation_scenario.arrangement import assigned, slot_schedule
 from formation_scenario.displaced_path import DisplacedPath, Rise
 from formation_scenario.path import SplinePath
-from formation_scenario.reconfiguration import ahead, plan_change
+from formation_scenario.reconfiguration import (
+    ACCELERATION_SHARE,
+    TURN_SHARE,
+    ahead,
+    keepable_turn_rps,
+    plan_change,
+    take_over,
+)
 from formation_scenario.slot_motion import Course, SlotMotion, slot_needs
 from formation_scenario.transition import Transition
 
@@ -191,6 +198,18 @@ def test_a_displaced_path_goes_on_with_the_climb_that_it_begins_with():
         before, point, after = (way.at(distance + d) for d in (-0.5, 0.0, 0.5))
         assert after.height_m - before.height_m == pytest.approx(point.slope, abs=1e-6)
         assert after.slope - before.slope == pytest.approx(point.slope_rate_1pm, abs=1e-7)
+
+
+@pytest.mark.parametrize(("right_m", "reach_m"), [(30.0, 60.0), (-80.0, 20.0), (15.0, 200.0)])
+def test_a_new_leader_turns_onto_the_path_as_gently_as_the_farthest_slot_can_follow(load, right_m, reach_m):
+    """On the inside of a turn a slot slows down with the rate of turn, and brakes with the rate at which that grows."""
+    scenario, path = load(), SplinePath([[0, 0, 100], [3000, 0, 100], [6000, 0, 100]])
+    speed, most_mps2 = scenario.path.speed_mps, scenario.vehicles[0].model.accel_max_mps2
+    way = take_over(scenario, path, 1000.0, right_m, Rise(), reach_m)
+    places = 1000.0 + np.arange(1.0, 3000.0, 2.0)
+    rates = speed * np.array([way.at(distance).curvature_1pm for distance in places.tolist()])
+    assert np.abs(rates).max() <= 1.02 * TURN_SHARE * keepable_turn_rps(scenario, reach_m)
+    assert reach_m * np.abs(np.diff(rates)).max() * speed / 2.0 <= 1.02 * ACCELERATION_SHARE * most_mps2
 
 
 def test_a_change_that_cannot_be_flown_where_it_falls_is_refused_with_place_and_figure(refusal):
