@@ -23,6 +23,9 @@ class Phase(Enum):
 class Cause(Enum):
     """Causes of a transition."""
 
+    REHEARSED = "everything but commands has been done"
+    CALLED_OFF = "ended before anybody was commanded"
+    NOT_BEGUN = "the run can't go on, and nobody was commanded"
     LEADER_READY = "the leader follows setpoints"
     PATH_BEGUN = "the leader has passed the start of its path"
     PATH_ENDED = "the path or the time is at its end"
@@ -37,6 +40,9 @@ class Cause(Enum):
 
 TRANSITIONS: dict[tuple[Phase, Cause], Phase] = {
     (Phase.CONNECTING, Cause.LEADER_READY): Phase.ASSEMBLING,
+    (Phase.CONNECTING, Cause.REHEARSED): Phase.DONE,
+    (Phase.CONNECTING, Cause.CALLED_OFF): Phase.DONE,
+    (Phase.CONNECTING, Cause.NOT_BEGUN): Phase.FAILED,
     (Phase.CONNECTING, Cause.STOP): Phase.LOITERING,
     (Phase.CONNECTING, Cause.ORDERED): Phase.LOITERING,
     (Phase.CONNECTING, Cause.FAILURE): Phase.LOITERING,
@@ -58,6 +64,8 @@ TRANSITIONS: dict[tuple[Phase, Cause], Phase] = {
 }
 """All other combinations change nothing."""
 
+BEFORE_COMMANDS = {Cause.STOP: Cause.CALLED_OFF, Cause.ORDERED: Cause.CALLED_OFF, Cause.FAILURE: Cause.NOT_BEGUN}
+"""What an end becomes where nobody may be commanded yet: everybody is left as found."""
 COMMANDED = (Phase.ASSEMBLING, Phase.FLYING, Phase.ENDING)
 """Phases in which the law and the separation rule command the formation."""
 OVER = (Phase.ENDING, Phase.LOITERING)

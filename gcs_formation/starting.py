@@ -9,9 +9,11 @@ from airlink.clock import Instant, seconds_between
 from airlink.endpoint import Endpoint
 from airlink.identity import VehicleId
 from airlink.messages.system import Heartbeat
+from formation_scenario import Vehicle as PlannedVehicle
 from gcs_formation.link.connection import LinkState
 from gcs_formation.membership import Member
 from gcs_formation.phases import OVER, Flight, Phase
+from gcs_formation.preflight import PreFlight
 from gcs_formation.recorder import GiveUp, Note
 from gcs_formation.vehicle.vehicle import Vehicle
 
@@ -27,10 +29,12 @@ class Starting:
         vehicles: Mapping[VehicleId, Vehicle],
         endpoints: tuple[Endpoint, ...],
         flight: Flight,
+        preflight: PreFlight,
         note: Note,
         give_up: GiveUp,
     ) -> None:
         """Start up `vehicles`, the leader first; `endpoints` are where they should be heard."""
+        self._preflight = preflight
         self._vehicles = vehicles
         self._endpoints = endpoints
         self._flight = flight
@@ -50,9 +54,9 @@ class Starting:
             if not vehicle.start_up.finished and self._flight.phase not in OVER:
                 self._advance(vehicle, now)
 
-    def leader_ready(self, leader: VehicleId | None) -> bool:
+    def leader_ready(self, leader: PlannedVehicle | None) -> bool:
         """Return whether the leader follows setpoints; under a virtual one, whether all vehicles do."""
-        needed = self._vehicles.values() if leader is None else (self._vehicles[leader],)
+        needed = self._vehicles.values() if leader is None else (self._vehicles[leader.vehicle_id],)
         return all(vehicle.member is Member.FLYING for vehicle in needed)
 
     def _wait_for(self, silent: list[Vehicle], now: Instant) -> None:
@@ -63,7 +67,7 @@ class Starting:
             self._give_up(f"no vehicle {who} answered at {where} in {waited_s:.0f} s", now)
 
     def _advance(self, vehicle: Vehicle, now: Instant) -> None:
-        vehicle.start_up.advance(vehicle.telemetry, vehicle.commands, now)
+        vehicle.start_up.advance(vehicle.telemetry, vehicle.commands, now, may_act=self._preflight.passed)
         if self._flight.phase is Phase.FLYING and vehicle.start_up.takes_off:
             vehicle.leave_to_pilot(now)
             self._note(now, "abandoned", "on the ground after the path has begun: left to its pilot", vehicle)

@@ -13,6 +13,7 @@ from airlink.engine import Datagram
 from airlink.frame import Frame, ParserCounts
 from airlink.identity import VehicleId
 from airlink.messages import Message
+from airlink.messages.parameter import ParamValue
 from formation_scenario import Scenario
 from formation_scenario.arrangement import columns
 from formation_scenario.orders import End
@@ -31,7 +32,8 @@ from gcs_formation.margin_watch import MarginWatch
 from gcs_formation.onlooking import look_on
 from gcs_formation.opening import OPENING_LIMIT_S, Opening
 from gcs_formation.orders import Orders
-from gcs_formation.phases import COMMANDED, OVER, Cause, Flight, Phase
+from gcs_formation.phases import BEFORE_COMMANDS, COMMANDED, OVER, Cause, Flight, Phase
+from gcs_formation.preflight import CARELESS, Caution, PreFlight
 from gcs_formation.reconfiguration import Reconfiguration
 from gcs_formation.recorder import Detail, Event, Recorder, Tick
 from gcs_formation.roster import Roster
@@ -56,11 +58,17 @@ class Station:
     """Flies one scenario. Reads no clock and opens no socket; its record goes to the recorder."""
 
     def __init__(
-        self, scenario: Scenario, recorder: Recorder, until_s: float | None = None, utc_at_0_s: float | None = None
+        self,
+        scenario: Scenario,
+        recorder: Recorder,
+        until_s: float | None = None,
+        utc_at_0_s: float | None = None,
+        caution: Caution = CARELESS,
     ) -> None:
         """Prepare; nothing happens before the first timer. `until_s`: mission time at which to end early.
 
-        `utc_at_0_s` is UTC at instant 0 by the machine's clock, s since 1970.
+        `utc_at_0_s` is UTC at instant 0 by the machine's clock, s since 1970; `caution`: what is done before anybody is
+        commanded.
         """
         self.scenario = scenario
         self.flight = Flight()
@@ -77,12 +85,12 @@ class Station:
         self._recorder, self._receiver = recorder, Receiver()
         self._endpoints, self.networks, self.vehicles = planned(scenario)
         self._columns = {vehicle.vehicle_id: i for i, vehicle in enumerate(columns(scenario)) if vehicle is not None}
-        self._planned_leader = scenario.leader.vehicle_id if scenario.leader else None
         self.roster = Roster(scenario, self.vehicles, self._columns, self._event)
         self._identities = Identities(self.vehicles, self.networks, self.flight, self._event, self.fail)
         self.margins = MarginWatch(scenario, self.vehicles, self._columns, self._event)
         self._common_clock = CommonClock(scenario, self.vehicles, utc_at_0_s, self._event)
-        self._starting = Starting(self.vehicles, self._endpoints, self.flight, self._event, self.fail)
+        self.preflight = PreFlight(scenario, self.vehicles, caution, self._event, self.fail)
+        self._starting = Starting(self.vehicles, self._endpoints, self.flight, self.preflight, self._event, self.fail)
         self._beacon = Beacon(self.vehicles, self._event)
         self._reconfiguration = Reconfiguration(scenario, self.controller, self.vehicles, self._columns, self._event)
         self._orders = Orders(scenario, self.flight, self._reconfiguration, self._end_by_order, self._event)
@@ -217,8 +225,11 @@ class Station:
         for vehicle in self.vehicles.values():
             if vehicle.restarted:
                 self._begin_anew(vehicle, now)
+        self._send_all(self.preflight.requests(now), now)
         self._starting.advance(now)
-        if self.flight.phase is Phase.CONNECTING and self._starting.leader_ready(self._planned_leader):
+        if self.preflight.rehearsed:
+            self.cut_short = self._move(Cause.REHEARSED, now)
+        if self.flight.phase is Phase.CONNECTING and self._starting.leader_ready(self.scenario.leader):
             self._move(Cause.LEADER_READY, now)
 
     def _begin_anew(self, vehicle: Vehicle, now: Instant) -> None:
@@ -320,12 +331,15 @@ class Station:
         mode, said = vehicle.telemetry.custom_mode, len(vehicle.telemetry.texts)
         if vehicle.take(frame, now, timed=timed):
             self._note_link(vehicle, now)
+        if isinstance(frame.message, ParamValue):
+            self.preflight.take(vehicle, frame.message, now)
         if vehicle.telemetry.custom_mode != mode:
             self._event(now, "mode", vehicle.autopilot.mode_name(vehicle.telemetry), vehicle)
         if frame.message_id == m.MAVLINK_MSG_ID_STATUSTEXT and (said or vehicle.telemetry.texts):
             self._event(now, "statustext", vehicle.telemetry.texts[-1], vehicle)
 
     def _move(self, cause: Cause, now: Instant, manner: End = "loiter") -> bool:
+        cause = cause if self.preflight.passed else BEFORE_COMMANDS.get(cause, cause)
         if not self.flight.move(cause, now):
             return False
         self._event(now, "phase", self.flight.phase.value, details={"cause": cause.value})

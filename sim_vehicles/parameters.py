@@ -18,6 +18,8 @@ UNINDEXED = 65535
 """Index in the answer to a request by name."""
 WIDER_THAN_TIGHTEST = 1.3
 LOITER_RADIUS_M = 60.0
+ROLL_LIMIT_DEG = 45.0
+GRAVITY_MPS2 = 9.80665
 MAX_LISTS = 16
 """Lists sent at the same time; a further request gets no answer, as from a busy autopilot."""
 
@@ -47,6 +49,7 @@ KINDS: dict[str, Kind] = {
     "LAND_DISARMDELAY": Kind(m.MAV_PARAM_TYPE_INT8, 0, 127),
     "MAV_GCS_SYSID": Kind(m.MAV_PARAM_TYPE_INT16, 1, 255),
     "MAV_SYSID": Kind(m.MAV_PARAM_TYPE_INT16, 1, 255),
+    "ROLL_LIMIT_DEG": _floating(0, 90),
     "RTL_ALTITUDE": _floating(10, 1000),
     "TKOFF_ALT": Kind(m.MAV_PARAM_TYPE_INT16, 10, 200),
     "WP_LOITER_RAD": Kind(m.MAV_PARAM_TYPE_INT16, 1, 32767),
@@ -62,8 +65,8 @@ def initial_values(config: VehicleConfig, cruise_mps: float) -> dict[str, float]
     tightest_m = cruise_mps / config.model.turn_rate_max_rps
     return {
         "AIRSPEED_CRUISE": cruise_mps,
-        "AIRSPEED_MAX": config.model.speed_max_mps,
-        "AIRSPEED_MIN": config.model.speed_min_mps,
+        "AIRSPEED_MAX": math.ceil(config.model.speed_max_mps),
+        "AIRSPEED_MIN": math.floor(config.model.speed_min_mps),
         "ARMING_CHECK": 1,
         "AUTOLAND_WP_ALT": 55,
         "AUTOLAND_WP_DIST": 400,
@@ -73,11 +76,18 @@ def initial_values(config: VehicleConfig, cruise_mps: float) -> dict[str, float]
         "LAND_DISARMDELAY": 20,
         "MAV_GCS_SYSID": 255,
         "MAV_SYSID": config.identity.system,
+        "ROLL_LIMIT_DEG": max(ROLL_LIMIT_DEG, math.ceil(_steepest_deg(config))),
         "RTL_ALTITUDE": 100,
         "TKOFF_ALT": 50,
         "WP_LOITER_RAD": math.ceil(max(LOITER_RADIUS_M, WIDER_THAN_TIGHTEST * tightest_m)),
         "WP_RADIUS": 90,
     }
+
+
+def _steepest_deg(config: VehicleConfig) -> float:
+    """Return the bank of a model's tightest turn at its highest airspeed, degrees."""
+    model = config.model
+    return math.degrees(math.atan(model.speed_max_mps * model.turn_rate_max_rps / GRAVITY_MPS2))
 
 
 class ParameterServer:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from airlink.clock import RealClock
 from airlink.errors import PortError
 from airlink.udp import UdpDriver
@@ -9,9 +11,25 @@ from formation_scenario import Scenario
 from gcs_formation.app.interrupt import Interrupts
 from gcs_formation.app.options import RunOptions
 from gcs_formation.app.progress import Progress
-from gcs_formation.app.session import open_session
+from gcs_formation.app.rehearsal import rehearsed
+from gcs_formation.app.session import Session, open_session
 from gcs_formation.errors import RunAbortedError
 from gcs_formation.record.summary import Summary
+
+
+def rehearse(scenario: Scenario, options: RunOptions, progress: Progress, interrupts: Interrupts) -> dict[str, Any]:
+    """Do all that `fly` does up to the first command, and return what vehicles would be sent.
+
+    Raises:
+        RunAbortedError: as `fly`, or it was interrupted before every vehicle was ready.
+        RecordError: the run directory can't be written.
+    """
+    session = _flown(scenario, options, progress, interrupts)
+    session.recorder.close()
+    failure = session.station.failure
+    if failure is not None or not session.station.preflight.rehearsed:
+        raise RunAbortedError(failure.text if failure else "interrupted before every vehicle was ready")
+    return rehearsed(session.station)
 
 
 def fly(scenario: Scenario, options: RunOptions, progress: Progress, interrupts: Interrupts) -> Summary:
@@ -21,6 +39,10 @@ def fly(scenario: Scenario, options: RunOptions, progress: Progress, interrupts:
         RunAbortedError: a port is taken, no vehicle answered, a vehicle refused.
         RecordError: the run directory can't be written.
     """
+    return _flown(scenario, options, progress, interrupts).conclude(None)
+
+
+def _flown(scenario: Scenario, options: RunOptions, progress: Progress, interrupts: Interrupts) -> Session:
     clock = RealClock(options.speedup)
     session = open_session(scenario, options, clock, progress, interrupts, emulated=False)
     try:
@@ -29,4 +51,4 @@ def fly(scenario: Scenario, options: RunOptions, progress: Progress, interrupts:
     except PortError as error:
         session.recorder.close()
         raise RunAbortedError(str(error)) from error
-    return session.conclude(None)
+    return session

@@ -6,11 +6,12 @@ import math
 
 from airlink.clock import NANOSECONDS
 from airlink.identity import VehicleId
+from gcs_formation.preflight import IN_ORDER
 from gcs_formation.recorder import Event
 
 QUIET = ("mode", "statustext", "ready")
 """Kinds that every start is full of. They are in events.jsonl."""
-PASSING = {"link": ("stale",)}
+PASSING = {"link": ("stale",), "parameters": (IN_ORDER,)}
 USUAL = {"link": ("connected",), "member": ("flying in formation", "starting")}
 """Words that are worth telling only after others of the kind: a link is back, a vehicle is in the formation again."""
 

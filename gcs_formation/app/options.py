@@ -28,6 +28,10 @@ class RunOptions:
     """Whether an earlier run in `out` may be replaced."""
     record: Record = "full"
     """What is written to `out`; the summary is returned in any case."""
+    confirm: bool = False
+    """`fly` alone: whether somebody's word is awaited before anybody is commanded."""
+    dry_run: bool = False
+    """`fly` alone: whether the run ends there."""
 
     def __post_init__(self) -> None:
         """Refuse values that the command line refuses as well."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 import time
 from dataclasses import dataclass
 
@@ -13,6 +14,7 @@ from airlink.engine import Engine
 from airlink.identity import VehicleId
 from formation_scenario import Scenario
 from gcs_formation.answer import Answer
+from gcs_formation.app.confirm import Confirmation
 from gcs_formation.app.faults import InjectedFaults
 from gcs_formation.app.interrupt import Interrupts
 from gcs_formation.app.links import InjectedDelays, impair, injected
@@ -23,6 +25,7 @@ from gcs_formation.app.steering import STATUS, OrderSocket
 from gcs_formation.app.timing import TimedStation
 from gcs_formation.errors import RunAbortedError
 from gcs_formation.phases import Phase
+from gcs_formation.preflight import Caution
 from gcs_formation.record.flight import join, split
 from gcs_formation.record.outcome import Injected, LinkFigures, Outcome
 from gcs_formation.record.run_directory import SPOOL, TIMESERIES, RunDirectory
@@ -65,6 +68,7 @@ class Session:
         self._began = time.perf_counter()
         self._shown = self._began
         self._orders: OrderSocket | None = None
+        self._confirmation = self._confirming() if self.options.confirm else None
         self._heeded, self._left = 0, False
         self.recorder.listener = self._heard
         self._heard(Event(Instant(0), "phase", f"{Phase.CONNECTING.value} to {len(self.station.vehicles)} vehicles"))
@@ -84,11 +88,19 @@ class Session:
             self._faults.note(self.station.flight, self.clock.now())
         if self._orders is not None:
             self._orders.poll()
+        if self._confirmation is not None:
+            self._confirmation.poll(self.clock.now())
         wall = time.perf_counter()
         if wall - self._shown > PROGRESS_S:
             self._shown = wall
             self.progress.show(self.station)
         return self.station.flight.ended or left
+
+    def _confirming(self) -> Confirmation:
+        def decline(reason: str) -> None:
+            self.station.fail(reason, self.clock.now())
+
+        return Confirmation(self.station.preflight, self.recorder, sys.stdin.fileno(), decline)
 
     def _heed_interrupts(self) -> bool:
         """Go one step further to the end with each interrupt; return whether nobody is to be waited for any longer.
@@ -201,7 +213,8 @@ def open_session(
     recorder = RunDirectory(
         options.out, scenario, columns, _epoch_us(clock), overwrite=options.overwrite, frames=options.record == "full"
     )
-    station = Station(scenario, recorder, options.until_s, _epoch_us(clock) / MICROSECONDS)
+    caution = Caution(parameters=not emulated, confirm=options.confirm, rehearse=options.dry_run)
+    station = Station(scenario, recorder, options.until_s, _epoch_us(clock) / MICROSECONDS, caution)
     return Session(scenario, options, clock, station, recorder, progress, interrupts, emulated)
 
 

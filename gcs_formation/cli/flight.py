@@ -17,10 +17,12 @@ from airlink.cli.directory import default_directory
 from airlink.cli.status import Status, fail, say
 from formation_scenario import Scenario
 from gcs_formation.app.fly import fly as fly_scenario
+from gcs_formation.app.fly import rehearse
 from gcs_formation.app.interrupt import Interrupts
 from gcs_formation.app.options import ClockName, RunOptions
 from gcs_formation.app.outcome import result_line, summary_text
 from gcs_formation.app.progress import Progress, Silent, progress_on
+from gcs_formation.app.rehearsal import rehearsal_text
 from gcs_formation.app.run import run as run_scenario
 from gcs_formation.cli import usage
 from gcs_formation.cli.scenario import load
@@ -28,6 +30,7 @@ from gcs_formation.errors import NoEmulatorError, RecordError, RunAbortedError
 from gcs_formation.record.summary import Summary
 
 Command = TypeVar("Command", bound=Callable[..., Any])
+Result = TypeVar("Result")
 Flown = Callable[[Scenario, RunOptions, Progress, Interrupts], Summary]
 
 
@@ -70,9 +73,16 @@ def run(clock: ClockName, **given: Any) -> None:
 
 @click.command(epilog=usage.FLY)
 @_options
+@click.option("--dry-run", is_flag=True, help="Everything but commands: say what vehicles would be sent.")
+@click.option("--confirm", is_flag=True, help="Ask here before anybody is armed.")
 def fly(**given: Any) -> None:
     """Fly SCENARIO with vehicles that are up already, at the scenario's endpoints."""
-    sys.exit(_fly(fly_scenario, "real", _Given(**given)))
+    asked = _Given(**given)
+    if asked.confirm and asked.dry_run:
+        fail("--confirm: found beside --dry-run, which arms nobody; allowed: one of them")
+    if asked.confirm and not (sys.stdin is not None and sys.stdin.isatty()):
+        fail("--confirm: found no terminal to ask on; allowed: a terminal as standard input, or no --confirm")
+    sys.exit(_rehearse(asked) if asked.dry_run else _fly(fly_scenario, "real", asked))
 
 
 @dataclass(frozen=True)
@@ -88,29 +98,62 @@ class _Given:
     overwrite: bool
     quiet: bool
     as_json: bool
+    dry_run: bool = False
+    confirm: bool = False
 
 
 def _fly(flown: Flown, clock: ClockName, given: _Given) -> Status:
+    return _done(flown, clock, given, _conclude)
+
+
+def _rehearse(given: _Given) -> Status:
+    return _done(rehearse, "real", given, _tell_rehearsal)
+
+
+def _done(
+    flown: Callable[[Scenario, RunOptions, Progress, Interrupts], Result],
+    clock: ClockName,
+    given: _Given,
+    conclude: Callable[[Result, RunOptions, Interrupts, _Given], Status],
+) -> Status:
+    """Fly or rehearse what stands on the command line, tell what came of it, and return the exit status."""
     seed = () if given.seed is None else (f"seed={given.seed}",)
     with Interrupts() as interrupts:
         loaded = load(given.scenario, (*given.overrides, *seed))
         options = _run_options(loaded, clock, given)
         shown = Silent() if given.quiet else progress_on(sys.stderr)
         try:
-            summary = flown(loaded, options, shown, interrupts)
+            result = flown(loaded, options, shown, interrupts)
         except (RecordError, NoEmulatorError) as error:
             return say(str(error), Status.BAD_USAGE)
         except RunAbortedError as error:
             return _interrupted(options) if interrupts.count else say(str(error), Status.COULD_NOT_GO_ON)
         finally:
             shown.close()
-        return _conclude(summary, options, interrupts, given)
+        return conclude(result, options, interrupts, given)
+
+
+def _tell_rehearsal(report: dict[str, Any], options: RunOptions, interrupts: Interrupts, given: _Given) -> Status:
+    if given.as_json:
+        click.echo(json.dumps(report, indent=2))
+    elif not given.quiet:
+        click.echo(rehearsal_text(report))
+        click.echo(f"recorded in {options.out}")
+    return _interrupted(options) if interrupts.count else Status.FINE
 
 
 def _run_options(loaded: Scenario, clock: ClockName, given: _Given) -> RunOptions:
     out = given.out or default_directory(loaded.name)
     try:
-        return RunOptions(out, clock, given.speedup, given.until, given.overwrite)
+        return RunOptions(
+            out,
+            clock,
+            given.speedup,
+            given.until,
+            given.overwrite,
+            confirm=given.confirm,
+            dry_run=given.dry_run,
+        )
     except ValueError as error:
         fail(str(error))
 

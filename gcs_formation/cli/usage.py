@@ -28,6 +28,8 @@ RUN = _examples(
 FLY = _examples(
     "sim-vehicles quickstart.yaml                              vehicles, in another terminal",
     "gcs-formation fly quickstart.yaml --out runs/flown",
+    "gcs-formation fly arduplane.yaml --dry-run                says what it would send, and arms nobody",
+    "gcs-formation fly arduplane.yaml --confirm                asks before anybody is armed",
 )
 CHECK = _examples(
     "gcs-formation check quickstart.yaml",

@@ -16,7 +16,9 @@ from airlink import mavlink as m
 from airlink.messages.command import CommandInt, CommandLong
 from airlink.messages.system import Heartbeat
 from gcs_formation.setpoint import Setpoint
+from gcs_formation.vehicle.arduplane_parameters import arduplane_checks
 from gcs_formation.vehicle.autopilot import Autopilot, Command, Step
+from gcs_formation.vehicle.checks import Check, Demands
 from gcs_formation.vehicle.telemetry import Telemetry
 
 GUIDED_COMMANDS = (
@@ -88,6 +90,10 @@ class ArduPlane(Autopilot):
                 (self.set_mode(self.guided_mode),),
             ),
         )
+
+    def checks(self, asked: Demands) -> tuple[Check, ...]:
+        """Return failsafes, limits and whose heartbeats count."""
+        return arduplane_checks(asked)
 
     def is_airborne(self, telemetry: Telemetry) -> bool:
         """Return whether it is in flight by its heartbeat, or armed and above the ground."""

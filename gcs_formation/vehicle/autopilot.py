@@ -12,6 +12,7 @@ from airlink.messages.command import CommandInt, CommandLong
 from airlink.messages.system import Heartbeat
 from formation_scenario.orders import End
 from gcs_formation.setpoint import Setpoint
+from gcs_formation.vehicle.checks import Check, Demands
 from gcs_formation.vehicle.command_effect import Effect
 from gcs_formation.vehicle.telemetry import Telemetry
 
@@ -29,6 +30,11 @@ class Step:
     every_command_acknowledged: bool = False
     takes_off: bool = False
     """Whether its commands bring a vehicle off the ground."""
+
+    @property
+    def acts(self) -> bool:
+        """Whether its commands change what the vehicle does, not only what it tells."""
+        return any(command.command != m.MAV_CMD_SET_MESSAGE_INTERVAL for command in self.commands)
 
 
 class Autopilot(ABC):
@@ -116,6 +122,10 @@ class Autopilot(ABC):
     @abstractmethod
     def setpoint(self, setpoint: Setpoint) -> tuple[Command, ...]:
         """Return the messages that carry a setpoint."""
+
+    @abstractmethod
+    def checks(self, asked: Demands) -> tuple[Check, ...]:
+        """Return the parameters to read before a flight that asks this much of the vehicle."""
 
     def stand_down(self) -> tuple[Command, ...]:
         """Return the commands that keep a vehicle on the ground; one that flies refuses them."""

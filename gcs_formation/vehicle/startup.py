@@ -18,6 +18,8 @@ class StartUp:
     index: int = -1
     abandoned: bool = False
     """Whether we have given up getting it ready."""
+    held: bool = False
+    """Whether it is ready for its first command, and that may not be given yet."""
     _began: Instant = Instant(0)
 
     @property
@@ -28,6 +30,8 @@ class StartUp:
     @property
     def doing(self) -> str:
         """The step under way, in words."""
+        if self.held:
+            return "waited for leave to begin"
         return self.steps[self.index].name if 0 <= self.index < len(self.steps) else "waited"
 
     @property
@@ -40,9 +44,17 @@ class StartUp:
         """Whether the vehicle has acknowledged what it is to send."""
         return any(step.every_command_acknowledged for step in self.steps[: max(self.index, 0)])
 
-    def advance(self, telemetry: Telemetry, commands: CommandQueue, now: Instant) -> None:
-        """Begin the next step when the one under way is done; several at once when they need nothing."""
+    def advance(self, telemetry: Telemetry, commands: CommandQueue, now: Instant, *, may_act: bool = True) -> None:
+        """Begin the next step when the one under way is done; several at once when they need nothing.
+
+        Before `may_act` no step begins that changes what the vehicle does.
+        """
+        self.held = False
         while not self.finished and (self.index < 0 or self._is_done(telemetry, commands)):
+            following = self.steps[self.index + 1 : self.index + 2]
+            if not may_act and any(step.acts for step in following):
+                self.held, self._began = True, now
+                return
             self.index += 1
             self._began = now
             if not self.finished:

@@ -14,6 +14,7 @@ from airlink.identity import VehicleId
 from airlink.memory import MemoryNetwork
 from formation_scenario import load_scenario
 from gcs_formation.app.links import impair
+from gcs_formation.preflight import CARELESS, Caution
 from gcs_formation.recorder import Event, Tick
 from gcs_formation.station import Station
 from sim_vehicles.config import Fault, FaultKind
@@ -99,10 +100,10 @@ class Sleeper:
 class World:
     """A leader and two followers under the virtual clock, by default in the air on a straight path."""
 
-    def __init__(self, between: type[Between] = Between, **keys: Any) -> None:
+    def __init__(self, between: type[Between] = Between, caution: Caution = CARELESS, **keys: Any) -> None:
         planned = load_scenario(scenario(**keys))
         self.notes, self.clock = Notes(), VirtualClock()
-        self.network, self.station = MemoryNetwork(self.clock), Station(planned, self.notes)
+        self.network, self.station = MemoryNetwork(self.clock), Station(planned, self.notes, caution=caution)
         self.config = fleet_config(planned)
         self.fleet = Fleet(self.config)
         self.between = between(self.fleet)

@@ -1,0 +1,93 @@
+"""`gcs-formation fly --dry-run`: what each vehicle would be sent, message by message, with values."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from airlink import mavlink as m
+from airlink.messages.command import CommandInt
+from formation_scenario import Scenario, slot_schedule
+from formation_scenario.arrangement import columns
+from formation_scenario.lifted_path import leader_path
+from gcs_formation.setpoint import Setpoint
+from gcs_formation.station import Station
+from gcs_formation.vehicle.autopilot import Autopilot, Command
+from gcs_formation.vehicle.vehicle import Vehicle
+
+PARAMETERS = ("param1", "param2", "param3", "param4")
+SETPOINTS = "setpoints"
+"""Sent at every tick; the values are those of its slot at the path's start."""
+
+
+def rehearsed(station: Station) -> dict[str, Any]:
+    """Return what `--dry-run --json` prints: for each vehicle its state, its parameters' findings and the messages."""
+    places = first_setpoints(station.scenario)
+    return {
+        "rate_hz": station.scenario.law.rate_hz,
+        "dry_run": [
+            {
+                "vehicle": str(identity),
+                "family": vehicle.autopilot.family,
+                "mode": vehicle.autopilot.mode_name(vehicle.telemetry),
+                "armed": vehicle.telemetry.armed,
+                "airborne": vehicle.airborne,
+                "parameters": list(station.preflight.warnings.get(identity, ())),
+                "messages": list(_messages(station.scenario, vehicle, places[str(identity)])),
+            }
+            for identity, vehicle in station.vehicles.items()
+        ],
+    }
+
+
+def rehearsal_text(report: dict[str, Any]) -> str:
+    """Return the same for a person."""
+    lines: list[str] = []
+    for each in report["dry_run"]:
+        where = "in the air" if each["airborne"] else "on the ground"
+        armed = "armed" if each["armed"] else "disarmed"
+        lines.append(f"vehicle {each['vehicle']} ({each['family']}): {each['mode']}, {armed}, {where}")
+        lines.extend(f"  parameters: {text}" for text in each["parameters"])
+        for message in each["messages"]:
+            when = f"setpoints, {report['rate_hz']:g} a second" if message["when"] == SETPOINTS else message["when"]
+            values = ", ".join(f"{name} {value:g}" for name, value in message["values"].items())
+            lines.append(f"  {when}: {message['message']} {message['command']}: {values or 'all 0'}")
+    return "\n".join([*lines, "nobody was commanded; heartbeats and requests for telemetry and parameters were sent"])
+
+
+def first_setpoints(scenario: Scenario) -> dict[str, Setpoint]:
+    """Return each vehicle's setpoint in its slot when the leader is at the path's start."""
+    start = leader_path(scenario).at(0.0)
+    heights_m = start.height_m + slot_schedule(scenario)[0].places_m[:, 2]
+    return {
+        str(vehicle.vehicle_id): Setpoint(scenario.path.speed_mps, start.course_rad, float(height_m))
+        for vehicle, height_m in zip(columns(scenario), heights_m.tolist(), strict=True)
+        if vehicle is not None
+    }
+
+
+def _messages(scenario: Scenario, vehicle: Vehicle, setpoint: Setpoint) -> Iterator[dict[str, Any]]:
+    autopilot, seen = vehicle.autopilot, vehicle.telemetry
+    for step in autopilot.start_up(scenario.telemetry.rate_hz):
+        if step.acts and not step.done(seen):
+            yield from (_told("start", command, autopilot) for command in step.commands)
+    yield from (_told(SETPOINTS, command, autopilot) for command in autopilot.setpoint(setpoint))
+    yield from (_told("end", command, autopilot) for command in autopilot.loiter(setpoint.height_m))
+
+
+def _told(when: str, command: Command, autopilot: Autopilot) -> dict[str, Any]:
+    places = ("x", "y", "z", "frame") if isinstance(command, CommandInt) else ("param5", "param6", "param7")
+    given = [name for name in (*PARAMETERS, *places) if getattr(command, name)]
+    shown = max((PARAMETERS.index(name) + 1 for name in given if name in PARAMETERS), default=0)
+    names = (*PARAMETERS[:shown], *(name for name in given if name not in PARAMETERS))
+    if command.command == m.MAV_CMD_DO_SET_MODE:
+        mode = autopilot.mode_names[int(command.param2)]
+        named = f"{m.name_of('MAV_CMD', command.command)} ({mode})"
+    else:
+        named = m.name_of("MAV_CMD", command.command)
+    return {
+        "when": when,
+        "message": "COMMAND_INT" if isinstance(command, CommandInt) else "COMMAND_LONG",
+        "command": named,
+        "values": {name: round(float(getattr(command, name)), 4) for name in names},
+    }

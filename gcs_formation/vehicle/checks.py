@@ -1,0 +1,112 @@
+"""Parameters of an autopilot that a flight depends on: read from the vehicle, and judged before anybody is commanded.
+
+Source: MAVLink guide, "Parameter Protocol".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from airlink import mavlink as m
+from airlink.clock import Instant, after
+from airlink.messages.parameter import ParamRequestRead, ParamValue
+from formation_scenario import Scenario, Vehicle
+
+RETRY_S = 0.7
+TRIES = 8
+"""Requests for one parameter; a name that an autopilot doesn't know gets no answer."""
+AT_ONCE = 4
+"""Requests sent in one go: autopilots answer them from a short queue."""
+
+
+class Demands(NamedTuple):
+    """What a scenario asks of one vehicle."""
+
+    speed_mps: float
+    """The path's."""
+    speed_min_mps: float
+    speed_max_mps: float
+    """Between these lie its airspeed setpoints."""
+    turn_rate_max_rps: float
+
+
+def demands(scenario: Scenario, vehicle: Vehicle) -> Demands:
+    """Return what a scenario asks of one of its vehicles."""
+    model = vehicle.model
+    return Demands(scenario.path.speed_mps, model.speed_min_mps, model.speed_max_mps, model.turn_rate_max_rps)
+
+
+class Finding(NamedTuple):
+    """A parameter that isn't as it should be."""
+
+    text: str
+    """What was found, and what is allowed or what follows."""
+    refuses: bool = False
+    """Whether nobody takes off with it."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """One parameter, by its names in several versions, the newest first."""
+
+    names: tuple[str, ...]
+    allowed: str
+    """In words, with what happens otherwise."""
+    holds: Callable[[float], bool]
+    refuses: Callable[[float], bool] = lambda _: False
+    """Whether a value that isn't allowed keeps everybody on the ground."""
+
+    def judge(self, values: Mapping[str, float]) -> Finding | None:
+        """Return what is wrong with the parameter among `values`; None if it is as it should be, or unknown."""
+        found = next(((name, values[name]) for name in self.names if name in values), None)
+        if found is None or self.holds(found[1]):
+            return None
+        return Finding(f"{found[0]}: found {found[1]:g}; allowed: {self.allowed}", self.refuses(found[1]))
+
+
+class ParameterReader:
+    """Reads from one vehicle what its checks need."""
+
+    def __init__(self, system: int, checks: Sequence[Check]) -> None:
+        """Ask `system`; nothing is asked before `requests` is called."""
+        self._system, self._checks = system, checks
+        self._tries = {name: 0 for check in checks for name in check.names}
+        self._values: dict[str, float] = {}
+        self._next = Instant(0)
+
+    @property
+    def complete(self) -> bool:
+        """Whether every parameter has been told, or asked for in vain."""
+        return not self._missing()
+
+    def requests(self, now: Instant) -> list[ParamRequestRead]:
+        """Return the requests to send now: those of the fewest tries first."""
+        missing = sorted(self._missing(), key=self._tries.__getitem__)[:AT_ONCE]
+        if not missing or now < self._next:
+            return []
+        self._next = after(now, RETRY_S)
+        for name in missing:
+            self._tries[name] += 1
+        return [ParamRequestRead(self._system, m.MAV_COMP_ID_AUTOPILOT1, name) for name in missing]
+
+    def take(self, message: ParamValue, now: Instant) -> None:
+        """Take a parameter; those that weren't asked for are ignored. What is missing still is asked for at once."""
+        if message.param_id in self._tries:
+            self._values[message.param_id] = message.param_value
+            if not any(self._tries[name] for name in self._missing()):
+                self._next = now
+
+    def findings(self) -> list[Finding]:
+        """Return what isn't as it should be, and what could not be read."""
+        found = [finding for check in self._checks if (finding := check.judge(self._values)) is not None]
+        unread = [" or ".join(check.names) for check in self._checks if not self._told(check)]
+        return [*found, *([Finding(f"no answer for {', '.join(unread)}, not checked")] if unread else [])]
+
+    def _missing(self) -> list[str]:
+        wanted = [name for check in self._checks if not self._told(check) for name in check.names]
+        return [name for name in wanted if self._tries[name] < TRIES]
+
+    def _told(self, check: Check) -> bool:
+        return any(name in self._values for name in check.names)

@@ -1,0 +1,123 @@
+"""Before anybody is commanded: parameters are read, somebody's word is awaited, or the run ends there."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from airlink import mavlink as m
+from airlink.clock import Instant
+from airlink.engine import Datagram
+from airlink.frame import StreamParser
+from airlink.messages.command import CommandInt, CommandLong
+from airlink.messages.parameter import ParamSet
+from gcs_formation.app.rehearsal import rehearsal_text, rehearsed
+from gcs_formation.phases import Phase
+from gcs_formation.preflight import Caution
+from sim_vehicles.fleet import Fleet
+from sim_vehicles.modes import Condition, Mode
+from tests.flights.in_memory import Between, World
+
+GROUND: dict[str, Any] = {"start": {"in_air": False}, "vehicles": {"count": 2}, "formation": {"shape": "follower"}}
+READ = Caution(parameters=True)
+
+
+class Listening(Between):
+    """Takes down which commands come in."""
+
+    def __init__(self, fleet: Fleet) -> None:
+        super().__init__(fleet)
+        self.commands = set[int]()
+
+    def receive(self, datagram: Datagram, now: Instant) -> None:
+        messages = (frame.message for frame in StreamParser().feed(datagram.data))
+        self.commands |= {each.command for each in messages if isinstance(each, CommandInt | CommandLong)}
+        super().receive(datagram, now)
+
+
+def commands_to(world: World) -> set[int]:
+    assert isinstance(world.between, Listening)
+    return world.between.commands
+
+
+def put(world: World, number: int, name: str, value: float) -> None:
+    asked = ParamSet(number, m.MAV_COMP_ID_AUTOPILOT1, name, value, m.MAV_PARAM_TYPE_REAL32)
+    assert world.vehicle(number).parameters.set(asked)
+
+
+def test_parameters_that_are_not_as_they_should_be_are_told_before_anybody_is_armed() -> None:
+    world = World(caution=READ, **GROUND)
+    for name in ("FS_GCS_ENABL", "FS_LONG_ACTN"):
+        put(world, 2, name, 1)
+    world.run(8.0)
+    assert world.words("parameters")[0].startswith("FS_GCS_ENABL: found 0; allowed: 1 or 2")
+    assert world.words("parameters")[1] == "in order"
+    assert max(world.times_s("parameters")) < min(world.times_s("mode", text="TAKEOFF"))
+    assert all(vehicle.pilot.condition.armed for vehicle in world.fleet.vehicles)
+
+
+def test_a_parameter_with_which_nobody_can_fly_keeps_everybody_as_they_are() -> None:
+    world = World(Listening, READ, **GROUND)
+    put(world, 2, "AIRSPEED_MAX", 20)
+    world.run(30.0)
+    assert world.station.flight.phase is Phase.FAILED
+    assert world.station.failure
+    assert world.station.failure.text.startswith("vehicle 2: AIRSPEED_MAX: found 20; allowed: 28 m/s or more")
+    assert commands_to(world) == {m.MAV_CMD_SET_MESSAGE_INTERVAL}
+
+
+def test_of_a_vehicle_that_flies_already_the_same_is_told_and_it_is_taken_over() -> None:
+    world = World(caution=READ, vehicles={"count": 2})
+    put(world, 2, "AIRSPEED_MAX", 20)
+    world.run(3.0)
+    assert any("AIRSPEED_MAX: found 20" in told for told in world.words("parameters"))
+    assert world.station.failure is None
+    assert len(world.times_s("ready")) == 2
+
+
+@pytest.mark.parametrize("in_air", [False, True])
+def test_with_confirm_nobody_is_commanded_before_the_word(in_air: bool) -> None:
+    keys = GROUND | {"start": {"in_air": in_air}}
+    world = World(Listening, Caution(parameters=True, confirm=True), **keys)
+    world.run(20.0 if in_air else 95.0)  # longer than the step that is waited for may take
+    assert world.station.preflight.awaits_word
+    assert commands_to(world) == {m.MAV_CMD_SET_MESSAGE_INTERVAL}
+    question = world.station.preflight.question()
+    assert question.startswith("2 vehicles are connected, ready and checked (2 with warnings). Type yes to")
+    assert ("take over 2" in question) == in_air
+    world.station.preflight.confirm()
+    world.run(2.0)
+    assert (m.MAV_CMD_GUIDED_CHANGE_SPEED if in_air else m.MAV_CMD_COMPONENT_ARM_DISARM) in commands_to(world)
+
+
+def test_stopped_while_the_word_is_awaited_everybody_is_left_as_found() -> None:
+    world = World(Listening, Caution(confirm=True), vehicles={"count": 2})
+    world.vehicle(1).enter(Mode.MANUAL)
+    world.run(3.0)
+    world.station.stop(world.clock.now())
+    world.run(1.0)
+    assert world.station.flight.phase is Phase.DONE
+    assert world.vehicle(1).pilot.mode is Mode.MANUAL
+    assert commands_to(world) == {m.MAV_CMD_SET_MESSAGE_INTERVAL}
+
+
+def test_a_rehearsal_ends_when_everybody_is_ready_and_says_what_would_be_sent() -> None:
+    world = World(Listening, Caution(parameters=True, rehearse=True), **GROUND)
+    world.run(60.0)
+    assert world.station.flight.phase is Phase.DONE
+    assert commands_to(world) == {m.MAV_CMD_SET_MESSAGE_INTERVAL}
+    assert all(vehicle.pilot.condition is Condition.DISARMED for vehicle in world.fleet.vehicles)
+    report = rehearsed(world.station)
+    text = rehearsal_text(report).splitlines()
+    assert text[0] == "vehicle 1 (ArduPlane): MANUAL, disarmed, on the ground"
+    assert [line for line in text if line.startswith("  start: ")][:3] == [
+        "  start: COMMAND_LONG DO_SET_MODE (TAKEOFF): param1 1, param2 13",
+        "  start: COMMAND_LONG COMPONENT_ARM_DISARM: param1 1",
+        "  start: COMMAND_LONG DO_SET_MODE (GUIDED): param1 1, param2 15",
+    ]
+    assert [line for line in text if line.startswith("  setpoints")][:3] == [
+        "  setpoints, 10 a second: COMMAND_INT GUIDED_CHANGE_SPEED: param1 0, param2 22",
+        "  setpoints, 10 a second: COMMAND_INT GUIDED_CHANGE_ALTITUDE: z 100",
+        "  setpoints, 10 a second: COMMAND_INT GUIDED_CHANGE_HEADING: param1 1, param2 0, param3 5.5",
+    ]

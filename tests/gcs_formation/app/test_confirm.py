@@ -1,0 +1,58 @@
+"""The question before anybody is armed, and its answer."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+
+from airlink.clock import Instant
+from gcs_formation.app.confirm import DECLINED, Confirmation
+from tests.flights.in_memory import Notes
+
+NOW = Instant(0)
+
+
+class Gate:
+    """Stands for the start-ups that wait."""
+
+    def __init__(self) -> None:
+        self.due = self.confirmed = False
+
+    @property
+    def awaits_word(self) -> bool:
+        return self.due
+
+    def question(self) -> str:
+        return "take off?"
+
+    def confirm(self) -> None:
+        self.confirmed = True
+
+
+@pytest.mark.parametrize(
+    ("typed", "confirmed"), [(b"yes\n", True), (b" Y \n", True), (b"no\n", False), (b"\n", False), (b"", False)]
+)
+def test_only_yes_confirms_and_only_after_the_question(typed: bytes, confirmed: bool) -> None:
+    terminal, keyboard = os.pipe()
+    gate, notes, declined = Gate(), Notes(), list[str]()
+    confirmation = Confirmation(gate, notes, terminal, declined.append)
+    os.write(keyboard, b"yes\n")
+    confirmation.poll(NOW)
+    assert notes.events == []
+    gate.due = True
+    confirmation.poll(NOW)
+    assert [event.text for event in notes.events] == ["take off?"]
+    assert (gate.confirmed, declined) == (False, [])
+    if typed:
+        os.write(keyboard, typed[:2])
+        confirmation.poll(NOW)
+        os.write(keyboard, typed[2:])
+    else:
+        os.close(keyboard)
+    confirmation.poll(NOW)
+    assert gate.confirmed == confirmed
+    assert declined == ([] if confirmed else [DECLINED])
+    confirmation.poll(NOW)
+    assert len(notes.events) == 2
+    os.close(terminal)

@@ -1,0 +1,102 @@
+"""Parameters: which are read, which values are named, and which keep everybody on the ground."""
+
+from __future__ import annotations
+
+import pytest
+
+from airlink import mavlink as m
+from airlink.clock import Instant, after
+from airlink.messages.parameter import ParamValue
+from gcs_formation.vehicle.arduplane_parameters import arduplane_checks
+from gcs_formation.vehicle.checks import AT_ONCE, RETRY_S, TRIES, Demands, Finding, ParameterReader
+
+ASKED = Demands(speed_mps=22.0, speed_min_mps=14.0, speed_max_mps=29.0, turn_rate_max_rps=0.25)
+IN_ORDER = {
+    "MAV_GCS_SYSID": 255,
+    "FS_GCS_ENABL": 1,
+    "FS_LONG_ACTN": 1,
+    "FS_LONG_TIMEOUT": 5,
+    "TKOFF_ALT": 50,
+    "AIRSPEED_MIN": 14,
+    "AIRSPEED_MAX": 29,
+    "AIRSPEED_CRUISE": 22,
+    "ROLL_LIMIT_DEG": 45,
+}
+START = Instant(0)
+
+
+def told(reader: ParameterReader, values: dict[str, float], now: Instant = START) -> None:
+    for name, value in values.items():
+        reader.take(ParamValue(name, value, m.MAV_PARAM_TYPE_REAL32, 1400, 65535), now)
+
+
+def findings(**changed: float) -> list[Finding]:
+    reader = ParameterReader(2, arduplane_checks(ASKED))
+    told(reader, IN_ORDER | changed)
+    assert reader.complete
+    return reader.findings()
+
+
+def test_parameters_as_they_should_be_are_no_findings() -> None:
+    assert findings() == []
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "allowed", "refuses"),
+    [
+        ("MAV_GCS_SYSID", 250, "255, this ground station", True),
+        ("FS_GCS_ENABL", 0, "1 or 2;", False),
+        ("FS_GCS_ENABL", 3, "1 or 2;", False),
+        ("FS_LONG_ACTN", 0, "1 (RTL), 4 (AUTO) or 5 (AUTOLAND)", False),
+        ("FS_LONG_TIMEOUT", 1, "3 s or more", False),
+        ("TKOFF_ALT", 40, "50 m or more", True),
+        ("AIRSPEED_MIN", 16, "up to 14 m/s", False),
+        ("AIRSPEED_MIN", 23, "up to 14 m/s", True),
+        ("AIRSPEED_MAX", 28, "29 m/s or more", False),
+        ("AIRSPEED_MAX", 21, "29 m/s or more", True),
+        ("AIRSPEED_CRUISE", 18, "22 m/s, path.speed_mps", False),
+        ("ROLL_LIMIT_DEG", 25, "29 degrees or more", False),  # atan(22 * 0.25 / 9.81) = 29.3 degrees
+    ],
+)
+def test_a_parameter_that_is_not_as_it_should_be_is_named_with_what_is_allowed(
+    name: str, value: float, allowed: str, refuses: bool
+) -> None:
+    (finding,) = findings(**{name: value})
+    assert finding.text.startswith(f"{name}: found {value}; allowed: {allowed}")
+    assert finding.refuses == refuses
+
+
+def test_a_parameter_is_read_by_whichever_of_its_names_the_version_knows() -> None:
+    reader = ParameterReader(2, arduplane_checks(ASKED))
+    others = {name: value for name, value in IN_ORDER.items() if name != "MAV_GCS_SYSID"}
+    told(reader, {**others, "SYSID_MYGCS": 1})
+    (finding,) = reader.findings()
+    assert reader.complete
+    assert finding.text.startswith("SYSID_MYGCS: found 1; allowed: 255")
+
+
+def test_requests_come_a_few_at_once_and_the_next_ones_as_soon_as_those_are_answered() -> None:
+    reader, asked, now = ParameterReader(2, arduplane_checks(ASKED)), list[str](), START
+    while requests := reader.requests(now):
+        assert len(requests) <= AT_ONCE
+        assert {request.target_system for request in requests} == {2}
+        asked += [request.param_id for request in requests]
+        told(reader, {request.param_id: IN_ORDER.get(request.param_id, 255) for request in requests}, now)
+    assert sorted(asked) == sorted([*IN_ORDER, "SYSID_MYGCS"])
+
+
+def test_what_is_lost_is_asked_for_again_and_what_never_comes_is_named() -> None:
+    reader, tries, now = ParameterReader(2, arduplane_checks(ASKED)), 0, START
+    while not reader.complete:
+        tries += sum(request.param_id == "TKOFF_ALT" for request in reader.requests(now))
+        told(reader, {name: value for name, value in IN_ORDER.items() if name != "TKOFF_ALT"}, now)
+        now = after(now, RETRY_S)
+    assert tries == TRIES
+    assert reader.findings() == [Finding("no answer for TKOFF_ALT, not checked")]
+
+
+def test_parameters_that_nobody_asked_for_are_ignored() -> None:
+    reader = ParameterReader(2, arduplane_checks(ASKED))
+    told(reader, {f"OTHER_{number}": 1.0 for number in range(1000)})
+    assert not reader.complete
+    assert len(reader._values) == 0
