@@ -35,6 +35,7 @@ def scenario_schema() -> Schema:
     """
     generated = written_model().model_json_schema(schema_generator=_WithoutTitlesOfKeys)
     for group in _groups(generated):
+        _name_models(group)
         _release_derived(group)
     properties: Schema = generated["properties"]
     properties |= {key: _or_null(properties[key]) for key in MAY_BE_EMPTY}
@@ -56,6 +57,14 @@ def _groups(schema: Schema) -> Iterator[Schema]:
     yield from (group for group in schema["$defs"].values() if "properties" in group)
 
 
+def _name_models(group: Schema) -> None:
+    """Let a vehicle's model be named: `resolve` reads its file."""
+    properties: Schema = group["properties"]
+    for key in ("model", "true_model"):
+        if key in properties:
+            properties[key] = _or(properties[key], {"type": "string", "minLength": 1})
+
+
 def _release_derived(group: Schema) -> None:
     """Let keys that `resolve` fills in be left out, or empty."""
     properties: Schema = group["properties"]
@@ -72,8 +81,12 @@ def _release_derived(group: Schema) -> None:
 
 def _or_null(value: Schema) -> Schema:
     """Return the schema of a value that may be null too."""
+    return _or(value, {"type": "null"})
+
+
+def _or(value: Schema, other: Schema) -> Schema:
+    """Return the schema of a value that may be another one too."""
     said = {name: each for name, each in value.items() if name in ANNOTATIONS}
     types = {name: each for name, each in value.items() if name not in ANNOTATIONS}
     choices: list[Schema] = types["anyOf"] if set(types) == {"anyOf"} else [types]
-    null = {"type": "null"}
-    return {"anyOf": [*choices, *([] if null in choices else [null])], **said}
+    return {"anyOf": [*choices, *([] if other in choices else [other])], **said}

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field
 
 from airlink.identity import VehicleId
+from formation_scenario.airframe import EnergyAirframe
 from formation_scenario.fields import (
     MAX_SYSTEM_ID,
     Allowed,
@@ -42,6 +43,19 @@ class VehicleModel(Keys):
     accel_max_mps2: Positive = Field(default=1.5, description="largest change of airspeed, m/s²", examples=[1])
     turn_rate_max_rps: Positive = Field(default=0.25, description="highest turn rate, rad/s", examples=[0.2])
     climb_max_mps: Speed = Field(default=3.0, description="highest climb and descent rate, m/s", examples=[4])
+    airframe: EnergyAirframe | None = Field(
+        default=None,
+        description="emulators: the aircraft that flies where that isn't equation (7), which the keys above then only "
+        "approximate; without it, equation (7) itself",
+    )
+
+
+Model: TypeAlias = Annotated[
+    VehicleModel,
+    Allowed(
+        f"a vehicle file (*.yaml), the name of a shipped one, or a mapping with {', '.join(VehicleModel.model_fields)}"
+    ),
+]
 
 
 class VehicleClock(Keys):
@@ -74,8 +88,12 @@ class VehicleCommon(Keys):
     autopilot: Autopilot = Field(
         default="emulator", description="what flies the vehicle: an emulator, or one of the real autopilots"
     )
-    model: VehicleModel = Field(default=VehicleModel(), description="its autopilot's lags, and its limits")
-    true_model: VehicleModel | None = Field(
+    model: Model = Field(
+        default=VehicleModel(),
+        description="its autopilot's lags, and its limits: keys, a vehicle file, or a shipped one by its name",
+        json_schema_extra=derived("the keys' own; with `autopilot: arduplane`, the shipped file arduplane"),
+    )
+    true_model: Model | None = Field(
         default=None,
         description="emulators only: what the vehicle flies by where that differs from `model`, which the station "
         "believes",

@@ -11,8 +11,9 @@ from airlink.endpoint import Endpoint
 from airlink.engine import Datagram
 from airlink.geodesy import GeodeticOrigin
 from formation_scenario.arrays import Array
+from sim_vehicles.airframes import Airframes
 from sim_vehicles.config import FleetConfig
-from sim_vehicles.dynamics import Command, Parameters, State, step
+from sim_vehicles.dynamics import Command, State
 from sim_vehicles.environment import Environment
 from sim_vehicles.loop import LOOP_S
 from sim_vehicles.motion import MotionTable
@@ -40,12 +41,12 @@ class Fleet:
         self.environment = Environment(config)
         self.state = _start_state(config)
         self.drift_mps: Array = np.zeros((3, len(models)))
-        self._parameters = Parameters.of(models, LOOP_S)
+        self.airframes = Airframes(config, self.state)
         self._truth = truth
         self.outbox: list[Datagram] = []
         self._next_turn = after(now, LOOP_S)
         self.turn_rate_radps: Array = np.zeros(len(models))
-        self.motions = self._motions(self.steering.commands(self.state, self._parameters, self.drift_mps))
+        self.motions = self._motions(self.steering.commands(self.state, self.airframes.parameters, self.drift_mps))
         self.vehicles = [Vehicle(i, vehicle, self, now) for i, vehicle in enumerate(config.vehicles)]
 
     def endpoints(self) -> tuple[Endpoint, ...]:
@@ -94,8 +95,8 @@ class Fleet:
         before = self.state
         if not np.count_nonzero(~self.steering.stopped) and (before.airspeed_mps < STANDING_MPS).all():
             return
-        command = self.steering.commands(before, self._parameters, self.drift_mps)
-        self.state = step(before, command, self._parameters, self.drift_mps)
+        command = self.steering.commands(before, self.airframes.parameters, self.drift_mps)
+        self.state = self.airframes.step(before, command, self.drift_mps, self.steering.airborne)
         below = self.state.height_m < 0.0
         if np.count_nonzero(below):
             self.state.table[2:4, below] = 0.0

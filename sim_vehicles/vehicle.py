@@ -103,7 +103,10 @@ class Vehicle:
     @property
     def sensed(self) -> Motion:
         """Its motion as its sensors measure it, for telemetry; its own control loops use the truth."""
-        return self.motion if self._sensors is None else self._sensors.sense(self.motion, self.now)
+        motion, airspeed_mps = self.motion, self.fleet.airframes.airspeed_mps(self.index)
+        if airspeed_mps is not None:
+            motion = motion._replace(airspeed_mps=airspeed_mps)
+        return motion if self._sensors is None else self._sensors.sense(motion, self.now)
 
     @property
     def estimate(self) -> Estimate:

@@ -1,0 +1,77 @@
+"""Vehicle files: a model of one kind of aircraft, shipped by name or written by `gcs-formation identify`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field, ValidationError
+
+from formation_scenario.describe import problems_of
+from formation_scenario.errors import Problem, ScenarioError, did_you_mean
+from formation_scenario.fields import Keys, Name, Number
+from formation_scenario.source import Key, KeyPath, Plain, Source, plain_mapping, read_file, read_text
+from formation_scenario.vehicles import VehicleModel
+
+SUFFIXES = (".yaml", ".yml")
+SHIPPED = "aircraft"
+"""Folder of the shipped files, inside this package."""
+
+
+class VehicleFile(Keys):
+    """A vehicle file."""
+
+    schema_: Literal[1] = Field(default=1, alias="schema", description="version of these keys")
+    name: Name = Field(default="vehicle", description="of the kind of aircraft", examples=["skywalker"])
+    source: str = Field(default="", description="where the model comes from", examples=["runs/steps, vehicle 2"])
+    model: VehicleModel = Field(description="its autopilot's lags, its limits and its airframe")
+    fit: Mapping[str, Number] = Field(default={}, description="how well it was found, written by `identify`")
+
+
+def read_model(name: str, directory: Path, at: Source, path: KeyPath) -> dict[Key, Plain]:
+    """Return the model in a vehicle file, or in a shipped one, as it is written there.
+
+    Args:
+        name: a shipped name, or a file relative to `directory`.
+        directory: of the scenario.
+        at: the scenario, for the place of problems.
+        path: the key that names the file.
+
+    Raises:
+        ScenarioError: no such file, or one with values that aren't allowed.
+    """
+    source = _read(name, directory, at, path)
+    try:
+        VehicleFile.model_validate(source.data)
+    except ValidationError as error:
+        raise ScenarioError(problems_of(error, VehicleFile, source)) from error
+    return plain_mapping({"model": source.data["model"]})["model"]  # type: ignore[return-value]
+
+
+def shipped_names() -> list[str]:
+    """Return the names of the shipped vehicle files."""
+    files = resources.files("formation_scenario") / SHIPPED
+    return sorted(each.name.removesuffix(SUFFIXES[0]) for each in files.iterdir() if each.name.endswith(SUFFIXES[0]))
+
+
+def _read(name: str, directory: Path, at: Source, path: KeyPath) -> Source:
+    if not name.endswith(SUFFIXES):
+        names = shipped_names()
+        if name not in names:
+            allowed = f"a vehicle file (*.yaml), or one that is shipped: {', '.join(names)}{did_you_mean(name, names)}"
+            raise ScenarioError([at.problem(path, f"found '{name}'", allowed)])
+        file = resources.files("formation_scenario") / SHIPPED / f"{name}{SUFFIXES[0]}"
+        return read_text(file.read_text(encoding="utf-8"), f"{SHIPPED}/{name}{SUFFIXES[0]}")
+    try:
+        return read_file(directory / name)
+    except ScenarioError as error:
+        if any(each.line is not None for each in error.problems):
+            raise
+        said = "; ".join(each.found for each in error.problems)
+        raise ScenarioError([_unreadable(at, path, directory / name, said)]) from error
+
+
+def _unreadable(at: Source, path: KeyPath, file: Path, said: str) -> Problem:
+    return at.problem(path, f"found '{file}': {said}", "a vehicle file that can be read")

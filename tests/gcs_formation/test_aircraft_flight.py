@@ -1,0 +1,36 @@
+"""Formations of aircraft that fly as ArduPlane does."""
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from gcs_formation import run
+
+SCENARIO = {
+    "name": "aircraft",
+    "duration_s": 15,
+    "finish": {"loiter_s": 0},
+    "start": {"in_air": True},
+    "vehicles": [{"id": 1, "role": "leader"}, {"id": 2}],
+    "formation": {"shape": "line", "spacing_m": 40},
+    "path": {"waypoints_m": [[0, 0, 100], [800, 0, 100], [1600, 100, 105]]},
+}
+
+
+def flown(directory, **changes):
+    summary = run(SCENARIO | changes, out=directory, clock="virtual").to_dict()
+    return summary["followers"]["2"], pq.read_table(directory / "timeseries.parquet").to_pydict()
+
+
+def of_follower(rows, column, from_s):
+    each = zip(rows[column], rows["vehicle"], rows["mission_time_s"], strict=True)
+    return np.array([value for value, who, at_s in each if who == 2 and at_s is not None and at_s > from_s])
+
+
+def test_gains_for_equation_7_drive_aircraft_into_a_limit_cycle(tmp_path):
+    """Four real ArduPlanes: airspeed setpoints jump by 2.4 m/s (standard deviation) a tick."""
+    vehicles = [each | {"true_model": "arduplane"} for each in SCENARIO["vehicles"]]
+    follower, rows = flown(tmp_path, vehicles=vehicles)
+    steps_mps = np.diff(of_follower(rows, "setpoint_speed_mps", from_s=6.0))
+    assert np.nanstd(steps_mps) == pytest.approx(2.4, rel=0.3)
+    assert follower["error_x_m"]["rms"] > 1.0
