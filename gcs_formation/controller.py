@@ -25,6 +25,7 @@ from gcs_formation.estimation.projection import Measured, States
 from gcs_formation.formation.clearance import Outlook
 from gcs_formation.formation.plan import FormationPlan
 from gcs_formation.guidance.leader import ASSEMBLED_S
+from gcs_formation.guidance.told import ToldLeader
 from gcs_formation.guidance.tracking import Lags, Motion
 from gcs_formation.guidance.virtual_leader import amid, fly_on
 from gcs_formation.recorder import Tick
@@ -83,6 +84,7 @@ class FormationController:
         self.plan = FormationPlan(scenario)
         self._scenario = scenario
         self._dt_s = 1.0 / scenario.law.rate_hz
+        self._compensates = scenario.law.delay_compensation
         self._gains_change = 1.0 - math.exp(-self._dt_s / GAINS_CHANGE_S)
         self._columns = 1 + len(scenario.followers)
         self._model = parameters.autopilot_model(scenario)
@@ -94,7 +96,7 @@ class FormationController:
         self._projection = parameters.projection(scenario, self._history, self._model)
         self.separation = SeparationKeeper(scenario, self._history, self._model)
         self._in_slots_s = 0.0
-        self._leader_told_rad = math.nan
+        self._told_leader = ToldLeader(self._dt_s)
         self._leader_wind_mps: list[float] = []
         self.last_tick: Tick | None = None
         """The last tick at which there was a leader to follow."""
@@ -141,7 +143,7 @@ class FormationController:
     def hand_over(self, leader: int, swing_rad: float) -> None:
         """Make another column the leader; it heads `swing_rad` clockwise of the present one."""
         self.plan.hand_over(leader, swing_rad)
-        self._leader_told_rad = math.nan
+        self._told_leader.begin()
 
     def places_m(self, now: Instant) -> Array:
         """Return all positions, (C, 3) forward, right and up of the leader, without the lifts over terrain."""
@@ -261,12 +263,10 @@ class FormationController:
         columns = Setpoints.of(np.array(wanted)[:, None])
         told = envelope.limit(columns, columns.heading_rad, state, model)
         tick.setpoints.fill(leading, told)
-        before_rad, self._leader_told_rad = self._leader_told_rad, float(told.heading_rad[0])
-        turned_rad = math.remainder(self._leader_told_rad - before_rad, math.tau)
-        turn_rps = 0.0 if math.isnan(turned_rad) else turned_rad / self._dt_s
-        return Lead(
-            tick.leader, Instant(int(states.instants(leading)[0])), told, turn_rps, self.guidance.heading(motion)
-        )
+        at = Instant(int(states.instants(leading)[0]))
+        self._told_leader.tell(at, *told.table[:, 0].tolist())
+        followed = states.instants(np.arange(self._columns)) if self._compensates else np.full(self._columns, at)
+        return Lead(tick.leader, at, self._told_leader.at(followed), self.guidance.heading(motion))
 
     def _slow_wind(self, seen_mps: list[float]) -> list[float]:
         kept, before_mps = math.exp(-LEADER_WIND_RADPS * self._dt_s), self._leader_wind_mps or seen_mps

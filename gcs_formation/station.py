@@ -95,7 +95,7 @@ class Station:
         self._reconfiguration = Reconfiguration(scenario, self.controller, self.vehicles, self._columns, self._event)
         self._orders = Orders(scenario, self.flight, self._reconfiguration, self._end_by_order, self._event)
         self._dispatch = Dispatch(scenario, self.vehicles, self._columns)
-        self._streams = StreamWatch(self.vehicles, scenario.telemetry.rate_hz, self._event)
+        self._streams = StreamWatch(self.vehicles, self._event)
         self._ledger = CommandLedger(scenario, self.controller, self.vehicles, self._columns, self._event)
         self._out, self._next_tick = list[Datagram](), Instant(0)
         self._ending, self._ground = Ending({}, Instant(0)), GroundFloor(scenario)

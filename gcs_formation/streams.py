@@ -92,9 +92,9 @@ class Streams:
 class StreamWatch:
     """Requests missing messages again, and records events `streams`."""
 
-    def __init__(self, vehicles: Mapping[VehicleId, Vehicle], telemetry_rate_hz: float, note: Note) -> None:
-        """Watch `vehicles`, which should report their motion at a rate."""
-        self._streams = [(each, Streams(each.autopilot.rates_hz(telemetry_rate_hz))) for each in vehicles.values()]
+    def __init__(self, vehicles: Mapping[VehicleId, Vehicle], note: Note) -> None:
+        """Watch `vehicles`."""
+        self._streams = [(each, Streams(each.rates_hz)) for each in vehicles.values()]
         self._note = note
         self._next_look = Instant(0)
 

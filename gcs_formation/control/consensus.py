@@ -153,7 +153,7 @@ class ConsensusLaw:
         leading, model = np.full_like(self._everyone, lead.leader), self._model
         lag_s = float(model.tau_ha_s[lead.leader] + model.tau_hb_s[lead.leader])
         flown = situation.states.of(leading, self._everyone)
-        told = lead.told.take(np.zeros_like(self._everyone))
+        told = lead.told.setpoints.take(leading)
         return FlightState(
             north_m=flown.north_m,
             east_m=flown.east_m,

@@ -124,12 +124,13 @@ class FormationLaw:
         Its setpoint jumps where its route changes. The slots turn no faster than the leader can.
         """
         model = self._leader_model
-        turn_rps, most_rps = turn_rate(state, lead.told, model), model.turn_rate_max_rps
-        told_turn_rps = within(np.array(lead.told_turn_rps), -most_rps, most_rps)
+        told = lead.told.setpoints.take(self._followers)
+        turn_rps, most_rps = turn_rate(state, told, model), model.turn_rate_max_rps
+        told_turn_rps = within(lead.told.turn_rps[self._followers], -most_rps, most_rps)
         bend_rps2 = (told_turn_rps - turn_rps) / model.tau_psi_s
-        hurry_mps2 = (lead.told.speed_mps - state.airspeed_mps) / model.tau_v_s
+        hurry_mps2 = (told.speed_mps - state.airspeed_mps) / model.tau_v_s
         hurry_mps2 = within(hurry_mps2, -model.accel_max_mps2, model.accel_max_mps2)
-        to_climb_m = lead.told.height_m - state.height_m - (model.tau_ha_s + model.tau_hb_s) * state.climb_mps
+        to_climb_m = told.height_m - state.height_m - (model.tau_ha_s + model.tau_hb_s) * state.climb_mps
         climb_change_mps2 = to_climb_m / (model.tau_ha_s * model.tau_hb_s)
         return LeaderMotion(state, Turning(turn_rps, bend_rps2), hurry_mps2, climb_change_mps2)
 

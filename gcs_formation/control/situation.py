@@ -12,6 +12,7 @@ from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.arrays import Array, Mask
 from gcs_formation.estimation.flight_state import FlightState, Indices, Setpoints
 from gcs_formation.estimation.projection import States
+from gcs_formation.guidance.told import Told
 from gcs_formation.guidance.tracking import RouteHeading
 
 
@@ -23,10 +24,8 @@ class Lead:
     """Its column."""
     at: Instant
     """Of the leader's state that it was asked for."""
-    told: Setpoints
-    """(1,) columns, inside the envelope."""
-    told_turn_rps: float
-    """How fast the told heading turns."""
+    told: Told
+    """(C,) columns: what it flies by when each column's setpoint acts, inside the envelope."""
     path: RouteHeading
 
 

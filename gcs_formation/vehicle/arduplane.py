@@ -29,6 +29,7 @@ GUIDED_COMMANDS = (
 EKF_READY = 831
 """Attitude, velocities and positions, relative and absolute: all that flying in GUIDED needs."""
 SLOW_RATE_HZ = 2.0
+UTC_RATE_HZ = 1.0
 UNASKED = {m.MAVLINK_MSG_ID_HEARTBEAT: 1.0}
 """Messages that are sent without a request, and their rates, Hz."""
 AIRBORNE_M = 10.0
@@ -64,19 +65,20 @@ class ArduPlane(Autopilot):
         """Return whether a heartbeat is that of an ArduPilot fixed wing or VTOL, or leaves it open."""
         return heartbeat.autopilot in AUTOPILOTS and heartbeat.type in TYPES
 
-    def rates_hz(self, telemetry_rate_hz: float) -> Mapping[int, float]:
-        """Return the rates of the messages that carry motion, readiness and mode."""
+    def rates_hz(self, telemetry_rate_hz: float, *, utc: bool = False) -> Mapping[int, float]:
+        """Return the rates of the messages that carry motion, readiness, mode and, if wanted, UTC."""
         fast = (m.MAVLINK_MSG_ID_ATTITUDE, m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, m.MAVLINK_MSG_ID_VFR_HUD)
         slow = (m.MAVLINK_MSG_ID_EKF_STATUS_REPORT, m.MAVLINK_MSG_ID_SYS_STATUS)
-        return dict.fromkeys(fast, telemetry_rate_hz) | dict.fromkeys(slow, SLOW_RATE_HZ) | UNASKED
+        rates_hz = dict.fromkeys(fast, telemetry_rate_hz) | dict.fromkeys(slow, SLOW_RATE_HZ) | UNASKED
+        return rates_hz | {m.MAVLINK_MSG_ID_SYSTEM_TIME: UTC_RATE_HZ} if utc else rates_hz
 
-    def start_up(self, telemetry_rate_hz: float) -> tuple[Step, ...]:
+    def start_up(self, rates_hz: Mapping[int, float]) -> tuple[Step, ...]:
         """Return the steps: streams, ready, take-off, GUIDED. In the air, unnecessary ones are done at once."""
         return (
             Step(
                 "asked for telemetry",
                 lambda seen: seen.complete,
-                self._streams(telemetry_rate_hz),
+                self._streams(rates_hz),
                 20.0,
                 True,
             ),
@@ -165,9 +167,8 @@ class ArduPlane(Autopilot):
             z,
         )
 
-    def _streams(self, rate_hz: float) -> tuple[Command, ...]:
-        asked = self.rates_hz(rate_hz)
-        return tuple(self.set_message_interval(each, asked[each]) for each in asked if each not in UNASKED)
+    def _streams(self, rates_hz: Mapping[int, float]) -> tuple[Command, ...]:
+        return tuple(self.set_message_interval(each, rates_hz[each]) for each in rates_hz if each not in UNASKED)
 
     def _is_ready(self, seen: Telemetry) -> bool:
         healthy = bool(seen.sensors_healthy & m.MAV_SYS_STATUS_PREARM_CHECK)

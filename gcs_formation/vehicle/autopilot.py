@@ -104,12 +104,17 @@ class Autopilot(ABC):
         """Return whether a heartbeat is of this family; in others the same mode numbers mean other modes."""
 
     @abstractmethod
-    def rates_hz(self, telemetry_rate_hz: float) -> Mapping[int, float]:
-        """Return the rate, Hz, of each message that we need, including those sent without a request."""
+    def rates_hz(self, telemetry_rate_hz: float, *, utc: bool = False) -> Mapping[int, float]:
+        """Return the rate, Hz, of each message that we need, including those sent without a request.
+
+        Args:
+            telemetry_rate_hz: of those that carry its motion.
+            utc: whether its UTC is needed.
+        """
 
     @abstractmethod
-    def start_up(self, telemetry_rate_hz: float) -> tuple[Step, ...]:
-        """Return the steps from first contact to following setpoints in the air."""
+    def start_up(self, rates_hz: Mapping[int, float]) -> tuple[Step, ...]:
+        """Return the steps from first contact to following setpoints in the air; the first asks for messages."""
 
     @abstractmethod
     def is_airborne(self, telemetry: Telemetry) -> bool:

@@ -82,7 +82,9 @@ class Vehicle:
         self.sequence = SequenceTracker()
         self.commands = CommandQueue()
         self.messages_in = Counter[int]()
-        self._steps = autopilot.start_up(telemetry_rate_hz)
+        self.rates_hz = autopilot.rates_hz(telemetry_rate_hz, utc=by_utc)
+        """Rate of each message that it should send."""
+        self._steps = autopilot.start_up(self.rates_hz)
         self.start_up = StartUp(self._steps)
         # The height is the one at which it was last told to loiter while the others fly on.
         self.member, self.holds_at_m = Member.STARTING, math.nan

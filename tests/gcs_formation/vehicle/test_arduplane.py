@@ -83,7 +83,7 @@ def test_setpoints_are_taken_in_guided_and_in_the_air_only(plane, telemetry, tel
 
 
 def test_ready_to_arm_needs_the_estimator_and_the_autopilots_own_checks(plane, telemetry, tell):
-    ready = next(step for step in plane.start_up(10.0) if "ready" in step.name)
+    ready = next(step for step in plane.start_up(plane.rates_hz(10.0)) if "ready" in step.name)
     tell(m.PLANE_MODE_MANUAL)
     assert ready.done(telemetry)
     telemetry.take(SysStatus(0, 0, 0))
@@ -91,6 +91,15 @@ def test_ready_to_arm_needs_the_estimator_and_the_autopilots_own_checks(plane, t
     telemetry.take(SysStatus(0, 0, m.MAV_SYS_STATUS_PREARM_CHECK))
     telemetry.ekf_flags = 830
     assert not ready.done(telemetry)
+
+
+def test_utc_is_asked_for_once_a_second_where_it_is_needed_only(plane):
+    """One more request makes a vehicle ready a little later."""
+    utc = m.MAVLINK_MSG_ID_SYSTEM_TIME
+    for rates_hz, wanted in ((plane.rates_hz(10.0), []), (plane.rates_hz(10.0, utc=True), [1e6])):
+        requests = plane.start_up(rates_hz)[0].commands
+        assert [each.param2 for each in requests if each.param1 == utc] == wanted
+        assert rates_hz.get(utc) == (1.0 if wanted else None)
 
 
 def test_a_vehicle_is_kept_down_by_disarming_without_force(plane):

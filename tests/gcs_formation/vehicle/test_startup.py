@@ -22,7 +22,7 @@ class Walk:
     """A start-up whose commands are all accepted at once."""
 
     def __init__(self, plane: ArduPlane, telemetry: Telemetry) -> None:
-        self.start_up = StartUp(plane.start_up(10.0))
+        self.start_up = StartUp(plane.start_up(plane.rates_hz(10.0)))
         self.commands = CommandQueue()
         self.telemetry = telemetry
         self.now = START

@@ -1,0 +1,147 @@
+"""One clock by UTC (`telemetry.clock: gnss`) in whole flights: unequally split links, and UTC that is wrong."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from airlink import mavlink as m
+from airlink.clock import NANOSECONDS
+from gcs_formation.testing.plan import Formation, Plan
+from tests.flights.in_memory import World
+from tests.flights.test_streams import interval, tell
+
+Split = tuple[float, float]
+GNSS = {"clock": "gnss"}
+EQUAL, SLOW_UP, SLOW_DOWN = (240.0, 240.0), (400.0, 80.0), (80.0, 400.0)
+TOLERANCE_M = 0.03
+
+
+def link(vehicle: int, split: Split, at_s: float = 0.0) -> dict[str, Any]:
+    """Delays up and down, ms, of one vehicle's link."""
+    up_ms, down_ms = split
+    return {"at_s": at_s, "vehicles": [vehicle], "uplink": {"delay_ms": up_ms}, "downlink": {"delay_ms": down_ms}}
+
+
+def keys(duration_s: float, *changes: dict[str, Any], **third: Any) -> dict[str, Any]:
+    """A leader and followers left and right of it along bends; their clocks drift apart by 80 ppm."""
+    bends = [[700 * leg, 150 if leg % 2 else -150, 200] for leg in range(1, int(22 * duration_s / 700) + 3)]
+    return {
+        "duration_s": duration_s,
+        "vehicles": [
+            {"id": 1, "role": "leader"},
+            {"id": 2, "clock": {"drift_ppm": 40}},
+            {"id": 3, "clock": {"drift_ppm": -40} | third},
+        ],
+        "start": {"in_air": True, "run_in_s": 20},
+        "finish": {"loiter_s": 0},
+        "formation": {"shape": "line", "spacing_m": 30},
+        "path": {"speed_mps": 22, "waypoints_m": [[0, 0, 200], *bends]},
+        "telemetry": GNSS,
+        "links": {"changes": list(changes)},
+    }
+
+
+@pytest.fixture
+def plan(tmp_path) -> Formation:
+    return Formation((), tmp_path)
+
+
+def rms_m(flown: Any, vehicle: int, axis: str, from_s: float = 0.0) -> float:
+    series = flown.series(vehicle)
+    error_m = series[f"error_{axis}_m"][series["mission_time_s"] >= from_s]
+    return float(np.sqrt(np.nanmean(error_m**2)))
+
+
+def measured_ms(flown: Any, vehicle: int) -> tuple[float, float]:
+    return flown.link(vehicle)["measured_up_ms"], flown.link(vehicle)["measured_down_ms"]
+
+
+def close(split: Split) -> tuple[Any, Any]:
+    """The delays up and down of a split within max(5 ms, 3 %)."""
+    up_ms, down_ms = (pytest.approx(way_ms, abs=5.0, rel=0.03) for way_ms in split)
+    return up_ms, down_ms
+
+
+def fly(plan: Formation, *given: Any, **third: Any) -> Any:
+    flight: Plan = plan(keys(*given, **third))
+    return flight.fly()
+
+
+@pytest.mark.slow
+def test_unequally_split_links_cost_no_more_than_equal_ones(plan):
+    """By round trips alone they would cost 3.5 m along the path."""
+    equal = fly(plan, 100.0, link(2, EQUAL), link(3, EQUAL))
+    split = fly(plan, 100.0, link(2, SLOW_UP), link(3, SLOW_DOWN))
+    for vehicle, ways in ((2, SLOW_UP), (3, SLOW_DOWN)):
+        for axis in "xy":
+            least_m = rms_m(equal, vehicle, axis)
+            assert rms_m(split, vehicle, axis) <= max(1.2 * least_m, least_m + TOLERANCE_M), (vehicle, axis)
+        assert measured_ms(split, vehicle) == close(ways)
+
+
+@pytest.mark.slow
+def test_a_split_that_changes_in_flight_is_followed_within_20_s(plan):
+    flown = fly(plan, 70.0, link(2, EQUAL), link(3, EQUAL), link(2, SLOW_UP, 40.0))
+    series = flown.series(2)
+    (before,), (later,) = (np.nonzero(series["mission_time_s"] >= at_s) for at_s in (39.0, 60.0))
+    up_s, down_s = series["delay_up_s"], series["delay_down_s"]
+    assert (up_s[before[0]] * 1e3, down_s[before[0]] * 1e3) == close(EQUAL)
+    assert up_s[later[0]] == pytest.approx(0.4, abs=0.012)
+    assert down_s[later[0]] == pytest.approx(0.08, abs=0.012)
+    flown.stays_within(0.5, followers=[2, 3], from_s=60.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("third", [{"utc": False}, {"utc_error_s": 1.0}, {"utc_error_s": 18.0}])
+def test_utc_that_is_absent_or_impossible_is_refused_and_its_vehicle_flies_by_round_trips(plan, third):
+    """18 s: the leap seconds that a receiver hasn't heard of yet. Then 3.5 m are left, of it alone."""
+    flown = fly(plan, 40.0, link(2, SLOW_UP), link(3, SLOW_DOWN), **third)
+    assert measured_ms(flown, 2) == close(SLOW_UP)
+    assert measured_ms(flown, 3) == (None, None)
+    assert rms_m(flown, 2, "x") < TOLERANCE_M
+    assert rms_m(flown, 3, "x") == pytest.approx(3.5, abs=0.15)
+
+
+def jump(world: World, number: int, seconds: float) -> None:
+    """Let a vehicle's UTC jump, its time since boot doesn't: what ArduPilot doesn't do in flight, but others may."""
+    world.vehicle(number)._utc._ahead_ns += round(seconds * NANOSECONDS)
+
+
+def setpoint_steps(world: World, column: int, from_s: float, to_s: float) -> list[float]:
+    """Return the largest steps of its airspeed (m/s), heading (rad) and height (m) setpoints from tick to tick."""
+    told = [tick.setpoints.table[:, column] for tick in world.notes.ticks if from_s <= tick.mission_time_s <= to_s]
+    steps = np.diff(np.array(told), axis=0)
+    steps[:, 1] = np.remainder(steps[:, 1] + np.pi, 2 * np.pi) - np.pi
+    return np.abs(steps).max(axis=0).tolist()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seconds", [-0.5, 0.1, 18.0])
+def test_utc_that_jumps_in_flight_is_reported_and_moves_no_setpoint(seconds):
+    world = World(**keys(30.0, link(2, SLOW_UP), link(3, SLOW_DOWN)))
+    world.fly_to(15.0)
+    jump(world, 3, seconds)
+    world.run()
+    (said,) = [text for text in world.words("clock") if "jumped" in text]
+    assert float(said.split("jumped by ")[1].split(" s")[0]) == pytest.approx(seconds, abs=0.002)
+    calm, jumped = setpoint_steps(world, 2, 5.0, 15.0), setpoint_steps(world, 2, 15.0, 25.0)
+    assert all(after <= 1.5 * before + 1e-3 for before, after in zip(calm, jumped, strict=True)), (calm, jumped)
+    assert world.worst_m(15.0, 25.0) < 0.1
+
+
+@pytest.mark.slow
+def test_utc_that_is_switched_off_in_flight_is_asked_for_again():
+    """It is missed after 16 s, of one message a second; meanwhile what is known goes on on the vehicle's clock."""
+    world = World(duration_s=24, telemetry=GNSS)
+    world.fly_to(5.0)
+    utc = m.MAVLINK_MSG_ID_SYSTEM_TIME
+    tell(world, 2, [interval(2, utc, -1.0)])
+    world.fly_to(6.0)
+    assert world.vehicle(2).streams.interval_us(utc) == -1
+    world.run()
+    assert world.words("streams")[0].startswith("sends SYSTEM_TIME less than half as often as asked for")
+    assert world.vehicle(2).streams.interval_us(utc) == 1_000_000
+    assert world.worst_m() < 0.1
