@@ -87,7 +87,7 @@ def test_a_split_that_changes_in_flight_is_followed_within_20_s(plan):
     flown = fly(plan, 70.0, link(2, EQUAL), link(3, EQUAL), link(2, SLOW_UP, 40.0))
     series = flown.series(2)
     (before,), (later,) = (np.nonzero(series["mission_time_s"] >= at_s) for at_s in (39.0, 60.0))
-    up_s, down_s = series["delay_up_s"], series["delay_down_s"]
+    up_s, down_s = series["up_s"], series["down_s"]
     assert (up_s[before[0]] * 1e3, down_s[before[0]] * 1e3) == close(EQUAL)
     assert up_s[later[0]] == pytest.approx(0.4, abs=0.012)
     assert down_s[later[0]] == pytest.approx(0.08, abs=0.012)
