@@ -128,6 +128,11 @@ class Telemetry(Keys):
         "receiver; delays up and down are then known without a common error",
     )
 
+    @property
+    def by_utc(self) -> bool:
+        """Whether stamps are mapped by the vehicles' UTC."""
+        return self.clock == "gnss"
+
 
 class PathPlan(Keys):
     """The leader's path."""

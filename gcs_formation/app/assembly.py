@@ -84,7 +84,7 @@ def least_run_in_s(scenario: Scenario) -> float:
 def _requests(scenario: Scenario, vehicle: Vehicle) -> int:
     """Return how many requests for telemetry a vehicle answers, one after another."""
     autopilot, telemetry = autopilot_for(vehicle, scenario.origin.alt_m), scenario.telemetry
-    return len(autopilot.start_up(autopilot.rates_hz(telemetry.rate_hz, utc=telemetry.clock == "gnss"))[0].commands)
+    return len(autopilot.start_up(autopilot.rates_hz(telemetry.rate_hz, utc=telemetry.by_utc))[0].commands)
 
 
 def _lost_s(starts: list[tuple[int, LinkStep]]) -> float:

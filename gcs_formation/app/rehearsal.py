@@ -33,7 +33,7 @@ def rehearsed(station: Station) -> dict[str, Any]:
                 "armed": vehicle.telemetry.armed,
                 "airborne": vehicle.airborne,
                 "parameters": list(station.preflight.warnings.get(identity, ())),
-                "messages": list(_messages(station.scenario, vehicle, places[str(identity)])),
+                "messages": list(_messages(vehicle, places[str(identity)])),
             }
             for identity, vehicle in station.vehicles.items()
         ],
@@ -66,9 +66,9 @@ def first_setpoints(scenario: Scenario) -> dict[str, Setpoint]:
     }
 
 
-def _messages(scenario: Scenario, vehicle: Vehicle, setpoint: Setpoint) -> Iterator[dict[str, Any]]:
+def _messages(vehicle: Vehicle, setpoint: Setpoint) -> Iterator[dict[str, Any]]:
     autopilot, seen = vehicle.autopilot, vehicle.telemetry
-    for step in autopilot.start_up(scenario.telemetry.rate_hz):
+    for step in autopilot.start_up(vehicle.rates_hz):
         if step.acts and not step.done(seen):
             yield from (_told("start", command, autopilot) for command in step.commands)
     yield from (_told(SETPOINTS, command, autopilot) for command in autopilot.setpoint(setpoint))

@@ -44,5 +44,4 @@ def _vehicle(planned: PlannedVehicle, socket: int, endpoints: tuple[Endpoint, ..
     origin = GeodeticOrigin(math.radians(keys.lat_deg), math.radians(keys.lon_deg), keys.alt_m)
     autopilot = autopilot_for(planned, keys.alt_m)
     telemetry = scenario.telemetry
-    by_utc = telemetry.clock == "gnss"
-    return Vehicle(planned.vehicle_id, autopilot, connection, origin, telemetry.rate_hz, by_utc=by_utc)
+    return Vehicle(planned.vehicle_id, autopilot, connection, origin, telemetry.rate_hz, by_utc=telemetry.by_utc)

@@ -82,10 +82,8 @@ class Vehicle:
         self.sequence = SequenceTracker()
         self.commands = CommandQueue()
         self.messages_in = Counter[int]()
-        self.rates_hz = autopilot.rates_hz(telemetry_rate_hz, utc=by_utc)
-        """Rate of each message that it should send."""
-        self._steps = autopilot.start_up(self.rates_hz)
-        self.start_up = StartUp(self._steps)
+        self.rates_hz = autopilot.rates_hz(telemetry_rate_hz, utc=by_utc)  # of each message that it should send
+        self.start_up = StartUp(autopilot.start_up(self.rates_hz))
         # The height is the one at which it was last told to loiter while the others fly on.
         self.member, self.holds_at_m = Member.STARTING, math.nan
         self.delays: list[Probed] = []
@@ -269,7 +267,7 @@ class Vehicle:
         self.effects = EffectWatch()
         self.take_off = TakeOff()
         self.jitter = JitterMeter()
-        self.start_up = StartUp(self._steps)
+        self.start_up = StartUp(self.autopilot.start_up(self.rates_hz))
         self.restarted = True
 
     def _acknowledged(self, ack: CommandAck, now: Instant) -> None:
