@@ -47,7 +47,8 @@ def test_slots_change_without_errors_or_anybody_near(fly: Fly) -> None:
     assert max(f[f"error_{axis}_m"]["max"] for f in summary["followers"].values() for axis in "xyz") < BEFORE_M
 
 
-@pytest.mark.parametrize("lost", [1, pytest.param(3, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("lost", [1, 3])
 def test_a_crash_breaks_no_limit_that_the_others_keep(fly: Fly, lost: int) -> None:
     """A wreck lies 0 m above the ground, and ever further from the followers that it led: neither is theirs."""
     summary = fly(
@@ -76,6 +77,7 @@ def test_a_slot_that_goes_aside_in_the_followers_own_frame_stays_occupied(fly: F
     assert max(f[f"error_{axis}_m"]["max"] for f in summary["followers"].values() for axis in "xyz") < BEFORE_M
 
 
+@pytest.mark.slow
 def test_who_is_left_alone_is_near_nobody(fly: Fly) -> None:
     alone = {"metric": "min_separation_m", "from_s": 6, "above": 5.0}
     faults = [{"at_s": 5, "vehicles": [2], "kind": "crash"}]

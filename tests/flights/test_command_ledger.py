@@ -58,6 +58,7 @@ class HeadingsLost(Between):
             super().receive(datagram, now)
 
 
+@pytest.mark.slow
 def test_setpoints_of_one_kind_that_never_come_are_nobodys_disobedience() -> None:
     world = World(HeadingsLost, duration_s=25, path={"speed_mps": 22, "waypoints_m": WEAVING})
     world.run()
@@ -72,6 +73,7 @@ def test_turbulence_and_noise_are_not_disobedience() -> None:
     assert world.words("disobeys") == []
 
 
+@pytest.mark.slow
 def test_a_follower_that_does_not_climb_with_the_path_is_reported() -> None:
     climb = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [300, 0, 100], [700, 0, 130], [1100, 0, 160]]}
     world = World(duration_s=40, path=climb)
@@ -86,6 +88,7 @@ def test_a_follower_that_does_not_climb_with_the_path_is_reported() -> None:
     assert world.times_s("disobeys") == [reported_s]
 
 
+@pytest.mark.slow
 def test_a_follower_that_ignores_a_change_of_formation_is_reported_and_so_is_its_end() -> None:
     world = World(duration_s=25, formation=CHANGE)
     world.fly_to(4.0)
@@ -102,7 +105,7 @@ def test_a_follower_that_ignores_a_change_of_formation_is_reported_and_so_is_its
     assert changed_s + 8.0 < over_s < changed_s + 18.0
 
 
-@pytest.mark.parametrize("number", [1, 3])
+@pytest.mark.parametrize("number", [1, pytest.param(3, marks=pytest.mark.slow)])
 def test_a_vehicle_that_flies_straight_on_where_the_path_bends_is_reported(number: int) -> None:
     bend = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [300, 0, 100], [700, 100, 100], [1000, 400, 100]]}
     world = World(duration_s=40, path=bend)

@@ -44,6 +44,7 @@ def flying(kind: FaultKind, number: int, at_s: float = 2.0, **keys: Any) -> tupl
     return world, world.now_s
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["crash", "freeze"])
 def test_a_silent_follower_is_given_up_step_by_step_and_the_others_fly_on(kind: FaultKind) -> None:
     world, struck_s = flying(kind, 2, duration_s=35)
@@ -82,7 +83,8 @@ def test_a_restart_in_flight_is_taken_up_again(number: int) -> None:
     assert world.station.failure is None
 
 
-@pytest.mark.parametrize("number", [pytest.param(1, marks=pytest.mark.slow), 2])
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [1, 2])
 def test_a_restart_on_the_ground_is_left_to_the_pilot_until_it_flies_and_is_given_back(number: int) -> None:
     world = World(duration_s=60)
     world.fly_to(2.0)
@@ -108,7 +110,7 @@ def test_a_restart_on_the_ground_is_left_to_the_pilot_until_it_flies_and_is_give
     assert world.station.failure is None
 
 
-@pytest.mark.parametrize("kind", ["crash", "freeze"])
+@pytest.mark.parametrize("kind", ["crash", pytest.param("freeze", marks=pytest.mark.slow)])
 def test_followers_of_a_silent_leader_are_told_to_loiter_apart(kind: FaultKind) -> None:
     world, struck_s = flying(kind, 1, duration_s=18, formation={"shape": "arrow", "succession": "none"})
     world.run()
@@ -120,7 +122,7 @@ def test_followers_of_a_silent_leader_are_told_to_loiter_apart(kind: FaultKind) 
     assert abs(heights_m[0] - heights_m[1]) > 10.0
 
 
-@pytest.mark.parametrize("mode", ["LOITER", "RTL", "FBWA"])
+@pytest.mark.parametrize("mode", ["FBWA", *(pytest.param(mode, marks=pytest.mark.slow) for mode in ("LOITER", "RTL"))])
 def test_a_pilots_switch_is_respected_and_ends_when_the_pilot_gives_it_back(mode: str) -> None:
     world = World(duration_s=15)
     world.fly_to(2.0)
@@ -139,7 +141,7 @@ def test_a_pilots_switch_is_respected_and_ends_when_the_pilot_gives_it_back(mode
     assert mode != "FBWA" or world.worst_m(13.0) < 1.0  # the others have been left far behind
 
 
-@pytest.mark.parametrize("kind", ["pilot", "restart"])
+@pytest.mark.parametrize("kind", ["pilot", pytest.param("restart", marks=pytest.mark.slow)])
 def test_a_leader_that_can_not_lead_any_more_is_succeeded_at_once_and_follows_when_it_can(kind: FaultKind) -> None:
     world, struck_s = flying(kind, 1, duration_s=9)
     world.run(4.0)
@@ -153,7 +155,7 @@ def test_a_leader_that_can_not_lead_any_more_is_succeeded_at_once_and_follows_wh
     assert not world.times_s("member", 3, "loiter")
 
 
-@pytest.mark.parametrize("kind", ["pilot", "restart"])
+@pytest.mark.parametrize("kind", ["pilot", pytest.param("restart", marks=pytest.mark.slow)])
 def test_without_succession_followers_loiter_until_the_leader_is_back(kind: FaultKind) -> None:
     world, struck_s = flying(kind, 1, duration_s=12, formation={"shape": "arrow", "succession": "none"})
     world.run(5.0)
@@ -168,7 +170,7 @@ def test_without_succession_followers_loiter_until_the_leader_is_back(kind: Faul
 
 
 @pytest.mark.parametrize(
-    "moment_s", [3.0, 3.12, *(pytest.param(s, marks=pytest.mark.slow) for s in (3.06, 3.18, 3.24))]
+    "moment_s", [3.0, *(pytest.param(s, marks=pytest.mark.slow) for s in (3.06, 3.12, 3.18, 3.24))]
 )
 @pytest.mark.parametrize("delay_ms", [0, 300])
 def test_a_station_that_is_stopped_does_not_take_its_own_pause_for_delay(moment_s: float, delay_ms: int) -> None:
@@ -222,6 +224,7 @@ def test_stopped_at_any_moment_vehicles_loiter_or_are_disarmed(at_s: float) -> N
         assert vehicle.pilot.mode is Mode.LOITER if vehicle.pilot.airborne else not vehicle.pilot.condition.armed
 
 
+@pytest.mark.slow
 def test_a_vehicle_that_never_acknowledges_that_it_loiters_is_waited_for_for_20_s_and_named() -> None:
     world = World(duration_s=60)
     world.fly_to(2.0)

@@ -108,6 +108,7 @@ def test_in_flight_a_second_vehicle_with_the_same_id_is_reported_and_ignored() -
     assert world.station.received().frames - taken == world.station.frames_refused > 100
 
 
+@pytest.mark.slow
 def test_two_vehicles_behind_one_address_are_told_apart_by_their_clocks() -> None:
     world = World(Routing, duration_s=12)
     world.fly_to(3.0)
@@ -121,6 +122,7 @@ def test_two_vehicles_behind_one_address_are_told_apart_by_their_clocks() -> Non
     assert world.worst_m() < 0.05
 
 
+@pytest.mark.slow
 def test_a_vehicle_heard_from_another_port_is_the_same_when_its_clock_goes_on() -> None:
     world = World(Moving, duration_s=13)
     world.fly_to(6.0)
@@ -135,6 +137,7 @@ def test_a_vehicle_heard_from_another_port_is_the_same_when_its_clock_goes_on() 
     assert world.station.failure is None
 
 
+@pytest.mark.slow
 def test_a_vehicle_that_restarts_at_another_port_is_taken_up_again() -> None:
     world = World(Moving, duration_s=30)
     world.fly_to(6.0)
@@ -148,6 +151,7 @@ def test_a_vehicle_that_restarts_at_another_port_is_taken_up_again() -> None:
     assert world.worst_m(26.0) < 0.1
 
 
+@pytest.mark.slow
 def test_the_place_of_a_silent_vehicle_is_not_taken_by_another_clock() -> None:
     world = World(duration_s=15)
     world.fly_to(3.0)
@@ -174,6 +178,7 @@ class HeartbeatsOnly(Between):
         return [each for each in sent if not self.silent or each.data[HEADER_V2 - 3 : HEADER_V2] == beat]
 
 
+@pytest.mark.slow
 def test_the_place_of_a_lost_vehicle_is_taken_by_heartbeats_alone_and_their_clock_shown_by_a_probe() -> None:
     world = World(duration_s=14)
     world.fly_to(3.0)
@@ -192,6 +197,7 @@ def test_the_place_of_a_lost_vehicle_is_taken_by_heartbeats_alone_and_their_cloc
     assert anew_s - probed_s < 0.5
 
 
+@pytest.mark.slow
 def test_our_own_frames_that_come_back_change_nothing() -> None:
     world = World(Echoing, duration_s=10)
     world.run()

@@ -127,7 +127,9 @@ def test_vehicles_that_are_switched_on_one_after_another_are_waited_for_and_take
     assert min(world.times_s("mode", text="TAKEOFF")) > first_heard[0]
 
 
-@pytest.mark.parametrize("between", [Router, Old, Signing, Crowded])
+@pytest.mark.parametrize(
+    "between", [Old, Signing, *(pytest.param(each, marks=pytest.mark.slow) for each in (Router, Crowded))]
+)
 def test_a_formation_flies_through(between: type[Between]) -> None:
     world = World(between, duration_s=10)
     flies(world)

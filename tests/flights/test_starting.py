@@ -82,7 +82,14 @@ def ignores_in_the_air(world: World) -> None:
     ("between", "trouble", "begins", "limit_s", "words"),
     [
         (Deaf, nothing, ("link", "connected"), 20, "we asked for telemetry"),
-        (Unready, nothing, ("mode", "MANUAL"), 90, "we waited for it to be ready to arm"),
+        pytest.param(
+            Unready,
+            nothing,
+            ("mode", "MANUAL"),
+            90,
+            "we waited for it to be ready to arm",
+            marks=pytest.mark.slow,
+        ),
         (Between, ignores, ("disobeys", "mode TAKEOFF"), 18, "we set mode TAKEOFF"),
         (Between, can_not_arm, ("mode", "TAKEOFF"), 30, "we armed (command 400: FAILED); it said: 'PreArm: Compass"),
         pytest.param(
@@ -93,7 +100,14 @@ def ignores_in_the_air(world: World) -> None:
             "we waited for it to climb",
             marks=pytest.mark.slow,
         ),
-        (Between, ignores_in_the_air, ("disobeys", "mode GUIDED"), 18, "we set mode GUIDED"),
+        pytest.param(
+            Between,
+            ignores_in_the_air,
+            ("disobeys", "mode GUIDED"),
+            18,
+            "we set mode GUIDED",
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_a_vehicle_that_can_not_be_started_ends_the_run_with_nobody_left_flying_on(

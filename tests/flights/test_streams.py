@@ -55,7 +55,11 @@ def rates_hz(world: World, number: int) -> list[float]:
 
 
 @pytest.mark.parametrize(
-    ("number", "said"), [(1, stopped), (2, stopped), (2, unasked), pytest.param(2, slowed, marks=pytest.mark.slow)]
+    ("number", "said"),
+    [
+        (2, stopped),
+        *(pytest.param(*each, marks=pytest.mark.slow) for each in ((1, stopped), (2, unasked), (2, slowed))),
+    ],
 )
 def test_a_vehicle_that_another_ground_station_has_told_to_send_less_is_asked_again(number: int, said: Any) -> None:
     world = World(duration_s=16 if said is slowed else 10)
@@ -91,7 +95,7 @@ def test_heartbeats_that_were_switched_off_are_asked_for_before_anybody_is_told_
     assert not world.times_s("member", text="loiter")
 
 
-@pytest.mark.parametrize("number", [1, 2])
+@pytest.mark.parametrize("number", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_vehicle_that_refuses_to_send_heartbeats_is_told_to_loiter_and_comes_back_with_them(
     number: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -120,6 +124,7 @@ def test_heartbeats_lost_on_the_way_are_not_missing() -> None:
     assert not world.times_s("link", text="without heartbeats")
 
 
+@pytest.mark.slow
 def test_whoever_keeps_switching_telemetry_off_is_answered_ever_more_rarely_and_the_vehicle_loiters() -> None:
     """It's asked after 2.5, 5, 10 s; telemetry that has been off for 5 s has it loiter, as any silence does."""
     world = World(duration_s=40)
@@ -135,6 +140,7 @@ def test_whoever_keeps_switching_telemetry_off_is_answered_ever_more_rarely_and_
     assert not world.times_s("member", 3, "told to loiter")
 
 
+@pytest.mark.slow
 def test_a_refusal_is_reported_once(monkeypatch: pytest.MonkeyPatch) -> None:
     world = World(duration_s=13)
     world.fly_to(2.0)
@@ -148,7 +154,9 @@ def test_a_refusal_is_reported_once(monkeypatch: pytest.MonkeyPatch) -> None:
     assert not world.times_s("member", text="loiter")
 
 
-@pytest.mark.parametrize("message_id", MOTION)
+@pytest.mark.parametrize(
+    "message_id", [MOTION[0], *(pytest.param(each, marks=pytest.mark.slow) for each in MOTION[1:])]
+)
 def test_without_any_one_of_position_attitude_and_airspeed_a_vehicle_is_told_to_loiter(
     message_id: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:

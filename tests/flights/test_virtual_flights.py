@@ -23,7 +23,9 @@ def worst(summary: Any, figure: str) -> list[float]:
     return [max(f[f"error_{axis}_m"][figure] for f in followers) for axis in "xyz"]
 
 
-@pytest.mark.parametrize(("law", "frame"), [("fuzzy_pid", "leader_heading"), ("pid", "follower_heading")])
+@pytest.mark.parametrize(
+    ("law", "frame"), [("fuzzy_pid", "leader_heading"), pytest.param("pid", "follower_heading", marks=pytest.mark.slow)]
+)
 def test_followers_settle_from_an_offset(fly: Fly, frame: str, law: str) -> None:
     summary = fly(
         duration_s=30,
@@ -54,6 +56,7 @@ def test_a_turn_leaves_no_offset(fly: Fly) -> None:
     assert max(worst(fly(duration_s=25, path={"speed_mps": 22, "waypoints_m": turn}), "max")) < 0.1
 
 
+@pytest.mark.slow
 def test_wind_on_all_does_not_disturb_the_formation(fly: Fly) -> None:
     summary = fly(
         duration_s=25,
@@ -94,7 +97,8 @@ def test_what_a_run_leaves_is_as_documented(fly: Fly, tmp_path: Path) -> None:
 
 def test_take_off_assembly_and_a_stack_of_circles_at_the_end(fly: Fly, tmp_path: Path) -> None:
     low = {"speed_mps": 22, "waypoints_m": [[0, 0, 60], [2000, 0, 60]]}
-    summary = fly(duration_s=5, start={"in_air": False}, finish={"loiter_s": 25}, path=low)
+    seldom = {"telemetry": {"rate_hz": 5}, "law": {"rate_hz": 5}}
+    summary = fly(duration_s=5, start={"in_air": False}, finish={"loiter_s": 25}, path=low, **seldom)
     assert max(worst(summary, "max")) < 0.5
     events = [json.loads(line) for line in (tmp_path / "run" / "events.jsonl").read_text().splitlines()]
     modes = [event["text"] for event in events if event["kind"] == "mode" and event["vehicle"] == "2"]
@@ -107,6 +111,7 @@ def test_take_off_assembly_and_a_stack_of_circles_at_the_end(fly: Fly, tmp_path:
     assert min(abs(a - b) for i, a in heights.items() for j, b in heights.items() if i < j) > 10.0
 
 
+@pytest.mark.slow
 def test_an_expectation_that_is_broken_fails_the_run_and_says_so(fly: Fly) -> None:
     summary = fly(duration_s=5, expect=[{"metric": "min_separation_m", "above": 1000.0}])
     assert not summary.held
@@ -114,6 +119,7 @@ def test_an_expectation_that_is_broken_fails_the_run_and_says_so(fly: Fly) -> No
     assert str(summary.verdicts[0]).endswith("broken")
 
 
+@pytest.mark.slow
 def test_a_separation_below_the_limit_fails_the_run(fly: Fly) -> None:
     summary = fly(
         duration_s=5,

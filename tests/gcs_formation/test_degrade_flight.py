@@ -62,6 +62,7 @@ def test_beyond_the_margin_the_formation_diverges_unless_gains_come_down(fly: Fl
     assert not gains_events(warned)
 
 
+@pytest.mark.slow
 def test_gains_come_down_until_the_margin_holds_and_return_with_the_delay(fly: Fly) -> None:
     flown = fly([{"at_s": 2, "delay_ms": 700}, {"at_s": 27, "delay_ms": 0}], duration_s=44, on_delay="degrade")
     lowered, *_, restored = gains_events(flown)

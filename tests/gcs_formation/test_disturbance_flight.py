@@ -74,6 +74,7 @@ def test_what_jitter_makes_of_seldom_telemetry_is_not_shared_as_a_gust(plan):
     flown.stays_within(0.2, from_s=20)
 
 
+@pytest.mark.slow
 def test_the_true_disturbance_is_in_the_time_series_of_those_that_it_carries(plan):
     flown = plan(duration_s=10, start={"in_air": True, "run_in_s": 6}, disturbances=TURBULENCE).fly()
     hit, spared = flown.series(2), flown.series(3)
@@ -94,6 +95,7 @@ def test_noise_and_turbulence_are_the_same_bytes_with_the_same_seed(plan):
     assert (one.directory / "flight.tlog").read_bytes() != (other.directory / "flight.tlog").read_bytes()
 
 
+@pytest.mark.slow
 def test_vehicles_that_navigate_by_aided_inertia_keep_their_slots_as_well_as_they_know_their_places(plan):
     """GNSS of 1.5 m and 0.1 m/s once a second leaves about 0.3 m of each vehicle's place."""
     flown = plan(vehicles=INERTIAL).fly()

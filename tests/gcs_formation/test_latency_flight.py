@@ -153,7 +153,7 @@ RECORD = ("flight.tlog", "timeseries.parquet", "events.jsonl")
 
 
 def test_the_same_seed_gives_the_same_bytes_over_impaired_links(plan):
-    impaired = plan(duration_s=4, start={"in_air": True, "run_in_s": 8}).with_link(
+    impaired = plan(duration_s=6, vehicles={"count": 2}, start={"in_air": True}).with_link(
         delay_ms=80, jitter_ms=40, distribution="pareto", loss=0.1, mean_burst=3, duplicate=0.1, rate_kbps=500
     )
     one, again, other = impaired.fly(), impaired.fly(), impaired.with_keys(seed=2).fly()
@@ -176,10 +176,12 @@ def outage(plan, request) -> Flown:
     return plan(duration_s=38).with_outage(3, from_s=10, to_s=20, way=request.param).fly()
 
 
+@pytest.mark.slow
 def test_an_outage_of_one_link_disturbs_nobody_else(outage):
     outage.stays_within(0.05, followers=2)
 
 
+@pytest.mark.slow
 def test_after_an_outage_of_10_s_a_follower_rejoins(outage):
     assert not outage.series(3)["active"][outage.series(3)["mission_time_s"] == 18.0].any()
     outage.stays_within(0.5, followers=3, from_s=35)

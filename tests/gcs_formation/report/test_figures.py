@@ -45,17 +45,18 @@ def eventful(make_run):
     return load_run(make_run(load_scenario(QUICKSTART, EVENTFUL)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("scenario", "options"),
     [
-        pytest.param(None, {"crash": True, "truth": False, "unseen": slice(300, 900)}, marks=pytest.mark.slow),
-        pytest.param(None, {"truth": False, "unseen": slice(None)}, marks=pytest.mark.slow),
-        pytest.param(None, {"flown_s": 3.0}, marks=pytest.mark.slow),
+        (None, {"crash": True, "truth": False, "unseen": slice(300, 900)}),
+        (None, {"truth": False, "unseen": slice(None)}),
+        (None, {"flown_s": 3.0}),
         (None, {"flown_s": 0.0}),
-        pytest.param(None, {"flown_s": 20.0, "begun": False}, marks=pytest.mark.slow),
-        pytest.param(straight([{"id": 1, "role": "leader"}]), {}, marks=pytest.mark.slow),
-        pytest.param(straight([{"id": 2}, {"id": 3}]), {}, marks=pytest.mark.slow),
-        pytest.param(straight({"count": 40}, formation={"shape": "triangle"}), {}, marks=pytest.mark.slow),
+        (None, {"flown_s": 20.0, "begun": False}),
+        (straight([{"id": 1, "role": "leader"}]), {}),
+        (straight([{"id": 2}, {"id": 3}]), {}),
+        (straight({"count": 40}, formation={"shape": "triangle"}), {}),
     ],
     ids=[
         "crash, by telemetry",
@@ -156,6 +157,7 @@ def test_every_figure_is_a_png_for_print(written, plate):
         assert (darkest, lightest) == (0, 255)
 
 
+@pytest.mark.slow
 def test_letters_are_at_least_8_points(eventful):
     with print_style():
         for plate in PLATES:

@@ -28,6 +28,7 @@ def test_the_examples_hold(session):
     session.runpytest(*PLUGIN).assert_outcomes(passed=3, skipped=1)
 
 
+@pytest.mark.slow
 def test_a_broken_claim_shows_the_users_line_and_what_was_found(session):
     (session.path / "diamond.yaml").write_bytes((EXAMPLES / "diamond.yaml").read_bytes())
     session.makepyfile(
