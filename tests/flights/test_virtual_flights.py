@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 from pymavlink import mavutil
 
+import gcs_formation
 from gcs_formation.record.timeseries import read_parquet
-from tests.flights.conftest import Fly
+from tests.flights.conftest import Fly, scenario
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -46,6 +47,7 @@ def test_a_follower_far_aside_flies_to_its_slot(fly: Fly, aside_m: float) -> Non
         assert follower["settled_at_s"] < 60
 
 
+@pytest.mark.slow
 def test_an_assembled_formation_keeps_its_slots_to_centimetres(fly: Fly) -> None:
     assert max(worst(fly(duration_s=20), "max")) < 0.05
 
@@ -67,9 +69,19 @@ def test_wind_on_all_does_not_disturb_the_formation(fly: Fly) -> None:
     assert summary.held
 
 
-def test_pymavlink_reads_every_frame_of_the_log(fly: Fly, tmp_path: Path) -> None:
-    summary = fly(duration_s=5).to_dict()
-    log = mavutil.mavlink_connection(str(tmp_path / "run" / "flight.tlog"), dialect="ardupilotmega")
+@pytest.fixture(scope="module")
+def left(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the run directory of a short flight in which a vehicle hangs for a second."""
+    run = tmp_path_factory.mktemp("flight") / "run"
+    fault = {"kind": "freeze", "vehicles": [2], "at_s": 1.0, "until_s": 2.0}
+    keys = scenario(duration_s=5, expect=[{"metric": "error_x_m.max", "below": 1.0}], faults=[fault])
+    gcs_formation.run(keys, clock="virtual", out=run)
+    return run
+
+
+def test_pymavlink_reads_every_frame_of_the_log(left: Path) -> None:
+    summary = json.loads((left / "summary.json").read_text())
+    log = mavutil.mavlink_connection(str(left / "flight.tlog"), dialect="ardupilotmega")
     frames, stamps = 0, [0.0]
     while (message := log.recv_match()) is not None:
         assert message.get_type() != "BAD_DATA"
@@ -80,17 +92,14 @@ def test_pymavlink_reads_every_frame_of_the_log(fly: Fly, tmp_path: Path) -> Non
     assert frames == sum(link["frames_in"] + link["frames_out"] for link in summary["links"].values())
 
 
-def test_what_a_run_leaves_is_as_documented(fly: Fly, tmp_path: Path) -> None:
-    fault = {"kind": "freeze", "vehicles": [2], "at_s": 1.0, "until_s": 2.0}
-    fly(duration_s=5, expect=[{"metric": "error_x_m.max", "below": 1.0}], faults=[fault])
-    run = tmp_path / "run"
+def test_what_a_run_leaves_is_as_documented(left: Path) -> None:
     summary_schema = json.loads((DOCS / "summary.schema.json").read_text())
-    jsonschema.validate(json.loads((run / "summary.json").read_text()), summary_schema)
+    jsonschema.validate(json.loads((left / "summary.json").read_text()), summary_schema)
     event_schema = json.loads((DOCS / "events.schema.json").read_text())
-    for line in (run / "events.jsonl").read_text().splitlines():
+    for line in (left / "events.jsonl").read_text().splitlines():
         jsonschema.validate(json.loads(line), event_schema)
     described = (DOCS / "timeseries.md").read_text()
-    for column in read_parquet(run / "timeseries.parquet"):
+    for column in read_parquet(left / "timeseries.parquet"):
         known = (column, column.removeprefix("law_error"), column.removeprefix("error"), column.split("_", 1)[-1])
         assert any(f"`{name}`" in described for name in known) or column.startswith(("kp_", "ki_", "kd_"))
 
@@ -144,6 +153,7 @@ def test_two_networks_hold_the_same_system_ids_apart(fly: Fly) -> None:
     assert max(worst(summary, "max")) < 0.05
 
 
+@pytest.mark.slow
 def test_clocks_that_are_off_do_not_matter(fly: Fly) -> None:
     vehicles = [
         {"id": 1, "role": "leader", "clock": {"offset_s": 1000.0, "drift_ppm": 50}},

@@ -1,5 +1,5 @@
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from airlink.identity import VehicleId
@@ -144,6 +144,7 @@ names = st.text(min_size=1, max_size=80).filter(str.isprintable)
 seconds = st.floats(1e-3, 1e6, allow_nan=False)
 
 
+@settings(max_examples=40)
 @given(
     names,
     st.integers(0, 2**63 - 1),

@@ -29,6 +29,7 @@ def test_what_a_parser_finds_does_not_depend_on_the_cuts(data: bytes) -> None:
     parse(data)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", TARGETS)
 def test_the_first_inputs_are_survived(target: Target) -> None:
     take = one_input(target)

@@ -25,7 +25,12 @@ in_peace = cache(lambda delayed: fly(DURATION_S, Siege(links=DELAYED if delayed 
 
 
 @pytest.mark.parametrize(
-    ("end", "delayed"), [("station", False), pytest.param("station", True, marks=pytest.mark.slow), ("vehicles", False)]
+    ("end", "delayed"),
+    [
+        ("station", False),
+        pytest.param("station", True, marks=pytest.mark.slow),
+        pytest.param("vehicles", False, marks=pytest.mark.slow),
+    ],
 )
 def test_strangers_change_nothing(end: End, delayed: bool) -> None:
     peace = in_peace(delayed)
@@ -36,7 +41,7 @@ def test_strangers_change_nothing(end: End, delayed: bool) -> None:
     assert sum(event.kind == "stranger" for event in flown.notes.events) <= 7
 
 
-@pytest.mark.parametrize("end", ENDS)
+@pytest.mark.parametrize("end", [pytest.param("station", marks=pytest.mark.slow), "vehicles"])
 def test_noise_from_a_peers_own_address_is_no_more_than_a_bad_link(end: End) -> None:
     flown = fly(DURATION_S, Siege(1, CROWD, end, own_share=0.5))
     check(flown)

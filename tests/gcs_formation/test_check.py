@@ -117,7 +117,7 @@ def test_a_graph_without_a_spanning_tree_is_refused(check) -> None:
     assert "law.consensus.graph: found nobody whom all hear" in printed
 
 
-@pytest.mark.parametrize(("delay_ms", "least_s"), [(0, 4.7), (300, 8.3)])
+@pytest.mark.parametrize(("delay_ms", "least_s"), [pytest.param(0, 4.7, marks=pytest.mark.slow), (300, 8.3)])
 def test_a_run_in_too_short_to_begin_at_once_is_warned_of_with_what_it_takes(delay_ms: float, least_s: float) -> None:
     """The flight itself tells: with a tenth of a second more than that it begins at once, with less it doesn't."""
     for run_in_s, rounds in ((least_s - 0.2, True), (least_s + 0.1, False)):

@@ -10,7 +10,7 @@ HEADING, ALTITUDE = 43002, 43001
 ACCEPTED, FAILED = 0, 4
 
 
-@pytest.mark.parametrize("wind_mps", [(0.0, 0.0, 0.0), (-5.0, 4.0, 0.0)])
+@pytest.mark.parametrize("wind_mps", [(0.0, 0.0, 0.0), pytest.param((-5.0, 4.0, 0.0), marks=pytest.mark.slow)])
 def test_it_lands_where_it_took_off_the_same_way_and_disarms_itself(make_air, wind_mps):
     air = make_air(in_air=False, wind_mps=wind_mps)
     air.run(3.1)

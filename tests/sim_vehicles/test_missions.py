@@ -241,6 +241,7 @@ def test_a_mission_that_is_left_goes_on_with_the_item_that_was_under_way(flying)
     assert mode(flying) == AUTO
 
 
+@pytest.mark.slow
 def test_a_jump_is_flown_as_often_as_it_says(flying):
     upload(
         flying, item(1, lat=35.004), item(2, lat=35.0), item(3, JUMP, params=(1, 2, 0, 0)), item(4, TIME, lat=0, lon=0)

@@ -20,7 +20,7 @@ ENCOUNTERS: dict[str, list[list[float]]] = {
     "overtaking": [[0, 0, 100, 16, 0, 0], [-150, 0, 100, 28, 0, 0]],
     "in a turn": [[0, 0, 100, 22, 0, 0.05], [0, 60, 100, 22, 0, -0.02]],
 }
-LINKS = [(0.0, 0.0, 0.0), pytest.param(0.3, 0.0, 0.0, marks=pytest.mark.slow), (0.3, 0.05, 0.1)]
+LINKS = [*(pytest.param(delay_s, 0.0, 0.0, marks=pytest.mark.slow) for delay_s in (0.0, 0.3)), (0.3, 0.05, 0.1)]
 
 
 @pytest.mark.parametrize(("delay_s", "jitter_s", "loss"), LINKS)

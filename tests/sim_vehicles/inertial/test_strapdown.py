@@ -73,8 +73,13 @@ def test_without_sensor_errors_only_integration_errs() -> None:
 @pytest.mark.parametrize(
     ("faulty", "tilt_rad", "expected_m"),
     [
-        (sensors(accel_ug=100.0), (0.0, 0.0, 0.0), {60.0: 1.763, 600.0: 168.3, 1000.0: 429.9}),
-        (sensors(gyro_deg_per_h=0.01), (0.0, 0.0, 0.0), {600.0: -16.6, 1000.0: -73.2}),
+        pytest.param(
+            *(sensors(accel_ug=100.0), (0.0, 0.0, 0.0), {60.0: 1.763, 600.0: 168.3, 1000.0: 429.9}),
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            *(sensors(gyro_deg_per_h=0.01), (0.0, 0.0, 0.0), {600.0: -16.6, 1000.0: -73.2}), marks=pytest.mark.slow
+        ),
         (sensors(), (20.0 * ARCSEC, 0.0, 0.0), {600.0: 163.2}),
         (sensors(), (0.0, 0.0, 3.0 * ARCMIN), {600.0: -17.9}),
     ],
