@@ -10,6 +10,7 @@ from formation_scenario.arrangement import SlotStep, assigned, first_arrangement
 from formation_scenario.demands import Flown, climbs, excesses
 from formation_scenario.displaced_path import Rise
 from formation_scenario.errors import Problem
+from formation_scenario.fence_check import check_fence
 from formation_scenario.lifted_path import leader_path
 from formation_scenario.model import Scenario
 from formation_scenario.orders import Order, parse_order
@@ -87,6 +88,7 @@ def _standing(
         *excesses(scenario, source, Flown.along(path, from_m), steps),
         *_separation(scenario, source, steps, keys),
         *_ahead_of_leader(scenario, source, steps, keys),
+        *check_fence(scenario, source, path, steps, from_m),
     ]
 
 

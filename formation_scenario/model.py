@@ -9,6 +9,7 @@ from pydantic import Field
 from formation_scenario.disturbances import Disturbance
 from formation_scenario.expectation import Expectation
 from formation_scenario.faults import Fault
+from formation_scenario.fence import Fence
 from formation_scenario.fields import (
     Allowed,
     Distance,
@@ -102,6 +103,9 @@ class Safety(Keys):
     separation_m: Distance = Field(default=5.0, description="least distance of two vehicles, m", examples=[20])
     avoidance: Avoidance = Field(json_schema_extra=derived("its keys'"))
     clearance_m: NonNegative = Field(default=5.0, description="least height above ground, m", examples=[50])
+    fence: Fence | None = Field(
+        default=None, description="where paths, slots and setpoints must stay; without it, anywhere"
+    )
 
 
 class Finish(Keys):

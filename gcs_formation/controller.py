@@ -1,6 +1,7 @@
 """Computes the setpoints of all vehicles from their newest states, in one place and in a fixed order.
 
-measured state -> state when the setpoint acts -> leader's guidance -> slots -> law -> envelope -> separation rule.
+measured state -> state when the setpoint acts -> leader's guidance -> slots -> law -> envelope -> separation rule ->
+fence.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from gcs_formation.guidance.told import ToldLeader
 from gcs_formation.guidance.tracking import Lags, Motion
 from gcs_formation.guidance.virtual_leader import amid, fly_on
 from gcs_formation.recorder import Tick
+from gcs_formation.separation.fence import FenceKeeper
 from gcs_formation.separation.keeper import SeparationKeeper
 
 VIRTUAL = np.zeros(1, dtype=np.intp)
@@ -95,9 +97,9 @@ class FormationController:
         self.lags = parameters.lag_estimator(scenario, self._history, self._model)
         self._projection = parameters.projection(scenario, self._history, self._model)
         self.separation = SeparationKeeper(scenario, self._history, self._model)
-        self._in_slots_s = 0.0
+        self.fence = FenceKeeper(scenario, self._model)
+        self._in_slots_s, self._leader_wind_mps = 0.0, list[float]()
         self._told_leader = ToldLeader(self._dt_s)
-        self._leader_wind_mps: list[float] = []
         self.last_tick: Tick | None = None
         """The last tick at which there was a leader to follow."""
         self.bandwidth: Array = np.ones((self._columns, CHANNELS))
@@ -177,6 +179,7 @@ class FormationController:
         tick = self.blank_tick(now, mission_time_s, phase, links)
         self.lags.learn(tick.active & ~links.disobeying)
         self._history.add(SentSetpoints(acts, tick.setpoints))
+        self.separation.changes, self.fence.changes = [], []
         if not tick.active[tick.leader]:
             tick.active[:] = False
             self._in_slots_s = 0.0
@@ -191,6 +194,7 @@ class FormationController:
             self._note(tick, self._law.decide(situation, self._dt_s), commanded_m)
             self._open(tick)
             self.separation.keep(tick, measured, links.heard, links.disobeying)
+        self.separation.replaced |= self.fence.keep(tick)
         self._judge_assembly(tick)
         self.last_tick = tick
         return tick

@@ -375,6 +375,8 @@ class Station:
         for encounter in self.controller.separation.changes:
             text, details = words(encounter, {column: str(identity) for column, identity in identities.items()})
             self._event(now, "separation", text, self.vehicles[identities[encounter.vehicle]], details)
+        for held in self.controller.fence.changes:
+            self._event(now, "fence", held.text, self.vehicles[identities[held.column]], {"begins": held.begins})
 
     def _event(
         self,

@@ -26,6 +26,7 @@ RULES = (
     surroundings.wind,
     surroundings.terrain,
     formation.avoidance,
+    surroundings.fence,
     events.expectations,
 )
 """Each yields the problems that it finds, in the order of the scenario's keys."""

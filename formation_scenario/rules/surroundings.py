@@ -39,6 +39,14 @@ def places(scenario: Scenario, source: Source) -> Iterator[Problem]:
             return
 
 
+def fence(scenario: Scenario, source: Source) -> Iterator[Problem]:
+    """Yield a fence whose lowest height is above its highest."""
+    lowest_m, highest_m = scenario.safety.fence.heights_m if scenario.safety.fence else (0.0, 1.0)
+    if lowest_m > highest_m:
+        path: KeyPath = ("safety", "fence", "height_min_m")
+        yield source.problem(path, f"found {lowest_m:g} m", f"up to height_max_m, {highest_m:g} m")
+
+
 def wind(scenario: Scenario, source: Source) -> Iterator[Problem]:
     """Yield a wind at least as fast as the slowest vehicle's highest airspeed."""
     speed_mps = math.hypot(*scenario.wind.velocity_mps[:2])

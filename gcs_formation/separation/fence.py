@@ -1,0 +1,117 @@
+"""The fence in flight: setpoints that would lead out of it are held inside."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from formation_scenario import Scenario
+from formation_scenario.arrangement import columns
+from formation_scenario.fence import CHECKED_M, HELD_M, Fence, inside_m, room_m
+from gcs_formation.arrays import Array, Indices, Mask, within, wrap
+from gcs_formation.estimation.flight_state import AutopilotModel, FlightState
+from gcs_formation.recorder import Tick
+
+TURN_RAD = np.pi / 2
+"""How far beside its heading a vehicle is told to head that is turned away: more than its tightest turn takes."""
+STEP_M = 1.0
+HEADING, HEIGHT = 1, 2
+"""Channels of a setpoint."""
+
+
+class Held(NamedTuple):
+    """A vehicle that begins, or ends, to be held inside."""
+
+    column: int
+    text: str
+    begins: bool
+
+
+class FenceKeeper:
+    """Holds setpoints inside the fence, tick by tick. The last to change them, after the separation rule.
+
+    A vehicle is turned away when it is about to have no room for a circle inside, to either side; until then the law
+    may do as it likes. Where there is no such circle any more, it heads for the inside the shorter way.
+    """
+
+    def __init__(self, scenario: Scenario, model: AutopilotModel) -> None:
+        """Take the scenario's fence; (C,) `model` has the turn rates."""
+        self._fence = scenario.safety.fence or Fence()
+        self._corners_m = np.array(self._fence.corners_m or np.zeros((0, 2)))
+        self._real = np.array([vehicle is not None for vehicle in columns(scenario)])
+        self._turn_rps = model.turn_rate_max_rps
+        self._side = np.zeros(self._real.size)
+        """-1, 1: to which side a column is being turned away."""
+        self._at_limit: Mask = np.zeros((2, self._real.size), dtype=bool)
+        self.changes: list[Held] = []
+        """What began or ended at the last tick."""
+
+    def keep(self, tick: Tick) -> Mask:
+        """Put setpoints inside in the place of a tick's; return which were replaced, (C, 3) speed, heading, height."""
+        self.changes = []
+        replaced: Mask = np.zeros((self._real.size, 3), dtype=bool)
+        active: Mask = tick.active & self._real
+        self._limit_heights(tick, active, replaced)
+        if self._corners_m.size:
+            self._turn_away(tick, active, replaced)
+        return replaced
+
+    def _limit_heights(self, tick: Tick, active: Mask, replaced: Mask) -> None:
+        told_m, (least_m, most_m) = tick.setpoints.height_m, self._fence.heights_m
+        beyond = np.stack((told_m < least_m, told_m > most_m)) & active
+        replaced[:, HEIGHT] = beyond.any(axis=0)
+        told_m[active] = within(told_m[active], least_m, most_m)
+        for row, column in np.argwhere(beyond != self._at_limit).tolist():
+            limit_m, begins = (least_m, most_m)[row], bool(beyond[row, column])
+            text = f"height held at {limit_m:g} m" if begins else f"height no longer held at {limit_m:g} m"
+            self.changes.append(Held(column, text, begins))
+        self._at_limit = beyond
+
+    def _turn_away(self, tick: Tick, active: Mask, replaced: Mask) -> None:
+        if not active.any():
+            return
+        which = np.flatnonzero(active)
+        state = tick.state.take(which)
+        place, velocity = _place(state), _velocity(state)
+        through_air = state.airspeed_mps + np.hypot(state.wind_north_mps, state.wind_east_mps)
+        room = room_m(self._corners_m, place, velocity, through_air, self._turn_rps[which])
+        before = self._side[which]
+        held = room.max(axis=1) < np.where(before != 0.0, CHECKED_M, HELD_M)
+        widest = np.where(room[:, 1] >= room[:, 0], 1.0, -1.0)
+        same = np.where(before > 0.0, room[:, 1], room[:, 0]) >= 0.0
+        side = np.where(held, np.where((before != 0.0) & same, before, widest), 0.0)
+        aside_rad = side * TURN_RAD
+        lost = held & (room.max(axis=1) < 0.0)
+        if lost.any():
+            off_rad = wrap(self._inward_rad(place[lost]) - state.heading_rad[lost])
+            aside_rad[lost] = within(off_rad, -TURN_RAD, TURN_RAD)
+        tick.setpoints.heading_rad[which[held]] = (state.heading_rad + aside_rad)[held]
+        replaced[which[held], HEADING] = True
+        self._note(which, side, inside_m(self._corners_m, place))
+
+    def _inward_rad(self, place: Array) -> Array:
+        """Return the heading towards the inside from places (F, 2): where the distance to the edge grows most."""
+        steps = STEP_M * np.eye(2)
+        rise = [inside_m(self._corners_m, place + step) - inside_m(self._corners_m, place - step) for step in steps]
+        return np.arctan2(rise[1], rise[0])
+
+    def _note(self, which: Indices, side: Array, inside: Array) -> None:
+        now = np.zeros(self._side.size)
+        now[which] = side
+        distance_m = dict(zip(which.tolist(), inside.tolist(), strict=True))
+        for column in np.flatnonzero((now != 0.0) != (self._side != 0.0)).tolist():
+            begins = bool(now[column])
+            text = f"turned away, {distance_m[column]:.0f} m inside" if begins else "no longer turned away"
+            self.changes.append(Held(column, text, begins))
+        self._side = now
+
+
+def _place(state: FlightState) -> Array:
+    return np.stack((state.north_m, state.east_m), axis=-1)
+
+
+def _velocity(state: FlightState) -> Array:
+    north = state.airspeed_mps * np.cos(state.heading_rad) + state.wind_north_mps
+    east = state.airspeed_mps * np.sin(state.heading_rad) + state.wind_east_mps
+    return np.stack((north, east), axis=-1)

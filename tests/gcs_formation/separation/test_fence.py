@@ -1,0 +1,96 @@
+"""In flight nobody leaves the fence, whatever the law asks for."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from airlink.clock import Instant
+from formation_scenario import Scenario, load_scenario
+from formation_scenario.fence import Fence, inside_m
+from gcs_formation import parameters
+from gcs_formation.estimation.flight_state import FlightState, Setpoints
+from gcs_formation.estimation.predictor import advance
+from gcs_formation.recorder import Tick
+from gcs_formation.separation.fence import FenceKeeper
+from tests.flights.conftest import scenario
+from tests.flights.in_memory import World
+
+SQUARE = ((-600.0, -600.0), (600.0, -600.0), (600.0, 600.0), (-600.0, 600.0))
+BAY = ((-600.0, -600.0), (600.0, -600.0), (600.0, 100.0), (0.0, 100.0), (0.0, 600.0), (-600.0, 600.0))
+TICK_S = 0.15
+
+
+def fenced(corners: Any = None, count: int = 3, **heights: float) -> Scenario:
+    """Vehicles with a fence that isn't checked against their path."""
+    planned = load_scenario(scenario(vehicles={"count": count}))
+    safety = planned.safety.model_copy(update={"fence": Fence(corners_m=corners, **heights)})
+    return planned.model_copy(update={"safety": safety})
+
+
+def tick(state: FlightState, told: Setpoints) -> Tick:
+    """Return a tick in which everybody is commanded."""
+    count = told.speed_mps.size
+    each, yes = np.full(count, np.nan), np.ones(count, dtype=bool)
+    link: Any = each, each, np.full((count, 2), np.nan), each, each, yes, yes, ~yes
+    law: Any = [np.full((count, columns), np.nan) for columns in (3, 3, 3, 9)]
+    return Tick(Instant(0), 0.0, "flying", 0, state, told, *link, *law)
+
+
+def places(world: World) -> Any:
+    """Return the true places, (3, 3) north, east, height."""
+    state = world.fleet.state
+    return np.stack((state.north_m, state.east_m, state.height_m), axis=-1)
+
+
+@pytest.mark.parametrize("corners", [SQUARE, BAY], ids=["square", "bay"])
+def test_whatever_heading_is_asked_for_nobody_leaves(corners: Any) -> None:
+    """40 vehicles for 75 s in 4 m/s of wind, each asked for a heading of its own that changes now and then."""
+    rng, count, polygon = np.random.default_rng(1), 40, np.array(corners)
+    planned = fenced(corners, count)
+    model = parameters.autopilot_model(planned)
+    keeper = FenceKeeper(planned, model)
+    height, climb, speed, wind, still = (np.full(count, value) for value in (100.0, 0.0, 22.0, 4.0, 0.0))
+    heading = rng.uniform(-np.pi, np.pi, count)
+    state = FlightState.of(np.array([*np.full((2, count), -300.0), height, climb, speed, heading, wind, still]))
+    wanted, turned = heading, np.zeros(count, dtype=bool)
+    for step in range(500):
+        if step % 100 == 0:
+            wanted = rng.uniform(-np.pi, np.pi, count)
+        now = tick(state, Setpoints.of(np.array([speed, wanted, height])))
+        turned |= keeper.keep(now)[:, 1]
+        state = advance(state, now.setpoints.table[None], np.full((1, count), TICK_S), model)
+        assert inside_m(polygon, state.place_m[:2].T).min() > 0.0, f"after {step * TICK_S:.2f} s"
+    assert turned.sum() > count / 2
+
+
+def test_heights_are_held_between_the_limits_and_it_is_told_once() -> None:
+    keeper = FenceKeeper(fenced(height_min_m=60.0, height_max_m=120.0), parameters.autopilot_model(fenced()))
+    state = FlightState.of(np.tile([[0.0], [0.0], [100.0], [0.0], [22.0], [0.0], [0.0], [0.0]], 3))
+    words: list[str] = []
+    for height_m in (150.0, 150.0, 100.0, 20.0):
+        now = tick(state, Setpoints.of(np.array([[22.0] * 3, [0.0] * 3, [height_m, 100.0, np.nan]])))
+        replaced = keeper.keep(now)
+        words += [held.text for held in keeper.changes]
+        assert now.setpoints.height_m[0] == np.clip(height_m, 60.0, 120.0)
+        assert replaced[:, 2].tolist() == [height_m != 100.0, False, False]
+        assert np.isnan(now.setpoints.height_m[2])
+    assert words == ["height held at 120 m", "height no longer held at 120 m", "height held at 60 m"]
+
+
+def test_a_formation_whose_path_leads_out_stays_inside_and_says_so() -> None:
+    world = World()
+    corners = ((-700.0, -400.0), (200.0, -400.0), (200.0, 400.0), (-700.0, 400.0))
+    world.station.controller.fence = FenceKeeper(fenced(corners), world.station.controller.model)
+    within_m, apart_m = np.inf, np.inf
+    for _ in range(20):
+        world.run(1.0)
+        here = places(world)
+        within_m = min(within_m, float(inside_m(np.array(corners), here[:, :2]).min()))
+        apart = np.linalg.norm(here[:, None] - here[None], axis=-1)[np.triu_indices(3, 1)]
+        apart_m = min(apart_m, float(apart.min()))
+    assert within_m > 0.0
+    assert apart_m > 5.0
+    assert world.times_s("fence", 1, "turned away")
