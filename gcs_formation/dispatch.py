@@ -16,11 +16,13 @@ from gcs_formation.arrays import Array, Mask
 from gcs_formation.controller import Links
 from gcs_formation.membership import Member
 from gcs_formation.recorder import Tick
-from gcs_formation.setpoint import Setpoint
+from gcs_formation.setpoint import Setpoint, Whereabouts
 from gcs_formation.vehicle.vehicle import Vehicle
 
 HOLD_MAX_S = 1.0
 """Longest time for which the leader's setpoints are held back."""
+WHEREABOUTS = [0, 1, 6, 7]
+"""Rows of a state's table that a setpoint's whereabouts are."""
 UNGUIDED_S = 2.0
 """For how long setpoints may be missing before a vehicle counts as left alone."""
 
@@ -70,19 +72,21 @@ class Dispatch:
 
     def take(self, tick: Tick, hold_s: float, now: Instant) -> None:
         """Take a tick's setpoints; one that isn't finite is never sent."""
-        told = tick.setpoints
+        told, state = tick.setpoints, tick.state
         for identity, column in self._columns.items():
             setpoint = Setpoint(
                 float(told.speed_mps[column]), float(told.heading_rad[column]), float(told.height_m[column])
             )
-            vehicle, usable = self._vehicles[identity], bool(tick.active[column]) and all(map(math.isfinite, setpoint))
+            where = Whereabouts(*state.table[WHEREABOUTS, column].tolist())
+            finite = all(map(math.isfinite, (*setpoint, *where)))
+            vehicle, usable = self._vehicles[identity], bool(tick.active[column]) and finite
             if usable or vehicle.member is not Member.FLYING:
                 self._without.pop(identity, None)
             else:
                 self._without.setdefault(identity, now)
             if usable:
                 due = after(now, hold_s if column == tick.leader else 0.0)
-                for message in vehicle.autopilot.setpoint(setpoint):
+                for message in vehicle.autopilot.setpoint(setpoint, where):
                     self._held.push(due, (vehicle, message))
 
     def unguided(self, now: Instant) -> frozenset[VehicleId]:

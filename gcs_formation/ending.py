@@ -85,7 +85,7 @@ class Ending:
             autopilot, seen = vehicle.autopilot, vehicle.telemetry
             if seen.motion and autopilot.is_airborne(seen) and not autopilot.climbs_out(seen):
                 height_m = self.stack.heights_m.get(identity, seen.motion.height_m)
-                vehicle.commands.begin(autopilot.leave(self._manner, height_m), now)
+                vehicle.commands.begin(autopilot.leave(self._manner, height_m, seen), now)
                 del self._left[identity]
                 if self._manner == "land":
                     self.landings.await_turn(vehicle, height_m)

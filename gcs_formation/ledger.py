@@ -97,7 +97,8 @@ class CommandLedger:
 
     def _settled(self, identity: VehicleId, now: Instant) -> list[bool]:
         """Return which channels have been commanded, and acknowledged, for long enough."""
-        runs = [run.since(now, self._gap_s) for run in self._vehicles[identity].setpoints_taken.values()]
+        vehicle = self._vehicles[identity]
+        runs = [vehicle.setpoints_taken[i].since(now, self._gap_s) for i in vehicle.autopilot.setpoint_commands]
         since, latest = self._commanded.get(identity, now), after(now, -SETTLED_S)
         return [run is not None and max(since, run) <= latest for run in runs]
 

@@ -88,7 +88,7 @@ class Roster:
         autopilot = vehicle.autopilot
         if vehicle.member is Member.HOLDING:
             vehicle.holds_at_m = self._holding_height_m(vehicle, now)
-            vehicle.commands.begin(autopilot.loiter(vehicle.holds_at_m), now)
+            vehicle.commands.begin(autopilot.loiter(vehicle.holds_at_m, vehicle.telemetry), now)
         elif vehicle.member is Member.RETURNING:
             vehicle.commands.begin((autopilot.set_mode(autopilot.guided_mode),), now)
         elif vehicle.member is not Member.STARTING:

@@ -1,4 +1,4 @@
-"""The setpoint of one vehicle."""
+"""The setpoint of one vehicle, and where it acts."""
 
 from typing import NamedTuple
 
@@ -9,3 +9,12 @@ class Setpoint(NamedTuple):
     speed_mps: float
     heading_rad: float
     height_m: float
+
+
+class Whereabouts(NamedTuple):
+    """Where a vehicle is when a setpoint acts, and the wind there: north and east of the scenario's origin."""
+
+    north_m: float
+    east_m: float
+    wind_north_mps: float
+    wind_east_mps: float

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -10,7 +11,7 @@ from airlink.messages.command import CommandInt
 from formation_scenario import Scenario, slot_schedule
 from formation_scenario.arrangement import columns
 from formation_scenario.lifted_path import leader_path
-from gcs_formation.setpoint import Setpoint
+from gcs_formation.setpoint import Setpoint, Whereabouts
 from gcs_formation.station import Station
 from gcs_formation.vehicle.autopilot import Autopilot, Command
 from gcs_formation.vehicle.vehicle import Vehicle
@@ -33,7 +34,7 @@ def rehearsed(station: Station) -> dict[str, Any]:
                 "armed": vehicle.telemetry.armed,
                 "airborne": vehicle.airborne,
                 "parameters": list(station.preflight.warnings.get(identity, ())),
-                "messages": list(_messages(vehicle, places[str(identity)])),
+                "messages": list(_messages(vehicle, *places[str(identity)])),
             }
             for identity, vehicle in station.vehicles.items()
         ],
@@ -55,24 +56,27 @@ def rehearsal_text(report: dict[str, Any]) -> str:
     return "\n".join([*lines, "nobody was commanded; heartbeats and requests for telemetry and parameters were sent"])
 
 
-def first_setpoints(scenario: Scenario) -> dict[str, Setpoint]:
-    """Return each vehicle's setpoint in its slot when the leader is at the path's start."""
-    start = leader_path(scenario).at(0.0)
-    heights_m = start.height_m + slot_schedule(scenario)[0].places_m[:, 2]
-    return {
-        str(vehicle.vehicle_id): Setpoint(scenario.path.speed_mps, start.course_rad, float(height_m))
-        for vehicle, height_m in zip(columns(scenario), heights_m.tolist(), strict=True)
-        if vehicle is not None
-    }
+def first_setpoints(scenario: Scenario) -> dict[str, tuple[Setpoint, Whereabouts]]:
+    """Return each vehicle's setpoint in its slot when the leader is at the path's start, and where that is."""
+    start, found = leader_path(scenario).at(0.0), dict[str, tuple[Setpoint, Whereabouts]]()
+    ahead, aside = math.cos(start.course_rad), math.sin(start.course_rad)
+    for vehicle, place_m in zip(columns(scenario), slot_schedule(scenario)[0].places_m.tolist(), strict=True):
+        forward_m, right_m, up_m = place_m
+        north_m = start.north_m + forward_m * ahead - right_m * aside
+        east_m = start.east_m + forward_m * aside + right_m * ahead
+        if vehicle is not None:
+            told = Setpoint(scenario.path.speed_mps, start.course_rad, start.height_m + up_m)
+            found[str(vehicle.vehicle_id)] = told, Whereabouts(north_m, east_m, 0.0, 0.0)
+    return found
 
 
-def _messages(vehicle: Vehicle, setpoint: Setpoint) -> Iterator[dict[str, Any]]:
+def _messages(vehicle: Vehicle, setpoint: Setpoint, where: Whereabouts) -> Iterator[dict[str, Any]]:
     autopilot, seen = vehicle.autopilot, vehicle.telemetry
     for step in autopilot.start_up(vehicle.rates_hz):
-        if step.acts and not step.done(seen):
-            yield from (_told("start", command, autopilot) for command in step.commands)
-    yield from (_told(SETPOINTS, command, autopilot) for command in autopilot.setpoint(setpoint))
-    yield from (_told("end", command, autopilot) for command in autopilot.loiter(setpoint.height_m))
+        if step.acts(seen) and not step.done(seen):
+            yield from (_told("start", command, autopilot) for command in step.commands(seen))
+    yield from (_told(SETPOINTS, command, autopilot) for command in autopilot.setpoint(setpoint, where))
+    yield from (_told("end", command, autopilot) for command in autopilot.loiter(setpoint.height_m, seen))
 
 
 def _told(when: str, command: Command, autopilot: Autopilot) -> dict[str, Any]:
@@ -80,11 +84,9 @@ def _told(when: str, command: Command, autopilot: Autopilot) -> dict[str, Any]:
     given = [name for name in (*PARAMETERS, *places) if getattr(command, name)]
     shown = max((PARAMETERS.index(name) + 1 for name in given if name in PARAMETERS), default=0)
     names = (*PARAMETERS[:shown], *(name for name in given if name not in PARAMETERS))
-    if command.command == m.MAV_CMD_DO_SET_MODE:
-        mode = autopilot.mode_names[int(command.param2)]
-        named = f"{m.name_of('MAV_CMD', command.command)} ({mode})"
-    else:
-        named = m.name_of("MAV_CMD", command.command)
+    mode, named = autopilot.mode_asked(command), m.name_of("MAV_CMD", command.command)
+    if mode is not None:
+        named = f"{named} ({autopilot.mode_names[mode]})"
     return {
         "when": when,
         "message": "COMMAND_INT" if isinstance(command, CommandInt) else "COMMAND_LONG",

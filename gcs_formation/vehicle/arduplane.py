@@ -15,7 +15,7 @@ import numpy as np
 from airlink import mavlink as m
 from airlink.messages.command import CommandInt, CommandLong
 from airlink.messages.system import Heartbeat
-from gcs_formation.setpoint import Setpoint
+from gcs_formation.setpoint import Setpoint, Whereabouts
 from gcs_formation.vehicle.arduplane_parameters import arduplane_checks
 from gcs_formation.vehicle.autopilot import Autopilot, Command, Step
 from gcs_formation.vehicle.checks import Check, Demands
@@ -30,8 +30,6 @@ EKF_READY = 831
 """Attitude, velocities and positions, relative and absolute: all that flying in GUIDED needs."""
 SLOW_RATE_HZ = 2.0
 UTC_RATE_HZ = 1.0
-UNASKED = {m.MAVLINK_MSG_ID_HEARTBEAT: 1.0}
-"""Messages that are sent without a request, and their rates, Hz."""
 AIRBORNE_M = 10.0
 AUTOPILOTS = frozenset({m.MAV_AUTOPILOT_GENERIC, m.MAV_AUTOPILOT_ARDUPILOTMEGA})
 TYPES = frozenset({m.MAV_TYPE_GENERIC, m.MAV_TYPE_FIXED_WING, *range(m.MAV_TYPE_VTOL_DUOROTOR, m.MAV_TYPE_GIMBAL)})
@@ -69,7 +67,7 @@ class ArduPlane(Autopilot):
         """Return the rates of the messages that carry motion, readiness, mode and, if wanted, UTC."""
         fast = (m.MAVLINK_MSG_ID_ATTITUDE, m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, m.MAVLINK_MSG_ID_VFR_HUD)
         slow = (m.MAVLINK_MSG_ID_EKF_STATUS_REPORT, m.MAVLINK_MSG_ID_SYS_STATUS)
-        rates_hz = dict.fromkeys(fast, telemetry_rate_hz) | dict.fromkeys(slow, SLOW_RATE_HZ) | UNASKED
+        rates_hz = dict.fromkeys(fast, telemetry_rate_hz) | dict.fromkeys(slow, SLOW_RATE_HZ) | self.unasked_hz
         return rates_hz | {m.MAVLINK_MSG_ID_SYSTEM_TIME: UTC_RATE_HZ} if utc else rates_hz
 
     def start_up(self, rates_hz: Mapping[int, float]) -> tuple[Step, ...]:
@@ -78,18 +76,18 @@ class ArduPlane(Autopilot):
             Step(
                 "asked for telemetry",
                 lambda seen: seen.complete,
-                self._streams(rates_hz),
+                lambda _: self.requests(rates_hz),
                 20.0,
                 True,
             ),
             Step("waited for it to be ready to arm", self._is_ready, timeout_s=90.0),
-            Step("set mode TAKEOFF", self._is_taking_off, (self.set_mode(m.PLANE_MODE_TAKEOFF),), takes_off=True),
-            Step("armed", lambda seen: seen.armed, (self._arm_or_disarm(arm=True),), 30.0, takes_off=True),
+            Step("set mode TAKEOFF", self._is_taking_off, self._to_take_off, takes_off=True),
+            Step("armed", lambda seen: seen.armed, self._to_arm, 30.0, takes_off=True),
             Step("waited for it to climb", self._has_climbed, timeout_s=90.0),
             Step(
                 "set mode GUIDED",
                 lambda seen: seen.custom_mode == self.guided_mode,
-                (self.set_mode(self.guided_mode),),
+                lambda _: (self.set_mode(self.guided_mode),),
             ),
         )
 
@@ -111,7 +109,7 @@ class ArduPlane(Autopilot):
         motion, mode = telemetry.motion, telemetry.custom_mode
         return motion is not None and mode == m.PLANE_MODE_TAKEOFF and motion.above_home_m <= self.take_off_m
 
-    def setpoint(self, setpoint: Setpoint) -> tuple[Command, ...]:
+    def setpoint(self, setpoint: Setpoint, where: Whereabouts) -> tuple[Command, ...]:  # noqa: ARG002 - no place is told
         """Return speed, altitude above sea level and heading, in this order.
 
         The altitude's own rate and the speed's acceleration are left to the autopilot (0). The heading's
@@ -120,7 +118,7 @@ class ArduPlane(Autopilot):
         lateral_mps2 = setpoint.speed_mps * self.turn_rate_max_rps
         return (
             self._guided(m.MAV_CMD_GUIDED_CHANGE_SPEED, m.SPEED_TYPE_AIRSPEED, setpoint.speed_mps, 0.0),
-            self._guided(m.MAV_CMD_GUIDED_CHANGE_ALTITUDE, 0.0, 0.0, 0.0, setpoint.height_m + self.origin_alt_m),
+            self._guided(m.MAV_CMD_GUIDED_CHANGE_ALTITUDE, 0.0, 0.0, 0.0, setpoint.height_m + self.origin.alt_m),
             self._guided(
                 m.MAV_CMD_GUIDED_CHANGE_HEADING,
                 m.HEADING_TYPE_HEADING,
@@ -129,11 +127,11 @@ class ArduPlane(Autopilot):
             ),
         )
 
-    def loiter(self, height_m: float) -> tuple[Command, ...]:
+    def loiter(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:  # noqa: ARG002 - it circles where it is
         """Return LOITER, then the height, since a change of mode resets heights."""
         return (self.set_mode(self.loiter_mode), self._altitude(height_m))
 
-    def go_home(self, height_m: float) -> tuple[Command, ...]:
+    def go_home(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:  # noqa: ARG002 - it knows its home
         """Return RTL, which circles over home, then a height to replace RTL_ALTITUDE, which is the same for all."""
         return (self.set_mode(m.PLANE_MODE_RTL), self._altitude(height_m))
 
@@ -146,7 +144,7 @@ class ArduPlane(Autopilot):
             self.system,
             m.MAV_COMP_ID_AUTOPILOT1,
             m.MAV_CMD_DO_CHANGE_ALTITUDE,
-            param1=height_m + self.origin_alt_m,
+            param1=height_m + self.origin.alt_m,
             param2=m.MAV_FRAME_GLOBAL,
         )
 
@@ -167,8 +165,8 @@ class ArduPlane(Autopilot):
             z,
         )
 
-    def _streams(self, rates_hz: Mapping[int, float]) -> tuple[Command, ...]:
-        return tuple(self.set_message_interval(each, rates_hz[each]) for each in rates_hz if each not in UNASKED)
+    def _to_take_off(self, _: Telemetry) -> tuple[Command, ...]:
+        return (self.set_mode(m.PLANE_MODE_TAKEOFF),)
 
     def _is_ready(self, seen: Telemetry) -> bool:
         healthy = bool(seen.sensors_healthy & m.MAV_SYS_STATUS_PREARM_CHECK)

@@ -8,15 +8,21 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from airlink import mavlink as m
+from airlink.geodesy import GeodeticOrigin
 from airlink.messages.command import CommandInt, CommandLong
 from airlink.messages.system import Heartbeat
 from formation_scenario.orders import End
-from gcs_formation.setpoint import Setpoint
+from gcs_formation.setpoint import Setpoint, Whereabouts
 from gcs_formation.vehicle.checks import Check, Demands
 from gcs_formation.vehicle.command_effect import Effect
 from gcs_formation.vehicle.telemetry import Telemetry
 
 Command = CommandLong | CommandInt
+
+
+def nothing(_: Telemetry) -> tuple[Command, ...]:
+    """Return no command."""
+    return ()
 
 
 @dataclass(frozen=True)
@@ -25,16 +31,16 @@ class Step:
 
     name: str
     done: Callable[[Telemetry], bool]
-    commands: tuple[Command, ...] = ()
+    commands: Callable[[Telemetry], tuple[Command, ...]] = nothing
+    """Returns what to send, by the telemetry of the instant at which the step begins."""
     timeout_s: float = 20.0
     every_command_acknowledged: bool = False
     takes_off: bool = False
     """Whether its commands bring a vehicle off the ground."""
 
-    @property
-    def acts(self) -> bool:
-        """Whether its commands change what the vehicle does, not only what it tells."""
-        return any(command.command != m.MAV_CMD_SET_MESSAGE_INTERVAL for command in self.commands)
+    def acts(self, seen: Telemetry) -> bool:
+        """Return whether its commands change what the vehicle does, not only what it tells."""
+        return any(command.command != m.MAV_CMD_SET_MESSAGE_INTERVAL for command in self.commands(seen))
 
 
 class Autopilot(ABC):
@@ -50,14 +56,16 @@ class Autopilot(ABC):
     guided_mode: ClassVar[int]
     mode_names: ClassVar[dict[int, str]]
     setpoint_commands: ClassVar[tuple[int, ...]]
-    """Ids of the commands that carry airspeed, heading and height, each acknowledged."""
+    """Id of the command that carries airspeed, that of heading and that of height; each is acknowledged."""
+    unasked_hz: ClassVar[dict[int, float]] = {m.MAVLINK_MSG_ID_HEARTBEAT: 1.0}
+    """Messages that are sent without a request, and their rates, Hz."""
     approach_m: ClassVar[float] = 0.0
     """Height above home of the approach that `land` begins with."""
 
-    def __init__(self, system: int, origin_alt_m: float, turn_rate_max_rps: float) -> None:
-        """Address `system`; setpoint heights count from `origin_alt_m` above sea level."""
+    def __init__(self, system: int, origin: GeodeticOrigin, turn_rate_max_rps: float) -> None:
+        """Address `system`; places and heights count from the scenario's `origin`."""
         self.system = system
-        self.origin_alt_m = origin_alt_m
+        self.origin = origin
         self.turn_rate_max_rps = turn_rate_max_rps
 
     def mode_name(self, telemetry: Telemetry) -> str:
@@ -71,13 +79,17 @@ class Autopilot(ABC):
 
     def effect(self, command: Command) -> Effect | None:
         """Return what heartbeats show once a command is carried out, None when they don't show it."""
-        if command.command == m.MAV_CMD_DO_SET_MODE:
-            mode = int(command.param2)
+        mode = self.mode_asked(command)
+        if mode is not None:
             return Effect(f"mode {self.mode_names.get(mode, mode)}", _mode, mode)
         if command.command == m.MAV_CMD_COMPONENT_ARM_DISARM:
             arm = bool(command.param1)
             return Effect("arming" if arm else "disarming", _armed, arm)
         return None
+
+    def mode_asked(self, command: Command) -> int | None:
+        """Return the mode, as heartbeats tell it, that a command asks for; None if it asks for none."""
+        return int(command.param2) if command.command == m.MAV_CMD_DO_SET_MODE else None
 
     def set_mode(self, mode: int) -> Command:
         """Return MAV_CMD_DO_SET_MODE for one of the family's own modes."""
@@ -98,6 +110,10 @@ class Autopilot(ABC):
             param1=message_id,
             param2=round(1e6 / rate_hz),
         )
+
+    def requests(self, rates_hz: Mapping[int, float]) -> tuple[Command, ...]:
+        """Return the requests for those messages that don't come by themselves."""
+        return tuple(self.set_message_interval(i, rates_hz[i]) for i in rates_hz if i not in self.unasked_hz)
 
     @abstractmethod
     def speaks(self, heartbeat: Heartbeat) -> bool:
@@ -125,8 +141,8 @@ class Autopilot(ABC):
         """Return whether the vehicle is taking off and still too low to do anything else."""
 
     @abstractmethod
-    def setpoint(self, setpoint: Setpoint) -> tuple[Command, ...]:
-        """Return the messages that carry a setpoint."""
+    def setpoint(self, setpoint: Setpoint, where: Whereabouts) -> tuple[Command, ...]:
+        """Return the messages that carry a setpoint, which acts when the vehicle is there."""
 
     @abstractmethod
     def checks(self, asked: Demands) -> tuple[Check, ...]:
@@ -136,24 +152,27 @@ class Autopilot(ABC):
         """Return the commands that keep a vehicle on the ground; one that flies refuses them."""
         return (self._arm_or_disarm(arm=False),)
 
+    def _to_arm(self, _: Telemetry) -> tuple[Command, ...]:
+        return (self._arm_or_disarm(arm=True),)
+
     def _arm_or_disarm(self, *, arm: bool) -> Command:
         return CommandLong(self.system, m.MAV_COMP_ID_AUTOPILOT1, m.MAV_CMD_COMPONENT_ARM_DISARM, param1=float(arm))
 
-    def leave(self, manner: End, height_m: float) -> tuple[Command, ...]:
+    def leave(self, manner: End, height_m: float, seen: Telemetry) -> tuple[Command, ...]:
         """Return the commands that end a flight: circle here or, for `rtl` and before `land`, at home."""
-        return self.loiter(height_m) if manner == "loiter" else self.go_home(height_m)
+        return self.loiter(height_m, seen) if manner == "loiter" else self.go_home(height_m, seen)
 
     def land(self) -> tuple[Command, ...]:
         """Return the commands to land where the vehicle took off; none for a family that can't."""
         return ()
 
     @abstractmethod
-    def go_home(self, height_m: float) -> tuple[Command, ...]:
+    def go_home(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:
         """Return the commands, in order, to fly home and circle there at `height_m` above the scenario's origin."""
 
     @abstractmethod
-    def loiter(self, height_m: float) -> tuple[Command, ...]:
-        """Return the commands, in order, to circle here at `height_m` above the scenario's origin."""
+    def loiter(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:
+        """Return the commands, in order, to circle where it was `seen` at `height_m` above the scenario's origin."""
 
 
 def _mode(seen: Telemetry) -> int | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from airlink.geodesy import GeodeticOrigin
 from formation_scenario import Vehicle
 from gcs_formation.vehicle.arduplane import ArduPlane
 from gcs_formation.vehicle.autopilot import Autopilot
@@ -10,6 +11,6 @@ FAMILIES: dict[str, type[Autopilot]] = {"emulator": ArduPlane, "arduplane": Ardu
 """The scenario's `autopilot` -> its class; the emulators behave like ArduPlane."""
 
 
-def autopilot_for(vehicle: Vehicle, origin_alt_m: float) -> Autopilot:
+def autopilot_for(vehicle: Vehicle, origin: GeodeticOrigin) -> Autopilot:
     """Return the family's class for a vehicle of the scenario."""
-    return FAMILIES[vehicle.autopilot](vehicle.id, origin_alt_m, vehicle.model.turn_rate_max_rps)
+    return FAMILIES[vehicle.autopilot](vehicle.id, origin, vehicle.model.turn_rate_max_rps)

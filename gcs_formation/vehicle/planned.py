@@ -38,10 +38,14 @@ def planned(scenario: Scenario) -> Planned:
     return Planned(endpoints, tuple(networks[text] for text in texts), vehicles)
 
 
+def origin_of(scenario: Scenario) -> GeodeticOrigin:
+    """Return the point that the scenario's places are counted from."""
+    keys = scenario.origin
+    return GeodeticOrigin(math.radians(keys.lat_deg), math.radians(keys.lon_deg), keys.alt_m)
+
+
 def _vehicle(planned: PlannedVehicle, socket: int, endpoints: tuple[Endpoint, ...], scenario: Scenario) -> Vehicle:
-    endpoint, keys = endpoints[socket], scenario.origin
+    endpoint, origin, telemetry = endpoints[socket], origin_of(scenario), scenario.telemetry
     connection = Connection(socket, endpoint.address if endpoint.kind == "udpout" else None)
-    origin = GeodeticOrigin(math.radians(keys.lat_deg), math.radians(keys.lon_deg), keys.alt_m)
-    autopilot = autopilot_for(planned, keys.alt_m)
-    telemetry = scenario.telemetry
+    autopilot = autopilot_for(planned, origin)
     return Vehicle(planned.vehicle_id, autopilot, connection, origin, telemetry.rate_hz, by_utc=telemetry.by_utc)

@@ -52,7 +52,7 @@ class StartUp:
         self.held = False
         while not self.finished and (self.index < 0 or self._is_done(telemetry, commands)):
             following = self.steps[self.index + 1 : self.index + 2]
-            if not may_act and any(step.acts for step in following):
+            if not may_act and any(step.acts(telemetry) for step in following):
                 self.held, self._began = True, now
                 return
             self.index += 1
@@ -60,7 +60,7 @@ class StartUp:
             if not self.finished:
                 step = self.steps[self.index]
                 needed = step.every_command_acknowledged or not step.done(telemetry)
-                commands.begin(step.commands if needed else (), now)
+                commands.begin(step.commands(telemetry) if needed else (), now)
 
     def failure(self, commands: CommandQueue, now: Instant) -> str | None:
         """Return why it can't go on, None while it can."""

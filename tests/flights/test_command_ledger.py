@@ -209,7 +209,7 @@ def beat(seen: Telemetry, mode: int) -> None:
 
 
 def test_a_command_that_shows_is_done_and_a_pilots_later_choice_is_the_pilots(seen: Telemetry) -> None:
-    plane, effects = ArduPlane(1, 0.0, 0.25), EffectWatch()
+    plane, effects = ArduPlane(1, seen.origin, 0.25), EffectWatch()
     beat(seen, GUIDED)
     effect = plane.effect(plane.set_mode(LOITER))
     assert effect is not None
@@ -222,7 +222,7 @@ def test_a_command_that_shows_is_done_and_a_pilots_later_choice_is_the_pilots(se
 
 
 def test_an_effect_not_shown_in_two_heartbeats_and_2_s_is_missing_until_it_shows(seen: Telemetry) -> None:
-    plane, effects = ArduPlane(1, 0.0, 0.25), EffectWatch()
+    plane, effects = ArduPlane(1, seen.origin, 0.25), EffectWatch()
     beat(seen, GUIDED)
     effect = plane.effect(plane.set_mode(LOITER))
     assert effect is not None

@@ -38,7 +38,7 @@ def place() -> Place:
 
     def placed(number: int, mode: int, height_m: float, *, armed: bool = True, status: int = FLYING) -> Vehicle:
         connection = Connection(0, Address("127.0.0.1", 1), LinkState.CONNECTED)
-        vehicle = Vehicle(VehicleId(1, number), ArduPlane(number, 0.0, 0.25), connection, ORIGIN, 10.0)
+        vehicle = Vehicle(VehicleId(1, number), ArduPlane(number, ORIGIN, 0.25), connection, ORIGIN, 10.0)
         tell(vehicle, mode, height_m, armed=armed, status=status)
         return vehicle
 
@@ -114,7 +114,7 @@ def test_a_vehicle_armed_on_the_ground_is_disarmed(place: Place):
 
 def test_arming_that_is_under_way_is_called_off(place: Place):
     vehicle = place(1, m.PLANE_MODE_TAKEOFF, 0.0, armed=False, status=WAITING)
-    vehicle.commands.begin(vehicle.autopilot.start_up(vehicle.rates_hz)[3].commands, NOW)
+    vehicle.commands.begin(vehicle.autopilot.start_up(vehicle.rates_hz)[3].commands(vehicle.telemetry), NOW)
     ending(vehicle)
     assert told(vehicle) == [(m.MAV_CMD_COMPONENT_ARM_DISARM, 0.0)]
 

@@ -29,7 +29,7 @@ def position(above_home_m: float, stamp_s: float = 1.0) -> GlobalPositionInt:
 
 @pytest.fixture
 def plane() -> ArduPlane:
-    return ArduPlane(7, ORIGIN.alt_m, 0.25)
+    return ArduPlane(7, ORIGIN, 0.25)
 
 
 @pytest.fixture

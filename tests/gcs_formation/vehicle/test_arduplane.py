@@ -12,12 +12,12 @@ from airlink import mavlink as m
 from airlink.frame import FrameWriter, StreamParser
 from airlink.messages.command import CommandInt
 from airlink.messages.telemetry import SysStatus
-from gcs_formation.setpoint import Setpoint
+from gcs_formation.setpoint import Setpoint, Whereabouts
 from gcs_formation.vehicle.arduplane import ArduPlane
 from gcs_formation.vehicle.autopilot import Command
 from tests.gcs_formation.vehicle.conftest import ORIGIN, position
 
-PLANE = ArduPlane(7, ORIGIN.alt_m, 0.25)
+PLANE, HERE = ArduPlane(7, ORIGIN, 0.25), Whereabouts(0.0, 0.0, 0.0, 0.0)
 
 
 def on_the_wire(command: Command) -> CommandInt:
@@ -33,14 +33,14 @@ def on_the_wire(command: Command) -> CommandInt:
 @example(-2 * math.pi)
 @example(math.radians(359.9999999))
 def test_headings_reach_the_autopilot_within_0_to_below_360_degrees(heading_rad):
-    heading = on_the_wire(PLANE.setpoint(Setpoint(22.0, heading_rad, 100.0))[2])
+    heading = on_the_wire(PLANE.setpoint(Setpoint(22.0, heading_rad, 100.0), HERE)[2])
     assert 0.0 <= heading.param2 < 360.0
     off = math.remainder(math.radians(heading.param2) - heading_rad, math.tau)
     assert off == pytest.approx(0.0, abs=1e-6)
 
 
 def test_a_setpoint_is_airspeed_altitude_above_sea_level_and_heading(plane):
-    speed, altitude, heading = map(on_the_wire, plane.setpoint(Setpoint(23.5, math.pi / 2, 100.0)))
+    speed, altitude, heading = map(on_the_wire, plane.setpoint(Setpoint(23.5, math.pi / 2, 100.0), HERE))
     assert (speed.command, speed.param1, speed.param2, speed.param3) == (43000, 0.0, 23.5, 0.0)
     assert (altitude.command, altitude.frame, altitude.z, altitude.param3) == (43001, m.MAV_FRAME_GLOBAL, 120.0, 0.0)
     assert (heading.command, heading.param1, heading.param2) == (43002, m.HEADING_TYPE_HEADING, 90.0)
@@ -48,8 +48,8 @@ def test_a_setpoint_is_airspeed_altitude_above_sea_level_and_heading(plane):
     assert {each.target_system for each in (speed, altitude, heading)} == {7}
 
 
-def test_loiter_is_the_mode_then_the_height_which_a_change_of_mode_forgets(plane):
-    mode, altitude = plane.loiter(130.0)
+def test_loiter_is_the_mode_then_the_height_which_a_change_of_mode_forgets(plane, telemetry):
+    mode, altitude = plane.loiter(130.0, telemetry)
     assert (mode.command, mode.param1, mode.param2) == (m.MAV_CMD_DO_SET_MODE, 1, m.PLANE_MODE_LOITER)
     assert (altitude.command, altitude.param1) == (m.MAV_CMD_DO_CHANGE_ALTITUDE, 150.0)
     assert altitude.param2 == m.MAV_FRAME_GLOBAL
@@ -97,7 +97,7 @@ def test_utc_is_asked_for_once_a_second_where_it_is_needed_only(plane):
     """One more request makes a vehicle ready a little later."""
     utc = m.MAVLINK_MSG_ID_SYSTEM_TIME
     for rates_hz, wanted in ((plane.rates_hz(10.0), []), (plane.rates_hz(10.0, utc=True), [1e6])):
-        requests = plane.start_up(rates_hz)[0].commands
+        requests = plane.requests(rates_hz)
         assert [each.param2 for each in requests if each.param1 == utc] == wanted
         assert rates_hz.get(utc) == (1.0 if wanted else None)
 
