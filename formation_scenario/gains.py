@@ -1,4 +1,4 @@
-"""The law's two sets of gains: defaults of its keys for exact telemetry, and for telemetry as noisy as GNSS."""
+"""The law's two sets of gains, for exact telemetry and for telemetry as noisy as GNSS; `auto` is `auto_gains`'."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from formation_scenario.source import Key, Plain
 Group = dict[Key, Plain]
 """A mapping of keys."""
 
-CLEAN, NOISE = "clean", "noise"
+AUTO, CLEAN, NOISE = "auto", "clean", "noise"
 LEADER, FOLLOWER = "leader_heading", "follower_heading"
 
 GROUPS: dict[str, dict[str, Group]] = {

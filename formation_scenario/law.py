@@ -104,10 +104,13 @@ class Law(Keys):
         default="warn",
         description="when a loop's delay nears its margin: degrade (gains come down until it holds), hold, warn",
     )
-    gains: Literal["clean", "noise"] = Field(
+    gains: Literal["auto", "clean", "noise"] = Field(
         description="set of gains that fills what isn't given of mixer, speed, heading, height, derivative_filter_s "
-        "and disturbance_observer_radps",
-        json_schema_extra=derived("noise if any vehicle's navigation is noisy, else clean"),
+        "and disturbance_observer_radps; auto: by design, from the vehicles' models, links and noise",
+        json_schema_extra=derived(
+            "auto if any vehicle's model has an airframe or is a file's, else noise if any vehicle's navigation is "
+            "noisy, else clean"
+        ),
         examples=["noise"],
     )
     derivative_filter_s: NonNegative = Field(

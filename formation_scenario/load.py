@@ -9,15 +9,18 @@ from typing import Any
 import yaml
 from pydantic import ValidationError
 
+from formation_scenario.auto_gains import designed
 from formation_scenario.availability import unavailable
 from formation_scenario.describe import problems_of
 from formation_scenario.errors import Problem, ScenarioError
 from formation_scenario.feasibility import check
+from formation_scenario.gains import AUTO
 from formation_scenario.model import Scenario
 from formation_scenario.overrides import OPTION, apply_overrides
 from formation_scenario.resolve import resolve
 from formation_scenario.rules import inconsistencies
 from formation_scenario.source import Dumper, Key, Plain, Source, plain_mapping, read_file
+from formation_scenario.vehicle_file import with_models
 from formation_scenario.vehicles import VehicleGroup
 
 ONE_VEHICLE: dict[Key, Plain] = {"id": 1, "role": "leader"}
@@ -36,8 +39,10 @@ def load_scenario(
     Raises:
         ScenarioError: the scenario can't be read, has values that aren't allowed, contradicts itself or can't be flown.
     """
-    read = apply_overrides(_read(source), overrides, option)
+    read = with_models(apply_overrides(_read(source), overrides, option))
     scenario, resolved = _typed(read)
+    if scenario.law.gains == AUTO:
+        scenario = designed(scenario, read.data.get("law"))
     problems = inconsistencies(scenario, resolved) or check(scenario, resolved)
     if problems:
         raise ScenarioError(problems)

@@ -9,8 +9,7 @@ from formation_scenario.formation import Formation
 from formation_scenario.gains import CLEAN, NOISE, filters, gain_groups
 from formation_scenario.model import Safety, Scenario
 from formation_scenario.navigation import GRADES, InertialNavigation, InertialSensorKeys
-from formation_scenario.source import Key, KeyPath, Plain, Source
-from formation_scenario.vehicle_file import read_model
+from formation_scenario.source import Key, Plain, Source
 from formation_scenario.vehicles import BASE_PORT
 
 DURATION_S: float = Scenario.model_fields["duration_s"].default
@@ -20,8 +19,6 @@ GRADE: str = InertialNavigation.model_fields["grade"].default
 RUN_IN_AIR_S, RUN_IN_GROUND_S = 10.0, 60.0
 BUFFER_M = 5.0
 """By how much the distance that the separation rule keeps exceeds the least that is allowed."""
-FAMILIES = {"arduplane": "arduplane"}
-"""The shipped vehicle file of an autopilot family, for a vehicle without `model`."""
 MAY_BE_EMPTY = ("origin", "telemetry", "links", "wind", "disturbances", "orders", "faults", "finish", "expect")
 """Keys that may be left empty: `expect:` with all of its items commented out is as good as absent."""
 
@@ -33,8 +30,7 @@ def resolve(source: Source) -> Source:
     """
     data = {key: value for key, value in source.data.items() if value is not None or key not in MAY_BE_EMPTY}
     data.setdefault("name", Path(source.file).stem if source.file else "scenario")
-    directory = Path(source.file).parent if source.file else Path()
-    data["vehicles"] = _vehicles(_with_models(data.get("vehicles"), directory, source))
+    data["vehicles"] = _vehicles(data.get("vehicles"))
     if data["vehicles"] is None:
         del data["vehicles"]
     start = _group(data, "start")
@@ -44,6 +40,7 @@ def resolve(source: Source) -> Source:
     data["law"] = _law(_filled(data.get("law"), {"gains": gains}), _group(data, "formation").get("frame"))
     data["formation"] = _formation(data.get("formation"))
     data["safety"] = _safety(data.get("safety"))
+    directory = Path(source.file).parent if source.file else Path()
     if "links" in data:
         data["links"] = _with_absolute(data["links"], "trace_file", directory)
     if "terrain" in data:
@@ -124,29 +121,6 @@ def _safety(safety: Plain) -> Plain:
     given = safety or {}
     kept: dict[Key, Plain] = {"distance_m": _usable(given.get("separation_m"), SEPARATION_M) + BUFFER_M}
     return given | {"avoidance": _filled(given.get("avoidance"), kept)}
-
-
-def _with_models(vehicles: Plain, directory: Path, source: Source) -> Plain:
-    """Return vehicles, or a group of them, with the models of their files in place of the files' names."""
-    read = dict[str, Plain]()
-
-    def model(name: str, path: KeyPath) -> Plain:
-        if name not in read:
-            read[name] = read_model(name, directory, source, path)
-        return read[name]
-
-    def whole(vehicle: Plain, path: KeyPath) -> Plain:
-        if not isinstance(vehicle, dict):
-            return vehicle
-        named: dict[Key, Plain] = {}
-        if vehicle.get("model") is None and vehicle.get("autopilot") in FAMILIES:
-            named["model"] = FAMILIES[str(vehicle["autopilot"])]
-        named |= {key: vehicle[key] for key in ("model", "true_model") if isinstance(vehicle.get(key), str)}
-        return vehicle | {key: model(str(name), (*path, key)) for key, name in named.items()}
-
-    if isinstance(vehicles, list):
-        return [whole(each, ("vehicles", index)) for index, each in enumerate(vehicles)]
-    return whole(vehicles, ("vehicles",))
 
 
 def _vehicles(vehicles: Plain) -> Plain:

@@ -12,10 +12,14 @@ from pydantic import Field, ValidationError
 from formation_scenario.describe import problems_of
 from formation_scenario.errors import Problem, ScenarioError, did_you_mean
 from formation_scenario.fields import Keys, Name, Number
+from formation_scenario.gains import AUTO
 from formation_scenario.source import Key, KeyPath, Plain, Source, plain_mapping, read_file, read_text
 from formation_scenario.vehicles import VehicleModel
 
 SUFFIXES = (".yaml", ".yml")
+MODELS = ("model", "true_model")
+FAMILIES = {"arduplane": "arduplane"}
+"""The shipped vehicle file of an autopilot family, for a vehicle without `model`."""
 SHIPPED = "aircraft"
 """Folder of the shipped files, inside this package."""
 
@@ -28,6 +32,49 @@ class VehicleFile(Keys):
     source: str = Field(default="", description="where the model comes from", examples=["runs/steps, vehicle 2"])
     model: VehicleModel = Field(description="its autopilot's lags, its limits and its airframe")
     fit: Mapping[str, Number] = Field(default={}, description="how well it was found, written by `identify`")
+
+
+def with_models(source: Source) -> Source:
+    """Return the scenario with the models of vehicle files in place of the files' names.
+
+    Vehicles that fly otherwise than by the keys' own model have gains by design, unless others are named.
+
+    Raises:
+        ScenarioError: no such file, or one with values that aren't allowed.
+    """
+    vehicles, directory = source.data.get("vehicles"), Path(source.file).parent if source.file else Path()
+    read = dict[str, Plain]()
+    if isinstance(vehicles, list):
+        whole: Plain = [_whole(each, directory, source, ("vehicles", i), read) for i, each in enumerate(vehicles)]
+    else:
+        whole = _whole(vehicles, directory, source, ("vehicles",), read)
+    law = source.data.get("law") or {}
+    if whole == vehicles and not _any_airframe(whole):
+        return source
+    changed: dict[Key, Plain] = {"vehicles": whole}
+    if isinstance(law, dict):
+        changed["law"] = law | {"gains": law.get("gains") or AUTO}
+    return Source(source.file, source.data | changed, source.places)
+
+
+def _whole(vehicle: Plain, directory: Path, source: Source, path: KeyPath, read: dict[str, Plain]) -> Plain:
+    """Return a vehicle, or a group, with its models; `read` are those that have been read already."""
+    if not isinstance(vehicle, dict):
+        return vehicle
+    names = {key: name for key in MODELS if isinstance(name := vehicle.get(key), str)}
+    if vehicle.get("model") is None and vehicle.get("autopilot") in FAMILIES:
+        names["model"] = FAMILIES[str(vehicle["autopilot"])]
+    for key, name in names.items():
+        if name not in read:
+            read[name] = read_model(name, directory, source, (*path, key))
+    return vehicle | {key: read[name] for key, name in names.items()}
+
+
+def _any_airframe(vehicles: Plain) -> bool:
+    models = (
+        one.get("model") for one in (vehicles if isinstance(vehicles, list) else [vehicles]) if isinstance(one, dict)
+    )
+    return any(isinstance(model, dict) and "airframe" in model for model in models)
 
 
 def read_model(name: str, directory: Path, at: Source, path: KeyPath) -> dict[Key, Plain]:

@@ -1,0 +1,270 @@
+"""Gains of the formation law by loop shaping on the autopilot's frequency response.
+
+Each channel's loop has the shape kp + ki/s + kd s with two numbers free: its bandwidth, and the share of the
+autopilot's lag that the derivative makes up for. The fastest loop is taken that holds the figures of `Bounds`: with
+the response as it is known, the sensitivity's peak and the delay margin; with a response that is slower or faster and
+stronger or weaker than known, stability with a peak of its own; and the setpoint's steps that the telemetry's noise
+causes. Nothing of the delay counts as predicted. Source: S. Skogestad and I. Postlethwaite, "Multivariable Feedback
+Control", 2nd ed., 2.4 and 2.6; K. J. Astrom and T. Hagglund, "Advanced PID Control", 4.5.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from flight_model.linear import Complex, Responses
+
+FREQUENCIES = np.geomspace(0.005, 25.0, 400)
+BANDWIDTHS = np.geomspace(1.5, 0.03, 60)
+"""rad/s that are tried, the fastest first."""
+LAG_SHARES = (1.0, 0.5, 0.0)
+"""Shares of the lag that the derivative (of heights, the proportional gain) may make up for."""
+INTEGRAL_SHARE = 0.125
+"""Corner of the integral by the bandwidth."""
+ROUNDING = 1e-6
+HORIZON = 400
+"""Ticks of the controller's answer to one sample's noise."""
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """What a design holds."""
+
+    peak: float = 1.6
+    """Largest sensitivity with the response as known."""
+    mismatch: float = 0.3
+    """By what share the autopilot's time scale and gain may be off together."""
+    mismatch_peak: float = 2.5
+    """Largest sensitivity then."""
+    delay_margin_s: float = 1.0
+    steps: tuple[float, float, float] = (0.03, 0.006, 0.03)
+    """Standard deviations of a tick's setpoint steps by noise: m/s, rad, m."""
+
+
+BOUNDS = Bounds()
+
+
+@dataclass(frozen=True)
+class Telemetry:
+    """What a design must know of the links and the sensors; standard deviations of white noise."""
+
+    law_dt_s: float
+    delay_s: float
+    """Of the loop: both ways, sampling and hold."""
+    position_m: float
+    airspeed_mps: float
+    heading_rad: float
+
+
+class Weights(NamedTuple):
+    """The mixer's, which the design takes as given."""
+
+    k_x: float
+    k_psi: float
+    k_y: float
+    k_z: float
+
+
+Gains = tuple[float, float, float]
+"""kp, ki and kd."""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One channel's gains, and the figures that they hold."""
+
+    kp: float
+    ki: float
+    kd: float
+    bandwidth_radps: float
+    """Crossover of the loop; of heights, that of the integral."""
+    delay_margin_s: float
+    peak: float
+    mismatch_peak: float
+    step_sigma: float
+    """Of a tick's setpoint step by the telemetry's noise, m/s, rad or m."""
+
+
+@dataclass(frozen=True)
+class Design:
+    """The three channels, and the law's filters."""
+
+    channels: Mapping[str, Channel]
+    derivative_filter_s: float
+    observer_radps: float
+
+    @property
+    def anti_windup_s(self) -> float:
+        """The longest integral time, within what an overshoot may last."""
+        return float(np.clip(max(each.kp / each.ki for each in self.channels.values() if each.ki > 0), 1.0, 20.0))
+
+
+DERIVATIVE_FILTER_S = 0.3
+OBSERVER_MOST_RADPS = 2.0
+
+
+Vehicles = Sequence[tuple[Responses, float]]
+"""Each kind of vehicle: its responses at `FREQUENCIES`, and the lag of its airspeed that is fed forward, s."""
+
+
+def design(
+    vehicles: Vehicles, speed_mps: float, weights: Weights, telemetry: Telemetry, bounds: Bounds = BOUNDS
+) -> Design:
+    """Return gains that hold the bounds around every vehicle.
+
+    Args:
+        vehicles: their kinds.
+        speed_mps: along the path.
+        weights: of the mixed errors.
+        telemetry: delay and noise.
+        bounds: what is held.
+    """
+    loops = _loops(vehicles, speed_mps, weights, telemetry)
+    channels = {
+        name: _channel(each, telemetry, most, bounds)
+        for (name, each), most in zip(loops.items(), bounds.steps, strict=True)
+    }
+    lag_s = max(lag_s for _, lag_s in vehicles)
+    quiet_radps = bounds.steps[0] / 2.0 / max(2.0 * lag_s * telemetry.airspeed_mps, 1e-9)
+    return Design(channels, DERIVATIVE_FILTER_S, min(OBSERVER_MOST_RADPS, quiet_radps))
+
+
+def judged_channels(
+    gains: Mapping[str, Gains], vehicles: Vehicles, speed_mps: float, weights: Weights, telemetry: Telemetry
+) -> dict[str, Channel]:
+    """Return what given gains (kp, ki, kd of speed, heading and height) hold; arguments as for `design`."""
+    loops = _loops(vehicles, speed_mps, weights, telemetry)
+    return {
+        name: judged(gains[name], each.bandwidth_radps(gains[name]), each, telemetry) for name, each in loops.items()
+    }
+
+
+def _loops(vehicles: Vehicles, speed_mps: float, weights: Weights, telemetry: Telemetry) -> dict[str, _Loops]:
+    s, pair, late_s = 1j * FREQUENCIES, float(np.sqrt(2.0)), telemetry.delay_s
+    along_m = pair * float(np.hypot(telemetry.position_m, late_s * telemetry.airspeed_mps))
+    across_m = pair * float(np.hypot(telemetry.position_m, late_s * speed_mps * telemetry.heading_rad))
+    across = float(np.hypot(weights.k_y * across_m, weights.k_psi * pair * telemetry.heading_rad))
+    forward = [weights.k_x * each.speed / s for each, _ in vehicles]
+    right = [(weights.k_psi + weights.k_y * speed_mps / s) * each.heading for each, _ in vehicles]
+    up = [weights.k_z * each.height for each, _ in vehicles]
+    return {
+        "speed": _Loops(forward, weights.k_x, False, weights.k_x * along_m),
+        "heading": _Loops(right, weights.k_y * speed_mps, False, across),
+        "height": _Loops(up, weights.k_z, True, weights.k_z * pair * telemetry.position_m),
+    }
+
+
+class _Loops(NamedTuple):
+    """One channel of all vehicles: plants at `FREQUENCIES`, and what they are at low ones."""
+
+    plants: Sequence[Complex]
+    slope: float
+    """The plant is about slope/s, or slope itself where it restores."""
+    restoring: bool
+    noise: float
+    """Of the mixed error."""
+
+    def bandwidth_radps(self, gains: Gains) -> float:
+        """Return the bandwidth that gains give."""
+        return self.slope * (gains[1] if self.restoring else gains[0])
+
+    @property
+    def lag_s(self) -> float:
+        """The shortest lag of the plants at low frequency."""
+        w = FREQUENCIES[FREQUENCIES < 0.1]
+        turned = (np.unwrap(np.angle(each[: w.size])) + (0.0 if self.restoring else np.pi / 2) for each in self.plants)
+        return max(0.0, min(float(np.median(-each / w)) for each in turned))
+
+    def gains(self, bandwidth: float, share: float) -> Gains:
+        """Return kp, ki, kd."""
+        if self.restoring:
+            return bandwidth * share * self.lag_s / self.slope, bandwidth / self.slope, 0.0
+        kp = bandwidth / self.slope
+        return kp, kp * bandwidth * INTEGRAL_SHARE, kp * share * self.lag_s
+
+
+def _channel(loops: _Loops, telemetry: Telemetry, most: float, bounds: Bounds) -> Channel:
+    """Return the fastest channel that holds the bounds; the slowest that is tried where none does."""
+    tried = ((bandwidth, share) for bandwidth in BANDWIDTHS.tolist() for share in LAG_SHARES)
+    for bandwidth, share in tried:
+        gains = loops.gains(bandwidth, share)
+        if loops.noise * _step_gain(gains, telemetry.law_dt_s) > most:
+            continue
+        if max(_peak(_controller(gains) * _late(telemetry.delay_s) * plant) for plant in loops.plants) > bounds.peak:
+            continue
+        found = judged(gains, bandwidth, loops, telemetry, bounds)
+        if found.mismatch_peak <= bounds.mismatch_peak and found.delay_margin_s >= bounds.delay_margin_s:
+            return found
+    slowest = float(BANDWIDTHS[-1])
+    return judged(loops.gains(slowest, 0.0), slowest, loops, telemetry, bounds)
+
+
+def judged(gains: Gains, bandwidth: float, channel: _Loops, telemetry: Telemetry, bounds: Bounds = BOUNDS) -> Channel:
+    """Return the figures of a channel with these gains."""
+    loops = [_controller(gains) * _late(telemetry.delay_s) * plant for plant in channel.plants]
+    off = [loop for plant in channel.plants for loop in _mismatched(gains, plant, telemetry.delay_s, bounds.mismatch)]
+    return Channel(
+        *gains,
+        bandwidth,
+        min(_delay_margin_s(loop) for loop in loops),
+        max(_peak(loop) for loop in loops),
+        max(_peak(loop) for loop in off),
+        channel.noise * _step_gain(gains, telemetry.law_dt_s),
+    )
+
+
+def _controller(gains: Gains) -> Complex:
+    kp, ki, kd = gains
+    s = 1j * FREQUENCIES
+    return kp + ki / s + kd * s / (DERIVATIVE_FILTER_S * s + 1.0)
+
+
+def _late(delay_s: float) -> Complex:
+    return np.exp(-1j * FREQUENCIES * delay_s)
+
+
+def _mismatched(gains: Gains, plant: Complex, delay_s: float, share: float) -> Iterator[Complex]:
+    """Yield loops around a plant whose time scale and gain are off: seen at frequency w, it does what it did at w k."""
+    log_w = np.log(FREQUENCIES)
+    size, angle = np.log(np.abs(plant)), np.unwrap(np.angle(plant))
+    controller = _controller(gains) * _late(delay_s)
+    for scale in (1.0 - share, 1.0 + share):
+        at = log_w + np.log(scale)
+        moved = np.exp(np.interp(at, log_w, size) + 1j * np.interp(at, log_w, angle))
+        for strength in (1.0 - share, 1.0 + share):
+            yield strength * controller * moved
+
+
+def _peak(loop: Complex) -> float:
+    """Return the sensitivity's peak; infinite where the loop isn't stable, by Nyquist's count."""
+    back = 1.0 + loop
+    angle = np.unwrap(np.angle(back))
+    # Integrators leave it between -180 and 0 degrees at low frequency; from there to 0 no turn about -1 may be added.
+    stable = angle[0] < ROUNDING and abs(angle[-1]) < np.pi / 2
+    return float(np.max(1.0 / np.abs(back))) if stable else float("inf")
+
+
+def _delay_margin_s(loop: Complex) -> float:
+    """Return the least further delay that makes the loop unstable, over all crossings of gain 1."""
+    size = np.abs(loop)
+    (crossings,) = np.nonzero((size[:-1] >= 1.0) != (size[1:] >= 1.0))
+    if crossings.size == 0:
+        return float("inf")
+    phase = np.mod(np.angle(-loop[crossings]), 2.0 * np.pi)
+    return float(np.min(phase / FREQUENCIES[crossings]))
+
+
+def _step_gain(gains: Gains, dt_s: float) -> float:
+    """Return the standard deviation of the setpoint's steps, tick by tick, for white noise of 1 in the mixed error."""
+    kp, ki, kd = gains
+    kept = float(np.exp(-dt_s / DERIVATIVE_FILTER_S))
+    impulse = np.zeros(HORIZON)
+    impulse[0] = 1.0
+    fading = (1.0 - kept) * kept ** np.arange(HORIZON) / dt_s
+    rates = np.diff(fading, prepend=0.0)
+    answer = kp * impulse + ki * dt_s * np.cumsum(impulse) + kd * rates
+    return float(np.sqrt(np.sum(np.diff(answer, prepend=0.0) ** 2)))
