@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flight_model.airframe import Array
 from flight_model.linear import Complex, Responses
 
 FREQUENCIES = np.geomspace(0.005, 25.0, 400)
@@ -266,5 +267,5 @@ def _step_gain(gains: Gains, dt_s: float) -> float:
     impulse[0] = 1.0
     fading = (1.0 - kept) * kept ** np.arange(HORIZON) / dt_s
     rates = np.diff(fading, prepend=0.0)
-    answer = kp * impulse + ki * dt_s * np.cumsum(impulse) + kd * rates
-    return float(np.sqrt(np.sum(np.diff(answer, prepend=0.0) ** 2)))
+    answer: Array = kp * impulse + ki * dt_s * np.cumsum(impulse) + kd * rates
+    return float(np.linalg.norm(answer - np.concatenate(([0.0], answer[:-1]))))

@@ -34,7 +34,7 @@ def lag_responses(
     frequency_radps: Array, tau_v_s: float, tau_psi_s: float, heights_s: tuple[float, float]
 ) -> Responses:
     """Return the responses of equation (7)."""
-    s = 1j * frequency_radps
+    s = (1j * frequency_radps).astype(np.complex128)
     first, second = heights_s
     height = 1.0 / ((first * s + 1.0) * (second * s + 1.0))
     return Responses(frequency_radps, 1.0 / (tau_v_s * s + 1.0), 1.0 / (tau_psi_s * s + 1.0), height, 0.0 * s)
@@ -52,7 +52,8 @@ def airframe_responses(frequency_radps: Array, airframe: AirframeParameters, spe
         * np.sinc(frequency_radps * energy.ENERGY_S / (2.0 * np.pi))
     )
     system = z[:, None, None] * np.eye(len(matrix)) - matrix
-    states = np.linalg.solve(system, np.broadcast_to(inputs, (z.size, *inputs.shape))) * late[:, None, None]
+    every = np.broadcast_to(inputs, (z.size, *inputs.shape)).astype(np.complex128)
+    states = (np.linalg.solve(system, every) * late[:, None, None]).astype(np.complex128)
     return Responses(
         frequency_radps,
         speed=states[:, energy.SPEED, 0],

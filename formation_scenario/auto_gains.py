@@ -41,8 +41,6 @@ def designed(scenario: Scenario, given: Plain) -> Scenario:
         scales = {"error_scale": SCALES[name], "rate_scale": SCALES[name]}
         gains = {"kp": channel.kp, "ki": channel.ki, "kd": channel.kd} | scales | _written(written, name)
         keys[name] = getattr(scenario.law, name).model_copy(update=gains)
-    if written.get("lag_estimation") is None and any(each.model.airframe for each in scenario.vehicles):
-        keys["lag_estimation"] = False
     return scenario.model_copy(update={"law": scenario.law.model_copy(update=keys)})
 
 

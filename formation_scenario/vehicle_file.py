@@ -48,11 +48,10 @@ def with_models(source: Source) -> Source:
         whole: Plain = [_whole(each, directory, source, ("vehicles", i), read) for i, each in enumerate(vehicles)]
     else:
         whole = _whole(vehicles, directory, source, ("vehicles",), read)
-    law = source.data.get("law") or {}
-    if whole == vehicles and not _any_airframe(whole):
-        return source
+    law, models = source.data.get("law") or {}, _models(whole)
     changed: dict[Key, Plain] = {"vehicles": whole}
-    if isinstance(law, dict):
+    other = models != _models(vehicles) or any(isinstance(each, dict) and "airframe" in each for each in models)
+    if other and isinstance(law, dict):
         changed["law"] = law | {"gains": law.get("gains") or AUTO}
     return Source(source.file, source.data | changed, source.places)
 
@@ -70,11 +69,10 @@ def _whole(vehicle: Plain, directory: Path, source: Source, path: KeyPath, read:
     return vehicle | {key: read[name] for key, name in names.items()}
 
 
-def _any_airframe(vehicles: Plain) -> bool:
-    models = (
-        one.get("model") for one in (vehicles if isinstance(vehicles, list) else [vehicles]) if isinstance(one, dict)
-    )
-    return any(isinstance(model, dict) and "airframe" in model for model in models)
+def _models(vehicles: Plain) -> list[Plain]:
+    """Return what the station believes of each vehicle, as it is written."""
+    each = vehicles if isinstance(vehicles, list) else [vehicles]
+    return [one.get("model") for one in each if isinstance(one, dict)]
 
 
 def read_model(name: str, directory: Path, at: Source, path: KeyPath) -> dict[Key, Plain]:

@@ -92,7 +92,9 @@ def projection(scenario: Scenario, history: SetpointHistory, model: AutopilotMod
 def lag_estimator(scenario: Scenario, history: SetpointHistory, model: AutopilotModel) -> LagEstimator:
     """Return what learns the vehicles' lags; `model` is given them unless the scenario wants it as it is."""
     rates_hz = scenario.telemetry.rate_hz, scenario.law.rate_hz
-    return LagEstimator(model, history, *rates_hz, in_use=scenario.law.lag_estimation)
+    estimator = LagEstimator(model, history, *rates_hz, in_use=scenario.law.lag_estimation)
+    estimator.lagging = np.array([each.airframe is None for each in column_models(scenario)])
+    return estimator
 
 
 def fusions(scenario: Scenario, history: SetpointHistory, model: AutopilotModel) -> dict[int, Fusion]:

@@ -9,10 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from flight_model.design import BOUNDS
 from formation_scenario import Scenario, ScenarioError, dump_scenario, slot_schedule
 from formation_scenario.arrangement import planned_slots
+from formation_scenario.auto_gains import by_design, figures
 from formation_scenario.feasibility import refused_orders
 from formation_scenario.flight_time import planned_end_s
+from formation_scenario.gains import AUTO
 from formation_scenario.lifted_path import leader_path
 from gcs_formation.app.assembly import assembly, goes_round
 from gcs_formation.app.split_errors import split_errors, ways_s
@@ -32,6 +35,7 @@ from gcs_formation.stability import (
 from gcs_formation.stability.lag_margin import LAGS_OFF, lag_margin, mismatch_margin_with_lags_off
 from gcs_formation.stability.usage import STEP_S
 
+UNITS = {"speed": "m/s", "heading": "rad", "height": "m"}
 NEAR = 0.8
 """Share of the delay margin from which `check` warns of the configured delay."""
 
@@ -45,6 +49,7 @@ def check_report(scenario: Scenario) -> dict[str, Any]:
         "delay_margin_worst_s": _finite(margins.worst),
         "mismatch_margin_s": _finite(mismatch_margins_s(scenario)),
         **{name: _finite(each) for name, each in asdict(lag_margins(scenario)).items()},
+        **_design(scenario),
         "loop_delay_s": configured_loop_delay_s(scenario),
         "assembly": assembly(scenario)._asdict(),
         "warnings": list(warnings(scenario, margins)),
@@ -67,6 +72,7 @@ def check_text(scenario: Scenario) -> str:
         lines.append(f"# mismatch of delay that the predicted loops stand there, s: {stood}")
         lines.append(f"# {lags}: {_listed(off.mismatch_margin_lags_off_s, '.3f')}")
         lines.append(f"# by how much every lag may be off its model's there: {_listed(off.lag_margin, '.0%')}")
+    lines.extend(_design_text(scenario))
     lines.append(f"# {assembly(scenario)}")
     lines.extend(f"# warning: {warning}" for warning in warnings(scenario, law_margins(scenario)))
     return "\n".join(lines)
@@ -132,6 +138,9 @@ def warnings(scenario: Scenario, margins: LawMargins) -> Iterator[str]:
             yield f"loop {loop} is unstable without any delay"
         elif delay_s > NEAR * margin_s and not scenario.law.delay_compensation:
             yield f"loop {loop}: {delay_s:.3f} s of delay is {delay_s / margin_s:.0%} of its margin {margin_s:.3f} s"
+    for channel, each in figures(scenario).items() if by_design(scenario) else ():
+        if not math.isfinite(each.peak):
+            yield f"law.{channel}: unstable around the aircraft of the vehicles' models; law.gains: auto isn't"
     yield from split_errors(scenario)
     if lifted := circles_lifted(scenario):
         yield lifted
@@ -204,6 +213,29 @@ def _consensus_text(scenario: Scenario) -> Iterator[str]:
     margins = consensus_margins(scenario)
     yield "# delay margin of the consensus without prediction, s:"
     yield f"#   {margins.least():.3f}: along {margins.along_s:.3f}, across {margins.across_s:.3f}"
+
+
+def _design(scenario: Scenario) -> dict[str, Any]:
+    """Return what the law's gains hold, by channel, as `design`; nothing where equation (7) is all that is known."""
+    if not by_design(scenario):
+        return {}
+    return {"design": {name: _finite(vars(each)) for name, each in figures(scenario).items()}}
+
+
+def _design_text(scenario: Scenario) -> Iterator[str]:
+    """Yield what the law's gains hold around the vehicles' own responses, nothing of the delay predicted."""
+    if not by_design(scenario):
+        return
+    whose = "by design" if scenario.law.gains == AUTO else "as given"
+    yield f"# gains {whose}, around the vehicles' responses at {scenario.path.speed_mps:g} m/s:"
+    for name, each in figures(scenario).items():
+        held = f"sensitivity {each.peak:.2f}, delay margin {each.delay_margin_s:.2f} s"
+        off = f"sensitivity {each.mismatch_peak:.2f}" if math.isfinite(each.mismatch_peak) else "unstable"
+        yield (
+            f"#   {name}: bandwidth {each.bandwidth_radps:.2f} rad/s, "
+            f"{held if math.isfinite(each.peak) else 'unstable'}; with time scale and gain {BOUNDS.mismatch:.0%} off: "
+            f"{off}; setpoint steps {each.step_sigma:.2g} {UNITS[name]} (standard deviation, a tick)"
+        )
 
 
 def _listed(margins: Mapping[str, float], form: str) -> str:

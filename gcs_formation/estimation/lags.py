@@ -41,6 +41,8 @@ class LagEstimator:
         Not `in_use`, the model stays as it is, and only its misfit is watched.
         """
         self.model = model
+        self.lagging: Mask = np.ones(model.tau_v_s.size, dtype=bool)
+        """(C,) which vehicles fly by (7); of others, whose model only comes near them, no lags are learnt."""
         self._in_use = in_use
         self._believed = AutopilotModel.of(model.table.copy())
         self._history = history
@@ -80,7 +82,7 @@ class LagEstimator:
 
         Once in `BATCH_S` the model's lags are fitted.
         """
-        self._learning = self._learning & learning & np.isfinite(self._seen[0])
+        self._learning = self._learning & learning & self.lagging & np.isfinite(self._seen[0])
         self._samples.append((self._stamps.copy(), self._seen.copy()))
         if len(self._samples) <= self._ticks:
             return

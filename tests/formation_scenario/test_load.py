@@ -229,4 +229,4 @@ def test_noisy_navigation_chooses_the_gains_for_noise_unless_told_otherwise(load
 
 
 def test_a_set_of_gains_that_does_not_exist_is_refused(refusal):
-    assert refusal("law.gains=noisy") == ["law.gains: found 'noisy'; clean, noise (did you mean 'noise'?)"]
+    assert refusal("law.gains=noisy") == ["law.gains: found 'noisy'; auto, clean, noise (did you mean 'noise'?)"]

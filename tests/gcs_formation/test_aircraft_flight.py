@@ -34,3 +34,12 @@ def test_gains_for_equation_7_drive_aircraft_into_a_limit_cycle(tmp_path):
     steps_mps = np.diff(of_follower(rows, "setpoint_speed_mps", from_s=6.0))
     assert np.nanstd(steps_mps) == pytest.approx(2.4, rel=0.3)
     assert follower["error_x_m"]["rms"] > 1.0
+
+
+def test_gains_by_design_fly_aircraft_quietly(tmp_path):
+    """A scenario without any gain, on the shipped file; of real ones 0.5 and 0.5 m, and 0.1 m/s, are asked."""
+    follower, _ = flown(tmp_path, vehicles=[each | {"model": "arduplane"} for each in SCENARIO["vehicles"]])
+    assert follower["error_x_m"]["rms"] < 0.2
+    assert follower["error_y_m"]["rms"] < 0.05
+    assert follower["error_z_m"]["rms"] < 0.2
+    assert follower["effort"]["speed"]["step_p95"] < 0.1

@@ -1,0 +1,115 @@
+"""Frequency responses and the gains designed from them, against closed forms and flights of the models themselves."""
+
+import math
+
+import numpy as np
+import pytest
+
+from flight_model import energy
+from flight_model.airframe import AirframeParameters
+from flight_model.design import BOUNDS, FREQUENCIES, Telemetry, Weights, design, judged_channels
+from flight_model.linear import airframe_responses, lag_responses
+from formation_scenario import load_scenario
+from formation_scenario.airframe import EnergyAirframe
+from formation_scenario.auto_gains import figures
+
+WEIGHTS = Weights(1.0, 0.1, 0.05, 1.0)
+QUIET = Telemetry(0.1, 0.1, 0.0, 0.0, 0.0)
+NOISY = Telemetry(0.1, 0.1, 0.02, 0.03, 0.002)
+AIRCRAFT = AirframeParameters.of([EnergyAirframe().parameters()])
+PATH = {"waypoints_m": [[0, 0, 100], [4000, 0, 100]]}
+
+
+def answer_to_a_sine(radps, amplitude_mps=0.02):
+    """The airspeed's complex amplitude for one of the setpoint, from a flight."""
+    motion = np.array([[100.0], [0.0], [22.0], [0.0]])
+    inner, flown = energy.trimmed(motion, AIRCRAFT), []
+    cycles = round(round(90.0 * radps / (2 * math.pi)) * 2 * math.pi / radps / energy.ENERGY_S) * energy.CYCLES
+    for cycle in range(cycles):
+        now_s = cycle // energy.CYCLES * energy.ENERGY_S
+        told = np.array([[22.0 + amplitude_mps * math.sin(radps * now_s)], [np.inf], [0.0], [1.0], [100.0]])
+        if cycle % energy.CYCLES == 0:
+            energy.control(motion, inner, energy.Told(*told), AIRCRAFT)
+            flown.append((now_s, motion[energy.SPEED, 0] - 22.0))
+        energy.cycle(motion, inner, energy.Told(*told), AIRCRAFT)
+    at_s, speeds = np.array(flown[len(flown) // 2 :]).T
+    columns = np.column_stack((np.sin(radps * at_s), np.cos(radps * at_s), np.ones_like(at_s)))
+    (sine, cosine, _), *_ = np.linalg.lstsq(columns, speeds, rcond=None)
+    return complex(sine, cosine) / amplitude_mps
+
+
+def test_an_aircrafts_response_is_what_a_small_sine_comes_back_as():
+    radps = 1.0
+    response = airframe_responses(np.array([radps]), AIRCRAFT, 22.0).speed[0]
+    undelayed = response * np.exp(1j * radps * float(AIRCRAFT.dead_time_s[0]))
+    held = np.exp(1j * radps * energy.ENERGY_S / 2) * np.sinc(radps * energy.ENERGY_S / (2 * math.pi))
+    assert undelayed / held == pytest.approx(answer_to_a_sine(radps), abs=0.03)
+
+
+def test_faster_swings_of_speed_than_half_a_radian_a_second_cost_height():
+    slow, fast = airframe_responses(np.array([0.05, 0.8]), AIRCRAFT, 22.0).height_by_speed
+    assert abs(slow) < 0.3
+    assert abs(fast) > 1.5
+
+
+def test_figures_of_a_first_order_loop_are_the_closed_forms():
+    """kp/s has its crossover at kp, a phase margin of 90 degrees less the delay's."""
+    plants = [(lag_responses(FREQUENCIES, 1e-4, 1e-4, (1e-4, 1e-4)), 0.0)]
+    gains = {"speed": (0.5, 0.0, 0.0), "heading": (0.5, 0.0, 0.0), "height": (0.0, 0.5, 0.0)}
+    found = judged_channels(gains, plants, 20.0, Weights(1.0, 0.0, 0.05, 1.0), NOISY)
+    for name in ("speed", "heading", "height"):
+        assert found[name].bandwidth_radps == pytest.approx(0.5)
+        assert found[name].delay_margin_s == pytest.approx(math.pi / 2 / 0.5 - 0.1, rel=0.03)
+    assert found["speed"].step_sigma == pytest.approx(0.5 * math.sqrt(2) * math.sqrt(2) * math.hypot(0.02, 0.003))
+
+
+def test_a_loop_beyond_its_delay_margin_is_unstable():
+    plants = [(lag_responses(FREQUENCIES, 1e-4, 1e-4, (1e-4, 1e-4)), 0.0)]
+    gains = dict.fromkeys(("speed", "heading"), (0.5, 0.0, 0.0)) | {"height": (0.0, 0.5, 0.0)}
+    for delay_s, stable in ((3.0, True), (3.3, False)):
+        late = Telemetry(0.1, delay_s, 0.0, 0.0, 0.0)
+        found = judged_channels(gains, plants, 20.0, Weights(1.0, 0.0, 0.05, 1.0), late)
+        assert math.isfinite(found["speed"].peak) == stable
+
+
+@pytest.mark.parametrize(
+    "response", [airframe_responses(FREQUENCIES, AIRCRAFT, 22.0), lag_responses(FREQUENCIES, 4.0, 1.5, (1.0, 3.0))]
+)
+@pytest.mark.parametrize("delay_s", [0.1, 0.7])
+def test_a_design_holds_its_bounds(response, delay_s):
+    found = design([(response, 1.0)], 22.0, WEIGHTS, Telemetry(0.1, delay_s, 0.02, 0.03, 0.002))
+    for channel, steps in zip(found.channels.values(), BOUNDS.steps, strict=True):
+        assert channel.peak <= BOUNDS.peak
+        assert channel.mismatch_peak <= BOUNDS.mismatch_peak
+        assert channel.delay_margin_s >= BOUNDS.delay_margin_s
+        assert channel.step_sigma <= steps
+
+
+def test_a_longer_delay_and_more_noise_make_slower_loops():
+    plants = [(airframe_responses(FREQUENCIES, AIRCRAFT, 22.0), 1.0)]
+    near = design(plants, 22.0, WEIGHTS, QUIET).channels
+    far = design(plants, 22.0, WEIGHTS, Telemetry(0.1, 1.5, 0.0, 0.0, 0.0)).channels
+    loud = design(plants, 22.0, WEIGHTS, Telemetry(0.1, 0.1, 0.2, 0.3, 0.02)).channels
+    for name in ("speed", "heading"):
+        assert far[name].bandwidth_radps < near[name].bandwidth_radps
+        assert loud[name].bandwidth_radps < near[name].bandwidth_radps
+
+
+def scenario(**law):
+    return load_scenario({"vehicles": {"count": 2, "model": "arduplane"}, "path": PATH} | ({"law": law} if law else {}))
+
+
+def test_gains_are_by_design_where_the_model_is_an_aircrafts_and_explicit_ones_win():
+    found = scenario()
+    assert found.law.gains == "auto"
+    assert scenario(speed={"kp": 0.1}).law.speed.kp == 0.1
+    assert scenario(speed={"kp": 0.1}).law.height == found.law.height
+    assert scenario(gains="clean").law.speed.kp == 3.0
+    assert load_scenario(found) == found
+    paper = load_scenario({"vehicles": {"count": 2}, "path": PATH})
+    assert paper.law.gains == "clean"
+
+
+def test_gains_for_equation_7_are_seen_to_be_unstable_around_an_aircraft():
+    assert math.isinf(figures(scenario(gains="clean"))["speed"].peak)
+    assert math.isfinite(figures(scenario())["speed"].mismatch_peak)
