@@ -104,9 +104,9 @@ class StreamWatch:
             return
         self._next_look = after(now, LOOK_S)
         for vehicle, streams in self._streams:
-            if not vehicle.start_up.asked_for_telemetry:
+            if not vehicle.start_up.asked_for_telemetry or vehicle.connection.state not in TALKING:
                 streams.looks.clear()
-            elif vehicle.connection.state in TALKING and vehicle.commands.outcome is not Outcome.WAITING:
+            elif vehicle.commands.outcome is not Outcome.WAITING:
                 self._judge(vehicle, streams, now)
 
     def _judge(self, vehicle: Vehicle, streams: Streams, now: Instant) -> None:
