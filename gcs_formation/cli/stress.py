@@ -1,19 +1,28 @@
-"""`gcs-formation stress`."""
+"""`gcs-formation stress`: a study of scenarios that are drawn from their seeds, measured by what they broke."""
 
 from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import click
 
 from airlink.cli.arguments import OUT, SEED, WholeNumber
-from airlink.cli.status import Status, fail
+from airlink.cli.directory import refusal
+from airlink.cli.status import Status, fail, say
 from gcs_formation.cli import usage
-from gcs_formation.errors import RecordError
-from gcs_formation.stress.campaign import fly_seed, fly_seeds
-from gcs_formation.stress.scenarios import HARD, USUAL
+from gcs_formation.errors import RunAbortedError
+from gcs_formation.studies.campaign import flights, refly_task
+from gcs_formation.studies.flight import fly
+from gcs_formation.studies.keys import INVARIANTS, Study
+from gcs_formation.studies.plan import Plan
+from gcs_formation.studies.progress import StudyProgress
+from gcs_formation.studies.workers import Processes
+
+Row = dict[str, Any]
 
 
 @click.command(epilog=usage.STRESS)
@@ -30,20 +39,55 @@ def stress(count: int, seed: int, jobs: int, hard: bool, out: Path | None, overw
     against invariants: separation, envelope, finite values, acknowledged state, complete record, formation regained;
     every tenth is flown twice and compared byte for byte. A broken one is named with its seed; exit status 1.
     """
-    if out is not None and count != 1:
-        fail(f"--out: found --count {count}; allowed: --count 1, whose record it keeps")
-    severity, again = (HARD, "stress --hard") if hard else (USUAL, "stress")
-    alone = (fly_seed(seed, each, severity, overwrite=overwrite) for each in ([out] if out else []))
-    trials = alone if out else fly_seeds(seed, count, min(jobs, count), severity)
-    flown, wrong = 0, 0
+    if out is not None:
+        _refuse(out, count, overwrite=overwrite)
+    plan = Plan(_study(count, seed, hard=hard))
     try:
-        for trial in trials:
-            flown += 1
-            wrong += bool(trial.broken)
-            for text in trial.broken:
-                click.echo(f"seed {trial.seed}: {text}", err=True)
-                click.echo(f"  again: gcs-formation {again} --count 1 --seed {trial.seed} --out DIR", err=True)
-    except RecordError as error:
-        fail(str(error))
-    click.echo(f"{flown} flights, seeds {seed} to {seed + count - 1}: {wrong or 'none'} broke an invariant")
+        with StudyProgress(quiet=not sys.stderr.isatty()) as progress:
+            rows = flights(plan, {}, None, Processes(min(jobs, count)), progress, {})
+            wrong = _told(_alone(plan, out) if out else rows, "stress --hard" if hard else "stress")
+    except RunAbortedError as error:
+        fail(str(error), Status.COULD_NOT_GO_ON)
+    except KeyboardInterrupt:
+        sys.exit(say("interrupted", Status.INTERRUPTED))
+    click.echo(f"{count} flights, seeds {seed} to {seed + count - 1}: {wrong or 'none'} broke an invariant")
     sys.exit(Status.EXPECTATION_BROKEN if wrong else Status.FINE)
+
+
+def _study(count: int, seed: int, *, hard: bool) -> Study:
+    keys = {"random": "hard" if hard else "usual", "seeds": {"first": seed, "count": count}, "metrics": [INVARIANTS]}
+    return Study.model_validate({**keys, "name": "stress", "record": "none"})
+
+
+def _alone(plan: Plan, out: Path) -> Iterable[Row]:
+    """Yield the one flight, its record kept."""
+    yield fly(refly_task(next(plan.begin()), plan.study, {}, out))
+
+
+def _told(rows: Iterable[Row], command: str) -> int:
+    """Name what each flight broke; return how many broke something.
+
+    Raises:
+        RunAbortedError: a flight couldn't be flown, through no fault of its own.
+    """
+    wrong = 0
+    for row in rows:
+        if row[INVARIANTS] is None:
+            raise RunAbortedError(f"seed {row['seed']}: {row['words']}")
+        wrong += row[INVARIANTS] > 0
+        for text in row["words"].splitlines() if row[INVARIANTS] else ():
+            click.echo(f"seed {row['seed']}: {text}", err=True)
+            click.echo(f"  again: gcs-formation {command} --count 1 --seed {row['seed']} --out DIR", err=True)
+    return wrong
+
+
+def _refuse(out: Path, count: int, *, overwrite: bool) -> None:
+    """Refuse a directory that can't be written, or one for many flights."""
+    if count != 1:
+        fail(f"--out: found --count {count}; allowed: --count 1, whose record it keeps")
+    try:
+        refused = refusal(out, overwrite=overwrite)
+    except OSError as error:
+        refused = f"cannot read {out}: {error.strerror}; allowed: a directory that can be written"
+    if refused is not None:
+        fail(refused)

@@ -79,6 +79,8 @@ HARD = Severity(
     outage_share=0.4,
 )
 
+SEVERITIES = {"usual": USUAL, "hard": HARD}
+
 
 def draw(seed: int, severity: Severity = USUAL) -> Scenario:
     """Return the scenario of a seed and a severity: of those drawn one after the other, the first that can be flown.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -86,31 +86,44 @@ def fly_study(
     """
     began = time.perf_counter()
     with Dataset(out, study, base, resume=resume, overwrite=overwrite) as data:
-        plan, total = Plan(study), count_flights(study)
-        tasks = deque(_task(study, base, out, planned) for planned in replayed(plan, data.rows.values()))
-        failed = sum(row["exit"] > 1 for row in data.rows.values())
-        written = time.perf_counter()
+        plan, written = Plan(study), time.perf_counter()
         try:
-            with workers:
-                shown.say(workers.where)
-                for row in workers.rows(tasks):
-                    data.add(row)
-                    following = plan.after(row)
-                    if following is not None:
-                        tasks.append(_task(study, base, out, following))
-                    failed += row["exit"] > 1
-                    shown.show(len(data.rows), total, failed)
-                    if time.perf_counter() - written > TABLE_EVERY_S:
-                        data.write_table()
-                        written = time.perf_counter()
+            for row in flights(plan, base, out, workers, shown, data.rows):
+                data.add(row)
+                if time.perf_counter() - written > TABLE_EVERY_S:
+                    data.write_table()
+                    written = time.perf_counter()
         finally:
             made = data.write_table()
         return _conclude(plan, data, made, time.perf_counter() - began)
 
 
+def flights(
+    plan: Plan, base: Mapping[Any, Plain], out: Path | None, workers: Workers, shown: Shown, flown: Mapping[int, Row]
+) -> Iterator[dict[str, Any]]:
+    """Yield the rows of a study's flights as they end, without those of `flown`; `out` keeps their records.
+
+    Raises:
+        RunAbortedError: no flight can be flown any more.
+    """
+    study, done = plan.study, set(flown)
+    tasks = deque(_task(study, base, out, planned) for planned in replayed(plan, flown.values()))
+    failed = sum(row["exit"] > 1 for row in flown.values())
+    with workers:
+        shown.say(workers.where)
+        for row in workers.rows(tasks):
+            following = plan.after(row)
+            if following is not None:
+                tasks.append(_task(study, base, out, following))
+            done.add(int(row["flight"]))
+            failed += row["exit"] > 1
+            shown.show(len(done), count_flights(study), failed)
+            yield row
+
+
 def refly_task(planned: Planned, study: Study, base: Mapping[Any, Plain], out: Path) -> Task:
     """Return a flight of a study as a task whose whole record is kept in `out`."""
-    return Task(planned, base, study.set, study.measured, "full", str(out), study.until_s)
+    return Task(planned, base, study.set, study.measured, "full", str(out), study.until_s, study.random)
 
 
 def planned_of(study: Study, row: Row) -> Planned:
@@ -122,7 +135,7 @@ def planned_of(study: Study, row: Row) -> Planned:
 def _task(study: Study, base: Mapping[Any, Plain], out: Path | None, planned: Planned) -> Task:
     kept = out is not None and study.record != "none"
     directory = str(out / FLIGHTS / f"{planned.flight:06d}") if out is not None and kept else None
-    return Task(planned, base, study.set, study.measured, study.record, directory, study.until_s)
+    return Task(planned, base, study.set, study.measured, study.record, directory, study.until_s, study.random)
 
 
 def _problem(study: Study, base: Mapping[Any, Plain], first: Planned, name: str, value: object) -> ScenarioError | None:

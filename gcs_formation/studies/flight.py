@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import tempfile
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
@@ -19,14 +20,18 @@ from gcs_formation.app.options import RunOptions
 from gcs_formation.app.progress import Silent
 from gcs_formation.app.run import run
 from gcs_formation.errors import RecordError, RunAbortedError
-from gcs_formation.record.run_directory import SUMMARY
+from gcs_formation.record.run_directory import EVENTS, SUMMARY, TIMESERIES, TLOG
 from gcs_formation.record.summary import Summary
-from gcs_formation.studies.keys import Record
+from gcs_formation.stress.invariants import broken, read_flown
+from gcs_formation.stress.scenarios import SEVERITIES, draw
+from gcs_formation.studies.keys import INVARIANTS, Record
 from gcs_formation.studies.plan import Planned
 
 VERSION: Final = version("gcs-formation")
 EXPECTED, BAD_SCENARIO, COULD_NOT_GO_ON = 1, 2, 3
 SECTIONS = ("safety", "control", "stability")
+REPEATED_EVERY = 10
+"""Of flights held against the invariants, one seed in so many is flown again and compared byte for byte."""
 LEAST_IS_WORST = ("min_separation_m", "min_clearance_m", "in_slot_share", "delay_margin_s", "left_at_s")
 
 
@@ -43,6 +48,8 @@ class Task:
     directory: str | None
     """Where the record is kept; None where none is."""
     until_s: float | None = None
+    random: str | None = None
+    """The severity by which the scenario is drawn from the seed, instead of `base`."""
 
     def scenario(self) -> Scenario:
         """Return the flight's scenario.
@@ -50,8 +57,11 @@ class Task:
         Raises:
             ScenarioError: it can't be flown with these parameters.
         """
-        keys = {**self.set, **self.planned.parameters, "seed": self.planned.seed}
-        return load_scenario(self.base, settings(keys), option="")
+        seed, keys = self.planned.seed, {**self.set, **self.planned.parameters}
+        if self.random is None:
+            return load_scenario(self.base, settings({**keys, "seed": seed}), option="")
+        scenario = draw(seed, SEVERITIES[self.random])
+        return load_scenario(scenario, settings(keys), option="") if keys else scenario
 
 
 def fly(task: Task) -> dict[str, Any]:
@@ -59,13 +69,18 @@ def fly(task: Task) -> dict[str, Any]:
     wall, cpu = time.perf_counter(), time.thread_time()
     values: dict[str, Any] = dict.fromkeys(task.metrics)
     try:
-        summary = _flown(task)
-        values = {metric: figure(summary.figures, metric) for metric in task.metrics}
-        exit_status, words = (0, "") if summary.held else (EXPECTED, "; ".join(summary.breaches))
+        summary, wrong = _flown(task)
+        values = {metric: _measured(metric, summary, wrong) for metric in task.metrics}
+        said = [*wrong, *(str(each) for each in summary.verdicts if each.held is False), *summary.breaches]
+        exit_status, words = int(not summary.held or bool(wrong)), "\n".join(said)
     except ScenarioError as error:
         exit_status, words = BAD_SCENARIO, str(error)
-    except (RunAbortedError, RecordError) as error:
+    except RecordError as error:
         exit_status, words = COULD_NOT_GO_ON, str(error)
+    except RunAbortedError as error:
+        values, exit_status, words = _uncompleted(task), COULD_NOT_GO_ON, f"completed: {error}"
+    except Exception as error:  # noqa: BLE001 - a fault of ours costs its flight alone; the seed finds it again
+        values, exit_status, words = _uncompleted(task), COULD_NOT_GO_ON, f"completed: raised {error!r}"
     planned = task.planned
     spent = {"wall_s": time.perf_counter() - wall, "cpu_s": time.thread_time() - cpu}
     head = {"flight": planned.flight, "seed": planned.seed, **planned.parameters}
@@ -104,17 +119,36 @@ def _at(figures: Mapping[str, Any], name: str) -> Any:  # noqa: ANN401 - a value
     return value
 
 
-def _flown(task: Task) -> Summary:
-    scenario = task.scenario()
+def _measured(metric: str, summary: Summary, wrong: list[str]) -> float | None:
+    return float(len(wrong)) if metric == INVARIANTS else figure(summary.figures, metric)
+
+
+def _uncompleted(task: Task) -> dict[str, Any]:
+    """Return the figures of a flight that had no end: that it has one is an invariant too."""
+    return {metric: 1.0 if metric == INVARIANTS else None for metric in task.metrics}
+
+
+def _flown(task: Task) -> tuple[Summary, list[str]]:
+    """Return a flight's summary, and which invariants it broke where that is measured."""
+    scenario, judged = task.scenario(), INVARIANTS in task.metrics
     kept = Path(task.directory) if task.directory is not None else None
     with tempfile.TemporaryDirectory() as scratch:
-        whole = kept if task.record in {"full", "series"} else None
-        options = RunOptions(
-            whole or Path(scratch), "virtual", until_s=task.until_s, overwrite=True, record=task.record
-        )
+        directory = kept if kept is not None and task.record in {"full", "series"} else Path(scratch) / "flight"
+        record: Record = "full" if judged else task.record
+        options = RunOptions(directory, "virtual", until_s=task.until_s, overwrite=True, record=record)
         summary = run(scenario, options, Silent(), Interrupts())
+        wrong = broken(read_flown(directory, scenario)) if judged else []
+        if judged and not wrong and scenario.seed % REPEATED_EVERY == 0:
+            again = Path(scratch) / "again"
+            run(scenario, replace(options, out=again), Silent(), Interrupts())
+            if _digest(directory) != _digest(again):
+                wrong = ["repeatable: flown again, the record differs"]
     if task.record == "summary" and kept is not None:
         kept.mkdir(parents=True, exist_ok=True)
         text = json.dumps(summary.to_dict(), ensure_ascii=False, allow_nan=False)
         (kept / SUMMARY).write_text(text + "\n", encoding="utf-8")
-    return summary
+    return summary, wrong
+
+
+def _digest(directory: Path) -> str:
+    return hashlib.sha256(b"".join((directory / name).read_bytes() for name in (TLOG, TIMESERIES, EVENTS))).hexdigest()

@@ -7,19 +7,37 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeAlias
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import BeforeValidator, Field, ValidationError, WithJsonSchema, model_validator
 from pydantic_core import PydanticCustomError
 
 from formation_scenario import ScenarioError
 from formation_scenario.describe import problems_of
-from formation_scenario.expectation import METRICS, Metric
+from formation_scenario.expectation import METRICS
 from formation_scenario.fields import Allowed, Fraction, Keys, Name, Number, Positive
 from formation_scenario.source import Plain, Source, plain_mapping, read_file
 from gcs_formation.app.options import Record
 
 MOST_VALUES = 10_000
+INVARIANTS = "broken_invariants"
+"""How many of the invariants of `gcs-formation stress` a flight broke."""
+FIGURES = (*METRICS, INVARIANTS)
+"""What can be measured of a flight of a study."""
 Value: TypeAlias = Any
 """Any value that YAML has."""
+
+
+def _known_figure(value: object) -> object:
+    if value not in FIGURES:
+        raise PydanticCustomError("metric", "unknown metric")
+    return value
+
+
+Metric = Annotated[
+    str,
+    BeforeValidator(_known_figure),
+    WithJsonSchema({"type": "string", "enum": list(FIGURES)}),
+    Allowed(", ".join(FIGURES), FIGURES),
+]
 
 
 class Range(Keys):
@@ -123,7 +141,12 @@ class Study(Keys):
     schema_: Literal[1] = Field(default=1, alias="schema", description="version of these keys")
     name: Name = Field(default="study", description="name of the study; the file's by default")
     base: Annotated[str | dict[str, Any], Allowed("a scenario's file, relative to the study's, or its keys")] = Field(
-        description="the scenario: a file, relative to the study's, or its keys"
+        default={}, description="the scenario: a file, relative to the study's, or its keys"
+    )
+    random: Literal["usual", "hard"] | None = Field(
+        default=None,
+        description="instead of `base`: every flight's scenario is drawn from its seed, as `gcs-formation stress` and "
+        "`stress --hard` do",
     )
     set: dict[str, Any] = Field(default={}, description="keys of the scenario that all flights have, as --set")
     parameters: Annotated[Mapping[str, Parameter], Allowed("a mapping of dotted keys to values")] = Field(
@@ -177,6 +200,9 @@ def load_study(source: Path | Mapping[str, Any]) -> tuple[Study, Path]:
         study = Study.model_validate(read.data)
     except ValidationError as error:
         raise ScenarioError(problems_of(error, Study, read)) from error
+    if (study.random is None) == (not study.base):
+        found = "found `random` beside it" if study.random else "not found"
+        raise ScenarioError([read.problem(("base",), found, "a scenario's file or its keys, or `random` instead")])
     return study, home
 
 
@@ -206,7 +232,7 @@ def _one_bound(made: Any, below: float | None, above: float | None) -> Any:  # n
 
 
 __all__ = [
-    "METRICS",
+    "INVARIANTS",
     "Bisection",
     "Distribution",
     "Range",

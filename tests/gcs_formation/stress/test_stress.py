@@ -10,13 +10,20 @@ from click.testing import CliRunner
 
 from formation_scenario import Scenario, dump_scenario
 from formation_scenario.faults import FaultKind
-from gcs_formation.app.options import RunOptions
 from gcs_formation.cli import main
-from gcs_formation.stress import campaign
-from gcs_formation.stress.campaign import fly_seed
+from gcs_formation.errors import RunAbortedError
 from gcs_formation.stress.scenarios import HARD, draw
+from gcs_formation.studies import flight
+from gcs_formation.studies.flight import Task, fly
+from gcs_formation.studies.keys import INVARIANTS
+from gcs_formation.studies.plan import Planned
 
 SEEDS_EACH = 2
+
+
+def flown(seed: int, severity: str = "usual") -> str:
+    """Fly a seed; return what it broke."""
+    return fly(Task(Planned(0, seed, {}), {}, {}, (INVARIANTS,), "none", None, random=severity))["words"]
 
 
 def test_a_seed_is_one_scenario_and_seeds_differ() -> None:
@@ -61,28 +68,42 @@ def test_hard_flights_are_faster_and_in_trouble_for_longer(scenarios: list[Scena
 @pytest.mark.slow
 @pytest.mark.parametrize("first", range(1, 101, SEEDS_EACH))
 def test_seeded_flights_break_nothing(first: int) -> None:
-    assert [trial for seed in range(first, first + SEEDS_EACH) if (trial := fly_seed(seed)).broken] == []
+    assert [wrong for seed in range(first, first + SEEDS_EACH) if (wrong := flown(seed))] == []
 
 
 @pytest.mark.slow
 def test_a_leader_that_its_pilot_takes_600_m_away_is_in_its_slot_again() -> None:
-    assert fly_seed(14, severity=HARD).broken == ()
+    assert flown(14, "hard") == ""
 
 
 @pytest.mark.parametrize("hard", [[], ["--hard"]])
 def test_the_command_names_the_seed_that_breaks_something(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, hard: list[str]
 ) -> None:
-    def fly(scenario: Scenario, options: RunOptions) -> list[str]:
-        options.out.mkdir()
-        return [f"separation: seed {scenario.seed} came too near"]
+    def run(scenario: Scenario, *_: object) -> None:
+        raise RunAbortedError(f"{scenario.name}: vehicle 2 doesn't answer")
 
-    monkeypatch.setattr(campaign, "_fly", fly)
+    monkeypatch.setattr(flight, "run", run)
     result = CliRunner().invoke(main, ["stress", *hard, "--count", "1", "--seed", "7", "--out", str(tmp_path / "run")])
     assert result.exit_code == 1
-    assert "seed 7: separation: seed 7 came too near" in result.stderr
+    name = "stress-hard-7" if hard else "stress-7"
+    assert f"seed 7: completed: {name}: vehicle 2 doesn't answer" in result.stderr
     assert " ".join(["gcs-formation stress", *hard, "--count 1 --seed 7"]) in result.stderr
-    assert (tmp_path / "run").is_dir()
+    assert result.stdout == "1 flights, seeds 7 to 7: 1 broke an invariant\n"
+
+
+def test_a_flight_that_raises_is_one_that_broke_something(monkeypatch: pytest.MonkeyPatch) -> None:
+    def run(*_: object) -> None:
+        raise ZeroDivisionError("by nothing")
+
+    monkeypatch.setattr(flight, "run", run)
+    assert flown(7) == "completed: raised ZeroDivisionError('by nothing')"
+
+
+def test_what_an_earlier_run_left_is_replaced_when_told_only(tmp_path: Path) -> None:
+    (tmp_path / "run.yaml").touch()
+    result = CliRunner().invoke(main, ["stress", "--count", "1", "--out", str(tmp_path)])
+    assert (result.exit_code, "found an earlier run" in result.stderr) == (2, True)
 
 
 def test_a_record_is_kept_of_one_flight_only() -> None:
