@@ -9,11 +9,11 @@ from formation_scenario.source import KeyPath, Plain, Source
 
 EACH = "*"
 NOT_AVAILABLE: dict[tuple[str, ...], tuple[str, ...]] = {
-    ("vehicles", EACH, "autopilot"): ("px4", "arducopter"),
-    ("vehicles", "autopilot"): ("px4", "arducopter"),
+    ("vehicles", EACH, "autopilot"): ("arducopter",),
+    ("vehicles", "autopilot"): ("arducopter",),
 }
 AVAILABLE: dict[str, str] = {
-    "autopilot": "emulator, arduplane",
+    "autopilot": "emulator, arduplane, px4",
 }
 
 

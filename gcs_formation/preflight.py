@@ -46,8 +46,9 @@ class PreFlight:
         self._readers: dict[VehicleId, ParameterReader] = {}
         if caution.parameters:
             for planned in scenario.vehicles:
-                checks = vehicles[planned.vehicle_id].autopilot.checks(demands(scenario, planned))
-                self._readers[planned.vehicle_id] = ParameterReader(planned.id, checks)
+                autopilot = vehicles[planned.vehicle_id].autopilot
+                checks = autopilot.checks(demands(scenario, planned))
+                self._readers[planned.vehicle_id] = ParameterReader(planned.id, checks, autopilot.parameter)
         self._judged, self._refused = set[VehicleId](), False
         self.warnings: dict[VehicleId, tuple[str, ...]] = {}
         """What isn't as it should be, and doesn't keep anybody on the ground."""

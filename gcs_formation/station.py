@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from airlink import mavlink as m
 from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import Endpoint
 from airlink.engine import Datagram
@@ -328,14 +327,14 @@ class Station:
     # What happens, and what is said about it.
 
     def _take(self, vehicle: Vehicle, frame: Frame, now: Instant, *, timed: bool) -> None:
-        mode, said = vehicle.telemetry.custom_mode, len(vehicle.telemetry.texts)
+        mode, texts = vehicle.telemetry.custom_mode, vehicle.telemetry.texts_told
         if vehicle.take(frame, now, timed=timed):
             self._note_link(vehicle, now)
         if isinstance(frame.message, ParamValue):
             self.preflight.take(vehicle, frame.message, now)
         if vehicle.telemetry.custom_mode != mode:
             self._event(now, "mode", vehicle.autopilot.mode_name(vehicle.telemetry), vehicle)
-        if frame.message_id == m.MAVLINK_MSG_ID_STATUSTEXT and (said or vehicle.telemetry.texts):
+        if vehicle.telemetry.texts_told != texts:
             self._event(now, "statustext", vehicle.telemetry.texts[-1], vehicle)
 
     def _move(self, cause: Cause, now: Instant, manner: End = "loiter") -> bool:

@@ -10,6 +10,7 @@ from typing import ClassVar
 from airlink import mavlink as m
 from airlink.geodesy import GeodeticOrigin
 from airlink.messages.command import CommandInt, CommandLong
+from airlink.messages.parameter import ParamValue
 from airlink.messages.system import Heartbeat
 from formation_scenario.orders import End
 from gcs_formation.setpoint import Setpoint, Whereabouts
@@ -147,6 +148,10 @@ class Autopilot(ABC):
     @abstractmethod
     def checks(self, asked: Demands) -> tuple[Check, ...]:
         """Return the parameters to read before a flight that asks this much of the vehicle."""
+
+    def parameter(self, told: ParamValue) -> float:
+        """Return a parameter's value from the message that tells it."""
+        return told.param_value
 
     def stand_down(self) -> tuple[Command, ...]:
         """Return the commands that keep a vehicle on the ground; one that flies refuses them."""

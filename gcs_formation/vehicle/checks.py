@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import NamedTuple
 
 from airlink import mavlink as m
@@ -69,9 +70,11 @@ class Check:
 class ParameterReader:
     """Reads from one vehicle what its checks need."""
 
-    def __init__(self, system: int, checks: Sequence[Check]) -> None:
-        """Ask `system`; nothing is asked before `requests` is called."""
-        self._system, self._checks = system, checks
+    def __init__(
+        self, system: int, checks: Sequence[Check], value_of: Callable[[ParamValue], float] = attrgetter("param_value")
+    ) -> None:
+        """Ask `system`; nothing is asked before `requests` is called. `value_of` reads an answer."""
+        self._system, self._checks, self._value_of = system, checks, value_of
         self._tries = {name: 0 for check in checks for name in check.names}
         self._values: dict[str, float] = {}
         self._next = Instant(0)
@@ -94,7 +97,7 @@ class ParameterReader:
     def take(self, message: ParamValue, now: Instant) -> None:
         """Take a parameter; those that weren't asked for are ignored. What is missing still is asked for at once."""
         if message.param_id in self._tries:
-            self._values[message.param_id] = message.param_value
+            self._values[message.param_id] = self._value_of(message)
             if not any(self._tries[name] for name in self._missing()):
                 self._next = now
 

@@ -6,8 +6,9 @@ from airlink.geodesy import GeodeticOrigin
 from formation_scenario import Vehicle
 from gcs_formation.vehicle.arduplane import ArduPlane
 from gcs_formation.vehicle.autopilot import Autopilot
+from gcs_formation.vehicle.px4_plane import Px4Plane
 
-FAMILIES: dict[str, type[Autopilot]] = {"emulator": ArduPlane, "arduplane": ArduPlane}
+FAMILIES: dict[str, type[Autopilot]] = {"emulator": ArduPlane, "arduplane": ArduPlane, "px4": Px4Plane}
 """The scenario's `autopilot` -> its class; the emulators behave like ArduPlane."""
 
 

@@ -11,9 +11,19 @@ from airlink import mavlink as m
 from airlink.geodesy import GeodeticOrigin
 from airlink.messages import Message
 from airlink.messages.system import Heartbeat, Statustext
-from airlink.messages.telemetry import Attitude, EkfStatusReport, GlobalPositionInt, SysStatus, VfrHud
+from airlink.messages.telemetry import (
+    Attitude,
+    EkfStatusReport,
+    ExtendedSysState,
+    GlobalPositionInt,
+    HomePosition,
+    SysStatus,
+    VfrHud,
+)
 
 KEPT_TEXTS = 8
+TEXT_BYTES = 50
+"""Length of STATUSTEXT's field: a text that fills it goes on in another message with its id."""
 SPEED_LIMIT_MPS = 400.0
 ANGLE_LIMIT_RAD = 2 * math.pi
 TURN_LIMIT_RPS = 50.0
@@ -49,10 +59,17 @@ class Telemetry:
     heartbeats: int = 0
     ekf_flags: int = 0
     sensors_healthy: int = 0
+    landed_state: int = m.MAV_LANDED_STATE_UNDEFINED
+    home_m: tuple[float, float] | None = None
+    """Its home, north and east of the origin, if it has told."""
     updates: int = 0
     implausible: int = 0
     """Messages that were dropped because they can't be an aircraft's."""
     texts: deque[str] = field(default_factory=lambda: deque[str](maxlen=KEPT_TEXTS))
+    texts_told: int = 0
+    """Counts the texts that have come to their end."""
+    _chunks: tuple[int, str] = (0, "")
+    """Id and beginning of a text whose end is still to come."""
 
     def take(self, message: Message) -> None:
         """Store the state in `message`; values that aren't finite or plausible are dropped and counted."""
@@ -73,8 +90,12 @@ class Telemetry:
                 self.ekf_flags = message.flags
             case SysStatus():
                 self.sensors_healthy = message.onboard_control_sensors_health
+            case ExtendedSysState():
+                self.landed_state = message.landed_state
+            case HomePosition():
+                self.home_m = self.origin.to_ned(message.latitude_rad, message.longitude_rad, message.altitude_m)[:2]
             case Statustext():
-                self.texts.append(_printable(message.text))
+                self._take_text(message)
             case GlobalPositionInt() | Attitude() | VfrHud():
                 self.implausible += 1
             case _:
@@ -96,11 +117,23 @@ class Telemetry:
             self.airspeed_stamp_s = message.time_boot_s
         self.updates += 1
 
+    def _take_text(self, message: Statustext) -> None:
+        """Store a text once its last chunk has come: the one that doesn't fill its field."""
+        number, begun = self._chunks
+        text = (begun if message.id and message.id == number else "") + message.text
+        if message.id and len(message.text.encode()) >= TEXT_BYTES:
+            self._chunks = message.id, text
+            return
+        self._chunks = 0, ""
+        self.texts.append(_printable(text.strip()))
+        self.texts_told += 1
+
     def forget(self) -> None:
         """Forget everything that a restart makes untrue."""
         self.motion = self.attitude = self.heartbeat = None
         self.airspeed_mps = self.airspeed_stamp_s = math.nan
         self.ekf_flags = self.sensors_healthy = 0
+        self.landed_state, self.home_m = m.MAV_LANDED_STATE_UNDEFINED, None
 
     @property
     def complete(self) -> bool:

@@ -21,6 +21,7 @@ from formation_scenario.model import Origin
 from formation_scenario.vehicles import BASE_PORT
 from sim_vehicles.cli.usage import EXAMPLES
 from sim_vehicles.config import FleetConfig, Start, VehicleConfig
+from sim_vehicles.families import without_emulator
 from sim_vehicles.fleet import Fleet
 from sim_vehicles.from_scenario import fleet_config
 from sim_vehicles.runner import RunnerOptions, run
@@ -79,9 +80,13 @@ def fly(
 
 def _of(scenario: Path, overrides: tuple[str, ...]) -> FleetConfig:
     try:
-        return fleet_config(load_scenario(scenario, overrides))
+        planned = load_scenario(scenario, overrides)
     except ScenarioError as error:
         fail(str(error))
+    refused = "; ".join(without_emulator(planned))
+    if refused:
+        fail(refused)
+    return fleet_config(planned)
 
 
 def _plain(count: int, base_port: int, *, one_port: bool) -> FleetConfig:

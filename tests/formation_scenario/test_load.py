@@ -193,9 +193,10 @@ def test_selected_vehicles_are_named_by_id_or_network_and_id(load):
 
 
 def test_what_is_not_available_is_refused_by_name(refusal):
-    assert refusal("vehicles.2.autopilot=px4")[0].startswith("vehicles.2.autopilot: found 'px4', not available")
+    refused = refusal("vehicles.2.autopilot=arducopter")[0]
+    assert refused.startswith("vehicles.2.autopilot: found 'arducopter', not available")
     assert refusal("vehicles={count: 9, autopilot: arducopter}") == [
-        "vehicles.autopilot: found 'arducopter', not available in this version; emulator, arduplane"
+        "vehicles.autopilot: found 'arducopter', not available in this version; emulator, arduplane, px4"
     ]
 
 

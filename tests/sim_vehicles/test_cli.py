@@ -5,11 +5,14 @@ import signal
 import socket
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 
 from sim_vehicles.cli import main
+
+ROOT = Path(__file__).parents[2]
 
 
 def call(*arguments):
@@ -121,3 +124,9 @@ def test_it_speaks_over_udp_and_ends_on_a_signal_without_a_word(number, status):
             _, said = process.communicate(timeout=20)
     assert first[0] == 0xFD
     assert (process.returncode, said) == (status, b"")
+
+
+def test_a_family_without_an_emulator_is_refused_by_its_name():
+    answer = call(ROOT / "configs" / "quickstart.yaml", "--set", "vehicles.2.autopilot=px4")
+    assert answer.exit_code == 2
+    assert "vehicle 2 (px4): there is no emulator of that" in answer.output

@@ -1,0 +1,206 @@
+"""PX4, fixed wing.
+
+It is commanded in AUTO.LOITER ("Hold") by a stream of MAV_CMD_DO_REPOSITION: outside of the circle around the place it
+is sent to it flies straight there, so a place far ahead is a course. In OFFBOARD it takes no airspeed.
+
+Sources: PX4 user guide, "Hold Mode (Fixed-Wing)", "Takeoff Mode (Fixed-Wing)"; its acceptance and refusals as its
+simulator (SIH) showed them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import ClassVar
+
+from airlink import mavlink as m
+from airlink.messages.command import CommandInt, CommandLong
+from airlink.messages.parameter import ParamValue
+from airlink.messages.system import Heartbeat
+from gcs_formation.setpoint import Setpoint, Whereabouts
+from gcs_formation.vehicle.autopilot import Autopilot, Command, Step
+from gcs_formation.vehicle.checks import Check, Demands
+from gcs_formation.vehicle.px4_parameters import px4_plane_checks, px4_value
+from gcs_formation.vehicle.telemetry import Telemetry
+
+MAIN_AUTO = 4
+
+
+def _mode(main: int, sub: int = 0) -> int:
+    """Return custom_mode of a main and a sub mode."""
+    return main << 16 | sub << 24
+
+
+TAKEOFF, LOITER, RTL = _mode(MAIN_AUTO, 2), _mode(MAIN_AUTO, 3), _mode(MAIN_AUTO, 5)
+
+AIM_M = 400.0
+"""Distance of the place ahead that a setpoint names. Nearer than the circle's radius (NAV_LOITER_RAD, 80 m) and 7 s of
+flight (NPFG_PERIOD 10 s, damping 0.7), PX4 bends towards the circle; when setpoints stop it flies there and circles."""
+TAKE_OFF_TO_M = 50.0
+SLOW_RATE_HZ = 2.0
+UTC_RATE_HZ = 1.0
+AIRBORNE_M = 10.0
+REFERENCE_CLIMB_MPS = 3.0
+"""After boot the height controller's reference begins at sea level and rises this fast (FW_T_CLMB_R_SP); who takes off
+before it has come to the field's altitude dives into the ground. Seen in version 1.17 (development)."""
+DEFAULT_SPEED = -1.0
+UNCHANGED = math.nan
+
+
+class Px4Plane(Autopilot):
+    """A fixed-wing PX4, commanded in AUTO.LOITER by MAV_CMD_DO_REPOSITION."""
+
+    family = "PX4 fixed wing"
+    loop_s = 0.0
+    """It answers TIMESYNC and commands as they come."""
+    take_off_m = 45.0
+    guided_mode = loiter_mode = LOITER
+    setpoint_commands = (m.MAV_CMD_DO_REPOSITION,) * 3
+    mode_names: ClassVar = {
+        _mode(1): "MANUAL",
+        _mode(2): "ALTITUDE",
+        _mode(3): "POSITION",
+        _mode(5): "ACRO",
+        _mode(6): "OFFBOARD",
+        _mode(7): "STABILIZED",
+        TAKEOFF: "TAKEOFF",
+        LOITER: "HOLD",
+        _mode(MAIN_AUTO, 4): "MISSION",
+        RTL: "RTL",
+        _mode(MAIN_AUTO, 6): "LAND",
+    }
+
+    def speaks(self, heartbeat: Heartbeat) -> bool:
+        """Return whether a heartbeat is that of a fixed-wing PX4; its others don't fly by these commands."""
+        return heartbeat.autopilot == m.MAV_AUTOPILOT_PX4 and heartbeat.type == m.MAV_TYPE_FIXED_WING
+
+    def rates_hz(self, telemetry_rate_hz: float, *, utc: bool = False) -> Mapping[int, float]:
+        """Return the rates of the messages that carry motion, readiness and, if wanted, UTC."""
+        fast = (m.MAVLINK_MSG_ID_ATTITUDE, m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, m.MAVLINK_MSG_ID_VFR_HUD)
+        slow = (m.MAVLINK_MSG_ID_SYS_STATUS, m.MAVLINK_MSG_ID_EXTENDED_SYS_STATE)
+        rates_hz = dict.fromkeys(fast, telemetry_rate_hz) | dict.fromkeys(slow, SLOW_RATE_HZ) | self.unasked_hz
+        return rates_hz | {m.MAVLINK_MSG_ID_SYSTEM_TIME: UTC_RATE_HZ} if utc else rates_hz
+
+    def start_up(self, rates_hz: Mapping[int, float]) -> tuple[Step, ...]:
+        """Return the steps: streams, ready, take-off, which ends in HOLD; what is done already is left out."""
+        return (
+            Step("asked for telemetry", lambda seen: seen.complete, lambda _: self.requests(rates_hz), 20.0, True),
+            Step("waited for it to be ready to arm", self._is_ready, timeout_s=90.0),
+            Step("waited for its height controller to come up to the field", self._reference_is_up, timeout_s=1200.0),
+            Step("told it to take off", self._is_taking_off, self._to_take_off, takes_off=True),
+            Step("armed", lambda seen: seen.armed, self._to_arm, 30.0, takes_off=True),
+            Step("waited for it to climb", self._has_climbed, timeout_s=120.0),
+            Step("set mode HOLD", self.takes_setpoints, lambda _: (self.set_mode(LOITER),)),
+        )
+
+    def checks(self, asked: Demands) -> tuple[Check, ...]:
+        """Return failsafe and limits."""
+        return px4_plane_checks(asked)
+
+    def parameter(self, told: ParamValue) -> float:
+        """Return a parameter's value, of an integer too."""
+        return px4_value(told)
+
+    def is_airborne(self, telemetry: Telemetry) -> bool:
+        """Return whether it is armed and says that it is in the air, or is well above home."""
+        aloft = telemetry.motion is not None and telemetry.motion.above_home_m > AIRBORNE_M
+        return telemetry.armed and (aloft or telemetry.landed_state == m.MAV_LANDED_STATE_IN_AIR)
+
+    def climbs_out(self, telemetry: Telemetry) -> bool:
+        """Return whether it is in TAKEOFF, below the height at which that ends."""
+        motion = telemetry.motion
+        return motion is not None and telemetry.custom_mode == TAKEOFF and motion.above_home_m <= self.take_off_m
+
+    def setpoint(self, setpoint: Setpoint, where: Whereabouts) -> tuple[Command, ...]:
+        """Return one command: airspeed, altitude above sea level, and a place ahead.
+
+        PX4 flies a course over ground: that of the airspeed along the heading, plus the wind as the station knows it.
+        """
+        north_mps = setpoint.speed_mps * math.cos(setpoint.heading_rad) + where.wind_north_mps
+        east_mps = setpoint.speed_mps * math.sin(setpoint.heading_rad) + where.wind_east_mps
+        course_rad = math.atan2(east_mps, north_mps)
+        north_m = where.north_m + AIM_M * math.cos(course_rad)
+        east_m = where.east_m + AIM_M * math.sin(course_rad)
+        return (self._reposition(north_m, east_m, setpoint.height_m, setpoint.speed_mps),)
+
+    def mode_asked(self, command: Command) -> int | None:
+        """Return the main and sub mode that a command asks for, as one number."""
+        if command.command != m.MAV_CMD_DO_SET_MODE:
+            return None
+        return _mode(int(command.param2), int(command.param3))
+
+    def set_mode(self, mode: int) -> Command:
+        """Return MAV_CMD_DO_SET_MODE: the main mode and the sub mode in fields of their own."""
+        return CommandLong(
+            self.system,
+            m.MAV_COMP_ID_AUTOPILOT1,
+            m.MAV_CMD_DO_SET_MODE,
+            param1=m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED,
+            param2=mode >> 16 & 0xFF,
+            param3=mode >> 24,
+        )
+
+    def loiter(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:
+        """Return HOLD, then the place and height.
+
+        When the mode is acknowledged no acknowledgement of an earlier setpoint, which is the same command as the
+        place, is on its way any more.
+        """
+        place = seen.motion
+        return (self.set_mode(LOITER), self._reposition(place.north_m, place.east_m, height_m)) if place else ()
+
+    def go_home(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:
+        """Return HOLD over its home; RTL, whose height is the same for all, if it hasn't told where that is."""
+        if seen.home_m is None:
+            return (self.set_mode(RTL),)
+        return (self.set_mode(LOITER), self._reposition(*seen.home_m, height_m))
+
+    def _reposition(self, north_m: float, east_m: float, height_m: float, speed_mps: float = DEFAULT_SPEED) -> Command:
+        lat_rad, lon_rad, alt_m = self.origin.from_ned(north_m, east_m, -height_m)
+        return CommandInt(
+            self.system,
+            m.MAV_COMP_ID_AUTOPILOT1,
+            m.MAV_FRAME_GLOBAL_INT,
+            m.MAV_CMD_DO_REPOSITION,
+            param1=speed_mps,
+            param2=m.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE,
+            param4=UNCHANGED,
+            x=round(math.degrees(lat_rad) * 1e7),
+            y=round(math.degrees(lon_rad) * 1e7),
+            z=alt_m,
+        )
+
+    def _to_take_off(self, seen: Telemetry) -> tuple[Command, ...]:
+        """Return NAV_TAKEOFF from where it stands; its altitude is above sea level."""
+        ground_m = self._home_above_sea_m(seen)
+        return (
+            CommandLong(
+                self.system,
+                m.MAV_COMP_ID_AUTOPILOT1,
+                m.MAV_CMD_NAV_TAKEOFF,
+                param4=UNCHANGED,
+                param5=UNCHANGED,
+                param6=UNCHANGED,
+                param7=ground_m + TAKE_OFF_TO_M,
+            ),
+        )
+
+    def _home_above_sea_m(self, seen: Telemetry) -> float:
+        motion = seen.motion
+        return math.nan if motion is None else motion.height_m - motion.above_home_m + self.origin.alt_m
+
+    def _is_ready(self, seen: Telemetry) -> bool:
+        standby = seen.heartbeat is not None and seen.heartbeat.system_status == m.MAV_STATE_STANDBY
+        healthy = bool(seen.sensors_healthy & m.MAV_SYS_STATUS_PREARM_CHECK)
+        return (standby and healthy) or self.is_airborne(seen)
+
+    def _reference_is_up(self, seen: Telemetry) -> bool:
+        motion = seen.motion
+        risen_m = REFERENCE_CLIMB_MPS * motion.stamp_s if motion else 0.0
+        return self.is_airborne(seen) or risen_m >= self._home_above_sea_m(seen)
+
+    def _is_taking_off(self, seen: Telemetry) -> bool:
+        return self.is_airborne(seen) or seen.custom_mode == TAKEOFF
+
+    def _has_climbed(self, seen: Telemetry) -> bool:
+        return self.is_airborne(seen) and seen.custom_mode != TAKEOFF
