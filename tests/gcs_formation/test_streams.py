@@ -7,6 +7,7 @@ from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from airlink import mavlink as m
@@ -20,12 +21,13 @@ from gcs_formation.vehicle.commands import CommandQueue
 from tests.gcs_formation.noted import Noted
 
 ATTITUDE, AIRSPEED, HEARTBEAT = m.MAVLINK_MSG_ID_ATTITUDE, m.MAVLINK_MSG_ID_VFR_HUD, m.MAVLINK_MSG_ID_HEARTBEAT
-ASKED_HZ = {ATTITUDE: 10.0, AIRSPEED: 10.0, HEARTBEAT: 1.0}
+STATUS = m.MAVLINK_MSG_ID_SYS_STATUS
+ASKED_HZ = {ATTITUDE: 10.0, AIRSPEED: 10.0, STATUS: 2.0, HEARTBEAT: 1.0}
 STEP_S = 0.1
 
 
 class Sender:
-    """A vehicle that sends at given rates over a link that loses an even share."""
+    """A vehicle that sends at given rates over a link that loses a share of that at random."""
 
     def __init__(self) -> None:
         self.rates_hz, self.loss, self.answer = dict(ASKED_HZ), 0.0, m.MAV_RESULT_ACCEPTED
@@ -42,7 +44,7 @@ class Sender:
         self.notes, self.now = Noted(), Instant(0)
         self.asked: list[tuple[float, int, float]] = []
         """When each message was asked for, its id, and its interval in s."""
-        self._due, self._kept = Counter[int](), 0.0
+        self._due, self._random = Counter[int](), np.random.default_rng(1)
         self._watch = StreamWatch({self.vehicle.identity: self.vehicle}, self.notes)
 
     def run(self, seconds: float, *, silent: bool = False) -> None:
@@ -60,9 +62,7 @@ class Sender:
             self._due[message_id] += round(rate_hz * STEP_S * 1000)
             if self._due[message_id] >= 1000:
                 self._due[message_id] -= 1000
-                self._kept += 1.0 - self.loss
-                arrives = self._kept >= 1.0
-                self._kept -= arrives
+                arrives = bool(self._random.random() >= self.loss)
                 self.vehicle.sequence.received += arrives
                 self.vehicle.sequence.lost += not arrives
                 self.vehicle.messages_in[message_id] += arrives
@@ -76,11 +76,11 @@ def sender() -> Sender:
     return sends
 
 
-@pytest.mark.parametrize("loss", [0.0, 0.5])
-def test_nothing_is_asked_of_one_that_sends_as_asked_whatever_its_link_loses(loss: float) -> None:
+@pytest.mark.parametrize(("loss", "seconds"), [(0.0, 30.0), (0.5, 1000.0), (0.7, 100.0)])
+def test_nothing_is_asked_of_one_that_sends_as_asked_whatever_its_link_loses(loss: float, seconds: float) -> None:
     sends = Sender()
     sends.loss = loss
-    sends.run(60.0)
+    sends.run(seconds)
     assert sends.asked == sends.notes == []
 
 
@@ -103,14 +103,19 @@ def test_a_message_that_comes_more_than_half_as_often_is_left_alone(sender: Send
     assert sender.asked == []
 
 
-def test_a_message_that_comes_again_is_said_to_once_it_has_been_counted_anew(sender: Sender) -> None:
-    sender.rates_hz[AIRSPEED] = 0.0
-    sender.run(2.5)
-    sender.rates_hz[AIRSPEED] = 10.0
-    sender.run(10.0)
-    assert sender.notes.of("streams")[1:] == ["sends VFR_HUD again"]
-    (first, second) = (each.at_s for each in sender.notes)
-    assert 2.0 <= second - first <= 3.0
+@pytest.mark.parametrize(("message_id", "counted_s"), [(AIRSPEED, 2.0), (STATUS, 8.0)])
+def test_a_message_that_comes_again_is_said_to_once_it_has_been_counted_anew(
+    sender: Sender, message_id: int, counted_s: float
+) -> None:
+    sender.run(5.0)
+    sender.rates_hz[message_id] = 0.0
+    while not sender.asked:
+        sender.run(STEP_S)
+    sender.rates_hz[message_id] = ASKED_HZ[message_id]
+    sender.run(20.0)
+    asked, again = sender.notes
+    assert again.text.endswith(" again")
+    assert counted_s <= again.at_s - asked.at_s <= counted_s + 1.0
     assert len(sender.asked) == 1
 
 
