@@ -76,8 +76,24 @@ def test_the_share_in_use_is_the_loop_s_delay_over_its_margin(warning: Formation
     assert warning.use(1.3) == pytest.approx(1.3)
     assert warning.watch.longest_s > longest_s
     assert warning.watch.most_used == pytest.approx(1.3)
+    longest_s = warning.watch.longest_s
     warning.use(0.4)
-    assert warning.watch.most_used == pytest.approx(1.3)
+    assert (warning.watch.most_used, warning.watch.longest_s) == (pytest.approx(1.3), longest_s)
+
+
+def test_the_loop_s_delay_is_the_way_up_and_the_way_down_however_the_round_trip_is_split(warning: Formation) -> None:
+    used: list[float] = []
+    for down_s in (0.05, 0.1, 0.15):
+        warning.delay(warning.follower, 0.1)
+        warning.follower.down_s = down_s
+        used.append(warning.look())
+    assert used == pytest.approx([used[0]] * 3)
+    begun = Formation()
+    begun.look()
+    before_s = begun.watch.longest_s
+    begun.delay(begun.follower, 0.1)
+    begun.look()
+    assert begun.watch.longest_s - before_s == pytest.approx(0.2)
 
 
 def test_a_delay_that_is_not_known_yet_is_no_share_and_no_event() -> None:
@@ -142,6 +158,14 @@ def test_looks_that_are_not_calm_one_after_the_other_do_not_raise_gains() -> Non
             formation.use(RESTORE / 4)
         formation.use(1.2)
     assert np.array_equal(formation.watch.bandwidth, lowered)
+    assert len(formation.notes.of("gains")) == 1
+
+
+def test_gains_that_can_not_come_down_any_further_are_not_reported_again_and_again() -> None:
+    formation = Formation(on_delay="degrade")
+    for _ in range(3):
+        assert formation.use(50.0) > 1.0
+    assert len(formation.notes.of("gains")) == 1
 
 
 def test_one_that_leads_has_no_loop_any_more_and_its_gains_back() -> None:

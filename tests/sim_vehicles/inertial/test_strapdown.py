@@ -14,7 +14,8 @@ from sim_vehicles.inertial.error_model import NORTH, TILT, VELOCITY, dynamics
 from sim_vehicles.inertial.flight import Array, Start, exact_start, navigate
 from sim_vehicles.inertial.imu import InertialSensors
 from sim_vehicles.inertial.rotation import angles, attitude, displaced, misalignment, to_matrix, to_quaternion
-from sim_vehicles.inertial.trajectory import Trajectory
+from sim_vehicles.inertial.strapdown import Strapdown
+from sim_vehicles.inertial.trajectory import Increments, Trajectory
 
 PLACE = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 1.0)
 MICRO_G, DEGREE_PER_HOUR = 9.797336e-6, math.radians(1.0) / 3600.0
@@ -59,6 +60,26 @@ def test_angles_matrices_and_quaternions_are_one_another_s_inverse() -> None:
     assert matrix[:, 1] == pytest.approx((math.sin(2.0) * math.cos(0.4), math.cos(2.0) * math.cos(0.4), -math.sin(0.4)))
     phi = np.array((1e-5, -2e-5, 3e-5))
     assert misalignment(displaced(matrix, phi), matrix) == pytest.approx(phi, rel=1e-4)
+
+
+def test_a_swing_in_step_with_a_push_gains_speed_across_both() -> None:
+    """Sculling: rolled by a sin wt and pushed sideways by A sin wt, a body gains a A / 2 upwards in each second."""
+    swing_rad, push_mps2, swing_radps, period_s = 0.1, 10.0, 6.0 * math.pi, 0.01
+    gravity = gravity_mps2(PLACE.lat_rad, 0.0)
+    times_s = np.arange(0.0, 2.0 + 1e-9, period_s)
+    phase, nothing = swing_radps * times_s, np.zeros(times_s.size - 1)
+    rolled = np.stack((np.diff(swing_rad * np.sin(phase)), nothing, nothing), axis=1)
+    pushed = np.stack(
+        (nothing, -np.diff(push_mps2 / swing_radps * np.cos(phase)), nothing + gravity * period_s), axis=1
+    )
+    computer = Strapdown(PLACE.lat_rad, 0.0, 0.0, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+    computer.run(Increments(rolled, pushed), period_s)
+    fine = np.sin(np.linspace(0.0, phase[-1], 200_001))
+    upward = np.sin(swing_rad * fine) * push_mps2 * fine + (np.cos(swing_rad * fine) - 1.0) * gravity
+    assert computer.velocity[2] == pytest.approx(2.0 * upward.mean(), abs=0.005)
+    assert 2.0 * upward.mean() == pytest.approx(
+        2.0 * (swing_rad * push_mps2 - swing_rad**2 * gravity / 2) / 2, abs=0.01
+    )
 
 
 def test_without_sensor_errors_only_integration_errs() -> None:

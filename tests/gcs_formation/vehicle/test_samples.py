@@ -1,0 +1,71 @@
+"""What becomes of a vehicle's messages before the law sees them: one state at one instant."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from airlink.clock import NANOSECONDS, Instant, seconds_between
+from airlink.identity import VehicleId
+from airlink.messages.telemetry import Attitude
+from gcs_formation.link.connection import Connection
+from gcs_formation.vehicle.arduplane import ArduPlane
+from gcs_formation.vehicle.vehicle import APART_LIMIT_S, Vehicle
+from tests.gcs_formation.vehicle.conftest import ORIGIN, position
+
+STAMP_S, TURN_RADPS = 50.0, 0.2
+NOW = Instant(0)
+
+
+@pytest.fixture
+def vehicle(tell, telemetry) -> Vehicle:
+    """A vehicle whose clock is 50 s ahead of ours, and that has told everything but an attitude of now."""
+    made = Vehicle(VehicleId(1, 7), ArduPlane(7, 0.0, 0.25), Connection(0), ORIGIN, 10.0)
+    tell(0, armed=True, above_home_m=100.0)
+    made.telemetry = telemetry
+    made.clock.observe(NOW, round(STAMP_S * NANOSECONDS), NOW)
+    telemetry.take(position(100.0, STAMP_S))
+    telemetry.airspeed_stamp_s = STAMP_S
+    return made
+
+
+def turns(vehicle: Vehicle, heading_rad: float, stamp_s: float) -> None:
+    vehicle.telemetry.take(Attitude(stamp_s, 0.0, 0.0, heading_rad, 0.0, 0.0, TURN_RADPS))
+
+
+@pytest.mark.parametrize("apart_s", [-0.08, 0.0, 0.1])
+def test_the_heading_is_that_of_the_position_s_instant_whichever_came_first(vehicle: Vehicle, apart_s: float) -> None:
+    """At 0.2 rad/s and 22 m/s a heading of 0.1 s before is that of a slot 0.6 m away, 30 m aside."""
+    turns(vehicle, 1.0 + TURN_RADPS * apart_s, STAMP_S + apart_s)
+    sample = vehicle.new_sample(NOW)
+    assert sample is not None
+    assert sample.heading_rad == pytest.approx(1.0)
+    assert seconds_between(sample.stamp, NOW) == pytest.approx(0.0, abs=1e-6)
+    assert vehicle.new_sample(NOW) is None, "once"
+
+
+@pytest.mark.parametrize("apart_s", [-APART_LIMIT_S - 0.1, APART_LIMIT_S + 0.1])
+def test_an_attitude_of_another_time_is_paired_with_no_position(vehicle: Vehicle, apart_s: float) -> None:
+    turns(vehicle, 1.0, STAMP_S + apart_s)
+    assert vehicle.new_sample(NOW) is None
+    assert vehicle.frames_implausible == 1
+
+
+@pytest.mark.parametrize(("late_s", "taken"), [(-2.1, False), (-1.9, True), (9.9, True), (10.1, False)])
+def test_a_stamp_of_the_future_or_of_long_ago_is_no_sample(vehicle: Vehicle, late_s: float, taken: bool) -> None:
+    turns(vehicle, 1.0, STAMP_S)
+    sample = vehicle.new_sample(Instant(round(late_s * NANOSECONDS)))
+    assert (sample is not None) is taken
+
+
+def test_before_its_clock_is_known_there_is_no_sample(tell, telemetry) -> None:
+    made = Vehicle(VehicleId(1, 7), ArduPlane(7, 0.0, 0.25), Connection(0), ORIGIN, 10.0)
+    tell(0, armed=True, above_home_m=100.0)
+    made.telemetry = telemetry
+    assert made.new_sample(NOW) is None
+    made.clock.observe(NOW, NANOSECONDS, NOW)
+    sample = made.new_sample(NOW)
+    assert sample is not None
+    assert (sample.north_m, sample.height_m) == pytest.approx((0.0, 100.0), abs=0.01)
+    assert math.isclose(sample.heading_rad, 0.5)
