@@ -34,7 +34,7 @@ class Ground:
     """Two networks, a socket each, with a vehicle 2 in either."""
 
     def __init__(self, phase: Phase) -> None:
-        plane = ArduPlane(2, 0.0, 0.25)
+        plane = ArduPlane(2, ORIGIN, 0.25)
         self.vehicles = {
             identity: Vehicle(identity, plane, Connection(socket), ORIGIN, 10.0)
             for socket, identity in enumerate((FIRST, SECOND))

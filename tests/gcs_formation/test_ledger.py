@@ -71,7 +71,7 @@ class Ground:
 
 
 def vehicle(number: int) -> Vehicle:
-    made = Vehicle(VehicleId(1, number), ArduPlane(number, 0.0, 0.25), Connection(0), ORIGIN, 10.0)
+    made = Vehicle(VehicleId(1, number), ArduPlane(number, ORIGIN, 0.25), Connection(0), ORIGIN, 10.0)
     made.member, made._answered = Member.FLYING, START
     return made
 

@@ -80,7 +80,7 @@ SET_MODE = m.MAV_CMD_DO_SET_MODE
 
 
 def vehicle(identity: VehicleId) -> Vehicle:
-    made = Vehicle(identity, ArduPlane(identity.system, 0.0, 0.25), Connection(0), ORIGIN, 10.0)
+    made = Vehicle(identity, ArduPlane(identity.system, ORIGIN, 0.25), Connection(0), ORIGIN, 10.0)
     made.start_up = StartUp((), index=0)
     made._loiter_ordered = after(Instant(0), -100.0)
     lat_rad, lon_rad, alt_m = ORIGIN.from_ned(30.0 * identity.system, 0.0, -100.0)

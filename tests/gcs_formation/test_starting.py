@@ -26,7 +26,7 @@ from tests.gcs_formation.noted import GivenUp, Noted
 
 ORIGIN = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 0.0)
 PLANE = Heartbeat(m.MAV_TYPE_FIXED_WING, m.MAV_AUTOPILOT_ARDUPILOTMEGA)
-MODE = ArduPlane(1, 0.0, 0.25).set_mode(m.PLANE_MODE_GUIDED)
+MODE = ArduPlane(1, ORIGIN, 0.25).set_mode(m.PLANE_MODE_GUIDED)
 
 
 class Ground:
@@ -44,7 +44,7 @@ class Ground:
         self.starting = Starting(self.vehicles, endpoints, self.flight, preflight, self.notes, self.given_up)
 
     def _vehicle(self, number: int) -> Vehicle:
-        plane = ArduPlane(number, 0.0, 0.25)
+        plane = ArduPlane(number, ORIGIN, 0.25)
         made = Vehicle(VehicleId(1, number), plane, Connection(number - 1), ORIGIN, 10.0)
         made.start_up = StartUp((self.step,))
         return made

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from itertools import pairwise
 from types import SimpleNamespace
@@ -12,6 +13,7 @@ import pytest
 
 from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, Instant, after
+from airlink.geodesy import GeodeticOrigin
 from airlink.identity import VehicleId
 from airlink.messages.command import CommandAck
 from gcs_formation.link.connection import STALE_AFTER_S, LinkState
@@ -22,6 +24,7 @@ from tests.gcs_formation.noted import Noted
 
 ATTITUDE, AIRSPEED, HEARTBEAT = m.MAVLINK_MSG_ID_ATTITUDE, m.MAVLINK_MSG_ID_VFR_HUD, m.MAVLINK_MSG_ID_HEARTBEAT
 STATUS = m.MAVLINK_MSG_ID_SYS_STATUS
+ORIGIN = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 0.0)
 ASKED_HZ = {ATTITUDE: 10.0, AIRSPEED: 10.0, STATUS: 2.0, HEARTBEAT: 1.0}
 STEP_S = 0.1
 
@@ -39,7 +42,7 @@ class Sender:
             start_up=SimpleNamespace(asked_for_telemetry=True),
             connection=SimpleNamespace(state=LinkState.CONNECTED),
             commands=CommandQueue(),
-            autopilot=ArduPlane(2, 0.0, 0.25),
+            autopilot=ArduPlane(2, ORIGIN, 0.25),
         )
         self.notes, self.now = Noted(), Instant(0)
         self.asked: list[tuple[float, int, float]] = []
