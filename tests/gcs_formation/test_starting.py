@@ -19,8 +19,9 @@ from gcs_formation.membership import Member
 from gcs_formation.phases import Flight, Phase
 from gcs_formation.starting import CONNECT_LIMIT_S, Starting
 from gcs_formation.vehicle.arduplane import ArduPlane
-from gcs_formation.vehicle.autopilot import Step
+from gcs_formation.vehicle.autopilot import Command, Step
 from gcs_formation.vehicle.startup import StartUp
+from gcs_formation.vehicle.telemetry import Telemetry
 from gcs_formation.vehicle.vehicle import Vehicle
 from tests.gcs_formation.noted import GivenUp, Noted
 
@@ -29,13 +30,17 @@ PLANE = Heartbeat(m.MAV_TYPE_FIXED_WING, m.MAV_AUTOPILOT_ARDUPILOTMEGA)
 MODE = ArduPlane(1, ORIGIN, 0.25).set_mode(m.PLANE_MODE_GUIDED)
 
 
+def told(_: Telemetry) -> tuple[Command, ...]:
+    return (MODE,)
+
+
 class Ground:
     """A leader and a follower that take one step of 20 s: a command, until they report GUIDED."""
 
     def __init__(self, phase: Phase = Phase.CONNECTING, *, takes_off: bool = False) -> None:
-        self.step = Step("set mode GUIDED", lambda seen: seen.custom_mode == m.PLANE_MODE_GUIDED, (MODE,), 20.0)
+        self.step = Step("set mode GUIDED", lambda seen: seen.custom_mode == m.PLANE_MODE_GUIDED, told, 20.0)
         if takes_off:
-            self.step = Step("armed", lambda seen: seen.armed, (MODE,), 20.0, takes_off=True)
+            self.step = Step("armed", lambda seen: seen.armed, told, 20.0, takes_off=True)
         self.vehicles = {VehicleId(1, number): self._vehicle(number) for number in (1, 2)}
         self.notes, self.given_up, self.preflight = Noted(), GivenUp(), Preflight()
         self.flight = Flight(phase)
