@@ -15,6 +15,7 @@ from formation_scenario import ScenarioError
 from gcs_formation.cli import usage
 from gcs_formation.compare.command import Compared, CompareOptions, compare_laws
 from gcs_formation.errors import RecordError, RunAbortedError
+from gcs_formation.studies.workers import Processes
 
 
 @click.command(epilog=usage.COMPARE)
@@ -29,7 +30,9 @@ from gcs_formation.errors import RecordError, RunAbortedError
 @click.option("--out", type=OUT, help="Directory of it all; default: runs/NAME-TIME.")
 @click.option("--overwrite", is_flag=True, help="Replace an earlier comparison in --out.")
 @click.option("--json", "as_json", is_flag=True, help="The figures alone on standard output, as JSON.")
-def compare(seed: int | None, overrides: tuple[str, ...], out: Path | None, as_json: bool, **given: Any) -> None:
+def compare(
+    seed: int | None, overrides: tuple[str, ...], out: Path | None, jobs: int, as_json: bool, **given: Any
+) -> None:
     """Fly SCENARIO by each of several laws, on one seed under the virtual clock, and set them side by side.
 
     Laws: pid, fuzzy_pid (tables as printed), fuzzy_pid_symmetric and consensus, each also as NAME_uncompensated,
@@ -38,7 +41,7 @@ def compare(seed: int | None, overrides: tuple[str, ...], out: Path | None, as_j
     given["overrides"] = (*overrides, *(() if seed is None else (f"seed={seed}",)))
     given["out"] = out or default_directory(f"{Path(given['scenario']).stem}-laws")
     try:
-        compared = compare_laws(CompareOptions(**given))
+        compared = compare_laws(CompareOptions(**given), Processes(jobs))
     except (ScenarioError, RecordError) as error:
         fail(str(error))
     except RunAbortedError as error:
@@ -54,7 +57,7 @@ def _status(compared: Compared) -> Status:
     for text in (*compared.broken(), *compared.stopped()):
         click.echo(text, err=True)
     if compared.interrupted:
-        return say("interrupted; what was recorded is complete", Status.INTERRUPTED)
+        return say("interrupted; the laws whose flights were over are compared", Status.INTERRUPTED)
     if compared.stopped():
         return Status.COULD_NOT_GO_ON
     return Status.EXPECTATION_BROKEN if compared.broken() else Status.FINE

@@ -12,6 +12,7 @@ import click
 
 from airlink.cli.arguments import OUT, SEED, WholeNumber
 from airlink.cli.directory import refusal
+from airlink.cli.interruption import raised
 from airlink.cli.status import Status, fail, say
 from gcs_formation.cli import usage
 from gcs_formation.errors import RunAbortedError
@@ -43,7 +44,7 @@ def stress(count: int, seed: int, jobs: int, hard: bool, out: Path | None, overw
         _refuse(out, count, overwrite=overwrite)
     plan = Plan(_study(count, seed, hard=hard))
     try:
-        with StudyProgress(quiet=not sys.stderr.isatty()) as progress:
+        with raised(), StudyProgress(quiet=not sys.stderr.isatty()) as progress:
             rows = flights(plan, {}, None, Processes(min(jobs, count)), progress, {})
             wrong = _told(_alone(plan, out) if out else rows, "stress --hard" if hard else "stress")
     except RunAbortedError as error:
@@ -75,8 +76,9 @@ def _told(rows: Iterable[Row], command: str) -> int:
         if row[INVARIANTS] is None:
             raise RunAbortedError(f"seed {row['seed']}: {row['words']}")
         wrong += row[INVARIANTS] > 0
+        completed = row["exit"] <= Status.EXPECTATION_BROKEN
         for text in row["words"].splitlines() if row[INVARIANTS] else ():
-            click.echo(f"seed {row['seed']}: {text}", err=True)
+            click.echo(f"seed {row['seed']}: {'' if completed else 'completed: '}{text}", err=True)
             click.echo(f"  again: gcs-formation {command} --count 1 --seed {row['seed']} --out DIR", err=True)
     return wrong
 

@@ -10,6 +10,7 @@ from typing import Any
 import click
 
 from airlink.cli.arguments import OUT, WholeNumber
+from airlink.cli.interruption import raised
 from airlink.cli.status import Status, fail, say
 from formation_scenario import ScenarioError
 from gcs_formation.cli import usage
@@ -92,7 +93,7 @@ def _fly(planned: Study, base: dict[Any, Any], **given: Any) -> Status:
     out, again = given["out"], "--resume goes on with it"
     progress = StudyProgress(quiet=given["quiet"])
     try:
-        with progress:
+        with raised(), progress:
             outcome = fly_study(
                 planned, base, out, workers, progress, resume=given["resume"], overwrite=given["overwrite"]
             )

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import json
+from collections import deque
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from airlink.cli.directory import refusal
+from airlink.cli.interruption import raised
 from formation_scenario import Problem, Scenario, ScenarioError, load_scenario
-from gcs_formation.app.interrupt import Interrupts
-from gcs_formation.compare.comparison import Comparison, Window, compare_flights
-from gcs_formation.compare.flights import Flown, fly_trials, trials
-from gcs_formation.compare.laws import named_laws
+from gcs_formation.compare.comparison import Comparison, Flown, Window, compare_flights
+from gcs_formation.compare.laws import LAWS, named_laws
 from gcs_formation.compare.table import comparison_text
 from gcs_formation.compare.write import NAME, write_comparison
 from gcs_formation.errors import RecordError
+from gcs_formation.studies.flight import COULD_NOT_GO_ON, EXPECTED, Task
+from gcs_formation.studies.plan import Planned
+from gcs_formation.studies.workers import Workers
 
 
 @dataclass(frozen=True)
@@ -28,7 +32,6 @@ class CompareOptions:
     from_s: float = 0.0
     to_s: float | None = None
     until_s: float | None = None
-    jobs: int = 1
     overwrite: bool = False
 
 
@@ -37,7 +40,8 @@ class Compared:
     """Result of `compare`."""
 
     comparison: Comparison
-    flown: tuple[Flown, ...]
+    said: tuple[tuple[str, int, str], ...]
+    """Each law that was flown, its flight's exit status, and what was broken or why it could not go on, in lines."""
     page: Path
     interrupted: bool
 
@@ -53,42 +57,50 @@ class Compared:
 
     def broken(self) -> list[str]:
         """Return what each law broke of the scenario's expectations and safety limits."""
-        return [
-            f"{each.law}: {text}"
-            for each in self.flown
-            if each.summary is not None
-            for text in (*(str(v) for v in each.summary.verdicts if v.held is False), *each.summary.breaches)
-        ]
+        return self._of(EXPECTED)
 
     def stopped(self) -> list[str]:
         """Return which flights could not go on, and why."""
-        return [f"{each.law}: {each.aborted}" for each in self.flown if each.aborted]
+        return self._of(COULD_NOT_GO_ON)
+
+    def _of(self, exit_status: int) -> list[str]:
+        return [
+            f"{law}: {text}" for law, status, words in self.said if status == exit_status for text in words.splitlines()
+        ]
 
 
-def compare_laws(options: CompareOptions) -> Compared:
-    """Fly a scenario by each law on one seed, and write and return the comparison.
+def compare_laws(options: CompareOptions, workers: Workers) -> Compared:
+    """Fly a scenario by each law on one seed, and write and return the comparison: a study of one parameter, the law.
 
     Raises:
         ScenarioError: the scenario, an override or a law's name is wrong; nothing was started.
         RecordError: the directory holds an earlier comparison or other files, or it can't be written.
-        RunAbortedError: a process that flew was ended from outside.
+        RunAbortedError: no flight can be flown.
     """
     laws = named_laws(options.laws)
     scenario = load_scenario(options.scenario, options.overrides)
     window = _window(scenario, options)
     _claim(options.out, overwrite=options.overwrite)
-    planned = trials(options.scenario, options.overrides, laws, options.out)
-    with Interrupts() as interrupts:
-        flown = fly_trials(planned, options.until_s, min(options.jobs, len(planned)), interrupts)
-        stopped = interrupts.count > 0 or any(each.interrupted for each in flown)
-    comparison = compare_flights(
-        [each for each in flown if not each.interrupted],
-        scenario.name,
-        scenario.seed,
-        scenario.formation.frame,
-        window,
-    )
-    return Compared(comparison, tuple(flown), write_comparison(comparison, options.out), stopped)
+    tasks = [_task(number, law, options) for number, law in enumerate(laws)]
+    rows = dict[int, dict[str, Any]]()
+    interrupted = False
+    try:
+        with raised(), workers:
+            for row in workers.rows(deque(tasks)):
+                rows[row["flight"]] = row
+    except KeyboardInterrupt:
+        interrupted = True
+    said = tuple((laws[flight], rows[flight]["exit"], rows[flight]["words"]) for flight in sorted(rows))
+    flown = [Flown(law, options.out / law, words if status > EXPECTED else "") for law, status, words in said]
+    comparison = compare_flights(flown, scenario.name, scenario.seed, scenario.formation.frame, window)
+    return Compared(comparison, said, write_comparison(comparison, options.out), interrupted)
+
+
+def _task(number: int, law: str, options: CompareOptions) -> Task:
+    """Return a law's flight; its settings take precedence over the command line's."""
+    scenario = load_scenario(options.scenario, (*options.overrides, *LAWS[law]))
+    planned = Planned(number, scenario.seed, {})
+    return Task(planned, scenario, {}, (), "full", str(options.out / law), options.until_s)
 
 
 def _claim(out: Path, *, overwrite: bool) -> None:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
 from gcs_formation.app.check import warnings
 from gcs_formation.arrays import Array, Mask
-from gcs_formation.compare.flights import Flown
 from gcs_formation.record.effort import Effort, effort
 from gcs_formation.record.figures_of_merit import axis_figures, least, separation_m
 from gcs_formation.record.timeseries import CHANNELS
@@ -23,6 +23,15 @@ SCHEMA = 1
 AROUND_S = 1.0
 """Errors cross zero, so the figure shows the largest one within this time before and after each tick."""
 FIGURES = ("rms", "max", "steady_max")
+
+
+class Flown(NamedTuple):
+    """One law's flight."""
+
+    law: str
+    directory: Path
+    aborted: str = ""
+    """Why the run could not go on."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +98,7 @@ def compare_flights(flown: Sequence[Flown], name: str, seed: int, frame: str, wi
     Raises:
         RecordError: a run directory can't be read.
     """
-    runs = {each.law: load_run(each.directory) for each in flown if each.summary is not None}
+    runs = {each.law: load_run(each.directory) for each in flown if not each.aborted}
     rows = tuple(_row(each, runs.get(each.law), window) for each in flown)
     lines = tuple(_line(law, run) for law, run in runs.items() if run.followers)
     happened = tuple(marks(next(iter(runs.values())))) if runs else ()

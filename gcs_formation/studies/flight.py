@@ -40,8 +40,8 @@ class Task:
     """A flight with all that it takes to fly it."""
 
     planned: Planned
-    base: Mapping[Any, Any]
-    """The scenario's keys."""
+    base: Mapping[Any, Any] | Scenario
+    """The scenario, or its keys."""
     set: Mapping[str, Any]
     metrics: tuple[str, ...]
     record: Record
@@ -58,10 +58,10 @@ class Task:
             ScenarioError: it can't be flown with these parameters.
         """
         seed, keys = self.planned.seed, {**self.set, **self.planned.parameters}
-        if self.random is None:
-            return load_scenario(self.base, settings({**keys, "seed": seed}), option="")
-        scenario = draw(seed, SEVERITIES[self.random])
-        return load_scenario(scenario, settings(keys), option="") if keys else scenario
+        base = self.base if self.random is None else draw(seed, SEVERITIES[self.random])
+        if isinstance(base, Scenario) and base.seed == seed and not keys:
+            return base
+        return load_scenario(base, settings({**keys, "seed": seed}), option="")
 
 
 def fly(task: Task) -> dict[str, Any]:
@@ -78,9 +78,9 @@ def fly(task: Task) -> dict[str, Any]:
     except RecordError as error:
         exit_status, words = COULD_NOT_GO_ON, str(error)
     except RunAbortedError as error:
-        values, exit_status, words = _uncompleted(task), COULD_NOT_GO_ON, f"completed: {error}"
+        values, exit_status, words = _uncompleted(task), COULD_NOT_GO_ON, str(error)
     except Exception as error:  # noqa: BLE001 - a fault of ours costs its flight alone; the seed finds it again
-        values, exit_status, words = _uncompleted(task), COULD_NOT_GO_ON, f"completed: raised {error!r}"
+        values, exit_status, words = _uncompleted(task), COULD_NOT_GO_ON, f"raised {error!r}"
     planned = task.planned
     spent = {"wall_s": time.perf_counter() - wall, "cpu_s": time.thread_time() - cpu}
     head = {"flight": planned.flight, "seed": planned.seed, **planned.parameters}

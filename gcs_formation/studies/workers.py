@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 import signal
+import threading
 from collections import Counter, deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from multiprocessing import forkserver, resource_tracker
 from types import TracebackType
 from typing import Any, Protocol, Self
 
@@ -18,6 +22,7 @@ TRIES = 3
 """A flight with which this many workers died isn't flown again."""
 AHEAD = 2
 """Flights for each worker that are handed out: one flown, one waiting."""
+ENDING = (signal.SIGINT, signal.SIGTERM)
 ANSWER_S = 10.0
 """In which a scheduler must answer."""
 
@@ -81,7 +86,8 @@ class Processes:
         while tasks or flying:
             while tasks and len(flying) < AHEAD * self._count:
                 task = tasks.popleft()
-                flying[self._pool.submit(fly, task)] = task
+                with _uncut():
+                    flying[self._pool.submit(fly, task)] = task
             done, _ = wait(flying, return_when=FIRST_COMPLETED)
             broken = [flying.pop(future) for future in done if _died(future)]
             yield from (future.result() for future in done if flying.pop(future, None) is not None)
@@ -94,12 +100,43 @@ class Processes:
     def _new_pool(self) -> ProcessPoolExecutor:
         context = multiprocessing.get_context("forkserver")
         context.set_forkserver_preload(["gcs_formation.studies.flight"])
-        return ProcessPoolExecutor(self._count, context, _ignore_interrupts)
+        with _uncut():
+            forkserver.ensure_running()
+        return ProcessPoolExecutor(self._count, context, _begin)
 
 
-def _ignore_interrupts() -> None:
-    """Leave Ctrl-C to the process that collects the rows."""
+@contextmanager
+def _uncut() -> Generator[None]:
+    """Hold Ctrl-C back while a process is started: it reaches that one too, or leaves it without its parent."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    held = list[int]()
+    before = {number: signal.signal(number, lambda number, _: held.append(number)) for number in ENDING}
+    resource_tracker.ensure_running()  # it unblocks the signal for us
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)  # what is started inherits it
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    for number in held[:1]:
+        signal.raise_signal(number)
+
+
+def _begin() -> None:
+    """Leave Ctrl-C to the process that collects the rows, and end when that does, in whatever way."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_SETMASK, ())
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 def _died(future: Future[dict[str, Any]]) -> bool:

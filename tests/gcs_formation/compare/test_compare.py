@@ -10,10 +10,8 @@ import yaml
 from click.testing import CliRunner
 
 from gcs_formation.cli import main
-from gcs_formation.compare.comparison import Window, compare_flights
-from gcs_formation.compare.flights import Flown
+from gcs_formation.compare.comparison import Flown, Window, compare_flights
 from gcs_formation.compare.laws import LAWS
-from gcs_formation.record.summary import Summary
 from gcs_formation.report.run_data import load_run
 
 SHORT = {
@@ -61,7 +59,7 @@ def test_each_laws_figures_are_those_of_its_record(scenario, tmp_path):
 
 
 def assert_no_error_is_above_its_line(out, law):
-    flown = Flown(law, out / law, Summary({}, (), ()))
+    flown = Flown(law, out / law)
     (line,) = compare_flights([flown], "short", 7, "leader_heading", Window(2.0, 10.0)).lines
     run = load_run(out / law)
     error_m = np.abs(run.flown.error(run.followers[0]))

@@ -97,7 +97,7 @@ def test_a_flight_that_raises_is_one_that_broke_something(monkeypatch: pytest.Mo
         raise ZeroDivisionError("by nothing")
 
     monkeypatch.setattr(flight, "run", run)
-    assert flown(7) == "completed: raised ZeroDivisionError('by nothing')"
+    assert flown(7) == "raised ZeroDivisionError('by nothing')"
 
 
 def test_what_an_earlier_run_left_is_replaced_when_told_only(tmp_path: Path) -> None:

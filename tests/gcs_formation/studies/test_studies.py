@@ -3,6 +3,9 @@
 import json
 import os
 import signal
+import subprocess
+import sys
+import time
 from collections import Counter, deque
 
 import numpy as np
@@ -265,6 +268,21 @@ def test_a_cluster_flies_the_same_as_processes_do_and_survives_a_killed_worker(t
     assert sorted(each["flight"] for each in flown) == [0, 1, 2, 3]
     found = {each["flight"]: each["error_x_m.max"] for each in flown}
     assert found == {each["flight"]: each["error_x_m.max"] for each in values_of(here)}
+
+
+@pytest.mark.slow
+def test_an_interrupted_study_says_so_keeps_its_rows_and_leaves_no_process(two, tmp_path):
+    """Ctrl-C reaches the whole process group."""
+    study_command = [sys.executable, "-m", "gcs_formation", "study", two, "--out", tmp_path / "out", "--workers", "1"]
+    flying = subprocess.Popen(study_command, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    while flying.poll() is None and not list(read_journal(tmp_path / "out")):
+        time.sleep(0.05)
+    os.killpg(flying.pid, signal.SIGINT)
+    _, said = flying.communicate()  # returns when the last process that holds the pipe has ended
+    assert flying.returncode == 130
+    assert "interrupted; what was flown is in" in said
+    assert "Traceback" not in said
+    assert values_of(tmp_path / "out")
 
 
 def test_a_row_counts_once(two, tmp_path):
