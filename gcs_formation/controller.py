@@ -7,6 +7,7 @@ fence.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -19,15 +20,16 @@ from gcs_formation.arrays import Array, Instants, Mask, all_of, or_zero
 from gcs_formation.control import envelope
 from gcs_formation.control.mixer import rotate_to
 from gcs_formation.control.situation import Decision, Lead, Situation
-from gcs_formation.estimation.estimator import ROWS, Sample, StateEstimator
+from gcs_formation.estimation.estimator import Sample, StateEstimator
 from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Setpoints
-from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory
+from gcs_formation.estimation.kalman import STATES
+from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory, turn_rate
 from gcs_formation.estimation.projection import Measured, States
 from gcs_formation.formation.clearance import Outlook
 from gcs_formation.formation.plan import FormationPlan
 from gcs_formation.guidance.leader import ASSEMBLED_S
 from gcs_formation.guidance.told import ToldLeader
-from gcs_formation.guidance.tracking import Lags, Motion
+from gcs_formation.guidance.tracking import Lags, Motion, MotionRates
 from gcs_formation.guidance.virtual_leader import amid, fly_on
 from gcs_formation.recorder import Tick
 from gcs_formation.separation.fence import FenceKeeper
@@ -37,8 +39,8 @@ VIRTUAL = np.zeros(1, dtype=np.intp)
 """The column of a virtual leader."""
 CHANNELS = 3
 UP = np.array([0.0, 0.0, 1.0])
-LEADER_WIND_RADPS = 0.5
-"""Bandwidth of the wind estimate for the leader's guidance: followers' slots can't keep up with quicker turns."""
+LEADER_WIND_RADPS = 1.0, 0.5
+"""Bandwidths of the wind estimate for the leader's guidance: followers' slots can't keep up with quicker turns."""
 AHEAD_POINTS = 5
 """Places along the leader's way at which the ground is looked at."""
 GAINS_CHANGE_S = 1.0
@@ -98,7 +100,7 @@ class FormationController:
         self._projection = parameters.projection(scenario, self._history, self._model)
         self.separation = SeparationKeeper(scenario, self._history, self._model)
         self.fence = FenceKeeper(scenario, self._model)
-        self._in_slots_s, self._leader_wind_mps = 0.0, list[float]()
+        self._in_slots_s, self._leader_wind_mps = 0.0, list[list[float]]()
         self._told_leader = ToldLeader(self._dt_s)
         self.last_tick: Tick | None = None
         """The last tick at which there was a leader to follow."""
@@ -111,9 +113,10 @@ class FormationController:
         self.begin_regardless = False
         """Whether to begin the path even if the formation isn't assembled."""
         self.estimator = StateEstimator(
-            self._columns,
-            scenario.law.disturbance_observer_radps,
-            parameters.fusions(scenario, self._history, self._model),
+            parameters.declared_noise(scenario),
+            self._history,
+            scenario.telemetry.rate_hz,
+            wind=scenario.law.disturbance_observer_radps > 0,
         )
 
     @property
@@ -136,12 +139,6 @@ class FormationController:
         """Whether every follower has been in its slot for a while."""
         return self._in_slots_s >= ASSEMBLED_S or self.begin_regardless
 
-    def hear(self, column: int, sample: Sample) -> None:
-        """Take a vehicle's newest sample."""
-        self.estimator.update(column, sample)
-        motion = sample.airspeed_mps, sample.heading_rad, sample.height_m, sample.climb_mps
-        self.lags.hear(column, sample.stamp, motion)
-
     def hand_over(self, leader: int, swing_rad: float) -> None:
         """Make another column the leader; it heads `swing_rad` clockwise of the present one."""
         self.plan.hand_over(leader, swing_rad)
@@ -163,6 +160,14 @@ class FormationController:
         way_m = np.linspace(0.0, seconds * self.guidance.speed_mps, AHEAD_POINTS).tolist()
         points = [route.at(begin_m + far_m) for far_m in way_m]
         return [(point.north_m - here.north_m, point.east_m - here.east_m) for point in points]
+
+    def take(self, samples: Mapping[int, Sample]) -> None:
+        """Take the newest sample of each column that has one."""
+        told = np.zeros(self._columns, dtype=bool) if self.last_tick is None else self.last_tick.active
+        self.estimator.take(samples, self._model, told)
+        for column, sample in samples.items():
+            motion = sample.airspeed_mps, sample.heading_rad, sample.height_m, sample.climb_mps
+            self.lags.hear(column, sample.stamp, motion)
 
     def step(self, now: Instant, mission_time_s: float, phase: str, links: Links) -> Tick:
         """Return this tick's setpoints and what led to them.
@@ -190,7 +195,11 @@ class FormationController:
         if self._columns > 1:
             slots, commanded_m = self._over_ground(tick, states, lead)
             self._bandwidth = self._bandwidth + self._gains_change * (self.bandwidth - self._bandwidth)
-            situation = Situation(states, lead, slots, tick.active, self._bandwidth, self.separation.replaced)
+            everyone = np.arange(self._columns, dtype=np.intp)
+            told, wind = self._history.told(states.instants(everyone) - 1, everyone), self.estimator.wind_sigma_mps
+            situation = Situation(
+                states, lead, slots, told, wind, tick.active, self._bandwidth, self.separation.replaced
+            )
             self._note(tick, self._law.decide(situation, self._dt_s), commanded_m)
             self._open(tick)
             self.separation.keep(tick, measured, links.heard, links.disobeying)
@@ -208,7 +217,7 @@ class FormationController:
             mission_time_s=mission_time_s,
             phase=phase,
             leader=self.plan.leader,
-            state=FlightState.of(np.full((ROWS, self._columns), np.nan)),
+            state=FlightState.of(np.full((STATES, self._columns), np.nan)),
             setpoints=Setpoints.of(blank.T.copy()),
             age_s=np.where(known, (now - self.estimator.stamps) / NANOSECONDS, np.nan),
             delay_s=links.delay_s,
@@ -260,23 +269,40 @@ class FormationController:
         leading = np.array([tick.leader])
         state, model = states.of(leading, leading), self._model.take(leading)
         tick.state.fill(leading, state)
-        north_m, east_m, height_m, _, airspeed_mps, heading_rad, *wind_mps = state.table[:, 0].tolist()
-        motion = Motion(north_m, east_m, airspeed_mps, heading_rad, *self._slow_wind(wind_mps))
+        at = Instant(int(states.instants(leading)[0]))
+        motion, rates = self._leader_motion(state, (at - self.estimator.stamps[tick.leader]) / NANOSECONDS)
         lags = Lags(float(model.tau_psi_s[0]), float(model.tau_ha_s[0]), float(model.tau_hb_s[0]))
-        wanted = self.guidance.steer(motion, height_m, lags, assembled=self.assembled)
+        wanted = self.guidance.steer(motion, float(state.height_m[0]), lags, assembled=self.assembled)
         columns = Setpoints.of(np.array(wanted)[:, None])
         told = envelope.limit(columns, columns.heading_rad, state, model)
         tick.setpoints.fill(leading, told)
-        at = Instant(int(states.instants(leading)[0]))
-        self._told_leader.tell(at, *told.table[:, 0].tolist())
+        rates = rates._replace(turn_rps=float(turn_rate(state, told, model)[0]))
+        self._told_leader.tell(at, told, self.guidance.told_turn(motion, lags, rates))
         followed = states.instants(np.arange(self._columns)) if self._compensates else np.full(self._columns, at)
         return Lead(tick.leader, at, self._told_leader.at(followed), self.guidance.heading(motion))
 
-    def _slow_wind(self, seen_mps: list[float]) -> list[float]:
-        kept, before_mps = math.exp(-LEADER_WIND_RADPS * self._dt_s), self._leader_wind_mps or seen_mps
-        each = zip(before_mps, seen_mps, strict=True)
-        self._leader_wind_mps = [kept * before + (1 - kept) * seen for before, seen in each]
-        return self._leader_wind_mps
+    def _leader_motion(self, state: FlightState, ahead_s: float) -> tuple[Motion, MotionRates]:
+        """Return the leader's motion for its guidance, and how it changes; the turn isn't known yet.
+
+        Its wind is that seen behind two lags, and its place, predicted `ahead_s` with the wind seen, doesn't jump with
+        that wind: followers can't follow a leader whose turn rate changes at once.
+        """
+        north_m, east_m, _, _, airspeed_mps, heading_rad, *seen_mps = state.table[:, 0].tolist()
+        stages: list[list[float]] = []
+        for radps, before_mps in zip(LEADER_WIND_RADPS, self._leader_wind_mps or [seen_mps, seen_mps], strict=True):
+            kept = math.exp(-radps * self._dt_s)
+            each = zip(before_mps, stages[-1] if stages else seen_mps, strict=True)
+            stages.append([kept * before + (1 - kept) * seen for before, seen in each])
+        self._leader_wind_mps = stages
+        quick, slow = LEADER_WIND_RADPS
+        quick_mps2 = [quick * (seen - lag) for seen, lag in zip(seen_mps, stages[0], strict=True)]
+        slow_mps2 = [slow * (seen - lag) for seen, lag in zip(*stages, strict=True)]
+        north_m -= ahead_s * quick_mps2[0] / quick
+        east_m -= ahead_s * quick_mps2[1] / quick
+        north_mps, east_mps = state.ground_mps[:, 0].tolist()
+        place_mps = north_mps + ahead_s * quick_mps2[0], east_mps + ahead_s * quick_mps2[1]
+        motion = Motion(north_m, east_m, airspeed_mps, heading_rad, *stages[1])
+        return motion, MotionRates(place_mps, 0.0, (slow_mps2[0], slow_mps2[1]))
 
     def _over_ground(self, tick: Tick, states: States, lead: Lead) -> tuple[SlotMotion, Array]:
         """Return the slots at the instants when setpoints act, clear of the ground, and the slots commanded now."""

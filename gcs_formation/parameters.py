@@ -11,23 +11,25 @@ from formation_scenario.lifted_path import FOLLOWER_SHARE, rise_bounds
 from formation_scenario.navigation import NoisyNavigation
 from formation_scenario.reconfiguration import column_models
 from formation_scenario.slot_motion import Course, SlotMotion, slot_needs
+from gcs_formation.arrays import Array
 from gcs_formation.control.consensus import ConsensusLaw, ConsensusParameters
 from gcs_formation.control.fuzzy import FuzzyGainScheduler
 from gcs_formation.control.law import FormationLaw, LawParameters
 from gcs_formation.control.mixer import Mixer
 from gcs_formation.control.pid import Gains
 from gcs_formation.control.situation import Law
+from gcs_formation.estimation import noise
 from gcs_formation.estimation.flight_state import AutopilotModel, Indices
-from gcs_formation.estimation.fusion import Fusion, Noise
 from gcs_formation.estimation.lags import LagEstimator
+from gcs_formation.estimation.noise import Declared
 from gcs_formation.estimation.predictor import SetpointHistory
 from gcs_formation.estimation.projection import AsMeasured, Pairing, Prediction, Projection
 from gcs_formation.formation.clearance import SlotClearance
 from gcs_formation.guidance.leader import LeaderGuidance
 from gcs_formation.stability import scenario_adjacency
 
-RESOLUTION = 1e-3
-"""Least standard deviation, in SI units: the resolution of a message's fields."""
+LEAST_OF_DECLARED = 0.25
+"""Share of a declared noise below which its estimate doesn't go."""
 HOLD_SHARE = 0.8
 """Share of the speed that vehicles have above and below the path's, used by turns before the path."""
 HOLD_TURN_SHARE = 0.5
@@ -57,6 +59,7 @@ def law_parameters(scenario: Scenario) -> LawParameters:
         scheduler=FuzzyGainScheduler(law.fuzzy.tables) if law.type == "fuzzy_pid" else None,
         derivative_filter_s=max(law.derivative_filter_s, 1e-6),
         anti_windup_s=law.anti_windup_s,
+        gust_radps=law.disturbance_observer_radps,
     )
 
 
@@ -97,34 +100,34 @@ def lag_estimator(scenario: Scenario, history: SetpointHistory, model: Autopilot
     return estimator
 
 
-def fusions(scenario: Scenario, history: SetpointHistory, model: AutopilotModel) -> dict[int, Fusion]:
-    """Return a filter for each column whose vehicle's navigation is noisy."""
+def declared_noise(scenario: Scenario) -> Declared:
+    """Return what the noise of every column's telemetry is said to be; emulated vehicles' is none but rounding.
+
+    Noise that several samples share can't be seen from one sample to the next, so what is declared of it is the least.
+    """
+    sigma, least = np.tile(noise.RESOLUTION, (2, 1 + len(scenario.followers), 1))
     first = 0 if scenario.leader else 1
     vehicles = [vehicle for vehicle in (scenario.leader, *scenario.followers) if vehicle is not None]
-    return {
-        column: Fusion(_noise(scenario, vehicle.navigation), column, history, model)
-        for column, vehicle in enumerate(vehicles, first)
-        if isinstance(vehicle.navigation, NoisyNavigation)
-    }
+    for column, vehicle in enumerate(vehicles, first):
+        if isinstance(vehicle.navigation, NoisyNavigation):
+            white, shared = _noise(vehicle.navigation), _shared(vehicle.navigation, scenario.telemetry.rate_hz)
+            sigma[column] = np.maximum(shared * white, noise.RESOLUTION)
+            least[column] = np.maximum(sigma[column] * (LEAST_OF_DECLARED if shared == 1.0 else 1.0), noise.RESOLUTION)
+        elif vehicle.autopilot != "emulator":
+            sigma[column] = noise.UNDECLARED
+    return Declared(sigma.T.copy(), least.T.copy())
 
 
-def _noise(scenario: Scenario, keys: NoisyNavigation) -> Noise:
-    """Return what a sample is worth: less where several tell of one error. The wind is observed as fast as the law's.
+def _noise(keys: NoisyNavigation) -> Array:
+    """Return standard deviations (6,) in the order of `noise.QUANTITIES`."""
+    position_m, velocity_mps = keys.position_sigma_m, keys.velocity_sigma_mps
+    heading_rad = math.radians(keys.heading_sigma_deg)
+    return np.array((position_m, position_m, velocity_mps, velocity_mps, keys.airspeed_sigma_mps, heading_rad))
 
-    A filter that holds samples of spread r, dt apart, against a random walk of q takes q / (r sqrt(dt)) of their
-    difference in a second.
-    """
-    rate_hz = scenario.telemetry.rate_hz
-    same = math.sqrt(max(1.0, rate_hz / keys.rate_hz, 2.0 * keys.correlation_s * rate_hz))
-    velocity_mps, airspeed_mps = keys.velocity_sigma_mps, keys.airspeed_sigma_mps
-    wind_mps = same * math.hypot(velocity_mps, airspeed_mps)
-    return Noise(
-        position_m=max(same * keys.position_sigma_m, RESOLUTION),
-        velocity_mps=max(same * velocity_mps, RESOLUTION),
-        airspeed_mps=max(same * airspeed_mps, RESOLUTION),
-        heading_rad=max(same * math.radians(keys.heading_sigma_deg), RESOLUTION),
-        wind_walk=scenario.law.disturbance_observer_radps * max(wind_mps, RESOLUTION) / math.sqrt(rate_hz),
-    )
+
+def _shared(keys: NoisyNavigation, telemetry_hz: float) -> float:
+    """Return by how much less samples tell of which several share one error: a factor of the standard deviation."""
+    return math.sqrt(max(1.0, telemetry_hz / keys.rate_hz, 2.0 * keys.correlation_s * telemetry_hz))
 
 
 def autopilot_model(scenario: Scenario) -> AutopilotModel:

@@ -246,10 +246,8 @@ class Station:
         """Take new samples before vehicles are judged by their age, in case the station itself was held up."""
         if self.flight.phase not in COMMANDED:
             return
-        for identity, column in self._columns.items():
-            sample = self.vehicles[identity].new_sample(now)
-            if sample is not None:
-                self.controller.hear(column, sample)
+        newest = ((column, self.vehicles[identity].new_sample(now)) for identity, column in self._columns.items())
+        self.controller.take({column: sample for column, sample in newest if sample is not None})
 
     def _fly(self, now: Instant) -> None:
         controller = self.controller

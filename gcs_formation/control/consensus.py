@@ -96,9 +96,9 @@ class ConsensusLaw:
         u_north, u_east = self._protocol(situation, reference, slots, own)
         u_x, u_y = rotate_to(own.target.heading_rad, share * u_north, share * u_east)
         beyond_x, beyond_y = share * self._damping_beyond(own)
-        leader, none = reference.leader, np.zeros_like(own.target.speed_mps)
+        leader = reference.leader
         axes = Axes(leader.state.heading_rad, leader.turning)
-        forward = feed_forward(own.target, leader, axes, slots, (none, none), model)
+        forward = feed_forward(own.target, leader, axes, slots, model)
         wanted = Setpoints(
             forward[:, 0] + model.tau_v_s * (u_x + beyond_x),
             forward[:, 1] + model.tau_psi_s * (u_y + beyond_y) / np.maximum(own.target.speed_mps, LEAST_AIRSPEED_MPS),

@@ -44,30 +44,43 @@ def feed_forward(
     leader: LeaderMotion,
     axes: Axes,
     slots: SlotMotion,
-    gust_mps2: tuple[Array, Array],
     model: AutopilotModel,
 ) -> Array:
     """Return (N, 3): speed, heading and height setpoints that hold `target` (errata item 29).
 
     The speed and heading that the slot needs change with three things: the leader's velocity; the axes' turn rate, in
     proportion to the slot's offset; and the slot's own acceleration (the derivative of a velocity in a turning frame).
-    They also change with the wind that carries the vehicle: `gust_mps2` is its rate of change along and across the
-    axes, in m/s².
     """
     turn, bend = axes.turning.rate_rps, axes.turning.acceleration_rps2
     (x, y, z), (forth, aside, up) = slots.position_m.T, slots.velocity_mps.T
     ahead, across, rising = slots.acceleration_mps2.T
     led_along, led_across = _led(leader, axes)
-    along_change = led_along + ahead - bend * y - turn * aside - gust_mps2[0]
-    across_change = led_across + across + bend * x + turn * forth - gust_mps2[1]
-    angle = target.heading_rad - axes.heading_rad
-    cos, sin = np.cos(angle), np.sin(angle)
-    speed = target.speed_mps + model.tau_v_s * (cos * along_change + sin * across_change)
-    swing = (cos * across_change - sin * along_change) / target.speed_mps
-    heading = target.heading_rad + model.tau_psi_s * (turn + swing)
+    along_change = led_along + ahead - bend * y - turn * aside
+    across_change = led_across + across + bend * x + turn * forth
+    along, swing = _lead(target, axes, along_change, across_change, model)
+    speed, heading = target.speed_mps + along, target.heading_rad + model.tau_psi_s * turn + swing
     height = leader.state.height_m + z + (model.tau_ha_s + model.tau_hb_s) * (leader.state.climb_mps + up)
     height = height + model.tau_ha_s * model.tau_hb_s * (leader.climb_change_mps2 + rising)
     return np.array((speed, heading, height)).T
+
+
+def gust_lead(target: Target, axes: Axes, gust_mps2: tuple[Array, Array], model: AutopilotModel) -> Array:
+    """Return (N, 3): what `feed_forward` is led by while the wind that carries a vehicle changes.
+
+    `gust_mps2` is its rate of change along and across the axes.
+    """
+    along, swing = _lead(target, axes, -gust_mps2[0], -gust_mps2[1], model)
+    return np.array((along, swing, np.zeros_like(along))).T
+
+
+def _lead(
+    target: Target, axes: Axes, along_mps2: Array, across_mps2: Array, model: AutopilotModel
+) -> tuple[Array, Array]:
+    """Return by how much speed and heading setpoints lead an acceleration of the slot along and across the axes."""
+    angle = target.heading_rad - axes.heading_rad
+    cos, sin = np.cos(angle), np.sin(angle)
+    speed = model.tau_v_s * (cos * along_mps2 + sin * across_mps2)
+    return speed, model.tau_psi_s * (cos * across_mps2 - sin * along_mps2) / target.speed_mps
 
 
 def _led(leader: LeaderMotion, axes: Axes) -> tuple[Array, Array]:

@@ -12,16 +12,17 @@ import numpy as np
 
 from formation_scenario.formation import Frame
 from formation_scenario.slot_motion import SlotMotion
-from gcs_formation.arrays import Array, Mask, or_zero, within, wrap
+from gcs_formation.arrays import Array, Mask, within, wrap
 from gcs_formation.control import pid
 from gcs_formation.control.envelope import Envelope
-from gcs_formation.control.feed_forward import Axes, LeaderMotion, Turning, feed_forward
+from gcs_formation.control.feed_forward import Axes, LeaderMotion, Turning, feed_forward, gust_lead
 from gcs_formation.control.fuzzy import FuzzyGainScheduler
 from gcs_formation.control.mixer import (
     TOW_S,
     Mixer,
     Target,
     drift,
+    error_rate,
     formation_error,
     mix,
     rotate_to,
@@ -32,10 +33,14 @@ from gcs_formation.control.pid import Gains, PidState
 from gcs_formation.control.situation import Decision, Lead, Situation
 from gcs_formation.control.tow import Tow
 from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Indices, Setpoints
-from gcs_formation.estimation.predictor import turn_rate
+from gcs_formation.estimation.predictor import air_rates, turn_rate
 
 CHANNELS = 3
 """Speed, heading, height."""
+SLEW = np.array((1.6, 1.04))
+"""How fast corrections of speed and heading grow at most, as a share of the vehicle's own limits."""
+GUST_SIGMAS = 3.0
+"""Standard deviations of the wind's estimate below which a change of it isn't led."""
 SWING_S = 0.6
 """Time aside of the leader at which the heading's loop has half its bandwidth, in the follower's own frame."""
 
@@ -57,6 +62,8 @@ class LawParameters:
     """None for the plain PID: gains stay nominal."""
     derivative_filter_s: float
     anti_windup_s: float
+    gust_radps: float
+    """Bandwidth with which a change of the drift is fed forward."""
 
 
 class FormationLaw:
@@ -79,6 +86,7 @@ class FormationLaw:
         self._pairs = np.concatenate((self._leading, self._followers)), np.tile(self._followers, 2)
         self._state = self._rest = PidState.at_rest((self._followers.size, CHANNELS))
         self._drift_mps = np.full((2, self._followers.size), np.nan)
+        self._correction = np.full((self._followers.size, CHANNELS), np.nan)
         self._tow = Tow(self._followers.size) if self._parameters.frame == "follower_heading" else None
 
     def decide(self, situation: Situation, dt_s: float) -> Decision:
@@ -87,36 +95,46 @@ class FormationLaw:
             self._lead_by(situation.lead.leader)
         self._leader_model, self._model = self._models.take(self._leading), self._models.take(self._followers)
         parameters, state, slots = self._parameters, self._state, situation.slots.take(self._followers)
-        led, follower = self._pairwise(situation)
-        leader = self._led(situation.lead, led)
+        leader, follower = self._pairwise(situation)
         turning = leader.turning if self._tow is None else self._tow.turning(leader, slots, dt_s)
         error_m = formation_error(leader.state, follower, slots.position_m, parameters.frame)
-        target = slot_target(leader.state, follower, turning.rate_rps, slots, parameters.frame)
+        along_mps2, across_mps2 = self._gust(situation, leader.state, follower, dt_s)
+        target, lead = self._target(leader.state, follower, turning.rate_rps, slots, across_mps2, dt_s)
         mixed = mix(parameters.mixer, target, follower, self._steady(error_m, target, follower, slots))
-        rate = pid.filter_rate(state, mixed, parameters.derivative_filter_s, dt_s)
+        axes = Axes(leader.state.heading_rad if self._tow is None else target.heading_rad, turning)
+        forward = feed_forward(target, leader, axes, slots, self._model) + lead
+        slope = self._slopes(leader, follower, error_m, target, forward, situation.told.take(self._followers), slots)
+        rate = pid.filter_rate(state, slope, parameters.derivative_filter_s, dt_s)
         gains = scheduled_gains(parameters, mixed, rate).slowed(self._bandwidth(situation, leader.state, slots))
         output = pid.unlimited(state, gains, mixed, rate)
-        axes = Axes(leader.state.heading_rad if self._tow is None else target.heading_rad, turning)
-        forward = feed_forward(target, leader, axes, slots, self._gust(leader.state, follower, dt_s), self._model)
-        wanted = Setpoints.of((forward + output).T)
+        led_mps2 = along_mps2, across_mps2 if self._tow is None else np.zeros_like(across_mps2)
+        gust = gust_lead(target, axes, led_mps2, self._model)
+        free = situation.replaced[self._followers] | (np.abs(along_mps2) + np.abs(across_mps2) > 0)[:, None]
         bounds = Envelope.of(forward[:, 1], follower, self._model)
-        limited = bounds.limit(wanted)
+        self._correction = self._slewed(
+            _difference(bounds.limit(Setpoints.of((forward + output).T)), forward), free, dt_s
+        )
+        limited = bounds.limit(Setpoints.of((forward + self._correction + gust).T))
         # What the feed-forward alone asks beyond the envelope isn't the integrators' to work off.
-        excess = _difference(limited, bounds.limit(Setpoints.of(forward.T))) - output
-        following = pid.integrate(state, gains, mixed, rate, excess, parameters.anti_windup_s, dt_s)
-        following = following.with_integral(state.integral, situation.replaced[self._followers])
-        active = situation.active[self._followers]
-        self._state = _where(active, following, self._rest)
-        self._drift_mps[:, ~active] = np.nan
-        if self._tow is not None:
-            self._tow.forget(~active)
+        excess = _difference(limited, bounds.limit(Setpoints.of((forward + gust).T)).table.T) - output
+        following = pid.integrate(state, gains, mixed, rate, excess, parameters.anti_windup_s, dt_s).with_integral(
+            state.integral, situation.replaced[self._followers]
+        )
+        self._keep(following, situation.active[self._followers])
         shown = np.concatenate((gains.proportional, gains.integral, gains.derivative), axis=1)
         return Decision(self._followers, follower, limited, error_m, mixed, shown)
 
-    def _pairwise(self, situation: Situation) -> tuple[FlightState, FlightState]:
-        """Return the leader's states and the followers' own when the followers' setpoints act."""
+    def _keep(self, following: PidState, active: Mask) -> None:
+        """Keep what the next tick needs; those that aren't active begin again."""
+        self._state = _where(active, following, self._rest)
+        self._drift_mps[:, ~active] = self._correction[~active] = np.nan
+        if self._tow is not None:
+            self._tow.forget(~active)
+
+    def _pairwise(self, situation: Situation) -> tuple[LeaderMotion, FlightState]:
+        """Return the leader's motion and the followers' states when the followers' setpoints act."""
         table, count = situation.states.of(*self._pairs).table, self._followers.size
-        return FlightState.of(table[:, :count]), FlightState.of(table[:, count:])
+        return self._led(situation.lead, FlightState.of(table[:, :count])), FlightState.of(table[:, count:])
 
     def _led(self, lead: Lead, state: FlightState) -> LeaderMotion:
         """Return the motion of a leader in `state`, (F,) columns; its heading lags what it's told by (7).
@@ -134,6 +152,32 @@ class FormationLaw:
         climb_change_mps2 = to_climb_m / (model.tau_ha_s * model.tau_hb_s)
         return LeaderMotion(state, Turning(turn_rps, bend_rps2), hurry_mps2, climb_change_mps2)
 
+    def _target(
+        self,
+        leader: FlightState,
+        follower: FlightState,
+        turn_rps: Array,
+        slots: SlotMotion,
+        across_mps2: Array,
+        dt_s: float,
+    ) -> tuple[Target, Array]:
+        """Return the slots' targets, and by how much setpoints lead them beyond the feed-forward, (F, 3).
+
+        In the follower's own frame a gust across has the heading crab slowly, and swing a slot at the side as it does:
+        speed is led by that.
+        """
+        frame, model, speed = self._parameters.frame, self._model, leader.airspeed_mps
+        if self._tow is None:
+            return slot_target(leader, follower, turn_rps, slots, frame), np.zeros((speed.size, CHANNELS))
+        axis, swung_m = follower.heading_rad, -slots.position_m[:, 1]
+        (along_mps, _), (_, late_mps) = rotate_to(axis, *drift(leader, follower)), rotate_to(axis, *self._drift_mps)
+        crab = self._tow.crab(late_mps, across_mps2, speed, dt_s)
+        crabbing = FlightState.of(follower.table.copy())
+        crabbing.wind_mps[:] = leader.wind_mps + rotate_to(-axis, along_mps, -speed * crab.angle_rad)
+        target = slot_target(leader, crabbing, turn_rps, slots, frame)
+        lead = model.tau_v_s * swung_m * crab.acceleration_rps2, model.tau_psi_s * crab.rate_rps, np.zeros_like(speed)
+        return Target(target.speed_mps + swung_m * crab.rate_rps, target.heading_rad), np.array(lead).T
+
     def _steady(self, error_m: Array, target: Target, follower: FlightState, slots: SlotMotion) -> Array:
         """Return the errors that are mixed: in the follower's own frame, without what its heading sweeps forward.
 
@@ -147,8 +191,13 @@ class FormationLaw:
         off = np.sin(wrap(follower.heading_rad - target.heading_rad))
         steady_m = error_m.copy()
         steady_m[:, 0] += slots.position_m[:, 1] * off
-        steady_m[:, 1] -= np.maximum(TOW_S * target.speed_mps + slots.position_m[:, 0], 0.0) * off
+        steady_m[:, 1] -= self._tow_m(target, slots) * off
         return steady_m
+
+    @staticmethod
+    def _tow_m(target: Target, slots: SlotMotion) -> Array:
+        """Return how much farther behind than its slot is a place whose damping the heading's gains are for, (F,)."""
+        return np.maximum(TOW_S * target.speed_mps + slots.position_m[:, 0], 0.0)
 
     def _bandwidth(self, situation: Situation, leader: FlightState, slots: SlotMotion) -> Array:
         """Return (F, 3), the share of the design bandwidth for each loop: less for the heading of a slot at the side.
@@ -163,15 +212,67 @@ class FormationLaw:
         heading, others = SWING_S / (SWING_S + aside_s), np.ones_like(aside_s)
         return bandwidth * np.column_stack((others, heading, others))
 
-    def _gust(self, leader: FlightState, follower: FlightState, dt_s: float) -> tuple[Array, Array]:
-        """Return the rate of change of the followers' drift since the last tick, along and across, in m/s².
+    def _slewed(self, correction: Array, free: Mask, dt_s: float) -> Array:
+        """Return (F, 3) corrections of the feed-forward that grow no faster than a vehicle can follow.
 
-        In the follower's own frame there is no lead across: its slot swings as it turns.
+        They shrink as fast as they like, or the loop would lag in large manoeuvres. Heights are limited by their
+        envelope. Those of `free` are as wanted: while a gust is answered, when nothing may wait, and after a setpoint
+        that the separation rule replaced, which isn't one to start from.
         """
-        before_mps, self._drift_mps = self._drift_mps, drift(leader, follower)
-        rate_mps2 = or_zero((self._drift_mps - before_mps) / dt_s)
-        along, across = rotate_to(slot_axis(leader, follower, self._parameters.frame), *rate_mps2)
-        return along, np.zeros_like(across) if self._parameters.frame == "follower_heading" else across
+        model, before = self._model, np.where(free, np.nan, self._correction)[:, :2]
+        most = SLEW * dt_s * np.array((model.accel_max_mps2, model.turn_rate_max_rps)).T
+        slewed, wanted = correction.copy(), correction[:, :2]
+        grown = within(wanted, np.minimum(before, 0.0) - most, np.maximum(before, 0.0) + most)
+        slewed[:, :2] = np.where(np.isnan(before), wanted, grown)
+        return slewed
+
+    def _slopes(
+        self,
+        leader: LeaderMotion,
+        follower: FlightState,
+        error_m: Array,
+        target: Target,
+        forward: Array,
+        told: Setpoints,
+        slots: SlotMotion,
+    ) -> Array:
+        """Return the rates of change of the mixed errors, (F, 3), from the states and not from earlier errors.
+
+        What the target needs changes at the rate that the feed-forward leads it by. The followers' own acceleration and
+        turn rate are those of (7) with what they are `told` until this tick's setpoints act.
+        """
+        own = air_rates(follower, told, self._model)
+        towed = self._parameters.frame == "follower_heading"
+        axis_turn_rps = own[1] if towed else leader.turning.rate_rps
+        rates = error_rate(leader.state, follower, error_m, slots, axis_turn_rps, self._parameters.frame)
+        wanted = (forward[:, :2].T - np.array((target.speed_mps, target.heading_rad))) / self._model.air_lags_s
+        if towed:
+            off, swing_rps = wrap(follower.heading_rad - target.heading_rad), own[1] - wanted[1]
+            along_m, along_mps = self._tow_m(target, slots), slots.velocity_mps[:, 1] * np.sin(off)
+            rates[:, 0] += slots.position_m[:, 1] * swing_rps * np.cos(off) + along_mps
+            rates[:, 1] -= along_m * swing_rps * np.cos(off)
+        mixer, changes = self._parameters.mixer, (wanted - own).T
+        weights = np.array((mixer.k_x, mixer.k_y, mixer.k_z))
+        return rates * weights + np.column_stack(
+            (mixer.k_v * changes[:, 0], mixer.k_psi * changes[:, 1], np.zeros_like(own[0]))
+        )
+
+    def _gust(
+        self, situation: Situation, leader: FlightState, follower: FlightState, dt_s: float
+    ) -> tuple[Array, Array]:
+        """Return how fast the followers' drift is to be followed, along and across, in m/s².
+
+        The drift is followed with a lag of 1/`gust_radps`, as far as it stands out from what isn't known of the wind.
+        """
+        seen_mps = drift(leader, follower)
+        lagged_mps = np.where(np.isnan(self._drift_mps), seen_mps, self._drift_mps)
+        gust_mps = seen_mps - lagged_mps
+        self._drift_mps = lagged_mps + gust_mps * -np.expm1(-self._parameters.gust_radps * dt_s)
+        unknown = situation.wind_sigma_mps[self._followers] ** 2 + situation.wind_sigma_mps[self._leading] ** 2
+        size = np.maximum((gust_mps**2).sum(axis=0), 1e-12)
+        certain = np.maximum(1.0 - GUST_SIGMAS**2 * unknown / size, 0.0)
+        rate_mps2 = certain * self._parameters.gust_radps * gust_mps
+        return rotate_to(slot_axis(leader, follower, self._parameters.frame), *rate_mps2)
 
 
 def scheduled_gains(parameters: LawParameters, mixed: Array, rate: Array) -> Gains:
@@ -190,8 +291,8 @@ def scheduled_gains(parameters: LawParameters, mixed: Array, rate: Array) -> Gai
     )
 
 
-def _difference(limited: Setpoints, wanted: Setpoints) -> Array:
-    return (limited.table - wanted.table).T
+def _difference(limited: Setpoints, wanted: Array) -> Array:
+    return limited.table.T - wanted
 
 
 def _where(active: Mask, moving: PidState, rest: PidState) -> PidState:
@@ -199,5 +300,4 @@ def _where(active: Mask, moving: PidState, rest: PidState) -> PidState:
     return PidState(
         np.where(keep, moving.integral, rest.integral),
         np.where(keep, moving.rate, rest.rate),
-        np.where(keep, moving.error, rest.error),
     )

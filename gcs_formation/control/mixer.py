@@ -52,6 +52,26 @@ def formation_error(leader: FlightState, follower: FlightState, slots_m: Array, 
     return np.array((forward_m, right_m, leader.height_m - follower.height_m)).T + slots_m
 
 
+def error_rate(
+    leader: FlightState, follower: FlightState, error_m: Array, slots: SlotMotion, axis_turn_rps: Array, frame: Frame
+) -> Array:
+    """Return (F, 3), the rates of change of `formation_error` in m/s: (8), from velocities over ground.
+
+    Args:
+        leader: the leader's state, a column for each follower.
+        follower: the followers' states at the same instants.
+        error_m: (F, 3) the errors themselves.
+        slots: of the followers.
+        axis_turn_rps: (F,) how the axes turn along which x and y lie.
+        frame: whose heading that is.
+    """
+    ahead_mps = leader.ground_mps - follower.ground_mps
+    forward_mps, right_mps = rotate_to(slot_axis(leader, follower, frame), *ahead_mps)
+    apart_m, climb_mps = error_m - slots.position_m, leader.climb_mps - follower.climb_mps
+    swung = forward_mps + axis_turn_rps * apart_m[:, 1], right_mps - axis_turn_rps * apart_m[:, 0]
+    return np.array((*swung, climb_mps)).T + slots.velocity_mps
+
+
 def slot_target(
     leader: FlightState, follower: FlightState, turn_rate_rps: Array, slots: SlotMotion, frame: Frame
 ) -> Target:

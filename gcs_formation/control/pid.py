@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs_formation.arrays import Array, Mask, or_zero, within
+from gcs_formation.arrays import Array, Mask, within
 
 
 @dataclass(frozen=True)
@@ -29,26 +29,20 @@ class PidState:
     integral: Array
     """Integral of k_i(t) e dt: a change of gain doesn't kick the output (errata item 29b)."""
     rate: Array
-    """Filtered derivative of the error, a second."""
-    error: Array
-    """The error before; NaN where there was none."""
+    """Filtered rate of the error, a second."""
 
     @classmethod
     def at_rest(cls, shape: tuple[int, ...]) -> PidState:
         """Return the state of controllers at the start, with their integrators at trim (29)."""
-        return cls(np.zeros(shape), np.zeros(shape), np.full(shape, np.nan))
+        return cls(np.zeros(shape), np.zeros(shape))
 
     def with_integral(self, integral: Array, which: Mask) -> PidState:
         """Return this state with some of the integrals replaced by earlier ones."""
-        return PidState(np.where(which, integral, self.integral), self.rate, self.error)
+        return PidState(np.where(which, integral, self.integral), self.rate)
 
 
-def filter_rate(state: PidState, error: Array, filter_s: float, dt_s: float) -> Array:
-    """Return the filtered derivative of the error, per second.
-
-    This is s/(T s + 1), exact for an error that is linear between samples; 0 at the first sample.
-    """
-    slope = or_zero((error - state.error) / dt_s)
+def filter_rate(state: PidState, slope: Array, filter_s: float, dt_s: float) -> Array:
+    """Return the error's rate behind the filter 1/(T s + 1), exact for a `slope` that holds for `dt_s`."""
     kept = np.exp(-dt_s / filter_s)
     return kept * state.rate + (1 - kept) * slope
 
@@ -68,4 +62,4 @@ def integrate(
     """
     grown = state.integral + gains.integral * error * dt_s
     unwound = grown + excess * (dt_s / anti_windup_s)
-    return PidState(within(unwound, np.minimum(grown, 0.0), np.maximum(grown, 0.0)), rate, error)
+    return PidState(within(unwound, np.minimum(grown, 0.0), np.maximum(grown, 0.0)), rate)

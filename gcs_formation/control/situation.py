@@ -37,6 +37,10 @@ class Situation:
     lead: Lead
     slots: SlotMotion
     """(C, 3), at rest at 0 for the leader."""
+    told: Setpoints
+    """(C,) what each vehicle follows at the instant of its own state; NaN where nothing."""
+    wind_sigma_mps: Array
+    """(C,) standard deviation of each component of the wind in a state."""
     active: Mask
     """(C,) columns that follow setpoints; the others' states are no more than finite."""
     bandwidth: Array

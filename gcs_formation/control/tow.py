@@ -2,11 +2,24 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from formation_scenario.slot_motion import SlotMotion
-from gcs_formation.arrays import Mask
+from gcs_formation.arrays import Array, Mask
 from gcs_formation.control.feed_forward import LeaderMotion, Turning
+
+CRAB_RADPS = 0.65
+"""How fast a heading crabs against a gust: a slot 30 m aside is swung no faster than speed can follow."""
+
+
+class Crab(NamedTuple):
+    """The angle by which headings crab to the right, (F,) each, and how it changes."""
+
+    angle_rad: Array
+    rate_rps: Array
+    acceleration_rps2: Array
 
 
 class Tow:
@@ -20,6 +33,7 @@ class Tow:
     def __init__(self, followers: int) -> None:
         """Start with slots that have finished turning."""
         self._off_rad = np.full(followers, np.nan)
+        self._crab_rad = np.full(followers, np.nan)
 
     def turning(self, leader: LeaderMotion, slots: SlotMotion, dt_s: float) -> Turning:
         """Return how the axes turn until the next tick, `dt_s` later."""
@@ -36,6 +50,17 @@ class Tow:
         self._off_rad = off_rad + dt_s * rate_rps
         return Turning(turn + rate_rps, bend + (due_rps - rate_rps * (1.0 - forth / speed)) / lag_s)
 
+    def crab(self, drift_mps: Array, gust_mps2: Array, speed_mps: Array, dt_s: float) -> Crab:
+        """Return how followers crab that the air carries to the right, relative to the leader, and how that changes.
+
+        The heading goes by a lag of 1/`CRAB_RADPS`; so it's known how the slots swing, and speed can go with them.
+        """
+        due_rad, due_rps = -drift_mps / speed_mps, -gust_mps2 / speed_mps
+        angle_rad = np.where(np.isnan(self._crab_rad), due_rad, self._crab_rad)
+        rate_rps = CRAB_RADPS * (due_rad - angle_rad)
+        self._crab_rad = angle_rad + dt_s * rate_rps
+        return Crab(angle_rad, rate_rps, CRAB_RADPS * (due_rps - rate_rps))
+
     def forget(self, which: Mask) -> None:
         """Start again for some followers."""
-        self._off_rad[which] = np.nan
+        self._off_rad[which] = self._crab_rad[which] = np.nan

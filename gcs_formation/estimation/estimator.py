@@ -1,4 +1,8 @@
-"""The newest state of every vehicle at its own time stamp, on the station's clock, and its wind estimate."""
+"""The state of every vehicle at its newest time stamp, on the station's clock: one Kalman filter each, on arrays.
+
+It always runs: exact telemetry is the case of small noise. It predicts by model (7) through the setpoints that were
+sent, weighs a sample by the noise that it has been seen to have, and gives little to a sample that isn't plausible.
+"""
 
 from __future__ import annotations
 
@@ -8,16 +12,47 @@ from typing import NamedTuple
 
 import numpy as np
 
-from airlink.clock import Instant, seconds_between
-from gcs_formation.arrays import Array, Instants, Mask
-from gcs_formation.estimation.flight_state import FlightState
-from gcs_formation.estimation.fusion import Fusion
+from airlink.clock import NANOSECONDS, Instant, seconds_between
+from gcs_formation.arrays import Array, Indices, Instants, Mask, any_of
+from gcs_formation.estimation import kalman
+from gcs_formation.estimation.flight_state import AutopilotModel, FlightState
+from gcs_formation.estimation.kalman import (
+    AIRSPEED,
+    GROUND_EAST,
+    GROUND_NORTH,
+    SPEED,
+    STATES,
+    WIND_NORTH,
+    YAW,
+    Estimate,
+)
+from gcs_formation.estimation.noise import Declared, NoiseEstimate
+from gcs_formation.estimation.predictor import SetpointHistory
 
-ROWS = 8
-WIND = slice(6, 8)
-"""Rows of the wind."""
 LEAST_AIRSPEED_MPS = 1.0
 """What an airspeed below it is taken as: equations divide by it, and what flies has more."""
+UNMODELLED = np.array((0.0, 0.0, 0.0, 0.05, 0.05, 0.003, 0.0, 0.0))[:, None]
+"""How far climb, airspeed (m/s) and heading (rad) stray from model (7) in a square root of a second."""
+UNTOLD = np.array((0.0, 0.0, 0.0, 1.0, 1.0, 0.3, 0.0, 0.0))[:, None]
+"""The same of a vehicle that isn't told what to do by us."""
+WITHOUT_WIND = 0.1
+"""How far positions stray, m in a square root of a second, where the wind isn't observed."""
+WIND_WALK = 0.02
+"""Of the wind's change in a square root of a second, m/s, without gusts."""
+WIND_RADPS = 2.0
+"""The most that the wind's estimate follows anything but gusts: more would follow the rounding of messages."""
+GUST_SIGMAS = 4.0
+"""Standard deviations of the wind that a sample tells beyond which it is a gust: believed, at once."""
+IMPLAUSIBLE_SIGMAS = 3.0
+"""Standard deviations beyond which a value of a sample counts less, by the square of the excess."""
+IMPLAUSIBLE = np.array((0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 0.1))[:, None]
+"""Added to them, m/s and rad: what a vehicle may do between two samples that the model doesn't know of."""
+STRAY_MPS = 1.0
+"""The same for the position, by the time between them."""
+IMPLAUSIBLE_SAMPLES = 5
+"""So many in a row aren't outliers: somebody else flies the vehicle. Its state begins anew from the newest."""
+FORGOTTEN_S = 5.0
+"""A state that is so old says nothing about the present one."""
 
 
 class Sample(NamedTuple):
@@ -30,26 +65,31 @@ class Sample(NamedTuple):
     north_mps: float
     east_mps: float
     climb_mps: float
-    heading_rad: float
     airspeed_mps: float
+    heading_rad: float
 
 
 class StateEstimator:
-    """Combines each vehicle's messages into a state at one time stamp; one column for each vehicle.
+    """The filters of C columns, one for each vehicle."""
 
-    The disturbance observer is a first-order filter on ground velocity minus airspeed along the heading. What remains
-    is wind, or anything else that displaces the vehicle.
-    """
+    def __init__(self, declared: Declared, history: SetpointHistory, telemetry_hz: float, *, wind: bool) -> None:
+        """Start with nothing known.
 
-    def __init__(self, columns: int, observer_radps: float, fusions: Mapping[int, Fusion] | None = None) -> None:
-        """Start with nothing known. An observer bandwidth of 0 rad/s keeps the wind estimate at 0.
-
-        `fusions` are the Kalman filters of the columns whose samples are noisy; they estimate the wind too.
+        Args:
+            declared: the noise of the columns' telemetry.
+            history: the setpoints that were sent to them.
+            telemetry_hz: samples a second.
+            wind: whether the wind is estimated; otherwise it stays 0.
         """
-        self._table = np.full((ROWS, columns), np.nan)
+        columns = declared.sigma.shape[1]
+        self.noise = NoiseEstimate(declared)
+        """Of every column's telemetry."""
+        self._table = np.full((STATES, columns), np.nan)
+        self._covariance = np.zeros((columns, STATES, STATES))
+        self._residual = np.zeros((STATES, columns))
         self._stamps = np.zeros(columns, dtype=np.int64)
-        self._observer_radps = observer_radps
-        self._fusions = dict(fusions or {})
+        self._implausible = np.zeros(columns, dtype=np.int64)
+        self._history, self._telemetry_hz, self._wind = history, telemetry_hz, wind
 
     @property
     def state(self) -> FlightState:
@@ -57,13 +97,23 @@ class StateEstimator:
         return FlightState.of(self._table.copy())
 
     @property
+    def covariance(self) -> Array:
+        """(C, 8, 8) of their errors."""
+        return self._covariance.copy()
+
+    @property
+    def wind_sigma_mps(self) -> Array:
+        """(C,) standard deviation of each component of the wind."""
+        return np.sqrt(np.einsum("cii->c", self._covariance[:, WIND_NORTH:, WIND_NORTH:]) / 2)
+
+    @property
     def stamps(self) -> Instants:
-        """The time stamps of those states on the station's clock: (columns,) instants."""
+        """The time stamps of those states on the station's clock: (C,) instants."""
         return self._stamps.copy()
 
     @property
     def known(self) -> Mask:
-        """Which columns have a state: (columns,)."""
+        """Which columns have a state: (C,)."""
         known: Mask = np.logical_and.reduce(np.isfinite(self._table))
         return known
 
@@ -76,44 +126,110 @@ class StateEstimator:
     def forget(self, column: int) -> None:
         """Forget a vehicle that has restarted."""
         self._table[:, column] = np.nan
-        if column in self._fusions:
-            self._fusions[column].begin()
+        self.noise.begin(column)
 
     def place(self, column: int, state: Array, stamp: Instant) -> None:
         """Set a column to (8,) values in the order of FlightState."""
         self._table[:, column] = state
         self._stamps[column] = stamp
 
-    def update(self, column: int, sample: Sample) -> None:
-        """Take a vehicle's newest sample."""
-        if column in self._fusions and not math.isnan(self._table[0, column]):
-            before, since = self._table[:, column].copy(), self._stamps[column : column + 1].copy()
-            measured = np.array((*sample[1:7], sample.airspeed_mps, sample.heading_rad))
-            stamp = np.maximum(since, np.int64(sample.stamp))
-            self._table[:, column] = self._fusions[column].update(before, since, measured, stamp)
-            self._stamps[column] = stamp[0]
-            return
-        wind_north, wind_east = self._observe(column, sample)
-        self._table[:, column] = (
-            sample.north_m,
-            sample.east_m,
-            sample.height_m,
-            sample.climb_mps,
-            max(sample.airspeed_mps, LEAST_AIRSPEED_MPS),
-            sample.heading_rad,
-            wind_north,
-            wind_east,
-        )
-        self._stamps[column] = sample.stamp
+    def take(self, samples: Mapping[int, Sample], model: AutopilotModel, told: Mask) -> None:
+        """Take the newest sample of each column that has one.
 
-    def _observe(self, column: int, sample: Sample) -> tuple[float, float]:
-        if self._observer_radps == 0.0:
-            return 0.0, 0.0
-        north = sample.north_mps - sample.airspeed_mps * math.cos(sample.heading_rad)
-        east = sample.east_mps - sample.airspeed_mps * math.sin(sample.heading_rad)
-        before_north, before_east = self._table[WIND, column].tolist()
-        if math.isnan(before_north):
-            return north, east
-        elapsed_s = max(0.0, seconds_between(Instant(int(self._stamps[column])), sample.stamp))
-        share = 1.0 - math.exp(-self._observer_radps * elapsed_s)
-        return before_north + share * (north - before_north), before_east + share * (east - before_east)
+        Args:
+            samples: by column.
+            model: the autopilots, (C,) columns.
+            told: (C,) which of them follow our setpoints.
+        """
+        if not samples:
+            return
+        which = np.fromiter(samples, dtype=np.intp, count=len(samples))
+        stamps = np.array([sample.stamp for sample in samples.values()], dtype=np.int64)
+        values = np.array([sample[1:] for sample in samples.values()]).T
+        values[AIRSPEED] = np.maximum(values[AIRSPEED], LEAST_AIRSPEED_MPS)
+        age_s = (stamps - self._stamps[which]) / NANOSECONDS
+        follows = np.isfinite(self._table[0, which]) & (age_s <= FORGOTTEN_S) & (not self._history.empty)
+        if any_of(~follows):
+            self._begin(which[~follows], stamps[~follows], values[:, ~follows])
+        if any_of(follows):
+            which = which[follows]
+            self._follow(which, np.maximum(stamps[follows], self._stamps[which]), values[:, follows], model, told)
+
+    def _begin(self, which: Indices, stamps: Instants, values: Array) -> None:
+        """Start columns from a single sample."""
+        state, variances = self._state_of(values), self.noise.variances(which)
+        wind = variances[GROUND_NORTH] + variances[AIRSPEED] + (values[AIRSPEED] ** 2) * variances[YAW]
+        first = np.concatenate((variances[:3], variances[5:], np.array((wind, wind)) * self._wind))
+        self._table[:, which], self._covariance[which] = state, kalman.diagonal(first)
+        self._residual[:, which], self._implausible[which], self._stamps[which] = 0.0, 0, stamps
+
+    def _state_of(self, values: Array) -> Array:
+        """Return the states (8, N) that samples tell by themselves."""
+        speed, heading = values[AIRSPEED:]
+        wind = values[GROUND_NORTH : GROUND_EAST + 1] - speed * np.array((np.cos(heading), np.sin(heading)))
+        return np.concatenate((values[:3], values[5:], wind * self._wind))
+
+    def _follow(self, which: Indices, stamps: Instants, values: Array, model: AutopilotModel, told: Mask) -> None:
+        """Correct the predicted states of columns by their samples."""
+        model, variances = model.take(which), self.noise.variances(which)
+        since, elapsed_s = self._stamps[which], (stamps - self._stamps[which]) / NANOSECONDS
+        before = FlightState.of(self._table[:, which])
+        predicted = self._history.predict(before, since, stamps, which, model)
+        move = kalman.transition(before, elapsed_s, model)
+        covariance = move @ self._covariance[which] @ move.swapaxes(1, 2)
+        covariance += kalman.diagonal(self._walk(variances, told[which]) * elapsed_s)
+        difference, rows = kalman.innovation(values, predicted), kalman.sensitivity(predicted)
+        if self._wind:
+            covariance = covariance + self._gusts(values, predicted, covariance, variances, elapsed_s)
+        spread = rows @ covariance @ rows.swapaxes(1, 2)
+        own = np.einsum("nii->in", spread) + variances
+        self.noise.learn(which, difference - self._residual[:, which], own)
+        weighed, implausible = _weighed(difference, own, variances, elapsed_s)
+        spread += kalman.diagonal(weighed)
+        estimate = kalman.correct(Estimate(predicted.table, covariance), rows, spread, difference, weighed)
+        estimate.table[SPEED] = np.maximum(estimate.table[SPEED], LEAST_AIRSPEED_MPS)
+        self._table[:, which], self._covariance[which] = estimate
+        self._stamps[which] = stamps
+        self._residual[:, which] = kalman.innovation(values, FlightState.of(estimate.table))
+        self._implausible[which] = np.where(implausible, self._implausible[which] + 1, 0)
+        lost = self._implausible[which] >= IMPLAUSIBLE_SAMPLES
+        if any_of(lost):
+            self._begin(which[lost], stamps[lost], values[:, lost])
+
+    def _walk(self, variances: Array, told: Mask) -> Array:
+        """Return the variances (8, N) that a second adds."""
+        walk = np.where(told, UNMODELLED, UNTOLD)
+        if not self._wind:
+            walk[:2] = WITHOUT_WIND
+            return walk**2
+        noise_mps = np.sqrt(variances[GROUND_NORTH] + variances[AIRSPEED])
+        walk[WIND_NORTH:] = np.minimum(WIND_WALK, WIND_RADPS * noise_mps / math.sqrt(self._telemetry_hz))
+        return walk**2
+
+    def _gusts(
+        self, values: Array, predicted: FlightState, covariance: Array, variances: Array, elapsed_s: Array
+    ) -> Array:
+        """Return what the covariances grow by, (N, 8, 8), where samples tell of a wind that has changed at once."""
+        jump = self._state_of(values)[WIND_NORTH:] - predicted.wind_mps
+        size = (jump**2).mean(axis=0)
+        known = variances[GROUND_NORTH] + variances[AIRSPEED] + values[AIRSPEED] ** 2 * variances[YAW]
+        known = known + covariance[:, WIND_NORTH, WIND_NORTH]
+        size = np.where((size > GUST_SIGMAS**2 * known) & (size < (3.0 * IMPLAUSIBLE[3]) ** 2), size, 0.0)
+        grown = np.zeros_like(covariance)
+        for place in (0, 1):
+            wind = WIND_NORTH + place
+            grown[:, wind, wind] = size
+            grown[:, wind, place] = grown[:, place, wind] = size * elapsed_s / 2
+            grown[:, place, place] = size * elapsed_s**2 / 3
+        return grown
+
+
+def _weighed(difference: Array, own: Array, variances: Array, elapsed_s: Array) -> tuple[Array, Mask]:
+    """Return the variances (8, N) by which samples are weighed, and which of them (N,) aren't plausible.
+
+    A value that is u times too far off is given a noise that makes its innovation's variance u² times as large.
+    """
+    allowance = np.repeat(IMPLAUSIBLE, elapsed_s.size, axis=1)
+    allowance[:3] = STRAY_MPS * elapsed_s
+    excess = difference**2 / (IMPLAUSIBLE_SIGMAS**2 * (own + allowance**2))
+    return variances + own * np.maximum(excess - 1.0, 0.0), np.logical_or.reduce(excess > 1.0)

@@ -89,11 +89,14 @@ class FlightState(Columns):
         """Build the states from (N,) each."""
         super().__init__(north_m, east_m, height_m, climb_mps, airspeed_mps, heading_rad, wind_north_mps, wind_east_mps)
 
+    @property
+    def ground_mps(self) -> Array:
+        """Velocity over ground, north and east, (2, N)."""
+        return self.airspeed_mps * np.array((np.cos(self.heading_rad), np.sin(self.heading_rad))) + self.wind_mps
+
     def places_after(self, seconds: Array) -> Array:
         """Return where vehicles are after flying straight on for (N,) seconds: (N, 3) north, east, height in m."""
-        north_mps = self.airspeed_mps * np.cos(self.heading_rad) + self.wind_north_mps
-        east_mps = self.airspeed_mps * np.sin(self.heading_rad) + self.wind_east_mps
-        velocity_mps = np.array((north_mps, east_mps, self.climb_mps))
+        velocity_mps = np.array((*self.ground_mps, self.climb_mps))
         return (self.place_m + seconds * velocity_mps).T
 
     def turned(self, turn_rps: Array, over_s: Array) -> FlightState:

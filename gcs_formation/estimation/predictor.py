@@ -34,6 +34,11 @@ class SetpointHistory:
         self.length = max(8, int(HISTORY_S * rate_hz))
         self._sent: deque[SentSetpoints] = deque(maxlen=self.length)
 
+    @property
+    def empty(self) -> bool:
+        """Whether nothing has been sent yet."""
+        return not self._sent
+
     def add(self, sent: SentSetpoints) -> None:
         """Add the setpoints of a tick; its arrays may still be filled in later."""
         self._sent.append(sent)
@@ -131,6 +136,13 @@ def turn_rate(state: FlightState, setpoints: Setpoints, model: AutopilotModel) -
     """
     rate = wrap(setpoints.heading_rad - state.heading_rad) / model.tau_psi_s
     return within(or_zero(rate), -model.turn_rate_max_rps, model.turn_rate_max_rps)
+
+
+def air_rates(state: FlightState, setpoints: Setpoints, model: AutopilotModel) -> Array:
+    """Return v' and psi' of equation (7), (2, N) in m/s² and rad/s, within their limits; 0 without setpoints."""
+    error = setpoints.air_motion - state.air_motion
+    error[1] = wrap(error[1])
+    return within(or_zero(error / model.air_lags_s), -model.air_rates_max, model.air_rates_max)
 
 
 class AirLags(NamedTuple):

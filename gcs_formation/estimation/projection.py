@@ -16,8 +16,10 @@ from gcs_formation.estimation.predictor import HISTORY_S, SetpointHistory
 
 HEADING = 5
 """Row of `FlightState` that is an angle."""
-WIND = slice(6, 8)
-"""Its rows of the wind."""
+LEVEL, WIND = slice(0, 2), slice(6, 8)
+"""Its rows of the place north and east, and of the wind."""
+CARRIED = slice(8, 10)
+"""Rows of a sample after them: how far the wind has carried the vehicle."""
 LONG_AGO = np.int64(-(2**61))
 """Stamp of a state that nothing may be interpolated from."""
 MISSED = 2
@@ -93,7 +95,8 @@ class WhenSetpointsAct:
 
     measured: Measured
     samples: Sequence[tuple[Instants, Array]]
-    """Every vehicle's stamps (C,) and states (8, C), tick by tick, the newest last."""
+    """Every vehicle's stamps (C,) and, tick by tick, the newest last, (10, C): states, and how far the wind has carried
+    it north and east."""
     history: SetpointHistory
     model: AutopilotModel
     between_messages: np.int64
@@ -108,10 +111,17 @@ class WhenSetpointsAct:
         """
         newest = self.measured.stamps[whose]
         since, state = self._nearest(which, newest)
-        _, then = self._nearest(whose, np.minimum(since + self.between_messages, newest))
-        state[WIND] += self.measured.state.table[WIND, whose] - then[WIND]
+        met, then = self._nearest(whose, np.minimum(since + self.between_messages, newest))
+        _, now = self.samples[-1]
+        change_mps = now[WIND, whose] - then[WIND]
+        # The prediction takes the wind to have been as it is now since the beginning.
+        carried_m = now[CARRIED, whose] - then[CARRIED] - now[WIND, whose] * (newest - met) / NANOSECONDS
+        state[LEVEL] += carried_m - change_mps * (met - since) / NANOSECONDS
+        state[WIND] += change_mps
         model = self.model.take(which)
-        return self.history.predict(FlightState.of(state), since, self.measured.acts[whose], which, model)
+        return self.history.predict(
+            FlightState.of(state[: CARRIED.start]), since, self.measured.acts[whose], which, model
+        )
 
     def _nearest(self, which: Indices, stamps: Instants) -> tuple[Instants, Array]:
         """Return the samples (8, ...) of `which` nearest to the stamps, and their own time stamps."""
@@ -154,8 +164,17 @@ class Prediction:
         lost = ~measured.active & (measured.acts - measured.stamps > LOST_S * NANOSECONDS)
         stamps = np.where(lost, measured.acts, measured.stamps)
         measured = Measured(measured.state, stamps, measured.active, measured.acts)
-        self._samples.append((measured.stamps, measured.state.table))
+        self._samples.append((measured.stamps, self._carried(measured)))
         return WhenSetpointsAct(measured, self._samples, self._history, self._model, self._between_messages)
+
+    def _carried(self, measured: Measured) -> Array:
+        """Return the states (8, C), and how far the wind has carried each vehicle since the first sample (2, C)."""
+        table = measured.state.table
+        if not self._samples:
+            return np.concatenate((table, np.zeros_like(table[WIND])))
+        stamps, before = self._samples[-1]
+        over_s = (measured.stamps - stamps) / NANOSECONDS
+        return np.concatenate((table, before[CARRIED] + (before[WIND] + table[WIND]) / 2 * over_s))
 
 
 class Pairing:

@@ -8,7 +8,17 @@ from dataclasses import dataclass
 from formation_scenario.displaced_path import DisplacedPath
 from formation_scenario.path import SplinePath
 from gcs_formation.guidance.join import Pose, join
-from gcs_formation.guidance.tracking import Lags, Motion, Route, RouteHeading, project, route_heading, track
+from gcs_formation.guidance.tracking import (
+    Lags,
+    Motion,
+    MotionRates,
+    Route,
+    RouteHeading,
+    project,
+    route_heading,
+    track,
+    track_turn,
+)
 from gcs_formation.setpoint import Setpoint
 
 DECISION_S = 2.0
@@ -72,6 +82,11 @@ class LeaderGuidance:
         """Return the route's own heading, turn and climb at the leader, without corrections towards the route."""
         assert self.route is not None
         return route_heading(self.route, self.distance_m, motion)
+
+    def told_turn(self, motion: Motion, lags: Lags, rates: MotionRates) -> float:
+        """Return how fast the setpoint of `steer` turns, rad/s, while the leader's motion changes at `rates`."""
+        assert self.route is not None
+        return track_turn(self.route, self.distance_m, motion, lags, self.speed_mps, rates)
 
     def _must_decide(self) -> bool:
         return self.distance_m > -DECISION_S * self.speed_mps

@@ -28,7 +28,6 @@ class ToldLeader:
 
     def __init__(self, dt_s: float) -> None:
         """Begin with none; `dt_s` is the time between ticks."""
-        self._dt_s = dt_s
         self._acts = deque[int](maxlen=max(2, int(HISTORY_S / dt_s)))
         self._rows = deque[tuple[float, float, float, float]](maxlen=self._acts.maxlen)
 
@@ -37,15 +36,14 @@ class ToldLeader:
         self._acts.clear()
         self._rows.clear()
 
-    def tell(self, acts: Instant, speed_mps: float, heading_rad: float, height_m: float) -> None:
-        """Add a tick's setpoints, and when they act."""
-        turned_rad = 0.0
+    def tell(self, acts: Instant, told: Setpoints, turn_rps: float) -> None:
+        """Add a tick's setpoints (1,), when they act, and how fast their heading turns."""
+        speed_mps, heading_rad, height_m = told.table[:, 0].tolist()
         if self._rows:
             before_rad = self._rows[-1][1]
-            turned_rad = math.remainder(heading_rad - before_rad, math.tau)
-            heading_rad = before_rad + turned_rad
+            heading_rad = before_rad + math.remainder(heading_rad - before_rad, math.tau)
         self._acts.append(acts)
-        self._rows.append((speed_mps, heading_rad, height_m, turned_rad / self._dt_s))
+        self._rows.append((speed_mps, heading_rad, height_m, turn_rps))
 
     def at(self, instants: Instants) -> Told:
         """Return the means of what the leader flies by in the tick that begins at each instant, (C,).

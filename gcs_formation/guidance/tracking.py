@@ -56,6 +56,16 @@ class Motion:
         )
 
 
+class MotionRates(NamedTuple):
+    """How a vehicle's `Motion` changes: what is known of its place and wind needn't agree at once."""
+
+    place_mps: tuple[float, float]
+    """North and east."""
+    turn_rps: float
+    wind_mps2: tuple[float, float]
+    """North and east."""
+
+
 class RouteHeading(NamedTuple):
     """Heading, turn rate and climb of a vehicle on a route, corrected for wind."""
 
@@ -112,6 +122,40 @@ def track(route: Route, distance_m: float, motion: Motion, lags: Lags, speed_mps
     height_m = point.height_m + (lags.tau_ha_s + lags.tau_hb_s) * rise_mps
     height_m += lags.tau_ha_s * lags.tau_hb_s * point.slope_rate_1pm * along_mps**2
     return Setpoint(speed_mps, heading, height_m)
+
+
+def track_turn(
+    route: Route,
+    distance_m: float,
+    motion: Motion,
+    lags: Lags,
+    speed_mps: float,
+    rates: MotionRates,
+) -> float:
+    """Return how fast the heading setpoint of `track` turns, rad/s: its derivative by time along the vehicle's motion.
+
+    Differences of setpoints from tick to tick would be mostly the noise of positions.
+
+    Args:
+        route: the curve to fly along, as for `track`; so are the next four.
+        distance_m: along it.
+        motion: of the vehicle.
+        lags: of its autopilot.
+        speed_mps: airspeed to be flown.
+        rates: how `motion` changes.
+    """
+    point = route.at(distance_m)
+    _, right_m = _rotate(motion.north_m - point.north_m, motion.east_m - point.east_m, point.course_rad)
+    along_mps, _ = _rotate(*motion.ground_velocity(), point.course_rad)
+    _, aside_mps = _rotate(*rates.place_mps, point.course_rad)
+    _, wind_mps2 = _rotate(*rates.wind_mps2, point.course_rad)
+    gain_1pm, path_rps = BANDWIDTH_RADPS / speed_mps, point.curvature_1pm * along_mps
+    bend_rps2, gain_1pm = point.curvature_rate_1pm2 * along_mps**2, gain_1pm / (1 + (gain_1pm * right_m) ** 2)
+    if abs(math.atan(BANDWIDTH_RADPS / speed_mps * right_m)) > INTERCEPT_MAX_RAD:
+        gain_1pm = 0.0
+    aside_mps2 = motion.airspeed_mps * (rates.turn_rps - path_rps) + wind_mps2
+    course_rps = path_rps - gain_1pm * aside_mps
+    return course_rps - wind_mps2 / max(motion.airspeed_mps, 1.0) + lags.tau_psi_s * (bend_rps2 - gain_1pm * aside_mps2)
 
 
 def _crab(motion: Motion, course_rad: float) -> float:

@@ -218,8 +218,8 @@ class Vehicle:
             motion.north_mps,
             motion.east_mps,
             motion.climb_mps,
-            attitude.yaw_rad + turned,
             seen.airspeed_mps,
+            attitude.yaw_rad + turned,
         )
 
     def encode(self, message: Message) -> bytes:

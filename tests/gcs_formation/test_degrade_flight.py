@@ -64,16 +64,17 @@ def test_beyond_the_margin_the_formation_diverges_unless_gains_come_down(fly: Fl
 
 @pytest.mark.slow
 def test_gains_come_down_until_the_margin_holds_and_return_with_the_delay(fly: Fly) -> None:
-    flown = fly([{"at_s": 2, "delay_ms": 700}, {"at_s": 27, "delay_ms": 0}], duration_s=44, on_delay="degrade")
+    steps = [{"at_s": 2, "delay_ms": 700}, {"at_s": 27, "delay_ms": 0}]
+    flown = fly(steps, duration_s=44, type="pid", on_delay="degrade", speed={"kp": 3.0})
     lowered, *_, restored = gains_events(flown)
     assert lowered["used"] < 0.9
     assert lowered["bandwidth_speed"] < 1.0
     assert [restored[f"bandwidth_{channel}"] for channel in ("speed", "heading", "height")] == [1.0, 1.0, 1.0]
     series = flown.series(2)
-    share = series["kp_speed"] / fly([], duration_s=15, on_delay="degrade").series(2)["kp_speed"].max()
+    share = series["kp_speed"] / 3.0
     time_s = series["mission_time_s"]
     assert share[(time_s > 20) & (time_s < 27)].max() < 0.7
-    assert share[time_s > 43.0].min() > 0.9
+    assert share[time_s > 43.0].min() > 0.99
 
 
 @pytest.mark.slow

@@ -71,7 +71,8 @@ def situation(
     slots = SlotMotion.at_rest(np.concatenate((np.zeros((1, 3)), SLOTS_M)))
     flying = np.ones(COUNT, bool) if active is None else active
     every = np.ones((COUNT, 3))
-    return Situation(AtOneStamp(state, np.int64(0)), lead, slots, flying, every, every == 0)
+    silent = Setpoints(*np.full((3, COUNT), np.nan))
+    return Situation(AtOneStamp(state, np.int64(0)), lead, slots, silent, np.zeros(COUNT), flying, every, every == 0)
 
 
 def accelerations(decision: Decision, heading_rad: float) -> tuple[Array, Array]:

@@ -8,7 +8,7 @@ import pytest
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.control.feed_forward import LeaderMotion, Turning
 from gcs_formation.control.mixer import slot_target
-from gcs_formation.control.tow import Tow
+from gcs_formation.control.tow import CRAB_RADPS, Tow
 from gcs_formation.estimation.flight_state import FlightState
 
 SPEED_MPS, WAY_S = 22.0, 30.0
@@ -55,3 +55,19 @@ def test_who_turns_as_towed_at_the_slots_speed_stays_in_a_slot_that_goes_60_m_as
             x_m, y_m, own_rad = x_m + x_mps * step_s, y_m + y_mps * step_s, own_rad + turn_rps * step_s
         worst_m = max(worst_m, abs(x_m), abs(y_m))
     assert worst_m < 1.3 * tick_s
+
+
+def test_a_heading_crabs_slowly_against_a_gust_and_its_rates_are_those_of_its_angle() -> None:
+    """Speed is led by the rates: what the slot at the side is swept by comes as no surprise."""
+    tow, tick_s, gust_mps, speed = Tow(1), 0.001, 0.6, np.array([SPEED_MPS])
+    time_s = np.arange(0.0, 8.0, tick_s)
+    drift, change = gust_mps * -np.expm1(-2.0 * time_s), 2.0 * gust_mps * np.exp(-2.0 * time_s)
+    crabs = [tow.crab(np.array([d]), np.array([c]), speed, tick_s) for d, c in zip(drift, change, strict=True)]
+    angle, rate, acceleration = (np.array([getattr(crab, name)[0] for crab in crabs]) for name in crabs[0]._fields)
+    assert angle[0] == 0.0
+    assert angle[-1] == pytest.approx(-gust_mps / SPEED_MPS, rel=0.02)
+    assert np.abs(rate).max() < CRAB_RADPS * gust_mps / SPEED_MPS
+    np.testing.assert_allclose(np.diff(angle) / tick_s, rate[:-1], atol=1e-5)
+    np.testing.assert_allclose(np.diff(rate) / tick_s, acceleration[:-1], atol=1e-4)
+    tow.forget(np.array([True]))
+    assert tow.crab(drift[-1:], change[-1:], speed, tick_s).angle_rad[0] == pytest.approx(-drift[-1] / SPEED_MPS)

@@ -1,46 +1,184 @@
-"""The states that the station keeps of its vehicles."""
-
-from __future__ import annotations
+"""The state filter: its errors are as large as it says, it learns the noise, and it rides through what isn't noise."""
 
 import math
 
 import numpy as np
+import pytest
 
 from airlink.clock import Instant, after
 from formation_scenario import load_scenario
 from gcs_formation.controller import FormationController
-from gcs_formation.estimation.estimator import Sample
-from gcs_formation.estimation.flight_state import Setpoints
-from gcs_formation.estimation.predictor import SentSetpoints
+from gcs_formation.estimation import kalman
+from gcs_formation.estimation.estimator import UNMODELLED, WIND_WALK, Sample, StateEstimator
+from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Setpoints
+from gcs_formation.estimation.kalman import HEADING, WIND_NORTH
+from gcs_formation.estimation.noise import RESOLUTION, ROWS, Declared
+from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory
 from tests.flights.conftest import scenario
 
-SPEED, HEADING = 22.0, 0.4
+RATE_HZ, STEP_NS, COLUMN, TOLD = 10.0, 100_000_000, np.array([0]), np.ones(1, dtype=bool)
+GNSS = np.array((0.3, 0.3, 0.1, 0.1, 0.2, math.radians(0.5)))
+MODEL = AutopilotModel(*(np.array([value]) for value in (4.0, 1.5, 1.0, 3.0, 16.0, 28.0, 1.5, 0.25, 3.0)))
+START = np.array((0.0, 0.0, 100.0, 0.0, 22.0, 0.3, 1.0, -2.0))
 
 
-def flown(source: str, seconds: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Fly straight on for a while; return errors of the samples and of the states, (K, 4), and the declared sigmas."""
-    planned = load_scenario(scenario(vehicles={"count": 3, "navigation": {"source": source}}))
-    controller = FormationController(planned)
-    estimator, told = controller.estimator, (np.full(3, value) for value in (SPEED, HEADING, 100.0))
+class Flight:
+    """A vehicle that follows its setpoints by model (7), and the filter that watches it."""
+
+    def __init__(self, seed=1, sigma=GNSS, declared=GNSS):
+        self.random = np.random.default_rng(seed)
+        self.sigma = np.asarray(sigma)
+        self.history = SetpointHistory(RATE_HZ)
+        of_column = np.maximum(np.asarray(declared), RESOLUTION)[:, None]
+        self.filter = StateEstimator(
+            Declared(of_column, np.maximum(of_column / 4, RESOLUTION[:, None])), self.history, RATE_HZ, wind=True
+        )
+        self.now, self.true = 0, START
+        self.see()
+
+    def see(self, off=0.0):
+        exact = kalman.expected(FlightState(*self.true[:, None]))[:, 0]
+        seen = exact + self.sigma[ROWS] * self.random.standard_normal(8) + off
+        self.filter.take({0: Sample(Instant(self.now), *seen)}, MODEL, TOLD)
+
+    def fly(self, heading_rad=0.5, yanked_rad=0.0, gust_mps=0.0, off=0.0):
+        told = Setpoints(*(np.array([value]) for value in (22.0, heading_rad, 110.0)))
+        since = np.array([self.now])
+        self.history.add(SentSetpoints(since, told))
+        self.now += STEP_NS
+        until = np.array([self.now])
+        self.true = self.history.predict(FlightState(*self.true[:, None]), since, until, COLUMN, MODEL).table[:, 0]
+        walk = UNMODELLED[:, 0] + np.array((0, 0, 0, 0, 0, 0, WIND_WALK, WIND_WALK))
+        self.true = self.true + walk * math.sqrt(0.1) * self.random.standard_normal(8)
+        self.true[HEADING] += yanked_rad
+        self.true[WIND_NORTH:] += gust_mps
+        self.see(off)
+
+    def error(self):
+        error = self.filter.state.table[:, 0] - self.true
+        error[HEADING] = math.remainder(error[HEADING], math.tau)
+        return error
+
+    def learnt(self):
+        """Each quantity's noise by its true one."""
+        return self.filter.noise.sigma[:, 0] / self.sigma
+
+
+@pytest.mark.slow
+def test_errors_are_as_large_as_the_filter_says():
+    """The mean of the normalised error squared is the number of states (Bar-Shalom's consistency test)."""
+    normalised = []
+    for seed in range(40):
+        flight = Flight(seed)
+        for step in range(200):
+            flight.fly(heading_rad=0.5 if step % 100 < 50 else -0.2)
+        normalised.append(flight.error() @ np.linalg.solve(flight.filter.covariance[0], flight.error()))
+    assert np.mean(normalised) == pytest.approx(8.0, abs=2.5)
+
+
+def test_the_estimate_is_several_times_better_than_a_sample():
+    flight, errors = Flight(), []
+    for step in range(1000):
+        flight.fly()
+        if step > 100:
+            errors.append(flight.error())
+    north, east, height, _, speed, heading, _, _ = np.sqrt(np.mean(np.square(errors), axis=0))
+    assert max(north, east, height) < 0.3 / 2.5
+    assert speed < 0.2 / 4
+    assert heading < math.radians(0.5) / 2.5
+
+
+@pytest.mark.parametrize("times", [0.3, 1.0, 4.0, 10.0])
+def test_noise_that_is_not_as_declared_is_learnt(times):
+    flight = Flight(sigma=times * GNSS)
+    for _ in range(600):
+        flight.fly()
+    assert flight.learnt() == pytest.approx(np.ones(6), abs=0.5)
+
+
+def test_one_noisy_quantity_does_not_change_the_others():
+    flight = Flight(sigma=GNSS * (10 / 3, 1, 1, 1, 1, 1))
+    for _ in range(600):
+        flight.fly()
+    assert flight.learnt() == pytest.approx(np.ones(6), abs=0.4)
+
+
+def test_a_wind_that_changes_is_not_taken_for_noise():
+    """Exact samples in turbulence whose wind changes by 0.3 m/s from one to the next."""
+    flight = Flight(sigma=RESOLUTION, declared=RESOLUTION)
+    gusts = np.random.default_rng(5).standard_normal(600)
+    for gust in gusts:
+        flight.fly(gust_mps=0.3 * gust)
+    assert flight.filter.noise.sigma[2, 0] < 0.1
+    assert np.abs(flight.error()[WIND_NORTH:]).max() < 0.2
+
+
+def test_a_gust_on_exact_telemetry_is_believed_at_once():
+    flight = Flight(sigma=RESOLUTION, declared=RESOLUTION)
+    for _ in range(100):
+        flight.fly()
+    flight.fly(gust_mps=0.6)
+    assert np.abs(flight.error()[WIND_NORTH:]).max() < 0.05
+
+
+def test_outliers_are_ridden_through():
+    """One sample in twenty lies 20 m off."""
+    flight, errors = Flight(), []
+    strays = np.random.default_rng(3)
+    for _ in range(1000):
+        flight.fly(off=np.array((20.0, -20.0, 20.0, 0, 0, 0, 0, 0)) * (strays.random() < 0.05))
+        errors.append(flight.error()[:3])
+    assert np.abs(errors).max() < 1.5
+    assert np.sqrt(np.mean(np.square(errors))) < 0.3 / 1.5
+
+
+def test_a_vehicle_that_somebody_else_turns_is_followed():
+    flight = Flight()
+    for _ in range(100):
+        flight.fly()
+    errors = []
+    for _ in range(30):
+        flight.fly(yanked_rad=0.25)
+        errors.append(abs(flight.error()[HEADING]))
+    assert max(errors) < 1.5
+    assert min(errors[-6:]) < 4 * GNSS[-1]
+
+
+def test_a_column_without_wind_keeps_none():
+    flight = Flight(sigma=RESOLUTION, declared=RESOLUTION)
+    flight.filter = StateEstimator(
+        Declared(RESOLUTION[:, None], RESOLUTION[:, None]), flight.history, RATE_HZ, wind=False
+    )
+    for _ in range(100):
+        flight.fly()
+    assert not flight.filter.state.wind_mps.any()
+    assert np.abs(flight.error()[:2]).max() < 0.05
+
+
+@pytest.mark.parametrize("elapsed_s", [0.02, 0.1])
+def test_the_transition_is_the_derivative_of_the_prediction(elapsed_s):
+    flight, until = Flight(), np.array([round(elapsed_s * 1e9)])
+    flight.history.add(SentSetpoints(np.array([0]), Setpoints(*(np.array([value]) for value in (22.5, 0.3, 101.0)))))
+
+    def predicted(state):
+        return flight.history.predict(FlightState(*state[:, None]), np.array([0]), until, COLUMN, MODEL).table[:, 0]
+
+    small = 1e-5 * np.eye(8)
+    derivative = np.stack([(predicted(START + each) - predicted(START - each)) / 2e-5 for each in small], axis=1)
+    found = kalman.transition(FlightState(*START[:, None]), np.array([elapsed_s]), MODEL)[0]
+    assert found == pytest.approx(derivative, abs=1e-3)
+
+
+def test_the_controller_filters_what_noisy_vehicles_tell():
+    """The second of three flies straight on; its samples have the declared noise."""
+    controller = FormationController(load_scenario(scenario(vehicles={"count": 3, "navigation": {"source": "noisy"}})))
+    told = (np.full(3, value) for value in (22.0, 0.4, 100.0))
     controller.history.add(SentSetpoints(np.zeros(3, dtype=np.int64), Setpoints(*told)))
-    sigmas, random = np.array((0.3, 0.3, 0.3, 0.2)), np.random.default_rng(1)
-    raw, kept = list[np.ndarray](), list[np.ndarray]()
-    for tenth in range(round(10 * seconds)):
-        at_s, noise = 0.1 * tenth, sigmas * random.standard_normal(4)
-        north, east = SPEED * at_s * math.cos(HEADING), SPEED * at_s * math.sin(HEADING)
-        over_ground = SPEED * math.cos(HEADING), SPEED * math.sin(HEADING), 0.0
-        true = np.array((north, east, 100.0, SPEED))
-        seen = true + noise
-        estimator.update(1, Sample(after(Instant(0), at_s), *seen[:3], *over_ground, HEADING, seen[3]))
-        state = estimator.state
-        found = np.array([float(row[1]) for row in (state.north_m, state.east_m, state.height_m, state.airspeed_mps)])
-        raw.append(noise)
-        kept.append(found - true)
-    return np.array(raw), np.array(kept), sigmas
-
-
-def test_what_noisy_vehicles_tell_is_filtered_and_what_others_tell_is_taken_as_it_is() -> None:
-    _, kept, sigmas = flown("noisy", 30.0)
-    assert np.all(np.sqrt((kept[100:] ** 2).mean(axis=0)) < 0.6 * sigmas)
-    raw, exact, _ = flown("truth", 3.0)
-    np.testing.assert_allclose(exact, raw, atol=1e-9)
+    random, errors = np.random.default_rng(1), []
+    for tenth in range(300):
+        at_s, over_ground_mps = 0.1 * tenth, (22.0 * math.cos(0.4), 22.0 * math.sin(0.4), 0.0)
+        true = np.array((*(at_s * each for each in over_ground_mps[:2]), 100.0, 22.0))
+        north, east, height, airspeed = true + np.array((0.3, 0.3, 0.3, 0.2)) * random.standard_normal(4)
+        controller.take({1: Sample(after(Instant(0), at_s), north, east, height, *over_ground_mps, airspeed, 0.4)})
+        errors.append(controller.estimator.state.table[(0, 1, 2, 4), 1] - true)
+    assert np.all(np.sqrt(np.square(errors[100:]).mean(axis=0)) < 0.6 * np.array((0.3, 0.3, 0.3, 0.2)))

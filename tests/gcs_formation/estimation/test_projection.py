@@ -7,8 +7,9 @@ import numpy.typing as npt
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gcs_formation.estimation.flight_state import FlightState
-from gcs_formation.estimation.projection import AtOneStamp, Measured, Pairing
+from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Setpoints
+from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory
+from gcs_formation.estimation.projection import AtOneStamp, Measured, Pairing, Prediction
 
 Array = npt.NDArray[np.float64]
 Stamps = npt.NDArray[np.int64]
@@ -66,3 +67,21 @@ def test_a_vehicle_that_comes_back_is_not_mixed_with_what_stood_for_it() -> None
     pairing.take(stand_in)
     states = pairing.take(measured(np.array([1050, 1100, 1100]) * MS))
     assert abs(states.of(EVERYONE, EVERYONE).north_m[2] - 24.0 * 1.1) < 2.0
+
+
+def test_who_is_not_heard_is_taken_to_have_met_the_others_gust_when_the_other_met_it() -> None:
+    """Both fly east at 20 m/s; the gust of 0.6 m/s comes at 1 s, and the second is heard no more after 0.8 s."""
+    model = AutopilotModel.of(np.repeat([[4.0], [1.5], [1.0], [3.0], [16.0], [28.0], [1.5], [0.25], [3.0]], 2, axis=1))
+    history, both, one = SetpointHistory(RATE_HZ), np.arange(2), np.ones(2)
+    history.add(SentSetpoints(np.zeros(2, np.int64), Setpoints(20 * one, 0 * one, 100 * one)))
+    prediction, states = Prediction(history, model, RATE_HZ), None
+    for now_ms in range(0, 2100, 100):
+        stamps = np.array([now_ms, min(now_ms, 800)]) * MS
+        seen_s = stamps / 1e9
+        gust_m, gust_mps = np.maximum(0.6 * (seen_s - 1.0), 0.0), np.where(seen_s > 1.0, 0.6, 0.0)
+        state = FlightState(20 * seen_s + gust_m, 0 * one, 100 * one, 0 * one, 20 * one, 0 * one, gust_mps, 0 * one)
+        states = prediction.take(Measured(state, stamps, one > 0, np.full(2, now_ms * MS)))
+    assert states is not None
+    found = states.of(both[1:], both[:1])
+    np.testing.assert_allclose(found.north_m, 40.6, atol=0.6 * 0.051)
+    np.testing.assert_allclose(found.wind_north_mps, 0.6)

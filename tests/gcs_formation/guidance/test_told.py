@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from airlink.clock import NANOSECONDS, Instant
+from gcs_formation.estimation.flight_state import Setpoints
 from gcs_formation.guidance.told import ToldLeader
 
 TICK_S = 0.1
@@ -20,8 +21,12 @@ def leader(ticks: int) -> ToldLeader:
     for tick in range(ticks):
         at_s = TICK_S * tick
         heading_rad = math.remainder(math.pi - 0.1 + TURN_RPS * at_s, math.tau)
-        told.tell(instant(at_s + 0.4), 22.0 + 0.5 * at_s, heading_rad, 100.0)
+        told.tell(instant(at_s + 0.4), setpoints(22.0 + 0.5 * at_s, heading_rad), TURN_RPS if tick else 0.0)
     return told
+
+
+def setpoints(speed_mps: float, heading_rad: float) -> Setpoints:
+    return Setpoints(np.array([speed_mps]), np.array([heading_rad]), np.array([100.0]))
 
 
 def instant(at_s: float) -> Instant:
@@ -46,6 +51,6 @@ def test_outside_of_what_it_was_told_the_nearest_holds():
 def test_another_leader_has_not_turned_from_where_the_last_one_headed():
     told = leader(20)
     told.begin()
-    told.tell(instant(2.4), 20.0, -1.0, 100.0)
+    told.tell(instant(2.4), setpoints(20.0, -1.0), 0.0)
     begun = told.at(np.array([instant(2.0)]))
     assert (begun.setpoints.heading_rad[0], begun.turn_rps[0]) == (-1.0, 0.0)
