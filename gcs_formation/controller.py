@@ -116,7 +116,7 @@ class FormationController:
             parameters.declared_noise(scenario),
             self._history,
             scenario.telemetry.rate_hz,
-            wind=scenario.law.disturbance_observer_radps > 0,
+            scenario.law.disturbance_observer_radps,
         )
 
     @property

@@ -39,8 +39,9 @@ WITHOUT_WIND = 0.1
 """How far positions stray, m in a square root of a second, where the wind isn't observed."""
 WIND_WALK = 0.02
 """Of the wind's change in a square root of a second, m/s, without gusts."""
-WIND_RADPS = 2.0
-"""The most that the wind's estimate follows anything but gusts: more would follow the rounding of messages."""
+GUST_RADPS = 1.0
+"""Bandwidth of the wind's observation from which a gust is believed at once: a slower one is asked for where airspeed
+lags or is off, and would show gusts that aren't there."""
 GUST_SIGMAS = 4.0
 """Standard deviations of the wind that a sample tells beyond which it is a gust: believed, at once."""
 IMPLAUSIBLE_SIGMAS = 3.0
@@ -72,14 +73,14 @@ class Sample(NamedTuple):
 class StateEstimator:
     """The filters of C columns, one for each vehicle."""
 
-    def __init__(self, declared: Declared, history: SetpointHistory, telemetry_hz: float, *, wind: bool) -> None:
+    def __init__(self, declared: Declared, history: SetpointHistory, telemetry_hz: float, wind_radps: float) -> None:
         """Start with nothing known.
 
         Args:
             declared: the noise of the columns' telemetry.
             history: the setpoints that were sent to them.
             telemetry_hz: samples a second.
-            wind: whether the wind is estimated; otherwise it stays 0.
+            wind_radps: the most that the wind's estimate follows anything but gusts; 0: the wind stays 0.
         """
         columns = declared.sigma.shape[1]
         self.noise = NoiseEstimate(declared)
@@ -89,7 +90,8 @@ class StateEstimator:
         self._residual = np.zeros((STATES, columns))
         self._stamps = np.zeros(columns, dtype=np.int64)
         self._implausible = np.zeros(columns, dtype=np.int64)
-        self._history, self._telemetry_hz, self._wind = history, telemetry_hz, wind
+        self._history, self._telemetry_hz = history, telemetry_hz
+        self._wind, self._wind_radps = wind_radps > 0, wind_radps
 
     @property
     def state(self) -> FlightState:
@@ -179,7 +181,7 @@ class StateEstimator:
         covariance = move @ self._covariance[which] @ move.swapaxes(1, 2)
         covariance += kalman.diagonal(self._walk(variances, told[which]) * elapsed_s)
         difference, rows = kalman.innovation(values, predicted), kalman.sensitivity(predicted)
-        if self._wind:
+        if self._wind_radps >= GUST_RADPS:
             covariance = covariance + self._gusts(values, predicted, covariance, variances, elapsed_s)
         spread = rows @ covariance @ rows.swapaxes(1, 2)
         own = np.einsum("nii->in", spread) + variances
@@ -203,7 +205,7 @@ class StateEstimator:
             walk[:2] = WITHOUT_WIND
             return walk**2
         noise_mps = np.sqrt(variances[GROUND_NORTH] + variances[AIRSPEED])
-        walk[WIND_NORTH:] = np.minimum(WIND_WALK, WIND_RADPS * noise_mps / math.sqrt(self._telemetry_hz))
+        walk[WIND_NORTH:] = np.minimum(WIND_WALK, self._wind_radps * noise_mps / math.sqrt(self._telemetry_hz))
         return walk**2
 
     def _gusts(

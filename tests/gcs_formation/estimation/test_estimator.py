@@ -31,7 +31,7 @@ class Flight:
         self.history = SetpointHistory(RATE_HZ)
         of_column = np.maximum(np.asarray(declared), RESOLUTION)[:, None]
         self.filter = StateEstimator(
-            Declared(of_column, np.maximum(of_column / 4, RESOLUTION[:, None])), self.history, RATE_HZ, wind=True
+            Declared(of_column, np.maximum(of_column / 4, RESOLUTION[:, None])), self.history, RATE_HZ, 2.0
         )
         self.now, self.true = 0, START
         self.see()
@@ -146,9 +146,7 @@ def test_a_vehicle_that_somebody_else_turns_is_followed():
 
 def test_a_column_without_wind_keeps_none():
     flight = Flight(sigma=RESOLUTION, declared=RESOLUTION)
-    flight.filter = StateEstimator(
-        Declared(RESOLUTION[:, None], RESOLUTION[:, None]), flight.history, RATE_HZ, wind=False
-    )
+    flight.filter = StateEstimator(Declared(RESOLUTION[:, None], RESOLUTION[:, None]), flight.history, RATE_HZ, 0.0)
     for _ in range(100):
         flight.fly()
     assert not flight.filter.state.wind_mps.any()
