@@ -10,6 +10,7 @@ Control", 2nd ed., 2.4 and 2.6; K. J. Astrom and T. Hagglund, "Advanced PID Cont
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -231,7 +232,8 @@ def _late(delay_s: float) -> Complex:
 def _mismatched(gains: Gains, plant: Complex, delay_s: float, share: float) -> Iterator[Complex]:
     """Yield loops around a plant whose time scale and gain are off: seen at frequency w, it does what it did at w k."""
     log_w = np.log(FREQUENCIES)
-    size, angle = np.log(np.abs(plant)), np.unwrap(np.angle(plant))
+    size: Array = np.log(np.abs(plant))
+    angle: Array = np.unwrap(np.angle(plant))
     controller = _controller(gains) * _late(delay_s)
     for scale in (1.0 - share, 1.0 + share):
         at = log_w + np.log(scale)
@@ -268,4 +270,5 @@ def _step_gain(gains: Gains, dt_s: float) -> float:
     fading = (1.0 - kept) * kept ** np.arange(HORIZON) / dt_s
     rates = np.diff(fading, prepend=0.0)
     answer: Array = kp * impulse + ki * dt_s * np.cumsum(impulse) + kd * rates
-    return float(np.linalg.norm(answer - np.concatenate(([0.0], answer[:-1]))))
+    steps: Array = np.concatenate((answer[:1], answer[1:] - answer[:-1]))
+    return math.sqrt(float(steps @ steps))

@@ -30,6 +30,7 @@ from formation_scenario.formation import Formation
 from formation_scenario.law import Law
 from formation_scenario.links import Links, LinkStep, link_steps
 from formation_scenario.orders import PlannedOrder
+from formation_scenario.steps import Step
 from formation_scenario.terrain import Terrain
 from formation_scenario.vehicles import Vehicle
 
@@ -145,6 +146,11 @@ class PathPlan(Keys):
     waypoints_m: Waypoints = Field(
         description="north, east and height above the origin, m; a smooth curve goes through all of them",
         examples=[[[0, 0, 100], [1500, 0, 100], [3000, 700, 120]]],
+    )
+    steps: tuple[Step, ...] = Field(
+        default=(),
+        description="what is added to the leader's setpoints for a while; `gcs-formation identify` flies them",
+        examples=[[{"at_s": 20, "for_s": 10, "speed_mps": 2}, {"at_s": 40, "for_s": 8, "height_m": -5, "ramp_s": 2}]],
     )
 
 

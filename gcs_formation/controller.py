@@ -15,6 +15,7 @@ import numpy as np
 from airlink.clock import NANOSECONDS, Instant, after
 from formation_scenario import Scenario
 from formation_scenario.slot_motion import SlotMotion
+from formation_scenario.steps import added
 from gcs_formation import parameters
 from gcs_formation.arrays import Array, Instants, Mask, all_of, or_zero
 from gcs_formation.control import envelope
@@ -274,6 +275,8 @@ class FormationController:
         lags = Lags(float(model.tau_psi_s[0]), float(model.tau_ha_s[0]), float(model.tau_hb_s[0]))
         wanted = self.guidance.steer(motion, float(state.height_m[0]), lags, assembled=self.assembled)
         columns = Setpoints.of(np.array(wanted)[:, None])
+        if self._scenario.path.steps:
+            columns.table += np.array(added(self._scenario.path.steps, tick.mission_time_s))[:, None]
         told = envelope.limit(columns, columns.heading_rad, state, model)
         tick.setpoints.fill(leading, told)
         rates = rates._replace(turn_rps=float(turn_rate(state, told, model)[0]))

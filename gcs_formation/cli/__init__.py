@@ -1,4 +1,4 @@
-"""The command line: `gcs-formation init | check | run | fly | tell | report | compare | schema | stress`."""
+"""The command line: `gcs-formation init | check | run | fly | identify | tell | report | compare | schema | stress`."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ COMMANDS = {
     "check": Entry("gcs_formation.cli.check", "Validate a scenario; print its graph and its delay margins."),
     "compare": Entry("gcs_formation.cli.compare", "Fly a scenario by several laws and set them side by side."),
     "fly": Entry("gcs_formation.cli.flight", "Fly a scenario with vehicles that are up already."),
+    "identify": Entry("gcs_formation.cli.identify", "Find a vehicle's model from a flight; write a vehicle file."),
     "init": Entry("gcs_formation.cli.init", "Write an example scenario to begin with."),
     "report": Entry("gcs_formation.cli.report", "Draw the figures and the page of a finished run."),
     "run": Entry("gcs_formation.cli.flight", "Fly a scenario with emulated vehicles."),

@@ -58,6 +58,11 @@ Or:
 Exit status 1: refused, with the reason. 3: no flight answers there.
 """
 )
+IDENTIFY = _examples(
+    "gcs-formation identify arduplane.yaml --out skywalker.yaml   flies steps, then fits",
+    "gcs-formation identify runs/flown --vehicle 2                from what was recorded",
+    "gcs-formation identify flight.tlog --out skywalker.yaml",
+)
 REPORT = _examples("gcs-formation report runs/quickstart      writes runs/quickstart/report.html")
 COMPARE = _examples(
     "gcs-formation compare paper.yaml --laws pid,fuzzy_pid,consensus --from 500 --jobs 2 --out runs/laws",

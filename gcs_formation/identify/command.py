@@ -1,0 +1,151 @@
+"""`gcs-formation identify`: from a recorded flight, or from one that is flown for it, to a vehicle file."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from formation_scenario import Scenario, load_scenario
+from formation_scenario.airframe import EnergyAirframe
+from formation_scenario.source import Dumper, plain_mapping
+from formation_scenario.vehicles import VehicleModel
+from gcs_formation.arrays import Array
+from gcs_formation.errors import RecordError
+from gcs_formation.identify.figure import draw
+from gcs_formation.identify.fit import Fit, fit, fit_airframe, flown_by_lags, lags_of
+from gcs_formation.identify.recording import Recording, recordings
+from gcs_formation.record.run_directory import SCENARIO, SUMMARY, TLOG
+
+CHANNELS = ("airspeed_mps", "heading_rad", "height_m")
+UNITS = ("m/s", "rad", "m")
+
+
+@dataclass(frozen=True)
+class Identified:
+    """What identification found."""
+
+    fit: Fit
+    model: VehicleModel
+    """As it is written: with an airframe where that flies the recording better, and the lags of its slow changes."""
+    flights: Mapping[str, Array]
+    """Root mean square errors (3,) of a flight by the setpoints alone, by the model's name."""
+    recordings: tuple[Recording, ...]
+    figure: Path
+    file: Path
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as `--json` prints it."""
+        return {
+            "file": str(self.file),
+            "figure": str(self.figure),
+            "vehicles": [each.system for each in self.recordings],
+            "recorded_s": [each.duration_s for each in self.recordings],
+            "lags": {name: each._asdict() for name, each in self.fit.estimates.items()},
+            "residual_rms": self.fit.residual_rms,
+            "explained": self.fit.explained,
+            "flown_rms": {name: dict(zip(CHANNELS, rms.tolist(), strict=True)) for name, rms in self.flights.items()},
+            "model": self.model.model_dump(exclude_none=True),
+        }
+
+
+def identify(source: Path, file: Path, vehicle: int | None = None, believed: Scenario | None = None) -> Identified:
+    """Fit a model to a recording, and write the vehicle file and its figure beside it.
+
+    Args:
+        source: a run directory or a telemetry log.
+        file: the vehicle file to write.
+        vehicle: whose flight alone; None: all vehicles', as of one kind.
+        believed: the scenario, whose first vehicle's limits stay; None: the run directory's.
+
+    Raises:
+        RecordError: nothing to read, too little movement, or no such vehicle.
+        ScenarioError: the run directory's scenario can't be read.
+    """
+    directory = source if source.is_dir() else None
+    if directory is not None and believed is None:
+        believed = load_scenario(directory / SCENARIO)
+    found = recordings(directory / TLOG if directory else source, _delays_s(directory) if directory else None)
+    if vehicle is not None:
+        known = ", ".join(str(each.system) for each in found)
+        found = [each for each in found if each.system == vehicle]
+        if not found:
+            raise RecordError(f"--vehicle: found {vehicle}; allowed: {known}")
+    begin = _begin(believed, found[0].system)
+    fitted = fit(found, begin)
+    longest = max(found, key=lambda each: each.seen.shape[1])
+    flown = {"equation (7)": flown_by_lags(longest, fitted.model)}
+    airframe, by_airframe = fit_airframe(longest, begin.airframe or EnergyAirframe(), begin.turn_rate_max_rps)
+    errors = {name: _rms(longest, values) for name, values in flown.items()}
+    errors["airframe"] = _rms(longest, by_airframe)
+    better = bool(np.mean(errors["airframe"] / errors["equation (7)"]) < 1.0)
+    if better:
+        flown["airframe"] = by_airframe
+    model = lags_of(airframe, fitted.model, float(np.median(longest.seen[0]))) if better else fitted.model
+    figure = file.with_suffix(".png")
+    try:
+        _write(file, source, fitted, model, errors)
+        draw(longest, flown, figure)
+    except OSError as error:
+        raise RecordError(f"{file}: {error.strerror or error}") from error
+    return Identified(fitted, model, errors, tuple(found), figure, file)
+
+
+def report(found: Identified) -> str:
+    """Return it for a person."""
+    whose = ", ".join(f"{each.system} ({each.duration_s:.0f} s)" for each in found.recordings)
+    lines = [f"vehicles {whose}", "equation (7), as the law predicts and feeds forward by it:"]
+    for name, each in found.fit.estimates.items():
+        lines.append(f"  {name:<10} {each.value:6.2f} s  ± {each.sigma:.2f}")
+    lines.append("errors of its predictions, and what they explain of the change:")
+    for name, unit in zip(CHANNELS, UNITS, strict=True):
+        lines.append(f"  {name:<13} {found.fit.residual_rms[name]:.3f} {unit:<4} {found.fit.explained[name]:.0%}")
+    lines.append("errors of a whole flight by the setpoints alone, RMS:")
+    for name, rms in found.flights.items():
+        lines.append(f"  {name:<13} " + ", ".join(f"{e:.3f} {unit}" for e, unit in zip(rms, UNITS, strict=True)))
+    if found.model.airframe is not None:
+        lags = ", ".join(f"{name} {getattr(found.model, name):g}" for name in found.fit.estimates)
+        lines.append(f"it flies as an aircraft under total-energy control; lags of slow changes, s: {lags}")
+    lines.append(f"wrote {found.file} and {found.figure}")
+    return "\n".join(lines)
+
+
+def _begin(believed: Scenario | None, system: int) -> VehicleModel:
+    if believed is None:
+        return VehicleModel()
+    return next((each.model for each in believed.vehicles if each.id == system), believed.vehicles[0].model)
+
+
+def _delays_s(directory: Path) -> dict[int, float]:
+    """Return the measured delay of each vehicle's link, both ways, as far as the summary knows it."""
+    try:
+        summary = json.loads((directory / SUMMARY).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    delays = {name: each["measured_delay_ms"]["p50"] for name, each in summary["links"].items()}
+    return {int(name.rpartition(":")[2]): 2e-3 * ms for name, ms in delays.items() if ms is not None}
+
+
+def _rms(recording: Recording, flown: Array) -> Array:
+    return np.sqrt(np.mean((flown - recording.seen[:3]) ** 2, axis=1))
+
+
+def _write(file: Path, source: Path, fitted: Fit, model: VehicleModel, errors: Mapping[str, Array]) -> None:
+    figures = {f"{name}_sigma": each.sigma for name, each in fitted.estimates.items()}
+    figures |= {f"predicted_{name}": value for name, value in fitted.residual_rms.items()}
+    flown = errors["airframe" if model.airframe is not None else "equation (7)"].tolist()
+    figures |= {f"flown_{name}": value for name, value in zip(CHANNELS, flown, strict=True)}
+    written = {
+        "schema": 1,
+        "name": file.stem[:80],
+        "source": f"gcs-formation identify {source.name}",
+        "model": model.model_dump(exclude_none=True),
+        "fit": {name: float(f"{value:.3g}") for name, value in figures.items()},
+    }
+    text = yaml.dump(plain_mapping(written), Dumper=Dumper, sort_keys=False, allow_unicode=True)
+    file.write_text(text, encoding="utf-8")

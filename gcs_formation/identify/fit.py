@@ -1,0 +1,258 @@
+"""Fits a vehicle's model to recordings by the error of its predictions (Ljung, "System Identification", 2nd ed., 7.2).
+
+Equation (7), which the law predicts and feeds forward by: from every point of the recording the model flies on from
+what was measured, by what was told since, for as long as `HORIZON_S`. The airframe, which emulators fly: one flight
+from the recording's first point to its last by the setpoints alone, with all perturbed aircraft side by side.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from flight_model import energy
+from flight_model.airframe import AirframeParameters
+from flight_model.linear import airframe_responses
+from formation_scenario.airframe import EnergyAirframe
+from formation_scenario.vehicles import VehicleModel
+from gcs_formation.arrays import Array, wrap
+from gcs_formation.errors import RecordError
+from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Indices
+from gcs_formation.estimation.predictor import advance
+from gcs_formation.identify.recording import STEP_S, Recording
+
+HORIZON_S = 6.0
+"""Of the predictions that equation (7) is fitted by: as long as what the law feeds forward takes to arrive."""
+STRIDE = 5
+"""Points between the beginnings of predictions."""
+RESOLUTION = np.array([0.05, 0.005, 0.1])
+"""Residuals of airspeed (m/s), heading (rad) and height (m) are weighed by these."""
+CORRELATED_S = 2.0
+"""Residuals this far apart count as independent."""
+UNKNOWN = 0.5
+"""Standard deviation of a lag's logarithm before anything was flown."""
+LEAST_MOVED = {"speed": (0.5, "m/s"), "heading": (0.05, "rad"), "height": (2.0, "m")}
+"""By how much each setpoint must have changed for its channel to be learnt."""
+LAGS = ("tau_v_s", "tau_psi_s", "tau_ha_s", "tau_hb_s")
+CHANNEL_OF = (0, 1, 2, 2)
+AIRFRAME_KEYS = ("thrust_mps2", "drag_mps2", "heading_gain", "bank_lag_s", "airspeed_lag_s", "time_constant_s")
+SPREADS = np.array([0.3, 0.3, 0.3, 0.3, 0.3, 0.1])
+"""Standard deviations of these parameters' logarithms before anything was flown."""
+ITERATIONS = 7
+NUDGE = 0.02
+"""Of a logarithm, for its slope."""
+STEP_MAX = 0.4
+LEAST_VARIANCE = 1e-9
+SLOW_RADPS = 0.15
+"""Bends and climbs of a formation's path change no faster."""
+LEAST_LAG_S = 0.2
+
+
+class Estimate(NamedTuple):
+    """One parameter and its standard deviation."""
+
+    value: float
+    sigma: float
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted model and how well it predicts, each by its name."""
+
+    model: VehicleModel
+    estimates: dict[str, Estimate]
+    residual_rms: dict[str, float]
+    """Of airspeed (m/s), heading (rad) and height (m) over the horizon."""
+    explained: dict[str, float]
+    """Share of the change over the horizon that the predictions explain."""
+
+
+def fit(recordings: Sequence[Recording], begin: VehicleModel) -> Fit:
+    """Return the model of equation (7) that predicts recordings of one kind of vehicle best.
+
+    `begin` has the limits, which stay, and the lags that the search begins with.
+
+    Raises:
+        RecordError: a channel was hardly moved in the recordings.
+    """
+    _require_movement(recordings)
+    windows = [_Windows.of(each) for each in recordings]
+    start = np.log([getattr(begin, name) for name in LAGS])
+
+    def errors_of(tried: Sequence[Array]) -> Array:
+        return np.stack(
+            [_weighed(np.concatenate([w.errors(np.exp(t), begin) for w in windows], axis=2)) for t in tried]
+        )
+
+    repeated = HORIZON_S / STEP_S * CORRELATED_S / (STRIDE * STEP_S)
+    logs, covariance = _nearest(start, errors_of, np.full(len(LAGS), UNKNOWN), repeated)
+    lags = np.exp(logs)
+    lags[2:] = np.sort(lags[2:])
+    errors = np.concatenate([each.errors(lags, begin) for each in windows], axis=2)
+    changes = np.concatenate([each.changes() for each in windows], axis=2)
+    names = ("airspeed_mps", "heading_rad", "height_m")
+    rms = dict[str, float](zip(names, np.sqrt((errors**2).mean(axis=(1, 2))).tolist(), strict=True))
+    explained = 1.0 - (errors**2).mean(axis=(1, 2)) / np.maximum((changes**2).mean(axis=(1, 2)), 1e-12)
+    sigmas = np.sqrt(np.diag(covariance)) * lags
+    estimates = {name: Estimate(*each) for name, *each in zip(LAGS, lags.tolist(), sigmas.tolist(), strict=True)}
+    model = begin.model_copy(update={name: round(each.value, 3) for name, each in estimates.items()})
+    return Fit(model, estimates, rms, dict[str, float](zip(names, explained.tolist(), strict=True)))
+
+
+def _require_movement(recordings: Sequence[Recording]) -> None:
+    moved = np.max([np.ptp(each.told, axis=1) for each in recordings], axis=0)
+    for (channel, (least, unit)), each in zip(LEAST_MOVED.items(), moved.tolist(), strict=True):
+        if each < least:
+            found = f"the {channel} setpoint changed by no more than {each:.2g} {unit}: found too little to learn from"
+            raise RecordError(f"{found}; allowed: {least:g} {unit} or more, as `identify SCENARIO` flies it")
+
+
+@dataclass(frozen=True)
+class _Windows:
+    """Stretches of a recording, W of them, that predictions go through."""
+
+    state: FlightState
+    """(W,) as measured at their beginnings."""
+    told: Array
+    """(P, 3, W) setpoints of each step."""
+    seen: Array
+    """(3, P, W) as measured at the end of each."""
+
+    @classmethod
+    def of(cls, recording: Recording) -> _Windows:
+        """Cut a recording; the link's delay is taken out of when setpoints acted."""
+        points, late = round(HORIZON_S / STEP_S), round(recording.delay_s / STEP_S)
+        begins: Indices = np.arange(late, recording.seen.shape[1] - points, STRIDE, dtype=np.intp)
+        steps: Indices = np.arange(points, dtype=np.intp)[:, None]
+        airspeed, heading, height, climb = recording.seen[:, begins]
+        none = np.zeros_like(airspeed)
+        state = FlightState(none, none, height, climb, np.maximum(airspeed, 1.0), heading, none, none)
+        told = recording.told[:, begins + steps - late].transpose(1, 0, 2)
+        return cls(state, told, recording.seen[:3, begins + steps + 1])
+
+    def errors(self, lags: Array, limits: VehicleModel) -> Array:
+        """Return (3, P, W): predicted less measured, by equation (7) with these lags."""
+        model = _columns(lags, limits, self.told.shape[2])
+        state, step_s, ends = self.state, np.full((1, self.told.shape[2]), STEP_S), list[Array]()
+        for told in self.told:
+            state = advance(state, told[None], step_s, model)
+            ends.append(np.array((state.airspeed_mps, state.heading_rad, state.height_m)))
+        error = np.stack(ends, axis=1) - self.seen
+        error[1] = wrap(error[1])
+        return error
+
+    def changes(self) -> Array:
+        """Return (3, P, W): how far what was measured came from where it began."""
+        begin = np.array((self.state.airspeed_mps, self.state.heading_rad, self.state.height_m))
+        return self.seen - begin[:, None]
+
+
+def _columns(lags: Array, limits: VehicleModel, count: int) -> AutopilotModel:
+    rest = (
+        *(limits.speed_min_mps, limits.speed_max_mps),
+        *(limits.accel_max_mps2, limits.turn_rate_max_rps, limits.climb_max_mps),
+    )
+    return AutopilotModel.of(np.repeat(np.array([*lags, *rest])[:, None], count, axis=1))
+
+
+def _weighed(errors: Array) -> Array:
+    """Return errors of airspeed, heading and height, (3, ...), in units of `RESOLUTION`, in one row."""
+    return (errors.reshape(3, -1) / RESOLUTION[:, None]).ravel()
+
+
+def _nearest(
+    start: Array, errors_of: Callable[[Sequence[Array]], Array], spreads: Array, repeated: float
+) -> tuple[Array, Array]:
+    """Return the logarithms of P parameters that come nearest to what was measured, and their covariance (P, P).
+
+    Gauss-Newton with errors beyond one resolution weighed by their size, held by a normal prior about `start`.
+
+    Args:
+        start: (P,) where the search begins.
+        errors_of: returns the weighed errors (T, M) of T sets of logarithms.
+        spreads: (P,) standard deviations before anything was flown.
+        repeated: how many errors tell what one does.
+    """
+    logs, count = start, len(start)
+    prior: Array = np.diag(spreads**-2.0)
+    covariance: Array = np.diag(spreads**2.0)
+    for _ in range(ITERATIONS):
+        errors = errors_of([logs, *(logs + NUDGE * each for each in np.eye(count))])
+        error: Array = errors[0]
+        slopes: Array = (errors[1:] - error) / NUDGE
+        weights = 1.0 / np.maximum(np.abs(error), 1.0)
+        worth = 1.0 / max(float(np.mean((error * weights) ** 2)) * repeated, LEAST_VARIANCE)
+        weighed = slopes * weights**2 * worth
+        covariance = np.linalg.inv(weighed @ slopes.T + prior).astype(np.float64)
+        step: Array = covariance @ (weighed @ error + prior @ (logs - start))
+        logs = (logs - np.clip(step, -STEP_MAX, STEP_MAX)).astype(np.float64)
+    return logs, covariance
+
+
+def flown_by_lags(recording: Recording, model: VehicleModel) -> Array:
+    """Return airspeed, heading and height (3, K) of a vehicle of equation (7) that is told what was told."""
+    columns = _columns(np.array([getattr(model, name) for name in LAGS]), model, 1)
+    airspeed, heading, height, climb = recording.seen[:, :1]
+    none, step_s, late = np.zeros(1), np.full((1, 1), STEP_S), round(recording.delay_s / STEP_S)
+    state, flown = FlightState(none, none, height, climb, airspeed, heading, none, none), list[Array]()
+    for point in range(recording.seen.shape[1]):
+        flown.append(np.array((state.airspeed_mps, state.heading_rad, state.height_m))[:, 0])
+        state = advance(state, recording.told[None, :, max(point - late, 0), None], step_s, columns)
+    return np.array(flown).T
+
+
+def fit_airframe(recording: Recording, begin: EnergyAirframe, turn_rate_max_rps: float) -> tuple[EnergyAirframe, Array]:
+    """Return the airframe that flies a recording's setpoints most alike, and its flight (3, K).
+
+    The search is for the logarithms of `AIRFRAME_KEYS`, held by a normal prior about `begin`.
+    """
+    start = np.log([getattr(begin, name) for name in AIRFRAME_KEYS])
+
+    def errors_of(tried: Sequence[Array]) -> Array:
+        flown = _flown(recording, [_with(begin, each) for each in tried], turn_rate_max_rps)
+        return np.stack([_weighed(each - recording.seen[:3]) for each in np.moveaxis(flown, 2, 0)])
+
+    logs, _ = _nearest(start, errors_of, SPREADS, CORRELATED_S / STEP_S)
+    best = _with(begin, logs)
+    return best, _flown(recording, [best], turn_rate_max_rps)[:, :, 0]
+
+
+def lags_of(airframe: EnergyAirframe, model: VehicleModel, speed_mps: float) -> VehicleModel:
+    """Return the model with the lags by which an airframe answers slow changes: what the law feeds forward by.
+
+    Its answer to steps is slower, for the energy's rates are limited, and its answer to quick changes larger: neither
+    is a lag of equation (7).
+    """
+    at = airframe_responses(np.array([SLOW_RADPS]), AirframeParameters.of([airframe.parameters()]), speed_mps)
+    lag_s = [max(LEAST_LAG_S, -float(np.angle(each[0])) / SLOW_RADPS) for each in (at.speed, at.heading, at.height)]
+    speed_s, heading_s, height_s = lag_s
+    lags = dict(zip(LAGS, (speed_s, heading_s, height_s / 2, height_s / 2), strict=True))
+    return model.model_copy(update={name: round(each, 3) for name, each in lags.items()} | {"airframe": airframe})
+
+
+def _with(begin: EnergyAirframe, logs: Array) -> EnergyAirframe:
+    values = {name: float(f"{value:.4g}") for name, value in zip(AIRFRAME_KEYS, np.exp(logs).tolist(), strict=True)}
+    return begin.model_copy(update=values)
+
+
+def _flown(recording: Recording, airframes: Sequence[EnergyAirframe], turn_rate_max_rps: float) -> Array:
+    """Return airspeed as sensed, heading and height, (3, K, N), of N aircraft that are told what was told."""
+    p = AirframeParameters.of([each.parameters() for each in airframes])
+    airspeed, heading, height, climb = recording.seen[:, 0]
+    motion = np.repeat(np.array([[height], [climb], [airspeed], [heading]]), len(airframes), axis=1)
+    inner, count = energy.trimmed(motion, p), len(airframes)
+    late = round((recording.delay_s + float(p.dead_time_s[0])) / STEP_S)
+    flown = np.empty((3, recording.seen.shape[1], count))
+    unlimited = np.full(count, np.inf)
+    for point in range(recording.seen.shape[1]):
+        flown[:, point] = inner[energy.R["sensed"]], motion[energy.HEADING], motion[energy.HEIGHT]
+        speed, direction, up = recording.told[:, max(point - late, 0)]
+        bank = np.arctan(turn_rate_max_rps * motion[energy.SPEED] / energy.GRAVITY_MPS2)
+        told = energy.Told(np.full(count, speed), unlimited, np.full(count, direction), bank, np.full(count, up))
+        energy.control(motion, inner, told, p)
+        for _ in range(energy.CYCLES):
+            energy.cycle(motion, inner, told, p)
+    return flown

@@ -1,0 +1,152 @@
+"""What a vehicle was told and how it flew, out of a telemetry log, on one grid of time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from airlink import mavlink as m
+from airlink.frame import Frame, StreamParser
+from airlink.messages.command import CommandInt
+from airlink.messages.telemetry import Attitude, GlobalPositionInt, VfrHud
+from gcs_formation.arrays import Array
+from gcs_formation.errors import RecordError
+from gcs_formation.record.tlog import read_tlog
+
+STEP_S = 0.1
+"""Of the grid."""
+SILENT_S = 1.0
+"""A setpoint or a state older than this breaks the recording."""
+SETTLING_S = 15.0
+"""What comes of a take-off, before the setpoints alone steer, isn't learnt from."""
+LEAST_S = 30.0
+"""Shorter stretches under setpoints tell too little."""
+TOLD = {
+    m.MAV_CMD_GUIDED_CHANGE_SPEED: "speed",
+    m.MAV_CMD_GUIDED_CHANGE_HEADING: "heading",
+    m.MAV_CMD_GUIDED_CHANGE_ALTITUDE: "height",
+}
+CHANNELS = ("speed", "heading", "height")
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One vehicle's longest stretch under setpoints, K points `STEP_S` apart."""
+
+    system: int
+    seen: Array
+    """(4, K) airspeed (m/s), heading (rad, not wrapped), height (m above sea level) and climb (m/s)."""
+    told: Array
+    """(3, K) setpoints of speed, heading and height that had been sent by then."""
+    delay_s: float = 0.0
+    """Of the link, both ways: that much of what is late isn't the vehicle's."""
+
+    @property
+    def duration_s(self) -> float:
+        """How long it is."""
+        return self.seen.shape[1] * STEP_S
+
+
+@dataclass
+class _Samples:
+    """A vehicle's values with the time at which each passed the ground station, s."""
+
+    of: dict[str, list[tuple[float, float]]] = field(default_factory=dict[str, list[tuple[float, float]]])
+
+    def add(self, name: str, at_s: float, value: float) -> None:
+        self.of.setdefault(name, []).append((at_s, value))
+
+
+def recordings(log: Path, delays_s: Mapping[int, float] | None = None) -> list[Recording]:
+    """Return what a telemetry log (.tlog) holds of each vehicle that flew under setpoints, in the order of their ids.
+
+    Args:
+        log: the file.
+        delays_s: delay of each system's link, both ways.
+
+    Raises:
+        RecordError: the log can't be read, or no vehicle flew under setpoints for `LEAST_S`.
+    """
+    vehicles = dict[int, _Samples]()
+    try:
+        for at_s, frame in _frames(log):
+            _take(vehicles, at_s, frame)
+    except OSError as error:
+        raise RecordError(f"{log}: {error.strerror or error}") from error
+    delays = delays_s or {}
+    found = [_gridded(system, each, delays.get(system, 0.0)) for system, each in sorted(vehicles.items())]
+    kept = [each for each in found if each is not None]
+    if not kept:
+        wanted = f"{LEAST_S:.0f} s or more of a vehicle that is told speed, heading and height, and sends how it flies"
+        raise RecordError(f"{log}: found no vehicle under setpoints (commands 43000 to 43002); allowed: {wanted}")
+    return kept
+
+
+def _frames(log: Path) -> Iterator[tuple[float, Frame]]:
+    parser, begin_us = StreamParser(), None
+    for logged in read_tlog(log):
+        begin_us = logged.time_us if begin_us is None else begin_us
+        for frame in parser.feed(logged.raw):
+            yield (logged.time_us - begin_us) * 1e-6, frame
+
+
+def _take(vehicles: dict[int, _Samples], at_s: float, frame: Frame) -> None:
+    match frame.message:
+        case CommandInt(command=command) as told if command in TOLD:
+            values = {"speed": told.param2, "heading": math.radians(told.param2), "height": told.z}
+            vehicles.setdefault(told.target_system, _Samples()).add(TOLD[command], at_s, values[TOLD[command]])
+        case VfrHud(airspeed_mps=airspeed):
+            vehicles.setdefault(frame.system, _Samples()).add("airspeed", at_s, airspeed)
+        case Attitude(yaw_rad=yaw):
+            vehicles.setdefault(frame.system, _Samples()).add("yaw", at_s, yaw)
+        case GlobalPositionInt(alt_m=alt, vz_mps=down):
+            vehicles.setdefault(frame.system, _Samples()).add("alt", at_s, alt)
+            vehicles[frame.system].add("climb", at_s, -down)
+        case _:
+            pass
+
+
+SEEN = ("airspeed", "yaw", "alt", "climb")
+
+
+def _gridded(system: int, samples: _Samples, delay_s: float) -> Recording | None:
+    """Return the longest stretch in which all is there; None where it is too short."""
+    if any(len(samples.of.get(name, ())) < 2 for name in (*CHANNELS, *SEEN)):
+        return None
+    every = {name: np.array(samples.of[name]) for name in (*CHANNELS, *SEEN)}
+    begin, end = (pick(each[at, 0] for each in every.values()) for pick, at in ((max, 0), (min, -1)))
+    at_s = np.arange(begin, end, STEP_S)
+    if at_s.size < 2:
+        return None
+    for angle in ("heading", "yaw"):
+        every[angle][:, 1] = np.unwrap(every[angle][:, 1])
+    every["heading"][:, 1] += 2 * np.pi * round(float(every["yaw"][0, 1] - every["heading"][0, 1]) / (2 * np.pi))
+    told = np.array([_held(every[name], at_s) for name in CHANNELS])
+    seen: Array = np.array([np.interp(at_s, every[name][:, 0], every[name][:, 1]) for name in SEEN])
+    fresh = np.all([_age_s(each, at_s) < SILENT_S for each in every.values()], axis=0)
+    fresh[: round(SETTLING_S / STEP_S)] = False
+    stretch = _longest(fresh)
+    if (stretch.stop - stretch.start) * STEP_S < LEAST_S:
+        return None
+    return Recording(system, seen[:, stretch], told[:, stretch], delay_s)
+
+
+def _held(samples: Array, at_s: Array) -> Array:
+    newest = np.searchsorted(samples[:, 0], at_s, side="right") - 1
+    return samples[np.maximum(newest, 0), 1]
+
+
+def _age_s(samples: Array, at_s: Array) -> Array:
+    newest = np.searchsorted(samples[:, 0], at_s, side="right") - 1
+    return at_s - samples[np.maximum(newest, 0), 0]
+
+
+def _longest(flags: Array) -> slice:
+    """Return the longest run of True."""
+    borders = np.flatnonzero(np.diff(np.concatenate(([0], flags.astype(np.int8), [0]))))
+    runs = [slice(int(begin), int(end)) for begin, end in borders.reshape(-1, 2)]
+    return max(runs, key=lambda run: run.stop - run.start, default=slice(0, 0))

@@ -1,0 +1,88 @@
+"""Models are found again from flights of their own; what wasn't flown isn't found."""
+
+import math
+
+import numpy as np
+import pytest
+
+from flight_model import energy
+from formation_scenario.airframe import EnergyAirframe
+from formation_scenario.vehicles import VehicleModel
+from gcs_formation.errors import RecordError
+from gcs_formation.identify.fit import LAGS, fit, fit_airframe, flown_by_lags, lags_of
+from gcs_formation.identify.fit import _flown as flown_by_airframes
+from gcs_formation.identify.recording import STEP_S, Recording
+
+TRUE = VehicleModel(tau_v_s=2.5, tau_psi_s=2.2, tau_ha_s=0.8, tau_hb_s=2.4)
+POINTS = 900
+
+
+def stepped():
+    """(3, K) setpoints with a step of each channel in turn."""
+    at_s = np.arange(POINTS) * STEP_S
+    told = np.repeat(np.array([[22.0], [0.3], [100.0]]), POINTS, axis=1)
+    for row, size, begin_s in ((0, 2.0, 5), (0, -2.0, 20), (1, 0.25, 35), (1, -0.25, 45), (2, 6.0, 55), (2, -6.0, 70)):
+        told[row, (at_s >= begin_s) & (at_s < begin_s + 10)] += size
+    return told
+
+
+def recording(seen, told, delay_s=0.0):
+    return Recording(1, seen, told, delay_s)
+
+
+def flown(model, told, noise=0.0):
+    begin = np.array([[22.0], [0.3], [100.0], [0.0]])
+    motion = flown_by_lags(recording(np.repeat(begin, told.shape[1], axis=1), told), model)
+    motion = motion + noise * np.random.default_rng(1).standard_normal(motion.shape) * [[1.0], [0.1], [1.0]]
+    climb = np.gradient(motion[2], STEP_S) if noise == 0 else np.zeros(told.shape[1])
+    return recording(np.vstack((motion, climb[None])), told)
+
+
+@pytest.fixture(scope="module")
+def found():
+    return fit([flown(TRUE, stepped())], VehicleModel())
+
+
+@pytest.mark.parametrize("name", LAGS)
+def test_lags_of_equation_7_are_found_again(found, name):
+    estimate = found.estimates[name]
+    assert estimate.value == pytest.approx(getattr(TRUE, name), rel=0.1)
+    assert estimate.sigma < 0.3 * estimate.value
+
+
+def test_a_models_own_flight_is_predicted_and_its_limits_stay(found):
+    assert found.residual_rms["airspeed_mps"] < 0.03
+    assert min(found.explained.values()) > 0.97
+    assert found.model.speed_max_mps == VehicleModel().speed_max_mps
+
+
+def test_the_links_delay_isnt_taken_for_the_vehicles():
+    true = flown(TRUE, stepped())
+    late = recording(np.roll(true.seen, 5, axis=1), true.told, 0.5)
+    late.seen[:, :5] = true.seen[:, :1]
+    assert fit([late], VehicleModel()).estimates["tau_v_s"].value == pytest.approx(TRUE.tau_v_s, rel=0.1)
+
+
+def test_what_was_hardly_moved_is_said():
+    told = stepped()
+    told[0] = 22.0
+    with pytest.raises(RecordError, match=r"speed setpoint changed by no more than 0 m/s: found too little"):
+        fit([flown(TRUE, told, noise=0.05)], VehicleModel())
+
+
+def test_an_aircraft_is_found_again_and_answers_slow_changes_sooner_than_steps():
+    true = EnergyAirframe(thrust_mps2=11.0, drag_mps2=5.4, heading_gain=0.6, spread=0.0, airspeed_noise_mps=0.0)
+    told, begin = stepped()[:, 300:700], np.array([[22.0], [0.3], [100.0], [0.0]])
+    told[0, 250:350] += 2.0
+    blank = recording(np.repeat(begin, told.shape[1], axis=1), told)
+    seen = flown_by_airframes(blank, [true], 0.25)[:, :, 0]
+    airframe, again = fit_airframe(
+        recording(np.vstack((seen, np.zeros((1, told.shape[1])))), told), EnergyAirframe(), 0.25
+    )
+    assert (np.abs(again - seen).max(axis=1) < [0.2, 0.02, 0.5]).all()
+    assert airframe.heading_gain == pytest.approx(0.6, rel=0.05)
+    assert airframe.drag_mps2 / airframe.thrust_mps2 == pytest.approx(5.4 / 11.0, rel=0.1)
+    model = lags_of(airframe, VehicleModel(), 22.0)
+    assert model.tau_v_s < 1.5
+    assert model.tau_psi_s == pytest.approx(22.0 / (energy.GRAVITY_MPS2 * 0.6), rel=0.15)
+    assert math.isclose(model.tau_ha_s + model.tau_hb_s, 3.25, rel_tol=0.1)
