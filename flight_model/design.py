@@ -237,7 +237,8 @@ def _mismatched(gains: Gains, plant: Complex, delay_s: float, share: float) -> I
     controller = _controller(gains) * _late(delay_s)
     for scale in (1.0 - share, 1.0 + share):
         at = log_w + np.log(scale)
-        moved = np.exp(np.interp(at, log_w, size) + 1j * np.interp(at, log_w, angle))
+        turned: Array = np.interp(at, log_w, angle)
+        moved: Complex = np.exp(np.interp(at, log_w, size)) * np.exp(1j * turned)
         for strength in (1.0 - share, 1.0 + share):
             yield strength * controller * moved
 

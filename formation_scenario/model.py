@@ -150,7 +150,6 @@ class PathPlan(Keys):
     steps: tuple[Step, ...] = Field(
         default=(),
         description="what is added to the leader's setpoints for a while; `gcs-formation identify` flies them",
-        examples=[[{"at_s": 20, "for_s": 10, "speed_mps": 2}, {"at_s": 40, "for_s": 8, "height_m": -5, "ramp_s": 2}]],
     )
 
 

@@ -70,6 +70,7 @@ def test_what_was_hardly_moved_is_said():
         fit([flown(TRUE, told, noise=0.05)], VehicleModel())
 
 
+@pytest.mark.slow
 def test_an_aircraft_is_found_again_and_answers_slow_changes_sooner_than_steps():
     true = EnergyAirframe(thrust_mps2=11.0, drag_mps2=5.4, heading_gain=0.6, spread=0.0, airspeed_noise_mps=0.0)
     told, begin = stepped()[:, 300:700], np.array([[22.0], [0.3], [100.0], [0.0]])
