@@ -51,8 +51,28 @@ class Layout:
     wire_order: tuple[int, ...]
 
 
+MAVLINK_MSG_ID_CURRENT_MODE = 436
+LATER = {
+    "CURRENT_MODE": Layout(
+        "CURRENT_MODE",
+        MAVLINK_MSG_ID_CURRENT_MODE,
+        crc_extra=193,
+        packer=struct.Struct("<IIB"),
+        base_length=9,
+        fields=("standard_mode", "custom_mode", "intended_custom_mode"),
+        types=("uint8_t", "uint32_t", "uint32_t"),
+        units=("", "", ""),
+        array_lengths=(0, 0, 0),
+        wire_order=(2, 0, 1),
+    )
+}
+"""Messages of MAVLink's common set that the dialect doesn't have yet."""
+
+
 def layout(name: str) -> Layout:
     """Return the layout of the message called `name`, as in GLOBAL_POSITION_INT."""
+    if name in LATER:
+        return LATER[name]
     message_id: int = getattr(_dialect, f"MAVLINK_MSG_ID_{name}")
     source: Any = _dialect.mavlink_map[message_id]
     fields: list[str] = source.fieldnames
@@ -74,8 +94,9 @@ def layout(name: str) -> Layout:
 
 
 def crc_extras() -> dict[int, int]:
-    """Return CRC_EXTRA of every message of the dialect, by message id."""
-    return {message_id: source.crc_extra for message_id, source in _dialect.mavlink_map.items()}
+    """Return CRC_EXTRA of every message, by message id."""
+    extras = {message_id: source.crc_extra for message_id, source in _dialect.mavlink_map.items()}
+    return extras | {each.message_id: each.crc_extra for each in LATER.values()}
 
 
 def _base_length(source: Any, ordered: list[str]) -> int:

@@ -98,8 +98,8 @@ class Dispatch:
         return self._held.next()
 
     def pop_due(self, now: Instant) -> list[tuple[Vehicle, Message]]:
-        """Remove and return the messages to send now."""
-        return self._held.pop_due(now)
+        """Remove and return the messages to send now; none to a vehicle that has left the formation meanwhile."""
+        return [each for each in self._held.pop_due(now) if each[0].member is Member.FLYING]
 
     def clear(self) -> None:
         """Drop all messages that are held back: no setpoint may follow an order to loiter."""

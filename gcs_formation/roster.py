@@ -91,6 +91,8 @@ class Roster:
             vehicle.commands.begin(autopilot.loiter(vehicle.holds_at_m, vehicle.telemetry), now)
         elif vehicle.member is Member.RETURNING:
             vehicle.commands.begin((autopilot.set_mode(autopilot.guided_mode),), now)
+        elif vehicle.member is Member.PARTED and vehicle.pilots_choice.mode is not None:
+            vehicle.commands.begin((autopilot.set_mode(vehicle.pilots_choice.mode),), now)
         elif vehicle.member is not Member.STARTING:
             vehicle.commands.begin((), now)
 

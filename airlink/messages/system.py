@@ -60,4 +60,12 @@ class Statustext(NamedTuple):
     chunk_seq: int = 0
 
 
-SystemMessage = Heartbeat | SystemTime | Timesync | AutopilotVersion | NamedValueFloat | Statustext
+class CurrentMode(NamedTuple):
+    """CURRENT_MODE (436): the mode, told when it changes, and the one that was asked for."""
+
+    standard_mode: int
+    custom_mode: int
+    intended_custom_mode: int = 0
+
+
+SystemMessage = Heartbeat | SystemTime | Timesync | AutopilotVersion | NamedValueFloat | Statustext | CurrentMode

@@ -60,6 +60,8 @@ class Autopilot(ABC):
     """Id of the command that carries airspeed, that of heading and that of height; each is acknowledged."""
     unasked_hz: ClassVar[dict[int, float]] = {m.MAVLINK_MSG_ID_HEARTBEAT: 1.0}
     """Messages that are sent without a request, and their rates, Hz."""
+    setpoints_set_mode: ClassVar[bool] = False
+    """Whether each setpoint also commands the guided mode, and so undoes a pilot's choice of another."""
     approach_m: ClassVar[float] = 0.0
     """Height above home of the approach that `land` begins with."""
 

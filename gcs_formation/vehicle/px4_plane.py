@@ -39,6 +39,8 @@ flight (NPFG_PERIOD 10 s, damping 0.7), PX4 bends towards the circle; when setpo
 TAKE_OFF_TO_M = 50.0
 SLOW_RATE_HZ = 2.0
 UTC_RATE_HZ = 1.0
+CHANGES_HZ = 50.0
+"""CURRENT_MODE is sent at this rate while there are changes: a mode must be seen before a setpoint undoes it."""
 AIRBORNE_M = 10.0
 REFERENCE_CLIMB_MPS = 3.0
 """After boot the height controller's reference begins at sea level and rises this fast (FW_T_CLMB_R_SP); who takes off
@@ -56,6 +58,8 @@ class Px4Plane(Autopilot):
     take_off_m = 45.0
     guided_mode = loiter_mode = LOITER
     setpoint_commands = (m.MAV_CMD_DO_REPOSITION,) * 3
+    setpoints_set_mode = True
+    """DO_REPOSITION without that (its second parameter) is UNSUPPORTED."""
     mode_names: ClassVar = {
         _mode(1): "MANUAL",
         _mode(2): "ALTITUDE",
@@ -84,7 +88,7 @@ class Px4Plane(Autopilot):
     def start_up(self, rates_hz: Mapping[int, float]) -> tuple[Step, ...]:
         """Return the steps: streams, ready, take-off, which ends in HOLD; what is done already is left out."""
         return (
-            Step("asked for telemetry", lambda seen: seen.complete, lambda _: self.requests(rates_hz), 20.0, True),
+            Step("asked for telemetry", lambda seen: seen.complete, lambda _: self._questions(rates_hz), 20.0, True),
             Step("waited for it to be ready to arm", self._is_ready, timeout_s=90.0),
             Step("waited for its height controller to come up to the field", self._reference_is_up, timeout_s=1200.0),
             Step("told it to take off", self._is_taking_off, self._to_take_off, takes_off=True),
@@ -169,6 +173,11 @@ class Px4Plane(Autopilot):
             y=round(math.degrees(lon_rad) * 1e7),
             z=alt_m,
         )
+
+    def _questions(self, rates_hz: Mapping[int, float]) -> tuple[Command, ...]:
+        """Return the requests, with that for each change of mode: a heartbeat comes once a second."""
+        changes = self.set_message_interval(m.MAVLINK_MSG_ID_CURRENT_MODE, CHANGES_HZ)
+        return (*self.requests(rates_hz), changes)
 
     def _to_take_off(self, seen: Telemetry) -> tuple[Command, ...]:
         """Return NAV_TAKEOFF from where it stands; its altitude is above sea level."""

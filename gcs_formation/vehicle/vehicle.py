@@ -13,7 +13,7 @@ from airlink.geodesy import GeodeticOrigin
 from airlink.identity import VehicleId
 from airlink.messages import Message
 from airlink.messages.command import CommandAck
-from airlink.messages.system import Heartbeat, SystemTime, Timesync
+from airlink.messages.system import CurrentMode, Heartbeat, SystemTime, Timesync
 from airlink.messages.telemetry import GlobalPositionInt
 from airlink.sequence import SequenceTracker
 from gcs_formation.estimation.estimator import Sample
@@ -26,7 +26,8 @@ from gcs_formation.link.stamp_map import StampMap
 from gcs_formation.membership import Member, Sight
 from gcs_formation.vehicle.autopilot import Autopilot, Step
 from gcs_formation.vehicle.command_effect import EffectWatch
-from gcs_formation.vehicle.commands import CommandQueue
+from gcs_formation.vehicle.commands import CommandQueue, Outcome
+from gcs_formation.vehicle.pilots_choice import PilotsChoice
 from gcs_formation.vehicle.startup import StartUp
 from gcs_formation.vehicle.take_off import TakeOff
 from gcs_formation.vehicle.telemetry import Telemetry
@@ -88,7 +89,7 @@ class Vehicle:
         self.member, self.holds_at_m = Member.STARTING, math.nan
         self.delays: list[Probed] = []
         self.frames_in = self.frames_out = 0
-        self.effects = EffectWatch()
+        self.effects, self.pilots_choice = EffectWatch(), PilotsChoice()
         self.setpoints_taken = {command: UnbrokenRun() for command in autopilot.setpoint_commands}
         """Acknowledgements of airspeed, heading and height setpoints."""
         self._answered: Instant | None = None
@@ -106,9 +107,10 @@ class Vehicle:
         if self.member is Member.HOLDING:
             self._loiter_ordered = now
         mode = self.telemetry.custom_mode
+        pilots = self.pilots_choice.stands(self.telemetry, waiting=self.commands.outcome is Outcome.WAITING)
         return Sight(
             started=self.start_up.finished,
-            guided=self.autopilot.takes_setpoints(self.telemetry),
+            guided=self.autopilot.takes_setpoints(self.telemetry) and not pilots,
             loiters=mode == self.autopilot.loiter_mode,
             fresh=fresh,
             loiter_may_be_told=loiter_may_be_told,
@@ -135,6 +137,9 @@ class Vehicle:
                 self._take_probe(message, now, timed=timed)
             case SystemTime() if self.gnss:
                 self.gnss.utc(message.time_unix_usec * 1e-6, message.time_boot_s, armed=self.telemetry.armed)
+            case CurrentMode():
+                if self.member is Member.FLYING and self.autopilot.setpoints_set_mode:
+                    self.pilots_choice.see(message.custom_mode, self.autopilot.guided_mode, self.telemetry)
             case None:
                 pass
             case _:

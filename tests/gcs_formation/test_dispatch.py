@@ -28,7 +28,7 @@ def vehicle(name: str, up_s: float) -> SimpleNamespace:
         ways_s=(math.nan, math.nan),
         jitter=SimpleNamespace(jitter_s=0.0),
         heard_at=lambda now: now,
-        autopilot=SimpleNamespace(loop_s=0.1, setpoint=lambda setpoint: [(name, setpoint)]),
+        autopilot=SimpleNamespace(loop_s=0.1, setpoint=lambda setpoint, _: [(name, setpoint)]),
     )
 
 
@@ -49,7 +49,9 @@ def tick(speed_mps: float = 22.0, active: tuple[bool, ...] = (True, True, True))
     told = SimpleNamespace(
         speed_mps=np.array([22.0, speed_mps, 22.0]), heading_rad=np.zeros(3), height_m=np.full(3, 100.0)
     )
-    return SimpleNamespace(setpoints=told, active=np.array(active), leader=LEADER)
+    return SimpleNamespace(
+        setpoints=told, state=SimpleNamespace(table=np.zeros((8, 3))), active=np.array(active), leader=LEADER
+    )
 
 
 def told(served: Dispatch, at_s: float) -> list[str]:
@@ -96,3 +98,10 @@ def test_who_is_not_commanded_is_sent_nothing_and_a_cleared_queue_sends_nothing(
     assert told(served, 0.0) == ["1"]
     served.clear()
     assert served.next() is None
+
+
+def test_setpoints_that_are_held_back_do_not_follow_a_leader_that_has_left():
+    served = dispatch(0.0, 0.0, 0.3)
+    served.take(tick(), links(served).hold_s, NOW)
+    served._vehicles[VehicleId(1, 1)].member = Member.PARTED
+    assert sorted(told(served, 10.0)) == ["1", "2"]

@@ -158,7 +158,7 @@ class Walk:
 def test_from_the_ground_streams_take_off_and_arming_and_hold_comes_by_itself(px4, telemetry):
     walk = Walk(telemetry)
     asked = {command.param1: command.param2 for command in walk.go()}
-    assert asked == {30.0: 1e5, 33.0: 1e5, 74.0: 1e5, 1.0: 5e5, 245.0: 5e5}
+    assert asked == {30.0: 1e5, 33.0: 1e5, 74.0: 1e5, 1.0: 5e5, 245.0: 5e5, 436.0: 2e4}
     px4(HOLD)
     (take_off,) = walk.go()
     assert isinstance(take_off, CommandLong)
@@ -180,7 +180,7 @@ def test_one_that_flies_in_another_mode_is_told_hold_and_nothing_else(px4, telem
     walk = Walk(telemetry)
     px4(RTL, armed=True, up_m=80.0, in_air=True)
     told = [command.command for command in walk.go()]
-    assert told == [m.MAV_CMD_SET_MESSAGE_INTERVAL] * 5 + [m.MAV_CMD_DO_SET_MODE]
+    assert told == [m.MAV_CMD_SET_MESSAGE_INTERVAL] * 6 + [m.MAV_CMD_DO_SET_MODE]
 
 
 def test_take_off_waits_until_the_height_controllers_reference_has_come_up_to_the_field(px4, telemetry):

@@ -1,0 +1,139 @@
+"""The ground station against the real autopilot: four fixed-wing PX4s, flown by the built-in simulator (SIH).
+
+Set PX4_SITL to the path of PX4's binary for SITL, `build/px4_sitl_default/bin/px4`, to run it. Real time: 6 minutes.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Generator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import pytest
+import yaml
+from pymavlink import mavutil
+
+from airlink import mavlink as m
+
+BINARY = os.environ.get("PX4_SITL")
+pytestmark = [
+    pytest.mark.skipif(not BINARY, reason="PX4_SITL isn't set to the path of a PX4 SITL binary"),
+    pytest.mark.slow,
+]
+
+ROOT = Path(__file__).parents[2]
+LIMIT_S = 900
+FIRST_INSTANCE = 40
+"""Instance n is system n + 1 and listens at UDP port 18570 + n: away from a simulation that somebody else runs."""
+GCS_PORT = 18570
+APART_DEG = 0.0006
+BOOT_S = 8.0
+PARAMETERS = {"SIH_T_MAX": 10, "FW_AIRSPD_MAX": 22, "FW_AIRSPD_TRIM": 14, "SDLOG_MODE": -1}
+"""The simulator's aircraft hardly flies faster than 14 m/s with its stock 6 N."""
+
+
+@contextmanager
+def simulated(instance: int, directory: Path, airframe: int = 10041, model: str = "airplane") -> Generator[None]:
+    """Run one PX4, some way east of the others; the field is at 10 m."""
+    directory.mkdir()
+    binary = Path(str(BINARY)).resolve()
+    environment = os.environ | {
+        "PX4_SYS_AUTOSTART": str(airframe),
+        "PX4_SIM_MODEL": f"sihsim_{model}",
+        "PX4_HOME_LAT": "35.0",
+        "PX4_HOME_LON": str(125.0 + (instance - FIRST_INSTANCE) * APART_DEG),
+        "PX4_HOME_ALT": "10",
+        **{f"PX4_PARAM_{name}": str(value) for name, value in PARAMETERS.items()},
+    }
+    command = [str(binary), "-i", str(instance), "-d", str(binary.parents[1] / "etc")]
+    with (directory / "log.txt").open("w") as log:
+        process = subprocess.Popen(
+            command, cwd=directory, env=environment, stdin=subprocess.DEVNULL, stdout=log, stderr=log
+        )
+        try:
+            yield
+        finally:
+            process.terminate()
+            process.wait(10)
+
+
+def scenario(count: int) -> dict[str, object]:
+    """Return the shipped scenario with each vehicle at the port of its own simulation."""
+    keys = yaml.safe_load((ROOT / "configs" / "px4.yaml").read_text())
+    keys["vehicles"] = [
+        each | {"id": 1 + instance, "endpoint": f"udpout:127.0.0.1:{GCS_PORT + instance}"}
+        for instance, each in enumerate(keys["vehicles"][:count], start=FIRST_INSTANCE)
+    ]
+    return keys
+
+
+def fly(directory: Path, keys: dict[str, object]) -> subprocess.CompletedProcess[str]:
+    file = directory / "px4.yaml"
+    file.write_text(yaml.safe_dump(keys))
+    time.sleep(BOOT_S)
+    command = [sys.executable, "-m", "gcs_formation", "fly", str(file), "--out", str(directory / "run")]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=LIMIT_S, check=False)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Fly, and return the run directory."""
+    directory = tmp_path_factory.mktemp("px4")
+    with ExitStack() as stack:
+        for instance in range(FIRST_INSTANCE, FIRST_INSTANCE + 4):
+            stack.enter_context(simulated(instance, directory / f"plane{instance}"))
+        done = fly(directory, scenario(4))
+    assert done.returncode == 0, done.stderr
+    return directory / "run"
+
+
+def events(run: Path) -> list[dict[str, str]]:
+    return [json.loads(line) for line in (run / "events.jsonl").read_text().splitlines()]
+
+
+def test_every_vehicle_goes_through_take_off_to_hold(run):
+    told = events(run)
+    for vehicle in map(str, range(FIRST_INSTANCE + 1, FIRST_INSTANCE + 5)):
+        modes = [event["text"] for event in told if event["kind"] == "mode" and event.get("vehicle") == vehicle]
+        assert modes[-2:] == ["TAKEOFF", "HOLD"]
+    phases = [event["text"] for event in told if event["kind"] == "phase"]
+    assert phases == ["assembling", "flying", "ending", "loitering", "done"]
+
+
+def test_the_autopilots_refuse_nothing(run):
+    log = mavutil.mavlink_connection(str(run / "flight.tlog"), dialect="ardupilotmega")
+    counts: Counter[tuple[int, int]] = Counter()
+    while (ack := log.recv_match(type="COMMAND_ACK")) is not None:
+        counts[ack.command, ack.result] += 1
+    log.close()
+    assert {result for _, result in counts} == {m.MAV_RESULT_ACCEPTED}
+    assert counts[m.MAV_CMD_DO_REPOSITION, m.MAV_RESULT_ACCEPTED] > 4000
+
+
+def test_three_followers_keep_their_slots_to_2_m(run):
+    summary = json.loads((run / "summary.json").read_text())
+    assert len(summary["followers"]) == 3
+    for follower in summary["followers"].values():
+        assert max(follower[axis]["rms"] for axis in ("error_x_m", "error_y_m", "error_z_m")) <= 2.0
+    assert summary["safety"]["violations"] == 0
+
+
+def test_a_px4_multicopter_is_refused_before_anything_is_armed(tmp_path):
+    keys = scenario(2)
+    with ExitStack() as stack:
+        stack.enter_context(simulated(FIRST_INSTANCE, tmp_path / "plane"))
+        stack.enter_context(simulated(FIRST_INSTANCE + 1, tmp_path / "copter", 10040, "quadx"))
+        done = fly(tmp_path, keys)
+    assert done.returncode == 3
+    assert f"vehicle {FIRST_INSTANCE + 2} says that it is a PX4 QUADROTOR; allowed: PX4 fixed wing" in done.stderr
+    log = mavutil.mavlink_connection(str(tmp_path / "run" / "flight.tlog"), dialect="ardupilotmega")
+    while (message := log.recv_match(type=["COMMAND_LONG", "HEARTBEAT"])) is not None:
+        assert message.get_type() != "COMMAND_LONG" or message.command == m.MAV_CMD_SET_MESSAGE_INTERVAL
+        assert message.get_type() != "HEARTBEAT" or not message.base_mode & m.MAV_MODE_FLAG_SAFETY_ARMED
+    log.close()
