@@ -91,7 +91,7 @@ class VehicleCommon(Keys):
     model: Model = Field(
         default=VehicleModel(),
         description="its autopilot's lags, and its limits: keys, a vehicle file, or a shipped one by its name",
-        json_schema_extra=derived("the keys' own; with `autopilot: arduplane`, the shipped file arduplane"),
+        json_schema_extra=derived("the keys' own; with `autopilot: arduplane` or `px4`, the shipped file of that name"),
     )
     true_model: Model | None = Field(
         default=None,
