@@ -236,11 +236,14 @@ def _mismatched(gains: Gains, plant: Complex, delay_s: float, share: float) -> I
     angle: Array = np.unwrap(np.angle(plant))
     controller = _controller(gains) * _late(delay_s)
     for scale in (1.0 - share, 1.0 + share):
-        at = log_w + np.log(scale)
-        turned: Array = np.interp(at, log_w, angle)
-        moved: Complex = np.exp(np.interp(at, log_w, size)) * np.exp(1j * turned)
+        moved = np.exp(_seen_at(size, log_w + np.log(scale))) * np.exp(1j * _seen_at(angle, log_w + np.log(scale)))
         for strength in (1.0 - share, 1.0 + share):
             yield strength * controller * moved
+
+
+def _seen_at(values: Array, log_w: Array) -> Array:
+    """Return values that are known at `FREQUENCIES` at others, given by their logarithms."""
+    return np.interp(log_w, np.log(FREQUENCIES), values)
 
 
 def _peak(loop: Complex) -> float:
