@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib
 import struct
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -124,3 +125,24 @@ _SIZES = {
     **dict.fromkeys(("int32_t", "uint32_t", "float"), 4),
     **dict.fromkeys(("int64_t", "uint64_t", "double"), 8),
 }
+
+
+def dataflash_messages(path: str, kinds: Sequence[str]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the messages of some kinds in an ArduPilot dataflash log (.bin), each as its kind and its fields.
+
+    Raises:
+        OSError: the file can't be read.
+        ValueError: it isn't such a log.
+    """
+    reader_type: Any = importlib.import_module("pymavlink.DFReader").DFReader_binary
+    reader: Any = reader_type.__new__(reader_type)
+    try:
+        reader.__init__(path)
+        while (message := reader.recv_match(type=list(kinds))) is not None:
+            yield str(message.get_type()), dict(message.to_dict())
+    except (IndexError, struct.error, TypeError) as error:
+        raise ValueError("not a dataflash log") from error
+    finally:
+        for opened in ("data_map", "filehandle"):
+            if hasattr(reader, opened):
+                getattr(reader, opened).close()

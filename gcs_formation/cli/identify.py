@@ -27,6 +27,7 @@ from gcs_formation.identify.flight import identification_scenario
 
 EMULATOR = "emulator"
 VEHICLE_FILE = "vehicle.yaml"
+LOGS = (".tlog", ".bin")
 
 
 @click.command(epilog=usage.IDENTIFY)
@@ -40,10 +41,10 @@ VEHICLE_FILE = "vehicle.yaml"
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 @click.option("--json", "as_json", is_flag=True, help="The result alone on standard output.")
 def identify(source: Path, **given: Any) -> None:
-    """Find a vehicle's model from SOURCE: a run directory or a .tlog; or a scenario, whose vehicles then fly steps."""
+    """Find a vehicle's model from SOURCE: a run, a .tlog or .bin; or a scenario, whose vehicles then fly steps."""
     asked = _Given(**given)
     recorded, believed = source, None
-    if not source.is_dir() and source.suffix != ".tlog":
+    if not source.is_dir() and source.suffix.lower() not in LOGS:
         believed = load(source, asked.overrides)
         recorded = asked.run_dir or default_directory(f"{believed.name}-identify")
         options = RunOptions(recorded, _clock(believed), asked.speedup, None, asked.overwrite)

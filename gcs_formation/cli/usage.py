@@ -61,7 +61,7 @@ Exit status 1: refused, with the reason. 3: no flight answers there.
 IDENTIFY = _examples(
     "gcs-formation identify arduplane.yaml --out skywalker.yaml   flies steps, then fits",
     "gcs-formation identify runs/flown --vehicle 2                from what was recorded",
-    "gcs-formation identify flight.tlog --out skywalker.yaml",
+    "gcs-formation identify 00000042.BIN --out skywalker.yaml     an ArduPilot log, or a .tlog",
 )
 REPORT = _examples("gcs-formation report runs/quickstart      writes runs/quickstart/report.html")
 COMPARE = _examples(

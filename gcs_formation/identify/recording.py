@@ -30,6 +30,16 @@ TOLD = {
     m.MAV_CMD_GUIDED_CHANGE_HEADING: "heading",
     m.MAV_CMD_GUIDED_CHANGE_ALTITUDE: "height",
 }
+DATAFLASH = ".bin"
+DATAFLASH_FIELDS = {
+    "OFG": (("speed", "Arsp", 1.0), ("heading", "Hdg", 1.0), ("height", "Alt", 1.0)),
+    "ARSP": (("airspeed", "Airspeed", 1.0),),
+    "ATT": (("yaw", "Yaw", math.pi / 180.0),),
+    "POS": (("alt", "Alt", 1.0),),
+    "TECS": (("climb", "dh", 1.0),),
+}
+"""Of each kind of message: what it tells, in which field, and the field's unit."""
+SYSTEM_PARAMETERS = ("MAV_SYSID", "SYSID_THISMAV")
 CHANNELS = ("speed", "heading", "height")
 
 
@@ -62,7 +72,9 @@ class _Samples:
 
 
 def recordings(log: Path, delays_s: Mapping[int, float] | None = None) -> list[Recording]:
-    """Return what a telemetry log (.tlog) holds of each vehicle that flew under setpoints, in the order of their ids.
+    """Return what a telemetry log (.tlog) or a vehicle's own (.bin) holds of each vehicle that flew under setpoints.
+
+    They are in the order of their ids.
 
     Args:
         log: the file.
@@ -71,12 +83,12 @@ def recordings(log: Path, delays_s: Mapping[int, float] | None = None) -> list[R
     Raises:
         RecordError: the log can't be read, or no vehicle flew under setpoints for `LEAST_S`.
     """
-    vehicles = dict[int, _Samples]()
     try:
-        for at_s, frame in _frames(log):
-            _take(vehicles, at_s, frame)
+        vehicles = _of_dataflash(log) if log.suffix.lower() == DATAFLASH else _of_telemetry(log)
     except OSError as error:
         raise RecordError(f"{log}: {error.strerror or error}") from error
+    except ValueError as error:
+        raise RecordError(f"{log}: found {error}; allowed: a log as ArduPilot writes it") from error
     delays = delays_s or {}
     found = [_gridded(system, each, delays.get(system, 0.0)) for system, each in sorted(vehicles.items())]
     kept = [each for each in found if each is not None]
@@ -84,6 +96,25 @@ def recordings(log: Path, delays_s: Mapping[int, float] | None = None) -> list[R
         wanted = f"{LEAST_S:.0f} s or more of a vehicle that is told speed, heading and height, and sends how it flies"
         raise RecordError(f"{log}: found no vehicle under setpoints (commands 43000 to 43002); allowed: {wanted}")
     return kept
+
+
+def _of_telemetry(log: Path) -> dict[int, _Samples]:
+    vehicles = dict[int, _Samples]()
+    for at_s, frame in _frames(log):
+        _take(vehicles, at_s, frame)
+    return vehicles
+
+
+def _of_dataflash(log: Path) -> dict[int, _Samples]:
+    """Return what ArduPlane wrote down itself: what it was told as it took it (OFG), and how it flew."""
+    samples, system = _Samples(), 1
+    for kind, fields in m.dataflash_messages(str(log), ("PARM", *DATAFLASH_FIELDS)):
+        if kind == "PARM":
+            system = int(fields["Value"]) if fields["Name"] in SYSTEM_PARAMETERS else system
+            continue
+        for name, key, scale in DATAFLASH_FIELDS[kind]:
+            samples.add(name, float(fields["TimeUS"]) * 1e-6, scale * float(fields[key]))
+    return {system: samples}
 
 
 def _frames(log: Path) -> Iterator[tuple[float, Frame]]:

@@ -1,9 +1,11 @@
 """Recordings out of telemetry logs, and the flight that is flown for them."""
 
 import math
+import struct
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from airlink.clock import Instant
 from airlink.frame import FrameWriter
@@ -11,6 +13,7 @@ from airlink.messages.command import CommandInt
 from airlink.messages.telemetry import Attitude, GlobalPositionInt, VfrHud
 from formation_scenario import load_scenario
 from formation_scenario.steps import Step, added
+from gcs_formation.cli.identify import identify
 from gcs_formation.errors import RecordError
 from gcs_formation.identify.flight import identification_scenario
 from gcs_formation.identify.recording import SETTLING_S, STEP_S, recordings
@@ -97,3 +100,61 @@ def test_the_flight_for_identification_is_straight_and_within_the_limits():
     directions = np.diff(np.array(flown.path.waypoints_m)[:, :2], axis=0)
     headings = np.arctan2(directions[:, 1], directions[:, 0])
     assert np.ptp(headings) < 1e-6
+
+
+def dataflash(file, until_s=60.0):
+    """A vehicle's own log: FMT messages that lay the others out, then those others, at 10 Hz."""
+    layouts = {
+        "PARM": (64, "QNff", "TimeUS,Name,Value,Default", "<Q16sff"),
+        "OFG": (65, "QffffBffB", "TimeUS,Arsp,ArspA,Alt,AltA,AltF,Hdg,HdgA,AltL", "<QffffBffB"),
+        "ARSP": (66, "Qf", "TimeUS,Airspeed", "<Qf"),
+        "ATT": (67, "Qf", "TimeUS,Yaw", "<Qf"),
+        "POS": (68, "Qf", "TimeUS,Alt", "<Qf"),
+        "TECS": (69, "Qf", "TimeUS,dh", "<Qf"),
+    }
+    data = bytearray()
+
+    def write(number, packed):
+        data.extend(b"\xa3\x95" + bytes([number]) + packed)
+
+    kinds = {"FMT": (128, "BBnNZ", "Type,Length,Name,Format,Columns", "<BB4s16s64s"), **layouts}
+    for name, (number, kind, columns, packing) in kinds.items():
+        length = 3 + struct.calcsize(packing)
+        write(128, struct.pack("<BB4s16s64s", number, length, name.encode(), kind.encode(), columns.encode()))
+
+    def tell(name, *values):
+        number, _, _, packing = layouts[name]
+        write(number, struct.pack(packing, *values))
+
+    tell("PARM", 0, b"MAV_SYSID", 7.0, 1.0)
+    for tick in range(round(until_s / 0.1)):
+        at_s = 30.0 + 0.1 * tick
+        yaw, at_us = math.remainder(0.1 * at_s, math.tau), round(at_s * 1e6)
+        tell("OFG", at_us, 23.0, 1000.0, 250.0, 0.0, 0, yaw, 5.0, 0)
+        for name, value in (("ARSP", 22.5), ("ATT", math.degrees(yaw) % 360.0), ("POS", 251.0), ("TECS", 0.5)):
+            tell(name, at_us, value)
+    file.write_bytes(bytes(data))
+    return file
+
+
+def test_a_vehicles_own_log_gives_the_same(tmp_path):
+    (by_station,) = recordings(logged(tmp_path / "flight.tlog", system=7))
+    (by_itself,) = recordings(dataflash(tmp_path / "00000001.BIN"))
+    assert by_itself.system == by_station.system
+    assert by_itself.told[[0, 2], 50] == pytest.approx(by_station.told[[0, 2], 50])
+    assert by_itself.seen[[0, 2, 3], 50] == pytest.approx(by_station.seen[[0, 2, 3], 50], abs=1e-3)
+    assert np.abs(by_itself.told[1] - by_itself.seen[1]).max() < 0.03
+
+
+def test_the_command_says_what_is_missing(tmp_path):
+    (tmp_path / "garbage.BIN").write_bytes(b"no log at all" * 100)
+    logged(tmp_path / "still.tlog")
+    for source, said in (
+        ("garbage.BIN", "allowed"),
+        ("still.tlog", "the speed setpoint changed by no more than 0 m/s"),
+        ("still.tlog --vehicle 9", "--vehicle: found 9; allowed: 3"),
+    ):
+        name, *options = source.split()
+        done = CliRunner().invoke(identify, [str(tmp_path / name), *options])
+        assert done.exit_code == 2
+        assert said in done.output
