@@ -13,6 +13,9 @@ _AXES = {"x": "forward error, m", "y": "lateral error, m", "z": "height error, m
 _FIGURES = {
     "rms": "root mean square over the window",
     "max": "largest over the window",
+    "p50": "median of |error| over the window",
+    "p95": "the same, 95th percentile",
+    "p99": "the same, 99th percentile",
     "steady_max": "largest over the window from 30 s after settled_at_s on; no value if that is never flown",
 }
 ERROR_METRICS = {
@@ -57,6 +60,7 @@ RUN_METRICS = {
     "real_time_factor": "simulated seconds by seconds that passed",
     "delay_margin_s": "least delay margin of any loop, s",
     "worst_loop_delay_s": "longest delay of any loop, s; of the whole flight",
+    "margin_used": "largest share of a delay margin in use, 1 at the margin; of the whole flight",
 }
 METRICS = {**FOLLOWER_METRICS, **LINK_METRICS, **RUN_METRICS}
 """Metrics and what they are."""

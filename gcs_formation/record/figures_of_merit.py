@@ -36,13 +36,14 @@ def settled_at_s(time_s: Array, error_m: Array) -> float | None:
 
 
 def axis_figures(time_s: Array, error_m: Array, settled_s: float | None) -> dict[str, float | None]:
-    """Return rms and max of |error| (T,), and its maximum from `STEADY_AFTER_S` after `settled_s` on."""
-    if not error_m.size:
-        return {"rms": None, "max": None, "steady_max": None}
+    """Return rms, max and percentiles of |error| (T,), and its maximum from `STEADY_AFTER_S` after `settled_s` on."""
     size = np.abs(error_m)
+    shares = percentiles(size, 50, 95, 99)
+    if not error_m.size:
+        return {"rms": None, "max": None, **shares, "steady_max": None}
     later = size[time_s >= (np.inf if settled_s is None else settled_s + STEADY_AFTER_S - 1e-9)]
     steady = float(later.max()) if later.size else None
-    return {"rms": float(np.sqrt(np.mean(size**2))), "max": float(size.max()), "steady_max": steady}
+    return {"rms": float(np.sqrt(np.mean(size**2))), "max": float(size.max()), **shares, "steady_max": steady}
 
 
 def in_slot_share(error_m: Array) -> float | None:

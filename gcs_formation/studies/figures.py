@@ -18,6 +18,7 @@ LEVELS_UP_TO = 12
 """Different values of a parameter up to which each is a level of its own; more are put into bins."""
 CONFIDENCE = 0.95
 COLUMNS = 3
+MARGIN = "margin_used"
 CELL_CM = 4.6
 WIDE = 30.0
 """Largest by median from which a scale is logarithmic."""
@@ -72,17 +73,15 @@ def marginals(flights: Flights, metric: str) -> Figure:
 
 
 def heat_map(flights: Flights, metric: str, across: str, up: str) -> Figure:
-    """Draw the median of a metric over two parameters."""
+    """Draw the median of a metric over two parameters, and where delays reach the computed margin, if that is known."""
     figure = new_figure(9.0)
     axes = figure.add_subplot()
     columns, rows = _edges(flights.parameters[across]), _edges(flights.parameters[up])
-    place = _cell(flights.parameters[across], columns), _cell(flights.parameters[up], rows)
-    table = np.full((len(rows) - 1, len(columns) - 1), np.nan)
-    for row in range(table.shape[0]):
-        for column in range(table.shape[1]):
-            inside = flights.metrics[metric][(place[0] == column) & (place[1] == row)]
-            known = inside[np.isfinite(inside)]
-            table[row, column] = np.median(known) if known.size else np.nan
+    cells = _cell(flights.parameters[up], rows), _cell(flights.parameters[across], columns)
+    shape = len(rows) - 1, len(columns) - 1
+    table = _medians(flights.metrics[metric], cells, shape)
+    if MARGIN in flights.metrics:
+        _margin(axes, columns, rows, _medians(flights.metrics[MARGIN], cells, shape))
     drawn = axes.pcolormesh(columns, rows, np.ma.masked_invalid(table), cmap="cividis")
     figure.colorbar(drawn, ax=axes, label=f"{metric}, median")
     for row, column in np.argwhere(np.isfinite(table)):
@@ -96,6 +95,25 @@ def heat_map(flights: Flights, metric: str, across: str, up: str) -> Figure:
             axis.set_ticks(levels, labels=[f"{level:g}" for level in levels])
     axes.grid(visible=False)
     return figure
+
+
+def _medians(values: Array, cells: tuple[Indices, Indices], shape: tuple[int, int]) -> Array:
+    """Return the median of the values in each cell of a table, NaN where there are none."""
+    table: Array = np.full(shape, np.nan)
+    for row, column in np.ndindex(shape):
+        inside = values[(cells[0] == row) & (cells[1] == column)]
+        known = inside[np.isfinite(inside)]
+        table[row, column] = np.median(known) if known.size else np.nan
+    return table
+
+
+def _margin(axes: Axes, columns: Array, rows: Array, used: Array) -> None:
+    """Draw where delays use the whole of the margin that theory gives the loops, between the cells' middles."""
+    if min(used.shape) < 2 or not np.nanmin(used) < 1.0 < np.nanmax(used):
+        return
+    middles = [(edges[1:] + edges[:-1]) / 2.0 for edges in (columns, rows)]
+    line = axes.contour(*middles, np.ma.masked_invalid(used), levels=[1.0], colors=[LIMIT], linewidths=1.6)
+    axes.clabel(line, fmt={1.0: "computed margin"}, fontsize=7)
 
 
 def _write(axes: Axes, place: tuple[float, float], value: float, table: Array) -> None:

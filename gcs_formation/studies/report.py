@@ -29,7 +29,8 @@ MOST_FAILED = 50
 CAPTIONS = {
     "distributions": "Cumulative distributions; flights without the figure count as beyond its end.",
     "marginals": "Over each parameter, whatever the others are.",
-    "map": "Median of the flights in each cell.",
+    "map": "Median of the flights in each cell. Beyond the line, drawn where `margin_used` is a metric and both "
+    "sides of it were flown, delays are longer than the margin computed for the loops.",
 }
 Rows = list[dict[str, Any]]
 

@@ -38,6 +38,13 @@ def test_steady_flight_begins_30_s_after_settling():
     assert axis_figures(TIME_S, errors()[:, 2], None)["steady_max"] is None
 
 
+def test_percentiles_over_time_are_of_the_error_s_size():
+    """0.6 m below for a fifth of the time, 0.3 m for three tenths, 0.01 m for the rest."""
+    figures = axis_figures(TIME_S, errors()[:, 2], None)
+    assert [figures[name] for name in ("p50", "p95", "p99")] == pytest.approx([0.01, 0.6, 0.6])
+    assert axis_figures(TIME_S[:0], TIME_S[:0], None)["p95"] is None
+
+
 def test_a_vehicle_that_leaves_its_slot_again_is_told_when_and_its_time_there_counts():
     left = errors(out_from_s=60.0)
     assert left_at_s(TIME_S, left, settled_at_s(TIME_S, left)) == pytest.approx(60.0)

@@ -13,6 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 from click.testing import CliRunner
 from jsonschema import Draft202012Validator
+from matplotlib.contour import ContourSet
 from scipy.stats import binom
 
 from formation_scenario import ScenarioError
@@ -20,6 +21,7 @@ from gcs_formation.cli import main
 from gcs_formation.studies.campaign import prepare
 from gcs_formation.studies.dataset import Dataset, read_journal
 from gcs_formation.studies.design import count_samples, drawn, samples
+from gcs_formation.studies.figures import Flights, heat_map
 from gcs_formation.studies.flight import Task, figure, fly
 from gcs_formation.studies.keys import Study, load_study, study_schema
 from gcs_formation.studies.plan import Plan, Planned, count_flights, replayed
@@ -196,6 +198,22 @@ def command(*words):
 def values_of(directory):
     kept = pq.read_table(directory / "flights.parquet").to_pylist()
     return [{name: each[name] for name in each if name not in {"wall_s", "cpu_s"}} for each in kept]
+
+
+def delayed(*, margin_s):
+    """Flights at 0, 100, 200, 300 ms, each over links with and without loss, whose loops have a margin."""
+    delay, loss = (values.ravel() for values in np.meshgrid([0.0, 100.0, 200.0, 300.0], [0.0, 0.1]))
+    metrics = {"error_x_m.max": delay / 100, "margin_used": delay / 1e3 / margin_s}
+    return Flights(study(parameters={DELAY: [0]}), {DELAY: delay, LOSS: loss}, metrics)
+
+
+def test_a_heat_map_shows_where_delays_reach_the_computed_margin():
+    """Used linearly up to the margin of 150 ms, halfway between two levels."""
+    (axes, _) = heat_map(delayed(margin_s=0.15), "error_x_m.max", DELAY, LOSS).axes
+    (line,) = [each for each in axes.collections if isinstance(each, ContourSet)]
+    assert line.allsegs[0][0][:, 0] == pytest.approx([150.0, 150.0])
+    (axes, _) = heat_map(delayed(margin_s=0.5), "error_x_m.max", DELAY, LOSS).axes
+    assert not [each for each in axes.collections if isinstance(each, ContourSet)]
 
 
 @pytest.mark.slow
