@@ -11,6 +11,7 @@ from airlink.clock import NANOSECONDS, Instant
 from formation_scenario import Scenario
 from formation_scenario.arrangement import columns
 from formation_scenario.navigation import NoisyNavigation
+from formation_scenario.reconfiguration import column_models
 from gcs_formation.arrays import Array, Instants, Mask, wrap
 from gcs_formation.estimation.flight_state import AutopilotModel, FlightState
 from gcs_formation.estimation.predictor import SetpointHistory, advance
@@ -37,6 +38,8 @@ AIR_SIGMAS, AIR_MEMORY_S = 4.0, 60.0
 MISSED_SHARE = 0.75
 """A vehicle that falls short by more isn't following. One that does, as the model says, falls short by 0.3 at most, or
 overshoots; a real one, whose turns begin 0.6 s later than the model's, by 0.65 at the beginning of a bend."""
+STEP_LAG_S = 4.0
+"""Least time constant of an airspeed under total-energy control after a step, which its energy's rate limits."""
 CHECKS_DOUBTED, CHECKS_BROKEN, CHECKS_MENDED = 2, 4, 8
 CHANNELS = ("airspeed", "heading", "height")
 ROWS = [4, 5, 2]
@@ -62,7 +65,7 @@ class Obedience:
         """Take the model from the scenario; `history` holds what was told."""
         self.broken: Mask = np.zeros(1 + len(scenario.followers), dtype=bool)
         """Columns that don't follow, (C,)."""
-        self._model = autopilot_model(scenario)
+        self._model = _judged_by(scenario)
         self._history = history
         self._least = LEAST_CHANGE[:, None] + SIGMAS * _noise(scenario)
         self._carried_m = _carried_m(self._model)
@@ -139,6 +142,14 @@ class Obedience:
         expected, flown = predicted[ROWS] - before[ROWS], table[ROWS] - before[ROWS]
         flown[1] = wrap(flown[1])
         return expected, flown
+
+
+def _judged_by(scenario: Scenario) -> AutopilotModel:
+    """Return the model that changes are expected by; the lags of an airframe's slow changes aren't those of steps."""
+    model = autopilot_model(scenario)
+    aircraft = np.array([each.airframe is not None for each in column_models(scenario)])
+    model.tau_v_s[aircraft] = np.maximum(model.tau_v_s, STEP_LAG_S)[aircraft]
+    return model
 
 
 def _carried_m(model: AutopilotModel) -> Array:
