@@ -51,7 +51,7 @@ def rehearsal_text(report: dict[str, Any]) -> str:
         lines.extend(f"  parameters: {text}" for text in each["parameters"])
         for message in each["messages"]:
             when = f"setpoints, {report['rate_hz']:g} a second" if message["when"] == SETPOINTS else message["when"]
-            values = ", ".join(f"{name} {value:g}" for name, value in message["values"].items())
+            values = ", ".join(f"{name} {_number(value)}" for name, value in message["values"].items())
             lines.append(f"  {when}: {message['message']} {message['command']}: {values or 'all 0'}")
     return "\n".join([*lines, "nobody was commanded; heartbeats and requests for telemetry and parameters were sent"])
 
@@ -91,5 +91,15 @@ def _told(when: str, command: Command, autopilot: Autopilot) -> dict[str, Any]:
         "when": when,
         "message": "COMMAND_INT" if isinstance(command, CommandInt) else "COMMAND_LONG",
         "command": named,
-        "values": {name: round(float(getattr(command, name)), 4) for name in names},
+        "values": {name: _rounded(getattr(command, name)) for name in names},
     }
+
+
+def _rounded(value: float) -> float | None:
+    """Return a value for JSON; None for NaN, which leaves a field to the vehicle."""
+    return None if math.isnan(value) else round(float(value), 4)
+
+
+def _number(value: float | None) -> str:
+    """Return it as text, degrees in 1e-7 with all their digits."""
+    return "unset" if value is None else f"{value:.10g}"

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -31,7 +32,7 @@ ROOT = Path(__file__).parents[2]
 LIMIT_S = 900
 FIRST_INSTANCE = 40
 """Instance n is system n + 1 and listens at UDP port 18570 + n: away from a simulation that somebody else runs."""
-GCS_PORT = 18570
+GCS_PORT, PILOT_PORT = 18570, 14580
 APART_DEG = 0.0006
 BOOT_S = 8.0
 PARAMETERS = {"SIH_T_MAX": 10, "FW_AIRSPD_MAX": 22, "FW_AIRSPD_TRIM": 14, "SDLOG_MODE": -1}
@@ -73,11 +74,16 @@ def scenario(count: int) -> dict[str, object]:
     return keys
 
 
-def fly(directory: Path, keys: dict[str, object]) -> subprocess.CompletedProcess[str]:
+def command_to_fly(directory: Path, keys: dict[str, object]) -> list[str]:
+    """Write the scenario, wait until the simulations are up, and return the command."""
     file = directory / "px4.yaml"
     file.write_text(yaml.safe_dump(keys))
     time.sleep(BOOT_S)
-    command = [sys.executable, "-m", "gcs_formation", "fly", str(file), "--out", str(directory / "run")]
+    return [sys.executable, "-m", "gcs_formation", "fly", str(file), "--out", str(directory / "run")]
+
+
+def fly(directory: Path, keys: dict[str, object]) -> subprocess.CompletedProcess[str]:
+    command = command_to_fly(directory, keys)
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=LIMIT_S, check=False)
 
 
@@ -122,6 +128,39 @@ def test_three_followers_keep_their_slots_to_2_m(run):
     for follower in summary["followers"].values():
         assert max(follower[axis]["rms"] for axis in ("error_x_m", "error_y_m", "error_z_m")) <= 2.0
     assert summary["safety"]["violations"] == 0
+
+
+def test_a_pilot_takes_over_with_another_mode_and_gives_back_with_hold(tmp_path):
+    """Each setpoint commands Hold: without more ado RTL would last for a tenth of a second."""
+    follower = FIRST_INSTANCE + 2
+    with ExitStack() as stack:
+        for instance in (FIRST_INSTANCE, FIRST_INSTANCE + 1):
+            stack.enter_context(simulated(instance, tmp_path / f"plane{instance}"))
+        flight = stack.enter_context(subprocess.Popen(command_to_fly(tmp_path, scenario(2)), cwd=ROOT))
+        stack.callback(flight.send_signal, signal.SIGINT)
+        await_event(tmp_path / "run", follower, "member", "flying in formation")
+        pilot = mavutil.mavlink_connection(f"udpout:127.0.0.1:{PILOT_PORT + FIRST_INSTANCE + 1}", source_system=254)
+        for sub_mode, mode, member in ((5, "RTL", "parted by its pilot"), (3, "HOLD", "flying in formation")):
+            count = len(events(tmp_path / "run"))
+            pilot.mav.heartbeat_send(m.MAV_TYPE_GCS, m.MAV_AUTOPILOT_INVALID, 0, 0, m.MAV_STATE_ACTIVE)
+            pilot.mav.command_long_send(follower, 1, m.MAV_CMD_DO_SET_MODE, 0, 1, 4, sub_mode, 0, 0, 0, 0)
+            await_event(tmp_path / "run", follower, "mode", mode, after=count)
+            await_event(tmp_path / "run", follower, "member", member, after=count)
+            time.sleep(5.0)
+            modes = [each["text"] for each in events(tmp_path / "run") if each["kind"] == "mode"]
+            assert modes[-1] == mode
+        pilot.close()
+
+
+def await_event(run: Path, vehicle: int, kind: str, text: str, after: int = 0) -> None:
+    """Wait until an event is recorded, not counting the first ones."""
+    until = time.monotonic() + 60.0
+    while time.monotonic() < until:
+        told = events(run)[after:] if (run / "events.jsonl").exists() else []
+        if any((each["kind"], each["text"], each.get("vehicle")) == (kind, text, str(vehicle)) for each in told):
+            return
+        time.sleep(0.5)
+    pytest.fail(f"no event {kind} '{text}' of vehicle {vehicle}")
 
 
 def test_a_px4_multicopter_is_refused_before_anything_is_armed(tmp_path):

@@ -1,0 +1,34 @@
+"""What `fly --dry-run` prints of a vehicle that is told places."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from formation_scenario import load_scenario
+from gcs_formation.app.rehearsal import rehearsal_text, rehearsed
+from gcs_formation.vehicle.planned import origin_of, planned
+
+PX4 = Path(__file__).parents[3] / "configs" / "px4.yaml"
+
+
+def test_places_keep_all_their_digits_and_what_is_left_to_the_vehicle_is_unset() -> None:
+    """The first place is 400 m from the path's start, which is 1400 m north of the origin."""
+    scenario = load_scenario(PX4)
+    vehicles = planned(scenario).vehicles
+    station: Any = SimpleNamespace(scenario=scenario, vehicles=vehicles, preflight=SimpleNamespace(warnings={}))
+    report = rehearsed(station)
+    assert json.loads(json.dumps(report, allow_nan=False)) == report
+    told = next(line for line in rehearsal_text(report).splitlines() if line.startswith("  setpoints"))
+    assert told.startswith(
+        "  setpoints, 10 a second: COMMAND_INT DO_REPOSITION: param1 14, param2 1, param3 0, param4 unset"
+    )
+    values = dict(part.split() for part in told.split(": ")[-1].split(", "))
+    lat_rad, lon_rad = (math.radians(int(values[name]) / 1e7) for name in ("x", "y"))
+    north_m, east_m, _ = origin_of(scenario).to_ned(lat_rad, lon_rad, 0.0)
+    assert math.hypot(north_m - 1400.0, east_m) == pytest.approx(400.0, abs=0.05)
