@@ -52,7 +52,8 @@ class Ending:
             gap_m: the distance that vehicles must be apart.
         """
         self.landings = landings or Landings(lambda: why_not(vehicles, ground) if ground else None)
-        self._ours = {identity: each for identity, each in vehicles.items() if not self.landings.is_pending(each)}
+        commanded = {identity: each for identity, each in vehicles.items() if not each.is_left}
+        self._ours = {identity: each for identity, each in commanded.items() if not self.landings.is_pending(each)}
         places = [
             (place.north_m + north_m, place.east_m + east_m)
             for place in self._places().values()

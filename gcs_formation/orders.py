@@ -36,6 +36,11 @@ class Orders:
         self._note = note
         self._planned = deque(sorted(scenario.orders, key=lambda each: each.at_s))
 
+    def resume(self, mission_s: float) -> None:
+        """Go on after a mission time; what was planned for before has been given."""
+        while self._planned and self._planned[0].at_s <= mission_s:
+            self._planned.popleft()
+
     def advance(self, now: Instant) -> None:
         """Give the planned orders that are due."""
         mission_s = self._flight.mission_time_s(now)

@@ -86,7 +86,7 @@ class Flight:
         if following is None:
             return False
         self.phase, self.since = following, now
-        if cause is Cause.PATH_BEGUN:
+        if cause is Cause.PATH_BEGUN and self.path_began is None:
             self.path_began = now
         return True
 

@@ -25,6 +25,7 @@ from gcs_formation.guidance.tracking import Motion, project
 from gcs_formation.membership import Member
 from gcs_formation.recorder import Note, Tick
 from gcs_formation.succession import Candidate, heir
+from gcs_formation.takeover import Resumption
 from gcs_formation.vehicle.vehicle import Vehicle
 
 RETRY_S = 1.0
@@ -63,6 +64,28 @@ class Reconfiguration:
     def leader(self) -> Vehicle | None:
         """The vehicle that leads, None for a virtual leader."""
         return self._by_column.get(self._controller.plan.leader)
+
+    def resume(self, resumed: Resumption) -> None:
+        """Begin where a flight stood; on the path, everybody's way to their slots begins where they are found."""
+        guidance = self._controller.guidance
+        self._controller.plan.resume(self._scenario, resumed.arrangement, resumed.slots_m, resumed.mission_s)
+        if resumed.speed_mps != guidance.speed_mps:
+            path = self._scenario.path.model_copy(update={"speed_mps": resumed.speed_mps})
+            self._scenario = self._scenario.model_copy(update={"path": path})
+            guidance.speed_mps = resumed.speed_mps
+        if resumed.path_began is not None:
+            guidance.amid_m = resumed.reach_m
+            self._planned_for[:] = False
+            self._planned_for[resumed.arrangement.leader] = True
+
+    def lead(self, vehicle: VehicleId, now: Instant) -> None:
+        """Let a vehicle lead from the beginning on."""
+        leader = next(column for column, each in self._by_column.items() if each.identity == vehicle)
+        if leader != self._controller.plan.leader:
+            self._controller.hand_over(leader, 0.0)
+            self._planned_for[:] = False
+            self._planned_for[leader] = True
+            self._note(now, "leader", "leads the formation", self._by_column[leader])
 
     def advance(self, now: Instant, mission_time_s: float) -> None:
         """Begin the planned change that is due; if it can't be flown, try again later.

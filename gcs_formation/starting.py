@@ -15,6 +15,7 @@ from gcs_formation.membership import Member
 from gcs_formation.phases import OVER, Flight, Phase
 from gcs_formation.preflight import PreFlight
 from gcs_formation.recorder import GiveUp, Note
+from gcs_formation.takeover import Takeover
 from gcs_formation.vehicle.vehicle import Vehicle
 
 CONNECT_LIMIT_S = 30.0
@@ -30,11 +31,12 @@ class Starting:
         endpoints: tuple[Endpoint, ...],
         flight: Flight,
         preflight: PreFlight,
+        takeover: Takeover,
         note: Note,
         give_up: GiveUp,
     ) -> None:
         """Start up `vehicles`, the leader first; `endpoints` are where they should be heard."""
-        self._preflight = preflight
+        self._preflight, self._takeover = preflight, takeover
         self._vehicles = vehicles
         self._endpoints = endpoints
         self._flight = flight
@@ -44,14 +46,16 @@ class Starting:
     def advance(self, now: Instant) -> None:
         """Continue the start-up of every vehicle; none takes off before all have answered."""
         silent = [vehicle for vehicle in self._vehicles.values() if vehicle.connection.state is LinkState.SEARCHING]
-        if silent:
+        missed = self._takeover.waits_for(now)
+        if missed is None and silent:
             self._wait_for(silent, now)
+        if silent if missed is None else missed:
             return
         foreign = [vehicle for vehicle in self._vehicles.values() if not _is_of_its_family(vehicle)]
         if foreign and self._flight.phase is Phase.CONNECTING:
             self._give_up("; ".join(map(_is_another, foreign)), now)
         for vehicle in self._vehicles.values():
-            if not vehicle.start_up.finished and self._flight.phase not in OVER:
+            if not vehicle.start_up.finished and vehicle not in silent and self._flight.phase not in OVER:
                 self._advance(vehicle, now)
 
     def leader_ready(self, leader: PlannedVehicle | None) -> bool:
@@ -67,7 +71,8 @@ class Starting:
             self._give_up(f"no vehicle {who} answered at {where} in {waited_s:.0f} s", now)
 
     def _advance(self, vehicle: Vehicle, now: Instant) -> None:
-        vehicle.start_up.advance(vehicle.telemetry, vehicle.commands, now, may_act=self._preflight.passed)
+        may_act = self._takeover.may_act(vehicle, now) and self._preflight.passed
+        vehicle.start_up.advance(vehicle.telemetry, vehicle.commands, now, may_act=may_act)
         if self._flight.phase is Phase.FLYING and vehicle.start_up.takes_off:
             vehicle.leave_to_pilot(now)
             self._note(now, "abandoned", "on the ground after the path has begun: left to its pilot", vehicle)
@@ -79,8 +84,8 @@ class Starting:
             self._note(now, "ready", "in the air and following setpoints", vehicle)
 
     def _abandon(self, vehicle: Vehicle, text: str, now: Instant) -> None:
-        """End the run because a vehicle can't be started; once the path has begun, go on without it instead."""
-        if self._flight.phase is not Phase.FLYING:
+        """End the run because a vehicle can't be started; once others have flown the path, go on without it instead."""
+        if self._flight.phase is not Phase.FLYING and self._takeover.resumed is None:
             self._give_up(text, now)
         elif not vehicle.start_up.abandoned:
             vehicle.start_up.abandoned = True

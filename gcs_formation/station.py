@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from airlink.clock import Instant, after, seconds_between
@@ -34,11 +34,12 @@ from gcs_formation.orders import Orders
 from gcs_formation.phases import BEFORE_COMMANDS, COMMANDED, OVER, Cause, Flight, Phase
 from gcs_formation.preflight import CARELESS, Caution, PreFlight
 from gcs_formation.reconfiguration import Reconfiguration
-from gcs_formation.recorder import Detail, Event, Recorder, Tick
+from gcs_formation.recorder import Recorder, Tick
+from gcs_formation.reporting import Reporter
 from gcs_formation.roster import Roster
-from gcs_formation.separation.keeper import words
 from gcs_formation.starting import Starting
 from gcs_formation.streams import StreamWatch
+from gcs_formation.takeover import Resumption, Takeover
 from gcs_formation.vehicle.planned import planned
 from gcs_formation.vehicle.vehicle import Vehicle
 
@@ -63,41 +64,56 @@ class Station:
         until_s: float | None = None,
         utc_at_0_s: float | None = None,
         caution: Caution = CARELESS,
+        resumed: Resumption | None = None,
     ) -> None:
         """Prepare; nothing happens before the first timer. `until_s`: mission time at which to end early.
 
         `utc_at_0_s` is UTC at instant 0 by the machine's clock, s since 1970; `caution`: what is done before anybody is
-        commanded.
+        commanded; `resumed`: the flight to take over, which stood there.
         """
-        self.scenario = scenario
-        self.flight = Flight()
+        self.scenario, self.flight = scenario, Flight()
         self.failure: Failure | None = None
         self.controller = FormationController(scenario)
         self.controlled_ticks = self.recorded_ticks = 0
         """Ticks at which the formation was commanded; with them, all others from the first take-off on."""
-        self.frames_refused = 0
-        """Sound frames that aren't taken for those of any of our vehicles."""
-        self.cut_short = False
-        """Whether the flight was ended before its path or time was."""
+        self.frames_refused, self.cut_short = 0, False
+        """Sound frames taken for no vehicle's; whether the flight was ended before its path or time was."""
         self.last_tick: Tick | None = None
-        self._until_s = math.inf if until_s is None else until_s
-        self._recorder, self._receiver = recorder, Receiver()
+        self._recorder, self._receiver, self._until_s = recorder, Receiver(), math.inf if until_s is None else until_s
         self._endpoints, self.networks, self.vehicles = planned(scenario)
         self._columns = {vehicle.vehicle_id: i for i, vehicle in enumerate(columns(scenario)) if vehicle is not None}
-        self.roster = Roster(scenario, self.vehicles, self._columns, self._event)
-        self._identities = Identities(self.vehicles, self.networks, self.flight, self._event, self.fail)
-        self.margins = MarginWatch(scenario, self.vehicles, self._columns, self._event)
-        self._common_clock = CommonClock(scenario, self.vehicles, utc_at_0_s, self._event)
-        self.preflight = PreFlight(scenario, self.vehicles, caution, self._event, self.fail)
-        self._starting = Starting(self.vehicles, self._endpoints, self.flight, self.preflight, self._event, self.fail)
-        self._beacon = Beacon(self.vehicles, self._event)
-        self._reconfiguration = Reconfiguration(scenario, self.controller, self.vehicles, self._columns, self._event)
-        self._orders = Orders(scenario, self.flight, self._reconfiguration, self._end_by_order, self._event)
-        self._dispatch = Dispatch(scenario, self.vehicles, self._columns)
-        self._streams = StreamWatch(self.vehicles, self._event)
-        self._ledger = CommandLedger(scenario, self.controller, self.vehicles, self._columns, self._event)
+        self._reporter = Reporter(recorder, self._columns)
+        fleet = self.vehicles, self._columns, self._reporter.event
+        self.roster = Roster(scenario, *fleet)
+        self._identities = Identities(self.vehicles, self.networks, self.flight, self._reporter.event, self.fail)
+        self.margins = MarginWatch(scenario, *fleet)
+        self._common_clock = CommonClock(scenario, self.vehicles, utc_at_0_s, self._reporter.event)
+        self.preflight = PreFlight(scenario, self.vehicles, caution, self._reporter.event, self.fail)
+        self._takeover = Takeover(resumed, self.vehicles, self._reporter.event)
+        self._starting = Starting(
+            self.vehicles, self._endpoints, self.flight, self.preflight, self._takeover, self._reporter.event, self.fail
+        )
+        self._reconfiguration = Reconfiguration(
+            scenario, self.controller, self.vehicles, self._columns, self._reporter.event
+        )
+        self._orders = Orders(scenario, self.flight, self._reconfiguration, self._end_by_order, self._reporter.event)
+        self._beacon, self._dispatch = (
+            Beacon(self.vehicles, self._reporter.event),
+            Dispatch(scenario, self.vehicles, self._columns),
+        )
+        self._streams = StreamWatch(self.vehicles, self._reporter.event)
+        self._ledger = CommandLedger(scenario, self.controller, *fleet)
         self._out, self._next_tick = list[Datagram](), Instant(0)
         self._ending, self._ground = Ending({}, Instant(0)), GroundFloor(scenario)
+        if resumed is not None:
+            self._resume(resumed)
+
+    def _resume(self, resumed: Resumption) -> None:
+        """Go on where a flight stood."""
+        self.flight.since, self.flight.path_began = resumed.at, resumed.path_began
+        self._next_tick = self._beacon.next_probe = resumed.at
+        self._reconfiguration.resume(resumed)
+        self._orders.resume(resumed.mission_s)
 
     # The engine's side.
 
@@ -218,7 +234,7 @@ class Station:
     def _watch_links(self, now: Instant) -> None:
         for vehicle in self.vehicles.values():
             if vehicle.connection.check(now, vehicle.sequence.loss):
-                self._note_link(vehicle, now)
+                self._reporter.link(vehicle, now)
 
     def _start_vehicles(self, now: Instant) -> None:
         for vehicle in self.vehicles.values():
@@ -228,13 +244,31 @@ class Station:
         self._starting.advance(now)
         if self.preflight.rehearsed:
             self.cut_short = self._move(Cause.REHEARSED, now)
-        if self.flight.phase is Phase.CONNECTING and self._starting.leader_ready(self.scenario.leader):
+        if self.flight.phase is Phase.CONNECTING:
+            self._begin(now)
+
+    def _begin(self, now: Instant) -> None:
+        """Begin to command the formation, if its leader follows setpoints."""
+        takeover, resumed = self._takeover, self._takeover.resumed
+        if resumed is None or not resumed.near:
+            leads = self._starting.leader_ready(self.scenario.leader)
+        else:
+            leader = takeover.leader(now)
+            leads = leader is not None and not resumed.ending
+            if leader is not None and leads:
+                self._reconfiguration.lead(leader, now)
+        reason = takeover.failure(now)
+        if reason is not None:
+            self.fail(reason, now)
+        elif resumed is not None and resumed.ending and takeover.settled(now):
+            self.stop(now)
+        elif leads:
             self._move(Cause.LEADER_READY, now)
 
     def _begin_anew(self, vehicle: Vehicle, now: Instant) -> None:
         vehicle.restarted = False
         self.controller.estimator.forget(self._columns[vehicle.identity])
-        self._event(now, "restarted", "its clock has begun anew", vehicle)
+        self._reporter.event(now, "restarted", "its clock has begun anew", vehicle)
 
     def _send_commands(self, now: Instant) -> None:
         for vehicle in self.vehicles.values():
@@ -266,7 +300,7 @@ class Station:
         self.last_tick = tick
         self._record(tick)
         self._ledger.judge_motion(tick, now)
-        self._note_separation(now)
+        self._reporter.setpoints(self.controller, now)
         self.controlled_ticks += 1
         if controller.guidance.started and self._move(Cause.PATH_BEGUN, now):
             self._beacon.hasten(now)
@@ -293,7 +327,7 @@ class Station:
         if late and self.last_tick is not None and not self.last_tick.active[self.last_tick.leader]:
             self.fail(f"the leader was not there to follow within {self.scenario.start.timeout_s:g} s", now)
         elif late and not self.controller.begin_regardless:
-            self._event(now, "unassembled", "not every follower is in its slot, but the time for that is over")
+            self._reporter.event(now, "unassembled", "not every follower is in its slot, but the time for that is over")
         return late
 
     def _end_in_time(self, now: Instant) -> None:
@@ -319,7 +353,7 @@ class Station:
             self.fail(self._ending.landings.failure, now)
         if self._ending.over(seconds_between(self.flight.since, now)):
             for vehicle in self._ending.pending():
-                self._event(now, "unacknowledged", "has not acknowledged that it loiters", vehicle)
+                self._reporter.event(now, "unacknowledged", "has not acknowledged that it loiters", vehicle)
             self._move(Cause.GIVEN_UP if self.failure else Cause.LOITERED, now)
 
     # What happens, and what is said about it.
@@ -327,19 +361,19 @@ class Station:
     def _take(self, vehicle: Vehicle, frame: Frame, now: Instant, *, timed: bool) -> None:
         mode, texts = vehicle.telemetry.custom_mode, vehicle.telemetry.texts_told
         if vehicle.take(frame, now, timed=timed):
-            self._note_link(vehicle, now)
+            self._reporter.link(vehicle, now)
         if isinstance(frame.message, ParamValue):
             self.preflight.take(vehicle, frame.message, now)
         if vehicle.telemetry.custom_mode != mode:
-            self._event(now, "mode", vehicle.autopilot.mode_name(vehicle.telemetry), vehicle)
+            self._reporter.event(now, "mode", vehicle.autopilot.mode_name(vehicle.telemetry), vehicle)
         if vehicle.telemetry.texts_told != texts:
-            self._event(now, "statustext", vehicle.telemetry.texts[-1], vehicle)
+            self._reporter.event(now, "statustext", vehicle.telemetry.texts[-1], vehicle)
 
     def _move(self, cause: Cause, now: Instant, manner: End = "loiter") -> bool:
         cause = cause if self.preflight.passed else BEFORE_COMMANDS.get(cause, cause)
         if not self.flight.move(cause, now):
             return False
-        self._event(now, "phase", self.flight.phase.value, details={"cause": cause.value})
+        self._reporter.event(now, "phase", self.flight.phase.value, details={"cause": cause.value})
         if self.flight.phase in OVER and cause is not Cause.OPENED:
             self._begin_to_end(cause, manner, now)
         if self.flight.phase is Phase.LOITERING:
@@ -361,29 +395,8 @@ class Station:
     def fail(self, text: str, now: Instant) -> None:
         """End the run because it can't go on; vehicles loiter."""
         self.failure = Failure(text)
-        self._event(now, "failure", text)
+        self._reporter.event(now, "failure", text)
         self._move(Cause.FAILURE, now)
-
-    def _note_link(self, vehicle: Vehicle, now: Instant) -> None:
-        self._event(now, "link", vehicle.connection.state.value, vehicle, {"peer": str(vehicle.connection.peer)})
-
-    def _note_separation(self, now: Instant) -> None:
-        identities = {column: identity for identity, column in self._columns.items()}
-        for encounter in self.controller.separation.changes:
-            text, details = words(encounter, {column: str(identity) for column, identity in identities.items()})
-            self._event(now, "separation", text, self.vehicles[identities[encounter.vehicle]], details)
-        for held in self.controller.fence.changes:
-            self._event(now, "fence", held.text, self.vehicles[identities[held.column]], {"begins": held.begins})
-
-    def _event(
-        self,
-        now: Instant,
-        kind: str,
-        text: str,
-        vehicle: Vehicle | None = None,
-        details: Mapping[str, Detail] | None = None,
-    ) -> None:
-        self._recorder.event(Event(now, kind, text, vehicle.identity if vehicle else None, details or {}))
 
     def _send_all(self, messages: Iterable[tuple[Vehicle, Message]], now: Instant) -> None:
         for vehicle, message in messages:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 from airlink.clock import RealClock
@@ -14,6 +15,7 @@ from gcs_formation.app.progress import Progress
 from gcs_formation.app.rehearsal import rehearsed
 from gcs_formation.app.session import Session, open_session
 from gcs_formation.errors import RunAbortedError
+from gcs_formation.record.past import Past, epoch_us, read_past
 from gcs_formation.record.summary import Summary
 
 
@@ -43,8 +45,12 @@ def fly(scenario: Scenario, options: RunOptions, progress: Progress, interrupts:
 
 
 def _flown(scenario: Scenario, options: RunOptions, progress: Progress, interrupts: Interrupts) -> Session:
-    clock = RealClock(options.speedup)
-    session = open_session(scenario, options, clock, progress, interrupts, emulated=False)
+    clock, begun = RealClock(options.speedup), None
+    if options.resume:
+        began_us = epoch_us(options.out)
+        clock = RealClock(options.speedup, time.monotonic_ns() - (time.time_ns() - began_us * 1000))
+        begun = Past(began_us, read_past(options.out, scenario, clock.now(), retake=options.retake))
+    session = open_session(scenario, options, clock, progress, interrupts, emulated=False, begun=begun)
     try:
         with UdpDriver(session.engine, clock) as driver, session.listening():
             driver.run(session.over)

@@ -81,9 +81,14 @@ class InjectedDelays:
             series_s.extend([self._since_last_s(vehicle)] * (ticks - self._ticks))
         self._ticks = ticks
 
-    def series_s(self) -> Mapping[VehicleId, Array]:
-        """Return each vehicle's mean delays up and down, s (T, 2); NaN where nothing was sent."""
-        return {vehicle: np.array(series_s).reshape(-1, 2) for vehicle, series_s in self._series_s.items()}
+    def series_s(self, rows: int) -> Mapping[VehicleId, Array]:
+        """Return each vehicle's mean delays up and down, s (T, 2); NaN where nothing was sent, or before a resumption.
+
+        `rows` is how many there are of all T ticks and vehicles.
+        """
+        ticks = rows // len(self._series_s)
+        before = [(math.nan, math.nan)] * (ticks - self._ticks)
+        return {vehicle: np.array([*before, *series_s]).reshape(-1, 2) for vehicle, series_s in self._series_s.items()}
 
     def _since_last_s(self, vehicle: VehicleId) -> tuple[float, float]:
         if self._links is None:

@@ -32,6 +32,10 @@ class RunOptions:
     """`fly` alone: whether somebody's word is awaited before anybody is commanded."""
     dry_run: bool = False
     """`fly` alone: whether the run ends there."""
+    resume: bool = False
+    """`fly` alone: whether the unfinished run in `out` goes on."""
+    retake: bool = False
+    """With `resume`: whether vehicles on their way home are taken too."""
 
     def __post_init__(self) -> None:
         """Refuse values that the command line refuses as well."""

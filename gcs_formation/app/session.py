@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from airlink.clock import NANOSECONDS, Clock, Instant, VirtualClock
+from airlink.clock import NANOSECONDS, Clock, VirtualClock, seconds_between
 from airlink.engine import Engine
 from airlink.identity import VehicleId
 from formation_scenario import Scenario
@@ -28,9 +28,10 @@ from gcs_formation.phases import Phase
 from gcs_formation.preflight import Caution
 from gcs_formation.record.flight import join, split
 from gcs_formation.record.outcome import Injected, LinkFigures, Outcome
-from gcs_formation.record.run_directory import SPOOL, TIMESERIES, RunDirectory
+from gcs_formation.record.past import Past
+from gcs_formation.record.run_directory import RECORDING, SPOOL, TIMESERIES, RunDirectory
 from gcs_formation.record.summary import Summary, summarise
-from gcs_formation.record.timeseries import read_spool, write_parquet
+from gcs_formation.record.timeseries import read_spool, spools, write_parquet
 from gcs_formation.record.truth import GroundTruth
 from gcs_formation.recorder import Event
 from gcs_formation.stability import scenario_delay_margin
@@ -65,13 +66,15 @@ class Session:
         self.engine: Engine = self._links or self.timed
         self._injected = InjectedDelays(self.station.vehicles, self._links, 0.0 if self.emulated else math.nan)
         self._faults = InjectedFaults(self.scenario, self.recorder) if self.emulated else None
-        self._began = time.perf_counter()
+        self._began, self._began_at = time.perf_counter(), self.station.flight.since
         self._shown = self._began
         self._orders: OrderSocket | None = None
         self._confirmation = self._confirming() if self.options.confirm else None
         self._heeded, self._left = 0, False
         self.recorder.listener = self._heard
-        self._heard(Event(Instant(0), "phase", f"{Phase.CONNECTING.value} to {len(self.station.vehicles)} vehicles"))
+        self._heard(
+            Event(self._began_at, "phase", f"{Phase.CONNECTING.value} to {len(self.station.vehicles)} vehicles")
+        )
 
     def listening(self) -> OrderSocket:
         """Return the socket that takes orders for this flight, as a context manager."""
@@ -146,7 +149,8 @@ class Session:
 
     def _make_summary(self, truth: GroundTruth | None, wall_s: float) -> Summary:
         spool = self.recorder.path / SPOOL
-        flight = split(read_spool(spool), self.scenario, truth, self._injected.series_s())
+        columns = read_spool(spool)
+        flight = split(columns, self.scenario, truth, self._injected.series_s(columns["t_s"].size))
         if self.options.record in {"full", "series"}:
             write_parquet(self.recorder.path / TIMESERIES, join(flight))
         summary = summarise(
@@ -161,13 +165,14 @@ class Session:
                 margin_used=self.station.margins.most_used,
                 received=self.station.received(),
                 frames_refused=self.station.frames_refused,
-                simulated_s=self.clock.now() / NANOSECONDS,
+                simulated_s=seconds_between(self._began_at, self.clock.now()),
                 wall_s=wall_s,
                 cut_short=self.station.cut_short,
             )
         )
         self.recorder.write_summary(summary.to_dict())
-        spool.unlink()
+        for part in spools(spool):
+            part.unlink()
         return summary
 
     def _link(self, identity: VehicleId) -> LinkFigures:
@@ -202,19 +207,32 @@ def open_session(
     interrupts: Interrupts,
     *,
     emulated: bool,
+    begun: Past | None = None,
 ) -> Session:
     """Return a session with an open record; `emulated`: our own emulators are what it flies.
+
+    `begun` is what has been recorded in `options.out` of a flight that goes on.
 
     Raises:
         RecordError: the run directory can't be written, or holds other files.
     """
     leader = scenario.leader.vehicle_id if scenario.leader else None
     columns = (leader, *(vehicle.vehicle_id for vehicle in scenario.followers))
+    began_us, resumed = begun or (_epoch_us(clock), None)
     recorder = RunDirectory(
-        options.out, scenario, columns, _epoch_us(clock), overwrite=options.overwrite, frames=options.record == "full"
+        options.out,
+        scenario,
+        columns,
+        began_us,
+        overwrite=options.overwrite,
+        frames=options.record == "full",
+        resume=resumed is not None,
     )
-    caution = Caution(parameters=not emulated, confirm=options.confirm, rehearse=options.dry_run)
-    station = Station(scenario, recorder, options.until_s, _epoch_us(clock) / MICROSECONDS, caution)
+    read = not emulated and resumed is None
+    caution = Caution(parameters=read, confirm=options.confirm, rehearse=options.dry_run)
+    station = Station(scenario, recorder, options.until_s, began_us / MICROSECONDS, caution, resumed)
+    if resumed is not None:
+        recorder.event(Event(resumed.at, RECORDING, "goes on", None, {"epoch_us": began_us}))
     return Session(scenario, options, clock, station, recorder, progress, interrupts, emulated)
 
 

@@ -27,6 +27,7 @@ from gcs_formation.app.run import run as run_scenario
 from gcs_formation.cli import usage
 from gcs_formation.cli.scenario import load
 from gcs_formation.errors import NoEmulatorError, RecordError, RunAbortedError
+from gcs_formation.record.run_directory import SCENARIO
 from gcs_formation.record.summary import Summary
 
 Command = TypeVar("Command", bound=Callable[..., Any])
@@ -38,7 +39,6 @@ def _options(command: Command) -> Command:
     """Add what `run` and `fly` have in common."""
     for option in reversed(
         (
-            click.argument("scenario", type=click.Path(path_type=Path)),
             click.option(
                 "--speedup",
                 type=Number(0.01, 1000),
@@ -59,6 +59,7 @@ def _options(command: Command) -> Command:
 
 
 @click.command(epilog=usage.RUN)
+@click.argument("scenario", type=click.Path(path_type=Path))
 @_options
 @click.option(
     "--clock",
@@ -72,17 +73,44 @@ def run(clock: ClockName, **given: Any) -> None:
 
 
 @click.command(epilog=usage.FLY)
+@click.argument("scenario", type=click.Path(path_type=Path), required=False)
 @_options
 @click.option("--dry-run", is_flag=True, help="Everything but commands: say what vehicles would be sent.")
 @click.option("--confirm", is_flag=True, help="Ask here before anybody is armed.")
+@click.option("--resume", type=OUT, metavar="RUN_DIR", help="Take over what flies of a run that was killed.")
+@click.option("--retake", is_flag=True, help="With --resume: also those that their failsafe sent home.")
 def fly(**given: Any) -> None:
     """Fly SCENARIO with vehicles that are up already, at the scenario's endpoints."""
-    asked = _Given(**given)
+    asked = _resumable(given)
     if asked.confirm and asked.dry_run:
         fail("--confirm: found beside --dry-run, which arms nobody; allowed: one of them")
     if asked.confirm and not (sys.stdin is not None and sys.stdin.isatty()):
         fail("--confirm: found no terminal to ask on; allowed: a terminal as standard input, or no --confirm")
     sys.exit(_rehearse(asked) if asked.dry_run else _fly(fly_scenario, "real", asked))
+
+
+NOT_RESUMED = ("scenario", "seed", "overrides", "out", "overwrite", "dry_run")
+"""What an unfinished run has its own of."""
+OPTION = {"scenario": "SCENARIO", "overrides": "--set"}
+
+
+def _resumable(given: dict[str, Any]) -> _Given:
+    """Return what stands on the command line of `fly`, with the scenario and the directory of the run to resume."""
+    resumed: Path | None = given.pop("resume")
+    if resumed is None:
+        if given["retake"]:
+            fail("--retake: found without --resume; allowed: beside --resume RUN_DIR")
+        if given["scenario"] is None:
+            fail("found no SCENARIO; allowed: a scenario's file, or --resume RUN_DIR")
+        return _Given(**given)
+    more = next((name for name in NOT_RESUMED if given[name]), None)
+    if more is not None:
+        name = OPTION.get(more, f"--{more.replace('_', '-')}")
+        fail(f"{name}: found beside --resume, which goes on with the run's own; allowed: none")
+    if not (resumed / SCENARIO).is_file():
+        fail(f"--resume: found no {SCENARIO} in {resumed}; allowed: the directory of a run that was killed")
+    given["scenario"], given["out"] = resumed / SCENARIO, resumed
+    return _Given(**given, resume=True)
 
 
 @dataclass(frozen=True)
@@ -100,6 +128,8 @@ class _Given:
     as_json: bool
     dry_run: bool = False
     confirm: bool = False
+    resume: bool = False
+    retake: bool = False
 
 
 def _fly(flown: Flown, clock: ClockName, given: _Given) -> Status:
@@ -153,6 +183,8 @@ def _run_options(loaded: Scenario, clock: ClockName, given: _Given) -> RunOption
             given.overwrite,
             confirm=given.confirm,
             dry_run=given.dry_run,
+            resume=given.resume,
+            retake=given.retake,
         )
     except ValueError as error:
         fail(str(error))

@@ -29,6 +29,7 @@ FLY = _examples(
     "sim-vehicles quickstart.yaml                              vehicles, in another terminal",
     "gcs-formation fly quickstart.yaml --out runs/flown",
     "gcs-formation fly arduplane.yaml --dry-run                says what it would send, and arms nobody",
+    "gcs-formation fly --resume runs/flown                     takes over what flies of a run that was killed",
     "gcs-formation fly arduplane.yaml --confirm                asks before anybody is armed",
 )
 CHECK = _examples(

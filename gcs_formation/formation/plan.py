@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from formation_scenario import Scenario, slot_schedule
-from formation_scenario.arrangement import Arrangement
+from formation_scenario.arrangement import Arrangement, assigned
 from formation_scenario.formation import FormationChange
 from formation_scenario.slot_motion import SlotMotion
 from formation_scenario.transition import Transition
@@ -38,6 +38,15 @@ class FormationPlan:
         self._way = Transition.standing(first.places_m)
         self._offset_m = np.tile(scenario.start.offset_m, (len(first.places_m), 1))
         self._offset_m[0] = 0.0
+
+    def resume(self, scenario: Scenario, arrangement: Arrangement, slots_m: Array, mission_s: float) -> None:
+        """Begin with an arrangement, assigned nearest to `slots_m` (C, 3), and the changes due after a mission time."""
+        self.arrangement = arrangement
+        everyone = np.ones(len(slots_m), dtype=np.bool_)
+        self._way = Transition.standing(assigned(scenario, arrangement, slots_m, everyone))
+        self._offset_m -= self._offset_m[arrangement.leader]
+        while self.scheduled and self.scheduled[0].at_s <= mission_s:
+            self.scheduled.popleft()
 
     @property
     def leader(self) -> int:

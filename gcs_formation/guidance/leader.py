@@ -7,13 +7,14 @@ from dataclasses import dataclass
 
 from formation_scenario.displaced_path import DisplacedPath
 from formation_scenario.path import SplinePath
-from gcs_formation.guidance.join import Pose, join
+from gcs_formation.guidance.join import JoinRoute, Pose, join
 from gcs_formation.guidance.tracking import (
     Lags,
     Motion,
     MotionRates,
     Route,
     RouteHeading,
+    nearest,
     project,
     route_heading,
     track,
@@ -29,6 +30,10 @@ SETTLE_S = 30.0
 """Shortest straight flight between a turn and the path: followers are back in their slots 10 s after a turn's end."""
 ON_EXTENSION_M = 60.0
 ON_EXTENSION_RAD = math.radians(30.0)
+ON_PATH_M, ON_PATH_RAD = 10.0, math.radians(10.0)
+"""Within these the leader is on the path, and needs no way back."""
+RETURNS = 8
+"""How many places are tried to return to, each a turn's radius farther along the path than the one before."""
 CLIMB_SHARE = 0.7
 """Share of the climb limit that the route to the start uses; followers need the rest."""
 
@@ -45,6 +50,10 @@ class LeaderGuidance:
     route: Route | None = None
     distance_m: float = 0.0
     rounds: int = 0
+    amid_m: tuple[float, float] | None = None
+    """Where along the path the leader is when it is first steered: between these distances; None: before its start."""
+    joins_m: float | None = None
+    """Where along the path the way ends that returns to it."""
 
     @property
     def on_path(self) -> bool:
@@ -92,6 +101,9 @@ class LeaderGuidance:
         return self.distance_m > -DECISION_S * self.speed_mps
 
     def _set_out(self, motion: Motion, height_m: float) -> None:
+        if self.amid_m is not None:
+            self._return(motion, height_m, nearest(self.path, motion, *self.amid_m))
+            return
         start = self.path.at(0.0)
         north, east = motion.north_m - start.north_m, motion.east_m - start.east_m
         cos, sin = math.cos(start.course_rad), math.sin(start.course_rad)
@@ -104,8 +116,34 @@ class LeaderGuidance:
         else:
             self._join(motion, height_m)
 
+    def _return(self, motion: Motion, height_m: float, abreast_m: float) -> None:
+        """Return to the path, abreast of which the leader is, in turns in which its followers can stay."""
+        point = self.path.at(abreast_m)
+        right_m, _ = point.aside_m(motion.north_m, motion.east_m, height_m)
+        north_mps, east_mps = motion.ground_velocity()
+        course = math.atan2(east_mps, north_mps)
+        off_rad = math.remainder(course - point.course_rad, math.tau)
+        if abs(right_m) < ON_PATH_M and abs(off_rad) < ON_PATH_RAD:
+            self.route, self.distance_m = self.path, abreast_m
+            return
+        begin = Pose(motion.north_m, motion.east_m, height_m, course)
+        slope = CLIMB_SHARE * self.climb_max_mps / self.speed_mps
+        ways: list[tuple[float, JoinRoute, float]] = []
+        for ahead in range(1, RETURNS + 1):
+            to_m = abreast_m + ahead * self.hold_radius_m
+            end = self.path.at(to_m)
+            goal = Pose(end.north_m, end.east_m, end.height_m, end.course_rad)
+            way = join(begin, goal, self.hold_radius_m, slope)
+            ways.append((way.length_m - (to_m - abreast_m), way, to_m))
+        direct = [way for way in ways if way[0] < self.hold_radius_m]
+        _, self.route, self.joins_m = direct[0] if direct else min(ways, key=lambda way: way[0])
+        self.distance_m = 0.0
+
     def _follow_path(self, motion: Motion) -> None:
         self.route = self.path
+        if self.joins_m is not None:
+            self.distance_m, self.joins_m = project(self.path, motion, self.joins_m), None
+            return
         start = self.path.at(0.0)
         north, east = motion.north_m - start.north_m, motion.east_m - start.east_m
         self.distance_m = north * math.cos(start.course_rad) + east * math.sin(start.course_rad)

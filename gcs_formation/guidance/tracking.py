@@ -13,6 +13,7 @@ BANDWIDTH_RADPS = 0.15
 """Bandwidth of the cross-track loop, well below the heading hold's 1/tau_psi."""
 INTERCEPT_MAX_RAD = math.radians(60.0)
 NEWTON_STEPS = 3
+NEAREST_STEP_M = 10.0
 
 
 class Route(Protocol):
@@ -99,6 +100,18 @@ def project(route: Route, motion: Motion, near_m: float) -> float:
         along_m, right_m = _rotate(motion.north_m - point.north_m, motion.east_m - point.east_m, point.course_rad)
         distance_m += along_m / max(1.0 - point.curvature_1pm * right_m, 0.2)
     return distance_m
+
+
+def nearest(route: Route, motion: Motion, from_m: float, to_m: float) -> float:
+    """Return the distance along the route of the point nearest to the vehicle, of those between two distances."""
+    steps = max(1, math.ceil((to_m - from_m) / NEAREST_STEP_M))
+    places = [from_m + (to_m - from_m) * step / steps for step in range(steps + 1)]
+
+    def away_m(distance_m: float) -> float:
+        point = route.at(distance_m)
+        return math.hypot(motion.north_m - point.north_m, motion.east_m - point.east_m)
+
+    return min(max(project(route, motion, min(places, key=away_m)), from_m), to_m)
 
 
 def track(route: Route, distance_m: float, motion: Motion, lags: Lags, speed_mps: float) -> Setpoint:

@@ -14,7 +14,7 @@ from airlink.clock import NANOSECONDS, Instant
 from airlink.identity import VehicleId
 from formation_scenario import Scenario, dump_scenario
 from gcs_formation.errors import RecordError
-from gcs_formation.record.timeseries import TickSpool
+from gcs_formation.record.timeseries import TickSpool, spools
 from gcs_formation.record.tlog import TlogWriter
 from gcs_formation.recorder import Event, Tick
 
@@ -30,6 +30,8 @@ FIGURES = "figures"
 """What `report` makes of the rest."""
 FLUSH_S = 1.0
 EVENT_SCHEMA = 1
+RECORDING = "recording"
+"""Kind of the first event of a record: it tells when instant 0 was."""
 
 
 class RunDirectory:
@@ -44,29 +46,25 @@ class RunDirectory:
         *,
         overwrite: bool = False,
         frames: bool = True,
+        resume: bool = False,
     ) -> None:
         """Create the directory and its files; with `overwrite` in place of an earlier run's, without `frames` no log.
+
+        With `resume` an unfinished run's record goes on; nothing of it is lost but what was cut off at its end.
 
         Raises:
             RecordError: it holds other files or an earlier run, it can't be written, or another run is recording there.
         """
         self.path = path
         try:
-            refused = refusal(path, overwrite=overwrite)
+            refused = None if resume else refusal(path, overwrite=overwrite)
             if refused is not None:
                 raise RecordError(refused)
             path.mkdir(parents=True, exist_ok=True)
-            self._events = _own(path / EVENTS)
-            for stale in (
-                path / SUMMARY,
-                path / TIMESERIES,
-                path / TRUTH,
-                path / REPORT,
-                *(path / FIGURES).glob("*.png"),
-            ):
-                stale.unlink(missing_ok=True)
-            (path / SCENARIO).write_text(dump_scenario(scenario), encoding="utf-8")
-            (path / TLOG).unlink(missing_ok=True)
+            self._events = _own(path / EVENTS, whole_lines=resume)
+            if not resume:
+                _clear(path)
+                (path / SCENARIO).write_text(dump_scenario(scenario), encoding="utf-8")
             self._tlog = TlogWriter(path / TLOG, epoch_us) if frames else None
             self._spool = TickSpool(path / SPOOL, columns)
         except BlockingIOError as error:
@@ -82,6 +80,8 @@ class RunDirectory:
         self.failure: str | None = None
         """Why what comes now isn't recorded any more: the disk is full, as a rule."""
         self._next_flush = Instant(0)
+        if not resume:
+            self.event(Event(Instant(0), RECORDING, "begins", None, {"epoch_us": epoch_us}))
 
     def frame(self, now: Instant, raw: bytes) -> None:
         """Record a frame."""
@@ -142,8 +142,15 @@ class RunDirectory:
         self.failure = self.failure or f"cannot go on recording in {self.path}: {error.strerror or error}"
 
 
-def _own(path: Path) -> TextIO:
-    """Return a file, emptied for writing and locked for as long as it's open.
+def _clear(path: Path) -> None:
+    """Remove what an earlier run has left."""
+    left = (SUMMARY, TIMESERIES, TRUTH, REPORT, TLOG)
+    for stale in (*(path / name for name in left), *spools(path / SPOOL), *(path / FIGURES).glob("*.png")):
+        stale.unlink(missing_ok=True)
+
+
+def _own(path: Path, *, whole_lines: bool) -> TextIO:
+    """Return a file, for writing after its `whole_lines` or emptied, and locked for as long as it's open.
 
     Raises:
         BlockingIOError: another process has it locked.
@@ -156,7 +163,7 @@ def _own(path: Path) -> TextIO:
         raise
     except OSError:
         pass  # a file system without locks
-    file.truncate(0)
+    file.truncate(path.read_bytes().rfind(b"\n") + 1 if whole_lines else 0)
     return file
 
 

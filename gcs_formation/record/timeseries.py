@@ -58,14 +58,17 @@ class TickSpool:
     """Appends ticks to a file that can be read up to its last whole batch, also after a crash."""
 
     def __init__(self, path: Path, columns: Sequence[VehicleId | None]) -> None:
-        """Create the file; `columns` names the vehicle of each of a tick's columns, None for a virtual leader."""
+        """Create the file, or the next one beside it where it is there: a stream that was cut off can't be continued.
+
+        `columns` names the vehicle of each of a tick's columns, None for a virtual leader.
+        """
         self._flying = [i for i, vehicle in enumerate(columns) if vehicle is not None]
         vehicles = [vehicle for vehicle in columns if vehicle is not None]
         self._network = np.array([vehicle.network for vehicle in vehicles], dtype=np.int32)
         self._system = np.array([vehicle.system for vehicle in vehicles], dtype=np.int32)
         self._tables: list[Array] = []
         self._phases: list[int] = []
-        self._writer = ipc.new_stream(str(path), SPOOL_SCHEMA)
+        self._writer = ipc.new_stream(str(path.with_name(f"{path.name}{_suffix(len(spools(path)))}")), SPOOL_SCHEMA)
 
     def add(self, tick: Tick) -> None:
         """Append a tick."""
@@ -105,15 +108,28 @@ SPOOL_SCHEMA = pa.schema(
 )
 
 
+def spools(path: Path) -> list[Path]:
+    """Return the files of a spool: the first, and one for each time that the run was resumed."""
+    found: list[Path] = []
+    while (part := path.with_name(f"{path.name}{_suffix(len(found))}")).is_file():
+        found.append(part)
+    return found
+
+
+def _suffix(resumed: int) -> str:
+    return f".{resumed + 1}" if resumed else ""
+
+
 def read_spool(path: Path) -> dict[str, Array]:
-    """Return the columns of a spool, up to its last whole batch."""
+    """Return the columns of a spool, each of its files up to its last whole batch."""
     batches: list[pa.RecordBatch] = []
-    with (
-        pa.OSFile(str(path), "rb") as file,
-        suppress(pa.ArrowInvalid, OSError),  # cut off in the middle of a batch, or before the first
-        ipc.open_stream(file) as reader,
-    ):
-        batches.extend(reader)
+    for part in spools(path) or [path]:
+        with (
+            pa.OSFile(str(part), "rb") as file,
+            suppress(pa.ArrowInvalid, OSError),  # cut off in the middle of a batch, or before the first
+            ipc.open_stream(file) as reader,
+        ):
+            batches.extend(reader)
     table = pa.Table.from_batches(batches, schema=SPOOL_SCHEMA)
     return {name: table.column(name).to_numpy() for name in table.column_names}
 

@@ -24,8 +24,9 @@ class TlogWriter:
     """Appends frames to a file."""
 
     def __init__(self, path: Path, epoch_us: int) -> None:
-        """Create the file; `epoch_us` is instant 0 in microseconds since 1970."""
-        self._file: BinaryIO = path.open("wb")
+        """Create the file, or go on after its last whole frame; `epoch_us`: instant 0, microseconds since 1970."""
+        self._file: BinaryIO = path.open("ab")
+        self._file.truncate(sum(_STAMP.size + len(frame.raw) for frame in read_tlog(path)))
         self._epoch_us = epoch_us
 
     def write(self, now: Instant, raw: bytes) -> None:

@@ -46,6 +46,7 @@ class ArduPlane(Autopilot):
     guided_mode = m.PLANE_MODE_GUIDED
     setpoint_commands = GUIDED_COMMANDS
     loiter_mode = m.PLANE_MODE_LOITER
+    home_mode = m.PLANE_MODE_RTL
     approach_m = 55.0
     """AUTOLAND_WP_ALT's default."""
     mode_names: ClassVar = {

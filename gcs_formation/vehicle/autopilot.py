@@ -54,6 +54,8 @@ class Autopilot(ABC):
     take_off_m: ClassVar[float]
     """Height above home at which a take-off is complete, m."""
     loiter_mode: ClassVar[int]
+    home_mode: ClassVar[int]
+    """In which its failsafe flies home."""
     guided_mode: ClassVar[int]
     mode_names: ClassVar[dict[int, str]]
     setpoint_commands: ClassVar[tuple[int, ...]]

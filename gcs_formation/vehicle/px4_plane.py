@@ -57,6 +57,7 @@ class Px4Plane(Autopilot):
     """It answers TIMESYNC and commands as they come."""
     take_off_m = 45.0
     guided_mode = loiter_mode = LOITER
+    home_mode = RTL
     setpoint_commands = (m.MAV_CMD_DO_REPOSITION,) * 3
     setpoints_set_mode = True
     """DO_REPOSITION without that (its second parameter) is UNSUPPORTED."""

@@ -153,7 +153,12 @@ class Vehicle:
         """Send nothing more until the vehicle flies in the guided mode, as set by its pilot."""
         self.commands.begin((), now)
         wait = Step("left it to its pilot", self.autopilot.takes_setpoints, timeout_s=math.inf)
-        self.start_up = StartUp((wait,), abandoned=True)
+        self.start_up = StartUp((wait,), abandoned=True, left=True)
+
+    @property
+    def is_left(self) -> bool:
+        """Whether it was left to its pilot, who hasn't given it back yet."""
+        return self.start_up.left and not self.start_up.finished
 
     def heard_at(self, now: Instant) -> Instant:
         """Return until when it is known to have heard the station: the time of its newest answer less the way back.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -12,7 +13,7 @@ from airlink.endpoint import Endpoint
 from airlink.engine import Datagram, Engine
 from airlink.identity import VehicleId
 from airlink.memory import MemoryNetwork
-from formation_scenario import load_scenario
+from formation_scenario import Scenario, load_scenario
 from gcs_formation.app.links import impair
 from gcs_formation.preflight import CARELESS, Caution
 from gcs_formation.recorder import Event, Tick
@@ -70,6 +71,10 @@ class Sleeper:
         self._waiting: list[Datagram] = []
         self._until = Instant(0)
 
+    def replace(self, station: Engine) -> None:
+        """Let another process take the killed one's sockets; what came meanwhile is lost."""
+        self._station, self._waiting, self._until = station, [], Instant(0)
+
     def stop(self, now: Instant, seconds: float) -> None:
         self._until = after(now, seconds)
 
@@ -100,9 +105,15 @@ class Sleeper:
 class World:
     """A leader and two followers under the virtual clock, by default in the air on a straight path."""
 
-    def __init__(self, between: type[Between] = Between, caution: Caution = CARELESS, **keys: Any) -> None:
+    def __init__(
+        self,
+        between: type[Between] = Between,
+        caution: Caution = CARELESS,
+        notes: Callable[[Scenario], Notes] = lambda _: Notes(),
+        **keys: Any,
+    ) -> None:
         planned = load_scenario(scenario(**keys))
-        self.notes, self.clock = Notes(), VirtualClock()
+        self.notes, self.clock = notes(planned), VirtualClock()
         self.network, self.station = MemoryNetwork(self.clock), Station(planned, self.notes, caution=caution)
         self.config = fleet_config(planned)
         self.fleet = Fleet(self.config)

@@ -1,0 +1,202 @@
+"""Reads an unfinished record to go on with its flight."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from airlink.clock import NANOSECONDS, Instant
+from airlink.identity import VehicleId
+from formation_scenario import Scenario
+from formation_scenario.arrangement import Arrangement, columns, first_arrangement
+from formation_scenario.lifted_path import leader_path
+from formation_scenario.orders import Order, parse_order
+from gcs_formation.arrays import Array
+from gcs_formation.errors import RecordError
+from gcs_formation.guidance.tracking import Motion, project
+from gcs_formation.membership import Member
+from gcs_formation.phases import Phase
+from gcs_formation.record.run_directory import EVENTS, RECORDING, SCENARIO, SPOOL, SUMMARY
+from gcs_formation.record.timeseries import PHASES, SLOT, read_spool
+from gcs_formation.takeover import Known, Resumption
+
+ACCEPTED = ": accepted"
+EVERY_S = 1.0
+"""Interval of the places along which the leader's way is followed."""
+AT_END = (Phase.ENDING, Phase.LOITERING, Phase.DONE, Phase.FAILED)
+Events = list[Mapping[str, Any]]
+
+
+class Past(NamedTuple):
+    """An unfinished record: when its clock began, microseconds since 1970, and where its flight stands."""
+
+    epoch_us: int
+    resumption: Resumption
+
+
+def epoch_us(directory: Path) -> int:
+    """Return when the clock of an unfinished record began, microseconds since 1970.
+
+    Raises:
+        RecordError: it isn't the directory of an unfinished run, or its run didn't come to record anything.
+    """
+    if not (directory / SCENARIO).is_file():
+        raise RecordError(f"found no {SCENARIO} in {directory}; allowed: the directory of an unfinished run")
+    if (directory / SUMMARY).is_file():
+        found = f"found {SUMMARY} in {directory}: that run has come to its end"
+        raise RecordError(f"{found}; allowed: the directory of an unfinished run")
+    begins = next((event for event in _events(directory) if event.get("kind") == RECORDING), None)
+    if begins is None or not isinstance(begins.get("epoch_us"), int):
+        raise RecordError(f"found no beginning in {directory / EVENTS}: nothing was recorded that can be resumed")
+    return int(begins["epoch_us"])
+
+
+def read_past(directory: Path, scenario: Scenario, now: Instant, *, retake: bool) -> Resumption:
+    """Return where the flight of an unfinished record stands.
+
+    Raises:
+        RecordError: the record can't be read, or nobody had taken off.
+    """
+    events = _events(directory)
+    try:
+        rows = read_spool(directory / SPOOL)
+    except (OSError, ValueError) as error:
+        raise RecordError(f"cannot read {directory / SPOOL}: {error}") from error
+    if not rows["t_s"].size:
+        return _before_take_off(directory, scenario, events, now, retake=retake)
+    last = {name: values[rows["t_s"] == rows["t_s"][-1]] for name, values in rows.items()}
+    mission_s, flying = float(last["mission_time_s"][0]), _began(events)
+    leading = _identity(last, int(np.argmax(last["leads"] > 0))) if (last["leads"] > 0).any() else None
+    arrangement, speed_mps = _formation(scenario, events, mission_s)
+    order = [None if each is None else each.vehicle_id for each in columns(scenario)]
+    return Resumption(
+        at=now,
+        vehicles={each.vehicle_id: _known(each.vehicle_id, last, events) for each in scenario.vehicles},
+        mission_s=mission_s,
+        path_began=flying,
+        distance_m=_distance_m(scenario, rows),
+        speed_mps=speed_mps,
+        arrangement=arrangement._replace(leader=order.index(leading)),
+        slots_m=_slots_m(last, order),
+        near=() if leading is None else _near(last, leading),
+        ending=Phase(PHASES[int(last["phase"][0])]) in AT_END or _phases(events)[-1:] in ([p.value] for p in AT_END),
+        retake=retake,
+    )
+
+
+def _before_take_off(directory: Path, scenario: Scenario, events: Events, now: Instant, *, retake: bool) -> Resumption:
+    """Return where a flight stands of which no tick was recorded: the last second before the end isn't on the disk."""
+    order = [each.vehicle_id for each in columns(scenario) if each is not None]
+    known = {identity: Known(_last(events, identity, "mode"), parted=False, flew=False) for identity in order}
+    if not any(each.mode for each in known.values()):
+        raise RecordError(f"found no flight in {directory}: nobody had been heard; allowed: fly it from its start")
+    arrangement = first_arrangement(scenario)
+    return Resumption(
+        at=now,
+        vehicles=known,
+        mission_s=math.nan,
+        path_began=None,
+        distance_m=0.0,
+        speed_mps=scenario.path.speed_mps,
+        arrangement=arrangement,
+        slots_m=np.zeros((1 + len(scenario.followers), 3)),
+        near=tuple(order) if scenario.leader else (),
+        ending=_phases(events)[-1:] in ([phase.value] for phase in AT_END),
+        retake=retake,
+    )
+
+
+def _last(events: Events, identity: VehicleId, kind: str) -> str | None:
+    """Return the last words of a kind about a vehicle."""
+    own = (event for event in reversed(events) if event["kind"] == kind and event.get("vehicle") == str(identity))
+    return next((str(event["text"]) for event in own), None)
+
+
+def _events(directory: Path) -> Events:
+    path = directory / EVENTS
+    return list(_parsed(path.read_bytes().splitlines())) if path.is_file() else []
+
+
+def _parsed(lines: list[bytes]) -> Iterator[Mapping[str, Any]]:
+    for line in lines:
+        try:
+            event = json.loads(line)
+        except ValueError:
+            continue  # cut off
+        if isinstance(event, dict):
+            yield event
+
+
+def _phases(events: Events) -> list[str]:
+    return [str(event["text"]) for event in events if event["kind"] == "phase"]
+
+
+def _began(events: Events) -> Instant | None:
+    """Return when the leader passed the path's start."""
+    begun = (event for event in events if event["kind"] == "phase" and event["text"] == Phase.FLYING.value)
+    at_s = next((float(event["t_s"]) for event in begun), None)
+    return None if at_s is None else Instant(round(at_s * NANOSECONDS))
+
+
+def _known(identity: VehicleId, last: Mapping[str, Any], events: Events) -> Known:
+    row = (last["network"] == identity.network) & (last["vehicle"] == identity.system)
+    return Known(
+        mode=_last(events, identity, "mode"),
+        parted=_last(events, identity, "member") == Member.PARTED.value,
+        flew=bool((last["airborne"][row] > 0).any()),
+    )
+
+
+def _formation(scenario: Scenario, events: Events, mission_s: float) -> tuple[Arrangement, float]:
+    """Return the arrangement and the speed that changes and accepted orders had led to, in their order."""
+    begun = _began(events)
+    zero_s = math.inf if begun is None else begun / NANOSECONDS
+    planned = [(change.at_s, Order("", change)) for change in scenario.formation.changes if change.at_s <= mission_s]
+    given = [
+        (float(event["t_s"]) - zero_s, parse_order(str(event["text"]).removesuffix(ACCEPTED)))
+        for event in events
+        if event["kind"] == "order" and event.get("accepted")
+    ]
+    arrangement, speed_mps = first_arrangement(scenario), scenario.path.speed_mps
+    for _, order in sorted([*planned, *given], key=lambda each: each[0]):
+        if order.change is not None:
+            arrangement = arrangement.changed(order.change, scenario)
+        speed_mps = order.speed_mps or speed_mps
+    return arrangement, speed_mps
+
+
+def _distance_m(scenario: Scenario, rows: Mapping[str, Any]) -> float:
+    """Return how far along the path the leader had come: its way, followed from the path's start."""
+    path, distance_m, next_s = leader_path(scenario), 0.0, -math.inf
+    leads = (rows["leads"] > 0) & (rows["phase"] == PHASES.index("flying")) & np.isfinite(rows["north_m"])
+    places = zip(*(rows[name][leads].tolist() for name in ("t_s", "north_m", "east_m")), strict=True)
+    for t_s, north_m, east_m in places:
+        if t_s >= next_s:
+            next_s = t_s + EVERY_S
+            distance_m = project(path, Motion(north_m, east_m, 0.0, 0.0, 0.0, 0.0), distance_m)
+    return distance_m
+
+
+def _slots_m(last: Mapping[str, Any], order: Sequence[VehicleId | None]) -> Array:
+    """Return the slots (C, 3) of all columns, 0 for who led; `order` names the columns' vehicles."""
+    own = {_identity(last, row): row for row in range(len(last["t_s"]))}
+    table = np.nan_to_num(np.stack([last[name] for name in SLOT], axis=1))
+    return np.array([np.zeros(3) if each is None else table[own[each]] for each in order])
+
+
+def _near(last: Mapping[str, Any], leading: VehicleId) -> tuple[VehicleId, ...]:
+    """Return who flew, the leader first and then by their distance from it."""
+    places = np.stack([last[name] for name in ("north_m", "east_m", "height_m")], axis=1)
+    each = [_identity(last, row) for row in range(len(places))]
+    away_m = np.linalg.norm(places - places[each.index(leading)], axis=1)
+    order: list[int] = np.argsort(np.nan_to_num(away_m, nan=np.inf), kind="stable").tolist()
+    return tuple(each[row] for row in order)
+
+
+def _identity(last: Mapping[str, Any], row: int) -> VehicleId:
+    return VehicleId(int(last["network"][row]), int(last["vehicle"][row]))

@@ -1,0 +1,310 @@
+"""A ground station that is killed in flight, and another that takes over what flies by the first one's record."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Generator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from click.testing import CliRunner
+
+from airlink import mavlink as m
+from airlink.clock import NANOSECONDS, Instant
+from airlink.engine import Datagram
+from airlink.frame import StreamParser
+from airlink.messages.command import CommandLong
+from formation_scenario import Scenario
+from gcs_formation.cli import main
+from gcs_formation.phases import Phase
+from gcs_formation.record.past import epoch_us, read_past
+from gcs_formation.record.run_directory import SPOOL, RunDirectory
+from gcs_formation.record.timeseries import read_parquet, read_spool
+from gcs_formation.record.tlog import read_tlog
+from gcs_formation.recorder import Event, Tick
+from gcs_formation.station import Station
+from sim_vehicles.fleet import Fleet
+from sim_vehicles.modes import Condition, Mode
+from tests.flights.conftest import scenario
+from tests.flights.in_memory import Between, Notes, World
+from tests.flights.test_real_clock import LIMIT_S, STATION, VEHICLES, free_port, started, wait_for
+
+EPOCH_US = 1_700_000_000_000_000
+REGAINED_S = 60.0
+SLOT_M = 0.5
+BENDS = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [700, 0, 100], [1300, 500, 120], [1400, 2500, 120]]}
+
+
+class Kept(Notes):
+    """A recorder in memory, and in a run directory."""
+
+    def __init__(self, scenario: Scenario, path: Path, *, resume: bool = False) -> None:
+        super().__init__()
+        columns = [each.vehicle_id for each in (scenario.leader, *scenario.followers) if each]
+        self.directory = RunDirectory(path, scenario, columns, EPOCH_US, resume=resume)
+
+    def frame(self, now: Instant, raw: bytes) -> None:
+        self.directory.frame(now, raw)
+
+    def tick(self, tick: Tick) -> None:
+        super().tick(tick)
+        self.directory.tick(tick)
+
+    def event(self, event: Event) -> None:
+        super().event(event)
+        self.directory.event(event)
+
+
+class Obedient(Between):
+    """Takes down what the vehicles are commanded with COMMAND_LONG."""
+
+    def __init__(self, fleet: Fleet) -> None:
+        super().__init__(fleet)
+        self.commands: list[CommandLong] = []
+
+    def receive(self, datagram: Datagram, now: Instant) -> None:
+        messages = (frame.message for frame in StreamParser().feed(datagram.data))
+        self.commands += [each for each in messages if isinstance(each, CommandLong)]
+        super().receive(datagram, now)
+
+
+class Killed:
+    """A flight whose station is killed, and the station that takes over."""
+
+    def __init__(self, directory: Path, **keys: Any) -> None:
+        self.path = directory
+        self.world = World(Obedient, notes=lambda planned: Kept(planned, directory), **keys)
+
+    def kill(self, seconds: float) -> None:
+        """Kill the station; nobody is there for some time."""
+        self.close()
+        self.world.process.stop(self.world.clock.now(), 1e6)
+        self.world.run(seconds)
+
+    def close(self) -> None:
+        """Leave the record as it is."""
+        notes = self.world.notes
+        assert isinstance(notes, Kept)
+        notes.directory.close()
+
+    def resume(self, *, retake: bool = False) -> None:
+        """Start another station on the record."""
+        world, scenario = self.world, self.world.station.scenario
+        assert epoch_us(self.path) == EPOCH_US
+        resumed = read_past(self.path, scenario, world.clock.now(), retake=retake)
+        world.notes = Kept(scenario, self.path, resume=True)
+        world.station = Station(scenario, world.notes, resumed=resumed)
+        world.process.replace(world.station)
+        assert isinstance(world.between, Obedient)
+        world.between.commands.clear()
+        self.resumed_s = world.now_s
+
+    def regained_s(self) -> float:
+        """Return how long after the resumption every follower was in its slot, and stayed there."""
+        flown = [tick for tick in self.world.notes.ticks if tick.phase in ("assembling", "flying")]
+        followers = [column for column in range(len(self.world.fleet.vehicles)) if column != flown[0].leader]
+        errors = [(tick.now / NANOSECONDS, np.abs(tick.error_m[followers]).max()) for tick in flown]
+        assert errors[-1][1] < SLOT_M
+        last_s = max((at_s for at_s, error in errors if not error < SLOT_M), default=self.resumed_s)
+        return last_s - self.resumed_s
+
+    def commanded(self, command: int) -> list[CommandLong]:
+        assert isinstance(self.world.between, Obedient)
+        return [each for each in self.world.between.commands if each.command == command]
+
+
+@pytest.fixture
+def killed(tmp_path: Path) -> Generator[Callable[..., Killed]]:
+    flights: list[Killed] = []
+
+    def make(**keys: Any) -> Killed:
+        flights.append(Killed(tmp_path / "run", **keys))
+        return flights[-1]
+
+    yield make
+    for flight in flights:
+        flight.close()
+
+
+def test_what_flies_is_taken_over_and_nobody_is_commanded_twice(killed: Callable[..., Killed]) -> None:
+    """A bend begins while nobody is there: they fly on straight, and the leader returns to the path from there."""
+    path = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [200, 0, 100], [500, 200, 100], [700, 900, 100]]}
+    flight = killed(duration_s=44, vehicles={"count": 2}, path=path, finish={"loiter_s": 0})
+    world = flight.world
+    world.fly_to(6.0)
+    began = world.station.flight.path_began
+    flight.kill(4.0)
+    flight.resume()
+    world.run()
+    assert world.station.flight.phase is Phase.DONE
+    assert world.station.flight.path_began == began
+    assert world.times_s("takeover", text="taken over in GUIDED") == [pytest.approx(flight.resumed_s, abs=2.0)] * 2
+    assert flight.regained_s() < 30.0
+    assert flight.commanded(m.MAV_CMD_COMPONENT_ARM_DISARM) == []
+    assert {command.param2 for command in flight.commanded(m.MAV_CMD_DO_SET_MODE)} == {m.PLANE_MODE_LOITER}
+    steps_s = np.diff(read_spool(flight.path / SPOOL)["t_s"])
+    assert steps_s.min() >= 0.0
+    assert 4.0 < steps_s.max() < 6.5
+    events = [line.split('"kind": "')[1] for line in (flight.path / "events.jsonl").read_text().splitlines()]
+    assert sum(event.startswith('phase", "text": "flying') for event in events) == 2
+
+
+@pytest.mark.slow
+def test_shape_and_leader_are_those_of_the_record(killed: Callable[..., Killed]) -> None:
+    """Its shape is another by then, and another vehicle leads; before a bend they fly on straight for 10 s."""
+    changes = [{"at_s": 8, "shape": "line", "spacing_m": 25}, {"at_s": 20, "leader": 2}]
+    flight = killed(duration_s=75, path=BENDS, formation={"shape": "arrow", "spacing_m": 30, "changes": changes})
+    world = flight.world
+    world.fly_to(31.0)
+    flight.kill(10.0)
+    flight.resume()
+    world.run()
+    assert {tick.leader for tick in world.notes.ticks} == {1}
+    assert world.words("formation")[-1] == "line, 25 m, behind vehicle 2"
+    assert flight.regained_s() < REGAINED_S
+
+
+def enter(world: World, number: int, mode: Mode) -> None:
+    """Let a pilot or a failsafe choose a mode."""
+    world.vehicle(number).enter(mode)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("mode", "retake", "taken"), [(Mode.LOITER, True, False), (Mode.RTL, False, False), (Mode.RTL, True, True)]
+)
+def test_one_that_was_given_another_mode_is_left_to_whoever_did(
+    killed: Callable[..., Killed], mode: Mode, retake: bool, taken: bool
+) -> None:
+    flight = killed(duration_s=60)
+    world = flight.world
+    world.fly_to(5.0)
+    flight.kill(3.0)
+    enter(world, 2, mode)
+    flight.resume(retake=retake)
+    world.run(8.0)
+    assert len(world.times_s("takeover", 2, "taken over" if taken else "left as it is")) == 1
+    assert len(world.times_s("takeover", text="taken over")) == 2 + taken
+    assert (world.vehicle(2).pilot.mode is Mode.GUIDED) == taken
+    if not taken:
+        world.station.stop(world.clock.now())
+        world.run(12.0)
+        assert world.vehicle(2).pilot.mode is mode
+        assert world.vehicle(3).pilot.mode is Mode.LOITER
+
+
+@pytest.mark.slow
+def test_where_the_leader_is_gone_the_nearest_to_its_place_leads(killed: Callable[..., Killed]) -> None:
+    flight = killed(duration_s=90)
+    world = flight.world
+    world.fly_to(5.0)
+    flight.kill(3.0)
+    world.strike(1, "crash")
+    flight.resume()
+    world.run()
+    (leads_s,) = world.times_s("leader", 2)
+    assert leads_s - flight.resumed_s < 6.0
+    assert world.times_s("leader", 3) == []
+    late = [tick for tick in world.notes.ticks if tick.mission_time_s > 60.0 and tick.phase == "flying"]
+    assert max(np.nanmax(np.abs(tick.error_m[2])) for tick in late) < SLOT_M
+
+
+@pytest.mark.slow
+def test_killed_while_they_take_off_those_in_the_air_go_on_and_nobody_else_is_armed(
+    killed: Callable[..., Killed],
+) -> None:
+    flight = killed(start={"in_air": False}, duration_s=20)
+    world = flight.world
+    world.network.run(lambda: world.vehicle(1).pilot.airborne and world.vehicle(2).pilot.airborne)
+    vehicle = world.vehicle(3)
+    vehicle.pilot.condition = Condition.DISARMED
+    world.fleet.ground(2)
+    flight.kill(2.0)
+    flight.resume()
+    world.run(60.0)
+    assert world.times_s("takeover", 3, "left as it is: on the ground")
+    assert vehicle.pilot.condition is Condition.DISARMED
+    assert flight.commanded(m.MAV_CMD_COMPONENT_ARM_DISARM) == []
+    assert {world.vehicle(number).pilot.mode for number in (1, 2)} == {Mode.GUIDED}
+
+
+@pytest.mark.slow
+def test_killed_at_its_end_the_flight_is_brought_to_it(killed: Callable[..., Killed]) -> None:
+    flight = killed(duration_s=8)
+    world = flight.world
+    world.network.run(lambda: world.station.flight.phase is Phase.ENDING)
+    world.run(1.0)
+    flight.kill(2.0)
+    flight.resume()
+    world.run(12.0)
+    assert world.station.flight.phase is Phase.DONE
+    assert {world.vehicle(number).pilot.mode for number in (1, 2, 3)} == {Mode.LOITER}
+    assert flight.commanded(m.MAV_CMD_COMPONENT_ARM_DISARM) == []
+
+
+@pytest.mark.slow
+def test_killed_over_udp_and_resumed_the_formation_is_regained_within_60_s(tmp_path: Path) -> None:
+    """SIGKILL in flight; the vehicles are a process of their own. The record is of both stations."""
+    path, out = tmp_path / "flight.yaml", tmp_path / "run"
+    low = {"speed_mps": 22, "waypoints_m": [[0, 0, 50], [900, 0, 50], [1600, 500, 50], [6000, 2500, 50]]}
+    vehicles = {"count": 3, "endpoint": f"udpin:127.0.0.1:{free_port()}"}
+    keys = scenario(start={"in_air": False}, duration_s=120, path=low, vehicles=vehicles)
+    path.write_text(yaml.safe_dump(keys))
+    with started([*VEHICLES, str(path), "--speedup", "2"]) as emulators:
+        assert emulators.stdout is not None
+        emulators.stdout.readline()
+        with started([*STATION, "fly", str(path), "--speedup", "2", "--out", str(out)]) as station:
+            wait_for(out / "events.jsonl", '"flying"')
+            time.sleep(5.0)
+            station.send_signal(signal.SIGKILL)
+            station.wait(LIMIT_S)
+        command = [*STATION, "fly", "--resume", str(out), "--speedup", "2", "--json"]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=2 * LIMIT_S, check=False)
+    assert done.returncode == 0, done.stderr
+    events = [json.loads(line) for line in (out / "events.jsonl").read_text().splitlines()]
+    (resumed,) = [event for event in events if event["text"] == "goes on"]
+    assert sum(event["text"] == "taken over in GUIDED" for event in events) == 3
+    assert 0.0 < regained_s(out) - resumed["t_s"] < REGAINED_S
+    armed_s = [(at_us - resumed["epoch_us"]) * 1e-6 for at_us in armings_us(out)]
+    assert 0.0 < max(armed_s) < resumed["t_s"]
+    assert CliRunner().invoke(main, ["report", str(out)]).exit_code == 0
+
+
+def regained_s(run: Path) -> float:
+    """Return when every follower had been in its slot for 5 s since the longest gap of the record."""
+    columns = read_parquet(run / "timeseries.parquet")
+    errors = np.max([np.abs(columns[f"error_{axis}_m"]) for axis in "xyz"], axis=0)
+    times_s = np.unique(columns["t_s"])
+    gap = int(np.argmax(np.diff(times_s))) + 1
+    off_s = [times_s[gap], *columns["t_s"][(columns["vehicle"] > 1) & ~(errors < 2 * SLOT_M)]]
+    after = np.unique([np.inf, *(at_s for at_s in off_s if at_s >= times_s[gap])])
+    settled = np.flatnonzero(np.diff(after) > 5.0)
+    return float(after[settled[0]])
+
+
+def armings_us(run: Path) -> list[int]:
+    """Return when vehicles were told to arm, microseconds since 1970."""
+    logged = read_tlog(run / "flight.tlog")
+    frames = ((each.time_us, frame) for each in logged for frame in StreamParser().feed(each.raw))
+    told = ((at_us, frame.message) for at_us, frame in frames if isinstance(frame.message, CommandLong))
+    return [at_us for at_us, sent in told if sent.command == m.MAV_CMD_COMPONENT_ARM_DISARM and sent.param1 == 1.0]
+
+
+def test_what_can_not_be_resumed_is_refused_in_words(tmp_path: Path) -> None:
+    for path, arguments, words in (
+        (tmp_path, [], "found no run.yaml"),
+        (tmp_path, ["configs/quickstart.yaml"], "SCENARIO: found beside --resume"),
+        (tmp_path, ["--set", "seed=2"], "--set: found beside --resume"),
+        (tmp_path, ["--dry-run"], "--dry-run: found beside --resume"),
+    ):
+        done = CliRunner().invoke(main, ["fly", "--resume", str(path), *arguments])
+        assert (done.exit_code, words in done.stderr) == (2, True), done.stderr
+    for arguments, words in (([], "found no SCENARIO"), (["x.yaml", "--retake"], "--retake: found without --resume")):
+        done = CliRunner().invoke(main, ["fly", *arguments])
+        assert (done.exit_code, words in done.stderr) == (2, True), done.stderr

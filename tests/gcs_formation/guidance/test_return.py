@@ -1,0 +1,56 @@
+"""A leader that is found off its path returns to it in turns in which followers keep their slots."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from formation_scenario import load_scenario
+from gcs_formation import parameters
+from gcs_formation.guidance.leader import LeaderGuidance
+from gcs_formation.guidance.tracking import Lags, Motion
+from tests.flights.conftest import scenario
+
+LAGS = Lags(1.5, 1.0, 3.0)
+SPEED = 22.0
+
+
+def guidance() -> LeaderGuidance:
+    """Of a path to the north, amid which the leader is."""
+    made = parameters.leader_guidance(load_scenario(scenario()))
+    made.amid_m = (0.0, 2000.0)
+    return made
+
+
+def motion(north_m: float, east_m: float, heading_deg: float) -> Motion:
+    return Motion(north_m, east_m, SPEED, math.radians(heading_deg), 0.0, 0.0)
+
+
+def test_on_the_path_it_goes_on_at_once() -> None:
+    leads = guidance()
+    leads.steer(motion(700.0, 4.0, 3.0), 100.0, LAGS, assembled=False)
+    assert leads.started
+    assert leads.distance_m == pytest.approx(700.0)
+
+
+@pytest.mark.parametrize(
+    ("east_m", "heading_deg"),
+    [(300.0, 60.0), (-250.0, -20.0), (40.0, 0.0), (5.0, 90.0), (100.0, 180.0), (-900.0, -90.0)],
+)
+def test_off_the_path_it_returns_in_wide_turns_and_then_follows_it(east_m: float, heading_deg: float) -> None:
+    leads = guidance()
+    leads.steer(motion(700.0, east_m, heading_deg), 100.0, LAGS, assembled=False)
+    assert not leads.started
+    way = leads.route
+    assert way is not None
+    steps = [way.length_m * step / 200 for step in range(201)]
+    assert max(abs(way.at(at_m).curvature_1pm) for at_m in steps) <= 1.0 / leads.hold_radius_m + 1e-9
+    begin, end = way.at(0.0), way.at(way.length_m)
+    assert (begin.north_m, begin.east_m) == pytest.approx((700.0, east_m))
+    assert end.east_m == pytest.approx(0.0, abs=1e-6)
+    assert math.remainder(end.course_rad, math.tau) == pytest.approx(0.0, abs=1e-6)
+    leads.distance_m = way.length_m
+    leads.steer(motion(end.north_m + 1.0, 0.0, 0.0), 100.0, LAGS, assembled=False)
+    assert leads.started
+    assert leads.distance_m == pytest.approx(end.north_m + 1.0)
