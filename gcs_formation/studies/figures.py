@@ -94,6 +94,7 @@ def heat_map(flights: Flights, metric: str, across: str, up: str) -> Figure:
         if levels.size <= LEVELS_UP_TO:
             axis.set_ticks(levels, labels=[f"{level:g}" for level in levels])
     axes.grid(visible=False)
+    legend_below(figure)
     return figure
 
 
@@ -112,8 +113,8 @@ def _margin(axes: Axes, columns: Array, rows: Array, used: Array) -> None:
     if min(used.shape) < 2 or not np.nanmin(used) < 1.0 < np.nanmax(used):
         return
     middles = [(edges[1:] + edges[:-1]) / 2.0 for edges in (columns, rows)]
-    line = axes.contour(*middles, np.ma.masked_invalid(used), levels=[1.0], colors=[LIMIT], linewidths=1.6)
-    axes.clabel(line, fmt={1.0: "computed margin"}, fontsize=7)
+    axes.contour(*middles, np.ma.masked_invalid(used), levels=[1.0], colors=[LIMIT], linewidths=1.6)
+    axes.plot([], [], color=LIMIT, lw=1.6, label="computed delay margin")
 
 
 def _write(axes: Axes, place: tuple[float, float], value: float, table: Array) -> None:

@@ -10,11 +10,11 @@ from typing import Annotated, Any, Literal, Self, TypeAlias
 from pydantic import BeforeValidator, Field, ValidationError, WithJsonSchema, model_validator
 from pydantic_core import PydanticCustomError
 
-from formation_scenario import ScenarioError
+from formation_scenario import Problem, ScenarioError
 from formation_scenario.describe import problems_of
 from formation_scenario.expectation import METRICS
 from formation_scenario.fields import Allowed, Fraction, Keys, Name, Number, Positive
-from formation_scenario.source import Plain, Source, plain_mapping, read_file
+from formation_scenario.source import Plain, Source, dotted, plain_mapping, read_file
 from gcs_formation.app.options import Record
 
 MOST_VALUES = 10_000
@@ -199,11 +199,20 @@ def load_study(source: Path | Mapping[str, Any]) -> tuple[Study, Path]:
     try:
         study = Study.model_validate(read.data)
     except ValidationError as error:
-        raise ScenarioError(problems_of(error, Study, read)) from error
+        raise ScenarioError(_problems(error, read)) from error
     if (study.random is None) == (not study.base):
         found = "found `random` beside it" if study.random else "not found"
         raise ScenarioError([read.problem(("base",), found, "a scenario's file or its keys, or `random` instead")])
     return study, home
+
+
+def _problems(error: ValidationError, read: Source) -> list[Problem]:
+    """Return what is wrong; of a parameter's value what is allowed, not what each kind of value lacks."""
+    unbounded = [each["loc"] for each in error.errors() if each["type"] == "bound"]
+    bounds = [read.problem(path, "found no bound", "below, above or both") for path in unbounded]
+    keys = {dotted(path) for path in unbounded}
+    others = problems_of(error, Study, read)
+    return bounds + [each for each in others if each.allowed and each.key not in keys]
 
 
 def base_keys(study: Study, home: Path) -> dict[Any, Plain]:

@@ -200,6 +200,23 @@ def values_of(directory):
     return [{name: each[name] for name in each if name not in {"wall_s", "cpu_s"}} for each in kept]
 
 
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [
+        ({"expect": [{"metric": "error_x_m.max"}]}, "expect.0: found no bound; allowed: below, above or both"),
+        (
+            {"parameters": {DELAY: {"uniform": [5, 5]}}},
+            f"parameters.{DELAY}: found {{uniform: [5, 5]}}; allowed: a list",
+        ),
+    ],
+)
+def test_what_is_wrong_in_a_study_is_said_once(keys, said):
+    with pytest.raises(ScenarioError) as refused:
+        study(**keys)
+    (line,) = str(refused.value).splitlines()
+    assert line.startswith(said)
+
+
 def delayed(*, margin_s):
     """Flights at 0, 100, 200, 300 ms, each over links with and without loss, whose loops have a margin."""
     delay, loss = (values.ravel() for values in np.meshgrid([0.0, 100.0, 200.0, 300.0], [0.0, 0.1]))
