@@ -31,6 +31,10 @@ class NoisyNavigation(Keys):
     correlation_s: NonNegative = Field(
         default=0.0, description="time constant of first-order Gauss-Markov errors, s; 0: white", examples=[30]
     )
+    outlier_share: Annotated[NonNegative, Field(le=1.0)] = Field(
+        default=0.0, description="share of the samples whose position is `outlier_m` off to some side", examples=[0.05]
+    )
+    outlier_m: NonNegative = Field(default=20.0, description="how far those are off, m", examples=[50])
 
 
 MAX_ACCEL_UG, MAX_GYRO_DEG_PER_H = 1e5, 3600.0

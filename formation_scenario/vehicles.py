@@ -100,6 +100,11 @@ class VehicleCommon(Keys):
         json_schema_extra=derived("the keys of `model`"),
     )
     navigation: Navigation = Field(default=TrueNavigation(), description="how well its telemetry knows its state")
+    true_navigation: Navigation | None = Field(
+        default=None,
+        description="emulators only: how well it does where that differs from `navigation`, which the station believes",
+        json_schema_extra=derived("with the same source, the keys of `navigation`"),
+    )
     clock: VehicleClock = VehicleClock()
 
 

@@ -39,6 +39,9 @@ class SensorErrors:
     heading_rad: float
     correlation_s: float = 0.0
     """Time constant of a first-order Gauss-Markov process; 0: each sample's error is independent."""
+    outlier_share: float = 0.0
+    """Share of the samples whose position is `outlier_m` off, to some side."""
+    outlier_m: float = 0.0
 
 
 @dataclass(frozen=True)

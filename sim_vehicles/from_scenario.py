@@ -60,7 +60,7 @@ def _selected(scenario: Scenario, selection: VehicleSelection) -> frozenset[Vehi
 
 
 def _sensors(vehicle: Vehicle, seed: int) -> SensorErrors | InertialConfig | None:
-    keys = vehicle.navigation
+    keys = vehicle.true_navigation or vehicle.navigation
     if isinstance(keys, TrueNavigation):
         return None
     if isinstance(keys, InertialNavigation):
@@ -74,6 +74,8 @@ def _sensors(vehicle: Vehicle, seed: int) -> SensorErrors | InertialConfig | Non
         airspeed_mps=keys.airspeed_sigma_mps,
         heading_rad=math.radians(keys.heading_sigma_deg),
         correlation_s=keys.correlation_s,
+        outlier_share=keys.outlier_share,
+        outlier_m=keys.outlier_m,
     )
 
 

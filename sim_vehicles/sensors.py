@@ -35,16 +35,20 @@ class Sensors:
         self._block: Array = np.zeros((0, sum(SIZES)))
         self._number = 0
         self._error: Array = self._draw()
+        self._outliers = np.random.Generator(np.random.Philox(random_stream(seed, "outliers", *vehicle)))
+        self._outlier_share, self._outlier_m = errors.outlier_share, errors.outlier_m
+        self._off_m = 0.0, 0.0
 
     def sense(self, true: Motion, now: Instant) -> Motion:
         """Return the motion with the errors of the newest sample at `now`."""
         while self._number <= now // self._period_ns:
             self._error = self._kept * self._error + math.sqrt(1.0 - self._kept**2) * self._draw()
+            self._off_m = self._stray()
         errors: list[float] = (self._sigmas * self._error).tolist()
         north, east, down, v_north, v_east, v_down, airspeed, heading = errors
         sensed = true._replace(
-            north_m=true.north_m + north,
-            east_m=true.east_m + east,
+            north_m=true.north_m + north + self._off_m[0],
+            east_m=true.east_m + east + self._off_m[1],
             height_m=true.height_m - down,
             climb_mps=true.climb_mps - v_down,
             airspeed_mps=max(0.0, true.airspeed_mps + airspeed),
@@ -58,6 +62,13 @@ class Sensors:
     def estimate(self, true: Motion, now: Instant) -> Estimate:
         """Return the estimate, which takes all from the receiver."""
         return Estimate(self.sense(true, now))
+
+    def _stray(self) -> tuple[float, float]:
+        """Return how far off, north and east, the next sample lies: mostly not at all."""
+        if self._outlier_share == 0.0 or self._outliers.random() >= self._outlier_share:
+            return 0.0, 0.0
+        side = self._outliers.uniform(0.0, math.tau)
+        return self._outlier_m * math.cos(side), self._outlier_m * math.sin(side)
 
     def _draw(self) -> Array:
         """Return the next sample's standard normal variates, (8,)."""
