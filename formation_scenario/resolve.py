@@ -138,9 +138,6 @@ def _vehicle(vehicle: dict[Key, Plain]) -> Plain:
     true = dict[Key, Plain]()
     if isinstance(differs, dict):
         true["true_model"] = _group(vehicle, "model") | differs
-    if isinstance(seen := vehicle.get("true_navigation"), dict):
-        source = seen.get("source", navigation.get("source"))
-        true["true_navigation"] = (navigation if source == navigation.get("source") else {}) | seen
     return _filled(vehicle | inertial | true, {"endpoint": _default_endpoint(vehicle.get("network"))})
 
 

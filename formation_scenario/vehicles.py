@@ -103,7 +103,7 @@ class VehicleCommon(Keys):
     true_navigation: Navigation | None = Field(
         default=None,
         description="emulators only: how well it does where that differs from `navigation`, which the station believes",
-        json_schema_extra=derived("with the same source, the keys of `navigation`"),
+        json_schema_extra=derived("as `navigation`"),
     )
     clock: VehicleClock = VehicleClock()
 

@@ -15,11 +15,10 @@ from formation_scenario.disturbances import StepDisturbance
 from gcs_formation.arrays import Array
 from gcs_formation.report.geometry import heading_rad
 from gcs_formation.report.run_data import RunData
-from gcs_formation.stability.gust import accel_limits_mps2, allowed_gust_error_m, least_gust_error_m
-from gcs_formation.stability.loops import loop_delay_s
+from gcs_formation.stability.gust import accel_limits_mps2, allowed_gust_error_m, least_gust_error_m, response_s
 
 MEASURED_OVER_S = 10.0
-"""Before the gust: the time over which the round trip is the median of what was measured."""
+"""Before the gust: the time over which the delay is the median of what was measured."""
 
 
 class GustError(NamedTuple):
@@ -69,7 +68,7 @@ def _worst(run: RunData, at_s: float, to_s: float) -> Iterator[GustError]:
         error
         for vehicle in run.scenario.vehicles
         if vehicle.vehicle_id != leader and (gust_mps := _gust_mps(run, vehicle, leader, at_s)).any()
-        for error in _errors(run, vehicle, leader, gust_mps, tick, to_s)
+        for error in _errors(run, vehicle, leader, gust_mps, at_s, to_s)
     ]
     for axis in "xy":
         mine = [error for error in errors if error.axis == axis]
@@ -88,12 +87,12 @@ def _gust_mps(run: RunData, vehicle: Vehicle, leader: VehicleId, at_s: float) ->
 
 
 def _errors(
-    run: RunData, vehicle: Vehicle, leader: VehicleId, gust_mps: Array, tick: int, to_s: float
+    run: RunData, vehicle: Vehicle, leader: VehicleId, gust_mps: Array, at_s: float, to_s: float
 ) -> Iterator[GustError]:
-    identity, scenario = vehicle.vehicle_id, run.scenario
+    identity, scenario, tick = vehicle.vehicle_id, run.scenario, int(np.searchsorted(run.time_s, at_s - 1e-9))
     psi = heading_rad(run.flown, leader if scenario.formation.frame == "leader_heading" else identity)[tick]
     along_mps = np.array(((np.cos(psi), np.sin(psi)), (-np.sin(psi), np.cos(psi)))) @ gust_mps
-    round_trip_s = _round_trip_s(run, identity, tick)
+    round_trip_s = _response_s(run, identity, at_s, tick)
     limits = accel_limits_mps2(vehicle.model, scenario.path.speed_mps)
     sizes = np.abs(run.flown.error(identity)[run.flown.window(float(run.time_s[tick]), to_s)])
     for i, axis in enumerate("xy"):
@@ -106,11 +105,13 @@ def _errors(
             yield GustError(identity, axis, round_trip_s, least_m, allowed_m, found_m)
 
 
-def _round_trip_s(run: RunData, vehicle: VehicleId, tick: int) -> float:
-    """Return a vehicle's loop delay as measured before a tick, sampling and hold included; NaN when it wasn't."""
-    law, telemetry = run.scenario.law, run.scenario.telemetry
-    begin = max(0, tick - round(MEASURED_OVER_S * law.rate_hz))
-    measured_s = run.flown.vehicles[vehicle]["delay_s"][begin : tick + 1]
+def _response_s(run: RunData, vehicle: VehicleId, at_s: float, tick: int) -> float:
+    """Return T of a gust on a vehicle, by the delay measured before it and the samples' own stamps.
+
+    Vehicles have the mission time by the station's message: late by the way up, at which a gust begins for them.
+    """
+    own, before = run.flown.vehicles[vehicle], max(0, tick - round(MEASURED_OVER_S * run.scenario.law.rate_hz))
+    measured_s = own["delay_s"][before : tick + 1]
     known_s = measured_s[np.isfinite(measured_s)]
-    delay_s = float(np.median(known_s)) if known_s.size else math.nan
-    return loop_delay_s(delay_s, delay_s, 0.0, telemetry.rate_hz, law.rate_hz)
+    up_s = float(np.median(known_s)) if known_s.size else math.nan
+    return response_s(at_s + up_s, run.time_s, run.time_s - own["age_s"], up_s)

@@ -10,6 +10,8 @@ from gcs_formation.arrays import Array
 
 SHARE, SPARE_M = 1.5, 0.05
 """What a law is held to: so many times the least possible, and this much more."""
+SAME_S = 1e-3
+"""Instants that differ by less are the same: clocks aren't known better."""
 
 
 def least_gust_error_m(gust_mps: npt.ArrayLike, round_trip_s: npt.ArrayLike, accel_max_mps2: npt.ArrayLike) -> Array:
@@ -24,6 +26,21 @@ def least_gust_error_m(gust_mps: npt.ArrayLike, round_trip_s: npt.ArrayLike, acc
     """
     gust = np.abs(np.asarray(gust_mps, dtype=np.float64))
     return gust * np.asarray(round_trip_s) + gust**2 / (2.0 * np.asarray(accel_max_mps2))
+
+
+def response_s(begun_s: float, tick_s: Array, stamp_s: Array, up_s: float) -> float:
+    """Return T of one gust, s: from its beginning until the first setpoint acts that a sample taken since then led to.
+
+    The round trip in the mean is no bound for one gust: the wait for a sample and for a tick depends on when it begins.
+
+    Args:
+        begun_s: when the gust reaches the vehicle.
+        tick_s: (T,) instants at which setpoints are decided, in order.
+        stamp_s: (T,) when the newest sample at each was taken; NaN where there is none.
+        up_s: how long a setpoint is on its way.
+    """
+    seen = np.flatnonzero((stamp_s >= begun_s - SAME_S) & (tick_s >= begun_s))
+    return float(tick_s[seen[0]] + up_s - begun_s) if seen.size else np.nan
 
 
 def allowed_gust_error_m(gust_mps: npt.ArrayLike, round_trip_s: npt.ArrayLike, accel_max_mps2: npt.ArrayLike) -> Array:

@@ -6,6 +6,8 @@ import pytest
 
 from airlink.identity import VehicleId
 from formation_scenario import load_scenario
+from formation_scenario.navigation import NoisyNavigation
+from sim_vehicles.config import SensorErrors
 from sim_vehicles.fleet import Fleet
 from sim_vehicles.from_scenario import fleet_config
 
@@ -45,6 +47,19 @@ def test_models_clocks_and_the_origin_come_over(config):
     assert math.degrees(config.origin_lat_rad) == pytest.approx(47.5)
     assert math.degrees(config.origin_lon_rad) == pytest.approx(8.5)
     assert (config.origin_alt_m, config.cruise_mps, config.wind_mps) == (400.0, 21.0, (1.0, 2.0, 0.0))
+
+
+def test_a_vehicles_sensors_are_its_true_ones_where_those_differ_from_what_the_station_believes():
+    true = {"source": "noisy", "position_sigma_m": 1.0, "outlier_share": 0.05}
+    differing = {"navigation": {"source": "noisy"}, "true_navigation": true}
+    path = {"waypoints_m": [[0, 0, 100], [5000, 0, 100]]}
+    planned = load_scenario({"vehicles": {"count": 2} | differing, "path": path})
+    (sensors, _) = (each.sensors for each in fleet_config(planned).vehicles)
+    assert isinstance(sensors, SensorErrors)
+    assert (sensors.position_m, sensors.velocity_mps, sensors.outlier_share) == (1.0, 0.1, 0.05)
+    believed = planned.vehicles[0].navigation
+    assert isinstance(believed, NoisyNavigation)
+    assert believed.position_sigma_m == 0.3
 
 
 def test_a_vehicle_flies_by_its_true_model_where_that_differs_from_what_the_station_believes(tmp_path):

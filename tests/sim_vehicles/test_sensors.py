@@ -1,5 +1,6 @@
 """What noisy vehicles tell of themselves, as pymavlink reads it, beside what they really do."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -64,3 +65,12 @@ def test_telemetry_is_noisy_and_the_vehicle_flies_as_if_it_were_not(make_air):
     heights = [message.relative_alt / 1e3 for message in noisy.ground.of("GLOBAL_POSITION_INT")]
     assert np.std(heights) == pytest.approx(0.3, rel=0.15)
     assert {message.relative_alt for message in clean.ground.of("GLOBAL_POSITION_INT")} == {100_000}
+
+
+def test_outliers_are_of_the_stated_share_and_distance_and_leave_the_other_errors_alone():
+    strays = dataclasses.replace(GNSS, outlier_share=0.05, outlier_m=20.0)
+    apart = errors(4000, keys=strays) - errors(4000)
+    far_m = np.hypot(apart[:, 0], apart[:, 1])
+    assert np.mean(far_m > 1.0) == pytest.approx(0.05, abs=0.01)
+    assert far_m[far_m > 1.0] == pytest.approx(20.0)
+    assert not apart[:, 2:].any()

@@ -1,6 +1,9 @@
+import math
+
+import numpy as np
 import pytest
 
-from gcs_formation.stability.gust import allowed_gust_error_m, least_gust_error_m
+from gcs_formation.stability.gust import allowed_gust_error_m, least_gust_error_m, response_s
 
 
 def test_a_vehicle_is_carried_for_the_round_trip_and_then_brakes():
@@ -11,3 +14,18 @@ def test_a_vehicle_is_carried_for_the_round_trip_and_then_brakes():
 
 def test_the_papers_error_along_x_is_out_of_reach_beyond_a_sixth_of_a_second():
     assert least_gust_error_m(0.6, 1 / 6, 1.5) == pytest.approx(0.22)
+
+
+@pytest.mark.parametrize(
+    ("begun_s", "found_s"),
+    [
+        (4.02, 0.10),  # the sample of 4.04 shows it; decided on at 4.1, it acts at 4.12
+        (4.05, 0.17),  # that sample was a moment too early
+        (4.042, 0.178),  # nearly the worst phase: a period of telemetry and all the rest
+        (9.0, math.nan),
+    ],
+)
+def test_the_response_to_a_gust_depends_on_when_it_begins(begun_s, found_s):
+    tick_s = np.arange(3.8, 5.0, 0.1)
+    stamp_s = np.where(tick_s < 3.85, np.nan, tick_s - 0.06)
+    assert response_s(begun_s, tick_s, stamp_s, 0.02) == pytest.approx(found_s, nan_ok=True)
