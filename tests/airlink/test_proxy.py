@@ -24,7 +24,7 @@ ANY_PORT = ("127.0.0.1", 0)
 def udp_socket():
     opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     opened.bind(ANY_PORT)
-    opened.settimeout(10.0)
+    opened.settimeout(120.0)
     return opened
 
 

@@ -9,12 +9,14 @@ import signal
 import subprocess
 import time
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 
 from gcs_formation.record.timeseries import read_spool
-from tests.flights.test_real_clock import LIMIT_S, STATION, emulators_of, path, started, wait_for
+from tests.flights.test_real_clock import LIMIT_S, STATION, emulators_of, late_s, path, started, wait_for
 
 __all__ = ["path"]
 FILE_BYTES = 150_000
@@ -38,20 +40,31 @@ def last_stamp_s(tlog: Path) -> float:
     return (last - first) / 1e6
 
 
+def flown_s(out: Path) -> float:
+    """Return how much of the flight along the path is in the record by now, s."""
+    begun_s = [event["t_s"] for event in events_of(out) if event["text"] == "flying"]
+    spool = out / "timeseries.arrows"
+    recorded_s = read_spool(spool)["t_s"] if spool.exists() else np.zeros(0)
+    return float(recorded_s[-1]) - begun_s[0] if begun_s and recorded_s.size else 0.0
+
+
 @pytest.mark.slow
-def test_a_killed_station_leaves_a_record_up_to_the_last_second(path: Path, tmp_path: Path) -> None:
+def test_a_killed_station_leaves_a_record_of_what_it_had_flown(path: Path, tmp_path: Path) -> None:
+    """The record grows while it flies, at least once a second: three seconds are in it long before the end."""
     out = tmp_path / "run"
     with started([*STATION, "run", str(path), "--out", str(out)]) as station:
         wait_for(out / "events.jsonl", '"flying"')
-        began = time.monotonic()
-        time.sleep(3.0)
+        deadline = time.monotonic() + LIMIT_S
+        while (seen_s := flown_s(out)) < 3.0:
+            assert time.monotonic() < deadline, "the record doesn't grow"
+            time.sleep(0.05)
         os.kill(station.pid, signal.SIGKILL)
-        flown_s = time.monotonic() - began
         station.wait(LIMIT_S)
+    assert seen_s <= flown_s(out) < 20.0, "killed before its end"
     flying_s = next(event["t_s"] for event in events_of(out) if event["text"] == "flying")
-    columns = read_spool(out / "timeseries.arrows")
-    assert columns["t_s"][-1] - flying_s > flown_s - 1.5
-    assert last_stamp_s(out / "flight.tlog") > flying_s + flown_s - 1.5 - 1.0
+    # Both are written at least once a second, by the station's clock; what it was late itself shows in its ticks.
+    late = float(np.diff(np.unique(read_spool(out / "timeseries.arrows")["t_s"])).max())
+    assert last_stamp_s(out / "flight.tlog") > flying_s + flown_s(out) - 1.0 - 1.0 - late
     assert not (out / "summary.json").exists()
 
 
@@ -59,18 +72,16 @@ def test_a_killed_station_leaves_a_record_up_to_the_last_second(path: Path, tmp_
 def test_a_station_that_was_stopped_for_a_while_hears_what_came_before_it_judges_anybody(
     path: Path, tmp_path: Path
 ) -> None:
-    """Two wall seconds, eight of flight; vehicles whose setpoints stop fly on."""
+    """For eight seconds; vehicles whose setpoints stop fly on."""
     out = tmp_path / "run"
-    with started(
-        [*STATION, "run", str(path), "--speedup", "4", "--set", "duration_s=14", "--out", str(out)]
-    ) as station:
+    with started([*STATION, "run", str(path), "--set", "duration_s=14", "--out", str(out)]) as station:
         wait_for(out / "events.jsonl", '"flying"')
         station.send_signal(signal.SIGSTOP)
-        time.sleep(2.0)
+        time.sleep(8.0)
         station.send_signal(signal.SIGCONT)
         _, said = station.communicate(timeout=LIMIT_S)
         assert station.returncode == 0, said
-    assert json.loads((out / "summary.json").read_text())["control"]["period_ms"]["max"] > 4000.0
+    assert json.loads((out / "summary.json").read_text())["control"]["period_ms"]["max"] > 7000.0
     begun = [event["text"] for event in events_of(out)].index("flying")
     assert {event["kind"] for event in events_of(out)[begun + 1 :]} == {"phase", "mode"}  # those of the end
 
@@ -143,29 +154,33 @@ FAULTS = """[
 
 @pytest.mark.slow
 def test_faults_over_udp_lead_to_what_they_lead_to_under_the_virtual_clock(path: Path, tmp_path: Path) -> None:
-    """Twice as fast as real time; faults strike by the mission time, of which vehicles are told once a second."""
+    """Faults strike by the mission time, of which vehicles are told once a second."""
     out, endpoint = tmp_path / "run", yaml.safe_load(path.read_text())["vehicles"]["endpoint"]
     vehicles = f"vehicles={{count: 6, endpoint: '{endpoint}'}}"
     keys = ["duration_s=24", "formation.shape=circle", "formation.spacing_m=40", f"faults={FAULTS}", vehicles]
-    command = [*STATION, "run", str(path), "--speedup", "2", *(f"--set={key}" for key in keys), "--out", str(out)]
+    command = [*STATION, "run", str(path), *(f"--set={key}" for key in keys), "--out", str(out)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S, check=False)
     assert (done.returncode, done.stderr) == (0, "")
     events = events_of(out)
     begun_s = next(event["t_s"] for event in events if event["text"] == "flying")
+    late = late_s(json.loads((out / "summary.json").read_text()))
+
+    def about(at_s: float, within_s: float = 0.5) -> Any:
+        return pytest.approx(at_s, abs=within_s + late)
 
     def when(vehicle: int, text: str) -> list[float]:
         those = [event for event in events if event.get("vehicle") == str(vehicle) and event["t_s"] > begun_s]
         return [event["t_s"] - begun_s for event in those if text in (event["text"], event["kind"])]
 
-    assert when(2, "lost") == [pytest.approx(9.0, abs=0.5)]
+    assert when(2, "lost") == [about(9.0)]
     unheard = "not heard: told nothing until it is"
-    assert when(2, unheard) == [pytest.approx(9.0, abs=0.5)]
-    assert when(3, unheard) == [pytest.approx(9.0, abs=0.5)]
-    assert when(3, "flying in formation")[0] == pytest.approx(12.0, abs=2.0)
-    assert when(4, "restarted") == [pytest.approx(4.0, abs=1.0)]
-    assert when(4, "ready") == [pytest.approx(6.0, abs=2.0)]
-    assert when(5, "parted by its pilot") == [pytest.approx(4.0, abs=0.5)]
-    assert when(5, "flying in formation") == [pytest.approx(8.0, abs=0.5)]
+    assert when(2, unheard) == [about(9.0)]
+    assert when(3, unheard) == [about(9.0)]
+    assert when(3, "flying in formation")[0] == about(12.0, 2.0)
+    assert when(4, "restarted") == [about(4.0, 1.0)]
+    assert when(4, "ready") == [about(6.0, 2.0)]
+    assert when(5, "parted by its pilot") == [about(4.0)]
+    assert when(5, "flying in formation") == [about(8.0)]
     (heir,) = [event for event in events if event["kind"] == "leader"]
-    assert heir["t_s"] - begun_s == pytest.approx(18.0, abs=0.5)
+    assert heir["t_s"] - begun_s == about(18.0)
     assert not when(6, "told to loiter")
