@@ -105,7 +105,7 @@ def emulators_of(path: Path) -> list[str]:
 @pytest.mark.slow
 def test_run_over_udp_is_as_good_as_under_the_virtual_clock(path: Path, tmp_path: Path) -> None:
     out = tmp_path / "run"
-    keys = ["--speedup", "4", "--set", "duration_s=10"]
+    keys = ["--set", "duration_s=10"]
     command = [*STATION, "run", str(path), *keys, "--out", str(out), "--json"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S, check=False)
     assert done.returncode == 0, done.stderr
@@ -119,7 +119,7 @@ def test_run_over_udp_is_as_good_as_under_the_virtual_clock(path: Path, tmp_path
 def test_fly_against_vehicles_started_by_hand(path: Path, tmp_path: Path) -> None:
     out = tmp_path / "run"
     low = "path.waypoints_m=[[0, 0, 50], [2000, 0, 50]]"
-    on_the_ground = ["--set", "start.in_air=false", "--set", low, "--set", "duration_s=8", "--speedup", "6"]
+    on_the_ground = ["--set", "start.in_air=false", "--set", low, "--set", "duration_s=8"]
     with started([*VEHICLES, str(path), *on_the_ground]) as vehicles:
         assert vehicles.stdout is not None
         assert "vehicle 1 sends to 127.0.0.1" in vehicles.stdout.readline()
@@ -185,7 +185,7 @@ def test_a_leader_lost_over_udp_is_succeeded_within_5_s(path: Path, tmp_path: Pa
     out = tmp_path / "run"
     keys = ["--set", "duration_s=12", "--set", "faults=[{at_s: 4, vehicles: [1], kind: crash}]"]
     keys += ["--set", "formation.shape=follower"]  # where one is the nearest, not two within what a busy machine adds
-    command = [*STATION, "run", str(path), "--speedup", "3", *keys, "--out", str(out)]
+    command = [*STATION, "run", str(path), *keys, "--out", str(out)]
     subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S, check=False)
     events = [json.loads(line) for line in (out / "events.jsonl").read_text().splitlines()]
     begun_s = next(event["t_s"] for event in events if event["text"] == "flying")

@@ -1,0 +1,66 @@
+"""What is left of 0.6 m/s on all vehicles after a minute of the paper's flight, predicted over links of every kind.
+
+Bounds are 1.3 times what was measured, along x and y, of the worst follower.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import gcs_formation
+
+PAPER = Path(__file__).parents[2] / "configs" / "paper.yaml"
+DISTURBED_S = 60.0
+
+
+def both_ways(delay_ms: float) -> dict[str, Any]:
+    return {"default": {"delay_ms": delay_ms}}
+
+
+def split(up_ms: float, down_ms: float) -> dict[str, Any]:
+    return {"uplink": {"delay_ms": up_ms}, "downlink": {"delay_ms": down_ms}}
+
+
+CASES: dict[str, tuple[dict[str, Any], float, float]] = {
+    "100 ms": (both_ways(100), 0.0, 0.0),
+    "300 ms": (both_ways(300), 0.0, 0.0),
+    "500 ms": (both_ways(500), 0.0, 0.0),
+    "leader 50, followers 350 ms": (
+        both_ways(350) | {"changes": [{"at_s": 0, "vehicles": [1], "delay_ms": 50}]},
+        0.0,
+        0.0,
+    ),
+    "150 ms up, 150 ms down": (split(150, 150), 0.0, 0.0),
+    "50 ms up, 250 ms down": (split(50, 250), 0.0, 0.0),
+    "5 % loss": ({"default": {"loss": 0.05}}, 0.0, 0.0),
+    "20 % loss, 5 in a row": ({"default": {"loss": 0.2, "mean_burst": 5.0}}, 0.0, 0.0),
+}
+
+
+def errors_m(out: Path, links: dict[str, Any]) -> tuple[float, float]:
+    """Return the largest errors of any follower, x and y, from the disturbance on."""
+    summary = gcs_formation.run(
+        PAPER,
+        clock="virtual",
+        out=out / "run",
+        duration_s=DISTURBED_S + 20,
+        links=links,
+        disturbances=[{"at_s": DISTURBED_S, "vehicles": "all", "velocity_mps": [0.6, 0.6, 0.0]}],
+        expect=[{"metric": f"error_{axis}_m.max", "from_s": DISTURBED_S, "above": 0.0} for axis in "xy"],
+    )
+    found = [(v.expectation.metric, v.value) for v in summary.verdicts if v.value is not None]
+    x_m, y_m = (max(value for metric, value in found if metric == f"error_{axis}_m.max") for axis in "xy")
+    return x_m, y_m
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("links", "x_m", "y_m"), CASES.values(), ids=CASES.keys())
+def test_errors_over_compensated_links_stay_as_small_as_measured(
+    tmp_path: Path, links: dict[str, Any], x_m: float, y_m: float
+) -> None:
+    found = errors_m(tmp_path, links)
+    assert found[0] <= x_m
+    assert found[1] <= y_m
