@@ -89,7 +89,9 @@ def _refuse(out: Path, count: int, *, overwrite: bool) -> None:
         fail(f"--out: found --count {count}; allowed: --count 1, whose record it keeps")
     try:
         refused = refusal(out, overwrite=overwrite)
+        if refused is None:
+            out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        refused = f"cannot read {out}: {error.strerror}; allowed: a directory that can be written"
+        refused = f"cannot write {out}: {error.strerror}; allowed: a directory that can be written"
     if refused is not None:
         fail(refused)
