@@ -18,7 +18,7 @@ from formation_scenario.lifted_path import leader_path
 from formation_scenario.orders import Order, parse_order
 from gcs_formation.arrays import Array
 from gcs_formation.errors import RecordError
-from gcs_formation.guidance.tracking import Motion, project
+from gcs_formation.guidance.tracking import Motion, nearest, project
 from gcs_formation.membership import Member
 from gcs_formation.phases import Phase
 from gcs_formation.record.run_directory import EVENTS, RECORDING, SCENARIO, SPOOL, SUMMARY
@@ -28,6 +28,8 @@ from gcs_formation.takeover import Known, Resumption
 ACCEPTED = ": accepted"
 EVERY_S = 1.0
 """Interval of the places along which the leader's way is followed."""
+GAP_S, REACH = 3.0, 2.0
+"""A longer gap is one in which nobody was there; in it the leader came this many times as far as planned at most."""
 AT_END = (Phase.ENDING, Phase.LOITERING, Phase.DONE, Phase.FAILED)
 Events = list[Mapping[str, Any]]
 
@@ -172,13 +174,18 @@ def _formation(scenario: Scenario, events: Events, mission_s: float) -> tuple[Ar
 
 def _distance_m(scenario: Scenario, rows: Mapping[str, Any]) -> float:
     """Return how far along the path the leader had come: its way, followed from the path's start."""
-    path, distance_m, next_s = leader_path(scenario), 0.0, -math.inf
+    path, distance_m, last_s = leader_path(scenario), 0.0, math.inf
     leads = (rows["leads"] > 0) & (rows["phase"] == PHASES.index("flying")) & np.isfinite(rows["north_m"])
     places = zip(*(rows[name][leads].tolist() for name in ("t_s", "north_m", "east_m")), strict=True)
     for t_s, north_m, east_m in places:
-        if t_s >= next_s:
-            next_s = t_s + EVERY_S
-            distance_m = project(path, Motion(north_m, east_m, 0.0, 0.0, 0.0, 0.0), distance_m)
+        place, unseen_s = Motion(north_m, east_m, 0.0, 0.0, 0.0, 0.0), t_s - last_s
+        if unseen_s > GAP_S:  # resumed before
+            distance_m = nearest(path, place, distance_m, distance_m + REACH * scenario.path.speed_mps * unseen_s)
+        elif not 0.0 <= unseen_s < EVERY_S:
+            distance_m = project(path, place, distance_m)
+        else:
+            continue
+        last_s = t_s
     return distance_m
 
 
