@@ -15,7 +15,7 @@ from formation_scenario.disturbances import StepDisturbance
 from gcs_formation.arrays import Array
 from gcs_formation.report.geometry import heading_rad
 from gcs_formation.report.run_data import RunData
-from gcs_formation.stability.gust import accel_limits_mps2, allowed_gust_error_m, least_gust_error_m, response_s
+from gcs_formation.stability.gust import accel_limits_mps2, allowed_gust_error_m, least_gust_error_m, met_s, response_s
 
 MEASURED_OVER_S = 10.0
 """Before the gust: the time over which the delay is the median of what was measured."""
@@ -114,4 +114,4 @@ def _response_s(run: RunData, vehicle: VehicleId, at_s: float, tick: int) -> flo
     measured_s = own["delay_s"][before : tick + 1]
     known_s = measured_s[np.isfinite(measured_s)]
     up_s = float(np.median(known_s)) if known_s.size else math.nan
-    return response_s(at_s + up_s, run.time_s, run.time_s - own["age_s"], up_s)
+    return response_s(met_s(at_s) + up_s, run.time_s, run.time_s - own["age_s"], up_s)

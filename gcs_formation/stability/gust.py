@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
@@ -10,6 +12,8 @@ from gcs_formation.arrays import Array
 
 SHARE, SPARE_M = 1.5, 0.05
 """What a law is held to: so many times the least possible, and this much more."""
+LOOP_S = 0.02
+"""Period of an emulated vehicle's main loop."""
 SAME_S = 1e-3
 """Instants that differ by less are the same: clocks aren't known better."""
 
@@ -26,6 +30,11 @@ def least_gust_error_m(gust_mps: npt.ArrayLike, round_trip_s: npt.ArrayLike, acc
     """
     gust = np.abs(np.asarray(gust_mps, dtype=np.float64))
     return gust * np.asarray(round_trip_s) + gust**2 / (2.0 * np.asarray(accel_max_mps2))
+
+
+def met_s(at_s: float) -> float:
+    """Return when an emulated vehicle meets a gust that is due at `at_s` of its time: in its main loop's next pass."""
+    return LOOP_S * math.ceil(at_s / LOOP_S - SAME_S)
 
 
 def response_s(begun_s: float, tick_s: Array, stamp_s: Array, up_s: float) -> float:
