@@ -129,6 +129,6 @@ def test_it_speaks_over_udp_and_ends_on_a_signal_without_a_word(number, status):
 
 
 def test_a_family_without_an_emulator_is_refused_by_its_name():
-    answer = call(ROOT / "configs" / "quickstart.yaml", "--set", "vehicles.1.autopilot=px4")
+    answer = call(ROOT / "configs" / "px4.yaml")
     assert answer.exit_code == 2
     assert "vehicle 2 (px4): there is no emulator of that" in answer.output
