@@ -35,6 +35,8 @@ CASES: dict[str, tuple[dict[str, Any], float, float]] = {
     ),
     "150 ms up, 150 ms down": (split(150, 150), 0.0189, 0.0258),
     "50 ms up, 250 ms down": (split(50, 250), 0.0181, 0.0257),
+    "5 % loss": ({"default": {"loss": 0.05}}, 0.0196, 0.0281),
+    "20 % loss, 5 in a row": ({"default": {"loss": 0.2, "mean_burst": 5.0}}, 0.0345, 0.0514),
 }
 
 
