@@ -115,7 +115,9 @@ def declared_noise(scenario: Scenario) -> Declared:
             least[column] = np.maximum(sigma[column] * (LEAST_OF_DECLARED if shared == 1.0 else 1.0), noise.RESOLUTION)
         elif vehicle.autopilot != "emulator":
             sigma[column] = noise.UNDECLARED
-    return Declared(sigma.T.copy(), least.T.copy())
+    stated = np.zeros(len(sigma), dtype=bool)
+    stated[first:] = [isinstance(vehicle.navigation, NoisyNavigation) for vehicle in vehicles]
+    return Declared(sigma.T.copy(), least.T.copy(), stated)
 
 
 def _noise(keys: NoisyNavigation) -> Array:

@@ -28,6 +28,7 @@ from gcs_formation.ledger import CommandLedger
 from gcs_formation.link.receiver import Receiver
 from gcs_formation.loitering import GroundFloor
 from gcs_formation.margin_watch import MarginWatch
+from gcs_formation.noise_watch import NoiseWatch
 from gcs_formation.onlooking import look_on
 from gcs_formation.opening import OPENING_LIMIT_S, Opening
 from gcs_formation.orders import Orders
@@ -86,7 +87,7 @@ class Station:
         fleet = self.vehicles, self._columns, self._reporter.event
         self.roster = Roster(scenario, *fleet)
         self._identities = Identities(self.vehicles, self.networks, self.flight, self._reporter.event, self.fail)
-        self.margins = MarginWatch(scenario, *fleet)
+        self.margins, self._noise = MarginWatch(scenario, *fleet), NoiseWatch(*fleet)
         self._common_clock = CommonClock(scenario, self.vehicles, utc_at_0_s, self._reporter.event)
         self.preflight = PreFlight(scenario, self.vehicles, caution, self._reporter.event, self.fail)
         self._takeover = Takeover(resumed, self.vehicles, self._reporter.event)
@@ -162,6 +163,7 @@ class Station:
         self._schedule_tick(now)
         if self._beacon.greets(now):
             self.margins.watch(now, self._reconfiguration.leader, self.controller.lags_off)
+            self._noise.watch(now, self.controller.estimator.noise)
             self.controller.bandwidth = self.margins.bandwidth
             unguided = self._dispatch.unguided(now)
             self._send_all(self._beacon.greetings(self.flight.mission_time_s(now), unguided, now), now)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gcs_formation.arrays import Array, Indices, within
+from gcs_formation.arrays import Array, Indices, Mask, within
 
 QUANTITIES = ("position", "height", "velocity", "climb", "airspeed", "heading")
 """What has a noise of its own. North and east count as one quantity."""
@@ -39,6 +39,8 @@ class Declared(NamedTuple):
     sigma: Array
     least: Array
     """Lower bounds of the estimates."""
+    stated: Mask | bool = True
+    """(C,) whether the scenario says so."""
 
 
 class NoiseEstimate:
@@ -56,6 +58,12 @@ class NoiseEstimate:
     def sigma(self) -> Array:
         """Standard deviations, (6, C)."""
         return np.sqrt(self._variance)
+
+    @property
+    def ratios(self) -> Array:
+        """Noise by what is declared, (6, C); 1 where nothing is declared, and before `MEMORY` samples."""
+        judged = (self._declared.sigma > RESOLUTION[:, None]) & (self._samples >= MEMORY) & self._declared.stated
+        return np.where(judged, self.sigma / self._declared.sigma, 1.0)
 
     def variances(self, which: Indices) -> Array:
         """Return the variances of samples of vehicles `which`, (8, N)."""
