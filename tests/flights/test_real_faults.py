@@ -131,7 +131,7 @@ def test_a_full_disk_ends_with_3_and_words(path: Path, tmp_path: Path) -> None:
     """The limit on a file's size stands for the disk's: what is written beyond it fails likewise."""
     out = tmp_path / "run"
     done = subprocess.run(
-        [*STATION, "run", str(path), "--speedup", "4", "--out", str(out)],
+        [*STATION, "run", str(path), "--speedup", "4", "--quiet", "--out", str(out)],
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (FILE_BYTES, FILE_BYTES)),
         capture_output=True,
         text=True,
@@ -159,7 +159,7 @@ def test_faults_over_udp_lead_to_what_they_lead_to_under_the_virtual_clock(path:
     out, endpoint = tmp_path / "run", yaml.safe_load(path.read_text())["vehicles"]["endpoint"]
     vehicles = f"vehicles={{count: 6, endpoint: '{endpoint}'}}"
     keys = ["duration_s=24", "formation.shape=circle", "formation.spacing_m=40", f"faults={FAULTS}", vehicles]
-    command = [*STATION, "run", str(path), *(f"--set={key}" for key in keys), "--out", str(out)]
+    command = [*STATION, "run", str(path), *(f"--set={key}" for key in keys), "--quiet", "--out", str(out)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S, check=False)
     assert (done.returncode, done.stderr) == (0, "")
     events = events_of(out)
