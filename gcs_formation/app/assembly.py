@@ -93,7 +93,7 @@ def _lost_s(starts: list[tuple[int, LinkStep]]) -> float:
 
     Requests begin when everybody has been heard, so the slowest heartbeat and the slowest answers add up.
     """
-    losses = np.arange(round(MOST_S / CELL_S))
+    losses = np.arange(round(MOST_S / CELL_S), dtype=np.float64)
     heard, answered = np.ones(losses.size), np.ones(losses.size)
     for requests, step in starts:
         down, both = 1.0 - step.downlink.loss, (1.0 - step.uplink.loss) * (1.0 - step.downlink.loss)

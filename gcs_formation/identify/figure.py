@@ -17,7 +17,7 @@ LABELS = ("airspeed, m/s", "heading, degrees", "height, m")
 
 def draw(recording: Recording, flown: dict[str, Array], file: Path) -> None:
     """Draw a recording and the models' flights by its setpoints alone, (3, K) each by its name, as a PNG."""
-    at_s = np.arange(recording.seen.shape[1]) * STEP_S
+    at_s: Array = STEP_S * np.arange(recording.seen.shape[1], dtype=np.float64)
     scales = (1.0, 180.0 / np.pi, 1.0)
     with print_style():
         figure = Figure(figsize=(WIDTH_CM * CM, HEIGHT_CM * CM), layout="constrained")

@@ -238,12 +238,17 @@ def test_a_vehicle_that_never_acknowledges_that_it_loiters_is_waited_for_for_20_
     assert world.station.flight.phase is Phase.DONE
 
 
-SIGNALS = [([signal.SIGTERM], 3), ([signal.SIGINT], 3), ([signal.SIGINT] * 2, 3), ([signal.SIGINT] * 3, 0)]
+SIGNALS = [
+    ([signal.SIGTERM], ["LOITER"] * 3),
+    ([signal.SIGINT], ["LOITER"] * 3),
+    ([signal.SIGINT] * 2, ["RTL"] * 3),
+    ([signal.SIGINT] * 3, []),
+]
 
 
-@pytest.mark.parametrize(("signals", "loiter"), SIGNALS)
-def test_a_signal_has_everyone_loiter_a_second_one_at_once_and_a_third_one_is_the_end(
-    signals: list[signal.Signals], loiter: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(("signals", "modes"), SIGNALS)
+def test_a_signal_has_everyone_loiter_a_second_one_go_home_at_once_and_a_third_one_is_the_end(
+    signals: list[signal.Signals], modes: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out, event, left = tmp_path / "run", RunDirectory.event, list(signals)
 
@@ -258,7 +263,7 @@ def test_a_signal_has_everyone_loiter_a_second_one_at_once_and_a_third_one_is_th
     result = CliRunner().invoke(main, ["run", str(file), "--clock", "virtual", "--out", str(out), "--quiet"])
     assert result.exit_code == 130
     events = [json.loads(line) for line in (out / "events.jsonl").read_text().splitlines()]
-    assert sum(event["kind"] == "mode" and event["text"] == "LOITER" for event in events) == loiter
+    assert [event["text"] for event in events if event["kind"] == "mode" and event["text"] != "GUIDED"] == modes
     assert len(read_parquet(out / "timeseries.parquet")["t_s"]) > 0
 
 

@@ -78,7 +78,7 @@ def test_of_a_vehicle_that_flies_already_the_same_is_told_and_it_is_taken_over()
 
 @pytest.mark.parametrize("in_air", [False, True])
 def test_with_confirm_nobody_is_commanded_before_the_word(in_air: bool) -> None:
-    keys = GROUND | {"start": {"in_air": in_air}}
+    keys: Any = GROUND | {"start": {"in_air": in_air}}
     world = World(Listening, Caution(parameters=True, confirm=True), **keys)
     world.run(20.0 if in_air else 95.0)  # longer than the step that is waited for may take
     assert world.station.preflight.awaits_word

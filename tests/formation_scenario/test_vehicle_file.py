@@ -1,6 +1,7 @@
 """Vehicle files: named in a scenario, read beside it, and refused in the user's terms."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -53,7 +54,7 @@ def test_what_only_the_emulator_flies_doesnt_change_the_law(tmp_path):
 
 def test_every_shipped_file_flies():
     for name in shipped_names():
-        model = read_model(name, Path(), Source(None, {}), ())
+        model: Any = read_model(name, Path(), Source(None, {}), ())
         speed_mps = (model["speed_min_mps"] + model["speed_max_mps"]) / 2
         vehicles = {"count": 2, "model": name}
         assert load_scenario({"vehicles": vehicles, "path": PATH | {"speed_mps": speed_mps}}).law.gains == "auto"

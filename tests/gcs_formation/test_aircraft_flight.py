@@ -1,12 +1,14 @@
 """Formations of aircraft that fly as ArduPlane does."""
 
+from typing import Any
+
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
 from gcs_formation import run
 
-SCENARIO = {
+SCENARIO: dict[str, Any] = {
     "name": "aircraft",
     "duration_s": 15,
     "finish": {"loiter_s": 0},

@@ -1,12 +1,14 @@
 """What is said of noise that isn't as declared, as a decision."""
 
-from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
+from airlink.clock import Instant
 from airlink.identity import VehicleId
 from gcs_formation.estimation.noise import Declared, NoiseEstimate
 from gcs_formation.noise_watch import NoiseWatch
+from tests.gcs_formation.noted import Noted
 
 DECLARED = np.array([0.3, 0.3, 0.1, 0.1, 0.2, 0.01])[:, None]
 WHO = VehicleId(1, 2)
@@ -15,10 +17,9 @@ WHO = VehicleId(1, 2)
 def said(times, samples=400, stated=True):
     """Return what is said while the position's noise is `times` the declared one, and as declared after that."""
     noise = NoiseEstimate(Declared(DECLARED, DECLARED / 4, np.array([stated])))
-    random, column, events = np.random.default_rng(1), np.array([0]), []
-    watch = NoiseWatch(
-        {WHO: SimpleNamespace()}, {WHO: 0}, lambda now, kind, text, vehicle, details: events.append(text)
-    )
+    random, column, notes = np.random.default_rng(1), np.array([0]), Noted()
+    vehicles: Any = {WHO: None}
+    watch = NoiseWatch(vehicles, {WHO: 0}, notes)
     sigma = np.repeat(DECLARED, (2, 1, 2, 1, 1, 1), axis=0)
     for scale in (times, 1.0):
         before = np.zeros((8, 1))
@@ -27,8 +28,8 @@ def said(times, samples=400, stated=True):
             white[:2] *= scale
             noise.learn(column, white - before, 2.0 * (sigma * scale) ** 2)
             before = white
-            watch.watch(0, noise)
-    return events
+            watch.watch(Instant(0), noise)
+    return notes.of("noise")
 
 
 def test_noise_that_is_three_times_as_declared_is_said_once_and_when_it_is_over():

@@ -18,6 +18,7 @@ from gcs_formation.link.connection import Connection
 from gcs_formation.membership import Member
 from gcs_formation.phases import Flight, Phase
 from gcs_formation.starting import CONNECT_LIMIT_S, Starting
+from gcs_formation.takeover import Takeover
 from gcs_formation.vehicle.arduplane import ArduPlane
 from gcs_formation.vehicle.autopilot import Command, Step
 from gcs_formation.vehicle.startup import StartUp
@@ -46,7 +47,8 @@ class Ground:
         self.flight = Flight(phase)
         endpoints = (parse_endpoint("udpin:127.0.0.1:14550"), parse_endpoint("udpin:127.0.0.1:14560"))
         preflight: Any = self.preflight
-        self.starting = Starting(self.vehicles, endpoints, self.flight, preflight, self.notes, self.given_up)
+        takeover = Takeover(None, self.vehicles, self.notes)
+        self.starting = Starting(self.vehicles, endpoints, self.flight, preflight, takeover, self.notes, self.given_up)
 
     def _vehicle(self, number: int) -> Vehicle:
         plane = ArduPlane(number, ORIGIN, 0.25)

@@ -7,6 +7,7 @@ import pytest
 
 from airlink.clock import Instant, after
 from formation_scenario import load_scenario
+from gcs_formation.arrays import Array
 from gcs_formation.controller import FormationController
 from gcs_formation.estimation import kalman
 from gcs_formation.estimation.estimator import UNMODELLED, WIND_WALK, Sample, StateEstimator
@@ -36,12 +37,12 @@ class Flight:
         self.now, self.true = 0, START
         self.see()
 
-    def see(self, off=0.0):
+    def see(self, off: float | Array = 0.0):
         exact = kalman.expected(FlightState(*self.true[:, None]))[:, 0]
         seen = exact + self.sigma[ROWS] * self.random.standard_normal(8) + off
         self.filter.take({0: Sample(Instant(self.now), *seen)}, MODEL, TOLD)
 
-    def fly(self, heading_rad=0.5, yanked_rad=0.0, gust_mps=0.0, off=0.0):
+    def fly(self, heading_rad=0.5, yanked_rad=0.0, gust_mps=0.0, off: float | Array = 0.0):
         told = Setpoints(*(np.array([value]) for value in (22.0, heading_rad, 110.0)))
         since = np.array([self.now])
         self.history.add(SentSetpoints(since, told))
