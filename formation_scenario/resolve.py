@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from formation_scenario.fields import MAX_NUMBER, MAX_SYSTEM_ID
@@ -10,6 +11,7 @@ from formation_scenario.gains import CLEAN, NOISE, filters, gain_groups
 from formation_scenario.model import Safety, Scenario
 from formation_scenario.navigation import GRADES, InertialNavigation, InertialSensorKeys
 from formation_scenario.source import Key, Plain, Source
+from formation_scenario.vehicle_file import with_models
 from formation_scenario.vehicles import BASE_PORT
 
 DURATION_S: float = Scenario.model_fields["duration_s"].default
@@ -19,6 +21,8 @@ GRADE: str = InertialNavigation.model_fields["grade"].default
 RUN_IN_AIR_S, RUN_IN_GROUND_S = 10.0, 60.0
 BUFFER_M = 5.0
 """By how much the distance that the separation rule keeps exceeds the least that is allowed."""
+FILES = {"links": "trace_file", "terrain": "file"}
+"""Groups of keys that name files, and by which key."""
 MAY_BE_EMPTY = ("origin", "telemetry", "links", "wind", "disturbances", "orders", "faults", "finish", "expect")
 """Keys that may be left empty: `expect:` with all of its items commented out is as good as absent."""
 
@@ -40,13 +44,25 @@ def resolve(source: Source) -> Source:
     data["law"] = _law(_filled(data.get("law"), {"gains": gains}), _group(data, "formation").get("frame"))
     data["formation"] = _formation(data.get("formation"))
     data["safety"] = _safety(data.get("safety"))
-    directory = Path(source.file).parent if source.file else Path()
-    if "links" in data:
-        data["links"] = _with_absolute(data["links"], "trace_file", directory)
-    if "terrain" in data:
-        data["terrain"] = _with_absolute(data["terrain"], "file", directory)
+    data |= _with_absolute_files(data, source)
     data["expect"] = _each(data.get("expect", []), {"to_s": _usable(data.get("duration_s"), DURATION_S)})
     return Source(source.file, data, source.places)
+
+
+def standalone(source: Source) -> Source:
+    """Return a scenario that can be read from anywhere: with its vehicles' models, and its files as absolute paths.
+
+    Raises:
+        ScenarioError: no such vehicle file, or one with values that aren't allowed.
+    """
+    whole = with_models(source)
+    return replace(whole, data=whole.data | _with_absolute_files(whole.data, source))
+
+
+def _with_absolute_files(data: dict[Key, Plain], source: Source) -> dict[Key, Plain]:
+    """Return the groups that name files, relative to the scenario's own, with absolute paths."""
+    directory = Path(source.file).parent if source.file else Path()
+    return {key: _with_absolute(data[key], name, directory) for key, name in FILES.items() if key in data}
 
 
 def _group(data: dict[Key, Plain], key: str) -> dict[Key, Plain]:

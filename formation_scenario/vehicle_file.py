@@ -92,7 +92,8 @@ def read_model(name: str, directory: Path, at: Source, path: KeyPath) -> dict[Ke
         VehicleFile.model_validate(source.data)
     except ValidationError as error:
         raise ScenarioError(problems_of(error, VehicleFile, source)) from error
-    return plain_mapping({"model": source.data["model"]})["model"]  # type: ignore[return-value]
+    model = source.data["model"]
+    return plain_mapping(model) if isinstance(model, dict) else {}
 
 
 def shipped_names() -> list[str]:

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 from formation_scenario import Scenario, Vehicle
 
 EMULATED = ("emulator", "arduplane")
 """The scenario's `autopilot` of vehicles that can be emulated; all of them speak as ArduPlane does."""
 
 
-def without_emulator(scenario: Scenario) -> Iterator[str]:
-    """Yield each vehicle whose autopilot family has no emulator, in words."""
-    for vehicle in scenario.vehicles:
-        if vehicle.autopilot not in EMULATED:
-            yield f"{_named(vehicle)}: there is no emulator of that; allowed here: {', '.join(EMULATED)}"
+def without_emulator(scenario: Scenario) -> str:
+    """Return which vehicles' autopilot families have no emulator, in words; "" if all have one."""
+    told = [_named(vehicle) for vehicle in scenario.vehicles if vehicle.autopilot not in EMULATED]
+    return f"{', '.join(told)}: there is no emulator of that; allowed here: {', '.join(EMULATED)}" if told else ""
 
 
 def stand_ins(scenario: Scenario) -> str:

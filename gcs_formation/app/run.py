@@ -45,7 +45,7 @@ def run(scenario: Scenario, options: RunOptions, progress: Progress, interrupts:
         RecordError: the run directory can't be written.
         NoEmulatorError: a vehicle can't be emulated; nothing was started.
     """
-    refused = "; ".join(without_emulator(scenario))
+    refused = without_emulator(scenario)
     if refused:
         raise NoEmulatorError(refused)
     flown = _run_virtual if options.clock == "virtual" else _run_real

@@ -14,6 +14,7 @@ from formation_scenario import Problem, ScenarioError
 from formation_scenario.describe import problems_of
 from formation_scenario.expectation import METRICS
 from formation_scenario.fields import Allowed, Fraction, Keys, Name, Number, Positive
+from formation_scenario.resolve import standalone
 from formation_scenario.source import Plain, Source, dotted, plain_mapping, read_file
 from gcs_formation.app.options import Record
 
@@ -216,15 +217,14 @@ def _problems(error: ValidationError, read: Source) -> list[Problem]:
 
 
 def base_keys(study: Study, home: Path) -> dict[Any, Plain]:
-    """Return the keys of the study's scenario.
+    """Return the keys of the study's scenario, with what its file reads from others beside it.
 
     Raises:
-        ScenarioError: its file can't be read.
+        ScenarioError: its file, or one that it names, can't be read.
     """
     if isinstance(study.base, str):
-        found = read_file(home / study.base).data
-        found.setdefault("name", Path(study.base).stem)
-        return found
+        found = standalone(read_file(home / study.base)).data
+        return {"name": Path(study.base).stem} | found
     return plain_mapping(study.base)
 
 

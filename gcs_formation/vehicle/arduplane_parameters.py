@@ -5,16 +5,12 @@ Source: ArduPilot documentation, "Complete Parameter List" and "Plane Failsafe F
 
 from __future__ import annotations
 
-import math
-
-from gcs_formation.vehicle.checks import Check, Demands
+from gcs_formation.vehicle.checks import Check, Demands, envelope_checks
 
 STATION_SYSTEM = 255
-GRAVITY_MPS2 = 9.80665
 LEAST_TAKE_OFF_M = 50
 HEARTBEATS_S = 3.0
 """A failsafe that waits less takes a few lost heartbeats for the end of the link."""
-CRUISE_OFF_MPS = 1.0
 FAILSAFE_BY_HEARTBEAT = (1, 2)
 LEADS_AWAY = (1, 4, 5)
 """FS_LONG_ACTN: RTL, AUTO, AUTOLAND; 0 flies on, 2 glides, 3 releases a parachute."""
@@ -22,8 +18,6 @@ LEADS_AWAY = (1, 4, 5)
 
 def arduplane_checks(asked: Demands) -> tuple[Check, ...]:
     """Return what to read from an ArduPlane of which a scenario asks this much."""
-    roll_deg = math.degrees(math.atan(asked.speed_mps * asked.turn_rate_max_rps / GRAVITY_MPS2))
-    slowest, fastest, speed = asked.speed_min_mps, asked.speed_max_mps, asked.speed_mps
     return (
         Check(
             ("MAV_GCS_SYSID", "SYSID_MYGCS"),
@@ -52,26 +46,7 @@ def arduplane_checks(asked: Demands) -> tuple[Check, ...]:
             lambda value: value >= LEAST_TAKE_OFF_M,
             lambda _: True,
         ),
-        Check(
-            ("AIRSPEED_MIN",),
-            f"up to {slowest:g} m/s, its model's speed_min_mps; slower setpoints are refused",
-            lambda value: value <= slowest,
-            lambda value: value > speed,
-        ),
-        Check(
-            ("AIRSPEED_MAX",),
-            f"{fastest:g} m/s or more, its model's speed_max_mps; faster setpoints are refused",
-            lambda value: value >= fastest,
-            lambda value: value < speed,
-        ),
-        Check(
-            ("AIRSPEED_CRUISE",),
-            f"{speed:g} m/s, path.speed_mps, to which throttle and pitch are trimmed",
-            lambda value: abs(value - speed) <= CRUISE_OFF_MPS,
-        ),
-        Check(
-            ("ROLL_LIMIT_DEG",),
-            f"{roll_deg:.0f} degrees or more, for its model's turn_rate_max_rps at {speed:g} m/s",
-            lambda value: value >= round(roll_deg),
+        *envelope_checks(
+            asked, "AIRSPEED_MIN", "AIRSPEED_MAX", "AIRSPEED_CRUISE", "ROLL_LIMIT_DEG", ("refused", "refused")
         ),
     )

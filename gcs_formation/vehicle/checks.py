@@ -5,6 +5,7 @@ Source: MAVLink guide, "Parameter Protocol".
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
@@ -13,11 +14,14 @@ from typing import NamedTuple
 from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.messages.parameter import ParamRequestRead, ParamValue
+from flight_model.airframe import GRAVITY_MPS2
 from formation_scenario import Scenario, Vehicle
 
 RETRY_S = 0.7
 TRIES = 8
 """Requests for one parameter; a name that an autopilot doesn't know gets no answer."""
+TRIM_OFF_MPS = 1.0
+"""By how much the trim airspeed may differ from the path's."""
 AT_ONCE = 4
 """Requests sent in one go: autopilots answer them from a short queue."""
 
@@ -65,6 +69,47 @@ class Check:
         if found is None or self.holds(found[1]):
             return None
         return Finding(f"{found[0]}: found {found[1]:g}; allowed: {self.allowed}", self.refuses(found[1]))
+
+
+def envelope_checks(
+    asked: Demands, least: str, most: str, trim: str, bank: str, beyond: tuple[str, str]
+) -> list[Check]:
+    """Return the checks that a fixed wing can fly at the speeds and turn as fast as is asked of it.
+
+    Args:
+        asked: by the scenario.
+        least: name of the parameter with the lowest airspeed, m/s.
+        most: with the highest one.
+        trim: with the airspeed of level flight.
+        bank: with the largest angle of bank, degrees.
+        beyond: what becomes of setpoints below the lowest and above the highest airspeed.
+    """
+    slowest, fastest, speed = asked.speed_min_mps, asked.speed_max_mps, asked.speed_mps
+    bank_deg = math.degrees(math.atan(speed * asked.turn_rate_max_rps / GRAVITY_MPS2))
+    return [
+        Check(
+            (least,),
+            f"up to {slowest:g} m/s, its model's speed_min_mps; slower setpoints are {beyond[0]}",
+            lambda value: value <= slowest,
+            lambda value: value > speed,
+        ),
+        Check(
+            (most,),
+            f"{fastest:g} m/s or more, its model's speed_max_mps; faster setpoints are {beyond[1]}",
+            lambda value: value >= fastest,
+            lambda value: value < speed,
+        ),
+        Check(
+            (trim,),
+            f"{speed:g} m/s, path.speed_mps, to which throttle and pitch are trimmed",
+            lambda value: abs(value - speed) <= TRIM_OFF_MPS,
+        ),
+        Check(
+            (bank,),
+            f"{bank_deg:.0f} degrees or more, for its model's turn_rate_max_rps at {speed:g} m/s",
+            lambda value: value >= round(bank_deg),
+        ),
+    ]
 
 
 class ParameterReader:

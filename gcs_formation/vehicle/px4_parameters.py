@@ -5,15 +5,12 @@ Source: PX4 user guide, "Parameter Reference" and "Safety Configuration (Failsaf
 
 from __future__ import annotations
 
-import math
 import struct
 
 from airlink import mavlink as m
 from airlink.messages.parameter import ParamValue
-from gcs_formation.vehicle.checks import Check, Demands
+from gcs_formation.vehicle.checks import Check, Demands, envelope_checks
 
-GRAVITY_MPS2 = 9.80665
-CRUISE_OFF_MPS = 1.0
 LEADS_AWAY = (1, 2, 3)
 """NAV_DLL_ACT: hold, return, land; 0 does nothing, 5 and 6 stop the motor."""
 LARGEST_CIRCLE_M = 100.0
@@ -29,35 +26,14 @@ def px4_value(told: ParamValue) -> float:
 
 def px4_plane_checks(asked: Demands) -> tuple[Check, ...]:
     """Return what to read from a fixed-wing PX4 of which a scenario asks this much."""
-    roll_deg = math.degrees(math.atan(asked.speed_mps * asked.turn_rate_max_rps / GRAVITY_MPS2))
-    slowest, fastest, speed = asked.speed_min_mps, asked.speed_max_mps, asked.speed_mps
     return (
         Check(
             ("NAV_DLL_ACT",),
             "1 (hold), 2 (return) or 3 (land) when our heartbeats stop; with 0 it circles where the last setpoint led",
             lambda value: value in LEADS_AWAY,
         ),
-        Check(
-            ("FW_AIRSPD_MIN",),
-            f"up to {slowest:g} m/s, its model's speed_min_mps; slower setpoints are raised to it",
-            lambda value: value <= slowest,
-            lambda value: value > speed,
-        ),
-        Check(
-            ("FW_AIRSPD_MAX",),
-            f"{fastest:g} m/s or more, its model's speed_max_mps; faster setpoints are lowered to it",
-            lambda value: value >= fastest,
-            lambda value: value < speed,
-        ),
-        Check(
-            ("FW_AIRSPD_TRIM",),
-            f"{speed:g} m/s, path.speed_mps, to which throttle and pitch are trimmed",
-            lambda value: abs(value - speed) <= CRUISE_OFF_MPS,
-        ),
-        Check(
-            ("FW_R_LIM",),
-            f"{roll_deg:.0f} degrees or more, for its model's turn_rate_max_rps at {speed:g} m/s",
-            lambda value: value >= round(roll_deg),
+        *envelope_checks(
+            asked, "FW_AIRSPD_MIN", "FW_AIRSPD_MAX", "FW_AIRSPD_TRIM", "FW_R_LIM", ("raised to it", "lowered to it")
         ),
         Check(
             ("NAV_LOITER_RAD",),

@@ -83,7 +83,7 @@ def _of(scenario: Path, overrides: tuple[str, ...]) -> FleetConfig:
         planned = load_scenario(scenario, overrides)
     except ScenarioError as error:
         fail(str(error))
-    refused = "; ".join(without_emulator(planned))
+    refused = without_emulator(planned)
     if refused:
         fail(refused)
     return fleet_config(planned)

@@ -54,6 +54,21 @@ def test_a_grid_is_every_combination_with_every_seed():
     assert {each.parameters[LOSS] for each in flights} == {0.0, 0.05, 0.1}
 
 
+def test_a_base_brings_along_what_its_file_reads_from_others_beside_it(tmp_path, monkeypatch):
+    (tmp_path / "files").mkdir()
+    (tmp_path / "files" / "mine.yaml").write_text("model: {tau_v_s: 2.5}")
+    (tmp_path / "files" / "late.txt").write_text("40\n60\n")
+    base = SCENARIO | {"vehicles": {"count": 2, "model": "mine.yaml"}, "links": {"default": {"trace_file": "late.txt"}}}
+    (tmp_path / "files" / "base.yaml").write_text(json.dumps(base))
+    (tmp_path / "study.yaml").write_text(json.dumps({"base": "files/base.yaml", "parameters": {LOSS: [0.0, 0.1]}}))
+    monkeypatch.chdir("/")
+    planned, keys = prepare(tmp_path / "study.yaml")
+    first = next(iter(Plan(planned).begin()))
+    found = Task(first, keys, planned.set, planned.measured, "none", None).scenario()
+    assert [each.model.tau_v_s for each in found.vehicles] == [2.5, 2.5]
+    assert found.links.default.trace_file == str(tmp_path / "files" / "late.txt")
+
+
 def test_one_at_a_time_varies_each_parameter_around_the_first_values():
     each = samples(study(parameters={DELAY: [0, 100, 300], LOSS: [0.0, 0.1]}, design="one_at_a_time"))
     assert [tuple(sample.values()) for sample in each] == [(0, 0.0), (100, 0.0), (300, 0.0), (0, 0.1)]
