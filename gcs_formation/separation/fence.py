@@ -10,7 +10,7 @@ from formation_scenario import Scenario
 from formation_scenario.arrangement import columns
 from formation_scenario.fence import CHECKED_M, HELD_M, Fence, inside_m, room_m
 from gcs_formation.arrays import Array, Indices, Mask, within, wrap
-from gcs_formation.estimation.flight_state import AutopilotModel, FlightState
+from gcs_formation.estimation.flight_state import AutopilotModel
 from gcs_formation.recorder import Tick
 
 TURN_RAD = np.pi / 2
@@ -73,7 +73,7 @@ class FenceKeeper:
             return
         which = np.flatnonzero(active)
         state = tick.state.take(which)
-        place, velocity = _place(state), _velocity(state)
+        place, velocity = np.stack((state.north_m, state.east_m), axis=-1), state.ground_mps.T
         through_air = state.airspeed_mps + np.hypot(state.wind_north_mps, state.wind_east_mps)
         room = room_m(self._corners_m, place, velocity, through_air, self._turn_rps[which])
         before = self._side[which]
@@ -105,13 +105,3 @@ class FenceKeeper:
             text = f"turned away, {distance_m[column]:.0f} m inside" if begins else "no longer turned away"
             self.changes.append(Held(column, text, begins))
         self._side = now
-
-
-def _place(state: FlightState) -> Array:
-    return np.stack((state.north_m, state.east_m), axis=-1)
-
-
-def _velocity(state: FlightState) -> Array:
-    north = state.airspeed_mps * np.cos(state.heading_rad) + state.wind_north_mps
-    east = state.airspeed_mps * np.sin(state.heading_rad) + state.wind_east_mps
-    return np.stack((north, east), axis=-1)
