@@ -20,6 +20,10 @@ from gcs_formation.separation.rule import Conflict, Memory, Resolution, resolve
 from gcs_formation.separation.scene import Scene
 from gcs_formation.separation.unresponsive import Unresponsive
 
+ROOM_M = 0.5
+"""How much more than the distance that is kept is reckoned with. Whoever gives way does so at the last moment, with
+nothing to spare by the ways; those are known to centimetres where states are, and to decimetres where states are noisy
+and ways are curved between the samples."""
 SLOT_SHARE = 0.8
 """Share of the distance of the two nearest slots that is kept at most: the rule doesn't fight the formation."""
 TIMING_SHARE = 0.1
@@ -64,8 +68,10 @@ class SeparationKeeper:
         self._side, self._turn_rps = np.zeros(columns), np.zeros(columns)
         self._last: Measured | None = None
         self._slots, self._slots_moved = b"", True
-        self.kept_m = min(self._keys.distance_m, *(self._kept_in(step.places_m) for step in slot_schedule(scenario)))
-        """Between vehicles that are commanded."""
+        self._kept_from_others_m = self._keys.distance_m + ROOM_M
+        slots = slot_schedule(scenario)
+        self.kept_m = min(self._kept_from_others_m, *(self._kept_in(step.places_m) for step in slots))
+        """Reckoned with between vehicles that are commanded."""
         self._encounters: dict[tuple[int, int], Encounter] = {}
         self.changes: list[Encounter] = []
         """What began or ended at the last tick."""
@@ -139,7 +145,7 @@ class SeparationKeeper:
             commanded=commanded,
             vehicles=vehicles,
             kept_m=self.kept_m,
-            kept_from_others_m=self._keys.distance_m,
+            kept_from_others_m=self._kept_from_others_m,
             timing_s=TIMING_SHARE * or_zero(tick.age_s + tick.delay_s)[vehicles],
             reference=0,
             floor=self._floor_m,

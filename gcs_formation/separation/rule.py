@@ -150,7 +150,9 @@ class _Search:
     def _plain(self, vehicle: int) -> Manoeuvre:
         """Return what a vehicle does if it doesn't give way at all: along the reference, and straight on."""
         which = np.array([vehicle])
-        return _joined(self._scene.as_told().take(which), self._scene.straight(which))
+        told, (speed_mps, heading_rad) = self._scene.told.take(which), self._scene.lasting(vehicle)
+        along = Manoeuvre(told, np.array([speed_mps]), np.array([heading_rad]), told.height_m)
+        return _joined(along, self._scene.straight(which))
 
     def _passing(self, vehicle: int, plain: Manoeuvre, escapes: Manoeuvre, heights: Array) -> Manoeuvre:
         """Return the ways that begin as told: the plain ones, and those that give way afterwards."""

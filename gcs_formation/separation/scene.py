@@ -55,6 +55,16 @@ class Scene:
         heading = np.full(speed.size, state.heading_rad[self.reference])
         return np.where(self.commanded, speed, np.nan), np.where(self.commanded, heading, np.nan)
 
+    def lasting(self, vehicle: int) -> tuple[float, float]:
+        """Return airspeed and heading that a vehicle can go on with when it has flown as told: the reference's.
+
+        The reference itself flies on as it then does (NaN). In a bend it turns while it's told to, and straight on
+        isn't the heading of now any more: a way that begins so and turns back couldn't be flown on at the next tick.
+        """
+        speed, heading = self.along
+        turns = vehicle == self.reference
+        return (np.nan, np.nan) if turns else (float(speed[vehicle]), float(heading[vehicle]))
+
     def kept(self, one: Indices, other: Indices) -> Kept:
         """Return what pairs are to keep (P,)."""
         both = self.commanded[one] & self.commanded[other]
@@ -95,10 +105,11 @@ def take_height(scene: Scene, vehicle: int, height_m: Array) -> Manoeuvre:
     now, told = scene.traffic.state, scene.told
     on = np.full(height_m.size, np.nan)
     along = [np.full(height_m.size, value[vehicle]) for value in scene.along]
+    lasting = [np.full(height_m.size, value) for value in scene.lasting(vehicle)]
     first_m = scene.within_reach(which, height_m)
     course = [np.full(height_m.size, value[vehicle]) for value in (told.speed_mps, told.heading_rad)]
     kept = [np.full(height_m.size, value[vehicle]) for value in (now.airspeed_mps, now.heading_rad)]
-    ways = ((course, along), (course, [on, on]), (along, along), (kept, [on, on]))
+    ways = ((course, lasting), (course, [on, on]), (along, lasting), (kept, [on, on]))
     rows = [np.stack((*first, first_m, *then, height_m)) for first, then in ways]
     return Manoeuvre.of(np.stack(rows, axis=2).reshape(6, -1))
 

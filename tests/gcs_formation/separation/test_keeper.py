@@ -20,15 +20,16 @@ from tests.flights.conftest import scenario
 
 WIDE, NARROW = {"shape": "line", "spacing_m": 30}, {"shape": "line", "spacing_m": 8}
 CASES: list[tuple[dict[str, Any], float]] = [
-    (WIDE, 10.0),
+    (WIDE, 10.5),
     (NARROW, 6.4),
     (WIDE | {"changes": [{"at_s": 10, "spacing_m": 8}]}, 6.4),
-    (WIDE | {"changes": [{"at_s": 10, "leader": 2}]}, 10.0),
+    (WIDE | {"changes": [{"at_s": 10, "leader": 2}]}, 10.5),
 ]
 
 
 @pytest.mark.parametrize(("formation", "kept_m"), CASES)
 def test_the_formation_is_not_fought_whoever_leads_it(formation: dict[str, Any], kept_m: float) -> None:
+    """Else it's reckoned with the 10 m to be kept and 0.5 m more, for what isn't known exactly."""
     flown = load_scenario(scenario(formation=formation, safety={"separation_m": 5}))
     keeper = SeparationKeeper(flown, SetpointHistory(flown.law.rate_hz), autopilot_model(flown))
     assert keeper.kept_m == pytest.approx(kept_m)

@@ -50,6 +50,15 @@ def test_who_isn_t_commanded_is_kept_away_from(turn_rps: float) -> None:
     assert not flown.gave_way[1]
 
 
+@pytest.mark.parametrize(("turn_rps", "east_m", "heading"), [(-0.03, -40.0, 0.0), (-0.05, -30.0, 0.1)])
+def test_a_leader_in_its_bend_can_fly_on_as_it_reckoned(turn_rps: float, east_m: float, heading: float) -> None:
+    """One that nobody commands flies straight on inside of it. States are exact: nothing may be lost on the way."""
+    rows: list[list[float]] = [[0, 0, 100, 22, 0, turn_rps], [0, east_m, 100, 21.5, heading, 0]]
+    flown = encounter(Vehicles(rows, commanded=[True, False]), 16)
+    assert flown.gave_way[0]
+    assert flown.least_m > KEPT_M
+
+
 def test_nobody_is_sent_below_the_floor() -> None:
     vehicles = Vehicles([[0, 0, 100, 22, 0, 0], [600, 0, 99, 22, PI, 0]])
     assert np.min([told[2] for told in encounter(vehicles, 15).told]) < 95
