@@ -279,7 +279,7 @@ class FormationController:
             columns.table += np.array(added(self._scenario.path.steps, tick.mission_time_s))[:, None]
         told = envelope.limit(columns, columns.heading_rad, state, model)
         tick.setpoints.fill(leading, told)
-        rates = rates._replace(turn_rps=float(turn_rate(state, told, model)[0]))
+        rates = rates._replace(turn_rps=float(turn_rate(state, told, model.held(self._dt_s))[0]))
         self._told_leader.tell(at, told, self.guidance.told_turn(motion, lags, rates))
         followed = states.instants(np.arange(self._columns)) if self._compensates else np.full(self._columns, at)
         return Lead(tick.leader, at, self._told_leader.at(followed), self.guidance.heading(motion))

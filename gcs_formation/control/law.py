@@ -93,7 +93,8 @@ class FormationLaw:
         """Return the followers' setpoints; the controllers of those that aren't active are kept at rest."""
         if situation.lead.leader != self._leader:
             self._lead_by(situation.lead.leader)
-        self._leader_model, self._model = self._models.take(self._leading), self._models.take(self._followers)
+        held = self._models.held(dt_s)
+        self._leader_model, self._model = held.take(self._leading), held.take(self._followers)
         parameters, state, slots = self._parameters, self._state, situation.slots.take(self._followers)
         leader, follower = self._pairwise(situation)
         turning = leader.turning if self._tow is None else self._tow.turning(leader, slots, dt_s)
@@ -103,7 +104,8 @@ class FormationLaw:
         mixed = mix(parameters.mixer, target, follower, self._steady(error_m, target, follower, slots))
         axes = Axes(leader.state.heading_rad if self._tow is None else target.heading_rad, turning)
         forward = feed_forward(target, leader, axes, slots, self._model) + lead
-        slope = self._slopes(leader, follower, error_m, target, forward, situation.told.take(self._followers), slots)
+        own = self._own_rates(follower, situation.told, dt_s)
+        slope = self._slopes(leader, follower, error_m, target, forward, own, slots)
         rate = pid.filter_rate(state, slope, parameters.derivative_filter_s, dt_s)
         gains = scheduled_gains(parameters, mixed, rate).slowed(self._bandwidth(situation, leader.state, slots))
         output = pid.unlimited(state, gains, mixed, rate)
@@ -233,15 +235,14 @@ class FormationLaw:
         error_m: Array,
         target: Target,
         forward: Array,
-        told: Setpoints,
+        own: Array,
         slots: SlotMotion,
     ) -> Array:
         """Return the rates of change of the mixed errors, (F, 3), from the states and not from earlier errors.
 
-        What the target needs changes at the rate that the feed-forward leads it by. The followers' own acceleration and
-        turn rate are those of (7) with what they are `told` until this tick's setpoints act.
+        What the target needs changes at the rate that the feed-forward leads it by. `own` (2, F) are the followers'
+        acceleration and turn rate.
         """
-        own = air_rates(follower, told, self._model)
         towed = self._parameters.frame == "follower_heading"
         axis_turn_rps = own[1] if towed else leader.turning.rate_rps
         rates = error_rate(leader.state, follower, error_m, slots, axis_turn_rps, self._parameters.frame)
@@ -256,6 +257,14 @@ class FormationLaw:
         return rates * weights + np.column_stack(
             (mixer.k_v * changes[:, 0], mixer.k_psi * changes[:, 1], np.zeros_like(own[0]))
         )
+
+    def _own_rates(self, follower: FlightState, told: Setpoints, dt_s: float) -> Array:
+        """Return the followers' acceleration and turn rate, (2, F), as (7) has them over the tick that ends.
+
+        The others' rates are means of the tick that begins. Setpoints are held in between, so rates fall during a tick:
+        those of its beginning would be too large by half of that, whenever the leader turns.
+        """
+        return air_rates(follower, told.take(self._followers), self._models.take(self._followers).held(-dt_s))
 
     def _gust(
         self, situation: Situation, leader: FlightState, follower: FlightState, dt_s: float

@@ -160,15 +160,19 @@ def track_turn(
     point = route.at(distance_m)
     _, right_m = _rotate(motion.north_m - point.north_m, motion.east_m - point.east_m, point.course_rad)
     along_mps, _ = _rotate(*motion.ground_velocity(), point.course_rad)
-    _, aside_mps = _rotate(*rates.place_mps, point.course_rad)
-    _, wind_mps2 = _rotate(*rates.wind_mps2, point.course_rad)
-    gain_1pm, path_rps = BANDWIDTH_RADPS / speed_mps, point.curvature_1pm * along_mps
-    bend_rps2, gain_1pm = point.curvature_rate_1pm2 * along_mps**2, gain_1pm / (1 + (gain_1pm * right_m) ** 2)
+    passed_mps, aside_mps = _rotate(*rates.place_mps, point.course_rad)
+    along_mps2, wind_mps2 = _rotate(*rates.wind_mps2, point.course_rad)
+    carried_mps, _ = _rotate(motion.wind_north_mps, motion.wind_east_mps, point.course_rad)
+    path_rps, gain_1pm = point.curvature_1pm * passed_mps, BANDWIDTH_RADPS / speed_mps
+    bend_rps2 = point.curvature_rate_1pm2 * passed_mps * along_mps + point.curvature_1pm * along_mps2
+    gain_1pm = gain_1pm / (1 + (gain_1pm * right_m) ** 2)
     if abs(math.atan(BANDWIDTH_RADPS / speed_mps * right_m)) > INTERCEPT_MAX_RAD:
         gain_1pm = 0.0
-    aside_mps2 = motion.airspeed_mps * (rates.turn_rps - path_rps) + wind_mps2
     course_rps = path_rps - gain_1pm * aside_mps
-    return course_rps - wind_mps2 / max(motion.airspeed_mps, 1.0) + lags.tau_psi_s * (bend_rps2 - gain_1pm * aside_mps2)
+    # The axes turn under the wind, so its component across them changes even while it is constant.
+    aside_mps2 = (along_mps - carried_mps) * rates.turn_rps - along_mps * path_rps + wind_mps2
+    crab_rps = (wind_mps2 - carried_mps * course_rps) / max(motion.airspeed_mps, 1.0)
+    return course_rps - crab_rps + lags.tau_psi_s * (bend_rps2 - gain_1pm * aside_mps2)
 
 
 def _crab(motion: Motion, course_rad: float) -> float:

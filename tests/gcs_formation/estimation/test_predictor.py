@@ -72,6 +72,17 @@ def test_a_way_made_in_two_pieces_ends_at_the_same_place(duration_s: float, shar
         assert getattr(both, name) == pytest.approx(getattr(whole, name), abs=1e-4)
 
 
+@given(st.floats(0.02, 1.0), st.floats(-0.2, 0.2), st.floats(-4.0, 4.0))
+def test_a_held_models_rates_are_the_means_while_a_setpoint_is_held(held_s: float, aside: float, faster: float) -> None:
+    """Of the error as it begins, and with a negative time of that as it ends."""
+    state = FlightState(*column(0, 0, 100, 0.0, 22, 1.0, 0.0, 0.0))
+    told = Setpoints(*column(22.0 + faster, 1.0 + aside, 100.0))
+    later = advance(state, told.table[None], np.array([[held_s]]), MODEL)
+    mean = (later.air_motion - state.air_motion) / held_s
+    for value, lags_s in ((state, MODEL.held(held_s)), (later, MODEL.held(-held_s))):
+        assert (told.air_motion - value.air_motion) / lags_s.air_lags_s == pytest.approx(mean, rel=1e-6, abs=1e-12)
+
+
 def test_setpoints_act_when_they_arrive() -> None:
     """The prediction through a history equals the pieces flown one after another."""
     history = SetpointHistory(10.0)

@@ -1,0 +1,64 @@
+"""Route tracking: what is said of the heading setpoint's turn is its derivative along the vehicle's motion."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from formation_scenario.path import SplinePath
+from gcs_formation.guidance.tracking import Lags, Motion, MotionRates, project, track, track_turn
+
+ROUTE = SplinePath([[0, 0, 100], [900, 0, 100], [1700, 500, 120], [2300, 1300, 110], [3300, 1500, 100]])
+LAGS = Lags(1.5, 1.0, 3.0)
+SPEED_MPS = 22.0
+
+
+def moved(motion: Motion, rates: MotionRates, seconds: float) -> Motion:
+    """Return a motion some time later, at constant rates."""
+    return Motion(
+        motion.north_m + rates.place_mps[0] * seconds,
+        motion.east_m + rates.place_mps[1] * seconds,
+        motion.airspeed_mps,
+        motion.heading_rad + rates.turn_rps * seconds,
+        motion.wind_north_mps + rates.wind_mps2[0] * seconds,
+        motion.wind_east_mps + rates.wind_mps2[1] * seconds,
+    )
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    st.floats(1000.0, 2500.0),
+    st.floats(-2.0, 2.0),
+    st.floats(-0.03, 0.03),
+    st.floats(-0.03, 0.03),
+    st.tuples(st.floats(-5.0, 5.0), st.floats(-5.0, 5.0)),
+    st.tuples(st.floats(-0.3, 0.3), st.floats(-0.3, 0.3)),
+    st.floats(-0.7, 0.7),
+)
+def test_the_told_turn_is_the_derivative_of_the_told_heading(
+    at_m: float,
+    right_m: float,
+    off_rad: float,
+    turn_rps: float,
+    wind_mps: tuple[float, float],
+    wind_mps2: tuple[float, float],
+    carried_mps: float,
+) -> None:
+    """In wind, in bends, off the route; the place needn't move as the wind says."""
+    point = ROUTE.at(at_m)
+    north_m = point.north_m - right_m * math.sin(point.course_rad)
+    east_m = point.east_m + right_m * math.cos(point.course_rad)
+    motion = Motion(north_m, east_m, SPEED_MPS, point.course_rad + off_rad, *wind_mps)
+    north_mps, east_mps = motion.ground_velocity()
+    rates = MotionRates((north_mps + carried_mps, east_mps - carried_mps), turn_rps, wind_mps2)
+
+    def told_rad(seconds: float) -> float:
+        later = moved(motion, rates, seconds)
+        return track(ROUTE, project(ROUTE, later, at_m), later, LAGS, SPEED_MPS).heading_rad
+
+    measured_rps = math.remainder(told_rad(0.001) - told_rad(-0.001), math.tau) / 0.002
+    distance_m = project(ROUTE, motion, at_m)
+    assert track_turn(ROUTE, distance_m, motion, LAGS, SPEED_MPS, rates) == pytest.approx(measured_rps, abs=3e-4)
