@@ -1,0 +1,126 @@
+"""One tick of the formation law: everyone in formation, and what is told, put through model (7)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from airlink.clock import Instant
+from formation_scenario.formation import Frame
+from formation_scenario.slot_motion import SlotMotion
+from gcs_formation.control.law import FormationLaw, LawParameters
+from gcs_formation.control.mixer import Mixer
+from gcs_formation.control.pid import Gains
+from gcs_formation.control.situation import Decision, Lead, Situation
+from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Setpoints
+from gcs_formation.estimation.projection import AtOneStamp
+from gcs_formation.guidance.told import Told
+from gcs_formation.guidance.tracking import RouteHeading
+
+Array = npt.NDArray[np.float64]
+
+DT_S = 0.1
+SPEED_MPS = 22.0
+SLOTS_M = np.array([[0.0, 0.0, 0.0], [-30.0, 20.0, 4.0], [-50.0, -25.0, -6.0]])
+COUNT = len(SLOTS_M)
+LEADER, FOLLOWERS = 0, slice(1, None)
+# Of each column its own: tau_v, tau_psi, tau_ha, tau_hb, least and most speed, acceleration, turn rate, climb.
+MODEL = AutopilotModel(
+    *np.array(
+        (
+            (4.0, 3.0, 5.0),
+            (1.5, 2.0, 1.2),
+            (1.0, 0.8, 1.3),
+            (3.0, 2.5, 3.5),
+            (5.0, 5.0, 5.0),
+            (60.0, 60.0, 60.0),
+            (1.5, 1.2, 1.8),
+            (0.25, 0.2, 0.3),
+            (30.0, 30.0, 30.0),
+        )
+    )
+)
+NONE = np.zeros(3)
+MIXER = Mixer(k_v=0.1, k_x=1.0, k_psi=0.3, k_y=0.05, k_z=0.7)
+
+
+def law(
+    kp: Array = NONE, ki: Array = NONE, kd: Array = NONE, frame: Frame = "leader_heading", **other: object
+) -> FormationLaw:
+    """A law whose derivatives are unfiltered."""
+    parameters = LawParameters(
+        MIXER, frame, Gains(kp, ki, kd), 0.7, 0.6, np.ones(3), np.ones(3), None, 1e-9, 2.0, gust_radps=2.0
+    )
+    return FormationLaw(replace(parameters, **other), MODEL)  # type: ignore[arg-type] - keys of LawParameters
+
+
+def state(rows: Array) -> FlightState:
+    return FlightState.of(np.array(rows, dtype=float))
+
+
+def in_formation(heading_rad: float = 0.0) -> FlightState:
+    """Everyone in its slot, level, at the formation's speed."""
+    cos, sin = np.cos(heading_rad), np.sin(heading_rad)
+    (forward, right, up), still = SLOTS_M.T, np.zeros(COUNT)
+    north, east = forward * cos - right * sin, forward * sin + right * cos
+    speed, heading = np.full(COUNT, SPEED_MPS), np.full(COUNT, heading_rad)
+    return state(np.array((north, east, 100.0 + up, still, speed, heading, still, still)))
+
+
+def situation(
+    states: FlightState, told: Setpoints | None = None, turn_rps: float = 0.0, slots: SlotMotion | None = None
+) -> Situation:
+    """Everyone told `told`: by default, what it does already."""
+    as_flown = Setpoints(states.airspeed_mps, states.heading_rad, states.height_m)
+    told = as_flown if told is None else told
+    to_leader = Setpoints.of(np.repeat(told.table[:, [LEADER]], COUNT, axis=1))
+    heading = float(to_leader.heading_rad[0])
+    lead = Lead(
+        LEADER,
+        Instant(0),
+        Told(to_leader, np.full(COUNT, turn_rps)),
+        RouteHeading(heading, turn_rps, 0.0, 0.0, SPEED_MPS),
+    )
+    slots, flying, every = slots or SlotMotion.at_rest(SLOTS_M), np.ones(COUNT, dtype=bool), np.ones((COUNT, 3))
+    return Situation(
+        AtOneStamp(states, np.int64(0)), lead, slots, told, np.zeros(COUNT), flying, every, np.zeros((COUNT, 3), bool)
+    )
+
+
+def flown(states: FlightState, told: Setpoints, over_s: float, leader_turns_rps: float = 0.0) -> FlightState:
+    """Model (7) without limits, by 400 steps of the midpoint rule; the leader's told heading turns."""
+    table, step_s = states.table.copy(), over_s / 400
+
+    def rates(now: Array, at_s: float) -> Array:
+        aim = told.table.copy()
+        aim[1, LEADER] += leader_turns_rps * at_s
+        speed, heading, (slow, fast) = now[4], now[5], MODEL.table[2:4]
+        climbing = (aim[2] - now[2] - (slow + fast) * now[3]) / (slow * fast)
+        north, east = speed * np.cos(heading) + now[6], speed * np.sin(heading) + now[7]
+        turning = (aim[1] - heading) / MODEL.tau_psi_s
+        return np.array(
+            (north, east, now[3], climbing, (aim[0] - speed) / MODEL.tau_v_s, turning, *np.zeros_like(aim[:2]))
+        )
+
+    for k in range(400):
+        middle = table + step_s / 2 * rates(table, k * step_s)
+        table = table + step_s * rates(middle, (k + 0.5) * step_s)
+    return FlightState.of(table)
+
+
+def sent(decision: Decision) -> Array:
+    """Setpoints (F, 3)."""
+    return decision.setpoints.table.T
+
+
+def with_rows(states: FlightState, rows: slice | int, values: Array, columns: slice = FOLLOWERS) -> FlightState:
+    table = states.table.copy()
+    table[rows, columns] = values
+    return FlightState.of(table)
+
+
+def carried(wind_mps: tuple[float, float]) -> FlightState:
+    """In formation northwards; a wind that carries the followers, and not their leader, to the north and east."""
+    return with_rows(in_formation(), slice(6, 8), np.array(wind_mps)[:, None])

@@ -1,0 +1,238 @@
+"""The formation law tick by tick: what it feeds forward and what its rates are, against model (7) integrated finely."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from formation_scenario.slot_motion import SlotMotion
+from gcs_formation.control.fuzzy import FuzzyGainScheduler
+from gcs_formation.control.situation import Situation
+from gcs_formation.estimation.flight_state import FlightState, Setpoints
+from tests.gcs_formation.control.law_ticks import (
+    COUNT,
+    DT_S,
+    FOLLOWERS,
+    MODEL,
+    SLOTS_M,
+    SPEED_MPS,
+    Array,
+    carried,
+    flown,
+    in_formation,
+    law,
+    sent,
+    situation,
+    with_rows,
+)
+
+TURNING = Setpoints(np.array((23.5, 22.0, 22.0)), np.array((0.25, 0.0, 0.0)), np.array((106.0, 104.0, 94.0)))
+"""The leader is told to speed up, to turn right and to climb."""
+
+
+def keeping_up() -> tuple[FlightState, SlotMotion]:
+    """A leader that turns right, and followers that move exactly as slots do that move themselves."""
+    states = in_formation(0.1)
+    turn_rps = (TURNING.heading_rad[0] - 0.1) / MODEL.tau_psi_s[0]
+    velocity_mps = np.array([[0.0, 0.0, 0.0], [0.6, -0.5, 0.3], [-0.4, 0.7, -0.2]])
+    acceleration_mps2 = np.array([[0.0, 0.0, 0.0], [0.05, 0.08, -0.06], [-0.07, 0.04, 0.09]])
+    forward_mps = SPEED_MPS - turn_rps * SLOTS_M[:, 1] + velocity_mps[:, 0]
+    right_mps = turn_rps * SLOTS_M[:, 0] + velocity_mps[:, 1]
+    table = states.table.copy()
+    table[3] = 0.5 + velocity_mps[:, 2]
+    table[4], table[5] = np.hypot(forward_mps, right_mps), 0.1 + np.arctan2(right_mps, forward_mps)
+    return FlightState.of(table), SlotMotion(SLOTS_M, velocity_mps, acceleration_mps2)
+
+
+def slots_after(slots: SlotMotion, over_s: float) -> SlotMotion:
+    return slots.after(np.full(COUNT, over_s))
+
+
+def test_who_moves_as_its_slot_does_is_told_to_accelerate_as_it_does() -> None:
+    """Error and rate are 0; what is fed forward leaves none of second order in time, whatever leader and slots do."""
+    states, slots = keeping_up()
+    decided = law().decide(situation(states, TURNING, turn_rps=0.06, slots=slots), DT_S)
+    np.testing.assert_allclose(decided.error_m, 0.0, atol=1e-12)
+    told = Setpoints.of(np.concatenate((TURNING.table[:, :1], decided.setpoints.table), axis=1))
+    over_s = 0.02
+    after = flown(states, told, over_s, leader_turns_rps=0.06)
+    left = law().decide(situation(after, told, slots=slots_after(slots, over_s)), DT_S)
+    np.testing.assert_allclose(left.error_m / over_s**2, 0.0, atol=0.01)  # m/s²; the leader's own are 0.4 and more
+
+
+def test_the_rate_is_that_of_the_mixed_error() -> None:
+    """From states alone, what the derivative acts on is how the mixed error changes by model (7)."""
+    states, slots = keeping_up()
+    off = np.array([[2.0, -1.5], [-1.0, 2.5], [0.8, 1.2], [0.4, -0.3], [1.1, -0.9], [0.06, -0.08]])
+    states = with_rows(states, slice(0, 6), states.table[:6, FOLLOWERS] + off)
+    told = Setpoints.of(TURNING.table + np.array([[0.0, 1.0, -1.5], [0.0, 0.0, 0.0], [0.0, 3.0, -2.0]]))
+    told.heading_rad[FOLLOWERS] = states.heading_rad[FOLLOWERS] + (0.2, -0.1)
+    here = situation(states, told, turn_rps=0.06, slots=slots)
+    unit = np.ones(3)
+    rate = sent(law(kd=unit).decide(here, DT_S)) - sent(law().decide(here, DT_S))
+    step_s = 0.01
+    mixed = [law().decide(here, DT_S).mixed]
+    for k in (1, 2):
+        after = flown(states, told, k * step_s, leader_turns_rps=0.06)
+        moved = Setpoints.of(told.table + np.array([[0.0], [0.06 * k * step_s], [0.0]]) * [1.0, 0.0, 0.0])
+        mixed.append(law().decide(situation(after, moved, 0.06, slots_after(slots, k * step_s)), DT_S).mixed)
+    expected = (-3.0 * mixed[0] + 4.0 * mixed[1] - mixed[2]) / (2.0 * step_s)
+    np.testing.assert_allclose(rate, expected, atol=2e-4)
+
+
+def test_a_proportional_law_is_the_mixer_times_its_gain() -> None:
+    """Equation (13): 2 m behind, 3 m left, 1 m below; and 0.5 m/s too fast, 0.02 rad to the right of the path."""
+    states, kp = in_formation(), np.array((3.0, 0.5, 2.0))
+    off = with_rows(states, slice(0, 3), states.table[:3, FOLLOWERS] - np.array([[2.0], [3.0], [1.0]]))
+    off = with_rows(off, slice(4, 6), off.table[4:6, FOLLOWERS] + np.array([[0.5], [0.02]]))
+    decided = law(kp).decide(situation(off), DT_S)
+    mixed = np.array((0.1 * -0.5 + 1.0 * 2.0, 0.3 * -0.02 + 0.05 * 3.0, 0.7 * 1.0))
+    np.testing.assert_allclose(decided.mixed, [mixed, mixed])
+    np.testing.assert_allclose(sent(decided) - sent(law().decide(situation(off), DT_S)), [kp * mixed, kp * mixed])
+
+
+def test_scheduled_gains_are_base_and_span_of_the_nominal_ones() -> None:
+    """Equation (14): k = k_nominal (base + span F), F from the mixed error and its rate by their scales."""
+    kp, ki, kd, scales = np.array((3.0, 0.5, 2.0)), np.array((0.8, 0.1, 0.2)), np.array((6.5, 1.0, 0.5)), (8.0, 2.0)
+    states = with_rows(in_formation(), 0, in_formation().table[0, FOLLOWERS] - 3.0)
+    states = with_rows(states, 4, np.array((21.5, 22.4)))
+    scheduler = FuzzyGainScheduler()
+    by_error, by_rate = (np.full(3, scale) for scale in scales)
+    decided = law(kp, ki, kd, scheduler=scheduler, error_scale=by_error, rate_scale=by_rate).decide(
+        situation(states), DT_S
+    )
+    rate = sent(law(kd=np.ones(3)).decide(situation(states), DT_S)) - sent(law().decide(situation(states), DT_S))
+    share = 0.7 + 0.6 * scheduler.infer(decided.mixed / scales[0], rate / scales[1])
+    expected = np.concatenate([share[:, :, each] * k for each, k in enumerate((kp, ki, kd))], axis=1)
+    np.testing.assert_allclose(decided.gains, expected, atol=1e-12)
+    assert np.ptp(share) > 0.1
+
+
+def behind(metres: float) -> Situation:
+    states = in_formation()
+    return situation(with_rows(states, 0, states.table[0, FOLLOWERS] - metres))
+
+
+def test_an_integral_grows_by_gain_error_and_time() -> None:
+    flying, ki = law(ki=np.array((0.5, 0.0, 0.0))), 0.5
+    asked = [sent(flying.decide(behind(1.0), DT_S))[0, 0] - SPEED_MPS for _ in range(4)]
+    np.testing.assert_allclose(asked, ki * 1.0 * DT_S * np.arange(4), atol=1e-12)
+
+
+def test_nothing_is_learnt_of_a_setpoint_that_was_replaced_nor_kept_of_one_that_is_not_commanded() -> None:
+    flying, here = law(ki=np.array((0.5, 0.0, 0.0))), behind(1.0)
+    flying.decide(here, DT_S)
+    replaced = np.zeros((COUNT, 3), dtype=bool)
+    replaced[1, 0] = True
+    flying.decide(replace(here, replaced=replaced), DT_S)
+    asked = sent(flying.decide(here, DT_S))[:, 0] - SPEED_MPS
+    np.testing.assert_allclose(asked, (0.05, 0.10), atol=1e-12)
+    flying.decide(replace(here, active=np.array((True, False, True))), DT_S)
+    asked = sent(flying.decide(here, DT_S))[:, 0] - SPEED_MPS
+    np.testing.assert_allclose(asked, (0.0, 0.20), atol=1e-12)
+
+
+def test_behind_a_new_leader_everything_begins_again() -> None:
+    flying, here = law(ki=np.array((0.5, 0.0, 0.0))), behind(1.0)
+    for _ in range(5):
+        flying.decide(here, DT_S)
+    decided = flying.decide(replace(here, lead=replace(here.lead, leader=1)), DT_S)
+    assert decided.columns.tolist() == [0, 2]
+    np.testing.assert_allclose(decided.gains[0, 3:6], (0.5, 0.0, 0.0))
+    again = flying.decide(here, DT_S)
+    assert again.columns.tolist() == [1, 2]
+    np.testing.assert_allclose(sent(again)[:, 0], SPEED_MPS)
+
+
+@pytest.mark.parametrize(("channel", "share", "limits"), [(0, 1.6, (1.2, 1.8)), (1, 1.04, (0.2, 0.3))])
+def test_a_correction_grows_as_fast_as_the_vehicle_follows_and_shrinks_at_once(
+    channel: int, share: float, limits: tuple[float, float]
+) -> None:
+    """Speed by 1.6 times the greatest acceleration, heading by 1.04 times the greatest turn rate."""
+    gain = np.zeros(3)
+    gain[channel] = (3.0, 2.0)[channel]
+    flying, most = law(kp=gain), share * DT_S * np.array(limits)
+
+    def asked(metres: float, *, replaced: bool = False) -> Array:
+        states, rule = in_formation(), np.zeros((COUNT, 3), dtype=bool)
+        rule[2, channel] = replaced
+        here = situation(with_rows(states, channel, states.table[channel, FOLLOWERS] - metres))
+        return sent(flying.decide(replace(here, replaced=rule), DT_S))[:, channel] - (SPEED_MPS, 0.0)[channel]
+
+    np.testing.assert_allclose(asked(0.0), 0.0, atol=1e-12)
+    np.testing.assert_allclose(asked(4.0), most)
+    np.testing.assert_allclose(asked(4.0), 2 * most)
+    np.testing.assert_allclose(asked(0.05), 0.05 * gain[channel] * (1.0, 0.05)[channel])
+    np.testing.assert_allclose(asked(-4.0), -most)
+    np.testing.assert_allclose(asked(-4.0), -2 * most)
+    as_wanted = -4.0 * gain[channel] * (1.0, 0.05)[channel]
+    np.testing.assert_allclose(asked(-4.0, replaced=True), (-3 * most[0], as_wanted))
+
+
+def test_the_height_of_a_correction_is_as_wanted() -> None:
+    flying = law(kp=np.array((0.0, 0.0, 2.0)))
+    for metres in (0.0, 8.0):
+        states = in_formation()
+        here = situation(with_rows(states, 2, states.table[2, FOLLOWERS] - metres))
+        np.testing.assert_allclose(sent(flying.decide(here, DT_S))[:, 2], (104.0, 94.0) + 2.0 * 0.7 * np.array(metres))
+
+
+def test_a_gust_is_led_by_how_fast_its_drift_is_followed() -> None:
+    """The drift is followed with a lag of 1/2 s; a setpoint leads what the airspeed must change by tau."""
+    flying, gust_mps, pole_radps = law(), np.array((0.5, 0.4)), 2.0
+    flying.decide(situation(carried((0.0, 0.0))), DT_S)
+    for tick in range(3):
+        here = situation(carried(tuple(gust_mps)))
+        forward = sent(law().decide(here, DT_S))
+        change_mps2 = pole_radps * gust_mps * np.exp(-pole_radps * DT_S * tick)
+        target_mps, angle = np.hypot(SPEED_MPS - 0.5, 0.4), np.arctan2(-0.4, SPEED_MPS - 0.5)
+        along = -(change_mps2[0] * np.cos(angle) + change_mps2[1] * np.sin(angle))
+        across = -(change_mps2[1] * np.cos(angle) - change_mps2[0] * np.sin(angle))
+        lags = MODEL.air_lags_s[:, FOLLOWERS]
+        led = sent(flying.decide(here, DT_S)) - forward
+        np.testing.assert_allclose(led, np.array((lags[0] * along, lags[1] * across / target_mps, (0.0, 0.0))).T)
+
+
+def test_a_change_of_wind_within_what_is_not_known_of_it_is_no_gust() -> None:
+    """Beyond three standard deviations it counts, less their square."""
+
+    def led(gust_mps: float) -> float:
+        flying, unknown = law(), np.array((0.06, 0.08, 0.0))  # 0.1 m/s of the pair 0, 1
+        flying.decide(replace(situation(carried((0.0, 0.0))), wind_sigma_mps=unknown), DT_S)
+        here = replace(situation(carried((gust_mps, 0.0))), wind_sigma_mps=unknown)
+        return float(SPEED_MPS - gust_mps - sent(flying.decide(here, DT_S))[0, 0])
+
+    assert led(0.29) == pytest.approx(0.0, abs=1e-12)
+    assert led(0.6) == pytest.approx(MODEL.tau_v_s[1] * 2.0 * 0.6 * (1.0 - 0.09 / 0.36))
+
+
+def test_a_share_of_the_bandwidth_is_that_of_the_gains_and_its_square_of_the_integral() -> None:
+    gains, share = (np.array((3.0, 0.5, 2.0)), np.array((0.8, 0.1, 0.2)), np.array((6.5, 1.0, 0.5))), 0.5
+    here = replace(behind(0.0), bandwidth=np.full((COUNT, 3), share))
+    shown = law(*gains).decide(here, DT_S).gains[0]
+    np.testing.assert_allclose(shown, np.concatenate((share * gains[0], share**2 * gains[1], share * gains[2])))
+
+
+def test_while_a_gust_is_answered_no_correction_waits() -> None:
+    gains, metres = np.array((3.0, 0.0, 0.0)), np.array((4.0, -2.0))
+    for wind_mps in ((0.5, 0.0), (0.0, 0.5), (0.5, -0.5)):
+        flying, steady = law(kp=gains), law()
+        for each in (flying, steady):
+            each.decide(situation(carried((0.0, 0.0))), DT_S)
+        states = carried(wind_mps)
+        here = situation(with_rows(states, 0, states.table[0, FOLLOWERS] - metres))
+        wanted = sent(steady.decide(here, DT_S))[:, 0] + gains[0] * law().decide(here, DT_S).mixed[:, 0]
+        np.testing.assert_allclose(sent(flying.decide(here, DT_S))[:, 0], wanted)
+
+
+def test_who_was_not_commanded_meets_no_gust_and_no_slew_afterwards() -> None:
+    flying, still = law(kp=np.array((3.0, 0.0, 0.0))), situation(carried((0.0, 0.0)))
+    flying.decide(still, DT_S)
+    flying.decide(replace(still, active=np.array((True, False, True))), DT_S)
+    states = carried((0.4, 0.0))
+    here = situation(with_rows(states, 0, states.table[0, FOLLOWERS] - 4.0))
+    begun, going_on = sent(flying.decide(here, DT_S))[:, 0]
+    assert begun == pytest.approx(SPEED_MPS - 0.4 + 3.0 * (4.0 - 0.1 * 0.4))
+    assert going_on < begun - 1.0

@@ -1,0 +1,88 @@
+"""The formation law in the followers' own frame: slots swing with the headings of those who fly in them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from formation_scenario.slot_motion import SlotMotion
+from gcs_formation.estimation.flight_state import FlightState, Setpoints
+from tests.gcs_formation.control.law_ticks import (
+    DT_S,
+    FOLLOWERS,
+    LEADER,
+    MODEL,
+    SLOTS_M,
+    SPEED_MPS,
+    carried,
+    flown,
+    in_formation,
+    law,
+    sent,
+    situation,
+    with_rows,
+)
+
+
+def towed_and_off() -> FlightState:
+    """Northwards, followers beside their slots with headings that differ from the leader's."""
+    states = in_formation()
+    off = np.array([[2.0, -1.5], [-1.0, 2.5], [0.8, 1.2], [0.4, -0.3], [1.1, -0.9], [0.12, -0.08]])
+    return with_rows(states, slice(0, 6), states.table[:6, FOLLOWERS] + off)
+
+
+def test_what_a_heading_sweeps_a_slot_is_no_error_and_damps_as_30_m_behind() -> None:
+    """20 m to the right, a slot is swept forward by 20 m times the angle; 10 m behind, it swings as by 1.36 s."""
+    near = SLOTS_M + np.array([[0.0, 0.0, 0.0], [20.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    here = situation(towed_and_off(), slots=SlotMotion.at_rest(near))
+    decided = law(frame="follower_heading").decide(here, DT_S)
+    off = np.sin(np.array((0.12, -0.08)))
+    swept_m, swung_m = near[FOLLOWERS, 1] * off, np.array((1.36 * SPEED_MPS - 10.0, 0.0)) * off
+    follower = here.states.of(np.arange(1, 3), np.arange(1, 3))
+    along = 0.1 * (SPEED_MPS - follower.airspeed_mps) + 1.0 * (decided.error_m[:, 0] + swept_m)
+    aside = 0.3 * -np.array((0.12, -0.08)) + 0.05 * (decided.error_m[:, 1] - swung_m)
+    np.testing.assert_allclose(decided.mixed[:, :2].T, (along, aside))
+
+
+def test_the_rate_is_that_of_the_mixed_error() -> None:
+    states = towed_and_off()
+    told = Setpoints.of(np.array((states.airspeed_mps, states.heading_rad, states.height_m)))
+    told.table[:, FOLLOWERS] += np.array([[1.0, -1.5], [0.2, -0.1], [3.0, -2.0]])
+    told.height_m[LEADER] = 100.0
+    here = situation(states, told)
+    decided = law(kd=np.ones(3), frame="follower_heading").decide(here, DT_S)
+    rate = (sent(decided) - sent(law(frame="follower_heading").decide(here, DT_S))) / decided.gains[:, 6:]
+    step_s = 0.01
+    mixed = [
+        law(frame="follower_heading").decide(situation(flown(states, told, k * step_s), told), DT_S).mixed
+        for k in range(3)
+    ]
+    expected = (-3.0 * mixed[0] + 4.0 * mixed[1] - mixed[2]) / (2.0 * step_s)
+    np.testing.assert_allclose(rate, expected, atol=2e-4)
+
+
+def test_the_heading_of_a_slot_aside_has_less_bandwidth() -> None:
+    """0.6 s by itself and the time aside, of 1.36 s at most."""
+    aside = np.array([[0.0, 0.0, 0.0], [-30.0, -11.0, 0.0], [-30.0, 44.0, 0.0]])
+    here = situation(in_formation(), slots=SlotMotion.at_rest(aside))
+    shown = law(np.ones(3), frame="follower_heading").decide(here, DT_S).gains[:, :3]
+    np.testing.assert_allclose(shown, [[1.0, 0.6 / (0.6 + 0.5), 1.0], [1.0, 0.6 / (0.6 + 1.36), 1.0]])
+
+
+def test_a_steady_drift_is_flown_against() -> None:
+    """Airspeed and heading that give the leader's velocity over ground; the heading by the drift over the speed."""
+    decided = law(frame="follower_heading").decide(situation(carried((0.5, 0.4))), DT_S)
+    heading = -np.arcsin(0.4 / SPEED_MPS)
+    np.testing.assert_allclose(sent(decided)[:, :2], [[SPEED_MPS * np.cos(heading) - 0.5, heading]] * 2, atol=1e-4)
+
+
+def test_a_gust_across_is_crabbed_against_slowly() -> None:
+    """By 0.65 rad/s of the way at a time, led by the heading's lag; a slot aside swings, and speed leads that."""
+    flying, across_mps, speed_mps = law(frame="follower_heading"), 0.44, SPEED_MPS
+    flying.decide(situation(carried((0.0, 0.0))), DT_S)
+    asked = sent(flying.decide(situation(carried((0.0, across_mps))), DT_S))[:, :2]
+    followed_mps, followed_mps2 = across_mps * (1.0 - np.exp(-2.0 * DT_S)), 2.0 * across_mps  # by 2/s, from 0
+    crab_rps = 0.65 * -followed_mps / speed_mps
+    crab_rps2 = 0.65 * (-followed_mps2 / speed_mps - crab_rps)
+    lag_s, swung_m = MODEL.air_lags_s[:, FOLLOWERS], -SLOTS_M[FOLLOWERS, 1]
+    expected = speed_mps + swung_m * (crab_rps + lag_s[0] * crab_rps2), lag_s[1] * crab_rps
+    np.testing.assert_allclose(asked, np.array(expected).T, atol=1e-9)
