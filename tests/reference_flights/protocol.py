@@ -10,42 +10,45 @@ from pymavlink.dialects.v20 import ardupilotmega
 
 from tests.reference_flights.records import TLOG, stamped_frames
 
-TELLING = ("target_system", "command", "result", "param_id", "name", "type", "text", "mission_type", "seq")
+TELLING = ("command", "result", "param_id", "name", "type", "text", "mission_type", "seq")
 """Fields that tell one message of a type from another, whenever it's sent."""
 INTERVALS = (ardupilotmega.MAV_CMD_SET_MESSAGE_INTERVAL, ardupilotmega.MAV_CMD_REQUEST_MESSAGE)
 """Commands whose first parameter is a message's number."""
 
-Protocol = dict[tuple[int, str], list[str]]
+Stream = tuple[int, int, str]
+"""Sender, the system that it's for (0: everybody) and type of message."""
+Protocol = dict[Stream, list[str]]
 
 
 def difference(base: Path, head: Path) -> str | None:
     """Return the first difference between what was said in two run directories; None if there's none."""
     before, now = protocol(base / TLOG), protocol(head / TLOG)
-    for sender in sorted(before.keys() | now.keys()):
-        if before.get(sender) != now.get(sender):
-            system, kind = sender
-            return f"{kind} of system {system}: {_list(before.get(sender))}, now {_list(now.get(sender))}"
+    for stream in sorted(before.keys() | now.keys()):
+        if before.get(stream) != now.get(stream):
+            sender, target, kind = stream
+            return f"{kind} of system {sender} to {target}: {_list(before.get(stream))}, now {_list(now.get(stream))}"
     return None
 
 
 def protocol(tlog: Path) -> Protocol:
-    """Return what every system said of each type of message, each thing where it was said first."""
+    """Return what every system said to each other by each type of message, each thing where it was said first."""
     said: Protocol = {}
-    for system, kind, text in _said(tlog):
-        texts = said.setdefault((system, kind), [])
+    for stream, text in _said(tlog):
+        texts = said.setdefault(stream, [])
         if text not in texts:
             texts.append(text)
     return said
 
 
-def _said(tlog: Path) -> Iterator[tuple[int, str, str]]:
+def _said(tlog: Path) -> Iterator[tuple[Stream, str]]:
     parser = ardupilotmega.MAVLink(None)
     for _, frame in stamped_frames(tlog):
         message: Any = parser.decode(bytearray(frame))
         fields = {name: each for name, each in message.to_dict().items() if name in TELLING}
         if fields.get("command") in INTERVALS and message.get_type() != "COMMAND_ACK":
             fields["message"] = int(message.param1)
-        yield message.get_srcSystem(), message.get_type(), " ".join(f"{name} {each}" for name, each in fields.items())
+        stream = message.get_srcSystem(), getattr(message, "target_system", 0), message.get_type()
+        yield stream, " ".join(f"{name} {each}" for name, each in fields.items())
 
 
 def _list(said: list[str] | None) -> str:
