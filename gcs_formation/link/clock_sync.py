@@ -58,8 +58,10 @@ class ClockSync:
     def scatter_s(self) -> float:
         """Standard deviation of the recent round trips."""
         count = len(self._recent)
-        mean_s = sum(self._recent) / max(count, 1)
-        return math.sqrt(sum((each - mean_s) ** 2 for each in self._recent) / (count - 1)) if count > 1 else 0.0
+        if count < 2:
+            return 0.0
+        mean_s = sum(self._recent) / count
+        return math.sqrt(sum((each - mean_s) ** 2 for each in self._recent) / (count - 1))
 
     def last_one_way_s(self) -> float:
         """Half of the last round trip, without the answering loop's mean share; can be below 0."""

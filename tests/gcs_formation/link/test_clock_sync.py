@@ -72,3 +72,48 @@ def test_a_restarted_clock_is_noticed_at_once() -> None:
     assert probe(sync, rng, 10.0, 0.1, 0.01, (-10.0, 0.0))
     assert sync.to_instant(0.5) / NANOSECONDS == pytest.approx(10.5, abs=0.05)
     assert not math.isnan(sync.offset_s)
+
+
+def test_round_trips_scatter_by_their_sample_deviation() -> None:
+    sync = ClockSync(loop_s=0.02)
+    for number, (trip_s, scatter_s) in enumerate(((0.10, 0.0), (0.14, 0.02 * math.sqrt(2)), (0.18, 0.04))):
+        sent = after(Instant(0), 1.0 * number)
+        sync.observe(sent, sent, after(sent, trip_s))
+        assert sync.scatter_s == pytest.approx(scatter_s)
+    assert sync.last_one_way_s() == pytest.approx((0.18 - 0.01) / 2)
+    assert (sync.samples, sync.restarts) == (3, 0)
+
+
+def test_a_clock_that_runs_fast_is_not_taken_for_a_restarted_one_after_silence() -> None:
+    """1.5 % in 200 s are 3 s."""
+    rng, sync, clock = np.random.default_rng(2), ClockSync(), (10.0, 0.015)
+    for k in range(100):
+        assert not probe(sync, rng, 0.25 * k, 0.05, 0.0, clock)
+    assert not probe(sync, rng, 225.0, 0.05, 0.0, clock)
+    assert probe(sync, rng, 225.25, 0.05, 0.0, (8.0, 0.015))
+    assert sync.restarts == 1
+
+
+def test_offset_and_drift_are_those_of_the_two_state_kalman_filter() -> None:
+    """In matrices: x' = F x, P' = F P F^T + Q, gain P H^T / (H P H^T + R), R from the excess and the scatter."""
+    rng, sync = np.random.default_rng(3), ClockSync()
+    x, p, at_s, trips = np.zeros(2), np.zeros((2, 2)), 0.0, list[float]()
+    sent_s = np.cumsum(rng.uniform(0.1, 0.4, 60))
+    for number, (begin_s, trip_s) in enumerate(zip(sent_s, rng.uniform(0.1, 0.16, 60), strict=True)):
+        sent = after(Instant(0), begin_s)
+        answered = round((5.0 + 1.0003 * begin_s + trip_s * 0.4) * NANOSECONDS)
+        sync.observe(sent, answered, after(sent, trip_s))
+        trips = [*trips, trip_s][-16:]
+        scatter_s = np.std(trips, ddof=1) if len(trips) >= 8 else 0.02
+        noise = 0.5e-3**2 + ((trip_s - min(trips)) ** 2 + scatter_s**2) / 4
+        middle_s = begin_s + trip_s / 2
+        sample_s = answered / NANOSECONDS - middle_s
+        if number == 0:
+            x, p = np.array((sample_s, 0.0)), np.diag((noise, 0.02**2))
+        else:
+            moved = np.array(((1.0, middle_s - at_s), (0.0, 1.0)))
+            x, p = moved @ x, moved @ p @ moved.T + np.diag((1e-4, 2e-6)) ** 2 * (middle_s - at_s)
+            gain = p[:, 0] / (p[0, 0] + noise)
+            x, p = x + gain * (sample_s - x[0]), p - np.outer(gain, p[0])
+        at_s = middle_s
+        assert (sync.offset_s, sync.drift) == (pytest.approx(x[0], abs=1e-8), pytest.approx(x[1], abs=1e-8))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 
 from airlink.clock import NANOSECONDS, Instant, after
@@ -69,6 +70,74 @@ def test_utc_and_the_split_are_known_whatever_the_clock_drifts(drift, jitter_s, 
     assert abs(made.utc_error_s()) < allowed_s
     assert abs(made.split_s() - 0.32) < 2 * allowed_s
     assert made.clock.drift == pytest.approx(drift, abs=2e-6)
+
+
+@pytest.mark.parametrize("drift", [-40e-6, 40e-6])
+def test_a_slow_clock_left_utc_when_it_was_armed_and_a_fast_one_when_it_booted(drift):
+    """In 500 s 40 ppm are 20 ms."""
+    made = Made(drift, constant(0.1, 0.1), armed_s=500.0)
+    made.fly(1000.0)
+    assert abs(made.utc_error_s()) < 0.002
+    assert abs(made.split_s()) < 0.001
+
+
+def test_a_slow_clock_that_was_armed_unseen_left_utc_midway_for_all_that_is_known():
+    """Half of 5 ppm in 1000 s."""
+    made = Made(-5e-6, constant(0.1, 0.1), armed_s=0.0)
+    made.now_s = 1000.0
+    made.fly(1500.0)
+    assert made.clock.why_not() is None
+    assert made.utc_error_s() == pytest.approx(-2.5e-3, abs=1e-3)
+
+
+def test_readings_of_utc_in_flight_are_averaged_and_the_last_on_the_ground_counts():
+    clock = GnssClock(LOOP_S)
+    for ahead_s in (1.6e9, 1.6e9 + 0.004):
+        clock.utc(ahead_s + 1.0, 1.0, armed=False)
+    assert clock.to_utc_s(1.0) == pytest.approx(1.6e9 + 1.004, abs=1e-6)
+    for ahead_s in (1.6e9 + 0.002, 1.6e9 + 0.006):
+        clock.utc(ahead_s + 2.0, 2.0, armed=True)
+    assert clock.to_utc_s(2.0) == pytest.approx(1.6e9 + 2.004, abs=1e-6)
+    clock.utc(1.6e9 + 3.008, 3.0, armed=True)
+    assert clock.to_utc_s(3.0) == pytest.approx(1.6e9 + 3.005, abs=1e-6)
+
+
+def test_the_split_is_known_after_eight_round_trips():
+    clock = GnssClock(LOOP_S)
+    clock.utc(UTC_AT_0_S, 0.0, armed=False)
+    for number in range(8):
+        assert clock.why_not() == "it has answered too few requests"
+        sent = after(Instant(0), 0.25 * number)
+        clock.probe(sent, sent + 100_000_000, after(sent, 0.2))
+    assert clock.why_not() is None
+
+
+def test_offset_and_drift_are_those_of_the_two_state_kalman_filter():
+    """In matrices; the wait for the loop, uniform over 20 ms, is estimated from what the round trips vary by."""
+    rng, clock = np.random.default_rng(4), GnssClock(LOOP_S)
+    x, p, at_s, trips = np.zeros(2), np.zeros((2, 2)), 0.0, list[float]()
+    sent_s = np.cumsum(rng.uniform(0.2, 0.3, 60))
+    for number, (begin_s, wait_s, more_s) in enumerate(
+        zip(sent_s, *rng.uniform(0.0, (0.02, 0.01), (60, 2)).T, strict=True)
+    ):
+        trip_s, sent = 0.1 + wait_s + more_s, after(Instant(0), begin_s)
+        read = round((5.0 + 1.00003 * (begin_s + 0.05 + wait_s)) * NANOSECONDS)
+        clock.probe(sent, read, after(sent, trip_s))
+        trips = [*trips, trip_s][-12:]
+        varied, looped = np.var(trips, ddof=1) if number else 4e-4, LOOP_S**2 / 12
+        share, off_s = min(1.0, looped / varied), trip_s - np.mean(trips)
+        noise = 0.5e-3**2 + (max(0.0, varied - looped) + ((1 - share) * off_s) ** 2) / 4
+        middle_s = begin_s + trip_s / 2
+        sample_s = read / NANOSECONDS - middle_s - (LOOP_S / 2 + share * off_s) / 2
+        if number == 0:
+            x, p = np.array((sample_s, 0.0)), np.diag((noise, 1e-4**2))
+        else:
+            moved = np.array(((1.0, middle_s - at_s), (0.0, 1.0)))
+            x, p = moved @ x, moved @ p @ moved.T + np.diag((1e-5, 2e-8)) ** 2 * (middle_s - at_s)
+            gain = p[:, 0] / (p[0, 0] + noise)
+            x, p = x + gain * (sample_s - x[0]), p - np.outer(gain, p[0])
+        at_s = middle_s
+        assert clock.drift == pytest.approx(x[1], abs=1e-10)
 
 
 @pytest.mark.parametrize("jitter_s", [0.0, 0.02])
