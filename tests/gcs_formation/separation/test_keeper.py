@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from airlink.clock import Instant
+from airlink.clock import Instant, after
 from formation_scenario import load_scenario
 from gcs_formation.estimation.flight_state import FlightState, Setpoints
 from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory
 from gcs_formation.estimation.projection import Measured
 from gcs_formation.parameters import autopilot_model
 from gcs_formation.recorder import Tick
-from gcs_formation.separation.keeper import SeparationKeeper
+from gcs_formation.separation.keeper import SeparationKeeper, words
 from tests.flights.conftest import scenario
 
 WIDE, NARROW = {"shape": "line", "spacing_m": 30}, {"shape": "line", "spacing_m": 8}
@@ -35,21 +35,34 @@ def test_the_formation_is_not_fought_whoever_leads_it(formation: dict[str, Any],
     assert keeper.kept_m == pytest.approx(kept_m)
 
 
-def gives_way(behind_m: float, age_s: float) -> bool:
-    """Return whether a vehicle gives way to one that nobody commands and that crosses its way this far behind it."""
-    planned, told = load_scenario(scenario(vehicles={"count": 2})), np.full(2, 22.0)
-    history, model = SetpointHistory(planned.law.rate_hz), autopilot_model(planned)
-    keeper = SeparationKeeper(planned, history, model)
-    north, east = np.array((-110.0, 0.0)), np.array((0.0, 110.0 + behind_m * math.sqrt(2.0)))
-    height, heading, none = np.full(2, 100.0), np.array((0.0, -math.pi / 2)), np.zeros(2)
-    state, told = FlightState(north, east, height, none, told, heading, none, none), Setpoints(told, heading, height)
-    now, ours = np.zeros(2, dtype=np.int64), np.array((True, False))
-    history.add(SentSetpoints(now, told))
-    link: Any = np.full(2, age_s), none, np.zeros((2, 2)), none, none, ours, ours, ~ours & ours
-    law: Any = [np.zeros((2, columns)) for columns in (3, 3, 3, 9)]
-    tick = Tick(Instant(0), 0.0, "flying", 0, state, told, *link, *law)
-    keeper.keep(tick, Measured(state, now, ours, now), now, ~ours & ours)
-    return bool(tick.yielding[0])
+class Crossing:
+    """A vehicle northwards, and one that nobody commands and that crosses its way westwards, at one height.
+
+    The first is 110 m from where they cross, and there at the same time as a point `behind_m` before the other.
+    """
+
+    def __init__(self, behind_m: float = 6.0, **keys: Any) -> None:
+        planned = load_scenario(scenario(vehicles={"count": 2}, **keys))
+        self.history, self.model = SetpointHistory(planned.law.rate_hz), autopilot_model(planned)
+        self.keeper = SeparationKeeper(planned, self.history, self.model)
+        self.north, self.east = np.array((-110.0, 0.0)), np.array((0.0, 110.0 + behind_m * math.sqrt(2.0)))
+        self.speed, self.heading = np.full(2, 22.0), np.array((0.0, -math.pi / 2))
+        self.wind_north = np.zeros(2)
+
+    def keep(self, age_s: float = 0.0, at_s: float = 0.0) -> Tick:
+        height, none, ours = np.full(2, 100.0), np.zeros(2), np.array((True, False))
+        state = FlightState(self.north, self.east, height, none, self.speed, self.heading, self.wind_north, none)
+        told = Setpoints(self.speed, self.heading, height)
+        now = np.full(2, after(Instant(0), at_s), dtype=np.int64)
+        self.history.add(SentSetpoints(now, told))
+        link: Any = np.full(2, age_s), none, np.zeros((2, 2)), none, none, ours, ours, ~ours & ours
+        law: Any = [np.zeros((2, columns)) for columns in (3, 3, 3, 9)]
+        tick = Tick(Instant(int(now[0])), 0.0, "flying", 0, state, told, *link, *law)
+        self.keeper.keep(tick, Measured(state, now, ours, now), now, ~ours & ours)
+        return tick
+
+    def gives_way(self, age_s: float = 0.0, at_s: float = 0.0) -> bool:
+        return bool(self.keep(age_s, at_s).yielding[0])
 
 
 @pytest.mark.parametrize(
@@ -59,4 +72,78 @@ def test_the_older_the_states_the_more_room_for_instants_that_are_off(
     behind_m: float, age_s: float, gives: bool
 ) -> None:
     """Off by a tenth of 2 s each at 22 m/s, they pass at a right angle up to 9 m nearer than reckoned."""
-    assert gives_way(behind_m, age_s) is gives
+    assert Crossing(behind_m).gives_way(age_s) is gives
+
+
+@pytest.mark.parametrize(("age_s", "gives"), [(29.9, True), (30.1, False)])
+def test_who_has_not_been_heard_for_half_a_minute_is_kept_away_from_no_more(age_s: float, gives: bool) -> None:
+    crossing = Crossing()
+    crossing.east[1] = 110.0 + 8.0
+    assert crossing.gives_way(age_s) is gives
+
+
+@pytest.mark.parametrize(
+    ("speed_mps", "wind_mps", "gives"), [(2.9, 0.0, False), (3.1, 0.0, True), (1.0, 1.9, False), (1.0, -2.1, True)]
+)
+def test_what_is_no_faster_than_3_mps_does_not_fly(speed_mps: float, wind_mps: float, gives: bool) -> None:
+    """In 5 s it is right in the way, at the height flown at: on a roof."""
+    crossing = Crossing()
+    crossing.speed[1], crossing.wind_north[1] = speed_mps, wind_mps
+    crossing.east[1], crossing.north[1] = 5.0 * speed_mps, -5.0 * wind_mps
+    assert crossing.gives_way() is gives
+
+
+def test_how_those_turn_that_nobody_commands_is_learnt_from_their_headings() -> None:
+    """Straight on it would cross; by 0.2 rad/s to the right it turns away before. Turned to 0 s, it flies back."""
+    crossing = Crossing()
+    assert crossing.gives_way(at_s=0.0)
+    crossing.heading[1] += 0.2
+    assert not crossing.gives_way(at_s=1.0)
+    assert crossing.keeper.changes[0].ended is not None
+
+
+def test_nobody_gives_way_to_a_virtual_leader_and_it_to_nobody() -> None:
+    followers = [{"id": 1, "role": "follower"}, {"id": 2, "role": "follower"}]
+    planned = load_scenario(scenario(vehicles=followers, formation={"shape": "line", "spacing_m": 30}))
+    history, model = SetpointHistory(planned.law.rate_hz), autopilot_model(planned)
+    keeper = SeparationKeeper(planned, history, model)
+    now, none, ours = np.zeros(3, dtype=np.int64), np.zeros(3), np.ones(3, dtype=bool)
+
+    def yielding(north_m: tuple[float, ...], east_m: tuple[float, ...], heading: tuple[float, ...]) -> list[bool]:
+        level = np.array(north_m), np.array(east_m), none + 100.0, none
+        state = FlightState(*level, none + 22.0, np.array(heading), none, none)
+        link: Any = none, none, np.zeros((3, 2)), none, none, ours, ours, ~ours
+        in_line = np.array([[0.0, 0.0, 0.0], [-30.0, 0.0, 0.0], [-60.0, 0.0, 0.0]])
+        law: Any = [in_line, *(np.zeros((3, columns)) for columns in (3, 3, 9))]
+        told = Setpoints(state.airspeed_mps, state.heading_rad, state.height_m)
+        tick = Tick(Instant(0), 0.0, "flying", 0, state, told, *link, *law)
+        keeper.keep(tick, Measured(state, now, ours, now), now, ~ours)
+        return tick.yielding.tolist()
+
+    nearer = -0.5
+    assert yielding((0.0, 0.0, 300.0), (0.0, 24.0, 0.0), (0.0, nearer, 0.0)) == [False, False, False]
+    assert any(yielding((300.0, 0.0, 0.0), (0.0, 0.0, 24.0), (0.0, 0.0, nearer)))
+
+
+def test_an_encounter_is_told_when_it_begins_and_when_it_ends() -> None:
+    crossing = Crossing()
+    crossing.keep()
+    (begun,) = crossing.keeper.changes
+    assert (begun.vehicle, begun.other, begun.ended) == (0, 1, None)
+    assert begun.nearest_m == pytest.approx(6.0, abs=0.1)
+    assert begun.in_s == pytest.approx(5.0, abs=0.5)
+    text, _ = words(begun, {0: "1", 1: "2"})
+    assert text.startswith(
+        f"gives way to 2, {'upwards' if begun.upwards else 'downwards'}: they would be 6.0 m apart in"
+    )
+    crossing.north[0], crossing.east[1] = -44.0, 44.0
+    crossing.keep(at_s=3.0)
+    assert crossing.keeper.changes == []
+    crossing.north[0], crossing.east[1] = 300.0, -300.0
+    crossing.keep(at_s=20.0)
+    assert crossing.keeper.changes == [begun]
+    text, figures = words(begun, {0: "1", 1: "2"})
+    assert text == f"no longer gives way to 2: 20.0 s, {44.0 * math.sqrt(2.0):.1f} m apart at least"
+    assert figures["lasted_s"] == pytest.approx(20.0)
+    crossing.keep(at_s=20.1)
+    assert crossing.keeper.changes == []

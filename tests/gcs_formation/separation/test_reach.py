@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from gcs_formation.estimation.flight_state import FlightState, Setpoints
 from gcs_formation.separation.distance import approach, may_come_near
 from gcs_formation.separation.manoeuvre import fly, fly_level
-from gcs_formation.separation.reach import possible_pairs
+from gcs_formation.separation.reach import bound, possible_pairs
 from gcs_formation.separation.scene import Scene
 from tests.gcs_formation.separation.encounters import Vehicles, scene, wanted
 
@@ -75,3 +75,16 @@ def test_a_formation_in_its_slots_needs_no_ways() -> None:
     vehicles = Vehicles(rows)
     one, _ = possible_pairs(scene(vehicles, vehicles.state, wanted(vehicles, 0.0)))
     assert one.size == 0
+
+
+def test_among_many_the_search_for_pairs_that_are_near_finds_all_that_a_look_at_each_does() -> None:
+    """Forty that time themselves badly: what they may be off by counts for both of a pair."""
+    made = replace(random_scene(7, 40, 3000.0, 1.0), timing_s=np.full(40, 20.0))
+    reach = bound(made)
+    one, other = np.triu_indices(40, 1)
+    kept = made.kept(one, other)
+    apart_m = np.hypot(*(reach.place_m[:, other] - reach.place_m[:, one]))
+    needed_m = kept.distance_m + kept.off_s * (reach.fast_mps[one] + reach.fast_mps[other])
+    near = (apart_m < needed_m + reach.far_m[one] + reach.far_m[other]) & (made.commanded[one] | made.commanded[other])
+    np.testing.assert_array_equal(possible_pairs(made), (one[near], other[near]))
+    assert 0 < near.sum() < one.size
