@@ -109,18 +109,17 @@ class FormationLaw:
         rate = pid.filter_rate(state, slope, parameters.derivative_filter_s, dt_s)
         gains = scheduled_gains(parameters, mixed, rate).slowed(self._bandwidth(situation, leader.state, slots))
         output = pid.unlimited(state, gains, mixed, rate)
-        led_mps2 = along_mps2, across_mps2 if self._tow is None else np.zeros_like(across_mps2)
-        gust = gust_lead(target, axes, led_mps2, self._model)
-        free = situation.replaced[self._followers] | (np.abs(along_mps2) + np.abs(across_mps2) > 0)[:, None]
+        answer = gust_lead(target, axes, (along_mps2, across_mps2), self._model)
+        gust = answer if self._tow is None else answer * (1.0, 0.0, 1.0)
+        replaced = situation.replaced[self._followers]
         bounds = Envelope.of(forward[:, 1], follower, self._model)
-        self._correction = self._slewed(
-            _difference(bounds.limit(Setpoints.of((forward + output).T)), forward), free, dt_s
-        )
+        corrected = _difference(bounds.limit(Setpoints.of((forward + output).T)), forward)
+        self._correction = self._slewed(corrected, replaced, np.abs(answer), dt_s)
         limited = bounds.limit(Setpoints.of((forward + self._correction + gust).T))
         # What the feed-forward alone asks beyond the envelope isn't the integrators' to work off.
         excess = _difference(limited, bounds.limit(Setpoints.of((forward + gust).T)).table.T) - output
         following = pid.integrate(state, gains, mixed, rate, excess, parameters.anti_windup_s, dt_s).with_integral(
-            state.integral, situation.replaced[self._followers]
+            state.integral, replaced
         )
         self._keep(following, situation.active[self._followers])
         shown = np.concatenate((gains.proportional, gains.integral, gains.derivative), axis=1)
@@ -214,15 +213,15 @@ class FormationLaw:
         heading, others = SWING_S / (SWING_S + aside_s), np.ones_like(aside_s)
         return bandwidth * np.column_stack((others, heading, others))
 
-    def _slewed(self, correction: Array, free: Mask, dt_s: float) -> Array:
+    def _slewed(self, correction: Array, replaced: Mask, answer: Array, dt_s: float) -> Array:
         """Return (F, 3) corrections of the feed-forward that grow no faster than a vehicle can follow.
 
         They shrink as fast as they like, or the loop would lag in large manoeuvres. Heights are limited by their
-        envelope. Those of `free` are as wanted: while a gust is answered, when nothing may wait, and after a setpoint
-        that the separation rule replaced, which isn't one to start from.
+        envelope. A gust is answered at once: they grow by as much as its `answer` (F, 3) besides. Those of `replaced`
+        channels are as wanted: a setpoint that the separation rule replaced isn't one to start from.
         """
-        model, before = self._model, np.where(free, np.nan, self._correction)[:, :2]
-        most = SLEW * dt_s * np.array((model.accel_max_mps2, model.turn_rate_max_rps)).T
+        model, before = self._model, np.where(replaced, np.nan, self._correction)[:, :2]
+        most = SLEW * dt_s * np.array((model.accel_max_mps2, model.turn_rate_max_rps)).T + answer[:, :2]
         slewed, wanted = correction.copy(), correction[:, :2]
         grown = within(wanted, np.minimum(before, 0.0) - most, np.maximum(before, 0.0) + most)
         slewed[:, :2] = np.where(np.isnan(before), wanted, grown)
