@@ -15,6 +15,7 @@ from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, S
 from gcs_formation.estimation.kalman import HEADING, WIND_NORTH
 from gcs_formation.estimation.noise import RESOLUTION, ROWS, Declared
 from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory
+from gcs_formation.parameters import declared_noise
 from tests.flights.conftest import scenario
 
 RATE_HZ, STEP_NS, COLUMN, TOLD = 10.0, 100_000_000, np.array([0]), np.ones(1, dtype=bool)
@@ -166,6 +167,61 @@ def test_the_transition_is_the_derivative_of_the_prediction(elapsed_s):
     derivative = np.stack([(predicted(START + each) - predicted(START - each)) / 2e-5 for each in small], axis=1)
     found = kalman.transition(FlightState(*START[:, None]), np.array([elapsed_s]), MODEL)[0]
     assert found == pytest.approx(derivative, abs=1e-3)
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_a_step_is_the_extended_kalman_filters(told, monkeypatch):
+    """P' = F P F^T + Q, K = P' H^T S^-1, Joseph's form; Q by how far vehicles stray that are told, and that aren't."""
+    fine = GNSS / 20
+    flight, learnt = Flight(sigma=0 * GNSS, declared=fine), []
+
+    def note(which, unexplained, _own):
+        learnt.append(unexplained)
+
+    monkeypatch.setattr(flight.filter.noise, "learn", note)
+    flight.history.add(SentSetpoints(np.array([0]), Setpoints(*(np.array([each]) for each in (22.0, 0.3, 100.0)))))
+    before, until = flight.filter.state, np.array([STEP_NS])
+    covariance, variance = flight.filter.covariance[0], fine[ROWS] ** 2
+    state = flight.history.predict(before, np.array([0]), until, COLUMN, MODEL)
+    off = 0.3 * fine[ROWS]
+    flight.filter.take({0: Sample(Instant(STEP_NS), *(kalman.expected(state)[:, 0] + off))}, MODEL, np.array([told]))
+    moved, rows = kalman.transition(before, np.array([0.1]), MODEL)[0], kalman.sensitivity(state)[0]
+    strays = (0, 0, 0, 0.05, 0.05, 0.003) if told else (0, 0, 0, 1.0, 1.0, 0.3)
+    wind = 2.0 * math.hypot(fine[2], fine[4]) / math.sqrt(RATE_HZ)
+    predicted = moved @ covariance @ moved.T + np.diag((*strays, wind, wind)) ** 2 * 0.1
+    gain = predicted @ rows.T @ np.linalg.inv(rows @ predicted @ rows.T + np.diag(variance))
+    kept = np.eye(8) - gain @ rows
+    corrected = kept @ predicted @ kept.T + gain @ np.diag(variance) @ gain.T
+    np.testing.assert_allclose(flight.filter.covariance[0], corrected, rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(flight.filter.state.table[:, 0], state.table[:, 0] + gain @ off, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(learnt[0][:, 0], off, rtol=1e-6)
+
+
+def test_the_sensitivity_is_the_derivative_of_the_sample():
+    small = 1e-5 * np.eye(8)
+
+    def seen(state):
+        return kalman.expected(FlightState(*state[:, None]))[:, 0]
+
+    derivative = np.stack([(seen(START + each) - seen(START - each)) / 2e-5 for each in small], axis=1)
+    assert kalman.sensitivity(FlightState(*START[:, None]))[0] == pytest.approx(derivative, abs=1e-6)
+
+
+def test_headings_stay_within_half_a_turn():
+    flight = Flight()
+    for step in range(150):
+        flight.fly(heading_rad=0.3 + 0.06 * step)
+        assert -math.pi <= flight.filter.state.heading_rad[0] < math.pi
+    assert abs(flight.error()[HEADING]) < 0.05
+
+
+def test_of_whom_nothing_is_declared_noise_is_taken_as_of_a_gnss_receiver_and_of_the_emulated_as_rounding():
+    vehicles = [{"id": 1, "role": "leader", "autopilot": "arduplane"}, {"id": 2, "role": "follower"}]
+    declared = declared_noise(load_scenario(scenario(vehicles=vehicles)))
+    np.testing.assert_allclose(declared.sigma[:, 0], (0.3, 0.3, 0.1, 0.1, 0.3, 0.01))
+    np.testing.assert_allclose(declared.sigma[:, 1], (0.003, 0.001, 0.003, 0.003, 0.0001, 0.00002))
+    np.testing.assert_allclose(declared.least, np.repeat(declared.sigma[:, 1:], 2, axis=1))
+    assert not np.any(declared.stated)
 
 
 def test_the_controller_filters_what_noisy_vehicles_tell():

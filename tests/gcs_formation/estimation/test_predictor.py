@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from airlink.clock import NANOSECONDS
 from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Setpoints
-from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory, advance
+from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory, advance, air_rates, turn_rate
 
 
 def column(*values: float) -> list[np.ndarray]:
@@ -145,3 +145,14 @@ def test_equal_time_constants_of_the_height_make_a_double_pole(apart: float) -> 
     later = advance(state, np.array([22.0, 0.0, 101.0])[None, :, None], np.array([[2.0]]), model)
     assert later.height_m == pytest.approx([101 - 2 / np.e], abs=1e-8)
     assert later.climb_mps == pytest.approx([0.5 / np.e], abs=1e-8)
+
+
+def test_rates_are_those_of_the_model_the_shorter_way_round_and_limited() -> None:
+    """(setpoint - state) / tau, at most 1.5 m/s² and 0.25 rad/s; 0 without a setpoint."""
+    model = AutopilotModel.of(np.repeat(MODEL.table, 4, axis=1))
+    state = FlightState.of(np.zeros((8, 4)))
+    state.airspeed_mps[:], state.heading_rad[:] = 22.0, (3.1, 0.0, 0.0, 0.0)
+    told = Setpoints(np.array((24.0, 32.0, 10.0, np.nan)), np.array((-3.1, 0.6, -0.6, np.nan)), np.zeros(4))
+    turning = (2 * np.pi - 6.2) / 1.5, 0.25, -0.25, 0.0
+    assert turn_rate(state, told, model) == pytest.approx(turning)
+    assert air_rates(state, told, model) == pytest.approx(np.array(((0.5, 1.5, -1.5, 0.0), turning)))

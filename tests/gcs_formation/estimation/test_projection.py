@@ -70,7 +70,7 @@ def test_a_vehicle_that_comes_back_is_not_mixed_with_what_stood_for_it() -> None
 
 
 def test_who_is_not_heard_is_taken_to_have_met_the_others_gust_when_the_other_met_it() -> None:
-    """Both fly east at 20 m/s; the gust of 0.6 m/s comes at 1 s, and the second is heard no more after 0.8 s."""
+    """Both fly north at 20 m/s; a gust of 0.6 m/s comes at 1 s, and the second is heard no more after 0.8 s."""
     model = AutopilotModel.of(np.repeat([[4.0], [1.5], [1.0], [3.0], [16.0], [28.0], [1.5], [0.25], [3.0]], 2, axis=1))
     history, both, one = SetpointHistory(RATE_HZ), np.arange(2), np.ones(2)
     history.add(SentSetpoints(np.zeros(2, np.int64), Setpoints(20 * one, 0 * one, 100 * one)))
@@ -79,9 +79,23 @@ def test_who_is_not_heard_is_taken_to_have_met_the_others_gust_when_the_other_me
         stamps = np.array([now_ms, min(now_ms, 800)]) * MS
         seen_s = stamps / 1e9
         gust_m, gust_mps = np.maximum(0.6 * (seen_s - 1.0), 0.0), np.where(seen_s > 1.0, 0.6, 0.0)
-        state = FlightState(20 * seen_s + gust_m, 0 * one, 100 * one, 0 * one, 20 * one, 0 * one, gust_mps, 0 * one)
+        level = 20 * seen_s + gust_m, -gust_m / 2, 100 * one
+        state = FlightState(*level, 0 * one, 20 * one, 0 * one, gust_mps, -gust_mps / 2)
         states = prediction.take(Measured(state, stamps, one > 0, np.full(2, now_ms * MS)))
     assert states is not None
     found = states.of(both[1:], both[:1])
     np.testing.assert_allclose(found.north_m, 40.6, atol=0.6 * 0.051)
-    np.testing.assert_allclose(found.wind_north_mps, 0.6)
+    np.testing.assert_allclose(found.wind_mps, [[0.6], [-0.3]])
+    np.testing.assert_allclose(found.east_m, -0.3, atol=0.3 * 0.051)
+
+
+def test_who_is_heard_is_predicted_from_its_newest_state_whatever_it_did_before() -> None:
+    """It climbs, turns and speeds up against what it was told."""
+    model = AutopilotModel.of(np.repeat([[4.0], [1.5], [1.0], [3.0], [16.0], [28.0], [1.5], [0.25], [3.0]], 3, axis=1))
+    history, one = SetpointHistory(RATE_HZ), np.ones(COUNT)
+    history.add(SentSetpoints(np.zeros(COUNT, np.int64), Setpoints(20 * one, 0 * one, 100 * one)))
+    prediction = Prediction(history, model, RATE_HZ)
+    for now_ms in range(1000, 3000, 100):
+        seen = measured(np.full(COUNT, now_ms * MS))
+        states = prediction.take(seen)
+        np.testing.assert_allclose(states.of(EVERYONE, EVERYONE).table, seen.state.table, atol=1e-9)
