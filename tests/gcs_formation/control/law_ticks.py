@@ -22,6 +22,8 @@ from gcs_formation.guidance.tracking import RouteHeading
 Array = npt.NDArray[np.float64]
 
 DT_S = 0.1
+AT_ONCE_S = 1e-6
+"""A tick so short that rates are those of its instant."""
 SPEED_MPS = 22.0
 SLOTS_M = np.array([[0.0, 0.0, 0.0], [-30.0, 20.0, 4.0], [-50.0, -25.0, -6.0]])
 COUNT = len(SLOTS_M)
@@ -44,6 +46,10 @@ MODEL = AutopilotModel(
 )
 NONE = np.zeros(3)
 MIXER = Mixer(k_v=0.1, k_x=1.0, k_psi=0.3, k_y=0.05, k_z=0.7)
+
+
+HELD_S = DT_S / -np.expm1(-DT_S / MODEL.air_lags_s)
+"""The lags by which a setpoint that is held for a tick changes speed and heading, in the mean."""
 
 
 def law(

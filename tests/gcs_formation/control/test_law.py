@@ -12,9 +12,11 @@ from gcs_formation.control.fuzzy import FuzzyGainScheduler
 from gcs_formation.control.situation import Situation
 from gcs_formation.estimation.flight_state import FlightState, Setpoints
 from tests.gcs_formation.control.law_ticks import (
+    AT_ONCE_S,
     COUNT,
     DT_S,
     FOLLOWERS,
+    HELD_S,
     MODEL,
     SLOTS_M,
     SPEED_MPS,
@@ -53,12 +55,12 @@ def slots_after(slots: SlotMotion, over_s: float) -> SlotMotion:
 def test_who_moves_as_its_slot_does_is_told_to_accelerate_as_it_does() -> None:
     """Error and rate are 0; what is fed forward leaves none of second order in time, whatever leader and slots do."""
     states, slots = keeping_up()
-    decided = law().decide(situation(states, TURNING, turn_rps=0.06, slots=slots), DT_S)
+    decided = law().decide(situation(states, TURNING, turn_rps=0.06, slots=slots), AT_ONCE_S)
     np.testing.assert_allclose(decided.error_m, 0.0, atol=1e-12)
     told = Setpoints.of(np.concatenate((TURNING.table[:, :1], decided.setpoints.table), axis=1))
     over_s = 0.02
     after = flown(states, told, over_s, leader_turns_rps=0.06)
-    left = law().decide(situation(after, told, slots=slots_after(slots, over_s)), DT_S)
+    left = law().decide(situation(after, told, slots=slots_after(slots, over_s)), AT_ONCE_S)
     np.testing.assert_allclose(left.error_m / over_s**2, 0.0, atol=0.01)  # m/s²; the leader's own are 0.4 and more
 
 
@@ -71,13 +73,13 @@ def test_the_rate_is_that_of_the_mixed_error() -> None:
     told.heading_rad[FOLLOWERS] = states.heading_rad[FOLLOWERS] + (0.2, -0.1)
     here = situation(states, told, turn_rps=0.06, slots=slots)
     unit = np.ones(3)
-    rate = sent(law(kd=unit).decide(here, DT_S)) - sent(law().decide(here, DT_S))
+    rate = sent(law(kd=unit).decide(here, AT_ONCE_S)) - sent(law().decide(here, AT_ONCE_S))
     step_s = 0.01
-    mixed = [law().decide(here, DT_S).mixed]
+    mixed = [law().decide(here, AT_ONCE_S).mixed]
     for k in (1, 2):
         after = flown(states, told, k * step_s, leader_turns_rps=0.06)
         moved = Setpoints.of(told.table + np.array([[0.0], [0.06 * k * step_s], [0.0]]) * [1.0, 0.0, 0.0])
-        mixed.append(law().decide(situation(after, moved, 0.06, slots_after(slots, k * step_s)), DT_S).mixed)
+        mixed.append(law().decide(situation(after, moved, 0.06, slots_after(slots, k * step_s)), AT_ONCE_S).mixed)
     expected = (-3.0 * mixed[0] + 4.0 * mixed[1] - mixed[2]) / (2.0 * step_s)
     np.testing.assert_allclose(rate, expected, atol=2e-4)
 
@@ -190,7 +192,7 @@ def test_a_gust_is_led_by_how_fast_its_drift_is_followed() -> None:
         target_mps, angle = np.hypot(SPEED_MPS - 0.5, 0.4), np.arctan2(-0.4, SPEED_MPS - 0.5)
         along = -(change_mps2[0] * np.cos(angle) + change_mps2[1] * np.sin(angle))
         across = -(change_mps2[1] * np.cos(angle) - change_mps2[0] * np.sin(angle))
-        lags = MODEL.air_lags_s[:, FOLLOWERS]
+        lags = HELD_S[:, FOLLOWERS]
         led = sent(flying.decide(here, DT_S)) - forward
         np.testing.assert_allclose(led, np.array((lags[0] * along, lags[1] * across / target_mps, (0.0, 0.0))).T)
 
@@ -205,7 +207,7 @@ def test_a_change_of_wind_within_what_is_not_known_of_it_is_no_gust() -> None:
         return float(SPEED_MPS - gust_mps - sent(flying.decide(here, DT_S))[0, 0])
 
     assert led(0.29) == pytest.approx(0.0, abs=1e-12)
-    assert led(0.6) == pytest.approx(MODEL.tau_v_s[1] * 2.0 * 0.6 * (1.0 - 0.09 / 0.36))
+    assert led(0.6) == pytest.approx(HELD_S[0, 1] * 2.0 * 0.6 * (1.0 - 0.09 / 0.36))
 
 
 def test_a_share_of_the_bandwidth_is_that_of_the_gains_and_its_square_of_the_integral() -> None:
@@ -215,16 +217,19 @@ def test_a_share_of_the_bandwidth_is_that_of_the_gains_and_its_square_of_the_int
     np.testing.assert_allclose(shown, np.concatenate((share * gains[0], share**2 * gains[1], share * gains[2])))
 
 
-def test_while_a_gust_is_answered_no_correction_waits() -> None:
-    gains, metres = np.array((3.0, 0.0, 0.0)), np.array((4.0, -2.0))
-    for wind_mps in ((0.5, 0.0), (0.0, 0.5), (0.5, -0.5)):
-        flying, steady = law(kp=gains), law()
+def test_a_correction_grows_by_a_gusts_answer_besides() -> None:
+    """1.6 times the greatest acceleration, and what the setpoint leads the change of the drift by, in either sense."""
+    for wind_mps in ((0.5, 0.0), (-0.5, 0.0), (0.0, 0.5)):
+        flying, steady = law(kp=np.array((9.0, 0.0, 0.0))), law()
         for each in (flying, steady):
             each.decide(situation(carried((0.0, 0.0))), DT_S)
         states = carried(wind_mps)
-        here = situation(with_rows(states, 0, states.table[0, FOLLOWERS] - metres))
-        wanted = sent(steady.decide(here, DT_S))[:, 0] + gains[0] * law().decide(here, DT_S).mixed[:, 0]
-        np.testing.assert_allclose(sent(flying.decide(here, DT_S))[:, 0], wanted)
+        here = situation(with_rows(states, 0, states.table[0, FOLLOWERS] - 4.0))
+        led = sent(steady.decide(here, DT_S))[:, 0]
+        answer = np.abs(led - sent(law().decide(here, DT_S))[:, 0])
+        assert answer.max() > 0.05
+        most = 1.6 * DT_S * MODEL.accel_max_mps2[FOLLOWERS] + answer
+        np.testing.assert_allclose(sent(flying.decide(here, DT_S))[:, 0], led + most)
 
 
 def test_who_was_not_commanded_meets_no_gust_and_no_slew_afterwards() -> None:

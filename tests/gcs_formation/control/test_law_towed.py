@@ -7,10 +7,11 @@ import numpy as np
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.estimation.flight_state import FlightState, Setpoints
 from tests.gcs_formation.control.law_ticks import (
+    AT_ONCE_S,
     DT_S,
     FOLLOWERS,
+    HELD_S,
     LEADER,
-    MODEL,
     SLOTS_M,
     SPEED_MPS,
     carried,
@@ -49,11 +50,11 @@ def test_the_rate_is_that_of_the_mixed_error() -> None:
     told.table[:, FOLLOWERS] += np.array([[1.0, -1.5], [0.2, -0.1], [3.0, -2.0]])
     told.height_m[LEADER] = 100.0
     here = situation(states, told)
-    decided = law(kd=np.ones(3), frame="follower_heading").decide(here, DT_S)
-    rate = (sent(decided) - sent(law(frame="follower_heading").decide(here, DT_S))) / decided.gains[:, 6:]
+    decided = law(kd=np.ones(3), frame="follower_heading").decide(here, AT_ONCE_S)
+    rate = (sent(decided) - sent(law(frame="follower_heading").decide(here, AT_ONCE_S))) / decided.gains[:, 6:]
     step_s = 0.01
     mixed = [
-        law(frame="follower_heading").decide(situation(flown(states, told, k * step_s), told), DT_S).mixed
+        law(frame="follower_heading").decide(situation(flown(states, told, k * step_s), told), AT_ONCE_S).mixed
         for k in range(3)
     ]
     expected = (-3.0 * mixed[0] + 4.0 * mixed[1] - mixed[2]) / (2.0 * step_s)
@@ -83,6 +84,6 @@ def test_a_gust_across_is_crabbed_against_slowly() -> None:
     followed_mps, followed_mps2 = across_mps * (1.0 - np.exp(-2.0 * DT_S)), 2.0 * across_mps  # by 2/s, from 0
     crab_rps = 0.65 * -followed_mps / speed_mps
     crab_rps2 = 0.65 * (-followed_mps2 / speed_mps - crab_rps)
-    lag_s, swung_m = MODEL.air_lags_s[:, FOLLOWERS], -SLOTS_M[FOLLOWERS, 1]
+    lag_s, swung_m = HELD_S[:, FOLLOWERS], -SLOTS_M[FOLLOWERS, 1]
     expected = speed_mps + swung_m * (crab_rps + lag_s[0] * crab_rps2), lag_s[1] * crab_rps
     np.testing.assert_allclose(asked, np.array(expected).T, atol=1e-9)

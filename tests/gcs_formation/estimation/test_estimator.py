@@ -170,8 +170,12 @@ def test_the_transition_is_the_derivative_of_the_prediction(elapsed_s):
 
 
 @pytest.mark.parametrize("told", [True, False])
-def test_a_step_is_the_extended_kalman_filters(told, monkeypatch):
-    """P' = F P F^T + Q, K = P' H^T S^-1, Joseph's form; Q by how far vehicles stray that are told, and that aren't."""
+@pytest.mark.parametrize("off_m", [0.005, 0.9])
+def test_a_step_is_the_extended_kalman_filters(told, off_m, monkeypatch):
+    """P' = F P F^T + Q, K = P' H^T S^-1, Joseph's form; Q by how far vehicles stray that are told, and that aren't.
+
+    A place that is u times too far off to be plausible, by 1 m/s of straying too, counts as if its S were u² times it.
+    """
     fine = GNSS / 20
     flight, learnt = Flight(sigma=0 * GNSS, declared=fine), []
 
@@ -183,12 +187,16 @@ def test_a_step_is_the_extended_kalman_filters(told, monkeypatch):
     before, until = flight.filter.state, np.array([STEP_NS])
     covariance, variance = flight.filter.covariance[0], fine[ROWS] ** 2
     state = flight.history.predict(before, np.array([0]), until, COLUMN, MODEL)
-    off = 0.3 * fine[ROWS]
+    off = np.array((off_m, -off_m, off_m, *0.3 * fine[ROWS][3:]))
     flight.filter.take({0: Sample(Instant(STEP_NS), *(kalman.expected(state)[:, 0] + off))}, MODEL, np.array([told]))
     moved, rows = kalman.transition(before, np.array([0.1]), MODEL)[0], kalman.sensitivity(state)[0]
     strays = (0, 0, 0, 0.05, 0.05, 0.003) if told else (0, 0, 0, 1.0, 1.0, 0.3)
     wind = 2.0 * math.hypot(fine[2], fine[4]) / math.sqrt(RATE_HZ)
     predicted = moved @ covariance @ moved.T + np.diag((*strays, wind, wind)) ** 2 * 0.1
+    own = np.diag(rows @ predicted @ rows.T) + variance
+    excess = off**2 / (9.0 * (own + np.array((0.1, 0.1, 0.1, 1.0, 1.0, 1.0, 1.0, 0.1)) ** 2))
+    assert (excess.max() > 1.0) == (off_m > 0.1)
+    variance = variance + own * np.maximum(excess - 1.0, 0.0)
     gain = predicted @ rows.T @ np.linalg.inv(rows @ predicted @ rows.T + np.diag(variance))
     kept = np.eye(8) - gain @ rows
     corrected = kept @ predicted @ kept.T + gain @ np.diag(variance) @ gain.T

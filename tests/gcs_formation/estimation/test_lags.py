@@ -31,7 +31,9 @@ def wander(time_s):
     )
 
 
-def flown(ratios, seconds=30, tell=wander, learning=True, noise=(0, 0, 0), seed=1, true=None, in_use=True):
+def flown(
+    ratios, seconds=30, tell=wander, *, learning=True, noise=(0, 0, 0), seed=1, true=None, in_use=True, silent_s=(0, 0)
+):
     """Return the estimator after a flight of vehicles whose lags are `ratios` times the believed ones."""
     true, count = true or models(ratios), len(ratios)
     history = SetpointHistory(1 / TICK_S)
@@ -44,7 +46,7 @@ def flown(ratios, seconds=30, tell=wander, learning=True, noise=(0, 0, 0), seed=
         acting.append(told)
         acts = np.full(count, tick * tick_ns + round(DELAY_S * 1e9))
         table = state.table
-        for column in range(count):
+        for column in range(count) if not silent_s[0] < tick * TICK_S < silent_s[1] else ():
             errors = random.normal(size=3) * noise
             motion = table[4:6, column] + errors[:2], table[2, column] + errors[2], table[3, column]
             lags.hear(column, tick * tick_ns, (*motion[0].tolist(), float(motion[1]), float(motion[2])))
@@ -113,3 +115,14 @@ def test_flight_at_a_rate_limit_teaches_nothing():
     slow.turn_rate_max_rps[:] = 0.17
     lags = flown(right, tell=lambda time_s: (22.0, 0.6 * np.sign(np.sin(0.5 * time_s)), 100.0), true=slow)
     assert lags.ratios[1] == pytest.approx(1.0, abs=0.05)
+
+
+def test_nothing_is_learnt_from_the_change_over_a_gap_in_the_telemetry():
+    """It's flown on by somebody else meanwhile: 4 s later it is 6 m/s slower."""
+
+    def tell(time_s):
+        return (22.0 if time_s < 9.0 else 16.5, 0.0, 100.0)
+
+    right = np.ones((1, 4))
+    slow = models(right * (2.5, 1, 1, 1))
+    assert flown(right, 14, tell, true=slow, silent_s=(8.0, 13.5)).ratios == pytest.approx(1.0, abs=1e-3)
