@@ -47,18 +47,23 @@ class Crossing:
         self.keeper = SeparationKeeper(planned, self.history, self.model)
         self.north, self.east = np.array((-110.0, 0.0)), np.array((0.0, 110.0 + behind_m * math.sqrt(2.0)))
         self.speed, self.heading = np.full(2, 22.0), np.array((0.0, -math.pi / 2))
-        self.wind_north = np.zeros(2)
+        self.wind_north, self.ours = np.zeros(2), np.array((True, False))
+        self.heard_s: float | None = None
+        """Until when the second is known to have heard what it was told; None: now."""
 
     def keep(self, age_s: float = 0.0, at_s: float = 0.0) -> Tick:
-        height, none, ours = np.full(2, 100.0), np.zeros(2), np.array((True, False))
+        height, none, ours = np.full(2, 100.0), np.zeros(2), self.ours
         state = FlightState(self.north, self.east, height, none, self.speed, self.heading, self.wind_north, none)
         told = Setpoints(self.speed, self.heading, height)
         now = np.full(2, after(Instant(0), at_s), dtype=np.int64)
         self.history.add(SentSetpoints(now, told))
         link: Any = np.full(2, age_s), none, np.zeros((2, 2)), none, none, ours, ours, ~ours & ours
-        law: Any = [np.zeros((2, columns)) for columns in (3, 3, 3, 9)]
+        abreast = np.array([[0.0, 0.0, 0.0], [0.0, 30.0, 0.0]])
+        law: Any = [abreast, *(np.zeros((2, columns)) for columns in (3, 3, 9))]
         tick = Tick(Instant(int(now[0])), 0.0, "flying", 0, state, told, *link, *law)
-        self.keeper.keep(tick, Measured(state, now, ours, now), now, ~ours & ours)
+        heard = now.copy()
+        heard[1] = now[1] if self.heard_s is None else after(Instant(0), self.heard_s)
+        self.keeper.keep(tick, Measured(state, now, ours, now), heard, ~ours & ours)
         return tick
 
     def gives_way(self, age_s: float = 0.0, at_s: float = 0.0) -> bool:
@@ -73,6 +78,18 @@ def test_the_older_the_states_the_more_room_for_instants_that_are_off(
 ) -> None:
     """Off by a tenth of 2 s each at 22 m/s, they pass at a right angle up to 9 m nearer than reckoned."""
     assert Crossing(behind_m).gives_way(age_s) is gives
+
+
+def test_of_two_that_are_commanded_the_one_that_surely_hears_gives_way() -> None:
+    """Else the later one does. One that may not hear is told to, and kept clear of as if it flew on."""
+    heard, unheard = Crossing(), Crossing()
+    for each in (heard, unheard):
+        each.ours = np.array((True, True))
+        each.north, each.east = np.array((0.0, 0.0)), np.array((0.0, 24.0))
+        each.heading[:] = (0.0, -0.5)
+    assert heard.keep(at_s=10.0).yielding.tolist() == [False, True]
+    unheard.heard_s = 2.0
+    assert unheard.keep(at_s=10.0).yielding[0]
 
 
 @pytest.mark.parametrize(("age_s", "gives"), [(29.9, True), (30.1, False)])
