@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from airlink.cli.interruption import end_quietly
+from airlink.cli.process import end_quietly
 
 
 def main() -> None:

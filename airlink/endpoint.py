@@ -1,4 +1,4 @@
-"""Connection strings, in the syntax of pymavlink and MAVProxy."""
+"""Who and where: connection strings in the syntax of pymavlink and MAVProxy, and the identities of vehicles."""
 
 from __future__ import annotations
 
@@ -61,3 +61,14 @@ def parse_endpoint(text: str) -> Endpoint:
     if not 1 <= port <= MAX_PORT:
         raise EndpointError(f"connection string '{text}': found port {port}; allowed: 1 to {MAX_PORT}")
     return Endpoint("udpout" if kind == "udpout" else "udpin", Address(host, port))
+
+
+class VehicleId(NamedTuple):
+    """A vehicle's identity: the MAVLink network it is heard on, and its system id there."""
+
+    network: int
+    system: int
+
+    def __str__(self) -> str:
+        """Return the system id alone on the first network, "network:system" elsewhere."""
+        return str(self.system) if self.network == 1 else f"{self.network}:{self.system}"

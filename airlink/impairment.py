@@ -17,7 +17,7 @@ from typing import Final, Literal, NamedTuple
 import numpy as np
 
 from airlink.clock import Instant, after, seconds_between
-from airlink.identity import VehicleId
+from airlink.endpoint import VehicleId
 from airlink.random_streams import random_stream
 
 Distribution = Literal["normal", "uniform", "pareto", "trace"]

@@ -13,8 +13,8 @@ from typing import Final, Self
 from airlink.clock import RealClock
 from airlink.endpoint import Address, Endpoint
 from airlink.errors import PortError
+from airlink.impaired import Passage, Relay
 from airlink.impairment import Direction
-from airlink.relay import Passage, Relay
 from airlink.udp import DRAIN_LIMIT, IDLE_WAIT_S, MAX_DATAGRAM, open_socket, select_for
 
 MAX_REMOTES: Final = 256

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import linprog
 
 from benchmarks.tables import markdown
-from gcs_formation.stability.gust import allowed_gust_error_m
+from gcs_formation.report.gusts import allowed_gust_error_m
 from gcs_formation.stability.loops import loop_delay_s
 
 DELAYS_MS = (20, 50, 100, 200, 300)

@@ -19,8 +19,8 @@ import numpy as np
 import gcs_formation
 from benchmarks.disturbance_grid import PAPER, both_ways
 from benchmarks.tables import markdown
+from flight_model.arrays import Array
 from formation_scenario import load_scenario
-from gcs_formation.arrays import Array
 
 LAGS = ("tau_v_s", "tau_psi_s", "tau_ha_s", "tau_hb_s")
 VEHICLES = 4

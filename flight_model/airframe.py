@@ -17,7 +17,7 @@ REFERENCE_MPS = 22.0
 
 @dataclass(frozen=True)
 class AirframeParameters:
-    """(N,) each, SI; `formation_scenario.airframe.EnergyAirframe` describes them."""
+    """(N,) each, SI; `formation_scenario.vehicles.EnergyAirframe` describes them."""
 
     thrust_mps2: Array
     drag_mps2: Array

@@ -6,40 +6,39 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from flight_model.path import PathError, PathPoint, PathPoints, SplinePath
+    from flight_model.shapes import slots
     from formation_scenario.arrangement import SlotStep, slot_schedule, slot_table
     from formation_scenario.errors import Problem, ScenarioError
-    from formation_scenario.ground import Ground, ground_of
-    from formation_scenario.lifted_path import leader_path
+    from formation_scenario.ground import Ground, ground_of, leader_path
     from formation_scenario.links import Impairment, LinkStep
     from formation_scenario.load import dump_scenario, load_scenario
     from formation_scenario.model import Scenario
-    from formation_scenario.path import PathError, PathPoint, PathPoints, SplinePath
     from formation_scenario.placement import StartStates, start_states
-    from formation_scenario.shapes import slots
     from formation_scenario.vehicles import Vehicle, VehicleModel
 
 _HOME = {
     "Ground": "formation_scenario.ground",
     "Impairment": "formation_scenario.links",
     "LinkStep": "formation_scenario.links",
-    "PathError": "formation_scenario.path",
-    "PathPoint": "formation_scenario.path",
-    "PathPoints": "formation_scenario.path",
+    "PathError": "flight_model.path",
+    "PathPoint": "flight_model.path",
+    "PathPoints": "flight_model.path",
     "Problem": "formation_scenario.errors",
     "Scenario": "formation_scenario.model",
     "ScenarioError": "formation_scenario.errors",
     "SlotStep": "formation_scenario.arrangement",
-    "SplinePath": "formation_scenario.path",
+    "SplinePath": "flight_model.path",
     "StartStates": "formation_scenario.placement",
     "Vehicle": "formation_scenario.vehicles",
     "VehicleModel": "formation_scenario.vehicles",
     "dump_scenario": "formation_scenario.load",
     "ground_of": "formation_scenario.ground",
-    "leader_path": "formation_scenario.lifted_path",
+    "leader_path": "formation_scenario.ground",
     "load_scenario": "formation_scenario.load",
     "slot_schedule": "formation_scenario.arrangement",
     "slot_table": "formation_scenario.arrangement",
-    "slots": "formation_scenario.shapes",
+    "slots": "flight_model.shapes",
     "start_states": "formation_scenario.placement",
 }
 

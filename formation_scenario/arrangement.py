@@ -12,12 +12,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from airlink.identity import VehicleId
-from formation_scenario.arrays import Array, Mask
+from airlink.endpoint import VehicleId
+from flight_model.arrays import Array, Mask
+from flight_model.shapes import slots
 from formation_scenario.fields import Vector, VehicleRef
 from formation_scenario.formation import FormationChange, Shape
 from formation_scenario.model import Scenario, long_ref
-from formation_scenario.shapes import slots
 from formation_scenario.vehicles import Vehicle
 
 

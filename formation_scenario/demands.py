@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flight_model.arrays import Array, Mask
+from flight_model.path import PathPoints, SplinePath
 from formation_scenario.arrangement import SlotStep, columns
-from formation_scenario.arrays import Array, Mask
 from formation_scenario.errors import Problem
 from formation_scenario.model import Scenario
-from formation_scenario.path import PathPoints, SplinePath
 from formation_scenario.slot_motion import Course, SlotMotion, slot_needs
 from formation_scenario.source import KeyPath, Source
 from formation_scenario.vehicles import Vehicle, VehicleModel

@@ -7,7 +7,7 @@ from typing import Annotated, TypeAlias
 import numpy as np
 from pydantic import Field
 
-from formation_scenario.arrays import Array
+from flight_model.arrays import Array
 from formation_scenario.fields import Allowed, Keys, Number
 
 REACT_S = 2.0

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
+from flight_model.path import SplinePath
 from formation_scenario.model import Scenario
-from formation_scenario.path import SplinePath
 
 POINTS = 1000
 """Of the path, at which the speed over the ground is taken."""

@@ -1,8 +1,19 @@
-"""The law's two sets of gains, for exact telemetry and for telemetry as noisy as GNSS; `auto` is `auto_gains`'."""
+"""The law's gains: two sets, for exact telemetry and for telemetry as noisy as GNSS, and `auto`: by design."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from flight_model.airframe import AirframeParameters
+from flight_model.design import FREQUENCIES, Channel, Telemetry, Weights, design, judged_channels
+from flight_model.linear import Responses, airframe_responses, lag_responses
+from formation_scenario.model import Scenario
+from formation_scenario.navigation import NoisyNavigation
 from formation_scenario.source import Key, Plain
+from formation_scenario.vehicles import VehicleModel
 
 Group = dict[Key, Plain]
 """A mapping of keys."""
@@ -48,3 +59,89 @@ def gain_groups(gains: str, frame: str) -> dict[str, Group]:
 def filters(gains: str) -> Group:
     """Return the single keys that a set of gains fills."""
     return FILTERS.get(gains, FILTERS[CLEAN])
+
+
+CHANNELS = ("speed", "heading", "height")
+SCALES = {"speed": 1.0, "heading": 0.1, "height": 2.0}
+"""Mixed errors, and rates of them, that count as 1 for the fuzzy scheduler."""
+WEIGHTS = {"k_v": 0.0, "k_x": 1.0, "k_psi": 0.1, "k_y": 0.05, "k_z": 1.0}
+SENSORS = 0.02, 0.03, 0.002
+"""What is taken for the telemetry's noise in position (m), airspeed (m/s) and heading (rad) where none is declared:
+its last digits, and an airspeed sensor's."""
+
+
+def designed(scenario: Scenario, given: Plain) -> Scenario:
+    """Return a scenario with the law's gains by design, but those that are `given`, its `law` as it was written."""
+    written = given if isinstance(given, dict) else {}
+    weights = WEIGHTS | _written(written, "mixer")
+    found = design(*_known(scenario), _weights(weights), _telemetry(scenario))
+    filters = {
+        "derivative_filter_s": found.derivative_filter_s,
+        "disturbance_observer_radps": found.observer_radps,
+        "anti_windup_s": found.anti_windup_s,
+    }
+    keys: dict[str, Any] = {name: value for name, value in filters.items() if written.get(name) is None}
+    keys["mixer"] = scenario.law.mixer.model_copy(update=weights)
+    for name, channel in found.channels.items():
+        scales = {"error_scale": SCALES[name], "rate_scale": SCALES[name]}
+        gains = {"kp": channel.kp, "ki": channel.ki, "kd": channel.kd} | scales | _written(written, name)
+        keys[name] = getattr(scenario.law, name).model_copy(update=gains)
+    return scenario.model_copy(update={"law": scenario.law.model_copy(update=keys)})
+
+
+def figures(scenario: Scenario) -> Mapping[str, Channel]:
+    """Return what the law's gains hold, by channel: bandwidths, margins, steps of setpoints."""
+    law = scenario.law
+    vehicles, speed_mps = _known(scenario)
+    gains = {name: (each.kp, each.ki, each.kd) for name in CHANNELS if (each := getattr(law, name))}
+    return judged_channels(gains, vehicles, speed_mps, _weights(law.mixer.model_dump()), _telemetry(scenario))
+
+
+def by_design(scenario: Scenario) -> bool:
+    """Return whether a scenario's gains are designed, or its vehicles have airframes that gains should be for."""
+    return scenario.law.gains == AUTO or any(each.model.airframe for each in scenario.vehicles)
+
+
+def _known(scenario: Scenario) -> tuple[list[tuple[Responses, float]], float]:
+    """Return each kind of vehicle's responses and the lag of its airspeed; and the speed along the path."""
+    speed_mps, kinds = scenario.path.speed_mps, list(dict.fromkeys(each.model for each in scenario.vehicles))
+    return [(_responses(each, speed_mps), each.tau_v_s) for each in kinds], speed_mps
+
+
+def _responses(model: VehicleModel, speed_mps: float) -> Responses:
+    if model.airframe is None:
+        return lag_responses(FREQUENCIES, model.tau_v_s, model.tau_psi_s, (model.tau_ha_s, model.tau_hb_s))
+    return airframe_responses(FREQUENCIES, AirframeParameters.of([model.airframe.parameters()]), speed_mps)
+
+
+def _weights(mixer: Mapping[str, float]) -> Weights:
+    return Weights(mixer["k_x"], mixer["k_psi"], mixer["k_y"], mixer["k_z"])
+
+
+def _telemetry(scenario: Scenario) -> Telemetry:
+    """Return the longest loop delay that the links are configured to have, and the noise of the worst sensors."""
+    dt_s, sample_s = 1.0 / scenario.law.rate_hz, 1.0 / scenario.telemetry.rate_hz
+    round_trip_s = max(
+        (step.uplink.delay_ms + step.downlink.delay_ms) / 1e3
+        for vehicle in scenario.vehicles
+        for step in scenario.link_steps(vehicle)
+    )
+    known = Telemetry(dt_s, round_trip_s + dt_s / 2.0 + sample_s / 2.0, *SENSORS)
+    for each in scenario.vehicles:
+        if isinstance(each.navigation, NoisyNavigation):
+            known = _noisier(known, each.navigation)
+    return known
+
+
+def _noisier(known: Telemetry, keys: NoisyNavigation) -> Telemetry:
+    return replace(
+        known,
+        position_m=max(known.position_m, keys.position_sigma_m),
+        airspeed_mps=max(known.airspeed_mps, keys.airspeed_sigma_mps),
+        heading_rad=max(known.heading_rad, math.radians(keys.heading_sigma_deg)),
+    )
+
+
+def _written(law: Mapping[Any, Plain], group: str) -> dict[str, Any]:
+    keys = law.get(group)
+    return {str(key): value for key, value in keys.items() if value is not None} if isinstance(keys, dict) else {}

@@ -2,26 +2,54 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import yaml
 from pydantic import ValidationError
 
-from formation_scenario.auto_gains import designed
-from formation_scenario.availability import unavailable
 from formation_scenario.describe import problems_of
 from formation_scenario.errors import Problem, ScenarioError
 from formation_scenario.feasibility import check
-from formation_scenario.gains import AUTO
+from formation_scenario.gains import AUTO, designed
 from formation_scenario.model import Scenario
 from formation_scenario.overrides import OPTION, apply_overrides
 from formation_scenario.resolve import resolve
 from formation_scenario.rules import inconsistencies
-from formation_scenario.source import Dumper, Key, Plain, Source, plain_mapping, read_file
+from formation_scenario.source import Dumper, Key, KeyPath, Plain, Source, plain_mapping, read_file
 from formation_scenario.vehicle_file import with_models
 from formation_scenario.vehicles import VehicleGroup
+
+EACH = "*"
+NOT_AVAILABLE: dict[tuple[str, ...], tuple[str, ...]] = {
+    ("vehicles", EACH, "autopilot"): ("arducopter",),
+    ("vehicles", "autopilot"): ("arducopter",),
+}
+AVAILABLE: dict[str, str] = {
+    "autopilot": "emulator, arduplane, px4",
+}
+
+
+def unavailable(source: Source) -> dict[KeyPath, Problem]:
+    """Return the problem at every key whose value isn't available in this version."""
+    return {
+        path: source.problem(path, f"found '{value}', not available in this version", AVAILABLE[pattern[-1]])
+        for pattern, values in NOT_AVAILABLE.items()
+        for path, value in _matches(source.data, pattern)
+        if value in values
+    }
+
+
+def _matches(data: Plain, pattern: tuple[str, ...], above: KeyPath = ()) -> Iterator[tuple[KeyPath, Plain]]:
+    if not pattern:
+        yield above, data
+    elif pattern[0] == EACH and isinstance(data, list):
+        for index, item in enumerate(data):
+            yield from _matches(item, pattern[1:], (*above, index))
+    elif isinstance(data, dict) and pattern[0] in data:
+        yield from _matches(data[pattern[0]], pattern[1:], (*above, pattern[0]))
+
 
 ONE_VEHICLE: dict[Key, Plain] = {"id": 1, "role": "leader"}
 

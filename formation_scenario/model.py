@@ -6,9 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from formation_scenario.disturbances import Disturbance
+from formation_scenario.environment import Disturbance, Fault, Terrain
 from formation_scenario.expectation import Expectation
-from formation_scenario.faults import Fault
 from formation_scenario.fence import Fence
 from formation_scenario.fields import (
     Allowed,
@@ -26,12 +25,10 @@ from formation_scenario.fields import (
     VehicleSelection,
     derived,
 )
-from formation_scenario.formation import Formation
+from formation_scenario.formation import Formation, Step
 from formation_scenario.law import Law
 from formation_scenario.links import Links, LinkStep, link_steps
 from formation_scenario.orders import PlannedOrder
-from formation_scenario.steps import Step
-from formation_scenario.terrain import Terrain
 from formation_scenario.vehicles import Vehicle
 
 Seconds = Annotated[Positive, Field(le=1e6)]

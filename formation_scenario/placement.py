@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flight_model.arrays import Array
+from flight_model.path import SplinePath
 from formation_scenario.arrangement import slot_table
-from formation_scenario.arrays import Array
 from formation_scenario.ground import ground_of
 from formation_scenario.model import Scenario
-from formation_scenario.path import SplinePath
 
 
 @dataclass(frozen=True, slots=True)

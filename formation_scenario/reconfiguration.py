@@ -8,17 +8,22 @@ from typing import Protocol
 
 import numpy as np
 
+from flight_model.arrays import Array, Mask
+from flight_model.displacement import (
+    PEAK_CHANGE,
+    PEAK_JERK,
+    PEAK_RATE,
+    STEP_M,
+    DisplacedPath,
+    Rise,
+    least_lift,
+    sample_places,
+)
+from flight_model.path import PathPoint, PathPoints, SplinePath
 from formation_scenario.arrangement import Arrangement, assigned, columns
-from formation_scenario.arrays import Array, Mask
-from formation_scenario.displaced_path import DisplacedPath, Rise
-from formation_scenario.ground import Ground
-from formation_scenario.lift import STEP_M, least_lift, sample_places
-from formation_scenario.lifted_path import LEADER_SHARE, rise_bounds
-from formation_scenario.minimum_jerk import PEAK_CHANGE, PEAK_JERK, PEAK_RATE
+from formation_scenario.ground import LEADER_SHARE, Ground, rise_bounds
 from formation_scenario.model import Scenario
-from formation_scenario.path import PathPoint, PathPoints, SplinePath
-from formation_scenario.slot_motion import Course, SlotMotion
-from formation_scenario.transition import Transition
+from formation_scenario.slot_motion import Course, SlotMotion, Transition
 from formation_scenario.transition_plan import MEAN_SPEED_MPS, Conditions, Limits, plan_transition
 from formation_scenario.vehicles import VehicleModel
 

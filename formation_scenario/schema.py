@@ -1,16 +1,25 @@
-"""The JSON schema of scenario files, generated from the models of their keys."""
+"""The JSON schema of scenario files and the reference of their keys, both generated from the models of the keys."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
+import inspect
+import re
+import types
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Literal, NamedTuple, Union, cast, get_args, get_origin
 
+import yaml
 from pydantic import BaseModel, Field, create_model
+from pydantic.fields import FieldInfo
 from pydantic.json_schema import GenerateJsonSchema
+from pydantic_core import PydanticUndefined
 
+from formation_scenario.describe import allowed, bare, is_group, members
+from formation_scenario.expectation import METRICS
 from formation_scenario.fields import DERIVED
 from formation_scenario.model import Fleet, Scenario
 from formation_scenario.resolve import MAY_BE_EMPTY
+from formation_scenario.source import Dumper, Plain, show
 from formation_scenario.vehicles import VehicleGroup
 
 Schema = dict[str, Any]
@@ -90,3 +99,219 @@ def _or(value: Schema, other: Schema) -> Schema:
     types = {name: each for name, each in value.items() if name not in ANNOTATIONS}
     choices: list[Schema] = types["anyOf"] if set(types) == {"anyOf"} else [types]
     return {"anyOf": [*choices, *([] if other in choices else [other])], **said}
+
+
+REGENERATE = "gcs-formation schema --markdown > docs/scenario.md; gcs-formation schema > docs/scenario.schema.json"
+HEAD = f"""\
+# Scenario keys
+
+<!-- Generated from the models of the keys by: {REGENERATE} -->
+
+A scenario is a YAML file. Two keys are enough:
+
+```yaml
+vehicles: {{count: 4}}
+path: {{waypoints_m: [[0, 0, 100], [4000, 0, 100]]}}
+```
+
+- Every key carries its unit in its name. Unknown keys, values of another type and values out of range are refused, with
+  file, line and what is allowed.
+- `gcs-formation check FILE` prints the scenario with every default filled in. `--set KEY=VALUE` overrides a key:
+  `--set law.rate_hz=20`, `--set vehicles.1.model.tau_v_s=5` (items of a list from 0),
+  `--set "links.default={{delay_ms: 300, loss: 0.02}}"`.
+- Times (`at_s`, `until_s`, `from_s`, `to_s`) are mission times: t = 0 is when the leader starts along its path.
+- Places are north, east and height above `origin`; slots are forward, right and up of the leader. Velocities of the air
+  are north, east and down, where it blows to.
+- `vehicles` in an entry of a list is `all` or a list of ids. Where several networks use an id, the vehicle is
+  `network:id`, in quotes: `[2, '2:7']`.
+
+Below, `[]` stands for each item of a list.
+
+## In an editor
+
+`gcs-formation schema > scenario.schema.json` writes the JSON schema (draft 2020-12); that of this version is
+[scenario.schema.json](scenario.schema.json). With yaml-language-server (VS Code's YAML extension by Red Hat, Neovim,
+Emacs, Helix and others) it completes keys, explains them and marks mistakes, after this first line of the scenario:
+
+```yaml
+# yaml-language-server: $schema=scenario.schema.json
+```
+
+For all scenarios of a folder, in VS Code's `settings.json`:
+`"yaml.schemas": {{"./scenario.schema.json": "scenarios/*.yaml"}}`. In CI:
+`check-jsonschema --schemafile scenario.schema.json FILE`. The schema knows each key by itself; what keys must be to
+each other, and whether the formation can be flown, `gcs-formation check` knows.
+"""
+METRICS_HEAD = """
+## Metrics
+
+What `expect` may bound: figures of one follower, of one link, or of the run, over the window from `from_s` to `to_s`
+unless they are of the whole flight.
+
+| metric | what it is |
+| --- | --- |"""
+TABLE_HEAD = "| key | what it is | unit | default | allowed | example |\n| --- | --- | --- | --- | --- | --- |"
+
+
+UNITS_BY_SUFFIX = {
+    "mps": "m/s",
+    "mps2": "m/s²",
+    "rps": "rad/s",
+    "radps": "rad/s",
+    "kbps": "kbit/s",
+    "ppm": "1e-6",
+    "deg": "degrees",
+    "ug": "micro-g",
+    "hz": "Hz",
+    "ms": "ms",
+    "m": "m",
+    "s": "s",
+}
+UNITS = (*UNITS_BY_SUFFIX.values(), "1/s", "1/s²", "degrees an hour", "deg/sqrt(h)", "micro-g/sqrt(Hz)")
+"""As descriptions say them: "delay, ms" or "delay, ms; none if ..."."""
+
+
+class _Group(NamedTuple):
+    """A group of keys: the path of the keys to it (`[]`: each item of a list), and its word of a choice (`ramp`)."""
+
+    path: str
+    word: str
+    model: type[BaseModel]
+    field: FieldInfo
+
+    @property
+    def title(self) -> str:
+        """The group's heading."""
+        return f"`{self.path}`" + (f": {self.word}" if self.word else "")
+
+
+def scenario_reference() -> str:
+    """Return the reference in Markdown.
+
+    Raises:
+        ValueError: a key has no description or no example.
+    """
+    top = written_model()
+    sections, shown = dict[type[BaseModel], list[_Group]](), set[str]()
+    for group in _groups_in(top, ""):
+        sections.setdefault(group.model, []).append(group)
+    links = _links([groups[0] for groups in sections.values()])
+    parts = [HEAD, "## Top level\n", _table(top, links)]
+    for model, groups in sections.items():
+        also = [title for title in dict.fromkeys(group.title for group in groups) if title != groups[0].title]
+        parts += [f"\n## {groups[0].title}\n", *([f"Also: {', '.join(also)}.\n"] if also else [])]
+        parts += [_docstring(model), "", *(text for text in _examples(groups[0]) if text not in shown)]
+        parts.append(_table(model, links))
+        shown.update(_examples(groups[0]))
+    metrics = [f"| `{name}` | {meaning} |" for name, meaning in METRICS.items()]
+    return "\n".join([*parts, METRICS_HEAD, *metrics]) + "\n"
+
+
+def _groups_in(model: type[BaseModel], path: str, seen: frozenset[type] = frozenset()) -> Iterator[_Group]:
+    """Yield the groups of keys inside a model, each before those inside itself."""
+    for name, field in model.model_fields.items():
+        for inner, word, group in _groups_of(field, f"{path}.{field.alias or name}".lstrip(".")):
+            yield _Group(inner, word, group, field)
+            if group not in seen:
+                yield from _groups_in(group, inner, seen | {group})
+
+
+def _groups_of(annotation: object, path: str, word: str = "") -> Iterator[tuple[str, str, type[BaseModel]]]:
+    """Yield the groups of keys that a type allows, with their paths and words."""
+    plain, _ = bare(annotation)
+    if is_group(plain):
+        yield path, word, plain
+    elif get_origin(plain) is tuple and get_args(plain)[1:] == (...,):
+        yield from _groups_of(get_args(plain)[0], f"{path}[]")
+    elif tagged := members(plain):
+        for tag, group in tagged.items():
+            yield from _groups_of(group, path, str(tag))
+    elif get_origin(plain) in {Union, types.UnionType}:
+        for each in get_args(plain):
+            yield from _groups_of(each, path)
+
+
+def _links(headed: Sequence[_Group]) -> dict[type[BaseModel], str]:
+    """Return the link to each group's section, with the anchor that GitHub gives its heading."""
+    anchors, links = list[str](), dict[type[BaseModel], str]()
+    for group in headed:
+        anchor = re.sub(r"[^\w -]", "", group.title.lower()).replace(" ", "-")
+        again = anchors.count(anchor)
+        anchors.append(anchor)
+        links[group.model] = f"[{group.word or f'`{group.path}`'}](#{anchor}{f'-{again}' if again else ''})"
+    return links
+
+
+def _docstring(model: type[BaseModel]) -> str:
+    return inspect.cleandoc(model.__doc__ or "")
+
+
+def _examples(group: _Group) -> Iterator[str]:
+    """Yield the examples of a list or a mapping of keys, in YAML, each with the keys around it."""
+    for each in group.field.examples or []:
+        nested: Plain = each
+        for key in reversed(group.path.replace("[]", "").split(".")):
+            nested = {key: nested}
+        text = yaml.dump(nested, Dumper=Dumper, sort_keys=False, default_flow_style=None, width=110)
+        yield f"```yaml\n{text}```\n"
+
+
+def _table(model: type[BaseModel], links: Mapping[type[BaseModel], str]) -> str:
+    return "\n".join([TABLE_HEAD, *(_row(f.alias or name, f, links) for name, f in model.model_fields.items())])
+
+
+def _row(key: str, field: FieldInfo, links: Mapping[type[BaseModel], str]) -> str:
+    groups = [group for _, _, group in _groups_of(field, key)]
+    said = field.description or "".join(_docstring(group).partition("\n")[0].rstrip(".") for group in groups[:1])
+    shown = None if groups else example(field)
+    if not said or shown is PydanticUndefined:
+        raise ValueError(f"key {key}: found no description or no example; allowed: Field(description=…, examples=[…])")
+    text, unit = _unit(key, said)
+    words = allowed(field)
+    words = "one of the [metrics](#metrics)" if words == ", ".join(METRICS) else words
+    ends = [", ".join(links[group] for group in groups), ""] if groups else [words, f"`{key}: {_shown(shown)}`"]
+    cells = (f"`{key}`", text, "" if groups else unit, _default(field), *ends)
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+
+def _unit(key: str, text: str) -> tuple[str, str]:
+    """Return a description without the unit that it ends with, and that unit, or else that of the key's suffix."""
+    for unit in sorted(UNITS, key=len, reverse=True):
+        before, found, after = text.partition(f", {unit}")
+        if found and (not after or after.startswith(";")):
+            return before + after, unit
+    return text, UNITS_BY_SUFFIX.get(key.rpartition("_")[2], "") if "_" in key else ""
+
+
+def _default(field: FieldInfo) -> str:
+    extra = cast("Mapping[str, object]", field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {})
+    if DERIVED in extra:
+        return str(extra[DERIVED])
+    if field.is_required():
+        return "required"
+    if isinstance(field.default, BaseModel):
+        return "its keys'"
+    return "none" if field.default is None else f"`{_shown(field.default)}`"
+
+
+def example(field: FieldInfo) -> Any:  # noqa: ANN401 - any value of any key
+    """Return an example of a key's value: its own, or else a choice that isn't its default, or else its default."""
+    if field.examples:
+        return field.examples[0]
+    plain, _ = bare(field)
+    choices: tuple[object, ...] = (
+        (True, False) if plain is bool else get_args(plain) if get_origin(plain) is Literal else ()
+    )
+    return next((choice for choice in choices if choice != field.default), field.default)
+
+
+def _shown(value: Any) -> str:  # noqa: ANN401 - any value of any key
+    """Return a value as a person would write it in YAML."""
+    return show(value, width=100).strip("'") if isinstance(value, str) else show(_plain(value), width=100)
+
+
+def _plain(value: Any) -> Plain:  # noqa: ANN401 - any value of any key
+    """Return a value with lists for tuples, and whole numbers without a point."""
+    if isinstance(value, tuple | list):
+        return [_plain(each) for each in cast("Sequence[object]", value)]
+    return int(value) if isinstance(value, float) and value.is_integer() else value

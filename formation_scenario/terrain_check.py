@@ -6,18 +6,17 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from flight_model.arrays import Array
+from flight_model.displacement import SAMPLE_M, STEP_M, sample_places
+from flight_model.path import PathPoints, SplinePath
 from formation_scenario.arrangement import slot_schedule
-from formation_scenario.arrays import Array
+from formation_scenario.environment import Terrain
 from formation_scenario.errors import Problem
-from formation_scenario.ground import Ground, ground_of
-from formation_scenario.lift import SAMPLE_M, STEP_M, sample_places
-from formation_scenario.lifted_path import LEADER_SHARE, LiftedPath, leader_path
+from formation_scenario.ground import LEADER_SHARE, Ground, LiftedPath, ground_of, leader_path
 from formation_scenario.model import Scenario
-from formation_scenario.path import PathPoints, SplinePath
 from formation_scenario.placement import start_states
 from formation_scenario.reconfiguration import column_names
 from formation_scenario.source import KeyPath, Source
-from formation_scenario.terrain import Terrain
 
 SHORT_M = 0.01
 """Shortfall of clearance that is tolerated."""

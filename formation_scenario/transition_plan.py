@@ -16,11 +16,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.distance import pdist
 
-from formation_scenario.arrays import Array, Mask
+from flight_model.arrays import Array, Mask
+from flight_model.displacement import PEAK_RATE
 from formation_scenario.formation import Frame
-from formation_scenario.minimum_jerk import PEAK_RATE
-from formation_scenario.slot_motion import Course, SlotMotion, SlotNeeds, slot_needs
-from formation_scenario.transition import Transition
+from formation_scenario.slot_motion import Course, SlotMotion, SlotNeeds, Transition, slot_needs
 from formation_scenario.vehicles import VehicleModel
 
 MEAN_SPEED_MPS = 2.0

@@ -1,19 +1,21 @@
-"""Keys of the vehicles."""
+"""Keys of the vehicles, and of aircraft that don't fly by equation (7)."""
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field
 
-from airlink.identity import VehicleId
-from formation_scenario.airframe import EnergyAirframe
+from airlink.endpoint import VehicleId
 from formation_scenario.fields import (
     MAX_SYSTEM_ID,
     Allowed,
     Flag,
+    Fraction,
     Keys,
     NetworkId,
+    NonNegative,
     Number,
     Positive,
     Speed,
@@ -23,6 +25,111 @@ from formation_scenario.fields import (
     derived,
 )
 from formation_scenario.navigation import Navigation, TrueNavigation
+
+Lag = Annotated[Positive, Field(ge=0.04, le=100.0)]
+Angle = Annotated[Number, Field(ge=-85.0, le=85.0)]
+
+
+class EnergyAirframe(Keys):
+    """An aircraft under total-energy control; the defaults are ArduPlane's, and its simulator's plane.
+
+    Names in capitals are ArduPilot's parameters.
+    """
+
+    kind: Literal["energy"] = Field(default="energy", description="total-energy control of speed and height")
+    thrust_mps2: Positive = Field(default=14.0, description="acceleration by full throttle, m/s²", examples=[10])
+    drag_mps2: Positive = Field(default=6.7, description="deceleration by parasitic drag at 22 m/s, m/s²", examples=[4])
+    induced_drag_mps2: NonNegative = Field(
+        default=0.065, description="the same by lift's own drag in level flight, m/s²", examples=[0.5]
+    )
+    lift_mps2_per_rad: Positive = Field(
+        default=460.0, description="acceleration by lift at 22 m/s for a radian of incidence, m/s²", examples=[300]
+    )
+    throttle_slew_per_s: Positive = Field(
+        default=1.0, description="fastest change of throttle (THR_SLEWRATE), 1/s", examples=[0.5]
+    )
+    bank_lag_s: Lag = Field(default=0.5, description="time constant of bank (RLL2SRV_TCONST), s", examples=[0.4])
+    pitch_lag_s: Lag = Field(default=0.5, description="time constant of pitch (PTCH2SRV_TCONST), s", examples=[0.4])
+    rate_lag_s: Lag = Field(default=0.1, description="time constant of roll and pitch rates, s", examples=[0.2])
+    bank_max_deg: Annotated[Positive, Field(le=85.0)] = Field(
+        default=65.0, description="largest bank (ROLL_LIMIT_DEG), degrees", examples=[45]
+    )
+    heading_gain: Positive = Field(
+        default=math.radians(50.0), description="bank for an error of heading (GUIDED_P), rad/rad", examples=[1.2]
+    )
+    pitch_max_deg: Angle = Field(default=15.0, description="largest pitch (TECS_PITCH_MAX), degrees", examples=[20])
+    pitch_min_deg: Angle = Field(default=-25.0, description="least pitch (PTCH_LIM_MIN_DEG), degrees", examples=[-20])
+    throttle_cruise: Fraction = Field(
+        default=0.5, description="throttle in level flight as the autopilot believes (TRIM_THROTTLE)", examples=[0.45]
+    )
+    airspeed_min_mps: Speed = Field(
+        default=10.0, description="the autopilot's least airspeed (AIRSPEED_MIN), m/s", examples=[12]
+    )
+    airspeed_cruise_mps: Speed = Field(
+        default=22.0, description="its cruising airspeed (AIRSPEED_CRUISE), m/s", examples=[20]
+    )
+    airspeed_max_mps: Speed = Field(
+        default=30.0, description="its greatest airspeed (AIRSPEED_MAX), m/s", examples=[28]
+    )
+    climb_max_mps: Speed = Field(
+        default=5.0, description="climb at full throttle as the autopilot believes (TECS_CLMB_MAX), m/s", examples=[4]
+    )
+    sink_min_mps: Speed = Field(
+        default=2.0, description="sink without throttle as the autopilot believes (TECS_SINK_MIN), m/s", examples=[1.5]
+    )
+    sink_max_mps: Speed = Field(default=5.0, description="fastest sink (TECS_SINK_MAX), m/s", examples=[4])
+    time_constant_s: Lag = Field(default=5.0, description="of the energy control (TECS_TIME_CONST), s", examples=[3])
+    height_lag_s: Lag = Field(default=3.0, description="lag of the demanded height (TECS_HDEM_TCONST), s", examples=[2])
+    throttle_damping: NonNegative = Field(
+        default=0.5, description="how errors of the energy's rate drive the throttle (TECS_THR_DAMP), s", examples=[0.7]
+    )
+    pitch_damping: NonNegative = Field(
+        default=0.3, description="how errors of the balance's rate drive the pitch (TECS_PTCH_DAMP)", examples=[0.5]
+    )
+    integral_gain: NonNegative = Field(
+        default=0.3, description="integral of both (TECS_INTEG_GAIN), 1/s", examples=[0.1]
+    )
+    speed_weight: Annotated[NonNegative, Field(le=2.0)] = Field(
+        default=1.0, description="what pitch is for: 0 height, 2 speed, 1 both (TECS_SPDWEIGHT)", examples=[0.8]
+    )
+    bank_to_throttle: NonNegative = Field(
+        default=10.0, description="throttle for what a bank costs (TECS_RLL2THR), m²/s³", examples=[15]
+    )
+    vertical_accel_max_mps2: Positive = Field(
+        default=7.0, description="largest vertical acceleration (TECS_VERT_ACC), m/s²", examples=[5]
+    )
+    speed_filter_radps: Positive = Field(
+        default=2.0, description="bandwidth of its airspeed estimate (TECS_SPD_OMEGA), rad/s", examples=[1.5]
+    )
+    airspeed_lag_s: Lag = Field(default=0.28, description="lag of the airspeed's measurement, s", examples=[0.1])
+    airspeed_rate_hz: Annotated[Positive, Field(ge=1.0, le=50.0)] = Field(
+        default=10.0, description="new airspeeds a second in telemetry, Hz", examples=[20]
+    )
+    airspeed_step_mps: NonNegative = Field(
+        default=0.01, description="resolution of airspeed in telemetry, m/s", examples=[0.1]
+    )
+    airspeed_noise_mps: NonNegative = Field(
+        default=0.06, description="standard deviation of the sensor's white noise, before its lag, m/s", examples=[0.2]
+    )
+    dead_time_s: Annotated[NonNegative, Field(le=2.0)] = Field(
+        default=0.1, description="from a setpoint's arrival until the autopilot heeds it, s", examples=[0.2]
+    )
+    spread: Annotated[NonNegative, Field(le=0.3)] = Field(
+        default=0.02,
+        description="standard deviation of what differs from aircraft to aircraft (thrust, drag, lift, lags), "
+        "as a share; drawn by the scenario's seed",
+        examples=[0.05],
+    )
+
+    def parameters(self) -> dict[str, float]:
+        """Return the constants of motion and autopilot by the names of `flight_model.airframe`, SI."""
+        keys: dict[str, float] = self.model_dump()
+        return {_si(name): math.radians(value) if name.endswith("_deg") else value for name, value in keys.items()}
+
+
+def _si(name: str) -> str:
+    return name.removesuffix("_deg") + "_rad" if name.endswith("_deg") else name
+
 
 BASE_PORT = 14550
 MAX_CLOCK_S = 4e6

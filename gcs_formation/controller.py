@@ -13,11 +13,11 @@ from typing import NamedTuple
 import numpy as np
 
 from airlink.clock import NANOSECONDS, Instant, after
+from flight_model.arrays import Array, Instants, Mask, all_of, or_zero
 from formation_scenario import Scenario
+from formation_scenario.formation import added
 from formation_scenario.slot_motion import SlotMotion
-from formation_scenario.steps import added
 from gcs_formation import parameters
-from gcs_formation.arrays import Array, Instants, Mask, all_of, or_zero
 from gcs_formation.control import envelope
 from gcs_formation.control.mixer import rotate_to
 from gcs_formation.control.situation import Decision, Lead, Situation
@@ -26,15 +26,12 @@ from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, S
 from gcs_formation.estimation.kalman import STATES
 from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory, turn_rate
 from gcs_formation.estimation.projection import Measured, States
-from gcs_formation.formation.clearance import Outlook
-from gcs_formation.formation.plan import FormationPlan
-from gcs_formation.guidance.leader import ASSEMBLED_S
-from gcs_formation.guidance.told import ToldLeader
+from gcs_formation.guidance.leader import ASSEMBLED_S, ToldLeader, amid, fly_on
+from gcs_formation.guidance.slots import FormationPlan, Outlook
 from gcs_formation.guidance.tracking import Lags, Motion, MotionRates
-from gcs_formation.guidance.virtual_leader import amid, fly_on
 from gcs_formation.recorder import Tick
-from gcs_formation.separation.fence import FenceKeeper
-from gcs_formation.separation.keeper import SeparationKeeper
+from gcs_formation.separation.fence import FenceLimits
+from gcs_formation.separation.resolver import ConflictResolver
 
 VIRTUAL = np.zeros(1, dtype=np.intp)
 """The column of a virtual leader."""
@@ -99,8 +96,8 @@ class FormationController:
         self._history = SetpointHistory(scenario.law.rate_hz)
         self.lags = parameters.lag_estimator(scenario, self._history, self._model)
         self._projection = parameters.projection(scenario, self._history, self._model)
-        self.separation = SeparationKeeper(scenario, self._history, self._model)
-        self.fence = FenceKeeper(scenario, self._model)
+        self.separation = ConflictResolver(scenario, self._history, self._model)
+        self.fence = FenceLimits(scenario, self._model)
         self._in_slots_s, self._leader_wind_mps = 0.0, list[list[float]]()
         self._told_leader = ToldLeader(self._dt_s)
         self.last_tick: Tick | None = None

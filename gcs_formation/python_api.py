@@ -10,7 +10,7 @@ from typing import Any
 
 import pyarrow as pa
 
-from airlink.cli.directory import default_directory
+from airlink.cli.commands import default_directory
 from formation_scenario import Scenario, load_scenario
 from formation_scenario.orders import parse_order
 from formation_scenario.overrides import settings

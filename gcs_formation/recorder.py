@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from airlink.clock import Instant
-from airlink.identity import VehicleId
-from gcs_formation.arrays import Array, Mask
+from airlink.endpoint import VehicleId
+from flight_model.arrays import Array, Mask
 from gcs_formation.estimation.flight_state import FlightState, Setpoints
 from gcs_formation.vehicle.vehicle import Vehicle
 

@@ -1,14 +1,15 @@
-"""Puts what happens into words, and reports it to the recorder."""
+"""Puts what happens into words for the recorder, and records where everyone is while nobody is commanded."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
-from airlink.clock import Instant
-from airlink.identity import VehicleId
+from airlink.clock import Instant, seconds_between
+from airlink.endpoint import VehicleId
 from gcs_formation.controller import FormationController
-from gcs_formation.recorder import Detail, Event, Recorder
-from gcs_formation.separation.keeper import words
+from gcs_formation.recorder import Detail, Event, Recorder, Tick
+from gcs_formation.separation.resolver import words
 from gcs_formation.vehicle.vehicle import Vehicle
 
 
@@ -43,3 +44,18 @@ class Reporter:
         for held in controller.fence.changes:
             identity = self._identities[held.column]
             self._recorder.event(Event(now, "fence", held.text, identity, {"begins": held.begins}))
+
+
+def look_on(tick: Tick, vehicles: Mapping[VehicleId, Vehicle], columns: Mapping[VehicleId, int], now: Instant) -> Tick:
+    """Fill in a blank tick and return it: the newest positions as told, and their ages."""
+    tick.active[:] = False
+    for identity, column in columns.items():
+        vehicle, seen = vehicles[identity], vehicles[identity].telemetry
+        if seen.motion is None:
+            continue
+        motion, heading_rad = seen.motion, seen.attitude.yaw_rad if seen.attitude else math.nan
+        place = motion.north_m, motion.east_m, motion.height_m, motion.climb_mps
+        tick.state.table[:, column] = (*place, seen.airspeed_mps, heading_rad, math.nan, math.nan)
+        if vehicle.clock.samples:
+            tick.age_s[column] = seconds_between(vehicle.clock.to_instant(motion.stamp_s), now)
+    return tick

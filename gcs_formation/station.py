@@ -7,41 +7,35 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from airlink.clock import Instant, after, seconds_between
-from airlink.endpoint import Endpoint
+from airlink.endpoint import Endpoint, VehicleId
 from airlink.engine import Datagram
 from airlink.frame import Frame, ParserCounts
-from airlink.identity import VehicleId
 from airlink.messages import Message
 from airlink.messages.parameter import ParamValue
 from formation_scenario import Scenario
 from formation_scenario.arrangement import columns
 from formation_scenario.orders import End
 from gcs_formation.answer import Answer
-from gcs_formation.beacon import Beacon
-from gcs_formation.common_clock import CommonClock
 from gcs_formation.controller import FormationController
-from gcs_formation.dispatch import Dispatch
-from gcs_formation.ending import Ending
-from gcs_formation.identities import Identities
-from gcs_formation.landing import why_not
-from gcs_formation.ledger import CommandLedger
-from gcs_formation.link.receiver import Receiver
-from gcs_formation.loitering import GroundFloor
-from gcs_formation.margin_watch import MarginWatch
-from gcs_formation.noise_watch import NoiseWatch
-from gcs_formation.onlooking import look_on
-from gcs_formation.opening import OPENING_LIMIT_S, Opening
-from gcs_formation.orders import Orders
+from gcs_formation.fleet.circling import GroundFloor
+from gcs_formation.fleet.common_clock import CommonClock
+from gcs_formation.fleet.conformance import ConformanceMonitor
+from gcs_formation.fleet.dispatch import Dispatch, HeartbeatScheduler
+from gcs_formation.fleet.membership import Membership
+from gcs_formation.fleet.message_intervals import MessageIntervals
+from gcs_formation.fleet.quality import MarginWatch, NoiseWatch
+from gcs_formation.fleet.senders import Senders
+from gcs_formation.link.connection import Receiver
+from gcs_formation.mission.ending import OPENING_LIMIT_S, Ending, Opening
+from gcs_formation.mission.landing import why_not
+from gcs_formation.mission.orders import Orders
+from gcs_formation.mission.reconfiguration import Reconfiguration
+from gcs_formation.mission.starting import CARELESS, Caution, PreFlight, Starting
+from gcs_formation.mission.takeover import Resumption, Takeover
 from gcs_formation.phases import BEFORE_COMMANDS, COMMANDED, OVER, Cause, Flight, Phase
-from gcs_formation.preflight import CARELESS, Caution, PreFlight
-from gcs_formation.reconfiguration import Reconfiguration
 from gcs_formation.recorder import Recorder, Tick
-from gcs_formation.reporting import Reporter
-from gcs_formation.roster import Roster
-from gcs_formation.starting import Starting
-from gcs_formation.streams import StreamWatch
-from gcs_formation.takeover import Resumption, Takeover
-from gcs_formation.vehicle.planned import planned
+from gcs_formation.reporting import Reporter, look_on
+from gcs_formation.vehicle.families import planned
 from gcs_formation.vehicle.vehicle import Vehicle
 
 AWAY_S = 0.2
@@ -85,8 +79,8 @@ class Station:
         self._columns = {vehicle.vehicle_id: i for i, vehicle in enumerate(columns(scenario)) if vehicle is not None}
         self._reporter = Reporter(recorder, self._columns)
         fleet = self.vehicles, self._columns, self._reporter.event
-        self.roster = Roster(scenario, *fleet)
-        self._identities = Identities(self.vehicles, self.networks, self.flight, self._reporter.event, self.fail)
+        self.membership = Membership(scenario, *fleet)
+        self._senders = Senders(self.vehicles, self.networks, self.flight, self._reporter.event, self.fail)
         self.margins, self._noise = MarginWatch(scenario, *fleet), NoiseWatch(*fleet)
         self._common_clock = CommonClock(scenario, self.vehicles, utc_at_0_s, self._reporter.event)
         self.preflight = PreFlight(scenario, self.vehicles, caution, self._reporter.event, self.fail)
@@ -98,12 +92,12 @@ class Station:
             scenario, self.controller, self.vehicles, self._columns, self._reporter.event
         )
         self._orders = Orders(scenario, self.flight, self._reconfiguration, self._end_by_order, self._reporter.event)
-        self._beacon, self._dispatch = (
-            Beacon(self.vehicles, self._reporter.event),
+        self._heartbeats, self._dispatch = (
+            HeartbeatScheduler(self.vehicles, self._reporter.event),
             Dispatch(scenario, self.vehicles, self._columns),
         )
-        self._streams = StreamWatch(self.vehicles, self._reporter.event)
-        self._ledger = CommandLedger(scenario, self.controller, *fleet)
+        self._message_intervals = MessageIntervals(self.vehicles, self._reporter.event)
+        self._conformance = ConformanceMonitor(scenario, self.controller, *fleet)
         self._out, self._next_tick = list[Datagram](), Instant(0)
         self._ending, self._ground = Ending({}, Instant(0)), GroundFloor(scenario)
         if resumed is not None:
@@ -112,7 +106,7 @@ class Station:
     def _resume(self, resumed: Resumption) -> None:
         """Go on where a flight stood."""
         self.flight.since, self.flight.path_began = resumed.at, resumed.path_began
-        self._next_tick = self._beacon.next_probe = resumed.at
+        self._next_tick = self._heartbeats.next_probe = resumed.at
         self._reconfiguration.resume(resumed)
         self._orders.resume(resumed.mission_s)
 
@@ -131,7 +125,7 @@ class Station:
         """Return the instant of the next tick, probe or delayed setpoint; None when the run has ended."""
         if self.flight.ended:
             return None
-        timer, held = min(self._next_tick, self._beacon.next_probe), self._dispatch.next()
+        timer, held = min(self._next_tick, self._heartbeats.next_probe), self._dispatch.next()
         return timer if held is None else min(timer, held)
 
     def receive(self, datagram: Datagram, now: Instant) -> None:
@@ -139,7 +133,7 @@ class Station:
         timed = not self._was_away(now)
         for frame in self._receiver.frames(datagram):
             self._recorder.frame(now, frame.raw)
-            vehicle = self._identities.sender(frame, datagram, now)
+            vehicle = self._senders.sender(frame, datagram, now)
             if vehicle is None:
                 self.frames_refused += 1
             else:
@@ -150,8 +144,8 @@ class Station:
         if self._was_away(now):
             for vehicle in self.vehicles.values():
                 vehicle.was_not_asked(now)
-        if now >= self._beacon.next_probe:
-            self._send_all(self._beacon.probes(now), now)
+        if now >= self._heartbeats.next_probe:
+            self._send_all(self._heartbeats.probes(now), now)
         if now >= self._next_tick:
             self.tick(now)
         self._send_all(self._dispatch.pop_due(now), now)
@@ -161,12 +155,12 @@ class Station:
     def tick(self, now: Instant) -> None:
         """Run one tick: links, start-up, membership, setpoints, record."""
         self._schedule_tick(now)
-        if self._beacon.greets(now):
+        if self._heartbeats.greets(now):
             self.margins.watch(now, self._reconfiguration.leader, self.controller.lags_off)
             self._noise.watch(now, self.controller.estimator.noise)
             self.controller.bandwidth = self.margins.bandwidth
             unguided = self._dispatch.unguided(now)
-            self._send_all(self._beacon.greetings(self.flight.mission_time_s(now), unguided, now), now)
+            self._send_all(self._heartbeats.greetings(self.flight.mission_time_s(now), unguided, now), now)
         self._common_clock.watch(now)
         self._watch_links(now)
         self._start_vehicles(now)
@@ -174,9 +168,9 @@ class Station:
         self._take_samples(now)
         if self.flight.phase is not Phase.LOITERING:
             self._judge_members(now)
-            self._streams.watch(now)
-        self._ledger.judge_commands(now)
-        self._ledger.judge_answers(now)
+            self._message_intervals.watch(now)
+        self._conformance.judge_commands(now)
+        self._conformance.judge_answers(now)
         if self.flight.phase in COMMANDED:
             self._fly(now)
         else:
@@ -196,9 +190,13 @@ class Station:
         def replaceable() -> bool:
             return changes.successor(now) is not None
 
-        if changes.leader and not connecting and self.roster.leader_lost(changes.leader, estimator, now, replaceable):
+        if (
+            changes.leader
+            and not connecting
+            and self.membership.leader_lost(changes.leader, estimator, now, replaceable)
+        ):
             changes.succeed(now)
-        self.roster.judge(changes.leader, estimator, now, connecting=connecting)
+        self.membership.judge(changes.leader, estimator, now, connecting=connecting)
 
     def stop(self, now: Instant) -> None:
         """End the flight: the formation opens, all vehicles loiter, and no further landing begins."""
@@ -293,7 +291,7 @@ class Station:
         if opening is None:
             self._orders.advance(now)
             self._reconfiguration.advance(now, mission_s)
-        links = self._dispatch.links(controller.plan.leader, self._ledger.doubted, now)
+        links = self._dispatch.links(controller.plan.leader, self._conformance.doubted, now)
         if opening is not None:
             opening.steer(links, now)
         tick = controller.step(now, mission_s, self.flight.phase.value, links)
@@ -301,11 +299,11 @@ class Station:
         self._dispatch.take(tick, links.hold_s, now)
         self.last_tick = tick
         self._record(tick)
-        self._ledger.judge_motion(tick, now)
+        self._conformance.judge_motion(tick, now)
         self._reporter.setpoints(self.controller, now)
         self.controlled_ticks += 1
         if controller.guidance.started and self._move(Cause.PATH_BEGUN, now):
-            self._beacon.hasten(now)
+            self._heartbeats.hasten(now)
         if opening is None:
             self._end_in_time(now)
         elif opening.over(now):
@@ -315,7 +313,7 @@ class Station:
         """Record where everyone is while nobody is commanded, once somebody has taken off."""
         if not self.recorded_ticks and not any(vehicle.airborne for vehicle in self.vehicles.values()):
             return
-        links = self._dispatch.links(self.controller.plan.leader, self._ledger.doubted, now)
+        links = self._dispatch.links(self.controller.plan.leader, self._conformance.doubted, now)
         tick = self.controller.blank_tick(now, self.flight.mission_time_s(now), self.flight.phase.value, links)
         self._record(look_on(tick, self.vehicles, self._columns, now))
 
@@ -392,7 +390,7 @@ class Station:
         self._ending.loiter_s = self.scenario.finish.loiter_s if cause in (Cause.PATH_ENDED, Cause.ORDERED) else 0.0
         if opens:
             self._ending.opening = Opening(self._ending.stack, self.controller, self.vehicles, self._columns, now)
-            self.roster.ending_m = self._ending.stack.heights_m
+            self.membership.ending_m = self._ending.stack.heights_m
 
     def fail(self, text: str, now: Instant) -> None:
         """End the run because it can't go on; vehicles loiter."""

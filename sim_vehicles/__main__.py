@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from airlink.cli.garbage import look_seldom
-from airlink.cli.interruption import end_quietly
+from airlink.cli.process import end_quietly, look_seldom
 
 
 def main() -> None:

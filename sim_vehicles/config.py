@@ -1,15 +1,24 @@
-"""The configuration of a fleet."""
+"""The configuration of a fleet; which autopilot families there are emulators of."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from airlink.endpoint import Endpoint
-from airlink.identity import VehicleId
-from formation_scenario.faults import DEFAULT_MODE, FaultKind
+from airlink.endpoint import Endpoint, VehicleId
+from formation_scenario import Scenario, Vehicle
+from formation_scenario.environment import DEFAULT_MODE, FaultKind
 from formation_scenario.vehicles import VehicleModel
-from sim_vehicles.disturbances import Disturbance, Turbulence
+from sim_vehicles.airframe.disturbances import Disturbance, Turbulence
 from sim_vehicles.inertial.config import InertialConfig
+
+
+class SimVehiclesError(Exception):
+    """Root of what the emulated vehicles raise."""
+
+
+class TruthError(SimVehiclesError):
+    """A file that isn't a record of ground truth."""
+
 
 EPOCH_2020_US = 1_577_836_800_000_000
 
@@ -93,3 +102,23 @@ class FleetConfig:
     """Seed of every random stream."""
     ready_s: float = 3.0
     """Time from boot until a vehicle may be armed; a real one's estimator takes 23 s."""
+
+
+EMULATED = ("emulator", "arduplane")
+"""The scenario's `autopilot` of vehicles that can be emulated; all of them speak as ArduPlane does."""
+
+
+def without_emulator(scenario: Scenario) -> str:
+    """Return which vehicles' autopilot families have no emulator, in words; "" if all have one."""
+    told = [_named(vehicle) for vehicle in scenario.vehicles if vehicle.autopilot not in EMULATED]
+    return f"{', '.join(told)}: there is no emulator of that; allowed here: {', '.join(EMULATED)}" if told else ""
+
+
+def stand_ins(scenario: Scenario) -> str:
+    """Return which vehicles of a real autopilot family are emulated, in words; "" if none is."""
+    told = [_named(vehicle) for vehicle in scenario.vehicles if vehicle.autopilot != "emulator"]
+    return f"{', '.join(told)} {'is' if len(told) == 1 else 'are'} emulated" if told else ""
+
+
+def _named(vehicle: Vehicle) -> str:
+    return f"vehicle {vehicle.vehicle_id} ({vehicle.autopilot})"

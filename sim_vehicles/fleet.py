@@ -9,15 +9,14 @@ import numpy as np
 from airlink.clock import Instant, after
 from airlink.endpoint import Endpoint
 from airlink.engine import Datagram
-from airlink.geodesy import GeodeticOrigin
-from formation_scenario.arrays import Array
-from sim_vehicles.airframes import Airframes
+from flight_model.arrays import Array
+from flight_model.earth import GeodeticOrigin
+from sim_vehicles.airframe.airframes import Airframes, Steering
+from sim_vehicles.airframe.dynamics import Command, State
+from sim_vehicles.airframe.environment import Environment
+from sim_vehicles.airframe.motion import MotionTable
+from sim_vehicles.autopilot.clock import LOOP_S
 from sim_vehicles.config import FleetConfig
-from sim_vehicles.dynamics import Command, State
-from sim_vehicles.environment import Environment
-from sim_vehicles.loop import LOOP_S
-from sim_vehicles.motion import MotionTable
-from sim_vehicles.steering import Steering
 from sim_vehicles.vehicle import Vehicle
 
 STANDING_MPS = 1e-3

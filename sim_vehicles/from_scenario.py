@@ -5,17 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from airlink.endpoint import parse_endpoint
-from airlink.identity import VehicleId
+from airlink.endpoint import VehicleId, parse_endpoint
 from formation_scenario import Scenario, Vehicle, start_states
-from formation_scenario import disturbances as keys
-from formation_scenario import faults as fault_keys
+from formation_scenario import environment as fault_keys
+from formation_scenario import environment as keys
 from formation_scenario.fields import VehicleSelection
 from formation_scenario.navigation import InertialNavigation, TrueNavigation
+from sim_vehicles.airframe.disturbances import Disturbance, Intensity, Ramp, Sine, Turbulence
 from sim_vehicles.config import Fault, FleetConfig, SensorErrors, Start, VehicleConfig
-from sim_vehicles.disturbances import Disturbance, Intensity, Ramp, Sine, Turbulence
-from sim_vehicles.inertial.config import InertialConfig
-from sim_vehicles.inertial.from_keys import aid, inertial_sensors
+from sim_vehicles.inertial.config import InertialConfig, aid, inertial_sensors
 
 
 def fleet_config(scenario: Scenario) -> FleetConfig:

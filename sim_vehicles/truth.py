@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 
 from airlink.clock import NANOSECONDS, Instant
-from formation_scenario.arrays import Array
-from sim_vehicles.dynamics import ground_velocity
-from sim_vehicles.errors import TruthError
-from sim_vehicles.loop import LOOP_HZ
+from flight_model.arrays import Array
+from sim_vehicles.airframe.dynamics import ground_velocity
+from sim_vehicles.autopilot.clock import LOOP_HZ
+from sim_vehicles.config import TruthError
 
 if TYPE_CHECKING:
     from sim_vehicles.fleet import Fleet

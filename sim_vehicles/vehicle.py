@@ -13,26 +13,21 @@ from airlink.messages import Message
 from airlink.messages.command import CommandAck, CommandInt, CommandLong, RequestDataStream, SetMode
 from airlink.messages.mission import MissionAck, MissionItem, MissionItemInt, MissionItemReached
 from airlink.messages.system import MISSION_TIME, Heartbeat, NamedValueFloat, Statustext, Timesync
-from sim_vehicles import commands
+from sim_vehicles.airframe.motion import Estimate, Motion
+from sim_vehicles.airframe.sensors import Sensors
+from sim_vehicles.autopilot import commands
+from sim_vehicles.autopilot.clock import NEVER, UtcClock, VehicleClock
+from sim_vehicles.autopilot.mission_flight import MissionFlight
+from sim_vehicles.autopilot.missions import E7, Item, Missions, Sender
+from sim_vehicles.autopilot.modes import Condition, GroundStationFailsafe, Mode, Request, select
+from sim_vehicles.autopilot.parameters import ParameterServer, initial_values
+from sim_vehicles.autopilot.pilot import Pilot
+from sim_vehicles.autopilot.storage import Storage
+from sim_vehicles.autopilot.telemetry import BUILDERS, Streams
 from sim_vehicles.config import Fault, SensorErrors, VehicleConfig
-from sim_vehicles.estimate import Estimate
-from sim_vehicles.failsafe import GroundStationFailsafe
 from sim_vehicles.inertial.config import InertialConfig
 from sim_vehicles.inertial.navigator import InertialNavigator
 from sim_vehicles.link import Link
-from sim_vehicles.loop import NEVER
-from sim_vehicles.mission_flight import MissionFlight
-from sim_vehicles.mission_items import E7, Item
-from sim_vehicles.missions import Missions, Sender
-from sim_vehicles.modes import Condition, Mode, Request, select
-from sim_vehicles.motion import Motion
-from sim_vehicles.parameters import ParameterServer, initial_values
-from sim_vehicles.pilot import Pilot
-from sim_vehicles.sensors import Sensors
-from sim_vehicles.storage import Storage
-from sim_vehicles.streams import Streams
-from sim_vehicles.telemetry import BUILDERS
-from sim_vehicles.vehicle_clock import UtcClock, VehicleClock
 
 if TYPE_CHECKING:
     from sim_vehicles.fleet import Fleet

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from formation_scenario.reference import REGENERATE, scenario_reference
-from formation_scenario.schema import scenario_schema
+from formation_scenario.schema import REGENERATE, scenario_reference, scenario_schema
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")])

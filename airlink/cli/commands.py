@@ -1,10 +1,14 @@
-"""A program's commands, each imported when it is chosen."""
+"""What the command lines of all packages share: commands imported when chosen, types of arguments, directories."""
 
 from __future__ import annotations
 
+import math
+import os
 from collections.abc import Mapping
+from datetime import datetime
 from difflib import get_close_matches
 from importlib import import_module
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import click
@@ -50,3 +54,81 @@ class ImportedWhenChosen(click.Group):
         """Write the list of commands without importing them."""
         with formatter.section("Commands"):
             formatter.write_dl([(name, self.entries[name].summary) for name in self.list_commands(ctx)])
+
+
+class WholeNumber(click.IntRange):
+    """A whole number in a range."""
+
+    name = "integer"
+
+
+class Number(click.FloatRange):
+    """A finite number in a range."""
+
+    name = "number"
+
+    def convert(self, value: float, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Return the number."""
+        number = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{value} is not a finite number.", param, ctx)
+        return number
+
+
+class Directory(click.Path):
+    """A directory to write into; "" isn't one."""
+
+    def __init__(self) -> None:
+        """Give commands a Path."""
+        super().__init__(path_type=Path)
+
+    def convert(
+        self, value: str | os.PathLike[str], param: click.Parameter | None, ctx: click.Context | None
+    ) -> str | bytes | os.PathLike[str]:
+        """Return the path."""
+        if not os.fspath(value):
+            self.fail("found ''; allowed: a directory", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+SECONDS = Number(0)
+"""A duration or a mission time, s."""
+OUT = Directory()
+"""Where a command writes to."""
+SEED = WholeNumber(0, 2**63 - 1)
+"""A seed of the random streams: the same range as the scenario's key `seed`."""
+
+
+RUN = "run.yaml"
+"""The file that makes a directory that of a run."""
+
+
+def refusal(path: Path, *, overwrite: bool, mark: str = RUN) -> str | None:
+    """Return why a command may not write into a directory, in words; None if it may.
+
+    Args:
+        path: a directory, which need not exist.
+        overwrite: whether what an earlier command wrote there may be replaced.
+        mark: the file by which a directory of such a command is known.
+
+    Raises:
+        OSError: the directory can't be read.
+    """
+    if not path.is_dir() or next(path.iterdir(), None) is None:
+        return None
+    if not (path / mark).is_file():
+        return f"found files in {path}, and no {mark} of an earlier run; allowed: a new directory, or an empty one"
+    if overwrite:
+        return None
+    found = f"found an earlier run in {path}"
+    return f"{found}; allowed: another directory, or --overwrite (in Python overwrite=True), which replaces that run"
+
+
+def default_directory(name: str) -> Path:
+    """Return runs/NAME-TIME, with a number appended if that exists; slashes in NAME are replaced."""
+    stem = f"{name.replace(os.sep, '-')}-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
+    directory, number = Path("runs") / stem, 1
+    while directory.exists():
+        number += 1
+        directory = Path("runs") / f"{stem}-{number}"
+    return directory

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from formation_scenario.errors import Problem
 from formation_scenario.model import Scenario
-from formation_scenario.rules import events, formation, links, surroundings, vehicles
+from formation_scenario.rules import events, surroundings, vehicles
 from formation_scenario.source import Source
 
 RULES = (
@@ -15,17 +15,17 @@ RULES = (
     events.references,
     events.disturbances,
     events.faults,
-    links.traces,
-    links.bursts,
-    formation.slots,
-    formation.changes,
-    formation.orders,
-    formation.consensus,
+    events.traces,
+    events.bursts,
+    vehicles.slots,
+    vehicles.changes,
+    vehicles.orders,
+    vehicles.consensus,
     surroundings.path,
     surroundings.places,
     surroundings.wind,
     surroundings.terrain,
-    formation.avoidance,
+    vehicles.avoidance,
     surroundings.fence,
     events.expectations,
 )

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from airlink.geodesy import SEMI_MAJOR_M
-from formation_scenario.elevation import ALLOWED, ElevationError
+from flight_model.earth import SEMI_MAJOR_M
+from flight_model.elevation import ALLOWED, ElevationError
+from flight_model.path import PathError, SplinePath
 from formation_scenario.errors import Problem
 from formation_scenario.ground import ground_of
 from formation_scenario.model import Scenario
-from formation_scenario.path import PathError, SplinePath
 from formation_scenario.source import KeyPath, Source
 
 MAX_PATH_M = 1e6

@@ -12,16 +12,14 @@ import numpy as np
 from flight_model.design import BOUNDS
 from formation_scenario import Scenario, ScenarioError, dump_scenario, slot_schedule
 from formation_scenario.arrangement import planned_slots
-from formation_scenario.auto_gains import by_design, figures
 from formation_scenario.feasibility import refused_orders
 from formation_scenario.flight_time import planned_end_s
-from formation_scenario.gains import AUTO
-from formation_scenario.lifted_path import leader_path
-from gcs_formation.app.assembly import assembly, goes_round
-from gcs_formation.app.split_errors import split_errors, ways_s
+from formation_scenario.gains import AUTO, by_design, figures
+from formation_scenario.ground import leader_path
+from gcs_formation.app.assembly import assembly, goes_round, split_errors, ways_s
 from gcs_formation.controller import AHEAD_POINTS
-from gcs_formation.loitering import GroundFloor
-from gcs_formation.opening import OPENING_LIMIT_S
+from gcs_formation.fleet.circling import GroundFloor
+from gcs_formation.mission.ending import OPENING_LIMIT_S
 from gcs_formation.stability import (
     LawMargins,
     Usage,
@@ -32,8 +30,7 @@ from gcs_formation.stability import (
     scenario_adjacency,
     scenario_margins,
 )
-from gcs_formation.stability.lag_margin import LAGS_OFF, lag_margin, mismatch_margin_with_lags_off
-from gcs_formation.stability.usage import STEP_S
+from gcs_formation.stability.mismatch import LAGS_OFF, STEP_S, lag_margin, mismatch_margin_with_lags_off
 
 UNITS = {"speed": "m/s", "heading": "rad", "height": "m"}
 NEAR = 0.8

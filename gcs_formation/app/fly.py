@@ -1,22 +1,119 @@
-"""`gcs-formation fly`: the ground station alone, against vehicles that are up already."""
+"""`gcs-formation fly`: the ground station alone, against vehicles that are up already, or a rehearsal of that."""
 
 from __future__ import annotations
 
+import math
 import time
+from collections.abc import Iterator
 from typing import Any
 
+from airlink import mavlink as m
 from airlink.clock import RealClock
 from airlink.errors import PortError
+from airlink.messages.command import CommandInt
 from airlink.udp import UdpDriver
-from formation_scenario import Scenario
+from formation_scenario import Scenario, slot_schedule
+from formation_scenario.arrangement import columns
+from formation_scenario.ground import leader_path
 from gcs_formation.app.interrupt import Interrupts
 from gcs_formation.app.options import RunOptions
 from gcs_formation.app.progress import Progress
-from gcs_formation.app.rehearsal import rehearsed
 from gcs_formation.app.session import Session, open_session
 from gcs_formation.errors import RunAbortedError
+from gcs_formation.estimation.flight_state import Setpoint, Whereabouts
 from gcs_formation.record.past import Past, epoch_us, read_past
 from gcs_formation.record.summary import Summary
+from gcs_formation.station import Station
+from gcs_formation.vehicle.autopilot import Autopilot, Command
+from gcs_formation.vehicle.vehicle import Vehicle
+
+PARAMETERS = ("param1", "param2", "param3", "param4")
+SETPOINTS = "setpoints"
+"""Sent at every tick; the values are those of its slot at the path's start."""
+
+
+def rehearsed(station: Station) -> dict[str, Any]:
+    """Return what `--dry-run --json` prints: for each vehicle its state, its parameters' findings and the messages."""
+    places = first_setpoints(station.scenario)
+    return {
+        "rate_hz": station.scenario.law.rate_hz,
+        "dry_run": [
+            {
+                "vehicle": str(identity),
+                "family": vehicle.autopilot.family,
+                "mode": vehicle.autopilot.mode_name(vehicle.telemetry),
+                "armed": vehicle.telemetry.armed,
+                "airborne": vehicle.airborne,
+                "parameters": list(station.preflight.warnings.get(identity, ())),
+                "messages": list(_messages(vehicle, *places[str(identity)])),
+            }
+            for identity, vehicle in station.vehicles.items()
+        ],
+    }
+
+
+def rehearsal_text(report: dict[str, Any]) -> str:
+    """Return the same for a person."""
+    lines: list[str] = []
+    for each in report["dry_run"]:
+        where = "in the air" if each["airborne"] else "on the ground"
+        armed = "armed" if each["armed"] else "disarmed"
+        lines.append(f"vehicle {each['vehicle']} ({each['family']}): {each['mode']}, {armed}, {where}")
+        lines.extend(f"  parameters: {text}" for text in each["parameters"])
+        for message in each["messages"]:
+            when = f"setpoints, {report['rate_hz']:g} a second" if message["when"] == SETPOINTS else message["when"]
+            values = ", ".join(f"{name} {_number(value)}" for name, value in message["values"].items())
+            lines.append(f"  {when}: {message['message']} {message['command']}: {values or 'all 0'}")
+    return "\n".join([*lines, "nobody was commanded; heartbeats and requests for telemetry and parameters were sent"])
+
+
+def first_setpoints(scenario: Scenario) -> dict[str, tuple[Setpoint, Whereabouts]]:
+    """Return each vehicle's setpoint in its slot when the leader is at the path's start, and where that is."""
+    start, found = leader_path(scenario).at(0.0), dict[str, tuple[Setpoint, Whereabouts]]()
+    ahead, aside = math.cos(start.course_rad), math.sin(start.course_rad)
+    for vehicle, place_m in zip(columns(scenario), slot_schedule(scenario)[0].places_m.tolist(), strict=True):
+        forward_m, right_m, up_m = place_m
+        north_m = start.north_m + forward_m * ahead - right_m * aside
+        east_m = start.east_m + forward_m * aside + right_m * ahead
+        if vehicle is not None:
+            told = Setpoint(scenario.path.speed_mps, start.course_rad, start.height_m + up_m)
+            found[str(vehicle.vehicle_id)] = told, Whereabouts(north_m, east_m, 0.0, 0.0)
+    return found
+
+
+def _messages(vehicle: Vehicle, setpoint: Setpoint, where: Whereabouts) -> Iterator[dict[str, Any]]:
+    autopilot, seen = vehicle.autopilot, vehicle.telemetry
+    for step in autopilot.start_up(vehicle.rates_hz):
+        if step.acts(seen) and not step.done(seen):
+            yield from (_told("start", command, autopilot) for command in step.commands(seen))
+    yield from (_told(SETPOINTS, command, autopilot) for command in autopilot.setpoint(setpoint, where))
+    yield from (_told("end", command, autopilot) for command in autopilot.loiter(setpoint.height_m, seen))
+
+
+def _told(when: str, command: Command, autopilot: Autopilot) -> dict[str, Any]:
+    places = ("x", "y", "z", "frame") if isinstance(command, CommandInt) else ("param5", "param6", "param7")
+    given = [name for name in (*PARAMETERS, *places) if getattr(command, name)]
+    shown = max((PARAMETERS.index(name) + 1 for name in given if name in PARAMETERS), default=0)
+    names = (*PARAMETERS[:shown], *(name for name in given if name not in PARAMETERS))
+    mode, named = autopilot.mode_asked(command), m.name_of("MAV_CMD", command.command)
+    if mode is not None:
+        named = f"{named} ({autopilot.mode_names[mode]})"
+    return {
+        "when": when,
+        "message": "COMMAND_INT" if isinstance(command, CommandInt) else "COMMAND_LONG",
+        "command": named,
+        "values": {name: _rounded(getattr(command, name)) for name in names},
+    }
+
+
+def _rounded(value: float) -> float | None:
+    """Return a value for JSON; None for NaN, which leaves a field to the vehicle."""
+    return None if math.isnan(value) else round(float(value), 4)
+
+
+def _number(value: float | None) -> str:
+    """Return it as text, degrees in 1e-7 with all their digits."""
+    return "unset" if value is None else f"{value:.10g}"
 
 
 def rehearse(scenario: Scenario, options: RunOptions, progress: Progress, interrupts: Interrupts) -> dict[str, Any]:

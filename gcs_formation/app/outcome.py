@@ -1,13 +1,80 @@
-"""The result of a finished run in a few lines of text."""
+"""What a user is shown of a run in text that fits a terminal: its result, and its status while it flies."""
 
 from __future__ import annotations
 
+import math
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from gcs_formation.app.columns import WIDE, Group, table, wrapped
+import numpy as np
+
+from airlink.clock import NANOSECONDS, Instant
+from airlink.endpoint import VehicleId
+from flight_model.arrays import Array
+from gcs_formation.link.connection import LinkState
 from gcs_formation.record.summary import Summary
+from gcs_formation.station import Station
+from gcs_formation.vehicle.member import Member
+from gcs_formation.vehicle.vehicle import Vehicle
+
+GAP = "  "
+WIDE = 10**6
+
+
+class Group(NamedTuple):
+    """Columns of a table that stay or go together."""
+
+    heads: tuple[str, ...]
+    rows: Sequence[Sequence[str]]
+    keep: int
+    """The groups of the lowest number go first where the table is too wide."""
+
+
+def table(groups: Sequence[Group], width: int) -> list[str]:
+    """Return a table's lines, with as many groups as fit; at least the one to keep longest."""
+    chosen = list(groups)
+    lines = _lines(chosen)
+    while len(chosen) > 1 and max(map(len, lines)) > width:
+        chosen.remove(min(chosen, key=lambda group: group.keep))
+        lines = _lines(chosen)
+    return lines
+
+
+def line(parts: Sequence[tuple[str, ...]], width: int) -> str:
+    """Return parts beside each other; where they don't fit, each takes its next wording or goes, the last first."""
+    wordings = [[*each, ""] for each in parts]
+    while len(_joined(wordings)) > width:
+        longest = max(map(len, wordings))
+        next(each for each in reversed(wordings) if len(each) == longest).pop(0)
+    return _joined(wordings)
+
+
+def wrapped(text: str, width: int, indent: str = "  ") -> list[str]:
+    """Return a text in lines of whole words; all but the first are indented."""
+    lines = textwrap.wrap(text, max(width, 1), subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+    return lines or [""]
+
+
+def _joined(wordings: Sequence[Sequence[str]]) -> str:
+    return GAP.join(wording[0] for wording in wordings if wording[0])
+
+
+def _lines(groups: Sequence[Group]) -> list[str]:
+    heads = [head for group in groups for head in group.heads]
+    count = len(groups[0].rows)
+    rows = [heads, *([cell for group in groups for cell in group.rows[i]] for i in range(count))]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return [_row(row, widths) for row in rows]
+
+
+def _row(cells: Sequence[str], widths: Sequence[int]) -> str:
+    """Return a row: the first column, and texts in the last, set left; figures right."""
+    first = cells[0].ljust(widths[0])
+    rest = [cell.rjust(width) for cell, width in zip(cells[1:], widths[1:], strict=True)]
+    return GAP.join((first, *rest)).rstrip()
+
 
 MOST_ROWS = 24
 TABLE_WIDTH = 80
@@ -106,3 +173,61 @@ def _safety(figures: dict[str, Any]) -> str:
 
 def _number(value: float | None, digits: int = 2) -> str:
     return "–" if value is None else f"{value:.{digits}f}"
+
+
+WIDTH = 80
+SHORT = {
+    Member.STARTING: "starting",
+    Member.FLYING: "in formation",
+    Member.PARTED: "its pilot's",
+    Member.UNHEARD: "not heard",
+    Member.HOLDING: "told to loiter",
+    Member.RETURNING: "coming back",
+}
+
+
+def status_page(station: Station, now: Instant, width: int = WIDTH) -> str:
+    """Return phase and time, and each vehicle's place, errors (slot minus vehicle, m), delays and margin in use."""
+    return "\n".join([*wrapped(_where(station, now), width), *table(_groups(station), width)])
+
+
+def _where(station: Station, now: Instant) -> str:
+    flight, scenario = station.flight, station.scenario
+    mission_s = flight.mission_time_s(now)
+    since = "" if math.isnan(mission_s) else f", t = {mission_s:.1f} of {scenario.duration_s:g} s"
+    failure = f"; {station.failure.text}" if station.failure else ""
+    return f"{scenario.name}: {flight.phase.value}{since}, {now / NANOSECONDS:.1f} s after the start{failure}"
+
+
+def _groups(station: Station) -> list[Group]:
+    """Return the table's columns; errors and states stay longest."""
+    vehicles, tick = station.vehicles, station.last_tick
+    unknown = np.full(3, np.nan)
+    errors = [unknown if tick is None else tick.error_m[station.column(each)] for each in vehicles]
+    used = [station.margins.used[station.column(each)] for each in vehicles]
+    state = [(_state(station, each, vehicle),) for each, vehicle in vehicles.items()]
+    return [
+        Group(
+            ("vehicle", "x", "y", "z"), [(str(i), *_cells(own, 2)) for i, own in zip(vehicles, errors, strict=True)], 5
+        ),
+        Group(("one-way ms",), [_cells([v.clock.one_way_s * 1e3], 0) for v in vehicles.values()], 2),
+        Group(("up", "down"), [_cells([1e3 * way_s for way_s in v.ways_s], 0) for v in vehicles.values()], 1),
+        Group(("loss",), [(f"{vehicle.sequence.loss:.1%}",) for vehicle in vehicles.values()], 0),
+        Group(("margin used",), [(f"{each:.0%}" if math.isfinite(each) else "–",) for each in used], 3),
+        Group(("state",), state, 4),
+    ]
+
+
+def _state(station: Station, identity: VehicleId, vehicle: Vehicle) -> str:
+    """Return what a vehicle does: its link if that isn't well, else its start-up, its lead, or its membership."""
+    tick, link = station.last_tick, vehicle.connection.state
+    if link is not LinkState.CONNECTED:
+        return f"link {link.value}"
+    if not vehicle.start_up.finished:
+        return vehicle.start_up.doing
+    leads = tick is not None and tick.leader == station.column(identity)
+    return "leads" if leads and vehicle.member is Member.FLYING else SHORT[vehicle.member]
+
+
+def _cells(values: Array | list[float], digits: int) -> tuple[str, ...]:
+    return tuple(f"{value:.{digits}f}" if math.isfinite(value) else "–" for value in values)

@@ -1,4 +1,4 @@
-"""How a flight shows its progress: a status line on a terminal, with lines above it; lines alone in a pipe or a log."""
+"""Which events are told to a user while a flight lasts, and in which words."""
 
 from __future__ import annotations
 
@@ -14,12 +14,53 @@ from rich.live import Live
 from rich.text import Text
 
 from airlink.clock import NANOSECONDS
-from gcs_formation.app import columns
-from gcs_formation.app.narration import Narration
+from airlink.endpoint import VehicleId
+from gcs_formation.app import outcome
 from gcs_formation.link.connection import LinkState
+from gcs_formation.mission.starting import IN_ORDER
 from gcs_formation.phases import Phase
 from gcs_formation.recorder import Event
 from gcs_formation.station import Station
+
+QUIET = ("mode", "statustext", "ready")
+"""Kinds that every start is full of. They are in events.jsonl."""
+PASSING = {"link": ("stale",), "parameters": (IN_ORDER,)}
+USUAL = {"link": ("connected",), "member": ("flying in formation", "starting")}
+"""Words that are worth telling only after others of the kind: a link is back, a vehicle is in the formation again."""
+
+
+class Narration:
+    """Tells events of weight, each in a line."""
+
+    def __init__(self) -> None:
+        """Begin with vehicles of which nothing unusual has been told."""
+        self._unusual = set[tuple[str, VehicleId | None]]()
+
+    def line(self, event: Event, mission_s: float) -> str | None:
+        """Return an event's line, with the mission time in s (NaN before the path); None if it has no weight."""
+        if not self._has_weight(event):
+            return None
+        since = f"start + {event.now / NANOSECONDS:6.1f} s" if math.isnan(mission_s) else f"t     = {mission_s:6.1f} s"
+        return f"{since}  {words(event)}"
+
+    def _has_weight(self, event: Event) -> bool:
+        if event.kind in QUIET or event.text in PASSING.get(event.kind, ()):
+            return False
+        about = event.kind, event.vehicle
+        if event.text not in USUAL.get(event.kind, ()):
+            self._unusual.add(about)
+            return True
+        was_unusual = about in self._unusual
+        self._unusual.discard(about)
+        return was_unusual
+
+
+def words(event: Event) -> str:
+    """Return an event in words: `vehicle 3, link: lost`; phases by their name and what led to them."""
+    if event.kind == "phase":
+        return f"{event.text}: {event.details['cause']}" if "cause" in event.details else event.text
+    kind = event.kind.replace("_", " ")
+    return f"{kind}: {event.text}" if event.vehicle is None else f"vehicle {event.vehicle}, {kind}: {event.text}"
 
 
 class Progress(Protocol):
@@ -87,7 +128,7 @@ class StatusLine:
         """Show time, worst error, delay and links, as much as fits."""
         with suppress(OSError):  # the terminal was closed while the vehicles still fly
             # A line as wide as the terminal would move the cursor to the next one.
-            text = columns.line(progress_parts(station), self._console.width - 1)
+            text = outcome.line(progress_parts(station), self._console.width - 1)
             self._live.update(Text(text, no_wrap=True, overflow="crop"), refresh=True)
 
     def note(self, event: Event, mission_s: float) -> None:
@@ -95,7 +136,7 @@ class StatusLine:
         told = self._narration.line(event, mission_s)
         if told is not None:
             with suppress(OSError):
-                for part in columns.wrapped(told, self._console.width - 1):
+                for part in outcome.wrapped(told, self._console.width - 1):
                     self._console.print(Text(part, no_wrap=True, overflow="crop"))
 
     def close(self) -> None:

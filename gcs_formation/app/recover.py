@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 
 from airlink.frame import ParserCounts
+from flight_model.arrays import Array
 from formation_scenario import Scenario
 from gcs_formation.app.run import recorded_truth
-from gcs_formation.arrays import Array
 from gcs_formation.errors import RecordError
+from gcs_formation.record.expectations import ControlFigures, LinkFigures, Outcome
 from gcs_formation.record.flight import Flight, join, split
-from gcs_formation.record.outcome import ControlFigures, LinkFigures, Outcome
 from gcs_formation.record.run_directory import EVENTS, SPOOL, SUMMARY
 from gcs_formation.record.summary import summarise
 from gcs_formation.record.timeseries import in_words, read_spool

@@ -24,10 +24,9 @@ from gcs_formation.app.session import Session, open_session
 from gcs_formation.errors import NoEmulatorError, RunAbortedError
 from gcs_formation.record.run_directory import SCENARIO, TRUTH
 from gcs_formation.record.summary import Summary
-from gcs_formation.record.truth import GroundTruth
+from gcs_formation.record.timeseries import GroundTruth
 from gcs_formation.recorder import Event
-from sim_vehicles.errors import TruthError
-from sim_vehicles.families import stand_ins, without_emulator
+from sim_vehicles.config import TruthError, stand_ins, without_emulator
 from sim_vehicles.fleet import Fleet
 from sim_vehicles.from_scenario import fleet_config
 from sim_vehicles.truth import TruthWriter, read_truth

@@ -9,33 +9,76 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from airlink.clock import NANOSECONDS, Clock, VirtualClock, seconds_between
-from airlink.engine import Engine
-from airlink.identity import VehicleId
+from airlink.clock import NANOSECONDS, Clock, Instant, VirtualClock, seconds_between
+from airlink.endpoint import Endpoint, VehicleId
+from airlink.engine import Datagram, Engine
 from formation_scenario import Scenario
 from gcs_formation.answer import Answer
-from gcs_formation.app.confirm import Confirmation
-from gcs_formation.app.faults import InjectedFaults
-from gcs_formation.app.interrupt import Interrupts
-from gcs_formation.app.links import InjectedDelays, impair, injected
+from gcs_formation.app.injection import InjectedDelays, InjectedFaults, impair, injected
+from gcs_formation.app.interrupt import Confirmation, Interrupts
 from gcs_formation.app.options import RunOptions
+from gcs_formation.app.outcome import status_page
 from gcs_formation.app.progress import Progress
-from gcs_formation.app.status import status_page
 from gcs_formation.app.steering import STATUS, OrderSocket
-from gcs_formation.app.timing import TimedStation
 from gcs_formation.errors import RunAbortedError
+from gcs_formation.mission.starting import Caution
 from gcs_formation.phases import Phase
-from gcs_formation.preflight import Caution
+from gcs_formation.record.expectations import ControlFigures, Injected, LinkFigures, Outcome
 from gcs_formation.record.flight import join, split
-from gcs_formation.record.outcome import Injected, LinkFigures, Outcome
 from gcs_formation.record.past import Past
 from gcs_formation.record.run_directory import RECORDING, SPOOL, TIMESERIES, RunDirectory
 from gcs_formation.record.summary import Summary, summarise
-from gcs_formation.record.timeseries import read_spool, spools, write_parquet
-from gcs_formation.record.truth import GroundTruth
+from gcs_formation.record.timeseries import GroundTruth, read_spool, spools, write_parquet
 from gcs_formation.recorder import Event
 from gcs_formation.stability import scenario_delay_margin
 from gcs_formation.station import Station
+
+
+class TimedStation:
+    """Wraps a station and times its control ticks; itself an engine."""
+
+    def __init__(self, station: Station) -> None:
+        """Time the ticks of `station`."""
+        self._station = station
+        self._due: list[int] = []
+        self._begun: list[int] = []
+        self._taken: list[float] = []
+
+    def endpoints(self) -> tuple[Endpoint, ...]:
+        """Return the station's endpoints."""
+        return self._station.endpoints()
+
+    def receive(self, datagram: Datagram, now: Instant) -> None:
+        """Hand on a datagram."""
+        self._station.receive(datagram, now)
+
+    def datagrams_to_send(self) -> list[Datagram]:
+        """Return what the station sends."""
+        return self._station.datagrams_to_send()
+
+    def next_timer(self) -> Instant | None:
+        """Return the station's timer."""
+        return self._station.next_timer()
+
+    def handle_timer(self, now: Instant) -> None:
+        """Pass on the timer; record it if it was a tick that commanded the formation."""
+        due, ticks = self._station.next_timer(), self._station.controlled_ticks
+        began = time.perf_counter()
+        self._station.handle_timer(now)
+        if due is not None and self._station.controlled_ticks > ticks:
+            self._taken.append(time.perf_counter() - began)
+            self._due.append(due)
+            self._begun.append(now)
+
+    def figures(self, rate_hz: float) -> ControlFigures:
+        """Return the times of all ticks."""
+        return ControlFigures(
+            rate_hz,
+            np.array(self._due, dtype=np.float64) / NANOSECONDS,
+            np.array(self._begun, dtype=np.float64) / NANOSECONDS,
+            np.array(self._taken),
+        )
+
 
 MICROSECONDS = 1_000_000
 VIRTUAL_EPOCH_US = 1_577_836_800 * MICROSECONDS

@@ -8,15 +8,17 @@ from airlink.cli.commands import Entry, ImportedWhenChosen
 from gcs_formation.cli import usage
 
 COMMANDS = {
-    "check": Entry("gcs_formation.cli.check", "Validate a scenario; print its graph and its delay margins."),
-    "compare": Entry("gcs_formation.cli.compare", "Fly a scenario by several laws and set them side by side."),
+    "check": Entry("gcs_formation.cli.scenario", "Validate a scenario; print its graph and its delay margins."),
+    "compare": Entry("gcs_formation.cli.study", "Fly a scenario by several laws and set them side by side."),
     "fly": Entry("gcs_formation.cli.flight", "Fly a scenario with vehicles that are up already."),
     "identify": Entry("gcs_formation.cli.identify", "Find a vehicle's model from a flight; write a vehicle file."),
-    "init": Entry("gcs_formation.cli.init", "Write an example scenario to begin with."),
+    "init": Entry("gcs_formation.cli.scenario", "Write an example scenario to begin with."),
     "report": Entry("gcs_formation.cli.report", "Draw the figures and the page of a finished run."),
     "run": Entry("gcs_formation.cli.flight", "Fly a scenario with emulated vehicles."),
-    "schema": Entry("gcs_formation.cli.schema", "Print the JSON schema of scenarios, or the reference of their keys."),
-    "stress": Entry("gcs_formation.cli.stress", "Fly random scenarios and look for what must never be."),
+    "schema": Entry(
+        "gcs_formation.cli.scenario", "Print the JSON schema of scenarios, or the reference of their keys."
+    ),
+    "stress": Entry("gcs_formation.cli.study", "Fly random scenarios and look for what must never be."),
     "study": Entry("gcs_formation.cli.study", "Fly one scenario many times, over parameters and seeds."),
     "tell": Entry("gcs_formation.cli.tell", "Give a flight under way an order."),
 }

@@ -12,17 +12,15 @@ from typing import Any, TypeVar
 
 import click
 
-from airlink.cli.arguments import OUT, SECONDS, SEED, Number
-from airlink.cli.directory import default_directory
-from airlink.cli.status import Status, fail, say
+from airlink.cli.commands import OUT, SECONDS, SEED, Number, default_directory
+from airlink.cli.process import Status, fail, say
 from formation_scenario import Scenario
 from gcs_formation.app.fly import fly as fly_scenario
-from gcs_formation.app.fly import rehearse
+from gcs_formation.app.fly import rehearsal_text, rehearse
 from gcs_formation.app.interrupt import Interrupts
 from gcs_formation.app.options import ClockName, RunOptions
 from gcs_formation.app.outcome import result_line, summary_text
 from gcs_formation.app.progress import Progress, Silent, progress_on
-from gcs_formation.app.rehearsal import rehearsal_text
 from gcs_formation.app.run import run as run_scenario
 from gcs_formation.cli import usage
 from gcs_formation.cli.scenario import load

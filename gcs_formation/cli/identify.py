@@ -10,9 +10,8 @@ from typing import Any
 
 import click
 
-from airlink.cli.arguments import OUT, Number, WholeNumber
-from airlink.cli.directory import default_directory
-from airlink.cli.status import Status, fail, say
+from airlink.cli.commands import OUT, Number, WholeNumber, default_directory
+from airlink.cli.process import Status, fail, say
 from formation_scenario import Scenario, ScenarioError
 from gcs_formation.app.fly import fly
 from gcs_formation.app.interrupt import Interrupts
@@ -23,7 +22,7 @@ from gcs_formation.cli import usage
 from gcs_formation.cli.scenario import load
 from gcs_formation.errors import RecordError, RunAbortedError
 from gcs_formation.identify import command
-from gcs_formation.identify.flight import identification_scenario
+from gcs_formation.identify.command import identification_scenario
 
 EMULATOR = "emulator"
 VEHICLE_FILE = "vehicle.yaml"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from airlink.cli.status import fail
+from airlink.cli.process import fail
 from gcs_formation.cli import usage
 from gcs_formation.errors import RecordError
 from gcs_formation.report import write_report

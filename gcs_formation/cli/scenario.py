@@ -1,11 +1,20 @@
-"""The scenario on a command line."""
+"""`gcs-formation init`, `check` and `schema`."""
 
 from __future__ import annotations
 
+import json
+from importlib.resources import files
 from pathlib import Path
 
-from airlink.cli.status import fail
+import click
+
+from airlink.cli.process import fail
 from formation_scenario import Scenario, ScenarioError, load_scenario
+from formation_scenario.schema import scenario_reference, scenario_schema
+from gcs_formation.app.check import check_report, check_text, refusal_report
+from gcs_formation.cli import usage
+from gcs_formation.errors import ExampleError
+from gcs_formation.studies.keys import study_schema
 
 
 def load(scenario: Path, overrides: tuple[str, ...]) -> Scenario:
@@ -14,3 +23,81 @@ def load(scenario: Path, overrides: tuple[str, ...]) -> Scenario:
         return load_scenario(scenario, overrides)
     except ScenarioError as error:
         fail(str(error))
+
+
+SUFFIX = ".yaml"
+IN_THE_TREE = "configs"
+"""Directory of the examples in the sources; an installed package contains them."""
+
+
+def example_names() -> list[str]:
+    """Return the names of the examples that come with the package."""
+    return sorted(path.name.removesuffix(SUFFIX) for path in _directory().iterdir() if path.name.endswith(SUFFIX))
+
+
+def write_example(name: str, directory: Path) -> Path:
+    """Write an example into a directory, which is created if necessary; return the file.
+
+    Raises:
+        ExampleError: the file exists already, or can't be written.
+    """
+    path = directory / f"{name}{SUFFIX}"
+    text = (_directory() / path.name).read_text(encoding="utf-8").replace(f"{IN_THE_TREE}/", "")
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        with path.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except OSError as error:
+        if path.exists():
+            found = f"found {path}; allowed: a file that isn't there yet, as init overwrites nothing"
+            raise ExampleError(found) from error
+        raise ExampleError(f"cannot write {path}: {error.strerror}; allowed: a writable directory") from error
+    return path
+
+
+def _directory() -> Path:
+    package = Path(str(files("gcs_formation")))
+    packaged = package / "examples"
+    return packaged if packaged.is_dir() else package.parent / IN_THE_TREE
+
+
+@click.command(epilog=usage.INIT)
+@click.argument("directory", type=click.Path(path_type=Path), default=Path())
+@click.option("--example", type=click.Choice(example_names()), default="quickstart", show_default=True)
+def init(directory: Path, example: str) -> None:
+    """Write an example scenario into DIRECTORY (default: here) to begin with. Overwrites nothing."""
+    try:
+        path = write_example(example, directory)
+    except ExampleError as error:
+        fail(str(error))
+    emulated = all(vehicle.autopilot == "emulator" for vehicle in load(path, ()).vehicles)
+    click.echo(
+        f"wrote {path}; next:\n  gcs-formation check {path}\n  gcs-formation {'run' if emulated else 'fly'} {path}"
+    )
+
+
+@click.command(epilog=usage.CHECK)
+@click.argument("scenario", type=click.Path(path_type=Path))
+@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key (repeatable).")
+@click.option("--json", "as_json", is_flag=True, help="Margins and warnings, or what is wrong, as JSON.")
+def check(scenario: Path, overrides: tuple[str, ...], as_json: bool) -> None:
+    """Validate SCENARIO; print it resolved, its communication graph and its delay margins. Starts nothing."""
+    try:
+        loaded = load_scenario(scenario, overrides)
+    except ScenarioError as error:
+        if as_json:
+            click.echo(json.dumps(refusal_report(error), indent=2))
+        fail(str(error))
+    click.echo(json.dumps(check_report(loaded), indent=2) if as_json else check_text(loaded))
+
+
+@click.command(epilog=usage.SCHEMA)
+@click.option("--study", is_flag=True, help="Of study files instead.")
+@click.option("--markdown", is_flag=True, help="The reference of all keys instead, for people.")
+def schema(study: bool, markdown: bool) -> None:
+    """Print the JSON schema of scenarios, for editors and validators."""
+    if study:
+        click.echo(json.dumps(study_schema(), indent=1, ensure_ascii=False))
+        return
+    text = scenario_reference() if markdown else json.dumps(scenario_schema(), indent=1, ensure_ascii=False) + "\n"
+    click.echo(text, nl=False)

@@ -1,25 +1,26 @@
-"""`gcs-formation study`."""
+"""`gcs-formation study`, `compare` and `stress`: many flights."""
 
 from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import click
 
-from airlink.cli.arguments import OUT, WholeNumber
-from airlink.cli.interruption import raised
-from airlink.cli.status import Status, fail, say
+from airlink.cli.commands import OUT, SECONDS, SEED, WholeNumber, default_directory, refusal
+from airlink.cli.process import Status, fail, raised, say
 from formation_scenario import ScenarioError
 from gcs_formation.cli import usage
 from gcs_formation.errors import RecordError, RunAbortedError
-from gcs_formation.studies.campaign import MANY, Outcome, fly_study, planned_of, prepare, refly_task
+from gcs_formation.studies.campaign import MANY, Outcome, flights, fly_study, planned_of, prepare, refly_task
+from gcs_formation.studies.compare import Compared, CompareOptions, compare_laws
 from gcs_formation.studies.dataset import read_journal, read_plan
 from gcs_formation.studies.flight import fly
-from gcs_formation.studies.keys import Study
-from gcs_formation.studies.plan import count_flights
+from gcs_formation.studies.keys import INVARIANTS, Study
+from gcs_formation.studies.plan import Plan, count_flights
 from gcs_formation.studies.progress import StudyProgress
 from gcs_formation.studies.workers import Cluster, Processes
 
@@ -120,3 +121,122 @@ def _conclude(outcome: Outcome, out: Path, *, quiet: bool) -> Status:
         if quiet and not verdict.held:
             click.echo(str(verdict), err=True)
     return Status.FINE if outcome.held else Status.EXPECTATION_BROKEN
+
+
+@click.command(epilog=usage.COMPARE)
+@click.argument("scenario", type=click.Path(path_type=Path))
+@click.option("--laws", default="pid,fuzzy_pid,consensus", show_default=True, help="Names, with commas between.")
+@click.option("--from", "from_s", type=SECONDS, default=0.0, metavar="SECONDS", help="Errors count from…")
+@click.option("--to", "to_s", type=SECONDS, metavar="SECONDS", help="… to; default: the end.")
+@click.option("--until", "until_s", type=SECONDS, metavar="SECONDS", help="End the flights at this time.")
+@click.option("--seed", type=SEED, help="Instead of the scenario's.")
+@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key (repeatable).")
+@click.option("--jobs", type=WholeNumber(1), default=1, show_default=True, help="Flights at a time.")
+@click.option("--out", type=OUT, help="Directory of it all; default: runs/NAME-TIME.")
+@click.option("--overwrite", is_flag=True, help="Replace an earlier comparison in --out.")
+@click.option("--json", "as_json", is_flag=True, help="The figures alone on standard output, as JSON.")
+def compare(
+    seed: int | None, overrides: tuple[str, ...], out: Path | None, jobs: int, as_json: bool, **given: Any
+) -> None:
+    """Fly SCENARIO by each of several laws, on one seed under the virtual clock, and set them side by side.
+
+    Laws: pid, fuzzy_pid (tables as printed), fuzzy_pid_symmetric and consensus, each also as NAME_uncompensated,
+    without prediction over the delay. --out gets a run directory for each law, comparison.json, .png and .html.
+    """
+    given["overrides"] = (*overrides, *(() if seed is None else (f"seed={seed}",)))
+    given["out"] = out or default_directory(f"{Path(given['scenario']).stem}-laws")
+    try:
+        compared = compare_laws(CompareOptions(**given), Processes(jobs))
+    except (ScenarioError, RecordError) as error:
+        fail(str(error))
+    except RunAbortedError as error:
+        fail(str(error), Status.COULD_NOT_GO_ON)
+    if as_json:
+        click.echo(compared.json)
+    click.echo(compared.text, err=as_json)
+    sys.exit(_status(compared))
+
+
+def _status(compared: Compared) -> Status:
+    """Say what each law broke and which could not go on; return the gravest status."""
+    for text in (*compared.broken(), *compared.stopped()):
+        click.echo(text, err=True)
+    if compared.interrupted:
+        return say("interrupted; the laws whose flights were over are compared", Status.INTERRUPTED)
+    if compared.stopped():
+        return Status.COULD_NOT_GO_ON
+    return Status.EXPECTATION_BROKEN if compared.broken() else Status.FINE
+
+
+Row = dict[str, Any]
+
+
+@click.command(epilog=usage.STRESS)
+@click.option("--count", type=WholeNumber(1), default=100, show_default=True, help="How many flights.")
+@click.option("--seed", type=SEED, default=1, show_default=True, help="Seed of the first; then one more.")
+@click.option("--jobs", type=WholeNumber(1), default=os.cpu_count() or 1, help="Flights at a time; default: cores.")
+@click.option("--hard", is_flag=True, help="Longer trouble, faster flights, stronger wind: three times the time.")
+@click.option("--out", type=OUT, help="Keep the record of the one flight here (--count 1).")
+@click.option("--overwrite", is_flag=True, help="Replace an earlier run in --out.")
+def stress(count: int, seed: int, jobs: int, hard: bool, out: Path | None, overwrite: bool) -> None:
+    """Fly seeded random scenarios under the virtual clock and look for what must never be.
+
+    Each seed is a short flight with random shape, path, rates, links, wind, disturbances and faults. Its record is held
+    against invariants: separation, envelope, finite values, acknowledged state, complete record, formation regained;
+    every tenth is flown twice and compared byte for byte. A broken one is named with its seed; exit status 1.
+    """
+    if out is not None:
+        _refuse(out, count, overwrite=overwrite)
+    plan = Plan(_study(count, seed, hard=hard))
+    try:
+        with raised(), StudyProgress(quiet=not sys.stderr.isatty()) as progress:
+            rows = flights(plan, {}, None, Processes(min(jobs, count)), progress, {})
+            wrong = _told(_alone(plan, out) if out else rows, "stress --hard" if hard else "stress")
+    except RunAbortedError as error:
+        fail(str(error), Status.COULD_NOT_GO_ON)
+    except KeyboardInterrupt:
+        sys.exit(say("interrupted", Status.INTERRUPTED))
+    click.echo(f"{count} flights, seeds {seed} to {seed + count - 1}: {wrong or 'none'} broke an invariant")
+    sys.exit(Status.EXPECTATION_BROKEN if wrong else Status.FINE)
+
+
+def _study(count: int, seed: int, *, hard: bool) -> Study:
+    keys = {"random": "hard" if hard else "usual", "seeds": {"first": seed, "count": count}, "metrics": [INVARIANTS]}
+    return Study.model_validate({**keys, "name": "stress", "record": "none"})
+
+
+def _alone(plan: Plan, out: Path) -> Iterable[Row]:
+    """Yield the one flight, its record kept."""
+    yield fly(refly_task(next(plan.begin()), plan.study, {}, out))
+
+
+def _told(rows: Iterable[Row], command: str) -> int:
+    """Name what each flight broke; return how many broke something.
+
+    Raises:
+        RunAbortedError: a flight couldn't be flown, through no fault of its own.
+    """
+    wrong = 0
+    for row in rows:
+        if row[INVARIANTS] is None:
+            raise RunAbortedError(f"seed {row['seed']}: {row['words']}")
+        wrong += row[INVARIANTS] > 0
+        completed = row["exit"] <= Status.EXPECTATION_BROKEN
+        for text in row["words"].splitlines() if row[INVARIANTS] else ():
+            click.echo(f"seed {row['seed']}: {'' if completed else 'completed: '}{text}", err=True)
+            click.echo(f"  again: gcs-formation {command} --count 1 --seed {row['seed']} --out DIR", err=True)
+    return wrong
+
+
+def _refuse(out: Path, count: int, *, overwrite: bool) -> None:
+    """Refuse a directory that can't be written, or one for many flights."""
+    if count != 1:
+        fail(f"--out: found --count {count}; allowed: --count 1, whose record it keeps")
+    try:
+        refused = refusal(out, overwrite=overwrite)
+        if refused is None:
+            out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        refused = f"cannot write {out}: {error.strerror}; allowed: a directory that can be written"
+    if refused is not None:
+        fail(refused)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from airlink.cli.status import Status, fail
+from airlink.cli.process import Status, fail
 from formation_scenario.orders import OrderError, parse_order
 from gcs_formation.app.steering import STATUS
 from gcs_formation.app.steering import tell as give_order

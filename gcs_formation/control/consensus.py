@@ -17,9 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from airlink.clock import NANOSECONDS
+from flight_model.arrays import Array
 from formation_scenario.formation import Frame
 from formation_scenario.slot_motion import SlotMotion
-from gcs_formation.arrays import Array
 from gcs_formation.control import envelope
 from gcs_formation.control.feed_forward import Axes, LeaderMotion, Turning, feed_forward
 from gcs_formation.control.mixer import Target, formation_error, rotate_to, slot_target

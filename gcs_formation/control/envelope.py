@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gcs_formation.arrays import Array, within, wrap
+from flight_model.arrays import Array, within, wrap
 from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Setpoints
 
 INTERCEPT_MAX_RAD = np.radians(60.0)

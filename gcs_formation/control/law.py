@@ -10,13 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flight_model.arrays import Array, Mask, within, wrap
 from formation_scenario.formation import Frame
 from formation_scenario.slot_motion import SlotMotion
-from gcs_formation.arrays import Array, Mask, within, wrap
-from gcs_formation.control import pid
+from gcs_formation.control import fuzzy_pid
 from gcs_formation.control.envelope import Envelope
-from gcs_formation.control.feed_forward import Axes, LeaderMotion, Turning, feed_forward, gust_lead
-from gcs_formation.control.fuzzy import FuzzyGainScheduler
+from gcs_formation.control.feed_forward import Axes, LeaderMotion, TrailingSlots, Turning, feed_forward, gust_lead
+from gcs_formation.control.fuzzy_pid import FuzzyGainScheduler, Gains, PidState
 from gcs_formation.control.mixer import (
     TOW_S,
     Mixer,
@@ -29,9 +29,7 @@ from gcs_formation.control.mixer import (
     slot_axis,
     slot_target,
 )
-from gcs_formation.control.pid import Gains, PidState
 from gcs_formation.control.situation import Decision, Lead, Situation
-from gcs_formation.control.tow import Tow
 from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Indices, Setpoints
 from gcs_formation.estimation.predictor import air_rates, turn_rate
 
@@ -87,7 +85,7 @@ class FormationLaw:
         self._state = self._rest = PidState.at_rest((self._followers.size, CHANNELS))
         self._drift_mps = np.full((2, self._followers.size), np.nan)
         self._correction = np.full((self._followers.size, CHANNELS), np.nan)
-        self._tow = Tow(self._followers.size) if self._parameters.frame == "follower_heading" else None
+        self._tow = TrailingSlots(self._followers.size) if self._parameters.frame == "follower_heading" else None
 
     def decide(self, situation: Situation, dt_s: float) -> Decision:
         """Return the followers' setpoints; the controllers of those that aren't active are kept at rest."""
@@ -106,9 +104,9 @@ class FormationLaw:
         forward = feed_forward(target, leader, axes, slots, self._model) + lead
         own = self._own_rates(follower, situation.told, dt_s)
         slope = self._slopes(leader, follower, error_m, target, forward, own, slots)
-        rate = pid.filter_rate(state, slope, parameters.derivative_filter_s, dt_s)
+        rate = fuzzy_pid.filter_rate(state, slope, parameters.derivative_filter_s, dt_s)
         gains = scheduled_gains(parameters, mixed, rate).slowed(self._bandwidth(situation, leader.state, slots))
-        output = pid.unlimited(state, gains, mixed, rate)
+        output = fuzzy_pid.unlimited(state, gains, mixed, rate)
         answer = gust_lead(target, axes, (along_mps2, across_mps2), self._model)
         gust = answer if self._tow is None else answer * (1.0, 0.0, 1.0)
         replaced = situation.replaced[self._followers]
@@ -118,9 +116,9 @@ class FormationLaw:
         limited = bounds.limit(Setpoints.of((forward + self._correction + gust).T))
         # What the feed-forward alone asks beyond the envelope isn't the integrators' to work off.
         excess = _difference(limited, bounds.limit(Setpoints.of((forward + gust).T)).table.T) - output
-        following = pid.integrate(state, gains, mixed, rate, excess, parameters.anti_windup_s, dt_s).with_integral(
-            state.integral, replaced
-        )
+        following = fuzzy_pid.integrate(
+            state, gains, mixed, rate, excess, parameters.anti_windup_s, dt_s
+        ).with_integral(state.integral, replaced)
         self._keep(following, situation.active[self._followers])
         shown = np.concatenate((gains.proportional, gains.integral, gains.derivative), axis=1)
         return Decision(self._followers, follower, limited, error_m, mixed, shown)

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flight_model.arrays import Array, wrap
 from formation_scenario.formation import Frame
 from formation_scenario.slot_motion import SlotMotion
-from gcs_formation.arrays import Array, wrap
 from gcs_formation.estimation.flight_state import FlightState
 
 TOW_S = 1.36

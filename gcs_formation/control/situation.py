@@ -8,11 +8,11 @@ from typing import Protocol
 import numpy as np
 
 from airlink.clock import Instant
+from flight_model.arrays import Array, Mask
 from formation_scenario.slot_motion import SlotMotion
-from gcs_formation.arrays import Array, Mask
 from gcs_formation.estimation.flight_state import FlightState, Indices, Setpoints
 from gcs_formation.estimation.projection import States
-from gcs_formation.guidance.told import Told
+from gcs_formation.guidance.leader import Told
 from gcs_formation.guidance.tracking import RouteHeading
 
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from airlink.clock import NANOSECONDS, Instant, seconds_between
-from gcs_formation.arrays import Array, Indices, Instants, Mask, any_of
+from flight_model.arrays import Array, Indices, Instants, Mask, any_of
 from gcs_formation.estimation import kalman
 from gcs_formation.estimation.flight_state import AutopilotModel, FlightState
 from gcs_formation.estimation.kalman import (
@@ -24,9 +24,10 @@ from gcs_formation.estimation.kalman import (
     STATES,
     WIND_NORTH,
     YAW,
+    Declared,
     Estimate,
+    NoiseEstimate,
 )
-from gcs_formation.estimation.noise import Declared, NoiseEstimate
 from gcs_formation.estimation.predictor import SetpointHistory
 
 LEAST_AIRSPEED_MPS = 1.0

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
 
-from gcs_formation.arrays import Array
+from flight_model.arrays import Array
 
 Indices = npt.NDArray[np.intp]
 
@@ -160,3 +160,20 @@ class AutopilotModel(Columns):
         held = self.of(self.table.copy())
         held.air_lags_s[:] = -dt_s / np.expm1(-dt_s / self.air_lags_s)
         return held
+
+
+class Setpoint(NamedTuple):
+    """Airspeed, heading (clockwise from north) and height above the scenario's origin."""
+
+    speed_mps: float
+    heading_rad: float
+    height_m: float
+
+
+class Whereabouts(NamedTuple):
+    """Where a vehicle is when a setpoint acts, and the wind there: north and east of the scenario's origin."""
+
+    north_m: float
+    east_m: float
+    wind_north_mps: float
+    wind_east_mps: float

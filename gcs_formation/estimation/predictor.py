@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import exprel
 
 from airlink.clock import NANOSECONDS
-from gcs_formation.arrays import Array, Instants, all_of, any_of, or_zero, within, wrap
+from flight_model.arrays import Array, Instants, all_of, any_of, or_zero, within, wrap
 from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Indices, Setpoints
 
 HISTORY_S = 6.0

@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from airlink.clock import NANOSECONDS
-from gcs_formation.arrays import Array, Instants, Mask, any_of
+from flight_model.arrays import Array, Instants, Mask, any_of
 from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Indices
 from gcs_formation.estimation.predictor import HISTORY_S, SetpointHistory
 

@@ -3,24 +3,97 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass
+from typing import NamedTuple
 
-from formation_scenario.displaced_path import DisplacedPath
-from formation_scenario.path import SplinePath
-from gcs_formation.guidance.join import JoinRoute, Pose, join
+import numpy as np
+
+from airlink.clock import Instant, seconds_between
+from flight_model.arrays import Array, Instants
+from flight_model.displacement import DisplacedPath
+from flight_model.path import SplinePath
+from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Setpoint, Setpoints
+from gcs_formation.estimation.predictor import HISTORY_S, advance
 from gcs_formation.guidance.tracking import (
+    JoinRoute,
     Lags,
     Motion,
     MotionRates,
+    Pose,
     Route,
     RouteHeading,
+    join,
     nearest,
     project,
     route_heading,
     track,
     track_turn,
 )
-from gcs_formation.setpoint import Setpoint
+
+
+def amid(followers: FlightState, slots_m: Array, speed_mps: float) -> FlightState:
+    """Return the leader (1 column) relative to which the followers are, on average, in their slots (F, 3)."""
+    heading = np.arctan2(np.sin(followers.heading_rad).mean(), np.cos(followers.heading_rad).mean())
+    cos, sin = np.cos(heading), np.sin(heading)
+    forward_m, right_m, up_m = slots_m.T
+    places = (
+        followers.north_m - (forward_m * cos - right_m * sin),
+        followers.east_m - (forward_m * sin + right_m * cos),
+        followers.height_m - up_m,
+    )
+    wind = (followers.wind_north_mps.mean(), followers.wind_east_mps.mean())
+    means = (*(place.mean() for place in places), 0.0, speed_mps, heading, *wind)
+    return FlightState(*(np.array([float(value)]) for value in means))
+
+
+def fly_on(leader: FlightState, told: Setpoints, since: Instant, now: Instant, model: AutopilotModel) -> FlightState:
+    """Return the leader's state at `now`, from the one at `since`, under setpoints `told` (1 column)."""
+    return advance(leader, told.table[None], np.array([[seconds_between(since, now)]]), model)
+
+
+class Told(NamedTuple):
+    """The leader's setpoints at some instants."""
+
+    setpoints: Setpoints
+    """(C,) columns."""
+    turn_rps: Array
+    """(C,) how fast the told heading turns, rad/s."""
+
+
+class ToldLeader:
+    """The leader's setpoints of the last seconds, tick by tick."""
+
+    def __init__(self, dt_s: float) -> None:
+        """Begin with none; `dt_s` is the time between ticks."""
+        self._acts = deque[int](maxlen=max(2, int(HISTORY_S / dt_s)))
+        self._rows = deque[tuple[float, float, float, float]](maxlen=self._acts.maxlen)
+
+    def begin(self) -> None:
+        """Forget everything: another vehicle leads."""
+        self._acts.clear()
+        self._rows.clear()
+
+    def tell(self, acts: Instant, told: Setpoints, turn_rps: float) -> None:
+        """Add a tick's setpoints (1,), when they act, and how fast their heading turns."""
+        speed_mps, heading_rad, height_m = told.table[:, 0].tolist()
+        if self._rows:
+            before_rad = self._rows[-1][1]
+            heading_rad = before_rad + math.remainder(heading_rad - before_rad, math.tau)
+        self._acts.append(acts)
+        self._rows.append((speed_mps, heading_rad, height_m, turn_rps))
+
+    def at(self, instants: Instants) -> Told:
+        """Return the means of what the leader flies by in the tick that begins at each instant, (C,).
+
+        Its setpoints are held from tick to tick, so these means lie on straight lines between them. Before the oldest
+        it is taken to fly by that one, after the newest by the newest.
+        """
+        acts = np.maximum.accumulate(np.array(self._acts))
+        instants, acts = instants - acts[-1], acts - acts[-1]
+        speed, heading, height, turn = (np.interp(instants, acts, row) for row in zip(*self._rows, strict=True))
+        return Told(Setpoints(speed, heading, height), turn)
+
 
 DECISION_S = 2.0
 """How long before the path's start to decide whether to begin it or to go around again."""

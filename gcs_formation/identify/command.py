@@ -1,4 +1,4 @@
-"""`gcs-formation identify`: from a recorded flight, or from one that is flown for it, to a vehicle file."""
+"""`gcs-formation identify`: from a recorded flight, or from one flown for it, to a vehicle file and a figure."""
 
 from __future__ import annotations
 
@@ -10,17 +10,105 @@ from typing import Any
 
 import numpy as np
 import yaml
+from matplotlib.figure import Figure
 
+from flight_model.arrays import Array
 from formation_scenario import Scenario, load_scenario
-from formation_scenario.airframe import EnergyAirframe
+from formation_scenario.formation import Step
+from formation_scenario.ground import leader_path
 from formation_scenario.source import Dumper, plain_mapping
-from formation_scenario.vehicles import VehicleModel
-from gcs_formation.arrays import Array
+from formation_scenario.vehicles import EnergyAirframe, VehicleModel
 from gcs_formation.errors import RecordError
-from gcs_formation.identify.figure import draw
 from gcs_formation.identify.fit import Fit, fit, fit_airframe, flown_by_lags, lags_of
-from gcs_formation.identify.recording import Recording, recordings
+from gcs_formation.identify.recording import STEP_S, Recording, recordings
 from gcs_formation.record.run_directory import SCENARIO, SUMMARY, TLOG
+from gcs_formation.report.style import CM, DPI, FOLLOWERS, GREY, INK, WIDTH_CM, print_style
+
+REST_S, HELD_S = 8.0, 9.0
+SPEED_MPS, SLOW_MPS, HEADING_DEG, HEIGHT_M = 2.0, 1.0, 15.0, 8.0
+SPACING_M = 60.0
+"""Followers keep at least so far away."""
+LEGS = 12
+"""Waypoints of the straight path."""
+
+
+def steps(spare_mps: float) -> list[Step]:
+    """Return the steps, one after another; no speed beyond what vehicles can spare."""
+    fast, slow = min(SPEED_MPS, 0.6 * spare_mps), min(SLOW_MPS, 0.3 * spare_mps)
+    each: list[dict[str, float]] = [
+        {"speed_mps": fast}, {"speed_mps": -fast},
+        {"speed_mps": slow, "ramp_s": 4.0}, {"speed_mps": -slow, "ramp_s": 4.0},
+        {"heading_deg": HEADING_DEG}, {"heading_deg": -HEADING_DEG},
+        {"heading_deg": HEADING_DEG, "ramp_s": 4.0}, {"heading_deg": -HEADING_DEG, "ramp_s": 4.0},
+        {"height_m": HEIGHT_M}, {"height_m": -HEIGHT_M},
+        {"height_m": HEIGHT_M, "ramp_s": 4.0}, {"height_m": -HEIGHT_M, "ramp_s": 4.0},
+    ]  # fmt: skip
+    found, at_s = list[Step](), REST_S
+    for index, keys in enumerate(each):
+        found.append(Step(at_s=at_s, for_s=HELD_S, **keys))
+        # A step and the opposite one after it are a doublet.
+        at_s += HELD_S + (0.0 if index % 2 == 0 else REST_S)
+    return found
+
+
+def identification_scenario(scenario: Scenario) -> Scenario:
+    """Return the flight by which to identify the vehicles of a scenario: from its path's start straight on.
+
+    Raises:
+        ScenarioError: it can't be flown there, because of ground or fence.
+    """
+    path = leader_path(scenario)
+    begin = path.at(0.0)
+    models = [vehicle.model for vehicle in scenario.vehicles]
+    speed = scenario.path.speed_mps
+    spare = min(min(each.speed_max_mps - speed, speed - each.speed_min_mps) for each in models)
+    flown = steps(spare)
+    last_s = flown[-1].at_s + flown[-1].for_s + REST_S
+    along = np.linspace(0.0, (last_s + REST_S) * (speed + SPEED_MPS), LEGS)
+    north, east = np.cos(begin.course_rad), np.sin(begin.course_rad)
+    data: dict[str, Any] = scenario.model_dump(by_alias=True, exclude_none=True)
+    data |= {
+        "name": f"{scenario.name}-identify"[:80],
+        "duration_s": last_s,
+        "formation": {"shape": scenario.formation.shape, "spacing_m": max(SPACING_M, scenario.formation.spacing_m)}
+        if scenario.formation.shape != "custom"
+        else {"shape": "custom", "slots_m": data["formation"]["slots_m"]},
+        "path": {
+            "speed_mps": speed,
+            "waypoints_m": [
+                [begin.north_m + far * north, begin.east_m + far * east, scenario.path.waypoints_m[0][2]]
+                for far in along.tolist()
+            ],
+            "steps": [each.model_dump() for each in flown],
+        },
+    }
+    for key in ("orders", "faults", "expect", "disturbances"):
+        data.pop(key, None)
+    return load_scenario(data)
+
+
+HEIGHT_CM = 14.0
+LABELS = ("airspeed, m/s", "heading, degrees", "height, m")
+
+
+def draw(recording: Recording, flown: dict[str, Array], file: Path) -> None:
+    """Draw a recording and the models' flights by its setpoints alone, (3, K) each by its name, as a PNG."""
+    at_s: Array = STEP_S * np.arange(recording.seen.shape[1], dtype=np.float64)
+    scales = (1.0, 180.0 / np.pi, 1.0)
+    with print_style():
+        figure = Figure(figsize=(WIDTH_CM * CM, HEIGHT_CM * CM), layout="constrained")
+        axes = [figure.add_subplot(3, 1, 1)]
+        axes += [figure.add_subplot(3, 1, row, sharex=axes[0]) for row in (2, 3)]
+        for row, (axis, label, scale) in enumerate(zip(axes, LABELS, scales, strict=True)):
+            axis.step(at_s, recording.told[row] * scale, where="post", color=GREY, linewidth=0.6, label="setpoint")
+            axis.plot(at_s, recording.seen[row] * scale, color=INK, label="measured")
+            for (name, values), colour in zip(flown.items(), FOLLOWERS, strict=False):
+                axis.plot(at_s, values[row] * scale, color=colour, label=name)
+            axis.set_ylabel(label)
+        axes[-1].set_xlabel("time, s")
+        axes[0].legend(ncols=2 + len(flown), loc="lower left", bbox_to_anchor=(0.0, 1.0))
+        figure.savefig(file, dpi=DPI)
+
 
 CHANNELS = ("airspeed_mps", "heading_rad", "height_m")
 UNITS = ("m/s", "rad", "m")

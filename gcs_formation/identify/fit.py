@@ -15,10 +15,9 @@ import numpy as np
 
 from flight_model import energy
 from flight_model.airframe import AirframeParameters
+from flight_model.arrays import Array, wrap
 from flight_model.linear import airframe_responses
-from formation_scenario.airframe import EnergyAirframe
-from formation_scenario.vehicles import VehicleModel
-from gcs_formation.arrays import Array, wrap
+from formation_scenario.vehicles import EnergyAirframe, VehicleModel
 from gcs_formation.errors import RecordError
 from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Indices
 from gcs_formation.estimation.predictor import advance

@@ -13,9 +13,9 @@ from airlink import mavlink as m
 from airlink.frame import Frame, StreamParser
 from airlink.messages.command import CommandInt
 from airlink.messages.telemetry import Attitude, GlobalPositionInt, VfrHud
-from gcs_formation.arrays import Array
+from flight_model.arrays import Array
 from gcs_formation.errors import RecordError
-from gcs_formation.record.tlog import read_tlog
+from gcs_formation.record.run_directory import read_tlog
 
 STEP_S = 0.1
 """Of the grid."""

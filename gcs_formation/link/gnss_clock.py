@@ -1,4 +1,4 @@
-"""Maps a vehicle's clock to UTC by its SYSTEM_TIME, and tells by round trips how its link's delay is split.
+"""Maps a vehicle's stamps to our instants: by its UTC where that is used, which also tells how its delay is split.
 
 A clock is stiff: its drift is tens of ppm, and steady. A link isn't. So a two-state Kalman filter takes the drift from
 the slope of the round trips' midpoints, and a step in them is the link's: its split has changed.
@@ -14,7 +14,8 @@ import math
 from collections import deque
 from statistics import median
 
-from airlink.clock import NANOSECONDS, Instant
+from airlink.clock import NANOSECONDS, Instant, after, seconds_between
+from gcs_formation.link.clock_sync import ClockSync
 
 DRIFT = 1e-4
 """Standard deviation of the drift of a crystal that nothing is known of."""
@@ -174,3 +175,46 @@ class GnssClock:
         self._variance = (variance, 0.0, self._variance[2])
         self._off.clear()
         self._steps.append(self._middle_s)
+
+
+UNKNOWN_WAYS_S = math.nan, math.nan
+EPOCH = Instant(0)
+
+
+class StampMap:
+    """The mapping in use; a change of it in flight is spread over time."""
+
+    def __init__(self, round_trips: ClockSync, gnss: GnssClock | None) -> None:
+        """Begin by round trips; `gnss` is the clock against UTC, None where nobody asks for that."""
+        self.gnss = gnss
+        self._round_trips = round_trips
+        self._utc_s: float | None = None
+        self._slew_s = 0.0
+
+    def use_utc(self, utc_s: float | None, now: Instant, slew_s: float) -> None:
+        """Map by the vehicle's UTC, given what UTC minus our clock is; None: by round trips.
+
+        A change comes gradually, by at most `slew_s` a call.
+        """
+        if (utc_s is None) != (self._utc_s is None) and self._round_trips.samples:
+            stamp_s = now / NANOSECONDS + self._round_trips.offset_s
+            before = self.to_instant(stamp_s)
+            self._utc_s, self._slew_s = utc_s, 0.0
+            self._slew_s = seconds_between(self.to_instant(stamp_s), before)
+        self._utc_s = utc_s
+        self._slew_s -= math.copysign(min(abs(self._slew_s), slew_s), self._slew_s)
+
+    def to_instant(self, stamp_s: float) -> Instant:
+        """Return our instant for its time since boot, s."""
+        if self.gnss is None or self._utc_s is None:
+            instant = self._round_trips.to_instant(stamp_s)
+        else:
+            instant = after(EPOCH, self.gnss.to_utc_s(stamp_s) - self._utc_s)
+        return after(instant, self._slew_s) if self._slew_s else instant
+
+    def ways_s(self, one_way_s: float) -> tuple[float, float]:
+        """Return the delays up and down, s, of a round trip that took twice `one_way_s`; NaN where UTC isn't used."""
+        if self.gnss is None or self._utc_s is None:
+            return UNKNOWN_WAYS_S
+        more_s = self.gnss.station_utc_s() - self._utc_s
+        return max(0.0, one_way_s + more_s), max(0.0, one_way_s - more_s)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from airlink.identity import VehicleId
+from airlink.endpoint import VehicleId
+from flight_model.arrays import Array, Mask
 from formation_scenario import Ground, Scenario, ground_of
-from gcs_formation.arrays import Array, Mask
 from gcs_formation.record.timeseries import (
     AIRBORNE,
     ERROR,
@@ -19,9 +19,9 @@ from gcs_formation.record.timeseries import (
     LAW_ERROR,
     PHASES,
     TRUTH,
+    GroundTruth,
     flying,
 )
-from gcs_formation.record.truth import GroundTruth
 
 Columns = Mapping[str, Array]
 

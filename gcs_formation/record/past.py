@@ -11,19 +11,19 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from airlink.clock import NANOSECONDS, Instant
-from airlink.identity import VehicleId
+from airlink.endpoint import VehicleId
+from flight_model.arrays import Array
 from formation_scenario import Scenario
 from formation_scenario.arrangement import Arrangement, columns, first_arrangement
-from formation_scenario.lifted_path import leader_path
+from formation_scenario.ground import leader_path
 from formation_scenario.orders import Order, parse_order
-from gcs_formation.arrays import Array
 from gcs_formation.errors import RecordError
 from gcs_formation.guidance.tracking import Motion, nearest, project
-from gcs_formation.membership import Member
+from gcs_formation.mission.takeover import Known, Resumption
 from gcs_formation.phases import Phase
 from gcs_formation.record.run_directory import EVENTS, RECORDING, SCENARIO, SPOOL, SUMMARY
 from gcs_formation.record.timeseries import PHASES, SLOT, read_spool
-from gcs_formation.takeover import Known, Resumption
+from gcs_formation.vehicle.member import Member
 
 ACCEPTED = ": accepted"
 EVERY_S = 1.0

@@ -8,29 +8,18 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from airlink.identity import VehicleId
+from airlink.endpoint import VehicleId
+from flight_model.arrays import Array, Mask
 from formation_scenario.law import PidGains
-from gcs_formation.arrays import Array, Mask
-from gcs_formation.record.effort import setpoint_steps
+from gcs_formation.record.figures_of_merit import setpoint_steps
 from gcs_formation.record.flight import Columns
 from gcs_formation.record.timeseries import CHANNELS
-from gcs_formation.report.downsample import extremes
-from gcs_formation.report.error_figure import WIDTHS, error_windows
-from gcs_formation.report.lines import BUCKETS, followers_of
+from gcs_formation.report.error_figures import WIDTHS, error_windows
+from gcs_formation.report.geometry import extremes
 from gcs_formation.report.marks import marks
 from gcs_formation.report.run_data import RunData
-from gcs_formation.report.style import (
-    ASKED,
-    FOLLOWERS,
-    GREY,
-    INK,
-    THIN,
-    axes_grid,
-    column_of,
-    legend_below,
-    new_figure,
-)
-from gcs_formation.report.time_axes import draw_marks, span, time_label
+from gcs_formation.report.style import ASKED, FOLLOWERS, GREY, INK, THIN, axes_grid, column_of, legend_below, new_figure
+from gcs_formation.report.time_axes import BUCKETS, draw_marks, followers_of, span, time_label
 
 MOST_COLUMNS = 4
 GAINS = {"kp": "$k_p$", "ki": "$k_i$", "kd": "$k_d$"}

@@ -1,4 +1,4 @@
-"""All figures of a run: their names, captions and the functions that draw them."""
+"""All figures of a run: names, captions, the functions that draw them, and how they are written."""
 
 from __future__ import annotations
 
@@ -8,14 +8,11 @@ from typing import NamedTuple
 
 from matplotlib.figure import Figure
 
-from gcs_formation.report.assembly_figure import assembled_first, assembly
 from gcs_formation.report.control_figures import gains, has_gains, setpoints, steps
-from gcs_formation.report.disturbance_figure import disturbance, disturbed
-from gcs_formation.report.error_figure import errors, has_followers
+from gcs_formation.report.error_figures import assembled_first, assembly, disturbance, disturbed, errors, has_followers
 from gcs_formation.report.link_figures import latency, separation
-from gcs_formation.report.plan_figures import plan
+from gcs_formation.report.plan_figures import plan, trajectory
 from gcs_formation.report.run_data import RunData
-from gcs_formation.report.space_figure import trajectory
 from gcs_formation.report.style import print_style, save
 
 

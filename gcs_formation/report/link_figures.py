@@ -8,17 +8,16 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from airlink.identity import VehicleId
-from gcs_formation.arrays import Array
-from gcs_formation.margin_watch import NEAR
+from airlink.endpoint import VehicleId
+from flight_model.arrays import Array
+from gcs_formation.fleet.quality import NEAR
 from gcs_formation.record import figures_of_merit
 from gcs_formation.record.timeseries import INJECTED_MEAN
-from gcs_formation.report.downsample import extremes
-from gcs_formation.report.lines import BUCKETS, Group, everyone, followers_of
+from gcs_formation.report.geometry import extremes
 from gcs_formation.report.marks import marks
 from gcs_formation.report.run_data import RunData
 from gcs_formation.report.style import GREY, LIMIT, NEAREST, axes_grid, column_of, legend_below, new_figure, note
-from gcs_formation.report.time_axes import draw_marks, span, time_label
+from gcs_formation.report.time_axes import BUCKETS, Group, draw_marks, everyone, followers_of, span, time_label
 
 SILENT = 8.0
 """How many times the median age the axis of ages reaches at most: a silent vehicle would flatten all others."""

@@ -2,19 +2,254 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import json
+from collections.abc import Callable, Iterable
 from html import escape
 from pathlib import Path
+from typing import Any
 
-from formation_scenario import dump_scenario
-from gcs_formation.report import tables
-from gcs_formation.report.document import asset, document, figure
-from gcs_formation.report.embedded import as_script, embedded
-from gcs_formation.report.figures import Plate
-from gcs_formation.report.paper import after_gusts, beside_the_paper
-from gcs_formation.report.run_data import RunData
+import numpy as np
 
-GROUND = " The browner the ground, the higher."
+from airlink.endpoint import VehicleId
+from flight_model.arrays import Array
+from formation_scenario import dump_scenario, ground_of
+from formation_scenario.environment import StepDisturbance
+from gcs_formation.errors import RecordError
+from gcs_formation.record.run_directory import FIGURES, REPORT
+from gcs_formation.record.timeseries import GROUND
+from gcs_formation.report import html
+from gcs_formation.report.error_figures import transient_end_s
+from gcs_formation.report.figures import Plate, write_figures
+from gcs_formation.report.geometry import Indices, evenly, extremes, heading_rad, path_m
+from gcs_formation.report.gusts import gusts
+from gcs_formation.report.html import AXES, asset, badge, document, figure, number, table
+from gcs_formation.report.marks import marks
+from gcs_formation.report.run_data import RunData, load_run
+from gcs_formation.report.style import FOLLOWERS
+from gcs_formation.report.time_axes import Group, everyone
+
+ERROR_POINTS = 80_000
+TRACK_NUMBERS = 100_000
+"""What all series together may have; a page of 100 vehicles is then below 2 MB of data."""
+FEWEST_BUCKETS, MOST_BUCKETS = 50, 1500
+MOST_TRACK_POINTS = 1500
+PATH_POINTS = 400
+GROUND_CELLS = 120
+"""Along the longer side of the ground that is shown."""
+GROUND_AROUND_M = 1000.0
+ERROR_DIGITS, PLACE_DIGITS, ANGLE_DIGITS, TIME_DIGITS = 4, 1, 3, 2
+
+
+def embedded(run: RunData) -> dict[str, Any]:
+    """Return the data of the page's plots, ready for JSON; times are mission times in s, unknown values None."""
+    group = everyone(run)
+    names = list(group.vehicles)
+    return {
+        "begun": run.begun,
+        "flown_s": _rounded(run.time_s[[0, -1]], TIME_DIGITS),
+        "steady_s": transient_end_s(run),
+        "vehicles": [_vehicle(run, vehicle) for vehicle in names],
+        "worst": [names.index(vehicle) for vehicle in run.worst_first()],
+        "errors": _errors(run, group),
+        "tracks": _tracks(run, group),
+        "path": _path(run),
+        "ground": _ground(run),
+        "bounds": _bounds(run),
+        "marks": [{"t": round(mark.time_s, TIME_DIGITS), "label": mark.label} for mark in marks(run)],
+    }
+
+
+def as_script(data: dict[str, Any]) -> str:
+    """Return JSON in which nothing can end the script element around it."""
+    text = json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
+
+
+def _vehicle(run: RunData, vehicle: VehicleId) -> dict[str, Any]:
+    if vehicle == run.leader:
+        return {"name": str(vehicle), "role": "leader", "colour": None}
+    return {
+        "name": str(vehicle),
+        "role": "follower",
+        "colour": FOLLOWERS[run.followers.index(vehicle) % len(FOLLOWERS)],
+    }
+
+
+def _errors(run: RunData, group: Group) -> list[dict[str, Any]]:
+    """Return each follower's errors at their extremes, with the times of these."""
+    count = max(len(run.followers), 1)
+    buckets = int(np.clip(ERROR_POINTS // (6 * count), FEWEST_BUCKETS, MOST_BUCKETS))
+    time_s = run.whole_time_s
+    found: list[dict[str, Any]] = []
+    for index, vehicle in enumerate(group.vehicles):
+        if vehicle not in run.followers:
+            continue
+        error_m = run.whole.error(vehicle)
+        axes = zip("xyz", error_m.T, strict=True)
+        series = {axis: _series(time_s, values, extremes(values, buckets)) for axis, values in axes}
+        found.append({"vehicle": index, **series})
+    return found
+
+
+def _bounds(run: RunData) -> list[dict[str, Any]]:
+    """Return the bounds on errors after gusts that act on followers only, and the least errors possible."""
+    return [
+        {
+            "axis": error.axis,
+            "from": round(gust.at_s, TIME_DIGITS),
+            "to": round(gust.to_s, TIME_DIGITS),
+            "allowed": round(error.allowed_m, ERROR_DIGITS),
+            "least": round(error.least_m, ERROR_DIGITS),
+        }
+        for gust in gusts(run)
+        for error in gust.errors
+    ]
+
+
+def _series(time_s: Array, values: Array, kept: Indices) -> dict[str, Any]:
+    return {"t": _rounded(time_s[kept], TIME_DIGITS), "v": _rounded(values[kept], ERROR_DIGITS)}
+
+
+def _tracks(run: RunData, group: Group) -> dict[str, Any]:
+    points = min(MOST_TRACK_POINTS, TRACK_NUMBERS // (5 * len(group.vehicles)))
+    kept = evenly(run.clock_s.size, points)
+    return {
+        "t": _rounded(run.whole_time_s[kept], TIME_DIGITS),
+        "vehicles": [_track(run, vehicle, kept) for vehicle in group.vehicles],
+    }
+
+
+def _track(run: RunData, vehicle: VehicleId, kept: Indices) -> dict[str, Any]:
+    north, east, height = run.whole.place(vehicle)[kept].T
+    heading = heading_rad(run.whole, vehicle)[kept]
+    known = np.isfinite(heading)
+    heading[known] = np.unwrap(heading[known])
+    return {
+        "north": _rounded(north, PLACE_DIGITS),
+        "east": _rounded(east, PLACE_DIGITS),
+        "height": _rounded(height, PLACE_DIGITS),
+        "below": _rounded(run.whole.vehicles[vehicle][GROUND[0]][kept], PLACE_DIGITS),
+        "heading": _rounded(heading, ANGLE_DIGITS),
+    }
+
+
+def _path(run: RunData) -> dict[str, Any]:
+    path = path_m(run)
+    north, east, _ = path[evenly(len(path), PATH_POINTS)].T
+    return {"north": _rounded(north, PLACE_DIGITS), "east": _rounded(east, PLACE_DIGITS)}
+
+
+def _ground(run: RunData) -> dict[str, Any] | None:
+    """Return the terrain's heights on a grid around the tracks, rows from south to north; None without terrain."""
+    if run.scenario.terrain is None:
+        return None
+    places = np.concatenate([run.flown.place(vehicle)[:, :2] for vehicle in run.flown.vehicles])
+    known = places[np.isfinite(places).all(axis=1)]
+    known = known if known.size else np.zeros((1, 2))
+    low, high = known.min(axis=0) - GROUND_AROUND_M, known.max(axis=0) + GROUND_AROUND_M
+    cell_m = float((high - low).max()) / GROUND_CELLS
+    north, east = (np.arange(least, most, cell_m) for least, most in zip(low, high, strict=True))
+    height = ground_of(run.scenario).height(*np.meshgrid(north, east, indexing="ij"))
+    return {
+        "south": round(float(low[0]), PLACE_DIGITS),
+        "west": round(float(low[1]), PLACE_DIGITS),
+        "cell": round(cell_m, 3),
+        "columns": int(east.size),
+        "height": _rounded(height.ravel(), 0),
+    }
+
+
+def _rounded(values: Array, digits: int) -> list[float | None]:
+    # Adding 0 turns -0.0 into 0.0, which is shorter and looks better.
+    return [value if np.isfinite(value) else None for value in (np.round(values, digits) + 0.0).tolist()]
+
+
+STEP_MPS = 0.6
+"""What the paper adds north and east to every vehicle from 500 s on (figure 11)."""
+REPORTED_M = {"x": 0.22, "y": 0.5}
+"""The largest errors that the paper reads from figure 12, the transient at the beginning left out."""
+
+BOUND = (
+    "Nothing can act before the round trip T has passed; then a vehicle accelerates by a at most. So whatever the law, "
+    "the largest error is at least |D| T + D²/(2 a) along a slot axis; ours is held to 1.5 times that and 0.05 m. T is "
+    "as measured before the gust, with sampling and hold by their means: an error may stay a little below the least "
+    "possible where the gust comes just before a sample. D is the change of the follower's disturbance beyond its "
+    "leader's. Shown is the follower nearest to its bound."
+)
+
+
+def beside_the_paper(run: RunData) -> str:
+    """Return the paper's figures beside the run's as HTML, nothing where they can't be compared."""
+    step = _step(run)
+    if step is None:
+        return ""
+    found = _largest_m(run, step.at_s)
+    rows = [
+        [f"largest |error| {axis} from the step on, m", number(REPORTED_M.get(axis), 2), number(found[axis])]
+        for axis in AXES
+    ]
+    rows += [
+        [f"least {what} of the whole run, m", "no collision", number(run.summary["safety"][f"min_{what}_m"], 1)]
+        for what in ("separation", "clearance")
+    ]
+    heads = ["Worst follower", "paper", "this run"]
+    return f'{table(heads, rows)}<p class="note">{escape(_conditions(run, step))}</p>'
+
+
+def after_gusts(run: RunData) -> str:
+    """Return the errors after gusts on followers only beside their bounds as HTML, nothing where there was no gust."""
+    rows = [
+        [
+            f"{gust.at_s:g} s, {error.axis}",
+            str(error.vehicle),
+            *(number(value) for value in error[2:]),
+            badge(error.found_m <= error.allowed_m, "held" if error.found_m <= error.allowed_m else "broken"),
+        ]
+        for gust in gusts(run)
+        for error in gust.errors
+    ]
+    if not rows:
+        return ""
+    heads = ["Gust on followers only", "Vehicle", "T, s", "least possible, m", "held to, m", "largest |error|, m", ""]
+    return f'{table(heads, rows, (0, 1, 6))}<p class="note">{escape(BOUND)}</p>'
+
+
+def _step(run: RunData) -> StepDisturbance | None:
+    """Return the paper's disturbance in this run, None where there is none or the run ends within 60 s of it."""
+    if not run.begun or not run.followers:
+        return None
+    alike = (
+        each
+        for each in run.scenario.disturbances
+        if isinstance(each, StepDisturbance) and np.allclose(np.abs(each.velocity_mps), (STEP_MPS, STEP_MPS, 0.0))
+    )
+    return next((each for each in alike if each.at_s + 60.0 <= float(run.time_s[-1])), None)
+
+
+def _largest_m(run: RunData, from_s: float) -> dict[str, float | None]:
+    window = run.flown.window(from_s, float(run.time_s[-1]))
+    errors = np.abs(np.concatenate([run.flown.error(vehicle)[window] for vehicle in run.followers]))
+    most = np.fmax.reduce(errors)
+    return {axis: float(most[i]) if np.isfinite(most[i]) else None for i, axis in enumerate(AXES)}
+
+
+def _conditions(run: RunData, step: StepDisturbance) -> str:
+    """Return who is disturbed, the frame of the errors and the delay of the links, in this run and in the paper."""
+    everybody = step.vehicles == "all" or run.leader in step.vehicles
+    whom = "every vehicle" if everybody else "followers only, a relative disturbance"
+    delays_ms = [link["injected_delay_ms"] for link in run.summary["links"].values()]
+    known_ms = [delay_ms for delay_ms in delays_ms if delay_ms is not None]
+    links = f"links take {max(known_ms):.0f} ms each way, or less" if known_ms else "nothing is injected into links"
+    frame = run.scenario.formation.frame.replace("_heading", "'s")
+    return (
+        f"This run: the step acts on {whom}, from {step.at_s:g} s on; slots in the {frame} frame; {links}. "
+        "The paper says that it acts on every vehicle; it gives "
+        "neither the links' delay nor path, speed, slots or gains, and whether figure 12 shows formation errors or "
+        "errors of an estimate can't be told from its text."
+    )
+
+
+GROUND_CAPTION = " The browner the ground, the higher."
 SCRIPTS = ("surface.js", "errors.js", "plan.js", "space.js", "report.js")
 
 
@@ -28,19 +263,19 @@ def page(run: RunData, plates: Iterable[tuple[Plate, Path]]) -> str:
         subtitle=escape(_subtitle(run)),
         script="\n".join(asset(name) for name in SCRIPTS),
         data=as_script(embedded(run)),
-        verdict=tables.verdict(summary),
-        missing=tables.missing(run.missing),
-        cards=tables.cards(run),
+        verdict=html.verdict(summary),
+        missing=html.missing(run.missing),
+        cards=html.cards(run),
         error_source=escape(_error_source(run)),
-        followers=tables.followers(summary),
-        expectations=tables.expectations(summary),
+        followers=html.followers(summary),
+        expectations=html.expectations(summary),
         paper_link='<a href="#paper">Beside the paper</a>' if compared else "",
         paper=compared and f'<section id="paper">\n<h2>Beside the paper</h2>\n{compared}\n</section>',
-        ground=GROUND if run.scenario.terrain is not None else "",
+        ground=GROUND_CAPTION if run.scenario.terrain is not None else "",
         figures=f'<div class="gallery">{gallery}</div>',
-        links=tables.links(summary),
-        control=tables.control(summary),
-        events=tables.events(run),
+        links=html.links(summary),
+        control=html.control(summary),
+        events=html.events(run),
         scenario=escape(dump_scenario(run.scenario)),
     )
 
@@ -69,3 +304,27 @@ def _error_source(run: RunData) -> str:
         "30 s after it on; left: when a settled vehicle was beyond 0.5 m first. "
         "Steps: of the setpoints from tick to tick."
     )
+
+
+def _unsaid(text: str) -> None:
+    """Leave it to the page, which says it as well."""
+
+
+def write_report(run_dir: Path, lacks: Callable[[str], None] = _unsaid) -> Path:
+    """Write figures/*.png and report.html of a run into its directory; return the page's path.
+
+    `lacks` is called with each thing that the record of an unfinished run lacks, in words.
+
+    Raises:
+        RecordError: the directory isn't that of a run, nothing was flown, or it can't be read or written.
+    """
+    run = load_run(run_dir)
+    for text in run.missing:
+        lacks(text)
+    target = run_dir / REPORT
+    try:
+        plates = list(write_figures(run, run_dir / FIGURES))
+        target.write_text(page(run, plates), encoding="utf-8")
+    except OSError as error:
+        raise RecordError(f"cannot write the report into {run_dir}: {error.strerror}") from error
+    return target

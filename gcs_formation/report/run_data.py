@@ -11,9 +11,9 @@ from typing import Any, cast
 import numpy as np
 import pyarrow as pa
 
-from airlink.identity import VehicleId
+from airlink.endpoint import VehicleId
+from flight_model.arrays import Array
 from formation_scenario import Scenario, ScenarioError, load_scenario
-from gcs_formation.arrays import Array
 from gcs_formation.errors import RecordError
 from gcs_formation.record.flight import Columns, Flight
 from gcs_formation.record.run_directory import EVENTS, SCENARIO, SPOOL, SUMMARY, TIMESERIES

@@ -1,15 +1,20 @@
-"""Axes over mission time, and the labelled lines where something happened."""
+"""Axes over mission time, and one quantity of many vehicles on them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal, NamedTuple
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
 
+import numpy as np
 from matplotlib.axes import Axes
 
+from airlink.endpoint import VehicleId
+from flight_model.arrays import Array
+from gcs_formation.report.geometry import extremes
 from gcs_formation.report.marks import Mark
 from gcs_formation.report.run_data import RunData
-from gcs_formation.report.style import CHARACTER_PT, DPI, GREY, THIN
+from gcs_formation.report.style import BAND, CHARACTER_PT, DPI, FOLLOWERS, GREY, INK, LIGHT, LINE, THIN, WORST
 
 LEVEL_PT = 10.0
 MOST_LEVELS = 5
@@ -101,3 +106,136 @@ def _place(axes: Axes, mark: Mark, beyond_pt: float) -> _Name:
         return _Name(at_pt - wide_pt, at_pt, -BESIDE_PT, "right")
     left_pt = min(at_pt, max(0.0, last_pt))
     return _Name(left_pt, left_pt + wide_pt, left_pt - at_pt + BESIDE_PT, "left")
+
+
+LINES_UP_TO = 2 * len(FOLLOWERS)
+"""Followers that get a line each: once through the colours solid, once dashed."""
+WIDTHS = (1.9, 1.5, 1.1, 0.8)
+"""Of the lines of the leader and of the first followers, so that none hides another; later ones have the last."""
+SOLID, DASHED, DOTTED = (0, ()), (0, (7, 1.5)), (0, (1, 1.2))
+BUCKETS = 1500
+"""Pieces of a line, more than a figure has pixels across."""
+
+
+@dataclass(frozen=True)
+class Group:
+    """Vehicles that are drawn together."""
+
+    vehicles: tuple[VehicleId, ...]
+    leader: VehicleId | None
+    """The one of them that leads first, if any."""
+    singled_out: VehicleId | None
+    """The one that is drawn where there are too many for a line each."""
+    why: str = "largest error"
+    """What it is singled out for."""
+
+    @property
+    def banded(self) -> bool:
+        """Whether there are too many for a line each."""
+        return len(self.vehicles) - (self.leader is not None) > LINES_UP_TO
+
+    def colour(self, vehicle: VehicleId) -> str:
+        """Return a vehicle's colour."""
+        if vehicle == self.leader:
+            return INK
+        if not self.banded:
+            return FOLLOWERS[self._number(vehicle) % len(FOLLOWERS)]
+        return WORST if vehicle == self.singled_out else LIGHT
+
+    def look(self, vehicle: VehicleId) -> dict[str, Any]:
+        """Return Matplotlib's colour and style of a vehicle's line: dashed for the second that has a colour."""
+        second = vehicle != self.leader and not self.banded and self._number(vehicle) >= len(FOLLOWERS)
+        return {"color": self.colour(vehicle), "ls": DASHED if second else SOLID}
+
+    def width(self, vehicle: VehicleId) -> float:
+        """Return the width of a vehicle's line."""
+        if self.banded:
+            return LINE if self.stands_out(vehicle) else THIN
+        return WIDTHS[0] if vehicle == self.leader else WIDTHS[1:][min(self._number(vehicle), len(WIDTHS) - 2)]
+
+    def _number(self, vehicle: VehicleId) -> int:
+        """Return how many followers come before this one."""
+        return [v for v in self.vehicles if v != self.leader].index(vehicle)
+
+    def stands_out(self, vehicle: VehicleId) -> bool:
+        """Whether a vehicle's line stands out from the others; such lines are drawn last."""
+        return self.colour(vehicle) != LIGHT
+
+    def label(self, vehicle: VehicleId) -> str:
+        """Return a vehicle's name in the legend; all that look alike have one."""
+        if vehicle == self.leader:
+            return f"leader ({vehicle})"
+        if not self.banded:
+            return f"vehicle {vehicle}"
+        return f"vehicle {vehicle} ({self.why})" if vehicle == self.singled_out else "other followers"
+
+    def draw(self, axes: Axes, time_s: Array, values: Sequence[Array]) -> None:
+        """Draw one (T,) series of each vehicle, or how they spread and the one that is singled out."""
+        if self.banded:
+            _bands(axes, time_s, np.stack(values, axis=1))
+        for vehicle, series in zip(self.vehicles, values, strict=True):
+            if not self.banded or vehicle == self.singled_out:
+                shown = extremes(series, BUCKETS)
+                self._line(axes, vehicle, time_s[shown], series[shown])
+
+    def _line(self, axes: Axes, vehicle: VehicleId, time_s: Array, series: Array) -> None:
+        axes.plot(time_s, series, lw=self.width(vehicle), label=self.label(vehicle), **self.look(vehicle))
+
+    def draw_spread(self, axes: Axes, time_s: Array, values: Sequence[Array], windows: int) -> None:
+        """Draw how (T,) series that jump up and down spread over stretches of time, not every jump."""
+        middle_s, pieces = _stretches(time_s, values, windows)
+        if self.banded:
+            _bands(axes, middle_s, np.concatenate(pieces, axis=1))
+        for vehicle, piece in zip(self.vehicles, pieces, strict=True):
+            if not self.banded or vehicle == self.singled_out:
+                low, middle, high = _percentiles(piece, (0, 50, 100))
+                self._line(axes, vehicle, middle_s, middle)
+                axes.fill_between(middle_s, low, high, color=self.colour(vehicle), alpha=0.12, lw=0)
+
+    def draw_medians(self, axes: Axes, time_s: Array, values: Sequence[Array], windows: int, label: str) -> None:
+        """Draw (T,) series over those of `draw_spread`, dotted: their medians over the same stretches."""
+        middle_s, pieces = _stretches(time_s, values, windows)
+        for vehicle, piece in zip(self.vehicles, pieces, strict=True):
+            if not self.banded or vehicle == self.singled_out:
+                (middle,) = _percentiles(piece, (50,))
+                axes.plot(middle_s, middle, color=INK, lw=LINE, ls=DOTTED, label=label)
+
+
+def followers_of(run: RunData) -> Group:
+    """Return the followers of a run; a leader that has followed another comes first, so that its line is lowest."""
+    worst = run.worst_first()
+    followers = tuple(sorted(run.followers, key=lambda vehicle: vehicle != run.leader))
+    return Group(followers, run.leader if run.leader in followers else None, worst[0] if worst else None)
+
+
+def everyone(run: RunData) -> Group:
+    """Return all vehicles of a run, the leader first."""
+    followers = followers_of(run)
+    first = (run.leader,) if run.leader else ()
+    return Group(first + tuple(v for v in followers.vehicles if v not in first), run.leader, followers.singled_out)
+
+
+def _stretches(time_s: Array, values: Sequence[Array], windows: int) -> tuple[Array, list[Array]]:
+    """Return the middles of up to about `windows` stretches of time (W,), and each series' values in them (W, K)."""
+    width = max(1, time_s.size // windows)
+    whole = time_s.size // width * width
+    return time_s[:whole].reshape(-1, width).mean(axis=1), [series[:whole].reshape(-1, width) for series in values]
+
+
+def _bands(axes: Axes, time_s: Array, values: Array) -> None:
+    """Draw the median, the 5th to 95th percentile and the extremes of (T, N) values."""
+    least, low, middle, high, most = _percentiles(values, (0, 5, 50, 95, 100))
+    axes.fill_between(time_s, low, high, color=BAND, alpha=0.25, lw=0, label="5th to 95th percentile")
+    axes.plot(time_s, middle, color=BAND, label="median")
+    for extreme in (least, most):
+        shown = extremes(extreme, BUCKETS)
+        axes.plot(time_s[shown], extreme[shown], color=GREY, lw=THIN, label="smallest and largest")
+
+
+def _percentiles(values: Array, wanted: Sequence[float]) -> Array:
+    """Return (P, T) percentiles of the known ones of (T, N) values, NaN where none is."""
+    known = np.isfinite(values).any(axis=1)
+    found = np.full((len(wanted), values.shape[0]), np.nan)
+    if known.any():
+        found[:, known] = np.nanpercentile(values[known], wanted, axis=1)
+    return found

@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flight_model.arrays import Array, Indices, Mask, within, wrap
 from formation_scenario import Scenario
 from formation_scenario.arrangement import columns
 from formation_scenario.fence import CHECKED_M, HELD_M, Fence, inside_m, room_m
-from gcs_formation.arrays import Array, Indices, Mask, within, wrap
 from gcs_formation.estimation.flight_state import AutopilotModel
 from gcs_formation.recorder import Tick
 
@@ -28,7 +28,7 @@ class Held(NamedTuple):
     begins: bool
 
 
-class FenceKeeper:
+class FenceLimits:
     """Holds setpoints inside the fence, tick by tick. The last to change them, after the separation rule.
 
     A vehicle is turned away when it is about to have no room for a circle inside, to either side; until then the law

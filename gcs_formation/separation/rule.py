@@ -10,12 +10,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs_formation.arrays import Array, Mask, any_of
+from flight_model.arrays import Array, Mask, any_of
 from gcs_formation.estimation.flight_state import Indices, Setpoints
-from gcs_formation.separation.distance import Approach, Kept, approach, may_come_near
-from gcs_formation.separation.manoeuvre import Manoeuvre, fly, fly_level
-from gcs_formation.separation.reach import possible_pairs
-from gcs_formation.separation.scene import Scene, free_heights, take_height
+from gcs_formation.separation.manoeuvre import (
+    Approach,
+    Manoeuvre,
+    MinimumDistance,
+    approach,
+    fly,
+    fly_level,
+    may_come_near,
+)
+from gcs_formation.separation.traffic import Scene, free_heights, possible_pairs, take_height
 
 RELEASE = 1.1
 """Share of the kept distance that must stay free before a vehicle stops giving way."""
@@ -188,7 +194,7 @@ class _Search:
         theirs = self._ways[:2, :, others] - moved
         return others[may_come_near(ours, theirs, self._kept(vehicle, others).times(RELEASE), scene.times_s)]
 
-    def _kept(self, vehicle: int, others: Indices) -> Kept:
+    def _kept(self, vehicle: int, others: Indices) -> MinimumDistance:
         return self._scene.kept(np.full(others.size, vehicle, dtype=np.intp), others)
 
     def _approach(self, vehicle: int, options: Manoeuvre, others: Indices, share: float) -> Approach:
@@ -196,7 +202,7 @@ class _Search:
         scene, count = self._scene, options.height_m.size
         which = np.full(count, vehicle, dtype=np.intp)
         ways = np.repeat(fly(scene.traffic.take(which), options, scene.times_s), others.size, axis=2)
-        kept = Kept(*(np.tile(values, count) for values in self._kept(vehicle, others).times(share)))
+        kept = MinimumDistance(*(np.tile(values, count) for values in self._kept(vehicle, others).times(share)))
         near = approach(ways, np.tile(self._ways[:, :, others], count), kept, scene.times_s)
         return Approach(*(values.reshape(count, others.size) for values in near))
 

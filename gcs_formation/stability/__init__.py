@@ -9,12 +9,16 @@ from gcs_formation.stability.consensus import (
 from gcs_formation.stability.graphs import as_adjacency, graph_adjacency
 from gcs_formation.stability.law import (
     ConsensusMargins,
+    FollowerMargins,
     LawMargins,
+    ScenarioMargins,
     consensus_margins,
+    follower_loops,
     law_loops,
     law_margins,
     scenario_adjacency,
     scenario_delay_margin,
+    scenario_margins,
 )
 from gcs_formation.stability.loops import (
     FIXED_GAINS,
@@ -34,9 +38,7 @@ from gcs_formation.stability.loops import (
     right_plant,
     worst_loop_margin,
 )
-from gcs_formation.stability.pid_loops import FollowerMargins, ScenarioMargins, follower_loops, scenario_margins
-from gcs_formation.stability.prediction import MismatchMargin, predicted_mismatch_margin
-from gcs_formation.stability.usage import LoopDelay, Usage
+from gcs_formation.stability.mismatch import LoopDelay, MismatchMargin, Usage, predicted_mismatch_margin
 
 __all__ = [
     "FIXED_GAINS",

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import brentq
 
-from gcs_formation.arrays import Array
+from flight_model.arrays import Array
 from gcs_formation.stability.delay_equation import rightmost_root
 from gcs_formation.stability.graphs import Component, as_adjacency, laplacian, spanning_components
 from gcs_formation.stability.loops import Loop, PidGains, Plant, delay_margin

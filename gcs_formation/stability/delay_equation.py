@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from gcs_formation.arrays import Array
+from flight_model.arrays import Array
 
 _COINCIDENT = 1e-14
 

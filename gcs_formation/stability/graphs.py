@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse.csgraph import connected_components
 
-from gcs_formation.arrays import Array, Indices
+from flight_model.arrays import Array, Indices
 
 Graph = str | npt.ArrayLike
 

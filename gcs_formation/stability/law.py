@@ -3,16 +3,145 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 
-from airlink.identity import VehicleId
+from airlink.endpoint import VehicleId
+from flight_model.arrays import Array
+from formation_scenario import law as keys
+from formation_scenario.arrangement import planned_slots
 from formation_scenario.model import Scenario
-from gcs_formation.arrays import Array
+from formation_scenario.vehicles import VehicleModel
+from gcs_formation.control.mixer import TOW_S
 from gcs_formation.stability.consensus import ground_consensus_loops
 from gcs_formation.stability.graphs import as_adjacency
-from gcs_formation.stability.loops import Loop, LoopMargins, delay_margin
-from gcs_formation.stability.pid_loops import follower_loops, leader_loops, scenario_margins
+from gcs_formation.stability.loops import (
+    FIXED_GAINS,
+    SMALL_SIGNAL,
+    GainRange,
+    Loop,
+    LoopMargins,
+    Mixer,
+    PidGains,
+    Plant,
+    delay_margin,
+    forward_plant,
+    height_plant,
+    loop_margin,
+    right_plant,
+    worst_loop_margin,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class FollowerMargins:
+    """Margins at the small-signal gains (no error), and the least over the scheduler's whole range."""
+
+    small_signal: LoopMargins
+    worst: LoopMargins
+
+
+@dataclass(frozen=True, slots=True)
+class ScenarioMargins:
+    """Margins of every vehicle that follows at some time, and the least over them for each axis.
+
+    They hold for the loops without prediction and without disturbance observer.
+    """
+
+    followers: Mapping[VehicleId, FollowerMargins]
+    least: FollowerMargins
+
+
+def scenario_margins(scenario: Scenario) -> ScenarioMargins:
+    """Delay margins of the loops that a scenario's law closes around each follower.
+
+    A follower's margin is the least over the slots that it has during the run, at the speed along the path. The
+    scenario's leader counts as a follower where another vehicle is to lead. Law `pid` keeps the nominal gains.
+    """
+    gain_range = _gain_range(scenario.law)
+
+    @cache
+    def axis(nominal: PidGains, plant: Plant) -> tuple[float, float]:
+        return loop_margin(nominal, plant, gain_range), worst_loop_margin(nominal, plant, gain_range)
+
+    def margins(model: VehicleModel, x_rc_m: float) -> FollowerMargins:
+        plants = _plants(scenario, model, x_rc_m)
+        axes = [axis(nominal, plant) for nominal, plant in zip(_nominal(scenario.law), plants, strict=True)]
+        small_signal, worst = zip(*axes, strict=True)
+        return FollowerMargins(LoopMargins(*small_signal), LoopMargins(*worst))
+
+    followers = {
+        identity: _least([margins(model, x_rc_m) for x_rc_m in places_m])
+        for identity, model, places_m in _planned(scenario)
+    }
+    return ScenarioMargins(followers, _least(list(followers.values())))
+
+
+def follower_loops(scenario: Scenario) -> dict[VehicleId, dict[str, tuple[Loop, ...]]]:
+    """Return the loops x, y and z around every follower, for each slot that it has in the plan.
+
+    They have the small-signal gains.
+    """
+    return {identity: _loops(scenario, model, places_m) for identity, model, places_m in _planned(scenario)}
+
+
+def leader_loops(scenario: Scenario) -> dict[VehicleId, dict[str, tuple[Loop, ...]]]:
+    """Return the same loops around the scenario's leader while another vehicle leads, for every planned slot."""
+    leader, places_m = scenario.leader, [x_rc_m for _, _, row in _planned(scenario) for x_rc_m in row]
+    return {leader.vehicle_id: _loops(scenario, leader.model, places_m)} if leader and places_m else {}
+
+
+def _planned(scenario: Scenario) -> list[tuple[VehicleId, VehicleModel, list[float]]]:
+    """Return every vehicle that is to follow, with the x_rc of its slots in the schedule."""
+    models = {vehicle.vehicle_id: vehicle.model for vehicle in scenario.vehicles}
+    return [(each, models[each], (-slots_m[:, 0]).tolist()) for each, slots_m in planned_slots(scenario).items()]
+
+
+def _loops(scenario: Scenario, model: VehicleModel, places_m: Sequence[float]) -> dict[str, tuple[Loop, ...]]:
+    gain_range = _gain_range(scenario.law)
+    gains = [gain_range.gains(nominal, SMALL_SIGNAL) for nominal in _nominal(scenario.law)]
+    plants = [_plants(scenario, model, x_rc_m) for x_rc_m in sorted(set(places_m))]
+    return {
+        axis: tuple(dict.fromkeys(Loop(pid, of_slot[i]) for of_slot in plants))
+        for i, (axis, pid) in enumerate(zip("xyz", gains, strict=True))
+    }
+
+
+def _least(margins: Sequence[FollowerMargins]) -> FollowerMargins:
+    return FollowerMargins(
+        _least_of_axes([margin.small_signal for margin in margins]),
+        _least_of_axes([margin.worst for margin in margins]),
+    )
+
+
+def _least_of_axes(margins: Sequence[LoopMargins]) -> LoopMargins:
+    none = float("inf")
+    return LoopMargins(
+        min((margin.x_s for margin in margins), default=none),
+        min((margin.y_s for margin in margins), default=none),
+        min((margin.z_s for margin in margins), default=none),
+    )
+
+
+def _gain_range(law: keys.Law) -> GainRange:
+    return GainRange(law.fuzzy.base, law.fuzzy.span) if law.type == "fuzzy_pid" else FIXED_GAINS
+
+
+def _nominal(law: keys.Law) -> tuple[PidGains, PidGains, PidGains]:
+    speed, heading, height = (
+        PidGains(gains.kp, gains.ki, gains.kd, law.derivative_filter_s)
+        for gains in (law.speed, law.heading, law.height)
+    )
+    return speed, heading, height
+
+
+def _plants(scenario: Scenario, model: VehicleModel, x_rc_m: float) -> tuple[Plant, Plant, Plant]:
+    weights = scenario.law.mixer
+    mixer = Mixer(weights.k_v, weights.k_x, weights.k_psi, weights.k_y, weights.k_z)
+    speed_mps, towed = scenario.path.speed_mps, scenario.formation.frame == "follower_heading"
+    right = right_plant(mixer, model, speed_mps, max(x_rc_m, TOW_S * speed_mps) if towed else 0.0)
+    return forward_plant(mixer, model), right, height_plant(mixer, model)
 
 
 @dataclass(frozen=True, slots=True)

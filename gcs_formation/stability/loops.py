@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import minimize
 
+from flight_model.arrays import Array
 from formation_scenario.vehicles import VehicleModel
-from gcs_formation.arrays import Array
 from gcs_formation.control.mixer import Mixer
 
 Coefficients = npt.NDArray[np.float64] | npt.NDArray[np.complex128]

@@ -16,7 +16,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import yaml
 
-from airlink.cli.directory import refusal
+from airlink.cli.commands import refusal
 from formation_scenario.source import Dumper, Plain
 from gcs_formation.errors import RecordError
 from gcs_formation.studies.flight import VERSION

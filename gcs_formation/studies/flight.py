@@ -22,10 +22,10 @@ from gcs_formation.app.run import run
 from gcs_formation.errors import RecordError, RunAbortedError
 from gcs_formation.record.run_directory import EVENTS, SUMMARY, TIMESERIES, TLOG
 from gcs_formation.record.summary import Summary
-from gcs_formation.stress.invariants import broken, read_flown
-from gcs_formation.stress.scenarios import SEVERITIES, draw
+from gcs_formation.studies.invariants import broken, read_flown
 from gcs_formation.studies.keys import INVARIANTS, Record
 from gcs_formation.studies.plan import Planned
+from gcs_formation.studies.random_scenarios import SEVERITIES, draw
 
 VERSION: Final = version("gcs-formation")
 EXPECTED, BAD_SCENARIO, COULD_NOT_GO_ON = 1, 2, 3

@@ -11,9 +11,9 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from airlink.identity import VehicleId
+from airlink.endpoint import VehicleId
+from flight_model.arrays import Array, Mask
 from formation_scenario import Scenario, Vehicle
-from gcs_formation.arrays import Array, Mask
 from gcs_formation.phases import COMMANDED
 from gcs_formation.record.run_directory import TIMESERIES
 from gcs_formation.record.summary import Summary

@@ -1,4 +1,4 @@
-"""Commands to one vehicle: sent one after another, each repeated until it is acknowledged.
+"""Commands to one vehicle, each repeated until it is acknowledged, and its pilot's choice of mode against them.
 
 Source: MAVLink guide, "Command Protocol".
 """
@@ -12,7 +12,8 @@ from enum import Enum
 from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.messages.command import CommandAck, CommandLong
-from gcs_formation.vehicle.autopilot import Command
+from gcs_formation.vehicle.autopilot import SHOWN_IN_HEARTBEATS, Command
+from gcs_formation.vehicle.telemetry import Telemetry
 
 RETRY_S = 0.7
 MAX_CONFIRMATION = 255
@@ -73,3 +74,29 @@ class CommandQueue:
         if ack.result not in TRY_AGAIN:
             self.outcome = Outcome.REFUSED
         return None
+
+
+class PilotsChoice:
+    """Remembers a mode that was seen between setpoints, until the vehicle has it again.
+
+    Setpoints stop, and the mode is commanded once more: it arrives after the last of them. Two heartbeats after it is
+    acknowledged the vehicle's mode is the pilot's again, or the pilot has given the vehicle back.
+    """
+
+    def __init__(self) -> None:
+        """Start with no choice."""
+        self.mode: int | None = None
+        self._heartbeats = 0
+
+    def see(self, mode: int, guided_mode: int, seen: Telemetry) -> None:
+        """Take the mode of a vehicle that gets setpoints."""
+        if mode != guided_mode:
+            self.mode, self._heartbeats = mode, seen.heartbeats
+
+    def stands(self, seen: Telemetry, *, waiting: bool) -> bool:
+        """Return whether the guided mode that heartbeats show may be the setpoints' doing; `waiting`: on an answer."""
+        if self.mode is not None and waiting:
+            self._heartbeats = seen.heartbeats
+        elif seen.heartbeats >= self._heartbeats + SHOWN_IN_HEARTBEATS:
+            self.mode = None
+        return self.mode is not None

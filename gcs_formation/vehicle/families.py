@@ -1,17 +1,60 @@
-"""The class for each autopilot family."""
+"""The scenario's vehicles, the class for each autopilot family, and the sockets on which they are heard."""
 
 from __future__ import annotations
 
-from airlink.geodesy import GeodeticOrigin
-from formation_scenario import Vehicle
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from airlink.endpoint import Endpoint, VehicleId, parse_endpoint
+from flight_model.earth import GeodeticOrigin
+from formation_scenario import Scenario
+from formation_scenario import Vehicle as PlannedVehicle
+from formation_scenario.arrangement import columns
+from gcs_formation.link.connection import Connection
 from gcs_formation.vehicle.arduplane import ArduPlane
 from gcs_formation.vehicle.autopilot import Autopilot
 from gcs_formation.vehicle.px4_plane import Px4Plane
+from gcs_formation.vehicle.vehicle import Vehicle
 
 FAMILIES: dict[str, type[Autopilot]] = {"emulator": ArduPlane, "arduplane": ArduPlane, "px4": Px4Plane}
 """The scenario's `autopilot` -> its class; the emulators behave like ArduPlane."""
 
 
-def autopilot_for(vehicle: Vehicle, origin: GeodeticOrigin) -> Autopilot:
+def autopilot_for(vehicle: PlannedVehicle, origin: GeodeticOrigin) -> Autopilot:
     """Return the family's class for a vehicle of the scenario."""
     return FAMILIES[vehicle.autopilot](vehicle.id, origin, vehicle.model.turn_rate_max_rps)
+
+
+class Planned(NamedTuple):
+    """A scenario's vehicles and sockets."""
+
+    endpoints: tuple[Endpoint, ...]
+    """The sockets: one for each different endpoint."""
+    networks: tuple[int, ...]
+    """The MAVLink network that each socket hears."""
+    vehicles: Mapping[VehicleId, Vehicle]
+    """The leader first."""
+
+
+def planned(scenario: Scenario) -> Planned:
+    """Return a scenario's vehicles, none of them heard yet."""
+    order = [vehicle for vehicle in columns(scenario) if vehicle is not None]
+    texts = list(dict.fromkeys(vehicle.endpoint for vehicle in order))
+    endpoints = tuple(parse_endpoint(text) for text in texts)
+    networks = {vehicle.endpoint: vehicle.network for vehicle in order}
+    vehicles = {each.vehicle_id: _vehicle(each, texts.index(each.endpoint), endpoints, scenario) for each in order}
+    return Planned(endpoints, tuple(networks[text] for text in texts), vehicles)
+
+
+def origin_of(scenario: Scenario) -> GeodeticOrigin:
+    """Return the point that the scenario's places are counted from."""
+    keys = scenario.origin
+    return GeodeticOrigin(math.radians(keys.lat_deg), math.radians(keys.lon_deg), keys.alt_m)
+
+
+def _vehicle(planned: PlannedVehicle, socket: int, endpoints: tuple[Endpoint, ...], scenario: Scenario) -> Vehicle:
+    endpoint, origin, telemetry = endpoints[socket], origin_of(scenario), scenario.telemetry
+    connection = Connection(socket, endpoint.address if endpoint.kind == "udpout" else None)
+    autopilot = autopilot_for(planned, origin)
+    return Vehicle(planned.vehicle_id, autopilot, connection, origin, telemetry.rate_hz, by_utc=telemetry.by_utc)

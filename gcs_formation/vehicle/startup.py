@@ -2,12 +2,56 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from airlink.clock import Instant, seconds_between
 from gcs_formation.vehicle.autopilot import Step
 from gcs_formation.vehicle.commands import CommandQueue, Outcome
-from gcs_formation.vehicle.telemetry import Telemetry
+from gcs_formation.vehicle.telemetry import Motion, Telemetry
+
+
+class UnbrokenRun:
+    """Since when something has come repeatedly, without a gap longer than a limit."""
+
+    def __init__(self) -> None:
+        """Start with nothing come."""
+        self._since: Instant | None = None
+        self._last = Instant(0)
+        self._gap_s = 0.0
+
+    def note(self, now: Instant) -> None:
+        """Take one that has come now."""
+        if self._since is None or seconds_between(self._last, now) > self._gap_s:
+            self._since = now
+        self._last = now
+
+    def since(self, now: Instant, gap_s: float) -> Instant | None:
+        """Return when the run that goes on now began, or None. `gap_s`, the longest gap, applies from then on."""
+        self._gap_s = gap_s
+        return None if seconds_between(self._last, now) > gap_s else self._since
+
+
+UP_M = 5.0
+
+
+@dataclass
+class TakeOff:
+    """What was seen of a take-off; nothing if the vehicle was in the air before."""
+
+    stood: Motion | None = None
+    """Where it was before it was armed."""
+    course_rad: float | None = None
+
+    def watch(self, seen: Telemetry) -> None:
+        """Look at a new position."""
+        motion = seen.motion
+        if motion is None or seen.heartbeat is None:
+            return
+        if not seen.armed:
+            self.stood, self.course_rad = motion, None
+        elif self.stood is not None and self.course_rad is None and motion.above_home_m > UP_M:
+            self.course_rad = math.atan2(motion.east_mps, motion.north_mps)
 
 
 @dataclass

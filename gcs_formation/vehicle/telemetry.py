@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from airlink import mavlink as m
-from airlink.geodesy import GeodeticOrigin
 from airlink.messages import Message
 from airlink.messages.system import Heartbeat, Statustext
 from airlink.messages.telemetry import (
@@ -20,6 +19,7 @@ from airlink.messages.telemetry import (
     SysStatus,
     VfrHud,
 )
+from flight_model.earth import GeodeticOrigin
 
 KEPT_TEXTS = 8
 TEXT_BYTES = 50

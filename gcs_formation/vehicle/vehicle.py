@@ -8,30 +8,24 @@ from typing import NamedTuple
 
 from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, Instant, after, seconds_between
+from airlink.endpoint import VehicleId
 from airlink.frame import Frame, FrameWriter
-from airlink.geodesy import GeodeticOrigin
-from airlink.identity import VehicleId
 from airlink.messages import Message
 from airlink.messages.command import CommandAck
 from airlink.messages.system import CurrentMode, Heartbeat, SystemTime, Timesync
 from airlink.messages.telemetry import GlobalPositionInt
-from airlink.sequence import SequenceTracker
+from flight_model.earth import GeodeticOrigin
 from gcs_formation.estimation.estimator import Sample
-from gcs_formation.link.claims import EARLY_S, LONGEST_DELAY_S, Claims
 from gcs_formation.link.clock_sync import ClockSync
 from gcs_formation.link.connection import Connection, LinkState
-from gcs_formation.link.gnss_clock import GnssClock
-from gcs_formation.link.jitter import JitterMeter
-from gcs_formation.link.stamp_map import StampMap
-from gcs_formation.membership import Member, Sight
-from gcs_formation.vehicle.autopilot import Autopilot, Step
-from gcs_formation.vehicle.command_effect import EffectWatch
-from gcs_formation.vehicle.commands import CommandQueue, Outcome
-from gcs_formation.vehicle.pilots_choice import PilotsChoice
-from gcs_formation.vehicle.startup import StartUp
-from gcs_formation.vehicle.take_off import TakeOff
+from gcs_formation.link.gnss_clock import GnssClock, StampMap
+from gcs_formation.link.quality import JitterMeter, SequenceTracker
+from gcs_formation.link.source_binding import EARLY_S, LONGEST_DELAY_S, SourceBinding
+from gcs_formation.vehicle.autopilot import Autopilot, EffectWatch, Step
+from gcs_formation.vehicle.commands import CommandQueue, Outcome, PilotsChoice
+from gcs_formation.vehicle.member import Member, Sight
+from gcs_formation.vehicle.startup import StartUp, TakeOff, UnbrokenRun
 from gcs_formation.vehicle.telemetry import Telemetry
-from gcs_formation.vehicle.unbroken_run import UnbrokenRun
 
 STATION_SYSTEM = 255
 STATION_COMPONENT = m.MAV_COMP_ID_MISSIONPLANNER
@@ -77,7 +71,7 @@ class Vehicle:
         self.telemetry = Telemetry(origin)
         self.clock = ClockSync(loop_s=autopilot.loop_s)
         self.stamps = StampMap(self.clock, GnssClock(autopilot.loop_s) if by_utc else None)
-        self.claims = Claims(connection, self.clock)
+        self.claims = SourceBinding(connection, self.clock)
         """Judges which sender with its system id is the vehicle."""
         self.jitter = JitterMeter()
         self.sequence = SequenceTracker()

@@ -14,9 +14,8 @@ from typing import Final
 
 import numpy as np
 
-from airlink.geodesy import GeodeticOrigin
-from formation_scenario.arrays import Array
-from sim_vehicles.inertial.earth import RATE_RADPS, gravity_mps2
+from flight_model.arrays import Array
+from flight_model.earth import RATE_RADPS, GeodeticOrigin, gravity_mps2
 from sim_vehicles.inertial.error_model import (
     ACCEL_BIAS,
     EAST,
@@ -26,11 +25,11 @@ from sim_vehicles.inertial.error_model import (
     TILT,
     UP,
     VELOCITY,
+    ErrorFilter,
     dynamics,
     noise_density,
 )
 from sim_vehicles.inertial.imu import InertialSensors, measured
-from sim_vehicles.inertial.kalman import ErrorFilter
 from sim_vehicles.inertial.rotation import misalignment
 from sim_vehicles.inertial.strapdown import Strapdown
 from sim_vehicles.inertial.trajectory import Increments, NavigationState, Trajectory

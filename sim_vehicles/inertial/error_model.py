@@ -1,4 +1,4 @@
-"""The linear model of an inertial navigator's errors, with 15 states, which filters and covariances use.
+"""The linear model of an inertial navigator's errors, with 15 states, and a Kalman filter of them.
 
 The errors are: position, east, north and up in m; velocity likewise in m/s; misalignment phi in rad, where the computed
 attitude is (I - [phi x]) times the true one; the accelerometers' biases and the gyroscopes', body components, in SI
@@ -9,11 +9,13 @@ section 14.2.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import cho_solve, cholesky, solve_triangular
 
-from formation_scenario.arrays import Array
-from sim_vehicles.inertial.earth import RATE_RADPS, gravity_mps2, radii_m
+from flight_model.arrays import Array
+from flight_model.earth import RATE_RADPS, gravity_mps2, radii_m
 from sim_vehicles.inertial.imu import InertialSensors
 
 PLACE, VELOCITY, TILT, ACCEL_BIAS, GYRO_BIAS = (slice(3 * i, 3 * i + 3) for i in range(5))
@@ -69,3 +71,41 @@ def noise_density(sensors: InertialSensors) -> Array:
 def _skew(v: Array) -> Array:
     """Return [v x]."""
     return np.array(((0.0, -v[2], v[1]), (v[2], 0.0, -v[0]), (-v[1], v[0], 0.0)))
+
+
+class Estimate(NamedTuple):
+    """The result of a measurement."""
+
+    errors: Array
+    """(N,)"""
+    innovation: Array
+    """(M,) normalised and decorrelated: standard normal if the filter is consistent."""
+
+
+class ErrorFilter:
+    """The covariance of N errors."""
+
+    def __init__(self, covariance: Array) -> None:
+        """Start with a covariance (N, N)."""
+        self.covariance = covariance
+
+    def predict(self, dynamics: Array, noise_density: Array, period_s: float) -> None:
+        """Propagate by `period_s`, short compared with the dynamics (N, N); `noise_density` is the diagonal (N,)."""
+        step = dynamics * period_s
+        transition = np.eye(len(step)) + step + step @ step / 2.0
+        # Simpson's rule, to include how the dynamics spread the noise within the step.
+        half = np.eye(len(step)) + step / 2.0 + step @ step / 8.0
+        middle, end = (half * noise_density) @ half.T, (transition * noise_density) @ transition.T
+        noise = (end + 4.0 * middle + np.diag(noise_density)) * period_s / 6.0
+        self.covariance = transition @ self.covariance @ transition.T + noise
+
+    def update(self, seen: Array, measured: Array, sigmas: Array) -> Estimate:
+        """Process a measurement (M,) of `seen` (M, N) @ errors, with independent standard deviations (M,)."""
+        across = self.covariance @ seen.T
+        total = seen @ across + np.diag(sigmas**2)
+        root = cholesky(total, lower=True)
+        gain = cho_solve((root, True), across.T).T
+        kept = np.eye(len(self.covariance)) - gain @ seen
+        # Joseph's form stays symmetric and positive definite in spite of rounding.
+        self.covariance = kept @ self.covariance @ kept.T + (gain * sigmas**2) @ gain.T
+        return Estimate(gain @ measured, solve_triangular(root, measured, lower=True))

@@ -8,13 +8,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from airlink.geodesy import GeodeticOrigin
+from flight_model.arrays import Array
+from flight_model.earth import GeodeticOrigin
 from formation_scenario import Scenario, Vehicle, leader_path
-from formation_scenario.arrays import Array
 from formation_scenario.navigation import InertialNavigation
 from sim_vehicles.inertial.alignment import Alignment, FineAlignment, align, limits
+from sim_vehicles.inertial.config import aid, inertial_sensors
 from sim_vehicles.inertial.flight import NavigationRecord, Start, exact_start, navigate
-from sim_vehicles.inertial.from_keys import aid, inertial_sensors
 from sim_vehicles.inertial.imu import sensor_random
 from sim_vehicles.inertial.rotation import displaced
 from sim_vehicles.inertial.trajectory import Trajectory

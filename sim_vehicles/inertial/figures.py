@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from sim_vehicles.inertial.earth import radii_m
+from flight_model.earth import radii_m
 from sim_vehicles.inertial.experiment import UNITS, Experiment
 
 CM: Final = 1 / 2.54

@@ -9,9 +9,9 @@ from typing import Final
 
 import numpy as np
 
-from formation_scenario.arrays import Array
-from sim_vehicles.inertial.aiding import Aid
-from sim_vehicles.inertial.earth import radii_m
+from flight_model.arrays import Array
+from flight_model.earth import radii_m
+from sim_vehicles.inertial.config import Aid
 from sim_vehicles.inertial.error_model import (
     ACCEL_BIAS,
     GYRO_BIAS,
@@ -19,11 +19,11 @@ from sim_vehicles.inertial.error_model import (
     SIZE,
     TILT,
     VELOCITY,
+    ErrorFilter,
     dynamics,
     noise_density,
 )
 from sim_vehicles.inertial.imu import InertialSensors, measured
-from sim_vehicles.inertial.kalman import ErrorFilter
 from sim_vehicles.inertial.rotation import misalignment
 from sim_vehicles.inertial.strapdown import Strapdown
 from sim_vehicles.inertial.trajectory import Increments, NavigationState, Trajectory

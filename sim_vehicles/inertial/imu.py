@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from airlink.identity import VehicleId
+from airlink.endpoint import VehicleId
 from airlink.random_streams import random_stream
 from sim_vehicles.inertial.trajectory import Increments
 

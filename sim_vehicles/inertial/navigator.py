@@ -13,13 +13,12 @@ import numpy as np
 
 from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, Instant
-from airlink.geodesy import GeodeticOrigin
-from airlink.identity import VehicleId
-from formation_scenario.arrays import Array
-from sim_vehicles.estimate import Estimate, InnovationRatios
+from airlink.endpoint import VehicleId
+from flight_model.arrays import Array
+from flight_model.earth import GeodeticOrigin, gravity_mps2
+from sim_vehicles.airframe.motion import Estimate, InnovationRatios, Motion, with_drift
 from sim_vehicles.inertial.alignment import UPDATE_S, FineAlignment
 from sim_vehicles.inertial.config import InertialConfig
-from sim_vehicles.inertial.earth import gravity_mps2
 from sim_vehicles.inertial.error_model import (
     ACCEL_BIAS,
     GYRO_BIAS,
@@ -27,13 +26,12 @@ from sim_vehicles.inertial.error_model import (
     SIZE,
     TILT,
     UP,
+    ErrorFilter,
     dynamics,
     noise_density,
 )
 from sim_vehicles.inertial.imu import sensor_random
-from sim_vehicles.inertial.kalman import ErrorFilter
 from sim_vehicles.inertial.rotation import attitude
-from sim_vehicles.motion import Motion, with_drift
 
 RATE_HZ: Final = 10
 USEFUL_M: Final = 50.0

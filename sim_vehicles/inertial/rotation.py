@@ -11,7 +11,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from formation_scenario.arrays import Array
+from flight_model.arrays import Array
 
 Vector: TypeAlias = tuple[float, float, float]
 Quaternion: TypeAlias = tuple[float, float, float, float]

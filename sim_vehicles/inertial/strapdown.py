@@ -11,8 +11,8 @@ from typing import Self, cast
 
 import numpy as np
 
-from formation_scenario.arrays import Array
-from sim_vehicles.inertial.earth import RATE_RADPS, gravity_mps2, radii_m
+from flight_model.arrays import Array
+from flight_model.earth import RATE_RADPS, gravity_mps2, radii_m
 from sim_vehicles.inertial.rotation import (
     Quaternion,
     Vector,

@@ -12,10 +12,9 @@ from typing import NamedTuple, Self
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
-from airlink.geodesy import ECCENTRICITY_SQUARED, GeodeticOrigin
+from flight_model.arrays import Array
+from flight_model.earth import ECCENTRICITY_SQUARED, RATE_RADPS, GeodeticOrigin, gravity_mps2, radii_m
 from formation_scenario import SplinePath
-from formation_scenario.arrays import Array
-from sim_vehicles.inertial.earth import RATE_RADPS, gravity_mps2, radii_m
 from sim_vehicles.inertial.rotation import attitude
 
 KNOT_S = 1.0

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from airlink.geodesy import GeodeticOrigin
+from flight_model.earth import GeodeticOrigin
 
 SEMI_MAJOR_M, FLATTENING = 6378137.0, 1 / 298.257223563
 ECCENTRICITY_SQUARED = FLATTENING * (2 - FLATTENING)

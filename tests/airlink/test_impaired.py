@@ -5,10 +5,9 @@ from typing import Any
 import pytest
 
 from airlink.clock import Instant, VirtualClock, after, seconds_between
-from airlink.endpoint import Address
+from airlink.endpoint import Address, VehicleId
 from airlink.engine import Datagram
 from airlink.frame import FrameWriter, StreamParser
-from airlink.identity import VehicleId
 from airlink.impaired import MAX_REMOTES, ImpairedEngine
 from airlink.impairment import UNIMPAIRED, Impairment
 from airlink.memory import MemoryNetwork

@@ -9,7 +9,7 @@ from scipy.integrate import quad
 from scipy.stats import kstest, truncnorm
 
 from airlink.clock import Instant, after, seconds_between
-from airlink.identity import VehicleId
+from airlink.endpoint import VehicleId
 from airlink.impairment import STANDARD, UNIMPAIRED, Channel, Direction, Impairment, link_stream
 
 MANY = 100_000

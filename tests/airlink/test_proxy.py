@@ -7,14 +7,13 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from airlink.cli.proxy import Console, main, summary
+from airlink.cli.proxy import KEYS, Console, apply_line, changed, described, main, summary
 from airlink.clock import Instant, after
 from airlink.endpoint import Address, Endpoint
 from airlink.errors import ImpairmentError, PortError
+from airlink.impaired import Passage, Relay
 from airlink.impairment import UNIMPAIRED, Direction, Impairment
-from airlink.impairment_keys import KEYS, apply_line, changed, described
 from airlink.proxy import Proxy
-from airlink.relay import Passage, Relay
 from airlink.udp import open_socket
 
 UP, DOWN = Direction.UPLINK, Direction.DOWNLINK

@@ -10,8 +10,8 @@ from flight_model.airframe import AirframeParameters
 from flight_model.design import BOUNDS, FREQUENCIES, Telemetry, Weights, design, judged_channels
 from flight_model.linear import airframe_responses, lag_responses
 from formation_scenario import load_scenario
-from formation_scenario.airframe import EnergyAirframe
-from formation_scenario.auto_gains import figures
+from formation_scenario.gains import figures
+from formation_scenario.vehicles import EnergyAirframe
 
 WEIGHTS = Weights(1.0, 0.1, 0.05, 1.0)
 QUIET = Telemetry(0.1, 0.1, 0.0, 0.0, 0.0)

@@ -8,9 +8,9 @@ import pytest
 
 from flight_model import energy
 from flight_model.airframe import GRAVITY_MPS2, AirframeParameters
-from formation_scenario.airframe import EnergyAirframe
 from formation_scenario.source import Source
 from formation_scenario.vehicle_file import read_model
+from formation_scenario.vehicles import EnergyAirframe
 
 SHIPPED = read_model("arduplane", Path(), Source(None, {}), ())
 KEYS = EnergyAirframe.model_validate(SHIPPED["airframe"])

@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 
 from airlink.clock import NANOSECONDS, Instant, VirtualClock, after
-from airlink.endpoint import Endpoint
+from airlink.endpoint import Endpoint, VehicleId
 from airlink.engine import Datagram, Engine
-from airlink.identity import VehicleId
 from airlink.memory import MemoryNetwork
 from formation_scenario import Scenario, load_scenario
-from gcs_formation.app.links import impair
-from gcs_formation.preflight import CARELESS, Caution
+from gcs_formation.app.injection import impair
+from gcs_formation.mission.starting import CARELESS, Caution
 from gcs_formation.recorder import Event, Tick
 from gcs_formation.station import Station
 from sim_vehicles.config import Fault, FaultKind

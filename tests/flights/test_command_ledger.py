@@ -15,9 +15,9 @@ from airlink.messages.system import Heartbeat
 from formation_scenario import load_scenario
 from gcs_formation.estimation.flight_state import FlightState, Setpoints
 from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory
-from gcs_formation.obedience import SETTLED_S, Obedience
+from gcs_formation.fleet.conformance import SETTLED_S, MotionConformance
 from gcs_formation.vehicle.arduplane import ArduPlane
-from gcs_formation.vehicle.command_effect import EffectWatch
+from gcs_formation.vehicle.autopilot import EffectWatch
 from gcs_formation.vehicle.telemetry import Telemetry
 from tests.flights.conftest import scenario
 from tests.flights.in_memory import Between, World
@@ -200,7 +200,7 @@ def judged(
 ) -> list[tuple[str, float]]:
     """Take a vehicle over at 0 s, tell it speed, heading and height from a time on; return what is found, and when."""
     planned, history, state = load_scenario(scenario(), overrides), SetpointHistory(10.0), np.zeros((8, 3))
-    obedience, found, state[2] = Obedience(planned, history), list[tuple[str, float]](), 100.0
+    obedience, found, state[2] = MotionConformance(planned, history), list[tuple[str, float]](), 100.0
     settled = np.zeros((3, 3), dtype=bool)
     for tick in range(400):
         now, at_s = after(START, 0.1 * tick), 0.1 * tick

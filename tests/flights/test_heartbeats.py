@@ -6,9 +6,9 @@ import pytest
 
 from airlink import mavlink as m
 from airlink.messages.parameter import ParamSet
-from gcs_formation.dispatch import UNGUIDED_S
+from gcs_formation.fleet.dispatch import UNGUIDED_S
 from gcs_formation.recorder import Tick
-from sim_vehicles.modes import Mode
+from sim_vehicles.autopilot.modes import Mode
 from tests.flights.in_memory import World
 
 FAILSAFE_S = 5.0

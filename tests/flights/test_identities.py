@@ -6,17 +6,16 @@ import pytest
 
 from airlink import mavlink as m
 from airlink.clock import Instant, after
-from airlink.endpoint import LOOPBACK, Address, Endpoint
+from airlink.endpoint import LOOPBACK, Address, Endpoint, VehicleId
 from airlink.engine import Datagram
 from airlink.frame import HEADER_V2, FrameWriter
-from airlink.identity import VehicleId
 from airlink.messages.system import Heartbeat, Statustext
 from formation_scenario import load_scenario
 from gcs_formation.phases import Phase
 from gcs_formation.station import Station
 from gcs_formation.vehicle.vehicle import STATION_COMPONENT, STATION_SYSTEM
+from sim_vehicles.autopilot.modes import Condition
 from sim_vehicles.fleet import Fleet
-from sim_vehicles.modes import Condition
 from tests.flights.conftest import scenario
 from tests.flights.in_memory import Between, Notes, World
 

@@ -10,20 +10,19 @@ import pytest
 
 from airlink import mavlink as m
 from airlink.clock import Instant, after
-from airlink.endpoint import Address
-from airlink.geodesy import GeodeticOrigin
-from airlink.identity import VehicleId
+from airlink.endpoint import Address, VehicleId
 from airlink.messages.command import CommandAck
 from airlink.messages.system import Heartbeat
 from airlink.messages.telemetry import GlobalPositionInt
+from flight_model.earth import GeodeticOrigin
 from formation_scenario import load_scenario
-from gcs_formation.landing import Landings, why_not
+from gcs_formation.fleet.circling import GroundFloor
 from gcs_formation.link.connection import Connection, LinkState
-from gcs_formation.loitering import GroundFloor
+from gcs_formation.mission.landing import Landings, why_not
 from gcs_formation.phases import Phase
 from gcs_formation.vehicle.arduplane import ArduPlane
 from gcs_formation.vehicle.vehicle import Vehicle
-from sim_vehicles.modes import Condition, Mode
+from sim_vehicles.autopilot.modes import Condition, Mode
 from tests.flights.conftest import STRAIGHT, scenario
 from tests.flights.in_memory import World
 

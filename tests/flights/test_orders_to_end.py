@@ -9,7 +9,7 @@ import pytest
 from formation_scenario.orders import End
 from gcs_formation.answer import Answer
 from gcs_formation.phases import Phase
-from sim_vehicles.modes import Condition, Mode
+from sim_vehicles.autopilot.modes import Condition, Mode
 from tests.flights.in_memory import World
 
 ABREAST: dict[str, Any] = {

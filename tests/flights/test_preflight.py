@@ -12,11 +12,11 @@ from airlink.engine import Datagram
 from airlink.frame import StreamParser
 from airlink.messages.command import CommandInt, CommandLong
 from airlink.messages.parameter import ParamSet
-from gcs_formation.app.rehearsal import rehearsal_text, rehearsed
+from gcs_formation.app.fly import rehearsal_text, rehearsed
+from gcs_formation.mission.starting import Caution
 from gcs_formation.phases import Phase
-from gcs_formation.preflight import Caution
+from sim_vehicles.autopilot.modes import Condition, Mode
 from sim_vehicles.fleet import Fleet
-from sim_vehicles.modes import Condition, Mode
 from tests.flights.in_memory import Between, World
 
 GROUND: dict[str, Any] = {"start": {"in_air": False}, "vehicles": {"count": 2}, "formation": {"shape": "follower"}}

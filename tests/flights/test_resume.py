@@ -24,13 +24,12 @@ from formation_scenario import Scenario
 from gcs_formation.cli import main
 from gcs_formation.phases import Phase
 from gcs_formation.record.past import epoch_us, read_past
-from gcs_formation.record.run_directory import SPOOL, RunDirectory
+from gcs_formation.record.run_directory import SPOOL, RunDirectory, read_tlog
 from gcs_formation.record.timeseries import read_parquet, read_spool
-from gcs_formation.record.tlog import read_tlog
 from gcs_formation.recorder import Event, Tick
 from gcs_formation.station import Station
+from sim_vehicles.autopilot.modes import Condition, Mode
 from sim_vehicles.fleet import Fleet
-from sim_vehicles.modes import Condition, Mode
 from tests.flights.conftest import scenario
 from tests.flights.in_memory import Between, Notes, World
 from tests.flights.test_real_clock import LIMIT_S, STATION, VEHICLES, free_port, started, wait_for

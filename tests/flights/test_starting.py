@@ -12,10 +12,10 @@ from airlink import mavlink as m
 from airlink.clock import Instant
 from airlink.engine import Datagram
 from airlink.frame import HEADER_V2
-from gcs_formation.arrays import wrap
+from flight_model.arrays import wrap
 from gcs_formation.guidance.leader import SETTLE_S
 from gcs_formation.phases import Phase
-from sim_vehicles.modes import Condition, Mode
+from sim_vehicles.autopilot.modes import Condition, Mode
 from tests.flights.in_memory import Between, World
 
 LAG_S = 0.2
@@ -113,7 +113,7 @@ def ignores_in_the_air(world: World) -> None:
 def test_a_vehicle_that_can_not_be_started_ends_the_run_with_nobody_left_flying_on(
     between: type[Between], trouble: Callable[[World], None], begins: tuple[str, str], limit_s: float, words: str
 ) -> None:
-    """Disobedience is reported 2 s after the order's acknowledgement, so 18 s before the step's 20 s are over."""
+    """NonConformance is reported 2 s after the order's acknowledgement, so 18 s before the step's 20 s are over."""
     world = World(between, **ON_THE_GROUND)
     trouble(world)
     world.run()

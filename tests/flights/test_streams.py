@@ -8,14 +8,13 @@ import pytest
 
 from airlink import mavlink as m
 from airlink.clock import NANOSECONDS
-from airlink.endpoint import Address
+from airlink.endpoint import Address, VehicleId
 from airlink.engine import Datagram
 from airlink.frame import FrameWriter
-from airlink.identity import VehicleId
 from airlink.messages import Message
 from airlink.messages.command import CommandLong, RequestDataStream
 from gcs_formation.phases import Phase
-from sim_vehicles.commands import HANDLERS
+from sim_vehicles.autopilot.commands import HANDLERS
 from tests.flights.in_memory import World
 
 OTHER = Address("127.0.0.1", 50000)

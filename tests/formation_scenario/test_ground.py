@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from airlink.geodesy import GeodeticOrigin
-from formation_scenario.elevation import ElevationError, ElevationGrid, Raster, read_elevation
+from flight_model.earth import GeodeticOrigin
+from flight_model.elevation import ElevationError, ElevationGrid, Raster, read_elevation
+from formation_scenario.environment import Hill
 from formation_scenario.ground import Hills
-from formation_scenario.terrain import Hill
 
 ORIGIN = GeodeticOrigin(math.radians(35.5), math.radians(125.5), 20.0)
 NEAR = np.array([[0.0, 0.0], [500.0, 500.0]])

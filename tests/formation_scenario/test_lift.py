@@ -3,9 +3,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from flight_model.displacement import Bounds, least_lift, sample_places
+from formation_scenario.environment import Hill
 from formation_scenario.ground import Hills
-from formation_scenario.lift import Bounds, least_lift, sample_places
-from formation_scenario.terrain import Hill
 
 BOUNDS = Bounds(slope=0.095, curvature_1pm=7.7e-4)
 NOTHING = np.zeros(0)

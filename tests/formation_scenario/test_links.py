@@ -3,8 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from formation_scenario import ScenarioError, dump_scenario, load_scenario
-from formation_scenario.links import least_mean_burst
-from formation_scenario.trace import read_trace_ms
+from formation_scenario.links import least_mean_burst, read_trace_ms
 
 
 def test_a_clean_link_has_one_state(load):

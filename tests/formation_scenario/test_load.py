@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from airlink.identity import VehicleId
+from airlink.endpoint import VehicleId
 from formation_scenario import Scenario, ScenarioError, dump_scenario, load_scenario
 from formation_scenario.source import read_text
 

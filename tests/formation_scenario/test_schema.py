@@ -9,9 +9,8 @@ import yaml
 from jsonschema import Draft202012Validator
 
 from formation_scenario import dump_scenario, load_scenario
-from formation_scenario.reference import example, scenario_reference
 from formation_scenario.resolve import MAY_BE_EMPTY
-from formation_scenario.schema import scenario_schema, written_model
+from formation_scenario.schema import example, scenario_reference, scenario_schema, written_model
 from formation_scenario.source import read_text
 from tests.formation_scenario.test_load import EVERY_KEY
 from tests.formation_scenario.test_messages import BASE, WRONG_VALUES

@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.distance import pdist
 
+from flight_model.displacement import DisplacedPath, Rise
+from flight_model.path import SplinePath
 from formation_scenario import load_scenario
 from formation_scenario.arrangement import assigned, slot_schedule
-from formation_scenario.displaced_path import DisplacedPath, Rise
-from formation_scenario.path import SplinePath
 from formation_scenario.reconfiguration import (
     ACCELERATION_SHARE,
     TURN_SHARE,
@@ -20,8 +20,7 @@ from formation_scenario.reconfiguration import (
     plan_change,
     take_over,
 )
-from formation_scenario.slot_motion import Course, SlotMotion, slot_needs
-from formation_scenario.transition import Transition
+from formation_scenario.slot_motion import Course, SlotMotion, Transition, slot_needs
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 SPEED = 22.0

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from airlink.clock import NANOSECONDS, VirtualClock
-from airlink.endpoint import LOOPBACK, Address
+from airlink.endpoint import LOOPBACK, Address, VehicleId
 from airlink.engine import Datagram
-from airlink.identity import VehicleId
 from airlink.memory import FIRST_EPHEMERAL_PORT, MemoryNetwork
 from gcs_formation.station import Station
 from sim_vehicles.fleet import Fleet

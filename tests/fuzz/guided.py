@@ -20,7 +20,7 @@ from airlink.frame import StreamParser
 from airlink.mavlink import Layout
 from airlink.memory import FIRST_EPHEMERAL_PORT
 from gcs_formation.vehicle.vehicle import STATION_COMPONENT, STATION_SYSTEM
-from sim_vehicles.commands import HANDLERS
+from sim_vehicles.autopilot.commands import HANDLERS
 from tests.fuzz.flight import FOLLOWER, USUAL, Flight
 from tests.fuzz.frames import LAYOUTS, Header, framed, packed
 

@@ -20,10 +20,10 @@ from airlink.engine import Datagram, Engine
 from airlink.frame import HEADER_V2, MARKER_V2
 from airlink.memory import FIRST_EPHEMERAL_PORT, MemoryNetwork
 from airlink.messages.command import CommandInt
+from flight_model.arrays import Array
 from formation_scenario import Scenario, load_scenario
 from formation_scenario.vehicles import VehicleModel
-from gcs_formation.app.links import impair
-from gcs_formation.arrays import Array
+from gcs_formation.app.injection import impair
 from gcs_formation.recorder import Event, Tick
 from gcs_formation.station import Station
 from gcs_formation.vehicle.vehicle import STATION_SYSTEM

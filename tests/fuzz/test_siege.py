@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from airlink.clock import Instant
-from airlink.endpoint import Address
+from airlink.endpoint import Address, VehicleId
 from airlink.engine import Datagram
 from airlink.frame import FrameWriter
-from airlink.identity import VehicleId
 from airlink.messages.system import Heartbeat
 from gcs_formation.station import Station
 from tests.fuzz.siege import End, Notes, Siege, check, fly, planned, worst_error_m

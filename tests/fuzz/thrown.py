@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.tables import markdown
-from gcs_formation.arrays import Array
+from flight_model.arrays import Array
 from tests.fuzz.siege import End, Siege, check, fly, worst_error_m
 
 DURATION_S = 60.0

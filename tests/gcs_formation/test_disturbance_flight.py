@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from gcs_formation.record.timeseries import flying
-from gcs_formation.stability.gust import allowed_gust_error_m, met_s, response_s
+from gcs_formation.report.gusts import allowed_gust_error_m, met_s, response_s
 from gcs_formation.stability.loops import loop_delay_s
 from gcs_formation.testing.plan import Formation, Plan
 

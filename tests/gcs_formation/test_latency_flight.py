@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gcs_formation.app.split_errors import split_errors
+from gcs_formation.app.assembly import split_errors
 from gcs_formation.record.timeseries import flying
 from gcs_formation.testing.flown import Flown
 from gcs_formation.testing.plan import Formation, Plan

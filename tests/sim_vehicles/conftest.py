@@ -5,9 +5,8 @@ import math
 
 import pytest
 
-from airlink.endpoint import Address, parse_endpoint
+from airlink.endpoint import Address, VehicleId, parse_endpoint
 from airlink.engine import Datagram
-from airlink.identity import VehicleId
 from sim_vehicles.config import FleetConfig, Start, VehicleConfig
 from sim_vehicles.fleet import Fleet
 

@@ -5,13 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from airlink.endpoint import parse_endpoint
-from airlink.identity import VehicleId
-from formation_scenario.airframe import EnergyAirframe
-from formation_scenario.vehicles import VehicleModel
-from sim_vehicles.airframes import Airframes
+from airlink.endpoint import VehicleId, parse_endpoint
+from formation_scenario.vehicles import EnergyAirframe, VehicleModel
+from sim_vehicles.airframe.airframes import Airframes
+from sim_vehicles.airframe.dynamics import Command, State, step
 from sim_vehicles.config import FleetConfig, Start, VehicleConfig
-from sim_vehicles.dynamics import Command, State, step
 
 LOOP_S = 0.02
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from formation_scenario.vehicles import VehicleModel
-from sim_vehicles.dynamics import Command, Parameters, State, ground_velocity, step
+from sim_vehicles.airframe.dynamics import Command, Parameters, State, ground_velocity, step
 
 TAU_V, TAU_PSI, TAU_HA, TAU_HB = 4.0, 1.5, 1.0, 3.0
 ACCEL, TURN, CLIMB = 1.5, 0.25, 3.0

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from airlink.identity import VehicleId
+from airlink.endpoint import VehicleId
+from sim_vehicles.airframe.disturbances import Disturbance, Intensity, Ramp, Sine, Turbulence
 from sim_vehicles.config import Fault
-from sim_vehicles.disturbances import Disturbance, Intensity, Ramp, Sine, Turbulence
 
 FIRST, SECOND = VehicleId(1, 1), VehicleId(1, 2)
 HEADING, GUIDED = 43002, 15

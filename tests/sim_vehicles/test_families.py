@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from formation_scenario import Scenario, load_scenario
-from sim_vehicles.families import stand_ins, without_emulator
+from sim_vehicles.config import stand_ins, without_emulator
 from tests.flights.conftest import scenario
 
 

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from airlink.identity import VehicleId
+from airlink.endpoint import VehicleId
 from sim_vehicles.config import Fault
 
 WHO = frozenset({VehicleId(1, 1)})

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from airlink.identity import VehicleId
+from airlink.endpoint import VehicleId
 from formation_scenario import load_scenario
 from formation_scenario.navigation import NoisyNavigation
 from sim_vehicles.config import SensorErrors

@@ -5,8 +5,7 @@ import math
 
 import pytest
 
-from airlink.endpoint import Address
-from airlink.identity import VehicleId
+from airlink.endpoint import Address, VehicleId
 from sim_vehicles.config import Fault
 
 dialect = importlib.import_module("pymavlink.dialects.v20.ardupilotmega")

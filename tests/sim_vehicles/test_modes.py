@@ -4,7 +4,16 @@ import math
 
 import pytest
 
-from sim_vehicles.modes import SELECTABLE, TRANSITIONS, Condition, Mode, Request, follow, select, system_status
+from sim_vehicles.autopilot.modes import (
+    SELECTABLE,
+    TRANSITIONS,
+    Condition,
+    Mode,
+    Request,
+    follow,
+    select,
+    system_status,
+)
 
 ARM, SET_MODE = 400, 176
 TAKEOFF, GUIDED, LOITER, RTL, MANUAL = 13, 15, 12, 11, 0

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from airlink.endpoint import Address
 from airlink.engine import Datagram
 from formation_scenario.vehicles import VehicleModel
+from sim_vehicles.autopilot.parameters import MAX_LISTS, NAMES
 from sim_vehicles.link import MAX_PEERS
-from sim_vehicles.parameters import MAX_LISTS, NAMES
 
 dialect = importlib.import_module("pymavlink.dialects.v20.ardupilotmega")
 FLOATS = st.one_of(

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from airlink.clock import Instant
-from airlink.identity import VehicleId
+from airlink.endpoint import VehicleId
+from sim_vehicles.airframe.motion import Motion
+from sim_vehicles.airframe.sensors import Sensors
 from sim_vehicles.config import SensorErrors
-from sim_vehicles.motion import Motion
-from sim_vehicles.sensors import Sensors
 
 GNSS = SensorErrors(10.0, 0.3, 0.1, 0.2, math.radians(0.5))
 STILL = Motion._make([0.0] * 4 + [22.0] + [0.0] * 11)

@@ -8,8 +8,7 @@ from itertools import pairwise
 import pytest
 
 from sim_vehicles.config import Fault
-from sim_vehicles.inertial.aiding import gnss
-from sim_vehicles.inertial.config import InertialConfig
+from sim_vehicles.inertial.config import InertialConfig, gnss
 from sim_vehicles.inertial.imu import InertialSensors
 
 mavlink = importlib.import_module("pymavlink.dialects.v20.ardupilotmega")

@@ -8,8 +8,7 @@ import pytest
 from scipy.linalg import expm
 from scipy.signal import welch
 
-from sim_vehicles.disturbances import Intensity
-from sim_vehicles.turbulence import DrydenGusts, discretised, low_altitude
+from sim_vehicles.airframe.disturbances import DrydenGusts, Intensity, discretised, low_altitude
 
 AIRSPEED_MPS, DT_S, VEHICLES = 22.0, 0.1, 64
 GIVEN = Intensity((1.5, 1.0, 0.5), (60.0, 40.0, 20.0))

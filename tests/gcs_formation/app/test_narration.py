@@ -6,9 +6,8 @@ import math
 import pytest
 
 from airlink.clock import Instant
-from airlink.identity import VehicleId
-from gcs_formation.app.narration import Narration
-from gcs_formation.app.progress import Lines, Silent, progress_on
+from airlink.endpoint import VehicleId
+from gcs_formation.app.progress import Lines, Narration, Silent, progress_on
 from gcs_formation.recorder import Event
 
 THREE = VehicleId(1, 3)

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from formation_scenario import load_scenario
-from gcs_formation.app.rehearsal import rehearsal_text, rehearsed
-from gcs_formation.vehicle.planned import origin_of, planned
+from gcs_formation.app.fly import rehearsal_text, rehearsed
+from gcs_formation.vehicle.families import origin_of, planned
 
 PX4 = Path(__file__).parents[3] / "configs" / "px4.yaml"
 

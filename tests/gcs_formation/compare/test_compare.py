@@ -10,9 +10,9 @@ import yaml
 from click.testing import CliRunner
 
 from gcs_formation.cli import main
-from gcs_formation.compare.comparison import Flown, Window, compare_flights
-from gcs_formation.compare.laws import LAWS
 from gcs_formation.report.run_data import load_run
+from gcs_formation.studies.comparison import Flown, Window, compare_flights
+from gcs_formation.studies.comparison_page import LAWS
 
 SHORT = {
     "schema": 1,

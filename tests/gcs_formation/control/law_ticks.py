@@ -10,13 +10,13 @@ import numpy.typing as npt
 from airlink.clock import Instant
 from formation_scenario.formation import Frame
 from formation_scenario.slot_motion import SlotMotion
+from gcs_formation.control.fuzzy_pid import Gains
 from gcs_formation.control.law import FormationLaw, LawParameters
 from gcs_formation.control.mixer import Mixer
-from gcs_formation.control.pid import Gains
 from gcs_formation.control.situation import Decision, Lead, Situation
 from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Setpoints
 from gcs_formation.estimation.projection import AtOneStamp
-from gcs_formation.guidance.told import Told
+from gcs_formation.guidance.leader import Told
 from gcs_formation.guidance.tracking import RouteHeading
 
 Array = npt.NDArray[np.float64]

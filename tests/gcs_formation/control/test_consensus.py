@@ -15,7 +15,7 @@ from gcs_formation.control.consensus import ConsensusLaw, ConsensusParameters
 from gcs_formation.control.situation import Decision, Lead, Situation
 from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Setpoints
 from gcs_formation.estimation.projection import AtOneStamp
-from gcs_formation.guidance.told import Told
+from gcs_formation.guidance.leader import Told
 from gcs_formation.guidance.tracking import RouteHeading
 from gcs_formation.stability import graph_adjacency
 from gcs_formation.stability.graphs import laplacian

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gcs_formation.control import FuzzyGainScheduler
-from gcs_formation.control.fuzzy import rule_tables
+from gcs_formation.control.fuzzy_pid import rule_tables
 
 unit = st.floats(-1.0, 1.0)
 

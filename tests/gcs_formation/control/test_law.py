@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from formation_scenario.slot_motion import SlotMotion
-from gcs_formation.control.fuzzy import FuzzyGainScheduler
+from gcs_formation.control.fuzzy_pid import FuzzyGainScheduler
 from gcs_formation.control.situation import Situation
 from gcs_formation.estimation.flight_state import FlightState, Setpoints
 from tests.gcs_formation.control.law_ticks import (

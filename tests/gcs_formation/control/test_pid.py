@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gcs_formation.control.pid import Gains, PidState, filter_rate, integrate, unlimited
+from gcs_formation.control.fuzzy_pid import Gains, PidState, filter_rate, integrate, unlimited
 
 DT_S = 0.1
 

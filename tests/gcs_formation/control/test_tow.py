@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from formation_scenario.slot_motion import SlotMotion
-from gcs_formation.control.feed_forward import LeaderMotion, Turning
+from gcs_formation.control.feed_forward import CRAB_RADPS, LeaderMotion, TrailingSlots, Turning
 from gcs_formation.control.mixer import slot_target
-from gcs_formation.control.tow import CRAB_RADPS, Tow
 from gcs_formation.estimation.flight_state import FlightState
 
 SPEED_MPS, WAY_S = 22.0, 30.0
@@ -39,7 +38,7 @@ def test_who_turns_as_towed_at_the_slots_speed_stays_in_a_slot_that_goes_60_m_as
 ) -> None:
     """Equation (8) integrated finely: what error is left is of first order in the tick."""
     start, end = np.array([forward_m[0], -30.0, 0.0]), np.array([forward_m[1], 30.0, 0.0])
-    tow, (x_m, y_m), worst_m = Tow(1), (0.0, 0.0), 0.0
+    tow, (x_m, y_m), worst_m = TrailingSlots(1), (0.0, 0.0), 0.0
     for tick in range(int(40 / tick_s)):
         leader, slots = leader_at(tick * tick_s), slot_at(tick * tick_s, start, end - start)
         turning = tow.turning(leader, slots, tick_s)
@@ -59,7 +58,7 @@ def test_who_turns_as_towed_at_the_slots_speed_stays_in_a_slot_that_goes_60_m_as
 
 def test_a_heading_crabs_slowly_against_a_gust_and_its_rates_are_those_of_its_angle() -> None:
     """Speed is led by the rates: what the slot at the side is swept by comes as no surprise."""
-    tow, tick_s, gust_mps, speed = Tow(1), 0.001, 0.6, np.array([SPEED_MPS])
+    tow, tick_s, gust_mps, speed = TrailingSlots(1), 0.001, 0.6, np.array([SPEED_MPS])
     time_s = np.arange(0.0, 8.0, tick_s)
     drift, change = gust_mps * -np.expm1(-2.0 * time_s), 2.0 * gust_mps * np.exp(-2.0 * time_s)
     crabs = [tow.crab(np.array([d]), np.array([c]), speed, tick_s) for d, c in zip(drift, change, strict=True)]

@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 
 from airlink.clock import Instant, after
+from flight_model.arrays import Array
 from formation_scenario import load_scenario
-from gcs_formation.arrays import Array
 from gcs_formation.controller import FormationController
 from gcs_formation.estimation import kalman
 from gcs_formation.estimation.estimator import UNMODELLED, WIND_WALK, Sample, StateEstimator
 from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Setpoints
-from gcs_formation.estimation.kalman import HEADING, WIND_NORTH
-from gcs_formation.estimation.noise import RESOLUTION, ROWS, Declared
+from gcs_formation.estimation.kalman import HEADING, RESOLUTION, ROWS, WIND_NORTH, Declared
 from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory
 from gcs_formation.parameters import declared_noise
 from tests.flights.conftest import scenario

@@ -9,7 +9,7 @@ import pytest
 
 from airlink.clock import NANOSECONDS, Instant
 from gcs_formation.estimation.flight_state import Setpoints
-from gcs_formation.guidance.told import ToldLeader
+from gcs_formation.guidance.leader import ToldLeader
 
 TICK_S = 0.1
 TURN_RPS = 0.2

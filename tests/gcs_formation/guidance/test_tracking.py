@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from formation_scenario.path import SplinePath
+from flight_model.path import SplinePath
 from gcs_formation.guidance.tracking import Lags, Motion, MotionRates, project, track, track_turn
 
 ROUTE = SplinePath([[0, 0, 100], [900, 0, 100], [1700, 500, 120], [2300, 1300, 110], [3300, 1500, 100]])

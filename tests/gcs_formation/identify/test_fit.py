@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from flight_model import energy
-from formation_scenario.airframe import EnergyAirframe
-from formation_scenario.vehicles import VehicleModel
+from formation_scenario.vehicles import EnergyAirframe, VehicleModel
 from gcs_formation.errors import RecordError
 from gcs_formation.identify.fit import LAGS, fit, fit_airframe, flown_by_lags, lags_of
 from gcs_formation.identify.fit import _flown as flown_by_airframes

@@ -12,12 +12,12 @@ from airlink.frame import FrameWriter
 from airlink.messages.command import CommandInt
 from airlink.messages.telemetry import Attitude, GlobalPositionInt, VfrHud
 from formation_scenario import load_scenario
-from formation_scenario.steps import Step, added
+from formation_scenario.formation import Step, added
 from gcs_formation.cli.identify import identify
 from gcs_formation.errors import RecordError
-from gcs_formation.identify.flight import identification_scenario
+from gcs_formation.identify.command import identification_scenario
 from gcs_formation.identify.recording import SETTLING_S, STEP_S, recordings
-from gcs_formation.record.tlog import TlogWriter
+from gcs_formation.record.run_directory import TlogWriter
 
 PATH = {"waypoints_m": [[0, 0, 100], [4000, 2000, 120]]}
 

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from airlink.clock import NANOSECONDS, Instant, after
-from gcs_formation.common_clock import Bounds, agreed_s
+from gcs_formation.fleet.common_clock import Bounds, agreed_s
 from gcs_formation.link.clock_sync import ClockSync
-from gcs_formation.link.gnss_clock import GnssClock
-from gcs_formation.link.stamp_map import StampMap
+from gcs_formation.link.gnss_clock import GnssClock, StampMap
 
 UTC_AT_0_S = 1.6e9
 LOOP_S = 0.02

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gcs_formation.record.effort import effort
 from gcs_formation.record.figures_of_merit import (
     PAIRWISE_UP_TO,
     axis_figures,
+    effort,
     in_slot_share,
     left_at_s,
     separation_m,

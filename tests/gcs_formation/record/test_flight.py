@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 
-from airlink.identity import VehicleId
+from airlink.endpoint import VehicleId
 from formation_scenario import load_scenario
 from gcs_formation.record.expectations import judge
 from gcs_formation.record.figures_of_merit import clearance_m, least, separation_m
 from gcs_formation.record.flight import split
-from gcs_formation.record.timeseries import MEASURED, PHASES
-from gcs_formation.record.truth import GroundTruth
+from gcs_formation.record.timeseries import MEASURED, PHASES, GroundTruth
 
 LEADER, FOLLOWER, THIRD = (VehicleId(1, system) for system in (1, 2, 3))
 TIME_S = np.arange(0.0, 10.01, 0.1)

@@ -11,8 +11,14 @@ import numpy as np
 import pytest
 
 from formation_scenario import Scenario, SplinePath, dump_scenario, load_scenario, slot_schedule
-from gcs_formation.record.effort import effort
-from gcs_formation.record.figures_of_merit import axis_figures, in_slot_share, left_at_s, separation_m, settled_at_s
+from gcs_formation.record.figures_of_merit import (
+    axis_figures,
+    effort,
+    in_slot_share,
+    left_at_s,
+    separation_m,
+    settled_at_s,
+)
 from gcs_formation.record.flight import Flight
 from gcs_formation.record.timeseries import DISTURBANCE, ERROR, GAINS, LAW_ERROR, MIXED, STATE, TRUTH, write_parquet
 

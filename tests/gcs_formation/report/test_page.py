@@ -7,10 +7,9 @@ import pytest
 
 from formation_scenario import ground_of, load_scenario
 from gcs_formation.report import write_report
-from gcs_formation.report.embedded import as_script, embedded
-from gcs_formation.report.paper import beside_the_paper
+from gcs_formation.report.html import cards, table, verdict
+from gcs_formation.report.page import as_script, beside_the_paper, embedded
 from gcs_formation.report.run_data import load_run
-from gcs_formation.report.tables import cards, table, verdict
 
 VOID = {"meta", "link", "img", "input", "br"}
 

@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from airlink.clock import NANOSECONDS, Instant
-from gcs_formation.arrays import Array, Mask
+from flight_model.arrays import Array, Mask
 from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Setpoints
 from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory, advance
 from gcs_formation.separation.manoeuvre import Traffic, sample_times
 from gcs_formation.separation.rule import Memory, resolve
-from gcs_formation.separation.scene import Scene
+from gcs_formation.separation.traffic import Scene
 
 DT_S = 0.1
 KEPT_M = 10.0

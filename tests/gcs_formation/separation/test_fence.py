@@ -14,7 +14,7 @@ from gcs_formation import parameters
 from gcs_formation.estimation.flight_state import FlightState, Setpoints
 from gcs_formation.estimation.predictor import advance
 from gcs_formation.recorder import Tick
-from gcs_formation.separation.fence import FenceKeeper
+from gcs_formation.separation.fence import FenceLimits
 from tests.flights.conftest import scenario
 from tests.flights.in_memory import World
 
@@ -51,7 +51,7 @@ def test_whatever_heading_is_asked_for_nobody_leaves(corners: Any) -> None:
     rng, count, polygon = np.random.default_rng(1), 40, np.array(corners)
     planned = fenced(corners, count)
     model = parameters.autopilot_model(planned)
-    keeper = FenceKeeper(planned, model)
+    keeper = FenceLimits(planned, model)
     height, climb, speed, wind, still = (np.full(count, value) for value in (100.0, 0.0, 22.0, 4.0, 0.0))
     heading = rng.uniform(-np.pi, np.pi, count)
     state = FlightState.of(np.array([*np.full((2, count), -300.0), height, climb, speed, heading, wind, still]))
@@ -67,7 +67,7 @@ def test_whatever_heading_is_asked_for_nobody_leaves(corners: Any) -> None:
 
 
 def test_heights_are_held_between_the_limits_and_it_is_told_once() -> None:
-    keeper = FenceKeeper(fenced(height_min_m=60.0, height_max_m=120.0), parameters.autopilot_model(fenced()))
+    keeper = FenceLimits(fenced(height_min_m=60.0, height_max_m=120.0), parameters.autopilot_model(fenced()))
     state = FlightState.of(np.tile([[0.0], [0.0], [100.0], [0.0], [22.0], [0.0], [0.0], [0.0]], 3))
     words: list[str] = []
     for height_m in (150.0, 150.0, 100.0, 20.0):
@@ -83,7 +83,7 @@ def test_heights_are_held_between_the_limits_and_it_is_told_once() -> None:
 def test_a_formation_whose_path_leads_out_stays_inside_and_says_so() -> None:
     world = World()
     corners = ((-700.0, -400.0), (200.0, -400.0), (200.0, 400.0), (-700.0, 400.0))
-    world.station.controller.fence = FenceKeeper(fenced(corners), world.station.controller.model)
+    world.station.controller.fence = FenceLimits(fenced(corners), world.station.controller.model)
     within_m, apart_m = np.inf, np.inf
     for _ in range(20):
         world.run(1.0)

@@ -15,7 +15,7 @@ from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory
 from gcs_formation.estimation.projection import Measured
 from gcs_formation.parameters import autopilot_model
 from gcs_formation.recorder import Tick
-from gcs_formation.separation.keeper import SeparationKeeper, words
+from gcs_formation.separation.resolver import ConflictResolver, words
 from tests.flights.conftest import scenario
 
 WIDE, NARROW = {"shape": "line", "spacing_m": 30}, {"shape": "line", "spacing_m": 8}
@@ -31,7 +31,7 @@ CASES: list[tuple[dict[str, Any], float]] = [
 def test_the_formation_is_not_fought_whoever_leads_it(formation: dict[str, Any], kept_m: float) -> None:
     """Else it's reckoned with the 10 m to be kept and 0.5 m more, for what isn't known exactly."""
     flown = load_scenario(scenario(formation=formation, safety={"separation_m": 5}))
-    keeper = SeparationKeeper(flown, SetpointHistory(flown.law.rate_hz), autopilot_model(flown))
+    keeper = ConflictResolver(flown, SetpointHistory(flown.law.rate_hz), autopilot_model(flown))
     assert keeper.kept_m == pytest.approx(kept_m)
 
 
@@ -44,7 +44,7 @@ class Crossing:
     def __init__(self, behind_m: float = 6.0, **keys: Any) -> None:
         planned = load_scenario(scenario(vehicles={"count": 2}, **keys))
         self.history, self.model = SetpointHistory(planned.law.rate_hz), autopilot_model(planned)
-        self.keeper = SeparationKeeper(planned, self.history, self.model)
+        self.keeper = ConflictResolver(planned, self.history, self.model)
         self.north, self.east = np.array((-110.0, 0.0)), np.array((0.0, 110.0 + behind_m * math.sqrt(2.0)))
         self.speed, self.heading = np.full(2, 22.0), np.array((0.0, -math.pi / 2))
         self.wind_north, self.ours = np.zeros(2), np.array((True, False))
@@ -123,7 +123,7 @@ def test_nobody_gives_way_to_a_virtual_leader_and_it_to_nobody() -> None:
     followers = [{"id": 1, "role": "follower"}, {"id": 2, "role": "follower"}]
     planned = load_scenario(scenario(vehicles=followers, formation={"shape": "line", "spacing_m": 30}))
     history, model = SetpointHistory(planned.law.rate_hz), autopilot_model(planned)
-    keeper = SeparationKeeper(planned, history, model)
+    keeper = ConflictResolver(planned, history, model)
     now, none, ours = np.zeros(3, dtype=np.int64), np.zeros(3), np.ones(3, dtype=bool)
 
     def yielding(north_m: tuple[float, ...], east_m: tuple[float, ...], heading: tuple[float, ...]) -> list[bool]:

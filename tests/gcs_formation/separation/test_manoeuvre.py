@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gcs_formation.separation.manoeuvre import sample_times
-from gcs_formation.separation.scene import free_heights
+from gcs_formation.separation.traffic import free_heights
 from tests.gcs_formation.separation.encounters import KEPT_M, Vehicles, scene, wanted
 
 

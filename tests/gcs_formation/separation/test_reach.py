@@ -9,10 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gcs_formation.estimation.flight_state import FlightState, Setpoints
-from gcs_formation.separation.distance import approach, may_come_near
-from gcs_formation.separation.manoeuvre import fly, fly_level
-from gcs_formation.separation.reach import bound, possible_pairs
-from gcs_formation.separation.scene import Scene
+from gcs_formation.separation.manoeuvre import approach, fly, fly_level, may_come_near
+from gcs_formation.separation.traffic import Scene, bound, possible_pairs
 from tests.gcs_formation.separation.encounters import Vehicles, scene, wanted
 
 PI = np.pi

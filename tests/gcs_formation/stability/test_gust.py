@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from gcs_formation.stability.gust import allowed_gust_error_m, least_gust_error_m, met_s, response_s
+from gcs_formation.report.gusts import allowed_gust_error_m, least_gust_error_m, met_s, response_s
 
 
 def test_a_vehicle_is_carried_for_the_round_trip_and_then_brakes():

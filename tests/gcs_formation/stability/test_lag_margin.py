@@ -7,15 +7,16 @@ import pytest
 
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.control.mixer import Mixer
-from gcs_formation.stability.lag_margin import (
+from gcs_formation.stability.loops import Loop, PidGains, forward_plant, height_plant, right_plant
+from gcs_formation.stability.mismatch import (
     MOST,
+    LoopDelay,
+    Usage,
     lag_margin,
     mismatch_margin_with_lags_off,
     predicted_is_stable,
+    predicted_mismatch_margin,
 )
-from gcs_formation.stability.loops import Loop, PidGains, forward_plant, height_plant, right_plant
-from gcs_formation.stability.prediction import predicted_mismatch_margin
-from gcs_formation.stability.usage import LoopDelay, Usage
 
 MIXER, MODEL = Mixer(k_v=0.1, k_x=1.0, k_psi=0.1, k_y=0.05, k_z=1.0), VehicleModel()
 X = Loop(PidGains(3.0, 1.04, 6.5), forward_plant(MIXER, MODEL))

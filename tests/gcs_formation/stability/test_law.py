@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from formation_scenario import load_scenario
-from formation_scenario.graph import has_spanning_tree
 from formation_scenario.model import Scenario
+from formation_scenario.rules.vehicles import has_spanning_tree
 from gcs_formation.stability import (
     consensus_delay_margin,
     consensus_margins,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from airlink.identity import VehicleId
+from airlink.endpoint import VehicleId
 from formation_scenario import load_scenario
 from gcs_formation.stability import scenario_margins
 

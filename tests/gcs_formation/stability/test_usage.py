@@ -27,7 +27,7 @@ from gcs_formation.stability import (
     scenario_delay_margin,
 )
 from gcs_formation.stability.graphs import laplacian
-from gcs_formation.stability.usage import BANDWIDTHS
+from gcs_formation.stability.mismatch import BANDWIDTHS
 
 MIXER = Mixer(k_v=0.1, k_x=1.0, k_psi=0.1, k_y=0.05, k_z=1.0)
 MODEL = VehicleModel(tau_v_s=4.0, tau_psi_s=1.5, tau_ha_s=1.0, tau_hb_s=3.0)

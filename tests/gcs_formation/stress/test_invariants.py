@@ -12,7 +12,7 @@ import pytest
 import gcs_formation
 from airlink import mavlink as m
 from formation_scenario import load_scenario
-from gcs_formation.stress.invariants import Flown, broken, read_flown
+from gcs_formation.studies.invariants import Flown, broken, read_flown
 from tests.flights.conftest import scenario
 
 Tamper = Callable[[Flown], Flown]

@@ -9,14 +9,14 @@ import pytest
 from click.testing import CliRunner
 
 from formation_scenario import Scenario, dump_scenario
-from formation_scenario.faults import FaultKind
+from formation_scenario.environment import FaultKind
 from gcs_formation.cli import main
 from gcs_formation.errors import RunAbortedError
-from gcs_formation.stress.scenarios import HARD, draw
 from gcs_formation.studies import flight
 from gcs_formation.studies.flight import Task, fly
 from gcs_formation.studies.keys import INVARIANTS
 from gcs_formation.studies.plan import Planned
+from gcs_formation.studies.random_scenarios import HARD, draw
 
 SEEDS_EACH = 2
 

@@ -18,14 +18,12 @@ from scipy.stats import binom
 
 from formation_scenario import ScenarioError
 from gcs_formation.cli import main
-from gcs_formation.studies.campaign import prepare
+from gcs_formation.studies.campaign import clopper_pearson, judge, prepare
 from gcs_formation.studies.dataset import Dataset, read_journal
-from gcs_formation.studies.design import count_samples, drawn, samples
-from gcs_formation.studies.figures import Flights, heat_map
 from gcs_formation.studies.flight import Task, figure, fly
 from gcs_formation.studies.keys import Study, load_study, study_schema
-from gcs_formation.studies.plan import Plan, Planned, count_flights, replayed
-from gcs_formation.studies.verdicts import clopper_pearson, judge
+from gcs_formation.studies.plan import Plan, Planned, count_flights, count_samples, drawn, replayed, samples
+from gcs_formation.studies.report import Flights, heat_map
 from gcs_formation.studies.workers import Cluster, Processes
 
 SCENARIO = {

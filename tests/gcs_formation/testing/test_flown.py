@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from airlink.identity import VehicleId
+from airlink.endpoint import VehicleId
 from formation_scenario import load_scenario
 from gcs_formation.record.run_directory import TIMESERIES
 from gcs_formation.record.summary import Summary

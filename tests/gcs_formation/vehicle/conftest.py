@@ -8,9 +8,9 @@ from collections.abc import Callable
 import pytest
 
 from airlink import mavlink as m
-from airlink.geodesy import GeodeticOrigin
 from airlink.messages.system import Heartbeat
 from airlink.messages.telemetry import Attitude, EkfStatusReport, GlobalPositionInt, SysStatus, VfrHud
+from flight_model.earth import GeodeticOrigin
 from gcs_formation.vehicle.arduplane import EKF_READY, ArduPlane
 from gcs_formation.vehicle.telemetry import Telemetry
 

@@ -12,7 +12,7 @@ from airlink import mavlink as m
 from airlink.frame import FrameWriter, StreamParser
 from airlink.messages.command import CommandInt
 from airlink.messages.telemetry import SysStatus
-from gcs_formation.setpoint import Setpoint, Whereabouts
+from gcs_formation.estimation.flight_state import Setpoint, Whereabouts
 from gcs_formation.vehicle.arduplane import ArduPlane
 from gcs_formation.vehicle.autopilot import Command
 from tests.gcs_formation.vehicle.conftest import ORIGIN, position

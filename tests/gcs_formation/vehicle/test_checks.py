@@ -7,7 +7,7 @@ import pytest
 from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.messages.parameter import ParamValue
-from gcs_formation.vehicle.arduplane_parameters import arduplane_checks
+from gcs_formation.vehicle.arduplane import arduplane_checks
 from gcs_formation.vehicle.checks import AT_ONCE, RETRY_S, TRIES, Demands, Finding, ParameterReader
 
 ASKED = Demands(speed_mps=22.0, speed_min_mps=14.0, speed_max_mps=29.0, turn_rate_max_rps=0.25)

@@ -17,10 +17,9 @@ from airlink.messages.command import CommandAck, CommandInt, CommandLong
 from airlink.messages.parameter import ParamValue
 from airlink.messages.system import Heartbeat, Statustext
 from airlink.messages.telemetry import Attitude, ExtendedSysState, HomePosition, SysStatus, VfrHud
-from gcs_formation.setpoint import Setpoint, Whereabouts
-from gcs_formation.vehicle.autopilot import Command
+from gcs_formation.estimation.flight_state import Setpoint, Whereabouts
+from gcs_formation.vehicle.autopilot import Command, EffectWatch
 from gcs_formation.vehicle.checks import Demands, ParameterReader
-from gcs_formation.vehicle.command_effect import EffectWatch
 from gcs_formation.vehicle.commands import CommandQueue, Outcome
 from gcs_formation.vehicle.families import FAMILIES
 from gcs_formation.vehicle.px4_plane import Px4Plane

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from airlink.clock import NANOSECONDS, Instant, seconds_between
-from airlink.identity import VehicleId
+from airlink.endpoint import VehicleId
 from airlink.messages.telemetry import Attitude
 from gcs_formation.link.connection import Connection
 from gcs_formation.vehicle.arduplane import ArduPlane

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from airlink.geodesy import GeodeticOrigin
+from flight_model.earth import GeodeticOrigin
 from formation_scenario import SplinePath
-from sim_vehicles.inertial.aiding import barometer, gnss
 from sim_vehicles.inertial.alignment import STATES, TILTS, FineAlignment, align, coarse, limits
+from sim_vehicles.inertial.config import barometer, gnss
 from sim_vehicles.inertial.error_model import ACCEL_BIAS, GYRO_BIAS
 from sim_vehicles.inertial.flight import exact_start, navigate
 from sim_vehicles.inertial.imu import InertialSensors

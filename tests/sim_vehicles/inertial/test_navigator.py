@@ -10,21 +10,19 @@ from scipy.stats import chi2
 
 from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, Instant
-from airlink.geodesy import GeodeticOrigin
-from airlink.identity import VehicleId
+from airlink.endpoint import VehicleId
+from flight_model.earth import GeodeticOrigin
 from formation_scenario import SplinePath
 from formation_scenario.navigation import InertialNavigation, InertialSensorKeys
-from sim_vehicles.inertial.aiding import gnss
+from sim_vehicles.airframe.motion import Motion
 from sim_vehicles.inertial.alignment import limits
-from sim_vehicles.inertial.config import InertialConfig
+from sim_vehicles.inertial.config import InertialConfig, gnss, inertial_sensors
 from sim_vehicles.inertial.error_model import TILT
 from sim_vehicles.inertial.flight import exact_start, navigate
-from sim_vehicles.inertial.from_keys import inertial_sensors
 from sim_vehicles.inertial.imu import InertialSensors, sensor_random
 from sim_vehicles.inertial.navigator import InertialNavigator
 from sim_vehicles.inertial.rotation import angles, attitude, displaced
 from sim_vehicles.inertial.trajectory import Trajectory
-from sim_vehicles.motion import Motion
 
 ORIGIN = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 0.0)
 PATH, SPEED_MPS = SplinePath([[0, 0, 200], [700, 0, 200], [1400, 300, 220], [2000, 900, 190], [2100, 3000, 200]]), 22.0

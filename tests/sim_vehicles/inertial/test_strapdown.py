@@ -7,9 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from airlink.geodesy import GeodeticOrigin
+from flight_model.earth import RATE_RADPS, GeodeticOrigin, gravity_mps2, radii_m
 from formation_scenario import SplinePath
-from sim_vehicles.inertial.earth import RATE_RADPS, gravity_mps2, radii_m
 from sim_vehicles.inertial.error_model import NORTH, TILT, VELOCITY, dynamics
 from sim_vehicles.inertial.flight import Array, Start, exact_start, navigate
 from sim_vehicles.inertial.imu import InertialSensors

@@ -1,0 +1,144 @@
+"""The size and shape of the source tree: modules, classes, lines, circles of imports, and a datagram's way.
+
+The way is measured: which files run, from a position datagram's receipt to the setpoints that are sent on it, in a
+flight of configs/quickstart.yaml in memory.
+"""
+
+from __future__ import annotations
+
+import ast
+import sys
+from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+from statistics import median
+from types import FrameType
+
+from airlink.clock import Instant, VirtualClock, seconds_between
+from airlink.engine import Datagram
+from airlink.memory import MemoryNetwork
+from airlink.messages.telemetry import GlobalPositionInt
+from benchmarks.tables import markdown
+from formation_scenario import load_scenario
+from gcs_formation.link.connection import Receiver
+from gcs_formation.phases import Phase
+from gcs_formation.recorder import Event, Tick
+from gcs_formation.station import Station
+from sim_vehicles.fleet import Fleet
+from sim_vehicles.from_scenario import fleet_config
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("airlink", "flight_model", "formation_scenario", "sim_vehicles", "gcs_formation")
+FLOWN_S = 300.0
+"""The path has begun by then, or never does."""
+
+
+def sources(package: str) -> dict[str, ast.Module]:
+    """Return the modules of a package, by their dotted names."""
+    return {_dotted(path): ast.parse(path.read_text()) for path in sorted((ROOT / package).rglob("*.py"))}
+
+
+def imported(tree: ast.Module, modules: set[str]) -> Iterator[str]:
+    """Yield the modules that are imported as `tree` is: not those for type checkers, nor those of functions."""
+    for node in tree.body:
+        if isinstance(node, ast.ImportFrom) and node.module:
+            for name in node.names:
+                whole = f"{node.module}.{name.name}"
+                yield whole if whole in modules else node.module
+
+
+def circle(modules: dict[str, ast.Module]) -> list[str] | None:
+    """Return a circle of modules that import each other, None if there is none."""
+    names = set(modules)
+    graph = {name: {other for other in imported(tree, names) if other in names} for name, tree in modules.items()}
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        return error.args[1]
+    return None
+
+
+class Unrecorded:
+    """A recorder that keeps nothing."""
+
+    def frame(self, now: Instant, raw: bytes) -> None:
+        """Drop it."""
+
+    def tick(self, tick: Tick) -> None:
+        """Drop it."""
+
+    def event(self, event: Event) -> None:
+        """Drop it."""
+
+
+class Traced(Station):
+    """A station that lists the files that run, from the first position datagram on the path to the end of a tick."""
+
+    files: set[str] | None = None
+    done = False
+
+    def receive(self, datagram: Datagram, now: Instant) -> None:
+        """Begin the list at a position."""
+        if not self.done and self.files is None and self.flight.phase is Phase.FLYING and _is_position(datagram):
+            self.files = set()
+            sys.setprofile(self._note)
+        super().receive(datagram, now)
+
+    def tick(self, now: Instant) -> None:
+        """End the list."""
+        super().tick(now)
+        sys.setprofile(None)
+        self.done = self.files is not None
+
+    def _note(self, frame: FrameType, event: str, _: object) -> None:
+        if event == "call" and self.files is not None:
+            self.files.add(frame.f_code.co_filename)
+
+
+def _is_position(datagram: Datagram) -> bool:
+    return any(isinstance(frame.message, GlobalPositionInt) for frame in Receiver().frames(datagram))
+
+
+def way() -> list[str]:
+    """Return the files of the station and the wire that run from a position to the setpoints."""
+    scenario = load_scenario(ROOT / "configs" / "quickstart.yaml")
+    clock = VirtualClock()
+    network, station = MemoryNetwork(clock), Traced(scenario, Unrecorded())
+    network.attach(Fleet(fleet_config(scenario)))
+    network.attach(station)
+    network.run(lambda: station.done or seconds_between(Instant(0), clock.now()) > FLOWN_S)
+    places = (Path(file) for file in station.files or ())
+    within = (place.relative_to(ROOT) for place in places if place.is_relative_to(ROOT))
+    return sorted(str(place) for place in within if place.parts[0] in PACKAGES)
+
+
+def _dotted(path: Path) -> str:
+    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+
+
+def main() -> None:
+    """Print the figures."""
+    rows, everything = list[list[str]](), dict[str, ast.Module]()
+    functions = list[int]()
+    for package in PACKAGES:
+        modules = sources(package)
+        everything |= modules
+        nodes = [node for tree in modules.values() for node in ast.walk(tree)]
+        lines = sum(len(path.read_text().splitlines()) for path in (ROOT / package).rglob("*.py"))
+        classes = sum(isinstance(node, ast.ClassDef) for node in nodes)
+        functions += [(node.end_lineno or 0) - node.lineno + 1 for node in nodes if isinstance(node, ast.FunctionDef)]
+        rows.append([package, f"{len(modules)}", f"{classes}", f"{lines}"])
+    total = [f"{sum(int(row[place]) for row in rows)}" for place in (1, 2, 3)]
+    print(markdown(["package", "modules", "classes", "lines"], [*rows, ["all", *total]]))
+    print(f"\nlines of a function, median: {median(functions):g}")
+    print(f"circle of imports: {' -> '.join(circle(everything) or ['none'])}")
+    files = way()
+    own = [file for file in files if file.startswith("gcs_formation")]
+    print(
+        f"files that run from a position to the setpoints of its tick: {len(own)} of the station, {len(files)} in all"
+    )
+    print("\n".join(f"  {file}" for file in files))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,111 @@
+"""The Earth: WGS-84's ellipsoid, rotation and normal gravity, and places against an origin.
+
+Source: NIMA TR8350.2 (WGS-84); Groves, Principles of GNSS, Inertial, and Multisensor Integrated Navigation
+Systems (2013), section 2.4.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final, overload
+
+import numpy as np
+
+from flight_model.arrays import Array
+
+RATE_RADPS: Final = 7.292115e-5
+EQUATOR_MPS2: Final = 9.7803253359
+SOMIGLIANA: Final = 1.93185265241e-3
+FLATTENING: Final = 1 / 298.257223563
+CENTRIFUGAL_RATIO: Final = 3.449786506841e-3
+"""Centrifugal acceleration at the equator by gravity there."""
+
+
+@overload
+def gravity_mps2(lat_rad: float, height_m: float) -> float: ...
+@overload
+def gravity_mps2(lat_rad: Array, height_m: Array) -> Array: ...
+def gravity_mps2(lat_rad: float | Array, height_m: float | Array) -> float | Array:
+    """Return normal gravity, positive downwards, at a latitude and a height above the ellipsoid."""
+    squared = np.sin(lat_rad) ** 2 if isinstance(lat_rad, np.ndarray) else math.sin(lat_rad) ** 2
+    surface = EQUATOR_MPS2 * (1.0 + SOMIGLIANA * squared) / (1.0 - ECCENTRICITY_SQUARED * squared) ** 0.5
+    first = 2.0 / SEMI_MAJOR_M * (1.0 + FLATTENING + CENTRIFUGAL_RATIO - 2.0 * FLATTENING * squared)
+    return surface * (1.0 - first * height_m + 3.0 * (height_m / SEMI_MAJOR_M) ** 2)
+
+
+@overload
+def radii_m(lat_rad: float) -> tuple[float, float]: ...
+@overload
+def radii_m(lat_rad: Array) -> tuple[Array, Array]: ...
+def radii_m(lat_rad: float | Array) -> tuple[float | Array, float | Array]:
+    """Return the radii of curvature along the meridian and across it (in the prime vertical)."""
+    sine = np.sin(lat_rad) if isinstance(lat_rad, np.ndarray) else math.sin(lat_rad)
+    squeeze = 1.0 - ECCENTRICITY_SQUARED * sine * sine
+    across_m = SEMI_MAJOR_M / squeeze**0.5
+    return across_m * (1.0 - ECCENTRICITY_SQUARED) / squeeze, across_m
+
+
+SEMI_MAJOR_M = 6_378_137.0
+ECCENTRICITY_SQUARED = 6.694379990141317e-3
+INVERSION_STEPS = 4
+"""Each step reduces the error by the ratio of the distance to the Earth's radius."""
+
+
+@dataclass(frozen=True)
+class GeodeticOrigin:
+    """The point that NED positions are counted from: radians, and metres above sea level.
+
+    North is the arc of the meridian and east that of the parallel, with the radii of curvature at the latitude
+    halfway to the origin. Below 70 degrees of latitude and up to 10 km away, distances from the origin are accurate to
+    a millimetre per kilometre. Distances between two other points are stretched: from east to west by 0.2 mm per metre
+    3 km north of the origin, and by 1.1 mm per metre 20 km north of it.
+    """
+
+    lat_rad: float
+    lon_rad: float
+    alt_m: float
+
+    def to_ned(self, lat_rad: float, lon_rad: float, alt_m: float) -> tuple[float, float, float]:
+        """Return north, east and down in m."""
+        north_radius_m, east_radius_m = _radii((lat_rad + self.lat_rad) / 2)
+        east = math.remainder(lon_rad - self.lon_rad, math.tau)
+        return (lat_rad - self.lat_rad) * north_radius_m, east * east_radius_m, self.alt_m - alt_m
+
+    def from_ned(self, north_m: float, east_m: float, down_m: float) -> tuple[float, float, float]:
+        """Return latitude, longitude (radians, -pi to pi) and altitude: the inverse of `to_ned`."""
+        lat_rad = self.lat_rad
+        for _ in range(INVERSION_STEPS):
+            lat_rad = self.lat_rad + north_m / _radii((lat_rad + self.lat_rad) / 2)[0]
+        lon_rad = self.lon_rad + east_m / _radii((lat_rad + self.lat_rad) / 2)[1]
+        return lat_rad, math.remainder(lon_rad, math.tau), self.alt_m - down_m
+
+    def places(self, north_m: Array, east_m: Array) -> tuple[Array, Array]:
+        """Return latitudes and longitudes, rad, of many points: `from_ned` for arrays of one shape."""
+        lat_rad = self._latitudes(north_m)
+        return lat_rad, self.lon_rad + east_m / _radii_at((lat_rad + self.lat_rad) / 2)[1]
+
+    def metres_per_radian(self, north_m: Array) -> tuple[Array, Array]:
+        """Return metres per radian of latitude and of longitude, at points `north_m` north of the origin."""
+        return _radii_at((self._latitudes(north_m) + self.lat_rad) / 2)
+
+    def _latitudes(self, north_m: Array) -> Array:
+        lat_rad = np.full_like(north_m, self.lat_rad)
+        for _ in range(INVERSION_STEPS):
+            lat_rad = self.lat_rad + north_m / _radii_at((lat_rad + self.lat_rad) / 2)[0]
+        return lat_rad
+
+
+def _radii(lat_rad: float) -> tuple[float, float]:
+    """Return metres per radian of latitude and of longitude."""
+    sine = math.sin(lat_rad)
+    squeeze = 1.0 - ECCENTRICITY_SQUARED * sine * sine
+    normal_m = SEMI_MAJOR_M / math.sqrt(squeeze)
+    return normal_m * (1.0 - ECCENTRICITY_SQUARED) / squeeze, normal_m * math.cos(lat_rad)
+
+
+def _radii_at(lat_rad: Array) -> tuple[Array, Array]:
+    """Return what `_radii` returns, for many latitudes."""
+    squeeze = 1.0 - ECCENTRICITY_SQUARED * np.sin(lat_rad) ** 2
+    normal_m = SEMI_MAJOR_M / np.sqrt(squeeze)
+    return normal_m * (1.0 - ECCENTRICITY_SQUARED) / squeeze, normal_m * np.cos(lat_rad)

@@ -1,0 +1,245 @@
+"""The leader's path: a B-spline through waypoints, parametrised by horizontal arc length."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Iterable, Sequence
+from math import atan2, cos, sin
+from typing import NamedTuple, TypeVar, cast, overload
+
+import numpy as np
+from scipy.interpolate import BSpline, make_interp_spline
+
+from flight_model.arrays import Array
+
+T = TypeVar("T", float, Array)
+
+MIN_LEG_M = 1.0
+MIN_TANGENT = 1e-3
+PIECES_PER_LEG = 64
+QUADRATURE_POINTS = 8
+NEWTON_STEPS = 6
+# Rows: position, first and second derivative at the piece's start, then at its end, over a piece of length 1.
+_HERMITE = np.array(
+    [
+        [1.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0, 0.0, 0.0, 0.0],
+        [0.0, 0.0, 0.5, 0.0, 0.0, 0.0],
+        [-10.0, -6.0, -1.5, 10.0, -4.0, 0.5],
+        [15.0, 8.0, 1.5, -15.0, 7.0, -1.0],
+        [-6.0, -3.0, -0.5, 6.0, -3.0, 0.5],
+    ]
+)
+
+
+class PathError(ValueError):
+    """Waypoints that no vehicle can fly through; `waypoint` is the index of the first of them."""
+
+    def __init__(self, message: str, waypoint: int) -> None:
+        """Take the message and the waypoint's index."""
+        super().__init__(message)
+        self.waypoint = waypoint
+
+
+class PathPoint(NamedTuple):
+    """The path at one arc length: position in m, course in rad clockwise from north in (-pi, pi].
+
+    Curvature is positive in a right turn; `slope` is the rise per metre of horizontal distance.
+    """
+
+    north_m: float
+    east_m: float
+    height_m: float
+    course_rad: float
+    curvature_1pm: float
+    curvature_rate_1pm2: float
+    slope: float
+    slope_rate_1pm: float
+
+    def aside_m(self, north_m: float, east_m: float, height_m: float) -> tuple[float, float]:
+        """Return how far to the right of the path and above it a position abreast of this point is, m."""
+        north, east = north_m - self.north_m, east_m - self.east_m
+        return east * cos(self.course_rad) - north * sin(self.course_rad), height_m - self.height_m
+
+
+class PathPoints(NamedTuple):
+    """`PathPoint` at many arc lengths: each field an array of their shape."""
+
+    north_m: Array
+    east_m: Array
+    height_m: Array
+    course_rad: Array
+    curvature_1pm: Array
+    curvature_rate_1pm2: Array
+    slope: Array
+    slope_rate_1pm: Array
+
+
+class SplinePath:
+    """A cubic B-spline with clamped ends through waypoints (equations 35 and 36), by arc length in metres.
+
+    Knots are at the waypoints' horizontal chord lengths; the second derivative is zero at both ends.
+    Before 0 and beyond `length_m` the path goes straight on, level.
+    """
+
+    def __init__(self, waypoints_m: Sequence[Sequence[float]] | Array) -> None:
+        """Take (n, 3) north, east and height in m, n >= 2.
+
+        Raises:
+            PathError: two successive waypoints less than 1 m apart horizontally, or a leg that turns straight
+                back.
+        """
+        waypoints = np.asarray(waypoints_m, dtype=np.float64)
+        chords = np.hypot(*np.diff(waypoints[:, :2], axis=0).T)
+        _refuse_short_legs(chords)
+        values = _spline_values(waypoints, chords)
+        lengths = _piece_lengths(values.spline, values.parameters)
+        self.nodes_m: Array = np.concatenate(([0.0], np.cumsum(lengths)))
+        self.length_m = float(self.nodes_m[-1])
+        self.waypoints_at_m: Array = self.nodes_m[::PIECES_PER_LEG]
+        self._coefficients = _hermite_pieces(*_by_arc_length(values.derivatives), lengths)
+        # For scalars, plain floats are faster than numpy, and the guidance asks for scalars.
+        self._starts: list[float] = self.nodes_m[:-1].tolist()
+        self._pieces = cast("list[list[list[float]]]", self._coefficients.tolist())
+        self._ends = tuple(self._end(s) for s in (0.0, self.length_m))
+
+    @overload
+    def at(self, s: float) -> PathPoint: ...
+    @overload
+    def at(self, s: Array) -> PathPoints: ...
+    def at(self, s: float | Array) -> PathPoint | PathPoints:
+        """Return the path at an arc length in m, or at an array of them."""
+        if isinstance(s, np.ndarray):
+            return self._many(s)
+        if s < 0.0:
+            return _straight_on(self._ends[0], s)
+        if s > self.length_m:
+            return _straight_on(self._ends[1], s - self.length_m)
+        return self._inside(s)
+
+    def nearest(self, north_m: float, east_m: float, around_s: float, window_m: float) -> float:
+        """Return the arc length of the path's point nearest to a position, by Newton's method.
+
+        The search starts at `around_s` and stays within `window_m` of it.
+        """
+        low, high = around_s - window_m, around_s + window_m
+        s = around_s
+        for _ in range(NEWTON_STEPS):
+            point = self.at(s)
+            tangent_n, tangent_e = cos(point.course_rad), sin(point.course_rad)
+            ahead = (north_m - point.north_m) * tangent_n + (east_m - point.east_m) * tangent_e
+            right = (east_m - point.east_m) * tangent_n - (north_m - point.north_m) * tangent_e
+            # Beyond the centre of curvature Newton's method would find the farthest point.
+            step = ahead / max(1.0 - point.curvature_1pm * right, 0.2)
+            s = min(max(s + step, low), high)
+        return s
+
+    def _end(self, s: float) -> PathPoint:
+        return self._inside(s)._replace(curvature_1pm=0.0, curvature_rate_1pm2=0.0, slope=0.0, slope_rate_1pm=0.0)
+
+    def _inside(self, s: float) -> PathPoint:
+        index = max(bisect_right(self._starts, s) - 1, 0)
+        t = s - self._starts[index]
+        north, east, height = self._pieces[index]
+        n, n1, n2, n3 = _polynomial(north, t)
+        e, e1, e2, e3 = _polynomial(east, t)
+        h, h1, h2, _ = _polynomial(height, t)
+        return PathPoint(n, e, h, atan2(e1, n1), n1 * e2 - e1 * n2, n1 * e3 - e1 * n3, h1, h2)
+
+    def _many(self, s: Array) -> PathPoints:
+        inside = np.clip(s, 0.0, self.length_m)
+        index = np.clip(np.searchsorted(self.nodes_m, inside, side="right") - 1, 0, len(self._starts) - 1)
+        pieces = self._coefficients[index]
+        t = inside - self.nodes_m[index]
+        n, n1, n2, n3 = _polynomial(np.moveaxis(pieces[..., 0, :], -1, 0), t)
+        e, e1, e2, e3 = _polynomial(np.moveaxis(pieces[..., 1, :], -1, 0), t)
+        h, h1, h2, _ = _polynomial(np.moveaxis(pieces[..., 2, :], -1, 0), t)
+        beyond = s - inside
+        on_path = beyond == 0.0
+        curves = (n1 * e2 - e1 * n2, n1 * e3 - e1 * n3, h1, h2)
+        return PathPoints(
+            n + beyond * n1,
+            e + beyond * e1,
+            h,
+            np.arctan2(e1, n1),
+            *(np.where(on_path, c, 0.0) for c in curves),
+        )
+
+
+class _SplineValues(NamedTuple):
+    """The spline over its parameter: the ends of the pieces (m + 1,), and derivatives 0 to 2 there (3, m + 1, 3)."""
+
+    spline: BSpline
+    parameters: Array
+    derivatives: Array
+
+
+def _refuse_short_legs(chords: Array) -> None:
+    short = np.flatnonzero(chords < MIN_LEG_M)
+    if short.size:
+        index = int(short[0]) + 1
+        raise PathError(f"found a waypoint {chords[index - 1]:.3g} m from the one before it", index)
+
+
+def _spline_values(waypoints: Array, chords: Array) -> _SplineValues:
+    knots = np.concatenate(([0.0], np.cumsum(chords)))
+    spline = make_interp_spline(knots, waypoints, k=3, bc_type="natural")
+    whole_legs = np.linspace(knots[:-1], knots[1:], PIECES_PER_LEG, endpoint=False, axis=1)
+    parameters = np.append(whole_legs.ravel(), knots[-1])
+    derivatives = np.stack([spline(parameters, order) for order in range(3)])
+    tangents = np.hypot(derivatives[1, :, 0], derivatives[1, :, 1])
+    if tangents.min() < MIN_TANGENT:
+        waypoint = int(np.argmin(np.abs(knots - parameters[np.argmin(tangents)])))
+        raise PathError("found a path that turns straight back", waypoint)
+    return _SplineValues(spline, parameters, derivatives)
+
+
+def _piece_lengths(spline: BSpline, parameters: Array) -> Array:
+    """Return the horizontal length of each piece, by Gauss-Legendre quadrature."""
+    abscissae, weights = np.polynomial.legendre.leggauss(QUADRATURE_POINTS)
+    half = np.diff(parameters)[:, None] / 2.0
+    tangents = spline(parameters[:-1, None] + half * (1.0 + abscissae), 1)
+    return np.asarray(np.sum(np.hypot(tangents[..., 0], tangents[..., 1]) * weights * half, axis=1))
+
+
+def _by_arc_length(derivatives: Array) -> tuple[Array, Array, Array]:
+    """Return values and first and second derivatives by horizontal arc length, each (m + 1, 3)."""
+    values, first, second = derivatives
+    rate = np.hypot(first[:, 0], first[:, 1])[:, None]
+    rate_change = np.sum(first[:, :2] * second[:, :2], axis=1)[:, None] / rate
+    return values, first / rate, (second * rate - first * rate_change) / rate**3
+
+
+def _hermite_pieces(values: Array, first: Array, second: Array, lengths: Array) -> Array:
+    """Return quintics (m, 3 axes, 6 powers of the distance into the piece) that match both ends."""
+    scale = lengths[:, None]
+    ends = np.stack(
+        [
+            values[:-1],
+            first[:-1] * scale,
+            second[:-1] * scale**2,
+            values[1:],
+            first[1:] * scale,
+            second[1:] * scale**2,
+        ],
+        axis=-1,
+    )
+    return np.asarray(ends @ _HERMITE.T / (scale[..., None] ** np.arange(6)))
+
+
+def _polynomial(c: Iterable[T], t: T) -> tuple[T, T, T, T]:
+    """Return a quintic and its first three derivatives at t; c holds its coefficients, lowest power first."""
+    c0, c1, c2, c3, c4, c5 = c
+    return (
+        c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5)))),
+        c1 + t * (2.0 * c2 + t * (3.0 * c3 + t * (4.0 * c4 + t * 5.0 * c5))),
+        2.0 * c2 + t * (6.0 * c3 + t * (12.0 * c4 + t * 20.0 * c5)),
+        6.0 * c3 + t * (24.0 * c4 + t * 60.0 * c5),
+    )
+
+
+def _straight_on(end: PathPoint, beyond_m: float) -> PathPoint:
+    return end._replace(
+        north_m=end.north_m + beyond_m * cos(end.course_rad),
+        east_m=end.east_m + beyond_m * sin(end.course_rad),
+    )

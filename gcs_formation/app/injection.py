@@ -1,0 +1,155 @@
+"""What a scenario injects: impairments around the station and the delays that they caused, and faults as events."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from airlink.clock import Instant
+from airlink.endpoint import VehicleId
+from airlink.engine import Engine
+from airlink.impaired import ImpairedEngine, LinkStatistics
+from airlink.impairment import UNIMPAIRED, Impairment
+from flight_model.arrays import Array
+from formation_scenario import Impairment as PlannedImpairment
+from formation_scenario import Scenario
+from formation_scenario.links import read_trace_ms
+from gcs_formation.phases import Flight
+from gcs_formation.record.expectations import Injected
+from gcs_formation.recorder import Event, Recorder
+from gcs_formation.station import Station
+
+
+class _Planned(NamedTuple):
+    at_s: float
+    vehicle: VehicleId
+    kind: str
+    ends: bool
+
+
+class InjectedFaults:
+    """Records each fault when it's due by mission time. The station isn't told: it has to notice by itself."""
+
+    def __init__(self, scenario: Scenario, recorder: Recorder) -> None:
+        """Take the faults from the scenario."""
+        self._recorder = recorder
+        self._pending = sorted(_planned(scenario))
+
+    def note(self, flight: Flight, now: Instant) -> None:
+        """Record what has become due."""
+        while self._pending and self._pending[0].at_s <= flight.mission_time_s(now):
+            fault = self._pending.pop(0)
+            text = f"{fault.kind} is over" if fault.ends else fault.kind
+            details = {"fault": fault.kind, "ends": fault.ends}
+            self._recorder.event(Event(now, "fault", text, fault.vehicle, details))
+
+
+def _planned(scenario: Scenario) -> Iterator[_Planned]:
+    for fault in scenario.faults:
+        for vehicle in scenario.selected(fault.vehicles):
+            yield _Planned(fault.at_s, vehicle.vehicle_id, fault.kind, ends=False)
+            if fault.until_s is not None:
+                yield _Planned(fault.until_s, vehicle.vehicle_id, fault.kind, ends=True)
+
+
+Both = tuple[Impairment, Impairment]
+
+
+class LinkPlan:
+    """Impairments of each vehicle's link over mission time; before t = 0 those of t = 0."""
+
+    def __init__(self, scenario: Scenario, station: Station) -> None:
+        """Take the links from the scenario, and mission time from the station."""
+        self._station = station
+        self._times: dict[VehicleId, list[float]] = {}
+        self._links: dict[VehicleId, list[Both]] = {}
+        for vehicle in scenario.vehicles:
+            steps = scenario.link_steps(vehicle)
+            self._times[vehicle.vehicle_id] = [step.at_s for step in steps[1:]]
+            self._links[vehicle.vehicle_id] = [(_impairment(step.uplink), _impairment(step.downlink)) for step in steps]
+
+    @property
+    def clear(self) -> bool:
+        """Whether no link is ever impaired."""
+        return all(one.transparent for links in self._links.values() for both in links for one in both)
+
+    def at(self, vehicle: VehicleId, now: Instant) -> Both:
+        """Return a vehicle's uplink and downlink at an instant."""
+        links = self._links.get(vehicle)
+        if links is None:
+            return UNIMPAIRED, UNIMPAIRED
+        mission_s = self._station.flight.mission_time_s(now)
+        return links[0 if math.isnan(mission_s) else bisect_right(self._times[vehicle], mission_s)]
+
+
+def impair(scenario: Scenario, station: Station, engine: Engine) -> ImpairedEngine | None:
+    """Return the engine wrapped in the scenario's links, None if these never impair anything."""
+    plan = LinkPlan(scenario, station)
+    return None if plan.clear else ImpairedEngine(engine, station.networks, plan.at, scenario.seed)
+
+
+def injected(statistics: LinkStatistics) -> Injected:
+    """Return what was injected into a link so far; 0 s where nothing was sent."""
+    up, down = statistics
+    return Injected(up.mean_delay_s if up.delivered else 0.0, down.mean_delay_s if down.delivered else 0.0, down.loss)
+
+
+class InjectedDelays:
+    """Delays that were injected into every link, tick by tick."""
+
+    def __init__(self, vehicles: Iterable[VehicleId], links: ImpairedEngine | None, otherwise_s: float) -> None:
+        """Read the statistics of `links`; without any, each delay is `otherwise_s`: 0, or NaN where it isn't known."""
+        self._links, self._otherwise_s = links, otherwise_s
+        self._sums: dict[VehicleId, list[tuple[float, int]]] = {vehicle: [(0.0, 0)] * 2 for vehicle in vehicles}
+        self._series_s: dict[VehicleId, list[tuple[float, float]]] = {vehicle: [] for vehicle in self._sums}
+        self._ticks = 0
+
+    def note(self, ticks: int) -> None:
+        """Record what was injected since the previous tick, if there has been a new one."""
+        if ticks == self._ticks:
+            return
+        for vehicle, series_s in self._series_s.items():
+            series_s.extend([self._since_last_s(vehicle)] * (ticks - self._ticks))
+        self._ticks = ticks
+
+    def series_s(self, rows: int) -> Mapping[VehicleId, Array]:
+        """Return each vehicle's mean delays up and down, s (T, 2); NaN where nothing was sent, or before a resumption.
+
+        `rows` is how many there are of all T ticks and vehicles.
+        """
+        ticks = rows // len(self._series_s)
+        before = [(math.nan, math.nan)] * (ticks - self._ticks)
+        return {vehicle: np.array([*before, *series_s]).reshape(-1, 2) for vehicle, series_s in self._series_s.items()}
+
+    def _since_last_s(self, vehicle: VehicleId) -> tuple[float, float]:
+        if self._links is None:
+            return self._otherwise_s, self._otherwise_s
+        sums = [(way.total_delay_s, way.delivered) for way in self._links.statistics(vehicle)]
+        apart = [(now[0] - was[0], now[1] - was[1]) for now, was in zip(sums, self._sums[vehicle], strict=True)]
+        self._sums[vehicle] = sums
+        up_s, down_s = (total_s / delivered if delivered else math.nan for total_s, delivered in apart)
+        return up_s, down_s
+
+
+def _impairment(planned: PlannedImpairment) -> Impairment:
+    trace_s = (
+        tuple(delay_ms / 1e3 for delay_ms in read_trace_ms(Path(planned.trace_file))) if planned.trace_file else ()
+    )
+    return Impairment(
+        delay_s=planned.delay_ms / 1e3,
+        jitter_s=planned.jitter_ms / 1e3,
+        distribution="trace" if trace_s else planned.distribution,
+        trace_s=trace_s,
+        loss=planned.loss,
+        mean_burst=planned.mean_burst,
+        duplicate=planned.duplicate,
+        rate_bps=planned.rate_kbps * 1e3,
+        queue_s=planned.queue_ms / 1e3,
+        reorder=planned.reorder,
+        outage=planned.outage,
+    )

@@ -1,0 +1,1 @@
+"""Who is there, and does what it is commanded."""

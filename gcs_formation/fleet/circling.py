@@ -1,0 +1,121 @@
+"""Heights for circling vehicles: clear of the ground around them, and separated where circles may meet."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from airlink.endpoint import VehicleId
+from formation_scenario import Scenario, ground_of
+
+STACK_M = 15.0
+"""Vertical distance of circles that may meet."""
+CIRCLES_MEET_M = 400.0
+"""Circles whose vehicles start this far apart don't meet: twice the diameter of a circle of 100 m radius."""
+
+AROUND_M = CIRCLES_MEET_M / 2
+"""Largest distance of a circle from where it was commanded."""
+SAMPLE_M = 10.0
+
+
+class Top(NamedTuple):
+    """The lowest height that clears the ground around a position, and where that ground is highest."""
+
+    height_m: float
+    north_m: float
+    east_m: float
+
+
+class Place(Protocol):
+    """A position: NED from the scenario's origin, height upwards."""
+
+    @property
+    def north_m(self) -> float:
+        """North of the origin, m."""
+        ...
+
+    @property
+    def east_m(self) -> float:
+        """East of the origin, m."""
+        ...
+
+    @property
+    def height_m(self) -> float:
+        """Above the origin, m."""
+        ...
+
+
+class GroundFloor:
+    """The lowest heights at which vehicles may circle over the scenario's ground."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        """Keep the terrain's clearance; without terrain, circles may be at any height."""
+        self._ground = ground_of(scenario) if scenario.terrain else None
+        self._clearance_m = scenario.terrain.clearance_m if scenario.terrain else 0.0
+        across = np.arange(-AROUND_M, AROUND_M + SAMPLE_M, SAMPLE_M)
+        north, east = (each.ravel() for each in np.meshgrid(across, across))
+        within = np.hypot(north, east) <= AROUND_M
+        self._north_m, self._east_m = north[within], east[within]
+
+    def top(self, north_m: float, east_m: float) -> Top:
+        """Return the lowest height of a circle that begins at a position."""
+        if self._ground is None:
+            return Top(-math.inf, north_m, east_m)
+        north, east = north_m + self._north_m, east_m + self._east_m
+        height_m = np.nan_to_num(self._ground.height(north, east), nan=-math.inf)
+        highest = int(np.argmax(height_m))
+        return Top(float(height_m[highest]) + self._clearance_m, float(north[highest]), float(east[highest]))
+
+    def highest_m(self, north_m: float, east_m: float, around_m: float) -> float:
+        """Return the highest ground within `around_m` of a position, m; minus infinity without terrain."""
+        if self._ground is None:
+            return -math.inf
+        across = np.arange(-around_m, around_m + SAMPLE_M, SAMPLE_M)
+        north, east = np.meshgrid(across, across)
+        height_m = self._ground.height(north_m + north, east_m + east)[np.hypot(north, east) <= around_m]
+        return float(np.nan_to_num(height_m, nan=-math.inf).max())
+
+    def over_way_home(self, north_m: float, east_m: float) -> float:
+        """Return the lowest height for flying straight home from a position and circling there, m."""
+        if self._ground is None:
+            return -math.inf
+        steps = np.linspace(0.0, 1.0, 2 + int(math.hypot(north_m, east_m) / AROUND_M))
+        return max(self.top(north_m * step, east_m * step).height_m for step in steps.tolist())
+
+
+class Band(NamedTuple):
+    """Heights at one of which a vehicle is that nobody can move, m."""
+
+    low_m: float
+    high_m: float
+
+
+def loiter_heights(
+    places: Mapping[VehicleId, Place], floor_m: float = -math.inf, taken: Sequence[Band] = (), apart_m: float = STACK_M
+) -> dict[VehicleId, float]:
+    """Return a height above the origin for each vehicle, m; none below its own or `floor_m`.
+
+    From the lowest vehicle up, each takes the lowest height that is `apart_m` from those of its neighbours, and from
+    what is taken: nobody sinks, and as few as possible cross another's height.
+    """
+    heights: dict[VehicleId, float] = {}
+    for identity in sorted(places, key=lambda each: (places[each].height_m, each)):
+        near = [Band(heights[i], heights[i]) for i in heights if may_meet(places[identity], places[i])]
+        heights[identity] = _free_m(max(places[identity].height_m, floor_m), (*near, *taken), apart_m)
+    return heights
+
+
+def may_meet(one: Place, other: Place) -> bool:
+    """Return whether circles that begin at two places may meet."""
+    return math.hypot(one.north_m - other.north_m, one.east_m - other.east_m) < CIRCLES_MEET_M
+
+
+def _free_m(height_m: float, taken: Sequence[Band], apart_m: float) -> float:
+    """Return the lowest height from `height_m` up that is `apart_m` from everything that's taken."""
+    for low_m, high_m in sorted(taken):
+        if low_m - apart_m < height_m < high_m + apart_m:
+            height_m = high_m + apart_m
+    return height_m

@@ -1,0 +1,120 @@
+"""Maps all vehicles' stamps to one clock by their UTC, once that agrees with causality and with the other vehicles'."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from statistics import median
+from typing import NamedTuple
+
+from airlink.clock import Instant, seconds_between
+from airlink.endpoint import VehicleId
+from formation_scenario import Scenario
+from gcs_formation.recorder import Note
+from gcs_formation.vehicle.member import Member
+from gcs_formation.vehicle.vehicle import Vehicle
+
+SLACK_S = 5e-3
+"""How far UTC may be beyond what causality allows: the errors of stamps and of round trips."""
+SLEW = 0.01
+"""Rate at which the mapping of stamps in flight follows what is found, s a second."""
+
+
+LOOKED_AT = 12
+"""Round trips (3 s) after which a vehicle whose UTC isn't used is reported."""
+
+
+class Bounds(NamedTuple):
+    """UTC minus our clock by one vehicle, s: causality allows what is within `reach_s` of `middle_s`."""
+
+    middle_s: float
+    """If its link took equally long up and down."""
+    reach_s: float
+    """Half of its shortest round trip."""
+
+    def allows(self, utc_s: float) -> bool:
+        """Return whether no datagram would have arrived before it was sent."""
+        return abs(utc_s - self.middle_s) <= self.reach_s + SLACK_S
+
+
+def agreed_s(bounds: Sequence[Bounds], before_s: float = math.nan) -> float:
+    """Return UTC minus our clock that most vehicles allow; NaN without vehicles, or where there is no majority.
+
+    What was agreed before stands while most allow it. Else it's the median of those that agree, within what they allow.
+    """
+    if not bounds:
+        return math.nan
+    if 2 * sum(each.allows(before_s) for each in bounds) > len(bounds):
+        return before_s
+    edges = [each.middle_s + sign * each.reach_s for each in bounds for sign in (-1.0, 1.0)]
+    most = max(edges, key=lambda edge_s: sum(each.allows(edge_s) for each in bounds))
+    agreeing = [each for each in bounds if each.allows(most)]
+    if 2 * len(agreeing) <= len(bounds):
+        return math.nan
+    low_s = max(each.middle_s - each.reach_s for each in agreeing)
+    high_s = min(each.middle_s + each.reach_s for each in agreeing)
+    return max(low_s, min(high_s, median(each.middle_s for each in agreeing)))
+
+
+class CommonClock:
+    """Decides whose UTC is used, and what it is on our clock."""
+
+    def __init__(
+        self, scenario: Scenario, vehicles: Mapping[VehicleId, Vehicle], utc_at_0_s: float | None, note: Note
+    ) -> None:
+        """Serve `vehicles`; `utc_at_0_s` is UTC minus our clock by that clock itself."""
+        self._vehicles = [vehicle for vehicle in vehicles.values() if vehicle.gnss is not None]
+        self._known_s = utc_at_0_s if scenario.telemetry.station_utc else None
+        self._note = note
+        self._utc_s = math.nan
+        """UTC minus our clock, as used; NaN before there is any."""
+        self._said: dict[VehicleId, tuple[bool, bool]] = {}
+        self._last: Instant | None = None
+
+    def watch(self, now: Instant) -> None:
+        """Look at every vehicle's clock, at each tick: agree on UTC, and use or refuse each vehicle's."""
+        if not self._vehicles:
+            return
+        elapsed_s = 0.0 if self._last is None else seconds_between(self._last, now)
+        self._last = now
+        bounds = {each.identity: _bounds(each) for each in self._vehicles}
+        told = [each for each in bounds.values() if each is not None]
+        flying = any(each.member is Member.FLYING for each in self._vehicles)
+        found_s = self._known_s if self._known_s is not None else agreed_s(told, self._utc_s if flying else math.nan)
+        self._move(found_s, SLEW * elapsed_s if flying else math.inf)
+        for vehicle in self._vehicles:
+            self._judge(vehicle, bounds[vehicle.identity], now, SLEW * elapsed_s)
+
+    def _move(self, found_s: float, most_s: float) -> None:
+        if not math.isnan(found_s):
+            change_s = 0.0 if math.isnan(self._utc_s) else found_s - self._utc_s
+            self._utc_s = found_s - change_s + max(-most_s, min(most_s, change_s))
+
+    def _judge(self, vehicle: Vehicle, bounds: Bounds | None, now: Instant, slew_s: float) -> None:
+        why = self._why_not(vehicle, bounds)
+        flies = vehicle.member is Member.FLYING
+        vehicle.stamps.use_utc(None if why else self._utc_s, now, slew_s if flies else math.inf)
+        jump_s = vehicle.gnss.jump_s if vehicle.gnss else 0.0
+        state = (why is None, bool(jump_s))
+        if vehicle.clock.samples >= LOOKED_AT and state != self._said.get(vehicle.identity):
+            self._said[vehicle.identity] = state
+            went_on = f"its UTC jumped by {jump_s:+.3f} s in flight; its clock goes on as before"
+            found = went_on if jump_s else "its stamps are mapped by its UTC"
+            self._note(now, "clock", f"UTC isn't used: {why}" if why else found, vehicle)
+
+    def _why_not(self, vehicle: Vehicle, bounds: Bounds | None) -> str | None:
+        if bounds is None:
+            return vehicle.gnss.why_not() if vehicle.gnss else None
+        if math.isnan(self._utc_s):
+            return "vehicles disagree about it, and no majority is right"
+        if bounds.allows(self._utc_s):
+            return None
+        least_s = abs(bounds.middle_s - self._utc_s) - bounds.reach_s
+        return f"it is {least_s:.3f} s or more off the others', as nothing arrives before it was sent"
+
+
+def _bounds(vehicle: Vehicle) -> Bounds | None:
+    clock = vehicle.gnss
+    if clock is None or clock.why_not() is not None:
+        return None
+    return Bounds(clock.station_utc_s(), clock.shortest_s / 2)

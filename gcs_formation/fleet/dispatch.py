@@ -1,0 +1,179 @@
+"""What is sent to whom and when: heartbeats, mission time and delay probes; setpoints that act at the same time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Set
+
+import numpy as np
+
+from airlink import mavlink as m
+from airlink.clock import Instant, after, seconds_between
+from airlink.endpoint import VehicleId
+from airlink.engine import DelayQueue
+from airlink.messages import Message
+from airlink.messages.system import MISSION_TIME, Heartbeat, NamedValueFloat
+from flight_model.arrays import Array, Mask
+from formation_scenario import Scenario
+from gcs_formation.controller import Links
+from gcs_formation.estimation.flight_state import Setpoint, Whereabouts
+from gcs_formation.link.connection import LinkState
+from gcs_formation.recorder import Note, Tick
+from gcs_formation.vehicle.member import Member
+from gcs_formation.vehicle.vehicle import Vehicle
+
+HOLD_MAX_S = 1.0
+"""Longest time for which the leader's setpoints are held back."""
+WHEREABOUTS = [0, 1, 6, 7]
+"""Rows of a state's table that a setpoint's whereabouts are."""
+UNGUIDED_S = 2.0
+"""For how long setpoints may be missing before a vehicle counts as left alone."""
+
+
+class Dispatch:
+    """Sends each vehicle its setpoints; the leader's are delayed until the slowest follower's act."""
+
+    def __init__(
+        self, scenario: Scenario, vehicles: Mapping[VehicleId, Vehicle], columns: Mapping[VehicleId, int]
+    ) -> None:
+        """Serve `vehicles`; `columns` are theirs in a tick."""
+        self._virtual_leader = scenario.leader is None
+        self._compensates = scenario.law.delay_compensation
+        self._count = 1 + len(scenario.followers)
+        self._vehicles = vehicles
+        self._columns = columns
+        self._held = DelayQueue[tuple[Vehicle, Message]]()
+        self._without: dict[VehicleId, Instant] = {}
+        """Since when there has been no setpoint for a vehicle that should get some."""
+
+    def links(self, leader: int, disobeying: Mask, now: Instant) -> Links:
+        """Return the present state of all links.
+
+        Args:
+            leader: the leading column.
+            disobeying: (C,) columns that don't seem to fly as they were told.
+            now: the tick's instant.
+        """
+        ready, delay_s, lag_s = np.zeros(self._count, dtype=bool), np.zeros(self._count), np.zeros(self._count)
+        ways_s = np.full((self._count, 2), np.nan)
+        jitter_s, airborne = np.full(self._count, np.nan), np.ones(self._count, dtype=bool)
+        heard = np.full(self._count, now, dtype=np.int64)
+        ready[0] = self._virtual_leader
+        for identity, column in self._columns.items():
+            vehicle = self._vehicles[identity]
+            ready[column] = vehicle.member is Member.FLYING
+            delay_s[column] = vehicle.clock.one_way_s
+            ways_s[column] = vehicle.ways_s
+            jitter_s[column] = vehicle.jitter.jitter_s
+            airborne[column] = vehicle.airborne
+            heard[column] = vehicle.heard_at(now)
+            lag_s[column] = vehicle.autopilot.loop_s / 2
+        links = Links(ready, delay_s, ways_s, jitter_s, lag_s, 0.0, airborne, heard, disobeying)
+        hold_s = self._hold_s(leader, ready, links.up_s)
+        lag_s[leader] += hold_s
+        return links._replace(hold_s=hold_s)
+
+    def take(self, tick: Tick, hold_s: float, now: Instant) -> None:
+        """Take a tick's setpoints; one that isn't finite is never sent."""
+        told, state = tick.setpoints, tick.state
+        for identity, column in self._columns.items():
+            setpoint = Setpoint(
+                float(told.speed_mps[column]), float(told.heading_rad[column]), float(told.height_m[column])
+            )
+            where = Whereabouts(*state.table[WHEREABOUTS, column].tolist())
+            finite = all(map(math.isfinite, (*setpoint, *where)))
+            vehicle, usable = self._vehicles[identity], bool(tick.active[column]) and finite
+            if usable or vehicle.member is not Member.FLYING:
+                self._without.pop(identity, None)
+            else:
+                self._without.setdefault(identity, now)
+            if usable:
+                due = after(now, hold_s if column == tick.leader else 0.0)
+                for message in vehicle.autopilot.setpoint(setpoint, where):
+                    self._held.push(due, (vehicle, message))
+
+    def unguided(self, now: Instant) -> frozenset[VehicleId]:
+        """Return the vehicles that fly in the formation, and for which there have been no setpoints for a while."""
+        return frozenset(each for each, since in self._without.items() if seconds_between(since, now) > UNGUIDED_S)
+
+    def next(self) -> Instant | None:
+        """Return when the next message is to be sent, None when none is held."""
+        return self._held.next()
+
+    def pop_due(self, now: Instant) -> list[tuple[Vehicle, Message]]:
+        """Remove and return the messages to send now; none to a vehicle that has left the formation meanwhile."""
+        return [each for each in self._held.pop_due(now) if each[0].member is Member.FLYING]
+
+    def clear(self) -> None:
+        """Drop all messages that are held back: no setpoint may follow an order to loiter."""
+        self._held = DelayQueue[tuple[Vehicle, Message]]()
+        self._without.clear()
+
+    def _hold_s(self, leader: int, ready: Mask, up_s: Array) -> float:
+        """Return for how long the leader's setpoints are held back: until those of the slowest follower act.
+
+        Otherwise a leader on a quicker link would turn before its followers can.
+        """
+        following = ready & (np.arange(self._count) != leader)
+        if not self._compensates or not following.any():
+            return 0.0
+        slowest_s = float(np.fmax.reduce(up_s[following], initial=0.0))
+        own_s = float(up_s[leader])
+        return min(max(0.0, slowest_s - (0.0 if math.isnan(own_s) else own_s)), HOLD_MAX_S)
+
+
+HEARTBEAT_S = 1.0
+PROBE_S = 0.25
+GOLDEN = (math.sqrt(5) - 1) / 2
+PROBE_DITHER_S = 0.02
+"""Probes are spread over the period of a vehicle's main loop, so that the wait for it averages to half a period."""
+
+
+class HeartbeatScheduler:
+    """Schedules heartbeats and probes, and creates their messages.
+
+    A heartbeat tells an autopilot that somebody looks after it: one that should be commanded, and for which no setpoint
+    comes, gets none. Then its own failsafe acts.
+    """
+
+    def __init__(self, vehicles: Mapping[VehicleId, Vehicle], note: Note) -> None:
+        """Serve `vehicles`, from the first instant on."""
+        self.next_probe = Instant(0)
+        self._vehicles = vehicles
+        self._next_heartbeat = Instant(0)
+        self._probes = 0
+        self._note, self._withheld = note, frozenset[VehicleId]()
+
+    def hasten(self, now: Instant) -> None:
+        """Make the next heartbeat, and the mission time with it, due at once."""
+        self._next_heartbeat = now
+
+    def greets(self, now: Instant) -> bool:
+        """Return whether a heartbeat is due; if so, schedule the next one."""
+        if now < self._next_heartbeat:
+            return False
+        self._next_heartbeat = after(now, HEARTBEAT_S)
+        return True
+
+    def greetings(self, mission_s: float, unguided: Set[VehicleId], now: Instant) -> Iterator[tuple[Vehicle, Message]]:
+        """Yield the heartbeat of every vehicle but the `unguided`, and the mission time once there is one."""
+        for identity, vehicle in self._vehicles.items():
+            if (identity in unguided) != (identity in self._withheld):
+                text = "withheld: there is no setpoint for it" if identity in unguided else "sent again"
+                self._note(now, "heartbeats", text, vehicle)
+            if identity in unguided:
+                continue
+            yield vehicle, Heartbeat(m.MAV_TYPE_GCS, m.MAV_AUTOPILOT_INVALID, 0, 0, m.MAV_STATE_ACTIVE)
+            if math.isfinite(mission_s):
+                yield vehicle, NamedValueFloat(seconds_between(Instant(0), now), MISSION_TIME, mission_s)
+        self._withheld = frozenset(unguided)
+
+    def probes(self, now: Instant) -> Iterator[tuple[Vehicle, Message]]:
+        """Yield a probe for every vehicle that was ever heard, and schedule the next ones."""
+        self._probes += 1
+        dither_s = PROBE_DITHER_S * ((self._probes * GOLDEN) % 1.0)
+        grid_s = (math.floor(seconds_between(Instant(0), now) / PROBE_S) + 1) * PROBE_S
+        self.next_probe = after(Instant(0), grid_s + dither_s)
+        for vehicle in self._vehicles.values():
+            if vehicle.connection.state is not LinkState.SEARCHING:
+                yield vehicle, vehicle.probe(now)

@@ -1,0 +1,107 @@
+"""Decides at every tick which vehicles fly in the formation, and commands those that don't."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+
+from airlink.clock import Instant, seconds_between
+from airlink.endpoint import VehicleId
+from formation_scenario import Scenario
+from gcs_formation.estimation.estimator import StateEstimator
+from gcs_formation.fleet.circling import GroundFloor, loiter_heights
+from gcs_formation.link.connection import TALKING, LinkState
+from gcs_formation.recorder import Note
+from gcs_formation.separation.resolver import FORGOTTEN_AFTER_S
+from gcs_formation.vehicle.member import Member, following
+from gcs_formation.vehicle.vehicle import UNANSWERED_S, Vehicle
+
+SUCCESSION_S = 3.0
+"""Silence of a leader, or time without answers from it, after which another vehicle takes over, if one can."""
+MUTE_S = 1.5
+"""How long heartbeats of a vehicle that is heard may be missing; after that its mode counts as unknown."""
+WITHOUT_HEARTBEATS = (LinkState.MUTE, LinkState.LOST)
+BACK_S = 3.0
+"""Largest age of telemetry with which a vehicle returns to the formation."""
+
+
+class Membership:
+    """The vehicles' membership in the formation."""
+
+    def __init__(
+        self, scenario: Scenario, vehicles: Mapping[VehicleId, Vehicle], columns: Mapping[VehicleId, int], note: Note
+    ) -> None:
+        """Judge `vehicles`, the leader first; `columns` are theirs in the estimator."""
+        self._law = scenario.law
+        self._vehicles = vehicles
+        self._columns = columns
+        self._note = note
+        self._ground = GroundFloor(scenario)
+        self.ending_m: Mapping[VehicleId, float] | None = None
+        """At the end of the flight, the height of everyone's circle: nobody who loiters is told to come back."""
+        self._floor_at, self._floor_m = Instant(-1), -math.inf
+
+    def leader_lost(
+        self, leader: Vehicle, estimator: StateEstimator, now: Instant, replaceable: Callable[[], bool]
+    ) -> bool:
+        """Judge only the leader; return whether it is lost. A leader that is `replaceable` is given up sooner."""
+        fresh = self._is_fresh(leader, estimator, now)
+        late = not self._is_fresh(leader, estimator, now, SUCCESSION_S)
+        self._judge(leader, estimator, now, fresh=fresh and not (late and replaceable()))
+        return leader.member is not Member.FLYING
+
+    def judge(self, leader: Vehicle | None, estimator: StateEstimator, now: Instant, *, connecting: bool) -> None:
+        """Decide which vehicles fly in the formation; once there has been a leader, none does without one."""
+        led = True
+        if leader is not None:
+            self._judge(leader, estimator, now, fresh=self._is_fresh(leader, estimator, now))
+            led = leader.member is Member.FLYING or connecting
+        for vehicle in self._vehicles.values():
+            if vehicle is not leader:
+                self._judge(vehicle, estimator, now, fresh=led and self._is_fresh(vehicle, estimator, now))
+
+    def _judge(self, vehicle: Vehicle, estimator: StateEstimator, now: Instant, *, fresh: bool) -> None:
+        heard = vehicle.connection.state in TALKING
+        forgotten = not estimator.age_s(self._columns[vehicle.identity], now) <= FORGOTTEN_AFTER_S
+        sight = vehicle.sight(now, fresh=fresh, loiter_may_be_told=heard or forgotten)
+        member = following(vehicle.member, sight)
+        if member is not vehicle.member:
+            vehicle.member = member
+            self._note(now, "member", member.value, vehicle)
+            self._tell(vehicle, now)
+
+    def _is_fresh(self, vehicle: Vehicle, estimator: StateEstimator, now: Instant, limit_s: float = math.inf) -> bool:
+        if vehicle.beyond_margin and self._law.on_delay == "hold":
+            return False
+        if vehicle.member is Member.HOLDING and self.ending_m is not None:
+            return False
+        out, link = vehicle.member is not Member.FLYING, vehicle.connection
+        if link.state in WITHOUT_HEARTBEATS and (out or link.mute_s(vehicle.sequence.loss) > MUTE_S):
+            return False
+        limit_s = min(self._law.max_age_s, BACK_S if out else limit_s)
+        if seconds_between(vehicle.heard_at(now), now) > max(limit_s, UNANSWERED_S):
+            return False
+        age_s = estimator.age_s(self._columns[vehicle.identity], now)
+        return math.isnan(age_s) or age_s <= limit_s
+
+    def _tell(self, vehicle: Vehicle, now: Instant) -> None:
+        autopilot = vehicle.autopilot
+        if vehicle.member is Member.HOLDING:
+            vehicle.holds_at_m = self._holding_height_m(vehicle, now)
+            vehicle.commands.begin(autopilot.loiter(vehicle.holds_at_m, vehicle.telemetry), now)
+        elif vehicle.member is Member.RETURNING:
+            vehicle.commands.begin((autopilot.set_mode(autopilot.guided_mode),), now)
+        elif vehicle.member is Member.PARTED and vehicle.pilots_choice.mode is not None:
+            vehicle.commands.begin((autopilot.set_mode(vehicle.pilots_choice.mode),), now)
+        elif vehicle.member is not Member.STARTING:
+            vehicle.commands.begin((), now)
+
+    def _holding_height_m(self, vehicle: Vehicle, now: Instant) -> float:
+        """Return the height at which a vehicle loiters clear of all others, m."""
+        if self.ending_m is not None and vehicle.identity in self.ending_m:
+            return self.ending_m[vehicle.identity]
+        places = {i: v.telemetry.motion for i, v in self._vehicles.items() if v.telemetry.motion}
+        if now != self._floor_at:
+            tops = [self._ground.top(place.north_m, place.east_m).height_m for place in places.values()]
+            self._floor_at, self._floor_m = now, max(tops)
+        return loiter_heights(places, self._floor_m)[vehicle.identity]

@@ -1,0 +1,156 @@
+"""Checks that vehicles still send the messages that they were asked for, and asks again if they don't.
+
+Another ground station may have set its own rates (REQUEST_DATA_STREAM), or switched messages off
+(MAV_CMD_SET_MESSAGE_INTERVAL): a vehicle has one set of intervals for everybody on a link.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from airlink import mavlink as m
+from airlink.clock import Instant, after, seconds_between
+from airlink.codec import CODEC_OF_ID
+from airlink.endpoint import VehicleId
+from gcs_formation.link.connection import TALKING, LinkState
+from gcs_formation.recorder import Note
+from gcs_formation.vehicle.commands import Outcome
+from gcs_formation.vehicle.vehicle import Vehicle
+
+LOOK_S = 0.5
+FEWEST = 16
+"""Messages expected within the time over which they are counted, 2 s or more."""
+WINDOW_S = 2.0
+LEAST_SHARE = 0.5
+SIGMAS = 4.0
+"""Standard deviations of a binomial distribution beyond which the link's loss doesn't explain missing messages."""
+ASK_AGAIN_S, ASK_AGAIN_MAX_S = 2.5, 60.0
+"""Interval between requests, doubled after each that changes nothing, up to the second value."""
+
+
+class Look(NamedTuple):
+    """Counts of what a vehicle has sent up to an instant."""
+
+    heard_s: float
+    """Time during which it was heard at all, s."""
+    received: int
+    lost: int
+    messages: tuple[int, ...]
+    """Count of each requested message."""
+
+
+@dataclass
+class Streams:
+    """The messages requested from one vehicle, and what has arrived."""
+
+    rates_hz: Mapping[int, float]
+    looks: deque[Look] = field(init=False)
+    missing: tuple[int, ...] = ()
+    refused: bool = False
+    next_request: Instant = Instant(0)
+    wait_s: float = ASK_AGAIN_S
+    last_look: Instant = Instant(0)
+
+    def __post_init__(self) -> None:
+        """Keep counts for as long as the slowest message needs."""
+        self._spans = tuple(math.ceil(max(WINDOW_S, FEWEST / rate_hz) / LOOK_S) for rate_hz in self.rates_hz.values())
+        self.looks = deque[Look](maxlen=1 + max(self._spans))
+
+    def look(self, vehicle: Vehicle, now: Instant) -> None:
+        """Record the counts; time in which nothing arrives isn't counted against a single message."""
+        sequence, messages = vehicle.sequence, tuple(vehicle.messages_in[each] for each in self.rates_hz)
+        heard_s, arrived = 0.0, True
+        if self.looks:
+            before = self.looks[-1]
+            arrived = sequence.received > before.received
+            heard_s = before.heard_s + (seconds_between(self.last_look, now) if arrived else 0.0)
+        self.last_look = now
+        self.looks.append(Look(heard_s, sequence.received, sequence.lost, messages))
+
+    def too_few(self) -> tuple[int, ...]:
+        """Return the messages of which less than half of what the link lets through arrives."""
+        last = self.looks[-1]
+        found: list[int] = []
+        for place, (message_id, rate_hz) in enumerate(self.rates_hz.items()):
+            if len(self.looks) > self._spans[place]:
+                first = self.looks[-1 - self._spans[place]]
+                count = last.messages[place] - first.messages[place]
+                if _is_too_few(count, rate_hz * (last.heard_s - first.heard_s), _share_arriving(first, last)):
+                    found.append(message_id)
+        return tuple(found)
+
+    def judged(self, message_ids: tuple[int, ...]) -> bool:
+        """Return whether these messages have been counted for long enough."""
+        spans = dict(zip(self.rates_hz, self._spans, strict=True))
+        return len(self.looks) > max(spans[message_id] for message_id in message_ids)
+
+
+class MessageIntervals:
+    """Requests missing messages again, and records events `streams`."""
+
+    def __init__(self, vehicles: Mapping[VehicleId, Vehicle], note: Note) -> None:
+        """Watch `vehicles`."""
+        self._streams = [(each, Streams(each.rates_hz)) for each in vehicles.values()]
+        self._note = note
+        self._next_look = Instant(0)
+
+    def watch(self, now: Instant) -> None:
+        """Look at every vehicle, if that's due."""
+        if now < self._next_look:
+            return
+        self._next_look = after(now, LOOK_S)
+        for vehicle, streams in self._streams:
+            if not vehicle.start_up.asked_for_telemetry or vehicle.connection.state not in TALKING:
+                streams.looks.clear()
+            elif vehicle.commands.outcome is not Outcome.WAITING:
+                self._judge(vehicle, streams, now)
+
+    def _judge(self, vehicle: Vehicle, streams: Streams, now: Instant) -> None:
+        streams.look(vehicle, now)
+        missing = streams.too_few()
+        if vehicle.connection.state is LinkState.MUTE and m.MAVLINK_MSG_ID_HEARTBEAT not in missing:
+            missing = (*missing, m.MAVLINK_MSG_ID_HEARTBEAT)
+        if streams.missing and not streams.refused and _refuses(vehicle):
+            streams.refused = True
+            self._note(now, "streams", f"refuses to send {_names(streams.missing)} as often as asked for", vehicle)
+        if missing and now >= streams.next_request:
+            self._request(vehicle, streams, missing, now)
+        elif streams.missing and not missing and streams.judged(streams.missing):
+            self._note(now, "streams", f"sends {_names(streams.missing)} again", vehicle)
+            streams.missing, streams.refused, streams.wait_s = (), False, ASK_AGAIN_S
+
+    def _request(self, vehicle: Vehicle, streams: Streams, missing: tuple[int, ...], now: Instant) -> None:
+        if not set(missing) <= set(streams.missing):
+            text = f"sends {_names(missing)} less than half as often as asked for, or not at all; it is asked again"
+            self._note(now, "streams", text, vehicle, {"messages": _names(missing)})
+            streams.missing = tuple(dict.fromkeys((*streams.missing, *missing)))
+        requests = (vehicle.autopilot.set_message_interval(each, streams.rates_hz[each]) for each in missing)
+        vehicle.commands.begin(tuple(requests), now)
+        streams.next_request = after(now, streams.wait_s)
+        streams.wait_s = min(2.0 * streams.wait_s, ASK_AGAIN_MAX_S)
+        streams.looks.clear()
+
+
+def _is_too_few(count: int, sent: float, arriving: float) -> bool:
+    """Whether `count` is too few of `sent` messages that arrive with a probability each."""
+    expected, sigma = sent * arriving, math.sqrt(sent * arriving * (1.0 - arriving))
+    return expected > 1.0 and count < min(LEAST_SHARE * expected, expected - SIGMAS * sigma)
+
+
+def _share_arriving(first: Look, last: Look) -> float:
+    received, lost = last.received - first.received, max(0, last.lost - first.lost)
+    return received / (received + lost) if received + lost else 1.0
+
+
+def _refuses(vehicle: Vehicle) -> bool:
+    refusal = vehicle.commands.refusal
+    refused = vehicle.commands.outcome is Outcome.REFUSED
+    return refused and refusal is not None and refusal[0] == m.MAV_CMD_SET_MESSAGE_INTERVAL
+
+
+def _names(message_ids: tuple[int, ...]) -> str:
+    return ", ".join(CODEC_OF_ID[message_id].layout.name for message_id in message_ids)

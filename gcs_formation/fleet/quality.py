@@ -1,0 +1,193 @@
+"""How good links and telemetry are in flight: delays against the delay margins, noise against what is declared."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping
+
+import numpy as np
+
+from airlink.clock import Instant
+from airlink.endpoint import VehicleId
+from flight_model.arrays import Array
+from formation_scenario import Scenario
+from gcs_formation.estimation.kalman import QUANTITIES, NoiseEstimate
+from gcs_formation.recorder import Detail, Note
+from gcs_formation.stability import LoopDelay, Usage, law_loops, loop_delay_s
+from gcs_formation.vehicle.vehicle import Vehicle
+
+NEAR = 0.8
+"""Share of the margin from which an event is recorded."""
+CLEAR = 0.7
+"""Share below which another event records that it is over."""
+DEGRADE = 0.9
+"""Share from which gains are lowered."""
+RESTORE = 0.5
+"""Share below which lowered gains are raised again, after `CALM_LOOKS` looks."""
+CALM_LOOKS = 10
+"""Consecutive looks, one a second: the standard deviation of a few round trips is uncertain itself."""
+KEPT = 0.7
+"""Share in use after either change; the fuzzy scheduler can reduce a margin to about 0.77 of itself."""
+CHANNELS = {"x": "speed", "y": "heading", "z": "height"}
+
+
+class MarginWatch:
+    """Determines once a second how much of their margin each vehicle's loops use, and acts on it."""
+
+    def __init__(
+        self, scenario: Scenario, vehicles: Mapping[VehicleId, Vehicle], columns: Mapping[VehicleId, int], note: Note
+    ) -> None:
+        """Watch the loops that the law closes around `vehicles`, whose columns in the controller are `columns`."""
+        self.used: Array = np.full(1 + len(scenario.followers), np.nan)
+        """Share of the margin that each column uses at the present gains, (C,); NaN before its delay is known."""
+        self.bandwidth: Array = np.ones((self.used.size, len(CHANNELS)))
+        """Share of their full bandwidth that the loops should have, (C, 3) by column and channel."""
+        self.most_used = 0.0
+        self.longest_s = math.nan
+        """Longest loop delay so far."""
+        self._scenario = scenario
+        self._vehicles = vehicles
+        self._columns = columns
+        self._note = note
+        self._near: set[VehicleId] = set()
+        self._lags_off: Array = np.zeros((len(CHANNELS), self.used.size))
+        self._calm = Counter[tuple[VehicleId, str]]()
+        predicted, shared = scenario.law.delay_compensation, dict[object, Usage]()
+        self._axes = {
+            vehicle: {
+                axis: shared.setdefault(loops, Usage(loops, predicted=predicted)) for axis, loops in of_axes.items()
+            }
+            for vehicle, of_axes in law_loops(scenario, succession=True).items()
+        }
+
+    def watch(self, now: Instant, leader: Vehicle | None, lags_off: Array) -> None:
+        """Check every loop: report when it comes near its margin, and lower gains if the scenario asks for that.
+
+        Only the consensus law closes a loop around the vehicle that leads.
+
+        Args:
+            now: the instant.
+            leader: who leads.
+            lags_off: (3, C) by what share each channel's lags seem to differ from those of the model in use.
+        """
+        self._lags_off = lags_off
+        for identity, axes in self._axes.items():
+            vehicle = self._vehicles[identity]
+            if vehicle is leader and self._scenario.law.type != "consensus":
+                self._let_go(vehicle)
+            else:
+                self._look(now, vehicle, axes)
+
+    def _look(self, now: Instant, vehicle: Vehicle, axes: Mapping[str, Usage]) -> None:
+        column, delay = self._columns[vehicle.identity], self._delay(vehicle.identity)
+        if self._scenario.law.on_delay == "degrade":
+            self._set_bandwidth(now, vehicle, axes, delay)
+        by_delay = max(usage.of(delay, self._of(column, axis)) for axis, usage in axes.items())
+        by_lags, channel = self._by_lags(column, delay, axes)
+        self.used[column] = used = by_delay + by_lags
+        self.most_used = max(self.most_used, used if math.isfinite(used) else 0.0)
+        self.longest_s = float(np.fmax(self.longest_s, delay.mean_s))
+        self._say(now, vehicle, used, channel if by_lags > by_delay else None)
+        vehicle.beyond_margin = by_delay >= 1.0 or (vehicle.beyond_margin and by_delay >= NEAR)
+
+    def _by_lags(self, column: int, delay: LoopDelay, axes: Mapping[str, Usage]) -> tuple[float, int]:
+        """Return the most that any loop uses of its margin against wrong lags, and the channel whose lags they are."""
+        off = self._lags_off[:, column].tolist()
+        return max(
+            (usage.of_lags(delay, off[channel]), channel) for axis, usage in axes.items() for channel in _channels(axis)
+        )
+
+    def _let_go(self, leader: Vehicle) -> None:
+        """Forget the loops of a vehicle that leads now."""
+        column = self._columns[leader.identity]
+        self.used[column], self.bandwidth[column] = math.nan, 1.0
+        self._near.discard(leader.identity)
+        leader.beyond_margin = False
+
+    def _delay(self, identity: VehicleId) -> LoopDelay:
+        """Return the delay of a vehicle's loops; without prediction, consensus waits for the latest of all states."""
+        clock, law = self._vehicles[identity].clock, self._scenario.law
+        down_s = self._vehicles[identity].down_s
+        if law.type == "consensus" and not law.delay_compensation:
+            down_s = float(np.fmax.reduce([self._vehicles[each].down_s for each in self._axes]))
+        rates = self._scenario.telemetry.rate_hz, law.rate_hz
+        up_s = 2.0 * clock.one_way_s - self._vehicles[identity].down_s
+        return LoopDelay(loop_delay_s(up_s, down_s, 0.0, *rates), clock.scatter_s)
+
+    def _of(self, column: int, axis: str) -> float:
+        return float(self.bandwidth[column, _channels(axis)][0])
+
+    def _set_bandwidth(self, now: Instant, vehicle: Vehicle, axes: Mapping[str, Usage], delay: LoopDelay) -> None:
+        """Choose a new bandwidth on axes that use too much of the margin, or little at lowered gains."""
+        column, changed = self._columns[vehicle.identity], False
+        for axis, usage in axes.items():
+            before = self._of(column, axis)
+            used, which = usage.of(delay, before), (vehicle.identity, axis)
+            self._calm[which] = self._calm[which] + 1 if used < RESTORE else 0
+            if used >= DEGRADE or (before < 1.0 and self._calm[which] >= CALM_LOOKS):
+                self.bandwidth[column, _channels(axis)] = after = usage.bandwidth(delay, KEPT)
+                changed |= after != before
+        if changed:
+            used = max(usage.of(delay, self._of(column, axis)) for axis, usage in axes.items())
+            self._say_gains(now, vehicle, delay, used)
+
+    def _say(self, now: Instant, vehicle: Vehicle, used: float, channel: int | None) -> None:
+        """Say that a vehicle has come near its margin, or is clear of it; `channel`: whose lags are what takes most."""
+        near = vehicle.identity in self._near
+        if not near and used >= NEAR:
+            self._near.add(vehicle.identity)
+            text, details = f"uses {used:.0%} of its delay margin", dict[str, Detail](used=used)
+            if channel is not None:
+                off = float(self._lags_off[channel, self._columns[vehicle.identity]])
+                text += f": {list(CHANNELS.values())[channel]} doesn't follow as its model says, lags are {off:.0%} off"
+                details["lags_off"] = off
+            self._note(now, "delay_margin", text, vehicle, details)
+        elif near and used < CLEAR:
+            self._near.remove(vehicle.identity)
+            self._note(now, "delay_margin", "is well inside its delay margin again", vehicle, {"used": used})
+
+    def _say_gains(self, now: Instant, vehicle: Vehicle, delay: LoopDelay, used: float) -> None:
+        shares = dict(zip(CHANNELS.values(), self.bandwidth[self._columns[vehicle.identity]].tolist(), strict=True))
+        words = ", ".join(f"{channel} {share:.0%}" for channel, share in shares.items())
+        lowered = min(shares.values()) < 1.0
+        text = f"gains lowered; shares of the bandwidth: {words}" if lowered else "gains are the scenario's again"
+        details: dict[str, Detail] = {f"bandwidth_{channel}": share for channel, share in shares.items()}
+        self._note(now, "gains", text, vehicle, details | {"loop_delay_s": delay.mean_s, "used": used})
+
+
+def _channels(axis: str) -> list[int]:
+    """Return the channels of an axis: one, or all for the consensus law."""
+    return [list(CHANNELS).index(axis)] if axis in CHANNELS else list(range(len(CHANNELS)))
+
+
+OFF = 1.8
+"""Ratio to the declared noise, or its inverse, from which it isn't as declared."""
+BACK = 1.4
+"""Ratio below which it is again."""
+UNITS = ("m", "m", "m/s", "m/s", "m/s", "rad")
+
+
+class NoiseWatch:
+    """Compares the noise that is seen with the declared one; the law goes by what is seen."""
+
+    def __init__(self, vehicles: Mapping[VehicleId, Vehicle], columns: Mapping[VehicleId, int], note: Note) -> None:
+        """Watch `vehicles`, whose columns in the estimate are `columns`."""
+        self._vehicles, self._columns, self._note = vehicles, columns, note
+        self._off: set[VehicleId] = set()
+
+    def watch(self, now: Instant, noise: NoiseEstimate) -> None:
+        """Look once a second; of a vehicle whose noise is off, the quantity that is farthest off is named."""
+        for identity, column in self._columns.items():
+            ratios = noise.ratios[:, column]
+            worst = int(np.abs(np.log(ratios)).argmax())
+            ratio, was_off = float(ratios[worst]), identity in self._off
+            apart = max(ratio, 1.0 / ratio)
+            if not was_off and apart >= OFF:
+                self._off.add(identity)
+                sigma = float(noise.sigma[worst, column])
+                text = f"{QUANTITIES[worst]} is {ratio:.1f} times as noisy as declared: {sigma:.2g} {UNITS[worst]}"
+                self._note(now, "noise", text, self._vehicles[identity], {"ratio": ratio})
+            elif was_off and apart < BACK:
+                self._off.remove(identity)
+                self._note(now, "noise", "is as noisy as declared again", self._vehicles[identity], {"ratio": ratio})

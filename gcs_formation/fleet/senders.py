@@ -1,0 +1,80 @@
+"""Identifies the sender of each frame: one of our vehicles, a rival with its id, a stranger, or our own echo."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from airlink import mavlink as m
+from airlink.clock import Instant
+from airlink.endpoint import VehicleId
+from airlink.engine import Datagram
+from airlink.frame import Frame
+from airlink.messages import Message
+from airlink.messages.system import Heartbeat
+from gcs_formation.phases import Flight, Phase
+from gcs_formation.recorder import GiveUp, Note
+from gcs_formation.vehicle.vehicle import STATION_SYSTEM, Vehicle
+
+EVERYONE = 0
+"""MAVLink's broadcast id, which no sender may have."""
+
+
+class Senders:
+    """Finds the vehicle that sent a frame; reports each other sender on the network once."""
+
+    def __init__(
+        self,
+        vehicles: Mapping[VehicleId, Vehicle],
+        networks: tuple[int, ...],
+        flight: Flight,
+        note: Note,
+        give_up: GiveUp,
+    ) -> None:
+        """Know `vehicles`; `networks[s]` is the network of socket s."""
+        self._networks = networks
+        self._vehicles = {
+            (socket, identity.system): vehicle
+            for socket, network in enumerate(networks)
+            for identity, vehicle in vehicles.items()
+            if identity.network == network
+        }
+        """By socket and system id."""
+        self._flight = flight
+        self._note = note
+        self._give_up = give_up
+        self._strangers: set[VehicleId] = set()
+
+    def sender(self, frame: Frame, datagram: Datagram, now: Instant) -> Vehicle | None:
+        """Return the vehicle whose autopilot sent a frame, None if another sender did."""
+        vehicle = self._vehicles.get((datagram.socket, frame.system))
+        if vehicle is None:
+            self._note_stranger(VehicleId(self._networks[datagram.socket], frame.system), frame, datagram, now)
+            return None
+        if frame.component != m.MAV_COMP_ID_AUTOPILOT1 or _is_no_autopilots(frame.message):
+            return None
+        ruling = vehicle.claims.judge(frame.message, datagram.socket, datagram.peer, now)
+        if ruling.finding:
+            kind, text, peer = ruling.finding
+            self._note(now, kind, text, vehicle, {"peer": str(peer)})
+            if kind == "address":
+                vehicle.sequence.restart()
+            elif self._flight.phase is Phase.CONNECTING:
+                self._give_up(f"vehicle {vehicle.identity}: {text}; allowed: each id once", now)
+        return vehicle if ruling.admitted else None
+
+    def _note_stranger(self, identity: VehicleId, frame: Frame, datagram: Datagram, now: Instant) -> None:
+        if not isinstance(frame.message, Heartbeat) or identity in self._strangers:
+            return
+        self._strangers.add(identity)
+        details = {"peer": str(datagram.peer)}
+        if identity.system == STATION_SYSTEM:
+            text = f"system {identity} is our own id: another ground station has it, or our own frames come back"
+            self._note(now, "own_id", text, None, details)
+        else:
+            why = "is everyone's address and nobody's id" if identity.system == EVERYONE else "isn't in the scenario"
+            self._note(now, "stranger", f"system {identity} is heard, but {why}", None, details)
+
+
+def _is_no_autopilots(message: Message | None) -> bool:
+    """Return whether it is the heartbeat of a device that isn't an autopilot, such as a companion computer."""
+    return isinstance(message, Heartbeat) and message.autopilot == m.MAV_AUTOPILOT_INVALID

@@ -1,1 +1,0 @@
-"""Where each vehicle should be."""

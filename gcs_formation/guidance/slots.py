@@ -1,0 +1,228 @@
+"""Slots over time and over hills, and who leads.
+
+The leader's height along its route is known in advance, and with it the track of every slot. For the next two
+kilometres every slot gets the least lift that keeps its clearance, within the climb that the leader's own climb leaves.
+It continues the previous lift, and is computed again as the leader advances and whenever the route or the plan changes.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from flight_model.arrays import Array
+from flight_model.displacement import SAMPLES, STEP_M, Bounds, blend, least_lift, sample_places
+from formation_scenario import Ground, PathPoint, Scenario, slot_schedule
+from formation_scenario.arrangement import Arrangement, assigned
+from formation_scenario.formation import FormationChange, Frame
+from formation_scenario.slot_motion import SlotMotion, Transition
+from gcs_formation.estimation.flight_state import FlightState
+from gcs_formation.guidance.tracking import Route
+
+APART_S = 0.05
+"""Interval of the moments at which slots are evaluated; between them they are extrapolated at constant acceleration."""
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A change that can be flown and hasn't been adopted yet."""
+
+    arrangement: Arrangement
+    way: Transition
+
+
+class FormationPlan:
+    """The slots of all columns, (C, 3); before the path begins they are displaced by `start.offset_m`."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        """Begin with the scenario's first shape and leader."""
+        first = slot_schedule(scenario)[0]
+        self.arrangement = first.arrangement
+        self.scheduled: deque[FormationChange] = deque(sorted(scenario.formation.changes, key=lambda each: each.at_s))
+        """The scenario's changes that haven't begun yet."""
+        self._way = Transition.standing(first.places_m)
+        self._offset_m = np.tile(scenario.start.offset_m, (len(first.places_m), 1))
+        self._offset_m[0] = 0.0
+
+    def resume(self, scenario: Scenario, arrangement: Arrangement, slots_m: Array, mission_s: float) -> None:
+        """Begin with an arrangement, assigned nearest to `slots_m` (C, 3), and the changes due after a mission time."""
+        self.arrangement = arrangement
+        everyone = np.ones(len(slots_m), dtype=np.bool_)
+        self._way = Transition.standing(assigned(scenario, arrangement, slots_m, everyone))
+        self._offset_m -= self._offset_m[arrangement.leader]
+        while self.scheduled and self.scheduled[0].at_s <= mission_s:
+            self.scheduled.popleft()
+
+    @property
+    def leader(self) -> int:
+        """The column that leads."""
+        return self.arrangement.leader
+
+    def at(self, now_s: float, *, begun: bool) -> SlotMotion:
+        """Return the slots at a time of the station's clock, s; `begun`: whether the path has begun."""
+        slots = self._way.at(now_s)
+        return slots if begun else SlotMotion.at_rest(slots.position_m + self._offset_m)
+
+    def at_each(self, times_s: Array, *, begun: bool) -> SlotMotion:
+        """Return every slot at a time of its own, (C,)."""
+        coarse = np.round(times_s / APART_S)
+        moments = sorted(set(coarse.tolist()))
+        motions = [self.at(moment * APART_S, begun=begun) for moment in moments]
+        each = np.array([(m.position_m, m.velocity_mps, m.acceleration_mps2) for m in motions])
+        rows = np.searchsorted(moments, coarse)
+        near = SlotMotion(*(each[rows, i, np.arange(rows.size)] for i in range(3)))
+        return near.after(times_s - coarse * APART_S)
+
+    def seen_from(self, leader: int, swing_rad: float, now_s: float) -> SlotMotion:
+        """Return the slots now, relative to another leader that heads `swing_rad` clockwise of the present one."""
+        return self._way.seen_from(leader, swing_rad).at(now_s)
+
+    def hand_over(self, leader: int, swing_rad: float) -> None:
+        """Make another column the leader; all positions stay the same."""
+        self._way = self._way.seen_from(leader, swing_rad)
+        self.arrangement = self.arrangement._replace(leader=leader)
+        self._offset_m -= self._offset_m[leader]
+
+    def adopt(self, proposal: Proposal) -> None:
+        """Fly a change."""
+        self.arrangement, self._way = proposal.arrangement, proposal.way
+
+
+AHEAD_STEPS = 100
+"""Steps of the lifts' splines: 2 km, on which a climb at the formation's limit gains 190 m."""
+ADVANCE_M = 100.0
+"""Distance that the leader flies before lifts are computed again."""
+KEPT_M = 40.0
+"""Distance around the present position within which a lift isn't changed, since setpoints act at different times."""
+
+
+@dataclass(frozen=True)
+class Outlook:
+    """The future track of the leader and of the slots."""
+
+    route: Route
+    leader: FlightState
+    """(1,) columns."""
+    leading: int
+    """Which of the N slots is the leader's own, which is never lifted."""
+    distance_m: float
+    along_mps: float
+    slots: Callable[[float], Array]
+    """Seconds from now -> slots (N, 3)."""
+    plan: object
+    """Identifies the plan of the slots: a different object if the plan has changed."""
+
+
+class SlotClearance:
+    """The lifts of N slots, and the route and plan for which they were computed."""
+
+    def __init__(self, ground: Ground, clearance_m: float, bounds: Bounds, frame: Frame) -> None:
+        """Keep `clearance_m` above the ground; `bounds` apply to the leader's route and the lift together."""
+        self._ground, self._clearance_m = ground, clearance_m
+        self._bounds, self._frame = bounds, frame
+        self._route: Route | None = None
+        self._plan: object = None
+        self._first, self._made_at_m = 0, 0.0
+        self._control_m = np.zeros((0, 4))
+        self._held = np.zeros((3, 0))
+
+    def over(self, slots: SlotMotion, outlook: Outlook, later_s: Array, ago_s: float) -> tuple[SlotMotion, Array]:
+        """Return the slots clear of the ground, and their lifts (N,) `ago_s` earlier.
+
+        Args:
+            slots: the formation's N slots, each at the instant when its follower's setpoint acts.
+            outlook: the future track of the leader and the slots.
+            later_s: (N,) time from the leader's state until each slot's instant.
+            ago_s: how much earlier than the leader's state the second result applies, s.
+        """
+        at_m = outlook.distance_m + outlook.along_mps * later_s
+        self._look_ahead(outlook, at_m)
+        lift_m, slope, curvature = self.lift(at_m)
+        before_m, _, _ = self.lift(np.full(at_m.shape, outlook.distance_m - outlook.along_mps * ago_s))
+        up = np.array([0.0, 0.0, 1.0])
+        lifted = SlotMotion(
+            slots.position_m + lift_m[:, None] * up,
+            slots.velocity_mps + outlook.along_mps * slope[:, None] * up,
+            slots.acceleration_mps2 + outlook.along_mps**2 * curvature[:, None] * up,
+        )
+        return lifted, before_m
+
+    def _look_ahead(self, outlook: Outlook, at_m: Array) -> None:
+        """Compute the lifts again if it is time to; `at_m` (N,) is the leader's distance at each follower's instant.
+
+        On the same route they continue the present lifts; on another one, possibly with another leader, the last
+        values.
+        """
+        going_on = outlook.route is self._route
+        if going_on and outlook.plan is self._plan and outlook.distance_m < self._made_at_m + ADVANCE_M:
+            self._held = np.stack(self.lift(at_m))
+            return
+        first = int((at_m.min() - KEPT_M) // STEP_M)
+        if going_on:
+            first = max(first, self._first)
+            kept = int(np.ceil((at_m.max() + KEPT_M) / STEP_M)) - first + 3
+            begun = list(self._control_m[:, first - self._first :][:, :kept])
+        else:
+            begun = self._as_they_were(outlook.leading, first, at_m)
+        places = sample_places(first * STEP_M, AHEAD_STEPS)
+        points = [outlook.route.at(distance) for distance in places.tolist()]
+        slope = np.array([point.slope for point in points])
+        needed = self._needed(outlook, places, points)
+        needed[outlook.leading] = 0.0
+        made = (
+            least_lift(first * STEP_M, row, slope, self._bounds, own) for row, own in zip(needed, begun, strict=True)
+        )
+        self._control_m = np.stack([lift.control_m for lift in made])
+        self._route, self._plan = outlook.route, outlook.plan
+        self._first, self._made_at_m = first, outlook.distance_m
+        self._held = np.stack(self.lift(at_m))
+
+    def _as_they_were(self, leading: int, first: int, at_m: Array) -> list[Array]:
+        """Return the first control points of lifts that continue those of the last tick, relative to the leader's own.
+
+        Height, slope and curvature are continuous. A new leader continues from its own lifted height, so followers that
+        were lifted less are below their slots at first.
+        """
+        if self._route is None:
+            return [np.zeros(0)] * at_m.size
+        held = self._held - self._held[:, [leading]]
+        steps = at_m / STEP_M - first
+        begun: list[Array] = []
+        for (lift_m, slope, curvature), ahead in zip(held.T.tolist(), steps.tolist(), strict=True):
+            x_m = (np.arange(int(ahead) + 4) - 1.0 - ahead) * STEP_M
+            # Control points of a quadratic, which a cubic B-spline represents exactly.
+            begun.append(lift_m + slope * x_m + curvature * (x_m**2 / 2.0 - STEP_M**2 / 6.0))
+        return begun
+
+    def lift(self, at_m: Array) -> tuple[Array, Array, Array]:
+        """Return (N,) lifts, their slopes and their curvatures by the leader's distance, at (N,) distances."""
+        steps = np.clip(at_m / STEP_M - self._first, 0.0, self._control_m.shape[1] - 3.0)
+        index = np.minimum(steps.astype(np.intp), self._control_m.shape[1] - 4)
+        rows = np.arange(at_m.size)
+        return blend([self._control_m[rows, index + i] for i in range(4)], steps - index)
+
+    def _needed(self, outlook: Outlook, places: Array, points: list[PathPoint]) -> Array:
+        """Return the required lifts (N, K) for the leader at distances `places` (K,)."""
+        north, east, height, course, curvature = np.array(points).T[:5]
+        leader = outlook.leader
+        aside_mps = leader.wind_east_mps * np.cos(course) - leader.wind_north_mps * np.sin(course)
+        heading = course - np.arcsin(np.clip(aside_mps / np.maximum(leader.airspeed_mps, 1.0), -1.0, 1.0))
+        later_s = (places - outlook.distance_m) / max(outlook.along_mps, 1.0)
+        knots = np.stack([outlook.slots(seconds) for seconds in later_s[::SAMPLES].tolist()], axis=1)
+        forward, right, up = np.moveaxis(_between(knots), -1, 0)
+        axis = np.broadcast_to(heading, forward.shape)
+        if self._frame == "follower_heading":
+            axis = axis + np.arcsin(np.clip(curvature * forward, -0.99, 0.99))
+        cos, sin = np.cos(axis), np.sin(axis)
+        ground_m = self._ground.height(north + cos * forward - sin * right, east + sin * forward + cos * right)
+        return ground_m + self._clearance_m - (height + up)
+
+
+def _between(knots: Array) -> Array:
+    """Return positions (N, K, 3) at every sample, linearly interpolated from those at every knot (N, S, 3)."""
+    share = (np.arange(SAMPLES) / SAMPLES)[:, None]
+    steps = knots[:, :-1, None] + share * np.diff(knots, axis=1)[:, :, None]
+    return np.concatenate((steps.reshape(knots.shape[0], -1, 3), knots[:, -1:]), axis=1)

@@ -1,0 +1,159 @@
+"""Decides which address speaks for a vehicle.
+
+A system id proves no identity, and without signing nothing on the network does. So another address can't take a
+vehicle's place while the vehicle is heard. After it falls silent, another address can by the evidence of its time since
+boot: its clock must continue the vehicle's, or have started after the vehicle was last heard.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import NamedTuple
+
+from airlink.clock import Instant, after, seconds_between
+from airlink.endpoint import Address
+from airlink.messages import Message
+from airlink.messages.system import Heartbeat
+from gcs_formation.link.clock_sync import ClockSync
+from gcs_formation.link.connection import TALKING, Connection, LinkState
+
+LONGEST_DELAY_S = 10.0
+"""Largest age of a time stamp on arrival."""
+EARLY_S = 2.0
+"""How far a stamp may lie in the future: the clock mapping is off by half the difference of both delays."""
+BOOT_SLACK_S = 1.0
+"""How long before the old clock was last seen a new clock may seem to have started."""
+BOTH_TALK_S = 1.0
+"""If a vehicle is still heard this long after another sender began, it hasn't moved there: there are two."""
+DISBELIEVED_S = 2.0
+"""After this long without a stamp of the known clock, the answer of another clock is accepted."""
+FORGOTTEN_S = 60.0
+MAX_RIVALS = 8
+
+Remote = tuple[int, Address]
+"""Socket and address."""
+
+
+class Evidence(Enum):
+    """What the time since boot in a message says about its sender."""
+
+    NONE = "nothing tells its clock"
+    GOES_ON = "its clock goes on"
+    BEGAN_ANEW = "its clock began after that"
+    ANOTHERS = "its clock is another's"
+
+
+class Finding(NamedTuple):
+    """A finding to report."""
+
+    kind: str
+    text: str
+    peer: Address
+
+
+class Ruling(NamedTuple):
+    """Whether a frame is accepted as the vehicle's."""
+
+    admitted: bool
+    finding: Finding | None = None
+
+
+ADMITTED, REFUSED = Ruling(True), Ruling(False)
+
+
+@dataclass
+class DuplicateId:
+    """Another sender with the same system id."""
+
+    since: Instant
+    last: Instant
+    refuted: bool = False
+    """Whether its clock has proved that it isn't the vehicle."""
+    reported: bool = False
+
+
+class SourceBinding:
+    """Judges the frames with one vehicle's system id."""
+
+    def __init__(self, connection: Connection, clock: ClockSync) -> None:
+        """Bind `connection` to the address that speaks for the vehicle; `clock` is the vehicle's."""
+        self._connection = connection
+        self._clock = clock
+        self._agreed = Instant(0)
+        """When the vehicle's own clock was last seen."""
+        self._rivals: dict[Remote, DuplicateId] = {}
+
+    def judge(self, message: Message | None, socket: int, peer: Address, now: Instant) -> Ruling:
+        """Decide on a frame, and bind the vehicle to its address if the evidence supports it."""
+        connection, remote = self._connection, (socket, peer)
+        evidence = self._evidence(getattr(message, "time_boot_s", None), now)
+        heartbeat = isinstance(message, Heartbeat)
+        if connection.state is LinkState.SEARCHING:
+            if heartbeat or connection.peer is None:
+                connection.socket, connection.peer = remote
+        elif remote != (connection.socket, connection.peer):
+            return self._judge_other(remote, evidence, now, heartbeat=heartbeat)
+        if evidence is Evidence.ANOTHERS:
+            return Ruling(False, self._rival(remote, evidence, now))
+        if evidence is Evidence.GOES_ON or not self._clock.samples:
+            self._agreed = now
+        return ADMITTED
+
+    def believes(self, vehicle_time_s: float, now: Instant) -> bool:
+        """Return whether to accept the clock in an answer to a probe as the vehicle's."""
+        doubtful = self._evidence(vehicle_time_s, now) is Evidence.ANOTHERS
+        return not doubtful or seconds_between(self._agreed, now) > DISBELIEVED_S
+
+    def _evidence(self, stamp_s: float | None, now: Instant) -> Evidence:
+        if stamp_s is None or not self._clock.samples:
+            return Evidence.NONE
+        age_s = seconds_between(self._clock.to_instant(stamp_s), now)
+        if -EARLY_S <= age_s <= LONGEST_DELAY_S:
+            return Evidence.GOES_ON
+        booted = after(now, -stamp_s)
+        return Evidence.BEGAN_ANEW if booted >= after(self._agreed, -BOOT_SLACK_S) else Evidence.ANOTHERS
+
+    def _judge_other(self, remote: Remote, evidence: Evidence, now: Instant, *, heartbeat: bool) -> Ruling:
+        """Decide on a frame from another address than the vehicle's."""
+        state = self._connection.state
+        if state in TALKING or evidence is Evidence.ANOTHERS:
+            return Ruling(False, self._rival(remote, evidence, now))
+        refuted = remote in self._rivals and self._rivals[remote].refuted
+        clockless = heartbeat and not refuted and (state is LinkState.LOST or not self._clock.samples)
+        if evidence is Evidence.NONE and not clockless:
+            return REFUSED
+        return Ruling(True, self._move(remote, evidence, now))
+
+    def _move(self, remote: Remote, evidence: Evidence, now: Instant) -> Finding:
+        connection = self._connection
+        silence_s = seconds_between(connection.last_heard, now)
+        before, (connection.socket, connection.peer) = connection.peer, remote
+        self._rivals.pop(remote, None)
+        text = f"is heard from {remote[1]}; {before} fell silent {silence_s:.1f} s ago, {evidence.value}"
+        return Finding("address", text, remote[1])
+
+    def _rival(self, remote: Remote, evidence: Evidence, now: Instant) -> Finding | None:
+        """Record a frame of another sender; return a finding, once, when it is certain that there are two."""
+        self._rivals = {r: each for r, each in self._rivals.items() if seconds_between(each.last, now) < FORGOTTEN_S}
+        rival = self._rivals.get(remote)
+        if rival is None:
+            if len(self._rivals) >= MAX_RIVALS:
+                return None
+            rival = self._rivals[remote] = DuplicateId(now, now)
+        rival.last = now
+        rival.refuted |= evidence is Evidence.ANOTHERS
+        bound = self._connection.peer
+        both = self._last_word(remote) >= after(rival.since, BOTH_TALK_S)
+        refused = evidence is Evidence.ANOTHERS and remote[1] != bound
+        if rival.reported or not (both or refused):
+            return None
+        rival.reported = True
+        where = "from the same address" if remote[1] == bound else f"from {remote[1]}, beside {bound}"
+        about = f", {evidence.value}" if evidence is not Evidence.NONE else ""
+        return Finding("duplicate", f"another sender has its system id, {where}{about}; it is ignored", remote[1])
+
+    def _last_word(self, remote: Remote) -> Instant:
+        """Return when the vehicle itself was last heard for certain, given another sender at `remote`."""
+        connection = self._connection
+        return self._agreed if remote == (connection.socket, connection.peer) else connection.last_heard

@@ -1,0 +1,1 @@
+"""The course of a run: phases, orders, changes of the formation, endings."""

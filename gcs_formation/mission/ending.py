@@ -1,0 +1,315 @@
+"""The end of a run: the formation opens in height, then vehicles circle, here or at home, or land.
+
+Then it makes no difference who hears the order to circle: whoever doesn't flies on at a height that nobody else has.
+
+A formation is opened first (`opening`): heights are separate before anyone is told to circle.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from airlink.clock import Instant, seconds_between
+from airlink.endpoint import VehicleId
+from formation_scenario.orders import End
+from gcs_formation.controller import FormationController, Links
+from gcs_formation.fleet.circling import STACK_M, Band, GroundFloor, Place, loiter_heights, may_meet
+from gcs_formation.link.connection import TALKING
+from gcs_formation.mission.landing import Landings, lowest_circle_m, why_not
+from gcs_formation.vehicle.commands import Outcome
+from gcs_formation.vehicle.member import Member
+from gcs_formation.vehicle.telemetry import Motion
+from gcs_formation.vehicle.vehicle import UNANSWERED_S, Vehicle
+
+OPENING_LIMIT_S = 30.0
+"""Longest time for which vehicles are kept from circling: three levels are climbed in half of it."""
+FORGOTTEN_AFTER_S = 30.0
+"""For how long one that isn't heard is kept clear of."""
+TOLD_M = 0.5
+"""How near its own height one must be told to fly."""
+BESIDE_M = 5.0
+"""What circles are farther apart than vehicles must be."""
+
+
+@dataclass(frozen=True)
+class Flier:
+    """A vehicle in the air, at the end of a flight."""
+
+    place: Place
+    told_m: float
+    """The height that it was told last, or is left at."""
+    band: Band | None = None
+    """Where its height may come to, of one that can't be moved: it doesn't answer or obey, or isn't ours to command."""
+    steered: bool = False
+    """Whether it is commanded, and responds."""
+
+
+class Stack:
+    """Heights at which vehicles circle, one above the other."""
+
+    def __init__(self, gap_m: float = 0.0, floor_m: float = -math.inf, *, together: bool = False) -> None:
+        """Start empty; nobody is given a height below `floor_m`.
+
+        Args:
+            gap_m: the distance that vehicles must be apart.
+            floor_m: the lowest height.
+            together: whether all circle at one place, wherever they are now.
+        """
+        self.heights_m: dict[VehicleId, float] = {}
+        """Everybody's height above the origin."""
+        self._gap_m, self._apart_m = gap_m, max(STACK_M, gap_m + BESIDE_M)
+        self._floor_m, self._together = floor_m, together
+        self._taken: dict[VehicleId, Band] = {}
+
+    def take(self, fliers: Mapping[VehicleId, Flier]) -> None:
+        """Give a height to everybody who has none, and other ones where somebody can't be moved out of the way."""
+        for identity, flier in fliers.items():
+            if flier.band is None:
+                self._taken.pop(identity, None)
+            elif identity in self._taken:
+                self._taken[identity] = _hull(self._taken[identity], flier.band)
+            else:
+                self._taken[identity], self.heights_m[identity] = flier.band, flier.told_m
+        free = {identity: flier.place for identity, flier in fliers.items() if flier.band is None}
+        taken = [self._taken[identity] for identity in fliers if identity in self._taken]
+        if any(identity not in self.heights_m or self._in_way(identity, taken) for identity in free):
+            self._assign(free, taken)
+
+    def add(self, places: Mapping[VehicleId, Place]) -> None:
+        """Give a height to those of the vehicles that have none; nobody else's changes."""
+        new = {identity: place for identity, place in places.items() if identity not in self.heights_m}
+        taken = [*self._taken.values(), *(Band(height_m, height_m) for height_m in self.heights_m.values())]
+        self._assign(new, taken)
+
+    def apart(self, fliers: Mapping[VehicleId, Flier]) -> bool:
+        """Return whether those that are steered are clear of all others in height, and fly to their own heights."""
+        steered = {identity for identity, flier in fliers.items() if flier.steered}
+        if any(abs(fliers[each].told_m - self.heights_m[each]) > TOLD_M for each in steered) and len(fliers) > 1:
+            return False
+        pairs = (pair for pair in combinations(fliers, 2) if not steered.isdisjoint(pair))
+        return all(self._gap(*pair, fliers) >= self._gap_m for pair in pairs)
+
+    def _assign(self, places: Mapping[VehicleId, Place], taken: Sequence[Band]) -> None:
+        where = {identity: _Home(place.height_m) if self._together else place for identity, place in places.items()}
+        self.heights_m |= loiter_heights(where, self._floor_m, taken, self._apart_m)
+
+    def _in_way(self, identity: VehicleId, taken: list[Band]) -> bool:
+        height_m = self.heights_m[identity]
+        return any(low_m - self._apart_m < height_m < high_m + self._apart_m for low_m, high_m in taken)
+
+    def _gap(self, one: VehicleId, other: VehicleId, fliers: Mapping[VehicleId, Flier]) -> float:
+        """Return how far apart two are in height, infinite where they can't meet anyway."""
+        places, moves_on = [fliers[each].place for each in (one, other)], one in self._taken or other in self._taken
+        if not (moves_on or self._together or may_meet(*places)):
+            return math.inf
+        (low_m, high_m), (others_low_m, others_high_m) = (
+            self._taken.get(each, Band(place.height_m, place.height_m))
+            for each, place in zip((one, other), places, strict=True)
+        )
+        return max(low_m - others_high_m, others_low_m - high_m)
+
+
+@dataclass(frozen=True)
+class _Home:
+    """The place over which all circle."""
+
+    height_m: float
+    north_m: float = 0.0
+    east_m: float = 0.0
+
+
+class Opening:
+    """Has a controller open its formation, tick by tick."""
+
+    def __init__(
+        self,
+        stack: Stack,
+        controller: FormationController,
+        vehicles: Mapping[VehicleId, Vehicle],
+        columns: Mapping[VehicleId, int],
+        now: Instant,
+    ) -> None:
+        """Steer to the heights of `stack`; `columns` are the vehicles' in the controller."""
+        self._stack, self._controller = stack, controller
+        self._vehicles, self._columns = vehicles, columns
+        self._since = now
+        self._fliers: dict[VehicleId, Flier] = {}
+
+    def steer(self, links: Links, now: Instant) -> None:
+        """Look where everyone is, and set the heights that the controller's next tick tells."""
+        self._fliers = {
+            identity: flier
+            for identity, vehicle in self._vehicles.items()
+            if (flier := self._flier(identity, vehicle, links, now)) is not None
+        }
+        self._stack.take(self._fliers)
+        heights_m = np.full(links.ready.size, math.nan)
+        for identity, column in self._columns.items():
+            heights_m[column] = self._stack.heights_m.get(identity, math.nan)
+        self._controller.heights_m = heights_m
+
+    def over(self, now: Instant) -> bool:
+        """Return whether everyone may circle, or it must do."""
+        late = seconds_between(self._since, now) >= OPENING_LIMIT_S
+        return late or self._stack.apart(self._fliers)
+
+    def _flier(self, identity: VehicleId, vehicle: Vehicle, links: Links, now: Instant) -> Flier | None:
+        place, column = place_of(vehicle), self._columns[identity]
+        unheard_s = seconds_between(vehicle.connection.last_heard, now)
+        if place is None or not vehicle.telemetry.armed or unheard_s > FORGOTTEN_AFTER_S:
+            return None
+        if vehicle.autopilot.climbs_out(vehicle.telemetry):
+            return Flier(place, place.height_m)
+        answers = seconds_between(vehicle.heard_at(now), now) <= UNANSWERED_S
+        led = links.ready[column] and links.ready[self._controller.plan.leader]
+        if led and answers and not links.disobeying[column]:
+            return Flier(place, self._told_m(column), steered=True)
+        orders_m = self._orders_m(vehicle, column, links, answers=answers)
+        heights_m = [place.height_m, *(height_m for height_m in orders_m if math.isfinite(height_m))]
+        return Flier(place, heights_m[-1], Band(min(heights_m), max(heights_m)))
+
+    def _orders_m(self, vehicle: Vehicle, column: int, links: Links, *, answers: bool) -> tuple[float, ...]:
+        """Return the heights that one may be on its way to, the last order last; NaN where there was none."""
+        if vehicle.member in (Member.HOLDING, Member.RETURNING):
+            return self._heard_m(column, links), vehicle.holds_at_m
+        return () if answers else (self._heard_m(column, links), self._told_m(column))
+
+    def _heard_m(self, column: int, links: Links) -> float:
+        """Return the height that a vehicle was told when it was last known to hear."""
+        which = np.array([column])
+        return float(self._controller.history.told(links.heard[which], which).height_m[0])
+
+    def _told_m(self, column: int) -> float:
+        tick = self._controller.last_tick
+        return math.nan if tick is None else float(tick.setpoints.height_m[column])
+
+
+def place_of(vehicle: Vehicle) -> Motion | None:
+    """Return a vehicle's position; that of one that is taking off has the height at which it will be done."""
+    motion = vehicle.telemetry.motion
+    if motion is None or not vehicle.autopilot.climbs_out(vehicle.telemetry):
+        return motion
+    return motion._replace(height_m=motion.height_m - motion.above_home_m + vehicle.autopilot.take_off_m)
+
+
+def _hull(one: Band, other: Band) -> Band:
+    return Band(min(one.low_m, other.low_m), max(one.high_m, other.high_m))
+
+
+LOITER_LIMIT_S = 20.0
+"""Longest wait for vehicles to climb out and acknowledge that they loiter."""
+
+
+class Ending:
+    """Brings every vehicle to a state in which it may be left alone.
+
+    A vehicle that is taking off climbs out first; one that its pilot has taken over is left to the pilot.
+    """
+
+    def __init__(
+        self,
+        vehicles: Mapping[VehicleId, Vehicle],
+        now: Instant,
+        manner: End = "loiter",
+        ground: GroundFloor | None = None,
+        landings: Landings | None = None,
+        ahead: Sequence[tuple[float, float]] = ((0.0, 0.0),),
+        gap_m: float = 0.0,
+    ) -> None:
+        """Keep vehicles on the ground there, whatever they were about to do.
+
+        Args:
+            vehicles: all of them.
+            now: the present instant.
+            manner: how the flight ends.
+            ground: the ground to keep clear of.
+            landings: those of an earlier order to land, where a vehicle is still landing; it is left to that.
+            ahead: how far north and east the formation may have flown on when it leaves, m, point by point.
+            gap_m: the distance that vehicles must be apart.
+        """
+        self.landings = landings or Landings(lambda: why_not(vehicles, ground) if ground else None)
+        commanded = {identity: each for identity, each in vehicles.items() if not each.is_left}
+        self._ours = {identity: each for identity, each in commanded.items() if not self.landings.is_pending(each)}
+        places = [
+            (place.north_m + north_m, place.east_m + east_m)
+            for place in self._places().values()
+            for north_m, east_m in ahead
+        ]
+        floor_m = _floor_m(places, manner, ground)
+        if manner == "land":
+            floor_m = max(floor_m, lowest_circle_m(vehicles))
+        self.stack = Stack(gap_m, floor_m, together=manner != "loiter")
+        self.loiter_s = 0.0
+        """For how long vehicles loiter before the run is over."""
+        self.opening: Opening | None = None
+        """Has the formation opened first, if there is one."""
+        self._manner: End = manner
+        self._vehicles = vehicles
+        self._left: dict[VehicleId, Vehicle] = {}
+        for vehicle in self._ours.values():
+            if not vehicle.autopilot.is_airborne(vehicle.telemetry):
+                _keep_down(vehicle, now)
+
+    def leave(self, now: Instant) -> None:
+        """Begin to tell vehicles to circle or go home; those that have no height of their own yet get one."""
+        self.stack.add(self._places())
+        self._left = {i: vehicle for i, vehicle in self._ours.items() if vehicle.member is not Member.PARTED}
+        self.advance(now)
+
+    def advance(self, now: Instant) -> None:
+        """Command vehicles that are in the air and have climbed out to loiter or go home; continue the landings."""
+        for identity, vehicle in list(self._left.items()):
+            autopilot, seen = vehicle.autopilot, vehicle.telemetry
+            if seen.motion and autopilot.is_airborne(seen) and not autopilot.climbs_out(seen):
+                height_m = self.stack.heights_m.get(identity, seen.motion.height_m)
+                vehicle.commands.begin(autopilot.leave(self._manner, height_m, seen), now)
+                del self._left[identity]
+                if self._manner == "land":
+                    self.landings.await_turn(vehicle, height_m)
+        climbs_out = any(self._is_pending(identity, self._vehicles[identity]) for identity in self._left)
+        self.landings.advance(now, climbs_out=climbs_out)
+
+    def _places(self) -> dict[VehicleId, Motion]:
+        armed = {identity: vehicle for identity, vehicle in self._ours.items() if vehicle.telemetry.armed}
+        return {identity: place for identity, vehicle in armed.items() if (place := place_of(vehicle))}
+
+    def hasten(self) -> None:
+        """Begin no further landing, and wait for nothing but acknowledgements."""
+        self.loiter_s = 0.0
+        self.landings.called_off()
+
+    def over(self, waited_s: float) -> bool:
+        """Return whether the run is over, this long after vehicles were told to leave."""
+        late = waited_s > self.loiter_s + LOITER_LIMIT_S and not self.landings.under_way
+        return late or (waited_s >= self.loiter_s and not self.pending())
+
+    def pending(self) -> list[Vehicle]:
+        """Return the vehicles that can be reached and may not be left alone yet."""
+        return [vehicle for identity, vehicle in self._vehicles.items() if self._is_pending(identity, vehicle)]
+
+    def _is_pending(self, identity: VehicleId, vehicle: Vehicle) -> bool:
+        if vehicle.connection.state not in TALKING:
+            return False
+        if vehicle.commands.outcome is Outcome.WAITING or self.landings.is_pending(vehicle):
+            return True
+        return identity in self._left and vehicle.telemetry.armed
+
+
+def _floor_m(places: Sequence[tuple[float, float]], manner: End, ground: GroundFloor | None) -> float:
+    """Return the lowest height for all circles: over the ground here or, with `rtl` and `land`, on the ways home."""
+    if ground is None:
+        return -math.inf
+    if manner != "loiter":
+        return max((ground.over_way_home(*place) for place in places), default=-math.inf)
+    return max((ground.top(*place).height_m for place in places), default=-math.inf)
+
+
+def _keep_down(vehicle: Vehicle, now: Instant) -> None:
+    """Disarm a vehicle on the ground, even if an arming command is still pending."""
+    unsafe = vehicle.telemetry.armed or vehicle.commands.outcome is Outcome.WAITING
+    vehicle.commands.begin(vehicle.autopilot.stand_down() if unsafe else (), now)

@@ -1,0 +1,304 @@
+"""Changes of the formation in flight: planned ones, ordered ones, and the succession of a lost leader."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from airlink.clock import NANOSECONDS, Instant, after, seconds_between
+from airlink.endpoint import VehicleId
+from flight_model.arrays import Array, Mask, any_of
+from flight_model.displacement import DisplacedPath, Rise
+from flight_model.path import PathPoint
+from formation_scenario import Scenario, ground_of
+from formation_scenario.arrangement import Arrangement, SlotStep, assigned
+from formation_scenario.feasibility import check_ahead
+from formation_scenario.formation import FormationChange
+from formation_scenario.reconfiguration import ahead, column_names, plan_change, take_over
+from formation_scenario.slot_motion import SlotMotion
+from formation_scenario.transition_plan import NotFlyableError
+from gcs_formation.controller import FormationController
+from gcs_formation.guidance.slots import Proposal
+from gcs_formation.guidance.tracking import Motion, project
+from gcs_formation.mission.takeover import Resumption
+from gcs_formation.recorder import Note, Tick
+from gcs_formation.vehicle.member import Member
+from gcs_formation.vehicle.vehicle import Vehicle
+
+DELAY_STEP_S, LOSS_STEP, JITTER_STEP_S = 0.02, 0.02, 0.005
+"""Links that differ by less than about this are equally good: so much is chance in what was measured."""
+
+
+class Candidate(NamedTuple):
+    """A follower that could lead."""
+
+    column: int
+    distance_m: float
+    """From the leader's place."""
+    delay_s: float
+    """One way; NaN where it isn't known. The same for `jitter_s`."""
+    loss: float
+    jitter_s: float
+
+
+def heir(candidates: Iterable[Candidate], spacing_m: float) -> int | None:
+    """Return the column of the best successor, None if there is no candidate.
+
+    The leader's place suits whoever is at most `spacing_m` farther from it than the nearest. Among those the least
+    delay decides, then the least loss, the least jitter, the least distance to a metre, and the first column.
+    """
+    known = tuple(candidates)
+    nearest_m = min((each.distance_m for each in known), default=0.0)
+    suited = (each for each in known if each.distance_m <= nearest_m + spacing_m)
+    best = min(suited, key=_rank, default=None)
+    return None if best is None else best.column
+
+
+def _rank(each: Candidate) -> tuple[float, ...]:
+    link = (each.delay_s, DELAY_STEP_S), (each.loss, LOSS_STEP), (each.jitter_s, JITTER_STEP_S)
+    return *(_steps(*figure) for figure in link), round(each.distance_m), each.column
+
+
+def _steps(value: float, step: float) -> float:
+    return math.inf if math.isnan(value) else round(value / step)
+
+
+RETRY_S = 1.0
+"""Interval between attempts at a change that can't be flown at the formation's present position."""
+AMID = 2.0
+"""Vehicles up to this many times the farthest slot's distance from the leader count as amid the formation."""
+HEARD_S = 1.0
+"""Largest age of a successor's telemetry, and of the newest sign that it hears."""
+
+
+class Reconfiguration:
+    """Plans changes and has the controller fly them."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        controller: FormationController,
+        vehicles: Mapping[VehicleId, Vehicle],
+        columns: Mapping[VehicleId, int],
+        note: Note,
+    ) -> None:
+        """Change the formation that `controller` flies; `columns` are the vehicles' in it."""
+        self._scenario = scenario
+        self._ground = ground_of(scenario)
+        self._controller = controller
+        self._by_column = {column: vehicles[identity] for identity, column in columns.items()}
+        self._names = column_names(scenario)
+        self._note = note
+        self._wanted: Arrangement | None = None
+        self._next_try = Instant(0)
+        self._postponed: Arrangement | None = None
+        self._planned_for = np.ones(len(self._names), dtype=np.bool_)
+        """(C,) which vehicles the present transition was planned for."""
+
+    @property
+    def leader(self) -> Vehicle | None:
+        """The vehicle that leads, None for a virtual leader."""
+        return self._by_column.get(self._controller.plan.leader)
+
+    def resume(self, resumed: Resumption) -> None:
+        """Begin where a flight stood; on the path, everybody's way to their slots begins where they are found."""
+        guidance = self._controller.guidance
+        self._controller.plan.resume(self._scenario, resumed.arrangement, resumed.slots_m, resumed.mission_s)
+        if resumed.speed_mps != guidance.speed_mps:
+            path = self._scenario.path.model_copy(update={"speed_mps": resumed.speed_mps})
+            self._scenario = self._scenario.model_copy(update={"path": path})
+            guidance.speed_mps = resumed.speed_mps
+        if resumed.path_began is not None:
+            guidance.amid_m = resumed.reach_m
+            self._planned_for[:] = False
+            self._planned_for[resumed.arrangement.leader] = True
+
+    def lead(self, vehicle: VehicleId, now: Instant) -> None:
+        """Let a vehicle lead from the beginning on."""
+        leader = next(column for column, each in self._by_column.items() if each.identity == vehicle)
+        if leader != self._controller.plan.leader:
+            self._controller.hand_over(leader, 0.0)
+            self._planned_for[:] = False
+            self._planned_for[leader] = True
+            self._note(now, "leader", "leads the formation", self._by_column[leader])
+
+    def advance(self, now: Instant, mission_time_s: float) -> None:
+        """Begin the planned change that is due; if it can't be flown, try again later.
+
+        A transition that was planned without an absent vehicle is planned again when that vehicle is back.
+        """
+        plan = self._controller.plan
+        if plan.scheduled and mission_time_s >= plan.scheduled[0].at_s:
+            self._want((self._wanted or plan.arrangement).changed(plan.scheduled.popleft(), self._scenario), now)
+        if self._wanted is None and any_of(self._returned()):
+            self._want(plan.arrangement, now)
+        if self._wanted is None or now < self._next_try:
+            return
+        self._next_try = after(now, RETRY_S)
+        try:
+            self.change(self._wanted, now)
+        except NotFlyableError as error:
+            if self._postponed != self._wanted:
+                self._postponed = self._wanted
+                self._note(now, "postponed", f"the change is tried again: {error}")
+
+    def change(self, wanted: Arrangement, now: Instant) -> None:
+        """Begin a change.
+
+        Raises:
+            NotFlyableError: it can't be flown from here; nothing has changed.
+        """
+        controller, plan = self._controller, self._controller.plan
+        present, now_s = self._present(), now / NANOSECONDS
+        route, distance_m, swing_rad = controller.guidance.route, controller.guidance.distance_m, 0.0
+        if wanted.leader != plan.leader:
+            if not present[wanted.leader]:
+                found = f"{self._names[wanted.leader]} doesn't fly in the formation"
+                raise NotFlyableError(found, "a vehicle that does", 0.0)
+            route, distance_m, swing_rad = self._take_over(wanted.leader, now_s)
+        start = self._slots(now).seen_from(wanted.leader, swing_rad)
+        if route is None:
+            raise NotFlyableError("the leader isn't on its way yet", "a change in flight", 0.0)
+        course = ahead(route, controller.guidance.speed_mps, distance_m)
+        way = plan_change(self._scenario, start, wanted, now_s, course, present)
+        if wanted.leader != plan.leader:
+            self._hand_over(wanted.leader, now)
+        plan.adopt(Proposal(wanted, way))
+        self._wanted, self._planned_for = None, present
+        self._note(now, "formation", self._in_words(wanted), None, {"duration_s": way.duration_s})
+
+    def order_change(self, change: FormationChange, now: Instant) -> str | None:
+        """Begin a change that was ordered; return why its slots can't be flown, None if it has begun.
+
+        Raises:
+            NotFlyableError: the transition to its slots can't be flown.
+            ValueError: it names a vehicle that doesn't exist.
+        """
+        wanted = (self._wanted or self._controller.plan.arrangement).changed(change, self._scenario)
+        if wanted.leader != self._controller.plan.leader and self.leader is None:
+            return "a virtual leader flies the path; allowed: shape, spacing, speed, loiter, rtl, land"
+        refusal = self._unflyable(self._scenario, wanted, now)
+        if refusal is None:
+            self.change(wanted, now)
+        return refusal
+
+    def order_speed(self, speed_mps: float, now: Instant) -> str | None:
+        """Fly at another speed; return why it can't be flown, None when it is."""
+        path = self._scenario.path.model_copy(update={"speed_mps": speed_mps})
+        scenario = self._scenario.model_copy(update={"path": path})
+        refusal = self._unflyable(scenario, self._wanted or self._controller.plan.arrangement, now)
+        if refusal is None:
+            self._scenario, self._controller.guidance.speed_mps = scenario, speed_mps
+        return refusal
+
+    def successor(self, now: Instant) -> int | None:
+        """Return the column of the follower that is to take over from the leader, None if none can."""
+        tick, leader = self._controller.last_tick, self._controller.plan.leader
+        if self._scenario.formation.succession == "none" or leader not in self._by_column or tick is None:
+            return None
+        places = np.stack((tick.state.north_m, tick.state.east_m, tick.state.height_m), axis=1)
+        fit = [column for column in self._by_column if column != leader and self._leads_well(column, now)]
+        candidates = (self._candidate(column, _distance_m(places, column, leader)) for column in fit)
+        return heir(candidates, self._controller.plan.arrangement.spacing_m)
+
+    def succeed(self, now: Instant) -> None:
+        """Make the successor the leader at once; the others move to their slots behind it as soon as possible."""
+        heir = self.successor(now)
+        if heir is not None:
+            self._hand_over(heir, now)
+            self._want(self._wanted or self._controller.plan.arrangement, now)
+
+    def _unflyable(self, scenario: Scenario, wanted: Arrangement, now: Instant) -> str | None:
+        """Return why an arrangement can't be flown from here on, in the words of `check`; None if it can."""
+        guidance, slots = (
+            self._controller.guidance,
+            self._controller.plan.seen_from(wanted.leader, 0.0, now / NANOSECONDS),
+        )
+        step = SlotStep(0.0, wanted, assigned(scenario, wanted, slots.position_m, self._present()))
+        found = check_ahead(scenario, step, guidance.path, guidance.distance_m if guidance.on_path else 0.0)
+        return found[0] if found else None
+
+    def _want(self, arrangement: Arrangement, now: Instant) -> None:
+        self._wanted, self._next_try = arrangement, now
+
+    def _hand_over(self, leader: int, now: Instant) -> None:
+        controller = self._controller
+        route, distance_m, swing_rad = self._take_over(leader, now / NANOSECONDS)
+        controller.guidance.take_over(route, distance_m)
+        controller.hand_over(leader, swing_rad)
+        if self._wanted is not None:
+            self._wanted = self._wanted._replace(leader=leader)
+        self._note(now, "leader", "leads the formation", self._by_column[leader])
+
+    def _take_over(self, leader: int, now_s: float) -> tuple[DisplacedPath | None, float, float]:
+        """Return a successor's route onto the path, its distance along it, and its heading relative to the leader's."""
+        controller, guidance = self._controller, self._controller.guidance
+        tick = controller.last_tick
+        if tick is None:
+            return None, 0.0, 0.0
+        state, before = tick.state, controller.plan.leader
+        swing_rad = math.remainder(float(state.heading_rad[leader] - state.heading_rad[before]), math.tau)
+        if not guidance.started:
+            return None, 0.0, swing_rad
+        motion = Motion(*(float(getattr(state, name)[leader]) for name in Motion.__dataclass_fields__))
+        slots = controller.plan.seen_from(leader, swing_rad, now_s)
+        distance_m = project(guidance.path, motion, guidance.distance_m)
+        point = guidance.path.at(distance_m)
+        right_m, up_m = point.aside_m(motion.north_m, motion.east_m, float(state.height_m[leader]))
+        above = self._climbing(leader, tick, point, right_m)._replace(height_m=up_m)
+        way = take_over(self._scenario, guidance.path, distance_m, right_m, above, slots.reach_m, self._ground)
+        return way, distance_m, swing_rad
+
+    def _climbing(self, leader: int, tick: Tick, point: PathPoint, right_m: float) -> Rise:
+        """Return how a successor's climb, and the climb commanded of it, differ from the path's abreast of it."""
+        model, climb_mps = self._controller.model, float(tick.state.climb_mps[leader])
+        lag_s, other_s = float(model.tau_ha_s[leader]), float(model.tau_hb_s[leader])
+        most_mps2 = float(model.climb_max_mps[leader]) / (2.0 * (lag_s + other_s))
+        to_climb_m = float(np.nan_to_num(tick.setpoints.height_m[leader] - tick.state.height_m[leader]))
+        change_mps2 = (to_climb_m - (lag_s + other_s) * climb_mps) / (lag_s * other_s)
+        # Per metre of the path: on the inside of a bend, the vehicle covers less distance than the path.
+        along_mps = self._controller.guidance.speed_mps / (1.0 - point.curvature_1pm * right_m)
+        change_mps2 = min(max(change_mps2, -most_mps2), most_mps2)
+        return Rise(0.0, climb_mps / along_mps - point.slope, change_mps2 / along_mps**2 - point.slope_rate_1pm)
+
+    def _slots(self, now: Instant) -> SlotMotion:
+        """Return the present slots; vehicles that return amid the formation have theirs where they are themselves.
+
+        From there the transition leads them to their goals, clear of the others. Vehicles that are farther away keep
+        the slots assigned to them: the law brings them there, and the others don't wait.
+        """
+        slots, places_m = self._controller.plan.at(now / NANOSECONDS, begun=True), self._controller.places_m(now)
+        amid = np.hypot(places_m[:, 0], places_m[:, 1]) <= AMID * slots.reach_m
+        return slots.standing(self._returned() & amid, places_m)
+
+    def _returned(self) -> Mask:
+        """Return which vehicles are present, but weren't when the transition was planned, (C,)."""
+        returned: Mask = self._present() & ~self._planned_for
+        return returned
+
+    def _present(self) -> Mask:
+        """Return which vehicles are present, (C,): the leader, and those that fly in the formation."""
+        there = np.zeros(len(self._names), dtype=np.bool_)
+        there[self._controller.plan.leader] = True
+        there[[column for column, vehicle in self._by_column.items() if vehicle.member is Member.FLYING]] = True
+        return there
+
+    def _leads_well(self, column: int, now: Instant) -> bool:
+        vehicle, age_s = self._by_column[column], self._controller.estimator.age_s(column, now)
+        hears = seconds_between(vehicle.heard_at(now), now) <= HEARD_S
+        return vehicle.member is Member.FLYING and hears and age_s <= HEARD_S
+
+    def _candidate(self, column: int, distance_m: float) -> Candidate:
+        vehicle = self._by_column[column]
+        delay_s, jitter_s = vehicle.clock.one_way_s, vehicle.jitter.jitter_s
+        return Candidate(column, distance_m, delay_s, vehicle.sequence.loss, jitter_s)
+
+    def _in_words(self, wanted: Arrangement) -> str:
+        return f"{wanted.shape}, {wanted.spacing_m:g} m, behind {self._names[wanted.leader]}"
+
+
+def _distance_m(places: Array, one: int, other: int) -> float:
+    return float(np.linalg.norm(places[one] - places[other]))

@@ -1,0 +1,211 @@
+"""The start of a run: what must hold before anybody is commanded, then each vehicle's start-up."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from airlink import mavlink as m
+from airlink.clock import Instant, seconds_between
+from airlink.endpoint import Endpoint, VehicleId
+from airlink.messages import Message
+from airlink.messages.parameter import ParamValue
+from airlink.messages.system import Heartbeat
+from formation_scenario import Scenario
+from formation_scenario import Vehicle as PlannedVehicle
+from gcs_formation.link.connection import TALKING, LinkState
+from gcs_formation.mission.takeover import Takeover
+from gcs_formation.phases import OVER, Flight, Phase
+from gcs_formation.recorder import GiveUp, Note
+from gcs_formation.vehicle.checks import ParameterReader, demands
+from gcs_formation.vehicle.member import Member
+from gcs_formation.vehicle.vehicle import Vehicle
+
+IN_ORDER = "in order"
+
+
+@dataclass(frozen=True)
+class Caution:
+    """What is done before anybody is commanded: changes of mode, arming, setpoints."""
+
+    parameters: bool = False
+    """Whether parameters are read and judged."""
+    confirm: bool = False
+    """Whether somebody's word is awaited when all vehicles are ready."""
+    rehearse: bool = False
+    """Whether the run ends there."""
+
+
+CARELESS = Caution()
+
+
+class PreFlight:
+    """Holds all vehicles' start-ups before their first command until everybody may begin."""
+
+    def __init__(
+        self, scenario: Scenario, vehicles: Mapping[VehicleId, Vehicle], caution: Caution, note: Note, give_up: GiveUp
+    ) -> None:
+        """Read parameters of `vehicles`, unless the scenario starts emulators in the air."""
+        self._vehicles, self._caution = vehicles, caution
+        self._note, self._give_up = note, give_up
+        self._confirmed = not (caution.confirm or caution.rehearse)
+        self._readers: dict[VehicleId, ParameterReader] = {}
+        if caution.parameters:
+            for planned in scenario.vehicles:
+                autopilot = vehicles[planned.vehicle_id].autopilot
+                checks = autopilot.checks(demands(scenario, planned))
+                self._readers[planned.vehicle_id] = ParameterReader(planned.id, checks, autopilot.parameter)
+        self._judged, self._refused = set[VehicleId](), False
+        self.warnings: dict[VehicleId, tuple[str, ...]] = {}
+        """What isn't as it should be, and doesn't keep anybody on the ground."""
+
+    @property
+    def passed(self) -> bool:
+        """Whether vehicles may be commanded."""
+        return self._confirmed and self._checked
+
+    @property
+    def awaits_word(self) -> bool:
+        """Whether everybody is connected, ready and checked, and only the operator's word is missing."""
+        held = all(vehicle.start_up.held for vehicle in self._vehicles.values())
+        return not self._confirmed and self._checked and held
+
+    @property
+    def rehearsed(self) -> bool:
+        """Whether a rehearsal is over."""
+        return self._caution.rehearse and self.awaits_word
+
+    @property
+    def _checked(self) -> bool:
+        return len(self._judged) == len(self._readers) and not self._refused
+
+    def question(self) -> str:
+        """Return what to ask when `awaits_word`."""
+        flying = sum(vehicle.airborne for vehicle in self._vehicles.values())
+        warned = sum(map(bool, self.warnings.values()))
+        state = f"{len(self._vehicles)} vehicles are connected, ready and checked ({warned} with warnings)"
+        what = f"arm {len(self._vehicles) - flying} and take off" + (f", take over {flying}" if flying else "")
+        return f"{state}. Type yes to {what}; anything else ends the run"
+
+    def confirm(self) -> None:
+        """Let everybody begin."""
+        self._confirmed = True
+
+    def requests(self, now: Instant) -> Iterator[tuple[Vehicle, Message]]:
+        """Yield the requests for parameters to send now, and judge those that have been read."""
+        for identity, reader in self._readers.items():
+            vehicle = self._vehicles[identity]
+            if identity in self._judged or vehicle.connection.state not in TALKING:
+                continue
+            if reader.complete:
+                self._judge(vehicle, reader, now)
+            else:
+                yield from ((vehicle, request) for request in reader.requests(now))
+
+    def take(self, vehicle: Vehicle, message: ParamValue, now: Instant) -> None:
+        """Take a parameter that a vehicle has told."""
+        if vehicle.identity in self._readers:
+            self._readers[vehicle.identity].take(message, now)
+
+    def _judge(self, vehicle: Vehicle, reader: ParameterReader, now: Instant) -> None:
+        """Record what was found. What refuses a take-off only warns of a vehicle that flies already."""
+        findings, flies = reader.findings(), vehicle.airborne
+        refused = [finding.text for finding in findings if finding.refuses and not flies]
+        told = tuple(finding.text for finding in findings if finding.text not in refused)
+        self._judged.add(vehicle.identity)
+        self.warnings[vehicle.identity] = told
+        if told or not refused:
+            self._note(now, "parameters", "; ".join(told) or IN_ORDER, vehicle)
+        if refused:
+            self._refused = True
+            self._give_up(f"vehicle {vehicle.identity}: {'; '.join(refused)}", now)
+
+
+CONNECT_LIMIT_S = 30.0
+"""Longest wait for every vehicle's first heartbeat."""
+
+
+class Starting:
+    """Gets vehicles ready, at the beginning and after a vehicle restarts."""
+
+    def __init__(
+        self,
+        vehicles: Mapping[VehicleId, Vehicle],
+        endpoints: tuple[Endpoint, ...],
+        flight: Flight,
+        preflight: PreFlight,
+        takeover: Takeover,
+        note: Note,
+        give_up: GiveUp,
+    ) -> None:
+        """Start up `vehicles`, the leader first; `endpoints` are where they should be heard."""
+        self._preflight, self._takeover = preflight, takeover
+        self._vehicles = vehicles
+        self._endpoints = endpoints
+        self._flight = flight
+        self._note = note
+        self._give_up = give_up
+
+    def advance(self, now: Instant) -> None:
+        """Continue the start-up of every vehicle; none takes off before all have answered."""
+        silent = [vehicle for vehicle in self._vehicles.values() if vehicle.connection.state is LinkState.SEARCHING]
+        missed = self._takeover.waits_for(now)
+        if missed is None and silent:
+            self._wait_for(silent, now)
+        if silent if missed is None else missed:
+            return
+        foreign = [vehicle for vehicle in self._vehicles.values() if not _is_of_its_family(vehicle)]
+        if foreign and self._flight.phase is Phase.CONNECTING:
+            self._give_up("; ".join(map(_is_another, foreign)), now)
+        for vehicle in self._vehicles.values():
+            if not vehicle.start_up.finished and vehicle not in silent and self._flight.phase not in OVER:
+                self._advance(vehicle, now)
+
+    def leader_ready(self, leader: PlannedVehicle | None) -> bool:
+        """Return whether the leader follows setpoints; under a virtual one, whether all vehicles do."""
+        needed = self._vehicles.values() if leader is None else (self._vehicles[leader.vehicle_id],)
+        return all(vehicle.member is Member.FLYING for vehicle in needed)
+
+    def _wait_for(self, silent: list[Vehicle], now: Instant) -> None:
+        waited_s = seconds_between(Instant(0), now)
+        if self._flight.phase is Phase.CONNECTING and waited_s > CONNECT_LIMIT_S:
+            who = ", ".join(str(vehicle.identity) for vehicle in silent)
+            where = ", ".join(dict.fromkeys(str(self._endpoints[vehicle.connection.socket]) for vehicle in silent))
+            self._give_up(f"no vehicle {who} answered at {where} in {waited_s:.0f} s", now)
+
+    def _advance(self, vehicle: Vehicle, now: Instant) -> None:
+        may_act = self._takeover.may_act(vehicle, now) and self._preflight.passed
+        vehicle.start_up.advance(vehicle.telemetry, vehicle.commands, now, may_act=may_act)
+        if self._flight.phase is Phase.FLYING and vehicle.start_up.takes_off:
+            vehicle.leave_to_pilot(now)
+            self._note(now, "abandoned", "on the ground after the path has begun: left to its pilot", vehicle)
+        reason = vehicle.start_up.failure(vehicle.commands, now)
+        if reason:
+            said = f"; it said: '{vehicle.telemetry.texts[-1]}'" if vehicle.telemetry.texts else ""
+            self._abandon(vehicle, f"vehicle {vehicle.identity}: {reason}{_result(vehicle)}{said}", now)
+        elif vehicle.start_up.finished:
+            self._note(now, "ready", "in the air and following setpoints", vehicle)
+
+    def _abandon(self, vehicle: Vehicle, text: str, now: Instant) -> None:
+        """End the run because a vehicle can't be started; once others have flown the path, go on without it instead."""
+        if self._flight.phase is not Phase.FLYING and self._takeover.resumed is None:
+            self._give_up(text, now)
+        elif not vehicle.start_up.abandoned:
+            vehicle.start_up.abandoned = True
+            self._note(now, "abandoned", text, vehicle)
+
+
+def _is_of_its_family(vehicle: Vehicle) -> bool:
+    heartbeat = vehicle.telemetry.heartbeat
+    return heartbeat is None or vehicle.autopilot.speaks(heartbeat)
+
+
+def _is_another(vehicle: Vehicle) -> str:
+    heartbeat = vehicle.telemetry.heartbeat or Heartbeat(0, 0)
+    names = m.name_of("MAV_AUTOPILOT", heartbeat.autopilot), m.name_of("MAV_TYPE", heartbeat.type)
+    return f"vehicle {vehicle.identity} says that it is a {' '.join(names)}; allowed: {vehicle.autopilot.family}"
+
+
+def _result(vehicle: Vehicle) -> str:
+    refusal = vehicle.commands.refusal
+    return f" (command {refusal[0]}: {m.name_of('MAV_RESULT', refusal[1])})" if refusal else ""

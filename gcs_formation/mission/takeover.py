@@ -1,0 +1,165 @@
+"""Taking over what flies, after the ground station was killed: who is taken, who leads, and where on the path.
+
+Nobody is armed or taken off. Whoever isn't as the flight had left it is in other hands, and left there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from airlink.clock import Instant, seconds_between
+from airlink.endpoint import VehicleId
+from flight_model.arrays import Array
+from formation_scenario.arrangement import Arrangement
+from gcs_formation.link.connection import LinkState
+from gcs_formation.recorder import Note
+from gcs_formation.vehicle.member import Member
+from gcs_formation.vehicle.vehicle import Vehicle
+
+WAIT_S = 5.0
+"""Longest wait for somebody who flew when the record ended; then the others begin without."""
+BEHIND_M = 100.0
+BEYOND = 1.5
+"""How much faster than the path's speed the wind may have carried it."""
+
+
+@dataclass(frozen=True)
+class Known:
+    """What the record says of a vehicle at its end."""
+
+    mode: str | None
+    """Its last mode, in words."""
+    parted: bool
+    """Whether its pilot had it."""
+    flew: bool
+
+
+@dataclass(frozen=True)
+class Resumption:
+    """Where a flight stood when its record ended."""
+
+    at: Instant
+    """The present instant, on the record's clock."""
+    vehicles: Mapping[VehicleId, Known]
+    mission_s: float
+    """Mission time of the last tick, s; NaN before the path."""
+    path_began: Instant | None
+    distance_m: float
+    """How far along the path the leader had come."""
+    speed_mps: float
+    """At which the path was flown."""
+    arrangement: Arrangement
+    slots_m: Array
+    """(C, 3) the slots, forward, right and up of the leader."""
+    near: tuple[VehicleId, ...] = ()
+    """Everybody who could lead: the one that led, then by their distance from it; nobody behind a virtual leader."""
+    ending: bool = False
+    """Whether the flight was at its end: who still follows setpoints is brought to circle."""
+    retake: bool = False
+    """Whether vehicles on their way home are taken too, as their failsafe may have sent them."""
+
+    @property
+    def reach_m(self) -> tuple[float, float]:
+        """Between which distances along the path the leader may be now, if it flew on."""
+        gone_s = 0.0 if self.path_began is None else seconds_between(self.path_began, self.at) - self.mission_s
+        return self.distance_m - BEHIND_M, self.distance_m + BEYOND * self.speed_mps * gone_s + BEHIND_M
+
+
+@dataclass(frozen=True)
+class Found:
+    """How a vehicle is found."""
+
+    mode: str
+    airborne: bool
+    guided: bool
+    """Whether it follows setpoints."""
+    homeward: bool
+    """Whether it is in the mode of its failsafe."""
+
+
+def why_left(known: Known, found: Found, resumed: Resumption) -> str | None:
+    """Return why a vehicle is left as it is, in words; None if it is taken."""
+    if not found.airborne:
+        return "on the ground"
+    as_left = found.mode == known.mode and not known.parted
+    if found.guided or (not resumed.ending and (as_left or (found.homeward and resumed.retake and not known.parted))):
+        return None
+    if resumed.ending:
+        return f"in {found.mode} at the flight's end"
+    if known.parted:
+        return f"in {found.mode}, its pilot's already before"
+    home = "; --retake takes it, if its failsafe sent it" if found.homeward else ""
+    return f"in {found.mode}, and the flight had left it in {known.mode or 'an unknown mode'}{home}"
+
+
+class Takeover:
+    """Decides vehicle by vehicle, as they are heard; without a resumption everybody is started as usual."""
+
+    def __init__(self, resumed: Resumption | None, vehicles: Mapping[VehicleId, Vehicle], note: Note) -> None:
+        """Take over `vehicles`."""
+        self._resumed, self._vehicles, self._note = resumed, vehicles, note
+        self._decided = set[VehicleId]()
+
+    def waits_for(self, now: Instant) -> list[Vehicle] | None:
+        """Return the vehicles that haven't been heard and are waited for; None if a start waits for all of them."""
+        if self._resumed is None:
+            return None
+        late = seconds_between(self._resumed.at, now) > WAIT_S
+        flew = {identity for identity, known in self._resumed.vehicles.items() if known.flew} or self._vehicles.keys()
+        return [] if late else [each for identity, each in self._silent() if identity in flew]
+
+    def may_act(self, vehicle: Vehicle, now: Instant) -> bool:
+        """Return whether a vehicle may be commanded; one that is to be left as it is, is left to its pilot here."""
+        resumed, seen = self._resumed, vehicle.telemetry
+        if resumed is None or vehicle.identity in self._decided:
+            return True
+        if not (vehicle.start_up.asked_for_telemetry and seen.complete and seen.heartbeat):
+            return False
+        self._decided.add(vehicle.identity)
+        autopilot = vehicle.autopilot
+        found = Found(
+            mode=autopilot.mode_name(seen),
+            airborne=autopilot.is_airborne(seen),
+            guided=autopilot.takes_setpoints(seen),
+            homeward=seen.custom_mode == autopilot.home_mode,
+        )
+        reason = why_left(resumed.vehicles[vehicle.identity], found, resumed)
+        if reason is not None:
+            vehicle.leave_to_pilot(now)
+        self._note(now, "takeover", f"left as it is: {reason}" if reason else f"taken over in {found.mode}", vehicle)
+        return True
+
+    def leader(self, now: Instant) -> VehicleId | None:
+        """Return who is to lead: whoever led, or after a while the nearest to it that follows setpoints."""
+        resumed = self._resumed
+        if resumed is None or not resumed.near:
+            return None
+        waited = seconds_between(resumed.at, now) > WAIT_S
+        fit: Iterable[VehicleId] = resumed.near if waited else resumed.near[:1]
+        return next((each for each in fit if self._vehicles[each].member is Member.FLYING), None)
+
+    @property
+    def resumed(self) -> Resumption | None:
+        """What is resumed."""
+        return self._resumed
+
+    def settled(self, now: Instant) -> bool:
+        """Return whether it is decided of everybody who is heard, and nobody else is waited for."""
+        silent = {identity for identity, _ in self._silent()}
+        return not self.waits_for(now) and self._decided >= self._vehicles.keys() - silent
+
+    def failure(self, now: Instant) -> str | None:
+        """Return why there is nothing to take over, None while there is, or may be."""
+        if self._resumed is None or not self.settled(now):
+            return None
+        taken = [vehicle for i, vehicle in self._vehicles.items() if i in self._decided and not vehicle.is_left]
+        if not taken:
+            return "no vehicle to take over: none was heard in the air as the flight had left it"
+        if not self._resumed.near and len(taken) < len(self._vehicles):
+            return "a virtual leader flies amid all vehicles, and not all can be taken over"
+        return None
+
+    def _silent(self) -> list[tuple[VehicleId, Vehicle]]:
+        searching = LinkState.SEARCHING
+        return [(i, each) for i, each in self._vehicles.items() if each.connection.state is searching]

@@ -1,0 +1,207 @@
+"""Formation errors over time, with what came before them (take-off, assembly) and what displaced vehicles."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from flight_model.arrays import Array, Mask
+from formation_scenario.expectation import Expectation
+from gcs_formation.record.figures_of_merit import SETTLED_M
+from gcs_formation.record.timeseries import DISTURBANCE
+from gcs_formation.report.geometry import evenly
+from gcs_formation.report.gusts import Gust, gusts
+from gcs_formation.report.marks import marks
+from gcs_formation.report.run_data import RunData
+from gcs_formation.report.style import INK, LIMIT, THIN, axes_grid, column_of, legend_below, new_figure
+from gcs_formation.report.time_axes import Group, at_least, draw_marks, everyone, followers_of, span, time_label
+
+SHORTEST_S = 5.0
+"""A flight that begins in the air and at once has no assembly to show."""
+TRACK_POINTS = 3000
+IN_SLOT_M = 0.01
+"""Smallest distance that the figure shows; its scale is logarithmic."""
+MARGIN = 0.06
+
+
+def assembled_first(run: RunData) -> bool:
+    """Whether anything was flown before the path."""
+    return run.begun and float(run.whole_time_s[0]) < -SHORTEST_S
+
+
+def assembly(run: RunData) -> Figure:
+    """Draw tracks from above, heights and distances from slots, all before the path."""
+    group, followers = everyone(run), followers_of(run)
+    before = run.whole_time_s <= 0.0
+    time_s = run.whole_time_s[before]
+    figure = new_figure(10.0)
+    above, beside = figure.subfigures(1, 2, squeeze=False, width_ratios=(1.0, 1.2)).ravel().tolist()
+    _tracks(above.subplots(), group, [run.whole.place_in_flight(vehicle)[before] for vehicle in group.vehicles])
+    rows = column_of(axes_grid(beside, 2, 1, sharex=True), 0)
+    group.draw(rows[0], time_s, [run.whole.place_in_flight(vehicle)[before, 2] for vehicle in group.vehicles])
+    rows[0].set_ylabel("height, m")
+    away = [np.linalg.norm(run.whole.error(vehicle)[before], axis=1) for vehicle in followers.vehicles]
+    followers.draw(rows[1], time_s, [np.maximum(distance, IN_SLOT_M) for distance in away])
+    rows[1].set_yscale("log")
+    rows[1].set_ylabel("distance from slot, m")
+    rows[1].set_xlabel(time_label(run))
+    span(rows[0], float(time_s[0]), 0.0)
+    legend_below(figure)
+    return figure
+
+
+def _tracks(axes: Axes, group: Group, places: list[Array]) -> None:
+    shown = evenly(len(places[0]), TRACK_POINTS)
+    for vehicle, place in zip(group.vehicles, places, strict=True):
+        axes.plot(place[shown, 1], place[shown, 0], lw=0.7, label=group.label(vehicle), **group.look(vehicle))
+        axes.plot(place[-1, 1], place[-1, 0], ls="", marker="o", ms=3, color=group.colour(vehicle))
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.margins(MARGIN)
+    axes.set_xlabel("east, m")
+    axes.set_ylabel("north, m")
+
+
+LABELS = ("north, m/s", "east, m/s", "down, m/s")
+LEAST_MPS = 0.1
+"""What the axes reach to at least, upwards and downwards."""
+
+
+def disturbed(run: RunData) -> bool:
+    """Whether any vehicle is known to have been disturbed; only ground truth knows."""
+    own = run.flown.vehicles.values()
+    return run.flown.truth and any(np.nan_to_num(each[name]).any() for each in own for name in DISTURBANCE)
+
+
+def disturbance(run: RunData) -> Figure:
+    """Draw the true disturbance of every vehicle; the down component where there is any."""
+    group = everyone(run)
+    values = [[run.flown.vehicles[vehicle][name] for vehicle in group.vehicles] for name in DISTURBANCE]
+    shown = 3 if np.nan_to_num(np.array(values[2])).any() else 2
+    figure = new_figure(3.2 + 2.8 * shown)
+    rows = column_of(axes_grid(figure, shown, 1, sharex=True), 0)
+    for axes, label, series in zip(rows, LABELS, values, strict=False):
+        group.draw(axes, run.time_s, series)
+        at_least(axes, -LEAST_MPS, LEAST_MPS)
+        axes.set_ylabel(label)
+    span(rows[0], float(run.time_s[0]), float(run.time_s[-1]))
+    draw_marks([rows], marks(run))
+    rows[-1].set_xlabel(time_label(run))
+    figure.align_ylabels(rows)
+    legend_below(figure)
+    return figure
+
+
+AXES = {"x": "forward error $x$, m", "y": "right error $y$, m", "z": "height error $z$, m"}
+WIDTHS = (0.42, 1.0)
+"""Of the axes of the transient and of the rest."""
+HIDES = 3.0
+"""The transient gets axes of its own where it's this many times what follows, and doesn't count as settled."""
+LONGEST_TRANSIENT = 0.4
+"""Share of the flown time; what comes later shows what the errors are in steady flight."""
+STEADY = 1.3
+"""The transient is over once no error exceeds this many times the largest one in steady flight."""
+STEADY_AT_LEAST_M = 0.02
+GONE_M = 10.0
+STANDS_OUT = 50.0
+"""An error above `GONE_M` and this many times the median is of a vehicle that left; the scale becomes logarithmic."""
+LEAST_M = 0.012
+"""What the axes reach to at least, upwards and downwards: less than a centimetre isn't magnified."""
+LEAST = r"least possible: $|D|\,T + D^2/2a$"
+ALLOWED = r"held to: $1.5\,(|D|\,T + D^2/2a)$ + 0.05 m"
+
+
+def has_followers(run: RunData) -> bool:
+    """Whether anybody followed."""
+    return bool(run.followers)
+
+
+def errors(run: RunData) -> Figure:
+    """Draw the errors x, y and z of every follower."""
+    group = followers_of(run)
+    figure = new_figure(12.5)
+    time_s = run.time_s
+    values = np.stack([run.flown.error(vehicle) for vehicle in group.vehicles])
+    windows = error_windows(run)
+    grid = axes_grid(figure, 3, len(windows), sharex="col", width_ratios=WIDTHS[-len(windows) :])
+    gusted = gusts(run)
+    for column, window in enumerate(windows):
+        for row, (axis, label) in enumerate(AXES.items()):
+            _panel(grid[row][column], group, time_s[window], values[:, window, row])
+            _expected(grid[row][column], run.scenario.expect, axis)
+            _after_gusts(grid[row][column], gusted, axis)
+            at_least(grid[row][column], -LEAST_M, LEAST_M)
+            if column == 0:
+                grid[row][column].set_ylabel(label)
+    draw_marks([column_of(grid, column) for column in range(len(windows))], marks(run))
+    figure.align_ylabels(column_of(grid, 0))
+    for axes in grid[-1]:
+        axes.set_xlabel(time_label(run))
+    legend_below(figure)
+    return figure
+
+
+def transient_end_s(run: RunData) -> float | None:
+    """Return when the transient of the errors is over, None where it doesn't hide what follows it."""
+    if not run.followers:
+        return None
+    time_s = run.time_s
+    values = np.stack([run.flown.error(vehicle) for vehicle in run.followers])
+    size = np.abs(np.where(np.isfinite(values), values, 0.0)).max(axis=0)
+    later = time_s >= time_s[0] + LONGEST_TRANSIENT * (time_s[-1] - time_s[0])
+    steady = size[later].max(axis=0)
+    if not (size.max(axis=0) > np.maximum(HIDES * steady, SETTLED_M)).any():
+        return None
+    loud = np.flatnonzero((size > STEADY * np.maximum(steady, STEADY_AT_LEAST_M)).any(axis=1))
+    over_s = float(time_s[loud[-1]]) if loud.size else float(time_s[0])
+    split_s = 10.0 * np.ceil((over_s + 1.0) / 10.0)
+    return float(split_s) if time_s[0] < split_s < time_s[-1] else None
+
+
+def error_windows(run: RunData) -> list[Mask]:
+    """Return (T,) masks of the flown ticks in the transient and of the rest; one mask of all where it hides nothing."""
+    time_s = run.time_s
+    split_s = transient_end_s(run)
+    if split_s is None:
+        return [np.ones(time_s.shape, dtype=bool)]
+    return [time_s <= split_s, time_s >= split_s]
+
+
+def _panel(axes: Axes, group: Group, time_s: Array, values: Array) -> None:
+    """Draw (F, T) errors of one axis."""
+    size = np.abs(values[np.isfinite(values)])
+    usual = max(float(np.median(size)), 1e-3) if size.size else np.inf
+    if size.size and size.max() > max(GONE_M, STANDS_OUT * usual):
+        axes.set_yscale("symlog", linthresh=10 ** np.ceil(np.log10(usual)))
+    group.draw(axes, time_s, list(values))
+    axes.axhline(0.0, color="#606060", lw=0.4, zorder=1.2)
+    span(axes, float(time_s[0]), float(time_s[-1]))
+
+
+def _expected(axes: Axes, wanted: tuple[Expectation, ...], axis: str) -> None:
+    """Draw the bounds that the scenario sets, where the axes reach to about them."""
+    low, high = axes.get_ylim()
+    begin, end = axes.get_xlim()
+    for bound in wanted:
+        if bound.metric == f"error_{axis}_m.max" and bound.below and bound.below < 2.0 * max(high, -low):
+            reach = max(begin, bound.from_s), min(end, bound.to_s)
+            if reach[0] < reach[1]:
+                _both_ways(axes, reach, bound.below, "expected bound", color=LIMIT, ls=(0, (1, 1.5)))
+
+
+def _after_gusts(axes: Axes, gusted: list[Gust], axis: str) -> None:
+    """Draw the least error that any law can achieve after each gust on followers only, and the bound on ours."""
+    begin, end = axes.get_xlim()
+    for gust in gusted:
+        reach = max(begin, gust.at_s), min(end, gust.to_s)
+        for error in gust.errors:
+            if error.axis == axis and reach[0] < reach[1]:
+                _both_ways(axes, reach, error.allowed_m, ALLOWED, color=INK, ls=(0, (6, 2)))
+                _both_ways(axes, reach, error.least_m, LEAST, color=INK, ls=(0, (1, 1.5)))
+
+
+def _both_ways(axes: Axes, reach: tuple[float, float], size: float, label: str, **look: Any) -> None:
+    for sign in (-1, 1):
+        axes.plot(reach, [sign * size] * 2, lw=THIN, label=label, zorder=1.8, **look)

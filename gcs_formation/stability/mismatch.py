@@ -1,0 +1,255 @@
+"""How wrong an assumed delay or the lags of the model may be, and how much of a margin is used."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left
+from collections.abc import Sequence
+from functools import cache
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg import expm
+from scipy.optimize import elementwise
+
+from flight_model.arrays import Array
+from gcs_formation.stability.loops import Loop, Plant, Rational, delay_margin
+
+_GRID = 4000
+
+
+class MismatchMargin(NamedTuple):
+    """True delay minus the predicted one at which stability is lost, s: downwards and upwards.
+
+    -inf and inf where no such mismatch exists; the true delay itself can't be below 0.
+    """
+
+    shorter_s: float
+    longer_s: float
+
+    def least(self) -> float:
+        """The smaller of the two, in magnitude."""
+        return min(-self.shorter_s, self.longer_s)
+
+    @classmethod
+    def of(cls, crossings: Array, nominal_delay_s: float) -> MismatchMargin:
+        """Return the margins by all rows (w, w (T - T0)) that put a root at iw."""
+        if not len(crossings):
+            return cls(-np.inf, np.inf)
+        w, turned = crossings[:, 0], np.mod(crossings[:, 1], 2.0 * np.pi)
+        shorter = float(np.max((turned - 2.0 * np.pi) / w))
+        return cls(shorter if shorter >= -nominal_delay_s else -np.inf, float(np.min(turned / w)))
+
+
+def predicted_mismatch_margin(loop: Loop, nominal_delay_s: float) -> MismatchMargin:
+    """Mismatch of the delay at which the loop with prediction loses stability.
+
+    The state measured T late is carried over the nominal delay T0 by the exact model and the commands sent:
+    x_p = exp(A T0) x(t - T) + int_0^T0 exp(A r) B u(t - r) dr = x + exp(A T0) (x(t - T) - x(t - T0)).
+    With T = T0 the loop is that without delay. Otherwise its characteristic equation is
+    1 + L + M (exp(-sT) - exp(-sT0)) = 0, L the open loop and M the one with output row c exp(A T0); the first
+    mismatch on either side that has a root s = iw is the margin, as the roots move continuously from T = T0.
+
+    Args:
+        loop: the loop, stable without delay. Of one with complex coefficients, take the conjugate's too: only
+            roots above 0 rad/s are looked for.
+        nominal_delay_s: T0, the delay that the prediction bridges.
+
+    Returns:
+        Both margins; (0, 0) when the loop is unstable without delay.
+    """
+    if delay_margin(loop.open_loop()) <= 0.0:
+        return MismatchMargin(0.0, 0.0)
+    return MismatchMargin.of(mismatch_crossings(loop, nominal_delay_s, loop), nominal_delay_s)
+
+
+@cache
+def carried(plant: Plant, delay_s: float) -> tuple[complex, complex]:
+    """Return the row c exp(A T) that takes a state to the output that it leaves after `delay_s`."""
+    first, second = np.array(plant.output) @ expm(np.array(plant.state) * delay_s)
+    return complex(first), complex(second)
+
+
+def mismatch_crossings(loop: Loop, delay_s: float, true: Loop) -> Array:
+    """Rows (w, w (T - T0)) that put a root at iw; `true` is the loop with the autopilot that is really there."""
+    exact, row = loop.open_loop(), carried(loop.plant, delay_s)
+    late, true_late = (each.with_output(row).open_loop() for each in (loop, true))
+
+    def ratio(w: Array) -> npt.NDArray[np.complex128]:
+        behind = np.exp(-1j * w * delay_s)
+        return true_late.at(w) * behind / (1.0 + exact.at(w) - late.at(w) * behind)
+
+    def excess(w: Array) -> Array:
+        return np.abs(ratio(w)) - 1.0
+
+    grid = np.geomspace(1e-4, 1e3, _GRID)
+    above = excess(grid) > 0.0
+    (found,) = np.nonzero(above[1:] != above[:-1])
+    w = np.asarray(elementwise.find_root(excess, (grid[found], grid[found + 1])).x, dtype=np.float64)
+    return np.column_stack((w, np.angle(-ratio(w))))
+
+
+LAGS_OFF = 0.3
+"""By what share of itself every lag may be off where the mismatch of the delay is given for that."""
+MOST = 0.95
+_STEPS = 10
+_HALVINGS = 5
+_FREQUENCIES = np.geomspace(1e-3, 1e2, 600)
+
+
+@cache
+def lag_margin(loop: Loop, delay_s: float) -> float:
+    """Return by what share of itself every lag of the autopilot may be off at once, 0 to `MOST`.
+
+    The prediction bridges `delay_s` with the loop's own plant. Every combination of longer and shorter lags is
+    tried, at a share that rises from 0 until one of them is unstable.
+    """
+    signs = _signs(loop)
+
+    def stands(share: float) -> bool:
+        return all(
+            predicted_is_stable(loop, loop.with_lags(*(1.0 + share * sign for sign in way)), delay_s) for way in signs
+        )
+
+    if not stands(0.0):
+        return 0.0
+    low, high = 0.0, MOST
+    for share in np.linspace(0.0, MOST, _STEPS + 1)[1:].tolist():
+        if not stands(share):
+            high = share
+            break
+        low = share
+    for _ in range(_HALVINGS if high > low else 0):
+        middle = (low + high) / 2
+        low, high = (middle, high) if stands(middle) else (low, middle)
+    return low
+
+
+@cache
+def mismatch_margin_with_lags_off(loop: Loop, delay_s: float, share: float = LAGS_OFF) -> float:
+    """Return the mismatch of the delay, s, at which the predicted loop loses stability with lags off by up to `share`.
+
+    The least over all combinations; 0 where one of them is unstable without any mismatch of the delay.
+    """
+    least = np.inf
+    for way in _signs(loop):
+        true = loop.with_lags(*(1.0 + share * sign for sign in way))
+        if not predicted_is_stable(loop, true, delay_s):
+            return 0.0
+        least = min(least, MismatchMargin.of(mismatch_crossings(loop, delay_s, true), delay_s).least())
+    return least
+
+
+def predicted_is_stable(loop: Loop, true: Loop, delay_s: float) -> bool:
+    """Return whether a loop with prediction is stable around an autopilot that isn't its model's, by Nyquist's count.
+
+    With P the model's states per setpoint and P' the true ones, the prediction is
+    P u + exp(A T) exp(-sT) (P' - P) u, so the characteristic equation is 1 + L + (M' - M) exp(-sT) = 0: L the open loop
+    of the model, M and M' those of the model and of the autopilot with output row c exp(A T). All other poles of it lie
+    on the left or at 0, where a factor s/(s + 1) takes each away.
+
+    Args:
+        loop: with the model's plant.
+        true: with the autopilot's.
+        delay_s: T.
+    """
+    exact, row = loop.open_loop(), carried(loop.plant, delay_s)
+    late, true_late = (each.with_output(row).open_loop() for each in (loop, true))
+    at_origin = _poles_at_origin(exact)
+    directed = np.iscomplexobj(exact.numerator)
+    w = np.concatenate((-_FREQUENCIES[::-1], _FREQUENCIES)) if directed else _FREQUENCIES
+    s = 1j * w
+    curve = 1.0 + exact.at(w) + (true_late.at(w) - late.at(w)) * np.exp(-s * delay_s)
+    turned = np.unwrap(np.angle(curve * (s / (s + 1.0)) ** at_origin))
+    return bool(abs(turned[-1] - turned[0]) < np.pi / 2)
+
+
+def _signs(loop: Loop) -> list[tuple[int, ...]]:
+    return list(product((-1, 1), repeat=loop.plant.lags))
+
+
+def _poles_at_origin(open_loop: Rational) -> int:
+    values: npt.NDArray[np.float64] = np.abs(open_loop.denominator)
+    return len(values) - len(np.trim_zeros(values, "b"))
+
+
+DEVIATIONS = 2.0
+"""The mismatch, in standard deviations of the round trip."""
+STEP_S = 0.05
+"""Mismatch margins are computed for whole multiples of this delay."""
+BANDWIDTHS = tuple(np.geomspace(1.0, 0.1, 33).tolist())
+"""The shares to which the bandwidth may be reduced."""
+
+
+LAGS_NOTED = 0.05
+"""Lags that are less off, as a share of themselves, count as right."""
+
+
+class LoopDelay(NamedTuple):
+    """Measured delay of a loop closed over the link, s."""
+
+    mean_s: float
+    """Round trip, sampling and hold included."""
+    scatter_s: float
+    """Standard deviation of the round trip."""
+
+
+class Usage:
+    """Share of their least margin that loops with a common bandwidth use.
+
+    Without prediction, it is the loop's whole delay over the delay margin. With prediction, it is the scatter of the
+    delay about the value that the prediction bridges, over the mismatch margin of the predicted loop there.
+    """
+
+    def __init__(self, loops: Sequence[Loop], *, predicted: bool) -> None:
+        """Take the loops at their full bandwidth."""
+        self._loops = loops
+        self._predicted = predicted
+        self._margins_s: dict[tuple[float, int], float] = {}
+
+    def of(self, delay: LoopDelay, bandwidth: float = 1.0) -> float:
+        """Return the share of the margin in use at a share of the bandwidth, NaN before the delay is known."""
+        if math.isnan(delay.mean_s):
+            return math.nan
+        if not self._predicted:
+            return _share(delay.mean_s, self.margin_s(delay.mean_s, bandwidth))
+        mismatch_s = DEVIATIONS * delay.scatter_s
+        return _share(mismatch_s, self.margin_s(delay.mean_s, bandwidth)) if mismatch_s > 0.0 else 0.0
+
+    def of_lags(self, delay: LoopDelay, off: float) -> float:
+        """Return the share of their margin against wrong lags that loops with prediction use.
+
+        `off` is by what share of itself a lag isn't the model's. Without prediction nothing goes by the model.
+        """
+        if not self._predicted or off < LAGS_NOTED or math.isnan(delay.mean_s):
+            return 0.0
+        delay_s = round(delay.mean_s / STEP_S) * STEP_S
+        return _share(off, min((lag_margin(loop, delay_s) for loop in self._loops), default=math.inf))
+
+    def bandwidth(self, delay: LoopDelay, most: float) -> float:
+        """Return the greatest of `BANDWIDTHS` at which no more than `most` of the margin is used; the least if none.
+
+        Margins grow as the bandwidth falls.
+        """
+        index = bisect_left(BANDWIDTHS, True, key=lambda bandwidth: self.of(delay, bandwidth) <= most)
+        return BANDWIDTHS[min(index, len(BANDWIDTHS) - 1)]
+
+    def margin_s(self, delay_s: float, bandwidth: float = 1.0) -> float:
+        """Return the least margin of the loops: of delay, or against mismatch about `delay_s`."""
+        step = round(delay_s / STEP_S) if self._predicted else 0
+        key = bandwidth, step
+        if key not in self._margins_s:
+            slowed = [loop.slowed(bandwidth) for loop in self._loops]
+            of_each = (
+                (predicted_mismatch_margin(loop, step * STEP_S).least() for loop in slowed)
+                if self._predicted
+                else (delay_margin(loop.open_loop()) for loop in slowed)
+            )
+            self._margins_s[key] = min(of_each, default=math.inf)
+        return self._margins_s[key]
+
+
+def _share(delay_s: float, margin_s: float) -> float:
+    return delay_s / margin_s if margin_s > 0.0 else math.inf

@@ -1,0 +1,163 @@
+"""Compares the laws' flights in one window of time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d
+
+from flight_model.arrays import Array, Mask
+from gcs_formation.app.check import warnings
+from gcs_formation.record.figures_of_merit import Effort, axis_figures, effort, least, separation_m
+from gcs_formation.record.timeseries import CHANNELS
+from gcs_formation.report.marks import Mark, marks
+from gcs_formation.report.run_data import RunData, load_run
+from gcs_formation.stability import law_margins
+
+SCHEMA = 1
+AROUND_S = 1.0
+"""Errors cross zero, so the figure shows the largest one within this time before and after each tick."""
+FIGURES = ("rms", "max", "steady_max")
+
+
+class Flown(NamedTuple):
+    """One law's flight."""
+
+    law: str
+    directory: Path
+    aborted: str = ""
+    """Why the run could not go on."""
+
+
+@dataclass(frozen=True)
+class Window:
+    """Mission times from which and up to which errors count, both included, s."""
+
+    from_s: float
+    to_s: float
+
+
+@dataclass(frozen=True)
+class Row:
+    """One law's figures; errors are those of the worst follower, by axis; None where there are none."""
+
+    law: str
+    settled_at_s: float | None
+    """When the last follower settled, None if one never did; of the whole flight."""
+    error_x_m: dict[str, float | None]
+    error_y_m: dict[str, float | None]
+    error_z_m: dict[str, float | None]
+    effort: Effort
+    """Of the setpoints, by channel, over the window: the worst follower's."""
+    min_separation_m: float | None
+    delay_margin_s: float | None
+    margin_used: float | None
+    warnings: tuple[str, ...] = ()
+    """Warnings of `check`: loops whose delay is near or beyond their margin."""
+    aborted: str = ""
+    """Why there are no figures: the reason for which the run was aborted."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """One law's largest error of any follower within `AROUND_S` of each tick: (T,) mission times, (T, 3) m."""
+
+    law: str
+    time_s: Array
+    error_m: Array
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """All laws' rows and lines."""
+
+    name: str
+    seed: int
+    frame: str
+    window: Window
+    rows: tuple[Row, ...]
+    lines: tuple[Line, ...]
+    marks: tuple[Mark, ...]
+    """What happened in the first of the flights."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what comparison.json holds."""
+        laws = {row.law: {key: value for key, value in asdict(row).items() if key != "law"} for row in self.rows}
+        window = {"from_s": self.window.from_s, "to_s": self.window.to_s}
+        return {"schema": SCHEMA, "name": self.name, "seed": self.seed, "frame": self.frame, **window, "laws": laws}
+
+
+def compare_flights(flown: Sequence[Flown], name: str, seed: int, frame: str, window: Window) -> Comparison:
+    """Return the comparison of finished flights.
+
+    Raises:
+        RecordError: a run directory can't be read.
+    """
+    runs = {each.law: load_run(each.directory) for each in flown if not each.aborted}
+    rows = tuple(_row(each, runs.get(each.law), window) for each in flown)
+    lines = tuple(_line(law, run) for law, run in runs.items() if run.followers)
+    happened = tuple(marks(next(iter(runs.values())))) if runs else ()
+    return Comparison(name, seed, frame, window, rows, lines, happened)
+
+
+def _row(flown: Flown, run: RunData | None, window: Window) -> Row:
+    if run is None:
+        nothing: dict[str, float | None] = dict.fromkeys(FIGURES)
+        return Row(flown.law, None, nothing, nothing, nothing, {}, None, None, None, aborted=flown.aborted)
+    within = run.flown.window(window.from_s, window.to_s)
+    stability = run.summary["stability"]
+    x, y, z = (_axis(run, window, axis) for axis in range(3))
+    return Row(
+        law=flown.law,
+        settled_at_s=_settled_s(run),
+        error_x_m=x,
+        error_y_m=y,
+        error_z_m=z,
+        effort=_effort(run, within),
+        min_separation_m=least(separation_m(run.flown, within)),
+        delay_margin_s=stability["delay_margin_s"],
+        margin_used=stability.get("margin_used"),
+        warnings=tuple(warnings(run.scenario, law_margins(run.scenario))),
+    )
+
+
+def _effort(run: RunData, within: Mask) -> Effort:
+    found = [effort(run.flown.vehicles[vehicle], within) for vehicle in run.followers]
+    return {
+        channel: {
+            figure: _worst([each[channel][figure] for each in found]) for figure in ("variation_per_s", "step_p95")
+        }
+        for channel in CHANNELS
+    }
+
+
+def _axis(run: RunData, window: Window, axis: int) -> dict[str, float | None]:
+    """Return the worst follower's figures on an axis; no steady figure unless all have settled."""
+    settled_s = _settled_s(run)
+    found: list[dict[str, float | None]] = []
+    for vehicle in run.followers:
+        error_m = run.flown.error(vehicle)[:, axis]
+        kept = run.flown.window(window.from_s, window.to_s) & np.isfinite(error_m)
+        found.append(axis_figures(run.time_s[kept], error_m[kept], settled_s))
+    return {figure: _worst([each[figure] for each in found]) for figure in FIGURES}
+
+
+def _settled_s(run: RunData) -> float | None:
+    return _worst([follower["settled_at_s"] for follower in run.summary["followers"].values()])
+
+
+def _worst(values: Sequence[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return max(known) if known and len(known) == len(values) else None
+
+
+def _line(law: str, run: RunData) -> Line:
+    errors = np.fmax.reduce(np.abs(np.stack([run.flown.error(vehicle) for vehicle in run.followers])))
+    known = np.isfinite(errors)
+    ticks = 2 * round(AROUND_S * run.scenario.law.rate_hz) + 1
+    around = maximum_filter1d(np.where(known, errors, 0.0), ticks, axis=0, mode="nearest")
+    return Line(law, run.time_s, np.where(known, around, np.nan))

@@ -1,0 +1,245 @@
+"""Random scenarios, each made from its seed alone: shapes, paths, rates, links, wind, disturbances, faults."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+
+from formation_scenario import Scenario, ScenarioError, load_scenario
+from formation_scenario.environment import PASSING
+
+Keys = dict[str, Any]
+Choice = TypeVar("Choice")
+
+RUN_IN_S = 14.0
+ASSEMBLY_S = 7.0
+"""How long a leader in the air waits for followers; to go round again would take five minutes."""
+FIRST_TROUBLE_S = 5.0
+LEG_M = 600.0
+MOST_DRAWS = 100
+
+
+@dataclass(frozen=True)
+class Severity:
+    """How much a flight has to bear, and the time that it's given to get over it."""
+
+    trouble_s: float
+    """Links, air and vehicles misbehave during this time."""
+    longest_spell_s: float
+    """Outages and faults that pass last no longer."""
+    calm_s: float
+    """What follows trouble."""
+    change_s: float
+    """What is added to that where the formation changes."""
+    rejoin_s: float
+    """What is added where a vehicle has had to leave the formation: it flies after the others, a few m/s faster."""
+    rates_hz: tuple[float, ...]
+    """Of control and of telemetry."""
+    fastest_mps: float
+    wind_mps: float
+    """Most in each of north and east."""
+    ground_share: float
+    """Share of flights that begin on the ground."""
+    fault_share: float
+    outage_share: float
+
+    @property
+    def calm_from_s(self) -> float:
+        """When the last spell is over."""
+        return FIRST_TROUBLE_S + self.trouble_s + self.longest_spell_s
+
+
+USUAL = Severity(
+    trouble_s=10.0,
+    longest_spell_s=5.0,
+    calm_s=20.0,
+    change_s=15.0,
+    rejoin_s=45.0,
+    rates_hz=(5.0, 5.0, 10.0),
+    fastest_mps=22.0,
+    wind_mps=4.0,
+    ground_share=0.03,
+    fault_share=0.35,
+    outage_share=0.25,
+)
+HARD = Severity(
+    trouble_s=20.0,
+    longest_spell_s=12.0,
+    calm_s=30.0,
+    change_s=30.0,
+    rejoin_s=190.0,
+    rates_hz=(5.0, 10.0, 20.0),
+    fastest_mps=23.0,
+    wind_mps=6.0,
+    ground_share=0.05,
+    fault_share=0.5,
+    outage_share=0.4,
+)
+
+SEVERITIES = {"usual": USUAL, "hard": HARD}
+
+
+def draw(seed: int, severity: Severity = USUAL) -> Scenario:
+    """Return the scenario of a seed and a severity: of those drawn one after the other, the first that can be flown.
+
+    Raises:
+        ScenarioError: none of many could.
+    """
+    rng = np.random.default_rng(seed)
+    for _ in range(MOST_DRAWS - 1):
+        keys = _scenario(rng, seed, severity)
+        try:
+            return load_scenario(keys)
+        except ScenarioError:
+            continue
+    return load_scenario(_scenario(rng, seed, severity))
+
+
+def _scenario(rng: np.random.Generator, seed: int, severity: Severity) -> Keys:
+    count = int(rng.integers(2, 5))
+    faults = _faults(rng, severity, count)
+    outages = _outages(rng, severity, count, faults)
+    formation = _formation(rng, severity, count)
+    more_s = severity.rejoin_s if faults or outages else severity.change_s if formation.get("changes") else 0.0
+    duration_s = FIRST_TROUBLE_S + severity.trouble_s + severity.calm_s + more_s
+    speed_mps = float(rng.uniform(20.0, severity.fastest_mps))
+    return {
+        "name": f"stress-{seed}" if severity is USUAL else f"stress-hard-{seed}",
+        "seed": seed,
+        "duration_s": duration_s,
+        "start": _start(rng, severity),
+        "vehicles": _vehicles(rng, count),
+        "telemetry": {"rate_hz": _one_of(rng, *severity.rates_hz)},
+        "formation": formation,
+        "law": {"type": _one_of(rng, "fuzzy_pid", "pid"), "rate_hz": _one_of(rng, *severity.rates_hz)},
+        "path": {"speed_mps": speed_mps, "waypoints_m": _waypoints(rng, (duration_s + 30.0) * speed_mps)},
+        "links": {"default": _impairment(rng), "changes": _link_changes(rng, severity, count, outages)},
+        "wind": {"velocity_mps": _vector(rng, severity.wind_mps, severity.wind_mps, 0.0)},
+        "disturbances": _disturbances(rng, severity, count),
+        "faults": faults,
+        "finish": {"loiter_s": 2.0},
+    }
+
+
+def _vehicles(rng: np.random.Generator, count: int) -> list[Keys]:
+    clocks = [
+        {"offset_s": float(rng.uniform(0.0, 1000.0)), "drift_ppm": float(rng.normal(0.0, 50.0))} for _ in range(count)
+    ]
+    return [{"id": i + 1, "role": "follower" if i else "leader", "clock": clock} for i, clock in enumerate(clocks)]
+
+
+def _start(rng: np.random.Generator, severity: Severity) -> Keys:
+    if rng.random() < severity.ground_share:
+        return {"in_air": False}
+    in_air = {"in_air": True, "run_in_s": RUN_IN_S, "timeout_s": ASSEMBLY_S}
+    return {**in_air, "offset_m": _vector(rng, 8.0, 6.0, 4.0)}
+
+
+def _formation(rng: np.random.Generator, severity: Severity, count: int) -> Keys:
+    """Return a shape; in the follower's own frame one whose slots aren't far aside, where that frame swings them."""
+    if rng.random() < 0.25:
+        spacing_m = float(rng.uniform(20.0, 35.0))
+        return {
+            "shape": _one_of(rng, "follower", "diamond", "triangle"),
+            "spacing_m": spacing_m,
+            "frame": "follower_heading",
+        }
+    shapes = ("follower", "diamond", "triangle", "square", "plus", "arrow", "line", "echelon", "circle")
+    changes: list[Keys] = []
+    if rng.random() < 0.4:
+        changes.append({"at_s": _trouble_at(rng, severity), "shape": _one_of(rng, *shapes)})
+    if rng.random() < 0.2:
+        changes.append({"at_s": _trouble_at(rng, severity) + severity.trouble_s, "leader": _vehicle(rng, count)})
+    return {
+        "shape": _one_of(rng, *shapes),
+        "spacing_m": float(rng.uniform(25.0, 60.0)),
+        "frame": "leader_heading",
+        "changes": changes,
+    }
+
+
+def _waypoints(rng: np.random.Generator, length_m: float) -> list[list[float]]:
+    """Return waypoints of a path that bends and climbs gently."""
+    places, course = [[0.0, 0.0, float(rng.uniform(100.0, 300.0))]], float(rng.uniform(-math.pi, math.pi))
+    for _ in range(math.ceil(length_m / LEG_M)):
+        north, east, height = places[-1]
+        course += float(rng.uniform(-0.35, 0.35))
+        north, east = north + LEG_M * math.cos(course), east + LEG_M * math.sin(course)
+        places.append([north, east, float(np.clip(height + rng.uniform(-20.0, 20.0), 60.0, 400.0))])
+    return places
+
+
+def _impairment(rng: np.random.Generator) -> Keys:
+    keys: Keys = {"delay_ms": float(rng.uniform(0.0, 300.0)) if rng.random() < 0.8 else 0.0}
+    if rng.random() < 0.6:
+        keys["jitter_ms"] = float(rng.uniform(0.0, 40.0))
+        keys["distribution"] = _one_of(rng, "normal", "uniform", "pareto")
+        keys["reorder"] = bool(rng.random() < 0.5)
+    if rng.random() < 0.6:
+        keys["loss"] = float(rng.uniform(0.0, 0.1))
+        if rng.random() < 0.3:
+            keys["mean_burst"] = float(rng.uniform(1.5, 5.0))
+    if rng.random() < 0.3:
+        keys["duplicate"] = float(rng.uniform(0.0, 0.2))
+    return keys
+
+
+def _link_changes(rng: np.random.Generator, severity: Severity, count: int, outages: list[Keys]) -> list[Keys]:
+    """Return changes of single links, the outages, and the end of Pareto's delays for all when trouble is over.
+
+    Those are now and then of seconds in which a link says nothing.
+    """
+    changes = [
+        {"at_s": _trouble_at(rng, severity), "vehicles": [_vehicle(rng, count)], **_impairment(rng)}
+        for _ in range(int(rng.integers(0, 3)))
+    ]
+    return [*changes, *outages, {"at_s": severity.calm_from_s, "distribution": "normal"}]
+
+
+def _outages(rng: np.random.Generator, severity: Severity, count: int, faults: list[Keys]) -> list[Keys]:
+    """Return an outage of a vehicle that its pilot doesn't take meanwhile: where it is then, nobody can know."""
+    if rng.random() > severity.outage_share:
+        return []
+    begins_s, vehicle = _trouble_at(rng, severity), _vehicle(rng, count)
+    if any(fault["kind"] == "pilot" and vehicle in fault["vehicles"] for fault in faults):
+        vehicle = vehicle % count + 1
+    ends_s = begins_s + float(rng.uniform(0.5, severity.longest_spell_s))
+    way = _one_of(rng.spawn(1)[0], "both", "uplink", "downlink")
+    spell: list[Keys] = [{"outage": True}, {"outage": False}]
+    ways = spell if way == "both" else [{way: each} for each in spell]
+    return [{"at_s": at_s, "vehicles": [vehicle], **keys} for at_s, keys in zip((begins_s, ends_s), ways, strict=True)]
+
+
+def _disturbances(rng: np.random.Generator, severity: Severity, count: int) -> list[Keys]:
+    several = [i for i in range(1, count + 1) if rng.random() < 0.6]
+    if not several:
+        return []
+    return [{"at_s": _trouble_at(rng, severity), "vehicles": several, "velocity_mps": _vector(rng, 0.8, 0.8, 0.3)}]
+
+
+def _faults(rng: np.random.Generator, severity: Severity, count: int) -> list[Keys]:
+    """Return one fault of one vehicle, the leader among them, or none."""
+    if rng.random() > severity.fault_share:
+        return []
+    kind, at_s = _one_of(rng, "crash", "restart", "freeze", "ignore", "pilot"), _trouble_at(rng, severity)
+    ends: Keys = {"until_s": at_s + float(rng.uniform(2.0, severity.longest_spell_s))} if kind in PASSING else {}
+    return [{"at_s": at_s, "vehicles": [_vehicle(rng, count)], "kind": kind, **ends}]
+
+
+def _trouble_at(rng: np.random.Generator, severity: Severity) -> float:
+    return FIRST_TROUBLE_S + float(rng.uniform(0.0, severity.trouble_s))
+
+
+def _vehicle(rng: np.random.Generator, count: int) -> int:
+    return int(rng.integers(1, count + 1))
+
+
+def _vector(rng: np.random.Generator, *most: float) -> list[float]:
+    return [float(rng.uniform(-each, each)) for each in most]
+
+
+def _one_of(rng: np.random.Generator, *choices: Choice) -> Choice:
+    return choices[int(rng.integers(len(choices)))]

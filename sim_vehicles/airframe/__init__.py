@@ -1,0 +1,1 @@
+"""What an emulated autopilot flies and senses: dynamics, sensors, environment."""

@@ -1,0 +1,169 @@
+"""Velocities that the air adds to vehicles besides the constant wind: functions of time, and Dryden turbulence.
+
+Sources: MIL-F-8785C (1980), section 3.7.1.2 for the spectra, 3.7.3.4 for intensities and scale lengths at low altitude.
+There u points along the horizontal motion through the air and w downwards; v completes the axes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from airlink.endpoint import VehicleId
+from flight_model.arrays import Array
+
+
+@dataclass(frozen=True)
+class Passing:
+    """A disturbance of some vehicles between two mission times."""
+
+    at_s: float
+    until_s: float
+    vehicles: frozenset[VehicleId]
+
+    def acts(self, mission_s: float) -> bool:
+        """Return whether it acts at a mission time."""
+        return self.at_s <= mission_s < self.until_s
+
+
+@dataclass(frozen=True)
+class Disturbance(Passing):
+    """A step: a velocity in m/s, north, east and down."""
+
+    velocity_mps: tuple[float, float, float]
+
+    def share(self, age_s: float) -> float:  # noqa: ARG002 - a step has no age
+        """Return the share of `velocity_mps` that acts `age_s` after the beginning."""
+        return 1.0
+
+
+@dataclass(frozen=True)
+class Ramp(Disturbance):
+    """A velocity that grows linearly over `duration_s`, then stays."""
+
+    duration_s: float
+
+    def share(self, age_s: float) -> float:
+        """Return the share of `velocity_mps` that acts."""
+        return min(age_s / self.duration_s, 1.0)
+
+
+@dataclass(frozen=True)
+class Sine(Disturbance):
+    """A sinusoidal velocity; `velocity_mps` is its amplitude."""
+
+    period_s: float
+    phase_rad: float = 0.0
+
+    def share(self, age_s: float) -> float:
+        """Return the share of the amplitude that acts, -1 to 1."""
+        return math.sin(math.tau * age_s / self.period_s + self.phase_rad)
+
+
+@dataclass(frozen=True)
+class Intensity:
+    """Intensity of turbulence: rms velocities in m/s and scale lengths in m, each forward, right and down."""
+
+    sigma_mps: tuple[float, float, float]
+    length_m: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Turbulence(Passing):
+    """Continuous random gusts with Dryden's spectra."""
+
+    intensity: Intensity | float
+    """Explicit, or the mean wind in m/s 6 m above ground, from which MIL-F-8785C derives it for low altitude."""
+
+
+FOOT_M = 0.3048
+LOWEST_FT, HIGHEST_FT = 10.0, 1000.0
+"""Range of heights for which the low-altitude formulas hold; outside it their values at its ends are used."""
+LEAST_AIRSPEED_MPS = 1.0
+"""Lower bound of the airspeed: for a vehicle at rest a gust would last for ever."""
+DRAWS_EACH = 5
+BLOCK = 256
+SQRT3 = math.sqrt(3.0)
+
+
+def low_altitude(wind_6m_mps: float, height_m: Array) -> tuple[Array, Array]:
+    """Return rms velocities in m/s and scale lengths in m, (3, N) each, at heights (N,) above ground.
+
+    L_w = h, L_u = L_v = h / (0.177 + 0.000823 h)^1.2, sigma_w = 0.1 W_20, sigma_u = sigma_v =
+    sigma_w / (0.177 + 0.000823 h)^0.4, with h in feet.
+    """
+    height_ft = np.clip(height_m / FOOT_M, LOWEST_FT, HIGHEST_FT)
+    shape = 0.177 + 0.000823 * height_ft
+    across_ft, down_mps = height_ft / shape**1.2, np.full_like(height_ft, 0.1 * wind_6m_mps)
+    across_mps = down_mps / shape**0.4
+    return np.stack((across_mps, across_mps, down_mps)), FOOT_M * np.stack((across_ft, across_ft, height_ft))
+
+
+def discretised(duration: Array) -> tuple[Array, Array]:
+    """Return transition (..., 2, 2) and noise factor (..., 2, 2) of the lateral filter over `duration` times V / L.
+
+    (1 + sqrt(3) T s) / (1 + T s)^2 as p' = (n - p) / T, q' = (p - q) / T with white noise n; the factor is the Cholesky
+    one of the covariance that the noise adds meanwhile: both are exact. Stationary E p^2 = 1/2, E p q = E q^2 = 1/4.
+    """
+    d = np.asarray(duration, dtype=np.float64)
+    kept, lost = np.exp(-d), -np.expm1(-2 * d)
+    square = np.exp(-2 * d)
+    pp, pq = lost / 2, lost / 4 - square * d / 2
+    qq = lost / 4 - square * (d + d**2) / 2
+    factor = np.zeros((*d.shape, 2, 2))
+    factor[..., 0, 0] = np.sqrt(pp)
+    factor[..., 1, 0] = pq / np.sqrt(pp)
+    factor[..., 1, 1] = np.sqrt(np.maximum(qq - pq**2 / pp, 0.0))
+    transition = np.zeros((*d.shape, 2, 2))
+    transition[..., 0, 0] = transition[..., 1, 1] = kept
+    transition[..., 1, 0] = kept * d
+    return transition, factor
+
+
+class DrydenGusts:
+    """The gusts that N vehicles meet, each from random numbers of its own.
+
+    The filters' states are normalised to unit variance, so that the gusts have the right rms velocities while airspeed
+    and height change. They start in the stationary state.
+    """
+
+    def __init__(self, streams: Sequence[np.random.SeedSequence], intensity: Intensity | float) -> None:
+        """Draw the gusts of vehicle i from `streams[i]`; `intensity` is explicit, or the wind 6 m above ground, m/s."""
+        self._intensity = intensity
+        self._random = [np.random.Generator(np.random.Philox(stream)) for stream in streams]
+        self._drawn: Array = np.zeros((0, DRAWS_EACH, len(streams)))
+        self._next = 0
+        first = self._draw()
+        self._along: Array = first[0]
+        p = first[1:3] * math.sqrt(1 / 2)
+        self._across: Array = np.stack((p, p / 2 + first[3:5] * math.sqrt(1 / 8)))
+
+    def advance(self, airspeed_mps: Array, height_m: Array, dt_s: float) -> Array:
+        """Advance by `dt_s` and return the gusts (3, N) forward, right and down, m/s."""
+        sigma_mps, length_m = self._scales(height_m)
+        duration = dt_s * np.maximum(airspeed_mps, LEAST_AIRSPEED_MPS) / length_m
+        noise = self._draw()
+        kept = np.exp(-duration[0])
+        self._along = kept * self._along + np.sqrt(-np.expm1(-2 * duration[0])) * noise[0]
+        transition, factor = discretised(duration[1:])
+        driven = np.stack((noise[1:3], noise[3:5]))
+        self._across = np.einsum("anij,jan->ian", transition, self._across) + np.einsum("anij,jan->ian", factor, driven)
+        right_down = SQRT3 * self._across[0] + (1 - SQRT3) * self._across[1]
+        return sigma_mps * np.concatenate((self._along[None], right_down))
+
+    def _scales(self, height_m: Array) -> tuple[Array, Array]:
+        if isinstance(self._intensity, Intensity):
+            sigma_mps, length_m = self._intensity.sigma_mps, self._intensity.length_m
+            return np.array(sigma_mps)[:, None], np.array(length_m)[:, None]
+        return low_altitude(self._intensity, height_m)
+
+    def _draw(self) -> Array:
+        """Return a step's normal variates, (5, N)."""
+        if self._next == len(self._drawn):
+            self._drawn = np.stack([each.standard_normal((BLOCK, DRAWS_EACH)) for each in self._random], axis=-1)
+            self._next = 0
+        self._next += 1
+        return self._drawn[self._next - 1]

@@ -1,0 +1,83 @@
+"""One vehicle's motion as telemetry reports it, and what its state estimate says of itself."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from flight_model.arrays import Array
+from sim_vehicles.airframe.dynamics import Command, State, ground_velocity
+
+
+class InnovationRatios(NamedTuple):
+    """The newest innovations as shares of what the filter accepts, which EKF_STATUS_REPORT calls variances."""
+
+    velocity: float = 0.02
+    horizontal: float = 0.02
+    height: float = 0.02
+    compass: float = 0.01
+
+
+class Estimate(NamedTuple):
+    """The estimate at one sample."""
+
+    received: Motion | None
+    """The motion by the GNSS receiver; None without a fix."""
+    pitch_error_rad: float = 0.0
+    bank_error_rad: float = 0.0
+    unknown: int = 0
+    """Bits of EKF_STATUS_FLAGS: which of its estimates are too uncertain to be called good."""
+    ratios: InnovationRatios = InnovationRatios()
+
+
+class Motion(NamedTuple):
+    """NED from the fleet's origin, heights upwards; airspeed and heading are air-relative; headings aren't wrapped."""
+
+    north_m: float
+    east_m: float
+    height_m: float
+    climb_mps: float
+    airspeed_mps: float
+    heading_rad: float
+    velocity_north_mps: float
+    velocity_east_mps: float
+    velocity_down_mps: float
+    drift_north_mps: float
+    drift_east_mps: float
+    drift_down_mps: float
+    turn_rate_radps: float
+    airspeed_setpoint_mps: float
+    heading_setpoint_rad: float
+    height_setpoint_m: float
+
+
+def with_drift(sensed: Motion) -> Motion:
+    """Return a motion with the drift as the vehicle estimates it: ground velocity minus airspeed along the heading."""
+    north = sensed.velocity_north_mps - sensed.airspeed_mps * math.cos(sensed.heading_rad)
+    east = sensed.velocity_east_mps - sensed.airspeed_mps * math.sin(sensed.heading_rad)
+    return sensed._replace(drift_north_mps=north, drift_east_mps=east)
+
+
+class MotionTable:
+    """The motions of N vehicles; computed on first use, since in most cycles no vehicle sends anything."""
+
+    def __init__(self, state: State, command: Command, drift_mps: Array, turn_rate_radps: Array) -> None:
+        """Take the arrays of one cycle: states (6, N), commands, drift (3, N) and turn rates (N,)."""
+        self._sources = state, command, drift_mps, turn_rate_radps
+        self._motions: list[Motion] | None = None
+
+    def __getitem__(self, index: int) -> Motion:
+        """Return one vehicle's."""
+        motions = self._motions
+        if motions is None:
+            motions = self._motions = self._made()
+        return motions[index]
+
+    def _made(self) -> list[Motion]:
+        state, command, drift_mps, turn_rate_radps = self._sources
+        velocity_mps = ground_velocity(state, drift_mps)
+        last = turn_rate_radps, *command.air_motion, command.height_m
+        rows = np.concatenate((state.table, velocity_mps, drift_mps, np.array(last))).T
+        return [Motion._make(row) for row in rows.tolist()]

@@ -1,0 +1,79 @@
+"""Sensor errors of position, velocity, airspeed and heading."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from airlink.clock import NANOSECONDS, Instant
+from airlink.endpoint import VehicleId
+from airlink.random_streams import random_stream
+from flight_model.arrays import Array
+from sim_vehicles.airframe.motion import Estimate, Motion, with_drift
+from sim_vehicles.config import SensorErrors
+
+SIZES: Final = (3, 3, 1, 1)
+"""Number of components of position, velocity, airspeed and heading, each with a random stream of its own."""
+BLOCK = 256
+
+
+class Sensors:
+    """One vehicle's sensors. A sample's errors stay the same until the next sample, however often it is read."""
+
+    def __init__(self, errors: SensorErrors, vehicle: VehicleId, seed: int) -> None:
+        """Draw from the vehicle's own random streams."""
+        streams = [random_stream(seed, "sensors", *vehicle, sensor) for sensor in range(len(SIZES))]
+        self._random = [np.random.Generator(np.random.Philox(stream)) for stream in streams]
+        self._period_ns = round(NANOSECONDS / errors.rate_hz)
+        each = errors.position_m, errors.velocity_mps, errors.airspeed_mps, errors.heading_rad
+        self._sigmas: Array = np.repeat(each, SIZES)
+        correlated = errors.correlation_s > 0
+        self._kept = math.exp(-1.0 / (errors.rate_hz * errors.correlation_s)) if correlated else 0.0
+        self._block: Array = np.zeros((0, sum(SIZES)))
+        self._number = 0
+        self._error: Array = self._draw()
+        self._outliers = np.random.Generator(np.random.Philox(random_stream(seed, "outliers", *vehicle)))
+        self._outlier_share, self._outlier_m = errors.outlier_share, errors.outlier_m
+        self._off_m = 0.0, 0.0
+
+    def sense(self, true: Motion, now: Instant) -> Motion:
+        """Return the motion with the errors of the newest sample at `now`."""
+        while self._number <= now // self._period_ns:
+            self._error = self._kept * self._error + math.sqrt(1.0 - self._kept**2) * self._draw()
+            self._off_m = self._stray()
+        errors: list[float] = (self._sigmas * self._error).tolist()
+        north, east, down, v_north, v_east, v_down, airspeed, heading = errors
+        sensed = true._replace(
+            north_m=true.north_m + north + self._off_m[0],
+            east_m=true.east_m + east + self._off_m[1],
+            height_m=true.height_m - down,
+            climb_mps=true.climb_mps - v_down,
+            airspeed_mps=max(0.0, true.airspeed_mps + airspeed),
+            heading_rad=true.heading_rad + heading,
+            velocity_north_mps=true.velocity_north_mps + v_north,
+            velocity_east_mps=true.velocity_east_mps + v_east,
+            velocity_down_mps=true.velocity_down_mps + v_down,
+        )
+        return with_drift(sensed)
+
+    def estimate(self, true: Motion, now: Instant) -> Estimate:
+        """Return the estimate, which takes all from the receiver."""
+        return Estimate(self.sense(true, now))
+
+    def _stray(self) -> tuple[float, float]:
+        """Return how far off, north and east, the next sample lies: mostly not at all."""
+        if self._outlier_share == 0.0 or self._outliers.random() >= self._outlier_share:
+            return 0.0, 0.0
+        side = self._outliers.uniform(0.0, math.tau)
+        return self._outlier_m * math.cos(side), self._outlier_m * math.sin(side)
+
+    def _draw(self) -> Array:
+        """Return the next sample's standard normal variates, (8,)."""
+        index = self._number % BLOCK
+        if index == 0:
+            sizes = zip(self._random, SIZES, strict=True)
+            self._block = np.concatenate([each.standard_normal((BLOCK, size)) for each, size in sizes], axis=1)
+        self._number += 1
+        return self._block[index]

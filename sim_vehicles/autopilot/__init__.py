@@ -1,0 +1,1 @@
+"""An emulated ArduPlane's autopilot: modes, commands, missions, parameters, telemetry."""

@@ -1,0 +1,257 @@
+"""Commands, accepted and refused as by ArduPlane.
+
+Sources: MAVLink guide, "Command Protocol"; ArduPilot documentation, "Plane: GUIDED mode"; answers of ArduPlane 4.7. Two
+differences are deliberate: NaN in a field that is used is denied, where a real one accepts it; and the climb rate of
+MAV_CMD_GUIDED_CHANGE_ALTITUDE is ignored, as a real one follows it far too slowly.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple
+
+from airlink import mavlink as m
+from airlink.messages.command import CommandInt, CommandLong, MessageInterval
+from airlink.messages.mission import MissionItem, MissionItemInt
+from sim_vehicles.autopilot.missions import from_message
+from sim_vehicles.autopilot.modes import Mode
+from sim_vehicles.autopilot.telemetry import BUILDERS
+
+if TYPE_CHECKING:
+    from sim_vehicles.vehicle import Vehicle
+
+ACCEPTED, DENIED, FAILED = m.MAV_RESULT_ACCEPTED, m.MAV_RESULT_DENIED, m.MAV_RESULT_FAILED
+UNSUPPORTED = m.MAV_RESULT_UNSUPPORTED
+DEGREES_E7 = math.pi / 180e7
+ABOVE_SEA_LEVEL = (m.MAV_FRAME_GLOBAL, m.MAV_FRAME_GLOBAL_INT)
+ABOVE_HOME = (
+    m.MAV_FRAME_GLOBAL_RELATIVE_ALT,
+    m.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
+    m.MAV_FRAME_GLOBAL_TERRAIN_ALT,
+    m.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT,
+)
+"""The ground is level, so heights above terrain are heights above home."""
+LEAST_LATERAL_MPS2 = 0.05
+"""What a lateral acceleration of 0 becomes: the vehicle hardly turns."""
+FORCE = 21196
+FULL_TURN_DEG, POLE_DEG = 360.0, 90.0
+HIGHEST_M = 2**31 / 100
+"""ArduPlane stores heights as 32-bit integers of centimetres."""
+HIGHEST_MESSAGE_ID = 2**16 - 1
+AT_ONCE = PLACE_NOW, HEIGHT_NOW = 2, 3
+"""`current` of an item to be flown at once instead of being stored: a position, or a height alone."""
+
+
+class Order(NamedTuple):
+    """A command, whichever message brought it; latitude and longitude in radians."""
+
+    command: int
+    frame: int
+    params: tuple[float, float, float, float]
+    lat_rad: float
+    lon_rad: float
+    z: float
+
+
+def order(message: CommandInt | CommandLong) -> Order:
+    """Return the order in a message. COMMAND_LONG has heights above home, and degrees as floats."""
+    params = (message.param1, message.param2, message.param3, message.param4)
+    if isinstance(message, CommandInt):
+        place = message.x * DEGREES_E7, message.y * DEGREES_E7
+        return Order(message.command, message.frame, params, *place, message.z)
+    place = math.radians(message.param5), math.radians(message.param6)
+    return Order(message.command, m.MAV_FRAME_GLOBAL_RELATIVE_ALT, params, *place, message.param7)
+
+
+def execute(vehicle: Vehicle, given: Order) -> int:
+    """Carry out an order; return its MAV_RESULT."""
+    handler = HANDLERS.get(given.command)
+    return UNSUPPORTED if handler is None else handler(vehicle, given)
+
+
+def _height_m(vehicle: Vehicle, z: float, frame: float) -> float | None:
+    """Return a height above the fleet's origin, None for a frame or a height that isn't accepted."""
+    if not abs(z) <= HIGHEST_M:
+        return None
+    if frame in ABOVE_SEA_LEVEL:
+        return z - vehicle.fleet.origin.alt_m
+    return z if frame in ABOVE_HOME else None
+
+
+def _flag(value: float, flag: int) -> bool:
+    """Return whether a float, as an integer, has a flag set; NaN and infinities have none."""
+    return math.isfinite(value) and bool(int(value) & flag)
+
+
+def _change_speed(vehicle: Vehicle, given: Order) -> int:
+    kind, speed_mps, accel_mps2, _ = given.params
+    if vehicle.pilot.mode is not Mode.GUIDED:
+        return FAILED
+    if kind != m.SPEED_TYPE_AIRSPEED or not math.isfinite(speed_mps) or math.isnan(accel_mps2):
+        return DENIED
+    if not vehicle.parameters.is_airspeed(speed_mps):
+        return FAILED
+    vehicle.pilot.guide_speed(speed_mps, abs(accel_mps2) or math.inf)
+    return ACCEPTED
+
+
+def _change_altitude(vehicle: Vehicle, given: Order) -> int:
+    if vehicle.pilot.mode is not Mode.GUIDED:
+        return FAILED
+    height_m = _height_m(vehicle, given.z, given.frame)
+    if height_m is None or given.z in (0.0, -1.0):
+        return DENIED
+    vehicle.pilot.guide_height(height_m)
+    return ACCEPTED
+
+
+def _change_heading(vehicle: Vehicle, given: Order) -> int:
+    kind, degrees, lateral_mps2, _ = given.params
+    if vehicle.pilot.mode is not Mode.GUIDED:
+        return FAILED
+    if not 0.0 <= degrees < FULL_TURN_DEG or math.isnan(lateral_mps2):
+        return DENIED
+    if kind == m.HEADING_TYPE_DEFAULT:
+        vehicle.pilot.circle_again()
+        return ACCEPTED
+    if kind not in (m.HEADING_TYPE_COURSE_OVER_GROUND, m.HEADING_TYPE_HEADING):
+        return DENIED
+    course = kind == m.HEADING_TYPE_COURSE_OVER_GROUND
+    vehicle.pilot.steer(math.radians(degrees), course=course, lateral_mps2=max(lateral_mps2, LEAST_LATERAL_MPS2))
+    return ACCEPTED
+
+
+def _set_mode(vehicle: Vehicle, given: Order) -> int:
+    if not _flag(given.params[0], m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED):
+        return DENIED
+    return _enter(vehicle, given.params[1])
+
+
+def _enter(vehicle: Vehicle, number: float) -> int:
+    return ACCEPTED if vehicle.switch(number) else FAILED
+
+
+def _arm_disarm(vehicle: Vehicle, given: Order) -> int:
+    arm, force = given.params[0], given.params[1] == FORCE
+    if arm not in (0.0, 1.0):
+        return UNSUPPORTED
+    granted = vehicle.arm(force=force) if arm else vehicle.disarm(force=force)
+    return ACCEPTED if granted else FAILED
+
+
+def _legacy_speed(vehicle: Vehicle, given: Order) -> int:
+    kind, speed_mps = given.params[0], given.params[1]
+    if not math.isfinite(speed_mps) or kind not in (m.SPEED_TYPE_AIRSPEED, m.SPEED_TYPE_GROUNDSPEED):
+        return DENIED
+    if not vehicle.parameters.is_airspeed(speed_mps):
+        return FAILED
+    if not vehicle.pilot.guided_by_setpoints:
+        vehicle.pilot.change_speed(speed_mps, math.inf)
+    return ACCEPTED
+
+
+def _legacy_altitude(vehicle: Vehicle, given: Order) -> int:
+    height_m = _height_m(vehicle, given.params[0], given.params[1])
+    if height_m is None:
+        return DENIED
+    if not vehicle.pilot.guided_by_setpoints:
+        vehicle.pilot.change_height(height_m)
+    return ACCEPTED
+
+
+def _reposition(vehicle: Vehicle, given: Order) -> int:
+    height_m = _height_m(vehicle, given.z, given.frame)
+    on_earth = abs(given.lat_rad) <= math.radians(POLE_DEG) and abs(given.lon_rad) <= math.pi
+    if height_m is None or not on_earth or (given.lat_rad, given.lon_rad) == (0.0, 0.0):
+        return DENIED
+    if vehicle.pilot.mode is not Mode.GUIDED and not _flag(given.params[1], m.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE):
+        return FAILED
+    if _enter(vehicle, Mode.GUIDED) != ACCEPTED:
+        return FAILED
+    vehicle.go_to(given.lat_rad, given.lon_rad, height_m)
+    return ACCEPTED
+
+
+def fly_to(vehicle: Vehicle, item: MissionItem | MissionItemInt) -> int:
+    """Fly at once to a position or a height that came as a mission item; return the MAV_MISSION_RESULT."""
+    found = from_message(item)
+    if isinstance(found, int):
+        return found
+    height_m = _height_m(vehicle, found.z, found.frame)
+    if height_m is None or (item.current == PLACE_NOW and vehicle.pilot.mode is not Mode.GUIDED):
+        return m.MAV_MISSION_ERROR
+    if item.current == PLACE_NOW:
+        vehicle.go_to(found.x * DEGREES_E7, found.y * DEGREES_E7, height_m)
+    elif not vehicle.pilot.guided_by_setpoints:
+        vehicle.pilot.change_height(height_m)
+    return m.MAV_MISSION_ACCEPTED
+
+
+def _start_mission(vehicle: Vehicle, given: Order) -> int:
+    """Start or resume the mission; a first and a last item aren't supported."""
+    return DENIED if any(given.params[:2]) else _enter(vehicle, Mode.AUTO)
+
+
+def _choose_item(vehicle: Vehicle, given: Order) -> int:
+    if not vehicle.missions.choose(given.params[0]):
+        return DENIED
+    _send(vehicle, m.MAVLINK_MSG_ID_MISSION_CURRENT)
+    return ACCEPTED
+
+
+def _set_interval(vehicle: Vehicle, given: Order) -> int:
+    message_id, interval_us = given.params[0], given.params[1]
+    known = message_id in BUILDERS and math.isfinite(interval_us)
+    taken = known and vehicle.streams.set_interval(int(message_id), interval_us, vehicle.now)
+    return ACCEPTED if taken else DENIED
+
+
+def _get_interval(vehicle: Vehicle, given: Order) -> int:
+    if not 0.0 <= given.params[0] <= HIGHEST_MESSAGE_ID:
+        return DENIED
+    message_id = int(given.params[0])
+    vehicle.answer(MessageInterval(message_id, vehicle.streams.interval_us(message_id)))
+    return ACCEPTED
+
+
+def _request_message(vehicle: Vehicle, given: Order) -> int:
+    return _send(vehicle, given.params[0])
+
+
+def _send(vehicle: Vehicle, message_id: float) -> int:
+    if message_id not in BUILDERS:
+        return FAILED
+    vehicle.answer(BUILDERS[int(message_id)](vehicle))
+    return ACCEPTED
+
+
+HANDLERS: dict[int, Callable[[Vehicle, Order], int]] = {
+    m.MAV_CMD_GUIDED_CHANGE_SPEED: _change_speed,
+    m.MAV_CMD_GUIDED_CHANGE_ALTITUDE: _change_altitude,
+    m.MAV_CMD_GUIDED_CHANGE_HEADING: _change_heading,
+    m.MAV_CMD_DO_SET_MODE: _set_mode,
+    m.MAV_CMD_COMPONENT_ARM_DISARM: _arm_disarm,
+    m.MAV_CMD_NAV_TAKEOFF: lambda _vehicle, _given: FAILED,
+    m.MAV_CMD_NAV_RETURN_TO_LAUNCH: lambda vehicle, _: _enter(vehicle, Mode.RTL),
+    m.MAV_CMD_NAV_LOITER_UNLIM: lambda vehicle, _: _enter(vehicle, Mode.LOITER),
+    m.MAV_CMD_MISSION_START: _start_mission,
+    m.MAV_CMD_DO_SET_MISSION_CURRENT: _choose_item,
+    m.MAV_CMD_DO_CHANGE_SPEED: _legacy_speed,
+    m.MAV_CMD_DO_CHANGE_ALTITUDE: _legacy_altitude,
+    m.MAV_CMD_DO_REPOSITION: _reposition,
+    m.MAV_CMD_GET_MESSAGE_INTERVAL: _get_interval,
+    m.MAV_CMD_SET_MESSAGE_INTERVAL: _set_interval,
+    m.MAV_CMD_REQUEST_MESSAGE: _request_message,
+    m.MAV_CMD_GET_HOME_POSITION: lambda vehicle, _: _send(vehicle, m.MAVLINK_MSG_ID_HOME_POSITION),
+    m.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: lambda vehicle, _: _send(vehicle, m.MAVLINK_MSG_ID_AUTOPILOT_VERSION),
+}
+
+ORDERS = frozenset(HANDLERS) - {
+    m.MAV_CMD_GET_MESSAGE_INTERVAL,
+    m.MAV_CMD_SET_MESSAGE_INTERVAL,
+    m.MAV_CMD_REQUEST_MESSAGE,
+    m.MAV_CMD_GET_HOME_POSITION,
+    m.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES,
+}
+"""Commands that change what the vehicle does, not just what it sends."""

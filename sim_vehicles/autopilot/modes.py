@@ -1,0 +1,145 @@
+"""An emulated ArduPlane's conditions and modes with a table of all transitions, and its ground-station failsafe.
+
+Source: ArduPilot documentation, "Plane Failsafe Function".
+"""
+
+from __future__ import annotations
+
+from enum import Enum, IntEnum
+
+from airlink import mavlink as m
+from airlink.clock import Instant, after
+from sim_vehicles.autopilot.clock import NEVER
+from sim_vehicles.autopilot.parameters import ParameterServer
+
+
+class Mode(IntEnum):
+    """The ArduPlane modes that are emulated, by ArduPlane's numbers."""
+
+    MANUAL = 0
+    STABILIZE = 2
+    FBWA = 5
+    FBWB = 6
+    CRUISE = 7
+    AUTO = 10
+    RTL = 11
+    LOITER = 12
+    TAKEOFF = 13
+    GUIDED = 15
+    INITIALISING = 16
+    AUTOLAND = 26
+
+
+class Condition(Enum):
+    """The vehicle's condition, independent of its mode."""
+
+    BOOTING = "booting"
+    BOOTING_IN_AIR = "booting in the air"
+    DISARMED = "disarmed on the ground"
+    ARMED = "armed on the ground"
+    FLYING = "flying"
+    CRASHED = "crashed"
+
+    @property
+    def armed(self) -> bool:
+        """Whether the motor may turn."""
+        return self in (Condition.ARMED, Condition.FLYING)
+
+    @property
+    def booting(self) -> bool:
+        """Whether the autopilot isn't up yet."""
+        return self in (Condition.BOOTING, Condition.BOOTING_IN_AIR)
+
+
+class Request(Enum):
+    """A request to the vehicle, or an event that happens to it."""
+
+    BOOTED = "booted"
+    ARM = "arm"
+    DISARM = "disarm"
+    FORCE_DISARM = "disarm by force"
+    LIFT_OFF = "lift off"
+    TOUCH_DOWN = "touch down"
+    RESTART = "restart"
+    CRASH = "crash"
+
+
+TRANSITIONS: dict[tuple[Condition, Request], Condition] = {
+    (Condition.BOOTING, Request.BOOTED): Condition.DISARMED,
+    (Condition.BOOTING_IN_AIR, Request.BOOTED): Condition.FLYING,
+    (Condition.DISARMED, Request.ARM): Condition.ARMED,
+    (Condition.DISARMED, Request.DISARM): Condition.DISARMED,
+    (Condition.DISARMED, Request.FORCE_DISARM): Condition.DISARMED,
+    (Condition.DISARMED, Request.RESTART): Condition.BOOTING,
+    (Condition.ARMED, Request.ARM): Condition.ARMED,
+    (Condition.ARMED, Request.DISARM): Condition.DISARMED,
+    (Condition.ARMED, Request.FORCE_DISARM): Condition.DISARMED,
+    (Condition.ARMED, Request.LIFT_OFF): Condition.FLYING,
+    (Condition.ARMED, Request.RESTART): Condition.BOOTING,
+    (Condition.FLYING, Request.ARM): Condition.FLYING,
+    (Condition.FLYING, Request.TOUCH_DOWN): Condition.ARMED,
+    (Condition.FLYING, Request.FORCE_DISARM): Condition.CRASHED,
+    (Condition.FLYING, Request.RESTART): Condition.BOOTING_IN_AIR,
+    (Condition.DISARMED, Request.CRASH): Condition.CRASHED,
+    (Condition.ARMED, Request.CRASH): Condition.CRASHED,
+    (Condition.FLYING, Request.CRASH): Condition.CRASHED,
+}
+"""All other requests are refused. An autopilot that restarts in flight is armed, as after a watchdog reset."""
+
+SELECTABLE = frozenset(Mode) - {Mode.INITIALISING}
+"""Modes that can be selected, in any condition but booting."""
+
+STRAIGHT_ON = frozenset({Mode.MANUAL, Mode.STABILIZE, Mode.FBWA, Mode.FBWB, Mode.CRUISE})
+"""Modes flown by a pilot's sticks, which nobody touches: the vehicle flies straight and level."""
+
+
+def follow(condition: Condition, request: Request) -> Condition | None:
+    """Return the condition that a request leads to, None when it's refused."""
+    return TRANSITIONS.get((condition, request))
+
+
+def select(condition: Condition, mode: float) -> Mode | None:
+    """Return the mode that asking for one leads to, None when it's refused."""
+    if condition.booting or mode not in SELECTABLE:
+        return None
+    return Mode(int(mode))
+
+
+def system_status(condition: Condition) -> int:
+    """Return the MAV_STATE that a condition is told as."""
+    if condition.booting:
+        return m.MAV_STATE_CALIBRATING
+    return m.MAV_STATE_ACTIVE if condition is Condition.FLYING else m.MAV_STATE_STANDBY
+
+
+ACTIONS = {1: Mode.RTL, 2: Mode.FBWA, 4: Mode.AUTO}
+"""FS_LONG_ACTN: return, glide, AUTO; 0 and 3 fly on."""
+
+
+class GroundStationFailsafe:
+    """Triggers once when heartbeats of MAV_GCS_SYSID stop. New heartbeats clear it, but don't restore the mode."""
+
+    def __init__(self, parameters: ParameterServer) -> None:
+        """Wait for a first heartbeat."""
+        self._parameters = parameters
+        self._heard: Instant | None = None
+        self.active = False
+
+    def heartbeat(self, system: int, now: Instant) -> None:
+        """Take a heartbeat."""
+        if system == self._parameters["MAV_GCS_SYSID"]:
+            self._heard = now
+            self.active = False
+
+    def deadline(self) -> Instant:
+        """Return when it triggers, `NEVER` while it can't."""
+        if self._heard is None or self.active or not self._parameters["FS_GCS_ENABL"]:
+            return NEVER
+        return after(self._heard, self._parameters["FS_LONG_TIMEOUT"])
+
+    def strike(self, now: Instant) -> Mode | None:
+        """Return the mode to change to if it triggers now."""
+        if now < self.deadline():
+            return None
+        self.active = True
+        return ACTIONS.get(int(self._parameters["FS_LONG_ACTN"]))

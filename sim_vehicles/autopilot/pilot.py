@@ -1,0 +1,250 @@
+"""What an emulated ArduPlane does in each mode. It writes the vehicle's elements of the fleet's `Steering`.
+
+Source: ArduPilot documentation, "AUTOLAND Mode". Unlike a real one, circles are always clockwise, and there
+is no flare.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from sim_vehicles.airframe.airframes import CIRCLE, COURSE, HEADING, Steering
+from sim_vehicles.airframe.motion import Motion
+from sim_vehicles.autopilot.modes import STRAIGHT_ON, Condition, Mode, Request, follow
+from sim_vehicles.autopilot.parameters import ParameterServer
+from sim_vehicles.config import VehicleConfig
+
+LINED_UP_RAD = math.radians(10.0)
+AT_HEIGHT_M = 3.0
+LOOK_AHEAD_M = 60.0
+"""Look-ahead distance along the approach line, from abreast of the vehicle."""
+BELOW_GROUND_M = 3.0
+"""How far below the ground the glide slope is continued, because the height lags."""
+
+
+class Approach(NamedTuple):
+    """The final approach to home: the touch-down point, the direction, and the length and height at its start."""
+
+    north_m: float
+    east_m: float
+    direction_rad: float
+    length_m: float
+    height_m: float
+    lead_m: float
+    """Distance by which the height setpoint leads the glide slope, to make up for the height's lag."""
+
+    def circle(self, radius_m: float) -> tuple[float, float]:
+        """Return the centre, north and east, m, of the clockwise circle tangent to the approach at its start."""
+        cos, sin = math.cos(self.direction_rad), math.sin(self.direction_rad)
+        north_m = self.north_m - self.length_m * cos - radius_m * sin
+        return north_m, self.east_m - self.length_m * sin + radius_m * cos
+
+    def begins(self, motion: Motion) -> bool:
+        """Return whether a vehicle on that circle is low enough and aligned with the approach."""
+        course_rad = math.atan2(motion.velocity_east_mps, motion.velocity_north_mps)
+        off_rad = math.remainder(course_rad - self.direction_rad, math.tau)
+        low = abs(motion.height_m - self.height_m) < AT_HEIGHT_M
+        return low and abs(off_rad) < LINED_UP_RAD and abs(self._aside_m(motion)) < LOOK_AHEAD_M
+
+    def guide(self, motion: Motion) -> tuple[float, float]:
+        """Return the course back to the approach line, rad, and the height of the glide slope, m."""
+        share = (self._to_go_m(motion) - self.lead_m) / self.length_m
+        course_rad = self.direction_rad - math.atan(self._aside_m(motion) / LOOK_AHEAD_M)
+        return course_rad, max(share * self.height_m, -BELOW_GROUND_M)
+
+    def _to_go_m(self, motion: Motion) -> float:
+        north_m, east_m = self.north_m - motion.north_m, self.east_m - motion.east_m
+        return north_m * math.cos(self.direction_rad) + east_m * math.sin(self.direction_rad)
+
+    def _aside_m(self, motion: Motion) -> float:
+        """Return how far right of the line it is."""
+        north_m, east_m = motion.north_m - self.north_m, motion.east_m - self.east_m
+        return east_m * math.cos(self.direction_rad) - north_m * math.sin(self.direction_rad)
+
+
+TAKEOFF_DONE_M = 2.0
+TOUCH_DOWN_M = 0.1
+LIFT_OFF_SHARE = 0.7
+"""Share of the lowest airspeed at which the vehicle lifts off."""
+TIGHTEST_SHARE = 1.05
+"""Smallest radius of a circle, relative to that of the tightest turn."""
+
+
+class Pilot:
+    """One vehicle's condition and mode, and the resulting flight. The ground is level, at the origin's height."""
+
+    def __init__(self, index: int, config: VehicleConfig, steering: Steering, parameters: ParameterServer) -> None:
+        """Start in the condition of booting."""
+        self.condition = Condition.BOOTING_IN_AIR if config.start.in_air else Condition.BOOTING
+        self.mode = Mode.INITIALISING
+        self.guided_by_setpoints = False
+        """Whether a speed or height setpoint (commands 43000, 43001) has come since GUIDED was entered. From then on,
+        other commands that change speed or height are ignored."""
+        self.takeoff_m: float | None = None
+        """Height at which the take-off is complete, from the selection of TAKEOFF until then."""
+        self.landing_rad: float | None = None
+        """Heading of the take-off, in which AUTOLAND lands; None if there was none."""
+        self._index = index
+        self._config = config
+        self._steering = steering
+        self._parameters = parameters
+        self._tell_condition()
+
+    @property
+    def airborne(self) -> bool:
+        """Whether it is in the air."""
+        return self.condition in (Condition.FLYING, Condition.BOOTING_IN_AIR)
+
+    @property
+    def taking_off(self) -> bool:
+        """Whether it is taking off."""
+        return self.takeoff_m is not None and self.condition.armed
+
+    @property
+    def radius_m(self) -> float:
+        """Radius of the present or last circle, m."""
+        return float(self._steering.radius_m[self._index])
+
+    @property
+    def landing(self) -> bool:
+        """Whether it is landing."""
+        return self.mode is Mode.AUTOLAND and self.airborne
+
+    def request(self, request: Request) -> bool:
+        """Make the transition that the table of conditions allows; return whether there is one."""
+        following = follow(self.condition, request)
+        if following is None:
+            return False
+        self.condition = following
+        self._tell_condition()
+        return True
+
+    def arm(self, motion: Motion) -> bool:
+        """Arm, and start what the mode does; return whether arming was allowed."""
+        if not self.request(Request.ARM):
+            return False
+        if not self.airborne:
+            self.enter(self.mode, motion)
+        return True
+
+    def enter(self, mode: Mode, motion: Motion) -> None:
+        """Change the mode; setpoints of the previous one are dropped."""
+        self.mode = mode
+        self.guided_by_setpoints = False
+        self.takeoff_m = self._parameters["TKOFF_ALT"] if mode is Mode.TAKEOFF and not self.airborne else None
+        self._tell_condition()
+        self.fly_straight(motion)
+        if mode is Mode.RTL:
+            start = self._config.start
+            self.circle(start.north_m, start.east_m, self._parameters["RTL_ALTITUDE"])
+        elif self.landing:
+            radius_m = self._circle_radius_m()
+            self.circle(*self._approach().circle(radius_m), self._parameters["AUTOLAND_WP_ALT"])
+        elif mode not in STRAIGHT_ON and self.airborne:
+            self.circle(motion.north_m, motion.east_m, motion.height_m)
+
+    def fly_straight(self, motion: Motion) -> None:
+        """Fly straight and level at cruising speed; `circle_again` will circle this position."""
+        self.change_speed(self._parameters["AIRSPEED_CRUISE"], math.inf)
+        self.circle(motion.north_m, motion.east_m, motion.height_m)
+        self.steer(motion.heading_rad, course=False, lateral_mps2=math.inf)
+
+    def circle(self, north_m: float, east_m: float, height_m: float) -> None:
+        """Circle a position clockwise."""
+        self._steering.centre_m[:, self._index] = north_m, east_m
+        self.change_height(height_m)
+        self.circle_again()
+
+    def circle_again(self) -> None:
+        """Circle the last position again, at the present height setpoint."""
+        i = self._index
+        self._steering.radius_m[i] = self._circle_radius_m()
+        self._steering.lateral_mps2[i] = math.inf
+        self._steering.kind[i] = CIRCLE
+
+    def steer(self, direction_rad: float, *, course: bool, lateral_mps2: float) -> None:
+        """Fly a heading or a course over ground, turning at the given lateral acceleration."""
+        steering, i = self._steering, self._index
+        steering.kind[i] = COURSE if course else HEADING
+        steering.direction_rad[i] = direction_rad
+        steering.lateral_mps2[i] = lateral_mps2
+
+    def guide_speed(self, speed_mps: float, accel_mps2: float) -> None:
+        """Take an airspeed setpoint; a repeated one changes nothing, not even the acceleration."""
+        if not self.guided_by_setpoints or speed_mps != self._steering.speed_mps[self._index]:
+            self.change_speed(speed_mps, accel_mps2)
+        self.guided_by_setpoints = True
+
+    def guide_height(self, height_m: float) -> None:
+        """Take a height setpoint."""
+        self.change_height(height_m)
+        self.guided_by_setpoints = True
+
+    def change_speed(self, speed_mps: float, accel_mps2: float) -> None:
+        """Change to an airspeed at an acceleration."""
+        self._steering.speed_mps[self._index] = speed_mps
+        self._steering.accel_mps2[self._index] = accel_mps2
+
+    def change_height(self, height_m: float) -> None:
+        """Climb or sink to a height above the origin."""
+        self._steering.height_m[self._index] = height_m
+
+    def take_off(self, height_m: float, motion: Motion) -> None:
+        """Climb straight ahead to a height, after a ground run if it is on the ground."""
+        self.takeoff_m = height_m
+        self._tell_condition()
+        self.fly_straight(motion)
+        if self.airborne:
+            self.change_height(height_m)
+
+    def progress(self, motion: Motion) -> bool:
+        """Continue a take-off or a landing; return whether the vehicle has just left or touched the ground."""
+        return self._land(motion) if self.landing else self._climb_out(motion)
+
+    def _climb_out(self, motion: Motion) -> bool:
+        target_m = self.takeoff_m
+        if target_m is None:
+            return False
+        if self.condition is Condition.ARMED:
+            if motion.airspeed_mps < LIFT_OFF_SHARE * self._config.model.speed_min_mps:
+                return False
+            self.change_height(target_m)
+            self.landing_rad = motion.heading_rad
+            return self.request(Request.LIFT_OFF)
+        if motion.height_m > target_m - TAKEOFF_DONE_M:
+            self.takeoff_m = None
+            self.circle(motion.north_m, motion.east_m, target_m)
+        return False
+
+    def _land(self, motion: Motion) -> bool:
+        approach, circles = self._approach(), self._steering.kind[self._index] == CIRCLE
+        if circles and not approach.begins(motion):
+            return False
+        course_rad, height_m = approach.guide(motion)
+        self.change_speed(self._parameters["AIRSPEED_MIN"], math.inf)
+        self.steer(course_rad, course=True, lateral_mps2=math.inf)
+        self.change_height(height_m)
+        return motion.height_m < TOUCH_DOWN_M and self.request(Request.TOUCH_DOWN)
+
+    def _approach(self) -> Approach:
+        """Return the final approach, which touches down where braking from there ends at home."""
+        model, start, speed_mps = self._config.model, self._config.start, self._parameters["AIRSPEED_MIN"]
+        lag_m = speed_mps * (model.tau_ha_s + model.tau_hb_s)
+        return Approach(
+            start.north_m,
+            start.east_m,
+            self.landing_rad or 0.0,
+            self._parameters["AUTOLAND_WP_DIST"],
+            self._parameters["AUTOLAND_WP_ALT"],
+            speed_mps**2 / (2.0 * model.accel_max_mps2) + lag_m,
+        )
+
+    def _circle_radius_m(self) -> float:
+        tightest_m = float(self._steering.speed_mps[self._index]) / self._config.model.turn_rate_max_rps
+        return max(self._parameters["WP_LOITER_RAD"], TIGHTEST_SHARE * tightest_m)
+
+    def _tell_condition(self) -> None:
+        rolls = self.condition is Condition.ARMED and self.takeoff_m is not None
+        self._steering.stopped[self._index] = not (self.airborne or rolls)
+        self._steering.airborne[self._index] = self.airborne

@@ -1,0 +1,305 @@
+"""The messages with which an emulated ArduPlane reports its state, and when each is due."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from airlink import mavlink as m
+from airlink.clock import NANOSECONDS, Instant
+from airlink.messages import Message
+from airlink.messages.system import AutopilotVersion, Heartbeat, SystemTime
+from airlink.messages.telemetry import (
+    Attitude,
+    BatteryStatus,
+    EkfStatusReport,
+    ExtendedSysState,
+    GlobalPositionInt,
+    GpsRawInt,
+    HomePosition,
+    LocalPositionNed,
+    NavControllerOutput,
+    SysStatus,
+    VfrHud,
+    Wind,
+)
+from sim_vehicles.autopilot.clock import LOOP_HZ, NEVER
+from sim_vehicles.autopilot.modes import Condition, system_status
+
+if TYPE_CHECKING:
+    from sim_vehicles.airframe.motion import Motion
+    from sim_vehicles.vehicle import Vehicle
+
+G_MPS2 = 9.80665
+SENSORS = (
+    m.MAV_SYS_STATUS_SENSOR_3D_GYRO
+    | m.MAV_SYS_STATUS_SENSOR_3D_ACCEL
+    | m.MAV_SYS_STATUS_SENSOR_3D_MAG
+    | m.MAV_SYS_STATUS_SENSOR_ABSOLUTE_PRESSURE
+    | m.MAV_SYS_STATUS_SENSOR_DIFFERENTIAL_PRESSURE
+    | m.MAV_SYS_STATUS_SENSOR_GPS
+    | m.MAV_SYS_STATUS_AHRS
+    | m.MAV_SYS_STATUS_SENSOR_BATTERY
+)
+EKF_READY = 831
+EKF_STARTING = 1024
+CAPABILITIES = 62319
+"""Those of ArduPlane 4.7, though not all are emulated: ground stations recognise the family by them."""
+VERSION_4_7 = 4 << 24 | 7 << 16
+LOAD_PERMILLE = 200
+CRUISE_THROTTLE_PERCENT = 50
+BATTERY_V, BATTERY_A, BATTERY_PERCENT = 12.4, 8.0, 95
+NO_CELLS, NO_TEMPERATURE, NOT_COUNTED = (math.nan,) * 9, 2**15 - 1, -1
+HDOP, SATELLITES = 70, 14
+UNKNOWN_DOP = 2**16 - 1
+
+
+def heartbeat(v: Vehicle) -> Message:
+    """Return HEARTBEAT."""
+    mode_flags = m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | m.MAV_MODE_FLAG_STABILIZE_ENABLED
+    armed = m.MAV_MODE_FLAG_SAFETY_ARMED if v.pilot.condition.armed else 0
+    return Heartbeat(
+        m.MAV_TYPE_FIXED_WING,
+        m.MAV_AUTOPILOT_ARDUPILOTMEGA,
+        mode_flags | armed,
+        int(v.pilot.mode),
+        m.MAV_STATE_CRITICAL if v.failsafe.active else system_status(v.pilot.condition),
+    )
+
+
+def sys_status(v: Vehicle) -> Message:
+    """Return SYS_STATUS; the pre-arm bit is healthy once the vehicle may be armed, as is the fence that it lacks."""
+    working = SENSORS if v.estimate.received else SENSORS & ~m.MAV_SYS_STATUS_SENSOR_GPS
+    healthy = working | m.MAV_SYS_STATUS_GEOFENCE | (m.MAV_SYS_STATUS_PREARM_CHECK if v.ready else 0)
+    known = SENSORS | m.MAV_SYS_STATUS_PREARM_CHECK
+    return SysStatus(known, known, healthy, LOAD_PERMILLE, BATTERY_V, BATTERY_A, BATTERY_PERCENT)
+
+
+def battery_status(_: Vehicle) -> Message:
+    """Return BATTERY_STATUS of the battery that SYS_STATUS reports; its cells are unknown."""
+    return BatteryStatus(
+        0, 0, 0, NO_TEMPERATURE, (BATTERY_V, *NO_CELLS), BATTERY_A, NOT_COUNTED, NOT_COUNTED, BATTERY_PERCENT
+    )
+
+
+def system_time(v: Vehicle) -> Message:
+    """Return SYSTEM_TIME."""
+    return SystemTime(v.utc_us, v.time_s)
+
+
+def gps_raw_int(v: Vehicle) -> Message:
+    """Return GPS_RAW_INT: the receiver's own 3-D fix, or none where the vehicle has no receiver."""
+    received = v.estimate.received
+    if received is None:
+        return GpsRawInt(v.time_ns // 1000, m.GPS_FIX_TYPE_NO_FIX, 0.0, 0.0, 0.0, UNKNOWN_DOP, UNKNOWN_DOP, 0.0, 0.0, 0)
+    lat, lon, alt = v.fleet.origin.from_ned(received.north_m, received.east_m, -received.height_m)
+    north, east, _ = _velocity(received)
+    course = math.atan2(east, north) % math.tau
+    fix = m.GPS_FIX_TYPE_3D_FIX
+    return GpsRawInt(v.time_ns // 1000, fix, lat, lon, alt, HDOP, HDOP, math.hypot(north, east), course, SATELLITES)
+
+
+def attitude(v: Vehicle) -> Message:
+    """Return ATTITUDE; bank and pitch follow from the turn rate and the climb rate, and are off as the estimate is."""
+    motion, estimate = v.sensed, v.estimate
+    pitch = math.asin(min(max(motion.climb_mps / max(motion.airspeed_mps, 1.0), -1.0), 1.0)) + estimate.pitch_error_rad
+    bank = _bank(motion) + estimate.bank_error_rad
+    heading = math.remainder(motion.heading_rad, math.tau)
+    return Attitude(v.time_s, bank, pitch, heading, 0.0, 0.0, motion.turn_rate_radps)
+
+
+def local_position_ned(v: Vehicle) -> Message:
+    """Return LOCAL_POSITION_NED, from home."""
+    start, motion = v.config.start, v.sensed
+    place = motion.north_m - start.north_m, motion.east_m - start.east_m, -motion.height_m
+    return LocalPositionNed(v.time_s, *place, *_velocity(motion))
+
+
+def global_position_int(v: Vehicle) -> Message:
+    """Return GLOBAL_POSITION_INT."""
+    motion = v.sensed
+    heading = motion.heading_rad % math.tau
+    return GlobalPositionInt(v.time_s, *_place(v), motion.height_m, *_velocity(motion), heading)
+
+
+def nav_controller_output(v: Vehicle) -> Message:
+    """Return NAV_CONTROLLER_OUTPUT."""
+    motion = v.sensed
+    bearings = math.remainder(motion.heading_rad, math.tau), math.remainder(motion.heading_setpoint_rad, math.tau)
+    errors = motion.height_setpoint_m - motion.height_m, motion.airspeed_setpoint_mps - motion.airspeed_mps
+    return NavControllerOutput(_bank(motion), 0.0, *bearings, 0.0, *errors, 0.0)
+
+
+def vfr_hud(v: Vehicle) -> Message:
+    """Return VFR_HUD."""
+    motion = v.sensed
+    north, east, down = _velocity(motion)
+    altitude = v.fleet.origin.alt_m + motion.height_m
+    heading = motion.heading_rad % math.tau
+    throttle = CRUISE_THROTTLE_PERCENT if v.pilot.airborne else 0
+    return VfrHud(motion.airspeed_mps, math.hypot(north, east), heading, throttle, altitude, -down)
+
+
+def wind(v: Vehicle) -> Message:
+    """Return WIND; its direction is where the wind comes from."""
+    motion = v.sensed
+    north, east, down = motion.drift_north_mps, motion.drift_east_mps, motion.drift_down_mps
+    return Wind(math.remainder(math.atan2(-east, -north), math.tau), math.hypot(north, east), down)
+
+
+def ekf_status_report(v: Vehicle) -> Message:
+    """Return EKF_STATUS_REPORT."""
+    estimate = v.estimate
+    return EkfStatusReport(EKF_READY & ~estimate.unknown if v.ready else EKF_STARTING, *estimate.ratios, 0.0)
+
+
+def home_position(v: Vehicle) -> Message:
+    """Return HOME_POSITION: the ground where it started."""
+    start = v.config.start
+    home = v.fleet.origin.from_ned(start.north_m, start.east_m, 0.0)
+    return HomePosition(*home, 0.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0), time_usec=v.time_ns // 1000)
+
+
+def mission_current(v: Vehicle) -> Message:
+    """Return MISSION_CURRENT."""
+    return v.missions.told()
+
+
+def extended_sys_state(v: Vehicle) -> Message:
+    """Return EXTENDED_SYS_STATE."""
+    flying = v.pilot.condition is Condition.FLYING
+    landed = m.MAV_LANDED_STATE_IN_AIR if flying else m.MAV_LANDED_STATE_ON_GROUND
+    return ExtendedSysState(m.MAV_VTOL_STATE_UNDEFINED, landed)
+
+
+def autopilot_version(_: Vehicle) -> Message:
+    """Return AUTOPILOT_VERSION."""
+    return AutopilotVersion(CAPABILITIES, VERSION_4_7)
+
+
+def _place(v: Vehicle) -> tuple[float, float, float]:
+    """Return latitude, longitude and altitude above sea level."""
+    motion = v.sensed
+    return v.fleet.origin.from_ned(motion.north_m, motion.east_m, -motion.height_m)
+
+
+def _velocity(motion: Motion) -> tuple[float, float, float]:
+    """Return NED."""
+    return motion.velocity_north_mps, motion.velocity_east_mps, motion.velocity_down_mps
+
+
+def _bank(motion: Motion) -> float:
+    return math.atan(motion.turn_rate_radps * motion.airspeed_mps / G_MPS2)
+
+
+BUILDERS: dict[int, Callable[[Vehicle], Message]] = {
+    m.MAVLINK_MSG_ID_HEARTBEAT: heartbeat,
+    m.MAVLINK_MSG_ID_SYS_STATUS: sys_status,
+    m.MAVLINK_MSG_ID_SYSTEM_TIME: system_time,
+    m.MAVLINK_MSG_ID_GPS_RAW_INT: gps_raw_int,
+    m.MAVLINK_MSG_ID_ATTITUDE: attitude,
+    m.MAVLINK_MSG_ID_LOCAL_POSITION_NED: local_position_ned,
+    m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: global_position_int,
+    m.MAVLINK_MSG_ID_MISSION_CURRENT: mission_current,
+    m.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT: nav_controller_output,
+    m.MAVLINK_MSG_ID_VFR_HUD: vfr_hud,
+    m.MAVLINK_MSG_ID_BATTERY_STATUS: battery_status,
+    m.MAVLINK_MSG_ID_WIND: wind,
+    m.MAVLINK_MSG_ID_EKF_STATUS_REPORT: ekf_status_report,
+    m.MAVLINK_MSG_ID_HOME_POSITION: home_position,
+    m.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: extended_sys_state,
+    m.MAVLINK_MSG_ID_AUTOPILOT_VERSION: autopilot_version,
+}
+
+
+SHORTEST_US = 1e6 / LOOP_HZ
+LONGEST_US = 60e6
+DEFAULT, STOP = 0.0, -1.0
+
+GROUPS: dict[int, tuple[int, ...]] = {
+    m.MAV_DATA_STREAM_EXTENDED_STATUS: (
+        m.MAVLINK_MSG_ID_SYS_STATUS,
+        m.MAVLINK_MSG_ID_GPS_RAW_INT,
+        m.MAVLINK_MSG_ID_MISSION_CURRENT,
+        m.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT,
+    ),
+    m.MAV_DATA_STREAM_POSITION: (m.MAVLINK_MSG_ID_LOCAL_POSITION_NED, m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT),
+    m.MAV_DATA_STREAM_EXTRA1: (m.MAVLINK_MSG_ID_ATTITUDE,),
+    m.MAV_DATA_STREAM_EXTRA2: (m.MAVLINK_MSG_ID_VFR_HUD,),
+    m.MAV_DATA_STREAM_EXTRA3: (
+        m.MAVLINK_MSG_ID_SYSTEM_TIME,
+        m.MAVLINK_MSG_ID_BATTERY_STATUS,
+        m.MAVLINK_MSG_ID_WIND,
+        m.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
+    ),
+}
+"""What REQUEST_DATA_STREAM's groups consist of (ArduPilot documentation, "SRn_ parameters")."""
+STREAMED = tuple(message_id for group in GROUPS.values() for message_id in group)
+UNASKED = (m.MAVLINK_MSG_ID_HEARTBEAT, *STREAMED)
+"""Messages that are streamed without a request, every `UNASKED_NS`."""
+UNASKED_NS = NANOSECONDS
+
+
+class Streams:
+    """One vehicle's message intervals. A message is sent in the first cycle of the main loop at or after its time."""
+
+    def __init__(self, now: Instant) -> None:
+        """Start with the messages that need no request."""
+        self._interval_ns = dict.fromkeys(UNASKED, UNASKED_NS)
+        self._due = dict.fromkeys(UNASKED, now)
+        self.next_due = now
+        """When the next message is due; `NEVER` when none is."""
+
+    def set_interval(self, message_id: int, interval_us: float, now: Instant) -> bool:
+        """Set an interval, 0 for the default one, -1 for never; return False for one shorter than the main loop's.
+
+        Source: MAVLink, MAV_CMD_SET_MESSAGE_INTERVAL.
+        """
+        if interval_us == DEFAULT:
+            self._set(message_id, UNASKED_NS if message_id in UNASKED else None, now)
+        elif interval_us == STOP:
+            self._set(message_id, None, now)
+        elif interval_us >= SHORTEST_US:
+            self._set(message_id, round(min(interval_us, LONGEST_US) * 1e3), now)
+        else:
+            return False
+        return True
+
+    def set_group(self, group: int, rate_hz: int, now: Instant) -> None:
+        """Set the rate of a group of messages: 0 stops them."""
+        members = STREAMED if group == m.MAV_DATA_STREAM_ALL else GROUPS.get(group, ())
+        for message_id in members:
+            self._set(message_id, NANOSECONDS // min(rate_hz, LOOP_HZ) if rate_hz else None, now)
+
+    def interval_us(self, message_id: int) -> int:
+        """Return an interval, -1 for a message that isn't streamed."""
+        interval_ns = self._interval_ns.get(message_id)
+        return int(STOP) if interval_ns is None else interval_ns // 1000
+
+    def leave_out(self, now: Instant) -> None:
+        """Skip messages that were due before now."""
+        self._due = {message_id: max(instant, now) for message_id, instant in self._due.items()}
+        self._plan()
+
+    def take_due(self, now: Instant) -> list[int]:
+        """Return the ids of the messages that are due, in order, and plan their next ones."""
+        if now < self.next_due:
+            return []
+        due = sorted(message_id for message_id, instant in self._due.items() if instant <= now)
+        for message_id in due:
+            self._due[message_id] = Instant(self._due[message_id] + self._interval_ns[message_id])
+        self._plan()
+        return due
+
+    def _set(self, message_id: int, interval_ns: int | None, now: Instant) -> None:
+        if interval_ns is None:
+            self._interval_ns.pop(message_id, None)
+            self._due.pop(message_id, None)
+        elif message_id in BUILDERS:
+            self._interval_ns[message_id] = interval_ns
+            self._due[message_id] = now
+        self._plan()
+
+    def _plan(self) -> None:
+        self.next_due = min(self._due.values(), default=NEVER)

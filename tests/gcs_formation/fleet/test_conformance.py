@@ -1,0 +1,154 @@
+"""What vehicles acknowledged against what they do: vehicles that are no more than what is seen of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from airlink import mavlink as m
+from airlink.clock import Instant, after
+from airlink.endpoint import VehicleId
+from airlink.messages.system import Heartbeat
+from flight_model.earth import GeodeticOrigin
+from formation_scenario import load_scenario
+from gcs_formation.estimation.flight_state import FlightState, Setpoints
+from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory
+from gcs_formation.fleet.conformance import SETTLED_S, ConformanceMonitor
+from gcs_formation.link.connection import Connection
+from gcs_formation.vehicle.arduplane import ArduPlane
+from gcs_formation.vehicle.member import Member
+from gcs_formation.vehicle.vehicle import UNANSWERED_S, Vehicle
+from tests.flights.conftest import scenario
+from tests.gcs_formation.noted import Noted
+
+START, NUMBERS = Instant(0), (1, 2, 3)
+ORIGIN = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 0.0)
+Acknowledges = Callable[[float], bool]
+
+
+class Ground:
+    """A leader and two followers that fly in the formation."""
+
+    def __init__(self) -> None:
+        self.vehicles = {VehicleId(1, number): vehicle(number) for number in NUMBERS}
+        self.notes, self.state = Noted(), np.zeros((8, 3))
+        self.state[2], self.state[4] = 100.0, 22.0
+        self.controller: Any = SimpleNamespace(history=SetpointHistory(10.0), estimator=SimpleNamespace())
+        columns = {identity: column for column, identity in enumerate(self.vehicles)}
+        self.ledger = ConformanceMonitor(load_scenario(scenario()), self.controller, self.vehicles, columns, self.notes)
+
+    def second(self) -> Vehicle:
+        return self.vehicles[VehicleId(1, 2)]
+
+    def fly(
+        self,
+        seconds: float,
+        acknowledges: Acknowledges = lambda _: True,
+        commanded: Acknowledges = lambda _: True,
+        airspeed_mps: Callable[[float], float] = lambda _: 22.0,
+    ) -> list[float]:
+        """Tell the second vehicle 27 m/s from the start and see its airspeed; return when it is reported."""
+        for tenth in range(round(10 * seconds)):
+            now, at_s = after(START, 0.1 * tenth), 0.1 * tenth
+            told = np.array((22.0, 27.0 if commanded(at_s) else 22.0, 22.0)), np.zeros(3), np.full(3, 100.0)
+            self.controller.history.add(SentSetpoints(np.full(3, now), Setpoints(*told)))
+            for each in self.vehicles.values():
+                if acknowledges(at_s) or each is not self.second():
+                    for run in each.setpoints_taken.values():
+                        run.note(now)
+            self.state[4, 1] = airspeed_mps(at_s)
+            self.controller.estimator.stamps = np.full(3, now)
+            self.controller.estimator.state = FlightState(*self.state.copy())
+            tick: Any = SimpleNamespace(active=np.array((True, commanded(at_s), True)))
+            self.ledger.judge_motion(tick, now)
+        return [each.at_s for each in self.notes if each.kind == "disobeys" and each.vehicle == 2]
+
+
+def vehicle(number: int) -> Vehicle:
+    made = Vehicle(VehicleId(1, number), ArduPlane(number, ORIGIN, 0.25), Connection(0), ORIGIN, 10.0)
+    made.member, made._answered = Member.FLYING, START
+    return made
+
+
+def test_one_that_is_told_another_airspeed_and_keeps_its_own_is_reported_once_with_both() -> None:
+    ground = Ground()
+    (reported_s,) = ground.fly(20.0)
+    assert SETTLED_S <= reported_s < SETTLED_S + 2.0
+    (said,) = ground.notes.of("disobeys")
+    assert said.startswith("acknowledges setpoints and doesn't follow them: airspeed changed by 0.0 m/s in 3.2 s, ")
+    assert said.endswith(" m/s expected")
+    details = ground.notes[0].details
+    assert (details["order"], details["channel"], details["flown"]) == ("setpoints", "airspeed", 0.0)
+    assert details["expected"] > 1.0
+
+
+def test_one_that_obeys_is_not_reported_and_one_that_does_so_again_is_said_to() -> None:
+    assert Ground().fly(20.0, airspeed_mps=lambda at_s: 27.0 - 5.0 * math.exp(-at_s / 4.0)) == []
+    ground = Ground()
+    ground.fly(40.0, airspeed_mps=lambda at_s: 22.0 if at_s < 10.0 else 27.0 - 5.0 * math.exp(-(at_s - 10.0) / 4.0))
+    assert ground.notes.of("obeys", 2) == ["follows its setpoints again"]
+
+
+@pytest.mark.parametrize(
+    "acknowledges",
+    [lambda at_s: False, lambda at_s: at_s % 3.0 < 2.0, lambda at_s: at_s < 4.0],
+    ids=["never", "with gaps of a second", "not any more"],
+)
+def test_setpoints_that_are_not_acknowledged_all_the_time_are_nobody_s_disobedience(acknowledges: Acknowledges) -> None:
+    assert Ground().fly(20.0, acknowledges) == []
+
+
+def test_time_in_which_it_was_not_commanded_does_not_count() -> None:
+    assert Ground().fly(20.0, commanded=lambda at_s: at_s % 4.0 < 3.9) == []
+
+
+def test_one_that_is_heard_and_answers_nothing_is_reported_once_and_again_when_it_answers() -> None:
+    ground, silent_s = Ground(), UNANSWERED_S + 0.1
+    follower = ground.second()
+
+    def judge(at_s: float) -> list[str]:
+        follower.connection.heard(after(START, at_s), heartbeat=True)
+        ground.ledger.judge_answers(after(START, at_s))
+        return ground.notes.of("uplink", 2)
+
+    assert judge(UNANSWERED_S - 0.1) == []
+    assert judge(silent_s) == judge(silent_s + 1.0) == ["is heard and answers nothing: it may not hear us"]
+    follower._answered = after(START, silent_s + 1.0)
+    assert judge(silent_s + 1.0)[1:] == judge(silent_s + 1.2)[1:] == ["answers again"]
+
+
+def test_one_that_is_silent_altogether_or_not_in_the_formation_is_not_said_to_answer_nothing() -> None:
+    ground = Ground()
+    ground.ledger.judge_answers(after(START, 10.0))
+    ground.second().member = Member.PARTED
+    ground.second().connection.heard(after(START, 10.0), heartbeat=True)
+    ground.ledger.judge_answers(after(START, 10.0))
+    assert ground.notes == []
+
+
+def test_an_order_that_is_acknowledged_and_not_obeyed_is_reported_with_the_mode_and_so_is_its_end() -> None:
+    ground = Ground()
+    follower, plane = ground.second(), ground.second().autopilot
+
+    def beat(mode: int, at_s: float) -> None:
+        armed, flies = m.MAV_MODE_FLAG_SAFETY_ARMED, m.MAV_STATE_ACTIVE
+        follower.telemetry.take(Heartbeat(m.MAV_TYPE_FIXED_WING, m.MAV_AUTOPILOT_ARDUPILOTMEGA, armed, mode, flies))
+        ground.ledger.judge_commands(after(START, at_s))
+
+    beat(m.PLANE_MODE_GUIDED, 0.0)
+    effect = plane.effect(plane.set_mode(m.PLANE_MODE_LOITER))
+    assert effect is not None
+    follower.effects.acknowledged(effect, follower.telemetry, START)
+    beat(m.PLANE_MODE_GUIDED, 1.0)
+    assert ground.notes == []
+    for at_s in (2.0, 3.0, 4.0):
+        beat(m.PLANE_MODE_GUIDED, at_s)
+    assert ground.notes.of("disobeys", 2) == ["acknowledged mode LOITER 2.0 s ago, and is still in GUIDED"]
+    beat(m.PLANE_MODE_LOITER, 5.0)
+    assert ground.notes.of("obeys", 2) == ["mode LOITER is over"]
+    assert len(ground.notes) == 2

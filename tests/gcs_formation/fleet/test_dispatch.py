@@ -1,0 +1,107 @@
+"""What is sent when: pure decisions, of vehicles that are no more than their links."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from airlink.clock import Instant, after
+from airlink.endpoint import VehicleId
+from formation_scenario import load_scenario
+from gcs_formation.fleet.dispatch import HOLD_MAX_S, Dispatch
+from gcs_formation.vehicle.member import Member
+from tests.flights.conftest import scenario
+
+NOW = Instant(0)
+LEADER, QUICK, SLOW = 0, 1, 2
+
+
+def vehicle(name: str, up_s: float) -> SimpleNamespace:
+    return SimpleNamespace(
+        member=Member.FLYING,
+        airborne=True,
+        clock=SimpleNamespace(one_way_s=up_s),
+        ways_s=(math.nan, math.nan),
+        jitter=SimpleNamespace(jitter_s=0.0),
+        heard_at=lambda now: now,
+        autopilot=SimpleNamespace(loop_s=0.1, setpoint=lambda setpoint, _: [(name, setpoint)]),
+    )
+
+
+def dispatch(*delays_s: float, **law: Any) -> Dispatch:
+    """Serve a leader and followers with these delays of their links."""
+    keys = scenario(vehicles={"count": len(delays_s)}, law={"type": "fuzzy_pid", **law})
+    vehicles: dict[VehicleId, Any] = {
+        VehicleId(1, 1 + column): vehicle(str(column), delay_s) for column, delay_s in enumerate(delays_s)
+    }
+    return Dispatch(load_scenario(keys), vehicles, {each: column for column, each in enumerate(vehicles)})
+
+
+def links(served: Dispatch, leader: int = LEADER) -> Any:
+    return served.links(leader, np.zeros(3, dtype=bool), NOW)
+
+
+def tick(speed_mps: float = 22.0, active: tuple[bool, ...] = (True, True, True)) -> Any:
+    told = SimpleNamespace(
+        speed_mps=np.array([22.0, speed_mps, 22.0]), heading_rad=np.zeros(3), height_m=np.full(3, 100.0)
+    )
+    return SimpleNamespace(
+        setpoints=told, state=SimpleNamespace(table=np.zeros((8, 3))), active=np.array(active), leader=LEADER
+    )
+
+
+def told(served: Dispatch, at_s: float) -> list[str]:
+    due: Any = served.pop_due(after(NOW, at_s))
+    return [message[0] for _, message in due]
+
+
+def test_the_leaders_setpoints_wait_until_the_slowest_followers_act():
+    served = dispatch(0.05, 0.0, 0.3)
+    hold_s = links(served).hold_s
+    assert hold_s == pytest.approx(0.3 - 0.05)
+    served.take(tick(), hold_s, NOW)
+    assert sorted(told(served, 0.0)) == ["1", "2"]
+    assert told(served, hold_s - 1e-3) == []
+    assert told(served, hold_s) == ["0"]
+
+
+def test_what_is_held_back_counts_as_the_leaders_lag():
+    assert links(dispatch(0.0, 0.0, 0.3)).lag_s == pytest.approx([0.05 + 0.3, 0.05, 0.05])
+
+
+@pytest.mark.parametrize(
+    ("delays_s", "law", "hold_s"),
+    [
+        ((0.4, 0.0, 0.3), {}, 0.0),
+        ((0.0, 0.0, 30.0), {}, HOLD_MAX_S),
+        ((0.0, 0.0, 0.3), {"delay_compensation": False}, 0.0),
+    ],
+)
+def test_nothing_is_held_back_for_quicker_followers_forever_or_without_compensation(delays_s, law, hold_s):
+    assert links(dispatch(*delays_s, **law)).hold_s == hold_s
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_a_setpoint_that_is_not_finite_is_never_sent(bad):
+    served = dispatch(0.0, 0.0, 0.0)
+    served.take(tick(speed_mps=bad), 0.0, NOW)
+    assert sorted(told(served, 10.0)) == ["0", "2"]
+
+
+def test_who_is_not_commanded_is_sent_nothing_and_a_cleared_queue_sends_nothing():
+    served = dispatch(0.0, 0.0, 0.0)
+    served.take(tick(active=(True, True, False)), 0.5, NOW)
+    assert told(served, 0.0) == ["1"]
+    served.clear()
+    assert served.next() is None
+
+
+def test_setpoints_that_are_held_back_do_not_follow_a_leader_that_has_left():
+    served = dispatch(0.0, 0.0, 0.3)
+    served.take(tick(), links(served).hold_s, NOW)
+    served._vehicles[VehicleId(1, 1)].member = Member.PARTED
+    assert sorted(told(served, 10.0)) == ["1", "2"]

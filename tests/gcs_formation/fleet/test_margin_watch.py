@@ -1,0 +1,202 @@
+"""What measured delays lead to: events, lower gains, loitering; of vehicles that are no more than their delays."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from airlink.clock import Instant
+from airlink.endpoint import VehicleId
+from formation_scenario import load_scenario
+from gcs_formation.fleet.quality import CALM_LOOKS, CLEAR, DEGRADE, NEAR, RESTORE, MarginWatch
+from tests.flights.conftest import scenario
+from tests.gcs_formation.noted import Noted
+
+NOW = Instant(0)
+NONE_OFF = np.zeros((3, 2))
+
+
+class Formation:
+    """A leader and a follower over links with the same delay up and down, without prediction."""
+
+    def __init__(self, count: int = 2, **law: Any) -> None:
+        keys = scenario(vehicles={"count": count}, law={"type": "fuzzy_pid", "delay_compensation": False, **law})
+        self.vehicles: dict[VehicleId, Any] = {
+            VehicleId(1, number): SimpleNamespace(identity=VehicleId(1, number), beyond_margin=False)
+            for number in range(1, count + 1)
+        }
+        self.leader, self.follower, *_ = self.vehicles.values()
+        self.notes, columns = Noted(), {identity: column for column, identity in enumerate(self.vehicles)}
+        self.watch = MarginWatch(load_scenario(keys), self.vehicles, columns, self.notes)
+        for each in self.vehicles.values():
+            self.delay(each, 0.0)
+
+    def delay(self, vehicle: Any, one_way_s: float, scatter_s: float = 0.0) -> None:
+        vehicle.clock, vehicle.down_s = SimpleNamespace(one_way_s=one_way_s, scatter_s=scatter_s), one_way_s
+
+    def look(self, leader: Any = None) -> float:
+        """Look once; return the share of the margin that the follower uses."""
+        lags_off = np.zeros((3, len(self.vehicles)))
+        self.watch.watch(NOW, self.leader if leader is None else leader, lags_off)
+        return float(self.watch.used[1])
+
+    def use(self, share: float) -> float:
+        """Give the follower's link the delay at which a share of the margin at full gains is used, and look."""
+        full = self.full
+        self.delay(self.follower, (share - full[0]) / full[1])
+        return self.look()
+
+    @property
+    def full(self) -> tuple[float, float]:
+        """Share used at no delay, and what it grows by with each second each way: it is proportional to the loop's."""
+        if not hasattr(self, "_full"):
+            fresh = MarginWatch(self.watch._scenario, self.vehicles, self.watch._columns, Noted())
+            used: list[float] = []
+            for one_way_s in (0.0, 0.1):
+                self.delay(self.follower, one_way_s)
+                fresh.watch(NOW, self.leader, NONE_OFF)
+                used.append(float(fresh.used[1]))
+            self._full = used[0], (used[1] - used[0]) / 0.1
+        return self._full
+
+
+@pytest.fixture(scope="module")
+def warning() -> Formation:
+    return Formation()
+
+
+def test_the_share_in_use_is_the_loop_s_delay_over_its_margin(warning: Formation) -> None:
+    assert warning.use(0.5) == pytest.approx(0.5)
+    assert math.isnan(warning.watch.used[0]), "the leader has no loop around it"
+    longest_s = warning.watch.longest_s
+    assert warning.use(1.3) == pytest.approx(1.3)
+    assert warning.watch.longest_s > longest_s
+    assert warning.watch.most_used == pytest.approx(1.3)
+    longest_s = warning.watch.longest_s
+    warning.use(0.4)
+    assert (warning.watch.most_used, warning.watch.longest_s) == (pytest.approx(1.3), longest_s)
+
+
+def test_the_loop_s_delay_is_the_way_up_and_the_way_down_however_the_round_trip_is_split(warning: Formation) -> None:
+    used: list[float] = []
+    for down_s in (0.05, 0.1, 0.15):
+        warning.delay(warning.follower, 0.1)
+        warning.follower.down_s = down_s
+        used.append(warning.look())
+    assert used == pytest.approx([used[0]] * 3)
+    begun = Formation()
+    begun.look()
+    before_s = begun.watch.longest_s
+    begun.delay(begun.follower, 0.1)
+    begun.look()
+    assert begun.watch.longest_s - before_s == pytest.approx(0.2)
+
+
+def test_a_delay_that_is_not_known_yet_is_no_share_and_no_event() -> None:
+    formation = Formation()
+    formation.delay(formation.follower, math.nan)
+    assert math.isnan(formation.look())
+    assert formation.watch.most_used == 0.0
+    assert formation.notes == []
+
+
+def test_near_its_margin_a_vehicle_is_reported_once_and_once_when_it_is_clear_of_it() -> None:
+    formation, shares = Formation(), (NEAR - 0.01, NEAR + 0.01, NEAR - 0.01, CLEAR + 0.01, CLEAR - 0.01, CLEAR + 0.01)
+    counts = [(formation.use(share), len(formation.notes))[1] for share in shares]
+    assert counts == [0, 1, 1, 1, 2, 2]
+    assert formation.notes.of("delay_margin", 2) == [
+        "uses 81% of its delay margin",
+        "is well inside its delay margin again",
+    ]
+
+
+def test_beyond_its_margin_a_vehicle_is_marked_until_it_is_well_inside() -> None:
+    formation = Formation()
+    shares = (0.99, 1.01, NEAR + 0.01, NEAR - 0.01, 0.99)
+    assert [(formation.use(share), formation.follower.beyond_margin)[1] for share in shares] == [
+        *(False, True, True, False, False)
+    ]
+
+
+def test_gains_are_lowered_only_where_that_is_asked_for() -> None:
+    formation = Formation(on_delay="warn")
+    formation.use(1.5)
+    assert np.all(formation.watch.bandwidth == 1.0)
+    assert formation.notes.of("gains") == []
+
+
+def test_gains_come_down_until_the_margin_holds_and_return_after_ten_calm_looks() -> None:
+    formation = Formation(on_delay="degrade")
+    formation.use(DEGRADE - 0.01)
+    assert np.all(formation.watch.bandwidth == 1.0)
+    assert formation.use(1.2) < DEGRADE
+    lowered = formation.watch.bandwidth[1].copy()
+    assert lowered.min() < 1.0
+    assert np.all(formation.watch.bandwidth[0] == 1.0), "of that vehicle alone"
+    (said,) = formation.notes.of("gains", 2)
+    assert said.startswith("gains lowered; shares of the bandwidth: speed ")
+    assert formation.use(1.2) < DEGRADE
+    assert len(formation.notes.of("gains")) == 1, "nothing more to change"
+    for _ in range(CALM_LOOKS - 1):
+        assert formation.use(RESTORE / 4) < RESTORE
+    assert np.array_equal(formation.watch.bandwidth[1], lowered)
+    formation.use(RESTORE / 4)
+    assert np.all(formation.watch.bandwidth == 1.0)
+    assert formation.notes.of("gains")[1:] == ["gains are the scenario's again"]
+
+
+def test_looks_that_are_not_calm_one_after_the_other_do_not_raise_gains() -> None:
+    formation = Formation(on_delay="degrade")
+    formation.use(1.2)
+    lowered = formation.watch.bandwidth.copy()
+    for _ in range(4):
+        for _ in range(CALM_LOOKS - 1):
+            formation.use(RESTORE / 4)
+        formation.use(1.2)
+    assert np.array_equal(formation.watch.bandwidth, lowered)
+    assert len(formation.notes.of("gains")) == 1
+
+
+def test_gains_that_can_not_come_down_any_further_are_not_reported_again_and_again() -> None:
+    formation = Formation(on_delay="degrade")
+    for _ in range(3):
+        assert formation.use(50.0) > 1.0
+    assert len(formation.notes.of("gains")) == 1
+
+
+def test_one_that_leads_has_no_loop_any_more_and_its_gains_back() -> None:
+    formation = Formation(on_delay="degrade")
+    formation.use(1.2)
+    formation.follower.beyond_margin = True
+    assert math.isnan(formation.look(formation.follower))
+    assert np.all(formation.watch.bandwidth[1] == 1.0)
+    assert not formation.follower.beyond_margin
+
+
+def test_by_consensus_without_prediction_everyone_waits_for_the_latest_state_and_the_leader_has_a_loop_too() -> None:
+    formation = Formation(3, type="consensus")
+    alone = formation.look()
+    assert formation.watch.used[0] > 0.0
+    *_, third = formation.vehicles.values()
+    formation.delay(third, 0.2)
+    assert formation.look() > alone
+
+
+def test_with_prediction_scatter_uses_the_margin_and_delay_does_not_and_wrong_lags_are_named_with_their_channel() -> (
+    None
+):
+    formation = Formation(delay_compensation=True)
+    formation.delay(formation.follower, 0.2)
+    assert formation.look() == 0.0
+    formation.delay(formation.follower, 0.2, scatter_s=0.02)
+    assert formation.look() > 0.0
+    off = NONE_OFF.copy()
+    off[1, 1] = 3.0
+    formation.watch.watch(NOW, formation.leader, off)
+    (said,) = formation.notes
+    assert said.text.endswith("of its delay margin: heading doesn't follow as its model says, lags are 300% off")
+    assert said.details["lags_off"] == 3.0

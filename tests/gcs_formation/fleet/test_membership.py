@@ -1,0 +1,213 @@
+"""Who flies in the formation, by what is known of each: decisions about vehicles that are no more than that."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from airlink import mavlink as m
+from airlink.clock import Instant, after
+from airlink.endpoint import VehicleId
+from airlink.messages.system import Heartbeat
+from airlink.messages.telemetry import GlobalPositionInt
+from flight_model.earth import GeodeticOrigin
+from formation_scenario import load_scenario
+from gcs_formation.fleet.membership import BACK_S, MUTE_S, SUCCESSION_S, Membership
+from gcs_formation.link.connection import Connection, LinkState
+from gcs_formation.separation.resolver import FORGOTTEN_AFTER_S
+from gcs_formation.vehicle.arduplane import ArduPlane
+from gcs_formation.vehicle.member import Member
+from gcs_formation.vehicle.startup import StartUp
+from gcs_formation.vehicle.vehicle import Vehicle
+from tests.flights.conftest import scenario
+from tests.gcs_formation.noted import Noted
+
+ORIGIN = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 0.0)
+LEADER, FOLLOWER = VehicleId(1, 1), VehicleId(1, 2)
+GUIDED, LOITER, MANUAL = m.PLANE_MODE_GUIDED, m.PLANE_MODE_LOITER, m.PLANE_MODE_MANUAL
+
+
+class Formation:
+    """A leader and a follower in GUIDED, heard and answering at 0 s, whose telemetry is as old as it is made."""
+
+    def __init__(self, **law: Any) -> None:
+        planned = load_scenario(scenario(vehicles={"count": 2}, law={"type": "fuzzy_pid", **law}))
+        self.max_age_s = planned.law.max_age_s
+        self.vehicles = {identity: vehicle(identity) for identity in (LEADER, FOLLOWER)}
+        columns = {LEADER: 0, FOLLOWER: 1}
+        self.notes, self.ages_s = Noted(), [0.0, 0.0]
+        self.roster = Membership(planned, self.vehicles, columns, self.notes)
+        self.estimator: Any = SimpleNamespace(age_s=lambda column, _: self.ages_s[column])
+        self.now = Instant(0)
+        self.judge(0.0)
+
+    def judge(self, at_s: float, *, heard: bool = True) -> Member:
+        """Judge everybody at a time, having heard from them until then; return what becomes of the follower."""
+        self.now = after(Instant(0), at_s)
+        for each in self.vehicles.values():
+            if heard:
+                each.connection.heard(self.now, heartbeat=True)
+                each._answered = self.now
+        self.roster.judge(self.vehicles[LEADER], self.estimator, self.now, connecting=False)
+        return self.follower.member
+
+    def silent(self, at_s: float, of: VehicleId = FOLLOWER) -> Member:
+        """Judge at a time when one of them was last heard at 0 s, and the other is."""
+        other = LEADER if of == FOLLOWER else FOLLOWER
+        self.vehicles[other].connection.heard(after(Instant(0), at_s), heartbeat=True)
+        self.vehicles[other]._answered = after(Instant(0), at_s)
+        while self.vehicles[of].connection.check(after(Instant(0), at_s)):
+            pass
+        self.ages_s[0 if of == LEADER else 1] = at_s
+        return self.judge(at_s, heard=False)
+
+    def told(self, number: VehicleId = FOLLOWER) -> list[float]:
+        """Return the modes that a vehicle is being told."""
+        return [each.param2 for each in self.vehicles[number].commands._waiting if each.command == SET_MODE]
+
+    def reports(self, mode: int, number: VehicleId = FOLLOWER) -> None:
+        beat(self.vehicles[number], mode)
+
+    @property
+    def follower(self) -> Vehicle:
+        return self.vehicles[FOLLOWER]
+
+
+SET_MODE = m.MAV_CMD_DO_SET_MODE
+
+
+def vehicle(identity: VehicleId) -> Vehicle:
+    made = Vehicle(identity, ArduPlane(identity.system, ORIGIN, 0.25), Connection(0), ORIGIN, 10.0)
+    made.start_up = StartUp((), index=0)
+    made._loiter_ordered = after(Instant(0), -100.0)
+    lat_rad, lon_rad, alt_m = ORIGIN.from_ned(30.0 * identity.system, 0.0, -100.0)
+    made.telemetry.take(GlobalPositionInt(1.0, lat_rad, lon_rad, alt_m, 100.0, 22.0, 0.0, 0.0, 0.0))
+    beat(made, GUIDED)
+    return made
+
+
+def beat(of: Vehicle, mode: int) -> None:
+    armed, flies = m.MAV_MODE_FLAG_SAFETY_ARMED, m.MAV_STATE_ACTIVE
+    of.telemetry.take(Heartbeat(m.MAV_TYPE_FIXED_WING, m.MAV_AUTOPILOT_ARDUPILOTMEGA, armed, mode, flies))
+
+
+def test_vehicles_that_are_heard_and_guided_fly_in_the_formation_and_are_told_nothing() -> None:
+    formation = Formation()
+    assert [each.member for each in formation.vehicles.values()] == [Member.FLYING] * 2
+    assert formation.notes.of("member") == ["flying in formation"] * 2
+    formation.judge(1.0)
+    assert len(formation.notes) == 2, "said when it changes"
+    assert formation.told() == []
+
+
+def test_a_silent_follower_is_told_nothing_at_first_and_to_loiter_once_the_others_no_longer_keep_clear() -> None:
+    formation = Formation()
+    assert formation.silent(formation.max_age_s - 0.1) is Member.FLYING
+    assert formation.silent(formation.max_age_s + 0.1) is Member.UNHEARD
+    assert formation.silent(FORGOTTEN_AFTER_S - 0.1) is Member.UNHEARD
+    assert formation.told() == []
+    assert formation.silent(FORGOTTEN_AFTER_S + 0.1) is Member.HOLDING
+    assert formation.told() == [LOITER]
+    assert formation.vehicles[LEADER].member is Member.FLYING
+
+
+def test_one_that_is_heard_and_answers_nothing_is_told_to_loiter_at_once_when_its_time_is_over() -> None:
+    """It talks, so the others see where it goes; it may hear."""
+    formation = Formation()
+    for at_s in (1.0, formation.max_age_s - 0.1, formation.max_age_s + 0.1):
+        formation.follower.connection.heard(after(Instant(0), at_s), heartbeat=True)
+        member = formation.judge(at_s, heard=False)
+    assert member is Member.HOLDING
+    assert formation.told() == [LOITER]
+
+
+def test_one_whose_heartbeats_are_missing_flies_on_for_a_while_and_is_told_to_loiter_then() -> None:
+    """Its telemetry comes, and its mode isn't known any more."""
+    formation, begun = Formation(), Instant(0)
+    found: dict[float, Member] = {}
+    for tenth in range(1, 80):
+        now = after(begun, 0.1 * tenth)
+        formation.follower.connection.heard(now, heartbeat=False)
+        formation.follower._answered = now
+        formation.follower.connection.check(now)
+        found[0.1 * tenth] = formation.judge(0.1 * tenth, heard=False)
+    assert formation.follower.connection.state is LinkState.MUTE
+    (told_s,) = [each.at_s for each in formation.notes if each.text == "told to loiter" and each.vehicle == 2]
+    assert told_s == pytest.approx(3.5 + MUTE_S, abs=0.15)
+
+
+def test_one_whose_mode_is_not_known_does_not_come_back() -> None:
+    formation = Formation()
+    formation.silent(FORGOTTEN_AFTER_S + 1.0)
+    formation.reports(LOITER)
+    formation.ages_s[1] = 0.0
+    formation.judge(40.0)
+    formation.follower.member, formation.follower.connection.state = Member.HOLDING, LinkState.MUTE
+    formation.follower.connection.last_heard = formation.follower._answered = after(Instant(0), 40.1)
+    assert formation.judge(40.1, heard=False) is Member.HOLDING
+
+
+def test_one_that_comes_back_needs_fresher_telemetry_than_one_that_never_left() -> None:
+    formation = Formation()
+    formation.silent(FORGOTTEN_AFTER_S + 1.0)
+    formation.reports(LOITER)
+    formation.ages_s[1] = BACK_S + 0.1
+    assert formation.judge(40.0) is Member.HOLDING
+    formation.ages_s[1] = BACK_S - 0.1
+    assert formation.judge(41.0) is Member.RETURNING
+    assert formation.told() == [GUIDED]
+    formation.reports(GUIDED)
+    assert formation.judge(42.0) is Member.FLYING
+
+
+@pytest.mark.parametrize(
+    ("late_s", "replaceable", "lost"),
+    [(SUCCESSION_S - 0.1, True, False), (SUCCESSION_S + 0.1, True, True), (SUCCESSION_S + 0.1, False, False)],
+)
+def test_a_leader_that_can_be_replaced_is_given_up_sooner_than_one_that_can_not(
+    late_s: float, replaceable: bool, lost: bool
+) -> None:
+    formation = Formation()
+    assert late_s < formation.max_age_s
+    formation.ages_s[0], now = late_s, after(Instant(0), late_s)
+    leader = formation.vehicles[LEADER]
+    assert formation.roster.leader_lost(leader, formation.estimator, now, lambda: replaceable) is lost
+
+
+def test_without_a_leader_its_followers_loiter_at_heights_of_their_own() -> None:
+    formation = Formation()
+    formation.reports(MANUAL, LEADER)
+    assert formation.judge(1.0) is Member.HOLDING
+    assert formation.vehicles[LEADER].member is Member.PARTED
+    assert formation.told() == [LOITER]
+    assert formation.told(LEADER) == [], "a pilot's vehicle is told nothing"
+    assert abs(formation.follower.holds_at_m - 100.0) >= 15.0 - 1e-6
+
+
+def test_while_the_station_connects_followers_need_no_leader_and_nobody_needs_telemetry_that_was_never_there() -> None:
+    formation = Formation()
+    formation.reports(MANUAL, LEADER)
+    formation.ages_s = [math.nan, math.nan]
+    leader = formation.vehicles[LEADER]
+    formation.roster.judge(leader, formation.estimator, formation.now, connecting=True)
+    assert formation.follower.member is Member.FLYING
+
+
+def test_one_that_a_loop_delay_makes_unstable_loiters_where_that_is_asked_for_only() -> None:
+    for on_delay, member in (("hold", Member.HOLDING), ("warn", Member.FLYING)):
+        formation = Formation(on_delay=on_delay)
+        formation.follower.beyond_margin = True
+        assert formation.judge(1.0) is member
+
+
+def test_at_the_end_nobody_who_circles_is_told_to_come_back_and_each_has_the_height_of_its_circle() -> None:
+    formation = Formation()
+    formation.roster.ending_m = {FOLLOWER: 130.0}
+    formation.silent(FORGOTTEN_AFTER_S + 1.0)
+    assert formation.follower.holds_at_m == 130.0
+    formation.reports(LOITER)
+    formation.ages_s[1] = 0.0
+    assert formation.judge(60.0) is Member.HOLDING

@@ -1,0 +1,43 @@
+"""What is said of noise that isn't as declared, as a decision."""
+
+from typing import Any
+
+import numpy as np
+
+from airlink.clock import Instant
+from airlink.endpoint import VehicleId
+from gcs_formation.estimation.kalman import Declared, NoiseEstimate
+from gcs_formation.fleet.quality import NoiseWatch
+from tests.gcs_formation.noted import Noted
+
+DECLARED = np.array([0.3, 0.3, 0.1, 0.1, 0.2, 0.01])[:, None]
+WHO = VehicleId(1, 2)
+
+
+def said(times, samples=400, stated=True):
+    """Return what is said while the position's noise is `times` the declared one, and as declared after that."""
+    noise = NoiseEstimate(Declared(DECLARED, DECLARED / 4, np.array([stated])))
+    random, column, notes = np.random.default_rng(1), np.array([0]), Noted()
+    vehicles: Any = {WHO: None}
+    watch = NoiseWatch(vehicles, {WHO: 0}, notes)
+    sigma = np.repeat(DECLARED, (2, 1, 2, 1, 1, 1), axis=0)
+    for scale in (times, 1.0):
+        before = np.zeros((8, 1))
+        for _ in range(samples):
+            white = sigma * random.standard_normal((8, 1))
+            white[:2] *= scale
+            noise.learn(column, white - before, 2.0 * (sigma * scale) ** 2)
+            before = white
+            watch.watch(Instant(0), noise)
+    return notes.of("noise")
+
+
+def test_noise_that_is_three_times_as_declared_is_said_once_and_when_it_is_over():
+    first, *_, last = said(3.0)
+    assert first.startswith("position is ")
+    assert last == "is as noisy as declared again"
+
+
+def test_noise_as_declared_and_noise_of_which_nothing_is_declared_are_nothing_to_tell():
+    assert said(1.0) == []
+    assert said(3.0, stated=False) == []

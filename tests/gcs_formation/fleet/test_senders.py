@@ -1,0 +1,114 @@
+"""Who sent a frame."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from airlink import mavlink as m
+from airlink.clock import Instant, after
+from airlink.endpoint import Address, VehicleId
+from airlink.engine import Datagram
+from airlink.frame import Frame
+from airlink.messages import Message
+from airlink.messages.system import Heartbeat
+from airlink.messages.telemetry import Attitude
+from flight_model.earth import GeodeticOrigin
+from gcs_formation.fleet.senders import Senders
+from gcs_formation.link.connection import Connection
+from gcs_formation.phases import Flight, Phase
+from gcs_formation.vehicle.arduplane import ArduPlane
+from gcs_formation.vehicle.vehicle import STATION_SYSTEM, Vehicle
+from tests.gcs_formation.noted import GivenUp, Noted
+
+ORIGIN = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 0.0)
+PLANE = Heartbeat(m.MAV_TYPE_FIXED_WING, m.MAV_AUTOPILOT_ARDUPILOTMEGA)
+COMPANION = Heartbeat(m.MAV_TYPE_ONBOARD_CONTROLLER, m.MAV_AUTOPILOT_INVALID)
+HERE, THERE = 40000, 50000
+FIRST, SECOND = VehicleId(1, 2), VehicleId(2, 2)
+
+
+class Ground:
+    """Two networks, a socket each, with a vehicle 2 in either."""
+
+    def __init__(self, phase: Phase) -> None:
+        plane = ArduPlane(2, ORIGIN, 0.25)
+        self.vehicles = {
+            identity: Vehicle(identity, plane, Connection(socket), ORIGIN, 10.0)
+            for socket, identity in enumerate((FIRST, SECOND))
+        }
+        self.notes, self.given_up = Noted(), GivenUp()
+        self.identities = Senders(self.vehicles, (1, 2), Flight(phase), self.notes, self.given_up)
+
+    def hear(
+        self, message: Message, system: int = 2, component: int = 1, port: int = HERE, socket: int = 0, at_s: float = 0
+    ) -> Vehicle | None:
+        """Hear a frame; let the vehicle that it is of take it."""
+        now, frame = after(Instant(0), at_s), Frame(system, component, 0, 0, 2, message, b"")
+        sender = self.identities.sender(frame, Datagram(socket, Address("127.0.0.1", port), b""), now)
+        if sender:
+            sender.connection.heard(now, heartbeat=isinstance(message, Heartbeat))
+        return sender
+
+
+@pytest.fixture
+def ground() -> Ground:
+    return Ground(Phase.FLYING)
+
+
+def test_one_id_in_two_networks_is_two_vehicles(ground: Ground) -> None:
+    assert ground.hear(PLANE, socket=0) is ground.vehicles[FIRST]
+    assert ground.hear(PLANE, socket=1) is ground.vehicles[SECOND]
+    assert ground.notes == []
+
+
+@pytest.mark.parametrize(
+    ("system", "kind", "words"),
+    [
+        (0, "stranger", "system 0 is heard, but is everyone's address and nobody's id"),
+        (9, "stranger", "system 9 is heard, but isn't in the scenario"),
+        (STATION_SYSTEM, "own_id", "system 255 is our own id: another ground station has it, or our own frames come"),
+    ],
+)
+def test_who_is_not_ours_is_reported_once_by_its_heartbeat(ground: Ground, system: int, kind: str, words: str) -> None:
+    assert ground.hear(Attitude(1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), system) is None
+    assert ground.notes == []
+    for _ in range(3):
+        assert ground.hear(PLANE, system) is None
+    (said,) = ground.notes.of(kind)
+    assert said.startswith(words)
+    assert ground.hear(PLANE, 9, socket=1) is None
+    assert any("system 2:9" in said for said in ground.notes.of("stranger")), "a stranger in each network is another"
+
+
+def test_a_vehicle_s_other_components_and_companions_say_nothing_of_its_autopilot(ground: Ground) -> None:
+    assert ground.hear(PLANE, component=191) is None
+    assert ground.hear(COMPANION) is None
+    assert ground.vehicles[FIRST].connection.peer is None
+    assert ground.notes == []
+
+
+@pytest.mark.parametrize(("phase", "ends"), [(Phase.CONNECTING, True), (Phase.FLYING, False)])
+def test_two_with_one_id_are_not_taken_off_and_the_second_is_ignored_in_flight(phase: Phase, ends: bool) -> None:
+    ground = Ground(phase)
+    for tenth in range(20):
+        assert ground.hear(PLANE, at_s=0.1 * tenth) is ground.vehicles[FIRST]
+        assert ground.hear(PLANE, port=THERE, at_s=0.1 * tenth) is None
+    (said,) = ground.notes.of("duplicate", 2)
+    assert said == "another sender has its system id, from 127.0.0.1:50000, beside 127.0.0.1:40000; it is ignored"
+    assert ground.given_up == ([f"vehicle 2: {said}; allowed: each id once"] if ends else [])
+
+
+def test_one_that_has_moved_is_the_same_and_its_sequence_numbers_begin_again(ground: Ground) -> None:
+    vehicle = ground.vehicles[FIRST]
+    ground.hear(PLANE)
+    vehicle.sequence.observe(200)
+    while vehicle.connection.check(after(Instant(0), 6.0)):
+        pass
+    assert ground.hear(PLANE, port=THERE, at_s=6.0) is vehicle
+    vehicle.sequence.observe(3)
+    assert vehicle.sequence.lost == 0
+    (said,) = ground.notes.of("address", 2)
+    assert said.startswith("is heard from 127.0.0.1:50000; 127.0.0.1:40000 fell silent 6.0 s ago")
+    assert ground.given_up == []

@@ -1,0 +1,148 @@
+"""Which address speaks for a vehicle, frame by frame."""
+
+from __future__ import annotations
+
+import pytest
+
+from airlink import mavlink as m
+from airlink.clock import NANOSECONDS, Instant, after
+from airlink.endpoint import Address
+from airlink.messages.system import Heartbeat
+from airlink.messages.telemetry import Attitude
+from gcs_formation.link.clock_sync import ClockSync
+from gcs_formation.link.connection import LOST_AFTER_S, STALE_AFTER_S, Connection, LinkState
+from gcs_formation.link.source_binding import BOTH_TALK_S, DISBELIEVED_S, MAX_RIVALS, Ruling, SourceBinding
+
+HERE, THERE = Address("127.0.0.1", 40000), Address("127.0.0.1", 50000)
+BEAT = Heartbeat(m.MAV_TYPE_FIXED_WING, m.MAV_AUTOPILOT_ARDUPILOTMEGA)
+BOOTED_S = 500.0
+"""The vehicle's time since boot at our 0 s."""
+
+
+class Ground:
+    """The claims of one vehicle that is heard from `HERE` and whose clock is known."""
+
+    def __init__(self, *, clock_known: bool = True) -> None:
+        self.connection, self.clock = Connection(0), ClockSync()
+        self.claims = SourceBinding(self.connection, self.clock)
+        self.now = Instant(0)
+        self.hear()
+        if clock_known:
+            self.clock.observe(self.now, round(BOOTED_S * NANOSECONDS), self.now)
+            self.hear(BOOTED_S)
+
+    def hear(self, stamp_s: float | None = None, peer: Address = HERE, *, at_s: float | None = None) -> Ruling:
+        """Take a heartbeat, or telemetry with a stamp, as the station does."""
+        self.now = self.now if at_s is None else after(Instant(0), at_s)
+        message = BEAT if stamp_s is None else Attitude(stamp_s, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        ruling = self.claims.judge(message, 0, peer, self.now)
+        if ruling.admitted:
+            self.connection.heard(self.now, heartbeat=stamp_s is None)
+        return ruling
+
+    def silence(self, until_s: float) -> None:
+        self.now = after(Instant(0), until_s)
+        while self.connection.check(self.now):
+            pass
+
+
+def test_before_it_is_heard_the_first_address_counts_and_a_heartbeat_s_more() -> None:
+    connection = Connection(0)
+    claims = SourceBinding(connection, ClockSync())
+    assert claims.judge(None, 0, HERE, Instant(0)).admitted
+    assert connection.peer == HERE
+    claims.judge(None, 0, THERE, Instant(0))
+    assert connection.peer == HERE
+    claims.judge(BEAT, 1, THERE, Instant(0))
+    assert (connection.socket, connection.peer) == (1, THERE)
+
+
+def test_while_it_is_heard_nobody_takes_its_place_and_two_that_talk_for_a_second_are_two() -> None:
+    ground = Ground()
+    rulings = []
+    for tenth in range(1, 21):
+        ground.hear(BOOTED_S + 0.1 * tenth, at_s=0.1 * tenth)
+        rulings.append(ground.hear(BOOTED_S + 0.1 * tenth, THERE))
+    assert not any(ruling.admitted for ruling in rulings)
+    found = [(0.1 * (1 + i), ruling.finding) for i, ruling in enumerate(rulings) if ruling.finding]
+    ((at_s, finding),) = found
+    assert at_s == pytest.approx(0.1 + BOTH_TALK_S)
+    assert finding is not None
+    assert finding.kind == "duplicate"
+    assert finding.text.endswith("beside 127.0.0.1:40000, its clock goes on; it is ignored")
+    assert ground.connection.peer == HERE
+
+
+def test_one_that_moved_is_refused_until_its_old_address_is_silent_and_is_no_second_vehicle() -> None:
+    ground = Ground()
+    ground.hear(BOOTED_S + 1.0, at_s=1.0)
+    assert ground.hear(BOOTED_S + 1.1, THERE, at_s=1.1) == Ruling(False)
+    ground.silence(1.0 + STALE_AFTER_S + 0.1)
+    assert ground.connection.state is LinkState.STALE
+    moved = ground.hear(BOOTED_S + 2.6, THERE)
+    assert moved.admitted
+    assert moved.finding is not None
+    assert moved.finding.text.endswith("127.0.0.1:40000 fell silent 1.6 s ago, its clock goes on")
+    assert ground.connection.peer == THERE
+
+
+@pytest.mark.parametrize(
+    ("stamp_s", "words"),
+    [(0.5, "its clock began after that"), (BOOTED_S + 3.0, "its clock goes on")],
+)
+def test_who_speaks_elsewhere_after_silence_is_it_if_its_clock_goes_on_or_began_since(
+    stamp_s: float, words: str
+) -> None:
+    ground = Ground()
+    ground.silence(3.0)
+    taken = ground.hear(stamp_s, THERE)
+    assert taken.admitted
+    assert taken.finding is not None
+    assert taken.finding.text.endswith(words)
+
+
+@pytest.mark.parametrize("stamp_s", [40.0, BOOTED_S - 60.0, BOOTED_S + 60.0])
+def test_another_clock_never_takes_a_silent_vehicle_s_place_nor_do_its_heartbeats(stamp_s: float) -> None:
+    ground = Ground()
+    ground.silence(LOST_AFTER_S + 1.0)
+    refused = ground.hear(stamp_s, THERE)
+    assert not refused.admitted
+    assert refused.finding is not None
+    assert refused.finding.text.endswith("its clock is another's; it is ignored")
+    assert ground.hear(None, THERE) == ground.hear(stamp_s, THERE) == Ruling(False)  # said once
+    assert ground.connection.peer == HERE
+
+
+def test_heartbeats_alone_take_the_place_of_one_that_is_lost_and_not_before() -> None:
+    ground = Ground()
+    ground.silence(LOST_AFTER_S - 1.0)
+    assert ground.hear(None, THERE) == Ruling(False)
+    ground.silence(LOST_AFTER_S + 0.1)
+    taken = ground.hear(None, THERE)
+    assert taken.finding is not None
+    assert taken.finding.text.endswith("nothing tells its clock")
+
+
+def test_two_behind_one_address_are_told_apart_by_their_clocks() -> None:
+    ground = Ground()
+    rulings = []
+    for tenth in range(1, 21):
+        assert ground.hear(BOOTED_S + 0.1 * tenth, at_s=0.1 * tenth).admitted
+        rulings.append(ground.hear(7.0 + 0.1 * tenth))
+    assert not any(ruling.admitted for ruling in rulings)
+    (finding,) = [ruling.finding for ruling in rulings if ruling.finding]
+    assert "from the same address, its clock is another's" in finding.text
+
+
+def test_the_answer_of_another_clock_is_believed_only_once_its_own_has_not_been_seen_for_2_s() -> None:
+    ground = Ground()
+    assert ground.claims.believes(BOOTED_S, ground.now)
+    assert not ground.claims.believes(7.0, after(ground.now, DISBELIEVED_S - 0.1))
+    assert ground.claims.believes(7.0, after(ground.now, DISBELIEVED_S + 0.1))
+
+
+def test_a_crowd_of_claimants_is_not_remembered_without_limit() -> None:
+    ground = Ground()
+    for port in range(1000):
+        ground.hear(7.0, Address("127.0.0.1", 1024 + port))
+    assert len(ground.claims._rivals) == MAX_RIVALS

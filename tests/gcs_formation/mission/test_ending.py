@@ -1,0 +1,157 @@
+"""How a run leaves its vehicles, in whatever phase of flight each of them is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from airlink import mavlink as m
+from airlink.clock import Instant
+from airlink.endpoint import Address, VehicleId
+from airlink.messages.command import CommandAck
+from airlink.messages.system import Heartbeat
+from airlink.messages.telemetry import GlobalPositionInt
+from flight_model.earth import GeodeticOrigin
+from formation_scenario import load_scenario
+from formation_scenario.orders import End
+from gcs_formation.fleet.circling import GroundFloor
+from gcs_formation.link.connection import Connection, LinkState
+from gcs_formation.mission.ending import Ending
+from gcs_formation.vehicle.arduplane import ArduPlane
+from gcs_formation.vehicle.member import Member
+from gcs_formation.vehicle.vehicle import Vehicle
+from tests.flights.conftest import scenario
+
+ORIGIN = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 0.0)
+NOW = Instant(0)
+FLYING, WAITING = m.MAV_STATE_ACTIVE, m.MAV_STATE_STANDBY
+Place = Callable[..., Vehicle]
+
+
+@pytest.fixture
+def place() -> Place:
+    """Return a vehicle in a mode, armed or not, at a height above home, this far north."""
+
+    def placed(number: int, mode: int, height_m: float, *, armed: bool = True, status: int = FLYING) -> Vehicle:
+        connection = Connection(0, Address("127.0.0.1", 1), LinkState.CONNECTED)
+        vehicle = Vehicle(VehicleId(1, number), ArduPlane(number, ORIGIN, 0.25), connection, ORIGIN, 10.0)
+        tell(vehicle, mode, height_m, armed=armed, status=status)
+        return vehicle
+
+    return placed
+
+
+def tell(vehicle: Vehicle, mode: int, height_m: float, *, armed: bool = True, status: int = FLYING) -> None:
+    lat_rad, lon_rad, alt_m = ORIGIN.from_ned(50.0 * vehicle.identity.system, 0.0, -height_m)
+    vehicle.telemetry.take(GlobalPositionInt(1.0, lat_rad, lon_rad, alt_m, height_m, 0.0, 0.0, 0.0, 0.0))
+    base = m.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0
+    vehicle.telemetry.take(Heartbeat(m.MAV_TYPE_FIXED_WING, m.MAV_AUTOPILOT_ARDUPILOTMEGA, base, mode, status))
+
+
+def told(vehicle: Vehicle) -> list[tuple[int, float]]:
+    """Return the commands under way, each acknowledged as it comes, with mode or first parameter."""
+    sent: list[tuple[int, float]] = []
+    while (command := vehicle.commands.due(NOW)) is not None:
+        sent.append((command.command, command.param2 if command.command == m.MAV_CMD_DO_SET_MODE else command.param1))
+        vehicle.commands.acknowledge(CommandAck(command.command, m.MAV_RESULT_ACCEPTED), NOW)
+    return sent
+
+
+def loiters_at(height_m: float) -> list[tuple[int, Any]]:
+    return [
+        (m.MAV_CMD_DO_SET_MODE, m.PLANE_MODE_LOITER),
+        (m.MAV_CMD_DO_CHANGE_ALTITUDE, pytest.approx(height_m, abs=1e-3)),
+    ]
+
+
+def ending(*vehicles: Vehicle, manner: End = "loiter", ground: GroundFloor | None = None) -> Ending:
+    end = Ending({vehicle.identity: vehicle for vehicle in vehicles}, NOW, manner, ground)
+    end.leave(NOW)
+    return end
+
+
+def test_vehicles_that_fly_close_together_loiter_15_m_apart(place: Place):
+    vehicles = [place(i, m.PLANE_MODE_GUIDED, 100.0) for i in (1, 2, 3)]
+    end = ending(*vehicles)
+    assert [told(vehicle) for vehicle in vehicles] == [loiters_at(height_m) for height_m in (100.0, 115.0, 130.0)]
+    assert end.pending() == []
+
+
+@pytest.mark.parametrize("manner", ["loiter", "rtl"])
+@pytest.mark.parametrize(("hill_north_m", "base_m"), [(250.0, 150.0), (600.0, 100.0)])
+def test_circles_are_clear_of_the_ground_around_them(place: Place, manner: End, hill_north_m: float, base_m: float):
+    """Those of vehicles 50 m and 100 m north of home, and those at home; a hill 90 m high, 60 m of clearance."""
+    hill = {"shape": "cosine", "north_m": hill_north_m, "east_m": 0, "height_m": 90, "radius_m": 100}
+    away = {"speed_mps": 22, "waypoints_m": [[0, 3000, 100], [2000, 3000, 100]]}
+    planned = load_scenario(scenario(terrain={"clearance_m": 60, "hills": [hill]}, path=away))
+    vehicles = [place(i, m.PLANE_MODE_GUIDED, 100.0) for i in (1, 2)]
+    ending(*vehicles, manner=manner, ground=GroundFloor(planned))
+    heights_m = [told(vehicle)[-1][1] for vehicle in vehicles]
+    assert heights_m == pytest.approx([base_m, base_m + 15.0], abs=1.5)
+
+
+def test_a_vehicle_that_takes_off_climbs_out_before_it_circles(place: Place):
+    low, high = place(1, m.PLANE_MODE_TAKEOFF, 12.0), place(2, m.PLANE_MODE_GUIDED, 50.0)
+    end = ending(low, high)
+    assert told(low) == []
+    assert told(high) == loiters_at(60.0)
+    assert end.pending() == [low]
+    tell(low, m.PLANE_MODE_TAKEOFF, 46.0)
+    end.advance(NOW)
+    assert told(low) == loiters_at(45.0)
+    assert end.pending() == []
+
+
+def test_a_vehicle_armed_on_the_ground_is_disarmed(place: Place):
+    vehicle = place(1, m.PLANE_MODE_TAKEOFF, 0.0, status=WAITING)
+    ending(vehicle)
+    assert told(vehicle) == [(m.MAV_CMD_COMPONENT_ARM_DISARM, 0.0)]
+
+
+def test_arming_that_is_under_way_is_called_off(place: Place):
+    vehicle = place(1, m.PLANE_MODE_TAKEOFF, 0.0, armed=False, status=WAITING)
+    vehicle.commands.begin(vehicle.autopilot.start_up(vehicle.rates_hz)[3].commands(vehicle.telemetry), NOW)
+    ending(vehicle)
+    assert told(vehicle) == [(m.MAV_CMD_COMPONENT_ARM_DISARM, 0.0)]
+
+
+def test_a_vehicle_that_left_the_ground_before_it_could_be_disarmed_loiters(place: Place):
+    vehicle = place(1, m.PLANE_MODE_TAKEOFF, 0.0, status=WAITING)
+    end = ending(vehicle)
+    tell(vehicle, m.PLANE_MODE_TAKEOFF, 47.0)
+    end.advance(NOW)
+    assert told(vehicle) == loiters_at(45.0)
+
+
+def test_a_disarmed_vehicle_on_the_ground_is_left_alone(place: Place):
+    vehicle = place(1, m.PLANE_MODE_MANUAL, 0.0, armed=False, status=WAITING)
+    assert ending(vehicle).pending() == []
+    assert told(vehicle) == []
+
+
+def test_a_vehicle_that_its_pilot_has_taken_stays_the_pilots(place: Place):
+    vehicle = place(1, m.PLANE_MODE_RTL, 80.0)
+    vehicle.member = Member.PARTED
+    end = ending(vehicle)
+    assert told(vehicle) == []
+    assert end.pending() == []
+
+
+def test_a_vehicle_that_isnt_heard_is_told_but_not_waited_for(place: Place):
+    vehicle = place(1, m.PLANE_MODE_GUIDED, 100.0)
+    vehicle.connection.state = LinkState.LOST
+    end = ending(vehicle)
+    assert end.pending() == []
+    assert told(vehicle) == loiters_at(100.0)
+
+
+def test_vehicles_that_go_home_circle_there_at_heights_of_their_own(place: Place):
+    vehicles = [place(i, m.PLANE_MODE_GUIDED, 100.0) for i in (1, 2, 20)]  # the last one is 900 m away now
+    ending(*vehicles, manner="rtl")
+    home = [(m.MAV_CMD_DO_SET_MODE, m.PLANE_MODE_RTL)]
+    assert [told(vehicle) for vehicle in vehicles] == [
+        [*home, loiters_at(height_m)[1]] for height_m in (100.0, 115.0, 130.0)
+    ]

@@ -1,0 +1,127 @@
+"""The opening at the end of a flight: who gets which height, and when it no longer matters who hears."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from airlink.endpoint import VehicleId
+from gcs_formation.fleet.circling import STACK_M, Band, loiter_heights, may_meet
+from gcs_formation.mission.ending import Flier, Stack
+from gcs_formation.vehicle.telemetry import Motion
+
+GAP_M = 10.0
+
+
+def at(height_m: float, north_m: float = 0.0) -> Motion:
+    return Motion(0.0, north_m, 0.0, height_m, 22.0, 0.0, 0.0, height_m)
+
+
+def obeys(height_m: float, told_m: float = 100.0, north_m: float = 0.0) -> Flier:
+    return Flier(at(height_m, north_m), told_m, steered=True)
+
+
+def deaf(height_m: float, told_m: float) -> Flier:
+    return Flier(at(height_m), told_m, Band(min(height_m, told_m), max(height_m, told_m)))
+
+
+def named(*fliers: Flier) -> dict[VehicleId, Flier]:
+    return {VehicleId(1, number): flier for number, flier in enumerate(fliers, 1)}
+
+
+def heights(stack: Stack) -> list[float]:
+    return [stack.heights_m[each] for each in sorted(stack.heights_m)]
+
+
+def test_everyone_gets_a_height_of_their_own_and_those_out_of_reach_may_share_one() -> None:
+    stack = Stack(GAP_M)
+    stack.take(named(obeys(100.0), obeys(100.0, north_m=30.0), obeys(100.0, north_m=500.0), obeys(90.0)))
+    assert heights(stack) == [105.0, 120.0, 100.0, 90.0]
+
+
+def test_where_more_than_15_m_are_to_be_kept_circles_are_5_m_farther_apart_than_that() -> None:
+    stack = Stack(20.0)
+    stack.take(named(obeys(100.0), obeys(100.0)))
+    assert heights(stack) == [100.0, 125.0]
+
+
+def test_all_heights_between_which_a_deaf_one_may_be_are_left_to_it() -> None:
+    """It flies at 100 m, or at the 112 m that it was told when it may no longer have heard."""
+    stack = Stack(GAP_M)
+    stack.take(named(deaf(100.0, 112.0), obeys(95.0), obeys(100.0)))
+    assert heights(stack) == [112.0, 127.0, 142.0]
+
+
+def test_others_make_room_for_one_that_turns_deaf_and_nothing_changes_when_that_is_over() -> None:
+    stack = Stack(GAP_M)
+    stack.take(named(obeys(100.0), obeys(100.0), obeys(100.0)))
+    assert heights(stack) == [100.0, 115.0, 130.0]
+    stack.take(named(obeys(100.0), obeys(108.0), deaf(108.0, 120.0)))
+    assert heights(stack) == [135.0, 150.0, 120.0]
+    stack.take(named(obeys(101.0), obeys(110.0), obeys(108.0)))
+    assert heights(stack) == [135.0, 150.0, 120.0]
+
+
+def test_who_is_clear_of_a_deaf_one_keeps_a_height() -> None:
+    stack = Stack(GAP_M)
+    stack.take(named(obeys(100.0), obeys(100.0), obeys(100.0)))
+    stack.take(named(obeys(100.0), obeys(114.0), deaf(124.0, 130.0)))
+    assert heights(stack) == [100.0, 145.0, 130.0]
+
+
+@pytest.mark.parametrize(
+    ("fliers", "apart"),
+    [
+        ((obeys(100.0, 100.0), obeys(111.0, 115.0)), True),
+        ((obeys(100.0, 100.0), obeys(109.0, 115.0)), False),
+        ((obeys(100.0, 100.0), obeys(111.0, 113.0)), False),
+        ((obeys(100.0, 100.0), obeys(100.0, 100.0, north_m=500.0)), True),
+        ((obeys(100.0, 100.0), obeys(116.0, 115.0, north_m=500.0)), False),
+        ((deaf(100.0, 105.0), obeys(116.0, 120.0)), True),
+        ((deaf(100.0, 107.0), obeys(116.0, 122.0)), False),
+        ((obeys(100.0, 100.0),), True),
+        ((deaf(100.0, 100.0), deaf(101.0, 101.0)), True),
+    ],
+    ids=[
+        "clear",
+        "still too near",
+        "told another height last",
+        "out of reach",
+        "out of reach, told another height",
+        "clear of a deaf one",
+        "not of where it may climb to",
+        "alone",
+        "nobody can be moved",
+    ],
+)
+def test_they_may_circle_once_it_no_longer_matters_who_hears(fliers: tuple[Flier, ...], apart: bool) -> None:
+    stack = Stack(GAP_M)
+    stack.take(named(*fliers))
+    assert stack.apart(named(*fliers)) is apart
+
+
+def test_circles_at_one_place_are_all_apart() -> None:
+    stack = Stack(GAP_M, 150.0, together=True)
+    fliers = named(obeys(100.0), obeys(100.0, north_m=1000.0))
+    stack.take(fliers)
+    assert heights(stack) == [150.0, 165.0]
+    assert not stack.apart(fliers)
+
+
+PLACES = st.tuples(st.floats(0.0, 60.0), st.floats(0.0, 900.0))
+BANDS = st.tuples(st.floats(0.0, 90.0), st.floats(0.0, 30.0)).map(lambda each: Band(each[0], each[0] + each[1]))
+
+
+@given(st.lists(PLACES, min_size=1, max_size=8), st.lists(BANDS, max_size=4), st.floats(-50.0, 80.0))
+def test_heights_are_free_and_nobody_sinks(drawn: list[tuple[float, float]], taken: list[Band], floor_m: float) -> None:
+    places = {VehicleId(1, number): at(*place) for number, place in enumerate(drawn, 1)}
+    found = loiter_heights(places, floor_m, taken)
+    for identity, height_m in found.items():
+        assert height_m >= max(places[identity].height_m, floor_m)
+        assert all(height_m <= low_m - STACK_M or height_m >= high_m + STACK_M for low_m, high_m in taken)
+    for one, other in combinations(places, 2):
+        if may_meet(places[one], places[other]):
+            assert abs(found[one] - found[other]) > STACK_M - 1e-9

@@ -1,0 +1,112 @@
+"""Which orders are carried out, when, and what is said of those that aren't."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from airlink.clock import Instant, after
+from formation_scenario import load_scenario
+from formation_scenario.formation import FormationChange
+from formation_scenario.orders import End
+from formation_scenario.transition_plan import NotFlyableError
+from gcs_formation.mission.orders import Orders
+from gcs_formation.phases import Cause, Flight, Phase
+from tests.flights.conftest import scenario
+from tests.gcs_formation.noted import Noted
+
+START = Instant(0)
+
+
+class Formation:
+    """Takes every change and end, unless it is made to refuse."""
+
+    def __init__(self, phase: Phase = Phase.FLYING, planned: dict[float, str] | None = None) -> None:
+        self.done: list[Any] = []
+        self.refusal: str | None = None
+        self.error: Exception | None = None
+        self.flight, self.notes = Flight(phase), Noted()
+        keys = scenario(orders=[{"at_s": at_s, "order": order} for at_s, order in (planned or {}).items()])
+        formation: Any = self
+        self.orders = Orders(load_scenario(keys), self.flight, formation, self.end, self.notes)
+
+    def order_speed(self, speed_mps: float, now: Instant) -> str | None:
+        return self._do(speed_mps)
+
+    def order_change(self, change: FormationChange, now: Instant) -> str | None:
+        return self._do((change.shape, change.spacing_m, change.leader))
+
+    def end(self, manner: End, now: Instant) -> str | None:
+        return self._do(manner)
+
+    def _do(self, what: Any) -> str | None:
+        if self.error:
+            raise self.error
+        if self.refusal is None:
+            self.done.append(what)
+        return self.refusal
+
+
+@pytest.mark.parametrize(
+    ("text", "done"),
+    [
+        ("speed 24", 24.0),
+        ("shape line 40", ("line", 40.0, None)),
+        ("spacing 25", (None, 25.0, None)),
+        ("leader 3", (None, None, 3)),
+        ("land", "land"),
+    ],
+)
+def test_an_order_is_carried_out_and_said_to_be(text: str, done: Any) -> None:
+    formation = Formation()
+    assert formation.orders.take(text, START) == (True, f"{text}: accepted")
+    assert formation.done == [done]
+    (said,) = formation.notes
+    assert (said.kind, said.text, said.details) == ("order", f"{text}: accepted", {"accepted": True})
+
+
+def test_what_can_not_be_flown_is_refused_with_the_reason_whoever_finds_it() -> None:
+    formation = Formation()
+    formation.refusal = "found 40 m/s; allowed: 16 to 28 m/s"
+    assert formation.orders.take("speed 40", START) == (False, f"speed 40: refused: {formation.refusal}")
+    for error in (NotFlyableError("a way of 9 m/s", "2 m/s", 3.0), ValueError("no vehicle 9")):
+        formation.error = error
+        answer = formation.orders.take("leader 9", START)
+        assert answer == (False, f"leader 9: refused: {error}")
+        assert formation.notes[-1].details == {"accepted": False}
+    assert formation.done == []
+
+
+def test_what_is_no_order_is_refused_with_what_is_allowed() -> None:
+    answer = Formation().orders.take("sahpe line", START)
+    assert not answer.accepted
+    assert answer.text.startswith("sahpe line: refused: found 'sahpe line'; allowed: shape NAME [SPACING_M], ")
+
+
+@pytest.mark.parametrize("phase", list(Phase))
+def test_changes_are_for_a_formation_that_flies_and_its_end_for_any_time(phase: Phase) -> None:
+    formation, taken = Formation(phase), phase in (Phase.ASSEMBLING, Phase.FLYING)
+    for text in ("speed 24", "shape line"):
+        assert formation.orders.take(text, START).accepted is taken
+    assert len(formation.done) == 2 * taken
+    if not taken:
+        assert formation.notes[0].text.endswith(f"the run is {phase.value}; allowed: assembling, flying")
+    assert formation.orders.take("loiter", START).accepted
+
+
+def test_planned_orders_are_given_when_they_are_due_each_once_in_the_order_of_their_times() -> None:
+    formation = Formation(Phase.ASSEMBLING, {20: "speed 24", 5: "shape line", 5.5: "spacing 25"})
+    formation.orders.advance(after(START, 60.0))
+    assert formation.done == [], "the path hasn't begun"
+    formation.flight.move(Cause.PATH_BEGUN, after(START, 60.0))
+    found: list[int] = []
+    for at_s in (4.9, 5.0, 5.1, 19.0, 21.0, 30.0):
+        formation.orders.advance(after(START, 60.0 + at_s))
+        found.append(len(formation.done))
+    assert found == [0, 1, 1, 2, 3, 3]
+    assert formation.done == [("line", None, None), (None, 25.0, None), 24.0]
+    late = Formation(planned={1: "speed 24", 2: "speed 25"})
+    late.flight.path_began = START
+    late.orders.advance(after(START, 9.0))
+    assert late.done == [24.0, 25.0]

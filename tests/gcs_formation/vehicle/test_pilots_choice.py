@@ -1,0 +1,90 @@
+"""A pilot who takes over a PX4: each setpoint commands Hold and would undo any other mode at once."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from airlink import mavlink as m
+from airlink.clock import Instant, after
+from airlink.endpoint import VehicleId
+from airlink.frame import FrameWriter, StreamParser
+from airlink.messages import Message
+from airlink.messages.command import CommandAck
+from airlink.messages.system import CurrentMode, Heartbeat
+from airlink.messages.telemetry import GlobalPositionInt
+from flight_model.earth import GeodeticOrigin
+from formation_scenario import load_scenario
+from gcs_formation.fleet.membership import Membership
+from gcs_formation.link.connection import Connection
+from gcs_formation.vehicle.member import Member
+from gcs_formation.vehicle.px4_plane import LOITER, RTL, Px4Plane
+from gcs_formation.vehicle.startup import StartUp
+from gcs_formation.vehicle.vehicle import Vehicle
+from tests.flights.conftest import scenario
+from tests.gcs_formation.noted import Noted
+
+ORIGIN = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 0.0)
+
+
+class Flight:
+    """One PX4 that flies in the formation, in Hold."""
+
+    def __init__(self) -> None:
+        identity = VehicleId(1, 1)
+        self.plane = Vehicle(identity, Px4Plane(1, ORIGIN, 0.25), Connection(0), ORIGIN, 10.0)
+        self.plane.start_up = StartUp(())
+        self.plane.start_up.index, self.plane.member = 1, Member.FLYING
+        keys = scenario(vehicles={"count": 2}, law={"type": "fuzzy_pid"})
+        self.roster = Membership(load_scenario(keys), {identity: self.plane}, {identity: 0}, Noted())
+        self.now, self._writer = Instant(0), FrameWriter(1, 1)
+        lat_rad, lon_rad, alt_m = ORIGIN.from_ned(0.0, 0.0, -80.0)
+        self.hears(GlobalPositionInt(1.0, lat_rad, lon_rad, alt_m, 80.0, 0.0, 0.0, 0.0, 0.0))
+        self.beats(LOITER)
+
+    def hears(self, message: Message) -> None:
+        (frame,) = StreamParser().feed(self._writer.encode(message))
+        self.plane.take(frame, self.now)
+
+    def beats(self, mode: int) -> Member:
+        """Take a heartbeat a second later, and judge."""
+        self.now = after(self.now, 1.0)
+        base = m.MAV_MODE_FLAG_SAFETY_ARMED | m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+        self.hears(Heartbeat(m.MAV_TYPE_FIXED_WING, m.MAV_AUTOPILOT_PX4, base, mode, m.MAV_STATE_ACTIVE))
+        return self.judge()
+
+    def judge(self) -> Member:
+        estimator: Any = SimpleNamespace(age_s=lambda *_: 0.0)
+        self.roster.judge(None, estimator, self.now, connecting=False)
+        return self.plane.member
+
+
+@pytest.fixture
+def flight() -> Flight:
+    return Flight()
+
+
+def test_a_mode_seen_between_two_setpoints_is_the_pilots_and_is_commanded_again(flight: Flight) -> None:
+    flight.hears(CurrentMode(0, RTL))
+    flight.hears(CurrentMode(0, LOITER))  # the next setpoint's doing, before anybody has looked
+    assert flight.judge() is Member.PARTED
+    command = flight.plane.commands.due(flight.now)
+    assert command == flight.plane.autopilot.set_mode(RTL)
+
+
+def test_it_stays_the_pilots_until_heartbeats_after_the_acknowledgement_show_hold(flight: Flight) -> None:
+    flight.hears(CurrentMode(0, RTL))
+    assert flight.judge() is Member.PARTED
+    assert [flight.beats(LOITER) for _ in range(4)] == [Member.PARTED] * 4  # not acknowledged: the setpoints' Hold
+    assert flight.plane.commands.due(flight.now) is not None
+    flight.hears(CommandAck(m.MAV_CMD_DO_SET_MODE, m.MAV_RESULT_ACCEPTED))
+    assert [flight.beats(RTL) for _ in range(3)] == [Member.PARTED] * 3
+    assert flight.beats(LOITER) is Member.FLYING  # the pilot gives it back
+
+
+def test_its_own_hold_is_no_pilots_choice(flight: Flight) -> None:
+    flight.hears(CurrentMode(0, LOITER))
+    assert flight.judge() is Member.FLYING
