@@ -11,6 +11,8 @@ from typing import Generic, NamedTuple, Protocol, TypeVar
 from airlink.clock import Instant
 from airlink.endpoint import Address, Endpoint
 
+T = TypeVar("T")
+
 
 class Datagram(NamedTuple):
     """A UDP payload at one of an engine's sockets, with the address at the other end."""
@@ -46,9 +48,6 @@ class Engine(Protocol):
     def handle_timer(self, now: Instant) -> None:
         """Do what is due at `now`."""
         ...
-
-
-T = TypeVar("T")
 
 
 class DelayQueue(Generic[T]):

@@ -18,6 +18,7 @@ Schedule = Callable[[VehicleId, Instant], tuple[Impairment, Impairment]]
 
 MAX_REMOTES = 1024
 """Addresses that are remembered. The one silent longest is forgotten first, so strangers can't fill the memory."""
+_NETWORK = 1
 
 
 class LinkStatistics(NamedTuple):
@@ -128,9 +129,6 @@ class ImpairedEngine:
             uplink, downlink = (Channel(link_stream(self._seed, vehicle, way)) for way in Direction)
             channels = self._channels[vehicle] = (uplink, downlink)
         return channels
-
-
-_NETWORK = 1
 
 
 class Passage(NamedTuple):

@@ -29,13 +29,6 @@ PEAK_CHANGE = 5.77
 """Largest second derivative, 10 / sqrt(3)."""
 PEAK_JERK = 60.0
 """Largest third derivative, at both ends."""
-
-
-def minimum_jerk(u: T) -> tuple[T, T, T]:
-    """Return the step at u, 0 to 1, and its first two derivatives by u."""
-    return u**3 * (10 - 15 * u + 6 * u**2), 30 * u**2 * (1 - u) ** 2, 60 * u * (1 - u) * (1 - 2 * u)
-
-
 STEP_M = 20.0
 """Distance between knots."""
 SAMPLES = 4
@@ -45,6 +38,11 @@ TRIFLE_M = 0.01
 """Lifts below this are left out."""
 SHORT_COST = 10.0
 """Cost of a missing metre, in metres of lift over the whole length: high, so that it is the last resort."""
+
+
+def minimum_jerk(u: T) -> tuple[T, T, T]:
+    """Return the step at u, 0 to 1, and its first two derivatives by u."""
+    return u**3 * (10 - 15 * u + 6 * u**2), 30 * u**2 * (1 - u) ** 2, 60 * u * (1 - u) * (1 - 2 * u)
 
 
 class Bounds(NamedTuple):

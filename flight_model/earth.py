@@ -20,6 +20,10 @@ SOMIGLIANA: Final = 1.93185265241e-3
 FLATTENING: Final = 1 / 298.257223563
 CENTRIFUGAL_RATIO: Final = 3.449786506841e-3
 """Centrifugal acceleration at the equator by gravity there."""
+SEMI_MAJOR_M = 6_378_137.0
+ECCENTRICITY_SQUARED = 6.694379990141317e-3
+INVERSION_STEPS = 4
+"""Each step reduces the error by the ratio of the distance to the Earth's radius."""
 
 
 @overload
@@ -44,12 +48,6 @@ def radii_m(lat_rad: float | Array) -> tuple[float | Array, float | Array]:
     squeeze = 1.0 - ECCENTRICITY_SQUARED * sine * sine
     across_m = SEMI_MAJOR_M / squeeze**0.5
     return across_m * (1.0 - ECCENTRICITY_SQUARED) / squeeze, across_m
-
-
-SEMI_MAJOR_M = 6_378_137.0
-ECCENTRICITY_SQUARED = 6.694379990141317e-3
-INVERSION_STEPS = 4
-"""Each step reduces the error by the ratio of the distance to the Earth's radius."""
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,12 @@ Positives: TypeAlias = Annotated[tuple[Positive, Positive, Positive], Allowed("a
 
 
 KIND = "how the velocity goes with time"
+HillShape = Literal["gaussian", "cosine"]
+FaultKind = Literal["crash", "freeze", "restart", "ignore", "pilot"]
+PilotsMode = Literal["MANUAL", "FBWA", "CRUISE", "LOITER", "RTL"]
+PASSING: tuple[FaultKind, ...] = ("freeze", "ignore", "pilot")
+"""Kinds that may end."""
+DEFAULT_MODE: PilotsMode = "LOITER"
 
 
 class Passing(Timed):
@@ -91,9 +97,6 @@ Disturbance = Annotated[
 """Entries add up."""
 
 
-HillShape = Literal["gaussian", "cosine"]
-
-
 class Hill(Keys):
     """A hill, or a ridge: `height_m` times a shape of the distance d from its top, or from its crest line.
 
@@ -135,13 +138,6 @@ class Terrain(Keys):
     clearance_m: NonNegative = Field(
         default=50.0, description="height above ground that every vehicle keeps, m", examples=[60]
     )
-
-
-FaultKind = Literal["crash", "freeze", "restart", "ignore", "pilot"]
-PilotsMode = Literal["MANUAL", "FBWA", "CRUISE", "LOITER", "RTL"]
-PASSING: tuple[FaultKind, ...] = ("freeze", "ignore", "pilot")
-"""Kinds that may end."""
-DEFAULT_MODE: PilotsMode = "LOITER"
 
 
 class Fault(Timed):

@@ -28,6 +28,7 @@ OFF_M = 0.01
 """By how much heights may exceed a limit."""
 
 Place = tuple[float, float, float]
+TOLERANCE = 1e-6
 
 
 def check_fence(
@@ -96,9 +97,6 @@ def _sides(
         found = f"{list(flyers.values())[who][0]} is {within[who, index]:.0f} m from the fence and heads for it"
         allowed = f"{CHECKED_M - room.min():.0f} m more room to turn away (safety.fence.corners_m)"
         yield flown.problem(source, int(index), found, allowed)
-
-
-TOLERANCE = 1e-6
 
 
 def check(scenario: Scenario, source: Source) -> list[Problem]:

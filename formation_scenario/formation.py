@@ -14,6 +14,7 @@ Shape = Literal["follower", "diamond", "triangle", "square", "plus", "arrow", "l
 Frame = Literal["leader_heading", "follower_heading"]
 Slots = Mapping[VehicleRef, Offset]
 Spacing = Annotated[Positive, Field(le=MAX_NEAR_M)]
+MOST_MPS, MOST_DEG, MOST_M = 5.0, 45.0, 50.0
 
 
 class FormationChange(Keys):
@@ -63,9 +64,6 @@ class Formation(Keys):
         description="later shapes, spacings and leaders",
         examples=[[{"at_s": 60, "shape": "square", "spacing_m": 50}, {"at_s": 100, "leader": 3}]],
     )
-
-
-MOST_MPS, MOST_DEG, MOST_M = 5.0, 45.0, 50.0
 
 
 class Step(Keys):

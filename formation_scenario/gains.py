@@ -47,6 +47,13 @@ FILTERS: dict[str, Group] = {
     CLEAN: {"derivative_filter_s": 0.1, "disturbance_observer_radps": 2.0},
     NOISE: {"derivative_filter_s": 1.0, "disturbance_observer_radps": 0.3},
 }
+CHANNELS = ("speed", "heading", "height")
+SCALES = {"speed": 1.0, "heading": 0.1, "height": 2.0}
+"""Mixed errors, and rates of them, that count as 1 for the fuzzy scheduler."""
+WEIGHTS = {"k_v": 0.0, "k_x": 1.0, "k_psi": 0.1, "k_y": 0.05, "k_z": 1.0}
+SENSORS = 0.02, 0.03, 0.002
+"""What is taken for the telemetry's noise in position (m), airspeed (m/s) and heading (rad) where none is declared:
+its last digits, and an airspeed sensor's."""
 
 
 def gain_groups(gains: str, frame: str) -> dict[str, Group]:
@@ -59,15 +66,6 @@ def gain_groups(gains: str, frame: str) -> dict[str, Group]:
 def filters(gains: str) -> Group:
     """Return the single keys that a set of gains fills."""
     return FILTERS.get(gains, FILTERS[CLEAN])
-
-
-CHANNELS = ("speed", "heading", "height")
-SCALES = {"speed": 1.0, "heading": 0.1, "height": 2.0}
-"""Mixed errors, and rates of them, that count as 1 for the fuzzy scheduler."""
-WEIGHTS = {"k_v": 0.0, "k_x": 1.0, "k_psi": 0.1, "k_y": 0.05, "k_z": 1.0}
-SENSORS = 0.02, 0.03, 0.002
-"""What is taken for the telemetry's noise in position (m), airspeed (m/s) and heading (rad) where none is declared:
-its last digits, and an airspeed sensor's."""
 
 
 def designed(scenario: Scenario, given: Plain) -> Scenario:

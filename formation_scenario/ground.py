@@ -15,6 +15,11 @@ from flight_model.path import PathPoint, PathPoints, SplinePath
 from formation_scenario.environment import Hill
 from formation_scenario.model import Scenario
 
+LEADER_SHARE = 0.7
+"""Share of the climb limit that the lifted path uses; followers and disturbances need the rest."""
+FOLLOWER_SHARE = 0.85
+"""Share of the climb limit that the path and a follower's own lift use together."""
+
 
 class Ground(Protocol):
     """Ground heights in m above the scenario's origin; arrays of north and east in m have any common shape."""
@@ -89,12 +94,6 @@ def ground_of(scenario: Scenario) -> Ground:
         return Hills(terrain.base_m, terrain.hills)
     waypoints = np.array(scenario.path.waypoints_m)
     return read_elevation(terrain.file, origin.lat_deg, origin.lon_deg, origin.alt_m, waypoints[:, :2])
-
-
-LEADER_SHARE = 0.7
-"""Share of the climb limit that the lifted path uses; followers and disturbances need the rest."""
-FOLLOWER_SHARE = 0.85
-"""Share of the climb limit that the path and a follower's own lift use together."""
 
 
 class LiftedPath(SplinePath):

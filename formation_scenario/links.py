@@ -15,6 +15,9 @@ from formation_scenario.fields import Flag, Fraction, Keys, NonNegative, Number,
 MOST_MS = 600_000.0
 ALLOWED = f"a file with a number of milliseconds from 0 to {MOST_MS:.0f} on each line, # before comments"
 _NUMBER = re.compile(r"^[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")
+Distribution = Literal["normal", "uniform", "pareto"]
+Burst = Annotated[Number, Field(ge=1.0, le=1e6)]
+Milliseconds = Annotated[NonNegative, Field(le=600_000.0)]
 
 
 class TraceError(Exception):
@@ -44,11 +47,6 @@ def _delay_ms(entry: str, place: str) -> float:
     if not _NUMBER.match(entry) or not 0.0 <= float(entry) <= MOST_MS:
         raise TraceError(f"found '{entry[:40]}' at {place}")
     return float(entry)
-
-
-Distribution = Literal["normal", "uniform", "pareto"]
-Burst = Annotated[Number, Field(ge=1.0, le=1e6)]
-Milliseconds = Annotated[NonNegative, Field(le=600_000.0)]
 
 
 class Impairment(Keys):

@@ -29,6 +29,7 @@ NOT_AVAILABLE: dict[tuple[str, ...], tuple[str, ...]] = {
 AVAILABLE: dict[str, str] = {
     "autopilot": "emulator, arduplane, px4",
 }
+ONE_VEHICLE: dict[Key, Plain] = {"id": 1, "role": "leader"}
 
 
 def unavailable(source: Source) -> dict[KeyPath, Problem]:
@@ -49,9 +50,6 @@ def _matches(data: Plain, pattern: tuple[str, ...], above: KeyPath = ()) -> Iter
             yield from _matches(item, pattern[1:], (*above, index))
     elif isinstance(data, dict) and pattern[0] in data:
         yield from _matches(data[pattern[0]], pattern[1:], (*above, pattern[0]))
-
-
-ONE_VEHICLE: dict[Key, Plain] = {"id": 1, "role": "leader"}
 
 
 def load_scenario(

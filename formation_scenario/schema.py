@@ -25,6 +25,72 @@ from formation_scenario.vehicles import VehicleGroup
 Schema = dict[str, Any]
 ANNOTATIONS = ("title", "description", "default", "examples", DERIVED)
 """Keywords that allow or refuse nothing."""
+REGENERATE = "gcs-formation schema --markdown > docs/scenario.md; gcs-formation schema > docs/scenario.schema.json"
+HEAD = f"""\
+# Scenario keys
+
+<!-- Generated from the models of the keys by: {REGENERATE} -->
+
+A scenario is a YAML file. Two keys are enough:
+
+```yaml
+vehicles: {{count: 4}}
+path: {{waypoints_m: [[0, 0, 100], [4000, 0, 100]]}}
+```
+
+- Every key carries its unit in its name. Unknown keys, values of another type and values out of range are refused, with
+  file, line and what is allowed.
+- `gcs-formation check FILE` prints the scenario with every default filled in. `--set KEY=VALUE` overrides a key:
+  `--set law.rate_hz=20`, `--set vehicles.1.model.tau_v_s=5` (items of a list from 0),
+  `--set "links.default={{delay_ms: 300, loss: 0.02}}"`.
+- Times (`at_s`, `until_s`, `from_s`, `to_s`) are mission times: t = 0 is when the leader starts along its path.
+- Places are north, east and height above `origin`; slots are forward, right and up of the leader. Velocities of the air
+  are north, east and down, where it blows to.
+- `vehicles` in an entry of a list is `all` or a list of ids. Where several networks use an id, the vehicle is
+  `network:id`, in quotes: `[2, '2:7']`.
+
+Below, `[]` stands for each item of a list.
+
+## In an editor
+
+`gcs-formation schema > scenario.schema.json` writes the JSON schema (draft 2020-12); that of this version is
+[scenario.schema.json](scenario.schema.json). With yaml-language-server (VS Code's YAML extension by Red Hat, Neovim,
+Emacs, Helix and others) it completes keys, explains them and marks mistakes, after this first line of the scenario:
+
+```yaml
+# yaml-language-server: $schema=scenario.schema.json
+```
+
+For all scenarios of a folder, in VS Code's `settings.json`:
+`"yaml.schemas": {{"./scenario.schema.json": "scenarios/*.yaml"}}`. In CI:
+`check-jsonschema --schemafile scenario.schema.json FILE`. The schema knows each key by itself; what keys must be to
+each other, and whether the formation can be flown, `gcs-formation check` knows.
+"""
+METRICS_HEAD = """
+## Metrics
+
+What `expect` may bound: figures of one follower, of one link, or of the run, over the window from `from_s` to `to_s`
+unless they are of the whole flight.
+
+| metric | what it is |
+| --- | --- |"""
+TABLE_HEAD = "| key | what it is | unit | default | allowed | example |\n| --- | --- | --- | --- | --- | --- |"
+UNITS_BY_SUFFIX = {
+    "mps": "m/s",
+    "mps2": "m/s²",
+    "rps": "rad/s",
+    "radps": "rad/s",
+    "kbps": "kbit/s",
+    "ppm": "1e-6",
+    "deg": "degrees",
+    "ug": "micro-g",
+    "hz": "Hz",
+    "ms": "ms",
+    "m": "m",
+    "s": "s",
+}
+UNITS = (*UNITS_BY_SUFFIX.values(), "1/s", "1/s²", "degrees an hour", "deg/sqrt(h)", "micro-g/sqrt(Hz)")
+"""As descriptions say them: "delay, ms" or "delay, ms; none if ..."."""
 
 
 def written_model() -> type[BaseModel]:
@@ -99,76 +165,6 @@ def _or(value: Schema, other: Schema) -> Schema:
     types = {name: each for name, each in value.items() if name not in ANNOTATIONS}
     choices: list[Schema] = types["anyOf"] if set(types) == {"anyOf"} else [types]
     return {"anyOf": [*choices, *([] if other in choices else [other])], **said}
-
-
-REGENERATE = "gcs-formation schema --markdown > docs/scenario.md; gcs-formation schema > docs/scenario.schema.json"
-HEAD = f"""\
-# Scenario keys
-
-<!-- Generated from the models of the keys by: {REGENERATE} -->
-
-A scenario is a YAML file. Two keys are enough:
-
-```yaml
-vehicles: {{count: 4}}
-path: {{waypoints_m: [[0, 0, 100], [4000, 0, 100]]}}
-```
-
-- Every key carries its unit in its name. Unknown keys, values of another type and values out of range are refused, with
-  file, line and what is allowed.
-- `gcs-formation check FILE` prints the scenario with every default filled in. `--set KEY=VALUE` overrides a key:
-  `--set law.rate_hz=20`, `--set vehicles.1.model.tau_v_s=5` (items of a list from 0),
-  `--set "links.default={{delay_ms: 300, loss: 0.02}}"`.
-- Times (`at_s`, `until_s`, `from_s`, `to_s`) are mission times: t = 0 is when the leader starts along its path.
-- Places are north, east and height above `origin`; slots are forward, right and up of the leader. Velocities of the air
-  are north, east and down, where it blows to.
-- `vehicles` in an entry of a list is `all` or a list of ids. Where several networks use an id, the vehicle is
-  `network:id`, in quotes: `[2, '2:7']`.
-
-Below, `[]` stands for each item of a list.
-
-## In an editor
-
-`gcs-formation schema > scenario.schema.json` writes the JSON schema (draft 2020-12); that of this version is
-[scenario.schema.json](scenario.schema.json). With yaml-language-server (VS Code's YAML extension by Red Hat, Neovim,
-Emacs, Helix and others) it completes keys, explains them and marks mistakes, after this first line of the scenario:
-
-```yaml
-# yaml-language-server: $schema=scenario.schema.json
-```
-
-For all scenarios of a folder, in VS Code's `settings.json`:
-`"yaml.schemas": {{"./scenario.schema.json": "scenarios/*.yaml"}}`. In CI:
-`check-jsonschema --schemafile scenario.schema.json FILE`. The schema knows each key by itself; what keys must be to
-each other, and whether the formation can be flown, `gcs-formation check` knows.
-"""
-METRICS_HEAD = """
-## Metrics
-
-What `expect` may bound: figures of one follower, of one link, or of the run, over the window from `from_s` to `to_s`
-unless they are of the whole flight.
-
-| metric | what it is |
-| --- | --- |"""
-TABLE_HEAD = "| key | what it is | unit | default | allowed | example |\n| --- | --- | --- | --- | --- | --- |"
-
-
-UNITS_BY_SUFFIX = {
-    "mps": "m/s",
-    "mps2": "m/s²",
-    "rps": "rad/s",
-    "radps": "rad/s",
-    "kbps": "kbit/s",
-    "ppm": "1e-6",
-    "deg": "degrees",
-    "ug": "micro-g",
-    "hz": "Hz",
-    "ms": "ms",
-    "m": "m",
-    "s": "s",
-}
-UNITS = (*UNITS_BY_SUFFIX.values(), "1/s", "1/s²", "degrees an hour", "deg/sqrt(h)", "micro-g/sqrt(Hz)")
-"""As descriptions say them: "delay, ms" or "delay, ms; none if ..."."""
 
 
 class _Group(NamedTuple):

@@ -14,6 +14,9 @@ from flight_model.displacement import minimum_jerk
 from flight_model.path import PathPoints
 from formation_scenario.formation import Frame
 
+RAMP = 0.3
+"""Share of a transition's time in which its speed ramps up, and again in which it ramps down."""
+
 
 @dataclass(frozen=True)
 class SlotMotion:
@@ -114,10 +117,6 @@ def slot_needs(course: Course, slots: SlotMotion, frame: Frame) -> SlotNeeds:
     total = speed * cosine - turn * y + vx
     change = -bend * y - turn * vy + ax - sine / cosine * (bend * x + turn * vx + ay)
     return SlotNeeds(total, change, turn + (turn * vx + ay) / (speed * cosine), *climb, np.arcsin(sine))
-
-
-RAMP = 0.3
-"""Share of a transition's time in which its speed ramps up, and again in which it ramps down."""
 
 
 @dataclass(frozen=True)

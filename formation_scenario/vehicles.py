@@ -28,6 +28,15 @@ from formation_scenario.navigation import Navigation, TrueNavigation
 
 Lag = Annotated[Positive, Field(ge=0.04, le=100.0)]
 Angle = Annotated[Number, Field(ge=-85.0, le=85.0)]
+BASE_PORT = 14550
+MAX_CLOCK_S = 4e6
+"""MAVLink's time since boot, 32 bits of milliseconds, ends at 4.29e6 s."""
+Autopilot = Literal["emulator", "arduplane", "arducopter", "px4"]
+Count = Annotated[
+    int,
+    Field(strict=True, ge=1, le=MAX_SYSTEM_ID),
+    Allowed(f"1 to {MAX_SYSTEM_ID} on one network; for more give a list, part of it with another `network`"),
+]
 
 
 class EnergyAirframe(Keys):
@@ -131,13 +140,6 @@ def _si(name: str) -> str:
     return name.removesuffix("_deg") + "_rad" if name.endswith("_deg") else name
 
 
-BASE_PORT = 14550
-MAX_CLOCK_S = 4e6
-"""MAVLink's time since boot, 32 bits of milliseconds, ends at 4.29e6 s."""
-
-Autopilot = Literal["emulator", "arduplane", "arducopter", "px4"]
-
-
 class VehicleModel(Keys):
     """Autopilot lags (equation 7) and the limits of flight; defaults: a fixed wing that cruises at 22 m/s."""
 
@@ -231,13 +233,6 @@ class Vehicle(VehicleCommon, VehicleIdentity):
     def vehicle_id(self) -> VehicleId:
         """Network and system id."""
         return VehicleId(self.network, self.id)
-
-
-Count = Annotated[
-    int,
-    Field(strict=True, ge=1, le=MAX_SYSTEM_ID),
-    Allowed(f"1 to {MAX_SYSTEM_ID} on one network; for more give a list, part of it with another `network`"),
-]
 
 
 class VehicleGroup(VehicleCommon):

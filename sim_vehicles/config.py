@@ -11,6 +11,10 @@ from formation_scenario.vehicles import VehicleModel
 from sim_vehicles.airframe.disturbances import Disturbance, Turbulence
 from sim_vehicles.inertial.config import InertialConfig
 
+EPOCH_2020_US = 1_577_836_800_000_000
+EMULATED = ("emulator", "arduplane")
+"""The scenario's `autopilot` of vehicles that can be emulated; all of them speak as ArduPlane does."""
+
 
 class SimVehiclesError(Exception):
     """Root of what the emulated vehicles raise."""
@@ -18,9 +22,6 @@ class SimVehiclesError(Exception):
 
 class TruthError(SimVehiclesError):
     """A file that isn't a record of ground truth."""
-
-
-EPOCH_2020_US = 1_577_836_800_000_000
 
 
 @dataclass(frozen=True)
@@ -102,10 +103,6 @@ class FleetConfig:
     """Seed of every random stream."""
     ready_s: float = 3.0
     """Time from boot until a vehicle may be armed; a real one's estimator takes 23 s."""
-
-
-EMULATED = ("emulator", "arduplane")
-"""The scenario's `autopilot` of vehicles that can be emulated; all of them speak as ArduPlane does."""
 
 
 def without_emulator(scenario: Scenario) -> str:

@@ -13,6 +13,9 @@ from typing import Any, NamedTuple
 
 import click
 
+RUN = "run.yaml"
+"""The file that makes a directory that of a run."""
+
 
 class Entry(NamedTuple):
     """The module that defines a command, and the command's line in the list of commands."""
@@ -97,10 +100,6 @@ OUT = Directory()
 """Where a command writes to."""
 SEED = WholeNumber(0, 2**63 - 1)
 """A seed of the random streams: the same range as the scenario's key `seed`."""
-
-
-RUN = "run.yaml"
-"""The file that makes a directory that of a run."""
 
 
 def refusal(path: Path, *, overwrite: bool, mark: str = RUN) -> str | None:

@@ -14,6 +14,11 @@ from typing import NoReturn
 
 import click
 
+INTERRUPTED = 130
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+OBJECTS = 50_000
+"""That are made before the next look, instead of 700: start-up is a tenth quicker."""
+
 
 class Status(IntEnum):
     """Exit statuses of all commands."""
@@ -34,10 +39,6 @@ def say(text: str, status: Status) -> Status:
 def fail(text: str, status: Status = Status.BAD_USAGE) -> NoReturn:
     """Print a message to standard error and exit."""
     sys.exit(say(text, status))
-
-
-INTERRUPTED = 130
-SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 def end_quietly() -> None:
@@ -68,10 +69,6 @@ def _raise(_number: int, _frame: FrameType | None) -> None:
 
 def _end(_number: int, _frame: FrameType | None) -> None:
     os._exit(INTERRUPTED)
-
-
-OBJECTS = 50_000
-"""That are made before the next look, instead of 700: start-up is a tenth quicker."""
 
 
 def look_seldom() -> None:

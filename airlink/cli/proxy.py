@@ -18,6 +18,21 @@ from airlink.impaired import Relay
 from airlink.impairment import Direction, Impairment
 from airlink.proxy import Proxy
 
+_SHARE = "0 to 1"
+_MILLISECONDS = "0 to 600000"
+LONGEST_LINE: Final = 4096
+EXAMPLES: Final = """\b
+Every option that takes a VALUE is there for one direction too: --uplink-delay-ms
+(to the vehicle), --downlink-loss (from it), ...
+While it runs, lines on standard input change what is set: delay-ms 300,
+downlink loss 0.1, outage on.
+
+\b
+Example:
+  airlink-proxy --listen udpin:127.0.0.1:14650 --to udpout:127.0.0.1:14550 \\
+      --delay-ms 200 --jitter-ms 20 --downlink-loss 0.02
+"""
+
 
 @dataclass(frozen=True)
 class Key:
@@ -67,8 +82,6 @@ def _shown_switch(value: bool) -> str:
     return "on" if value else "off"
 
 
-_SHARE = "0 to 1"
-_MILLISECONDS = "0 to 600000"
 _read_ms = _number(0.0, 600_000.0, 1e3)
 _read_share = _number(0.0, 1.0, 1.0)
 
@@ -130,20 +143,6 @@ def apply_line(impairments: dict[Direction, Impairment], line: str) -> None:
     if len(rest) != 2:
         raise ImpairmentError(f"found '{line}'; allowed: [uplink|downlink] KEY VALUE, KEY one of {', '.join(KEYS)}")
     impairments.update({way: changed(impairments[way], *rest) for way in directions})
-
-
-LONGEST_LINE: Final = 4096
-EXAMPLES: Final = """\b
-Every option that takes a VALUE is there for one direction too: --uplink-delay-ms
-(to the vehicle), --downlink-loss (from it), ...
-While it runs, lines on standard input change what is set: delay-ms 300,
-downlink loss 0.1, outage on.
-
-\b
-Example:
-  airlink-proxy --listen udpin:127.0.0.1:14650 --to udpout:127.0.0.1:14550 \\
-      --delay-ms 200 --jitter-ms 20 --downlink-loss 0.02
-"""
 
 
 class Console:

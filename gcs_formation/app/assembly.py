@@ -26,6 +26,11 @@ from gcs_formation.vehicle.families import autopilot_for, origin_of
 
 LEAST_M = 0.05
 """Smallest error that is worth a warning."""
+SURE = 0.95
+"""Share of starts that the estimate covers."""
+HEARTBEAT_S = 1.0
+CELL_S = 0.1
+MOST_S = 120.0
 
 
 def split_errors(scenario: Scenario) -> Iterator[str]:
@@ -81,13 +86,6 @@ def _mean_s(way: Impairment) -> float:
     """Return the mean delay of one direction, s; recorded delays are added to the constant one."""
     recorded_ms = float(np.mean(read_trace_ms(Path(way.trace_file)))) if way.trace_file else 0.0
     return (way.delay_ms + recorded_ms) / 1e3
-
-
-SURE = 0.95
-"""Share of starts that the estimate covers."""
-HEARTBEAT_S = 1.0
-CELL_S = 0.1
-MOST_S = 120.0
 
 
 class Assembly(NamedTuple):

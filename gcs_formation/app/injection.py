@@ -24,6 +24,8 @@ from gcs_formation.record.expectations import Injected
 from gcs_formation.recorder import Event, Recorder
 from gcs_formation.station import Station
 
+Both = tuple[Impairment, Impairment]
+
 
 class _Planned(NamedTuple):
     at_s: float
@@ -55,9 +57,6 @@ def _planned(scenario: Scenario) -> Iterator[_Planned]:
             yield _Planned(fault.at_s, vehicle.vehicle_id, fault.kind, ends=False)
             if fault.until_s is not None:
                 yield _Planned(fault.until_s, vehicle.vehicle_id, fault.kind, ends=True)
-
-
-Both = tuple[Impairment, Impairment]
 
 
 class LinkPlan:

@@ -14,6 +14,9 @@ from gcs_formation.recorder import Event, Recorder
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """SIGHUP: the terminal was closed, or the connection to it was lost."""
+YES = ("y", "yes")
+MOST_BYTES = 1000
+DECLINED = "not confirmed: nobody was commanded"
 
 
 class Interrupts:
@@ -44,11 +47,6 @@ class Interrupts:
     def _note(self, number: int, _frame: FrameType | None) -> None:
         # A closed terminal is signalled by both the shell and the system: that isn't a second request.
         self.count = max(self.count, 1) if number == signal.SIGHUP else self.count + 1
-
-
-YES = ("y", "yes")
-MOST_BYTES = 1000
-DECLINED = "not confirmed: nobody was commanded"
 
 
 class Gate(Protocol):

@@ -21,6 +21,18 @@ from gcs_formation.vehicle.vehicle import Vehicle
 
 GAP = "  "
 WIDE = 10**6
+MOST_ROWS = 24
+TABLE_WIDTH = 80
+"""Of tables in a pipe or a file; lines of words are whole there."""
+WIDTH = 80
+SHORT = {
+    Member.STARTING: "starting",
+    Member.FLYING: "in formation",
+    Member.PARTED: "its pilot's",
+    Member.UNHEARD: "not heard",
+    Member.HOLDING: "told to loiter",
+    Member.RETURNING: "coming back",
+}
 
 
 class Group(NamedTuple):
@@ -74,11 +86,6 @@ def _row(cells: Sequence[str], widths: Sequence[int]) -> str:
     first = cells[0].ljust(widths[0])
     rest = [cell.rjust(width) for cell, width in zip(cells[1:], widths[1:], strict=True)]
     return GAP.join((first, *rest)).rstrip()
-
-
-MOST_ROWS = 24
-TABLE_WIDTH = 80
-"""Of tables in a pipe or a file; lines of words are whole there."""
 
 
 def summary_text(summary: Summary, directory: Path, width: int | None = None) -> str:
@@ -173,17 +180,6 @@ def _safety(figures: dict[str, Any]) -> str:
 
 def _number(value: float | None, digits: int = 2) -> str:
     return "–" if value is None else f"{value:.{digits}f}"
-
-
-WIDTH = 80
-SHORT = {
-    Member.STARTING: "starting",
-    Member.FLYING: "in formation",
-    Member.PARTED: "its pilot's",
-    Member.UNHEARD: "not heard",
-    Member.HOLDING: "told to loiter",
-    Member.RETURNING: "coming back",
-}
 
 
 def status_page(station: Station, now: Instant, width: int = WIDTH) -> str:

@@ -33,6 +33,13 @@ from gcs_formation.recorder import Event
 from gcs_formation.stability import scenario_delay_margin
 from gcs_formation.station import Station
 
+MICROSECONDS = 1_000_000
+VIRTUAL_EPOCH_US = 1_577_836_800 * MICROSECONDS
+"""2020-01-01 00:00 UTC."""
+MOST_DIGITS = 5
+PROGRESS_S = 0.25
+"""Wall time between updates of the progress, s."""
+
 
 class TimedStation:
     """Wraps a station and times its control ticks; itself an engine."""
@@ -78,14 +85,6 @@ class TimedStation:
             np.array(self._begun, dtype=np.float64) / NANOSECONDS,
             np.array(self._taken),
         )
-
-
-MICROSECONDS = 1_000_000
-VIRTUAL_EPOCH_US = 1_577_836_800 * MICROSECONDS
-"""2020-01-01 00:00 UTC."""
-MOST_DIGITS = 5
-PROGRESS_S = 0.25
-"""Wall time between updates of the progress, s."""
 
 
 @dataclass

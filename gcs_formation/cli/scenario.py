@@ -16,6 +16,10 @@ from gcs_formation.cli import usage
 from gcs_formation.errors import ExampleError
 from gcs_formation.studies.keys import study_schema
 
+SUFFIX = ".yaml"
+IN_THE_TREE = "configs"
+"""Directory of the examples in the sources; an installed package contains them."""
+
 
 def load(scenario: Path, overrides: tuple[str, ...]) -> Scenario:
     """Return a scenario, or end with what's wrong in it."""
@@ -23,11 +27,6 @@ def load(scenario: Path, overrides: tuple[str, ...]) -> Scenario:
         return load_scenario(scenario, overrides)
     except ScenarioError as error:
         fail(str(error))
-
-
-SUFFIX = ".yaml"
-IN_THE_TREE = "configs"
-"""Directory of the examples in the sources; an installed package contains them."""
 
 
 def example_names() -> list[str]:

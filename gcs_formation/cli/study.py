@@ -24,6 +24,8 @@ from gcs_formation.studies.plan import Plan, count_flights
 from gcs_formation.studies.progress import StudyProgress
 from gcs_formation.studies.workers import Cluster, Processes
 
+Row = dict[str, Any]
+
 
 class _FlyOrStudy(click.Group):
     """A group whose first argument may be a study file instead of a command."""
@@ -166,9 +168,6 @@ def _status(compared: Compared) -> Status:
     if compared.stopped():
         return Status.COULD_NOT_GO_ON
     return Status.EXPECTATION_BROKEN if compared.broken() else Status.FINE
-
-
-Row = dict[str, Any]
 
 
 @click.command(epilog=usage.STRESS)

@@ -12,6 +12,9 @@ from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.control.mixer import Target
 from gcs_formation.estimation.flight_state import AutopilotModel, FlightState
 
+CRAB_RADPS = 0.65
+"""How fast a heading crabs against a gust: a slot 30 m aside is swung no faster than speed can follow."""
+
 
 @dataclass(frozen=True)
 class Turning:
@@ -90,10 +93,6 @@ def _led(leader: LeaderMotion, axes: Axes) -> tuple[Array, Array]:
     cos, sin = np.cos(off), np.sin(off)
     swing_mps2 = leader.state.airspeed_mps * (leader.turning.rate_rps - axes.turning.rate_rps)
     return leader.acceleration_mps2 * cos - swing_mps2 * sin, leader.acceleration_mps2 * sin + swing_mps2 * cos
-
-
-CRAB_RADPS = 0.65
-"""How fast a heading crabs against a gust: a slot 30 m aside is swung no faster than speed can follow."""
 
 
 class Crab(NamedTuple):

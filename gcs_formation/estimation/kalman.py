@@ -36,6 +36,11 @@ FIRST_MEMORY = 20.0
 """The same at the start, of a vehicle's first sample."""
 CLIPPED_AT = 2.0
 """Standard deviations at which an increment counts no more than that: an outlier isn't noise."""
+STATES = 8
+NORTH, EAST, HEIGHT, CLIMB, SPEED, HEADING, WIND_NORTH, WIND_EAST = range(STATES)
+GROUND_NORTH, GROUND_EAST, RISE, AIRSPEED, YAW = range(3, STATES)
+"""Rows of a sample after its north, east and height."""
+_EYE = np.eye(STATES)
 
 
 class Declared(NamedTuple):
@@ -97,13 +102,6 @@ class NoiseEstimate:
         learnt = known + share * (products - known)
         low, high = self._declared.least[:, which] ** 2, MOST[:, None] ** 2
         self._variance[:, which] = within(learnt, low, high)
-
-
-STATES = 8
-NORTH, EAST, HEIGHT, CLIMB, SPEED, HEADING, WIND_NORTH, WIND_EAST = range(STATES)
-GROUND_NORTH, GROUND_EAST, RISE, AIRSPEED, YAW = range(3, STATES)
-"""Rows of a sample after its north, east and height."""
-_EYE = np.eye(STATES)
 
 
 class Estimate(NamedTuple):

@@ -38,6 +38,14 @@ RECENT_S = 20.0
 """Memory of the misfit."""
 SIGNIFICANT = 2.0
 """Standard deviations of the misfit that don't count."""
+RESOLUTION = np.array((0.02, 0.002, 0.05))
+"""Residuals of airspeed (m/s), heading (rad) and height (m) count as no smaller: telemetry's digits, and the instant at
+which a setpoint acts, aren't known better."""
+FREE = 0.6
+"""Share of a rate limit beyond which nothing is learnt of a lag: what flies at its limit doesn't show it, and the limit
+may be lower than believed (an aircraft turns the slower, the faster it flies)."""
+GAP_S = 3.0
+"""A longer gap in the telemetry starts the simulation anew."""
 
 
 class Nodes(NamedTuple):
@@ -173,16 +181,6 @@ class Channel:
         left = np.maximum(misfit - shown**2 / excitation, 0.0) / np.maximum(sums.count, 1.0)
         chance = np.sqrt((left + self._resolution**2) * max(1.0, CORRELATED_S * self._rate_hz) / excitation)
         self.misfit = np.maximum(0.0, np.abs(shown) / excitation - SIGNIFICANT * chance)
-
-
-RESOLUTION = np.array((0.02, 0.002, 0.05))
-"""Residuals of airspeed (m/s), heading (rad) and height (m) count as no smaller: telemetry's digits, and the instant at
-which a setpoint acts, aren't known better."""
-FREE = 0.6
-"""Share of a rate limit beyond which nothing is learnt of a lag: what flies at its limit doesn't show it, and the limit
-may be lower than believed (an aircraft turns the slower, the faster it flies)."""
-GAP_S = 3.0
-"""A longer gap in the telemetry starts the simulation anew."""
 
 
 class LagEstimator:

@@ -53,6 +53,8 @@ ROWS = [4, 5, 2]
 HEIGHT = CHANNELS.index("height")
 ENERGY = [CHANNELS.index("airspeed"), HEIGHT]
 """Channels between which an aircraft trades energy."""
+GAP_S = 0.5
+"""Longer gaps between acknowledgements of setpoints may mean that setpoints didn't arrive."""
 
 
 class NonConformance(NamedTuple):
@@ -178,10 +180,6 @@ def _noise(scenario: Scenario) -> Array:
         for each in sources
     ]
     return np.array(rows, dtype=np.float64).T
-
-
-GAP_S = 0.5
-"""Longer gaps between acknowledgements of setpoints may mean that setpoints didn't arrive."""
 
 
 class ConformanceMonitor:

@@ -28,6 +28,11 @@ WHEREABOUTS = [0, 1, 6, 7]
 """Rows of a state's table that a setpoint's whereabouts are."""
 UNGUIDED_S = 2.0
 """For how long setpoints may be missing before a vehicle counts as left alone."""
+HEARTBEAT_S = 1.0
+PROBE_S = 0.25
+GOLDEN = (math.sqrt(5) - 1) / 2
+PROBE_DITHER_S = 0.02
+"""Probes are spread over the period of a vehicle's main loop, so that the wait for it averages to half a period."""
 
 
 class Dispatch:
@@ -120,13 +125,6 @@ class Dispatch:
         slowest_s = float(np.fmax.reduce(up_s[following], initial=0.0))
         own_s = float(up_s[leader])
         return min(max(0.0, slowest_s - (0.0 if math.isnan(own_s) else own_s)), HOLD_MAX_S)
-
-
-HEARTBEAT_S = 1.0
-PROBE_S = 0.25
-GOLDEN = (math.sqrt(5) - 1) / 2
-PROBE_DITHER_S = 0.02
-"""Probes are spread over the period of a vehicle's main loop, so that the wait for it averages to half a period."""
 
 
 class HeartbeatScheduler:

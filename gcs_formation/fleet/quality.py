@@ -30,6 +30,11 @@ CALM_LOOKS = 10
 KEPT = 0.7
 """Share in use after either change; the fuzzy scheduler can reduce a margin to about 0.77 of itself."""
 CHANNELS = {"x": "speed", "y": "heading", "z": "height"}
+OFF = 1.8
+"""Ratio to the declared noise, or its inverse, from which it isn't as declared."""
+BACK = 1.4
+"""Ratio below which it is again."""
+UNITS = ("m", "m", "m/s", "m/s", "m/s", "rad")
 
 
 class MarginWatch:
@@ -159,13 +164,6 @@ class MarginWatch:
 def _channels(axis: str) -> list[int]:
     """Return the channels of an axis: one, or all for the consensus law."""
     return [list(CHANNELS).index(axis)] if axis in CHANNELS else list(range(len(CHANNELS)))
-
-
-OFF = 1.8
-"""Ratio to the declared noise, or its inverse, from which it isn't as declared."""
-BACK = 1.4
-"""Ratio below which it is again."""
-UNITS = ("m", "m", "m/s", "m/s", "m/s", "rad")
 
 
 class NoiseWatch:

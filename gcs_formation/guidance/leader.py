@@ -31,6 +31,21 @@ from gcs_formation.guidance.tracking import (
     track_turn,
 )
 
+DECISION_S = 2.0
+"""How long before the path's start to decide whether to begin it or to go around again."""
+ASSEMBLED_S = 2.0
+"""How long followers must stay in their slots to count as assembled."""
+SETTLE_S = 30.0
+"""Shortest straight flight between a turn and the path: followers are back in their slots 10 s after a turn's end."""
+ON_EXTENSION_M = 60.0
+ON_EXTENSION_RAD = math.radians(30.0)
+ON_PATH_M, ON_PATH_RAD = 10.0, math.radians(10.0)
+"""Within these the leader is on the path, and needs no way back."""
+RETURNS = 8
+"""How many places are tried to return to, each a turn's radius farther along the path than the one before."""
+CLIMB_SHARE = 0.7
+"""Share of the climb limit that the route to the start uses; followers need the rest."""
+
 
 def amid(followers: FlightState, slots_m: Array, speed_mps: float) -> FlightState:
     """Return the leader (1 column) relative to which the followers are, on average, in their slots (F, 3)."""
@@ -93,22 +108,6 @@ class ToldLeader:
         instants, acts = instants - acts[-1], acts - acts[-1]
         speed, heading, height, turn = (np.interp(instants, acts, row) for row in zip(*self._rows, strict=True))
         return Told(Setpoints(speed, heading, height), turn)
-
-
-DECISION_S = 2.0
-"""How long before the path's start to decide whether to begin it or to go around again."""
-ASSEMBLED_S = 2.0
-"""How long followers must stay in their slots to count as assembled."""
-SETTLE_S = 30.0
-"""Shortest straight flight between a turn and the path: followers are back in their slots 10 s after a turn's end."""
-ON_EXTENSION_M = 60.0
-ON_EXTENSION_RAD = math.radians(30.0)
-ON_PATH_M, ON_PATH_RAD = 10.0, math.radians(10.0)
-"""Within these the leader is on the path, and needs no way back."""
-RETURNS = 8
-"""How many places are tried to return to, each a turn's radius farther along the path than the one before."""
-CLIMB_SHARE = 0.7
-"""Share of the climb limit that the route to the start uses; followers need the rest."""
 
 
 @dataclass

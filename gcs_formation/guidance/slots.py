@@ -24,6 +24,12 @@ from gcs_formation.guidance.tracking import Route
 
 APART_S = 0.05
 """Interval of the moments at which slots are evaluated; between them they are extrapolated at constant acceleration."""
+AHEAD_STEPS = 100
+"""Steps of the lifts' splines: 2 km, on which a climb at the formation's limit gains 190 m."""
+ADVANCE_M = 100.0
+"""Distance that the leader flies before lifts are computed again."""
+KEPT_M = 40.0
+"""Distance around the present position within which a lift isn't changed, since setpoints act at different times."""
 
 
 @dataclass(frozen=True)
@@ -89,14 +95,6 @@ class FormationPlan:
     def adopt(self, proposal: Proposal) -> None:
         """Fly a change."""
         self.arrangement, self._way = proposal.arrangement, proposal.way
-
-
-AHEAD_STEPS = 100
-"""Steps of the lifts' splines: 2 km, on which a climb at the formation's limit gains 190 m."""
-ADVANCE_M = 100.0
-"""Distance that the leader flies before lifts are computed again."""
-KEPT_M = 40.0
-"""Distance around the present position within which a lift isn't changed, since setpoints act at different times."""
 
 
 @dataclass(frozen=True)

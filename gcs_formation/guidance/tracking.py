@@ -14,6 +14,7 @@ BANDWIDTH_RADPS = 0.15
 INTERCEPT_MAX_RAD = math.radians(60.0)
 NEWTON_STEPS = 3
 NEAREST_STEP_M = 10.0
+TURN = 2 * math.pi
 
 
 class Route(Protocol):
@@ -184,9 +185,6 @@ def _crab(motion: Motion, course_rad: float) -> float:
 def _rotate(north: float, east: float, course_rad: float) -> tuple[float, float]:
     cos, sin = math.cos(course_rad), math.sin(course_rad)
     return north * cos + east * sin, east * cos - north * sin
-
-
-TURN = 2 * math.pi
 
 
 class Pose(NamedTuple):

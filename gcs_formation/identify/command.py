@@ -30,6 +30,10 @@ SPACING_M = 60.0
 """Followers keep at least so far away."""
 LEGS = 12
 """Waypoints of the straight path."""
+HEIGHT_CM = 14.0
+LABELS = ("airspeed, m/s", "heading, degrees", "height, m")
+CHANNELS = ("airspeed_mps", "heading_rad", "height_m")
+UNITS = ("m/s", "rad", "m")
 
 
 def steps(spare_mps: float) -> list[Step]:
@@ -87,10 +91,6 @@ def identification_scenario(scenario: Scenario) -> Scenario:
     return load_scenario(data)
 
 
-HEIGHT_CM = 14.0
-LABELS = ("airspeed, m/s", "heading, degrees", "height, m")
-
-
 def draw(recording: Recording, flown: dict[str, Array], file: Path) -> None:
     """Draw a recording and the models' flights by its setpoints alone, (3, K) each by its name, as a PNG."""
     at_s: Array = STEP_S * np.arange(recording.seen.shape[1], dtype=np.float64)
@@ -108,10 +108,6 @@ def draw(recording: Recording, flown: dict[str, Array], file: Path) -> None:
         axes[-1].set_xlabel("time, s")
         axes[0].legend(ncols=2 + len(flown), loc="lower left", bbox_to_anchor=(0.0, 1.0))
         figure.savefig(file, dpi=DPI)
-
-
-CHANNELS = ("airspeed_mps", "heading_rad", "height_m")
-UNITS = ("m/s", "rad", "m")
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,8 @@ MUTE_AFTER_S = 3.5
 """Three and a half heartbeats, as is usual in ground stations."""
 ALL_LOST = 1e-6
 """On a lossy link it takes longer: until losing all heartbeats that were due is less probable than this."""
+MAX_REMOTES = 1024
+"""Parsers that are kept. The remote silent longest is forgotten first, so strangers can't fill the memory."""
 
 
 class LinkState(Enum):
@@ -82,10 +84,6 @@ class Connection:
         """Return for how long heartbeats have been missing beyond what `loss` explains, s; negative if they aren't."""
         due_s = math.log(ALL_LOST) / math.log(loss) if 0.0 < loss < 1.0 else 0.0
         return seconds_between(self.last_heartbeat, self.last_heard) - max(MUTE_AFTER_S, due_s)
-
-
-MAX_REMOTES = 1024
-"""Parsers that are kept. The remote silent longest is forgotten first, so strangers can't fill the memory."""
 
 
 class Receiver:

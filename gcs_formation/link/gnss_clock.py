@@ -35,6 +35,8 @@ OLDEST_UNIX_S = 1.5e9
 JUMP_S = 0.01
 UNKNOWN_DRIFT_S = 0.01
 """Drift since an unknown instant that is too much to know UTC by."""
+UNKNOWN_WAYS_S = math.nan, math.nan
+EPOCH = Instant(0)
 
 
 class GnssClock:
@@ -175,10 +177,6 @@ class GnssClock:
         self._variance = (variance, 0.0, self._variance[2])
         self._off.clear()
         self._steps.append(self._middle_s)
-
-
-UNKNOWN_WAYS_S = math.nan, math.nan
-EPOCH = Instant(0)
 
 
 class StampMap:

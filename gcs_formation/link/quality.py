@@ -10,6 +10,8 @@ from airlink.clock import Instant, seconds_between
 MODULUS = 256
 LATE = MODULUS // 2
 """A number at most this far behind the newest belongs to a late or repeated frame; any other is ahead of it."""
+SHARE = 1 / 16
+"""Weight of each new difference."""
 
 
 @dataclass
@@ -59,10 +61,6 @@ class SequenceTracker:
             self.lost -= 1
         else:
             self.repeated += 1
-
-
-SHARE = 1 / 16
-"""Weight of each new difference."""
 
 
 class JitterMeter:

@@ -34,6 +34,8 @@ TOLD_M = 0.5
 """How near its own height one must be told to fly."""
 BESIDE_M = 5.0
 """What circles are farther apart than vehicles must be."""
+LOITER_LIMIT_S = 20.0
+"""Longest wait for vehicles to climb out and acknowledge that they loiter."""
 
 
 @dataclass(frozen=True)
@@ -199,10 +201,6 @@ def place_of(vehicle: Vehicle) -> Motion | None:
 
 def _hull(one: Band, other: Band) -> Band:
     return Band(min(one.low_m, other.low_m), max(one.high_m, other.high_m))
-
-
-LOITER_LIMIT_S = 20.0
-"""Longest wait for vehicles to climb out and acknowledge that they loiter."""
 
 
 class Ending:

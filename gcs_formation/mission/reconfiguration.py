@@ -30,6 +30,12 @@ from gcs_formation.vehicle.vehicle import Vehicle
 
 DELAY_STEP_S, LOSS_STEP, JITTER_STEP_S = 0.02, 0.02, 0.005
 """Links that differ by less than about this are equally good: so much is chance in what was measured."""
+RETRY_S = 1.0
+"""Interval between attempts at a change that can't be flown at the formation's present position."""
+AMID = 2.0
+"""Vehicles up to this many times the farthest slot's distance from the leader count as amid the formation."""
+HEARD_S = 1.0
+"""Largest age of a successor's telemetry, and of the newest sign that it hears."""
 
 
 class Candidate(NamedTuple):
@@ -64,14 +70,6 @@ def _rank(each: Candidate) -> tuple[float, ...]:
 
 def _steps(value: float, step: float) -> float:
     return math.inf if math.isnan(value) else round(value / step)
-
-
-RETRY_S = 1.0
-"""Interval between attempts at a change that can't be flown at the formation's present position."""
-AMID = 2.0
-"""Vehicles up to this many times the farthest slot's distance from the leader count as amid the formation."""
-HEARD_S = 1.0
-"""Largest age of a successor's telemetry, and of the newest sign that it hears."""
 
 
 class Reconfiguration:

@@ -22,6 +22,8 @@ from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.vehicle import Vehicle
 
 IN_ORDER = "in order"
+CONNECT_LIMIT_S = 30.0
+"""Longest wait for every vehicle's first heartbeat."""
 
 
 @dataclass(frozen=True)
@@ -119,10 +121,6 @@ class PreFlight:
         if refused:
             self._refused = True
             self._give_up(f"vehicle {vehicle.identity}: {'; '.join(refused)}", now)
-
-
-CONNECT_LIMIT_S = 30.0
-"""Longest wait for every vehicle's first heartbeat."""
 
 
 class Starting:

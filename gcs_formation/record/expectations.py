@@ -20,6 +20,9 @@ from gcs_formation.record.flight import Flight
 
 LATE_S = 0.010
 """A tick that begins later than this after it was due is late."""
+AXES = {"error_x_m": 0, "error_y_m": 1, "error_z_m": 2}
+WORDS = {True: "held", False: "broken", None: "not judged"}
+SECTIONS = ("safety", "control", "stability")
 
 
 class Injected(NamedTuple):
@@ -92,11 +95,6 @@ class Outcome:
     wall_s: float
     cut_short: bool
     """Whether the run was ended (`--until`, an order, Ctrl-C) before the path or the time was."""
-
-
-AXES = {"error_x_m": 0, "error_y_m": 1, "error_z_m": 2}
-WORDS = {True: "held", False: "broken", None: "not judged"}
-SECTIONS = ("safety", "control", "stability")
 
 
 @dataclass(frozen=True)

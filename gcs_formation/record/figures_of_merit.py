@@ -13,6 +13,12 @@ from gcs_formation.record.flight import Flight
 from gcs_formation.record.timeseries import CHANNELS, SETPOINT
 
 Effort = dict[str, dict[str, float | None]]
+SETTLED_M = 0.5
+SETTLED_FOR_S = 10.0
+STEADY_AFTER_S = 30.0
+"""Steady flight begins so long after settling."""
+PAIRWISE_UP_TO = 12
+"""Vehicles up to which every pair is looked at; beyond, a tree finds each tick's nearest pair."""
 
 
 def setpoint_steps(columns: Mapping[str, Array], channel: str) -> Array:
@@ -41,14 +47,6 @@ def effort(columns: Mapping[str, Array], window: Mask) -> Effort:
             "step_p95": float(np.percentile(size[known], 95)) if known.any() else None,
         }
     return found
-
-
-SETTLED_M = 0.5
-SETTLED_FOR_S = 10.0
-STEADY_AFTER_S = 30.0
-"""Steady flight begins so long after settling."""
-PAIRWISE_UP_TO = 12
-"""Vehicles up to which every pair is looked at; beyond, a tree finds each tick's nearest pair."""
 
 
 def settled_at_s(time_s: Array, error_m: Array) -> float | None:

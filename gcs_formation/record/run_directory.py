@@ -20,6 +20,20 @@ from gcs_formation.record.timeseries import TickSpool, spools
 from gcs_formation.recorder import Event, Tick
 
 _STAMP = struct.Struct(">Q")
+SCENARIO = RUN
+TLOG = "flight.tlog"
+EVENTS = "events.jsonl"
+SPOOL = "timeseries.arrows"
+TRUTH = "truth.bin"
+TIMESERIES = "timeseries.parquet"
+SUMMARY = "summary.json"
+REPORT = "report.html"
+FIGURES = "figures"
+"""What `report` makes of the rest."""
+FLUSH_S = 1.0
+EVENT_SCHEMA = 1
+RECORDING = "recording"
+"""Kind of the first event of a record: it tells when instant 0 was."""
 
 
 class LoggedFrame(NamedTuple):
@@ -62,22 +76,6 @@ def read_tlog(path: Path) -> Iterator[LoggedFrame]:
             return
         yield LoggedFrame(_STAMP.unpack_from(data, begin)[0], data[frame:end])
         begin = end
-
-
-SCENARIO = RUN
-TLOG = "flight.tlog"
-EVENTS = "events.jsonl"
-SPOOL = "timeseries.arrows"
-TRUTH = "truth.bin"
-TIMESERIES = "timeseries.parquet"
-SUMMARY = "summary.json"
-REPORT = "report.html"
-FIGURES = "figures"
-"""What `report` makes of the rest."""
-FLUSH_S = 1.0
-EVENT_SCHEMA = 1
-RECORDING = "recording"
-"""Kind of the first event of a record: it tells when instant 0 was."""
 
 
 class RunDirectory:

@@ -53,6 +53,14 @@ ERROR = ("error_x_m", "error_y_m", "error_z_m")
 GROUND = ("ground_height_m", "clearance_m")
 PHASES = ("assembling", "flying", "ending", "loitering", "connecting")
 BATCH_ROWS = 4096
+SPOOL_SCHEMA = pa.schema(
+    [
+        pa.field("network", pa.int32()),
+        pa.field("vehicle", pa.int32()),
+        pa.field("phase", pa.int8()),
+        *(pa.field(name, pa.float64()) for name in MEASURED),
+    ]
+)
 
 
 class TickSpool:
@@ -97,16 +105,6 @@ class TickSpool:
         """Write what is waiting and close the file."""
         self.flush()
         self._writer.close()
-
-
-SPOOL_SCHEMA = pa.schema(
-    [
-        pa.field("network", pa.int32()),
-        pa.field("vehicle", pa.int32()),
-        pa.field("phase", pa.int8()),
-        *(pa.field(name, pa.float64()) for name in MEASURED),
-    ]
-)
 
 
 def spools(path: Path) -> list[Path]:

@@ -25,6 +25,26 @@ TRACK_POINTS = 3000
 IN_SLOT_M = 0.01
 """Smallest distance that the figure shows; its scale is logarithmic."""
 MARGIN = 0.06
+LABELS = ("north, m/s", "east, m/s", "down, m/s")
+LEAST_MPS = 0.1
+"""What the axes reach to at least, upwards and downwards."""
+AXES = {"x": "forward error $x$, m", "y": "right error $y$, m", "z": "height error $z$, m"}
+WIDTHS = (0.42, 1.0)
+"""Of the axes of the transient and of the rest."""
+HIDES = 3.0
+"""The transient gets axes of its own where it's this many times what follows, and doesn't count as settled."""
+LONGEST_TRANSIENT = 0.4
+"""Share of the flown time; what comes later shows what the errors are in steady flight."""
+STEADY = 1.3
+"""The transient is over once no error exceeds this many times the largest one in steady flight."""
+STEADY_AT_LEAST_M = 0.02
+GONE_M = 10.0
+STANDS_OUT = 50.0
+"""An error above `GONE_M` and this many times the median is of a vehicle that left; the scale becomes logarithmic."""
+LEAST_M = 0.012
+"""What the axes reach to at least, upwards and downwards: less than a centimetre isn't magnified."""
+LEAST = r"least possible: $|D|\,T + D^2/2a$"
+ALLOWED = r"held to: $1.5\,(|D|\,T + D^2/2a)$ + 0.05 m"
 
 
 def assembled_first(run: RunData) -> bool:
@@ -64,11 +84,6 @@ def _tracks(axes: Axes, group: Group, places: list[Array]) -> None:
     axes.set_ylabel("north, m")
 
 
-LABELS = ("north, m/s", "east, m/s", "down, m/s")
-LEAST_MPS = 0.1
-"""What the axes reach to at least, upwards and downwards."""
-
-
 def disturbed(run: RunData) -> bool:
     """Whether any vehicle is known to have been disturbed; only ground truth knows."""
     own = run.flown.vehicles.values()
@@ -92,25 +107,6 @@ def disturbance(run: RunData) -> Figure:
     figure.align_ylabels(rows)
     legend_below(figure)
     return figure
-
-
-AXES = {"x": "forward error $x$, m", "y": "right error $y$, m", "z": "height error $z$, m"}
-WIDTHS = (0.42, 1.0)
-"""Of the axes of the transient and of the rest."""
-HIDES = 3.0
-"""The transient gets axes of its own where it's this many times what follows, and doesn't count as settled."""
-LONGEST_TRANSIENT = 0.4
-"""Share of the flown time; what comes later shows what the errors are in steady flight."""
-STEADY = 1.3
-"""The transient is over once no error exceeds this many times the largest one in steady flight."""
-STEADY_AT_LEAST_M = 0.02
-GONE_M = 10.0
-STANDS_OUT = 50.0
-"""An error above `GONE_M` and this many times the median is of a vehicle that left; the scale becomes logarithmic."""
-LEAST_M = 0.012
-"""What the axes reach to at least, upwards and downwards: less than a centimetre isn't magnified."""
-LEAST = r"least possible: $|D|\,T + D^2/2a$"
-ALLOWED = r"held to: $1.5\,(|D|\,T + D^2/2a)$ + 0.05 m"
 
 
 def has_followers(run: RunData) -> bool:

@@ -14,6 +14,9 @@ from gcs_formation.record.flight import Flight
 from gcs_formation.report.run_data import RunData
 
 Indices = npt.NDArray[np.int64]
+PATH_POINTS = 2000
+BEFORE_CHANGE_S = 1.0
+SNAPSHOTS = 4
 
 
 def extremes(values: Array, buckets: int) -> Indices:
@@ -46,11 +49,6 @@ def evenly(size: int, count: int) -> Indices:
     if size <= count:
         return np.arange(size)
     return np.unique(np.round(np.linspace(0, size - 1, count)).astype(np.int64))
-
-
-PATH_POINTS = 2000
-BEFORE_CHANGE_S = 1.0
-SNAPSHOTS = 4
 
 
 class Snapshot(NamedTuple):

@@ -24,6 +24,8 @@ LOOP_S = 0.02
 """Period of an emulated vehicle's main loop."""
 SAME_S = 1e-3
 """Instants that differ by less are the same: clocks aren't known better."""
+MEASURED_OVER_S = 10.0
+"""Before the gust: the time over which the delay is the median of what was measured."""
 
 
 def least_gust_error_m(gust_mps: npt.ArrayLike, round_trip_s: npt.ArrayLike, accel_max_mps2: npt.ArrayLike) -> Array:
@@ -68,10 +70,6 @@ def allowed_gust_error_m(gust_mps: npt.ArrayLike, round_trip_s: npt.ArrayLike, a
 def accel_limits_mps2(model: VehicleModel, speed_mps: float) -> tuple[float, float]:
     """Return how hard a vehicle can accelerate along its way and, by turning, across it."""
     return model.accel_max_mps2, speed_mps * model.turn_rate_max_rps
-
-
-MEASURED_OVER_S = 10.0
-"""Before the gust: the time over which the delay is the median of what was measured."""
 
 
 class GustError(NamedTuple):

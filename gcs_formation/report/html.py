@@ -13,6 +13,11 @@ from typing import Any, NamedTuple
 from gcs_formation.record.expectations import WORDS
 from gcs_formation.report.run_data import RunData
 
+MOST_EVENTS = 500
+AXES = ("x", "y", "z")
+NONE = "–"
+SIGNS = {"below": "<", "above": ">"}
+
 
 def document(title: str, template: str, **parts: str) -> str:
     """Return a whole page. The body's template takes `title` and `parts`, which are HTML already."""
@@ -33,12 +38,6 @@ def figure(name: str, title: str, caption: str, path: Path) -> str:
         f'<figure id="figure-{name}"><img alt="{escape(title)}" src="data:image/png;base64,{image}">'
         f"<figcaption><b>{escape(title)}.</b> {escape(caption)}</figcaption></figure>\n"
     )
-
-
-MOST_EVENTS = 500
-AXES = ("x", "y", "z")
-NONE = "–"
-SIGNS = {"below": "<", "above": ">"}
 
 
 class Html(str):

@@ -38,6 +38,19 @@ GROUND_CELLS = 120
 """Along the longer side of the ground that is shown."""
 GROUND_AROUND_M = 1000.0
 ERROR_DIGITS, PLACE_DIGITS, ANGLE_DIGITS, TIME_DIGITS = 4, 1, 3, 2
+STEP_MPS = 0.6
+"""What the paper adds north and east to every vehicle from 500 s on (figure 11)."""
+REPORTED_M = {"x": 0.22, "y": 0.5}
+"""The largest errors that the paper reads from figure 12, the transient at the beginning left out."""
+BOUND = (
+    "Nothing can act before the round trip T has passed; then a vehicle accelerates by a at most. So whatever the law, "
+    "the largest error is at least |D| T + D²/(2 a) along a slot axis; ours is held to 1.5 times that and 0.05 m. T is "
+    "as measured before the gust, with sampling and hold by their means: an error may stay a little below the least "
+    "possible where the gust comes just before a sample. D is the change of the follower's disturbance beyond its "
+    "leader's. Shown is the follower nearest to its bound."
+)
+GROUND_CAPTION = " The browner the ground, the higher."
+SCRIPTS = ("surface.js", "errors.js", "plan.js", "space.js", "report.js")
 
 
 def embedded(run: RunData) -> dict[str, Any]:
@@ -164,20 +177,6 @@ def _rounded(values: Array, digits: int) -> list[float | None]:
     return [value if np.isfinite(value) else None for value in (np.round(values, digits) + 0.0).tolist()]
 
 
-STEP_MPS = 0.6
-"""What the paper adds north and east to every vehicle from 500 s on (figure 11)."""
-REPORTED_M = {"x": 0.22, "y": 0.5}
-"""The largest errors that the paper reads from figure 12, the transient at the beginning left out."""
-
-BOUND = (
-    "Nothing can act before the round trip T has passed; then a vehicle accelerates by a at most. So whatever the law, "
-    "the largest error is at least |D| T + D²/(2 a) along a slot axis; ours is held to 1.5 times that and 0.05 m. T is "
-    "as measured before the gust, with sampling and hold by their means: an error may stay a little below the least "
-    "possible where the gust comes just before a sample. D is the change of the follower's disturbance beyond its "
-    "leader's. Shown is the follower nearest to its bound."
-)
-
-
 def beside_the_paper(run: RunData) -> str:
     """Return the paper's figures beside the run's as HTML, nothing where they can't be compared."""
     step = _step(run)
@@ -247,10 +246,6 @@ def _conditions(run: RunData, step: StepDisturbance) -> str:
         "neither the links' delay nor path, speed, slots or gains, and whether figure 12 shows formation errors or "
         "errors of an estimate can't be told from its text."
     )
-
-
-GROUND_CAPTION = " The browner the ground, the higher."
-SCRIPTS = ("surface.js", "errors.js", "plan.js", "space.js", "report.js")
 
 
 def page(run: RunData, plates: Iterable[tuple[Plate, Path]]) -> str:

@@ -30,6 +30,19 @@ GROUND_COLOURS = LinearSegmentedColormap.from_list("ground", ("#EDF2E4", "#D9D3B
 STEEP = 6.0
 """How much steeper than it is the ground is shaded."""
 GROUND, SHADOW, TRACK = 0, 1, 2
+KILOMETRES_FROM_M = 3000.0
+SLIMMEST = 0.32
+"""Narrow side of the plan by its long side, at least."""
+SMALLEST_M = 50.0
+MARGIN = 0.06
+LONG_CM = 14.5
+LETTERS = "ABCDEFGH"
+LETTER_PT = 15.0
+TRACK_POINTS = 3000
+STILLS = 12
+"""Times at which everyone's place is dotted into the plan."""
+FEW_S = 20.0
+"""A flight no longer than this is timed by tenths of a second."""
 
 
 class Space(NamedTuple):
@@ -145,21 +158,6 @@ def _profile(axes: Axes, run: RunData, group: Group) -> None:
     axes.set_ylim(bottom=low)
     axes.set_xlabel(time_label(run))
     axes.set_ylabel("height, m")
-
-
-KILOMETRES_FROM_M = 3000.0
-SLIMMEST = 0.32
-"""Narrow side of the plan by its long side, at least."""
-SMALLEST_M = 50.0
-MARGIN = 0.06
-LONG_CM = 14.5
-LETTERS = "ABCDEFGH"
-LETTER_PT = 15.0
-TRACK_POINTS = 3000
-STILLS = 12
-"""Times at which everyone's place is dotted into the plan."""
-FEW_S = 20.0
-"""A flight no longer than this is timed by tenths of a second."""
 
 
 class Extent(NamedTuple):

@@ -25,6 +25,13 @@ BESIDE_PT = 1.0
 DARK = "#404040"
 UP = {"arrowstyle": "-", "shrinkA": 0, "shrinkB": 0, "color": GREY, "lw": THIN}
 BEHIND = {"facecolor": "white", "edgecolor": "none", "pad": 0.5}
+LINES_UP_TO = 2 * len(FOLLOWERS)
+"""Followers that get a line each: once through the colours solid, once dashed."""
+WIDTHS = (1.9, 1.5, 1.1, 0.8)
+"""Of the lines of the leader and of the first followers, so that none hides another; later ones have the last."""
+SOLID, DASHED, DOTTED = (0, ()), (0, (7, 1.5)), (0, (1, 1.2))
+BUCKETS = 1500
+"""Pieces of a line, more than a figure has pixels across."""
 
 
 def time_label(run: RunData) -> str:
@@ -106,15 +113,6 @@ def _place(axes: Axes, mark: Mark, beyond_pt: float) -> _Name:
         return _Name(at_pt - wide_pt, at_pt, -BESIDE_PT, "right")
     left_pt = min(at_pt, max(0.0, last_pt))
     return _Name(left_pt, left_pt + wide_pt, left_pt - at_pt + BESIDE_PT, "left")
-
-
-LINES_UP_TO = 2 * len(FOLLOWERS)
-"""Followers that get a line each: once through the colours solid, once dashed."""
-WIDTHS = (1.9, 1.5, 1.1, 0.8)
-"""Of the lines of the leader and of the first followers, so that none hides another; later ones have the last."""
-SOLID, DASHED, DOTTED = (0, ()), (0, (7, 1.5)), (0, (1, 1.2))
-BUCKETS = 1500
-"""Pieces of a line, more than a figure has pixels across."""
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,10 @@ from flight_model.arrays import Array, Mask, within, wrap
 from gcs_formation.estimation.flight_state import AutopilotModel, Columns, FlightState, Indices, Row, Setpoints
 from gcs_formation.estimation.predictor import AirLags, Height, HeightSteps, advance
 
+FINE_S, COARSE_S = 0.5, 1.0
+"""Steps in which a manoeuvre is looked at, before and after `FINE_UNTIL_S`."""
+FINE_UNTIL_S = 4.0
+
 
 class Approach(NamedTuple):
     """How near pairs come, (P,)."""
@@ -81,11 +85,6 @@ def may_come_near(ours: Array, theirs: Array, kept: MinimumDistance, times_s: Ar
     below = low[:, :, None] - np.maximum(theirs[:, 1:], theirs[:, :-1])
     apart_m = np.linalg.norm(np.maximum(np.maximum(above, below), 0.0), axis=0)
     return (apart_m < kept.distance_m + kept.off_s * fast_mps).any(axis=0)
-
-
-FINE_S, COARSE_S = 0.5, 1.0
-"""Steps in which a manoeuvre is looked at, before and after `FINE_UNTIL_S`."""
-FINE_UNTIL_S = 4.0
 
 
 class Manoeuvre(Columns):

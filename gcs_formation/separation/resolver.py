@@ -20,6 +20,21 @@ from gcs_formation.separation.rule import Conflict, Memory, Resolution, resolve
 from gcs_formation.separation.traffic import Scene
 from gcs_formation.vehicle.vehicle import UNANSWERED_S
 
+ROOM_M = 0.5
+"""How much more than the distance that is kept is reckoned with. Whoever gives way does so at the last moment, with
+nothing to spare by the ways; those are known to centimetres where states are, and to decimetres where states are noisy
+and ways are curved between the samples."""
+SLOT_SHARE = 0.8
+"""Share of the distance of the two nearest slots that is kept at most: the rule doesn't fight the formation."""
+TIMING_SHARE = 0.1
+"""Share of a state's age and of the way back by which instants may be off."""
+RESERVE_S = 0.2
+"""How much longer than a tick a setpoint is reckoned to act: the next one may be lost."""
+FORGOTTEN_AFTER_S = 30.0
+"""Age of a state that nobody keeps away from any more."""
+STANDS_MPS = 3.0
+"""Speed over ground and through the air below which a vehicle isn't flying."""
+
 
 class Unresponsive:
     """Predicts where such vehicles are if they really don't respond: they fly on as they did when they last did."""
@@ -56,22 +71,6 @@ class Unresponsive:
         told, model = np.where(self._unanswering[which], self._held.take(which).table, np.nan), self._model.take(which)
         state = advance(measured.state.take(which), told[None], elapsed_s[None], model)
         return Traffic(state, np.zeros(which.size), np.zeros(which.size), model)
-
-
-ROOM_M = 0.5
-"""How much more than the distance that is kept is reckoned with. Whoever gives way does so at the last moment, with
-nothing to spare by the ways; those are known to centimetres where states are, and to decimetres where states are noisy
-and ways are curved between the samples."""
-SLOT_SHARE = 0.8
-"""Share of the distance of the two nearest slots that is kept at most: the rule doesn't fight the formation."""
-TIMING_SHARE = 0.1
-"""Share of a state's age and of the way back by which instants may be off."""
-RESERVE_S = 0.2
-"""How much longer than a tick a setpoint is reckoned to act: the next one may be lost."""
-FORGOTTEN_AFTER_S = 30.0
-"""Age of a state that nobody keeps away from any more."""
-STANDS_MPS = 3.0
-"""Speed over ground and through the air below which a vehicle isn't flying."""
 
 
 @dataclass

@@ -17,6 +17,8 @@ from gcs_formation.separation.manoeuvre import COARSE_S, Manoeuvre, MinimumDista
 
 BESIDE_M = 1.0
 """How much farther than the kept distance above or below another a vehicle aims that gives way."""
+FEW = 32
+"""Vehicles of whom a look at every pair costs less than a search for those that are near."""
 
 
 @dataclass(frozen=True)
@@ -137,10 +139,6 @@ def free_heights(scene: Scene, vehicle: int, others: Indices, ends_m: Array, sid
 def _length(vectors: Array) -> Array:
     """Return the lengths of (2, N) vectors."""
     return np.hypot(vectors[0], vectors[1])
-
-
-FEW = 32
-"""Vehicles of whom a look at every pair costs less than a search for those that are near."""
 
 
 class Reach(NamedTuple):

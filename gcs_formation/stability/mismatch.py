@@ -18,6 +18,20 @@ from flight_model.arrays import Array
 from gcs_formation.stability.loops import Loop, Plant, Rational, delay_margin
 
 _GRID = 4000
+LAGS_OFF = 0.3
+"""By what share of itself every lag may be off where the mismatch of the delay is given for that."""
+MOST = 0.95
+_STEPS = 10
+_HALVINGS = 5
+_FREQUENCIES = np.geomspace(1e-3, 1e2, 600)
+DEVIATIONS = 2.0
+"""The mismatch, in standard deviations of the round trip."""
+STEP_S = 0.05
+"""Mismatch margins are computed for whole multiples of this delay."""
+BANDWIDTHS = tuple(np.geomspace(1.0, 0.1, 33).tolist())
+"""The shares to which the bandwidth may be reduced."""
+LAGS_NOTED = 0.05
+"""Lags that are less off, as a share of themselves, count as right."""
 
 
 class MismatchMargin(NamedTuple):
@@ -89,14 +103,6 @@ def mismatch_crossings(loop: Loop, delay_s: float, true: Loop) -> Array:
     (found,) = np.nonzero(above[1:] != above[:-1])
     w = np.asarray(elementwise.find_root(excess, (grid[found], grid[found + 1])).x, dtype=np.float64)
     return np.column_stack((w, np.angle(-ratio(w))))
-
-
-LAGS_OFF = 0.3
-"""By what share of itself every lag may be off where the mismatch of the delay is given for that."""
-MOST = 0.95
-_STEPS = 10
-_HALVINGS = 5
-_FREQUENCIES = np.geomspace(1e-3, 1e2, 600)
 
 
 @cache
@@ -173,18 +179,6 @@ def _signs(loop: Loop) -> list[tuple[int, ...]]:
 def _poles_at_origin(open_loop: Rational) -> int:
     values: npt.NDArray[np.float64] = np.abs(open_loop.denominator)
     return len(values) - len(np.trim_zeros(values, "b"))
-
-
-DEVIATIONS = 2.0
-"""The mismatch, in standard deviations of the round trip."""
-STEP_S = 0.05
-"""Mismatch margins are computed for whole multiples of this delay."""
-BANDWIDTHS = tuple(np.geomspace(1.0, 0.1, 33).tolist())
-"""The shares to which the bandwidth may be reduced."""
-
-
-LAGS_NOTED = 0.05
-"""Lags that are less off, as a share of themselves, count as right."""
 
 
 class LoopDelay(NamedTuple):

@@ -22,6 +22,12 @@ from gcs_formation.studies.keys import Study, Wanted, base_keys, load_study
 from gcs_formation.studies.plan import Plan, Planned, Row, at, count_flights, drawn, keeps, replayed
 from gcs_formation.studies.workers import Workers
 
+SCHEMA = 1
+MANY = 100_000
+"""Flights beyond which a study asks whether that many are meant."""
+TABLE_EVERY_S = 10.0
+EXTREMES = (0.0, 0.5, 1.0 - 1e-9)
+
 
 class Verdict(NamedTuple):
     """An expectation and what came of it."""
@@ -83,13 +89,6 @@ def clopper_pearson(kept: int, flights: int, confidence: float) -> tuple[float, 
 
 def _matches(where: Mapping[str, Any], row: Row) -> bool:
     return all(row.get(name) == value for name, value in where.items())
-
-
-SCHEMA = 1
-MANY = 100_000
-"""Flights beyond which a study asks whether that many are meant."""
-TABLE_EVERY_S = 10.0
-EXTREMES = (0.0, 0.5, 1.0 - 1e-9)
 
 
 class Shown(Protocol):

@@ -52,6 +52,20 @@ LAWS: dict[str, tuple[str, ...]] = {
     "consensus_uncompensated": (CONSENSUS, UNCOMPENSATED),
 }
 """Overrides in the manner of `--set`; gains stay the scenario's, and the consensus law has its own."""
+LABELS = ("forward |error| $x$, m", "right |error| $y$, m", "height |error| $z$, m")
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8C6D31")
+DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1)), (0, (5, 1, 1, 1)))
+LEAST_M = 1e-3
+SETTLING_S = 60.0
+"""What the left column shows, where the window begins later."""
+HEADS = {"rms": "rms x / y / z, m", "max": "max x / y / z, m", "steady_max": "steady x / y / z, m"}
+NAME = "comparison"
+TITLE = "Largest error of any follower over time"
+CAPTION = (
+    "Drawn is the largest within a second before and after, so that errors that pass through zero are no dips; "
+    "what is below 1 mm is drawn there."
+)
+TWO_SPANS = "Left: how each law settles; right: the window of the table. "
 
 
 def named_laws(names: str) -> tuple[str, ...]:
@@ -69,14 +83,6 @@ def named_laws(names: str) -> tuple[str, ...]:
         ]
         raise ScenarioError(problems)
     return found
-
-
-LABELS = ("forward |error| $x$, m", "right |error| $y$, m", "height |error| $z$, m")
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8C6D31")
-DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1)), (0, (5, 1, 1, 1)))
-LEAST_M = 1e-3
-SETTLING_S = 60.0
-"""What the left column shows, where the window begins later."""
 
 
 def comparison_figure(comparison: Comparison) -> Figure:
@@ -128,9 +134,6 @@ def _panel(axes: Axes, lines: tuple[Line, ...], axis: int, begin: float, end: fl
 
 def _plain(value: float, _: int | None) -> str:
     return f"{value:g}"
-
-
-HEADS = {"rms": "rms x / y / z, m", "max": "max x / y / z, m", "steady_max": "steady x / y / z, m"}
 
 
 class Cell(NamedTuple):
@@ -195,15 +198,6 @@ def _cells(row: Row) -> list[Cell]:
         Cell("margin, s", number(row.delay_margin_s, 2), 9),
         Cell("used, %", number(used, 0), 7),
     ]
-
-
-NAME = "comparison"
-TITLE = "Largest error of any follower over time"
-CAPTION = (
-    "Drawn is the largest within a second before and after, so that errors that pass through zero are no dips; "
-    "what is below 1 mm is drawn there."
-)
-TWO_SPANS = "Left: how each law settles; right: the window of the table. "
 
 
 def write_comparison(comparison: Comparison, out: Path) -> Path:

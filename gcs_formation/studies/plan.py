@@ -28,6 +28,9 @@ from gcs_formation.studies.keys import (
 Sample: TypeAlias = Mapping[str, Value]
 INSIDE = 1e-12
 """Least distance of a share from 0 and 1, where a normal distribution has no value."""
+__all__ = ["Distribution", "Sample", "at", "count_samples", "drawn", "samples"]
+Row: TypeAlias = Mapping[str, Any]
+"""What came of a flight: its columns in flights.parquet."""
 
 
 def count_samples(study: Study) -> int:
@@ -111,13 +114,6 @@ def _shares(study: Study, dimensions: int) -> Array:
             return qmc.Sobol(dimensions, rng=random).random_base2(max(0, math.ceil(math.log2(count))))[:count]
         case _:
             return random.random((count, dimensions))
-
-
-__all__ = ["Distribution", "Sample", "at", "count_samples", "drawn", "samples"]
-
-
-Row: TypeAlias = Mapping[str, Any]
-"""What came of a flight: its columns in flights.parquet."""
 
 
 class Planned(NamedTuple):

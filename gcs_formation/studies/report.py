@@ -44,6 +44,16 @@ MARGIN = "margin_used"
 CELL_CM = 4.6
 WIDE = 30.0
 """Largest by median from which a scale is logarithmic."""
+REPORT, FIGURES = "report.html", "figures"
+WORST = 3
+MOST_FAILED = 50
+CAPTIONS = {
+    "distributions": "Cumulative distributions; flights without the figure count as beyond its end.",
+    "marginals": "Over each parameter, whatever the others are.",
+    "map": "Median of the flights in each cell. Beyond the line, drawn where `margin_used` is a metric and both "
+    "sides of it were flown, delays are longer than the margin computed for the loops.",
+}
+Rows = list[dict[str, Any]]
 
 
 class Flights(NamedTuple):
@@ -195,18 +205,6 @@ def _by_level(parameter: Array, values: Array) -> tuple[Array, Array, Array, Arr
 def pairs(names: Sequence[str]) -> list[tuple[str, str]]:
     """Return the pairs of parameters that have a heat map: each with the first."""
     return [(names[0], other) for other in names[1:]]
-
-
-REPORT, FIGURES = "report.html", "figures"
-WORST = 3
-MOST_FAILED = 50
-CAPTIONS = {
-    "distributions": "Cumulative distributions; flights without the figure count as beyond its end.",
-    "marginals": "Over each parameter, whatever the others are.",
-    "map": "Median of the flights in each cell. Beyond the line, drawn where `margin_used` is a metric and both "
-    "sides of it were flown, delays are longer than the margin computed for the loops.",
-}
-Rows = list[dict[str, Any]]
 
 
 def is_study(directory: Path) -> bool:

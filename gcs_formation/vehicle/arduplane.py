@@ -29,6 +29,19 @@ HEARTBEATS_S = 3.0
 FAILSAFE_BY_HEARTBEAT = (1, 2)
 LEADS_AWAY = (1, 4, 5)
 """FS_LONG_ACTN: RTL, AUTO, AUTOLAND; 0 flies on, 2 glides, 3 releases a parachute."""
+GUIDED_COMMANDS = (
+    m.MAV_CMD_GUIDED_CHANGE_SPEED,
+    m.MAV_CMD_GUIDED_CHANGE_HEADING,
+    m.MAV_CMD_GUIDED_CHANGE_ALTITUDE,
+)
+EKF_READY = 831
+"""Attitude, velocities and positions, relative and absolute: all that flying in GUIDED needs."""
+SLOW_RATE_HZ = 2.0
+UTC_RATE_HZ = 1.0
+AIRBORNE_M = 10.0
+AUTOPILOTS = frozenset({m.MAV_AUTOPILOT_GENERIC, m.MAV_AUTOPILOT_ARDUPILOTMEGA})
+TYPES = frozenset({m.MAV_TYPE_GENERIC, m.MAV_TYPE_FIXED_WING, *range(m.MAV_TYPE_VTOL_DUOROTOR, m.MAV_TYPE_GIMBAL)})
+"""MAV_TYPE of ArduPlane's aircraft, and the one that says nothing."""
 
 
 def arduplane_checks(asked: Demands) -> tuple[Check, ...]:
@@ -65,21 +78,6 @@ def arduplane_checks(asked: Demands) -> tuple[Check, ...]:
             asked, "AIRSPEED_MIN", "AIRSPEED_MAX", "AIRSPEED_CRUISE", "ROLL_LIMIT_DEG", ("refused", "refused")
         ),
     )
-
-
-GUIDED_COMMANDS = (
-    m.MAV_CMD_GUIDED_CHANGE_SPEED,
-    m.MAV_CMD_GUIDED_CHANGE_HEADING,
-    m.MAV_CMD_GUIDED_CHANGE_ALTITUDE,
-)
-EKF_READY = 831
-"""Attitude, velocities and positions, relative and absolute: all that flying in GUIDED needs."""
-SLOW_RATE_HZ = 2.0
-UTC_RATE_HZ = 1.0
-AIRBORNE_M = 10.0
-AUTOPILOTS = frozenset({m.MAV_AUTOPILOT_GENERIC, m.MAV_AUTOPILOT_ARDUPILOTMEGA})
-TYPES = frozenset({m.MAV_TYPE_GENERIC, m.MAV_TYPE_FIXED_WING, *range(m.MAV_TYPE_VTOL_DUOROTOR, m.MAV_TYPE_GIMBAL)})
-"""MAV_TYPE of ArduPlane's aircraft, and the one that says nothing."""
 
 
 class ArduPlane(Autopilot):

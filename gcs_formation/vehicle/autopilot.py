@@ -21,6 +21,7 @@ from gcs_formation.vehicle.telemetry import Telemetry
 SHOWN_WITHIN_S = 2.0
 SHOWN_IN_HEARTBEATS = 2
 """A command has no effect when both this time and so many heartbeats have passed since its acknowledgement."""
+Command = CommandLong | CommandInt
 
 
 class Effect(NamedTuple):
@@ -67,9 +68,6 @@ class EffectWatch:
         waited_s = seconds_between(self._since, now)
         if waited_s >= SHOWN_WITHIN_S and seen.heartbeats >= self._heartbeats + SHOWN_IN_HEARTBEATS:
             self.missing = self.missing or MissingEffect(effect.description, waited_s)
-
-
-Command = CommandLong | CommandInt
 
 
 def nothing(_: Telemetry) -> tuple[Command, ...]:

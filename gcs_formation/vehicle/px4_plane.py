@@ -29,6 +29,21 @@ LEADS_AWAY = (1, 2, 3)
 """NAV_DLL_ACT: hold, return, land; 0 does nothing, 5 and 6 stop the motor."""
 LARGEST_CIRCLE_M = 100.0
 """Radius for which circles at the end are kept apart, and beyond which a place 400 m ahead is no course."""
+MAIN_AUTO = 4
+AIM_M = 400.0
+"""Distance of the place ahead that a setpoint names. Nearer than the circle's radius (NAV_LOITER_RAD, 80 m) and 7 s of
+flight (NPFG_PERIOD 10 s, damping 0.7), PX4 bends towards the circle; when setpoints stop it flies there and circles."""
+TAKE_OFF_TO_M = 50.0
+SLOW_RATE_HZ = 2.0
+UTC_RATE_HZ = 1.0
+CHANGES_HZ = 50.0
+"""CURRENT_MODE is sent at this rate while there are changes: a mode must be seen before a setpoint undoes it."""
+AIRBORNE_M = 10.0
+REFERENCE_CLIMB_MPS = 3.0
+"""After boot the height controller's reference begins at sea level and rises this fast (FW_T_CLMB_R_SP); who takes off
+before it has come to the field's altitude dives into the ground. Seen in version 1.17 (development)."""
+DEFAULT_SPEED = -1.0
+UNCHANGED = math.nan
 
 
 def px4_value(told: ParamValue) -> float:
@@ -57,30 +72,12 @@ def px4_plane_checks(asked: Demands) -> tuple[Check, ...]:
     )
 
 
-MAIN_AUTO = 4
-
-
 def _mode(main: int, sub: int = 0) -> int:
     """Return custom_mode of a main and a sub mode."""
     return main << 16 | sub << 24
 
 
 TAKEOFF, LOITER, RTL = _mode(MAIN_AUTO, 2), _mode(MAIN_AUTO, 3), _mode(MAIN_AUTO, 5)
-
-AIM_M = 400.0
-"""Distance of the place ahead that a setpoint names. Nearer than the circle's radius (NAV_LOITER_RAD, 80 m) and 7 s of
-flight (NPFG_PERIOD 10 s, damping 0.7), PX4 bends towards the circle; when setpoints stop it flies there and circles."""
-TAKE_OFF_TO_M = 50.0
-SLOW_RATE_HZ = 2.0
-UTC_RATE_HZ = 1.0
-CHANGES_HZ = 50.0
-"""CURRENT_MODE is sent at this rate while there are changes: a mode must be seen before a setpoint undoes it."""
-AIRBORNE_M = 10.0
-REFERENCE_CLIMB_MPS = 3.0
-"""After boot the height controller's reference begins at sea level and rises this fast (FW_T_CLMB_R_SP); who takes off
-before it has come to the field's altitude dives into the ground. Seen in version 1.17 (development)."""
-DEFAULT_SPEED = -1.0
-UNCHANGED = math.nan
 
 
 class Px4Plane(Autopilot):

@@ -10,6 +10,8 @@ from gcs_formation.vehicle.autopilot import Step
 from gcs_formation.vehicle.commands import CommandQueue, Outcome
 from gcs_formation.vehicle.telemetry import Motion, Telemetry
 
+UP_M = 5.0
+
 
 class UnbrokenRun:
     """Since when something has come repeatedly, without a gap longer than a limit."""
@@ -30,9 +32,6 @@ class UnbrokenRun:
         """Return when the run that goes on now began, or None. `gap_s`, the longest gap, applies from then on."""
         self._gap_s = gap_s
         return None if seconds_between(self._last, now) > gap_s else self._since
-
-
-UP_M = 5.0
 
 
 @dataclass

@@ -20,6 +20,10 @@ ON_CIRCLE_RAD = 1.0
 """Closer to the tangent than this, the heading setpoint leads by the heading's lag in the turn."""
 LEAST_SPEED_MPS = 1.0
 """Lower bound of airspeeds in divisions, for vehicles that stand still."""
+MOTION = slice(2, 6)
+"""Rows of `State` that an airframe moves: height, climb, airspeed, heading."""
+LEAST_SHARE = 0.2
+"""A drawn parameter is at least this share of its mean."""
 
 
 class Steering:
@@ -83,12 +87,6 @@ def _crab(course: Array, state: State, drift_mps: Array) -> Array:
     aside = drift_mps[1] * np.cos(course) - drift_mps[0] * np.sin(course)
     share = aside / np.maximum(state.airspeed_mps, LEAST_SPEED_MPS)
     return np.arcsin(np.minimum(np.maximum(share, -1.0), 1.0))
-
-
-MOTION = slice(2, 6)
-"""Rows of `State` that an airframe moves: height, climb, airspeed, heading."""
-LEAST_SHARE = 0.2
-"""A drawn parameter is at least this share of its mean."""
 
 
 class Airframes:

@@ -15,6 +15,15 @@ import numpy as np
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
 
+FOOT_M = 0.3048
+LOWEST_FT, HIGHEST_FT = 10.0, 1000.0
+"""Range of heights for which the low-altitude formulas hold; outside it their values at its ends are used."""
+LEAST_AIRSPEED_MPS = 1.0
+"""Lower bound of the airspeed: for a vehicle at rest a gust would last for ever."""
+DRAWS_EACH = 5
+BLOCK = 256
+SQRT3 = math.sqrt(3.0)
+
 
 @dataclass(frozen=True)
 class Passing:
@@ -77,16 +86,6 @@ class Turbulence(Passing):
 
     intensity: Intensity | float
     """Explicit, or the mean wind in m/s 6 m above ground, from which MIL-F-8785C derives it for low altitude."""
-
-
-FOOT_M = 0.3048
-LOWEST_FT, HIGHEST_FT = 10.0, 1000.0
-"""Range of heights for which the low-altitude formulas hold; outside it their values at its ends are used."""
-LEAST_AIRSPEED_MPS = 1.0
-"""Lower bound of the airspeed: for a vehicle at rest a gust would last for ever."""
-DRAWS_EACH = 5
-BLOCK = 256
-SQRT3 = math.sqrt(3.0)
 
 
 def low_altitude(wind_6m_mps: float, height_m: Array) -> tuple[Array, Array]:

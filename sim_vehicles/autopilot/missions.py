@@ -61,6 +61,13 @@ KEPT: dict[int, tuple[bool, bool, bool, bool]] = {
 """Accepted commands -> which of their four parameters are kept."""
 PLACELESS = frozenset({m.MAV_CMD_NAV_RETURN_TO_LAUNCH, m.MAV_CMD_DO_JUMP, m.MAV_CMD_DO_CHANGE_SPEED})
 YAW_MAY_BE_NAN = frozenset({m.MAV_CMD_NAV_WAYPOINT, m.MAV_CMD_NAV_LOITER_UNLIM, m.MAV_CMD_NAV_TAKEOFF})
+MOST_ITEMS = 655
+ASK_AGAIN_S, GIVE_UP_S = 1.0, 8.0
+"""Time until a missing item is requested again, and until the upload is abandoned."""
+ACCEPTED = m.MAV_MISSION_ACCEPTED
+PLAN, EMPTY_LISTS = m.MAV_MISSION_TYPE_MISSION, (m.MAV_MISSION_TYPE_FENCE, m.MAV_MISSION_TYPE_RALLY)
+RECEIVED = Statustext(m.MAV_SEVERITY_INFO, "Flight plan received")
+GIVEN_UP = Statustext(m.MAV_SEVERITY_WARNING, "Mission upload timeout")
 
 
 class Item(NamedTuple):
@@ -115,15 +122,6 @@ def _place(message: MissionItem | MissionItemInt) -> tuple[int, int, float] | in
     if not abs(message.z) <= HIGHEST_M:
         return m.MAV_MISSION_INVALID_PARAM7
     return round(lat), round(lon), message.z
-
-
-MOST_ITEMS = 655
-ASK_AGAIN_S, GIVE_UP_S = 1.0, 8.0
-"""Time until a missing item is requested again, and until the upload is abandoned."""
-ACCEPTED = m.MAV_MISSION_ACCEPTED
-PLAN, EMPTY_LISTS = m.MAV_MISSION_TYPE_MISSION, (m.MAV_MISSION_TYPE_FENCE, m.MAV_MISSION_TYPE_RALLY)
-RECEIVED = Statustext(m.MAV_SEVERITY_INFO, "Flight plan received")
-GIVEN_UP = Statustext(m.MAV_SEVERITY_WARNING, "Mission upload timeout")
 
 
 class Sender(NamedTuple):

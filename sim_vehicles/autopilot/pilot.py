@@ -21,6 +21,12 @@ LOOK_AHEAD_M = 60.0
 """Look-ahead distance along the approach line, from abreast of the vehicle."""
 BELOW_GROUND_M = 3.0
 """How far below the ground the glide slope is continued, because the height lags."""
+TAKEOFF_DONE_M = 2.0
+TOUCH_DOWN_M = 0.1
+LIFT_OFF_SHARE = 0.7
+"""Share of the lowest airspeed at which the vehicle lifts off."""
+TIGHTEST_SHARE = 1.05
+"""Smallest radius of a circle, relative to that of the tightest turn."""
 
 
 class Approach(NamedTuple):
@@ -61,14 +67,6 @@ class Approach(NamedTuple):
         """Return how far right of the line it is."""
         north_m, east_m = motion.north_m - self.north_m, motion.east_m - self.east_m
         return east_m * math.cos(self.direction_rad) - north_m * math.sin(self.direction_rad)
-
-
-TAKEOFF_DONE_M = 2.0
-TOUCH_DOWN_M = 0.1
-LIFT_OFF_SHARE = 0.7
-"""Share of the lowest airspeed at which the vehicle lifts off."""
-TIGHTEST_SHARE = 1.05
-"""Smallest radius of a circle, relative to that of the tightest turn."""
 
 
 class Pilot:

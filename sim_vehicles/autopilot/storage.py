@@ -19,21 +19,6 @@ from sim_vehicles.autopilot.missions import Missions, Sender
 from sim_vehicles.autopilot.parameters import ParameterServer
 
 PARAMETERS_FILE = "@PARAM/param.pck"
-
-
-class Op(IntEnum):
-    """Opcodes of requests and answers."""
-
-    NONE = 0
-    TERMINATE = 1
-    RESET = 2
-    OPEN = 4
-    READ = 5
-    BURST = 15
-    ACK = 128
-    NAK = 129
-
-
 NO_SESSION, END_OF_FILE, UNKNOWN_COMMAND, NOT_FOUND = 4, 6, 7, 10
 """Reasons of a NAK."""
 MOST_SESSIONS = 16
@@ -48,6 +33,19 @@ PACKED: dict[int, tuple[int, str]] = {
     m.MAV_PARAM_TYPE_REAL32: (4, "<f"),
 }
 """MAV_PARAM_TYPE -> the type's number in the file and its `struct` format."""
+
+
+class Op(IntEnum):
+    """Opcodes of requests and answers."""
+
+    NONE = 0
+    TERMINATE = 1
+    RESET = 2
+    OPEN = 4
+    READ = 5
+    BURST = 15
+    ACK = 128
+    NAK = 129
 
 
 class Packet(NamedTuple):

@@ -53,6 +53,31 @@ BATTERY_V, BATTERY_A, BATTERY_PERCENT = 12.4, 8.0, 95
 NO_CELLS, NO_TEMPERATURE, NOT_COUNTED = (math.nan,) * 9, 2**15 - 1, -1
 HDOP, SATELLITES = 70, 14
 UNKNOWN_DOP = 2**16 - 1
+SHORTEST_US = 1e6 / LOOP_HZ
+LONGEST_US = 60e6
+DEFAULT, STOP = 0.0, -1.0
+GROUPS: dict[int, tuple[int, ...]] = {
+    m.MAV_DATA_STREAM_EXTENDED_STATUS: (
+        m.MAVLINK_MSG_ID_SYS_STATUS,
+        m.MAVLINK_MSG_ID_GPS_RAW_INT,
+        m.MAVLINK_MSG_ID_MISSION_CURRENT,
+        m.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT,
+    ),
+    m.MAV_DATA_STREAM_POSITION: (m.MAVLINK_MSG_ID_LOCAL_POSITION_NED, m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT),
+    m.MAV_DATA_STREAM_EXTRA1: (m.MAVLINK_MSG_ID_ATTITUDE,),
+    m.MAV_DATA_STREAM_EXTRA2: (m.MAVLINK_MSG_ID_VFR_HUD,),
+    m.MAV_DATA_STREAM_EXTRA3: (
+        m.MAVLINK_MSG_ID_SYSTEM_TIME,
+        m.MAVLINK_MSG_ID_BATTERY_STATUS,
+        m.MAVLINK_MSG_ID_WIND,
+        m.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
+    ),
+}
+"""What REQUEST_DATA_STREAM's groups consist of (ArduPilot documentation, "SRn_ parameters")."""
+STREAMED = tuple(message_id for group in GROUPS.values() for message_id in group)
+UNASKED = (m.MAVLINK_MSG_ID_HEARTBEAT, *STREAMED)
+"""Messages that are streamed without a request, every `UNASKED_NS`."""
+UNASKED_NS = NANOSECONDS
 
 
 def heartbeat(v: Vehicle) -> Message:
@@ -211,34 +236,6 @@ BUILDERS: dict[int, Callable[[Vehicle], Message]] = {
     m.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: extended_sys_state,
     m.MAVLINK_MSG_ID_AUTOPILOT_VERSION: autopilot_version,
 }
-
-
-SHORTEST_US = 1e6 / LOOP_HZ
-LONGEST_US = 60e6
-DEFAULT, STOP = 0.0, -1.0
-
-GROUPS: dict[int, tuple[int, ...]] = {
-    m.MAV_DATA_STREAM_EXTENDED_STATUS: (
-        m.MAVLINK_MSG_ID_SYS_STATUS,
-        m.MAVLINK_MSG_ID_GPS_RAW_INT,
-        m.MAVLINK_MSG_ID_MISSION_CURRENT,
-        m.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT,
-    ),
-    m.MAV_DATA_STREAM_POSITION: (m.MAVLINK_MSG_ID_LOCAL_POSITION_NED, m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT),
-    m.MAV_DATA_STREAM_EXTRA1: (m.MAVLINK_MSG_ID_ATTITUDE,),
-    m.MAV_DATA_STREAM_EXTRA2: (m.MAVLINK_MSG_ID_VFR_HUD,),
-    m.MAV_DATA_STREAM_EXTRA3: (
-        m.MAVLINK_MSG_ID_SYSTEM_TIME,
-        m.MAVLINK_MSG_ID_BATTERY_STATUS,
-        m.MAVLINK_MSG_ID_WIND,
-        m.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
-    ),
-}
-"""What REQUEST_DATA_STREAM's groups consist of (ArduPilot documentation, "SRn_ parameters")."""
-STREAMED = tuple(message_id for group in GROUPS.values() for message_id in group)
-UNASKED = (m.MAVLINK_MSG_ID_HEARTBEAT, *STREAMED)
-"""Messages that are streamed without a request, every `UNASKED_NS`."""
-UNASKED_NS = NANOSECONDS
 
 
 class Streams:

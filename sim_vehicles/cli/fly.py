@@ -32,6 +32,9 @@ from sim_vehicles.fleet import Fleet
 from sim_vehicles.from_scenario import fleet_config
 from sim_vehicles.truth import TruthWriter
 
+APART_M = 20.0
+ORIGIN = Origin()
+
 
 @dataclass(frozen=True)
 class RunnerOptions:
@@ -81,10 +84,6 @@ class _Stop:
 
     def _note(self, number: int, _frame: FrameType | None) -> None:
         self.signal = number
-
-
-APART_M = 20.0
-ORIGIN = Origin()
 
 
 @click.command(epilog=EXAMPLES)

@@ -29,6 +29,13 @@ SCENARIO, SUMMARY, ALIGNMENT, FLIGHT, FIGURES = (
     "figures",
 )
 LENGTHS: Final = tuple(f"{axis}_{unit}" for unit in ("m", "mps") for axis in ("east", "north", "up"))
+SHARPEST_LIMIT_RAD = math.radians(5.0)
+"""Beyond it the heading of the alignment is useless, as its error is no small angle any more."""
+EXAMPLES = """\b
+Examples:
+  sim-vehicles sins configs/sins.yaml                              alignment, then free-inertial flight
+  sim-vehicles sins configs/sins.yaml --set vehicles.0.navigation.aiding=gnss --out runs/aided
+"""
 
 
 def write(directory: Path, done: Experiment) -> None:
@@ -67,15 +74,6 @@ def _flight(done: Experiment) -> dict[str, Array]:
 
 def _write_table(path: Path, columns: Mapping[str, Array]) -> None:
     pq.write_table(pa.table(dict(columns)), path)
-
-
-SHARPEST_LIMIT_RAD = math.radians(5.0)
-"""Beyond it the heading of the alignment is useless, as its error is no small angle any more."""
-EXAMPLES = """\b
-Examples:
-  sim-vehicles sins configs/sins.yaml                              alignment, then free-inertial flight
-  sim-vehicles sins configs/sins.yaml --set vehicles.0.navigation.aiding=gnss --out runs/aided
-"""
 
 
 @click.command(epilog=EXAMPLES)

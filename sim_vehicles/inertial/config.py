@@ -17,6 +17,8 @@ from sim_vehicles.inertial.imu import InertialSensors, sensor_random
 
 RECEIVED = 6
 GATE = 5.0
+STANDARD_GRAVITY_MPS2: Final = 9.80665
+DEGREE_PER_HOUR: Final = math.radians(1.0) / 3600.0
 
 
 class Aid(NamedTuple):
@@ -63,10 +65,6 @@ class InertialConfig:
     """Duration of the alignment, at rest, before the vehicle boots, s; None: it starts from its true state."""
     airspeed_mps: float = 0.0
     """Standard deviation of the airspeed as measured."""
-
-
-STANDARD_GRAVITY_MPS2: Final = 9.80665
-DEGREE_PER_HOUR: Final = math.radians(1.0) / 3600.0
 
 
 def inertial_sensors(keys: InertialNavigation, seed: int, vehicle: VehicleId) -> InertialSensors:
