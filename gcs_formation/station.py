@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import Endpoint, VehicleId
@@ -14,10 +13,8 @@ from airlink.messages import Message
 from airlink.messages.parameter import ParamValue
 from formation_scenario import Scenario
 from formation_scenario.arrangement import columns
-from formation_scenario.orders import End
 from gcs_formation.answer import Answer
 from gcs_formation.controller import FormationController
-from gcs_formation.fleet.circling import GroundFloor
 from gcs_formation.fleet.common_clock import CommonClock
 from gcs_formation.fleet.conformance import ConformanceMonitor
 from gcs_formation.fleet.dispatch import Dispatch, HeartbeatScheduler
@@ -26,13 +23,12 @@ from gcs_formation.fleet.message_intervals import MessageIntervals
 from gcs_formation.fleet.quality import MarginWatch, NoiseWatch
 from gcs_formation.fleet.senders import Senders
 from gcs_formation.link.connection import Receiver
-from gcs_formation.mission.ending import OPENING_LIMIT_S, Ending, Opening
-from gcs_formation.mission.landing import why_not
+from gcs_formation.mission.course import Course
 from gcs_formation.mission.orders import Orders
 from gcs_formation.mission.reconfiguration import Reconfiguration
 from gcs_formation.mission.starting import CARELESS, Caution, PreFlight, Starting
 from gcs_formation.mission.takeover import Resumption, Takeover
-from gcs_formation.phases import BEFORE_COMMANDS, COMMANDED, OVER, Cause, Flight, Phase
+from gcs_formation.phases import COMMANDED, Cause, Phase
 from gcs_formation.recorder import Recorder, Tick
 from gcs_formation.reporting import Reporter, look_on
 from gcs_formation.vehicle.families import planned
@@ -40,13 +36,6 @@ from gcs_formation.vehicle.vehicle import Vehicle
 
 AWAY_S = 0.2
 """A timer that is overdue by more means that the station itself was held up, and datagrams have waited for it."""
-
-
-@dataclass
-class Failure:
-    """Why a run couldn't go on."""
-
-    text: str
 
 
 class Station:
@@ -66,40 +55,47 @@ class Station:
         `utc_at_0_s` is UTC at instant 0 by the machine's clock, s since 1970; `caution`: what is done before anybody is
         commanded; `resumed`: the flight to take over, which stood there.
         """
-        self.scenario, self.flight = scenario, Flight()
-        self.failure: Failure | None = None
+        self.scenario = scenario
         self.controller = FormationController(scenario)
         self.controlled_ticks = self.recorded_ticks = 0
         """Ticks at which the formation was commanded; with them, all others from the first take-off on."""
-        self.frames_refused, self.cut_short = 0, False
-        """Sound frames taken for no vehicle's; whether the flight was ended before its path or time was."""
+        self.frames_refused = 0
+        """Sound frames taken for no vehicle's."""
         self.last_tick: Tick | None = None
         self._recorder, self._receiver, self._until_s = recorder, Receiver(), math.inf if until_s is None else until_s
         self._endpoints, self.networks, self.vehicles = planned(scenario)
         self._columns = {vehicle.vehicle_id: i for i, vehicle in enumerate(columns(scenario)) if vehicle is not None}
         self._reporter = Reporter(recorder, self._columns)
         fleet = self.vehicles, self._columns, self._reporter.event
-        self.membership = Membership(scenario, *fleet)
-        self._senders = Senders(self.vehicles, self.networks, self.flight, self._reporter.event, self.fail)
+        membership, self._dispatch = Membership(scenario, *fleet), Dispatch(scenario, self.vehicles, self._columns)
+        self.course = Course(
+            scenario, self.controller, membership, self._dispatch, *fleet, lambda: self.preflight.passed
+        )
+        self.flight, self._membership = self.course.flight, membership
+        self._senders = Senders(self.vehicles, self.networks, self.flight, self._reporter.event, self.course.fail)
         self.margins, self._noise = MarginWatch(scenario, *fleet), NoiseWatch(*fleet)
         self._common_clock = CommonClock(scenario, self.vehicles, utc_at_0_s, self._reporter.event)
-        self.preflight = PreFlight(scenario, self.vehicles, caution, self._reporter.event, self.fail)
+        self.preflight = PreFlight(scenario, self.vehicles, caution, self._reporter.event, self.course.fail)
         self._takeover = Takeover(resumed, self.vehicles, self._reporter.event)
         self._starting = Starting(
-            self.vehicles, self._endpoints, self.flight, self.preflight, self._takeover, self._reporter.event, self.fail
+            self.vehicles,
+            self._endpoints,
+            self.flight,
+            self.preflight,
+            self._takeover,
+            self._reporter.event,
+            self.course.fail,
         )
         self._reconfiguration = Reconfiguration(
             scenario, self.controller, self.vehicles, self._columns, self._reporter.event
         )
-        self._orders = Orders(scenario, self.flight, self._reconfiguration, self._end_by_order, self._reporter.event)
-        self._heartbeats, self._dispatch = (
-            HeartbeatScheduler(self.vehicles, self._reporter.event),
-            Dispatch(scenario, self.vehicles, self._columns),
+        self._orders = Orders(
+            scenario, self.flight, self._reconfiguration, self.course.end_by_order, self._reporter.event
         )
+        self._heartbeats = HeartbeatScheduler(self.vehicles, self._reporter.event)
         self._message_intervals = MessageIntervals(self.vehicles, self._reporter.event)
         self._conformance = ConformanceMonitor(scenario, self.controller, *fleet)
         self._out, self._next_tick = list[Datagram](), Instant(0)
-        self._ending, self._ground = Ending({}, Instant(0)), GroundFloor(scenario)
         if resumed is not None:
             self._resume(resumed)
 
@@ -176,7 +172,7 @@ class Station:
         else:
             self._look_on(now)
         if self.flight.phase is Phase.LOITERING:
-            self._wait_for_loiter(now)
+            self.course.wait_for_loiter(now)
 
     def _was_away(self, now: Instant) -> bool:
         timer = self.next_timer()
@@ -193,20 +189,10 @@ class Station:
         if (
             changes.leader
             and not connecting
-            and self.membership.leader_lost(changes.leader, estimator, now, replaceable)
+            and self._membership.leader_lost(changes.leader, estimator, now, replaceable)
         ):
             changes.succeed(now)
-        self.membership.judge(changes.leader, estimator, now, connecting=connecting)
-
-    def stop(self, now: Instant) -> None:
-        """End the flight: the formation opens, all vehicles loiter, and no further landing begins."""
-        if self._move(Cause.STOP, now):
-            self.cut_short = True
-        self._ending.hasten()
-
-    def go_home_at_once(self, now: Instant) -> bool:
-        """Send everyone home that was told to stop, however far the formation is open; return whether that began."""
-        return self._move(Cause.HASTE, now, "rtl")
+        self._membership.judge(changes.leader, estimator, now, connecting=connecting)
 
     def order(self, text: str, now: Instant) -> Answer:
         """Carry out an order such as `shape line`, or refuse it with a reason."""
@@ -243,7 +229,7 @@ class Station:
         self._send_all(self.preflight.requests(now), now)
         self._starting.advance(now)
         if self.preflight.rehearsed:
-            self.cut_short = self._move(Cause.REHEARSED, now)
+            self.course.cut_short = self.course.move(Cause.REHEARSED, now)
         if self.flight.phase is Phase.CONNECTING:
             self._begin(now)
 
@@ -259,11 +245,11 @@ class Station:
                 self._reconfiguration.lead(leader, now)
         reason = takeover.failure(now)
         if reason is not None:
-            self.fail(reason, now)
+            self.course.fail(reason, now)
         elif resumed is not None and resumed.ending and takeover.settled(now):
-            self.stop(now)
+            self.course.stop(now)
         elif leads:
-            self._move(Cause.LEADER_READY, now)
+            self.course.move(Cause.LEADER_READY, now)
 
     def _begin_anew(self, vehicle: Vehicle, now: Instant) -> None:
         vehicle.restarted = False
@@ -287,7 +273,7 @@ class Station:
         controller = self.controller
         controller.begin_regardless = self._waited_long_enough(now)
         mission_s = self.flight.mission_time_s(now)
-        opening = self._ending.opening
+        opening = self.course.opening
         if opening is None:
             self._orders.advance(now)
             self._reconfiguration.advance(now, mission_s)
@@ -302,12 +288,12 @@ class Station:
         self._conformance.judge_motion(tick, now)
         self._reporter.setpoints(self.controller, now)
         self.controlled_ticks += 1
-        if controller.guidance.started and self._move(Cause.PATH_BEGUN, now):
+        if controller.guidance.started and self.course.move(Cause.PATH_BEGUN, now):
             self._heartbeats.hasten(now)
         if opening is None:
-            self._end_in_time(now)
+            self.course.end_in_time(self._until_s, now)
         elif opening.over(now):
-            self._move(Cause.OPENED, now)
+            self.course.move(Cause.OPENED, now)
 
     def _look_on(self, now: Instant) -> None:
         """Record where everyone is while nobody is commanded, once somebody has taken off."""
@@ -325,36 +311,10 @@ class Station:
         assembling = self.flight.phase is Phase.ASSEMBLING
         late = assembling and seconds_between(self.flight.since, now) > self.scenario.start.timeout_s
         if late and self.last_tick is not None and not self.last_tick.active[self.last_tick.leader]:
-            self.fail(f"the leader was not there to follow within {self.scenario.start.timeout_s:g} s", now)
+            self.course.fail(f"the leader was not there to follow within {self.scenario.start.timeout_s:g} s", now)
         elif late and not self.controller.begin_regardless:
             self._reporter.event(now, "unassembled", "not every follower is in its slot, but the time for that is over")
         return late
-
-    def _end_in_time(self, now: Instant) -> None:
-        flown_s = self.flight.mission_time_s(now)
-        if flown_s >= self.scenario.duration_s or self.controller.guidance.at_end:
-            self._move(Cause.PATH_ENDED, now)
-        elif flown_s >= self._until_s:
-            self.cut_short = True
-            self._move(Cause.PATH_ENDED, now)
-
-    def _end_by_order(self, manner: End, now: Instant) -> str | None:
-        """End the flight as ordered; return why a vehicle can't do that, None if all can."""
-        unable = why_not(self.vehicles, self._ground) if manner == "land" else None
-        if unable:
-            return f"{unable}; allowed: rtl, loiter"
-        self.cut_short = self.cut_short or self.flight.phase not in OVER
-        self._move(Cause.ORDERED, now, manner)
-        return None
-
-    def _wait_for_loiter(self, now: Instant) -> None:
-        self._ending.advance(now)
-        if self._ending.landings.failure and not self.failure:
-            self.fail(self._ending.landings.failure, now)
-        if self._ending.over(seconds_between(self.flight.since, now)):
-            for vehicle in self._ending.pending():
-                self._reporter.event(now, "unacknowledged", "has not acknowledged that it loiters", vehicle)
-            self._move(Cause.GIVEN_UP if self.failure else Cause.LOITERED, now)
 
     # What happens, and what is said about it.
 
@@ -368,35 +328,6 @@ class Station:
             self._reporter.event(now, "mode", vehicle.autopilot.mode_name(vehicle.telemetry), vehicle)
         if vehicle.telemetry.texts_told != texts:
             self._reporter.event(now, "statustext", vehicle.telemetry.texts[-1], vehicle)
-
-    def _move(self, cause: Cause, now: Instant, manner: End = "loiter") -> bool:
-        cause = cause if self.preflight.passed else BEFORE_COMMANDS.get(cause, cause)
-        if not self.flight.move(cause, now):
-            return False
-        self._reporter.event(now, "phase", self.flight.phase.value, details={"cause": cause.value})
-        if self.flight.phase in OVER and cause is not Cause.OPENED:
-            self._begin_to_end(cause, manner, now)
-        if self.flight.phase is Phase.LOITERING:
-            self._dispatch.clear()
-            self._ending.leave(now)
-        return True
-
-    def _begin_to_end(self, cause: Cause, manner: End, now: Instant) -> None:
-        """Prepare heights at which vehicles circle, go home or wait to land; a formation is opened at them first."""
-        opens, landings = self.flight.phase is Phase.ENDING, self._ending.landings.called_off()
-        ahead_m = self.controller.ahead_m(OPENING_LIMIT_S if opens else 0.0)
-        gap_m = self.scenario.safety.avoidance.distance_m
-        self._ending = Ending(self.vehicles, now, manner, self._ground, landings, ahead_m, gap_m)
-        self._ending.loiter_s = self.scenario.finish.loiter_s if cause in (Cause.PATH_ENDED, Cause.ORDERED) else 0.0
-        if opens:
-            self._ending.opening = Opening(self._ending.stack, self.controller, self.vehicles, self._columns, now)
-            self.membership.ending_m = self._ending.stack.heights_m
-
-    def fail(self, text: str, now: Instant) -> None:
-        """End the run because it can't go on; vehicles loiter."""
-        self.failure = Failure(text)
-        self._reporter.event(now, "failure", text)
-        self._move(Cause.FAILURE, now)
 
     def _send_all(self, messages: Iterable[tuple[Vehicle, Message]], now: Instant) -> None:
         for vehicle, message in messages:

@@ -126,7 +126,7 @@ def _watch(session: Session, emulators: _Emulators) -> Callable[[], bool]:
     def over() -> bool:
         said = emulators.ended()
         if said is not None and not session.station.flight.ended:
-            session.station.fail(f"the emulated vehicles' process has ended: {said}", session.clock.now())
+            session.station.course.fail(f"the emulated vehicles' process has ended: {said}", session.clock.now())
         return session.over()
 
     return over

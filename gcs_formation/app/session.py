@@ -125,8 +125,8 @@ class Session:
 
     def over(self) -> bool:
         """Return whether the flight has ended; the driver calls it after every event."""
-        if self.recorder.failure is not None and self.station.failure is None:
-            self.station.fail(self.recorder.failure, self.clock.now())
+        if self.recorder.failure is not None and self.station.course.failure is None:
+            self.station.course.fail(self.recorder.failure, self.clock.now())
         left = self._heed_interrupts()
         self._injected.note(self.station.recorded_ticks)
         if self._faults is not None:
@@ -143,7 +143,7 @@ class Session:
 
     def _confirming(self) -> Confirmation:
         def decline(reason: str) -> None:
-            self.station.fail(reason, self.clock.now())
+            self.station.course.fail(reason, self.clock.now())
 
         return Confirmation(self.station.preflight, self.recorder, sys.stdin.fileno(), decline)
 
@@ -156,8 +156,8 @@ class Session:
         while self._heeded < self.interrupts.count:
             self._heeded += 1
             if self._heeded == 1:
-                self.station.stop(now)
-            elif self._heeded > 2 or not self.station.go_home_at_once(now):
+                self.station.course.stop(now)
+            elif self._heeded > 2 or not self.station.course.go_home_at_once(now):
                 self._left = True
         return self._left
 
@@ -169,7 +169,7 @@ class Session:
         """
         wall_s = time.perf_counter() - self._began
         self.recorder.close()
-        failure = self.station.failure.text if self.station.failure else self.recorder.failure
+        failure = self.station.course.failure.text if self.station.course.failure else self.recorder.failure
         if failure is not None:
             raise RunAbortedError(failure)
         try:
@@ -209,7 +209,7 @@ class Session:
                 frames_refused=self.station.frames_refused,
                 simulated_s=seconds_between(self._began_at, self.clock.now()),
                 wall_s=wall_s,
-                cut_short=self.station.cut_short,
+                cut_short=self.station.course.cut_short,
             )
         )
         self.recorder.write_summary(summary.to_dict())

@@ -47,7 +47,7 @@ def test_vehicles_that_obey_are_never_reported(keys: dict[str, Any]) -> None:
     world = World(duration_s=40, path={"speed_mps": 22, "waypoints_m": WEAVING}, **keys)
     world.run()
     assert world.words("disobeys") == world.words("streams") == []
-    assert world.station.failure is None
+    assert world.station.course.failure is None
 
 
 class HeadingsLost(Between):

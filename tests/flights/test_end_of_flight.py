@@ -44,7 +44,7 @@ def test_others_circle_only_where_one_that_does_not_hear_does_not_fly_straight_o
 def test_a_pair_that_is_stopped_loiters_after_5_s() -> None:
     world = World(vehicles={"count": 2})
     world.fly_to(1.0)
-    world.station.stop(world.clock.now())
+    world.station.course.stop(world.clock.now())
     stopped_s = world.now_s
     world.run()
     told_s = [world.times_s("mode", number, "LOITER")[0] - stopped_s for number in (1, 2)]
@@ -55,14 +55,14 @@ def test_a_pair_that_is_stopped_loiters_after_5_s() -> None:
 def test_told_to_stop_once_more_everyone_goes_home_at_once_and_apart(phase: Phase) -> None:
     world = World(vehicles={"count": 2}, finish={"loiter_s": 0})
     world.fly_to(1.0)
-    world.station.stop(world.clock.now())
+    world.station.course.stop(world.clock.now())
     world.network.run(lambda: world.station.flight.phase is phase)
     again_s = world.now_s
-    assert world.station.go_home_at_once(world.clock.now())
+    assert world.station.course.go_home_at_once(world.clock.now())
     world.run()
     told_s = [world.times_s("mode", number, "RTL")[0] - again_s for number in (1, 2)]
     assert max(told_s) < 0.3
-    assert not world.station.go_home_at_once(world.clock.now())
+    assert not world.station.course.go_home_at_once(world.clock.now())
     wanted_m = world.fleet.steering.height_m
     assert abs(wanted_m[0] - wanted_m[1]) >= 15.0
 

@@ -62,8 +62,8 @@ def test_a_parameter_with_which_nobody_can_fly_keeps_everybody_as_they_are() -> 
     put(world, 2, "AIRSPEED_MAX", 20)
     world.run(30.0)
     assert world.station.flight.phase is Phase.FAILED
-    assert world.station.failure
-    assert world.station.failure.text.startswith("vehicle 2: AIRSPEED_MAX: found 20; allowed: 28 m/s or more")
+    assert world.station.course.failure
+    assert world.station.course.failure.text.startswith("vehicle 2: AIRSPEED_MAX: found 20; allowed: 28 m/s or more")
     assert commands_to(world) == {m.MAV_CMD_SET_MESSAGE_INTERVAL}
 
 
@@ -72,7 +72,7 @@ def test_of_a_vehicle_that_flies_already_the_same_is_told_and_it_is_taken_over()
     put(world, 2, "AIRSPEED_MAX", 20)
     world.run(3.0)
     assert any("AIRSPEED_MAX: found 20" in told for told in world.words("parameters"))
-    assert world.station.failure is None
+    assert world.station.course.failure is None
     assert len(world.times_s("ready")) == 2
 
 
@@ -95,7 +95,7 @@ def test_stopped_while_the_word_is_awaited_everybody_is_left_as_found() -> None:
     world = World(Listening, Caution(confirm=True), vehicles={"count": 2})
     world.vehicle(1).enter(Mode.MANUAL)
     world.run(3.0)
-    world.station.stop(world.clock.now())
+    world.station.course.stop(world.clock.now())
     world.run(1.0)
     assert world.station.flight.phase is Phase.DONE
     assert world.vehicle(1).pilot.mode is Mode.MANUAL

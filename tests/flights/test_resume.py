@@ -192,7 +192,7 @@ def test_one_that_was_given_another_mode_is_left_to_whoever_did(
     assert len(world.times_s("takeover", text="taken over")) == 2 + taken
     assert (world.vehicle(2).pilot.mode is Mode.GUIDED) == taken
     if not taken:
-        world.station.stop(world.clock.now())
+        world.station.course.stop(world.clock.now())
         world.run(12.0)
         assert world.vehicle(2).pilot.mode is mode
         assert world.vehicle(3).pilot.mode is Mode.LOITER

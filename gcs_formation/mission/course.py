@@ -1,0 +1,137 @@
+"""The course of a run: its phase, what moves it to the next one, why it can't go on, and how it ends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from airlink.clock import Instant, seconds_between
+from airlink.endpoint import VehicleId
+from formation_scenario import Scenario
+from formation_scenario.orders import End
+from gcs_formation.controller import FormationController
+from gcs_formation.fleet.circling import GroundFloor
+from gcs_formation.fleet.dispatch import Dispatch
+from gcs_formation.fleet.membership import Membership
+from gcs_formation.mission.ending import OPENING_LIMIT_S, Ending, Opening
+from gcs_formation.mission.landing import why_not
+from gcs_formation.phases import BEFORE_COMMANDS, OVER, Cause, Flight, Phase
+from gcs_formation.recorder import Note
+from gcs_formation.vehicle.vehicle import Vehicle
+
+
+@dataclass
+class Failure:
+    """Why a run couldn't go on."""
+
+    text: str
+
+
+class Course:
+    """Moves a run from phase to phase, and ends it."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        controller: FormationController,
+        membership: Membership,
+        dispatch: Dispatch,
+        vehicles: Mapping[VehicleId, Vehicle],
+        columns: Mapping[VehicleId, int],
+        note: Note,
+        may_command: Callable[[], bool],
+    ) -> None:
+        """Begin in the phase of connecting.
+
+        Args:
+            scenario: what is flown.
+            controller: opens the formation at the end, by the heights that it is given.
+            membership: is told then that nobody who loiters comes back.
+            dispatch: holds setpoints back, which aren't sent any more once vehicles loiter.
+            vehicles: all of them.
+            columns: theirs in a tick.
+            note: reports events.
+            may_command: whether vehicles may be commanded yet; before that a run ends without a command.
+        """
+        self.flight = Flight()
+        self.failure: Failure | None = None
+        self.cut_short = False
+        """Whether the flight was ended before its path or time was."""
+        self._scenario, self._controller = scenario, controller
+        self._membership, self._dispatch = membership, dispatch
+        self._vehicles, self._columns = vehicles, columns
+        self._note, self._may_command = note, may_command
+        self._ending, self._ground = Ending({}, Instant(0)), GroundFloor(scenario)
+
+    @property
+    def opening(self) -> Opening | None:
+        """The opening of the formation at its end, while it lasts."""
+        return self._ending.opening
+
+    def move(self, cause: Cause, now: Instant, manner: End = "loiter") -> bool:
+        """Go to the phase that `cause` leads to; return whether it leads anywhere. `manner`: if that is the end."""
+        cause = cause if self._may_command() else BEFORE_COMMANDS.get(cause, cause)
+        if not self.flight.move(cause, now):
+            return False
+        self._note(now, "phase", self.flight.phase.value, details={"cause": cause.value})
+        if self.flight.phase in OVER and cause is not Cause.OPENED:
+            self._begin_to_end(cause, manner, now)
+        if self.flight.phase is Phase.LOITERING:
+            self._dispatch.clear()
+            self._ending.leave(now)
+        return True
+
+    def stop(self, now: Instant) -> None:
+        """End the flight: the formation opens, all vehicles loiter, and no further landing begins."""
+        if self.move(Cause.STOP, now):
+            self.cut_short = True
+        self._ending.hasten()
+
+    def go_home_at_once(self, now: Instant) -> bool:
+        """Send everyone home that was told to stop, however far the formation is open; return whether that began."""
+        return self.move(Cause.HASTE, now, "rtl")
+
+    def fail(self, text: str, now: Instant) -> None:
+        """End the run because it can't go on; vehicles loiter."""
+        self.failure = Failure(text)
+        self._note(now, "failure", text)
+        self.move(Cause.FAILURE, now)
+
+    def end_by_order(self, manner: End, now: Instant) -> str | None:
+        """End the flight as ordered; return why a vehicle can't do that, None if all can."""
+        unable = why_not(self._vehicles, self._ground) if manner == "land" else None
+        if unable:
+            return f"{unable}; allowed: rtl, loiter"
+        self.cut_short = self.cut_short or self.flight.phase not in OVER
+        self.move(Cause.ORDERED, now, manner)
+        return None
+
+    def end_in_time(self, until_s: float, now: Instant) -> None:
+        """End a flight whose path or time is over, or that was to end at mission time `until_s`."""
+        flown_s = self.flight.mission_time_s(now)
+        if flown_s >= self._scenario.duration_s or self._controller.guidance.at_end:
+            self.move(Cause.PATH_ENDED, now)
+        elif flown_s >= until_s:
+            self.cut_short = True
+            self.move(Cause.PATH_ENDED, now)
+
+    def wait_for_loiter(self, now: Instant) -> None:
+        """Continue to bring vehicles to where they may be left alone; end the run when all are there."""
+        self._ending.advance(now)
+        if self._ending.landings.failure and not self.failure:
+            self.fail(self._ending.landings.failure, now)
+        if self._ending.over(seconds_between(self.flight.since, now)):
+            for vehicle in self._ending.pending():
+                self._note(now, "unacknowledged", "has not acknowledged that it loiters", vehicle)
+            self.move(Cause.GIVEN_UP if self.failure else Cause.LOITERED, now)
+
+    def _begin_to_end(self, cause: Cause, manner: End, now: Instant) -> None:
+        """Prepare heights at which vehicles circle, go home or wait to land; a formation is opened at them first."""
+        opens, landings = self.flight.phase is Phase.ENDING, self._ending.landings.called_off()
+        ahead_m = self._controller.ahead_m(OPENING_LIMIT_S if opens else 0.0)
+        gap_m = self._scenario.safety.avoidance.distance_m
+        self._ending = Ending(self._vehicles, now, manner, self._ground, landings, ahead_m, gap_m)
+        self._ending.loiter_s = self._scenario.finish.loiter_s if cause in (Cause.PATH_ENDED, Cause.ORDERED) else 0.0
+        if opens:
+            self._ending.opening = Opening(self._ending.stack, self._controller, self._vehicles, self._columns, now)
+            self._membership.ending_m = self._ending.stack.heights_m
