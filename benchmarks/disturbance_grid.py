@@ -1,7 +1,7 @@
 """Formation errors after a disturbance on every vehicle, over delays, their split, losses and the slots' frame.
 
 configs/paper.yaml under the virtual clock, with its 0.6 m/s north and east on all, by default at 500 s; the figures are
-the largest |error| of the worst follower from then on. With --at 60 --until 110, about 5 s of processor time for each
+the largest |error| of the worst follower from then on. With --at 60 --until 90, about 4 s of processor time for each
 of the 34 flights.
 """
 
