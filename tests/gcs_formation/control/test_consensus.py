@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -92,6 +94,17 @@ def test_setpoints_are_the_protocol_on_a_straight_path(offset: Array, heading_ra
     across = -matrix @ (K1 * aside_m + K2 * offset[3]) - (k3 - 1 / TAU_PSI_S) * offset[3]
     asked = accelerations(law(k3).decide(situation(heading_rad, offset), 0.1), heading_rad)
     np.testing.assert_allclose(asked, (along, across), atol=1e-9)
+
+
+@given(offsets)
+def test_a_new_leader_takes_the_place_of_the_old_one_in_the_graph(offset: Array) -> None:
+    """Each is heard by those who heard the other, with their weights; the others hear each other as before."""
+    swapped = [2, 1, 0, 3]
+    matrix, here = laplacian(GRAPH[np.ix_(swapped, swapped)]), situation(0.0, offset)
+    flying = law(1 / TAU_V_S)
+    for leader, graph in ((2, matrix), (0, laplacian(GRAPH))):
+        asked = accelerations(flying.decide(replace(here, lead=replace(here.lead, leader=leader)), 0.1), 0.0)
+        np.testing.assert_allclose(asked[0], -graph @ (K1 * offset[0] + K2 * offset[2]), atol=1e-9)
 
 
 @given(offsets, headings, st.tuples(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3)))

@@ -62,7 +62,10 @@ def test_any_shape_goes_through() -> None:
     assert FuzzyGainScheduler().infer(np.zeros((7, 3)), np.zeros((7, 3))).shape == (7, 3, 3)
 
 
-@pytest.mark.parametrize(("error", "rate", "name"), [(np.nan, 0.0, "error"), ([0.0, 0.1], [0.2, np.nan], "error_rate")])
+@pytest.mark.parametrize(
+    ("error", "rate", "name"),
+    [(np.nan, 0.0, "error"), ([0.0, np.nan], [0.2, 0.1], "error"), ([0.0, 0.1], [0.2, np.nan], "error_rate")],
+)
 def test_what_is_not_a_number_is_refused_by_its_name(error, rate, name) -> None:
     with pytest.raises(ValueError, match=f"^{name}: found nan"):
         FuzzyGainScheduler().infer(error, rate)

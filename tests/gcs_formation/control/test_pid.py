@@ -65,3 +65,12 @@ def test_a_limit_leaves_nothing_in_the_integral_that_the_error_did_not_put_there
         gathered += ki * error[0] * DT_S
         assert -1e-9 <= state.integral[0] <= gathered + 1e-9
     assert ki > 0.0 or unlimited(state, gains, np.zeros(1), np.zeros(1)) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("held", "excess", "left"), [(3.0, -9.0, 0.0), (3.0, -2.0, 1.0), (-3.0, 9.0, 0.0), (3.0, 9.0, 3.0)]
+)
+def test_a_limit_takes_from_the_integral_what_is_there_and_no_more(held: float, excess: float, left: float) -> None:
+    gains, none = Gains(*np.zeros((3, 1))), np.zeros(1)
+    state = integrate(PidState(np.array([held]), none), gains, none, none, np.array([excess]), 1.0, 1.0)
+    assert state.integral == pytest.approx([left])

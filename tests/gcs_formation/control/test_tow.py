@@ -36,14 +36,15 @@ def leader_at(time_s: float) -> LeaderMotion:
 def test_who_turns_as_towed_at_the_slots_speed_stays_in_a_slot_that_goes_60_m_aside(
     forward_m: tuple[float, float], tick_s: float
 ) -> None:
-    """Equation (8) integrated finely: what error is left is of first order in the tick."""
+    """Equation (8) integrated finely: what error is left is of first order in the tick, and headings turn as is said."""
     start, end = np.array([forward_m[0], -30.0, 0.0]), np.array([forward_m[1], 30.0, 0.0])
-    tow, (x_m, y_m), worst_m = TrailingSlots(1), (0.0, 0.0), 0.0
+    tow, (x_m, y_m), worst_m, headings = TrailingSlots(1), (0.0, 0.0), 0.0, list[tuple[float, float]]()
     for tick in range(int(40 / tick_s)):
         leader, slots = leader_at(tick * tick_s), slot_at(tick * tick_s, start, end - start)
         turning = tow.turning(leader, slots, tick_s)
         target = slot_target(leader.state, leader.state, turning.rate_rps, slots, "follower_heading")
         speed_mps, own_rad, turn_rps = (float(a[0]) for a in (target.speed_mps, target.heading_rad, turning.rate_rps))
+        headings.append((own_rad, turn_rps))
         for step in range(FINE):
             now_s, step_s = tick * tick_s + step * tick_s / FINE, tick_s / FINE
             slots = slot_at(now_s, start, end - start)
@@ -54,6 +55,8 @@ def test_who_turns_as_towed_at_the_slots_speed_stays_in_a_slot_that_goes_60_m_as
             x_m, y_m, own_rad = x_m + x_mps * step_s, y_m + y_mps * step_s, own_rad + turn_rps * step_s
         worst_m = max(worst_m, abs(x_m), abs(y_m))
     assert worst_m < 1.3 * tick_s
+    heading, turn = np.array(headings).T
+    np.testing.assert_allclose(np.diff(heading) / tick_s, turn[:-1], atol=1e-3)
 
 
 def test_a_heading_crabs_slowly_against_a_gust_and_its_rates_are_those_of_its_angle() -> None:

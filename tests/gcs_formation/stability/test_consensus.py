@@ -43,12 +43,11 @@ def test_damping_on_board_buys_more_than_damping_through_the_link(onboard, delay
 
 
 @pytest.mark.parametrize("adjacency", [graph_adjacency("path", 4), DIRECTED_RING])
-@pytest.mark.parametrize("damping", [0.0, 0.5])
-def test_rightmost_root_is_on_the_axis_at_the_margin_and_crosses_there(adjacency, damping):
-    margin = consensus_delay_margin(adjacency, 1.0, 1.0, damping)
+@pytest.mark.parametrize(("k1", "k2", "damping"), [(1.0, 1.0, 0.0), (1.0, 1.0, 0.5), (0.4, 0.9, 0.3)])
+def test_rightmost_root_is_on_the_axis_at_the_margin_and_crosses_there(adjacency, k1, k2, damping):
+    margin = consensus_delay_margin(adjacency, k1, k2, damping)
     root = [
-        consensus_rightmost_root(adjacency, 1.0, 1.0, damping, delays=share * margin).real
-        for share in (0.98, 1.0, 1.02)
+        consensus_rightmost_root(adjacency, k1, k2, damping, delays=share * margin).real for share in (0.98, 1.0, 1.02)
     ]
     assert root[0] < -1e-5
     assert abs(root[1]) < 1e-10
