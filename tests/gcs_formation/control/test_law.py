@@ -17,6 +17,7 @@ from tests.gcs_formation.control.law_ticks import (
     DT_S,
     FOLLOWERS,
     HELD_S,
+    LEADER,
     MODEL,
     SLOTS_M,
     SPEED_MPS,
@@ -230,6 +231,25 @@ def test_a_correction_grows_by_a_gusts_answer_besides() -> None:
         assert answer.max() > 0.05
         most = 1.6 * DT_S * MODEL.accel_max_mps2[FOLLOWERS] + answer
         np.testing.assert_allclose(sent(flying.decide(here, DT_S))[:, 0], led + most)
+
+
+def test_setpoints_held_from_tick_to_tick_keep_a_turning_slot() -> None:
+    """In a steady turn, where told headings move once a tick: followers stay in their slots, and no rate is seen."""
+    turn_rps, table = 0.03, in_formation().table
+    forward_mps, right_mps = SPEED_MPS - turn_rps * SLOTS_M[:, 1], turn_rps * SLOTS_M[:, 0]
+    table[4], table[5] = np.hypot(forward_mps, right_mps), np.arctan2(right_mps, forward_mps)
+    states, plain, derivative = FlightState.of(table), law(), law(kd=np.ones(3))
+    ended_s = HELD_S[1] - DT_S  # lags of those that were flying at their mean rate as the tick before ended
+    told = Setpoints(states.airspeed_mps, states.heading_rad + ended_s * turn_rps, states.height_m)
+    for tick in range(20):
+        told.heading_rad[LEADER] = turn_rps * (DT_S * tick + HELD_S[1, LEADER])
+        here = situation(states, told, turn_rps)
+        decided = plain.decide(here, DT_S)
+        rate = sent(derivative.decide(here, DT_S)) - sent(decided)
+        np.testing.assert_allclose(decided.error_m, 0.0, atol=5e-4)
+        np.testing.assert_allclose(rate, 0.0, atol=2e-5)
+        told = Setpoints.of(np.concatenate((told.table[:, [LEADER]], decided.setpoints.table), axis=1))
+        states = flown(states, told, DT_S)
 
 
 def test_who_was_not_commanded_meets_no_gust_and_no_slew_afterwards() -> None:

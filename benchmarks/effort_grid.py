@@ -1,0 +1,227 @@
+"""How quiet setpoints are against what that costs: gains, filters and the slew limit of the law, point by point.
+
+Each point flies 80 s three times under the virtual clock, beginning (8, 6, 4) m from the slots: configs/paper.yaml
+over perfect links, where the steps of the setpoints are taken; the same with 300 ms each way and 0.6 m/s north and east
+on every vehicle at 60 s, D1; and configs/noise.yaml with 300 ms each way. Figures are of the worst follower, from 30 s
+on (D1's from 60 s on); steps are the 95th percentile and, in brackets, the largest. About 25 s of processor time for
+each of the points.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import math
+import sys
+import tempfile
+from collections.abc import Generator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Any, NamedTuple
+from unittest import mock
+
+import numpy as np
+
+import gcs_formation
+from benchmarks.disturbance_grid import PAPER, both_ways
+from benchmarks.noise_grid import NOISE
+from benchmarks.tables import markdown
+from flight_model.arrays import Array
+from formation_scenario.slot_motion import SlotMotion
+from gcs_formation.control import law
+from gcs_formation.control.feed_forward import LeaderMotion
+from gcs_formation.control.mixer import Target, mix
+from gcs_formation.control.situation import Decision, Situation
+from gcs_formation.estimation import estimator
+from gcs_formation.estimation.flight_state import FlightState
+from gcs_formation.record.figures_of_merit import setpoint_steps
+from gcs_formation.record.run_directory import TIMESERIES
+from gcs_formation.record.timeseries import read_parquet
+
+STEADY_S, DISTURBED_S, END_S = 30.0, 60.0, 80.0
+D1 = [{"at_s": DISTURBED_S, "vehicles": "all", "velocity_mps": [0.6, 0.6, 0.0]}]
+CLEAN_MOST = (0.05, 0.25, 0.3, 1.5)
+"""Steps over perfect links: of speed, m/s, their 95th percentile and the largest; of heading, degrees, likewise."""
+NOISY_MOST = (0.15, 0.75, 0.5, 2.5)
+D1_MOST_M, NOISE_MOST_M, SETTLED_MOST_S = (0.02, 0.03), (0.25, 0.25), 25.0
+
+
+class Differences(law.FormationLaw):
+    """The law with differences of mixed errors in the place of rates from states."""
+
+    _mixed: Array | None = None
+    _dt_s = math.nan
+
+    def decide(self, situation: Situation, dt_s: float) -> Decision:
+        """Return the followers' setpoints."""
+        self._dt_s = dt_s
+        return super().decide(situation, dt_s)
+
+    def _slopes(
+        self,
+        leader: LeaderMotion,  # noqa: ARG002 - errors alone count
+        follower: FlightState,
+        error_m: Array,
+        target: Target,
+        forward: Array,  # noqa: ARG002
+        own: Array,  # noqa: ARG002
+        slots: SlotMotion,
+    ) -> Array:
+        mixed = mix(self._parameters.mixer, target, follower, self._steady(error_m, target, follower, slots))
+        before, self._mixed = mixed if self._mixed is None else self._mixed, mixed
+        return (mixed - before) / self._dt_s
+
+
+class Point(NamedTuple):
+    """One setting of the law, as keys of it for exact and for noisy telemetry, and as what isn't a key."""
+
+    name: str
+    clean: Mapping[str, Any] = {}
+    noise: Mapping[str, Any] = {}
+    slew: float = 1.0
+    """Of the corrections' growth, by the default."""
+    walk: float = 1.0
+    """Of the state filter's disorder in speed and heading, by the default: its bandwidth."""
+    differences: bool = False
+
+    @contextlib.contextmanager
+    def in_force(self) -> Generator[None]:
+        """Fly by this point within the context."""
+        with contextlib.ExitStack() as stack:
+            stack.enter_context(mock.patch.object(law, "SLEW", self.slew * law.SLEW))
+            stack.enter_context(mock.patch.object(estimator, "UNMODELLED", self.walk * estimator.UNMODELLED))
+            if self.differences:
+                stack.enter_context(mock.patch("gcs_formation.parameters.FormationLaw", Differences))
+            yield
+
+
+def gains(kp: float, ki: float, kd: float, times: float = 1.0) -> dict[str, float]:
+    """Return a channel's gains, at so many times their bandwidth."""
+    return {"kp": times * kp, "ki": times**2 * ki, "kd": times * kd}
+
+
+def scaled(times: float) -> Point:
+    """Return the point with so many times the default bandwidth of speed and heading."""
+    clean = {"speed": gains(3.0, 0.8, 6.5, times), "heading": gains(1.2, 0.5, 1.8, times)}
+    noise = {"speed": gains(1.0, 0.1, 1.0, times), "heading": gains(0.5, 0.1, 0.05, times)}
+    return Point(f"gains × {times:g}", clean, noise)
+
+
+POINTS = (
+    Point("default"),
+    Point("rates by differences of errors", differences=True),
+    Point("no slew limit", slew=1e6),
+    Point("slew limit × 0.25", slew=0.25),
+    Point("state filter's walk × 0.33", walk=1 / 3),
+    Point("state filter's walk × 3", walk=3.0),
+    Point("derivative filter × 3", {"derivative_filter_s": 0.3}, {"derivative_filter_s": 3.0}),
+    Point("wind observer × 0.5", {"disturbance_observer_radps": 1.0}, {"disturbance_observer_radps": 0.15}),
+    scaled(0.5),
+    scaled(1.5),
+    Point("speed 1, 0.2, 1", {"speed": gains(1.0, 0.2, 1.0)}, {"speed": gains(1.0, 0.2, 1.0)}),
+)
+
+
+class Flight(NamedTuple):
+    """What one flight shows of its worst follower."""
+
+    steps: tuple[float, ...]
+    """Of speed, m/s, 95th percentile and largest; of heading, degrees, likewise: from `STEADY_S` on."""
+    rms_m: tuple[float, ...]
+    """Along x and y from `STEADY_S` on."""
+    d1_m: tuple[float, ...]
+    """Largest along x and y from `DISTURBED_S` on."""
+    settled_s: float
+
+
+class Way(NamedTuple):
+    """One scenario that every point flies."""
+
+    scenario: Path
+    delay_ms: float
+    disturbances: Sequence[Mapping[str, Any]] = ()
+
+
+WAYS = (Way(PAPER, 0.0), Way(PAPER, 300.0, D1), Way(NOISE, 300.0))
+
+
+def fly(point: Point, way: Way) -> Flight:
+    """Fly one scenario with a point's keys."""
+    keys = point.noise if way.scenario == NOISE else point.clean
+    with tempfile.TemporaryDirectory() as out, point.in_force():
+        summary = gcs_formation.run(
+            way.scenario,
+            clock="virtual",
+            out=out,
+            overwrite=True,
+            duration_s=END_S,
+            links=both_ways(way.delay_ms),
+            disturbances=list(way.disturbances),
+            expect=[],
+            **{f"law__{key}": value for key, value in keys.items()},
+        )
+        series = read_parquet(Path(out) / TIMESERIES)
+    vehicles = [series["vehicle"] == number for number in (2, 3, 4)]
+    each = [_figures({name: values[rows] for name, values in series.items()}) for rows in vehicles]
+    steps, rms_m, d1_m = (tuple(np.max(rows, axis=0).tolist()) for rows in zip(*each, strict=True))
+    settled = [follower["settled_at_s"] or math.inf for follower in summary.to_dict()["followers"].values()]
+    return Flight(steps, rms_m, d1_m, max(settled))
+
+
+def _figures(columns: Mapping[str, Array]) -> tuple[Array, Array, Array]:
+    """Return steps, rms and largest errors of one follower."""
+    begun = columns["mission_time_s"] >= STEADY_S
+    speed, heading = (setpoint_steps(columns, channel)[begun] for channel in ("speed", "heading"))
+    errors = np.array([columns[f"error_{axis}_m"] for axis in "xy"])
+    late = np.abs(errors[:, columns["mission_time_s"] >= DISTURBED_S])
+    sizes = np.array([[np.nanpercentile(size, 95), np.nanmax(size)] for size in (speed, np.degrees(heading))])
+    return sizes.ravel(), np.sqrt(np.nanmean(errors[:, begun] ** 2, axis=1)), np.nanmax(late, axis=1)
+
+
+def row(point: Point, flights: list[Flight]) -> list[str]:
+    """Return a row of the table."""
+    quiet, disturbed, noisy = flights
+    settled_s = max(each.settled_s for each in flights)
+    figures = (*quiet.steps, *noisy.steps, *disturbed.d1_m, *noisy.rms_m, settled_s)
+    most = (*CLEAN_MOST, *NOISY_MOST, *D1_MOST_M, *NOISE_MOST_M, SETTLED_MOST_S)
+    held = all(figure <= limit for figure, limit in zip(figures, most, strict=True))
+    cells = [_steps(quiet.steps), _steps(noisy.steps), _pair(disturbed.d1_m), _pair(noisy.rms_m), f"{settled_s:.1f}"]
+    return [point.name, *cells, "yes" if held else "no"]
+
+
+def _steps(steps: tuple[float, ...]) -> str:
+    return "{:.3f} ({:.3f}) / {:.2f} ({:.2f})".format(*steps)
+
+
+def _pair(errors_m: tuple[float, ...]) -> str:
+    return " / ".join(f"{error_m:.3f}" for error_m in errors_m)
+
+
+def main() -> None:
+    """Fly the grid and print its table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--only", default="", metavar="TEXT", help="points whose name has TEXT in it")
+    given = parser.parse_args()
+    chosen = [point for point in POINTS if given.only in point.name]
+    jobs = [(point, way) for point in chosen for way in WAYS]
+    with ProcessPoolExecutor(given.processes) as pool:
+        flown = pool.map(fly, *zip(*jobs, strict=True))
+        rows = list[list[str]]()
+        for point in chosen:
+            rows.append(row(point, [next(flown) for _ in WAYS]))
+            print(*rows[-1], sep=" | ", file=sys.stderr, flush=True)
+    head = [
+        "point",
+        "steps on perfect links: speed m/s / heading °",
+        "steps with noise: speed m/s / heading °",
+        "D1 at 300 ms: x / y, m",
+        "noise at 300 ms: rms x / y, m",
+        "settled, s",
+        "held",
+    ]
+    print(markdown(head, rows))
+
+
+if __name__ == "__main__":
+    main()
