@@ -36,7 +36,7 @@ def leader_at(time_s: float) -> LeaderMotion:
 def test_who_turns_as_towed_at_the_slots_speed_stays_in_a_slot_that_goes_60_m_aside(
     forward_m: tuple[float, float], tick_s: float
 ) -> None:
-    """Equation (8) integrated finely: what error is left is of first order in the tick, and headings turn as is said."""
+    """Equation (8) integrated finely: the error that is left is of first order in the tick; headings turn as said."""
     start, end = np.array([forward_m[0], -30.0, 0.0]), np.array([forward_m[1], 30.0, 0.0])
     tow, (x_m, y_m), worst_m, headings = TrailingSlots(1), (0.0, 0.0), 0.0, list[tuple[float, float]]()
     for tick in range(int(40 / tick_s)):
