@@ -85,5 +85,12 @@ def test_a_loop_without_prediction_does_not_go_by_a_model_and_small_differences_
     delay = LoopDelay(1.1, 0.0)
     predicted = Usage([X], predicted=True)
     assert predicted.of_lags(delay, 0.3) == pytest.approx(0.3 / lag_margin(X, 1.1))
+    assert predicted.of_lags(delay, 0.05) == pytest.approx(0.05 / lag_margin(X, 1.1))
     assert predicted.of_lags(delay, 0.04) == predicted.of_lags(LoopDelay(math.nan, 0.0), 0.3) == 0.0
     assert Usage([X], predicted=False).of_lags(delay, 0.3) == 0.0
+
+
+def test_lags_are_reckoned_with_up_to_30_percent_off() -> None:
+    thirty = mismatch_margin_with_lags_off(X, 0.6, 0.3)
+    assert mismatch_margin_with_lags_off(X, 0.6) == thirty
+    assert 0.0 < thirty < mismatch_margin_with_lags_off(X, 0.6, 0.0)
