@@ -7,9 +7,9 @@ from dataclasses import dataclass, fields
 from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from flight_model.arrays import Array
+
 GRAVITY_MPS2 = 9.80665
 REFERENCE_MPS = 22.0
 """Airspeed at which drag and lift are given."""

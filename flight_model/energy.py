@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flight_model.airframe import GRAVITY_MPS2, REFERENCE_MPS, AirframeParameters, Array
+from flight_model.airframe import GRAVITY_MPS2, REFERENCE_MPS, AirframeParameters
+from flight_model.arrays import Array, wrap
 
 CYCLE_S = 0.02
 """Period of attitude and motion."""
@@ -95,7 +96,7 @@ def cycle(motion: Motion, inner: Array, told: Told, p: AirframeParameters, gust_
 
 def _attitude(motion: Motion, inner: Array, told: Told, p: AirframeParameters) -> None:
     """Turn towards the heading by a bank in proportion to the error, and towards the pitch that is wanted."""
-    off = (told.heading_rad - motion[HEADING] + np.pi) % (2 * np.pi) - np.pi
+    off = wrap(told.heading_rad - motion[HEADING])
     most = np.minimum(told.bank_max_rad, p.bank_max_rad)
     wanted = np.clip(p.heading_gain * off, -most, most)
     for angle, rate, target, lag_s in (

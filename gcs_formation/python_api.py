@@ -17,10 +17,10 @@ from formation_scenario.overrides import settings
 from gcs_formation.answer import Answer
 from gcs_formation.app.interrupt import Interrupts
 from gcs_formation.app.options import ClockName, RunOptions
+from gcs_formation.app.order_socket import STATUS
+from gcs_formation.app.order_socket import tell as give_order
 from gcs_formation.app.progress import Silent
 from gcs_formation.app.run import run as run_scenario
-from gcs_formation.app.steering import STATUS
-from gcs_formation.app.steering import tell as give_order
 from gcs_formation.record.summary import Summary as RecordedSummary
 
 __all__ = ["Answer", "Summary", "run", "study", "tell"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, assert_never
 
 from airlink import mavlink as m
 from airlink.clock import Instant, after, seconds_between
@@ -148,12 +148,14 @@ class Vehicle:
                 self.streams.leave_out(now)
             case "ignore":
                 self._ignores = not fault.ends
-            case "restart" if self.pilot.request(Request.RESTART):
-                self._boot(now, 0.0)
-            case "pilot" if not self._frozen:
-                self.switch(Mode.GUIDED if fault.ends else Mode[fault.mode])
+            case "restart":
+                if self.pilot.request(Request.RESTART):
+                    self._boot(now, 0.0)
+            case "pilot":
+                if not self._frozen:
+                    self.switch(Mode.GUIDED if fault.ends else Mode[fault.mode])
             case _:
-                pass
+                assert_never(fault.kind)
 
     # What commands do to it.
 

@@ -15,7 +15,7 @@ from rich.text import Text
 
 from airlink.clock import NANOSECONDS
 from airlink.endpoint import VehicleId
-from gcs_formation.app import outcome
+from gcs_formation.app import result_text
 from gcs_formation.link.connection import LinkState
 from gcs_formation.mission.starting import IN_ORDER
 from gcs_formation.phases import Phase
@@ -128,7 +128,7 @@ class StatusLine:
         """Show time, worst error, delay and links, as much as fits."""
         with suppress(OSError):  # the terminal was closed while the vehicles still fly
             # A line as wide as the terminal would move the cursor to the next one.
-            text = outcome.line(progress_parts(station), self._console.width - 1)
+            text = result_text.line(progress_parts(station), self._console.width - 1)
             self._live.update(Text(text, no_wrap=True, overflow="crop"), refresh=True)
 
     def note(self, event: Event, mission_s: float) -> None:
@@ -136,7 +136,7 @@ class StatusLine:
         told = self._narration.line(event, mission_s)
         if told is not None:
             with suppress(OSError):
-                for part in outcome.wrapped(told, self._console.width - 1):
+                for part in result_text.wrapped(told, self._console.width - 1):
                     self._console.print(Text(part, no_wrap=True, overflow="crop"))
 
     def close(self) -> None:

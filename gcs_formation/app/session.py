@@ -17,9 +17,9 @@ from gcs_formation.answer import Answer
 from gcs_formation.app.injection import InjectedDelays, InjectedFaults, impair, injected
 from gcs_formation.app.interrupt import Confirmation, Interrupts
 from gcs_formation.app.options import RunOptions
-from gcs_formation.app.outcome import status_page
+from gcs_formation.app.order_socket import STATUS, OrderSocket
 from gcs_formation.app.progress import Progress
-from gcs_formation.app.steering import STATUS, OrderSocket
+from gcs_formation.app.result_text import status_page
 from gcs_formation.errors import RunAbortedError
 from gcs_formation.mission.starting import Caution
 from gcs_formation.phases import Phase

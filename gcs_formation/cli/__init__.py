@@ -1,4 +1,4 @@
-"""The command line: `gcs-formation init | check | run | fly | identify | tell | report | compare | schema | stress`."""
+"""The command `gcs-formation`: init, check, run, fly, tell, report, study, compare, stress, identify, schema."""
 
 from __future__ import annotations
 

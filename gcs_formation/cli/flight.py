@@ -19,8 +19,8 @@ from gcs_formation.app.fly import fly as fly_scenario
 from gcs_formation.app.fly import rehearsal_text, rehearse
 from gcs_formation.app.interrupt import Interrupts
 from gcs_formation.app.options import ClockName, RunOptions
-from gcs_formation.app.outcome import result_line, summary_text
 from gcs_formation.app.progress import Progress, Silent, progress_on
+from gcs_formation.app.result_text import result_line, summary_text
 from gcs_formation.app.run import run as run_scenario
 from gcs_formation.cli import usage
 from gcs_formation.cli.scenario import load

@@ -10,8 +10,8 @@ import click
 
 from airlink.cli.process import Status, fail
 from formation_scenario.orders import OrderError, parse_order
-from gcs_formation.app.steering import STATUS
-from gcs_formation.app.steering import tell as give_order
+from gcs_formation.app.order_socket import STATUS
+from gcs_formation.app.order_socket import tell as give_order
 from gcs_formation.cli import usage
 from gcs_formation.errors import NothingRunningError
 

@@ -1,4 +1,7 @@
-"""Identifies the sender of each frame: one of our vehicles, a rival with its id, a stranger, or our own echo."""
+"""Identifies the sender of each frame: one of our vehicles, a stranger, or our own echo.
+
+Which of two remotes with a vehicle's system id is that vehicle is decided by `link.source_binding`.
+"""
 
 from __future__ import annotations
 

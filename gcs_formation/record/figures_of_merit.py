@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from flight_model.arrays import Array, Mask
+from flight_model.arrays import Array, Mask, wrap
 from gcs_formation.record.flight import Flight
 from gcs_formation.record.timeseries import CHANNELS, SETPOINT
 
@@ -29,7 +29,7 @@ def setpoint_steps(columns: Mapping[str, Array], channel: str) -> Array:
     values = np.where(columns["active"] > 0, columns[SETPOINT[CHANNELS.index(channel)]], np.nan)
     step = np.diff(values, prepend=np.nan)
     if channel == "heading":
-        step = (step + np.pi) % (2.0 * np.pi) - np.pi
+        step = wrap(step)
     return np.abs(step)
 
 

@@ -9,7 +9,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from scipy.special import exprel
 
-from flight_model.arrays import Array
+from flight_model.arrays import Array, wrap
 from formation_scenario.vehicles import VehicleModel
 
 SHARES = np.array([0.0, 0.5, 1.0])[:, None, None]
@@ -129,7 +129,7 @@ def step(state: State, command: Command, parameters: Parameters, drift_mps: Arra
     """
     air_motion = state.table[4:]
     error = command.air_motion - air_motion
-    error[1] = (error[1] + np.pi) % (2 * np.pi) - np.pi
+    error[1] = wrap(error[1])
     rate_max = np.minimum(parameters.rate_max, command.rate_max)
     along = air_motion + (error - _left(error, rate_max, parameters))
     speed, heading = along[:, 0], along[:, 1]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import gcs_formation
-from gcs_formation.app.outcome import status_page, summary_text
 from gcs_formation.app.progress import progress_parts
+from gcs_formation.app.result_text import status_page, summary_text
 from tests.flights.conftest import scenario
 from tests.flights.in_memory import World
 

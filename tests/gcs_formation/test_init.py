@@ -82,5 +82,5 @@ def test_the_list_of_commands_names_them_all_and_loads_none(program: str, comman
 
 def test_an_order_is_given_without_loading_what_flies(tmp_path: Path) -> None:
     _, modules = loaded_by("gcs_formation.__main__", "tell", str(tmp_path), "shape", "line")
-    assert "gcs_formation.app.steering" in modules
+    assert "gcs_formation.app.order_socket" in modules
     assert "numpy" not in modules

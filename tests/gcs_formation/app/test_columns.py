@@ -1,7 +1,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gcs_formation.app.outcome import Group, line, table, wrapped
+from gcs_formation.app.result_text import Group, line, table, wrapped
 
 PARTS = (("t 12 of 120 s", "t 12 s"), ("worst error 0.01 / 0.02 / 0.00 m", "error 0.02 m"), ("4 links",))
 GROUPS = (
