@@ -15,8 +15,7 @@ from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
-from scipy import sparse
-from scipy.optimize import linprog
+import scipy
 
 from flight_model.arrays import Array, Indices
 from flight_model.path import PathPoint, SplinePath
@@ -114,7 +113,7 @@ def least_lift(start_m: float, needed_m: Array, slope: Array, bounds: Bounds, be
     most = np.concatenate((begun_m, np.full(free + needed.size + below, np.inf)))
     cost = np.concatenate((np.ones(count), np.full(needed.size, SHORT_COST * count), np.full(below, 2.0)))
     within = list(zip(least.tolist(), most.tolist(), strict=True))
-    found: Any = linprog(cost, rows, limits, bounds=within, method="highs-ds")
+    found: Any = scipy.optimize.linprog(cost, rows, limits, bounds=within, method="highs-ds")
     if found.x is None:
         # No continuation is within the bounds: hold the last value, and report all that is missing.
         held = np.concatenate((begun_m, np.full(free, begun_m[-1])))
@@ -127,15 +126,15 @@ def _programme(needed: Indices, needed_m: Array, slope: Array, bounds: Bounds, b
     """Return rows and limits of `rows @ (control points, shortfalls) <= limits`; `slope` is that mid-step."""
     count = slope.size + 3
     lifted = _values_at(needed, count)
-    rise: Any = sparse.diags_array([-1.0, 1.0], offsets=[0, 1], shape=(count - 1, count))
-    bend: Any = sparse.diags_array([1.0, -2.0, 1.0], offsets=[0, 1, 2], shape=(count - 2, count))
+    rise: Any = scipy.sparse.diags_array([-1.0, 1.0], offsets=[0, 1], shape=(count - 1, count))
+    bend: Any = scipy.sparse.diags_array([1.0, -2.0, 1.0], offsets=[0, 1, 2], shape=(count - 2, count))
     own = np.pad(slope, 1, mode="edge")
     up, down = np.maximum(bounds.slope - own, 0.0) * STEP_M, np.maximum(bounds.slope + own, 0.0) * STEP_M
     curved = np.full(count - 2, bounds.curvature_1pm * STEP_M**2)
     limits = np.concatenate((-needed_m[needed], *_begun(begun_m, up, down, curved)))
-    rows: Any = sparse.vstack((-lifted, rise, -rise, bend, -bend))
-    short: Any = sparse.eye_array(limits.size, needed.size)
-    return sparse.hstack((rows, -short)), limits
+    rows: Any = scipy.sparse.vstack((-lifted, rise, -rise, bend, -bend))
+    short: Any = scipy.sparse.eye_array(limits.size, needed.size)
+    return scipy.sparse.hstack((rows, -short)), limits
 
 
 def _begun(begun_m: Array, up: Array, down: Array, curved: Array) -> tuple[Array, Array, Array, Array]:
@@ -156,11 +155,13 @@ def _begun(begun_m: Array, up: Array, down: Array, curved: Array) -> tuple[Array
 
 def _with_depth(rows: Any, count: int) -> Any:  # noqa: ANN401 - scipy's sparse arrays are typed in part only
     """Return the rows with variables added for how far each control point is below 0, and the rows that bind them."""
-    points: Any = sparse.hstack((-sparse.eye_array(count), sparse.csr_array((count, rows.shape[1] - count))))
-    return sparse.vstack(
+    points: Any = scipy.sparse.hstack(
+        (-scipy.sparse.eye_array(count), scipy.sparse.csr_array((count, rows.shape[1] - count)))
+    )
+    return scipy.sparse.vstack(
         (
-            sparse.hstack((rows, sparse.csr_array((rows.shape[0], count)))),
-            sparse.hstack((points, -sparse.eye_array(count))),
+            scipy.sparse.hstack((rows, scipy.sparse.csr_array((rows.shape[0], count)))),
+            scipy.sparse.hstack((points, -scipy.sparse.eye_array(count))),
         )
     )
 
@@ -174,7 +175,7 @@ def _values_at(samples: Indices, count: int) -> Any:  # noqa: ANN401 - scipy's s
     weights = np.stack([blend(unit, share)[0] for unit in units], axis=1)
     rows = np.repeat(np.arange(samples.size), 4)
     columns: Any = (first[:, None] + np.arange(4)).ravel()
-    return cast("Any", sparse.csr_array((weights.ravel(), (rows, columns)), (samples.size, count)))
+    return cast("Any", scipy.sparse.csr_array((weights.ravel(), (rows, columns)), (samples.size, count)))
 
 
 class Rise(NamedTuple):

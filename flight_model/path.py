@@ -8,9 +8,9 @@ from math import atan2, cos, sin
 from typing import NamedTuple, TypeVar, cast, overload
 
 import numpy as np
-from scipy.interpolate import BSpline, make_interp_spline
 
 from flight_model.arrays import Array
+from flight_model.spline import CubicSpline, spline_through
 
 T = TypeVar("T", float, Array)
 
@@ -169,7 +169,7 @@ class SplinePath:
 class _SplineValues(NamedTuple):
     """The spline over its parameter: the ends of the pieces (m + 1,), and derivatives 0 to 2 there (3, m + 1, 3)."""
 
-    spline: BSpline
+    spline: CubicSpline
     parameters: Array
     derivatives: Array
 
@@ -183,10 +183,10 @@ def _refuse_short_legs(chords: Array) -> None:
 
 def _spline_values(waypoints: Array, chords: Array) -> _SplineValues:
     knots = np.concatenate(([0.0], np.cumsum(chords)))
-    spline = make_interp_spline(knots, waypoints, k=3, bc_type="natural")
+    spline = spline_through(knots, waypoints)
     whole_legs = np.linspace(knots[:-1], knots[1:], PIECES_PER_LEG, endpoint=False, axis=1)
     parameters = np.append(whole_legs.ravel(), knots[-1])
-    derivatives = np.stack([spline(parameters, order) for order in range(3)])
+    derivatives = np.stack([spline.at(parameters, order) for order in range(3)])
     tangents = np.hypot(derivatives[1, :, 0], derivatives[1, :, 1])
     if tangents.min() < MIN_TANGENT:
         waypoint = int(np.argmin(np.abs(knots - parameters[np.argmin(tangents)])))
@@ -194,11 +194,11 @@ def _spline_values(waypoints: Array, chords: Array) -> _SplineValues:
     return _SplineValues(spline, parameters, derivatives)
 
 
-def _piece_lengths(spline: BSpline, parameters: Array) -> Array:
+def _piece_lengths(spline: CubicSpline, parameters: Array) -> Array:
     """Return the horizontal length of each piece, by Gauss-Legendre quadrature."""
     abscissae, weights = np.polynomial.legendre.leggauss(QUADRATURE_POINTS)
     half = np.diff(parameters)[:, None] / 2.0
-    tangents = spline(parameters[:-1, None] + half * (1.0 + abscissae), 1)
+    tangents = spline.at(parameters[:-1, None] + half * (1.0 + abscissae), 1)
     return np.asarray(np.sum(np.hypot(tangents[..., 0], tangents[..., 1]) * weights * half, axis=1))
 
 

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
+import scipy
 
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Mask
@@ -128,7 +128,7 @@ def assigned(scenario: Scenario, arrangement: Arrangement, now_m: Array, present
     there, away = following[present[following]], following[~present[following]]
     free = places[following]
     cost = np.square(now_m[there, None] - free[None, : there.size]).sum(axis=2)
-    _, chosen = linear_sum_assignment(cost)
+    _, chosen = scipy.optimize.linear_sum_assignment(cost)
     given = np.zeros_like(places)
     given[there], given[away] = free[chosen], free[there.size :]
     return given

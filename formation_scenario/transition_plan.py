@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.distance import pdist
 
 from flight_model.arrays import Array, Mask
 from flight_model.displacement import PEAK_RATE
@@ -105,7 +104,7 @@ def _apart_m(start: SlotMotion, goal_m: Array, conditions: Conditions) -> float:
     """Return the distance to keep during the transition: no more than there is at its beginning and its end."""
     if conditions.present.sum() < 2:
         return 0.0
-    begin, end = (float(pdist(places[conditions.present]).min()) for places in (start.position_m, goal_m))
+    begin, end = (float(_pair_distances_m(places[conditions.present]).min()) for places in (start.position_m, goal_m))
     return min(max(conditions.separation_m + MARGIN_M, SPACING_SHARE * end), begin * 0.99, end * 0.99)
 
 
@@ -185,7 +184,13 @@ def _distances_m(slots: SlotMotion, needs: SlotNeeds, conditions: Conditions) ->
         forward, right = places[..., 0], places[..., 1]
         places = np.stack((forward * cos - right * sin, forward * sin + right * cos, places[..., 2]), axis=-1)
     there = places[:, conditions.present]
-    return np.array([pdist(each) for each in there])
+    return _pair_distances_m(there)
+
+
+def _pair_distances_m(places_m: Array) -> Array:
+    """Return the distance of each pair (..., pairs) of places (..., N, 3)."""
+    one, other = np.triu_indices(places_m.shape[-2], 1)
+    return np.linalg.norm(places_m[..., one, :] - places_m[..., other, :], axis=-1)
 
 
 def _pairs(conditions: Conditions) -> npt.NDArray[np.intp]:

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import nbdtr
 
 from flight_model.arrays import Array
 from formation_scenario import Scenario, Vehicle
@@ -168,8 +167,12 @@ def _lost_s(starts: list[tuple[int, LinkStep]]) -> float:
 
 
 def _chance(losses: Array, passed: int, each: float) -> Array:
-    """Return the probability of each number of losses before as many as `passed` got through (negative binomial)."""
-    return np.diff(nbdtr(losses, passed, each), prepend=0.0)
+    """Return the probability of each number of losses before as many as `passed` got through (negative binomial).
+
+    Each loss more multiplies it by (1 - each) (losses + passed - 1)/losses.
+    """
+    ratios = np.append(1.0, (1.0 - each) * (losses[1:] + passed - 1.0) / losses[1:])
+    return np.cumprod(ratios, dtype=np.float64) * each**passed
 
 
 def _spaced(chance: Array, each_s: float) -> Array:

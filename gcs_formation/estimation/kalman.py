@@ -13,7 +13,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import exprel
+import scipy
 
 from flight_model.arrays import Array, Indices, Mask, within, wrap
 from gcs_formation.estimation.flight_state import AutopilotModel, FlightState
@@ -121,7 +121,7 @@ def transition(state: FlightState, elapsed_s: Array, model: AutopilotModel) -> A
     slow_s, fast_s = np.maximum(model.tau_ha_s, model.tau_hb_s), np.minimum(model.tau_ha_s, model.tau_hb_s)
     slow, fast = np.exp(-elapsed_s / slow_s), np.exp(-elapsed_s / fast_s)
     # With equal poles, the limit of exprel gives the double pole's form.
-    between_s = elapsed_s * slow * exprel(elapsed_s / slow_s - elapsed_s / fast_s)
+    between_s = elapsed_s * slow * scipy.special.exprel(elapsed_s / slow_s - elapsed_s / fast_s)
     derivative = np.zeros((elapsed_s.size, STATES, STATES))
     derivative[:] = _EYE
     derivative[:, NORTH, SPEED], derivative[:, EAST, SPEED] = cos * speed_s, sin * speed_s

@@ -6,7 +6,7 @@ from collections import deque
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import exprel
+import scipy
 
 from airlink.clock import NANOSECONDS
 from flight_model.arrays import Array, Instants, all_of, any_of, or_zero, within, wrap
@@ -226,7 +226,7 @@ class HeightSteps(NamedTuple):
         """
         slow, fast = np.maximum(model.tau_ha_s, model.tau_hb_s), np.minimum(model.tau_ha_s, model.tau_hb_s)
         slow_left = np.exp(-time_s / slow)
-        between_s = time_s * slow_left * exprel(time_s / slow - time_s / fast)
+        between_s = time_s * slow_left * scipy.special.exprel(time_s / slow - time_s / fast)
         most_m = model.climb_max_mps * time_s
         fast_left = np.exp(-time_s / fast)
         return cls(slow, slow + fast, model.climb_max_mps, slow_left, fast_left, between_s, most_m, -most_m)

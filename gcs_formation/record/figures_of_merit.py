@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from itertools import combinations
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from flight_model.arrays import Array, Mask, wrap
 from gcs_formation.record.flight import Flight
@@ -108,7 +108,7 @@ def separation_m(flight: Flight, window: Mask) -> Array:
 def _nearest_pair_m(places: Array) -> float:
     if len(places) < 2:
         return float("inf")
-    distances, _ = cKDTree(places).query(places, k=2)
+    distances, _ = scipy.spatial.cKDTree(places).query(places, k=2)
     return float(np.asarray(distances)[:, 1].min())
 
 

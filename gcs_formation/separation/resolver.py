@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from airlink.clock import NANOSECONDS, Instant, seconds_between
 from flight_model.arrays import Array, Instants, Mask, all_of, or_zero, within, wrap
@@ -271,5 +271,5 @@ def _nearest_m(slots_m: Array) -> float:
     """Return the distance of the two nearest slots; infinite for one."""
     if len(slots_m) < 2:
         return float("inf")
-    distances, _ = cKDTree(slots_m).query(slots_m, k=2)
+    distances, _ = scipy.spatial.cKDTree(slots_m).query(slots_m, k=2)
     return float(np.asarray(distances)[:, 1].min())

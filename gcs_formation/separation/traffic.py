@@ -8,7 +8,7 @@ from functools import cache, cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from flight_model.arrays import Array, Mask, all_of, within, wrap
 from gcs_formation.estimation.flight_state import FlightState, Indices, Setpoints
@@ -210,7 +210,7 @@ def _farthest_m(scene: Scene, reach: Reach) -> float:
 
 def _pairs_within(most_m: float, place_m: Array) -> tuple[Indices, Indices]:
     """Return the pairs (one < other), in order, of places (2, N) no farther apart."""
-    near = cKDTree(place_m.T).query_pairs(most_m, output_type="ndarray")
+    near = scipy.spatial.cKDTree(place_m.T).query_pairs(most_m, output_type="ndarray")
     one, other = near.min(axis=1), near.max(axis=1)
     order = np.lexsort((other, one))
     return one[order], other[order]

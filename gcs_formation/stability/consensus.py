@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import brentq
+import scipy
 
 from flight_model.arrays import Array
 from gcs_formation.stability.delay_equation import rightmost_root
@@ -255,7 +255,7 @@ def _locus_crossings(matrix: Array, part: Component, gains: _Gains) -> Array:
     above = np.abs(_loci(grid, matrix, gains)) > 1.0
     found: list[tuple[float, float]] = []
     for index, locus in np.argwhere(above[1:] != above[:-1]).tolist():
-        w = float(brentq(excess, float(grid[index]), float(grid[index + 1]), args=(locus,), xtol=1e-15))
+        w = float(scipy.optimize.brentq(excess, float(grid[index]), float(grid[index + 1]), args=(locus,), xtol=1e-15))
         values = _loci(w, matrix, gains)
         crossing = values[np.abs(np.abs(values) - 1.0) < _TIED]
         found += [(w, float(turn)) for turn in np.mod(np.angle(-crossing) + np.pi / 2, 2 * np.pi) - np.pi / 2]

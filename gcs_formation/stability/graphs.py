@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse.csgraph import connected_components
+import scipy
 
 from flight_model.arrays import Array, Indices
 
@@ -89,7 +89,7 @@ def components(adjacency: Array) -> list[Component]:
     whole matrix is defective (a leader-follower chain) and its computed eigenvalues would be far off.
     """
     linked = adjacency > 0
-    count, labels = connected_components(adjacency, directed=True, connection="strong")
+    count, labels = scipy.sparse.csgraph.connected_components(adjacency, directed=True, connection="strong")
     parts: list[Component] = []
     for label in range(int(count)):
         inside = labels == label

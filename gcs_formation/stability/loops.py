@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import minimize
 
 from flight_model.arrays import Array
 from formation_scenario.vehicles import VehicleModel
@@ -28,6 +27,7 @@ SMALL_SIGNAL: Triple = (0.5, 1.0, 0.5)
 """(F_p, F_i, F_d) that tables 1-3 give at no error, as printed and symmetrised alike."""
 
 _LEVELS = 5
+_FINER = (0.125, 0.0625, 0.03125, 0.015625, 0.0078125)
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +81,7 @@ class Plant(NamedTuple):
     input: tuple[float, float]
     output: tuple[complex, complex]
 
+    @cache  # noqa: B019 - plants are values, few of them, and each is asked for at every gain that its loop may have
     def transfer(self) -> tuple[Coefficients, Array]:
         """Numerator and denominator of c adj(sI - A) B / det(sI - A)."""
         a, b, c = np.array(self.state), np.array(self.input), np.array(self.output, dtype=np.complex128)
@@ -225,18 +226,29 @@ def loop_margin(
 def worst_loop_margin(nominal: PidGains, plant: Plant, gain_range: GainRange) -> float:
     """Least delay margin, s, over all gains that the scheduler can reach: a grid of [0, 1]^3, then refined.
 
-    It holds for frozen gains; it says nothing about how fast they may change.
+    It holds for frozen gains; it says nothing about how fast they may change. The least lies at a corner, as a rule.
     """
 
-    def margin(outputs: npt.ArrayLike) -> float:
-        f_p, f_i, f_d = np.asarray(outputs, dtype=np.float64).tolist()
-        return loop_margin(nominal, plant, gain_range, (f_p, f_i, f_d))
+    @cache
+    def margin(outputs: Triple) -> float:
+        return loop_margin(nominal, plant, gain_range, outputs)
 
     if gain_range.span == 0.0:
         return margin(MID_RANGE)
     least = min(product(np.linspace(0.0, 1.0, _LEVELS).tolist(), repeat=3), key=margin)
-    refined = minimize(margin, least, method="Nelder-Mead", bounds=[(0.0, 1.0)] * 3, options={"maxfev": 60})
-    return min(margin(least), float(refined.fun))
+    for step in _FINER:
+        least = min(_around(least, step), key=margin)
+    return margin(least)
+
+
+def _around(outputs: Triple, step: float) -> list[Triple]:
+    """Return outputs, and those a step away from them in one direction inside [0, 1]^3."""
+    near = [outputs]
+    for axis, change in product(range(3), (-step, step)):
+        moved = list(outputs)
+        moved[axis] = min(max(moved[axis] + change, 0.0), 1.0)
+        near.append((moved[0], moved[1], moved[2]))
+    return near
 
 
 def loop_delay_s(
@@ -256,12 +268,13 @@ def _lag_and_integral(tau_s: float, proportional: float, integral: float) -> Pla
 
 def real_if_exact(values: Coefficients) -> Coefficients:
     """Real coefficients where no imaginary part is left."""
-    return values if np.any(np.imag(values)) else np.real(values).astype(np.float64)
+    return values if np.isrealobj(values) or values.imag.any() else values.real.copy()
 
 
 def _product(polynomial: Coefficients, other: Coefficients) -> Coefficients:
     product = real_if_exact(np.convolve(polynomial, other))
-    return np.trim_zeros(product, "f") if product.any() else np.zeros(1)
+    powers = np.flatnonzero(product)
+    return product[powers[0] :] if powers.size else np.zeros(1)
 
 
 def _squared_modulus(polynomial: Coefficients) -> Array:

@@ -5,17 +5,19 @@ from __future__ import annotations
 import math
 from bisect import bisect_left
 from collections.abc import Sequence
-from functools import cache
+from functools import cache, lru_cache
 from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg import expm
-from scipy.optimize import elementwise
 
 from flight_model.arrays import Array
 from gcs_formation.stability.loops import Loop, Plant, Rational, delay_margin
+from gcs_formation.stability.roots import roots_between
+
+Response = npt.NDArray[np.complex128]
 
 _GRID = 4000
 LAGS_OFF = 0.3
@@ -101,7 +103,7 @@ def mismatch_crossings(loop: Loop, delay_s: float, true: Loop) -> Array:
     grid = np.geomspace(1e-4, 1e3, _GRID)
     above = excess(grid) > 0.0
     (found,) = np.nonzero(above[1:] != above[:-1])
-    w = np.asarray(elementwise.find_root(excess, (grid[found], grid[found + 1])).x, dtype=np.float64)
+    w = roots_between(excess, grid[found], grid[found + 1])
     return np.column_stack((w, np.angle(-ratio(w))))
 
 
@@ -161,15 +163,35 @@ def predicted_is_stable(loop: Loop, true: Loop, delay_s: float) -> bool:
         true: with the autopilot's.
         delay_s: T.
     """
-    exact, row = loop.open_loop(), carried(loop.plant, delay_s)
-    late, true_late = (each.with_output(row).open_loop() for each in (loop, true))
-    at_origin = _poles_at_origin(exact)
+    model = _on_grid(loop, delay_s)
+    true_late = true.with_output(carried(loop.plant, delay_s)).open_loop()
+    curve = model.returned + (true_late.at(model.w) - model.late) * model.delay
+    turned = np.unwrap(np.angle(curve * model.origin))
+    return bool(abs(turned[-1] - turned[0]) < np.pi / 2)
+
+
+class _OnGrid(NamedTuple):
+    """What of the characteristic equation hangs on the model alone, at frequencies w, rad/s."""
+
+    w: Array
+    returned: Response
+    """1 + L."""
+    late: Response
+    """M."""
+    delay: Response
+    """exp(-sT)."""
+    origin: Response
+    """The factors s/(s + 1)."""
+
+
+@lru_cache(maxsize=1)
+def _on_grid(loop: Loop, delay_s: float) -> _OnGrid:
+    exact, late = loop.open_loop(), loop.with_output(carried(loop.plant, delay_s)).open_loop()
     directed = np.iscomplexobj(exact.numerator)
     w = np.concatenate((-_FREQUENCIES[::-1], _FREQUENCIES)) if directed else _FREQUENCIES
     s = 1j * w
-    curve = 1.0 + exact.at(w) + (true_late.at(w) - late.at(w)) * np.exp(-s * delay_s)
-    turned = np.unwrap(np.angle(curve * (s / (s + 1.0)) ** at_origin))
-    return bool(abs(turned[-1] - turned[0]) < np.pi / 2)
+    origin = (s / (s + 1.0)) ** _poles_at_origin(exact)
+    return _OnGrid(w, 1.0 + exact.at(w), late.at(w), np.exp(-s * delay_s), origin)
 
 
 def _signs(loop: Loop) -> list[tuple[int, ...]]:
