@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from formation_scenario.slot_motion import SlotMotion
-from gcs_formation.control.feed_forward import CRAB_RADPS, LeaderMotion, TrailingSlots, Turning
+from gcs_formation.control.feed_forward import CRAB_RADPS, Axes, LeaderMotion, TrailingSlots, Turning, feed_forward
 from gcs_formation.control.mixer import slot_target
-from gcs_formation.estimation.flight_state import FlightState
+from gcs_formation.estimation.flight_state import AutopilotModel, FlightState
 
 SPEED_MPS, WAY_S = 22.0, 30.0
+MODEL = AutopilotModel(*(np.array([value]) for value in (4.0, 1.5, 1.0, 3.0, 16.0, 28.0, 1.5, 0.25, 3.0)))
 FINE = 10
 """Steps of the integration a tick."""
 
@@ -57,6 +58,23 @@ def test_who_turns_as_towed_at_the_slots_speed_stays_in_a_slot_that_goes_60_m_as
     assert worst_m < 1.3 * tick_s
     heading, turn = np.array(headings).T
     np.testing.assert_allclose(np.diff(heading) / tick_s, turn[:-1], atol=1e-3)
+
+
+@pytest.mark.parametrize("forward_m", [(-30.0, -60.0), (-60.0, -30.0)])
+def test_what_is_fed_forward_leads_the_towed_target_by_its_rate(forward_m: tuple[float, float]) -> None:
+    """Setpoint minus target by the lag is how the target changes, while the leader bends and the slot moves."""
+    start, way = np.array([forward_m[0], -30.0, 0.0]), np.array([forward_m[1] - forward_m[0], 60.0, 0.0])
+    tow, tick_s, targets, led = TrailingSlots(1), 0.01, list[list[float]](), list[list[float]]()
+    for tick in range(2000):
+        leader, slots = leader_at(tick * tick_s), slot_at(tick * tick_s, start, way)
+        turning = tow.turning(leader, slots, tick_s)
+        target = slot_target(leader.state, leader.state, turning.rate_rps, slots, "follower_heading")
+        forward = feed_forward(target, leader, Axes(target.heading_rad, turning), slots, MODEL)[0]
+        wanted = np.array((target.speed_mps[0], target.heading_rad[0]))
+        targets.append(wanted.tolist())
+        led.append(((forward[:2] - wanted) / MODEL.air_lags_s[:, 0]).tolist())
+    changes, led_by = np.diff(targets, axis=0) / tick_s, np.array(led)[:-1]
+    np.testing.assert_array_less(np.abs(changes - led_by).max(axis=0), (0.005, 0.001))  # of 0.4 m/s² and 0.04 rad/s
 
 
 def test_a_heading_crabs_slowly_against_a_gust_and_its_rates_are_those_of_its_angle() -> None:
