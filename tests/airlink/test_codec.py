@@ -13,7 +13,7 @@ from airlink import mavlink as m
 from airlink.codec import CODECS, wire_name
 from airlink.frame import FrameWriter, StreamParser
 from airlink.messages import Message
-from airlink.messages.command import CommandLong
+from airlink.messages.command import CommandAck, CommandInt, CommandLong
 from airlink.messages.parameter import ParamSet, ParamValue
 from airlink.messages.system import CurrentMode, Heartbeat, Statustext
 from airlink.messages.telemetry import Attitude, GlobalPositionInt, HomePosition, VfrHud, Wind
@@ -167,6 +167,16 @@ def test_a_message_that_the_dialect_lacks_is_as_in_the_one_that_has_it():
     assert FrameWriter(7, 9).encode(CurrentMode(3, 0x03040000, 0x05040000)) == theirs
     (frame,) = StreamParser().feed(theirs)
     assert frame.message == CurrentMode(3, 0x03040000, 0x05040000)
+
+
+def test_what_a_command_leaves_open_is_0():
+    """Confirmation, parameters, place."""
+    long = dialect.MAVLink_command_long_message(1, 2, 400, 0, *(7 * [0])).pack(peer(dialect))
+    assert FrameWriter(7, 9).encode(CommandLong(1, 2, 400)) == long
+    scaled = dialect.MAVLink_command_int_message(1, 2, 6, 400, *(9 * [0])).pack(peer(dialect))
+    assert FrameWriter(7, 9).encode(CommandInt(1, 2, 6, 400)) == scaled
+    answer = dialect.MAVLink_command_ack_message(400, 3, 0, 0, 0, 0).pack(peer(dialect))
+    assert FrameWriter(7, 9).encode(CommandAck(400, 3)) == answer
 
 
 def over_the_wire(message) -> Any:
