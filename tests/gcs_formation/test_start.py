@@ -21,5 +21,6 @@ print(*sys.modules)
 @pytest.mark.slow
 def test_check_imports_what_it_needs_alone() -> None:
     modules = subprocess.run([sys.executable, "-c", CHECK], capture_output=True, text=True, check=True).stdout.split()
-    unneeded = {*(f"scipy.{part}" for part in ("optimize", "interpolate", "spatial", "special")), "pyarrow", "matplotlib"}
+    parts = ("optimize", "interpolate", "spatial", "special")
+    unneeded = {"pyarrow", "matplotlib", *(f"scipy.{part}" for part in parts)}
     assert unneeded & set(modules) == set()
