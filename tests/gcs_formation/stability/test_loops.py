@@ -27,6 +27,7 @@ from gcs_formation.stability import (
     right_plant,
     worst_loop_margin,
 )
+from gcs_formation.stability.loops import Rational
 
 MIXER = Mixer(k_v=0.1, k_x=1.0, k_psi=0.1, k_y=0.05, k_z=1.0)
 MODEL = VehicleModel(tau_v_s=4.0, tau_psi_s=1.5, tau_ha_s=1.0, tau_hb_s=3.0)
@@ -197,3 +198,9 @@ def test_prediction_saves_no_loop_that_is_unstable_without_delay():
         0.0,
         0.0,
     )
+
+
+@pytest.mark.parametrize(("gain", "margin_s"), [(0.99, np.inf), (1.0, 0.0), (-1.0, 0.0), (1.01, 0.0)])
+def test_a_gain_of_1_at_high_frequency_leaves_no_margin(gain: float, margin_s: float) -> None:
+    """gain s / (s + 2): below 1 there is no crossover, and from 1 on the least delay destabilises."""
+    assert delay_margin(Rational(np.array([gain, 0.0]), np.array([1.0, 2.0]))) == margin_s

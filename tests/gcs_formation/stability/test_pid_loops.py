@@ -7,6 +7,8 @@ import pytest
 from airlink.endpoint import VehicleId
 from formation_scenario import load_scenario
 from gcs_formation.stability import scenario_margins
+from gcs_formation.stability.law import leader_loops
+from tests.flights.conftest import scenario
 
 
 def margins(frame="follower_heading", law="fuzzy_pid", model=None):
@@ -80,3 +82,9 @@ def test_weakest_follower_decides():
     x = [found.followers[VehicleId(1, number)].worst.x_s for number in (2, 3, 4)]
     assert x[0] == x[1] != x[2]
     assert min(x) == found.least.worst.x_s
+
+
+def test_only_a_real_leader_has_loops_for_when_another_leads():
+    virtual = [{"id": 1, "role": "follower"}, {"id": 2, "role": "follower"}]
+    assert leader_loops(load_scenario(scenario(vehicles=virtual))) == {}
+    assert list(leader_loops(load_scenario(scenario(vehicles={"count": 3})))) == [VehicleId(1)]
