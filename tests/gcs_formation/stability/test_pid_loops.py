@@ -87,4 +87,4 @@ def test_weakest_follower_decides():
 def test_only_a_real_leader_has_loops_for_when_another_leads():
     virtual = [{"id": 1, "role": "follower"}, {"id": 2, "role": "follower"}]
     assert leader_loops(load_scenario(scenario(vehicles=virtual))) == {}
-    assert list(leader_loops(load_scenario(scenario(vehicles={"count": 3})))) == [VehicleId(1)]
+    assert list(leader_loops(load_scenario(scenario(vehicles={"count": 3})))) == [VehicleId(1, 1)]
