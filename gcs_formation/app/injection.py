@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from array import array
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
@@ -105,15 +106,16 @@ class InjectedDelays:
         """Read the statistics of `links`; without any, each delay is `otherwise_s`: 0, or NaN where it isn't known."""
         self._links, self._otherwise_s = links, otherwise_s
         self._sums: dict[VehicleId, list[tuple[float, int]]] = {vehicle: [(0.0, 0)] * 2 for vehicle in vehicles}
-        self._series_s: dict[VehicleId, list[tuple[float, float]]] = {vehicle: [] for vehicle in self._sums}
+        self._series_s = {vehicle: array("d") for vehicle in (self._sums if links else ())}
         self._ticks = 0
 
     def note(self, ticks: int) -> None:
         """Record what was injected since the previous tick, if there has been a new one."""
         if ticks == self._ticks:
             return
-        for vehicle, series_s in self._series_s.items():
-            series_s.extend([self._since_last_s(vehicle)] * (ticks - self._ticks))
+        if self._links is not None:
+            for vehicle, series_s in self._series_s.items():
+                series_s.extend(self._since_last_s(vehicle, self._links) * (ticks - self._ticks))
         self._ticks = ticks
 
     def series_s(self, rows: int) -> Mapping[VehicleId, Array]:
@@ -121,14 +123,15 @@ class InjectedDelays:
 
         `rows` is how many there are of all T ticks and vehicles.
         """
-        ticks = rows // len(self._series_s)
-        before = [(math.nan, math.nan)] * (ticks - self._ticks)
-        return {vehicle: np.array([*before, *series_s]).reshape(-1, 2) for vehicle, series_s in self._series_s.items()}
+        ticks = rows // len(self._sums)
+        series_s = {vehicle: np.full((ticks, 2), math.nan) for vehicle in self._sums}
+        for vehicle, each_s in series_s.items():
+            known_s = self._series_s.get(vehicle)
+            each_s[ticks - self._ticks :] = self._otherwise_s if known_s is None else np.array(known_s).reshape(-1, 2)
+        return series_s
 
-    def _since_last_s(self, vehicle: VehicleId) -> tuple[float, float]:
-        if self._links is None:
-            return self._otherwise_s, self._otherwise_s
-        sums = [(way.total_delay_s, way.delivered) for way in self._links.statistics(vehicle)]
+    def _since_last_s(self, vehicle: VehicleId, links: ImpairedEngine) -> tuple[float, float]:
+        sums = [(way.total_delay_s, way.delivered) for way in links.statistics(vehicle)]
         apart = [(now[0] - was[0], now[1] - was[1]) for now, was in zip(sums, self._sums[vehicle], strict=True)]
         self._sums[vehicle] = sums
         up_s, down_s = (total_s / delivered if delivered else math.nan for total_s, delivered in apart)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import sys
 import time
+from array import array
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,9 +48,7 @@ class TimedStation:
     def __init__(self, station: Station) -> None:
         """Time the ticks of `station`."""
         self._station = station
-        self._due: list[int] = []
-        self._begun: list[int] = []
-        self._taken: list[float] = []
+        self._due, self._begun, self._taken = array("d"), array("d"), array("d")
 
     def endpoints(self) -> tuple[Endpoint, ...]:
         """Return the station's endpoints."""
@@ -81,8 +80,8 @@ class TimedStation:
         """Return the times of all ticks."""
         return ControlFigures(
             rate_hz,
-            np.array(self._due, dtype=np.float64) / NANOSECONDS,
-            np.array(self._begun, dtype=np.float64) / NANOSECONDS,
+            np.array(self._due) / NANOSECONDS,
+            np.array(self._begun) / NANOSECONDS,
             np.array(self._taken),
         )
 
@@ -220,10 +219,10 @@ class Session:
     def _link(self, identity: VehicleId) -> LinkFigures:
         vehicle = self.station.vehicles[identity]
         began = self.station.flight.path_began
-        times = np.array([probe.at for probe in vehicle.delays], dtype=np.float64)
+        probes = np.array(vehicle.delays).reshape(-1, 4)
         return LinkFigures(
-            delays_s=np.array([probe[1:] for probe in vehicle.delays]).reshape(-1, 3),
-            delay_times_s=(times - began) / NANOSECONDS if began is not None else np.full(times.shape, np.nan),
+            delays_s=probes[:, 1:],
+            delay_times_s=(probes[:, 0] - began) / NANOSECONDS if began is not None else np.full(len(probes), np.nan),
             measured_loss=vehicle.sequence.loss,
             frames_in=vehicle.frames_in,
             frames_out=vehicle.frames_out,

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
+from array import array
 from collections import Counter
-from typing import NamedTuple
 
 from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, Instant, after, seconds_between
@@ -40,17 +40,6 @@ APART_LIMIT_S = 2.0
 """Largest difference of stamps between a position and the attitude and airspeed that are paired with it."""
 
 
-class Probed(NamedTuple):
-    """An answered probe: when it came back, and the delays in s that it shows."""
-
-    at: Instant
-    one_way_s: float
-    """Half the round trip."""
-    up_s: float
-    """NaN where it isn't known how the round trip is split; the same for `down_s`."""
-    down_s: float
-
-
 class Vehicle:
     """All state of one vehicle. It takes and creates frames; the station moves them."""
 
@@ -81,8 +70,9 @@ class Vehicle:
         self.start_up = StartUp(autopilot.start_up(self.rates_hz))
         # The height is the one at which it was last told to loiter while the others fly on.
         self.member, self.holds_at_m = Member.STARTING, math.nan
-        self.delays: list[Probed] = []
-        self.frames_in = self.frames_out = 0
+        self.delays, self.frames_in, self.frames_out = array("d"), 0, 0
+        """Delays: four numbers for each answered probe: when it came back, ns; half the round trip, the way up and the
+        way down, s, NaN where it isn't known how the round trip is split."""
         self.effects, self.pilots_choice = EffectWatch(), PilotsChoice()
         self.setpoints_taken = {command: UnbrokenRun() for command in autopilot.setpoint_commands}
         """Acknowledgements of airspeed, heading and height setpoints."""
@@ -261,7 +251,7 @@ class Vehicle:
         if self.gnss:
             self.gnss.probe(sent, answer.tc1_ns, now)
         one_way_s = self.clock.last_one_way_s()
-        self.delays.append(Probed(now, one_way_s, *self.stamps.ways_s(one_way_s)))
+        self.delays.extend((now, one_way_s, *self.stamps.ways_s(one_way_s)))
 
     def _restart(self) -> None:
         """Start afresh with a vehicle whose clock has restarted: nothing known of it still holds."""
