@@ -1,7 +1,7 @@
 """Formation errors with noise like a GNSS receiver's in all vehicles' telemetry, by the law's set of gains.
 
 configs/noise.yaml under the virtual clock, with its 0.6 m/s north and east on all, by default at 500 s; the figures are
-the rms of the worst follower's true error from then on. With --at 60 --until 360, about 10 s of processor time for each
+the rms of the worst follower's true error from then on. With --at 60 --until 160, about 4 s of processor time for each
 flight.
 """
 
