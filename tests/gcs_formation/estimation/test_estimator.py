@@ -216,8 +216,8 @@ def test_the_sensitivity_is_the_derivative_of_the_sample():
 
 def test_headings_stay_within_half_a_turn():
     flight = Flight()
-    for step in range(150):
-        flight.fly(heading_rad=0.3 + 0.06 * step)
+    for step in range(200):
+        flight.fly(heading_rad=0.3 + 0.02 * step)
         assert -math.pi <= flight.filter.state.heading_rad[0] < math.pi
     assert abs(flight.error()[HEADING]) < 0.05
 
