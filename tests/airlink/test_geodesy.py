@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -59,3 +60,15 @@ def test_the_date_line_is_no_border():
     _, east, _ = origin.to_ned(0.0, math.radians(-179.999), 0.0)
     assert east == pytest.approx(SEMI_MAJOR_M * math.radians(0.002), abs=1e-3)
     assert -math.pi <= origin.from_ned(0.0, 1000.0, 0.0)[1] < 0
+
+
+@given(origins, places)
+def test_many_places_are_mapped_as_each_by_itself(origin, place):
+    north_m, east_m, _ = place
+    lat_rad, lon_rad, _ = origin.from_ned(north_m, east_m, 0.0)
+    lats_rad, lons_rad = origin.places(np.array([north_m, 0.0]), np.array([east_m, 0.0]))
+    assert lats_rad == pytest.approx([lat_rad, origin.lat_rad], abs=1e-12)
+    assert math.remainder(lons_rad[0] - lon_rad, math.tau) == pytest.approx(0.0, abs=1e-12)
+    north, east = origin.metres_per_radian(np.array([north_m]))
+    assert north * (lat_rad - origin.lat_rad) == pytest.approx(north_m, abs=1e-6)
+    assert east * math.remainder(lon_rad - origin.lon_rad, math.tau) == pytest.approx(east_m, abs=1e-6)
