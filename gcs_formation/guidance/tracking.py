@@ -166,13 +166,13 @@ def track_turn(
     carried_mps, _ = _rotate(motion.wind_north_mps, motion.wind_east_mps, point.course_rad)
     path_rps, gain_1pm = point.curvature_1pm * passed_mps, BANDWIDTH_RADPS / speed_mps
     bend_rps2 = point.curvature_rate_1pm2 * passed_mps * along_mps + point.curvature_1pm * along_mps2
-    gain_1pm = gain_1pm / (1 + (gain_1pm * right_m) ** 2)
-    if abs(math.atan(BANDWIDTH_RADPS / speed_mps * right_m)) > INTERCEPT_MAX_RAD:
-        gain_1pm = 0.0
+    intercept = math.atan(gain_1pm * right_m)
+    limited = min(max(intercept, -INTERCEPT_MAX_RAD), INTERCEPT_MAX_RAD)
+    gain_1pm = gain_1pm / (1 + (gain_1pm * right_m) ** 2) if limited == intercept else 0.0
     course_rps = path_rps - gain_1pm * aside_mps
     # The axes turn under the wind, so its component across them changes even while it is constant.
     aside_mps2 = (along_mps - carried_mps) * rates.turn_rps - along_mps * path_rps + wind_mps2
-    crab_rps = (wind_mps2 - carried_mps * course_rps) / max(motion.airspeed_mps, 1.0)
+    crab_rps = _crab_rate(motion, point.course_rad - limited, course_rps, rates.wind_mps2)
     return course_rps - crab_rps + lags.tau_psi_s * (bend_rps2 - gain_1pm * aside_mps2)
 
 
@@ -180,6 +180,14 @@ def _crab(motion: Motion, course_rad: float) -> float:
     """Return the crab angle: how far left of the course the heading must point to cancel the crosswind."""
     _, aside_mps = _rotate(motion.wind_north_mps, motion.wind_east_mps, course_rad)
     return math.asin(min(max(aside_mps / max(motion.airspeed_mps, 1.0), -1.0), 1.0))
+
+
+def _crab_rate(motion: Motion, course_rad: float, course_rps: float, wind_mps2: tuple[float, float]) -> float:
+    """Return how fast the crab angle changes, rad/s, while the course turns under a wind that changes."""
+    along_mps, aside_mps = _rotate(motion.wind_north_mps, motion.wind_east_mps, course_rad)
+    _, aside_mps2 = _rotate(*wind_mps2, course_rad)
+    forward_mps2 = max(motion.airspeed_mps**2 - aside_mps**2, 1.0)
+    return (aside_mps2 - along_mps * course_rps) / math.sqrt(forward_mps2)
 
 
 def _rotate(north: float, east: float, course_rad: float) -> tuple[float, float]:
