@@ -52,9 +52,9 @@ class Fleet:
         """Return each vehicle's own end of its link."""
         return tuple(vehicle.endpoint for vehicle in self.config.vehicles)
 
-    def receive(self, datagram: Datagram, now: Instant) -> None:  # noqa: ARG002 - acted on at the next turn
+    def receive(self, datagram: Datagram, now: Instant) -> None:
         """Keep a datagram for its vehicle's next cycle."""
-        self.vehicles[datagram.socket].receive(datagram.peer, datagram.data)
+        self.vehicles[datagram.socket].receive(datagram.peer, datagram.data, now)
 
     def datagrams_to_send(self) -> list[Datagram]:
         """Remove and return the datagrams to send now."""

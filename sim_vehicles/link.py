@@ -11,6 +11,7 @@ from airlink.endpoint import Address
 from airlink.engine import Datagram
 from airlink.frame import Frame, FrameWriter, StreamParser
 from airlink.messages import Message
+from sim_vehicles.autopilot.clock import NEVER
 from sim_vehicles.config import VehicleConfig
 
 PEER_FORGOTTEN_S = 10.0
@@ -32,7 +33,7 @@ class Link:
         self._outbox = outbox
         self._system = config.identity.system
         self._fixed_peer = config.endpoint.address if config.endpoint.kind == "udpout" else None
-        self._inbox: deque[tuple[Address, bytes]] = deque()
+        self._inbox: deque[tuple[Instant, Address, bytes]] = deque()
         self._parsers: dict[Address, StreamParser] = {}
         self._heard: dict[Address, Instant] = {}
         self.frames_bad = 0
@@ -46,19 +47,27 @@ class Link:
         self._parsers.clear()
         self._heard.clear()
 
-    def receive(self, peer: Address, data: bytes) -> None:
-        """Keep a datagram for the next turn of the main loop."""
+    def receive(self, peer: Address, data: bytes, now: Instant) -> None:
+        """Keep a datagram that arrived at `now` for the next turn of the main loop."""
         if len(self._inbox) < MAX_INBOX:
-            self._inbox.append((peer, data))
+            self._inbox.append((now, peer, data))
+
+    @property
+    def next_arrival(self) -> Instant:
+        """When the oldest datagram arrived that hasn't been read."""
+        return self._inbox[0][0] if self._inbox else NEVER
 
     def ignore(self) -> None:
         """Drop what has arrived."""
         self._inbox.clear()
 
     def frames(self, now: Instant) -> Iterator[tuple[Address, Frame]]:
-        """Yield the valid frames that have arrived, each with its peer."""
-        while self._inbox:
-            peer, data = self._inbox.popleft()
+        """Yield the valid frames that have arrived by `now`, each with its peer.
+
+        A process that was held up makes up for its cycles: the earlier of them don't know what arrived afterwards.
+        """
+        while self._inbox and self._inbox[0][0] <= now:
+            _, peer, data = self._inbox.popleft()
             parser = self._parser(peer)
             before = parser.counts.bad
             frames = parser.feed(data)

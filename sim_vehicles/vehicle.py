@@ -108,10 +108,10 @@ class Vehicle:
         """What its state estimate and its receiver say, for telemetry."""
         return Estimate(self.motion) if self._sensors is None else self._sensors.estimate(self.motion, self.now)
 
-    def receive(self, peer: Address, data: bytes) -> None:
-        """Keep a datagram for the next cycle of the main loop."""
-        self.link.receive(peer, data)
-        self.wake = Instant(0)
+    def receive(self, peer: Address, data: bytes, now: Instant) -> None:
+        """Keep a datagram for the next cycle of the main loop: not for one before `now` that is still to be made up."""
+        self.link.receive(peer, data, now)
+        self.wake = min(self.wake, now)
 
     def turn(self, now: Instant) -> None:
         """Run one cycle of the main loop: boot, read frames, fly, send messages."""
@@ -325,7 +325,7 @@ class Vehicle:
             return
         up = self._up if self.pilot.condition.booting else NEVER
         waits = self.failsafe.deadline(), self.missions.next_due(), self._disarm_at
-        self.wake = min(self.streams.next_due, self._next_timesync, up, *waits)
+        self.wake = min(self.streams.next_due, self._next_timesync, up, self.link.next_arrival, *waits)
 
     def _tell_heartbeat(self) -> None:
         self._broadcast(BUILDERS[m.MAVLINK_MSG_ID_HEARTBEAT](self))

@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 from airlink.clock import Instant, VirtualClock, after
 from airlink.endpoint import Address, parse_endpoint
 from airlink.engine import Datagram
-from airlink.frame import FrameWriter
+from airlink.frame import FrameWriter, StreamParser
 from airlink.memory import MemoryNetwork
 from airlink.messages.command import CommandInt, CommandLong
-from airlink.messages.system import Heartbeat
+from airlink.messages.system import Heartbeat, Timesync
 
 GROUND = Address("127.0.0.1", 14550)
 SPEED, HEADING = 43000, 43002
@@ -164,3 +164,14 @@ def test_every_known_command_is_answered_once_whatever_its_numbers(
     assert air.command_int(command, *params[:4], frame=frame, x=x, y=y, z=params[6]) is not None
     air.run(0.1)
     assert all(math.isfinite(air.state(name)) for name in ("north_m", "east_m", "height_m", "heading_rad"))
+
+
+def test_what_arrives_after_a_pause_is_read_by_no_cycle_that_is_made_up_for(flying):
+    """A probe is answered with the time of its arrival, not with one from before it was sent."""
+    cycle, paused_s = flying.fleet.next_timer(), 5.0
+    arrived = after(cycle, paused_s)
+    flying.fleet.receive(Datagram(0, GROUND, FrameWriter(255, 190).encode(Timesync(0, 7))), arrived)
+    flying.fleet.handle_timer(after(cycle, paused_s + 1.0))
+    sent = [StreamParser().feed(datagram.data)[0].message for datagram in flying.fleet.datagrams_to_send()]
+    (answer,) = [message for message in sent if isinstance(message, Timesync) and message.ts1_ns == 7]
+    assert arrived <= answer.tc1_ns <= after(arrived, 0.02)
