@@ -219,7 +219,7 @@ def write_comparison(comparison: Comparison, out: Path) -> Path:
 
 
 def _page(comparison: Comparison, picture: Path) -> str:
-    body = files("gcs_formation.compare") / "comparison.html"
+    body = files("gcs_formation.studies") / "comparison.html"
     caption = TWO_SPANS + CAPTION if len(spans(comparison.window)) > 1 else CAPTION
     return document(
         f"{comparison.name}: laws side by side",
