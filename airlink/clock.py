@@ -1,14 +1,20 @@
-"""Instants, and the clocks that give them. Only drivers read a clock; engines are passed `now`."""
+"""Instants, and the clocks that give them. Only drivers read a clock; engines are passed `now`.
+
+Nothing else in the packages asks the machine for the time.
+"""
 
 from __future__ import annotations
 
 import time
-from typing import NewType, Protocol
+from typing import NewType, Protocol, Self
 
 Instant = NewType("Instant", int)
 """Nanoseconds since the epoch of the run's clock."""
 
 NANOSECONDS = 1_000_000_000
+MICROSECONDS = 1_000_000
+VIRTUAL_EPOCH_US = 1_577_836_800 * MICROSECONDS
+"""2020-01-01 00:00 UTC, at which every virtual clock begins."""
 
 
 def after(instant: Instant, seconds: float) -> Instant:
@@ -24,6 +30,11 @@ def seconds_between(earlier: Instant, later: Instant) -> float:
 class Clock(Protocol):
     """Gives the present instant."""
 
+    @property
+    def utc_at_0_us(self) -> int:
+        """UTC at instant 0, microseconds since 1970."""
+        ...
+
     def now(self) -> Instant:
         """Return the present instant."""
         ...
@@ -35,6 +46,11 @@ class VirtualClock:
     def __init__(self, start: Instant = Instant(0)) -> None:
         """Start at `start`."""
         self._now = start
+
+    @property
+    def utc_at_0_us(self) -> int:
+        """UTC at instant 0, microseconds since 1970: the same in every run."""
+        return VIRTUAL_EPOCH_US
 
     def now(self) -> Instant:
         """Return the instant that the clock was last moved to."""
@@ -57,6 +73,16 @@ class RealClock:
         self.speedup = speedup
         self.origin_ns = time.monotonic_ns() if origin_ns is None else origin_ns
 
+    @classmethod
+    def from_utc(cls, utc_at_0_us: int, speedup: float = 1.0) -> Self:
+        """Return the clock that was at instant 0 at a time, microseconds since 1970."""
+        return cls(speedup, time.monotonic_ns() - (time.time_ns() - utc_at_0_us * 1000))
+
+    @property
+    def utc_at_0_us(self) -> int:
+        """UTC at instant 0 by the machine's clock, microseconds since 1970."""
+        return (time.time_ns() - (time.monotonic_ns() - self.origin_ns)) // 1000
+
     def now(self) -> Instant:
         """Return the present instant."""
         return Instant(int((time.monotonic_ns() - self.origin_ns) * self.speedup))
@@ -64,3 +90,21 @@ class RealClock:
     def wall_seconds_until(self, instant: Instant) -> float:
         """Return how long the machine has to wait for `instant`; 0 when it has passed."""
         return max(0.0, seconds_between(self.now(), instant) / self.speedup)
+
+
+class Stopwatch:
+    """Time spent since it was made: for what is shown and measured of a run. Nothing that flies goes by it."""
+
+    def __init__(self) -> None:
+        """Start."""
+        self._wall_s, self._cpu_s = time.perf_counter(), time.thread_time()
+
+    @property
+    def wall_s(self) -> float:
+        """Wall time, s."""
+        return time.perf_counter() - self._wall_s
+
+    @property
+    def cpu_s(self) -> float:
+        """Processor time of the calling thread, s."""
+        return time.thread_time() - self._cpu_s

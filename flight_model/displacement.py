@@ -1,9 +1,8 @@
 """Displacements of a path: the least lift that keeps it clear of the ground, and a way onto it from beside it.
 
-Source: Flash and Hogan, "The coordination of arm movements", J. Neuroscience 5 (1985).
-
-Slope and curvature of a uniform cubic B-spline (equations 35 and 36) are bounded by the differences of its control
-points, so that bounds on those hold everywhere.
+The lift is a uniform cubic B-spline (equations 35 and 36): its slope and curvature are bounded by the differences of
+its control points, so that bounds on those hold everywhere. The way from beside fades out by the minimum-jerk step
+(Flash and Hogan, "The coordination of arm movements", J. Neuroscience 5, 1985).
 """
 
 from __future__ import annotations

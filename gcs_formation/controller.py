@@ -26,9 +26,9 @@ from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, S
 from gcs_formation.estimation.kalman import STATES
 from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory, turn_rate
 from gcs_formation.estimation.projection import Measured, States
-from gcs_formation.guidance.leader import ASSEMBLED_S, ToldLeader, amid, fly_on
+from gcs_formation.guidance.leader import ASSEMBLED_S, LeaderWind, ToldLeader, amid, fly_on
 from gcs_formation.guidance.slots import FormationPlan, Outlook
-from gcs_formation.guidance.tracking import Lags, Motion, MotionRates
+from gcs_formation.guidance.tracking import Lags
 from gcs_formation.recorder import Tick
 from gcs_formation.separation.fence import FenceLimits
 from gcs_formation.separation.resolver import ConflictResolver
@@ -37,8 +37,6 @@ VIRTUAL = np.zeros(1, dtype=np.intp)
 """The column of a virtual leader."""
 CHANNELS = 3
 UP = np.array([0.0, 0.0, 1.0])
-LEADER_WIND_RADPS = 1.0, 0.5
-"""Bandwidths of the wind estimate for the leader's guidance: followers' slots can't keep up with quicker turns."""
 AHEAD_POINTS = 5
 """Places along the leader's way at which the ground is looked at."""
 GAINS_CHANGE_S = 1.0
@@ -98,7 +96,7 @@ class FormationController:
         self._projection = parameters.projection(scenario, self._history, self._model)
         self.separation = ConflictResolver(scenario, self._history, self._model)
         self.fence = FenceLimits(scenario, self._model)
-        self._in_slots_s, self._leader_wind_mps = 0.0, list[list[float]]()
+        self._in_slots_s, self._leader_wind = 0.0, LeaderWind(self._dt_s)
         self._told_leader = ToldLeader(self._dt_s)
         self.last_tick: Tick | None = None
         """The last tick at which there was a leader to follow."""
@@ -268,7 +266,7 @@ class FormationController:
         state, model = states.of(leading, leading), self._model.take(leading)
         tick.state.fill(leading, state)
         at = Instant(int(states.instants(leading)[0]))
-        motion, rates = self._leader_motion(state, (at - self.estimator.stamps[tick.leader]) / NANOSECONDS)
+        motion, rates = self._leader_wind.motion(state, (at - self.estimator.stamps[tick.leader]) / NANOSECONDS)
         lags = Lags(float(model.tau_psi_s[0]), float(model.tau_ha_s[0]), float(model.tau_hb_s[0]))
         wanted = self.guidance.steer(motion, float(state.height_m[0]), lags, assembled=self.assembled)
         columns = Setpoints.of(np.array(wanted)[:, None])
@@ -280,29 +278,6 @@ class FormationController:
         self._told_leader.tell(at, told, self.guidance.told_turn(motion, lags, rates))
         followed = states.instants(np.arange(self._columns)) if self._compensates else np.full(self._columns, at)
         return Lead(tick.leader, at, self._told_leader.at(followed), self.guidance.heading(motion))
-
-    def _leader_motion(self, state: FlightState, ahead_s: float) -> tuple[Motion, MotionRates]:
-        """Return the leader's motion for its guidance, and how it changes; the turn isn't known yet.
-
-        Its wind is that seen behind two lags, and its place, predicted `ahead_s` with the wind seen, doesn't jump with
-        that wind: followers can't follow a leader whose turn rate changes at once.
-        """
-        north_m, east_m, _, _, airspeed_mps, heading_rad, *seen_mps = state.table[:, 0].tolist()
-        stages: list[list[float]] = []
-        for radps, before_mps in zip(LEADER_WIND_RADPS, self._leader_wind_mps or [seen_mps, seen_mps], strict=True):
-            kept = math.exp(-radps * self._dt_s)
-            each = zip(before_mps, stages[-1] if stages else seen_mps, strict=True)
-            stages.append([kept * before + (1 - kept) * seen for before, seen in each])
-        self._leader_wind_mps = stages
-        quick, slow = LEADER_WIND_RADPS
-        quick_mps2 = [quick * (seen - lag) for seen, lag in zip(seen_mps, stages[0], strict=True)]
-        slow_mps2 = [slow * (seen - lag) for seen, lag in zip(*stages, strict=True)]
-        north_m -= ahead_s * quick_mps2[0] / quick
-        east_m -= ahead_s * quick_mps2[1] / quick
-        north_mps, east_mps = state.ground_mps[:, 0].tolist()
-        place_mps = north_mps + ahead_s * quick_mps2[0], east_mps + ahead_s * quick_mps2[1]
-        motion = Motion(north_m, east_m, airspeed_mps, heading_rad, *stages[1])
-        return motion, MotionRates(place_mps, 0.0, (slow_mps2[0], slow_mps2[1]))
 
     def _over_ground(self, tick: Tick, states: States, lead: Lead) -> tuple[SlotMotion, Array]:
         """Return the slots at the instants when setpoints act, clear of the ground, and the slots commanded now."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -145,7 +144,7 @@ def _flown(scenario: Scenario, options: RunOptions, progress: Progress, interrup
     clock, begun = RealClock(options.speedup), None
     if options.resume:
         began_us = epoch_us(options.out)
-        clock = RealClock(options.speedup, time.monotonic_ns() - (time.time_ns() - began_us * 1000))
+        clock = RealClock.from_utc(began_us, options.speedup)
         begun = Past(began_us, read_past(options.out, scenario, clock.now(), retake=options.retake))
     session = open_session(scenario, options, clock, progress, interrupts, emulated=False, begun=begun)
     try:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 import sys
-import time
 from array import array
 from dataclasses import dataclass
 
 import numpy as np
 
-from airlink.clock import NANOSECONDS, Clock, Instant, VirtualClock, seconds_between
+from airlink.clock import MICROSECONDS, NANOSECONDS, Clock, Instant, Stopwatch, seconds_between
 from airlink.endpoint import Endpoint, VehicleId
 from airlink.engine import Datagram, Engine
 from formation_scenario import Scenario
@@ -34,9 +33,6 @@ from gcs_formation.recorder import Event
 from gcs_formation.stability import scenario_delay_margin
 from gcs_formation.station import Station
 
-MICROSECONDS = 1_000_000
-VIRTUAL_EPOCH_US = 1_577_836_800 * MICROSECONDS
-"""2020-01-01 00:00 UTC."""
 MOST_DIGITS = 5
 PROGRESS_S = 0.25
 """Wall time between updates of the progress, s."""
@@ -69,10 +65,10 @@ class TimedStation:
     def handle_timer(self, now: Instant) -> None:
         """Pass on the timer; record it if it was a tick that commanded the formation."""
         due, ticks = self._station.next_timer(), self._station.controlled_ticks
-        began = time.perf_counter()
+        spent = Stopwatch()
         self._station.handle_timer(now)
         if due is not None and self._station.controlled_ticks > ticks:
-            self._taken.append(time.perf_counter() - began)
+            self._taken.append(spent.wall_s)
             self._due.append(due)
             self._begun.append(now)
 
@@ -107,8 +103,8 @@ class Session:
         self.engine: Engine = self._links or self.timed
         self._injected = InjectedDelays(self.station.vehicles, self._links, 0.0 if self.emulated else math.nan)
         self._faults = InjectedFaults(self.scenario, self.recorder) if self.emulated else None
-        self._began, self._began_at = time.perf_counter(), self.station.flight.since
-        self._shown = self._began
+        self._spent, self._began_at = Stopwatch(), self.station.flight.since
+        self._shown_s = 0.0
         self._orders: OrderSocket | None = None
         self._confirmation = self._confirming() if self.options.confirm else None
         self._heeded, self._left = 0, False
@@ -134,9 +130,9 @@ class Session:
             self._orders.poll()
         if self._confirmation is not None:
             self._confirmation.poll(self.clock.now())
-        wall = time.perf_counter()
-        if wall - self._shown > PROGRESS_S:
-            self._shown = wall
+        wall_s = self._spent.wall_s
+        if wall_s - self._shown_s > PROGRESS_S:
+            self._shown_s = wall_s
             self.progress.show(self.station)
         return self.station.flight.ended or left
 
@@ -166,7 +162,7 @@ class Session:
         Raises:
             RunAbortedError: the station or its record failed; what was recorded is kept.
         """
-        wall_s = time.perf_counter() - self._began
+        wall_s = self._spent.wall_s
         self.recorder.close()
         failure = self.station.course.failure.text if self.station.course.failure else self.recorder.failure
         if failure is not None:
@@ -259,7 +255,7 @@ def open_session(
     """
     leader = scenario.leader.vehicle_id if scenario.leader else None
     columns = (leader, *(vehicle.vehicle_id for vehicle in scenario.followers))
-    began_us, resumed = begun or (_epoch_us(clock), None)
+    began_us, resumed = begun or (clock.utc_at_0_us, None)
     recorder = RunDirectory(
         options.out,
         scenario,
@@ -275,13 +271,6 @@ def open_session(
     if resumed is not None:
         recorder.event(Event(resumed.at, RECORDING, "goes on", None, {"epoch_us": began_us}))
     return Session(scenario, options, clock, station, recorder, progress, interrupts, emulated)
-
-
-def _epoch_us(clock: Clock) -> int:
-    """Return instant 0 of the clock in microseconds since 1970; a virtual one's is the same in every run."""
-    if isinstance(clock, VirtualClock):
-        return VIRTUAL_EPOCH_US
-    return int(time.time() * MICROSECONDS) - clock.now() // 1000
 
 
 def _finite(value: float) -> float | None:

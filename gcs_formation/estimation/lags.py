@@ -1,7 +1,7 @@
 """The lags of equation (7) as each vehicle flies them, learnt from its telemetry and what it was sent.
 
 Output-error identification (Ljung, "System Identification", 2nd ed., 4.2 and 10.2): each vehicle is simulated from its
-setpoints alone by several models at once, whose lags span `lag_fit.RATIO_MAX`. Between them the simulated motion is
+setpoints alone by several models at once, whose lags span `RATIO_MAX`. Between them the simulated motion is
 interpolated by a polynomial in the logarithm of the lag's ratio to the believed one. The ratio found is the one that
 comes nearest to the telemetry by least squares, held by a normal prior about the believed lag. No measurement enters
 the simulation, so white noise in the telemetry doesn't bias it; a constant difference (a sensor's bias) isn't fitted.

@@ -198,7 +198,7 @@ class ConformanceMonitor:
         self._vehicles = vehicles
         self._columns = columns
         self._note = note
-        self._obedience = MotionConformance(scenario, controller.history)
+        self._motion = MotionConformance(scenario, controller.history)
         self._gap_s = max(GAP_S, 2.5 / scenario.law.rate_hz)
         self._unanswered = set[VehicleId]()
         """Those that were commanded and answered nothing."""
@@ -208,7 +208,7 @@ class ConformanceMonitor:
     @property
     def doubted(self) -> Mask:
         """Columns that don't seem to follow the setpoints that they acknowledge, (C,)."""
-        return self._obedience.doubted
+        return self._motion.doubted
 
     def judge_answers(self, now: Instant) -> None:
         """Check that vehicles that are commanded and heard answer: events `uplink`, at the beginning and at the end."""
@@ -243,18 +243,18 @@ class ConformanceMonitor:
                 self._commanded.pop(identity, None)
             elif identity not in self._commanded:
                 self._commanded[identity] = now
-        if not self._obedience.due(now):
+        if not self._motion.due(now):
             return
         estimator, settled = self._controller.estimator, np.zeros((len(CHANNELS), tick.active.size), dtype=bool)
         commanded_s = np.zeros(tick.active.size)
         for identity, column in self._columns.items():
             commanded_s[column] = seconds_between(self._commanded.get(identity, now), now)
             settled[:, column] = self._settled(identity, now)
-        before = self._obedience.broken
-        found = self._obedience.check(now, estimator.stamps, estimator.state, settled, commanded_s)
+        before = self._motion.broken
+        found = self._motion.check(now, estimator.stamps, estimator.state, settled, commanded_s)
         for each in found:
             self._note(now, "disobeys", _words(each), self._at(each.column), _figures(each))
-        for column in np.flatnonzero(before & ~self._obedience.broken):
+        for column in np.flatnonzero(before & ~self._motion.broken):
             self._note(now, "obeys", "follows its setpoints again", self._at(int(column)), {"order": "setpoints"})
 
     def _settled(self, identity: VehicleId, now: Instant) -> list[bool]:

@@ -41,6 +41,8 @@ ON_EXTENSION_M = 60.0
 ON_EXTENSION_RAD = math.radians(30.0)
 ON_PATH_M, ON_PATH_RAD = 10.0, math.radians(10.0)
 """Within these the leader is on the path, and needs no way back."""
+WIND_RADPS = 1.0, 0.5
+"""Bandwidths of the wind estimate for the leader's guidance: followers' slots can't keep up with quicker turns."""
 RETURNS = 8
 """How many places are tried to return to, each a turn's radius farther along the path than the one before."""
 CLIMB_SHARE = 0.7
@@ -65,6 +67,37 @@ def amid(followers: FlightState, slots_m: Array, speed_mps: float) -> FlightStat
 def fly_on(leader: FlightState, told: Setpoints, since: Instant, now: Instant, model: AutopilotModel) -> FlightState:
     """Return the leader's state at `now`, from the one at `since`, under setpoints `told` (1 column)."""
     return advance(leader, told.table[None], np.array([[seconds_between(since, now)]]), model)
+
+
+class LeaderWind:
+    """The wind by which the leader is guided: that seen behind two lags."""
+
+    def __init__(self, dt_s: float) -> None:
+        """Begin with the first wind that is seen; `dt_s` is the time from tick to tick."""
+        self._kept = tuple(math.exp(-radps * dt_s) for radps in WIND_RADPS)
+        self._stages_mps = list[list[float]]()
+
+    def motion(self, state: FlightState, ahead_s: float) -> tuple[Motion, MotionRates]:
+        """Return the leader's motion (of 1 column) for its guidance, and how it changes; the turn isn't known yet.
+
+        Its place, predicted `ahead_s` with the wind seen, doesn't jump with that wind: followers can't follow a leader
+        whose turn rate changes at once.
+        """
+        north_m, east_m, _, _, airspeed_mps, heading_rad, *seen_mps = state.table[:, 0].tolist()
+        stages: list[list[float]] = []
+        for kept, before_mps in zip(self._kept, self._stages_mps or [seen_mps, seen_mps], strict=True):
+            each = zip(before_mps, stages[-1] if stages else seen_mps, strict=True)
+            stages.append([kept * before + (1 - kept) * seen for before, seen in each])
+        self._stages_mps = stages
+        quick, slow = WIND_RADPS
+        quick_mps2 = [quick * (seen - lag) for seen, lag in zip(seen_mps, stages[0], strict=True)]
+        slow_mps2 = [slow * (seen - lag) for seen, lag in zip(*stages, strict=True)]
+        north_m -= ahead_s * quick_mps2[0] / quick
+        east_m -= ahead_s * quick_mps2[1] / quick
+        north_mps, east_mps = state.ground_mps[:, 0].tolist()
+        place_mps = north_mps + ahead_s * quick_mps2[0], east_mps + ahead_s * quick_mps2[1]
+        motion = Motion(north_m, east_m, airspeed_mps, heading_rad, *stages[1])
+        return motion, MotionRates(place_mps, 0.0, (slow_mps2[0], slow_mps2[1]))
 
 
 class Told(NamedTuple):

@@ -1,8 +1,9 @@
 """Slots over time and over hills, and who leads.
 
-The leader's height along its route is known in advance, and with it the track of every slot. For the next two
-kilometres every slot gets the least lift that keeps its clearance, within the climb that the leader's own climb leaves.
-It continues the previous lift, and is computed again as the leader advances and whenever the route or the plan changes.
+Over hills slots are lifted. The leader's height along its route is known in advance, and with it the track of every
+slot. For the next two kilometres every slot gets the least lift that keeps its clearance, within the climb that the
+leader's own climb leaves. It continues the previous lift, and is computed again as the leader advances and whenever
+the route or the plan changes.
 """
 
 from __future__ import annotations

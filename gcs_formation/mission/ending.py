@@ -1,8 +1,7 @@
 """The end of a run: the formation opens in height, then vehicles circle, here or at home, or land.
 
-Then it makes no difference who hears the order to circle: whoever doesn't flies on at a height that nobody else has.
-
-A formation is opened first (`opening`): heights are separate before anyone is told to circle.
+Heights are separate before anyone is told to circle, so it makes no difference who hears that: whoever doesn't flies on
+at a height that nobody else has.
 """
 
 from __future__ import annotations

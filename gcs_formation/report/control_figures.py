@@ -16,10 +16,9 @@ from gcs_formation.record.flight import Columns
 from gcs_formation.record.timeseries import CHANNELS
 from gcs_formation.report.error_figures import WIDTHS, error_windows
 from gcs_formation.report.geometry import extremes
-from gcs_formation.report.marks import marks
 from gcs_formation.report.run_data import RunData
-from gcs_formation.report.style import ASKED, FOLLOWERS, GREY, INK, THIN, axes_grid, column_of, legend_below, new_figure
-from gcs_formation.report.time_axes import BUCKETS, draw_marks, followers_of, span, time_label
+from gcs_formation.report.style import ASKED, FOLLOWERS, GREY, INK, THIN, axes_grid, column_of, new_figure
+from gcs_formation.report.time_axes import BUCKETS, finished, followers_of, span
 
 MOST_COLUMNS = 4
 GAINS = {"kp": "$k_p$", "ki": "$k_i$", "kd": "$k_d$"}
@@ -57,13 +56,9 @@ def setpoints(run: RunData) -> Figure:
         )  # fmt: skip
         for row, channel in enumerate(LABELS):
             _follow(grid[row][column], run, followed(run, vehicle, channel))
-    draw_marks([column_of(grid, column) for column in range(len(shown))], marks(run), labels=False)
     for row, label in enumerate(LABELS.values()):
         grid[row][0].set_ylabel(label)
-    figure.align_ylabels(column_of(grid, 0))
-    for axes in grid[-1]:
-        axes.set_xlabel(time_label(run))
-    legend_below(figure)
+    finished(figure, run, grid, labels=False)
     return figure
 
 
@@ -95,34 +90,25 @@ def gains(run: RunData) -> Figure:
     for column, window in enumerate(windows):
         for axes, gain in zip(column_of(grid, column), GAINS, strict=True):
             _gain(axes, run, columns, gain, window)
-    draw_marks([column_of(grid, column) for column in range(len(windows))], marks(run))
     for row, label in zip(grid, GAINS.values(), strict=True):
         row[0].set_ylabel(f"{label} / nominal")
-    figure.align_ylabels(column_of(grid, 0))
-    for axes in grid[-1]:
-        axes.set_xlabel(time_label(run))
-    legend_below(figure)
-    return figure
+    return finished(figure, run, grid)
 
 
 def steps(run: RunData) -> Figure:
     """Draw how far each follower's setpoints moved from tick to tick."""
     group = followers_of(run)
     figure = new_figure(11.0)
-    rows = column_of(axes_grid(figure, len(STEPS), 1, sharex=True), 0)
-    for axes, (channel, label) in zip(rows, STEPS.items(), strict=True):
+    grid = axes_grid(figure, len(STEPS), 1, sharex=True)
+    for (axes,), (channel, label) in zip(grid, STEPS.items(), strict=True):
         sizes = [setpoint_steps(run.flown.vehicles[vehicle], channel) for vehicle in group.vehicles]
         if channel == "heading":
             sizes = [np.degrees(size) for size in sizes]
         group.draw_spread(axes, run.time_s, sizes, STRETCHES)
         axes.set_ylim(0.0, max(1.05 * float(axes.dataLim.y1), LEAST_STEP))
         axes.set_ylabel(label)
-    span(rows[0], float(run.time_s[0]), float(run.time_s[-1]))
-    draw_marks([rows], marks(run))
-    rows[-1].set_xlabel(time_label(run))
-    figure.align_ylabels(rows)
-    legend_below(figure)
-    return figure
+    span(grid[0][0], float(run.time_s[0]), float(run.time_s[-1]))
+    return finished(figure, run, grid)
 
 
 def _ticks_following(columns: Columns) -> int:

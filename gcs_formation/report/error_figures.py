@@ -14,10 +14,17 @@ from gcs_formation.record.figures_of_merit import SETTLED_M
 from gcs_formation.record.timeseries import DISTURBANCE
 from gcs_formation.report.geometry import evenly
 from gcs_formation.report.gusts import Gust, gusts
-from gcs_formation.report.marks import marks
 from gcs_formation.report.run_data import RunData
 from gcs_formation.report.style import INK, LIMIT, THIN, axes_grid, column_of, legend_below, new_figure
-from gcs_formation.report.time_axes import Group, at_least, draw_marks, everyone, followers_of, span, time_label
+from gcs_formation.report.time_axes import (
+    Group,
+    at_least,
+    everyone,
+    finished,
+    followers_of,
+    span,
+    time_label,
+)
 
 SHORTEST_S = 5.0
 """A flight that begins in the air and at once has no assembly to show."""
@@ -96,17 +103,13 @@ def disturbance(run: RunData) -> Figure:
     values = [[run.flown.vehicles[vehicle][name] for vehicle in group.vehicles] for name in DISTURBANCE]
     shown = 3 if np.nan_to_num(np.array(values[2])).any() else 2
     figure = new_figure(3.2 + 2.8 * shown)
-    rows = column_of(axes_grid(figure, shown, 1, sharex=True), 0)
-    for axes, label, series in zip(rows, LABELS, values, strict=False):
+    grid = axes_grid(figure, shown, 1, sharex=True)
+    for (axes,), label, series in zip(grid, LABELS, values, strict=False):
         group.draw(axes, run.time_s, series)
         at_least(axes, -LEAST_MPS, LEAST_MPS)
         axes.set_ylabel(label)
-    span(rows[0], float(run.time_s[0]), float(run.time_s[-1]))
-    draw_marks([rows], marks(run))
-    rows[-1].set_xlabel(time_label(run))
-    figure.align_ylabels(rows)
-    legend_below(figure)
-    return figure
+    span(grid[0][0], float(run.time_s[0]), float(run.time_s[-1]))
+    return finished(figure, run, grid)
 
 
 def has_followers(run: RunData) -> bool:
@@ -131,12 +134,7 @@ def errors(run: RunData) -> Figure:
             at_least(grid[row][column], -LEAST_M, LEAST_M)
             if column == 0:
                 grid[row][column].set_ylabel(label)
-    draw_marks([column_of(grid, column) for column in range(len(windows))], marks(run))
-    figure.align_ylabels(column_of(grid, 0))
-    for axes in grid[-1]:
-        axes.set_xlabel(time_label(run))
-    legend_below(figure)
-    return figure
+    return finished(figure, run, grid)
 
 
 def transient_end_s(run: RunData) -> float | None:

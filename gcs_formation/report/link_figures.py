@@ -14,10 +14,16 @@ from gcs_formation.fleet.quality import NEAR
 from gcs_formation.record import figures_of_merit
 from gcs_formation.record.timeseries import INJECTED_MEAN
 from gcs_formation.report.geometry import extremes
-from gcs_formation.report.marks import marks
 from gcs_formation.report.run_data import RunData
-from gcs_formation.report.style import GREY, LIMIT, NEAREST, axes_grid, column_of, legend_below, new_figure, note
-from gcs_formation.report.time_axes import BUCKETS, Group, draw_marks, everyone, followers_of, span, time_label
+from gcs_formation.report.style import GREY, LIMIT, NEAREST, axes_grid, column_of, new_figure, note
+from gcs_formation.report.time_axes import (
+    BUCKETS,
+    Group,
+    everyone,
+    finished,
+    followers_of,
+    span,
+)
 
 SILENT = 8.0
 """How many times the median age the axis of ages reaches at most: a silent vehicle would flatten all others."""
@@ -44,7 +50,7 @@ def latency(run: RunData) -> Figure:
     rows[0].set_ylabel("one-way delay, ms")
     rows[1].set_ylabel("age of telemetry, ms")
     rows[2].set_ylabel("margin used, %")
-    return _finished(figure, run)
+    return finished(figure, run, [[axes] for axes in figure.axes])
 
 
 def separation(run: RunData) -> Figure:
@@ -68,7 +74,7 @@ def separation(run: RunData) -> Figure:
     rows[0].set_ylabel("least separation, m")
     rows[1].set_ylabel("height above ground, m")
     span(rows[0], float(run.time_s[0]), float(run.time_s[-1]))
-    return _finished(figure, run)
+    return finished(figure, run, [[axes] for axes in figure.axes])
 
 
 def _used(run: RunData, vehicle: VehicleId, name: str) -> Array:
@@ -116,12 +122,3 @@ def _limit(axes: Axes, limit: float) -> None:
     axes.axhline(limit, color=LIMIT, lw=0.9, ls=(0, (5, 2)), label="safety limit")
     low, high = axes.get_ylim()
     axes.set_ylim(min(low, 0.0), max(high, 1.5 * limit))
-
-
-def _finished(figure: Figure, run: RunData) -> Figure:
-    rows = figure.axes
-    draw_marks([rows], marks(run))
-    rows[-1].set_xlabel(time_label(run))
-    figure.align_ylabels(rows)
-    legend_below(figure)
-    return figure

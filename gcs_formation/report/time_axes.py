@@ -8,13 +8,27 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
 from gcs_formation.report.geometry import extremes
-from gcs_formation.report.marks import Mark
+from gcs_formation.report.marks import Mark, marks
 from gcs_formation.report.run_data import RunData
-from gcs_formation.report.style import BAND, CHARACTER_PT, DPI, FOLLOWERS, GREY, INK, LIGHT, LINE, THIN, WORST
+from gcs_formation.report.style import (
+    BAND,
+    CHARACTER_PT,
+    DPI,
+    FOLLOWERS,
+    GREY,
+    INK,
+    LIGHT,
+    LINE,
+    THIN,
+    WORST,
+    column_of,
+    legend_below,
+)
 
 LEVEL_PT = 10.0
 MOST_LEVELS = 5
@@ -51,7 +65,7 @@ def at_least(axes: Axes, low: float, high: float) -> None:
     axes.set_ylim(min(shown[0], low), max(shown[1], high))
 
 
-def draw_marks(columns: Sequence[Sequence[Axes]], marks: Sequence[Mark], *, labels: bool = True) -> None:
+def draw_marks(columns: Sequence[Sequence[Axes]], shown: Sequence[Mark], *, labels: bool = True) -> None:
     """Draw a line at each mark through axes above each other, named over the topmost; call after setting limits.
 
     The figure grows by the room that names above each other take.
@@ -59,7 +73,7 @@ def draw_marks(columns: Sequence[Sequence[Axes]], marks: Sequence[Mark], *, labe
     levels = 0
     for number, rows in enumerate(columns, 1):
         begin, end = rows[0].get_xlim()
-        inside = [mark for mark in marks if begin <= mark.time_s <= end]
+        inside = [mark for mark in shown if begin <= mark.time_s <= end]
         for axes in rows:
             for mark in inside:
                 axes.axvline(mark.time_s, color=GREY, lw=THIN, ls=(0, (4, 2)), zorder=1.5)
@@ -68,6 +82,24 @@ def draw_marks(columns: Sequence[Sequence[Axes]], marks: Sequence[Mark], *, labe
     figure = columns[0][0].get_figure(root=True)
     if figure is not None and levels > 1:
         figure.set_figheight(figure.get_figheight() + (levels - 1) * LEVEL_PT / 72)
+
+
+def finished(figure: Figure, run: RunData, grid: Sequence[Sequence[Axes]], *, labels: bool = True) -> Figure:
+    """Return a figure with what happened marked, its time axes named, and its legend; call after setting limits.
+
+    Args:
+        figure: to finish.
+        run: what it shows.
+        grid: its axes over time, row by row.
+        labels: whether marks are named.
+    """
+    columns = [column_of(grid, column) for column in range(len(grid[0]))]
+    draw_marks(columns, marks(run), labels=labels)
+    for axes in grid[-1]:
+        axes.set_xlabel(time_label(run))
+    figure.align_ylabels(columns[0])
+    legend_below(figure)
+    return figure
 
 
 def _label(axes: Axes, marks: Sequence[Mark], beyond_pt: float) -> int:

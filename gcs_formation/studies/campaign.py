@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ from typing import Any, NamedTuple, Protocol
 import pyarrow as pa
 from scipy.stats import beta
 
+from airlink.clock import Stopwatch
 from formation_scenario import ScenarioError
 from formation_scenario.source import Plain
 from gcs_formation.errors import RecordError
@@ -145,18 +145,18 @@ def fly_study(
         RecordError: `out` holds other files or another study, or it can't be written.
         RunAbortedError: no flight can be flown any more; what was flown is kept.
     """
-    began = time.perf_counter()
+    spent = Stopwatch()
     with Dataset(out, study, base, resume=resume, overwrite=overwrite) as data:
-        plan, written = Plan(study), time.perf_counter()
+        plan, written_s = Plan(study), spent.wall_s
         try:
             for row in flights(plan, base, out, workers, shown, data.rows):
                 data.add(row)
-                if time.perf_counter() - written > TABLE_EVERY_S:
+                if spent.wall_s - written_s > TABLE_EVERY_S:
                     data.write_table()
-                    written = time.perf_counter()
+                    written_s = spent.wall_s
         finally:
             made = data.write_table()
-        return _conclude(plan, data, made, time.perf_counter() - began)
+        return _conclude(plan, data, made, spent.wall_s)
 
 
 def flights(

@@ -5,13 +5,13 @@ from __future__ import annotations
 import hashlib
 import json
 import tempfile
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
+from airlink.clock import Stopwatch
 from formation_scenario import Scenario, ScenarioError, load_scenario
 from formation_scenario.expectation import FOLLOWER_METRICS, LINK_METRICS
 from formation_scenario.overrides import settings
@@ -66,7 +66,7 @@ class Task:
 
 def fly(task: Task) -> dict[str, Any]:
     """Fly a task; return its row. Every failure of the flight is a row with its exit status and its words."""
-    wall, cpu = time.perf_counter(), time.thread_time()
+    used = Stopwatch()
     values: dict[str, Any] = dict.fromkeys(task.metrics)
     try:
         summary, wrong = _flown(task)
@@ -82,7 +82,7 @@ def fly(task: Task) -> dict[str, Any]:
     except Exception as error:  # noqa: BLE001 - a fault of ours costs its flight alone; the seed finds it again
         values, exit_status, words = _uncompleted(task), COULD_NOT_GO_ON, f"raised {error!r}"
     planned = task.planned
-    spent = {"wall_s": time.perf_counter() - wall, "cpu_s": time.thread_time() - cpu}
+    spent = {"wall_s": used.wall_s, "cpu_s": used.cpu_s}
     head = {"flight": planned.flight, "seed": planned.seed, **planned.parameters}
     return {**head, **values, "exit": exit_status, **spent, "version": VERSION, "words": words}
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import time
 from types import TracebackType
 from typing import Self
 
@@ -11,6 +10,8 @@ import click
 from rich.console import Console
 from rich.live import Live
 from rich.text import Text
+
+from airlink.clock import Stopwatch
 
 TENTHS = 10
 SHOWN_EVERY_S = 0.5
@@ -25,7 +26,7 @@ class StudyProgress:
         self._live = (
             Live(console=Console(stderr=True), transient=True, auto_refresh=False) if _terminal(quiet) else None
         )
-        self._began = self._shown = time.monotonic()
+        self._spent, self._shown_s = Stopwatch(), 0.0
         self._first: int | None = None
         self._tenths = 0
 
@@ -49,11 +50,11 @@ class StudyProgress:
 
     def show(self, done: int, total: int, failed: int) -> None:
         """Show it; `total` is how many flights there are at most."""
-        now = time.monotonic()
+        spent_s = self._spent.wall_s
         self._first = done - 1 if self._first is None else self._first
-        text = progress_text(done, total, failed, (done - self._first) / max(now - self._began, 1e-6))
-        if self._live is not None and (now - self._shown > SHOWN_EVERY_S or done == total):
-            self._shown = now
+        text = progress_text(done, total, failed, (done - self._first) / max(spent_s, 1e-6))
+        if self._live is not None and (spent_s - self._shown_s > SHOWN_EVERY_S or done == total):
+            self._shown_s = spent_s
             self._live.update(Text(text, no_wrap=True, overflow="ellipsis"), refresh=True)
         elif self._live is None and not self._quiet and done * TENTHS // total > self._tenths:
             self._tenths = done * TENTHS // total

@@ -1,9 +1,8 @@
 """ArduPlane, and its parameters on which a flight in formation depends.
 
-Source: ArduPilot documentation, "Complete Parameter List" and "Plane Failsafe Function"; names since 4.6.
-
-Sources: ArduPilot documentation, "Plane: GUIDED mode", "AUTOLAND Mode" and "Get and set message intervals"; its
-acceptance and refusals as its simulator showed them.
+Sources: ArduPilot documentation, "Plane: GUIDED mode", "AUTOLAND Mode", "Get and set message intervals", "Complete
+Parameter List" (names since 4.6) and "Plane Failsafe Function"; its acceptance and refusals as its simulator showed
+them.
 """
 
 from __future__ import annotations

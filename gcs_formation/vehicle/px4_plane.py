@@ -1,12 +1,10 @@
 """PX4, fixed wing, and its parameters on which a flight in formation depends.
 
-Source: PX4 user guide, "Parameter Reference" and "Safety Configuration (Failsafes)".
+It is commanded in AUTO.LOITER ("Hold") by a stream of MAV_CMD_DO_REPOSITION: outside of the circle around the place
+it is sent to it flies straight there, so a place far ahead is a course. In OFFBOARD it takes no airspeed.
 
-It is commanded in AUTO.LOITER ("Hold") by a stream of MAV_CMD_DO_REPOSITION: outside of the circle around the place it
-is sent to it flies straight there, so a place far ahead is a course. In OFFBOARD it takes no airspeed.
-
-Sources: PX4 user guide, "Hold Mode (Fixed-Wing)", "Takeoff Mode (Fixed-Wing)"; its acceptance and refusals as its
-simulator (SIH) showed them.
+Sources: PX4 user guide, "Hold Mode (Fixed-Wing)", "Takeoff Mode (Fixed-Wing)", "Parameter Reference" and "Safety
+Configuration (Failsafes)"; its acceptance and refusals as its simulator (SIH) showed them.
 """
 
 from __future__ import annotations

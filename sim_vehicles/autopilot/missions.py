@@ -1,11 +1,12 @@
 """One vehicle's mission: its items, and the protocol by which ground stations write and read it.
 
-Sources: MAVLink guide, "Mission Protocol"; answers of ArduPlane 4.7, which keeps only those parts of an item that it
-uses. Two differences are deliberate: heights above terrain are heights above home (the ground is level), and commands
-that the emulator can't fly, such as NAV_LAND, are refused rather than kept.
+Sources: MAVLink guide, "Mission Protocol"; answers of ArduPlane 4.7, which stores items as soon as they arrive and
+keeps only those parts of an item that it uses. Two differences are deliberate: heights above terrain are heights
+above home (the ground is level), and commands that the emulator can't fly, such as NAV_LAND, are refused rather than
+kept.
 
-Item 0 is always home, whatever is written there. There are no fences and no rally points: their lists are always empty.
-Sources: MAVLink guide, "Mission Protocol"; answers of ArduPlane 4.7, which stores items as soon as they arrive.
+Item 0 is always home, whatever is written there. There are no fences and no rally points: their lists are always
+empty.
 """
 
 from __future__ import annotations

@@ -6,7 +6,6 @@ import math
 import os
 import signal
 import sys
-import time
 from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
@@ -60,8 +59,7 @@ def run(config: FleetConfig, options: RunnerOptions, started: Callable[[Fleet], 
     recording = TruthWriter(options.truth, len(config.vehicles), options.truth_rate_hz) if options.truth else None
     with recording or nullcontext():
         begun = clock.now()
-        utc_ns = time.time_ns() - (time.monotonic_ns() - clock.origin_ns)
-        fleet = Fleet(replace(config, utc_at_0_us=utc_ns // 1000), begun, recording)
+        fleet = Fleet(replace(config, utc_at_0_us=clock.utc_at_0_us), begun, recording)
         stop = _Stop()
 
         def over() -> bool:

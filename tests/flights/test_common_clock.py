@@ -11,7 +11,7 @@ from airlink import mavlink as m
 from airlink.clock import NANOSECONDS
 from gcs_formation.testing.plan import Formation, Plan
 from tests.flights.in_memory import World
-from tests.flights.test_streams import interval, tell
+from tests.flights.test_message_intervals import interval, tell
 
 Split = tuple[float, float]
 GNSS = {"clock": "gnss"}

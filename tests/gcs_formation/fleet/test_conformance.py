@@ -40,7 +40,9 @@ class Ground:
         self.state[2], self.state[4] = 100.0, 22.0
         self.controller: Any = SimpleNamespace(history=SetpointHistory(10.0), estimator=SimpleNamespace())
         columns = {identity: column for column, identity in enumerate(self.vehicles)}
-        self.ledger = ConformanceMonitor(load_scenario(scenario()), self.controller, self.vehicles, columns, self.notes)
+        self.monitor = ConformanceMonitor(
+            load_scenario(scenario()), self.controller, self.vehicles, columns, self.notes
+        )
 
     def second(self) -> Vehicle:
         return self.vehicles[VehicleId(1, 2)]
@@ -65,7 +67,7 @@ class Ground:
             self.controller.estimator.stamps = np.full(3, now)
             self.controller.estimator.state = FlightState(*self.state.copy())
             tick: Any = SimpleNamespace(active=np.array((True, commanded(at_s), True)))
-            self.ledger.judge_motion(tick, now)
+            self.monitor.judge_motion(tick, now)
         return [each.at_s for each in self.notes if each.kind == "disobeys" and each.vehicle == 2]
 
 
@@ -113,7 +115,7 @@ def test_one_that_is_heard_and_answers_nothing_is_reported_once_and_again_when_i
 
     def judge(at_s: float) -> list[str]:
         follower.connection.heard(after(START, at_s), heartbeat=True)
-        ground.ledger.judge_answers(after(START, at_s))
+        ground.monitor.judge_answers(after(START, at_s))
         return ground.notes.of("uplink", 2)
 
     assert judge(UNANSWERED_S - 0.1) == []
@@ -124,10 +126,10 @@ def test_one_that_is_heard_and_answers_nothing_is_reported_once_and_again_when_i
 
 def test_one_that_is_silent_altogether_or_not_in_the_formation_is_not_said_to_answer_nothing() -> None:
     ground = Ground()
-    ground.ledger.judge_answers(after(START, 10.0))
+    ground.monitor.judge_answers(after(START, 10.0))
     ground.second().member = Member.PARTED
     ground.second().connection.heard(after(START, 10.0), heartbeat=True)
-    ground.ledger.judge_answers(after(START, 10.0))
+    ground.monitor.judge_answers(after(START, 10.0))
     assert ground.notes == []
 
 
@@ -138,7 +140,7 @@ def test_an_order_that_is_acknowledged_and_not_obeyed_is_reported_with_the_mode_
     def beat(mode: int, at_s: float) -> None:
         armed, flies = m.MAV_MODE_FLAG_SAFETY_ARMED, m.MAV_STATE_ACTIVE
         follower.telemetry.take(Heartbeat(m.MAV_TYPE_FIXED_WING, m.MAV_AUTOPILOT_ARDUPILOTMEGA, armed, mode, flies))
-        ground.ledger.judge_commands(after(START, at_s))
+        ground.monitor.judge_commands(after(START, at_s))
 
     beat(m.PLANE_MODE_GUIDED, 0.0)
     effect = plane.effect(plane.set_mode(m.PLANE_MODE_LOITER))

@@ -39,7 +39,7 @@ class Formation:
         self.vehicles = {identity: vehicle(identity) for identity in (LEADER, FOLLOWER)}
         columns = {LEADER: 0, FOLLOWER: 1}
         self.notes, self.ages_s = Noted(), [0.0, 0.0]
-        self.roster = Membership(planned, self.vehicles, columns, self.notes)
+        self.membership = Membership(planned, self.vehicles, columns, self.notes)
         self.estimator: Any = SimpleNamespace(age_s=lambda column, _: self.ages_s[column])
         self.now = Instant(0)
         self.judge(0.0)
@@ -51,7 +51,7 @@ class Formation:
             if heard:
                 each.connection.heard(self.now, heartbeat=True)
                 each._answered = self.now
-        self.roster.judge(self.vehicles[LEADER], self.estimator, self.now, connecting=False)
+        self.membership.judge(self.vehicles[LEADER], self.estimator, self.now, connecting=False)
         return self.follower.member
 
     def silent(self, at_s: float, of: VehicleId = FOLLOWER) -> Member:
@@ -174,7 +174,7 @@ def test_a_leader_that_can_be_replaced_is_given_up_sooner_than_one_that_can_not(
     assert late_s < formation.max_age_s
     formation.ages_s[0], now = late_s, after(Instant(0), late_s)
     leader = formation.vehicles[LEADER]
-    assert formation.roster.leader_lost(leader, formation.estimator, now, lambda: replaceable) is lost
+    assert formation.membership.leader_lost(leader, formation.estimator, now, lambda: replaceable) is lost
 
 
 def test_without_a_leader_its_followers_loiter_at_heights_of_their_own() -> None:
@@ -192,7 +192,7 @@ def test_while_the_station_connects_followers_need_no_leader_and_nobody_needs_te
     formation.reports(MANUAL, LEADER)
     formation.ages_s = [math.nan, math.nan]
     leader = formation.vehicles[LEADER]
-    formation.roster.judge(leader, formation.estimator, formation.now, connecting=True)
+    formation.membership.judge(leader, formation.estimator, formation.now, connecting=True)
     assert formation.follower.member is Member.FLYING
 
 
@@ -205,7 +205,7 @@ def test_one_that_a_loop_delay_makes_unstable_loiters_where_that_is_asked_for_on
 
 def test_at_the_end_nobody_who_circles_is_told_to_come_back_and_each_has_the_height_of_its_circle() -> None:
     formation = Formation()
-    formation.roster.ending_m = {FOLLOWER: 130.0}
+    formation.membership.ending_m = {FOLLOWER: 130.0}
     formation.silent(FORGOTTEN_AFTER_S + 1.0)
     assert formation.follower.holds_at_m == 130.0
     formation.reports(LOITER)

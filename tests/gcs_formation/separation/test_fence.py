@@ -51,7 +51,7 @@ def test_whatever_heading_is_asked_for_nobody_leaves(corners: Any) -> None:
     rng, count, polygon = np.random.default_rng(1), 40, np.array(corners)
     planned = fenced(corners, count)
     model = parameters.autopilot_model(planned)
-    keeper = FenceLimits(planned, model)
+    limits = FenceLimits(planned, model)
     height, climb, speed, wind, still = (np.full(count, value) for value in (100.0, 0.0, 22.0, 4.0, 0.0))
     heading = rng.uniform(-np.pi, np.pi, count)
     state = FlightState.of(np.array([*np.full((2, count), -300.0), height, climb, speed, heading, wind, still]))
@@ -60,20 +60,20 @@ def test_whatever_heading_is_asked_for_nobody_leaves(corners: Any) -> None:
         if step % 100 == 0:
             wanted = rng.uniform(-np.pi, np.pi, count)
         now = tick(state, Setpoints.of(np.array([speed, wanted, height])))
-        turned |= keeper.keep(now)[:, 1]
+        turned |= limits.keep(now)[:, 1]
         state = advance(state, now.setpoints.table[None], np.full((1, count), TICK_S), model)
         assert inside_m(polygon, state.place_m[:2].T).min() > 0.0, f"after {step * TICK_S:.2f} s"
     assert turned.sum() > count / 2
 
 
 def test_heights_are_held_between_the_limits_and_it_is_told_once() -> None:
-    keeper = FenceLimits(fenced(height_min_m=60.0, height_max_m=120.0), parameters.autopilot_model(fenced()))
+    limits = FenceLimits(fenced(height_min_m=60.0, height_max_m=120.0), parameters.autopilot_model(fenced()))
     state = FlightState.of(np.tile([[0.0], [0.0], [100.0], [0.0], [22.0], [0.0], [0.0], [0.0]], 3))
     words: list[str] = []
     for height_m in (150.0, 150.0, 100.0, 20.0):
         now = tick(state, Setpoints.of(np.array([[22.0] * 3, [0.0] * 3, [height_m, 100.0, np.nan]])))
-        replaced = keeper.keep(now)
-        words += [held.text for held in keeper.changes]
+        replaced = limits.keep(now)
+        words += [held.text for held in limits.changes]
         assert now.setpoints.height_m[0] == np.clip(height_m, 60.0, 120.0)
         assert replaced[:, 2].tolist() == [height_m != 100.0, False, False]
         assert np.isnan(now.setpoints.height_m[2])

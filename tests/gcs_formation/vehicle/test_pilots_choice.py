@@ -39,7 +39,7 @@ class Flight:
         self.plane.start_up = StartUp(())
         self.plane.start_up.index, self.plane.member = 1, Member.FLYING
         keys = scenario(vehicles={"count": 2}, law={"type": "fuzzy_pid"})
-        self.roster = Membership(load_scenario(keys), {identity: self.plane}, {identity: 0}, Noted())
+        self.membership = Membership(load_scenario(keys), {identity: self.plane}, {identity: 0}, Noted())
         self.now, self._writer = Instant(0), FrameWriter(1, 1)
         lat_rad, lon_rad, alt_m = ORIGIN.from_ned(0.0, 0.0, -80.0)
         self.hears(GlobalPositionInt(1.0, lat_rad, lon_rad, alt_m, 80.0, 0.0, 0.0, 0.0, 0.0))
@@ -58,7 +58,7 @@ class Flight:
 
     def judge(self) -> Member:
         estimator: Any = SimpleNamespace(age_s=lambda *_: 0.0)
-        self.roster.judge(None, estimator, self.now, connecting=False)
+        self.membership.judge(None, estimator, self.now, connecting=False)
         return self.plane.member
 
 

@@ -31,8 +31,8 @@ CASES: list[tuple[dict[str, Any], float]] = [
 def test_the_formation_is_not_fought_whoever_leads_it(formation: dict[str, Any], kept_m: float) -> None:
     """Else it's reckoned with the 10 m to be kept and 0.5 m more, for what isn't known exactly."""
     flown = load_scenario(scenario(formation=formation, safety={"separation_m": 5}))
-    keeper = ConflictResolver(flown, SetpointHistory(flown.law.rate_hz), autopilot_model(flown))
-    assert keeper.kept_m == pytest.approx(kept_m)
+    resolver = ConflictResolver(flown, SetpointHistory(flown.law.rate_hz), autopilot_model(flown))
+    assert resolver.kept_m == pytest.approx(kept_m)
 
 
 class Crossing:
@@ -44,7 +44,7 @@ class Crossing:
     def __init__(self, behind_m: float = 6.0, **keys: Any) -> None:
         planned = load_scenario(scenario(vehicles={"count": 2}, **keys))
         self.history, self.model = SetpointHistory(planned.law.rate_hz), autopilot_model(planned)
-        self.keeper = ConflictResolver(planned, self.history, self.model)
+        self.resolver = ConflictResolver(planned, self.history, self.model)
         self.north, self.east = np.array((-110.0, 0.0)), np.array((0.0, 110.0 + behind_m * math.sqrt(2.0)))
         self.speed, self.heading = np.full(2, 22.0), np.array((0.0, -math.pi / 2))
         self.wind_north, self.ours = np.zeros(2), np.array((True, False))
@@ -63,7 +63,7 @@ class Crossing:
         tick = Tick(Instant(int(now[0])), 0.0, "flying", 0, state, told, *link, *law)
         heard = now.copy()
         heard[1] = now[1] if self.heard_s is None else after(Instant(0), self.heard_s)
-        self.keeper.keep(tick, Measured(state, now, ours, now), heard, ~ours & ours)
+        self.resolver.keep(tick, Measured(state, now, ours, now), heard, ~ours & ours)
         return tick
 
     def gives_way(self, age_s: float = 0.0, at_s: float = 0.0) -> bool:
@@ -116,14 +116,14 @@ def test_how_those_turn_that_nobody_commands_is_learnt_from_their_headings() -> 
     assert crossing.gives_way(at_s=0.0)
     crossing.heading[1] += 0.2
     assert not crossing.gives_way(at_s=1.0)
-    assert crossing.keeper.changes[0].ended is not None
+    assert crossing.resolver.changes[0].ended is not None
 
 
 def test_nobody_gives_way_to_a_virtual_leader_and_it_to_nobody() -> None:
     followers = [{"id": 1, "role": "follower"}, {"id": 2, "role": "follower"}]
     planned = load_scenario(scenario(vehicles=followers, formation={"shape": "line", "spacing_m": 30}))
     history, model = SetpointHistory(planned.law.rate_hz), autopilot_model(planned)
-    keeper = ConflictResolver(planned, history, model)
+    resolver = ConflictResolver(planned, history, model)
     now, none, ours = np.zeros(3, dtype=np.int64), np.zeros(3), np.ones(3, dtype=bool)
 
     def yielding(north_m: tuple[float, ...], east_m: tuple[float, ...], heading: tuple[float, ...]) -> list[bool]:
@@ -134,7 +134,7 @@ def test_nobody_gives_way_to_a_virtual_leader_and_it_to_nobody() -> None:
         law: Any = [in_line, *(np.zeros((3, columns)) for columns in (3, 3, 9))]
         told = Setpoints(state.airspeed_mps, state.heading_rad, state.height_m)
         tick = Tick(Instant(0), 0.0, "flying", 0, state, told, *link, *law)
-        keeper.keep(tick, Measured(state, now, ours, now), now, ~ours)
+        resolver.keep(tick, Measured(state, now, ours, now), now, ~ours)
         return tick.yielding.tolist()
 
     nearer = -0.5
@@ -145,7 +145,7 @@ def test_nobody_gives_way_to_a_virtual_leader_and_it_to_nobody() -> None:
 def test_an_encounter_is_told_when_it_begins_and_when_it_ends() -> None:
     crossing = Crossing()
     crossing.keep()
-    (begun,) = crossing.keeper.changes
+    (begun,) = crossing.resolver.changes
     assert (begun.vehicle, begun.other, begun.ended) == (0, 1, None)
     assert begun.nearest_m == pytest.approx(6.0, abs=0.1)
     assert begun.in_s == pytest.approx(5.0, abs=0.5)
@@ -155,12 +155,12 @@ def test_an_encounter_is_told_when_it_begins_and_when_it_ends() -> None:
     )
     crossing.north[0], crossing.east[1] = -44.0, 44.0
     crossing.keep(at_s=3.0)
-    assert crossing.keeper.changes == []
+    assert crossing.resolver.changes == []
     crossing.north[0], crossing.east[1] = 300.0, -300.0
     crossing.keep(at_s=20.0)
-    assert crossing.keeper.changes == [begun]
+    assert crossing.resolver.changes == [begun]
     text, figures = words(begun, {0: "1", 1: "2"})
     assert text == f"no longer gives way to 2: 20.0 s, {44.0 * math.sqrt(2.0):.1f} m apart at least"
     assert figures["lasted_s"] == pytest.approx(20.0)
     crossing.keep(at_s=20.1)
-    assert crossing.keeper.changes == []
+    assert crossing.resolver.changes == []

@@ -200,7 +200,7 @@ def judged(
 ) -> list[tuple[str, float]]:
     """Take a vehicle over at 0 s, tell it speed, heading and height from a time on; return what is found, and when."""
     planned, history, state = load_scenario(scenario(), overrides), SetpointHistory(10.0), np.zeros((8, 3))
-    obedience, found, state[2] = MotionConformance(planned, history), list[tuple[str, float]](), 100.0
+    conformance, found, state[2] = MotionConformance(planned, history), list[tuple[str, float]](), 100.0
     settled = np.zeros((3, 3), dtype=bool)
     for tick in range(400):
         now, at_s = after(START, 0.1 * tick), 0.1 * tick
@@ -208,7 +208,7 @@ def judged(
         history.add(SentSetpoints(np.full(3, now), Setpoints(*(np.full(3, value) for value in told))))
         state[3], state[4], settled[:, 1] = climb_mps(at_s), airspeed_mps(at_s), at_s >= SETTLED_S
         flown = FlightState(*state.copy())
-        new = obedience.check(now, np.full(3, now), flown, settled, np.array((0.0, at_s, 0.0)))
+        new = conformance.check(now, np.full(3, now), flown, settled, np.array((0.0, at_s, 0.0)))
         found += [(each.channel, at_s) for each in new]
     return found
 
