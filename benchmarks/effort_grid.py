@@ -33,7 +33,7 @@ from gcs_formation.control.feed_forward import LeaderMotion
 from gcs_formation.control.mixer import Target, mix
 from gcs_formation.control.situation import Decision, Situation
 from gcs_formation.estimation import estimator
-from gcs_formation.estimation.flight_state import FlightState
+from gcs_formation.estimation.flight_state import FlightStates
 from gcs_formation.record.figures_of_merit import setpoint_steps
 from gcs_formation.record.run_directory import TIMESERIES
 from gcs_formation.record.timeseries import read_parquet
@@ -60,7 +60,7 @@ class Differences(law.FormationLaw):
     def _slopes(
         self,
         leader: LeaderMotion,  # noqa: ARG002 - errors alone count
-        follower: FlightState,
+        follower: FlightStates,
         error_m: Array,
         target: Target,
         forward: Array,  # noqa: ARG002

@@ -22,7 +22,7 @@ from gcs_formation.control import envelope
 from gcs_formation.control.mixer import rotate_to
 from gcs_formation.control.situation import Decision, Lead, Situation
 from gcs_formation.estimation.estimator import Sample, StateEstimator
-from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Setpoints
+from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
 from gcs_formation.estimation.kalman import STATES
 from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory, turn_rate
 from gcs_formation.estimation.projection import Measured, States
@@ -116,7 +116,7 @@ class FormationController:
         )
 
     @property
-    def model(self) -> AutopilotModel:
+    def model(self) -> AutopilotModels:
         """The autopilot model of every column; its lags follow what the vehicles fly."""
         return self._model
 
@@ -213,7 +213,7 @@ class FormationController:
             mission_time_s=mission_time_s,
             phase=phase,
             leader=self.plan.leader,
-            state=FlightState.of(np.full((STATES, self._columns), np.nan)),
+            state=FlightStates.of(np.full((STATES, self._columns), np.nan)),
             setpoints=Setpoints.of(blank.T.copy()),
             age_s=np.where(known, (now - self.estimator.stamps) / NANOSECONDS, np.nan),
             delay_s=links.delay_s,
@@ -241,7 +241,7 @@ class FormationController:
         known, table, stamps = self.estimator.known, self.estimator.state.table, self.estimator.stamps
         leader = self.plan.leader
         filled: Array = np.where(known, table, table[:, [leader]])
-        return Measured(FlightState.of(filled), np.where(known, stamps, stamps[leader]), active, acts)
+        return Measured(FlightStates.of(filled), np.where(known, stamps, stamps[leader]), active, acts)
 
     def _place_virtual_leader(self, now: Instant) -> None:
         """Place the virtual leader amid the followers; unless the law commands it, it then flies by the model."""

@@ -18,7 +18,7 @@ from gcs_formation.control.law import FormationLaw, LawParameters
 from gcs_formation.control.mixer import Mixer
 from gcs_formation.control.situation import Law
 from gcs_formation.estimation import kalman
-from gcs_formation.estimation.flight_state import AutopilotModel, Indices
+from gcs_formation.estimation.flight_state import AutopilotModels, Indices
 from gcs_formation.estimation.kalman import Declared
 from gcs_formation.estimation.lags import LagEstimator
 from gcs_formation.estimation.predictor import SetpointHistory
@@ -77,21 +77,21 @@ def member_columns(scenario: Scenario) -> Indices:
     return np.array([followers.get(vehicle.vehicle_id, 0) for vehicle in scenario.vehicles], dtype=np.intp)
 
 
-def law(scenario: Scenario, model: AutopilotModel) -> Law:
+def law(scenario: Scenario, model: AutopilotModels) -> Law:
     """Return the scenario's law for vehicles of `model`."""
     if scenario.law.type == "consensus":
         return ConsensusLaw(consensus_parameters(scenario), model)
     return FormationLaw(law_parameters(scenario), model)
 
 
-def projection(scenario: Scenario, history: SetpointHistory, model: AutopilotModel) -> Projection:
+def projection(scenario: Scenario, history: SetpointHistory, model: AutopilotModels) -> Projection:
     """Return the projection from measured states to those that the law acts on."""
     if scenario.law.delay_compensation:
         return Prediction(history, model, scenario.telemetry.rate_hz)
     return Pairing(scenario.law.rate_hz) if scenario.law.type == "consensus" else AsMeasured()
 
 
-def lag_estimator(scenario: Scenario, history: SetpointHistory, model: AutopilotModel) -> LagEstimator:
+def lag_estimator(scenario: Scenario, history: SetpointHistory, model: AutopilotModels) -> LagEstimator:
     """Return what learns the vehicles' lags; `model` is given them unless the scenario wants it as it is."""
     rates_hz = scenario.telemetry.rate_hz, scenario.law.rate_hz
     estimator = LagEstimator(model, history, *rates_hz, in_use=scenario.law.lag_estimation)
@@ -131,7 +131,7 @@ def _shared(keys: NoisyNavigation, telemetry_hz: float) -> float:
     return math.sqrt(max(1.0, telemetry_hz / keys.rate_hz, 2.0 * keys.correlation_s * telemetry_hz))
 
 
-def autopilot_model(scenario: Scenario) -> AutopilotModel:
+def autopilot_model(scenario: Scenario) -> AutopilotModels:
     """Return the autopilot model's constants, a column for the leader and each follower."""
     rows = [
         (
@@ -141,7 +141,7 @@ def autopilot_model(scenario: Scenario) -> AutopilotModel:
         )
         for each in column_models(scenario)
     ]
-    return AutopilotModel.of(np.array(rows, dtype=np.float64).T.copy())
+    return AutopilotModels.of(np.array(rows, dtype=np.float64).T.copy())
 
 
 def leader_guidance(scenario: Scenario) -> LeaderGuidance:

@@ -9,7 +9,7 @@ from typing import Protocol
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Mask
-from gcs_formation.estimation.flight_state import FlightState, Setpoints
+from gcs_formation.estimation.flight_state import FlightStates, Setpoints
 from gcs_formation.vehicle.vehicle import Vehicle
 
 Detail = str | int | float | bool | None
@@ -36,7 +36,7 @@ class Tick:
     phase: str
     leader: int
     """The column that leads."""
-    state: FlightState
+    state: FlightStates
     """What the law acted on: predicted to when the setpoints act."""
     setpoints: Setpoints
     age_s: Array

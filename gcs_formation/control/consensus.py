@@ -25,7 +25,7 @@ from gcs_formation.control.feed_forward import Axes, LeaderMotion, Turning, feed
 from gcs_formation.control.mixer import Target, formation_error, rotate_to, slot_target
 from gcs_formation.control.situation import Decision, Lead, Situation, none_of
 from gcs_formation.estimation.estimator import LEAST_AIRSPEED_MPS
-from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Indices, Setpoints
+from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Indices, Setpoints
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class ConsensusLaw:
 
     commands_leader = True
 
-    def __init__(self, parameters: ConsensusParameters, model: AutopilotModel) -> None:
+    def __init__(self, parameters: ConsensusParameters, model: AutopilotModels) -> None:
         """Take the graph and the (C,) autopilots."""
         self._parameters = parameters
         self._model = model
@@ -148,13 +148,13 @@ class ConsensusLaw:
         )
         return _Reference(leader, lead.path.heading_rad + swung)
 
-    def _led(self, situation: Situation, lead: Lead, swung: Array, later_s: Array) -> FlightState:
+    def _led(self, situation: Situation, lead: Lead, swung: Array, later_s: Array) -> FlightStates:
         """Return the state of a leader without lag behind the guidance: its setpoints less the lead over its lags."""
         leading, model = np.full_like(self._everyone, lead.leader), self._model
         lag_s = float(model.tau_ha_s[lead.leader] + model.tau_hb_s[lead.leader])
         flown = situation.states.of(leading, self._everyone)
         told = lead.told.setpoints.take(leading)
-        return FlightState(
+        return FlightStates(
             north_m=flown.north_m,
             east_m=flown.east_m,
             height_m=told.height_m + lead.path.climb_mps * (later_s - lag_s),
@@ -165,7 +165,7 @@ class ConsensusLaw:
             wind_east_mps=flown.wind_east_mps,
         )
 
-    def _deviation(self, state: FlightState, reference: _Reference, slots: SlotMotion) -> _Deviation:
+    def _deviation(self, state: FlightStates, reference: _Reference, slots: SlotMotion) -> _Deviation:
         leader, frame = reference.leader, self._parameters.frame
         turn_rps = leader.turning.rate_rps
         if frame == "follower_heading":  # what moves aside turns its own axes, at its acceleration by its speed
@@ -185,7 +185,7 @@ class ConsensusLaw:
             target,
         )
 
-    def _formation_error(self, situation: Situation, state: FlightState, slots: SlotMotion) -> Array:
+    def _formation_error(self, situation: Situation, state: FlightStates, slots: SlotMotion) -> Array:
         leading = np.full_like(self._everyone, situation.lead.leader)
         leader = situation.states.of(leading, self._everyone)
         error_m = formation_error(leader, state, slots.position_m, self._parameters.frame)

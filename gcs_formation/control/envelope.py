@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flight_model.arrays import Array, within, wrap
-from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Setpoints
+from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
 
 INTERCEPT_MAX_RAD = np.radians(60.0)
 """Most that a heading setpoint may deviate from the slot's own heading: a follower far to the side doesn't circle."""
@@ -35,7 +35,7 @@ class Envelope(NamedTuple):
     height_max_m: Array
 
     @classmethod
-    def of(cls, own_heading_rad: Array, state: FlightState, model: AutopilotModel) -> Envelope:
+    def of(cls, own_heading_rad: Array, state: FlightStates, model: AutopilotModels) -> Envelope:
         """Return the limits of vehicles in `state`, whose slots head along `own_heading_rad`."""
         off_rad = np.abs(wrap(state.heading_rad - own_heading_rad))
         most_rad = INTERCEPT_MAX_RAD * within((AWAY_RAD - off_rad) / (AWAY_RAD - INTERCEPT_MAX_RAD), 0.0, 1.0)
@@ -57,6 +57,6 @@ class Envelope(NamedTuple):
         )
 
 
-def limit(wanted: Setpoints, own_heading_rad: Array, state: FlightState, model: AutopilotModel) -> Setpoints:
+def limit(wanted: Setpoints, own_heading_rad: Array, state: FlightStates, model: AutopilotModels) -> Setpoints:
     """Return the setpoints that are sent, (F,) each: `wanted` within the envelope of vehicles in `state`."""
     return Envelope.of(own_heading_rad, state, model).limit(wanted)

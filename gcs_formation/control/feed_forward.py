@@ -10,7 +10,7 @@ import numpy as np
 from flight_model.arrays import Array, Mask
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.control.mixer import Target
-from gcs_formation.estimation.flight_state import AutopilotModel, FlightState
+from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates
 
 CRAB_RADPS = 0.65
 """How fast a heading crabs against a gust: a slot 30 m aside is swung no faster than speed can follow."""
@@ -28,7 +28,7 @@ class Turning:
 class LeaderMotion:
     """How the leader flies, a column for each vehicle whose slot moves with it."""
 
-    state: FlightState
+    state: FlightStates
     turning: Turning
     acceleration_mps2: Array
     """Of its airspeed."""
@@ -48,7 +48,7 @@ def feed_forward(
     leader: LeaderMotion,
     axes: Axes,
     slots: SlotMotion,
-    model: AutopilotModel,
+    model: AutopilotModels,
 ) -> Array:
     """Return (N, 3): speed, heading and height setpoints that hold `target` (errata item 29).
 
@@ -68,7 +68,7 @@ def feed_forward(
     return np.array((speed, heading, height)).T
 
 
-def gust_lead(target: Target, axes: Axes, gust_mps2: tuple[Array, Array], model: AutopilotModel) -> Array:
+def gust_lead(target: Target, axes: Axes, gust_mps2: tuple[Array, Array], model: AutopilotModels) -> Array:
     """Return (N, 3): what `feed_forward` is led by while the wind that carries a vehicle changes.
 
     `gust_mps2` is its rate of change along and across the axes.
@@ -78,7 +78,7 @@ def gust_lead(target: Target, axes: Axes, gust_mps2: tuple[Array, Array], model:
 
 
 def _lead(
-    target: Target, axes: Axes, along_mps2: Array, across_mps2: Array, model: AutopilotModel
+    target: Target, axes: Axes, along_mps2: Array, across_mps2: Array, model: AutopilotModels
 ) -> tuple[Array, Array]:
     """Return by how much speed and heading setpoints lead an acceleration of the slot along and across the axes."""
     angle = target.heading_rad - axes.heading_rad

@@ -30,7 +30,7 @@ from gcs_formation.control.mixer import (
     slot_target,
 )
 from gcs_formation.control.situation import Decision, Lead, Situation
-from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Indices, Setpoints
+from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Indices, Setpoints
 from gcs_formation.estimation.predictor import air_rates, turn_rate
 
 CHANNELS = 3
@@ -69,7 +69,7 @@ class FormationLaw:
 
     commands_leader = False
 
-    def __init__(self, parameters: LawParameters, model: AutopilotModel) -> None:
+    def __init__(self, parameters: LawParameters, model: AutopilotModels) -> None:
         """Start at rest; `model` has (C,) columns, and is read anew at every tick: its lags are learnt in flight."""
         self._parameters = parameters
         self._models = self._leader_model = self._model = model
@@ -130,12 +130,12 @@ class FormationLaw:
         if self._tow is not None:
             self._tow.forget(~active)
 
-    def _pairwise(self, situation: Situation) -> tuple[LeaderMotion, FlightState]:
+    def _pairwise(self, situation: Situation) -> tuple[LeaderMotion, FlightStates]:
         """Return the leader's motion and the followers' states when the followers' setpoints act."""
         table, count = situation.states.of(*self._pairs).table, self._followers.size
-        return self._led(situation.lead, FlightState.of(table[:, :count])), FlightState.of(table[:, count:])
+        return self._led(situation.lead, FlightStates.of(table[:, :count])), FlightStates.of(table[:, count:])
 
-    def _led(self, lead: Lead, state: FlightState) -> LeaderMotion:
+    def _led(self, lead: Lead, state: FlightStates) -> LeaderMotion:
         """Return the motion of a leader in `state`, (F,) columns; its heading lags what it's told by (7).
 
         Its setpoint jumps where its route changes. The slots turn no faster than the leader can.
@@ -153,8 +153,8 @@ class FormationLaw:
 
     def _target(
         self,
-        leader: FlightState,
-        follower: FlightState,
+        leader: FlightStates,
+        follower: FlightStates,
         turn_rps: Array,
         slots: SlotMotion,
         across_mps2: Array,
@@ -171,13 +171,13 @@ class FormationLaw:
         axis, swung_m = follower.heading_rad, -slots.position_m[:, 1]
         (along_mps, _), (_, late_mps) = rotate_to(axis, *drift(leader, follower)), rotate_to(axis, *self._drift_mps)
         crab = self._tow.crab(late_mps, across_mps2, speed, dt_s)
-        crabbing = FlightState.of(follower.table.copy())
+        crabbing = FlightStates.of(follower.table.copy())
         crabbing.wind_mps[:] = leader.wind_mps + rotate_to(-axis, along_mps, -speed * crab.angle_rad)
         target = slot_target(leader, crabbing, turn_rps, slots, frame)
         lead = model.tau_v_s * swung_m * crab.acceleration_rps2, model.tau_psi_s * crab.rate_rps, np.zeros_like(speed)
         return Target(target.speed_mps + swung_m * crab.rate_rps, target.heading_rad), np.array(lead).T
 
-    def _steady(self, error_m: Array, target: Target, follower: FlightState, slots: SlotMotion) -> Array:
+    def _steady(self, error_m: Array, target: Target, follower: FlightStates, slots: SlotMotion) -> Array:
         """Return the errors that are mixed: in the follower's own frame, without what its heading sweeps forward.
 
         While the follower's heading differs from its slot's by some angle, the follower's frame swings a slot at the
@@ -198,7 +198,7 @@ class FormationLaw:
         """Return how much farther behind than its slot is a place whose damping the heading's gains are for, (F,)."""
         return np.maximum(TOW_S * target.speed_mps + slots.position_m[:, 0], 0.0)
 
-    def _bandwidth(self, situation: Situation, leader: FlightState, slots: SlotMotion) -> Array:
+    def _bandwidth(self, situation: Situation, leader: FlightStates, slots: SlotMotion) -> Array:
         """Return (F, 3), the share of the design bandwidth for each loop: less for the heading of a slot at the side.
 
         In the follower's own frame a turn swings such a slot forward at y_rc times the turn rate. The follower's speed
@@ -228,7 +228,7 @@ class FormationLaw:
     def _slopes(
         self,
         leader: LeaderMotion,
-        follower: FlightState,
+        follower: FlightStates,
         error_m: Array,
         target: Target,
         forward: Array,
@@ -255,7 +255,7 @@ class FormationLaw:
             (mixer.k_v * changes[:, 0], mixer.k_psi * changes[:, 1], np.zeros_like(own[0]))
         )
 
-    def _own_rates(self, follower: FlightState, told: Setpoints, dt_s: float) -> Array:
+    def _own_rates(self, follower: FlightStates, told: Setpoints, dt_s: float) -> Array:
         """Return the followers' acceleration and turn rate, (2, F), as (7) has them over the tick that ends.
 
         The others' rates are means of the tick that begins. Setpoints are held in between, so rates fall during a tick:
@@ -264,7 +264,7 @@ class FormationLaw:
         return air_rates(follower, told.take(self._followers), self._models.take(self._followers).held(-dt_s))
 
     def _gust(
-        self, situation: Situation, leader: FlightState, follower: FlightState, dt_s: float
+        self, situation: Situation, leader: FlightStates, follower: FlightStates, dt_s: float
     ) -> tuple[Array, Array]:
         """Return how fast the followers' drift is to be followed, along and across, in m/s².
 

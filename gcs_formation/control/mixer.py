@@ -13,7 +13,7 @@ import numpy as np
 from flight_model.arrays import Array, wrap
 from formation_scenario.formation import Frame
 from formation_scenario.slot_motion import SlotMotion
-from gcs_formation.estimation.flight_state import FlightState
+from gcs_formation.estimation.flight_state import FlightStates
 
 TOW_S = 1.36
 """Least time behind the leader that the heading's gains are for in the follower's own frame: 30 m at 22 m/s."""
@@ -38,7 +38,7 @@ class Target:
     heading_rad: Array
 
 
-def formation_error(leader: FlightState, follower: FlightState, slots_m: Array, frame: Frame) -> Array:
+def formation_error(leader: FlightStates, follower: FlightStates, slots_m: Array, frame: Frame) -> Array:
     """Return (F, 3): x_c - x_rc, y_c - y_rc, z_c - z_rc in m; positive when the follower is behind, left, below.
 
     Args:
@@ -53,7 +53,7 @@ def formation_error(leader: FlightState, follower: FlightState, slots_m: Array, 
 
 
 def error_rate(
-    leader: FlightState, follower: FlightState, error_m: Array, slots: SlotMotion, axis_turn_rps: Array, frame: Frame
+    leader: FlightStates, follower: FlightStates, error_m: Array, slots: SlotMotion, axis_turn_rps: Array, frame: Frame
 ) -> Array:
     """Return (F, 3), the rates of change of `formation_error` in m/s: (8), from velocities over ground.
 
@@ -73,7 +73,7 @@ def error_rate(
 
 
 def slot_target(
-    leader: FlightState, follower: FlightState, turn_rate_rps: Array, slots: SlotMotion, frame: Frame
+    leader: FlightStates, follower: FlightStates, turn_rate_rps: Array, slots: SlotMotion, frame: Frame
 ) -> Target:
     """Return the airspeed and heading at which the slot stays occupied while its axes turn at `turn_rate_rps`.
 
@@ -91,19 +91,19 @@ def slot_target(
     return Target(speed * np.cos(lead_angle) + turn * y_rc - drift_x + forth, leader.heading_rad - lead_angle)
 
 
-def mix(mixer: Mixer, target: Target, follower: FlightState, error_m: Array) -> Array:
+def mix(mixer: Mixer, target: Target, follower: FlightStates, error_m: Array) -> Array:
     """Return (F, 3): e_v in m/s, e_psi in rad and e_z in m of (13), v1 and psi1 replaced by the slot's target."""
     speed = mixer.k_v * (target.speed_mps - follower.airspeed_mps) + mixer.k_x * error_m[:, 0]
     heading = mixer.k_psi * wrap(target.heading_rad - follower.heading_rad) + mixer.k_y * error_m[:, 1]
     return np.array((speed, heading, mixer.k_z * error_m[:, 2])).T
 
 
-def slot_axis(leader: FlightState, follower: FlightState, frame: Frame) -> Array:
+def slot_axis(leader: FlightStates, follower: FlightStates, frame: Frame) -> Array:
     """Return the heading along which the slots' x axes lie, (F,)."""
     return leader.heading_rad if frame == "leader_heading" else follower.heading_rad
 
 
-def drift(leader: FlightState, follower: FlightState) -> Array:
+def drift(leader: FlightStates, follower: FlightStates) -> Array:
     """Return (2, F) north and east: the follower's drift minus the leader's, in m/s (errata item 16)."""
     return follower.wind_mps - leader.wind_mps
 

@@ -10,7 +10,7 @@ import numpy as np
 from airlink.clock import Instant
 from flight_model.arrays import Array, Mask
 from formation_scenario.slot_motion import SlotMotion
-from gcs_formation.estimation.flight_state import FlightState, Indices, Setpoints
+from gcs_formation.estimation.flight_state import FlightStates, Indices, Setpoints
 from gcs_formation.estimation.projection import States
 from gcs_formation.guidance.leader import Told
 from gcs_formation.guidance.tracking import RouteHeading
@@ -55,7 +55,7 @@ class Decision:
 
     columns: Indices
     """(M,) the vehicles that it commands; the rows of everything else."""
-    state: FlightState
+    state: FlightStates
     """(M,) columns: theirs, as the law took them."""
     setpoints: Setpoints
     error_m: Array

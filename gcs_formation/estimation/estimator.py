@@ -15,7 +15,7 @@ import numpy as np
 from airlink.clock import NANOSECONDS, Instant, seconds_between
 from flight_model.arrays import Array, Indices, Instants, Mask, any_of
 from gcs_formation.estimation import kalman
-from gcs_formation.estimation.flight_state import AutopilotModel, FlightState
+from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates
 from gcs_formation.estimation.kalman import (
     AIRSPEED,
     GROUND_EAST,
@@ -95,9 +95,9 @@ class StateEstimator:
         self._wind, self._wind_radps = wind_radps > 0, wind_radps
 
     @property
-    def state(self) -> FlightState:
+    def state(self) -> FlightStates:
         """The newest states; NaN where none has arrived yet."""
-        return FlightState.of(self._table.copy())
+        return FlightStates.of(self._table.copy())
 
     @property
     def covariance(self) -> Array:
@@ -132,11 +132,11 @@ class StateEstimator:
         self.noise.begin(column)
 
     def place(self, column: int, state: Array, stamp: Instant) -> None:
-        """Set a column to (8,) values in the order of FlightState."""
+        """Set a column to (8,) values in the order of FlightStates."""
         self._table[:, column] = state
         self._stamps[column] = stamp
 
-    def take(self, samples: Mapping[int, Sample], model: AutopilotModel, told: Mask) -> None:
+    def take(self, samples: Mapping[int, Sample], model: AutopilotModels, told: Mask) -> None:
         """Take the newest sample of each column that has one.
 
         Args:
@@ -172,11 +172,11 @@ class StateEstimator:
         wind = values[GROUND_NORTH : GROUND_EAST + 1] - speed * np.array((np.cos(heading), np.sin(heading)))
         return np.concatenate((values[:3], values[5:], wind * self._wind))
 
-    def _follow(self, which: Indices, stamps: Instants, values: Array, model: AutopilotModel, told: Mask) -> None:
+    def _follow(self, which: Indices, stamps: Instants, values: Array, model: AutopilotModels, told: Mask) -> None:
         """Correct the predicted states of columns by their samples."""
         model, variances = model.take(which), self.noise.variances(which)
         since, elapsed_s = self._stamps[which], (stamps - self._stamps[which]) / NANOSECONDS
-        before = FlightState.of(self._table[:, which])
+        before = FlightStates.of(self._table[:, which])
         predicted = self._history.predict(before, since, stamps, which, model)
         move = kalman.transition(before, elapsed_s, model)
         covariance = move @ self._covariance[which] @ move.swapaxes(1, 2)
@@ -193,7 +193,7 @@ class StateEstimator:
         estimate.table[SPEED] = np.maximum(estimate.table[SPEED], LEAST_AIRSPEED_MPS)
         self._table[:, which], self._covariance[which] = estimate
         self._stamps[which] = stamps
-        self._residual[:, which] = kalman.innovation(values, FlightState.of(estimate.table))
+        self._residual[:, which] = kalman.innovation(values, FlightStates.of(estimate.table))
         self._implausible[which] = np.where(implausible, self._implausible[which] + 1, 0)
         lost = self._implausible[which] >= IMPLAUSIBLE_SAMPLES
         if any_of(lost):
@@ -210,7 +210,7 @@ class StateEstimator:
         return walk**2
 
     def _gusts(
-        self, values: Array, predicted: FlightState, covariance: Array, variances: Array, elapsed_s: Array
+        self, values: Array, predicted: FlightStates, covariance: Array, variances: Array, elapsed_s: Array
     ) -> Array:
         """Return what the covariances grow by, (N, 8, 8), where samples tell of a wind that has changed at once."""
         jump = self._state_of(values)[WIND_NORTH:] - predicted.wind_mps

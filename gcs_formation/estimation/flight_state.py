@@ -49,7 +49,7 @@ class Columns:
         self.table[:, which] = source.table
 
 
-class FlightState(Columns):
+class FlightStates(Columns):
     """Position and motion of vehicles: north, east and up from the scenario's origin.
 
     Airspeed and heading are relative to the air; ground velocity is airspeed along the heading, plus the wind
@@ -99,7 +99,7 @@ class FlightState(Columns):
         velocity_mps = np.array((*self.ground_mps, self.climb_mps))
         return (self.place_m + seconds * velocity_mps).T
 
-    def turned(self, turn_rps: Array, over_s: Array) -> FlightState:
+    def turned(self, turn_rps: Array, over_s: Array) -> FlightStates:
         """Return these states, reached by flying straight, as if the vehicles had turned at a constant rate instead.
 
         Args:
@@ -108,7 +108,7 @@ class FlightState(Columns):
         """
         if not turn_rps.any():
             return self
-        state, half = FlightState.of(self.table.copy()), turn_rps * over_s / 2
+        state, half = FlightStates.of(self.table.copy()), turn_rps * over_s / 2
         way_m, chord = self.airspeed_mps * over_s, np.sinc(half / np.pi)
         state.north_m[:] += way_m * (chord * np.cos(self.heading_rad + half) - np.cos(self.heading_rad))
         state.east_m[:] += way_m * (chord * np.sin(self.heading_rad + half) - np.sin(self.heading_rad))
@@ -132,7 +132,7 @@ class Setpoints(Columns):
         super().__init__(speed_mps, heading_rad, height_m)
 
 
-class AutopilotModel(Columns):
+class AutopilotModels(Columns):
     """The autopilot of equation (7) and its limits."""
 
     __slots__ = ()

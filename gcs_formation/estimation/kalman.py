@@ -16,7 +16,7 @@ import numpy as np
 import scipy
 
 from flight_model.arrays import Array, Indices, Mask, within, wrap
-from gcs_formation.estimation.flight_state import AutopilotModel, FlightState
+from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates
 
 QUANTITIES = ("position", "height", "velocity", "climb", "airspeed", "heading")
 """What has a noise of its own. North and east count as one quantity."""
@@ -108,12 +108,12 @@ class Estimate(NamedTuple):
     """States of N vehicles and how far they may be off."""
 
     table: Array
-    """(8, N), FlightState's rows."""
+    """(8, N), FlightStates's rows."""
     covariance: Array
     """(N, 8, 8)."""
 
 
-def transition(state: FlightState, elapsed_s: Array, model: AutopilotModel) -> Array:
+def transition(state: FlightStates, elapsed_s: Array, model: AutopilotModels) -> Array:
     """Return the derivative of the states `elapsed_s` (N,) later by the states now, (N, 8, 8), at constant heading."""
     cos, sin, speed = np.cos(state.heading_rad), np.sin(state.heading_rad), state.airspeed_mps
     kept = np.exp(-elapsed_s / model.air_lags_s)
@@ -134,21 +134,21 @@ def transition(state: FlightState, elapsed_s: Array, model: AutopilotModel) -> A
     return derivative
 
 
-def expected(state: FlightState) -> Array:
+def expected(state: FlightStates) -> Array:
     """Return the sample that vehicles in `state` would give, (8, N)."""
     ground_north = state.airspeed_mps * np.cos(state.heading_rad) + state.wind_north_mps
     ground_east = state.airspeed_mps * np.sin(state.heading_rad) + state.wind_east_mps
     return np.array((*state.place_m, ground_north, ground_east, state.climb_mps, *state.air_motion))
 
 
-def innovation(sample: Array, state: FlightState) -> Array:
+def innovation(sample: Array, state: FlightStates) -> Array:
     """Return the sample minus the expected one, (8, N)."""
     difference = sample - expected(state)
     difference[YAW] = wrap(difference[YAW])
     return difference
 
 
-def sensitivity(state: FlightState) -> Array:
+def sensitivity(state: FlightStates) -> Array:
     """Return the derivative of a sample by the state, (N, 8, 8)."""
     cos, sin, speed = np.cos(state.heading_rad), np.sin(state.heading_rad), state.airspeed_mps
     rows = np.zeros((cos.size, STATES, STATES))

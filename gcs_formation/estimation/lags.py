@@ -17,7 +17,7 @@ import numpy as np
 
 from airlink.clock import NANOSECONDS
 from flight_model.arrays import Array, Instants, Mask, within, wrap
-from gcs_formation.estimation.flight_state import AutopilotModel
+from gcs_formation.estimation.flight_state import AutopilotModels
 from gcs_formation.estimation.predictor import AirLags, Height, HeightSteps, SetpointHistory
 
 RATIO_MAX = 2.0
@@ -190,7 +190,7 @@ class LagEstimator:
     """
 
     def __init__(
-        self, model: AutopilotModel, history: SetpointHistory, telemetry_hz: float, law_hz: float, *, in_use: bool
+        self, model: AutopilotModels, history: SetpointHistory, telemetry_hz: float, law_hz: float, *, in_use: bool
     ) -> None:
         """Start with the lags that `model` has; `history` holds what was told.
 
@@ -200,7 +200,7 @@ class LagEstimator:
         self.lagging: Mask = np.ones(model.tau_v_s.size, dtype=bool)
         """(C,) which vehicles fly by (7); of others, whose model only comes near them, no lags are learnt."""
         self._in_use = in_use
-        self._believed = AutopilotModel.of(model.table.copy())
+        self._believed = AutopilotModels.of(model.table.copy())
         self._history = history
         columns = model.tau_v_s.size
         air, height = Nodes.of(5, 1), Nodes.of(4, 2)
@@ -266,7 +266,7 @@ class LagEstimator:
 class Bank:
     """All vehicles' simulations from their setpoints alone, K each: airspeed and heading by one lag, height by two."""
 
-    def __init__(self, believed: AutopilotModel, air: Array, height: Array) -> None:
+    def __init__(self, believed: AutopilotModels, air: Array, height: Array) -> None:
         """Simulate lags that are the believed ones times e to the power of `air` (K,) and `height` (K', 2)."""
         self._columns = columns = believed.tau_v_s.size
         self.flying: Mask = np.zeros(columns, dtype=bool)
@@ -337,8 +337,8 @@ class Bank:
         return table.reshape(-1, self._columns, count), free
 
 
-def _spanned(believed: AutopilotModel, logs: Array) -> AutopilotModel:
+def _spanned(believed: AutopilotModels, logs: Array) -> AutopilotModels:
     """Return (C K,) models whose lags are the believed ones (C,) times e to the power of each of `logs` (4, K)."""
     table = np.repeat(believed.table, logs.shape[1], axis=1)
     table[:4] *= np.tile(np.exp(logs), believed.tau_v_s.size)
-    return AutopilotModel.of(table)
+    return AutopilotModels.of(table)

@@ -10,7 +10,7 @@ import scipy
 
 from airlink.clock import NANOSECONDS
 from flight_model.arrays import Array, Instants, all_of, any_of, or_zero, within, wrap
-from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Indices, Setpoints
+from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Indices, Setpoints
 
 HISTORY_S = 6.0
 _GAUSS, _WEIGHTS = np.polynomial.legendre.leggauss(3)
@@ -44,8 +44,8 @@ class SetpointHistory:
         self._sent.append(sent)
 
     def predict(
-        self, state: FlightState, since: Instants, until: Instants, vehicles: Indices, model: AutopilotModel
-    ) -> FlightState:
+        self, state: FlightStates, since: Instants, until: Instants, vehicles: Indices, model: AutopilotModels
+    ) -> FlightStates:
         """Return the state of each column at `until`, from its `state` at `since`.
 
         Column i is vehicle `vehicles[i]`; a vehicle may appear in several columns. Before the oldest known setpoint it
@@ -85,7 +85,7 @@ class SetpointHistory:
         return rows[::-1]
 
 
-def advance(state: FlightState, told: Array, duration_s: Array, model: AutopilotModel) -> FlightState:
+def advance(state: FlightStates, told: Array, duration_s: Array, model: AutopilotModels) -> FlightStates:
     """Return the state after K segments of constant setpoints, by the closed forms of equation (7).
 
     Speed and heading errors decay exponentially, and linearly while a rate limit holds them. The distance flown is
@@ -108,7 +108,7 @@ def advance(state: FlightState, told: Array, duration_s: Array, model: Autopilot
     north_m = np.add.reduce(way_m * np.cos(heading), axis=(0, 1))
     east_m = np.add.reduce(way_m * np.sin(heading), axis=(0, 1))
     total_s = np.add.reduce(duration_s)
-    return FlightState(
+    return FlightStates(
         north_m=state.north_m + north_m + state.wind_north_mps * total_s,
         east_m=state.east_m + east_m + state.wind_east_mps * total_s,
         height_m=height.height_m,
@@ -129,7 +129,7 @@ def _height_after(height: Height, told_m: Array, steps: HeightSteps) -> Height:
     return height
 
 
-def turn_rate(state: FlightState, setpoints: Setpoints, model: AutopilotModel) -> Array:
+def turn_rate(state: FlightStates, setpoints: Setpoints, model: AutopilotModels) -> Array:
     """Return psi' of equation (7), (N,) in rad/s, within its limit; 0 where there is no heading setpoint.
 
     A single column of setpoints applies to all vehicles.
@@ -138,7 +138,7 @@ def turn_rate(state: FlightState, setpoints: Setpoints, model: AutopilotModel) -
     return within(or_zero(rate), -model.turn_rate_max_rps, model.turn_rate_max_rps)
 
 
-def air_rates(state: FlightState, setpoints: Setpoints, model: AutopilotModel) -> Array:
+def air_rates(state: FlightStates, setpoints: Setpoints, model: AutopilotModels) -> Array:
     """Return v' and psi' of equation (7), (2, N) in m/s² and rad/s, within their limits; 0 without setpoints."""
     error = setpoints.air_motion - state.air_motion
     error[1] = wrap(error[1])
@@ -152,7 +152,7 @@ class AirLags(NamedTuple):
     tau_s: Array
 
     @classmethod
-    def of(cls, model: AutopilotModel) -> AirLags:
+    def of(cls, model: AutopilotModels) -> AirLags:
         """Return the lags of an autopilot model, (N,) columns."""
         return cls(model.air_rates_max, model.air_lags_s)
 
@@ -219,7 +219,7 @@ class HeightSteps(NamedTuple):
     """The same downwards."""
 
     @classmethod
-    def of(cls, model: AutopilotModel, time_s: Array) -> HeightSteps:
+    def of(cls, model: AutopilotModels, time_s: Array) -> HeightSteps:
         """Return the steps that take `time_s`, (K, N) or (K, 1), for `model` of (N,) columns.
 
         With equal time constants, the limit of exprel gives the solution for a double pole.

@@ -11,11 +11,11 @@ import numpy as np
 
 from airlink.clock import NANOSECONDS
 from flight_model.arrays import Array, Instants, Mask, any_of
-from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Indices
+from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Indices
 from gcs_formation.estimation.predictor import HISTORY_S, SetpointHistory
 
 HEADING = 5
-"""Row of `FlightState` that is an angle."""
+"""Row of `FlightStates` that is an angle."""
 LEVEL, WIND = slice(0, 2), slice(6, 8)
 """Its rows of the place north and east, and of the wind."""
 CARRIED = slice(8, 10)
@@ -32,7 +32,7 @@ LOST_S = 2.0
 class Measured:
     """The newest state of each vehicle, (C,) columns, its time stamp, and when a setpoint sent now will act."""
 
-    state: FlightState
+    state: FlightStates
     stamps: Instants
     active: Mask
     acts: Instants
@@ -41,7 +41,7 @@ class Measured:
 class States(Protocol):
     """The states that a law acts on at one tick."""
 
-    def of(self, which: Indices, whose: Indices) -> FlightState:
+    def of(self, which: Indices, whose: Indices) -> FlightStates:
         """Return, column by column, the state of `which` at the instant that matters for the setpoint of `whose`."""
         ...
 
@@ -64,7 +64,7 @@ class AtTheirStamps:
 
     measured: Measured
 
-    def of(self, which: Indices, whose: Indices) -> FlightState:  # noqa: ARG002 - the same for everyone
+    def of(self, which: Indices, whose: Indices) -> FlightStates:  # noqa: ARG002 - the same for everyone
         """Return the newest states."""
         return self.measured.state.take(which)
 
@@ -77,10 +77,10 @@ class AtTheirStamps:
 class AtOneStamp:
     """Every vehicle's state at one instant."""
 
-    state: FlightState
+    state: FlightStates
     stamp: np.int64
 
-    def of(self, which: Indices, whose: Indices) -> FlightState:  # noqa: ARG002 - the same for everyone
+    def of(self, which: Indices, whose: Indices) -> FlightStates:  # noqa: ARG002 - the same for everyone
         """Return the states at the stamp."""
         return self.state.take(which)
 
@@ -98,11 +98,11 @@ class WhenSetpointsAct:
     """Every vehicle's stamps (C,) and, tick by tick, the newest last, (10, C): states, and how far the wind has carried
     it north and east."""
     history: SetpointHistory
-    model: AutopilotModel
+    model: AutopilotModels
     between_messages: np.int64
     """How much later than another vehicle's a state may be with nothing missing, ns."""
 
-    def of(self, which: Indices, whose: Indices) -> FlightState:
+    def of(self, which: Indices, whose: Indices) -> FlightStates:
         """Return the states predicted through the setpoints in flight, each from the stamp of `whose` newest sample.
 
         Between states that two vehicles measured at different times, a gust looks like a gap. If the newest message of
@@ -120,7 +120,7 @@ class WhenSetpointsAct:
         state[WIND] += change_mps
         model = self.model.take(which)
         return self.history.predict(
-            FlightState.of(state[: CARRIED.start]), since, self.measured.acts[whose], which, model
+            FlightStates.of(state[: CARRIED.start]), since, self.measured.acts[whose], which, model
         )
 
     def _nearest(self, which: Indices, stamps: Instants) -> tuple[Instants, Array]:
@@ -152,7 +152,7 @@ class AsMeasured:
 class Prediction:
     """Model (7) run through the setpoints in flight."""
 
-    def __init__(self, history: SetpointHistory, model: AutopilotModel, telemetry_hz: float) -> None:
+    def __init__(self, history: SetpointHistory, model: AutopilotModels, telemetry_hz: float) -> None:
         """Predict by `model`, (C,) columns, through what `history` says was sent."""
         self._between_messages = np.int64(MISSED * NANOSECONDS / telemetry_hz)
         self._history = history
@@ -189,7 +189,7 @@ class Pairing:
         known = np.where(measured.active, measured.stamps, LONG_AGO)
         self._samples.append((known, measured.state.table))
         stamp = measured.stamps[measured.active].min(initial=measured.stamps.max())
-        return AtOneStamp(FlightState.of(self._at(stamp)), stamp)
+        return AtOneStamp(FlightStates.of(self._at(stamp)), stamp)
 
     def _at(self, stamp: np.int64) -> Array:
         """Return the table (8, C) at a stamp: interpolated, or the nearest sample outside the samples' span."""

@@ -16,7 +16,7 @@ from formation_scenario.arrangement import columns
 from formation_scenario.navigation import NoisyNavigation
 from formation_scenario.reconfiguration import column_models
 from gcs_formation.controller import FormationController
-from gcs_formation.estimation.flight_state import AutopilotModel, FlightState
+from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates
 from gcs_formation.estimation.predictor import SetpointHistory, advance
 from gcs_formation.parameters import autopilot_model
 from gcs_formation.recorder import Detail, Note, Tick
@@ -96,7 +96,7 @@ class MotionConformance:
         return now >= self._next_check
 
     def check(
-        self, now: Instant, stamps: Instants, state: FlightState, settled: Mask, commanded_s: Array
+        self, now: Instant, stamps: Instants, state: FlightStates, settled: Mask, commanded_s: Array
     ) -> list[NonConformance]:
         """Compare, if a check is due; return new findings. `broken` has all columns that don't follow.
 
@@ -117,7 +117,7 @@ class MotionConformance:
         expected, flown = self._changes(stamps, state.table)
         settled = settled.copy()
         settled[ENERGY] &= ~self._climbed | (commanded_s >= LEVELS_OUT_S)
-        before = FlightState.of(self._past[0][1])
+        before = FlightStates.of(self._past[0][1])
         fast = np.maximum(state.airspeed_mps, before.airspeed_mps) > FAST_SHARE * self._model.speed_max_mps
         settled[HEIGHT] &= ~(fast & (expected[HEIGHT] > 0.0))
         missed = self._missed(expected, flown, settled)
@@ -146,13 +146,13 @@ class MotionConformance:
         since, before = self._past[0]
         columns = np.arange(stamps.size, dtype=np.intp)
         until = np.maximum(stamps, since)
-        predicted = self._history.predict(FlightState.of(before), since, until, columns, self._model).table
+        predicted = self._history.predict(FlightStates.of(before), since, until, columns, self._model).table
         expected, flown = predicted[ROWS] - before[ROWS], table[ROWS] - before[ROWS]
         flown[1] = wrap(flown[1])
         return expected, flown
 
 
-def _judged_by(scenario: Scenario) -> AutopilotModel:
+def _judged_by(scenario: Scenario) -> AutopilotModels:
     """Return the model that changes are expected by; the lags of an airframe's slow changes aren't those of steps."""
     model = autopilot_model(scenario)
     aircraft = np.array([each.airframe is not None for each in column_models(scenario)])
@@ -160,13 +160,13 @@ def _judged_by(scenario: Scenario) -> AutopilotModel:
     return model
 
 
-def _carried_m(model: AutopilotModel) -> Array:
+def _carried_m(model: AutopilotModels) -> Array:
     """Return (C,) how far air that rises at 1 m/s carries vehicles within the window, their height loops against it.
 
     In the end tau_ha + tau_hb; until then the model's own way there.
     """
     end_m, none = model.tau_ha_s + model.tau_hb_s, np.zeros_like(model.tau_ha_s)
-    state = FlightState(none, none, -end_m, np.ones_like(none), none, none, none, none)
+    state = FlightStates(none, none, -end_m, np.ones_like(none), none, none, none, none)
     return end_m + advance(state, np.zeros((1, 3, none.size)), np.full((1, none.size), WINDOW_S), model).height_m
 
 

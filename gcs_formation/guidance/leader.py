@@ -13,7 +13,7 @@ from airlink.clock import Instant, seconds_between
 from flight_model.arrays import Array, Instants
 from flight_model.displacement import DisplacedPath
 from flight_model.path import SplinePath
-from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Setpoint, Setpoints
+from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoint, Setpoints
 from gcs_formation.estimation.predictor import HISTORY_S, advance
 from gcs_formation.guidance.tracking import (
     JoinRoute,
@@ -49,7 +49,7 @@ CLIMB_SHARE = 0.7
 """Share of the climb limit that the route to the start uses; followers need the rest."""
 
 
-def amid(followers: FlightState, slots_m: Array, speed_mps: float) -> FlightState:
+def amid(followers: FlightStates, slots_m: Array, speed_mps: float) -> FlightStates:
     """Return the leader (1 column) relative to which the followers are, on average, in their slots (F, 3)."""
     heading = np.arctan2(np.sin(followers.heading_rad).mean(), np.cos(followers.heading_rad).mean())
     cos, sin = np.cos(heading), np.sin(heading)
@@ -61,10 +61,10 @@ def amid(followers: FlightState, slots_m: Array, speed_mps: float) -> FlightStat
     )
     wind = (followers.wind_north_mps.mean(), followers.wind_east_mps.mean())
     means = (*(place.mean() for place in places), 0.0, speed_mps, heading, *wind)
-    return FlightState(*(np.array([float(value)]) for value in means))
+    return FlightStates(*(np.array([float(value)]) for value in means))
 
 
-def fly_on(leader: FlightState, told: Setpoints, since: Instant, now: Instant, model: AutopilotModel) -> FlightState:
+def fly_on(leader: FlightStates, told: Setpoints, since: Instant, now: Instant, model: AutopilotModels) -> FlightStates:
     """Return the leader's state at `now`, from the one at `since`, under setpoints `told` (1 column)."""
     return advance(leader, told.table[None], np.array([[seconds_between(since, now)]]), model)
 
@@ -77,7 +77,7 @@ class LeaderWind:
         self._kept = tuple(math.exp(-radps * dt_s) for radps in WIND_RADPS)
         self._stages_mps = list[list[float]]()
 
-    def motion(self, state: FlightState, ahead_s: float) -> tuple[Motion, MotionRates]:
+    def motion(self, state: FlightStates, ahead_s: float) -> tuple[Motion, MotionRates]:
         """Return the leader's motion (of 1 column) for its guidance, and how it changes; the turn isn't known yet.
 
         Its place, predicted `ahead_s` with the wind seen, doesn't jump with that wind: followers can't follow a leader

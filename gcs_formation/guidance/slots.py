@@ -20,7 +20,7 @@ from formation_scenario import Ground, PathPoint, Scenario, slot_schedule
 from formation_scenario.arrangement import Arrangement, assigned
 from formation_scenario.formation import FormationChange, Frame
 from formation_scenario.slot_motion import SlotMotion, Transition
-from gcs_formation.estimation.flight_state import FlightState
+from gcs_formation.estimation.flight_state import FlightStates
 from gcs_formation.guidance.tracking import Route
 
 APART_S = 0.05
@@ -103,7 +103,7 @@ class Outlook:
     """The future track of the leader and of the slots."""
 
     route: Route
-    leader: FlightState
+    leader: FlightStates
     """(1,) columns."""
     leading: int
     """Which of the N slots is the leader's own, which is never lifted."""

@@ -41,7 +41,7 @@ class Lags:
 
 @dataclass(frozen=True)
 class Motion:
-    """One vehicle's state, as in FlightState."""
+    """One vehicle's state, as in FlightStates."""
 
     north_m: float
     east_m: float

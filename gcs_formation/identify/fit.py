@@ -19,7 +19,7 @@ from flight_model.arrays import Array, wrap
 from flight_model.linear import airframe_responses
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
 from gcs_formation.errors import RecordError
-from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Indices
+from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Indices
 from gcs_formation.estimation.predictor import advance
 from gcs_formation.identify.recording import STEP_S, Recording
 
@@ -113,7 +113,7 @@ def _require_movement(recordings: Sequence[Recording]) -> None:
 class _Windows:
     """Stretches of a recording, W of them, that predictions go through."""
 
-    state: FlightState
+    state: FlightStates
     """(W,) as measured at their beginnings."""
     told: Array
     """(P, 3, W) setpoints of each step."""
@@ -128,7 +128,7 @@ class _Windows:
         steps: Indices = np.arange(points, dtype=np.intp)[:, None]
         airspeed, heading, height, climb = recording.seen[:, begins]
         none = np.zeros_like(airspeed)
-        state = FlightState(none, none, height, climb, np.maximum(airspeed, 1.0), heading, none, none)
+        state = FlightStates(none, none, height, climb, np.maximum(airspeed, 1.0), heading, none, none)
         told = recording.told[:, begins + steps - late].transpose(1, 0, 2)
         return cls(state, told, recording.seen[:3, begins + steps + 1])
 
@@ -149,12 +149,12 @@ class _Windows:
         return self.seen - begin[:, None]
 
 
-def _columns(lags: Array, limits: VehicleModel, count: int) -> AutopilotModel:
+def _columns(lags: Array, limits: VehicleModel, count: int) -> AutopilotModels:
     rest = (
         *(limits.speed_min_mps, limits.speed_max_mps),
         *(limits.accel_max_mps2, limits.turn_rate_max_rps, limits.climb_max_mps),
     )
-    return AutopilotModel.of(np.repeat(np.array([*lags, *rest])[:, None], count, axis=1))
+    return AutopilotModels.of(np.repeat(np.array([*lags, *rest])[:, None], count, axis=1))
 
 
 def _weighed(errors: Array) -> Array:
@@ -196,7 +196,7 @@ def flown_by_lags(recording: Recording, model: VehicleModel) -> Array:
     columns = _columns(np.array([getattr(model, name) for name in LAGS]), model, 1)
     airspeed, heading, height, climb = recording.seen[:, :1]
     none, step_s, late = np.zeros(1), np.full((1, 1), STEP_S), round(recording.delay_s / STEP_S)
-    state, flown = FlightState(none, none, height, climb, airspeed, heading, none, none), list[Array]()
+    state, flown = FlightStates(none, none, height, climb, airspeed, heading, none, none), list[Array]()
     for point in range(recording.seen.shape[1]):
         flown.append(np.array((state.airspeed_mps, state.heading_rad, state.height_m))[:, 0])
         state = advance(state, recording.told[None, :, max(point - late, 0), None], step_s, columns)

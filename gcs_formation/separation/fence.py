@@ -10,7 +10,7 @@ from flight_model.arrays import Array, Indices, Mask, within, wrap
 from formation_scenario import Scenario
 from formation_scenario.arrangement import columns
 from formation_scenario.fence import CHECKED_M, HELD_M, Fence, inside_m, room_m
-from gcs_formation.estimation.flight_state import AutopilotModel
+from gcs_formation.estimation.flight_state import AutopilotModels
 from gcs_formation.recorder import Tick
 
 TURN_RAD = np.pi / 2
@@ -35,7 +35,7 @@ class FenceLimits:
     may do as it likes. Where there is no such circle any more, it heads for the inside the shorter way.
     """
 
-    def __init__(self, scenario: Scenario, model: AutopilotModel) -> None:
+    def __init__(self, scenario: Scenario, model: AutopilotModels) -> None:
         """Take the scenario's fence; (C,) `model` has the turn rates."""
         self._fence = scenario.safety.fence or Fence()
         self._corners_m = np.array(self._fence.corners_m or np.zeros((0, 2)))

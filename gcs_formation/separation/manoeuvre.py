@@ -8,7 +8,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from flight_model.arrays import Array, Mask, within, wrap
-from gcs_formation.estimation.flight_state import AutopilotModel, Columns, FlightState, Indices, Row, Setpoints
+from gcs_formation.estimation.flight_state import AutopilotModels, Columns, FlightStates, Indices, Row, Setpoints
 from gcs_formation.estimation.predictor import AirLags, Height, HeightSteps, advance
 
 FINE_S, COARSE_S = 0.5, 1.0
@@ -124,12 +124,12 @@ class Manoeuvre(Columns):
 class Traffic:
     """Vehicles when what they're told now acts, (N,) columns."""
 
-    state: FlightState
+    state: FlightStates
     lead_s: Array
     """How long before the instant that counting begins at, the same for all, their setpoints act."""
     turn_rps: Array
     """How they turn if nobody commands them; 0 for those that are commanded."""
-    model: AutopilotModel
+    model: AutopilotModels
 
     def take(self, which: Indices) -> Traffic:
         """Return the columns of the vehicles at `which`, repeated as often as named."""
@@ -138,10 +138,10 @@ class Traffic:
     def beside(self, other: Traffic) -> Traffic:
         """Return these vehicles and others, in this order."""
         return Traffic(
-            FlightState.of(np.concatenate((self.state.table, other.state.table), axis=1)),
+            FlightStates.of(np.concatenate((self.state.table, other.state.table), axis=1)),
             np.concatenate((self.lead_s, other.lead_s)),
             np.concatenate((self.turn_rps, other.turn_rps)),
-            AutopilotModel.of(np.concatenate((self.model.table, other.model.table), axis=1)),
+            AutopilotModels.of(np.concatenate((self.model.table, other.model.table), axis=1)),
         )
 
 
@@ -169,12 +169,12 @@ def fly_level(traffic: Traffic, manoeuvre: Manoeuvre, times_s: Array) -> Array:
     return _level(traffic, manoeuvre, times_s, *_begun(traffic, manoeuvre, times_s))
 
 
-def reach_m(model: AutopilotModel) -> Array:
+def reach_m(model: AutopilotModels) -> Array:
     """Return how far from a vehicle's height its setpoint may be, as in the envelope (N,)."""
     return model.climb_max_mps * (model.tau_ha_s + model.tau_hb_s)
 
 
-def _begun(traffic: Traffic, manoeuvre: Manoeuvre, times_s: Array) -> tuple[FlightState, FlightState]:
+def _begun(traffic: Traffic, manoeuvre: Manoeuvre, times_s: Array) -> tuple[FlightStates, FlightStates]:
     """Return the states at the first two instants: until then the first setpoint acts."""
     count = traffic.lead_s.size
     twice = np.concatenate((np.arange(count), np.arange(count)))
@@ -184,12 +184,12 @@ def _begun(traffic: Traffic, manoeuvre: Manoeuvre, times_s: Array) -> tuple[Flig
     return state.take(twice[:count]), state.take(twice[count:] + count)
 
 
-def _level(traffic: Traffic, manoeuvre: Manoeuvre, times_s: Array, begin: FlightState, turned: FlightState) -> Array:
+def _level(traffic: Traffic, manoeuvre: Manoeuvre, times_s: Array, begin: FlightStates, turned: FlightStates) -> Array:
     first = begin.level_m[:, None]
     return np.concatenate((first, _way(traffic, turned, manoeuvre, times_s[1:] - times_s[1])), axis=1)
 
 
-def _way(traffic: Traffic, state: FlightState, manoeuvre: Manoeuvre, times_s: Array) -> Array:
+def _way(traffic: Traffic, state: FlightStates, manoeuvre: Manoeuvre, times_s: Array) -> Array:
     """Return (2, S, N) north and east, `times_s` after `state`, by the trapezium rule of the velocity."""
     model = traffic.model
     value = state.air_motion
@@ -205,7 +205,7 @@ def _way(traffic: Traffic, state: FlightState, manoeuvre: Manoeuvre, times_s: Ar
     return np.concatenate((begin, begin + np.cumsum(steps, axis=1)), axis=1)
 
 
-def _heights(model: AutopilotModel, state: FlightState, target_m: Array, steps_s: Array) -> Array:
+def _heights(model: AutopilotModels, state: FlightStates, target_m: Array, steps_s: Array) -> Array:
     """Return (S, N) heights from `state` on."""
     steps, most_m = HeightSteps.of(model, steps_s[:, None]), reach_m(model)
     height = Height(state.height_m, state.climb_mps)

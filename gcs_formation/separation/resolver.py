@@ -11,7 +11,7 @@ import scipy
 from airlink.clock import NANOSECONDS, Instant, seconds_between
 from flight_model.arrays import Array, Instants, Mask, all_of, or_zero, within, wrap
 from formation_scenario import Scenario, ground_of, slot_schedule
-from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Indices, Setpoints
+from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Indices, Setpoints
 from gcs_formation.estimation.predictor import SetpointHistory, advance
 from gcs_formation.estimation.projection import Measured
 from gcs_formation.recorder import Tick
@@ -39,7 +39,7 @@ STANDS_MPS = 3.0
 class Unresponsive:
     """Predicts where such vehicles are if they really don't respond: they fly on as they did when they last did."""
 
-    def __init__(self, history: SetpointHistory, model: AutopilotModel) -> None:
+    def __init__(self, history: SetpointHistory, model: AutopilotModels) -> None:
         """Take the setpoints that were sent from `history`; `model` has (C,) columns."""
         self._history, self._model = history, model
         count = model.tau_v_s.size
@@ -92,7 +92,7 @@ class Encounter:
 class ConflictResolver:
     """Applies the rule tick by tick, and remembers who gives way to whom."""
 
-    def __init__(self, scenario: Scenario, history: SetpointHistory, model: AutopilotModel) -> None:
+    def __init__(self, scenario: Scenario, history: SetpointHistory, model: AutopilotModels) -> None:
         """Take the distance to keep; `history` holds what was sent to the columns, (C,) `model`."""
         self._keys = scenario.safety.avoidance
         self._virtual, self._predicted = scenario.leader is None, scenario.law.delay_compensation
@@ -189,7 +189,9 @@ class ConflictResolver:
             times_s=self._times_s,
         )
 
-    def _state(self, tick: Tick, measured: Measured, members: Indices, until: Instants, turn_rps: Array) -> FlightState:
+    def _state(
+        self, tick: Tick, measured: Measured, members: Indices, until: Instants, turn_rps: Array
+    ) -> FlightStates:
         """Return the states when setpoints act: the law's where it predicts, else predicted here."""
         commanded = tick.active[members]
         if self._predicted and all_of(commanded):
@@ -198,7 +200,7 @@ class ConflictResolver:
         state = self._history.predict(begin, stamps, until, members, self._model.take(members))
         return state.turned(turn_rps, (until - stamps) / NANOSECONDS)
 
-    def _floor_m(self, state: FlightState) -> Array:
+    def _floor_m(self, state: FlightStates) -> Array:
         """Return the height that vehicles may be sent down to: clear of the ground that they come to straight on."""
         over_s = self._times_s[:, None]
         north_m = state.north_m + over_s * state.airspeed_mps * np.cos(state.heading_rad)

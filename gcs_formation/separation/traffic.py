@@ -11,7 +11,7 @@ import numpy as np
 import scipy
 
 from flight_model.arrays import Array, Mask, all_of, within, wrap
-from gcs_formation.estimation.flight_state import FlightState, Indices, Setpoints
+from gcs_formation.estimation.flight_state import FlightStates, Indices, Setpoints
 from gcs_formation.estimation.predictor import AirLags
 from gcs_formation.separation.manoeuvre import COARSE_S, Manoeuvre, MinimumDistance, Traffic, reach_m
 
@@ -39,7 +39,7 @@ class Scene:
     """(N,) how much earlier or later than reckoned a vehicle may be where it's reckoned to be."""
     reference: int
     """The vehicle along whose velocity the others can always fly: the leader."""
-    floor: Callable[[FlightState], Array]
+    floor: Callable[[FlightStates], Array]
     """Gives the height (N,) that no vehicle is sent below by the rule."""
     times_s: Array
     """(S,) at which ways are looked at."""

@@ -13,7 +13,7 @@ from airlink.clock import Instant, after
 from airlink.engine import Datagram
 from airlink.messages.system import Heartbeat
 from formation_scenario import load_scenario
-from gcs_formation.estimation.flight_state import FlightState, Setpoints
+from gcs_formation.estimation.flight_state import FlightStates, Setpoints
 from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory
 from gcs_formation.fleet.conformance import SETTLED_S, MotionConformance
 from gcs_formation.vehicle.arduplane import ArduPlane
@@ -207,7 +207,7 @@ def judged(
         told = (told_mps, heading_rad, told_m) if at_s >= told_from_s else (22.0, 0.0, 100.0)
         history.add(SentSetpoints(np.full(3, now), Setpoints(*(np.full(3, value) for value in told))))
         state[3], state[4], settled[:, 1] = climb_mps(at_s), airspeed_mps(at_s), at_s >= SETTLED_S
-        flown = FlightState(*state.copy())
+        flown = FlightStates(*state.copy())
         new = conformance.check(now, np.full(3, now), flown, settled, np.array((0.0, at_s, 0.0)))
         found += [(each.channel, at_s) for each in new]
     return found

@@ -14,7 +14,7 @@ from gcs_formation.control.fuzzy_pid import Gains
 from gcs_formation.control.law import FormationLaw, LawParameters
 from gcs_formation.control.mixer import Mixer
 from gcs_formation.control.situation import Decision, Lead, Situation
-from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Setpoints
+from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
 from gcs_formation.estimation.projection import AtOneStamp
 from gcs_formation.guidance.leader import Told
 from gcs_formation.guidance.tracking import RouteHeading
@@ -29,7 +29,7 @@ SLOTS_M = np.array([[0.0, 0.0, 0.0], [-30.0, 20.0, 4.0], [-50.0, -25.0, -6.0]])
 COUNT = len(SLOTS_M)
 LEADER, FOLLOWERS = 0, slice(1, None)
 # Of each column its own: tau_v, tau_psi, tau_ha, tau_hb, least and most speed, acceleration, turn rate, climb.
-MODEL = AutopilotModel(
+MODEL = AutopilotModels(
     *np.array(
         (
             (4.0, 3.0, 5.0),
@@ -62,11 +62,11 @@ def law(
     return FormationLaw(replace(parameters, **other), MODEL)  # type: ignore[arg-type] - keys of LawParameters
 
 
-def state(rows: Array) -> FlightState:
-    return FlightState.of(np.array(rows, dtype=float))
+def state(rows: Array) -> FlightStates:
+    return FlightStates.of(np.array(rows, dtype=float))
 
 
-def in_formation(heading_rad: float = 0.0) -> FlightState:
+def in_formation(heading_rad: float = 0.0) -> FlightStates:
     """Everyone in its slot, level, at the formation's speed."""
     cos, sin = np.cos(heading_rad), np.sin(heading_rad)
     (forward, right, up), still = SLOTS_M.T, np.zeros(COUNT)
@@ -76,7 +76,7 @@ def in_formation(heading_rad: float = 0.0) -> FlightState:
 
 
 def situation(
-    states: FlightState, told: Setpoints | None = None, turn_rps: float = 0.0, slots: SlotMotion | None = None
+    states: FlightStates, told: Setpoints | None = None, turn_rps: float = 0.0, slots: SlotMotion | None = None
 ) -> Situation:
     """Everyone told `told`: by default, what it does already."""
     as_flown = Setpoints(states.airspeed_mps, states.heading_rad, states.height_m)
@@ -95,7 +95,7 @@ def situation(
     )
 
 
-def flown(states: FlightState, told: Setpoints, over_s: float, leader_turns_rps: float = 0.0) -> FlightState:
+def flown(states: FlightStates, told: Setpoints, over_s: float, leader_turns_rps: float = 0.0) -> FlightStates:
     """Model (7) without limits, by 400 steps of the midpoint rule; the leader's told heading turns."""
     table, step_s = states.table.copy(), over_s / 400
 
@@ -113,7 +113,7 @@ def flown(states: FlightState, told: Setpoints, over_s: float, leader_turns_rps:
     for k in range(400):
         middle = table + step_s / 2 * rates(table, k * step_s)
         table = table + step_s * rates(middle, (k + 0.5) * step_s)
-    return FlightState.of(table)
+    return FlightStates.of(table)
 
 
 def sent(decision: Decision) -> Array:
@@ -121,12 +121,12 @@ def sent(decision: Decision) -> Array:
     return decision.setpoints.table.T
 
 
-def with_rows(states: FlightState, rows: slice | int, values: Array, columns: slice = FOLLOWERS) -> FlightState:
+def with_rows(states: FlightStates, rows: slice | int, values: Array, columns: slice = FOLLOWERS) -> FlightStates:
     table = states.table.copy()
     table[rows, columns] = values
-    return FlightState.of(table)
+    return FlightStates.of(table)
 
 
-def carried(wind_mps: tuple[float, float]) -> FlightState:
+def carried(wind_mps: tuple[float, float]) -> FlightStates:
     """In formation northwards; a wind that carries the followers, and not their leader, to the north and east."""
     return with_rows(in_formation(), slice(6, 8), np.array(wind_mps)[:, None])

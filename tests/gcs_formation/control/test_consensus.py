@@ -15,7 +15,7 @@ from formation_scenario.formation import Frame
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.control.consensus import ConsensusLaw, ConsensusParameters
 from gcs_formation.control.situation import Decision, Lead, Situation
-from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Setpoints
+from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
 from gcs_formation.estimation.projection import AtOneStamp
 from gcs_formation.guidance.leader import Told
 from gcs_formation.guidance.tracking import RouteHeading
@@ -40,7 +40,7 @@ def column(value: float) -> Array:
     return np.full(COUNT, value)
 
 
-MODEL = AutopilotModel(*map(column, (TAU_V_S, TAU_PSI_S, 1.0, 3.0, 1.0, 99.0, 1.5, 0.25, 3.0)))
+MODEL = AutopilotModels(*map(column, (TAU_V_S, TAU_PSI_S, 1.0, 3.0, 1.0, 99.0, 1.5, 0.25, 3.0)))
 
 
 def law(k3: float = 0.25, graph: Array = GRAPH, frame: Frame = "leader_heading") -> ConsensusLaw:
@@ -58,7 +58,7 @@ def situation(
 ) -> Situation:
     """Vehicles on a path of a heading, with offsets (4, N): m north and east, m/s along and to the right."""
     north_m, east_m = places(heading_rad)
-    state = FlightState(
+    state = FlightStates(
         north_m=north_m + offset[0],
         east_m=east_m + offset[1],
         height_m=column(100.0),

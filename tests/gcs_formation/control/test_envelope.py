@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.control.envelope import INTERCEPT_MAX_RAD, limit
-from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Setpoints
+from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
 
-MODEL = AutopilotModel(*(np.array([value]) for value in VehicleModel().model_dump().values()))
-STATE = FlightState(*np.array([[0.0], [0.0], [100.0], [0.0], [22.0], [0.0], [0.0], [0.0]]))
+MODEL = AutopilotModels(*(np.array([value]) for value in VehicleModel().model_dump().values()))
+STATE = FlightStates(*np.array([[0.0], [0.0], [100.0], [0.0], [22.0], [0.0], [0.0], [0.0]]))
 
 
 @given(st.floats(-50, 50), st.floats(-10, 10), st.floats(-1e6, 1e6), st.floats(-1e4, 1e4))
@@ -37,6 +37,6 @@ def test_with_its_back_to_the_leader_a_follower_is_told_its_slot_s_heading_whate
     beside: float, correction: float
 ) -> None:
     """So it turns about to one side; told now left, now right of what is behind it, it would fly on."""
-    behind = FlightState(*np.array([[0.0], [0.0], [100.0], [0.0], [22.0], [math.pi + beside], [0.0], [0.0]]))
+    behind = FlightStates(*np.array([[0.0], [0.0], [100.0], [0.0], [22.0], [math.pi + beside], [0.0], [0.0]]))
     wanted = Setpoints(*np.array([[22.0], [correction], [100.0]]))
     assert limit(wanted, np.zeros(1), behind, MODEL).heading_rad[0] == 0.0

@@ -10,7 +10,7 @@ import pytest
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.control.fuzzy_pid import FuzzyGainScheduler
 from gcs_formation.control.situation import Situation
-from gcs_formation.estimation.flight_state import FlightState, Setpoints
+from gcs_formation.estimation.flight_state import FlightStates, Setpoints
 from tests.gcs_formation.control.law_ticks import (
     AT_ONCE_S,
     COUNT,
@@ -35,7 +35,7 @@ TURNING = Setpoints(np.array((23.5, 22.0, 22.0)), np.array((0.25, 0.0, 0.0)), np
 """The leader is told to speed up, to turn right and to climb."""
 
 
-def keeping_up() -> tuple[FlightState, SlotMotion]:
+def keeping_up() -> tuple[FlightStates, SlotMotion]:
     """A leader that turns right, and followers that move exactly as slots do that move themselves."""
     states = in_formation(0.1)
     turn_rps = (TURNING.heading_rad[0] - 0.1) / MODEL.tau_psi_s[0]
@@ -46,7 +46,7 @@ def keeping_up() -> tuple[FlightState, SlotMotion]:
     table = states.table.copy()
     table[3] = 0.5 + velocity_mps[:, 2]
     table[4], table[5] = np.hypot(forward_mps, right_mps), 0.1 + np.arctan2(right_mps, forward_mps)
-    return FlightState.of(table), SlotMotion(SLOTS_M, velocity_mps, acceleration_mps2)
+    return FlightStates.of(table), SlotMotion(SLOTS_M, velocity_mps, acceleration_mps2)
 
 
 def slots_after(slots: SlotMotion, over_s: float) -> SlotMotion:
@@ -238,7 +238,7 @@ def test_setpoints_held_from_tick_to_tick_keep_a_turning_slot() -> None:
     turn_rps, table = 0.03, in_formation().table
     forward_mps, right_mps = SPEED_MPS - turn_rps * SLOTS_M[:, 1], turn_rps * SLOTS_M[:, 0]
     table[4], table[5] = np.hypot(forward_mps, right_mps), np.arctan2(right_mps, forward_mps)
-    states, plain, derivative = FlightState.of(table), law(), law(kd=np.ones(3))
+    states, plain, derivative = FlightStates.of(table), law(), law(kd=np.ones(3))
     ended_s = HELD_S[1] - DT_S  # lags of those that were flying at their mean rate as the tick before ended
     told = Setpoints(states.airspeed_mps, states.heading_rad + ended_s * turn_rps, states.height_m)
     for tick in range(20):

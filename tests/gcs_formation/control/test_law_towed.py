@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from formation_scenario.slot_motion import SlotMotion
-from gcs_formation.estimation.flight_state import FlightState, Setpoints
+from gcs_formation.estimation.flight_state import FlightStates, Setpoints
 from tests.gcs_formation.control.law_ticks import (
     AT_ONCE_S,
     DT_S,
@@ -24,7 +24,7 @@ from tests.gcs_formation.control.law_ticks import (
 )
 
 
-def towed_and_off() -> FlightState:
+def towed_and_off() -> FlightStates:
     """Northwards, followers beside their slots with headings that differ from the leader's."""
     states = in_formation()
     off = np.array([[2.0, -1.5], [-1.0, 2.5], [0.8, 1.2], [0.4, -0.3], [1.1, -0.9], [0.12, -0.08]])

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from formation_scenario.formation import Frame
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.control.mixer import formation_error, slot_target
-from gcs_formation.estimation.flight_state import FlightState
+from gcs_formation.estimation.flight_state import FlightStates
 
 angle = st.floats(-math.pi, math.pi)
 offset = st.floats(-80.0, 80.0)
@@ -18,8 +18,8 @@ offset = st.floats(-80.0, 80.0)
 
 def state(
     north: float, east: float, height: float, speed: float, heading: float, wind: tuple[float, float] = (0, 0)
-) -> FlightState:
-    return FlightState(*(np.array([float(v)]) for v in (north, east, height, 0, speed, heading, *wind)))
+) -> FlightStates:
+    return FlightStates(*(np.array([float(v)]) for v in (north, east, height, 0, speed, heading, *wind)))
 
 
 @given(angle, offset, offset, st.floats(-20, 20))

@@ -8,10 +8,10 @@ import pytest
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.control.feed_forward import CRAB_RADPS, Axes, LeaderMotion, TrailingSlots, Turning, feed_forward
 from gcs_formation.control.mixer import slot_target
-from gcs_formation.estimation.flight_state import AutopilotModel, FlightState
+from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates
 
 SPEED_MPS, WAY_S = 22.0, 30.0
-MODEL = AutopilotModel(*(np.array([value]) for value in (4.0, 1.5, 1.0, 3.0, 16.0, 28.0, 1.5, 0.25, 3.0)))
+MODEL = AutopilotModels(*(np.array([value]) for value in (4.0, 1.5, 1.0, 3.0, 16.0, 28.0, 1.5, 0.25, 3.0)))
 FINE = 10
 """Steps of the integration a tick."""
 
@@ -28,7 +28,7 @@ def leader_at(time_s: float) -> LeaderMotion:
     cos, sin = math.cos(0.3 * time_s), math.sin(0.3 * time_s)
     heading, turn, bend = (np.array([value]) for value in (0.1 * (1 - cos), 0.03 * sin, 0.009 * cos))
     zero, one = np.zeros(1), np.ones(1)
-    state = FlightState(zero, zero, zero, zero, SPEED_MPS * one, heading, zero, zero)
+    state = FlightStates(zero, zero, zero, zero, SPEED_MPS * one, heading, zero, zero)
     return LeaderMotion(state, Turning(turn, bend), zero, zero)
 
 

@@ -11,7 +11,7 @@ from formation_scenario import load_scenario
 from gcs_formation.controller import FormationController
 from gcs_formation.estimation import kalman
 from gcs_formation.estimation.estimator import UNMODELLED, WIND_WALK, Sample, StateEstimator
-from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Setpoints
+from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
 from gcs_formation.estimation.kalman import HEADING, RESOLUTION, ROWS, WIND_NORTH, Declared
 from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory
 from gcs_formation.parameters import declared_noise
@@ -19,7 +19,7 @@ from tests.flights.conftest import scenario
 
 RATE_HZ, STEP_NS, COLUMN, TOLD = 10.0, 100_000_000, np.array([0]), np.ones(1, dtype=bool)
 GNSS = np.array((0.3, 0.3, 0.1, 0.1, 0.2, math.radians(0.5)))
-MODEL = AutopilotModel(*(np.array([value]) for value in (4.0, 1.5, 1.0, 3.0, 16.0, 28.0, 1.5, 0.25, 3.0)))
+MODEL = AutopilotModels(*(np.array([value]) for value in (4.0, 1.5, 1.0, 3.0, 16.0, 28.0, 1.5, 0.25, 3.0)))
 START = np.array((0.0, 0.0, 100.0, 0.0, 22.0, 0.3, 1.0, -2.0))
 
 
@@ -38,7 +38,7 @@ class Flight:
         self.see()
 
     def see(self, off: float | Array = 0.0):
-        exact = kalman.expected(FlightState(*self.true[:, None]))[:, 0]
+        exact = kalman.expected(FlightStates(*self.true[:, None]))[:, 0]
         seen = exact + self.sigma[ROWS] * self.random.standard_normal(8) + off
         self.filter.take({0: Sample(Instant(self.now), *seen)}, MODEL, TOLD)
 
@@ -48,7 +48,7 @@ class Flight:
         self.history.add(SentSetpoints(since, told))
         self.now += STEP_NS
         until = np.array([self.now])
-        self.true = self.history.predict(FlightState(*self.true[:, None]), since, until, COLUMN, MODEL).table[:, 0]
+        self.true = self.history.predict(FlightStates(*self.true[:, None]), since, until, COLUMN, MODEL).table[:, 0]
         walk = UNMODELLED[:, 0] + np.array((0, 0, 0, 0, 0, 0, WIND_WALK, WIND_WALK))
         self.true = self.true + walk * math.sqrt(0.1) * self.random.standard_normal(8)
         self.true[HEADING] += yanked_rad
@@ -160,11 +160,11 @@ def test_the_transition_is_the_derivative_of_the_prediction(elapsed_s):
     flight.history.add(SentSetpoints(np.array([0]), Setpoints(*(np.array([value]) for value in (22.5, 0.3, 101.0)))))
 
     def predicted(state):
-        return flight.history.predict(FlightState(*state[:, None]), np.array([0]), until, COLUMN, MODEL).table[:, 0]
+        return flight.history.predict(FlightStates(*state[:, None]), np.array([0]), until, COLUMN, MODEL).table[:, 0]
 
     small = 1e-5 * np.eye(8)
     derivative = np.stack([(predicted(START + each) - predicted(START - each)) / 2e-5 for each in small], axis=1)
-    found = kalman.transition(FlightState(*START[:, None]), np.array([elapsed_s]), MODEL)[0]
+    found = kalman.transition(FlightStates(*START[:, None]), np.array([elapsed_s]), MODEL)[0]
     assert found == pytest.approx(derivative, abs=1e-3)
 
 
@@ -208,10 +208,10 @@ def test_the_sensitivity_is_the_derivative_of_the_sample():
     small = 1e-5 * np.eye(8)
 
     def seen(state):
-        return kalman.expected(FlightState(*state[:, None]))[:, 0]
+        return kalman.expected(FlightStates(*state[:, None]))[:, 0]
 
     derivative = np.stack([(seen(START + each) - seen(START - each)) / 2e-5 for each in small], axis=1)
-    assert kalman.sensitivity(FlightState(*START[:, None]))[0] == pytest.approx(derivative, abs=1e-6)
+    assert kalman.sensitivity(FlightStates(*START[:, None]))[0] == pytest.approx(derivative, abs=1e-6)
 
 
 def test_headings_stay_within_half_a_turn():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from formation_scenario.vehicles import VehicleModel
-from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Setpoints
+from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
 from gcs_formation.estimation.lags import LagEstimator
 from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory, advance
 
@@ -19,7 +19,7 @@ def models(ratios):
     lags = np.array([getattr(BELIEVED, lag) for lag in LAGS]) * np.array(ratios)
     limits = [getattr(BELIEVED, key) for key in ("speed_min_mps", "speed_max_mps")]
     limits += [BELIEVED.accel_max_mps2, BELIEVED.turn_rate_max_rps, BELIEVED.climb_max_mps]
-    return AutopilotModel.of(np.concatenate((lags, np.tile(limits, (len(lags), 1))), axis=1).T.copy())
+    return AutopilotModels.of(np.concatenate((lags, np.tile(limits, (len(lags), 1))), axis=1).T.copy())
 
 
 def wander(time_s):
@@ -39,7 +39,7 @@ def flown(
     history = SetpointHistory(1 / TICK_S)
     lags = LagEstimator(models(np.ones((count, 4))), history, 1 / TICK_S, 1 / TICK_S, in_use=in_use)
     rows = np.array([0.0, 0.0, 100.0, 0.0, 22.0, 0.0, 0.0, 0.0])
-    state, random = FlightState.of(np.repeat(rows[:, None], count, axis=1)), np.random.default_rng(seed)
+    state, random = FlightStates.of(np.repeat(rows[:, None], count, axis=1)), np.random.default_rng(seed)
     tick_ns, acting = round(TICK_S * 1e9), []
     for tick in range(round(seconds / TICK_S)):
         told = np.repeat(np.array(tell(tick * TICK_S), dtype=float)[:, None], count, axis=1)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from airlink.clock import NANOSECONDS
-from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Setpoints
+from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
 from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory, advance, air_rates, turn_rate
 
 
@@ -17,7 +17,7 @@ def column(*values: float) -> list[np.ndarray]:
     return [np.array([float(value)]) for value in values]
 
 
-MODEL = AutopilotModel(*column(4.0, 1.5, 1.0, 3.0, 16.0, 28.0, 1.5, 0.25, 3.0))
+MODEL = AutopilotModels(*column(4.0, 1.5, 1.0, 3.0, 16.0, 28.0, 1.5, 0.25, 3.0))
 
 
 def derivative(_: float, y: Any, told: tuple[float, float, float]) -> list[float]:
@@ -50,7 +50,7 @@ def test_equals_the_integrated_model(
     told = (told_speed, heading + turn, 100.0 + climb_to)
     peer = solve_ivp(derivative, (0, duration_s), start, args=(told,), rtol=1e-10, atol=1e-10, max_step=0.01).y[:, -1]
     ours = advance(
-        FlightState(*column(*start, 0.7, -0.4)),
+        FlightStates(*column(*start, 0.7, -0.4)),
         np.array(told)[None, :, None],
         np.array([[duration_s]]),
         MODEL,
@@ -63,7 +63,7 @@ def test_equals_the_integrated_model(
 
 @given(st.floats(0.02, 2.0), st.floats(0.1, 0.9))
 def test_a_way_made_in_two_pieces_ends_at_the_same_place(duration_s: float, share: float) -> None:
-    state = FlightState(*column(0, 0, 100, 0.5, 20, 1.0, 1.0, 2.0))
+    state = FlightStates(*column(0, 0, 100, 0.5, 20, 1.0, 1.0, 2.0))
     told = np.array([24.0, 1.2, 101.0])[None, :, None]
     whole = advance(state, told, np.array([[duration_s]]), MODEL)
     first = advance(state, told, np.array([[duration_s * share]]), MODEL)
@@ -75,7 +75,7 @@ def test_a_way_made_in_two_pieces_ends_at_the_same_place(duration_s: float, shar
 @given(st.floats(0.02, 1.0), st.floats(-0.2, 0.2), st.floats(-4.0, 4.0))
 def test_a_held_models_rates_are_the_means_while_a_setpoint_is_held(held_s: float, aside: float, faster: float) -> None:
     """Of the error as it begins, and with a negative time of that as it ends."""
-    state = FlightState(*column(0, 0, 100, 0.0, 22, 1.0, 0.0, 0.0))
+    state = FlightStates(*column(0, 0, 100, 0.0, 22, 1.0, 0.0, 0.0))
     told = Setpoints(*column(22.0 + faster, 1.0 + aside, 100.0))
     later = advance(state, told.table[None], np.array([[held_s]]), MODEL)
     mean = (later.air_motion - state.air_motion) / held_s
@@ -90,7 +90,7 @@ def test_setpoints_act_when_they_arrive() -> None:
     for k, values in enumerate(told):
         acts = np.array([round((0.1 * k + 0.3) * NANOSECONDS)])
         history.add(SentSetpoints(acts, Setpoints(*column(*values))))
-    state = FlightState(*column(0, 0, 100, 0, 22, 0, 0, 0))
+    state = FlightStates(*column(0, 0, 100, 0, 22, 0, 0, 0))
     predicted = history.predict(
         state,
         np.array([round(0.25 * NANOSECONDS)]),
@@ -108,7 +108,7 @@ def test_setpoints_act_when_they_arrive() -> None:
 
 
 def test_untold_vehicles_fly_straight_on() -> None:
-    state = FlightState(*column(0, 0, 100, 1.0, 22, 0.5, 0, 0))
+    state = FlightStates(*column(0, 0, 100, 1.0, 22, 0.5, 0, 0))
     later = advance(state, np.full((1, 3, 1), np.nan), np.array([[2.0]]), MODEL)
     assert later.heading_rad == pytest.approx([0.5])
     assert later.airspeed_mps == pytest.approx([22.0])
@@ -117,7 +117,7 @@ def test_untold_vehicles_fly_straight_on() -> None:
 
 @pytest.mark.parametrize("turn_rps", [0.0, 1e-9, 0.2, -0.2])
 def test_an_untold_vehicle_in_a_turn_flies_an_arc(turn_rps: float) -> None:
-    state, over_s = FlightState(*column(0, 0, 100, 0, 22, 0.5, 3, -2)), 12.0
+    state, over_s = FlightStates(*column(0, 0, 100, 0, 22, 0.5, 3, -2)), 12.0
     straight = advance(state, np.full((1, 3, 1), np.nan), np.array([[over_s]]), MODEL)
     turned = straight.turned(*column(turn_rps, over_s))
 
@@ -130,7 +130,7 @@ def test_an_untold_vehicle_in_a_turn_flies_an_arc(turn_rps: float) -> None:
 
 
 def test_limits_hold() -> None:
-    state = FlightState(*column(0, 0, 100, 0, 16, 0, 0, 0))
+    state = FlightStates(*column(0, 0, 100, 0, 16, 0, 0, 0))
     later = advance(state, np.array([99.0, 3.0, 500.0])[None, :, None], np.array([[1.0]]), MODEL)
     assert later.airspeed_mps == pytest.approx([17.5])
     assert later.heading_rad == pytest.approx([0.25])
@@ -140,8 +140,8 @@ def test_limits_hold() -> None:
 @pytest.mark.parametrize("apart", [0.0, 1e-9])
 def test_equal_time_constants_of_the_height_make_a_double_pole(apart: float) -> None:
     """After 2 s of a step of 1 m with 2 s twice, 2/e m are left, and it climbs at 1/(2 e) m/s."""
-    model = AutopilotModel(*column(4.0, 1.5, 2.0, 2.0 * (1 + apart), 16.0, 28.0, 1.5, 0.25, 3.0))
-    state = FlightState(*column(0, 0, 100, 0, 22, 0, 0, 0))
+    model = AutopilotModels(*column(4.0, 1.5, 2.0, 2.0 * (1 + apart), 16.0, 28.0, 1.5, 0.25, 3.0))
+    state = FlightStates(*column(0, 0, 100, 0, 22, 0, 0, 0))
     later = advance(state, np.array([22.0, 0.0, 101.0])[None, :, None], np.array([[2.0]]), model)
     assert later.height_m == pytest.approx([101 - 2 / np.e], abs=1e-8)
     assert later.climb_mps == pytest.approx([0.5 / np.e], abs=1e-8)
@@ -149,8 +149,8 @@ def test_equal_time_constants_of_the_height_make_a_double_pole(apart: float) -> 
 
 def test_rates_are_those_of_the_model_the_shorter_way_round_and_limited() -> None:
     """(setpoint - state) / tau, at most 1.5 m/s² and 0.25 rad/s; 0 without a setpoint."""
-    model = AutopilotModel.of(np.repeat(MODEL.table, 4, axis=1))
-    state = FlightState.of(np.zeros((8, 4)))
+    model = AutopilotModels.of(np.repeat(MODEL.table, 4, axis=1))
+    state = FlightStates.of(np.zeros((8, 4)))
     state.airspeed_mps[:], state.heading_rad[:] = 22.0, (3.1, 0.0, 0.0, 0.0)
     told = Setpoints(np.array((24.0, 32.0, 10.0, np.nan)), np.array((-3.1, 0.6, -0.6, np.nan)), np.zeros(4))
     turning = (2 * np.pi - 6.2) / 1.5, 0.25, -0.25, 0.0

@@ -7,7 +7,7 @@ import numpy.typing as npt
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Setpoints
+from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
 from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory
 from gcs_formation.estimation.projection import AtOneStamp, Measured, Pairing, Prediction
 
@@ -20,13 +20,13 @@ RATE_HZ = 10.0
 MS = 1_000_000
 
 
-def at(stamps: Stamps) -> FlightState:
+def at(stamps: Stamps) -> FlightStates:
     """Vehicles that fly straight on and turn evenly, through north."""
     time_s = stamps / 1e9
     still = np.zeros(COUNT)
     speed = np.array([20.0, 22.0, 24.0])
     turned = np.remainder(3.0 + np.array([0.05, -0.05, 0.1]) * time_s + np.pi, 2 * np.pi) - np.pi
-    return FlightState(speed * time_s, -speed * time_s, 100 + time_s, still + 1, speed, turned, still, still)
+    return FlightStates(speed * time_s, -speed * time_s, 100 + time_s, still + 1, speed, turned, still, still)
 
 
 def measured(stamps: Stamps, active: npt.NDArray[np.bool_] | None = None) -> Measured:
@@ -71,7 +71,7 @@ def test_a_vehicle_that_comes_back_is_not_mixed_with_what_stood_for_it() -> None
 
 def test_who_is_not_heard_is_taken_to_have_met_the_others_gust_when_the_other_met_it() -> None:
     """Both fly north at 20 m/s; a gust of 0.6 m/s comes at 1 s, and the second is heard no more after 0.8 s."""
-    model = AutopilotModel.of(np.repeat([[4.0], [1.5], [1.0], [3.0], [16.0], [28.0], [1.5], [0.25], [3.0]], 2, axis=1))
+    model = AutopilotModels.of(np.repeat([[4.0], [1.5], [1.0], [3.0], [16.0], [28.0], [1.5], [0.25], [3.0]], 2, axis=1))
     history, both, one = SetpointHistory(RATE_HZ), np.arange(2), np.ones(2)
     history.add(SentSetpoints(np.zeros(2, np.int64), Setpoints(20 * one, 0 * one, 100 * one)))
     prediction, states = Prediction(history, model, RATE_HZ), None
@@ -80,7 +80,7 @@ def test_who_is_not_heard_is_taken_to_have_met_the_others_gust_when_the_other_me
         seen_s = stamps / 1e9
         gust_m, gust_mps = np.maximum(0.6 * (seen_s - 1.0), 0.0), np.where(seen_s > 1.0, 0.6, 0.0)
         level = 20 * seen_s + gust_m, -gust_m / 2, 100 * one
-        state = FlightState(*level, 0 * one, 20 * one, 0 * one, gust_mps, -gust_mps / 2)
+        state = FlightStates(*level, 0 * one, 20 * one, 0 * one, gust_mps, -gust_mps / 2)
         states = prediction.take(Measured(state, stamps, one > 0, np.full(2, now_ms * MS)))
     assert states is not None
     found = states.of(both[1:], both[:1])
@@ -91,7 +91,7 @@ def test_who_is_not_heard_is_taken_to_have_met_the_others_gust_when_the_other_me
 
 def test_who_is_heard_is_predicted_from_its_newest_state_whatever_it_did_before() -> None:
     """It climbs, turns and speeds up against what it was told."""
-    model = AutopilotModel.of(np.repeat([[4.0], [1.5], [1.0], [3.0], [16.0], [28.0], [1.5], [0.25], [3.0]], 3, axis=1))
+    model = AutopilotModels.of(np.repeat([[4.0], [1.5], [1.0], [3.0], [16.0], [28.0], [1.5], [0.25], [3.0]], 3, axis=1))
     history, one = SetpointHistory(RATE_HZ), np.ones(COUNT)
     history.add(SentSetpoints(np.zeros(COUNT, np.int64), Setpoints(20 * one, 0 * one, 100 * one)))
     prediction = Prediction(history, model, RATE_HZ)

@@ -16,7 +16,7 @@ from airlink.endpoint import VehicleId
 from airlink.messages.system import Heartbeat
 from flight_model.earth import GeodeticOrigin
 from formation_scenario import load_scenario
-from gcs_formation.estimation.flight_state import FlightState, Setpoints
+from gcs_formation.estimation.flight_state import FlightStates, Setpoints
 from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory
 from gcs_formation.fleet.conformance import SETTLED_S, ConformanceMonitor
 from gcs_formation.link.connection import Connection
@@ -65,7 +65,7 @@ class Ground:
                         run.note(now)
             self.state[4, 1] = airspeed_mps(at_s)
             self.controller.estimator.stamps = np.full(3, now)
-            self.controller.estimator.state = FlightState(*self.state.copy())
+            self.controller.estimator.state = FlightStates(*self.state.copy())
             tick: Any = SimpleNamespace(active=np.array((True, commanded(at_s), True)))
             self.monitor.judge_motion(tick, now)
         return [each.at_s for each in self.notes if each.kind == "disobeys" and each.vehicle == 2]

@@ -9,7 +9,7 @@ import numpy as np
 
 from airlink.clock import NANOSECONDS, Instant
 from flight_model.arrays import Array, Mask
-from gcs_formation.estimation.flight_state import AutopilotModel, FlightState, Setpoints
+from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
 from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory, advance
 from gcs_formation.separation.manoeuvre import Traffic, sample_times
 from gcs_formation.separation.rule import Memory, resolve
@@ -32,8 +32,8 @@ MODEL = {
 }
 
 
-def model(count: int) -> AutopilotModel:
-    return AutopilotModel(*(np.full(count, value) for value in MODEL.values()))
+def model(count: int) -> AutopilotModels:
+    return AutopilotModels(*(np.full(count, value) for value in MODEL.values()))
 
 
 @dataclass
@@ -49,10 +49,10 @@ class Vehicles:
     floor_m: float = 15.0
 
     @property
-    def state(self) -> FlightState:
+    def state(self) -> FlightStates:
         north, east, height, speed, heading, _ = np.array(self.rows, dtype=np.float64).T
         still = np.zeros(north.size)
-        return FlightState(north, east, height, still, speed, heading, still, still)
+        return FlightStates(north, east, height, still, speed, heading, still, still)
 
     @property
     def turn_rps(self) -> Array:
@@ -79,7 +79,7 @@ class Flown:
         return np.abs(np.diff(np.sign(self.sides), axis=0, prepend=0.0)).sum(axis=0)
 
 
-def scene(vehicles: Vehicles, state: FlightState, told: Setpoints, age_s: float = 0.0) -> Scene:
+def scene(vehicles: Vehicles, state: FlightStates, told: Setpoints, age_s: float = 0.0) -> Scene:
     count, ours = len(vehicles.rows), vehicles.flown_by_us
     return Scene(
         traffic=Traffic(state, np.zeros(count), np.where(ours, 0.0, vehicles.turn_rps), model(count)),
@@ -151,7 +151,7 @@ def _delivered(on_the_way: list[tuple[float, int, Array]], now_s: float, held: A
     return [a for a in on_the_way if a[0] > now_s + 1e-9]
 
 
-def _nearest_m(state: FlightState) -> float:
+def _nearest_m(state: FlightStates) -> float:
     place = np.stack((state.north_m, state.east_m, state.height_m))
     apart = np.linalg.norm(place[:, :, None] - place[:, None], axis=0)
     return float(apart[np.triu_indices(len(apart), 1)].min())

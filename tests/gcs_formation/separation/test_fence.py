@@ -11,7 +11,7 @@ from airlink.clock import Instant
 from formation_scenario import Scenario, load_scenario
 from formation_scenario.fence import Fence, inside_m
 from gcs_formation import parameters
-from gcs_formation.estimation.flight_state import FlightState, Setpoints
+from gcs_formation.estimation.flight_state import FlightStates, Setpoints
 from gcs_formation.estimation.predictor import advance
 from gcs_formation.recorder import Tick
 from gcs_formation.separation.fence import FenceLimits
@@ -30,7 +30,7 @@ def fenced(corners: Any = None, count: int = 3, **heights: float) -> Scenario:
     return planned.model_copy(update={"safety": safety})
 
 
-def tick(state: FlightState, told: Setpoints) -> Tick:
+def tick(state: FlightStates, told: Setpoints) -> Tick:
     """Return a tick in which everybody is commanded."""
     count = told.speed_mps.size
     each, yes = np.full(count, np.nan), np.ones(count, dtype=bool)
@@ -54,7 +54,7 @@ def test_whatever_heading_is_asked_for_nobody_leaves(corners: Any) -> None:
     limits = FenceLimits(planned, model)
     height, climb, speed, wind, still = (np.full(count, value) for value in (100.0, 0.0, 22.0, 4.0, 0.0))
     heading = rng.uniform(-np.pi, np.pi, count)
-    state = FlightState.of(np.array([*np.full((2, count), -300.0), height, climb, speed, heading, wind, still]))
+    state = FlightStates.of(np.array([*np.full((2, count), -300.0), height, climb, speed, heading, wind, still]))
     wanted, turned = heading, np.zeros(count, dtype=bool)
     for step in range(500):
         if step % 100 == 0:
@@ -68,7 +68,7 @@ def test_whatever_heading_is_asked_for_nobody_leaves(corners: Any) -> None:
 
 def test_heights_are_held_between_the_limits_and_it_is_told_once() -> None:
     limits = FenceLimits(fenced(height_min_m=60.0, height_max_m=120.0), parameters.autopilot_model(fenced()))
-    state = FlightState.of(np.tile([[0.0], [0.0], [100.0], [0.0], [22.0], [0.0], [0.0], [0.0]], 3))
+    state = FlightStates.of(np.tile([[0.0], [0.0], [100.0], [0.0], [22.0], [0.0], [0.0], [0.0]], 3))
     words: list[str] = []
     for height_m in (150.0, 150.0, 100.0, 20.0):
         now = tick(state, Setpoints.of(np.array([[22.0] * 3, [0.0] * 3, [height_m, 100.0, np.nan]])))

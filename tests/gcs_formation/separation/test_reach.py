@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gcs_formation.estimation.flight_state import FlightState, Setpoints
+from gcs_formation.estimation.flight_state import FlightStates, Setpoints
 from gcs_formation.separation.manoeuvre import approach, fly, fly_level, may_come_near
 from gcs_formation.separation.traffic import Scene, bound, possible_pairs
 from tests.gcs_formation.separation.encounters import Vehicles, scene, wanted
@@ -31,7 +31,7 @@ def random_scene(seed: int, count: int, spread_m: float, unlike: float) -> Scene
         law.heading_rad + PI * unlike * random.uniform(-1, 1, count),
         law.height_m,
     )
-    winds = FlightState(*vehicles.state.table[:6], *(2 * unlike * random.uniform(-1, 1, (2, count))))
+    winds = FlightStates(*vehicles.state.table[:6], *(2 * unlike * random.uniform(-1, 1, (2, count))))
     made = scene(vehicles, winds, told)
     return replace(made, traffic=replace(made.traffic, lead_s=random.uniform(0, 0.3, count)))
 

@@ -10,7 +10,7 @@ import pytest
 
 from airlink.clock import Instant, after
 from formation_scenario import load_scenario
-from gcs_formation.estimation.flight_state import FlightState, Setpoints
+from gcs_formation.estimation.flight_state import FlightStates, Setpoints
 from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory
 from gcs_formation.estimation.projection import Measured
 from gcs_formation.parameters import autopilot_model
@@ -53,7 +53,7 @@ class Crossing:
 
     def keep(self, age_s: float = 0.0, at_s: float = 0.0) -> Tick:
         height, none, ours = np.full(2, 100.0), np.zeros(2), self.ours
-        state = FlightState(self.north, self.east, height, none, self.speed, self.heading, self.wind_north, none)
+        state = FlightStates(self.north, self.east, height, none, self.speed, self.heading, self.wind_north, none)
         told = Setpoints(self.speed, self.heading, height)
         now = np.full(2, after(Instant(0), at_s), dtype=np.int64)
         self.history.add(SentSetpoints(now, told))
@@ -128,7 +128,7 @@ def test_nobody_gives_way_to_a_virtual_leader_and_it_to_nobody() -> None:
 
     def yielding(north_m: tuple[float, ...], east_m: tuple[float, ...], heading: tuple[float, ...]) -> list[bool]:
         level = np.array(north_m), np.array(east_m), none + 100.0, none
-        state = FlightState(*level, none + 22.0, np.array(heading), none, none)
+        state = FlightStates(*level, none + 22.0, np.array(heading), none, none)
         link: Any = none, none, np.zeros((3, 2)), none, none, ours, ours, ~ours
         in_line = np.array([[0.0, 0.0, 0.0], [-30.0, 0.0, 0.0], [-60.0, 0.0, 0.0]])
         law: Any = [in_line, *(np.zeros((3, columns)) for columns in (3, 3, 9))]

@@ -1,0 +1,207 @@
+"""An autopilot and its aircraft, equation (7): one vehicle's state, and how it moves under held setpoints.
+
+Airspeed and heading are first-order lags with limited rates; height has two real poles and a limited climb. The way
+over ground is the air velocity's integral, plus what carries the air (errata item 17). Emulated vehicles fly by it and
+the station predicts by it, so where the model is the vehicle a prediction is exact.
+
+Plain numbers, vehicle by vehicle: a formation has few vehicles, for which arrays cost more than they save.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+NODES: Final[tuple[tuple[float, float], ...]] = (
+    (0.1127016653792583, 0.2777777777777778),
+    (0.5, 0.4444444444444444),
+    (0.8872983346207417, 0.2777777777777778),
+)
+"""Gauss's points of a stretch of time, as shares of it, and their weights: exact for polynomials of degree 5."""
+NO_LIMIT: Final = math.inf
+
+
+class AutopilotModel:
+    """Time constants (s) and limits of one autopilot."""
+
+    __slots__ = (
+        "accel_max_mps2",
+        "climb_max_mps",
+        "speed_max_mps",
+        "speed_min_mps",
+        "tau_ha_s",
+        "tau_hb_s",
+        "tau_psi_s",
+        "tau_v_s",
+        "turn_rate_max_rps",
+    )
+
+    def __init__(  # noqa: PLR0913, PLR0917 - the model's constants
+        self,
+        tau_v_s: float,
+        tau_psi_s: float,
+        tau_ha_s: float,
+        tau_hb_s: float,
+        speed_min_mps: float,
+        speed_max_mps: float,
+        accel_max_mps2: float,
+        turn_rate_max_rps: float,
+        climb_max_mps: float,
+    ) -> None:
+        """Take the lags of airspeed and heading, both of height, and the limits."""
+        self.tau_v_s = tau_v_s
+        self.tau_psi_s = tau_psi_s
+        self.tau_ha_s = tau_ha_s
+        self.tau_hb_s = tau_hb_s
+        self.speed_min_mps = speed_min_mps
+        self.speed_max_mps = speed_max_mps
+        self.accel_max_mps2 = accel_max_mps2
+        self.turn_rate_max_rps = turn_rate_max_rps
+        self.climb_max_mps = climb_max_mps
+
+
+class FlightState:
+    """Where a vehicle is and how it moves: north, east and up from the origin.
+
+    Airspeed and heading are relative to the air. The velocity over ground is the airspeed along the heading, plus the
+    wind and whatever else carries the vehicle.
+    """
+
+    __slots__ = (
+        "airspeed_mps",
+        "climb_mps",
+        "east_m",
+        "heading_rad",
+        "height_m",
+        "north_m",
+        "wind_east_mps",
+        "wind_north_mps",
+    )
+
+    def __init__(
+        self,
+        north_m: float,
+        east_m: float,
+        height_m: float,
+        climb_mps: float,
+        airspeed_mps: float,
+        heading_rad: float,
+        wind_north_mps: float,
+        wind_east_mps: float,
+    ) -> None:
+        """Take position, climb rate, air motion and wind."""
+        self.north_m = north_m
+        self.east_m = east_m
+        self.height_m = height_m
+        self.climb_mps = climb_mps
+        self.airspeed_mps = airspeed_mps
+        self.heading_rad = heading_rad
+        self.wind_north_mps = wind_north_mps
+        self.wind_east_mps = wind_east_mps
+
+    def copy(self) -> FlightState:
+        """Return the same state as an object of its own."""
+        return FlightState(
+            self.north_m,
+            self.east_m,
+            self.height_m,
+            self.climb_mps,
+            self.airspeed_mps,
+            self.heading_rad,
+            self.wind_north_mps,
+            self.wind_east_mps,
+        )
+
+    def values(self) -> tuple[float, float, float, float, float, float, float, float]:
+        """Return the quantities in the order of the constructor's arguments."""
+        return (
+            self.north_m,
+            self.east_m,
+            self.height_m,
+            self.climb_mps,
+            self.airspeed_mps,
+            self.heading_rad,
+            self.wind_north_mps,
+            self.wind_east_mps,
+        )
+
+
+def wrap(angle_rad: float) -> float:
+    """Return an angle's equal in [-pi, pi)."""
+    return (angle_rad + math.pi) % math.tau - math.pi
+
+
+def within(value: float, low: float, high: float) -> float:
+    """Return a value clipped to two limits."""
+    return low if value < low else min(value, high)
+
+
+def remaining(error: float, time_s: float, tau_s: float, rate_max: float) -> float:
+    """Return what a first-order lag with a limited rate leaves of `error` after `time_s`."""
+    size = abs(error)
+    if size <= rate_max * tau_s:
+        return error * math.exp(-time_s / tau_s)
+    limited_s = min(size / rate_max - tau_s, time_s)
+    left = (size - rate_max * limited_s) * math.exp((limited_s - time_s) / tau_s)
+    return left if error > 0.0 else -left
+
+
+def advance(
+    state: FlightState,
+    model: AutopilotModel,
+    speed_mps: float,
+    heading_rad: float,
+    height_m: float,
+    time_s: float,
+    accel_max_mps2: float = NO_LIMIT,
+    turn_rate_max_rps: float = NO_LIMIT,
+) -> None:
+    """Move `state` on by `time_s` under setpoints that are held meanwhile; the wind is constant.
+
+    Args:
+        state: is changed.
+        model: the vehicle's.
+        speed_mps: airspeed to fly, within the model's limits; NaN: the one it has.
+        heading_rad: heading to fly, NaN: the one it has.
+        height_m: height above the origin, NaN: where it levels off.
+        time_s: how long.
+        accel_max_mps2: what the setpoint itself allows, besides the model's limit.
+        turn_rate_max_rps: likewise.
+    """
+    accel_max_mps2 = min(accel_max_mps2, model.accel_max_mps2)
+    turn_rate_max_rps = min(turn_rate_max_rps, model.turn_rate_max_rps)
+    faster_mps = turn_rad = 0.0
+    if not math.isnan(speed_mps):
+        faster_mps = speed_mps - state.airspeed_mps
+    if not math.isnan(heading_rad):
+        turn_rad = wrap(heading_rad - state.heading_rad)
+    goal_mps, goal_rad = state.airspeed_mps + faster_mps, state.heading_rad + turn_rad
+    north_mps = east_mps = 0.0
+    for share, weight in NODES:
+        then_s = share * time_s
+        along_mps = weight * (goal_mps - remaining(faster_mps, then_s, model.tau_v_s, accel_max_mps2))
+        along_rad = goal_rad - remaining(turn_rad, then_s, model.tau_psi_s, turn_rate_max_rps)
+        north_mps += along_mps * math.cos(along_rad)
+        east_mps += along_mps * math.sin(along_rad)
+    state.north_m += (north_mps + state.wind_north_mps) * time_s
+    state.east_m += (east_mps + state.wind_east_mps) * time_s
+    state.airspeed_mps = goal_mps - remaining(faster_mps, time_s, model.tau_v_s, accel_max_mps2)
+    state.heading_rad = goal_rad - remaining(turn_rad, time_s, model.tau_psi_s, turn_rate_max_rps)
+    _climb(state, model, height_m, time_s)
+
+
+def _climb(state: FlightState, model: AutopilotModel, height_m: float, time_s: float) -> None:
+    """Move height and climb rate on; a climb beyond its limit counts as the limit.
+
+    With equal time constants the limit of (e^x - 1) / x gives the solution for a double pole.
+    """
+    slow_s, fast_s = max(model.tau_ha_s, model.tau_hb_s), min(model.tau_ha_s, model.tau_hb_s)
+    error_m = -(slow_s + fast_s) * state.climb_mps if math.isnan(height_m) else state.height_m - height_m
+    push_mps = state.climb_mps + error_m / slow_s
+    slow_left, apart = math.exp(-time_s / slow_s), time_s / slow_s - time_s / fast_s
+    between_s = time_s * slow_left * (math.expm1(apart) / apart if apart != 0.0 else 1.0)
+    left_m = slow_left * error_m + between_s * push_mps
+    climb_mps = math.exp(-time_s / fast_s) * push_mps - left_m / slow_s
+    most_m = model.climb_max_mps * time_s
+    state.height_m += within(left_m - error_m, -most_m, most_m)
+    state.climb_mps = within(climb_mps, -model.climb_max_mps, model.climb_max_mps)
