@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from airlink.clock import Instant, after, seconds_between
+from airlink import mavlink as m
+from airlink.clock import NANOSECONDS, Instant, after, seconds_between
 from airlink.endpoint import Endpoint, VehicleId
 from airlink.engine import Datagram
 from airlink.frame import Frame, ParserCounts
@@ -34,8 +35,10 @@ from gcs_formation.reporting import Reporter, look_on
 from gcs_formation.vehicle.families import planned
 from gcs_formation.vehicle.vehicle import Vehicle
 
-AWAY_S = 0.2
+AWAY_NS = NANOSECONDS // 5
 """A timer that is overdue by more means that the station itself was held up, and datagrams have waited for it."""
+SAYS = frozenset({m.MAVLINK_MSG_ID_HEARTBEAT, m.MAVLINK_MSG_ID_TIMESYNC, m.MAVLINK_MSG_ID_STATUSTEXT})
+"""Messages that may show a vehicle's mode or a text as changed; an answered probe may show that it has restarted."""
 
 
 class Station:
@@ -121,8 +124,7 @@ class Station:
         """Return the instant of the next tick, probe or delayed setpoint; None when the run has ended."""
         if self.flight.ended:
             return None
-        timer, held = min(self._next_tick, self._heartbeats.next_probe), self._dispatch.next()
-        return timer if held is None else min(timer, held)
+        return min(self._next_tick, self._heartbeats.next_probe, self._dispatch.due)
 
     def receive(self, datagram: Datagram, now: Instant) -> None:
         """Take a datagram: pass its frames to their vehicles, and count the rest."""
@@ -175,8 +177,9 @@ class Station:
             self.course.wait_for_loiter(now)
 
     def _was_away(self, now: Instant) -> bool:
-        timer = self.next_timer()
-        return timer is not None and seconds_between(timer, now) > AWAY_S
+        late = now - AWAY_NS
+        overdue = late > self._next_tick or late > self._heartbeats.next_probe or late > self._dispatch.due
+        return overdue and not self.flight.ended
 
     def _judge_members(self, now: Instant) -> None:
         """Decide which vehicles fly in the formation, and who succeeds a lost leader."""
@@ -219,7 +222,8 @@ class Station:
 
     def _watch_links(self, now: Instant) -> None:
         for vehicle in self.vehicles.values():
-            if vehicle.connection.check(now, vehicle.sequence.loss):
+            link = vehicle.connection
+            if not link.in_order(now) and link.check(now, vehicle.sequence.loss):
                 self._reporter.link(vehicle, now)
 
     def _start_vehicles(self, now: Instant) -> None:
@@ -319,15 +323,17 @@ class Station:
     # What happens, and what is said about it.
 
     def _take(self, vehicle: Vehicle, frame: Frame, now: Instant, *, timed: bool) -> None:
-        mode, texts = vehicle.telemetry.custom_mode, vehicle.telemetry.texts_told
+        seen = vehicle.telemetry
+        mode, texts = seen.custom_mode, seen.texts_told
         if vehicle.take(frame, now, timed=timed):
             self._reporter.link(vehicle, now)
-        if isinstance(frame.message, ParamValue):
+        if frame.message_id in SAYS:
+            if seen.custom_mode != mode:
+                self._reporter.event(now, "mode", vehicle.autopilot.mode_name(seen), vehicle)
+            if seen.texts_told != texts:
+                self._reporter.event(now, "statustext", seen.texts[-1], vehicle)
+        elif isinstance(frame.message, ParamValue):
             self.preflight.take(vehicle, frame.message, now)
-        if vehicle.telemetry.custom_mode != mode:
-            self._reporter.event(now, "mode", vehicle.autopilot.mode_name(vehicle.telemetry), vehicle)
-        if vehicle.telemetry.texts_told != texts:
-            self._reporter.event(now, "statustext", vehicle.telemetry.texts[-1], vehicle)
 
     def _send_all(self, messages: Iterable[tuple[Vehicle, Message]], now: Instant) -> None:
         for vehicle, message in messages:

@@ -44,6 +44,7 @@ class TimedStation:
     def __init__(self, station: Station) -> None:
         """Time the ticks of `station`."""
         self._station = station
+        self._watch = Stopwatch()
         self._due, self._begun, self._taken = array("d"), array("d"), array("d")
 
     def endpoints(self) -> tuple[Endpoint, ...]:
@@ -65,10 +66,10 @@ class TimedStation:
     def handle_timer(self, now: Instant) -> None:
         """Pass on the timer; record it if it was a tick that commanded the formation."""
         due, ticks = self._station.next_timer(), self._station.controlled_ticks
-        spent = Stopwatch()
+        began_s = self._watch.wall_s
         self._station.handle_timer(now)
         if due is not None and self._station.controlled_ticks > ticks:
-            self._taken.append(spent.wall_s)
+            self._taken.append(self._watch.wall_s - began_s)
             self._due.append(due)
             self._begun.append(now)
 

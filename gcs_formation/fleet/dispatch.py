@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Set
+from typing import Final
 
 import numpy as np
 
@@ -13,11 +14,12 @@ from airlink.endpoint import VehicleId
 from airlink.engine import DelayQueue
 from airlink.messages import Message
 from airlink.messages.system import MISSION_TIME, Heartbeat, NamedValueFloat
-from flight_model.arrays import Array, Mask
+from flight_model.arrays import Mask
 from formation_scenario import Scenario
 from gcs_formation.controller import Links
 from gcs_formation.estimation.flight_state import Setpoint, Whereabouts
 from gcs_formation.link.connection import LinkState
+from gcs_formation.link.gnss_clock import UNKNOWN_WAYS_S
 from gcs_formation.recorder import Note, Tick
 from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.vehicle import Vehicle
@@ -28,6 +30,7 @@ WHEREABOUTS = [0, 1, 6, 7]
 """Rows of a state's table that a setpoint's whereabouts are."""
 UNGUIDED_S = 2.0
 """For how long setpoints may be missing before a vehicle counts as left alone."""
+NEVER: Final = Instant(2**63 - 1)
 HEARTBEAT_S = 1.0
 PROBE_S = 0.25
 GOLDEN = (math.sqrt(5) - 1) / 2
@@ -47,7 +50,11 @@ class Dispatch:
         self._count = 1 + len(scenario.followers)
         self._vehicles = vehicles
         self._columns = columns
+        self._each = [(identity, vehicles[identity], column) for identity, column in columns.items()]
+        self._at_once: list[tuple[Vehicle, Message]] = []
         self._held = DelayQueue[tuple[Vehicle, Message]]()
+        self.due = NEVER
+        """When the next message is to be sent."""
         self._without: dict[VehicleId, Instant] = {}
         """Since when there has been no setpoint for a vehicle that should get some."""
 
@@ -59,71 +66,87 @@ class Dispatch:
             disobeying: (C,) columns that don't seem to fly as they were told.
             now: the tick's instant.
         """
-        ready, delay_s, lag_s = np.zeros(self._count, dtype=bool), np.zeros(self._count), np.zeros(self._count)
-        ways_s = np.full((self._count, 2), np.nan)
-        jitter_s, airborne = np.full(self._count, np.nan), np.ones(self._count, dtype=bool)
-        heard = np.full(self._count, now, dtype=np.int64)
+        count, flies = self._count, Member.FLYING
+        ready, airborne, heard = [False] * count, [True] * count, [now] * count
+        delay_s, lag_s, jitter_s = [0.0] * count, [0.0] * count, [math.nan] * count
+        ways_s = [UNKNOWN_WAYS_S] * count
         ready[0] = self._virtual_leader
-        for identity, column in self._columns.items():
-            vehicle = self._vehicles[identity]
-            ready[column] = vehicle.member is Member.FLYING
+        for _, vehicle, column in self._each:
+            ready[column] = vehicle.member is flies
             delay_s[column] = vehicle.clock.one_way_s
             ways_s[column] = vehicle.ways_s
             jitter_s[column] = vehicle.jitter.jitter_s
             airborne[column] = vehicle.airborne
             heard[column] = vehicle.heard_at(now)
             lag_s[column] = vehicle.autopilot.loop_s / 2
-        links = Links(ready, delay_s, ways_s, jitter_s, lag_s, 0.0, airborne, heard, disobeying)
-        hold_s = self._hold_s(leader, ready, links.up_s)
+        up_s = [half if math.isnan(up) else up for half, (up, _) in zip(delay_s, ways_s, strict=True)]
+        hold_s = self._hold_s(leader, ready, up_s)
         lag_s[leader] += hold_s
-        return links._replace(hold_s=hold_s)
+        return Links(
+            np.array(ready),
+            np.array(delay_s),
+            np.array(ways_s),
+            np.array(jitter_s),
+            np.array(lag_s),
+            hold_s,
+            np.array(airborne),
+            np.array(heard),
+            disobeying,
+        )
 
     def take(self, tick: Tick, hold_s: float, now: Instant) -> None:
         """Take a tick's setpoints; one that isn't finite is never sent."""
-        told, state = tick.setpoints, tick.state
-        for identity, column in self._columns.items():
-            setpoint = Setpoint(
-                float(told.speed_mps[column]), float(told.heading_rad[column]), float(told.height_m[column])
-            )
-            where = Whereabouts(*state.table[WHEREABOUTS, column].tolist())
-            finite = all(map(math.isfinite, (*setpoint, *where)))
-            vehicle, usable = self._vehicles[identity], bool(tick.active[column]) and finite
+        told, where = tick.setpoints.table.T.tolist(), tick.state.table[WHEREABOUTS].T.tolist()
+        active = tick.active.tolist()
+        for identity, vehicle, column in self._each:
+            setpoint, place = told[column], where[column]
+            usable = active[column] and math.isfinite(sum(setpoint) + sum(place))
             if usable or vehicle.member is not Member.FLYING:
                 self._without.pop(identity, None)
             else:
                 self._without.setdefault(identity, now)
             if usable:
-                due = after(now, hold_s if column == tick.leader else 0.0)
-                for message in vehicle.autopilot.setpoint(setpoint, where):
-                    self._held.push(due, (vehicle, message))
+                messages = vehicle.autopilot.setpoint(Setpoint(*setpoint), Whereabouts(*place))
+                self._send(vehicle, messages, after(now, hold_s) if column == tick.leader else now, now)
+
+    def _send(self, vehicle: Vehicle, messages: tuple[Message, ...], due: Instant, now: Instant) -> None:
+        if due <= now:
+            self._at_once.extend((vehicle, message) for message in messages)
+        else:
+            for message in messages:
+                self._held.push(due, (vehicle, message))
+        self.due = min(self.due, due)
 
     def unguided(self, now: Instant) -> frozenset[VehicleId]:
         """Return the vehicles that fly in the formation, and for which there have been no setpoints for a while."""
         return frozenset(each for each, since in self._without.items() if seconds_between(since, now) > UNGUIDED_S)
 
-    def next(self) -> Instant | None:
-        """Return when the next message is to be sent, None when none is held."""
-        return self._held.next()
-
     def pop_due(self, now: Instant) -> list[tuple[Vehicle, Message]]:
         """Remove and return the messages to send now; none to a vehicle that has left the formation meanwhile."""
-        return [each for each in self._held.pop_due(now) if each[0].member is Member.FLYING]
+        if now < self.due:
+            return []
+        due = [*self._held.pop_due(now), *self._at_once]
+        self._at_once = []
+        held = self._held.next()
+        self.due = NEVER if held is None else held
+        return [each for each in due if each[0].member is Member.FLYING]
 
     def clear(self) -> None:
         """Drop all messages that are held back: no setpoint may follow an order to loiter."""
-        self._held = DelayQueue[tuple[Vehicle, Message]]()
+        self._held, self._at_once, self.due = DelayQueue[tuple[Vehicle, Message]](), [], NEVER
         self._without.clear()
 
-    def _hold_s(self, leader: int, ready: Mask, up_s: Array) -> float:
+    def _hold_s(self, leader: int, ready: list[bool], up_s: list[float]) -> float:
         """Return for how long the leader's setpoints are held back: until those of the slowest follower act.
 
         Otherwise a leader on a quicker link would turn before its followers can.
         """
-        following = ready & (np.arange(self._count) != leader)
-        if not self._compensates or not following.any():
+        if not self._compensates:
             return 0.0
-        slowest_s = float(np.fmax.reduce(up_s[following], initial=0.0))
-        own_s = float(up_s[leader])
+        own_s, slowest_s = up_s[leader], 0.0
+        for column, follows in enumerate(ready):
+            if follows and column != leader and up_s[column] > slowest_s:
+                slowest_s = up_s[column]
         return min(max(0.0, slowest_s - (0.0 if math.isnan(own_s) else own_s)), HOLD_MAX_S)
 
 

@@ -14,6 +14,7 @@ from airlink.engine import Datagram
 from airlink.frame import Frame
 from airlink.messages import Message
 from airlink.messages.system import Heartbeat
+from gcs_formation.link.source_binding import ADMITTED, Finding
 from gcs_formation.phases import Flight, Phase
 from gcs_formation.recorder import GiveUp, Note
 from gcs_formation.vehicle.vehicle import STATION_SYSTEM, Vehicle
@@ -35,12 +36,10 @@ class Senders:
     ) -> None:
         """Know `vehicles`; `networks[s]` is the network of socket s."""
         self._networks = networks
-        self._vehicles = {
-            (socket, identity.system): vehicle
-            for socket, network in enumerate(networks)
-            for identity, vehicle in vehicles.items()
-            if identity.network == network
-        }
+        self._vehicles = [
+            {identity.system: vehicle for identity, vehicle in vehicles.items() if identity.network == network}
+            for network in networks
+        ]
         """By socket and system id."""
         self._flight = flight
         self._note = note
@@ -49,21 +48,27 @@ class Senders:
 
     def sender(self, frame: Frame, datagram: Datagram, now: Instant) -> Vehicle | None:
         """Return the vehicle whose autopilot sent a frame, None if another sender did."""
-        vehicle = self._vehicles.get((datagram.socket, frame.system))
+        socket, message = datagram.socket, frame.message
+        vehicle = self._vehicles[socket].get(frame.system)
         if vehicle is None:
-            self._note_stranger(VehicleId(self._networks[datagram.socket], frame.system), frame, datagram, now)
+            self._note_stranger(VehicleId(self._networks[socket], frame.system), frame, datagram, now)
             return None
-        if frame.component != m.MAV_COMP_ID_AUTOPILOT1 or _is_no_autopilots(frame.message):
+        if frame.component != m.MAV_COMP_ID_AUTOPILOT1 or _is_no_autopilots(message):
             return None
-        ruling = vehicle.claims.judge(frame.message, datagram.socket, datagram.peer, now)
-        if ruling.finding:
-            kind, text, peer = ruling.finding
-            self._note(now, kind, text, vehicle, {"peer": str(peer)})
-            if kind == "address":
-                vehicle.sequence.restart()
-            elif self._flight.phase is Phase.CONNECTING:
-                self._give_up(f"vehicle {vehicle.identity}: {text}; allowed: each id once", now)
+        ruling = vehicle.claims.judge(message, socket, datagram.peer, now)
+        if ruling is ADMITTED:
+            return vehicle
+        if ruling.finding is not None:
+            self._note_finding(vehicle, ruling.finding, now)
         return vehicle if ruling.admitted else None
+
+    def _note_finding(self, vehicle: Vehicle, finding: Finding, now: Instant) -> None:
+        kind, text, peer = finding
+        self._note(now, kind, text, vehicle, {"peer": str(peer)})
+        if kind == "address":
+            vehicle.sequence.restart()
+        elif self._flight.phase is Phase.CONNECTING:
+            self._give_up(f"vehicle {vehicle.identity}: {text}; allowed: each id once", now)
 
     def _note_stranger(self, identity: VehicleId, frame: Frame, datagram: Datagram, now: Instant) -> None:
         if not isinstance(frame.message, Heartbeat) or identity in self._strangers:

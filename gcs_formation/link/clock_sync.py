@@ -41,18 +41,13 @@ class ClockSync:
     round_trip_s: float = math.nan
     samples: int = 0
     restarts: int = 0
+    one_way_s: float = math.nan
+    """Half the mean of the recent round trips, without the answering loop's share."""
     offset_s: float = math.nan
     drift: float = 0.0
     _reference: Instant = Instant(0)
     _variance: tuple[float, float, float] = (1.0, 0.0, INITIAL_DRIFT**2)
     _recent: deque[float] = field(default_factory=lambda: deque[float](maxlen=WINDOW))
-
-    @property
-    def one_way_s(self) -> float:
-        """Half the mean of the recent round trips, without the answering loop's share."""
-        if not self._recent:
-            return math.nan
-        return max(0.0, (sum(self._recent) / len(self._recent) - self.loop_s / 2) / 2)
 
     @property
     def scatter_s(self) -> float:
@@ -71,6 +66,7 @@ class ClockSync:
         """Take an answered probe; return whether it shows that the vehicle's clock has restarted."""
         self.round_trip_s = (received - sent) / NANOSECONDS
         self._recent.append(self.round_trip_s)
+        self.one_way_s = max(0.0, (sum(self._recent) / len(self._recent) - self.loop_s / 2) / 2)
         middle = Instant((sent + received) // 2)
         sample_s = (vehicle_time_ns - middle) / NANOSECONDS
         restarted = self.samples > 0 and abs(sample_s - self._predict(middle)) > RESTART_S + self.round_trip_s / 2
@@ -87,6 +83,11 @@ class ClockSync:
         """Return our instant for a vehicle's time since boot in seconds."""
         at_reference_s = self._reference / NANOSECONDS + self.offset_s
         return Instant(self._reference + round((vehicle_time_s - at_reference_s) / (1 + self.drift) * NANOSECONDS))
+
+    def age_s(self, vehicle_time_s: float, now: Instant) -> float:
+        """Return how long before `now` a vehicle's time since boot was, s."""
+        since_s = (now - self._reference) / NANOSECONDS
+        return since_s - (vehicle_time_s - self._reference / NANOSECONDS - self.offset_s) / (1 + self.drift)
 
     def _predict(self, at: Instant) -> float:
         return self.offset_s + self.drift * (at - self._reference) / NANOSECONDS

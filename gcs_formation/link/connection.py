@@ -7,7 +7,7 @@ from collections import OrderedDict
 from dataclasses import dataclass
 from enum import Enum
 
-from airlink.clock import Instant, seconds_between
+from airlink.clock import NANOSECONDS, Instant, seconds_between
 from airlink.endpoint import Address
 from airlink.engine import Datagram
 from airlink.frame import Frame, ParserCounts, StreamParser
@@ -16,6 +16,7 @@ STALE_AFTER_S = 1.5
 LOST_AFTER_S = 5.0
 MUTE_AFTER_S = 3.5
 """Three and a half heartbeats, as is usual in ground stations."""
+STALE_AFTER_NS, MUTE_AFTER_NS = round(STALE_AFTER_S * NANOSECONDS), round(MUTE_AFTER_S * NANOSECONDS)
 ALL_LOST = 1e-6
 """On a lossy link it takes longer: until losing all heartbeats that were due is less probable than this."""
 MAX_REMOTES = 1024
@@ -79,6 +80,11 @@ class Connection:
                 self.state = following
                 return True
         return False
+
+    def in_order(self, now: Instant) -> bool:
+        """Return whether frames and heartbeats come as they should, whatever the loss."""
+        heard = now - self.last_heard <= STALE_AFTER_NS
+        return heard and self.last_heard - self.last_heartbeat <= MUTE_AFTER_NS and self.state is LinkState.CONNECTED
 
     def mute_s(self, loss: float) -> float:
         """Return for how long heartbeats have been missing beyond what `loss` explains, s; negative if they aren't."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from airlink.clock import Instant, seconds_between
+from airlink.clock import NANOSECONDS, Instant
 
 MODULUS = 256
 LATE = MODULUS // 2
@@ -31,6 +31,10 @@ class SequenceTracker:
 
     def observe(self, sequence: int) -> None:
         """Take the sequence number of a frame that arrived."""
+        if self._newest is not None and sequence == (self._newest + 1) % MODULUS and not self._missing:
+            self.received += 1
+            self._newest = sequence
+            return
         newest = (sequence - 1) % MODULUS if self._newest is None else self._newest
         if (newest - sequence) % MODULUS <= LATE:
             self._observe_late(sequence)
@@ -80,7 +84,7 @@ class JitterMeter:
         """Take a sample: its stamp on the vehicle's clock, which gains `drift` s a second on ours, and its arrival."""
         if self._last is not None:
             sent_s, before = self._last
-            change_s = abs(seconds_between(before, arrived) - (stamp_s - sent_s) / (1.0 + drift))
+            change_s = abs((arrived - before) / NANOSECONDS - (stamp_s - sent_s) / (1.0 + drift))
             known_s = 0.0 if math.isnan(self.jitter_s) else self.jitter_s
             self.jitter_s = known_s + SHARE * (change_s - known_s)
         self._last = stamp_s, arrived

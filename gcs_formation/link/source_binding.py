@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import NamedTuple
+from typing import Final, NamedTuple, get_args
 
 from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import Address
@@ -30,6 +30,9 @@ DISBELIEVED_S = 2.0
 """After this long without a stamp of the known clock, the answer of another clock is accepted."""
 FORGOTTEN_S = 60.0
 MAX_RIVALS = 8
+
+STAMPED: Final = frozenset(kind for kind in get_args(Message) if "time_boot_s" in kind._fields)
+"""Messages that tell the sender's time since boot."""
 
 Remote = tuple[int, Address]
 """Socket and address."""
@@ -86,16 +89,16 @@ class SourceBinding:
 
     def judge(self, message: Message | None, socket: int, peer: Address, now: Instant) -> Ruling:
         """Decide on a frame, and bind the vehicle to its address if the evidence supports it."""
-        connection, remote = self._connection, (socket, peer)
-        evidence = self._evidence(getattr(message, "time_boot_s", None), now)
-        heartbeat = isinstance(message, Heartbeat)
+        connection = self._connection
+        stamp_s = getattr(message, "time_boot_s", None) if type(message) in STAMPED else None
+        evidence = Evidence.NONE if stamp_s is None else self._evidence(stamp_s, now)
         if connection.state is LinkState.SEARCHING:
-            if heartbeat or connection.peer is None:
-                connection.socket, connection.peer = remote
-        elif remote != (connection.socket, connection.peer):
-            return self._judge_other(remote, evidence, now, heartbeat=heartbeat)
+            if connection.peer is None or isinstance(message, Heartbeat):
+                connection.socket, connection.peer = socket, peer
+        elif peer != connection.peer or socket != connection.socket:
+            return self._judge_other((socket, peer), evidence, now, heartbeat=isinstance(message, Heartbeat))
         if evidence is Evidence.ANOTHERS:
-            return Ruling(False, self._rival(remote, evidence, now))
+            return Ruling(False, self._rival((socket, peer), evidence, now))
         if evidence is Evidence.GOES_ON or not self._clock.samples:
             self._agreed = now
         return ADMITTED
@@ -105,11 +108,10 @@ class SourceBinding:
         doubtful = self._evidence(vehicle_time_s, now) is Evidence.ANOTHERS
         return not doubtful or seconds_between(self._agreed, now) > DISBELIEVED_S
 
-    def _evidence(self, stamp_s: float | None, now: Instant) -> Evidence:
-        if stamp_s is None or not self._clock.samples:
+    def _evidence(self, stamp_s: float, now: Instant) -> Evidence:
+        if not self._clock.samples:
             return Evidence.NONE
-        age_s = seconds_between(self._clock.to_instant(stamp_s), now)
-        if -EARLY_S <= age_s <= LONGEST_DELAY_S:
+        if -EARLY_S <= self._clock.age_s(stamp_s, now) <= LONGEST_DELAY_S:
             return Evidence.GOES_ON
         booted = after(now, -stamp_s)
         return Evidence.BEGAN_ANEW if booted >= after(self._agreed, -BOOT_SLACK_S) else Evidence.ANOTHERS

@@ -20,10 +20,11 @@ from gcs_formation.record.timeseries import TickSpool, spools
 from gcs_formation.recorder import Event, Tick
 
 _STAMP = struct.Struct(">Q")
+_pack = _STAMP.pack
 SCENARIO = RUN
 TLOG = "flight.tlog"
 EVENTS = "events.jsonl"
-SPOOL = "timeseries.arrows"
+SPOOL = "timeseries.ticks"
 TRUTH = "truth.bin"
 TIMESERIES = "timeseries.parquet"
 SUMMARY = "summary.json"
@@ -51,18 +52,24 @@ class TlogWriter:
         self._file: BinaryIO = path.open("ab")
         self._file.truncate(sum(_STAMP.size + len(frame.raw) for frame in read_tlog(path)))
         self._epoch_us = epoch_us
+        self._waiting: list[bytes] = []
 
     def write(self, now: Instant, raw: bytes) -> None:
-        """Append a frame."""
-        self._file.write(_STAMP.pack(self._epoch_us + now // 1000) + raw)
+        """Append a frame; it waits for `flush`."""
+        self._waiting += (_pack(self._epoch_us + now // 1000), raw)
 
     def flush(self) -> None:
-        """Flush to the operating system, so that a crash of this process loses nothing."""
+        """Write what is waiting to the operating system, so that a crash of this process loses nothing of it."""
+        data, self._waiting = b"".join(self._waiting), []
+        self._file.write(data)
         self._file.flush()
 
     def close(self) -> None:
-        """Close the file."""
-        self._file.close()
+        """Write what is waiting and close the file."""
+        try:
+            self.flush()
+        finally:
+            self._file.close()
 
 
 def read_tlog(path: Path) -> Iterator[LoggedFrame]:
@@ -129,13 +136,11 @@ class RunDirectory:
 
     def frame(self, now: Instant, raw: bytes) -> None:
         """Record a frame."""
-        if self.failure is not None or self._tlog is None:
+        if self._tlog is None or self.failure is not None:
             return
-        try:
-            self._tlog.write(now, raw)
+        self._tlog.write(now, raw)
+        if now >= self._next_flush:
             self._flush_in_time(now)
-        except OSError as error:
-            self._give_up(error)
 
     def tick(self, tick: Tick) -> None:
         """Record a control tick."""
@@ -143,9 +148,10 @@ class RunDirectory:
             return
         try:
             self._spool.add(tick)
-            self._flush_in_time(tick.now)
         except OSError as error:
             self._give_up(error)
+        if tick.now >= self._next_flush:
+            self._flush_in_time(tick.now)
 
     def event(self, event: Event) -> None:
         """Record an event as a line of JSON; where other files can no longer be written, this is still tried."""
@@ -163,9 +169,11 @@ class RunDirectory:
             file.flush()
 
     def _flush_in_time(self, now: Instant) -> None:
-        if now >= self._next_flush:
-            self._next_flush = Instant(now + round(FLUSH_S * NANOSECONDS))
+        self._next_flush = Instant(now + round(FLUSH_S * NANOSECONDS))
+        try:
             self.flush()
+        except OSError as error:
+            self._give_up(error)
 
     def close(self) -> None:
         """Close the files; each is whole up to what could be written."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from pyarrow import ipc
 
 from airlink.clock import NANOSECONDS
 from airlink.endpoint import VehicleId
@@ -52,59 +51,52 @@ TRUTH = (
 ERROR = ("error_x_m", "error_y_m", "error_z_m")
 GROUND = ("ground_height_m", "clearance_m")
 PHASES = ("assembling", "flying", "ending", "loitering", "connecting")
-BATCH_ROWS = 4096
-SPOOL_SCHEMA = pa.schema(
-    [
-        pa.field("network", pa.int32()),
-        pa.field("vehicle", pa.int32()),
-        pa.field("phase", pa.int8()),
-        *(pa.field(name, pa.float64()) for name in MEASURED),
-    ]
-)
+WAITING_TICKS = 64
+"""Most ticks that wait to be written."""
+SPOOLED = ("phase", *MEASURED)
+"""Rows of a tick in a spool."""
 
 
 class TickSpool:
-    """Appends ticks to a file that can be read up to its last whole batch, also after a crash."""
+    """Appends ticks to a file that can be read up to its last whole tick, also after a crash.
+
+    A line of JSON names the vehicles; what follows are 64-bit floats, tick after tick: for each of `SPOOLED` a number
+    for each vehicle.
+    """
 
     def __init__(self, path: Path, columns: Sequence[VehicleId | None]) -> None:
-        """Create the file, or the next one beside it where it is there: a stream that was cut off can't be continued.
+        """Create the file, or the next one beside it where it is there: its vehicles stand in the order of this run.
 
         `columns` names the vehicle of each of a tick's columns, None for a virtual leader.
         """
-        self._flying = [i for i, vehicle in enumerate(columns) if vehicle is not None]
-        vehicles = [vehicle for vehicle in columns if vehicle is not None]
-        self._network = np.array([vehicle.network for vehicle in vehicles], dtype=np.int32)
-        self._system = np.array([vehicle.system for vehicle in vehicles], dtype=np.int32)
-        self._tables: list[Array] = []
-        self._phases: list[int] = []
-        self._writer = ipc.new_stream(str(path.with_name(f"{path.name}{_suffix(len(spools(path)))}")), SPOOL_SCHEMA)
+        flying = [i for i, vehicle in enumerate(columns) if vehicle is not None]
+        self._flying = slice(None) if len(flying) == len(columns) else flying
+        self._waiting, self._count = np.empty((WAITING_TICKS, len(SPOOLED), len(columns))), 0
+        self._file = path.with_name(f"{path.name}{_suffix(len(spools(path)))}").open("wb")
+        vehicles = [[each.network, each.system] for each in columns if each is not None]
+        self._file.write(json.dumps({"vehicles": vehicles}).encode() + b"\n")
+        self._file.flush()
 
     def add(self, tick: Tick) -> None:
         """Append a tick."""
-        self._tables.append(_table(tick)[:, self._flying])
-        self._phases.append(PHASES.index(tick.phase))
-        if len(self._tables) * len(self._flying) >= BATCH_ROWS:
+        _fill(self._waiting[self._count], tick)
+        self._count += 1
+        if self._count == WAITING_TICKS:
             self.flush()
 
     def flush(self) -> None:
         """Write what is waiting."""
-        if not self._tables:
-            return
-        values = np.concatenate(self._tables, axis=1)
-        ticks = len(self._tables)
-        arrays: list[Any] = [
-            pa.array(np.tile(self._network, ticks)),
-            pa.array(np.tile(self._system, ticks)),
-            pa.array(np.repeat(np.array(self._phases, dtype=np.int8), len(self._flying))),
-            *(pa.array(column) for column in values),
-        ]
-        self._writer.write_batch(pa.record_batch(arrays, schema=SPOOL_SCHEMA))
-        self._tables, self._phases = [], []
+        if self._count:
+            self._file.write(self._waiting[: self._count, :, self._flying].tobytes())
+            self._count = 0
+            self._file.flush()
 
     def close(self) -> None:
         """Write what is waiting and close the file."""
-        self.flush()
-        self._writer.close()
+        try:
+            self.flush()
+        finally:
+            self._file.close()
 
 
 def spools(path: Path) -> list[Path]:
@@ -120,17 +112,19 @@ def _suffix(resumed: int) -> str:
 
 
 def read_spool(path: Path) -> dict[str, Array]:
-    """Return the columns of a spool, each of its files up to its last whole batch."""
-    batches: list[pa.RecordBatch] = []
-    for part in spools(path) or [path]:
-        with (
-            pa.OSFile(str(part), "rb") as file,
-            suppress(pa.ArrowInvalid, OSError),  # cut off in the middle of a batch, or before the first
-            ipc.open_stream(file) as reader,
-        ):
-            batches.extend(reader)
-    table = pa.Table.from_batches(batches, schema=SPOOL_SCHEMA)
-    return {name: table.column(name).to_numpy() for name in table.column_names}
+    """Return the columns of a spool, each of its files up to its last whole tick: a row for each vehicle and tick."""
+    parts = [_read_part(part) for part in spools(path) or [path]]
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def _read_part(path: Path) -> dict[str, Array]:
+    head, _, data = path.read_bytes().partition(b"\n")
+    vehicles = np.array(json.loads(head)["vehicles"] if data else [], dtype=np.int32).reshape(-1, 2)
+    ticks = len(data) // max(1, 8 * len(SPOOLED) * len(vehicles))
+    numbers = np.frombuffer(data, count=ticks * len(SPOOLED) * len(vehicles))
+    rows = numbers.reshape(ticks, len(SPOOLED), len(vehicles)).transpose(1, 0, 2).reshape(len(SPOOLED), -1)
+    network, system = np.tile(vehicles, (ticks, 1)).T
+    return {"network": network, "vehicle": system} | dict(zip(SPOOLED, rows, strict=True))
 
 
 def in_words(columns: Mapping[str, Array]) -> dict[str, Any]:
@@ -161,15 +155,18 @@ def flying(columns: Mapping[str, Array]) -> Mask:
     return columns["phase"] == PHASES.index("flying")
 
 
-def _table(tick: Tick) -> Array:
-    """Return a tick's values, (`MEASURED`, C)."""
-    count = tick.age_s.size
-    times = np.full((len(TIME), count), ((tick.now / NANOSECONDS,), (tick.mission_time_s,)))
-    leads: Mask = np.arange(count) == tick.leader
-    measured = tick.age_s, tick.delay_s, *tick.ways_s.T, tick.jitter_s, tick.margin_used
-    link = np.array((*measured, tick.active, leads, tick.yielding, tick.airborne))
-    law = tick.slots_m.T, tick.error_m.T, tick.mixed.T, tick.gains.T
-    return np.concatenate((times, tick.state.table, tick.setpoints.table, link, *law))
+def _fill(rows: Array, tick: Tick) -> None:
+    """Put a tick's values into rows (`SPOOLED`, C)."""
+    rows[0] = PHASES.index(tick.phase)
+    rows[1] = tick.now / NANOSECONDS
+    rows[2] = tick.mission_time_s
+    rows[3:11] = tick.state.table
+    rows[11:14] = tick.setpoints.table
+    rows[14], rows[15], rows[16:18] = tick.age_s, tick.delay_s, tick.ways_s.T
+    rows[18], rows[19], rows[20], rows[21] = tick.jitter_s, tick.margin_used, tick.active, 0.0
+    rows[21, tick.leader] = 1.0
+    rows[22], rows[23] = tick.yielding, tick.airborne
+    rows[24:27], rows[27:30], rows[30:33], rows[33:] = tick.slots_m.T, tick.error_m.T, tick.mixed.T, tick.gains.T
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, Final, NamedTuple
 
 from airlink import mavlink as m
 from airlink.messages import Message
@@ -29,7 +30,6 @@ ANGLE_LIMIT_RAD = 2 * math.pi
 TURN_LIMIT_RPS = 50.0
 ALTITUDE_LIMIT_M = 100e3
 """Limits beyond which a state isn't an aircraft's, even if it is finite."""
-WITHOUT_HEADING = GlobalPositionInt._fields.index("hdg_rad")
 
 
 class Motion(NamedTuple):
@@ -57,6 +57,10 @@ class Telemetry:
     """Stamp of the newest position when the airspeed came: its own message has none."""
     heartbeat: Heartbeat | None = None
     heartbeats: int = 0
+    armed: bool = False
+    """Whether the motors are armed."""
+    custom_mode: int | None = None
+    """The autopilot's own mode number, None before the first heartbeat."""
     ekf_flags: int = 0
     sensors_healthy: int = 0
     landed_state: int = m.MAV_LANDED_STATE_UNDEFINED
@@ -73,51 +77,63 @@ class Telemetry:
 
     def take(self, message: Message) -> None:
         """Store the state in `message`; values that aren't finite or plausible are dropped and counted."""
-        match message:
-            case GlobalPositionInt() if message.lat_rad == message.lon_rad == 0.0:
-                pass  # what an autopilot says that has no fix
-            case GlobalPositionInt() if _is_position(message):
-                self._take_position(message)
-            case Attitude() if _is_attitude(message):
-                self.attitude = message
-            case VfrHud() if 0.0 <= message.airspeed_mps <= SPEED_LIMIT_MPS:
-                self.airspeed_mps = message.airspeed_mps
-                self.airspeed_stamp_s = self.motion.stamp_s if self.motion else math.nan
-            case Heartbeat():
-                self.heartbeat = message
-                self.heartbeats += 1
-            case EkfStatusReport():
-                self.ekf_flags = message.flags
-            case SysStatus():
-                self.sensors_healthy = message.onboard_control_sensors_health
-            case ExtendedSysState():
-                self.landed_state = message.landed_state
-            case HomePosition():
-                self.home_m = self.origin.to_ned(message.latitude_rad, message.longitude_rad, message.altitude_m)[:2]
-            case Statustext():
-                self._take_text(message)
-            case GlobalPositionInt() | Attitude() | VfrHud():
-                self.implausible += 1
-            case _:
-                pass
+        take = TAKE.get(type(message))
+        if take is not None:
+            take(self, message)
 
-    def _take_position(self, message: GlobalPositionInt) -> None:
+    def take_heartbeat(self, message: Heartbeat) -> None:
+        """Store whether it is armed, and in which mode."""
+        self.heartbeat = message
+        self.heartbeats += 1
+        self.armed = bool(message.base_mode & m.MAV_MODE_FLAG_SAFETY_ARMED)
+        self.custom_mode = message.custom_mode
+
+    def take_position(self, message: GlobalPositionInt) -> None:
+        """Store a position; an autopilot that has no fix says latitude and longitude 0."""
+        if not _is_position(message):
+            self.implausible += not message.lat_rad == message.lon_rad == 0.0
+            return
         north_m, east_m, down_m = self.origin.to_ned(message.lat_rad, message.lon_rad, message.alt_m)
+        stamp_s = message.time_boot_s
         self.motion = Motion(
-            message.time_boot_s,
-            float(north_m),
-            float(east_m),
-            -float(down_m),
-            message.vx_mps,
-            message.vy_mps,
-            -message.vz_mps,
-            message.relative_alt_m,
+            stamp_s, north_m, east_m, -down_m, message.vx_mps, message.vy_mps, -message.vz_mps, message.relative_alt_m
         )
         if math.isnan(self.airspeed_stamp_s):
-            self.airspeed_stamp_s = message.time_boot_s
+            self.airspeed_stamp_s = stamp_s
         self.updates += 1
 
-    def _take_text(self, message: Statustext) -> None:
+    def take_attitude(self, message: Attitude) -> None:
+        """Store an attitude."""
+        if _is_attitude(message):
+            self.attitude = message
+        else:
+            self.implausible += 1
+
+    def take_airspeed(self, message: VfrHud) -> None:
+        """Store an airspeed."""
+        if 0.0 <= message.airspeed_mps <= SPEED_LIMIT_MPS:
+            self.airspeed_mps = message.airspeed_mps
+            self.airspeed_stamp_s = self.motion.stamp_s if self.motion else math.nan
+        else:
+            self.implausible += 1
+
+    def take_ekf(self, message: EkfStatusReport) -> None:
+        """Store what the autopilot's estimate is good for."""
+        self.ekf_flags = message.flags
+
+    def take_sensors(self, message: SysStatus) -> None:
+        """Store which sensors are healthy."""
+        self.sensors_healthy = message.onboard_control_sensors_health
+
+    def take_landed(self, message: ExtendedSysState) -> None:
+        """Store whether it has landed."""
+        self.landed_state = message.landed_state
+
+    def take_home(self, message: HomePosition) -> None:
+        """Store where its home is."""
+        self.home_m = self.origin.to_ned(message.latitude_rad, message.longitude_rad, message.altitude_m)[:2]
+
+    def take_text(self, message: Statustext) -> None:
         """Store a text once its last chunk has come: the one that doesn't fill its field."""
         number, begun = self._chunks
         text = (begun if message.id and message.id == number else "") + message.text
@@ -130,7 +146,8 @@ class Telemetry:
 
     def forget(self) -> None:
         """Forget everything that a restart makes untrue."""
-        self.motion = self.attitude = self.heartbeat = None
+        self.motion = self.attitude = self.heartbeat = self.custom_mode = None
+        self.armed = False
         self.airspeed_mps = self.airspeed_stamp_s = math.nan
         self.ekf_flags = self.sensors_healthy = 0
         self.landed_state, self.home_m = m.MAV_LANDED_STATE_UNDEFINED, None
@@ -140,30 +157,48 @@ class Telemetry:
         """Whether all that the law needs has come."""
         return self.motion is not None and self.attitude is not None and math.isfinite(self.airspeed_mps)
 
-    @property
-    def armed(self) -> bool:
-        """Whether the motors are armed."""
-        return self.heartbeat is not None and bool(self.heartbeat.base_mode & m.MAV_MODE_FLAG_SAFETY_ARMED)
 
-    @property
-    def custom_mode(self) -> int | None:
-        """The autopilot's own mode number, None before the first heartbeat."""
-        return self.heartbeat.custom_mode if self.heartbeat else None
+TAKE: Final[dict[type[Message], Callable[[Telemetry, Any], None]]] = {
+    Heartbeat: Telemetry.take_heartbeat,
+    GlobalPositionInt: Telemetry.take_position,
+    Attitude: Telemetry.take_attitude,
+    VfrHud: Telemetry.take_airspeed,
+    EkfStatusReport: Telemetry.take_ekf,
+    SysStatus: Telemetry.take_sensors,
+    ExtendedSysState: Telemetry.take_landed,
+    HomePosition: Telemetry.take_home,
+    Statustext: Telemetry.take_text,
+}
+"""What stores each message; all others are left."""
 
 
 def _is_position(message: GlobalPositionInt) -> bool:
-    """Whether it's a place on Earth, or in its air."""
-    on_earth = abs(message.lat_rad) < math.pi / 2 and abs(message.lon_rad) <= math.pi
-    in_air = abs(message.alt_m) <= ALTITUDE_LIMIT_M and abs(message.relative_alt_m) <= ALTITUDE_LIMIT_M
-    return on_earth and in_air and all(map(math.isfinite, message[:WITHOUT_HEADING]))
+    """Whether it's a place on Earth, or in its air; the heading may be unknown."""
+    lat_rad, lon_rad, alt_m, above_m = message.lat_rad, message.lon_rad, message.alt_m, message.relative_alt_m
+    return (
+        (lat_rad != 0.0 or lon_rad != 0.0)
+        and -math.pi / 2 < lat_rad < math.pi / 2
+        and -math.pi <= lon_rad <= math.pi
+        and -ALTITUDE_LIMIT_M <= alt_m <= ALTITUDE_LIMIT_M
+        and -ALTITUDE_LIMIT_M <= above_m <= ALTITUDE_LIMIT_M
+        and math.isfinite(message.time_boot_s)
+        and math.isfinite(message.vx_mps)
+        and math.isfinite(message.vy_mps)
+        and math.isfinite(message.vz_mps)
+    )
 
 
 def _is_attitude(message: Attitude) -> bool:
-    angles, rates = message[1:4], message[4:]
-    within = all(abs(angle) <= ANGLE_LIMIT_RAD for angle in angles) and all(
-        abs(rate) <= TURN_LIMIT_RPS for rate in rates
+    stamp_s, roll_rad, pitch_rad, yaw_rad, roll_radps, pitch_radps, yaw_radps = message
+    return (
+        -ANGLE_LIMIT_RAD <= roll_rad <= ANGLE_LIMIT_RAD
+        and -ANGLE_LIMIT_RAD <= pitch_rad <= ANGLE_LIMIT_RAD
+        and -ANGLE_LIMIT_RAD <= yaw_rad <= ANGLE_LIMIT_RAD
+        and -TURN_LIMIT_RPS <= roll_radps <= TURN_LIMIT_RPS
+        and -TURN_LIMIT_RPS <= pitch_radps <= TURN_LIMIT_RPS
+        and -TURN_LIMIT_RPS <= yaw_radps <= TURN_LIMIT_RPS
+        and math.isfinite(stamp_s)
     )
-    return math.isfinite(message.time_boot_s) and within
 
 
 def _printable(text: str) -> str:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from array import array
 from collections import Counter
+from collections.abc import Callable
+from typing import Any
 
 from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, Instant, after, seconds_between
@@ -62,15 +64,14 @@ class Vehicle:
         self.stamps = StampMap(self.clock, GnssClock(autopilot.loop_s) if by_utc else None)
         self.claims = SourceBinding(connection, self.clock)
         """Judges which sender with its system id is the vehicle."""
-        self.jitter = JitterMeter()
-        self.sequence = SequenceTracker()
+        self.jitter, self.sequence = JitterMeter(), SequenceTracker()
         self.commands = CommandQueue()
         self.messages_in = Counter[int]()
         self.rates_hz = autopilot.rates_hz(telemetry_rate_hz, utc=by_utc)  # of each message that it should send
         self.start_up = StartUp(autopilot.start_up(self.rates_hz))
         # The height is the one at which it was last told to loiter while the others fly on.
         self.member, self.holds_at_m = Member.STARTING, math.nan
-        self.delays, self.frames_in, self.frames_out = array("d"), 0, 0
+        self.delays, self.frames_out = array("d"), 0
         """Delays: four numbers for each answered probe: when it came back, ns; half the round trip, the way up and the
         way down, s, NaN where it isn't known how the round trip is split."""
         self.effects, self.pilots_choice = EffectWatch(), PilotsChoice()
@@ -85,6 +86,14 @@ class Vehicle:
         self._writer = FrameWriter(STATION_SYSTEM, STATION_COMPONENT)
         self._loiter_ordered = after(Instant(0), -ORDER_COMES_S)
         self._sampled, self._probes = 0, dict[int, Instant]()
+        # What takes each message; all others are telemetry.
+        self._takes: dict[type[Message], Callable[[Any, Instant, bool], None]] = {
+            CommandAck: self._acknowledged,
+            Timesync: self._take_probe,
+            SystemTime: self._take_utc,
+            CurrentMode: self._take_mode,
+            GlobalPositionInt: self._take_position,
+        }
 
     def sight(self, now: Instant, *, fresh: bool, loiter_may_be_told: bool) -> Sight:
         """Return what decides on the vehicle's place in the formation."""
@@ -109,29 +118,24 @@ class Vehicle:
             now: when it was read.
             timed: whether it also arrived then; a frame that waited for us says nothing about the link's delay.
         """
-        self.frames_in += 1
         self.messages_in[frame.message_id] += 1
         self.sequence.observe(frame.sequence)
         message = frame.message
-        changed = self.connection.heard(now, heartbeat=isinstance(message, Heartbeat))
-        match message:
-            case CommandAck():
-                self._acknowledged(message, now)
-            case Timesync():
-                self._take_probe(message, now, timed=timed)
-            case SystemTime() if self.gnss:
-                self.gnss.utc(message.time_unix_usec * 1e-6, message.time_boot_s, armed=self.telemetry.armed)
-            case CurrentMode():
-                if self.member is Member.FLYING and self.autopilot.setpoints_set_mode:
-                    self.pilots_choice.see(message.custom_mode, self.autopilot.guided_mode, self.telemetry)
-            case None:
-                pass
-            case _:
-                self.telemetry.take(message)
-                if timed and isinstance(message, GlobalPositionInt):
-                    self.jitter.observe(message.time_boot_s, now, self.clock.drift)
-                    self.take_off.watch(self.telemetry)
+        if message is None:
+            return self.connection.heard(now, heartbeat=False)
+        kind = type(message)
+        changed = self.connection.heard(now, heartbeat=kind is Heartbeat)
+        take = self._takes.get(kind)
+        if take is None:
+            self.telemetry.take(message)
+        else:
+            take(message, now, timed)
         return changed
+
+    @property
+    def frames_in(self) -> int:
+        """Frames that have come from it."""
+        return self.messages_in.total()
 
     def leave_to_pilot(self, now: Instant) -> None:
         """Send nothing more until the vehicle flies in the guided mode, as set by its pilot."""
@@ -152,7 +156,7 @@ class Vehicle:
         if self._answered is None:
             return now
         down_s = self.down_s
-        return self._answered if math.isnan(down_s) else after(self._answered, -down_s)
+        return self._answered if math.isnan(down_s) else Instant(self._answered - round(down_s * NANOSECONDS))
 
     @property
     def gnss(self) -> GnssClock | None:
@@ -233,7 +237,21 @@ class Vehicle:
         self._probes.clear()
         self._answered = now
 
-    def _take_probe(self, answer: Timesync, now: Instant, *, timed: bool) -> None:
+    def _take_position(self, message: GlobalPositionInt, now: Instant, timed: bool) -> None:
+        self.telemetry.take_position(message)
+        if timed:
+            self.jitter.observe(message.time_boot_s, now, self.clock.drift)
+            self.take_off.watch(self.telemetry)
+
+    def _take_utc(self, message: SystemTime, _now: Instant, _timed: bool) -> None:
+        if self.gnss is not None:
+            self.gnss.utc(message.time_unix_usec * 1e-6, message.time_boot_s, armed=self.telemetry.armed)
+
+    def _take_mode(self, message: CurrentMode, _now: Instant, _timed: bool) -> None:
+        if self.member is Member.FLYING and self.autopilot.setpoints_set_mode:
+            self.pilots_choice.see(message.custom_mode, self.autopilot.guided_mode, self.telemetry)
+
+    def _take_probe(self, answer: Timesync, now: Instant, timed: bool) -> None:
         """Take the answer to one of our probes; ignore requests, and answers to others."""
         sent = self._probes.pop(answer.ts1_ns, None) if answer.tc1_ns else None
         if sent is None:
@@ -264,13 +282,14 @@ class Vehicle:
         self.start_up = StartUp(self.autopilot.start_up(self.rates_hz))
         self.restarted = True
 
-    def _acknowledged(self, ack: CommandAck, now: Instant) -> None:
+    def _acknowledged(self, ack: CommandAck, now: Instant, _timed: bool) -> None:
         if ack.target_system not in (0, STATION_SYSTEM):
             return
         self._answered = now
         accepted = self.commands.acknowledge(ack, now)
-        effect = self.autopilot.effect(accepted) if accepted else None
-        if effect:
+        effect = self.autopilot.effect(accepted) if accepted is not None else None
+        if effect is not None:
             self.effects.acknowledged(effect, self.telemetry, now)
-        if ack.result == m.MAV_RESULT_ACCEPTED and ack.command in self.setpoints_taken:
-            self.setpoints_taken[ack.command].note(now)
+        setpoints = self.setpoints_taken.get(ack.command)
+        if setpoints is not None and ack.result == m.MAV_RESULT_ACCEPTED:
+            setpoints.note(now)

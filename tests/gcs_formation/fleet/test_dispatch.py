@@ -12,7 +12,7 @@ import pytest
 from airlink.clock import Instant, after
 from airlink.endpoint import VehicleId
 from formation_scenario import load_scenario
-from gcs_formation.fleet.dispatch import HOLD_MAX_S, Dispatch
+from gcs_formation.fleet.dispatch import HOLD_MAX_S, NEVER, Dispatch
 from gcs_formation.vehicle.member import Member
 from tests.flights.conftest import scenario
 
@@ -46,9 +46,7 @@ def links(served: Dispatch, leader: int = LEADER) -> Any:
 
 
 def tick(speed_mps: float = 22.0, active: tuple[bool, ...] = (True, True, True)) -> Any:
-    told = SimpleNamespace(
-        speed_mps=np.array([22.0, speed_mps, 22.0]), heading_rad=np.zeros(3), height_m=np.full(3, 100.0)
-    )
+    told = SimpleNamespace(table=np.array([[22.0, speed_mps, 22.0], [0.0] * 3, [100.0] * 3]))
     return SimpleNamespace(
         setpoints=told, state=SimpleNamespace(table=np.zeros((8, 3))), active=np.array(active), leader=LEADER
     )
@@ -97,7 +95,8 @@ def test_who_is_not_commanded_is_sent_nothing_and_a_cleared_queue_sends_nothing(
     served.take(tick(active=(True, True, False)), 0.5, NOW)
     assert told(served, 0.0) == ["1"]
     served.clear()
-    assert served.next() is None
+    assert served.due == NEVER
+    assert told(served, 1.0) == []
 
 
 def test_setpoints_that_are_held_back_do_not_follow_a_leader_that_has_left():

@@ -55,7 +55,7 @@ def test_not_a_run(tmp_path):
 def test_an_unfinished_run(make_run, name):
     directory = make_run()
     (directory / name).unlink()
-    with pytest.raises(RecordError, match=rf"found no {name}.*and no timeseries\.arrows"):
+    with pytest.raises(RecordError, match=rf"found no {name}.*and no timeseries\.ticks"):
         load_run(directory)
 
 
