@@ -21,11 +21,11 @@ from gcs_formation import parameters
 from gcs_formation.control import envelope
 from gcs_formation.control.mixer import rotate_to
 from gcs_formation.control.situation import Decision, Lead, Situation
-from gcs_formation.estimation.estimator import Sample, StateEstimator
+from gcs_formation.estimation.estimator import STATES, Sample, StateEstimator
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
-from gcs_formation.estimation.kalman import STATES
-from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory, turn_rate
+from gcs_formation.estimation.predictor import turn_rate
 from gcs_formation.estimation.projection import Measured, States
+from gcs_formation.estimation.setpoint_history import SentSetpoints, SetpointHistory
 from gcs_formation.guidance.leader import ASSEMBLED_S, LeaderWind, ToldLeader, amid, fly_on
 from gcs_formation.guidance.slots import FormationPlan, Outlook
 from gcs_formation.guidance.tracking import Lags

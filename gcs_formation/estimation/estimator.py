@@ -1,4 +1,4 @@
-"""The state of every vehicle at its newest time stamp, on the station's clock: one Kalman filter each, on arrays.
+"""The state of every vehicle at its newest time stamp, on the station's clock: one Kalman filter each.
 
 It always runs: exact telemetry is the case of small noise. It predicts by model (7) through the setpoints that were
 sent, weighs a sample by the noise that it has been seen to have, and gives little to a sample that isn't plausible.
@@ -8,52 +8,58 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from airlink.clock import NANOSECONDS, Instant, seconds_between
-from flight_model.arrays import Array, Indices, Instants, Mask, any_of
-from gcs_formation.estimation import kalman
+from flight_model.arrays import Array, Instants, Mask
+from flight_model.autopilot import AutopilotModel, FlightState, wrap
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates
 from gcs_formation.estimation.kalman import (
-    AIRSPEED,
-    GROUND_EAST,
-    GROUND_NORTH,
-    SPEED,
-    STATES,
+    LEVEL_STATES,
+    WIND_EAST,
     WIND_NORTH,
-    YAW,
-    Declared,
-    Estimate,
-    NoiseEstimate,
+    HeightCovariance,
+    LevelCovariance,
+    Sensitivity,
+    correct_height,
+    correct_level,
+    innovation,
+    level_sensitivities,
 )
-from gcs_formation.estimation.predictor import SetpointHistory
+from gcs_formation.estimation.noise import ROWS, VALUES, Declared, NoiseEstimate, VehicleNoise
+from gcs_formation.estimation.setpoint_history import SetpointHistory
 
-LEAST_AIRSPEED_MPS = 1.0
+STATES: Final = 8
+"""Quantities of a state: north, east, height, climb, airspeed, heading, wind north and east."""
+LEVEL_VALUES: Final[tuple[int, ...]] = (0, 1, 3, 4, 6, 7)
+"""Values of a sample that tell of the motion over ground."""
+HEIGHT_VALUE: Final = 2
+CLIMB_VALUE: Final = 5
+LEAST_AIRSPEED_MPS: Final = 1.0
 """What an airspeed below it is taken as: equations divide by it, and what flies has more."""
-UNMODELLED = np.array((0.0, 0.0, 0.0, 0.05, 0.05, 0.003, 0.0, 0.0))[:, None]
+UNMODELLED: Final[tuple[float, float, float]] = (0.05, 0.05, 0.003)
 """How far climb, airspeed (m/s) and heading (rad) stray from model (7) in a square root of a second."""
-UNTOLD = np.array((0.0, 0.0, 0.0, 1.0, 1.0, 0.3, 0.0, 0.0))[:, None]
-"""The same of a vehicle that isn't told what to do by us."""
-WITHOUT_WIND = 0.1
+UNCOMMANDED: Final[tuple[float, float, float]] = (1.0, 1.0, 0.3)
+"""The same of a vehicle that isn't commanded by us."""
+WITHOUT_WIND: Final = 0.1
 """How far positions stray, m in a square root of a second, where the wind isn't observed."""
-WIND_WALK = 0.02
+WIND_WALK: Final = 0.02
 """Of the wind's change in a square root of a second, m/s, without gusts."""
-GUST_RADPS = 1.0
+GUST_RADPS: Final = 1.0
 """Bandwidth of the wind's observation from which a gust is believed at once: a slower one is asked for where airspeed
 lags or is off, and would show gusts that aren't there."""
-GUST_SIGMAS = 4.0
+GUST_SIGMAS: Final = 4.0
 """Standard deviations of the wind that a sample tells beyond which it is a gust: believed, at once."""
-IMPLAUSIBLE_SIGMAS = 3.0
+IMPLAUSIBLE_SIGMAS: Final = 3.0
 """Standard deviations beyond which a value of a sample counts less, by the square of the excess."""
-IMPLAUSIBLE = np.array((0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 0.1))[:, None]
-"""Added to them, m/s and rad: what a vehicle may do between two samples that the model doesn't know of."""
-STRAY_MPS = 1.0
-"""The same for the position, by the time between them."""
-IMPLAUSIBLE_SAMPLES = 5
+STRAY: Final[tuple[float, ...]] = (1.0, 1.0, 1.0, 1.0, 1.0, 0.1)
+"""Added to them, m/s and rad: what a vehicle may do between two samples that the model doesn't know of. By quantity;
+that of positions and heights is by the time between them."""
+IMPLAUSIBLE_SAMPLES: Final = 5
 """So many in a row aren't outliers: somebody else flies the vehicle. Its state begins anew from the newest."""
-FORGOTTEN_S = 5.0
+FORGOTTEN_S: Final = 5.0
 """A state that is so old says nothing about the present one."""
 
 
@@ -71,6 +77,138 @@ class Sample(NamedTuple):
     heading_rad: float
 
 
+class VehicleFilter:
+    """The filter of one vehicle."""
+
+    def __init__(self, noise: VehicleNoise, wind_radps: float, telemetry_hz: float) -> None:
+        """Start with nothing known; `wind_radps` and `telemetry_hz` are those of `StateEstimator`."""
+        self.noise = noise
+        self.state: FlightState | None = None
+        self.stamp = 0
+        """Of the state, ns."""
+        self.level = LevelCovariance([0.0] * LEVEL_STATES)
+        self.height = HeightCovariance(0.0, 0.0)
+        self._wind_radps = wind_radps
+        self._root_hz = math.sqrt(telemetry_hz)
+        self._residual = [0.0] * VALUES
+        self._implausible = 0
+
+    def begin(self, values: list[float], stamp: int) -> None:
+        """Start from a single sample."""
+        noise, airspeed_mps, heading_rad = self.noise.values, values[6], values[7]
+        seen = self._wind_noise(airspeed_mps)
+        wind = 0.0 if self._wind_radps <= 0.0 else seen
+        wind_north, wind_east = self._wind_of(values)
+        self.state = FlightState(
+            values[0], values[1], values[2], values[5], airspeed_mps, heading_rad, wind_north, wind_east
+        )
+        self.level = LevelCovariance([noise[0], noise[1], noise[6], noise[7], wind, wind])
+        self.height = HeightCovariance(noise[2], noise[5])
+        self._residual = [0.0] * VALUES
+        self._implausible = 0
+        self.stamp = stamp
+
+    def correct(
+        self,
+        values: list[float],
+        stamp: int,
+        predicted: FlightState,
+        model: AutopilotModel,
+        walk: tuple[float, float, float],
+    ) -> None:
+        """Correct the state `predicted` for the time of a sample by its values.
+
+        `walk`: how far climb, airspeed and heading stray by themselves in a square root of a second.
+        """
+        assert self.state is not None
+        elapsed_s = (stamp - self.stamp) / NANOSECONDS
+        variances, level, height = self.noise.values, self.level, self.height
+        self._carry(elapsed_s, model, walk)
+        difference, sensitivities = innovation(values, predicted), level_sensitivities(predicted)
+        if self._wind_radps >= GUST_RADPS:
+            self._believe_gust(values, predicted, elapsed_s)
+        spread = [sensitivity.of(level.seen(sensitivity)) for sensitivity in sensitivities]
+        spread.insert(HEIGHT_VALUE, height.height)
+        spread.insert(CLIMB_VALUE, height.climb)
+        own = [each + variance for each, variance in zip(spread, variances, strict=True)]
+        unexplained = [off - left for off, left in zip(difference, self._residual, strict=True)]
+        self.noise.learn(unexplained, own)
+        weighed, implausible = _weighed(difference, own, variances, elapsed_s)
+        self._move(predicted, sensitivities, difference, weighed)
+        self.state, self.stamp = predicted, stamp
+        self._residual = innovation(values, predicted)
+        self._implausible = self._implausible + 1 if implausible else 0
+        if self._implausible >= IMPLAUSIBLE_SAMPLES:
+            self.begin(values, stamp)
+
+    def _move(
+        self, state: FlightState, sensitivities: list[Sensitivity], difference: list[float], variances: list[float]
+    ) -> None:
+        """Move a predicted state to where a sample's values, of such noise, have it; the covariances shrink."""
+        of_level = [difference[value] for value in LEVEL_VALUES], [variances[value] for value in LEVEL_VALUES]
+        north, east, speed, heading, wind_north, wind_east = correct_level(self.level, sensitivities, *of_level)
+        seen, noise = [(each[HEIGHT_VALUE], each[CLIMB_VALUE]) for each in (difference, variances)]
+        up, climb = correct_height(self.height, seen, noise)
+        state.north_m += north
+        state.east_m += east
+        state.height_m += up
+        state.climb_mps += climb
+        state.airspeed_mps = max(state.airspeed_mps + speed, LEAST_AIRSPEED_MPS)
+        state.heading_rad = wrap(state.heading_rad + heading)
+        state.wind_north_mps += wind_north
+        state.wind_east_mps += wind_east
+
+    def covariance(self) -> list[list[float]]:
+        """Return the covariance of a state's errors, (8, 8)."""
+        places = 0, 1, 4, 5, 6, 7
+        whole = [[0.0] * STATES for _ in range(STATES)]
+        for row, of_row in zip(places, self.level.rows, strict=True):
+            for column, value in zip(places, of_row, strict=True):
+                whole[row][column] = value
+        whole[2][2], whole[3][3] = self.height.height, self.height.climb
+        whole[2][3] = whole[3][2] = self.height.cross
+        return whole
+
+    @property
+    def wind_sigma_mps(self) -> float:
+        """Standard deviation of each component of the wind."""
+        rows = self.level.rows
+        return math.sqrt((rows[WIND_NORTH][WIND_NORTH] + rows[WIND_EAST][WIND_EAST]) / 2)
+
+    def _carry(self, elapsed_s: float, model: AutopilotModel, walk: tuple[float, float, float]) -> None:
+        """Carry the covariances on to the time of a sample."""
+        assert self.state is not None
+        variances, (climb, speed, heading) = self.noise.values, walk
+        self.level.carry(self.state, elapsed_s, model)
+        self.height.carry(elapsed_s, model)
+        place, wind = WITHOUT_WIND, 0.0
+        if self._wind_radps > 0.0:
+            place, noise_mps = 0.0, math.sqrt(variances[3] + variances[6])
+            wind = min(WIND_WALK, self._wind_radps * noise_mps / self._root_hz)
+        self.level.grow([place**2, place**2, speed**2, heading**2, wind**2, wind**2], elapsed_s)
+        self.height.climb += climb**2 * elapsed_s
+
+    def _wind_of(self, values: list[float]) -> tuple[float, float]:
+        """Return the wind that a sample tells by itself."""
+        if self._wind_radps <= 0.0:
+            return 0.0, 0.0
+        airspeed_mps, heading_rad = values[6], values[7]
+        return values[3] - airspeed_mps * math.cos(heading_rad), values[4] - airspeed_mps * math.sin(heading_rad)
+
+    def _wind_noise(self, airspeed_mps: float) -> float:
+        """Return the variance of that."""
+        variances = self.noise.values
+        return variances[3] + variances[6] + airspeed_mps**2 * variances[7]
+
+    def _believe_gust(self, values: list[float], predicted: FlightState, elapsed_s: float) -> None:
+        """Let the wind be uncertain where a sample tells of one that has changed at once."""
+        north_mps, east_mps = self._wind_of(values)
+        size = ((north_mps - predicted.wind_north_mps) ** 2 + (east_mps - predicted.wind_east_mps) ** 2) / 2
+        known = self._wind_noise(values[6]) + self.level.rows[WIND_NORTH][WIND_NORTH]
+        if GUST_SIGMAS**2 * known < size < (IMPLAUSIBLE_SIGMAS * STRAY[2]) ** 2:
+            self.level.gust(size, elapsed_s)
+
+
 class StateEstimator:
     """The filters of C columns, one for each vehicle."""
 
@@ -83,16 +221,12 @@ class StateEstimator:
             telemetry_hz: samples a second.
             wind_radps: the most that the wind's estimate follows anything but gusts; 0: the wind stays 0.
         """
-        columns = declared.sigma.shape[1]
         self.noise = NoiseEstimate(declared)
         """Of every column's telemetry."""
-        self._table = np.full((STATES, columns), np.nan)
-        self._covariance = np.zeros((columns, STATES, STATES))
-        self._residual = np.zeros((STATES, columns))
-        self._stamps = np.zeros(columns, dtype=np.int64)
-        self._implausible = np.zeros(columns, dtype=np.int64)
-        self._history, self._telemetry_hz = history, telemetry_hz
-        self._wind, self._wind_radps = wind_radps > 0, wind_radps
+        self._filters = [VehicleFilter(noise, wind_radps, telemetry_hz) for noise in self.noise.each]
+        self._history = history
+        self._table = np.full((STATES, len(self._filters)), np.nan)
+        self._stamps = np.zeros(len(self._filters), dtype=np.int64)
 
     @property
     def state(self) -> FlightStates:
@@ -102,12 +236,12 @@ class StateEstimator:
     @property
     def covariance(self) -> Array:
         """(C, 8, 8) of their errors."""
-        return self._covariance.copy()
+        return np.array([each.covariance() for each in self._filters])
 
     @property
     def wind_sigma_mps(self) -> Array:
         """(C,) standard deviation of each component of the wind."""
-        return np.sqrt(np.einsum("cii->c", self._covariance[:, WIND_NORTH:, WIND_NORTH:]) / 2)
+        return np.array([each.wind_sigma_mps for each in self._filters])
 
     @property
     def stamps(self) -> Instants:
@@ -117,24 +251,24 @@ class StateEstimator:
     @property
     def known(self) -> Mask:
         """Which columns have a state: (C,)."""
-        known: Mask = np.logical_and.reduce(np.isfinite(self._table))
-        return known
+        return np.array([each.state is not None for each in self._filters])
 
     def age_s(self, column: int, now: Instant) -> float:
         """Return how old a column's state is, in s; NaN when it has none."""
-        if math.isnan(self._table[0, column]):
-            return math.nan
-        return seconds_between(Instant(int(self._stamps[column])), now)
+        each = self._filters[column]
+        return math.nan if each.state is None else seconds_between(Instant(each.stamp), now)
 
     def forget(self, column: int) -> None:
         """Forget a vehicle that has restarted."""
+        self._filters[column].state = None
+        self._filters[column].noise.begin()
         self._table[:, column] = np.nan
-        self.noise.begin(column)
 
     def place(self, column: int, state: Array, stamp: Instant) -> None:
-        """Set a column to (8,) values in the order of FlightStates."""
-        self._table[:, column] = state
-        self._stamps[column] = stamp
+        """Set a column to (8,) values in the order of FlightState."""
+        each = self._filters[column]
+        each.state, each.stamp = FlightState(*state.tolist()), stamp
+        self._show(column)
 
     def take(self, samples: Mapping[int, Sample], model: AutopilotModels, told: Mask) -> None:
         """Take the newest sample of each column that has one.
@@ -144,95 +278,39 @@ class StateEstimator:
             model: the autopilots, (C,) columns.
             told: (C,) which of them follow our setpoints.
         """
-        if not samples:
-            return
-        which = np.fromiter(samples, dtype=np.intp, count=len(samples))
-        stamps = np.array([sample.stamp for sample in samples.values()], dtype=np.int64)
-        values = np.array([sample[1:] for sample in samples.values()]).T
-        values[AIRSPEED] = np.maximum(values[AIRSPEED], LEAST_AIRSPEED_MPS)
-        age_s = (stamps - self._stamps[which]) / NANOSECONDS
-        follows = np.isfinite(self._table[0, which]) & (age_s <= FORGOTTEN_S) & (not self._history.empty)
-        if any_of(~follows):
-            self._begin(which[~follows], stamps[~follows], values[:, ~follows])
-        if any_of(follows):
-            which = which[follows]
-            self._follow(which, np.maximum(stamps[follows], self._stamps[which]), values[:, follows], model, told)
+        models = model.each() if samples else []
+        for column, sample in samples.items():
+            each, stamp = self._filters[column], int(sample.stamp)
+            values: list[float] = [*sample[1:]]
+            values[6] = max(values[6], LEAST_AIRSPEED_MPS)
+            if each.state is None or self._history.empty or (stamp - each.stamp) / NANOSECONDS > FORGOTTEN_S:
+                each.begin(values, stamp)
+            else:
+                predicted, stamp = each.state.copy(), max(stamp, each.stamp)
+                self._history.predicted(predicted, each.stamp, stamp, column, models[column])
+                walk = UNMODELLED if told[column] else UNCOMMANDED
+                each.correct(values, stamp, predicted, models[column], walk)
+            self._show(column)
 
-    def _begin(self, which: Indices, stamps: Instants, values: Array) -> None:
-        """Start columns from a single sample."""
-        state, variances = self._state_of(values), self.noise.variances(which)
-        wind = variances[GROUND_NORTH] + variances[AIRSPEED] + (values[AIRSPEED] ** 2) * variances[YAW]
-        first = np.concatenate((variances[:3], variances[5:], np.array((wind, wind)) * self._wind))
-        self._table[:, which], self._covariance[which] = state, kalman.diagonal(first)
-        self._residual[:, which], self._implausible[which], self._stamps[which] = 0.0, 0, stamps
-
-    def _state_of(self, values: Array) -> Array:
-        """Return the states (8, N) that samples tell by themselves."""
-        speed, heading = values[AIRSPEED:]
-        wind = values[GROUND_NORTH : GROUND_EAST + 1] - speed * np.array((np.cos(heading), np.sin(heading)))
-        return np.concatenate((values[:3], values[5:], wind * self._wind))
-
-    def _follow(self, which: Indices, stamps: Instants, values: Array, model: AutopilotModels, told: Mask) -> None:
-        """Correct the predicted states of columns by their samples."""
-        model, variances = model.take(which), self.noise.variances(which)
-        since, elapsed_s = self._stamps[which], (stamps - self._stamps[which]) / NANOSECONDS
-        before = FlightStates.of(self._table[:, which])
-        predicted = self._history.predict(before, since, stamps, which, model)
-        move = kalman.transition(before, elapsed_s, model)
-        covariance = move @ self._covariance[which] @ move.swapaxes(1, 2)
-        covariance += kalman.diagonal(self._walk(variances, told[which]) * elapsed_s)
-        difference, rows = kalman.innovation(values, predicted), kalman.sensitivity(predicted)
-        if self._wind_radps >= GUST_RADPS:
-            covariance = covariance + self._gusts(values, predicted, covariance, variances, elapsed_s)
-        spread = rows @ covariance @ rows.swapaxes(1, 2)
-        own = np.einsum("nii->in", spread) + variances
-        self.noise.learn(which, difference - self._residual[:, which], own)
-        weighed, implausible = _weighed(difference, own, variances, elapsed_s)
-        spread += kalman.diagonal(weighed)
-        estimate = kalman.correct(Estimate(predicted.table, covariance), rows, spread, difference, weighed)
-        estimate.table[SPEED] = np.maximum(estimate.table[SPEED], LEAST_AIRSPEED_MPS)
-        self._table[:, which], self._covariance[which] = estimate
-        self._stamps[which] = stamps
-        self._residual[:, which] = kalman.innovation(values, FlightStates.of(estimate.table))
-        self._implausible[which] = np.where(implausible, self._implausible[which] + 1, 0)
-        lost = self._implausible[which] >= IMPLAUSIBLE_SAMPLES
-        if any_of(lost):
-            self._begin(which[lost], stamps[lost], values[:, lost])
-
-    def _walk(self, variances: Array, told: Mask) -> Array:
-        """Return the variances (8, N) that a second adds."""
-        walk = np.where(told, UNMODELLED, UNTOLD)
-        if not self._wind:
-            walk[:2] = WITHOUT_WIND
-            return walk**2
-        noise_mps = np.sqrt(variances[GROUND_NORTH] + variances[AIRSPEED])
-        walk[WIND_NORTH:] = np.minimum(WIND_WALK, self._wind_radps * noise_mps / math.sqrt(self._telemetry_hz))
-        return walk**2
-
-    def _gusts(
-        self, values: Array, predicted: FlightStates, covariance: Array, variances: Array, elapsed_s: Array
-    ) -> Array:
-        """Return what the covariances grow by, (N, 8, 8), where samples tell of a wind that has changed at once."""
-        jump = self._state_of(values)[WIND_NORTH:] - predicted.wind_mps
-        size = (jump**2).mean(axis=0)
-        known = variances[GROUND_NORTH] + variances[AIRSPEED] + values[AIRSPEED] ** 2 * variances[YAW]
-        known = known + covariance[:, WIND_NORTH, WIND_NORTH]
-        size = np.where((size > GUST_SIGMAS**2 * known) & (size < (3.0 * IMPLAUSIBLE[3]) ** 2), size, 0.0)
-        grown = np.zeros_like(covariance)
-        for place in (0, 1):
-            wind = WIND_NORTH + place
-            grown[:, wind, wind] = size
-            grown[:, wind, place] = grown[:, place, wind] = size * elapsed_s / 2
-            grown[:, place, place] = size * elapsed_s**2 / 3
-        return grown
+    def _show(self, column: int) -> None:
+        """Bring the tables up to date."""
+        each = self._filters[column]
+        assert each.state is not None
+        self._table[:, column], self._stamps[column] = each.state.values(), each.stamp
 
 
-def _weighed(difference: Array, own: Array, variances: Array, elapsed_s: Array) -> tuple[Array, Mask]:
-    """Return the variances (8, N) by which samples are weighed, and which of them (N,) aren't plausible.
+def _weighed(
+    difference: list[float], own: list[float], variances: list[float], elapsed_s: float
+) -> tuple[list[float], bool]:
+    """Return the variances by which a sample's values are weighed, and whether any of them isn't plausible.
 
     A value that is u times too far off is given a noise that makes its innovation's variance u² times as large.
     """
-    allowance = np.repeat(IMPLAUSIBLE, elapsed_s.size, axis=1)
-    allowance[:3] = STRAY_MPS * elapsed_s
-    excess = difference**2 / (IMPLAUSIBLE_SIGMAS**2 * (own + allowance**2))
-    return variances + own * np.maximum(excess - 1.0, 0.0), np.logical_or.reduce(excess > 1.0)
+    weighed, implausible = list(variances), False
+    for value, quantity in enumerate(ROWS):
+        allowance = STRAY[quantity] * elapsed_s if value <= HEIGHT_VALUE else STRAY[quantity]
+        excess = difference[value] ** 2 / (IMPLAUSIBLE_SIGMAS**2 * (own[value] + allowance**2))
+        if excess > 1.0:
+            weighed[value] += own[value] * (excess - 1.0)
+            implausible = True
+    return weighed, implausible

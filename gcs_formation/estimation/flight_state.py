@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from flight_model.arrays import Array
+from flight_model.autopilot import AutopilotModel, FlightState
 
 Indices = npt.NDArray[np.intp]
 
@@ -89,6 +91,15 @@ class FlightStates(Columns):
         """Build the states from (N,) each."""
         super().__init__(north_m, east_m, height_m, climb_mps, airspeed_mps, heading_rad, wind_north_mps, wind_east_mps)
 
+    @classmethod
+    def from_each(cls, states: Iterable[FlightState]) -> FlightStates:
+        """Return the states of vehicles, one after another."""
+        return cls.of(np.array([state.values() for state in states]).T)
+
+    def each(self) -> list[FlightState]:
+        """Return every vehicle's state."""
+        return [FlightState(*values) for values in self.table.T.tolist()]
+
     @property
     def ground_mps(self) -> Array:
         """Velocity over ground, north and east, (2, N)."""
@@ -150,6 +161,10 @@ class AutopilotModels(Columns):
     """Of airspeed and heading, (2, N)."""
     air_rates_max = Row(slice(6, 8))
     """Of airspeed and heading, (2, N)."""
+
+    def each(self) -> list[AutopilotModel]:
+        """Return every vehicle's model."""
+        return [AutopilotModel(*values) for values in self.table.T.tolist()]
 
     def held(self, dt_s: float) -> Self:
         """Return the model in which (setpoint - value) / lag is the mean rate while a setpoint is held for `dt_s`.

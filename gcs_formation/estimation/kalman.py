@@ -1,183 +1,200 @@
-"""The extended Kalman filter of a state's eight rows through model (7), and how noisy telemetry is seen to be.
+"""The extended Kalman filter of a vehicle's state through model (7).
 
-White noise of variance r in a sample makes the increments that the model doesn't explain alternate: successive ones
-have a covariance of -r. Gusts and lags that differ from the model's give increments that are uncorrelated or follow
-each other in sign, so they aren't taken for noise (autocovariance method: Bélanger, Automatica 10, 1974).
+Height and climb are a filter of their own: nothing of them is in the motion over ground, nor the other way round. A
+sample's values have independent noise, so they are taken one after another, which is the same as all at once.
 
-Source: Gelb, "Applied Optimal Estimation" (1974), chapter 6. A sample is (8, N): north, east, height, their rates over
-ground, airspeed, heading.
+Source: Gelb, "Applied Optimal Estimation" (1974), chapter 6.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import math
+from typing import Final
 
-import numpy as np
-import scipy
+from flight_model.autopilot import AutopilotModel, FlightState, wrap
 
-from flight_model.arrays import Array, Indices, Mask, within, wrap
-from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates
-
-QUANTITIES = ("position", "height", "velocity", "climb", "airspeed", "heading")
-"""What has a noise of its own. North and east count as one quantity."""
-ROWS = np.array((0, 0, 1, 2, 2, 3, 4, 5))
-"""The quantity of each row of a sample."""
-FIRST_ROWS = np.array((0, 2, 3, 5, 6, 7))
-"""The first row of each quantity."""
-RESOLUTION = np.array((0.003, 0.001, 0.003, 0.003, 0.0001, 0.00002))
-"""Least standard deviations, m, m/s and rad: rounding by 1e-7 degrees, 1 mm and 1 cm/s; the last two are floats."""
-UNDECLARED = np.array((0.3, 0.3, 0.1, 0.1, 0.3, 0.01))
-"""Where nothing is declared: the noise that a real autopilot's estimates begin with here."""
-MOST = np.array((30.0, 30.0, 5.0, 5.0, 10.0, 0.5))
-"""Largest standard deviations; what is noisier isn't telemetry of a flight in formation."""
-MEMORY = 100.0
-"""Samples over which the mean is taken."""
-FIRST_MEMORY = 20.0
-"""The same at the start, of a vehicle's first sample."""
-CLIPPED_AT = 2.0
-"""Standard deviations at which an increment counts no more than that: an outlier isn't noise."""
-STATES = 8
-NORTH, EAST, HEIGHT, CLIMB, SPEED, HEADING, WIND_NORTH, WIND_EAST = range(STATES)
-GROUND_NORTH, GROUND_EAST, RISE, AIRSPEED, YAW = range(3, STATES)
-"""Rows of a sample after its north, east and height."""
-_EYE = np.eye(STATES)
+NORTH: Final = 0
+EAST: Final = 1
+SPEED: Final = 2
+HEADING: Final = 3
+WIND_NORTH: Final = 4
+WIND_EAST: Final = 5
+LEVEL_STATES: Final = 6
+"""States of the motion over ground, in the order of their covariances."""
+EVERY: Final = range(LEVEL_STATES)
 
 
-class Declared(NamedTuple):
-    """What the vehicles' noise is said to be: standard deviations (6, C) in the order of `QUANTITIES`."""
+class LevelCovariance:
+    """Covariance of north, east, airspeed, heading, and the wind north and east: m, m/s and rad."""
 
-    sigma: Array
-    least: Array
-    """Lower bounds of the estimates."""
-    stated: Mask | bool = True
-    """(C,) whether the scenario says so."""
+    __slots__ = ("rows",)
 
+    def __init__(self, variances: list[float]) -> None:
+        """Begin with `variances` and no correlation."""
+        self.rows = [
+            [0.0] * place + [value] + [0.0] * (LEVEL_STATES - 1 - place) for place, value in enumerate(variances)
+        ]
 
-class NoiseEstimate:
-    """Estimates of C vehicles' noise."""
+    def carry(self, state: FlightState, elapsed_s: float, model: AutopilotModel) -> None:
+        """Carry it on by the derivative F of the states `elapsed_s` after `state` by that state: F P F^T.
 
-    def __init__(self, declared: Declared) -> None:
-        """Start from what is declared."""
-        self._declared = declared
-        self._variance = declared.sigma**2
-        count = declared.sigma.shape[1]
-        self._before = np.zeros((len(ROWS), count))
-        self._samples = np.zeros(count)
-
-    @property
-    def sigma(self) -> Array:
-        """Standard deviations, (6, C)."""
-        return np.sqrt(self._variance)
-
-    @property
-    def ratios(self) -> Array:
-        """Noise by what is declared, (6, C); 1 where nothing is declared, and before `MEMORY` samples."""
-        judged = (self._declared.sigma > RESOLUTION[:, None]) & (self._samples >= MEMORY) & self._declared.stated
-        return np.where(judged, self.sigma / self._declared.sigma, 1.0)
-
-    def variances(self, which: Indices) -> Array:
-        """Return the variances of samples of vehicles `which`, (8, N)."""
-        return self._variance[:, which][ROWS]
-
-    def begin(self, column: int) -> None:
-        """Start a vehicle again from what is declared."""
-        self._variance[:, column] = self._declared.sigma[:, column] ** 2
-        self._before[:, column] = self._samples[column] = 0.0
-
-    def learn(self, which: Indices, increments: Array, spread: Array) -> None:
-        """Take the increments (8, N) of samples that the model doesn't explain.
-
-        Args:
-            which: (N,) columns.
-            increments: innovation minus the residual of the sample before.
-            spread: (8, N) variances of the innovations.
+        The heading is taken to be constant for that.
         """
-        bound = CLIPPED_AT * np.sqrt(spread + self.variances(which))
-        clipped = within(increments, -bound, bound)
-        products = np.add.reduceat(-clipped * self._before[:, which], FIRST_ROWS) / np.bincount(ROWS)[:, None]
-        self._before[:, which] = clipped
-        self._samples[which] += 1.0
-        share = 1.0 / np.minimum(self._samples[which] + FIRST_MEMORY, MEMORY)
-        known = self._variance[:, which]
-        learnt = known + share * (products - known)
-        low, high = self._declared.least[:, which] ** 2, MOST[:, None] ** 2
-        self._variance[:, which] = within(learnt, low, high)
+        cos, sin = math.cos(state.heading_rad), math.sin(state.heading_rad)
+        speed_left, heading_left = math.exp(-elapsed_s / model.tau_v_s), math.exp(-elapsed_s / model.tau_psi_s)
+        speed_s, across_m = model.tau_v_s * (1.0 - speed_left), model.tau_psi_s * (1.0 - heading_left)
+        across_m *= state.airspeed_mps
+        north_v, north_psi, east_v, east_psi = cos * speed_s, -sin * across_m, sin * speed_s, cos * across_m
+        north, east, speed, heading, wind_north, wind_east = self.rows
+        moved = [
+            [north[j] + north_v * speed[j] + north_psi * heading[j] + elapsed_s * wind_north[j] for j in EVERY],
+            [east[j] + east_v * speed[j] + east_psi * heading[j] + elapsed_s * wind_east[j] for j in EVERY],
+            [speed_left * speed[j] for j in EVERY],
+            [heading_left * heading[j] for j in EVERY],
+            wind_north,
+            wind_east,
+        ]
+        self.rows = [
+            [
+                row[NORTH] + north_v * row[SPEED] + north_psi * row[HEADING] + elapsed_s * row[WIND_NORTH],
+                row[EAST] + east_v * row[SPEED] + east_psi * row[HEADING] + elapsed_s * row[WIND_EAST],
+                speed_left * row[SPEED],
+                heading_left * row[HEADING],
+                row[WIND_NORTH],
+                row[WIND_EAST],
+            ]
+            for row in moved
+        ]
+
+    def grow(self, variances: list[float], share: float) -> None:
+        """Add `share` times `variances`."""
+        for place, variance in enumerate(variances):
+            self.rows[place][place] += share * variance
+
+    def gust(self, variance: float, elapsed_s: float) -> None:
+        """Add a change of the wind, of `variance` north and east, that came at any time of the last `elapsed_s`."""
+        for place, wind in ((NORTH, WIND_NORTH), (EAST, WIND_EAST)):
+            self.rows[wind][wind] += variance
+            self.rows[wind][place] += variance * elapsed_s / 2
+            self.rows[place][wind] += variance * elapsed_s / 2
+            self.rows[place][place] += variance * elapsed_s**2 / 3
+
+    def seen(self, sensitivity: Sensitivity) -> list[float]:
+        """Return the covariances of the states with a measured value."""
+        first, wind = sensitivity.first, sensitivity.wind
+        if wind < 0:
+            return [row[first] for row in self.rows]
+        by_speed, by_heading = sensitivity.by_speed, sensitivity.by_heading
+        return [by_speed * row[SPEED] + by_heading * row[HEADING] + row[wind] for row in self.rows]
+
+    def take(self, seen: list[float], gain: list[float]) -> None:
+        """Take away what a value tells: `gain` times its covariances with the states."""
+        for place, row in enumerate(self.rows):
+            share = gain[place]
+            self.rows[place] = [row[j] - share * seen[j] for j in EVERY]
 
 
-class Estimate(NamedTuple):
-    """States of N vehicles and how far they may be off."""
+class Sensitivity:
+    """The derivative of a measured value by the states: one of them, or a ground velocity by three."""
 
-    table: Array
-    """(8, N), FlightStates's rows."""
-    covariance: Array
-    """(N, 8, 8)."""
+    __slots__ = ("by_heading", "by_speed", "first", "wind")
 
+    def __init__(self, first: int, wind: int = -1, by_speed: float = 0.0, by_heading: float = 0.0) -> None:
+        """Measure state `first`; or, with a `wind`, that plus the given shares of airspeed and heading."""
+        self.first = first
+        self.wind = wind
+        self.by_speed = by_speed
+        self.by_heading = by_heading
 
-def transition(state: FlightStates, elapsed_s: Array, model: AutopilotModels) -> Array:
-    """Return the derivative of the states `elapsed_s` (N,) later by the states now, (N, 8, 8), at constant heading."""
-    cos, sin, speed = np.cos(state.heading_rad), np.sin(state.heading_rad), state.airspeed_mps
-    kept = np.exp(-elapsed_s / model.air_lags_s)
-    speed_s, heading_s = model.air_lags_s * (1.0 - kept)
-    slow_s, fast_s = np.maximum(model.tau_ha_s, model.tau_hb_s), np.minimum(model.tau_ha_s, model.tau_hb_s)
-    slow, fast = np.exp(-elapsed_s / slow_s), np.exp(-elapsed_s / fast_s)
-    # With equal poles, the limit of exprel gives the double pole's form.
-    between_s = elapsed_s * slow * scipy.special.exprel(elapsed_s / slow_s - elapsed_s / fast_s)
-    derivative = np.zeros((elapsed_s.size, STATES, STATES))
-    derivative[:] = _EYE
-    derivative[:, NORTH, SPEED], derivative[:, EAST, SPEED] = cos * speed_s, sin * speed_s
-    derivative[:, NORTH, HEADING], derivative[:, EAST, HEADING] = -speed * sin * heading_s, speed * cos * heading_s
-    derivative[:, NORTH, WIND_NORTH] = derivative[:, EAST, WIND_EAST] = elapsed_s
-    derivative[:, SPEED, SPEED], derivative[:, HEADING, HEADING] = kept
-    derivative[:, HEIGHT, HEIGHT], derivative[:, HEIGHT, CLIMB] = slow + between_s / slow_s, between_s
-    derivative[:, CLIMB, HEIGHT] = -between_s / (slow_s * fast_s)
-    derivative[:, CLIMB, CLIMB] = fast - between_s / slow_s
-    return derivative
+    def of(self, states: list[float]) -> float:
+        """Return what a change of the states changes the value by; or a value's variance from its covariances."""
+        if self.wind < 0:
+            return states[self.first]
+        return self.by_speed * states[SPEED] + self.by_heading * states[HEADING] + states[self.wind]
 
 
-def expected(state: FlightStates) -> Array:
-    """Return the sample that vehicles in `state` would give, (8, N)."""
-    ground_north = state.airspeed_mps * np.cos(state.heading_rad) + state.wind_north_mps
-    ground_east = state.airspeed_mps * np.sin(state.heading_rad) + state.wind_east_mps
-    return np.array((*state.place_m, ground_north, ground_east, state.climb_mps, *state.air_motion))
+class HeightCovariance:
+    """Covariance of height and climb, m and m/s."""
+
+    __slots__ = ("climb", "cross", "height")
+
+    def __init__(self, height: float, climb: float) -> None:
+        """Begin with two variances and no correlation."""
+        self.height = height
+        self.cross: float = 0.0
+        self.climb = climb
+
+    def carry(self, elapsed_s: float, model: AutopilotModel) -> None:
+        """Carry it on by `elapsed_s` through the height's two poles; their difference 0 makes them a double pole."""
+        slow_s, fast_s = max(model.tau_ha_s, model.tau_hb_s), min(model.tau_ha_s, model.tau_hb_s)
+        slow, fast = math.exp(-elapsed_s / slow_s), math.exp(-elapsed_s / fast_s)
+        apart = elapsed_s / slow_s - elapsed_s / fast_s
+        between_s = elapsed_s * slow * (math.expm1(apart) / apart if apart != 0.0 else 1.0)
+        a, b, c, d = slow + between_s / slow_s, between_s, -between_s / (slow_s * fast_s), fast - between_s / slow_s
+        height, cross, climb = self.height, self.cross, self.climb
+        self.height = a * a * height + 2.0 * a * b * cross + b * b * climb
+        self.cross = a * c * height + (a * d + b * c) * cross + b * d * climb
+        self.climb = c * c * height + 2.0 * c * d * cross + d * d * climb
 
 
-def innovation(sample: Array, state: FlightStates) -> Array:
-    """Return the sample minus the expected one, (8, N)."""
-    difference = sample - expected(state)
-    difference[YAW] = wrap(difference[YAW])
+def expected(state: FlightState) -> list[float]:
+    """Return the sample that a vehicle in `state` would give: north, east, height, their rates, airspeed, heading."""
+    north_mps = state.airspeed_mps * math.cos(state.heading_rad) + state.wind_north_mps
+    east_mps = state.airspeed_mps * math.sin(state.heading_rad) + state.wind_east_mps
+    place = [state.north_m, state.east_m, state.height_m]
+    return [*place, north_mps, east_mps, state.climb_mps, state.airspeed_mps, state.heading_rad]
+
+
+def innovation(sample: list[float], state: FlightState) -> list[float]:
+    """Return the sample minus the expected one."""
+    values = expected(state)
+    difference = [seen - values[row] for row, seen in enumerate(sample)]
+    difference[-1] = wrap(difference[-1])
     return difference
 
 
-def sensitivity(state: FlightStates) -> Array:
-    """Return the derivative of a sample by the state, (N, 8, 8)."""
-    cos, sin, speed = np.cos(state.heading_rad), np.sin(state.heading_rad), state.airspeed_mps
-    rows = np.zeros((cos.size, STATES, STATES))
-    rows[:, (0, 1, 2), (NORTH, EAST, HEIGHT)] = 1.0
-    rows[:, (GROUND_NORTH, GROUND_EAST), (WIND_NORTH, WIND_EAST)] = 1.0
-    rows[:, (RISE, AIRSPEED, YAW), (CLIMB, SPEED, HEADING)] = 1.0
-    rows[:, GROUND_NORTH, SPEED], rows[:, GROUND_NORTH, HEADING] = cos, -speed * sin
-    rows[:, GROUND_EAST, SPEED], rows[:, GROUND_EAST, HEADING] = sin, speed * cos
-    return rows
+def level_sensitivities(state: FlightState) -> list[Sensitivity]:
+    """Return those of north and east, their rates, airspeed and heading."""
+    cos, sin, speed = math.cos(state.heading_rad), math.sin(state.heading_rad), state.airspeed_mps
+    return [
+        Sensitivity(NORTH),
+        Sensitivity(EAST),
+        Sensitivity(NORTH, WIND_NORTH, cos, -speed * sin),
+        Sensitivity(EAST, WIND_EAST, sin, speed * cos),
+        Sensitivity(SPEED),
+        Sensitivity(HEADING),
+    ]
 
 
-def diagonal(variances: Array) -> Array:
-    """Return (N, 8, 8) diagonal matrices of (8, N) values."""
-    return variances.T[:, :, None] * _EYE
+def correct_level(
+    covariance: LevelCovariance, sensitivities: list[Sensitivity], difference: list[float], variances: list[float]
+) -> list[float]:
+    """Return by how much a sample's values correct the states, and take what they tell from the covariance."""
+    correction = [0.0] * LEVEL_STATES
+    for sensitivity, off, variance in zip(sensitivities, difference, variances, strict=True):
+        seen = covariance.seen(sensitivity)
+        spread = sensitivity.of(seen) + variance
+        gain = [each / spread for each in seen]
+        left = off - sensitivity.of(correction)
+        correction = [correction[j] + left * gain[j] for j in EVERY]
+        covariance.take(seen, gain)
+    return correction
 
 
-def correct(predicted: Estimate, rows: Array, spread: Array, difference: Array, variances: Array) -> Estimate:
-    """Return the estimate that a sample corrects.
-
-    Args:
-        predicted: the estimate before.
-        rows: (N, 8, 8) of `sensitivity`.
-        spread: (N, 8, 8) covariance of the innovation.
-        difference: (8, N) the innovation.
-        variances: (8, N) of the sample's noise.
-    """
-    gain = np.linalg.solve(spread, rows @ predicted.covariance).swapaxes(1, 2)
-    table = predicted.table + (gain @ difference.T[:, :, None])[:, :, 0].T
-    table[HEADING] = wrap(table[HEADING])
-    kept = _EYE - gain @ rows
-    noise = (gain * variances.T[:, None, :]) @ gain.swapaxes(1, 2)
-    return Estimate(table, kept @ predicted.covariance @ kept.swapaxes(1, 2) + noise)
+def correct_height(
+    covariance: HeightCovariance, difference: tuple[float, float], variances: tuple[float, float]
+) -> tuple[float, float]:
+    """Return by how much a measured height and climb correct them, and take what they tell from the covariance."""
+    height, cross, climb = covariance.height, covariance.cross, covariance.climb
+    by_height = height + variances[0]
+    first, second = height / by_height, cross / by_height
+    height_m, climb_mps = first * difference[0], second * difference[0]
+    climb -= second * cross
+    cross -= first * cross
+    height -= first * height
+    by_climb = climb + variances[1]
+    left, first, second = difference[1] - climb_mps, cross / by_climb, climb / by_climb
+    covariance.height = height - first * cross
+    covariance.cross = cross - first * climb
+    covariance.climb = climb - second * climb
+    return height_m + first * left, climb_mps + second * left

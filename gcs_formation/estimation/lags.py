@@ -18,7 +18,8 @@ import numpy as np
 from airlink.clock import NANOSECONDS
 from flight_model.arrays import Array, Instants, Mask, within, wrap
 from gcs_formation.estimation.flight_state import AutopilotModels
-from gcs_formation.estimation.predictor import AirLags, Height, HeightSteps, SetpointHistory
+from gcs_formation.estimation.predictor import AirLags, Height, HeightSteps
+from gcs_formation.estimation.setpoint_history import SetpointHistory
 
 RATIO_MAX = 2.0
 """A lag is found between the believed one divided and multiplied by this."""

@@ -1,88 +1,19 @@
-"""The present state from a delayed one: the autopilot model (7) run through the setpoints still in flight."""
+"""The autopilot model (7) on tables of many vehicles."""
 
 from __future__ import annotations
 
-from collections import deque
 from typing import NamedTuple
 
 import numpy as np
 import scipy
 
-from airlink.clock import NANOSECONDS
-from flight_model.arrays import Array, Instants, all_of, any_of, or_zero, within, wrap
-from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Indices, Setpoints
+from flight_model.arrays import Array, all_of, any_of, or_zero, within, wrap
+from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
 
-HISTORY_S = 6.0
 _GAUSS, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 _NODES = ((_GAUSS + 1) / 2)[:, None, None]
 """Gauss's points of a segment of time, as shares of it: where speed and heading are evaluated for the way made good."""
 _SHARES = (_WEIGHTS / 2)[:, None, None]
-
-
-class SentSetpoints(NamedTuple):
-    """One tick's setpoints and when each is expected to act: (V,) arrays over all vehicles."""
-
-    acts: Instants
-    setpoints: Setpoints
-
-
-class SetpointHistory:
-    """The setpoints sent to every vehicle in the last seconds, oldest first."""
-
-    def __init__(self, rate_hz: float) -> None:
-        """Keep `HISTORY_S` of ticks at `rate_hz`."""
-        self.length = max(8, int(HISTORY_S * rate_hz))
-        self._sent: deque[SentSetpoints] = deque(maxlen=self.length)
-
-    @property
-    def empty(self) -> bool:
-        """Whether nothing has been sent yet."""
-        return not self._sent
-
-    def add(self, sent: SentSetpoints) -> None:
-        """Add the setpoints of a tick; its arrays may still be filled in later."""
-        self._sent.append(sent)
-
-    def predict(
-        self, state: FlightStates, since: Instants, until: Instants, vehicles: Indices, model: AutopilotModels
-    ) -> FlightStates:
-        """Return the state of each column at `until`, from its `state` at `since`.
-
-        Column i is vehicle `vehicles[i]`; a vehicle may appear in several columns. Before the oldest known setpoint it
-        is taken to follow that one already, and without any setpoint to fly straight on.
-        """
-        rows, end = self._relevant(since, vehicles), np.maximum(until, since)
-        acts = np.array([row.acts for row in rows])[:, vehicles]
-        acts[0] = since
-        borders = np.concatenate((np.minimum(np.maximum.accumulate(acts), end), end[None]))
-        duration_s = (borders[1:] - borders[:-1]) / NANOSECONDS
-        told = np.array([row.setpoints.table for row in rows])[:, :, vehicles]
-        return advance(state, told, duration_s, model)
-
-    def told(self, instants: Instants, vehicles: Indices) -> Setpoints:
-        """Return each vehicle's newest setpoint that acts at its instant, or the oldest one if none does yet."""
-        rows = self._relevant(instants, vehicles)
-        acts = np.array([row.acts for row in rows])[:, vehicles]
-        newest = np.maximum((acts <= instants).sum(axis=0) - 1, 0)
-        table = np.array([row.setpoints.table for row in rows])
-        return Setpoints.of(table[newest, :, vehicles].T)
-
-    def between(self, since: Instants, until: Instants) -> tuple[Instants, Array]:
-        """Return what all vehicles were told from `since` to `until`, (V,): when each acts (R, V), and (R, 3, V)."""
-        rows = self._relevant(since, np.arange(since.size))
-        while len(rows) > 1 and all_of(rows[-1].acts >= until):
-            rows.pop()
-        acts = np.maximum.accumulate(np.array([row.acts for row in rows]))
-        return acts, np.array([row.setpoints.table for row in rows])
-
-    def _relevant(self, since: Instants, vehicles: Indices) -> list[SentSetpoints]:
-        """Return the setpoints from the last tick on that acts before all of `since`."""
-        rows = list[SentSetpoints]()
-        for row in reversed(self._sent):
-            rows.append(row)
-            if all_of(row.acts[vehicles] <= since):
-                break
-        return rows[::-1]
 
 
 def advance(state: FlightStates, told: Array, duration_s: Array, model: AutopilotModels) -> FlightStates:

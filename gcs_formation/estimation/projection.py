@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from airlink.clock import NANOSECONDS
-from flight_model.arrays import Array, Instants, Mask, any_of
+from flight_model.arrays import Array, Instants, Mask
+from flight_model.autopilot import AutopilotModel, FlightState
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Indices
-from gcs_formation.estimation.predictor import HISTORY_S, SetpointHistory
+from gcs_formation.estimation.setpoint_history import HISTORY_S, SetpointHistory
 
 HEADING = 5
 """Row of `FlightStates` that is an angle."""
-LEVEL, WIND = slice(0, 2), slice(6, 8)
-"""Its rows of the place north and east, and of the wind."""
-CARRIED = slice(8, 10)
-"""Rows of a sample after them: how far the wind has carried the vehicle."""
 LONG_AGO = np.int64(-(2**61))
 """Stamp of a state that nothing may be interpolated from."""
 MISSED = 2
@@ -89,56 +85,104 @@ class AtOneStamp:
         return np.full(whose.shape, self.stamp, dtype=np.int64)
 
 
-@dataclass(frozen=True)
+class Sampled:
+    """What was known of every vehicle at a tick."""
+
+    __slots__ = ("carried_east_m", "carried_north_m", "stamps", "states")
+
+    def __init__(self, stamps: list[int], states: list[FlightState], before: Sampled | None) -> None:
+        """Take the states at their stamps, in ns, and what the sample of the tick before knew."""
+        self.stamps = stamps
+        self.states = states
+        self.carried_north_m = [0.0] * len(stamps)
+        """How far the wind has carried each vehicle since the first sample."""
+        self.carried_east_m = [0.0] * len(stamps)
+        if before is None:
+            return
+        for vehicle, (then, now) in enumerate(zip(before.states, states, strict=True)):
+            half_s = (stamps[vehicle] - before.stamps[vehicle]) / NANOSECONDS / 2.0
+            north_m = half_s * (then.wind_north_mps + now.wind_north_mps)
+            self.carried_north_m[vehicle] = before.carried_north_m[vehicle] + north_m
+            east_m = half_s * (then.wind_east_mps + now.wind_east_mps)
+            self.carried_east_m[vehicle] = before.carried_east_m[vehicle] + east_m
+
+
 class WhenSetpointsAct:
     """Every vehicle's state at the instant at which a setpoint for it, or for another vehicle, acts."""
 
-    measured: Measured
-    samples: Sequence[tuple[Instants, Array]]
-    """Every vehicle's stamps (C,) and, tick by tick, the newest last, (10, C): states, and how far the wind has carried
-    it north and east."""
-    history: SetpointHistory
-    model: AutopilotModels
-    between_messages: np.int64
-    """How much later than another vehicle's a state may be with nothing missing, ns."""
+    def __init__(
+        self,
+        acts: Instants,
+        samples: list[Sampled],
+        history: SetpointHistory,
+        models: list[AutopilotModel],
+        between_messages: int,
+    ) -> None:
+        """Predict from `samples`, tick by tick and the newest last, by `models` through what `history` says was sent.
+
+        A state may be `between_messages` ns later than another vehicle's with nothing missing. Setpoints sent now to
+        each vehicle act at `acts`, (C,).
+        """
+        self._acts, self._each_acts = acts, acts.tolist()
+        self._samples, self._history, self._models = samples, history, models
+        self._between_messages = between_messages
 
     def of(self, which: Indices, whose: Indices) -> FlightStates:
-        """Return the states predicted through the setpoints in flight, each from the stamp of `whose` newest sample.
+        """Return, column by column, the state of `which` when a setpoint sent now to `whose` acts."""
+        pairs = zip(which.tolist(), whose.tolist(), strict=True)
+        return FlightStates.from_each([self.one(each, other) for each, other in pairs])
+
+    def one(self, which: int, whose: int) -> FlightState:
+        """Return a vehicle's state predicted through the setpoints in flight, from the stamp of `whose` newest sample.
 
         Between states that two vehicles measured at different times, a gust looks like a gap. If the newest message of
         `which` is older than that of `whose`, it is taken to have met the same gusts since then. This doesn't hold
         for the usual interval between two messages, where it would only add the other's measurement noise.
         """
-        newest = self.measured.stamps[whose]
-        since, state = self._nearest(which, newest)
-        met, then = self._nearest(whose, np.minimum(since + self.between_messages, newest))
-        _, now = self.samples[-1]
-        change_mps = now[WIND, whose] - then[WIND]
-        # The prediction takes the wind to have been as it is now since the beginning.
-        carried_m = now[CARRIED, whose] - then[CARRIED] - now[WIND, whose] * (newest - met) / NANOSECONDS
-        state[LEVEL] += carried_m - change_mps * (met - since) / NANOSECONDS
-        state[WIND] += change_mps
-        model = self.model.take(which)
-        return self.history.predict(
-            FlightStates.of(state[: CARRIED.start]), since, self.measured.acts[whose], which, model
-        )
+        newest = self._samples[-1]
+        at = newest.stamps[whose]
+        begin = newest if which == whose else self._nearest(which, at)
+        state, since = begin.states[which].copy(), begin.stamps[which]
+        if which != whose:
+            met = self._nearest(whose, min(since + self._between_messages, at))
+            if met is not newest:
+                self._meet(state, whose, met, since)
+        self._history.predicted(state, since, self._each_acts[whose], which, self._models[which])
+        return state
 
-    def _nearest(self, which: Indices, stamps: Instants) -> tuple[Instants, Array]:
-        """Return the samples (8, ...) of `which` nearest to the stamps, and their own time stamps."""
-        older = reversed(self.samples)
-        newest, table = next(older)
-        since, state = newest[which], table[:, which]
-        for each_stamps, each in older:
-            nearer = np.abs(each_stamps[which] - stamps) < np.abs(since - stamps)
-            if not any_of(nearer):
+    def _meet(self, state: FlightState, whose: int, met: Sampled, since: int) -> None:
+        """Move a state at `since` to where the wind has carried it that `whose` has met since the sample `met`.
+
+        The prediction takes the wind to have been as it is now since the beginning.
+        """
+        newest, then = self._samples[-1], met.states[whose]
+        now, over_s = newest.states[whose], (newest.stamps[whose] - met.stamps[whose]) / NANOSECONDS
+        ago_s = (met.stamps[whose] - since) / NANOSECONDS
+        north_mps = now.wind_north_mps - then.wind_north_mps
+        north_m = newest.carried_north_m[whose] - met.carried_north_m[whose] - now.wind_north_mps * over_s
+        state.north_m += north_m - north_mps * ago_s
+        state.wind_north_mps += north_mps
+        east_mps = now.wind_east_mps - then.wind_east_mps
+        east_m = newest.carried_east_m[whose] - met.carried_east_m[whose] - now.wind_east_mps * over_s
+        state.east_m += east_m - east_mps * ago_s
+        state.wind_east_mps += east_mps
+
+    def _nearest(self, vehicle: int, stamp: int) -> Sampled:
+        """Return the sample of a vehicle that is nearest to a stamp."""
+        best = index = len(self._samples) - 1
+        apart = abs(self._samples[best].stamps[vehicle] - stamp)
+        while index > 0:
+            index -= 1
+            older = abs(self._samples[index].stamps[vehicle] - stamp)
+            if older > apart:
                 break
-            since = np.where(nearer, each_stamps[which], since)
-            state = np.where(nearer, each[:, which], state)
-        return since, state
+            if older < apart:
+                best, apart = index, older
+        return self._samples[best]
 
     def instants(self, whose: Indices) -> Instants:
         """Return when the setpoints act."""
-        return self.measured.acts[whose]
+        return self._acts[whose]
 
 
 class AsMeasured:
@@ -154,27 +198,21 @@ class Prediction:
 
     def __init__(self, history: SetpointHistory, model: AutopilotModels, telemetry_hz: float) -> None:
         """Predict by `model`, (C,) columns, through what `history` says was sent."""
-        self._between_messages = np.int64(MISSED * NANOSECONDS / telemetry_hz)
+        self._between_messages = round(MISSED * NANOSECONDS / telemetry_hz)
         self._history = history
         self._model = model
-        self._samples: deque[tuple[Instants, Array]] = deque(maxlen=history.length)
+        self._samples: list[Sampled] = []
 
     def take(self, measured: Measured) -> WhenSetpointsAct:
         """Return the states when this tick's setpoints act."""
         lost = ~measured.active & (measured.acts - measured.stamps > LOST_S * NANOSECONDS)
         stamps = np.where(lost, measured.acts, measured.stamps)
-        measured = Measured(measured.state, stamps, measured.active, measured.acts)
-        self._samples.append((measured.stamps, self._carried(measured)))
-        return WhenSetpointsAct(measured, self._samples, self._history, self._model, self._between_messages)
-
-    def _carried(self, measured: Measured) -> Array:
-        """Return the states (8, C), and how far the wind has carried each vehicle since the first sample (2, C)."""
-        table = measured.state.table
-        if not self._samples:
-            return np.concatenate((table, np.zeros_like(table[WIND])))
-        stamps, before = self._samples[-1]
-        over_s = (measured.stamps - stamps) / NANOSECONDS
-        return np.concatenate((table, before[CARRIED] + (before[WIND] + table[WIND]) / 2 * over_s))
+        before = self._samples[-1] if self._samples else None
+        if len(self._samples) == self._history.length:
+            del self._samples[0]
+        self._samples.append(Sampled(stamps.tolist(), measured.state.each(), before))
+        models = self._model.each()
+        return WhenSetpointsAct(measured.acts, self._samples, self._history, models, self._between_messages)
 
 
 class Pairing:

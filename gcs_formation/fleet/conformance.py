@@ -17,7 +17,8 @@ from formation_scenario.navigation import NoisyNavigation
 from formation_scenario.reconfiguration import column_models
 from gcs_formation.controller import FormationController
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates
-from gcs_formation.estimation.predictor import SetpointHistory, advance
+from gcs_formation.estimation.predictor import advance
+from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.parameters import autopilot_model
 from gcs_formation.recorder import Detail, Note, Tick
 from gcs_formation.vehicle.member import Member

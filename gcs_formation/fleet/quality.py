@@ -12,7 +12,7 @@ from airlink.clock import Instant
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
 from formation_scenario import Scenario
-from gcs_formation.estimation.kalman import QUANTITIES, NoiseEstimate
+from gcs_formation.estimation.noise import QUANTITIES, NoiseEstimate
 from gcs_formation.recorder import Detail, Note
 from gcs_formation.stability import LoopDelay, Usage, law_loops, loop_delay_s
 from gcs_formation.vehicle.vehicle import Vehicle

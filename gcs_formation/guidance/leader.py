@@ -14,7 +14,8 @@ from flight_model.arrays import Array, Instants
 from flight_model.displacement import DisplacedPath
 from flight_model.path import SplinePath
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoint, Setpoints
-from gcs_formation.estimation.predictor import HISTORY_S, advance
+from gcs_formation.estimation.predictor import advance
+from gcs_formation.estimation.setpoint_history import HISTORY_S
 from gcs_formation.guidance.tracking import (
     JoinRoute,
     Lags,

@@ -12,8 +12,9 @@ from airlink.clock import NANOSECONDS, Instant, seconds_between
 from flight_model.arrays import Array, Instants, Mask, all_of, or_zero, within, wrap
 from formation_scenario import Scenario, ground_of, slot_schedule
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Indices, Setpoints
-from gcs_formation.estimation.predictor import SetpointHistory, advance
+from gcs_formation.estimation.predictor import advance
 from gcs_formation.estimation.projection import Measured
+from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.recorder import Tick
 from gcs_formation.separation.manoeuvre import Traffic, sample_times
 from gcs_formation.separation.rule import Conflict, Memory, Resolution, resolve

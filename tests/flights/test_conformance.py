@@ -14,7 +14,7 @@ from airlink.engine import Datagram
 from airlink.messages.system import Heartbeat
 from formation_scenario import load_scenario
 from gcs_formation.estimation.flight_state import FlightStates, Setpoints
-from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory
+from gcs_formation.estimation.setpoint_history import SentSetpoints, SetpointHistory
 from gcs_formation.fleet.conformance import SETTLED_S, MotionConformance
 from gcs_formation.vehicle.arduplane import ArduPlane
 from gcs_formation.vehicle.autopilot import EffectWatch

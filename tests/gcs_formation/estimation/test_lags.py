@@ -6,7 +6,8 @@ import pytest
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
 from gcs_formation.estimation.lags import LagEstimator
-from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory, advance
+from gcs_formation.estimation.predictor import advance
+from gcs_formation.estimation.setpoint_history import SentSetpoints, SetpointHistory
 
 TICK_S, DELAY_S = 0.1, 0.35
 LAGS = ("tau_v_s", "tau_psi_s", "tau_ha_s", "tau_hb_s")

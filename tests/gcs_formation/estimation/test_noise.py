@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from gcs_formation.estimation.kalman import Declared, NoiseEstimate
+from gcs_formation.estimation.noise import Declared, NoiseEstimate
 
 SIGMA = np.array((0.3, 0.3, 0.1, 0.1, 0.3, 0.01))
 ROW_OF = (0, 0, 1, 2, 2, 3, 4, 5)
-ONLY = np.array([0])
 
 
 def begun(columns: int = 1) -> NoiseEstimate:
@@ -23,7 +22,7 @@ def test_the_estimate_is_the_mean_of_products_of_successive_increments() -> None
         rows, spread = variance[list(ROW_OF)], np.full(8, 0.04)
         bound = 2.0 * np.sqrt(spread + rows)
         increments = 1.2 * bound * random.uniform(-1.0, 1.0, 8)
-        noise.learn(ONLY, increments[:, None], spread[:, None])
+        noise.each[0].learn(increments.tolist(), spread.tolist())
         clipped = np.clip(increments, -bound, bound)
         products = -clipped * before
         mean = np.array((products[:2].mean(), products[2], products[3:5].mean(), *products[5:]))
@@ -31,20 +30,22 @@ def test_the_estimate_is_the_mean_of_products_of_successive_increments() -> None
         variance = np.clip(variance, (SIGMA / 10.0) ** 2, np.array((30.0, 30.0, 5.0, 5.0, 10.0, 0.5)) ** 2)
         before = clipped
         np.testing.assert_allclose(noise.sigma[:, 0], np.sqrt(variance))
-        np.testing.assert_allclose(noise.variances(ONLY)[:, 0], variance[list(ROW_OF)])
+        np.testing.assert_allclose(noise.each[0].values, variance[list(ROW_OF)])
         judged = np.sqrt(variance) / SIGMA if number >= 99 else np.ones(6)
         np.testing.assert_allclose(noise.ratios[:, 0], judged)
 
 
 def test_a_vehicle_that_begins_again_has_what_is_declared_and_the_others_keep_what_was_learnt() -> None:
-    noise, both = begun(2), np.arange(2)
+    noise = begun(2)
     for number in range(30):
-        noise.learn(both, np.full((8, 2), 0.2 * (-1) ** number), np.full((8, 2), 1.0))
+        for each in noise.each:
+            each.learn([0.2 * (-1) ** number] * 8, [1.0] * 8)
     learnt = noise.sigma[:, 1]
-    noise.begin(0)
+    noise.each[0].begin()
     np.testing.assert_allclose(noise.sigma[:, 0], SIGMA)
     np.testing.assert_allclose(noise.sigma[:, 1], learnt)
-    noise.learn(both, np.full((8, 2), 0.2), np.full((8, 2), 1.0))
+    for each in noise.each:
+        each.learn([0.2] * 8, [1.0] * 8)
     np.testing.assert_allclose(noise.sigma[:, 0], SIGMA * np.sqrt(20.0 / 21.0))
 
 
@@ -53,6 +54,6 @@ def test_noise_is_compared_with_what_is_stated_and_more_than_rounding(stated: bo
     sigma = np.array((0.003, 0.3, 0.003, 0.1, 0.3, 0.01))[:, None]
     noise = NoiseEstimate(Declared(sigma, sigma, np.array([stated])))
     for number in range(100):
-        noise.learn(ONLY, np.full((8, 1), 0.5 * (-1) ** number), np.full((8, 1), 1.0))
+        noise.each[0].learn([0.5 * (-1) ** number] * 8, [1.0] * 8)
     compared = np.flatnonzero(noise.ratios[:, 0] != 1.0)
     assert compared.tolist() == ([1, 3, 4, 5] if stated else [])

@@ -10,7 +10,8 @@ from scipy.integrate import solve_ivp
 
 from airlink.clock import NANOSECONDS
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
-from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory, advance, air_rates, turn_rate
+from gcs_formation.estimation.predictor import advance, air_rates, turn_rate
+from gcs_formation.estimation.setpoint_history import SentSetpoints, SetpointHistory
 
 
 def column(*values: float) -> list[np.ndarray]:

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
-from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory
 from gcs_formation.estimation.projection import AtOneStamp, Measured, Pairing, Prediction
+from gcs_formation.estimation.setpoint_history import SentSetpoints, SetpointHistory
 
 Array = npt.NDArray[np.float64]
 Stamps = npt.NDArray[np.int64]

@@ -17,7 +17,7 @@ from airlink.messages.system import Heartbeat
 from flight_model.earth import GeodeticOrigin
 from formation_scenario import load_scenario
 from gcs_formation.estimation.flight_state import FlightStates, Setpoints
-from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory
+from gcs_formation.estimation.setpoint_history import SentSetpoints, SetpointHistory
 from gcs_formation.fleet.conformance import SETTLED_S, ConformanceMonitor
 from gcs_formation.link.connection import Connection
 from gcs_formation.vehicle.arduplane import ArduPlane

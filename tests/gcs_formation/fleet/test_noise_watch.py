@@ -6,7 +6,7 @@ import numpy as np
 
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
-from gcs_formation.estimation.kalman import Declared, NoiseEstimate
+from gcs_formation.estimation.noise import Declared, NoiseEstimate
 from gcs_formation.fleet.quality import NoiseWatch
 from tests.gcs_formation.noted import Noted
 
@@ -17,7 +17,7 @@ WHO = VehicleId(1, 2)
 def said(times, samples=400, stated=True):
     """Return what is said while the position's noise is `times` the declared one, and as declared after that."""
     noise = NoiseEstimate(Declared(DECLARED, DECLARED / 4, np.array([stated])))
-    random, column, notes = np.random.default_rng(1), np.array([0]), Noted()
+    random, notes = np.random.default_rng(1), Noted()
     vehicles: Any = {WHO: None}
     watch = NoiseWatch(vehicles, {WHO: 0}, notes)
     sigma = np.repeat(DECLARED, (2, 1, 2, 1, 1, 1), axis=0)
@@ -26,7 +26,7 @@ def said(times, samples=400, stated=True):
         for _ in range(samples):
             white = sigma * random.standard_normal((8, 1))
             white[:2] *= scale
-            noise.learn(column, white - before, 2.0 * (sigma * scale) ** 2)
+            noise.each[0].learn((white - before)[:, 0].tolist(), (2.0 * (sigma * scale) ** 2)[:, 0].tolist())
             before = white
             watch.watch(Instant(0), noise)
     return notes.of("noise")

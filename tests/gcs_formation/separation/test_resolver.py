@@ -11,8 +11,8 @@ import pytest
 from airlink.clock import Instant, after
 from formation_scenario import load_scenario
 from gcs_formation.estimation.flight_state import FlightStates, Setpoints
-from gcs_formation.estimation.predictor import SentSetpoints, SetpointHistory
 from gcs_formation.estimation.projection import Measured
+from gcs_formation.estimation.setpoint_history import SentSetpoints, SetpointHistory
 from gcs_formation.parameters import autopilot_model
 from gcs_formation.recorder import Tick
 from gcs_formation.separation.resolver import ConflictResolver, words

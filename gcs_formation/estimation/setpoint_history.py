@@ -1,0 +1,130 @@
+"""The present state from a delayed one: the autopilot model (7) run through the setpoints still in flight."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from airlink.clock import NANOSECONDS
+from flight_model.arrays import Array, Indices, Instants
+from flight_model.autopilot import AutopilotModel, FlightState, advance, within
+from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
+
+HISTORY_S = 6.0
+
+
+class SentSetpoints(NamedTuple):
+    """One tick's setpoints and when each is expected to act: (V,) arrays over all vehicles."""
+
+    acts: Instants
+    setpoints: Setpoints
+
+
+class _Tick:
+    """The same vehicle by vehicle."""
+
+    __slots__ = ("acts", "headings", "heights", "speeds")
+
+    def __init__(self, acts: list[int]) -> None:
+        self.acts = acts
+        self.speeds: list[float] = []
+        self.headings: list[float] = []
+        self.heights: list[float] = []
+
+    def fill(self, speeds: list[float], headings: list[float], heights: list[float]) -> None:
+        self.speeds = speeds
+        self.headings = headings
+        self.heights = heights
+
+
+class SetpointHistory:
+    """The setpoints sent to every vehicle in the last seconds, oldest first."""
+
+    def __init__(self, rate_hz: float) -> None:
+        """Keep `HISTORY_S` of ticks at `rate_hz`."""
+        self.length = max(8, int(HISTORY_S * rate_hz))
+        self._ticks: list[_Tick] = []
+        self._newest: Setpoints | None = None
+
+    @property
+    def empty(self) -> bool:
+        """Whether nothing has been sent yet."""
+        return not self._ticks
+
+    def add(self, sent: SentSetpoints) -> None:
+        """Add the setpoints of a tick; its arrays may still be filled in until the next."""
+        self._settle()
+        if len(self._ticks) == self.length:
+            del self._ticks[0]
+        self._ticks.append(_Tick(sent.acts.tolist()))
+        self._newest = sent.setpoints
+
+    def predict(
+        self, state: FlightStates, since: Instants, until: Instants, vehicles: Indices, model: AutopilotModels
+    ) -> FlightStates:
+        """Return the state of each column at `until`, from its `state` at `since`.
+
+        Column i is vehicle `vehicles[i]`; a vehicle may appear in several columns.
+        """
+        self._settle()
+        states, models = state.each(), model.each()
+        columns = zip(states, since.tolist(), until.tolist(), vehicles.tolist(), models, strict=True)
+        for each, since_ns, until_ns, vehicle, its_model in columns:
+            self.carry(each, since_ns, until_ns, vehicle, its_model)
+        return FlightStates.from_each(states)
+
+    def predicted(self, state: FlightState, since: int, until: int, vehicle: int, model: AutopilotModel) -> None:
+        """Move a vehicle's `state` on from `since` to `until`, instants in ns, through what it was sent.
+
+        Before the oldest known setpoint it is taken to follow that one already, and without any setpoint to fly
+        straight on.
+        """
+        self._settle()
+        self.carry(state, since, until, vehicle, model)
+
+    def carry(self, state: FlightState, since: int, until: int, vehicle: int, model: AutopilotModel) -> None:
+        """Do what `predicted` does, once the newest setpoints are known to be those of the history."""
+        ticks, last = self._ticks, len(self._ticks) - 1
+        first = self._acting(since, vehicle)
+        for index in range(first, last + 1):
+            tick, end = ticks[index], until
+            if index < last:
+                end = min(max(ticks[index + 1].acts[vehicle], since), until)
+            if end > since:
+                speed_mps = within(tick.speeds[vehicle], model.speed_min_mps, model.speed_max_mps)
+                heading_rad, height_m = tick.headings[vehicle], tick.heights[vehicle]
+                advance(state, model, speed_mps, heading_rad, height_m, (end - since) / NANOSECONDS)
+                since = end
+
+    def _acting(self, instant: int, vehicle: int) -> int:
+        """Return the place of a vehicle's newest setpoint that acts at an instant; the oldest if none does yet."""
+        index = len(self._ticks) - 1
+        while index > 0 and self._ticks[index].acts[vehicle] > instant:
+            index -= 1
+        return index
+
+    def told(self, instants: Instants, vehicles: Indices) -> Setpoints:
+        """Return each vehicle's newest setpoint that acts at its instant, or the oldest one if none does yet."""
+        self._settle()
+        rows = list[tuple[float, float, float]]()
+        each: list[int] = vehicles.tolist()
+        for instant, vehicle in zip(instants.tolist(), each, strict=True):
+            tick = self._ticks[self._acting(instant, vehicle)]
+            rows.append((tick.speeds[vehicle], tick.headings[vehicle], tick.heights[vehicle]))
+        return Setpoints.of(np.array(rows).T)
+
+    def between(self, since: Instants, until: Instants) -> tuple[Instants, Array]:
+        """Return what all vehicles were told from `since` to `until`, (V,): when each acts (R, V), and (R, 3, V)."""
+        self._settle()
+        begins, ends = since.tolist(), until.tolist()
+        first = min(self._acting(begin, vehicle) for vehicle, begin in enumerate(begins))
+        last = max(self._acting(end - 1, vehicle) for vehicle, end in enumerate(ends))
+        ticks = self._ticks[first : max(first, last) + 1]
+        told = np.array([(tick.speeds, tick.headings, tick.heights) for tick in ticks])
+        return np.maximum.accumulate(np.array([tick.acts for tick in ticks], dtype=np.int64)), told
+
+    def _settle(self) -> None:
+        """Take the newest setpoints as they are filled in by now."""
+        if self._newest is not None:
+            self._ticks[-1].fill(*self._newest.table.tolist())
