@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flight_model.airframe import Array
+from flight_model.arrays import Array
 from flight_model.linear import Complex, Responses
 
 FREQUENCIES = np.geomspace(0.005, 25.0, 400)

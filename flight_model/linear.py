@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from flight_model import energy
-from flight_model.airframe import AirframeParameters, Array
+from flight_model.airframe import AirframeParameters
+from flight_model.arrays import Array
 
 Complex = npt.NDArray[np.complex128]
+HEIGHT, SPEED, HEADING = (energy.QUANTITIES.index(name) for name in ("height_m", "speed_mps", "heading_rad"))
 SMALL = np.array([1e-2, 1e-3, 1e-3, 1e-4])
 """Perturbations of height (m), climb and airspeed (m/s) and heading (rad), far inside every limit."""
 INNER = 1e-4
@@ -44,7 +47,7 @@ def airframe_responses(frequency_radps: Array, airframe: AirframeParameters, spe
     """Return the responses of one aircraft, small signals about level flight at `speed_mps`, dead time included."""
     matrix, inputs = linearised(airframe, speed_mps)
     z = np.exp(1j * frequency_radps * energy.ENERGY_S)
-    late = np.exp(-1j * frequency_radps * float(airframe.dead_time_s[0]))
+    late = np.exp(-1j * frequency_radps * airframe.dead_time_s)
     # The setpoint of a tick is held until the next, half of which the state at its end doesn't show.
     late = (
         late
@@ -56,36 +59,36 @@ def airframe_responses(frequency_radps: Array, airframe: AirframeParameters, spe
     states = (np.linalg.solve(system, every) * late[:, None, None]).astype(np.complex128)
     return Responses(
         frequency_radps,
-        speed=states[:, energy.SPEED, 0],
-        heading=states[:, energy.HEADING, 1],
-        height=states[:, energy.HEIGHT, 2],
-        height_by_speed=states[:, energy.HEIGHT, 0],
+        speed=states[:, SPEED, 0],
+        heading=states[:, HEADING, 1],
+        height=states[:, HEIGHT, 2],
+        height_by_speed=states[:, HEIGHT, 0],
     )
 
 
 def linearised(airframe: AirframeParameters, speed_mps: float) -> tuple[Array, Array]:
     """Return the derivatives (S, S) and (S, 3) of an aircraft's state `energy.ENERGY_S` later.
 
-    The state is its motion and its inner table; the inputs are setpoints of speed, heading and height. Central
-    differences about straight, level flight at `speed_mps`.
+    The state is the aircraft's quantities; the inputs are setpoints of speed, heading and height. Central differences
+    about straight, level flight at `speed_mps`.
     """
-    level = np.array([[0.0], [0.0], [speed_mps], [0.0]])
-    trim = np.concatenate((level, energy.trimmed(level, airframe)))[:, 0]
-    size, steps = len(trim), np.concatenate((SMALL, np.full(len(trim) - len(SMALL), INNER), SMALL[[2, 3, 0]]))
-    nudges = np.diag(steps)
-    many = np.concatenate((nudges, -nudges), axis=1)
-    begin, inputs = trim[:, None] + many[:size], many[size:]
-    told = energy.Told(
-        speed_mps + inputs[0],
-        np.full(inputs.shape[1], np.inf),
-        inputs[1],
-        np.full(inputs.shape[1], STRAIGHT_RAD),
-        inputs[2],
-    )
-    motion, inner, all_alike = begin[:4].copy(), begin[4:].copy(), airframe.repeated(inputs.shape[1])
-    energy.control(motion, inner, told, all_alike)
-    for _ in range(energy.CYCLES):
-        energy.cycle(motion, inner, told, all_alike)
-    after = np.concatenate((motion, inner))
-    slopes = (after[:, : size + 3] - after[:, size + 3 :]) / (2.0 * steps)
+    level = energy.Aircraft(0.0, 0.0, speed_mps, 0.0)
+    energy.trim(level, airframe)
+    trim = np.array([*level.values(), speed_mps, 0.0, 0.0])
+    size = len(energy.QUANTITIES)
+    steps = np.concatenate((SMALL, np.full(size - len(SMALL), INNER), SMALL[[SPEED, HEADING, HEIGHT]]))
+    slopes = np.empty((size, trim.size))
+    for place, step in enumerate(np.diag(steps)):
+        slopes[:, place] = (_later(trim + step, airframe) - _later(trim - step, airframe)) / (2.0 * steps[place])
     return slopes[:, :size], slopes[:, size:]
+
+
+def _later(begin: Array, airframe: AirframeParameters) -> Array:
+    """Return an aircraft's quantities `energy.ENERGY_S` later; `begin` has its setpoints behind them."""
+    *quantities, speed_mps, heading_rad, height_m = begin.tolist()
+    aircraft = energy.Aircraft(*quantities)
+    told = energy.Told(speed_mps, math.inf, heading_rad, STRAIGHT_RAD, height_m)
+    energy.control(aircraft, told, airframe)
+    for _ in range(energy.CYCLES):
+        energy.cycle(aircraft, told, airframe)
+    return np.array(aircraft.values())

@@ -109,7 +109,7 @@ def _known(scenario: Scenario) -> tuple[list[tuple[Responses, float]], float]:
 def _responses(model: VehicleModel, speed_mps: float) -> Responses:
     if model.airframe is None:
         return lag_responses(FREQUENCIES, model.tau_v_s, model.tau_psi_s, (model.tau_ha_s, model.tau_hb_s))
-    return airframe_responses(FREQUENCIES, AirframeParameters.of([model.airframe.parameters()]), speed_mps)
+    return airframe_responses(FREQUENCIES, AirframeParameters.of(model.airframe.parameters()), speed_mps)
 
 
 def _weights(mixer: Mapping[str, float]) -> Weights:

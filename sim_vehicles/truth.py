@@ -13,16 +13,15 @@ import numpy as np
 
 from airlink.clock import NANOSECONDS, Instant
 from flight_model.arrays import Array
-from sim_vehicles.airframe.dynamics import ground_velocity
 from sim_vehicles.autopilot.clock import LOOP_HZ
 from sim_vehicles.config import TruthError
 
 if TYPE_CHECKING:
+    from sim_vehicles.airframe.body import Body
     from sim_vehicles.fleet import Fleet
 
 MAGIC = b"truth\x00\x00\x02"
 HEADER = struct.Struct("<8sQ")
-_time = struct.Struct("<d").pack
 QUANTITIES = 12
 
 
@@ -56,6 +55,7 @@ class TruthWriter:
         self._file.write(HEADER.pack(MAGIC, vehicles))
         self._turns = max(1, round(LOOP_HZ / rate_hz))
         self._turn, self._full = 0, False
+        self._packer = struct.Struct(f"<{1 + QUANTITIES * vehicles}d")
 
     def __enter__(self) -> Self:
         """Return the writer."""
@@ -73,17 +73,25 @@ class TruthWriter:
         self._turn += 1
         if self._full or self._turn % self._turns:
             return
-        state = fleet.state
-        velocity_mps, airborne = ground_velocity(state, fleet.drift_mps), fleet.steering.airborne
-        velocity_mps[2] *= -1.0
-        disturbance_mps = fleet.environment.disturbance_mps * airborne
-        rows = np.concatenate((state.table[:3], velocity_mps, state.table[4:], disturbance_mps, airborne[None]))
+        columns = [_quantities(body) for body in fleet.bodies]
+        row = [value for quantity in zip(*columns, strict=True) for value in quantity]
         try:
-            self._file.write(_time(now / NANOSECONDS) + rows.astype("<f8", copy=False).tobytes())
+            self._file.write(self._packer.pack(now / NANOSECONDS, *row))
             if self._turn % LOOP_HZ == 0:
                 self._file.flush()
         except OSError:  # a full disk ends the record, not the flight
             self._full = True
+
+
+def _quantities(body: Body) -> tuple[float, ...]:
+    """Return a vehicle's quantities in the order of `Truth`'s."""
+    state, north_mps, east_mps, down_mps = body.state, *body.ground_velocity()
+    airborne = 1.0 if body.steering.airborne else 0.0
+    north, east, down = body.disturbance_mps
+    return (
+        *(state.north_m, state.east_m, state.height_m, north_mps, east_mps, -down_mps),
+        *(state.airspeed_mps, state.heading_rad, north * airborne, east * airborne, down * airborne, airborne),
+    )
 
 
 def read_truth(path: Path) -> Truth:

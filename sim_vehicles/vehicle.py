@@ -39,17 +39,18 @@ NOTICE, WARNING, CRITICAL = m.MAV_SEVERITY_NOTICE, m.MAV_SEVERITY_WARNING, m.MAV
 
 
 class Vehicle:
-    """An emulated ArduPlane: its link, modes and messages. The fleet's arrays hold its motion."""
+    """An emulated ArduPlane: its link, modes and messages; its body flies."""
 
     def __init__(self, index: int, config: VehicleConfig, fleet: Fleet, now: Instant) -> None:
         """Boot at `now`; a vehicle that starts in the air has booted at once."""
         self.index = index
         self.config = config
         self.fleet = fleet
+        self.body = fleet.bodies[index]
         self.wake = now
         """When its next cycle has something to do."""
         self.parameters = ParameterServer(initial_values(config, fleet.config.cruise_mps))
-        self.pilot = Pilot(index, config, fleet.steering, self.parameters)
+        self.pilot = Pilot(config, self.body.steering, self.parameters)
         self.link = Link(index, config, fleet.outbox)
         self.missions = Missions(self._home)
         self._storage = Storage(self.parameters, self.missions)
@@ -93,12 +94,12 @@ class Vehicle:
     @property
     def motion(self) -> Motion:
         """How it moves."""
-        return self.fleet.motions[self.index]
+        return self.body.motion
 
     @property
     def sensed(self) -> Motion:
         """Its motion as its sensors measure it, for telemetry; its own control loops use the truth."""
-        motion, airspeed_mps = self.motion, self.fleet.airframes.airspeed_mps(self.index)
+        motion, airspeed_mps = self.motion, self.body.shown_mps
         if airspeed_mps is not None:
             motion = motion._replace(airspeed_mps=airspeed_mps)
         return motion if self._sensors is None else self._sensors.sense(motion, self.now)
@@ -210,7 +211,7 @@ class Vehicle:
         """Circle a position; a height that a setpoint has set is kept."""
         north_m, east_m, _ = self.fleet.origin.to_ned(lat_rad, lon_rad, self.fleet.origin.alt_m)
         if self.pilot.guided_by_setpoints:
-            height_m = float(self.fleet.steering.height_m[self.index])
+            height_m = self.body.steering.height_m
         self.pilot.circle(north_m, east_m, height_m)
 
     def answer(self, message: Message | None) -> None:
@@ -244,7 +245,7 @@ class Vehicle:
     def _crash(self, request: Request) -> bool:
         granted = self.pilot.request(request)
         if granted:
-            self.fleet.ground(self.index)
+            self.body.ground()
         return granted
 
     def _take(self, frame: Frame) -> None:

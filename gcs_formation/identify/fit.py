@@ -7,6 +7,7 @@ from the recording's first point to its last by the setpoints alone, with all pe
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -225,7 +226,7 @@ def lags_of(airframe: EnergyAirframe, model: VehicleModel, speed_mps: float) -> 
     Its answer to steps is slower, for the energy's rates are limited, and its answer to quick changes larger: neither
     is a lag of equation (7).
     """
-    at = airframe_responses(np.array([SLOW_RADPS]), AirframeParameters.of([airframe.parameters()]), speed_mps)
+    at = airframe_responses(np.array([SLOW_RADPS]), AirframeParameters.of(airframe.parameters()), speed_mps)
     lag_s = [max(LEAST_LAG_S, -float(np.angle(each[0])) / SLOW_RADPS) for each in (at.speed, at.heading, at.height)]
     speed_s, heading_s, height_s = lag_s
     lags = dict(zip(LAGS, (speed_s, heading_s, height_s / 2, height_s / 2), strict=True))
@@ -239,19 +240,25 @@ def _with(begin: EnergyAirframe, logs: Array) -> EnergyAirframe:
 
 def _flown(recording: Recording, airframes: Sequence[EnergyAirframe], turn_rate_max_rps: float) -> Array:
     """Return airspeed as sensed, heading and height, (3, K, N), of N aircraft that are told what was told."""
-    p = AirframeParameters.of([each.parameters() for each in airframes])
-    airspeed, heading, height, climb = recording.seen[:, 0]
-    motion = np.repeat(np.array([[height], [climb], [airspeed], [heading]]), len(airframes), axis=1)
-    inner, count = energy.trimmed(motion, p), len(airframes)
-    late = round((recording.delay_s + float(p.dead_time_s[0])) / STEP_S)
-    flown = np.empty((3, recording.seen.shape[1], count))
-    unlimited = np.full(count, np.inf)
-    for point in range(recording.seen.shape[1]):
-        flown[:, point] = inner[energy.R["sensed"]], motion[energy.HEADING], motion[energy.HEIGHT]
-        speed, direction, up = recording.told[:, max(point - late, 0)]
-        bank = np.arctan(turn_rate_max_rps * motion[energy.SPEED] / energy.GRAVITY_MPS2)
-        told = energy.Told(np.full(count, speed), unlimited, np.full(count, direction), bank, np.full(count, up))
-        energy.control(motion, inner, told, p)
+    return np.stack([_flown_by(recording, each, turn_rate_max_rps) for each in airframes], axis=-1)
+
+
+def _flown_by(recording: Recording, airframe: EnergyAirframe, turn_rate_max_rps: float) -> Array:
+    """Return the same of one aircraft, (3, K)."""
+    p = AirframeParameters.of(airframe.parameters())
+    airspeed, heading, height, climb = recording.seen[:, 0].tolist()
+    aircraft, late = (
+        energy.Aircraft(height, climb, airspeed, heading),
+        round((recording.delay_s + p.dead_time_s) / STEP_S),
+    )
+    energy.trim(aircraft, p)
+    setpoints, flown = recording.told.T.tolist(), list[tuple[float, float, float]]()
+    for point in range(len(setpoints)):
+        flown.append((aircraft.sensed, aircraft.heading_rad, aircraft.height_m))
+        speed, direction, up = setpoints[max(point - late, 0)]
+        bank = math.atan(turn_rate_max_rps * aircraft.speed_mps / energy.GRAVITY_MPS2)
+        told = energy.Told(speed, math.inf, direction, bank, up)
+        energy.control(aircraft, told, p)
         for _ in range(energy.CYCLES):
-            energy.cycle(motion, inner, told, p)
-    return flown
+            energy.cycle(aircraft, told, p)
+    return np.array(flown).T

@@ -5,11 +5,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-
-from flight_model.arrays import Array
-from sim_vehicles.airframe.dynamics import Command, State, ground_velocity
-
 
 class InnovationRatios(NamedTuple):
     """The newest innovations as shares of what the filter accepts, which EKF_STATUS_REPORT calls variances."""
@@ -58,26 +53,3 @@ def with_drift(sensed: Motion) -> Motion:
     north = sensed.velocity_north_mps - sensed.airspeed_mps * math.cos(sensed.heading_rad)
     east = sensed.velocity_east_mps - sensed.airspeed_mps * math.sin(sensed.heading_rad)
     return sensed._replace(drift_north_mps=north, drift_east_mps=east)
-
-
-class MotionTable:
-    """The motions of N vehicles; computed on first use, since in most cycles no vehicle sends anything."""
-
-    def __init__(self, state: State, command: Command, drift_mps: Array, turn_rate_radps: Array) -> None:
-        """Take the arrays of one cycle: states (6, N), commands, drift (3, N) and turn rates (N,)."""
-        self._sources = state, command, drift_mps, turn_rate_radps
-        self._motions: list[Motion] | None = None
-
-    def __getitem__(self, index: int) -> Motion:
-        """Return one vehicle's."""
-        motions = self._motions
-        if motions is None:
-            motions = self._motions = self._made()
-        return motions[index]
-
-    def _made(self) -> list[Motion]:
-        state, command, drift_mps, turn_rate_radps = self._sources
-        velocity_mps = ground_velocity(state, drift_mps)
-        last = turn_rate_radps, *command.air_motion, command.height_m
-        rows = np.concatenate((state.table, velocity_mps, drift_mps, np.array(last))).T
-        return [Motion._make(row) for row in rows.tolist()]

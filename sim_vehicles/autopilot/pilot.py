@@ -1,4 +1,4 @@
-"""What an emulated ArduPlane does in each mode. It writes the vehicle's elements of the fleet's `Steering`.
+"""What an emulated ArduPlane does in each mode. It writes the vehicle's `Steering`.
 
 Source: ArduPilot documentation, "AUTOLAND Mode". Unlike a real one, circles are always clockwise, and there
 is no flare.
@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from sim_vehicles.airframe.airframes import CIRCLE, COURSE, HEADING, Steering
 from sim_vehicles.airframe.motion import Motion
+from sim_vehicles.airframe.steering import CIRCLE, COURSE, HEADING, Steering
 from sim_vehicles.autopilot.modes import STRAIGHT_ON, Condition, Mode, Request, follow
 from sim_vehicles.autopilot.parameters import ParameterServer
 from sim_vehicles.config import VehicleConfig
@@ -72,7 +72,7 @@ class Approach(NamedTuple):
 class Pilot:
     """One vehicle's condition and mode, and the resulting flight. The ground is level, at the origin's height."""
 
-    def __init__(self, index: int, config: VehicleConfig, steering: Steering, parameters: ParameterServer) -> None:
+    def __init__(self, config: VehicleConfig, steering: Steering, parameters: ParameterServer) -> None:
         """Start in the condition of booting."""
         self.condition = Condition.BOOTING_IN_AIR if config.start.in_air else Condition.BOOTING
         self.mode = Mode.INITIALISING
@@ -83,7 +83,6 @@ class Pilot:
         """Height at which the take-off is complete, from the selection of TAKEOFF until then."""
         self.landing_rad: float | None = None
         """Heading of the take-off, in which AUTOLAND lands; None if there was none."""
-        self._index = index
         self._config = config
         self._steering = steering
         self._parameters = parameters
@@ -102,7 +101,7 @@ class Pilot:
     @property
     def radius_m(self) -> float:
         """Radius of the present or last circle, m."""
-        return float(self._steering.radius_m[self._index])
+        return self._steering.radius_m
 
     @property
     def landing(self) -> bool:
@@ -150,27 +149,26 @@ class Pilot:
 
     def circle(self, north_m: float, east_m: float, height_m: float) -> None:
         """Circle a position clockwise."""
-        self._steering.centre_m[:, self._index] = north_m, east_m
+        self._steering.centre_north_m, self._steering.centre_east_m = north_m, east_m
         self.change_height(height_m)
         self.circle_again()
 
     def circle_again(self) -> None:
         """Circle the last position again, at the present height setpoint."""
-        i = self._index
-        self._steering.radius_m[i] = self._circle_radius_m()
-        self._steering.lateral_mps2[i] = math.inf
-        self._steering.kind[i] = CIRCLE
+        self._steering.radius_m = self._circle_radius_m()
+        self._steering.lateral_mps2 = math.inf
+        self._steering.kind = CIRCLE
 
     def steer(self, direction_rad: float, *, course: bool, lateral_mps2: float) -> None:
         """Fly a heading or a course over ground, turning at the given lateral acceleration."""
-        steering, i = self._steering, self._index
-        steering.kind[i] = COURSE if course else HEADING
-        steering.direction_rad[i] = direction_rad
-        steering.lateral_mps2[i] = lateral_mps2
+        steering = self._steering
+        steering.kind = COURSE if course else HEADING
+        steering.direction_rad = direction_rad
+        steering.lateral_mps2 = lateral_mps2
 
     def guide_speed(self, speed_mps: float, accel_mps2: float) -> None:
         """Take an airspeed setpoint; a repeated one changes nothing, not even the acceleration."""
-        if not self.guided_by_setpoints or speed_mps != self._steering.speed_mps[self._index]:
+        if not self.guided_by_setpoints or speed_mps != self._steering.speed_mps:
             self.change_speed(speed_mps, accel_mps2)
         self.guided_by_setpoints = True
 
@@ -181,12 +179,12 @@ class Pilot:
 
     def change_speed(self, speed_mps: float, accel_mps2: float) -> None:
         """Change to an airspeed at an acceleration."""
-        self._steering.speed_mps[self._index] = speed_mps
-        self._steering.accel_mps2[self._index] = accel_mps2
+        self._steering.speed_mps = speed_mps
+        self._steering.accel_mps2 = accel_mps2
 
     def change_height(self, height_m: float) -> None:
         """Climb or sink to a height above the origin."""
-        self._steering.height_m[self._index] = height_m
+        self._steering.height_m = height_m
 
     def take_off(self, height_m: float, motion: Motion) -> None:
         """Climb straight ahead to a height, after a ground run if it is on the ground."""
@@ -216,7 +214,7 @@ class Pilot:
         return False
 
     def _land(self, motion: Motion) -> bool:
-        approach, circles = self._approach(), self._steering.kind[self._index] == CIRCLE
+        approach, circles = self._approach(), self._steering.kind == CIRCLE
         if circles and not approach.begins(motion):
             return False
         course_rad, height_m = approach.guide(motion)
@@ -239,10 +237,10 @@ class Pilot:
         )
 
     def _circle_radius_m(self) -> float:
-        tightest_m = float(self._steering.speed_mps[self._index]) / self._config.model.turn_rate_max_rps
+        tightest_m = self._steering.speed_mps / self._config.model.turn_rate_max_rps
         return max(self._parameters["WP_LOITER_RAD"], TIGHTEST_SHARE * tightest_m)
 
     def _tell_condition(self) -> None:
         rolls = self.condition is Condition.ARMED and self.takeoff_m is not None
-        self._steering.stopped[self._index] = not (self.airborne or rolls)
-        self._steering.airborne[self._index] = self.airborne
+        self._steering.stopped = not (self.airborne or rolls)
+        self._steering.airborne = self.airborne

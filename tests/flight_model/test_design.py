@@ -16,22 +16,22 @@ from formation_scenario.vehicles import EnergyAirframe
 WEIGHTS = Weights(1.0, 0.1, 0.05, 1.0)
 QUIET = Telemetry(0.1, 0.1, 0.0, 0.0, 0.0)
 NOISY = Telemetry(0.1, 0.1, 0.02, 0.03, 0.002)
-AIRCRAFT = AirframeParameters.of([EnergyAirframe().parameters()])
+AIRCRAFT = AirframeParameters.of(EnergyAirframe().parameters())
 PATH = {"waypoints_m": [[0, 0, 100], [4000, 0, 100]]}
 
 
 def answer_to_a_sine(radps, amplitude_mps=0.02):
     """The airspeed's complex amplitude for one of the setpoint, from a flight."""
-    motion = np.array([[100.0], [0.0], [22.0], [0.0]])
-    inner, flown = energy.trimmed(motion, AIRCRAFT), []
+    aircraft, flown = energy.Aircraft(100.0, 0.0, 22.0, 0.0), []
+    energy.trim(aircraft, AIRCRAFT)
     cycles = round(round(90.0 * radps / (2 * math.pi)) * 2 * math.pi / radps / energy.ENERGY_S) * energy.CYCLES
     for cycle in range(cycles):
         now_s = cycle // energy.CYCLES * energy.ENERGY_S
-        told = np.array([[22.0 + amplitude_mps * math.sin(radps * now_s)], [np.inf], [0.0], [1.0], [100.0]])
+        told = energy.Told(22.0 + amplitude_mps * math.sin(radps * now_s), math.inf, 0.0, 1.0, 100.0)
         if cycle % energy.CYCLES == 0:
-            energy.control(motion, inner, energy.Told(*told), AIRCRAFT)
-            flown.append((now_s, motion[energy.SPEED, 0] - 22.0))
-        energy.cycle(motion, inner, energy.Told(*told), AIRCRAFT)
+            energy.control(aircraft, told, AIRCRAFT)
+            flown.append((now_s, aircraft.speed_mps - 22.0))
+        energy.cycle(aircraft, told, AIRCRAFT)
     at_s, speeds = np.array(flown[len(flown) // 2 :]).T
     columns = np.column_stack((np.sin(radps * at_s), np.cos(radps * at_s), np.ones_like(at_s)))
     (sine, cosine, _), *_ = np.linalg.lstsq(columns, speeds, rcond=None)
@@ -41,7 +41,7 @@ def answer_to_a_sine(radps, amplitude_mps=0.02):
 def test_an_aircrafts_response_is_what_a_small_sine_comes_back_as():
     radps = 1.0
     response = airframe_responses(np.array([radps]), AIRCRAFT, 22.0).speed[0]
-    undelayed = response * np.exp(1j * radps * float(AIRCRAFT.dead_time_s[0]))
+    undelayed = response * np.exp(1j * radps * AIRCRAFT.dead_time_s)
     held = np.exp(1j * radps * energy.ENERGY_S / 2) * np.sinc(radps * energy.ENERGY_S / (2 * math.pi))
     assert undelayed / held == pytest.approx(answer_to_a_sine(radps), abs=0.03)
 

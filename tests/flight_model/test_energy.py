@@ -17,59 +17,51 @@ KEYS = EnergyAirframe.model_validate(SHIPPED["airframe"])
 BANK_RAD = math.atan(22.0 * 0.25 / GRAVITY_MPS2)
 
 
-def aircraft(speeds_mps):
-    parameters = AirframeParameters.of([KEYS.parameters()] * len(speeds_mps))
-    motion = np.zeros((4, len(speeds_mps)))
-    motion[energy.HEIGHT], motion[energy.SPEED] = 100.0, speeds_mps
-    return motion, energy.trimmed(motion, parameters), parameters
+def aircraft(speed_mps=22.0):
+    begun, parameters = energy.Aircraft(100.0, 0.0, speed_mps, 0.0), AirframeParameters.of(KEYS.parameters())
+    energy.trim(begun, parameters)
+    return begun, parameters
 
 
-def fly(begin, seconds, speed=None, heading=None, height=None):
-    """Motions (K, 4, N) every 0.02 s of aircraft that are told new setpoints at 0."""
-    motion, inner, parameters = begin
-    count = motion.shape[1]
-    told = energy.Told(
-        np.array(speed if speed is not None else motion[energy.SPEED].copy()),
-        np.full(count, np.inf),
-        np.array(heading if heading is not None else np.zeros(count)),
-        np.full(count, BANK_RAD),
-        np.array(height if height is not None else motion[energy.HEIGHT].copy()),
-    )
-    flown = [motion.copy()]
+def fly(speed_mps, seconds, speed=None, heading=0.0, height=100.0):
+    """Heights, airspeeds and headings (3, K) every 0.02 s of an aircraft that is told new setpoints at 0."""
+    one, parameters = aircraft(speed_mps)
+    told = energy.Told(speed_mps if speed is None else speed, math.inf, heading, BANK_RAD, height)
+    flown = [(one.height_m, one.speed_mps, one.heading_rad)]
     for cycle in range(round(seconds / energy.CYCLE_S)):
         if cycle % energy.CYCLES == 0:
-            energy.control(motion, inner, told, parameters)
-        energy.cycle(motion, inner, told, parameters)
-        flown.append(motion.copy())
-    return np.array(flown)
+            energy.control(one, told, parameters)
+        energy.cycle(one, told, parameters)
+        flown.append((one.height_m, one.speed_mps, one.heading_rad))
+    return np.array(flown).T
 
 
-def test_trimmed_aircraft_fly_on_straight_and_level():
-    flown = fly(aircraft([18.0, 22.0, 26.0]), 20.0)
-    assert np.ptp(flown[:, energy.HEIGHT], axis=0) == pytest.approx(0.0, abs=1e-6)
-    assert np.ptp(flown[:, energy.SPEED], axis=0) == pytest.approx(0.0, abs=1e-6)
+@pytest.mark.parametrize("speed_mps", [18.0, 22.0, 26.0])
+def test_trimmed_aircraft_fly_on_straight_and_level(speed_mps):
+    heights, speeds, _ = fly(speed_mps, 20.0)
+    assert np.ptp(heights) == pytest.approx(0.0, abs=1e-6)
+    assert np.ptp(speeds) == pytest.approx(0.0, abs=1e-6)
 
 
 def test_energy_changes_by_thrust_less_drag_and_nothing_else():
-    motion, inner, parameters = aircraft([22.0])
-    inner[energy.R["pitch"]] += 0.2
-    told = energy.Told(*np.array([[22.0], [np.inf], [0.0], [1.0], [100.0]]))
-    before = GRAVITY_MPS2 * motion[energy.HEIGHT, 0] + 0.5 * motion[energy.SPEED, 0] ** 2
+    one, parameters = aircraft()
+    one.pitch += 0.2
+    told = energy.Told(22.0, math.inf, 0.0, 1.0, 100.0)
+    before = GRAVITY_MPS2 * one.height_m + 0.5 * one.speed_mps**2
     drag_mps2 = lift_mps = 0.0
     for _ in range(50):
-        speed = motion[energy.SPEED, 0]
-        thrust = inner[energy.R["throttle"], 0] * KEYS.thrust_mps2
+        speed, thrust = one.speed_mps, one.throttle * KEYS.thrust_mps2
         drag_mps2 = KEYS.drag_mps2 * (speed / 22) ** 2 + KEYS.induced_drag_mps2 * (22 / speed) ** 2
         lift_mps += (thrust - drag_mps2) * speed * energy.CYCLE_S
-        energy.cycle(motion, inner, told, parameters)
-    after = GRAVITY_MPS2 * motion[energy.HEIGHT, 0] + 0.5 * motion[energy.SPEED, 0] ** 2
-    assert motion[energy.HEIGHT, 0] > 101.5
+        energy.cycle(one, told, parameters)
+    after = GRAVITY_MPS2 * one.height_m + 0.5 * one.speed_mps**2
+    assert one.height_m > 101.5
     assert after - before == pytest.approx(lift_mps, abs=0.3)
 
 
 def test_a_bank_at_its_limit_turns_at_gravity_times_its_tangent_by_the_speed():
-    flown = fly(aircraft([22.0]), 6.0, heading=[3.0])
-    rate = (flown[250, energy.HEADING, 0] - flown[150, energy.HEADING, 0]) / 2.0
+    _, _, headings = fly(22.0, 6.0, heading=3.0)
+    rate = (headings[250] - headings[150]) / 2.0
     assert rate == pytest.approx(GRAVITY_MPS2 * math.tan(BANK_RAD) / 22.0, rel=0.02)
 
 
@@ -82,39 +74,39 @@ def reached_s(values, begin, end, share):
     ("begin", "end", "t63_s", "t90_s"), [(22, 26, 4.2, 7.4), (26, 22, 4.5, 8.5), (18, 26, 6.3, 9.8)]
 )
 def test_steps_of_airspeed_take_as_long_as_arduplanes(begin, end, t63_s, t90_s):
-    speeds = fly(aircraft([float(begin)]), 20.0, speed=[float(end)])[:, energy.SPEED, 0]
+    _, speeds, _ = fly(float(begin), 20.0, speed=float(end))
     assert reached_s(speeds, begin, end, 0.63) == pytest.approx(t63_s, rel=0.25)
     assert reached_s(speeds, begin, end, 0.9) == pytest.approx(t90_s, rel=0.2)
 
 
 @pytest.mark.parametrize("degrees", [20, 90])
 def test_steps_of_heading_take_as_long_as_arduplanes(degrees):
-    headings = fly(aircraft([22.0]), 20.0, heading=[math.radians(degrees)])[:, energy.HEADING, 0]
+    _, _, headings = fly(22.0, 20.0, heading=math.radians(degrees))
     assert 3.2 <= reached_s(headings, 0.0, math.radians(degrees), 0.63) <= 4.8
     assert 6.5 <= reached_s(headings, 0.0, math.radians(degrees), 0.9) <= 8.8
 
 
 @pytest.mark.parametrize("climb_m", [10.0, -10.0, 30.0, -30.0])
 def test_steps_of_height_take_as_long_as_arduplanes(climb_m):
-    heights = fly(aircraft([22.0]), 25.0, height=[100.0 + climb_m])[:, energy.HEIGHT, 0]
+    heights, _, _ = fly(22.0, 25.0, height=100.0 + climb_m)
     assert 4.0 <= reached_s(heights, 100.0, 100.0 + climb_m, 0.63) <= 7.2
     assert 7.6 <= reached_s(heights, 100.0, 100.0 + climb_m, 0.9) <= 11.0
 
 
 def test_a_large_gain_of_speed_is_paid_in_height_as_arduplane_does():
-    heights = fly(aircraft([18.0]), 20.0, speed=[26.0])[:, energy.HEIGHT, 0]
+    heights, _, _ = fly(18.0, 20.0, speed=26.0)
     assert 100.0 - heights.min() == pytest.approx(5.4, rel=0.2)
 
 
 def test_a_demand_that_is_swung_quickly_comes_back_larger():
     """Demands' rates are passed on: at 0.8 rad/s airspeed swings by more than a lag of 4 s would let it (0.3)."""
-    motion, inner, parameters = aircraft([22.0])
+    one, parameters = aircraft()
     swung = []
     for cycle in range(3000):
         told_mps = 22.0 + 0.5 * math.sin(0.8 * cycle * energy.CYCLE_S)
-        told = energy.Told(*np.array([[told_mps], [np.inf], [0.0], [1.0], [100.0]]))
+        told = energy.Told(told_mps, math.inf, 0.0, 1.0, 100.0)
         if cycle % energy.CYCLES == 0:
-            energy.control(motion, inner, told, parameters)
-        energy.cycle(motion, inner, told, parameters)
-        swung.append(motion[energy.SPEED, 0])
+            energy.control(one, told, parameters)
+        energy.cycle(one, told, parameters)
+        swung.append(one.speed_mps)
     assert np.ptp(swung[1500:]) / 1.0 > 0.6

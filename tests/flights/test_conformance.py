@@ -79,7 +79,7 @@ def test_a_follower_that_does_not_climb_with_the_path_is_reported() -> None:
     world = World(duration_s=40, path=climb)
     world.fly_to(6.0)
     world.strike(2, "ignore")
-    began_m = world.fleet.state.height_m[1]
+    began_m = world.fleet.bodies[1].state.height_m
     world.network.run(lambda: world.notes.ticks[-1].setpoints.height_m[1] - began_m > 5.0)
     told_s = world.now_s
     world.run(10.0)
@@ -111,7 +111,7 @@ def test_a_vehicle_that_flies_straight_on_where_the_path_bends_is_reported(numbe
     world = World(duration_s=40, path=bend)
     world.fly_to(6.0)
     world.strike(number, "ignore")
-    began = world.fleet.state.heading_rad[number - 1]
+    began = world.fleet.bodies[number - 1].state.heading_rad
     world.network.run(lambda: abs(told(world, number) - began) > 0.05)
     bent_s = world.now_s
     world.run(5.0)

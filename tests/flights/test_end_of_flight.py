@@ -63,7 +63,7 @@ def test_told_to_stop_once_more_everyone_goes_home_at_once_and_apart(phase: Phas
     told_s = [world.times_s("mode", number, "RTL")[0] - again_s for number in (1, 2)]
     assert max(told_s) < 0.3
     assert not world.station.course.go_home_at_once(world.clock.now())
-    wanted_m = world.fleet.steering.height_m
+    wanted_m = [body.steering.height_m for body in world.fleet.bodies]
     assert abs(wanted_m[0] - wanted_m[1]) >= 15.0
 
 

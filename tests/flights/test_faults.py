@@ -118,7 +118,7 @@ def test_followers_of_a_silent_leader_are_told_to_loiter_apart(kind: FaultKind) 
         (told_s,) = world.times_s("member", number, "told to loiter")
         assert told_s - struck_s == pytest.approx(5.0, abs=LAG_S)
         assert world.times_s("mode", number, "LOITER")[0] - struck_s < 5.5
-    heights_m = world.fleet.state.height_m[1:]
+    heights_m = [body.state.height_m for body in world.fleet.bodies[1:]]
     assert abs(heights_m[0] - heights_m[1]) > 10.0
 
 

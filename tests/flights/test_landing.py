@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from itertools import combinations
 
-import numpy as np
 import pytest
 
 from airlink import mavlink as m
@@ -22,6 +21,7 @@ from gcs_formation.mission.landing import Landings, why_not
 from gcs_formation.phases import Phase
 from gcs_formation.vehicle.arduplane import ArduPlane
 from gcs_formation.vehicle.vehicle import Vehicle
+from sim_vehicles.airframe.body import Body
 from sim_vehicles.autopilot.modes import Condition, Mode
 from tests.flights.conftest import STRAIGHT, scenario
 from tests.flights.in_memory import World
@@ -29,6 +29,12 @@ from tests.flights.in_memory import World
 ORIGIN = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 0.0)
 NOW = Instant(0)
 LEVEL = GroundFloor(load_scenario(scenario()))
+
+
+def places(bodies: list[Body]) -> list[tuple[float, float, float]]:
+    """Return where they are: north, east, height, m."""
+    states = [body.state for body in bodies]
+    return [(each.north_m, each.east_m, each.height_m) for each in states]
 
 
 @pytest.mark.slow
@@ -40,19 +46,20 @@ def test_they_land_one_after_another_each_where_it_took_off() -> None:
         orders=[{"at_s": 5, "order": "land"}],
         finish={"loiter_s": 0},
     )
-    began = world.fleet.state.table[:2].copy()
+    began = places(world.fleet.bodies)
     least_m = math.inf
     world.fly_to(5.0)
     while not world.station.flight.ended:
         world.run(0.2)
         flying = [each for each in world.fleet.vehicles if each.pilot.condition is Condition.FLYING]
         assert len([each for each in flying if each.pilot.mode is Mode.AUTOLAND]) <= 1
-        places = [world.fleet.state.table[:3, each.index] for each in flying]
-        least_m = min([least_m, *(float(np.linalg.norm(one - other)) for one, other in combinations(places, 2))])
+        apart_m = [math.dist(one, other) for one, other in combinations(places([each.body for each in flying]), 2)]
+        least_m = min([least_m, *apart_m])
     assert least_m > 12.0
     assert world.station.flight.phase is Phase.DONE
     assert [each.pilot.condition for each in world.fleet.vehicles] == [Condition.DISARMED] * 3
-    assert np.hypot(*(world.fleet.state.table[:2] - began)).max() < 60.0
+    ended = places(world.fleet.bodies)
+    assert max(math.dist(one[:2], other[:2]) for one, other in zip(began, ended, strict=True)) < 60.0
 
 
 def plane(number: int, north_m: float, east_m: float, height_m: float = 100.0, course_rad: float = 0.0) -> Vehicle:

@@ -36,7 +36,7 @@ def test_before_anybody_has_taken_off_all_stay_down_disarmed(at_s: float, manner
     world.run()
     assert world.station.flight.phase is Phase.DONE
     assert {vehicle.pilot.condition for vehicle in world.fleet.vehicles} == {Condition.DISARMED}
-    assert world.fleet.state.table[2].max() == 0.0
+    assert max(body.state.height_m for body in world.fleet.bodies) == 0.0
 
 
 def test_who_climbs_out_does_so_first_and_the_last_order_counts() -> None:

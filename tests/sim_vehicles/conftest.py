@@ -100,7 +100,7 @@ class Air:
         return self.command_long(mavlink.MAV_CMD_DO_SET_MODE, 1, mode, **where)
 
     def state(self, name, vehicle=0):
-        return float(getattr(self.fleet.state, name)[vehicle])
+        return getattr(self.fleet.bodies[vehicle].state, name)
 
 
 def fleet_config(count=1, *, in_air=True, endpoint="udpout:127.0.0.1:14550", apart_m=100.0, **changes):

@@ -99,7 +99,7 @@ def test_target_system_zero_and_any_component_are_executed(flying, component):
 def test_a_foreign_target_system_gets_no_answer(flying):
     assert flying.command_int(SPEED, 0, 25.0, target=2) is None
     flying.run(20.0)
-    assert flying.fleet.steering.speed_mps[0] == 22.0
+    assert flying.fleet.bodies[0].steering.speed_mps == 22.0
 
 
 def test_each_command_is_acknowledged_singly_to_its_sender(flying):
@@ -170,12 +170,12 @@ def test_old_speed_and_height_commands_do_nothing_after_setpoints_and_again_afte
     flying.command_int(ALTITUDE, z=110.0)
     assert flying.command_long(178, 0, 18.0) == ACCEPTED
     assert flying.command_long(186, 150.0, 3) == ACCEPTED
-    assert (flying.fleet.steering.speed_mps[0], flying.fleet.steering.height_m[0]) == (25.0, 110.0)
+    assert (flying.fleet.bodies[0].steering.speed_mps, flying.fleet.bodies[0].steering.height_m) == (25.0, 110.0)
     flying.set_mode(LOITER)
     flying.set_mode(GUIDED)
     assert flying.command_long(178, 0, 18.0) == ACCEPTED
     assert flying.command_long(186, 150.0, 3) == ACCEPTED
-    assert (flying.fleet.steering.speed_mps[0], flying.fleet.steering.height_m[0]) == (18.0, 150.0)
+    assert (flying.fleet.bodies[0].steering.speed_mps, flying.fleet.bodies[0].steering.height_m) == (18.0, 150.0)
 
 
 def test_reposition_changes_the_mode_when_asked_and_circles_the_place(flying):
@@ -187,7 +187,7 @@ def test_reposition_changes_the_mode_when_asked_and_circles_the_place(flying):
     flying.run(150.0)
     north, east, _ = flying.fleet.origin.to_ned(math.radians(35.005), math.radians(125.005), 0.0)
     distance = math.hypot(flying.state("north_m") - north, flying.state("east_m") - east)
-    assert distance == pytest.approx(flying.fleet.steering.radius_m[0], rel=0.1)
+    assert distance == pytest.approx(flying.fleet.bodies[0].steering.radius_m, rel=0.1)
     assert flying.state("height_m") == pytest.approx(120.0, abs=0.01)
 
 
@@ -212,7 +212,7 @@ def test_reposition_to_an_impossible_latitude_is_denied(flying):
 def test_reposition_after_setpoints_leaves_the_height_alone(flying):
     flying.command_int(ALTITUDE, z=110.0)
     assert flying.command_int(192, -1, 1, 0, 0, x=round(35.005e7), y=round(125e7), z=150.0) == ACCEPTED
-    assert flying.fleet.steering.height_m[0] == 110.0
+    assert flying.fleet.bodies[0].steering.height_m == 110.0
 
 
 def test_version_and_home_are_sent_on_request(flying):
@@ -289,7 +289,7 @@ def test_a_cancelled_heading_circles_where_guided_was_entered(flying):
     assert flying.command_int(HEADING, 2, 0.0) == ACCEPTED
     flying.run(120.0)
     distance = math.hypot(flying.state("north_m") - entry[0], flying.state("east_m") - entry[1])
-    assert distance == pytest.approx(flying.fleet.steering.radius_m[0], abs=3.0)
+    assert distance == pytest.approx(flying.fleet.bodies[0].steering.radius_m, abs=3.0)
 
 
 def test_the_interval_of_a_message_is_told(flying):

@@ -14,7 +14,8 @@ HEADING, GUIDED = 43002, 15
 
 
 def velocity(air, vehicle=0):
-    return tuple(air.fleet.drift_mps[:2, vehicle].tolist())
+    state = air.fleet.bodies[vehicle].state
+    return state.wind_north_mps, state.wind_east_mps
 
 
 def heard_from(air, system, seconds):

@@ -78,8 +78,8 @@ def test_all_means_every_vehicle(config):
 
 
 def test_vehicles_fly_in_their_slots_from_the_start(config):
-    state = Fleet(config).state
-    assert state.height_m == pytest.approx([100.0, 100.0])
-    assert state.north_m[1] - state.north_m[0] == pytest.approx(-30.0)
-    assert state.east_m[1] - state.east_m[0] == pytest.approx(30.0)
+    first, second = (body.state for body in Fleet(config).bodies)
+    assert [first.height_m, second.height_m] == pytest.approx([100.0, 100.0])
+    assert second.north_m - first.north_m == pytest.approx(-30.0)
+    assert second.east_m - first.east_m == pytest.approx(30.0)
     assert all(vehicle.start.in_air for vehicle in config.vehicles)

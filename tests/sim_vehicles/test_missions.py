@@ -236,7 +236,7 @@ def test_a_mission_that_is_left_goes_on_with_the_item_that_was_under_way(flying)
     flying.run(120.0)
     north, east, _ = flying.fleet.origin.to_ned(math.radians(35.012), math.radians(125.0), 0.0)
     distance = math.hypot(flying.state("north_m") - north, flying.state("east_m") - east)
-    assert distance == pytest.approx(flying.fleet.steering.radius_m[0], rel=0.1)
+    assert distance == pytest.approx(flying.fleet.bodies[0].steering.radius_m, rel=0.1)
     assert mode(flying) == AUTO
 
 
@@ -275,7 +275,7 @@ def test_an_item_marked_as_current_is_flown_to_at_once_in_guided_only(flying, ma
     flying.run(150.0)
     north, east, _ = flying.fleet.origin.to_ned(math.radians(35.005), math.radians(125.005), 0.0)
     distance = math.hypot(flying.state("north_m") - north, flying.state("east_m") - east)
-    assert distance == pytest.approx(flying.fleet.steering.radius_m[0], rel=0.1)
+    assert distance == pytest.approx(flying.fleet.bodies[0].steering.radius_m, rel=0.1)
     assert flying.state("height_m") == pytest.approx(120.0, abs=0.01)
     assert ask(flying, make(0, z=140.0, current=3)) == [("MISSION_ACK", OK)]
     flying.run(30.0)

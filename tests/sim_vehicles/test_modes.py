@@ -121,7 +121,7 @@ def test_re_entering_guided_clears_the_setpoints(flying):
     flying.set_mode(GUIDED)
     flying.run(60.0)
     assert flying.state("airspeed_mps") == pytest.approx(22.0, abs=0.01)
-    assert abs(flying.fleet.turn_rate_radps[0]) > 0.1
+    assert abs(flying.fleet.bodies[0].turn_rate_radps) > 0.1
 
 
 def test_when_setpoints_stop_it_flies_on(flying):

@@ -8,90 +8,83 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from formation_scenario.vehicles import VehicleModel
-from sim_vehicles.airframe.dynamics import Command, Parameters, State, ground_velocity, step
+from flight_model.autopilot import AutopilotModel, FlightState, advance
 
 TAU_V, TAU_PSI, TAU_HA, TAU_HB = 4.0, 1.5, 1.0, 3.0
 ACCEL, TURN, CLIMB = 1.5, 0.25, 3.0
-MODEL = VehicleModel(
-    tau_v_s=TAU_V,
-    tau_psi_s=TAU_PSI,
-    tau_ha_s=TAU_HA,
-    tau_hb_s=TAU_HB,
-    accel_max_mps2=ACCEL,
-    turn_rate_max_rps=TURN,
-    climb_max_mps=CLIMB,
-)
 FIELDS = ("north_m", "east_m", "height_m", "climb_mps", "airspeed_mps", "heading_rad")
+AT_REST = dict.fromkeys((*FIELDS, "wind_north_mps", "wind_east_mps"), 0.0)
 
 
-def parameters(*models, dt_s=1.0):
-    return Parameters.of(list(models) or [MODEL], dt_s)
+def model(tau_ha_s=TAU_HA, tau_hb_s=TAU_HB):
+    return AutopilotModel(TAU_V, TAU_PSI, tau_ha_s, tau_hb_s, 16.0, 28.0, ACCEL, TURN, CLIMB)
 
 
 def state(**changes):
-    values = dict.fromkeys(FIELDS, 0.0) | {"height_m": 100.0, "airspeed_mps": 22.0} | changes
-    return State(np.array([[values[name]] for name in FIELDS]))
+    return FlightState(**AT_REST | {"height_m": 100.0, "airspeed_mps": 22.0} | changes)
 
 
 def command(speed=22.0, heading=0.0, height=100.0, turn_rate=math.inf, accel=math.inf):
-    return Command(np.array([[speed], [heading]]), np.array([[accel], [turn_rate]]), np.array([height]))
+    return {
+        "speed_mps": speed,
+        "heading_rad": heading,
+        "height_m": height,
+        "accel_max_mps2": accel,
+        "turn_rate_max_rps": turn_rate,
+    }
 
 
-def fly(begin, told, seconds, steps=1, drift=(0.0, 0.0, 0.0)):
+def fly(begin, told, seconds, steps=1, of=None):
+    end = begin.copy()
     for _ in range(steps):
-        begin = step(begin, told, parameters(dt_s=seconds / steps), np.array(drift)[:, None])
-    return begin
-
-
-def value(of, name):
-    return float(getattr(of, name)[0])
+        advance(end, of or model(), time_s=seconds / steps, **told)
+    return end
 
 
 def test_airspeed_closes_63_percent_of_a_small_step_in_its_time_constant():
     end = fly(state(), command(speed=24.0), TAU_V)
-    assert value(end, "airspeed_mps") == pytest.approx(24 - 2 * math.exp(-1), abs=1e-12)
+    assert end.airspeed_mps == pytest.approx(24 - 2 * math.exp(-1), abs=1e-12)
 
 
 def test_heading_closes_63_percent_of_a_small_step_in_its_time_constant():
     end = fly(state(), command(heading=0.3), TAU_PSI)
-    assert value(end, "heading_rad") == pytest.approx(0.3 * (1 - math.exp(-1)), abs=1e-12)
+    assert end.heading_rad == pytest.approx(0.3 * (1 - math.exp(-1)), abs=1e-12)
 
 
 def test_height_follows_the_two_real_poles():
     end = fly(state(), command(height=104.0), 2.0)
     slow, fast = 3 * math.exp(-2 / 3), math.exp(-2.0)
-    assert value(end, "height_m") == pytest.approx(104 - 4 * (slow - fast) / 2, abs=1e-12)
-    assert value(end, "climb_mps") == pytest.approx(2 * (slow / 3 - fast), abs=1e-12)
+    assert end.height_m == pytest.approx(104 - 4 * (slow - fast) / 2, abs=1e-12)
+    assert end.climb_mps == pytest.approx(2 * (slow / 3 - fast), abs=1e-12)
 
 
 def test_a_saturated_airspeed_is_a_straight_line_and_then_an_exponential():
     # 12 m/s of error: 1.5 m/s2 until 6 m/s are left, which takes 4 s.
     end = fly(state(airspeed_mps=16.0), command(speed=28.0), 2.0)
-    assert value(end, "airspeed_mps") == pytest.approx(19.0, abs=1e-12)
+    assert end.airspeed_mps == pytest.approx(19.0, abs=1e-12)
     end = fly(state(airspeed_mps=16.0), command(speed=28.0), 8.0)
-    assert value(end, "airspeed_mps") == pytest.approx(28 - 6 * math.exp(-1), abs=1e-12)
+    assert end.airspeed_mps == pytest.approx(28 - 6 * math.exp(-1), abs=1e-12)
 
 
 def test_a_saturated_turn_is_a_straight_line_and_then_an_exponential():
     # 0.25 rad/s until 0.375 rad are left.
     end = fly(state(), command(heading=1.375), 4.0 + TAU_PSI)
-    assert value(end, "heading_rad") == pytest.approx(1.375 - 0.375 * math.exp(-1), abs=1e-12)
+    assert end.heading_rad == pytest.approx(1.375 - 0.375 * math.exp(-1), abs=1e-12)
 
 
 def test_the_shorter_way_round_is_taken():
     end = fly(state(heading_rad=math.radians(170)), command(heading=math.radians(-170)), 20.0, 20)
-    assert value(end, "heading_rad") == pytest.approx(math.radians(190), abs=1e-4)
+    assert end.heading_rad == pytest.approx(math.radians(190), abs=1e-4)
 
 
 def test_the_command_s_own_turn_rate_counts_when_it_is_lower():
     end = fly(state(), command(heading=1.5, turn_rate=0.1), 5.0)
-    assert value(end, "heading_rad") == pytest.approx(0.5, abs=1e-12)
+    assert end.heading_rad == pytest.approx(0.5, abs=1e-12)
 
 
 def test_the_command_s_own_acceleration_counts_when_it_is_lower():
     end = fly(state(), command(speed=27.0, accel=0.5), 5.0)
-    assert value(end, "airspeed_mps") == pytest.approx(24.5, abs=1e-12)
+    assert end.airspeed_mps == pytest.approx(24.5, abs=1e-12)
 
 
 @given(
@@ -105,7 +98,7 @@ def test_a_step_can_be_split_without_changing_the_model_s_answer(speed, heading,
     told = command(speed, heading, height)
     whole, split = fly(state(), told, seconds), fly(state(), told, seconds, 2)
     for name in ("airspeed_mps", "heading_rad", "height_m", "climb_mps"):
-        assert value(whole, name) == pytest.approx(value(split, name), abs=1e-12)
+        assert getattr(whole, name) == pytest.approx(getattr(split, name), abs=1e-12)
 
 
 @given(speed=st.floats(16, 28), heading=st.floats(-3.1, 3.1), seconds=st.floats(0.01, 30.0))
@@ -114,7 +107,7 @@ def test_saturated_speed_and_heading_can_be_split_too(speed, heading, seconds):
     told = command(speed, heading)
     whole, split = fly(state(), told, seconds), fly(state(), told, seconds, 3)
     for name in ("airspeed_mps", "heading_rad"):
-        assert value(whole, name) == pytest.approx(value(split, name), abs=1e-11)
+        assert getattr(whole, name) == pytest.approx(getattr(split, name), abs=1e-11)
 
 
 @given(speed=st.floats(16, 28), heading=st.floats(-3.1, 3.1), height=st.floats(-200, 400))
@@ -123,10 +116,10 @@ def test_no_limit_is_ever_passed(speed, heading, height):
     told, now, dt = command(speed, heading, height), state(), 0.02
     for _ in range(100):
         before, now = now, fly(now, told, dt)
-        assert abs(value(now, "airspeed_mps") - value(before, "airspeed_mps")) <= ACCEL * dt + 1e-12
-        assert abs(value(now, "heading_rad") - value(before, "heading_rad")) <= TURN * dt + 1e-12
-        assert abs(value(now, "climb_mps")) <= CLIMB
-        assert abs(value(now, "height_m") - value(before, "height_m")) <= CLIMB * dt + 1e-12
+        assert abs(now.airspeed_mps - before.airspeed_mps) <= ACCEL * dt + 1e-12
+        assert abs(now.heading_rad - before.heading_rad) <= TURN * dt + 1e-12
+        assert abs(now.climb_mps) <= CLIMB
+        assert abs(now.height_m - before.height_m) <= CLIMB * dt + 1e-12
 
 
 def test_a_long_climb_goes_at_the_limit_and_ends_without_overshoot():
@@ -134,7 +127,7 @@ def test_a_long_climb_goes_at_the_limit_and_ends_without_overshoot():
     heights = []
     for _ in range(2500):
         now = fly(now, told, 0.02)
-        heights.append(value(now, "height_m"))
+        heights.append(now.height_m)
     rates = np.diff(heights) / 0.02
     assert rates.max() == pytest.approx(CLIMB, abs=1e-9)
     assert max(heights) <= 160.0 + 1e-9
@@ -157,8 +150,8 @@ def test_the_model_agrees_with_a_peer_s_integrator_limits_included():
 
     begin = [0.0, 0.0, 100.0, 0.0, 22.0, 0.0]
     peer = solve_ivp(slopes, (0.0, 20.0), begin, rtol=1e-11, atol=1e-11, max_step=0.02).y[:, -1]
-    end = fly(state(), told, 20.0, 1000, drift=(0.6, -0.4, 0.0))
-    assert [value(end, name) for name in FIELDS] == pytest.approx(list(peer), abs=1e-6)
+    end = fly(state(wind_north_mps=0.6, wind_east_mps=-0.4), told, 20.0, 1000)
+    assert [getattr(end, name) for name in FIELDS] == pytest.approx(list(peer), abs=1e-6)
 
 
 def test_a_turn_of_100_s_at_50_hz_ends_within_a_millimetre_on_its_circle():
@@ -166,36 +159,23 @@ def test_a_turn_of_100_s_at_50_hz_ends_within_a_millimetre_on_its_circle():
     for i in range(5000):
         now = fly(now, command(heading=TURN * 0.02 * i + 1.5), 0.02)
     radius = 22 / TURN
-    assert value(now, "heading_rad") == pytest.approx(25.0, abs=1e-9)
-    assert value(now, "north_m") == pytest.approx(radius * math.sin(25.0), abs=1e-3)
-    assert value(now, "east_m") == pytest.approx(radius * (1 - math.cos(25.0)), abs=1e-3)
+    assert now.heading_rad == pytest.approx(25.0, abs=1e-9)
+    assert now.north_m == pytest.approx(radius * math.sin(25.0), abs=1e-3)
+    assert now.east_m == pytest.approx(radius * (1 - math.cos(25.0)), abs=1e-3)
 
 
-def test_drift_is_added_to_the_way_over_ground():
-    still, carried = fly(state(), command(), 10.0), fly(state(), command(), 10.0, drift=(0.6, -0.3, 0.0))
-    assert value(carried, "north_m") - value(still, "north_m") == pytest.approx(6.0, abs=1e-9)
-    assert value(carried, "east_m") - value(still, "east_m") == pytest.approx(-3.0, abs=1e-9)
-
-
-def test_vehicles_do_not_touch_each_other():
-    one, two = fly(state(), command(speed=25.0), 1.0), fly(state(), command(heading=0.5), 1.0)
-    both = State(np.hstack([state().table] * 2))
-    told = Command(np.array([[25.0, 22.0], [0.0, 0.5]]), np.full((2, 2), np.inf), np.array([100.0, 100.0]))
-    end = step(both, told, parameters(MODEL, MODEL), np.zeros((3, 2)))
-    for name in FIELDS:
-        assert getattr(end, name) == pytest.approx([value(one, name), value(two, name)], rel=1e-15)
+def test_wind_is_added_to_the_way_over_ground():
+    still, carried = (
+        fly(state(**wind), command(), 10.0) for wind in ({}, {"wind_north_mps": 0.6, "wind_east_mps": -0.3})
+    )
+    assert carried.north_m - still.north_m == pytest.approx(6.0, abs=1e-9)
+    assert carried.east_m - still.east_m == pytest.approx(-3.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("tau_s", [0.5, 2.0, 40.0])
 @pytest.mark.parametrize("apart", [0.0, 1e-9])
 def test_equal_time_constants_of_the_height_make_a_double_pole(tau_s, apart):
-    model = VehicleModel(tau_ha_s=tau_s, tau_hb_s=tau_s * (1 + apart))
-    end = step(state(), command(height=101.0), parameters(model), np.zeros((3, 1)))
+    end = fly(state(), command(height=101.0), 1.0, of=model(tau_s, tau_s * (1 + apart)))
     left = math.exp(-1 / tau_s)
-    assert value(end, "height_m") == pytest.approx(101 - (1 + 1 / tau_s) * left, abs=1e-8)
-    assert value(end, "climb_mps") == pytest.approx(left / tau_s**2, abs=1e-8)
-
-
-def test_the_velocity_over_ground_is_through_the_air_plus_the_drift():
-    velocity = ground_velocity(state(heading_rad=math.radians(30), climb_mps=2.0), np.array([[1.0], [2.0], [0.5]]))
-    assert velocity[:, 0] == pytest.approx([1 + 22 * math.cos(math.pi / 6), 13.0, -1.5])
+    assert end.height_m == pytest.approx(101 - (1 + 1 / tau_s) * left, abs=1e-8)
+    assert end.climb_mps == pytest.approx(left / tau_s**2, abs=1e-8)

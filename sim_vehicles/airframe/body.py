@@ -1,0 +1,159 @@
+"""One vehicle's body: where it is, what carries it, and how a cycle of the main loop moves it."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from flight_model.autopilot import AutopilotModel, FlightState, advance, within
+from formation_scenario.vehicles import VehicleModel
+from sim_vehicles.airframe.aircraft import EnergyFlight, energy_flight
+from sim_vehicles.airframe.motion import Motion
+from sim_vehicles.airframe.steering import LEAST_SPEED_MPS, Steering
+from sim_vehicles.autopilot.clock import LOOP_S
+from sim_vehicles.config import VehicleConfig
+
+STANDING_MPS: Final = 1e-3
+"""Airspeed below which a vehicle whose throttle is at 0 stands."""
+
+
+class Body:
+    """A vehicle that flies by equation (7), or under total-energy control where its model has an airframe."""
+
+    __slots__ = (
+        "_energy",
+        "_motion",
+        "air_down_mps",
+        "air_east_mps",
+        "air_north_mps",
+        "disturbance_mps",
+        "drift_down_mps",
+        "heading_told_rad",
+        "height_told_m",
+        "model",
+        "speed_told_mps",
+        "state",
+        "steering",
+        "turn_rate_radps",
+    )
+
+    def __init__(self, config: VehicleConfig, wind_mps: tuple[float, float, float], seed: int) -> None:
+        """Start as configured; `wind_mps` is north, east and down, `seed` the fleet's."""
+        start = config.start
+        self.model = _autopilot_model(config.model)
+        self.state = FlightState(
+            start.north_m, start.east_m, start.height_m, 0.0, start.airspeed_mps, start.heading_rad, 0.0, 0.0
+        )
+        self.steering = Steering()
+        self.air_north_mps, self.air_east_mps, self.air_down_mps = wind_mps
+        self.disturbance_mps: tuple[float, float, float] = (0.0, 0.0, 0.0)
+        """What of the air's velocity is no wind: north, east, down."""
+        self.drift_down_mps: float = 0.0
+        """What carries it, with `state.wind_*`: 0 on the ground."""
+        self.speed_told_mps: float = 0.0
+        self.heading_told_rad: float = start.heading_rad
+        self.height_told_m: float = start.height_m
+        self.turn_rate_radps: float = 0.0
+        self._energy: EnergyFlight | None = energy_flight(config, self.state, seed)
+        self._motion: Motion | None = None
+
+    @property
+    def motion(self) -> Motion:
+        """How it moves; made on first use, since in most cycles a vehicle sends nothing."""
+        motion = self._motion
+        if motion is None:
+            motion = self._motion = self._made()
+        return motion
+
+    @property
+    def shown_mps(self) -> float | None:
+        """Airspeed as its own sensor last told it; None where that is exact."""
+        return None if self._energy is None else self._energy.shown_mps
+
+    def ground_velocity(self) -> tuple[float, float, float]:
+        """Return north, east and down, m/s: through the air, and what carries it."""
+        state = self.state
+        return (
+            state.wind_north_mps + state.airspeed_mps * math.cos(state.heading_rad),
+            state.wind_east_mps + state.airspeed_mps * math.sin(state.heading_rad),
+            self.drift_down_mps - state.climb_mps,
+        )
+
+    def ground(self) -> None:
+        """Put it on the ground, at rest."""
+        self.state.height_m = self.state.climb_mps = self.state.airspeed_mps = 0.0
+        self._motion = None
+
+    def fly(self) -> None:
+        """Move on by a cycle of the main loop; what stands on the ground stays there."""
+        state, steering = self.state, self.steering
+        self._drift()
+        if steering.stopped and state.airspeed_mps < STANDING_MPS:
+            return
+        self._motion = None
+        self._take_setpoints()
+        before_rad = state.heading_rad
+        turn_rate_max_rps = steering.lateral_mps2 / max(state.airspeed_mps, LEAST_SPEED_MPS)
+        setpoints = self.speed_told_mps, self.heading_told_rad, self.height_told_m
+        if self._energy is not None and steering.airborne:
+            self._energy.fly(state, *setpoints, steering.accel_mps2, turn_rate_max_rps)
+        else:
+            advance(state, self.model, *setpoints, LOOP_S, steering.accel_mps2, turn_rate_max_rps)
+            if self._energy is not None:
+                self._energy.roll(state, *setpoints)
+        state.height_m -= self.drift_down_mps * LOOP_S
+        if state.height_m < 0.0:
+            state.height_m = state.climb_mps = 0.0
+        self.turn_rate_radps = (state.heading_rad - before_rad) / LOOP_S
+
+    def _drift(self) -> None:
+        """Let the air carry it while it is in the air."""
+        state = self.state
+        if self.steering.airborne:
+            state.wind_north_mps, state.wind_east_mps = self.air_north_mps, self.air_east_mps
+            self.drift_down_mps = self.air_down_mps
+        else:
+            state.wind_north_mps = state.wind_east_mps = self.drift_down_mps = 0.0
+
+    def _take_setpoints(self) -> None:
+        """Take this cycle's setpoints from the steering; on the ground height stays, at rest heading too."""
+        state, steering, model = self.state, self.steering, self.model
+        if steering.stopped:
+            self.speed_told_mps, self.heading_told_rad = 0.0, state.heading_rad
+        else:
+            self.speed_told_mps = within(steering.speed_mps, model.speed_min_mps, model.speed_max_mps)
+            self.heading_told_rad = steering.heading_rad(state, model.tau_psi_s)
+        self.height_told_m = steering.height_m if steering.airborne else state.height_m
+
+    def _made(self) -> Motion:
+        state = self.state
+        return Motion(
+            state.north_m,
+            state.east_m,
+            state.height_m,
+            state.climb_mps,
+            state.airspeed_mps,
+            state.heading_rad,
+            *self.ground_velocity(),
+            state.wind_north_mps,
+            state.wind_east_mps,
+            self.drift_down_mps,
+            self.turn_rate_radps,
+            self.speed_told_mps,
+            self.heading_told_rad,
+            self.height_told_m,
+        )
+
+
+def _autopilot_model(keys: VehicleModel) -> AutopilotModel:
+    return AutopilotModel(
+        keys.tau_v_s,
+        keys.tau_psi_s,
+        keys.tau_ha_s,
+        keys.tau_hb_s,
+        keys.speed_min_mps,
+        keys.speed_max_mps,
+        keys.accel_max_mps2,
+        keys.turn_rate_max_rps,
+        keys.climb_max_mps,
+    )

@@ -1,0 +1,110 @@
+"""Bodies of emulated vehicles: what carries them, and aircraft under total-energy control beside equation (7)."""
+
+import math
+
+import numpy as np
+import pytest
+
+from airlink.endpoint import VehicleId, parse_endpoint
+from flight_model.autopilot import advance
+from formation_scenario.vehicles import EnergyAirframe, VehicleModel
+from sim_vehicles.airframe.body import Body
+from sim_vehicles.config import Start, VehicleConfig
+
+LOOP_S = 0.02
+
+
+START = Start(0.0, 0.0, 100.0, airspeed_mps=22.0, in_air=True)
+ENDPOINT = parse_endpoint("udpout:127.0.0.1:14550")
+
+
+def body(airframe=None, number=1, seed=1, wind_mps=(0.0, 0.0, 0.0)):
+    """A vehicle in the air, north at 22 m/s; without an airframe: equation (7)."""
+    model = VehicleModel(airframe=None if airframe is None else EnergyAirframe(**airframe))
+    made = Body(VehicleConfig(VehicleId(1, number), ENDPOINT, START, model), wind_mps, seed)
+    made.steering.stopped, made.steering.airborne = False, True
+    return made
+
+
+def told(made, speed=22.0, heading=0.0, height=100.0):
+    made.steering.speed_mps, made.steering.direction_rad, made.steering.height_m = speed, heading, height
+    return made
+
+
+def fly(made, seconds):
+    """Fly, and return the states' values (K, 8)."""
+    flown = [made.state.values()]
+    for _ in range(round(seconds / LOOP_S)):
+        made.fly()
+        flown.append(made.state.values())
+    return np.array(flown)
+
+
+def test_without_an_airframe_a_vehicle_flies_by_equation_7():
+    flown = fly(made := told(body(), speed=24.0, heading=1.0, height=110.0), 4.0)
+    expected = body().state
+    for values in flown[1:]:
+        advance(expected, made.model, 24.0, 1.0, 110.0, LOOP_S)
+        assert values.tolist() == list(expected.values())
+
+
+def test_the_velocity_over_ground_is_through_the_air_plus_what_carries_it():
+    made = told(body(wind_mps=(1.0, 2.0, 0.5)), heading=math.radians(30), height=120.0)
+    fly(made, 30.0)
+    north, east, down = made.ground_velocity()
+    cos, sin = math.cos(made.state.heading_rad), math.sin(made.state.heading_rad)
+    assert (north, east) == pytest.approx((1 + 22 * cos, 2 + 22 * sin))
+    assert down == 0.5 - made.state.climb_mps
+    assert made.state.heading_rad == pytest.approx(math.radians(30), abs=1e-6)
+
+
+def test_what_stands_on_the_ground_stays_there_whatever_the_wind():
+    made = body(wind_mps=(5.0, 5.0, 0.0))
+    made.ground()
+    made.steering.stopped, made.steering.airborne = True, False
+    flown = fly(made, 10.0)
+    assert (flown == flown[0]).all()
+    assert made.ground_velocity() == (0.0, 0.0, 0.0)
+
+
+def test_nothing_sinks_below_the_ground():
+    flown = fly(told(body(), height=-50.0), 60.0)
+    assert flown[:, 2].min() == 0.0
+
+
+def test_nothing_happens_before_the_dead_time_is_over():
+    flown = fly(told(body({"dead_time_s": 0.6, "spread": 0.0, "airspeed_noise_mps": 0.0}), heading=1.0), 1.0)
+    moved = np.abs(flown[:, 5]) > 1e-9
+    assert 0.6 <= np.argmax(moved) * LOOP_S <= 0.66
+
+
+def height_after_8_s(keys, number, seed=1):
+    return fly(told(body(keys, number, seed), height=110.0), 8.0)[-1, 2]
+
+
+def test_aircraft_of_a_kind_differ_as_the_seed_says():
+    assert height_after_8_s({}, 1) == height_after_8_s({}, 1)
+    assert height_after_8_s({}, 1) != height_after_8_s({}, 2)
+    assert height_after_8_s({}, 1) != height_after_8_s({}, 1, seed=2)
+    alike = {"spread": 0.0, "airspeed_noise_mps": 0.0}
+    assert height_after_8_s(alike, 1) == height_after_8_s(alike, 2)
+
+
+def test_airspeed_is_told_late_and_in_steps():
+    made = told(body({"airspeed_step_mps": 0.5, "airspeed_noise_mps": 0.0, "spread": 0.0}), speed=25.0)
+    seen = []
+    for _ in range(250):
+        made.fly()
+        seen.append((made.state.airspeed_mps, made.shown_mps))
+    true, shown = np.array(seen).T
+    assert set(np.round(shown / 0.5 % 1.0, 9)) == {0.0}
+    assert np.argmax(shown > 23.0) - np.argmax(true > 23.25) > 0.1 / LOOP_S
+    assert body().shown_mps is None
+
+
+def test_wind_carries_an_aircraft():
+    state = (made := body({"airspeed_noise_mps": 0.0}, wind_mps=(3.0, -2.0, 0.0))).state
+    fly(told(made), 1.0)
+    assert state.north_m == pytest.approx(25.0, abs=0.05)
+    assert state.east_m == pytest.approx(-2.0, abs=0.05)
+    assert math.isclose(state.height_m, 100.0, abs_tol=0.05)
