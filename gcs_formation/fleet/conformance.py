@@ -203,8 +203,8 @@ class ConformanceMonitor:
         self._gap_s = max(GAP_S, 2.5 / scenario.law.rate_hz)
         self._unanswered = set[VehicleId]()
         """Those that were commanded and answered nothing."""
-        self._commanded: dict[VehicleId, Instant] = {}
-        """Since when each vehicle has been commanded without interruption."""
+        self._commanded: dict[int, Instant] = {}
+        """Since when each column has been commanded without interruption."""
 
     @property
     def doubted(self) -> Mask:
@@ -214,7 +214,10 @@ class ConformanceMonitor:
     def judge_answers(self, now: Instant) -> None:
         """Check that vehicles that are commanded and heard answer: events `uplink`, at the beginning and at the end."""
         for identity, vehicle in self._vehicles.items():
-            reported, missing = identity in self._unanswered, vehicle.talks_on_s > UNANSWERED_S
+            missing = vehicle.talks_on_s > UNANSWERED_S
+            if not missing and not self._unanswered:
+                continue
+            reported = identity in self._unanswered
             if missing and not reported and vehicle.member is Member.FLYING:
                 self._unanswered.add(identity)
                 self._note(now, "uplink", "is heard and answers nothing: it may not hear us", vehicle)
@@ -225,6 +228,8 @@ class ConformanceMonitor:
     def judge_commands(self, now: Instant) -> None:
         """Check modes and arming."""
         for vehicle in self._vehicles.values():
+            if not vehicle.effects.watching:
+                continue
             before = vehicle.effects.missing
             vehicle.effects.judge(vehicle.telemetry, now)
             missing = vehicle.effects.missing
@@ -239,18 +244,20 @@ class ConformanceMonitor:
 
     def judge_motion(self, tick: Tick, now: Instant) -> None:
         """Check how the vehicles follow this and earlier ticks' setpoints."""
-        for identity, column in self._columns.items():
-            if not tick.active[column]:
-                self._commanded.pop(identity, None)
-            elif identity not in self._commanded:
-                self._commanded[identity] = now
+        commanded, active = self._commanded, tick.active.tolist()
+        for column in self._columns.values():
+            if not active[column]:
+                commanded.pop(column, None)
+            elif column not in commanded:
+                commanded[column] = now
         if not self._motion.due(now):
             return
         estimator, settled = self._controller.estimator, np.zeros((len(CHANNELS), tick.active.size), dtype=bool)
         commanded_s = np.zeros(tick.active.size)
         for identity, column in self._columns.items():
-            commanded_s[column] = seconds_between(self._commanded.get(identity, now), now)
-            settled[:, column] = self._settled(identity, now)
+            since = commanded.get(column, now)
+            commanded_s[column] = seconds_between(since, now)
+            settled[:, column] = self._settled(self._vehicles[identity], since, now)
         before = self._motion.broken
         found = self._motion.check(now, estimator.stamps, estimator.state, settled, commanded_s)
         for each in found:
@@ -258,11 +265,10 @@ class ConformanceMonitor:
         for column in np.flatnonzero(before & ~self._motion.broken):
             self._note(now, "obeys", "follows its setpoints again", self._at(int(column)), {"order": "setpoints"})
 
-    def _settled(self, identity: VehicleId, now: Instant) -> list[bool]:
-        """Return which channels have been commanded, and acknowledged, for long enough."""
-        vehicle = self._vehicles[identity]
+    def _settled(self, vehicle: Vehicle, since: Instant, now: Instant) -> list[bool]:
+        """Return which channels of a vehicle commanded `since` then have been acknowledged for long enough."""
         runs = [vehicle.setpoints_taken[i].since(now, self._gap_s) for i in vehicle.autopilot.setpoint_commands]
-        since, latest = self._commanded.get(identity, now), after(now, -SETTLED_S)
+        latest = after(now, -SETTLED_S)
         return [run is not None and max(since, run) <= latest for run in runs]
 
     def _at(self, column: int) -> Vehicle:

@@ -61,6 +61,8 @@ class Membership:
                 self._judge(vehicle, estimator, now, fresh=led and self._is_fresh(vehicle, estimator, now))
 
     def _judge(self, vehicle: Vehicle, estimator: StateEstimator, now: Instant, *, fresh: bool) -> None:
+        if fresh and vehicle.member is Member.FLYING and vehicle.follows_setpoints:
+            return
         heard = vehicle.connection.state in TALKING
         forgotten = not estimator.age_s(self._columns[vehicle.identity], now) <= FORGOTTEN_AFTER_S
         sight = vehicle.sight(now, fresh=fresh, loiter_may_be_told=heard or forgotten)

@@ -37,7 +37,7 @@ class FenceLimits:
 
     def __init__(self, scenario: Scenario, model: AutopilotModels) -> None:
         """Take the scenario's fence; (C,) `model` has the turn rates."""
-        self._fence = scenario.safety.fence or Fence()
+        self._fenced, self._fence = scenario.safety.fence is not None, scenario.safety.fence or Fence()
         self._corners_m = np.array(self._fence.corners_m or np.zeros((0, 2)))
         self._real = np.array([vehicle is not None for vehicle in columns(scenario)])
         self._turn_rps = model.turn_rate_max_rps
@@ -51,6 +51,8 @@ class FenceLimits:
         """Put setpoints inside in the place of a tick's; return which were replaced, (C, 3) speed, heading, height."""
         self.changes = []
         replaced: Mask = np.zeros((self._real.size, 3), dtype=bool)
+        if not self._fenced:
+            return replaced
         active: Mask = tick.active & self._real
         self._limit_heights(tick, active, replaced)
         if self._corners_m.size:

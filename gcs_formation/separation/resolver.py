@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -9,13 +10,14 @@ import numpy as np
 import scipy
 
 from airlink.clock import NANOSECONDS, Instant, seconds_between
-from flight_model.arrays import Array, Instants, Mask, all_of, or_zero, within, wrap
+from flight_model.arrays import Array, Instants, Mask, all_of, any_of, or_zero, within, wrap
 from formation_scenario import Scenario, ground_of, slot_schedule
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Indices, Setpoints
 from gcs_formation.estimation.predictor import advance
 from gcs_formation.estimation.projection import Measured
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.recorder import Tick
+from gcs_formation.separation.first_look import Look, nobody_near
 from gcs_formation.separation.manoeuvre import Traffic, sample_times
 from gcs_formation.separation.rule import Conflict, Memory, Resolution, resolve
 from gcs_formation.separation.traffic import Scene
@@ -56,11 +58,18 @@ class Unresponsive:
             heard: (C,) until when each vehicle is known to have heard what it was told.
             disobeying: (C,) which don't seem to fly as they were told, though they hear it: they fly straight on.
         """
+        if heard.min() >= now - UNANSWERED_S * NANOSECONDS and not any_of(disobeying) and not self.any:
+            return
         before, self._unanswering = self._unanswering, now - heard > UNANSWERED_S * NANOSECONDS
         self._disobeying = disobeying
         (since,) = np.nonzero(self._unanswering & ~before)
         if since.size:
             self._held.fill(since, self._history.told(heard[since], since))
+
+    @property
+    def any(self) -> bool:
+        """Whether any vehicle may not respond."""
+        return any_of(self._unanswering) or any_of(self._disobeying)
 
     def among(self, members: Indices) -> Indices:
         """Return those of some vehicles that may not respond."""
@@ -102,6 +111,7 @@ class ConflictResolver:
         self._unresponsive = Unresponsive(history, model)
         self._dt_s = 1.0 / scenario.law.rate_hz
         self._times_s = sample_times(self._dt_s + RESERVE_S, self._keys.horizon_s)
+        _, self._first_s, *_, self._horizon_s = self._times_s.tolist()
         columns = model.tau_v_s.size
         self._side, self._turn_rps = np.zeros(columns), np.zeros(columns)
         self._last: Measured | None = None
@@ -132,6 +142,8 @@ class ConflictResolver:
         self._watch_turns(measured)
         self._watch_slots(tick.slots_m)
         self._unresponsive.watch(tick.now, heard, disobeying)
+        if self._nobody_near(tick, measured):
+            return
         members = self._members(tick, measured)
         if members.size < 2:
             return
@@ -139,6 +151,31 @@ class ConflictResolver:
         resolution = resolve(scene, Memory(np.where(scene.commanded, self._side[scene.vehicles], 0.0)))
         self._replace(tick, scene.vehicles, resolution)
         self._note(tick.now, scene, resolution.conflicts)
+
+    def _nobody_near(self, tick: Tick, measured: Measured) -> bool:
+        """Return whether all are commanded, respond and can't come near each other, and nobody gave way until now."""
+        usual = self._predicted and not self._encounters and not np.count_nonzero(self._side)
+        if not usual or self._unresponsive.any or not all_of(tick.active):
+            return False
+        first = 1 if self._virtual else 0
+        ages_s, delays_s = tick.age_s[first:].tolist(), tick.delay_s[first:].tolist()
+        if any(age_s >= FORGOTTEN_AFTER_S for age_s in ages_s):
+            return False
+        acts = measured.acts[first:].tolist()
+        together, off_s = max(acts), [TIMING_SHARE * (age + delay) for age, delay in zip(ages_s, delays_s, strict=True)]
+        return nobody_near(
+            Look(
+                states=tick.state.table[:, first:].T.tolist(),
+                told=tick.setpoints.table[:, first:].T.tolist(),
+                models=self._model.table[:, first:].T.tolist(),
+                lead_s=[(together - each) / NANOSECONDS for each in acts],
+                timing_s=[0.0 if math.isnan(each) else each for each in off_s],
+                reference=max(0, tick.leader - first),
+                kept_m=self.kept_m,
+                first_s=self._first_s,
+                horizon_s=self._horizon_s,
+            )
+        )
 
     def _replace(self, tick: Tick, vehicles: Indices, resolution: Resolution) -> None:
         """Put what the rule decided in the place of what the law did, and remember where they differ."""

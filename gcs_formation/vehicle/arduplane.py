@@ -11,8 +11,6 @@ import math
 from collections.abc import Mapping
 from typing import ClassVar
 
-import numpy as np
-
 from airlink import mavlink as m
 from airlink.messages.command import CommandInt, CommandLong
 from airlink.messages.system import Heartbeat
@@ -38,6 +36,8 @@ EKF_READY = 831
 SLOW_RATE_HZ = 2.0
 UTC_RATE_HZ = 1.0
 AIRBORNE_M = 10.0
+ALL_ROUND_DEG = 360.0 - 2.0**-16
+"""The first heading that is 360 degrees as a 32-bit float."""
 AUTOPILOTS = frozenset({m.MAV_AUTOPILOT_GENERIC, m.MAV_AUTOPILOT_ARDUPILOTMEGA})
 TYPES = frozenset({m.MAV_TYPE_GENERIC, m.MAV_TYPE_FIXED_WING, *range(m.MAV_TYPE_VTOL_DUOROTOR, m.MAV_TYPE_GIMBAL)})
 """MAV_TYPE of ArduPlane's aircraft, and the one that says nothing."""
@@ -228,5 +228,5 @@ class ArduPlane(Autopilot):
 
 def _compass(heading_rad: float) -> float:
     """Return degrees in [0, 360) that stay there as a 32-bit float: 360 is refused."""
-    degrees = float(np.float32(math.degrees(heading_rad) % 360.0))
-    return degrees if degrees < 360.0 else 0.0
+    degrees = math.degrees(heading_rad) % 360.0
+    return degrees if degrees < ALL_ROUND_DEG else 0.0

@@ -51,6 +51,11 @@ class EffectWatch:
         self._before: object = None
         self._heartbeats = 0
 
+    @property
+    def watching(self) -> bool:
+        """Whether there is a command whose effect hasn't been seen yet."""
+        return self._effect is not None
+
     def acknowledged(self, effect: Effect, seen: Telemetry, now: Instant) -> None:
         """Watch for the effect of a command that has just been acknowledged, instead of the one before it."""
         self._effect, self._since = effect, now

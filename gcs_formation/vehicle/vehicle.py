@@ -110,6 +110,12 @@ class Vehicle:
             order_may_come=now < after(self._loiter_ordered, ORDER_COMES_S),
         )
 
+    @property
+    def follows_setpoints(self) -> bool:
+        """Whether it is ready and in the mode in which it follows setpoints, and no pilot has chosen another."""
+        ready = self.start_up.finished and self.pilots_choice.mode is None
+        return ready and self.autopilot.takes_setpoints(self.telemetry)
+
     def take(self, frame: Frame, now: Instant, *, timed: bool = True) -> bool:
         """Take a frame of this vehicle's autopilot; return whether the link's state changed.
 
@@ -171,6 +177,8 @@ class Vehicle:
     @property
     def down_s(self) -> float:
         """Delay down, s: half the round trip where it isn't known how that is split; NaN before the first."""
+        if self.stamps.gnss is None:
+            return self.clock.one_way_s
         down_s = self.ways_s[1]
         return self.clock.one_way_s if math.isnan(down_s) else down_s
 

@@ -9,11 +9,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gcs_formation.estimation.flight_state import FlightStates, Setpoints
+from gcs_formation.separation.first_look import Look, nobody_near
 from gcs_formation.separation.manoeuvre import approach, fly, fly_level, may_come_near
 from gcs_formation.separation.traffic import Scene, bound, possible_pairs
 from tests.gcs_formation.separation.encounters import Vehicles, scene, wanted
 
 PI = np.pi
+
+
+def wanted_by_all(made: Scene) -> Setpoints:
+    """Return the setpoints of a scene; those that nobody commanded are told to go on."""
+    state = made.traffic.state
+    on = np.array((state.airspeed_mps, state.heading_rad, state.height_m))
+    return Setpoints.of(np.where(made.commanded, made.told.table, on))
 
 
 def random_scene(seed: int, count: int, spread_m: float, unlike: float) -> Scene:
@@ -51,6 +59,27 @@ def test_no_pair_is_left_out_that_comes_too_near(seed: int, count: int, spread_m
     possible = set(zip(*(side.tolist() for side in possible_pairs(made)), strict=True))
     assert bad <= possible <= set(pairs)
     assert np.allclose(fly_level(made.traffic, made.as_told(), made.times_s), ways[:2], rtol=0, atol=1e-9)
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(2, 12), st.floats(5, 3000), st.sampled_from((0.0, 0.003, 0.01, 0.1, 0.5)))
+def test_the_first_look_on_plain_numbers_finds_a_pair_where_there_is_one(
+    seed: int, count: int, spread_m: float, unlike: float
+) -> None:
+    made = random_scene(seed, count, spread_m, unlike)
+    made = replace(made, commanded=np.ones(count, dtype=bool), told=wanted_by_all(made))
+    look = Look(
+        made.traffic.state.table.T.tolist(),
+        made.told.table.T.tolist(),
+        made.traffic.model.table.T.tolist(),
+        made.traffic.lead_s.tolist(),
+        made.timing_s.tolist(),
+        made.reference,
+        made.kept_m,
+        float(made.times_s[1]),
+        float(made.times_s[-1]),
+    )
+    assert nobody_near(look) == (possible_pairs(made)[0].size == 0)
 
 
 @settings(max_examples=50, deadline=None)
