@@ -8,7 +8,7 @@ import numpy as np
 
 from airlink.clock import NANOSECONDS
 from flight_model.arrays import Array, Indices, Instants
-from flight_model.autopilot import AutopilotModel, FlightState, advance, within
+from flight_model.autopilot import AutopilotModel, FlightState, advance, respond, within
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
 
 HISTORY_S = 6.0
@@ -74,16 +74,20 @@ class SetpointHistory:
             self.carry(each, since_ns, until_ns, vehicle, its_model)
         return FlightStates.from_each(states)
 
-    def predicted(self, state: FlightState, since: int, until: int, vehicle: int, model: AutopilotModel) -> None:
+    def predicted(
+        self, state: FlightState, since: int, until: int, vehicle: int, model: AutopilotModel, *, place: bool = True
+    ) -> None:
         """Move a vehicle's `state` on from `since` to `until`, instants in ns, through what it was sent.
 
         Before the oldest known setpoint it is taken to follow that one already, and without any setpoint to fly
-        straight on.
+        straight on. Without `place`, north and east are left as they are.
         """
         self._settle()
-        self.carry(state, since, until, vehicle, model)
+        self.carry(state, since, until, vehicle, model, place=place)
 
-    def carry(self, state: FlightState, since: int, until: int, vehicle: int, model: AutopilotModel) -> None:
+    def carry(
+        self, state: FlightState, since: int, until: int, vehicle: int, model: AutopilotModel, *, place: bool = True
+    ) -> None:
         """Do what `predicted` does, once the newest setpoints are known to be those of the history."""
         ticks, last = self._ticks, len(self._ticks) - 1
         first = self._acting(since, vehicle)
@@ -94,7 +98,10 @@ class SetpointHistory:
             if end > since:
                 speed_mps = within(tick.speeds[vehicle], model.speed_min_mps, model.speed_max_mps)
                 heading_rad, height_m = tick.headings[vehicle], tick.heights[vehicle]
-                advance(state, model, speed_mps, heading_rad, height_m, (end - since) / NANOSECONDS)
+                if place:
+                    advance(state, model, speed_mps, heading_rad, height_m, (end - since) / NANOSECONDS)
+                else:
+                    respond(state, model, speed_mps, heading_rad, height_m, (end - since) / NANOSECONDS)
                 since = end
 
     def _acting(self, instant: int, vehicle: int) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -10,14 +11,14 @@ import numpy as np
 
 from airlink.clock import NANOSECONDS, Instant, after, seconds_between
 from airlink.endpoint import VehicleId
-from flight_model.arrays import Array, Instants, Mask, wrap
+from flight_model.arrays import Array, Instants, Mask
+from flight_model.autopilot import AutopilotModel, FlightState, respond, wrap
 from formation_scenario import Scenario
 from formation_scenario.arrangement import columns
 from formation_scenario.navigation import NoisyNavigation
 from formation_scenario.reconfiguration import column_models
 from gcs_formation.controller import FormationController
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates
-from gcs_formation.estimation.predictor import advance
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.parameters import autopilot_model
 from gcs_formation.recorder import Detail, Note, Tick
@@ -27,12 +28,13 @@ from gcs_formation.vehicle.vehicle import UNANSWERED_S, Vehicle
 CHECK_S = 0.4
 WINDOW_S = 3.2
 """Length of the window over which motion is compared."""
+WINDOW_CHECKS = round(WINDOW_S / CHECK_S)
 SETTLED_S = WINDOW_S + 1.0
 """A vehicle is judged once it has been commanded, and has acknowledged setpoints, for this long."""
 CLIMBING_MPS, LEVELS_OUT_S = 1.0, 30.0
 """Airspeed and height of one that climbed, or sank, faster when it was taken over, after so long: an aircraft that
 levels out of its climb trades speed for height, and its throttle lags."""
-LEAST_CHANGE = np.array((1.0, 0.04, 1.5))
+LEAST_CHANGE = (1.0, 0.04, 1.5)
 """Airspeed in m/s, heading in rad, height in m: smaller expected changes within the window aren't judged."""
 SIGMAS = 4.0
 """To that, this many standard deviations of the telemetry's noise are added."""
@@ -49,11 +51,7 @@ STEP_LAG_S = 4.0
 """Least time constant of an airspeed under total-energy control after a step, which its energy's rate limits."""
 CHECKS_DOUBTED, CHECKS_BROKEN, CHECKS_MENDED = 2, 4, 8
 CHANNELS = ("airspeed", "heading", "height")
-ROWS = [4, 5, 2]
-"""Rows of a state's table that the channels are."""
-HEIGHT = CHANNELS.index("height")
-ENERGY = [CHANNELS.index("airspeed"), HEIGHT]
-"""Channels between which an aircraft trades energy."""
+AIRSPEED, HEADING, HEIGHT = 0, 1, 2
 GAP_S = 0.5
 """Longer gaps between acknowledgements of setpoints may mean that setpoints didn't arrive."""
 
@@ -67,30 +65,58 @@ class NonConformance(NamedTuple):
     flown: float
 
 
+class _Flier:
+    """One column: where it has been within the window, and how often it fell short."""
+
+    __slots__ = ("air_variance", "bad", "broken", "carried_m", "climbed", "good", "least", "model", "past")
+
+    def __init__(self, model: AutopilotModel, sigma: tuple[float, float, float]) -> None:
+        """Expect changes by `model`; `sigma`: standard deviations of the telemetry of each channel."""
+        self.model = model
+        self.least = [least + SIGMAS * each for least, each in zip(LEAST_CHANGE, sigma, strict=True)]
+        self.carried_m = _carried_m(model)
+        self.past: deque[tuple[int, FlightState]] = deque(maxlen=WINDOW_CHECKS)
+        self.climbed = False
+        """Whether it was climbing or descending when it was first commanded."""
+        self.air_variance = 0.0
+        """Of the vertical motion of the air that would explain its heights, (m/s)²."""
+        self.bad, self.good, self.broken = [0, 0, 0], 0, False
+
+    def judge(self, expected: list[float], flown: list[float], settled: list[bool]) -> int | None:
+        """Take the changes of the window, of channels that are judged; return the channel that newly isn't followed."""
+        kept_up = all(settled)
+        for channel, (change, seen) in enumerate(zip(expected, flown, strict=True)):
+            limit, short = MISSED_SHARE * abs(change), change - seen if change > 0.0 else seen - change
+            if channel == HEIGHT:
+                limit = max(limit, max(RISING_AIR_MPS, AIR_SIGMAS * math.sqrt(self.air_variance)) * self.carried_m)
+                if settled[channel]:
+                    air_mps = (change - seen) / self.carried_m
+                    self.air_variance += CHECK_S / AIR_MEMORY_S * (air_mps * air_mps - self.air_variance)
+            missed = settled[channel] and abs(change) >= self.least[channel] and short > limit
+            self.bad[channel] = self.bad[channel] + 1 if missed else 0
+            kept_up = kept_up and not missed
+        self.good = self.good + 1 if kept_up else 0
+        self.broken = self.broken and self.good < CHECKS_MENDED
+        worst = max(self.bad)
+        if worst < CHECKS_BROKEN or self.broken:
+            return None
+        self.broken = True
+        return self.bad.index(worst)
+
+
 class MotionConformance:
     """Predicts every vehicle from an earlier state through the setpoints since then, and compares."""
 
     def __init__(self, scenario: Scenario, history: SetpointHistory) -> None:
         """Take the model from the scenario; `history` holds what was told."""
-        self.broken: Mask = np.zeros(1 + len(scenario.followers), dtype=bool)
-        """Columns that don't follow, (C,)."""
-        self._model = _judged_by(scenario)
+        models = zip(_judged_by(scenario).each(), _noise(scenario), strict=True)
+        self._fliers = [_Flier(model, sigma) for model, sigma in models]
         self._history = history
-        self._least = LEAST_CHANGE[:, None] + SIGMAS * _noise(scenario)
-        self._carried_m = _carried_m(self._model)
-        self._air_variance = np.zeros(self.broken.size)
-        """Of the vertical motion of the air that would explain each column's heights, (m/s)²."""
-        self._past: deque[tuple[Instants, Array]] = deque(maxlen=round(WINDOW_S / CHECK_S))
-        self._climbed: Mask = np.zeros(self.broken.size, dtype=bool)
-        """Columns that were climbing or descending when they were first commanded, (C,)."""
         self._next_check = Instant(0)
-        self._bad = np.zeros((len(CHANNELS), self.broken.size), dtype=np.int64)
-        self._good = np.zeros(self.broken.size, dtype=np.int64)
-
-    @property
-    def doubted(self) -> Mask:
+        self.broken: Mask = np.zeros(len(self._fliers), dtype=bool)
+        """Columns that don't follow, (C,)."""
+        self.doubted: Mask = self.broken
         """Columns that don't follow, or have missed what was expected in two checks in a row, (C,)."""
-        return self.broken | (self._bad >= CHECKS_DOUBTED).any(axis=0)
 
     def due(self, now: Instant) -> bool:
         """Whether a check is due."""
@@ -111,46 +137,48 @@ class MotionConformance:
         if not self.due(now):
             return []
         self._next_check = Instant(now + round(CHECK_S * NANOSECONDS))
-        self._climbed = np.where(commanded_s < CHECK_S, np.abs(state.climb_mps) > CLIMBING_MPS, self._climbed)
-        self._past.append((stamps, state.table))
-        if len(self._past) < (self._past.maxlen or 0):
-            return []
-        expected, flown = self._changes(stamps, state.table)
-        settled = settled.copy()
-        settled[ENERGY] &= ~self._climbed | (commanded_s >= LEVELS_OUT_S)
-        before = FlightStates.of(self._past[0][1])
-        fast = np.maximum(state.airspeed_mps, before.airspeed_mps) > FAST_SHARE * self._model.speed_max_mps
-        settled[HEIGHT] &= ~(fast & (expected[HEIGHT] > 0.0))
-        missed = self._missed(expected, flown, settled)
-        self._bad = np.where(missed, self._bad + 1, 0)
-        self._good = np.where((settled & ~missed).all(axis=0), self._good + 1, 0)
-        self.broken = self.broken & (self._good < CHECKS_MENDED)
         found: list[NonConformance] = []
-        for column in np.flatnonzero((self._bad >= CHECKS_BROKEN).any(axis=0) & ~self.broken):
-            channel = int(np.argmax(self._bad[:, column]))
-            change = float(expected[channel, column]), float(flown[channel, column])
-            found.append(NonConformance(int(column), CHANNELS[channel], *change))
-            self.broken[column] = True
+        table = zip(stamps.tolist(), state.each(), settled.T.tolist(), commanded_s.tolist(), strict=True)
+        for column, (stamp, seen, judged, its_s) in enumerate(table):
+            finding = self._look(column, stamp, seen, judged, its_s)
+            if finding is not None:
+                found.append(finding)
+        self.broken = np.array([flier.broken for flier in self._fliers])
+        self.doubted = np.array([flier.broken or max(flier.bad) >= CHECKS_DOUBTED for flier in self._fliers])
         return found
 
-    def _missed(self, expected: Array, flown: Array, settled: Mask) -> Mask:
-        """Return which changes (3, C) weren't flown, and update the estimate of vertical air motion."""
-        limit, short = MISSED_SHARE * np.abs(expected), (expected - flown) * np.sign(expected)
-        air_mps = np.maximum(RISING_AIR_MPS, AIR_SIGMAS * np.sqrt(self._air_variance))
-        limit[HEIGHT] = np.maximum(limit[HEIGHT], air_mps * self._carried_m)
-        learnt = CHECK_S / AIR_MEMORY_S * (((expected - flown)[HEIGHT] / self._carried_m) ** 2 - self._air_variance)
-        self._air_variance += np.where(settled[HEIGHT], learnt, 0.0)
-        return (np.abs(expected) >= self._least) & (short > limit) & settled
+    def _look(
+        self, column: int, stamp: int, seen: FlightState, settled: list[bool], commanded_s: float
+    ) -> NonConformance | None:
+        """Compare one column's motion."""
+        flier = self._fliers[column]
+        if commanded_s < CHECK_S:
+            flier.climbed = abs(seen.climb_mps) > CLIMBING_MPS
+        flier.past.append((stamp, seen))
+        if len(flier.past) < WINDOW_CHECKS or not any(settled):
+            flier.bad, flier.good = [0, 0, 0], 0
+            return None
+        since, before = flier.past[0]
+        end = before.copy()
+        self._history.predicted(end, since, max(stamp, since), column, flier.model, place=False)
+        expected, flown = _change(before, end), _change(before, seen)
+        flown[HEADING] = wrap(flown[HEADING])
+        if flier.climbed and commanded_s < LEVELS_OUT_S:
+            settled[AIRSPEED] = settled[HEIGHT] = False
+        fast = max(seen.airspeed_mps, before.airspeed_mps) > FAST_SHARE * flier.model.speed_max_mps
+        if fast and expected[HEIGHT] > 0.0:
+            settled[HEIGHT] = False
+        channel = flier.judge(expected, flown, settled)
+        return None if channel is None else NonConformance(column, CHANNELS[channel], expected[channel], flown[channel])
 
-    def _changes(self, stamps: Instants, table: Array) -> tuple[Array, Array]:
-        """Return the changes (3, C) that should have been flown within the window, and those that were."""
-        since, before = self._past[0]
-        columns = np.arange(stamps.size, dtype=np.intp)
-        until = np.maximum(stamps, since)
-        predicted = self._history.predict(FlightStates.of(before), since, until, columns, self._model).table
-        expected, flown = predicted[ROWS] - before[ROWS], table[ROWS] - before[ROWS]
-        flown[1] = wrap(flown[1])
-        return expected, flown
+
+def _change(before: FlightState, after: FlightState) -> list[float]:
+    """Return by how much airspeed, heading and height have changed."""
+    return [
+        after.airspeed_mps - before.airspeed_mps,
+        after.heading_rad - before.heading_rad,
+        after.height_m - before.height_m,
+    ]
 
 
 def _judged_by(scenario: Scenario) -> AutopilotModels:
@@ -161,26 +189,26 @@ def _judged_by(scenario: Scenario) -> AutopilotModels:
     return model
 
 
-def _carried_m(model: AutopilotModels) -> Array:
-    """Return (C,) how far air that rises at 1 m/s carries vehicles within the window, their height loops against it.
+def _carried_m(model: AutopilotModel) -> float:
+    """Return how far air that rises at 1 m/s carries a vehicle within the window, its height loop against it.
 
     In the end tau_ha + tau_hb; until then the model's own way there.
     """
-    end_m, none = model.tau_ha_s + model.tau_hb_s, np.zeros_like(model.tau_ha_s)
-    state = FlightStates(none, none, -end_m, np.ones_like(none), none, none, none, none)
-    return end_m + advance(state, np.zeros((1, 3, none.size)), np.full((1, none.size), WINDOW_S), model).height_m
+    end_m = model.tau_ha_s + model.tau_hb_s
+    state = FlightState(0.0, 0.0, -end_m, 1.0, 0.0, 0.0, 0.0, 0.0)
+    respond(state, model, 0.0, 0.0, 0.0, WINDOW_S)
+    return end_m + state.height_m
 
 
-def _noise(scenario: Scenario) -> Array:
-    """Return the standard deviations (3, C) of each channel's telemetry."""
+def _noise(scenario: Scenario) -> list[tuple[float, float, float]]:
+    """Return the standard deviations of each channel's telemetry, column by column."""
     sources = [vehicle.navigation if vehicle else None for vehicle in columns(scenario)]
-    rows = [
-        (each.airspeed_sigma_mps, np.radians(each.heading_sigma_deg), each.position_sigma_m)
+    return [
+        (each.airspeed_sigma_mps, math.radians(each.heading_sigma_deg), each.position_sigma_m)
         if isinstance(each, NoisyNavigation)
         else (0.0, 0.0, 0.0)
         for each in sources
     ]
-    return np.array(rows, dtype=np.float64).T
 
 
 class ConformanceMonitor:

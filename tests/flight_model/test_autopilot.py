@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from flight_model.autopilot import AutopilotModel, FlightState, advance
+from flight_model.autopilot import AutopilotModel, FlightState, advance, respond
 
 TAU_V, TAU_PSI, TAU_HA, TAU_HB = 4.0, 1.5, 1.0, 3.0
 ACCEL, TURN, CLIMB = 1.5, 0.25, 3.0
@@ -179,3 +179,15 @@ def test_equal_time_constants_of_the_height_make_a_double_pole(tau_s, apart):
     left = math.exp(-1 / tau_s)
     assert end.height_m == pytest.approx(101 - (1 + 1 / tau_s) * left, abs=1e-8)
     assert end.climb_mps == pytest.approx(left / tau_s**2, abs=1e-8)
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.floats(16, 28), st.floats(-3, 3), st.floats(-3, 3), st.floats(16, 28), st.floats(-9, 9), st.floats(0.01, 5))
+def test_what_responds_is_where_it_would_be_but_for_its_place(
+    airspeed: float, climb: float, heading: float, speed: float, told_rad: float, seconds: float
+) -> None:
+    begin = state(airspeed_mps=airspeed, climb_mps=climb, heading_rad=heading)
+    end, flown = begin.copy(), fly(begin, command(speed, told_rad, 120.0), seconds)
+    respond(end, model(), speed, told_rad, 120.0, seconds)
+    assert end.values()[2:] == flown.values()[2:]
+    assert end.values()[:2] == begin.values()[:2]
