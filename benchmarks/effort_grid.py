@@ -16,6 +16,7 @@ import sys
 import tempfile
 from collections.abc import Generator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 from unittest import mock
@@ -27,17 +28,17 @@ from benchmarks.disturbance_grid import PAPER, both_ways
 from benchmarks.noise_grid import NOISE
 from benchmarks.tables import markdown
 from flight_model.arrays import Array
-from formation_scenario.slot_motion import SlotMotion
-from gcs_formation.control import law
-from gcs_formation.control.feed_forward import LeaderMotion
-from gcs_formation.control.mixer import Target, mix
-from gcs_formation.control.situation import Decision, Situation
+from formation_scenario import Scenario
+from gcs_formation import parameters
+from gcs_formation.control import follower
+from gcs_formation.control.follower import Pair
+from gcs_formation.control.mixer import Target, Triple
 from gcs_formation.estimation import estimator
-from gcs_formation.estimation.flight_state import FlightStates
 from gcs_formation.record.figures_of_merit import setpoint_steps
 from gcs_formation.record.run_directory import TIMESERIES
 from gcs_formation.record.timeseries import read_parquet
 
+LAW_PARAMETERS = parameters.law_parameters
 STEADY_S, DISTURBED_S, END_S = 30.0, 60.0, 80.0
 D1 = [{"at_s": DISTURBED_S, "vehicles": "all", "velocity_mps": [0.6, 0.6, 0.0]}]
 CLEAN_MOST = (0.05, 0.25, 0.3, 1.5)
@@ -46,30 +47,15 @@ NOISY_MOST = (0.15, 0.75, 0.5, 2.5)
 D1_MOST_M, NOISE_MOST_M, SETTLED_MOST_S = (0.02, 0.03), (0.25, 0.25), 25.0
 
 
-class Differences(law.FormationLaw):
-    """The law with differences of mixed errors in the place of rates from states."""
+class Differences(follower.FollowerController):
+    """A follower's law with differences of mixed errors in the place of rates from states."""
 
-    _mixed: Array | None = None
-    _dt_s = math.nan
+    _before: Triple | None = None
 
-    def decide(self, situation: Situation, dt_s: float) -> Decision:
-        """Return the followers' setpoints."""
-        self._dt_s = dt_s
-        return super().decide(situation, dt_s)
-
-    def _slopes(
-        self,
-        leader: LeaderMotion,  # noqa: ARG002 - errors alone count
-        follower: FlightStates,
-        error_m: Array,
-        target: Target,
-        forward: Array,  # noqa: ARG002
-        own: Array,  # noqa: ARG002
-        slots: SlotMotion,
-    ) -> Array:
-        mixed = mix(self._parameters.mixer, target, follower, self._steady(error_m, target, follower, slots))
-        before, self._mixed = mixed if self._mixed is None else self._mixed, mixed
-        return (mixed - before) / self._dt_s
+    def _slopes(self, pair: Pair, axis_rad: float, target: Target, forward: Triple, dt_s: float) -> Triple:  # noqa: ARG002
+        before, self._before = self._before or self.mixed, self.mixed
+        speed, heading, height = ((now - then) / dt_s for now, then in zip(self.mixed, before, strict=True))
+        return speed, heading, height
 
 
 class Point(NamedTuple):
@@ -88,11 +74,15 @@ class Point(NamedTuple):
     def in_force(self) -> Generator[None]:
         """Fly by this point within the context."""
         with contextlib.ExitStack() as stack:
-            stack.enter_context(mock.patch.object(law, "SLEW", self.slew * law.SLEW))
+            stack.enter_context(mock.patch.object(parameters, "law_parameters", self._law_parameters))
             stack.enter_context(mock.patch.object(estimator, "UNMODELLED", self.walk * estimator.UNMODELLED))
             if self.differences:
-                stack.enter_context(mock.patch("gcs_formation.parameters.FormationLaw", Differences))
+                stack.enter_context(mock.patch("gcs_formation.control.law.FollowerController", Differences))
             yield
+
+    def _law_parameters(self, scenario: Scenario) -> follower.LawParameters:
+        faster, turned = follower.SLEW
+        return replace(LAW_PARAMETERS(scenario), slew=(self.slew * faster, self.slew * turned))
 
 
 def gains(kp: float, ki: float, kd: float, times: float = 1.0) -> dict[str, float]:

@@ -59,6 +59,24 @@ class AutopilotModel:
         self.turn_rate_max_rps = turn_rate_max_rps
         self.climb_max_mps = climb_max_mps
 
+    def held(self, time_s: float) -> AutopilotModel:
+        """Return the model in which (setpoint - value) / lag is the mean rate while a setpoint is held for a time.
+
+        The value is that at the beginning, where the rate is larger than its mean. Speed and heading only, away from
+        the rate limits.
+        """
+        return AutopilotModel(
+            -time_s / math.expm1(-time_s / self.tau_v_s),
+            -time_s / math.expm1(-time_s / self.tau_psi_s),
+            self.tau_ha_s,
+            self.tau_hb_s,
+            self.speed_min_mps,
+            self.speed_max_mps,
+            self.accel_max_mps2,
+            self.turn_rate_max_rps,
+            self.climb_max_mps,
+        )
+
 
 class FlightState:
     """Where a vehicle is and how it moves: north, east and up from the origin.
@@ -112,6 +130,13 @@ class FlightState:
             self.wind_east_mps,
         )
 
+    def ground_mps(self) -> tuple[float, float]:
+        """Return the velocity over ground, north and east."""
+        return (
+            self.airspeed_mps * math.cos(self.heading_rad) + self.wind_north_mps,
+            self.airspeed_mps * math.sin(self.heading_rad) + self.wind_east_mps,
+        )
+
     def values(self) -> tuple[float, float, float, float, float, float, float, float]:
         """Return the quantities in the order of the constructor's arguments."""
         return (
@@ -131,9 +156,20 @@ def wrap(angle_rad: float) -> float:
     return (angle_rad + math.pi) % math.tau - math.pi
 
 
+def rotated(axis_rad: float, north: float, east: float) -> tuple[float, float]:
+    """Return the components of a horizontal vector forward and right along `axis_rad`."""
+    cos, sin = math.cos(axis_rad), math.sin(axis_rad)
+    return north * cos + east * sin, east * cos - north * sin
+
+
 def within(value: float, low: float, high: float) -> float:
     """Return a value clipped to two limits."""
     return low if value < low else min(value, high)
+
+
+def rate(error: float, tau_s: float, rate_max: float) -> float:
+    """Return how fast a first-order lag with a limited rate changes that is `error` short of its setpoint; NaN: 0."""
+    return 0.0 if math.isnan(error) else within(error / tau_s, -rate_max, rate_max)
 
 
 def remaining(error: float, time_s: float, tau_s: float, rate_max: float) -> float:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from flight_model.arrays import Array, Mask
 from flight_model.displacement import minimum_jerk
 from flight_model.path import PathPoints
+from flight_model.slot import Slot
 from formation_scenario.formation import Frame
 
 RAMP = 0.3
@@ -30,6 +31,12 @@ class SlotMotion:
     def at_rest(cls, position_m: Array) -> SlotMotion:
         """Return slots at rest."""
         return cls(position_m, np.zeros_like(position_m), np.zeros_like(position_m))
+
+    @cached_property
+    def each(self) -> list[Slot]:
+        """The N slots of arrays (N, 3) one by one."""
+        places, velocities = self.position_m.tolist(), self.velocity_mps.tolist()
+        return list(map(Slot, places, velocities, self.acceleration_mps2.tolist()))
 
     def take(self, which: npt.NDArray[np.intp]) -> SlotMotion:
         """Return the slots at `which`, repeated as often as named."""
@@ -137,9 +144,13 @@ class Transition:
         """Return a transition that is over, with slots (N, 3) at rest."""
         return cls(-np.inf, 1.0, SlotMotion.at_rest(slots_m), slots_m, np.zeros(len(slots_m)), 0.0)
 
+    def over(self, time_s: float) -> bool:
+        """Whether all slots are at rest at their goals by a time."""
+        return time_s >= self.at_s + self.duration_s
+
     def at(self, time_s: float) -> SlotMotion:
         """Return the slots (N, 3) at a time."""
-        if time_s >= self.at_s + self.duration_s:
+        if self.over(time_s):
             return self._over
         sample = self.sample(np.array([max(time_s - self.at_s, 0.0)]))
         return SlotMotion(sample.position_m[0], sample.velocity_mps[0], sample.acceleration_mps2[0])

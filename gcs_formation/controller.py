@@ -12,28 +12,26 @@ from typing import NamedTuple
 
 import numpy as np
 
-from airlink.clock import NANOSECONDS, Instant, after
+from airlink.clock import NANOSECONDS, Instant, after, seconds_between
 from flight_model.arrays import Array, Instants, Mask, all_of, or_zero
+from flight_model.autopilot import FlightState, advance, rate, within, wrap
 from formation_scenario import Scenario
 from formation_scenario.formation import added
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation import parameters
-from gcs_formation.control import envelope
-from gcs_formation.control.mixer import rotate_to
+from gcs_formation.control.envelope import Envelope
 from gcs_formation.control.situation import Decision, Lead, Situation
 from gcs_formation.estimation.estimator import STATES, Sample, StateEstimator
-from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
-from gcs_formation.estimation.predictor import turn_rate
+from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoint, Setpoints
 from gcs_formation.estimation.projection import Measured, States
 from gcs_formation.estimation.setpoint_history import SentSetpoints, SetpointHistory
-from gcs_formation.guidance.leader import ASSEMBLED_S, LeaderWind, ToldLeader, amid, fly_on
+from gcs_formation.guidance.leader import ASSEMBLED_S, LeaderCommand, LeaderCommands, LeaderWind, amid
 from gcs_formation.guidance.slots import FormationPlan, Outlook
-from gcs_formation.guidance.tracking import Lags
 from gcs_formation.recorder import Tick
 from gcs_formation.separation.fence import FenceLimits
 from gcs_formation.separation.resolver import ConflictResolver
 
-VIRTUAL = np.zeros(1, dtype=np.intp)
+VIRTUAL = 0
 """The column of a virtual leader."""
 CHANNELS = 3
 UP = np.array([0.0, 0.0, 1.0])
@@ -97,7 +95,7 @@ class FormationController:
         self.separation = ConflictResolver(scenario, self._history, self._model)
         self.fence = FenceLimits(scenario, self._model)
         self._in_slots_s, self._leader_wind = 0.0, LeaderWind(self._dt_s)
-        self._told_leader = ToldLeader(self._dt_s)
+        self._leader_commands = LeaderCommands(self._dt_s)
         self.last_tick: Tick | None = None
         """The last tick at which there was a leader to follow."""
         self.bandwidth: Array = np.ones((self._columns, CHANNELS))
@@ -105,7 +103,7 @@ class FormationController:
         self._bandwidth = self.bandwidth
         self._lift_m = np.zeros(self._columns)
         self.heights_m: Array | None = None
-        """(C,) heights that are told instead of the law's at the end of a flight; NaN for a column that has none."""
+        """(C,) heights that are commanded instead of the law's at the end of a flight; NaN where there is none."""
         self.begin_regardless = False
         """Whether to begin the path even if the formation isn't assembled."""
         self.estimator = StateEstimator(
@@ -138,14 +136,15 @@ class FormationController:
     def hand_over(self, leader: int, swing_rad: float) -> None:
         """Make another column the leader; it heads `swing_rad` clockwise of the present one."""
         self.plan.hand_over(leader, swing_rad)
-        self._told_leader.begin()
+        self._leader_commands.forget()
 
     def places_m(self, now: Instant) -> Array:
         """Return all positions, (C, 3) forward, right and up of the leader, without the lifts over terrain."""
         state, leader = self.estimator.state, self.plan.leader
         places = state.places_after((now - self.estimator.stamps) / NANOSECONDS)
         north, east, up = (places - places[leader]).T
-        return np.stack((*rotate_to(state.heading_rad[leader], north, east), up), axis=1) - self._lift_m[:, None] * UP
+        cos, sin = np.cos(state.heading_rad[leader]), np.sin(state.heading_rad[leader])
+        return np.stack((north * cos + east * sin, east * cos - north * sin, up), axis=1) - self._lift_m[:, None] * UP
 
     def ahead_m(self, seconds: float) -> list[tuple[float, float]]:
         """Return how far north and east the leader gets along its route within some time, m, point by point."""
@@ -192,9 +191,10 @@ class FormationController:
             slots, commanded_m = self._over_ground(tick, states, lead)
             self._bandwidth = self._bandwidth + self._gains_change * (self.bandwidth - self._bandwidth)
             everyone = np.arange(self._columns, dtype=np.intp)
-            told, wind = self._history.told(states.instants(everyone) - 1, everyone), self.estimator.wind_sigma_mps
+            commanded = self._history.told(states.instants(everyone) - 1, everyone)
+            wind = self.estimator.wind_sigma_mps
             situation = Situation(
-                states, lead, slots, told, wind, tick.active, self._bandwidth, self.separation.replaced
+                states, lead, slots, commanded, wind, tick.active, self._bandwidth, self.separation.replaced
             )
             self._note(tick, self._law.decide(situation, self._dt_s), commanded_m)
             self._open(tick)
@@ -247,37 +247,45 @@ class FormationController:
         """Place the virtual leader amid the followers; unless the law commands it, it then flies by the model."""
         flown, stamp = self.last_tick, now
         if flown is not None and not self._leader_amid:
-            model = self._model.take(VIRTUAL)
-            state = fly_on(flown.state.take(VIRTUAL), flown.setpoints.take(VIRTUAL), flown.now, now, model)
+            state = self._flown_on(flown, now)
         elif self.estimator.known[1:].all():
-            followers = self.estimator.state.take(np.arange(1, self._columns))
             slots = self._slots(now, math.nan if flown is None else flown.mission_time_s)
-            state = amid(followers, slots.position_m[1:], self.guidance.speed_mps)
+            state = amid(self.estimator.state.each()[1:], slots.each[1:], self.guidance.speed_mps)
             stamp = Instant(int(self.estimator.stamps[1:].mean())) if self._leader_amid else now
         else:
             return
-        self.estimator.place(0, state.table[:, 0], stamp)
+        self.estimator.place(VIRTUAL, np.array(state.values()), stamp)
+
+    def _flown_on(self, flown: Tick, now: Instant) -> FlightState:
+        """Return where a virtual leader is by now that has flown what it was commanded at the last tick."""
+        state, model = flown.state.each()[VIRTUAL], self._model.each()[VIRTUAL]
+        speed_mps, heading_rad, height_m = flown.setpoints.table[:, VIRTUAL].tolist()
+        speed_mps = within(speed_mps, model.speed_min_mps, model.speed_max_mps)
+        advance(state, model, speed_mps, heading_rad, height_m, seconds_between(flown.now, now))
+        return state
 
     def _slots(self, now: Instant, mission_time_s: float) -> SlotMotion:
         return self.plan.at(now / NANOSECONDS, begun=mission_time_s >= 0)
 
     def _steer_leader(self, tick: Tick, states: States) -> Lead:
         leading = np.array([tick.leader])
-        state, model = states.of(leading, leading), self._model.take(leading)
-        tick.state.fill(leading, state)
         at = Instant(int(states.instants(leading)[0]))
-        motion, rates = self._leader_wind.motion(state, (at - self.estimator.stamps[tick.leader]) / NANOSECONDS)
-        lags = Lags(float(model.tau_psi_s[0]), float(model.tau_ha_s[0]), float(model.tau_hb_s[0]))
-        wanted = self.guidance.steer(motion, float(state.height_m[0]), lags, assembled=self.assembled)
-        columns = Setpoints.of(np.array(wanted)[:, None])
+        flown = states.of(leading, leading)
+        tick.state.fill(leading, flown)
+        state, model = flown.each()[0], self._model.each()[tick.leader]
+        guided, rates = self._leader_wind.guided(state, (at - self.estimator.stamps[tick.leader]) / NANOSECONDS)
+        wanted = self.guidance.steer(guided, model, assembled=self.assembled)
         if self._scenario.path.steps:
-            columns.table += np.array(added(self._scenario.path.steps, tick.mission_time_s))[:, None]
-        told = envelope.limit(columns, columns.heading_rad, state, model)
-        tick.setpoints.fill(leading, told)
-        rates = rates._replace(turn_rps=float(turn_rate(state, told, model.held(self._dt_s))[0]))
-        self._told_leader.tell(at, told, self.guidance.told_turn(motion, lags, rates))
+            steps = added(self._scenario.path.steps, tick.mission_time_s)
+            wanted = Setpoint(*(each + step for each, step in zip(wanted, steps, strict=True)))
+        commanded = Envelope(wanted.heading_rad, state, model).limit(*wanted)
+        tick.setpoints.table[:, tick.leader] = commanded
+        short_rad, held = wrap(commanded[1] - state.heading_rad), model.held(self._dt_s)
+        rates = rates._replace(turn_rps=rate(short_rad, held.tau_psi_s, held.turn_rate_max_rps))
+        self._leader_commands.add(at, LeaderCommand(*commanded, self.guidance.turn_rps(guided, model, rates)))
         followed = states.instants(np.arange(self._columns)) if self._compensates else np.full(self._columns, at)
-        return Lead(tick.leader, at, self._told_leader.at(followed), self.guidance.heading(motion))
+        commands = [self._leader_commands.at(instant) for instant in followed.tolist()]
+        return Lead(tick.leader, at, commands, self.guidance.heading(guided))
 
     def _over_ground(self, tick: Tick, states: States, lead: Lead) -> tuple[SlotMotion, Array]:
         """Return the slots at the instants when setpoints act, clear of the ground, and the slots commanded now."""
@@ -313,12 +321,11 @@ class FormationController:
         """Put the heights of the end in the place of the law's, within the envelope: slots are left."""
         if self.heights_m is None:
             return
-        opened = tick.active & np.isfinite(self.heights_m)
-        (which,) = np.nonzero(opened)
-        wanted = tick.setpoints.take(which)
-        wanted.table[2] = self.heights_m[which]
-        state, model = tick.state.take(which), self._model.take(which)
-        tick.setpoints.fill(which, envelope.limit(wanted, wanted.heading_rad, state, model))
+        states, models = tick.state.each(), self._model.each()
+        for column in np.flatnonzero(tick.active & np.isfinite(self.heights_m)).tolist():
+            speed_mps, heading_rad, _ = tick.setpoints.table[:, column].tolist()
+            bounds = Envelope(heading_rad, states[column], models[column])
+            tick.setpoints.table[:, column] = bounds.limit(speed_mps, heading_rad, float(self.heights_m[column]))
         tick.slots_m[:] = tick.error_m[:] = np.nan
 
     def _judge_assembly(self, tick: Tick) -> None:

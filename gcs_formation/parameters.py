@@ -13,8 +13,9 @@ from formation_scenario.navigation import NoisyNavigation
 from formation_scenario.reconfiguration import column_models
 from formation_scenario.slot_motion import Course, SlotMotion, slot_needs
 from gcs_formation.control.consensus import ConsensusLaw, ConsensusParameters
-from gcs_formation.control.fuzzy_pid import FuzzyGainScheduler, Gains
-from gcs_formation.control.law import FormationLaw, LawParameters
+from gcs_formation.control.follower import LawParameters
+from gcs_formation.control.fuzzy_pid import Channel, FuzzyGainScheduler, GainRange, PidGains
+from gcs_formation.control.law import FormationLaw
 from gcs_formation.control.mixer import Mixer
 from gcs_formation.control.situation import Law
 from gcs_formation.estimation import noise
@@ -42,22 +43,19 @@ GENTLEST_RPS = 0.01
 def law_parameters(scenario: Scenario) -> LawParameters:
     """Return the fuzzy-PID law's constants."""
     law = scenario.law
-    channels = (law.speed, law.heading, law.height)
+    filter_s = max(law.derivative_filter_s, 1e-6)
+    speed, heading, height = (
+        Channel(PidGains(keys.kp, keys.ki, keys.kd, filter_s), keys.error_scale, keys.rate_scale, law.anti_windup_s)
+        for keys in (law.speed, law.heading, law.height)
+    )
     return LawParameters(
         mixer=Mixer(**law.mixer.model_dump()),
         frame=scenario.formation.frame,
-        nominal=Gains(
-            np.array([channel.kp for channel in channels]),
-            np.array([channel.ki for channel in channels]),
-            np.array([channel.kd for channel in channels]),
-        ),
-        base=law.fuzzy.base,
-        span=law.fuzzy.span,
-        error_scale=np.array([channel.error_scale for channel in channels]),
-        rate_scale=np.array([channel.rate_scale for channel in channels]),
+        speed=speed,
+        heading=heading,
+        height=height,
+        gain_range=GainRange(law.fuzzy.base, law.fuzzy.span),
         scheduler=FuzzyGainScheduler(law.fuzzy.tables) if law.type == "fuzzy_pid" else None,
-        derivative_filter_s=max(law.derivative_filter_s, 1e-6),
-        anti_windup_s=law.anti_windup_s,
         gust_radps=law.disturbance_observer_radps,
     )
 

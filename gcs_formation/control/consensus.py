@@ -12,20 +12,24 @@ height of the path and of its slot by itself: that loop is closed on board, so n
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from airlink.clock import NANOSECONDS
 from flight_model.arrays import Array
+from flight_model.autopilot import AutopilotModel, FlightState, rotated
+from flight_model.slot import Slot
 from formation_scenario.formation import Frame
-from formation_scenario.slot_motion import SlotMotion
-from gcs_formation.control import envelope
-from gcs_formation.control.feed_forward import Axes, LeaderMotion, Turning, feed_forward
-from gcs_formation.control.mixer import Target, formation_error, rotate_to, slot_target
+from gcs_formation.control.envelope import Envelope
+from gcs_formation.control.feed_forward import Axes, LeaderMotion, feed_forward
+from gcs_formation.control.mixer import Target, Triple, formation_error, slot_target
 from gcs_formation.control.situation import Decision, Lead, Situation, none_of
 from gcs_formation.estimation.estimator import LEAST_AIRSPEED_MPS
-from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Indices, Setpoints
+from gcs_formation.estimation.flight_state import AutopilotModels, Indices, Setpoints
+
+NONE = (math.nan, math.nan, math.nan)
 
 
 @dataclass(frozen=True)
@@ -42,22 +46,33 @@ class ConsensusParameters:
     frame: Frame
 
 
-@dataclass(frozen=True)
 class _Reference:
-    """The motion that v_s is taken from, a column for each vehicle at its own instant."""
+    """The motion that v_s is taken from, at one vehicle's instant."""
 
-    leader: LeaderMotion
-    heading_rad: Array
-    """Along which the slots lie: the path's, without what the leader does to get back onto it."""
+    __slots__ = ("heading_rad", "leader")
+
+    def __init__(self, leader: LeaderMotion, heading_rad: float) -> None:
+        """Take a leader's motion, and the heading along which the slots lie.
+
+        That is the path's, without what the leader does to get back onto it.
+        """
+        self.leader = leader
+        self.heading_rad = heading_rad
 
 
-@dataclass(frozen=True)
 class _Deviation:
-    """Of vehicles from their slots' motion, in m and m/s north and east; and that motion."""
+    """Of a vehicle from its slot's motion, in m and m/s north and east; and that motion."""
 
-    position_m: Array
-    velocity_mps: Array
-    target: Target
+    __slots__ = ("east_m", "east_mps", "north_m", "north_mps", "target")
+
+    def __init__(self, state: FlightState, place_m: tuple[float, float], target: Target) -> None:
+        """Take the vehicle's state, its slot's place relative to the origin, and the slot's motion."""
+        self.north_m = state.north_m - place_m[0]
+        self.east_m = state.east_m - place_m[1]
+        v, psi, wanted, along = state.airspeed_mps, state.heading_rad, target.speed_mps, target.heading_rad
+        self.north_mps = v * math.cos(psi) - wanted * math.cos(along)
+        self.east_mps = v * math.sin(psi) - wanted * math.sin(along)
+        self.target = target
 
 
 class ConsensusLaw:
@@ -70,6 +85,7 @@ class ConsensusLaw:
         self._parameters = parameters
         self._model = model
         self._everyone = np.arange(model.tau_v_s.size, dtype=np.intp)
+        self._members: list[int] = parameters.members.tolist()
         self._lead_by(0)
 
     def _lead_by(self, leader: int) -> None:
@@ -80,128 +96,117 @@ class ConsensusLaw:
         receivers, senders = np.nonzero(weights)
         self._receivers: Indices = receivers
         self._senders: Indices = senders
-        self._edge_weights = weights[receivers, senders]
+        each: list[float] = weights[receivers, senders].tolist()
+        self._edges = list(zip(receivers.tolist(), senders.tolist(), each, strict=True))
 
     def decide(self, situation: Situation, dt_s: float) -> Decision:  # noqa: ARG002 - no memory, no rates
         """Return the setpoints of all vehicles; those that aren't active are left out of the sums."""
         if situation.lead.leader != self._leader:
             self._lead_by(situation.lead.leader)
-        everyone, model = self._everyone, self._model
-        slots = situation.slots
-        reference = self._reference(situation)
-        state = situation.states.of(everyone, everyone)
-        own = self._deviation(state, reference, slots)
+        everyone, members, count = self._everyone, self._parameters.members, len(self._members)
+        states, models, slots = situation.states.of(everyone, everyone), self._model.each(), situation.slots.each
+        leading = np.full_like(everyone, self._leader)
+        leaders, flown = situation.states.of(leading, everyone).each(), states.each()
+        references = self._references(situation, leaders, models[self._leader])
+        own = list(map(self._deviation, flown, references, slots))
+        sums = self._protocol(situation, references, slots, own)
         # One for all: weights of its own for each vehicle would make another graph.
-        share = float(situation.bandwidth[self._parameters.members].min())
-        u_north, u_east = self._protocol(situation, reference, slots, own)
-        u_x, u_y = rotate_to(own.target.heading_rad, share * u_north, share * u_east)
-        beyond_x, beyond_y = share * self._damping_beyond(own)
-        leader = reference.leader
-        axes = Axes(leader.state.heading_rad, leader.turning)
-        forward = feed_forward(own.target, leader, axes, slots, model)
-        wanted = Setpoints(
-            forward[:, 0] + model.tau_v_s * (u_x + beyond_x),
-            forward[:, 1] + model.tau_psi_s * (u_y + beyond_y) / np.maximum(own.target.speed_mps, LEAST_AIRSPEED_MPS),
-            forward[:, 2],
-        )
-        limited = envelope.limit(wanted, own.target.heading_rad, state, model)
-        members, count = self._parameters.members, self._parameters.members.size
-        error_m = self._formation_error(situation, state, slots)
-        return Decision(
-            members, state.take(members), limited.take(members), error_m[members], none_of(count, 3), none_of(count, 9)
-        )
+        share = float(situation.bandwidth[members].min())
+        setpoints = [
+            self._setpoint(flown[p], references[p].leader, own[p], slots[p], sums[p], share, models[p])
+            for p in self._members
+        ]
+        errors = [self._error(p, leaders[p], flown[p], slots[p]) for p in self._members]
+        sent = Setpoints.of(np.array(setpoints).T)
+        return Decision(members, states.take(members), sent, np.array(errors), none_of(count, 3), none_of(count, 9))
+
+    def _error(self, column: int, leader: FlightState, state: FlightState, slot: Slot) -> Triple:
+        axis_rad = leader.heading_rad if self._parameters.frame == "leader_heading" else state.heading_rad
+        return NONE if column == self._leader else formation_error(leader, state, slot, axis_rad)
 
     def _protocol(
-        self, situation: Situation, reference: _Reference, slots: SlotMotion, own: _Deviation
-    ) -> tuple[Array, Array]:
-        """Return the sum of (3) over the neighbours, north and east in m/s^2."""
-        p, q, k = self._receivers, self._senders, self._parameters
-        heard = self._deviation(situation.states.of(q, p), _at(reference, p), slots.take(q))
-        apart_m = heard.position_m - own.position_m[:, p]
-        apart_mps = heard.velocity_mps - own.velocity_mps[:, p]
-        weights = self._edge_weights * (situation.active[p] & situation.active[q])
-        north, east = weights * (k.k1 * apart_m + k.k2 * apart_mps)
-        return self._sum(north), self._sum(east)
+        self, situation: Situation, references: list[_Reference], slots: list[Slot], own: list[_Deviation]
+    ) -> list[tuple[float, float]]:
+        """Return each vehicle's sum of (3) over the neighbours, north and east in m/s^2."""
+        k1, k2 = self._parameters.k1, self._parameters.k2
+        active: list[bool] = situation.active.tolist()
+        sums = [(0.0, 0.0)] * len(own)
+        heard = situation.states.of(self._senders, self._receivers).each()
+        for (p, q, weight), state in zip(self._edges, heard, strict=True):
+            if active[p] and active[q]:
+                there, here = self._deviation(state, references[p], slots[q]), own[p]
+                north = k1 * (there.north_m - here.north_m) + k2 * (there.north_mps - here.north_mps)
+                east = k1 * (there.east_m - here.east_m) + k2 * (there.east_mps - here.east_mps)
+                sums[p] = sums[p][0] + weight * north, sums[p][1] + weight * east
+        return sums
 
-    def _sum(self, of_edges: Array) -> Array:
-        """Return each vehicle's sum over the edges on which it hears somebody."""
-        total = np.zeros(self._everyone.size)
-        np.add.at(total, self._receivers, of_edges)
-        return total
+    def _setpoint(
+        self,
+        state: FlightState,
+        leader: LeaderMotion,
+        own: _Deviation,
+        slot: Slot,
+        neighbours: tuple[float, float],
+        share: float,
+        model: AutopilotModel,
+    ) -> Triple:
+        """Return one vehicle's setpoint: what u of (3) asks of the autopilot's lags, beyond the slot's own motion."""
+        axes = Axes(leader.state.heading_rad, leader.turn_rps, leader.bend_rps2)
+        speed_mps, heading_rad, height_m = feed_forward(own.target, leader, axes, slot, model)
+        u_x, u_y = self._acceleration(own, neighbours, model)
+        speed_mps += model.tau_v_s * share * u_x
+        heading_rad += model.tau_psi_s * share * u_y / max(own.target.speed_mps, LEAST_AIRSPEED_MPS)
+        return Envelope(own.target.heading_rad, state, model).limit(speed_mps, heading_rad, height_m)
 
-    def _damping_beyond(self, own: _Deviation) -> Array:
-        """Return (k3 - 1/tau) (v_s - v_p) along and across, (2, C): damping beyond the autopilot's lag."""
-        moving = np.stack(rotate_to(own.target.heading_rad, *own.velocity_mps))
-        return (1.0 / np.stack((self._model.tau_v_s, self._model.tau_psi_s)) - self._parameters.k3) * moving
+    def _acceleration(
+        self, own: _Deviation, neighbours: tuple[float, float], model: AutopilotModel
+    ) -> tuple[float, float]:
+        """Return u of (3) along and across the slot's heading; of k3 what is beyond the autopilot's lag as damping."""
+        axis_rad, k3 = own.target.heading_rad, self._parameters.k3
+        u_x, u_y = rotated(axis_rad, *neighbours)
+        along_mps, across_mps = rotated(axis_rad, own.north_mps, own.east_mps)
+        return u_x + (1.0 / model.tau_v_s - k3) * along_mps, u_y + (1.0 / model.tau_psi_s - k3) * across_mps
 
-    def _reference(self, situation: Situation) -> _Reference:
-        """Return what the guidance asks for, carried along the path to each vehicle's instant."""
-        lead, everyone = situation.lead, self._everyone
-        later_s = (situation.states.instants(everyone) - lead.at) / NANOSECONDS
-        swung = (lead.path.turn_rps + lead.path.bend_rps2 * later_s / 2) * later_s
-        turn_rps = lead.path.turn_rps + lead.path.bend_rps2 * later_s
-        leader = LeaderMotion(
-            self._led(situation, lead, swung, later_s),
-            Turning(turn_rps, np.full(later_s.shape, lead.path.bend_rps2)),
-            np.zeros_like(later_s),
-            np.zeros_like(later_s),
-        )
-        return _Reference(leader, lead.path.heading_rad + swung)
+    def _references(self, situation: Situation, flown: list[FlightState], model: AutopilotModel) -> list[_Reference]:
+        """Return what the guidance asks for, carried along the path to each vehicle's instant; `model`: the leader's.
 
-    def _led(self, situation: Situation, lead: Lead, swung: Array, later_s: Array) -> FlightStates:
-        """Return the state of a leader without lag behind the guidance: its setpoints less the lead over its lags."""
-        leading, model = np.full_like(self._everyone, lead.leader), self._model
-        lag_s = float(model.tau_ha_s[lead.leader] + model.tau_hb_s[lead.leader])
-        flown = situation.states.of(leading, self._everyone)
-        told = lead.told.setpoints.take(leading)
-        return FlightStates(
-            north_m=flown.north_m,
-            east_m=flown.east_m,
-            height_m=told.height_m + lead.path.climb_mps * (later_s - lag_s),
-            climb_mps=np.full(later_s.shape, lead.path.climb_mps),
-            airspeed_mps=told.speed_mps,
-            heading_rad=told.heading_rad - model.tau_psi_s[lead.leader] * lead.path.turn_rps + swung,
-            wind_north_mps=flown.wind_north_mps,
-            wind_east_mps=flown.wind_east_mps,
-        )
+        The leader there has no lag behind the guidance: it flies its setpoints less the lead over its lags.
+        """
+        lead, instants = situation.lead, situation.states.instants(self._everyone).tolist()
+        return [
+            _reference(lead, column, state, (instant - lead.at) / NANOSECONDS, model)
+            for column, (state, instant) in enumerate(zip(flown, instants, strict=True))
+        ]
 
-    def _deviation(self, state: FlightStates, reference: _Reference, slots: SlotMotion) -> _Deviation:
-        leader, frame = reference.leader, self._parameters.frame
-        turn_rps = leader.turning.rate_rps
+    def _deviation(self, state: FlightState, reference: _Reference, slot: Slot) -> _Deviation:
+        leader, frame, turn_rps = reference.leader, self._parameters.frame, reference.leader.turn_rps
+        axis_rad = leader.state.heading_rad
         if frame == "follower_heading":  # what moves aside turns its own axes, at its acceleration by its speed
-            turn_rps = turn_rps + slots.acceleration_mps2[:, 1] / leader.state.airspeed_mps
-        target = slot_target(leader.state, state, turn_rps, slots, frame)
-        aside = target.heading_rad - leader.state.heading_rad if frame == "follower_heading" else 0.0
-        slot_north, slot_east = _to_north(reference.heading_rad + aside, *slots.position_m[:, :2].T)
-        speed, wanted = state.airspeed_mps, target.speed_mps
-        return _Deviation(
-            np.stack((state.north_m - slot_north, state.east_m - slot_east)),
-            np.stack(
-                (
-                    speed * np.cos(state.heading_rad) - wanted * np.cos(target.heading_rad),
-                    speed * np.sin(state.heading_rad) - wanted * np.sin(target.heading_rad),
-                )
-            ),
-            target,
-        )
-
-    def _formation_error(self, situation: Situation, state: FlightStates, slots: SlotMotion) -> Array:
-        leading = np.full_like(self._everyone, situation.lead.leader)
-        leader = situation.states.of(leading, self._everyone)
-        error_m = formation_error(leader, state, slots.position_m, self._parameters.frame)
-        error_m[situation.lead.leader] = np.nan
-        return error_m
+            turn_rps += slot.right_mps2 / leader.state.airspeed_mps
+            axis_rad = state.heading_rad
+        drift_north_mps = state.wind_north_mps - leader.state.wind_north_mps
+        drift_east_mps = state.wind_east_mps - leader.state.wind_east_mps
+        drift_x_mps, drift_y_mps = rotated(axis_rad, drift_north_mps, drift_east_mps)
+        target = slot_target(leader.state, drift_x_mps, drift_y_mps, turn_rps, slot, frame)
+        heading_rad = reference.heading_rad
+        if frame == "follower_heading":
+            heading_rad += target.heading_rad - leader.state.heading_rad
+        return _Deviation(state, rotated(-heading_rad, slot.forward_m, slot.right_m), target)
 
 
-def _at(reference: _Reference, which: Indices) -> _Reference:
-    leader = reference.leader
-    turning = Turning(leader.turning.rate_rps[which], leader.turning.acceleration_rps2[which])
-    changes = (leader.acceleration_mps2, leader.climb_change_mps2)
-    motion = LeaderMotion(leader.state.take(which), turning, *(each[which] for each in changes))
-    return _Reference(motion, reference.heading_rad[which])
-
-
-def _to_north(heading_rad: Array, forward: Array, right: Array) -> tuple[Array, Array]:
-    """Return the north and east components of a vector given along and across `heading_rad`."""
-    cos, sin = np.cos(heading_rad), np.sin(heading_rad)
-    return forward * cos - right * sin, forward * sin + right * cos
+def _reference(lead: Lead, column: int, flown: FlightState, later_s: float, model: AutopilotModel) -> _Reference:
+    commanded, path = lead.commanded[column], lead.path
+    swung_rad = (path.turn_rps + path.bend_rps2 * later_s / 2) * later_s
+    lag_s = model.tau_ha_s + model.tau_hb_s
+    state = FlightState(
+        flown.north_m,
+        flown.east_m,
+        commanded.height_m + path.climb_mps * (later_s - lag_s),
+        path.climb_mps,
+        commanded.speed_mps,
+        commanded.heading_rad - model.tau_psi_s * path.turn_rps + swung_rad,
+        flown.wind_north_mps,
+        flown.wind_east_mps,
+    )
+    turn_rps = path.turn_rps + path.bend_rps2 * later_s
+    return _Reference(LeaderMotion(state, turn_rps, path.bend_rps2, 0.0, 0.0), path.heading_rad + swung_rad)

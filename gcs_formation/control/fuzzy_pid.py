@@ -1,4 +1,4 @@
-"""The hybrid controller (14) without its feed-forward: a fuzzy scheduler of gains, and PID on arrays.
+"""The hybrid controller (14) without its feed-forward: a fuzzy scheduler of gains, and a PID for each channel.
 
 Five triangular sets centred at -1, -1/2, 0, 1/2 and 1 (the outer two with shoulders), product inference and the
 weighted average amount exactly to bilinear interpolation of the tables (errata item 29f).
@@ -6,16 +6,19 @@ weighted average amount exactly to bilinear interpolation of the tables (errata 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from flight_model.arrays import Array, Mask, within
+from flight_model.arrays import Array
+from flight_model.autopilot import within
+from gcs_formation.control.mixer import Triple
 
 LEVELS = {"ZR": 0.0, "PL": 0.5, "PH": 1.0}
-SETS = 5
+SETS: Final = 5
 
 # Rows are the error's rate from NH to PH, columns the error from NH to PH.
 TABLE_P = """
@@ -56,7 +59,8 @@ class FuzzyGainScheduler:
 
     def __init__(self, tables: Literal["printed", "symmetric"] = "printed") -> None:
         """Use the tables as printed, or symmetrised."""
-        self._table = rule_tables(tables).reshape(SETS * SETS, 3)
+        rows: list[list[float]] = rule_tables(tables).reshape(SETS * SETS, 3).tolist()
+        self._rules: list[Triple] = [(p, i, d) for p, i, d in rows]
 
     def infer(self, error: npt.ArrayLike, error_rate: npt.ArrayLike) -> Array:
         """Return F_p, F_i, F_d in [0, 1], shape (..., 3), for normalised inputs of any shape (...).
@@ -70,72 +74,130 @@ class FuzzyGainScheduler:
         if np.isnan(inputs).any():
             name = "error" if np.isnan(inputs[0]).any() else "error_rate"
             raise ValueError(f"{name}: found nan; allowed: numbers")
-        (column, row), (across, down) = _place(inputs)
-        corner = row * SETS + column
-        across, down = across[..., None], down[..., None]
-        upper = self._table[corner] * (1 - across) + self._table[corner + 1] * across
-        lower = self._table[corner + SETS] * (1 - across) + self._table[corner + SETS + 1] * across
-        return upper * (1 - down) + lower * down
+        errors: list[float] = inputs[0].ravel().tolist()
+        rates: list[float] = inputs[1].ravel().tolist()
+        return np.array(list(map(self.factors, errors, rates))).reshape(*inputs.shape[1:], 3)
+
+    def factors(self, error: float, error_rate: float) -> Triple:
+        """Return F_p, F_i, F_d in [0, 1] for normalised inputs, which are clipped to [-1, 1]."""
+        across = (within(error, -1.0, 1.0) + 1.0) * ((SETS - 1) / 2)
+        down = (within(error_rate, -1.0, 1.0) + 1.0) * ((SETS - 1) / 2)
+        column, row = min(int(across), SETS - 2), min(int(down), SETS - 2)
+        across, down, corner = across - column, down - row, row * SETS + column
+        p_1, i_1, d_1 = _between(self._rules[corner], self._rules[corner + 1], across)
+        p_2, i_2, d_2 = _between(self._rules[corner + SETS], self._rules[corner + SETS + 1], across)
+        return _between((p_1, i_1, d_1), (p_2, i_2, d_2), down)
 
 
-def _place(value: Array) -> tuple[npt.NDArray[np.intp], Array]:
-    """Return the index of the cell that a value lies in, and its position in the cell, 0 to 1."""
-    position = (within(value, -1.0, 1.0) + 1.0) * ((SETS - 1) / 2)
-    cell = np.minimum(position.astype(np.intp), SETS - 2)
-    return cell, position - cell
-
-
-@dataclass(frozen=True)
-class Gains:
-    """k_p, k_i and k_d, each of any shape that broadcasts to the errors' shape."""
-
-    proportional: Array
-    integral: Array
-    derivative: Array
-
-    def slowed(self, bandwidth: Array) -> Gains:
-        """Return gains for a share of the loop's bandwidth; `stability.PidGains.slowed` gives the reason."""
-        return Gains(self.proportional * bandwidth, self.integral * bandwidth**2, self.derivative * bandwidth)
+def _between(low: Triple, high: Triple, share: float) -> Triple:
+    left = 1.0 - share
+    return low[0] * left + high[0] * share, low[1] * left + high[1] * share, low[2] * left + high[2] * share
 
 
 @dataclass(frozen=True)
-class PidState:
-    """What the controllers remember, in the errors' shape."""
+class PidGains:
+    """Gains of kp + ki/s + kd s/(filter_s s + 1)."""
 
-    integral: Array
-    """Integral of k_i(t) e dt: a change of gain doesn't kick the output (errata item 29b)."""
-    rate: Array
-    """Filtered rate of the error, a second."""
+    kp: float
+    ki: float
+    kd: float
+    filter_s: float = 0.1
 
-    @classmethod
-    def at_rest(cls, shape: tuple[int, ...]) -> PidState:
-        """Return the state of controllers at the start, with their integrators at trim (29)."""
-        return cls(np.zeros(shape), np.zeros(shape))
+    def slowed(self, bandwidth: float) -> PidGains:
+        """Gains of a loop whose crossover frequency is reduced to the share `bandwidth` of its present one.
 
-    def with_integral(self, integral: Array, which: Mask) -> PidState:
-        """Return this state with some of the integrals replaced by earlier ones."""
-        return PidState(np.where(which, integral, self.integral), self.rate)
+        About its crossover the loop falls like an integrator, (13) and (7) with the derivative: its crossover goes
+        with its gain. The integral's corner ki/kp goes down with it, as its phase lag there would grow otherwise; the
+        derivative's corner kp/kd stays, as the lag that it makes up for is the autopilot's own.
+        """
+        return PidGains(self.kp * bandwidth, self.ki * bandwidth**2, self.kd * bandwidth, self.filter_s)
 
-
-def filter_rate(state: PidState, slope: Array, filter_s: float, dt_s: float) -> Array:
-    """Return the error's rate behind the filter 1/(T s + 1), exact for a `slope` that holds for `dt_s`."""
-    kept = np.exp(-dt_s / filter_s)
-    return kept * state.rate + (1 - kept) * slope
-
-
-def unlimited(state: PidState, gains: Gains, error: Array, rate: Array) -> Array:
-    """Return the controllers' output before any limit."""
-    return gains.proportional * error + state.integral + gains.derivative * rate
+    def transfer(self) -> tuple[Array, Array]:
+        """Numerator and denominator in s; without integral gain the integrator is no part of the loop."""
+        numerator = np.array([self.kp * self.filter_s + self.kd, self.kp + self.ki * self.filter_s, self.ki])
+        denominator = np.array([self.filter_s, 1.0, 0.0])
+        return (numerator[:-1], denominator[:-1]) if self.ki == 0.0 else (numerator, denominator)
 
 
-def integrate(
-    state: PidState, gains: Gains, error: Array, rate: Array, excess: Array, anti_windup_s: float, dt_s: float
-) -> PidState:
-    """Return the state after `dt_s`; `excess` (limited minus unlimited output) decays with `anti_windup_s` (29c).
+@dataclass(frozen=True)
+class GainRange:
+    """Range of a gain under the fuzzy scheduler: nominal (base + span F), F in [0, 1]; it only adds (item 29e)."""
 
-    This back-calculation takes from an integral what it has gathered, and no more: what it put in beyond that could
-    leave by the integral gain only, which may be 0.
-    """
-    grown = state.integral + gains.integral * error * dt_s
-    unwound = grown + excess * (dt_s / anti_windup_s)
-    return PidState(within(unwound, np.minimum(grown, 0.0), np.maximum(grown, 0.0)), rate)
+    base: float = 0.7
+    span: float = 0.6
+
+    def gains(self, nominal: PidGains, outputs: Triple) -> PidGains:
+        """Gains at the scheduler's outputs (F_p, F_i, F_d)."""
+        f_p, f_i, f_d = outputs
+        return PidGains(
+            nominal.kp * (self.base + self.span * f_p),
+            nominal.ki * (self.base + self.span * f_i),
+            nominal.kd * (self.base + self.span * f_d),
+            nominal.filter_s,
+        )
+
+
+FIXED_GAINS = GainRange(base=1.0, span=0.0)
+
+
+@dataclass(frozen=True)
+class Channel:
+    """Constants of one channel's controller."""
+
+    nominal: PidGains
+    error_scale: float
+    """Mixed error that counts as 1 to the scheduler."""
+    rate_scale: float
+    """Its rate, a second, likewise."""
+    anti_windup_s: float
+
+
+class Pid:
+    """One channel's controller, with what it remembers."""
+
+    __slots__ = ("_channel", "_gain_range", "_scheduler", "integral", "kd", "ki", "kp", "rate")
+
+    def __init__(self, channel: Channel, gain_range: GainRange, scheduler: FuzzyGainScheduler | None) -> None:
+        """Start at rest, with the integrator at trim (29); without a scheduler gains stay nominal."""
+        self._channel = channel
+        self._gain_range = gain_range
+        self._scheduler = scheduler
+        self.kp, self.ki, self.kd = channel.nominal.kp, channel.nominal.ki, channel.nominal.kd
+        self.integral = 0.0
+        """Integral of k_i(t) e dt: a change of gain doesn't kick the output (errata item 29b)."""
+        self.rate = 0.0
+        """Filtered rate of the error, a second."""
+
+    def forget(self) -> None:
+        """Start again."""
+        self.integral = self.rate = 0.0
+
+    def filter_rate(self, slope: float, dt_s: float) -> None:
+        """Put the error's rate through the filter 1/(T s + 1), exact for a `slope` that holds for `dt_s`."""
+        kept = math.exp(-dt_s / self._channel.nominal.filter_s)
+        self.rate = kept * self.rate + (1.0 - kept) * slope
+
+    def schedule(self, error: float, bandwidth: float) -> None:
+        """Choose k_0 + F Delta k_max (14) by error and rate, for a share of the loop's bandwidth."""
+        nominal, channel, p, i, d = self._channel.nominal, self._channel, 1.0, 1.0, 1.0
+        if self._scheduler is not None:
+            f_p, f_i, f_d = self._scheduler.factors(error / channel.error_scale, self.rate / channel.rate_scale)
+            base, span = self._gain_range.base, self._gain_range.span
+            p, i, d = base + span * f_p, base + span * f_i, base + span * f_d
+        self.kp = p * nominal.kp * bandwidth
+        self.ki = i * nominal.ki * (bandwidth * bandwidth)
+        self.kd = d * nominal.kd * bandwidth
+
+    def output(self, error: float) -> float:
+        """Return what the controller wants before any limit."""
+        return self.kp * error + self.integral + self.kd * self.rate
+
+    def integrate(self, error: float, excess: float, dt_s: float) -> None:
+        """Go on by `dt_s`; `excess` (limited minus unlimited output) decays with `anti_windup_s` (29c).
+
+        This back-calculation takes from an integral what it has gathered, and no more: what it put in beyond that could
+        leave by the integral gain only, which may be 0.
+        """
+        grown = self.integral + self.ki * error * dt_s
+        unwound = grown + excess * (dt_s / self._channel.anti_windup_s)
+        self.integral = within(unwound, min(grown, 0.0), max(grown, 0.0))

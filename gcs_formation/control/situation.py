@@ -12,7 +12,7 @@ from flight_model.arrays import Array, Mask
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.estimation.flight_state import FlightStates, Indices, Setpoints
 from gcs_formation.estimation.projection import States
-from gcs_formation.guidance.leader import Told
+from gcs_formation.guidance.leader import LeaderCommand
 from gcs_formation.guidance.tracking import RouteHeading
 
 
@@ -24,8 +24,8 @@ class Lead:
     """Its column."""
     at: Instant
     """Of the leader's state that it was asked for."""
-    told: Told
-    """(C,) columns: what it flies by when each column's setpoint acts, inside the envelope."""
+    commanded: list[LeaderCommand]
+    """For each column, what the leader flies by when that column's setpoint acts, inside the envelope."""
     path: RouteHeading
 
 
@@ -37,7 +37,7 @@ class Situation:
     lead: Lead
     slots: SlotMotion
     """(C, 3), at rest at 0 for the leader."""
-    told: Setpoints
+    commanded: Setpoints
     """(C,) what each vehicle follows at the instant of its own state; NaN where nothing."""
     wind_sigma_mps: Array
     """(C,) standard deviation of each component of the wind in a state."""
@@ -58,6 +58,7 @@ class Decision:
     state: FlightStates
     """(M,) columns: theirs, as the law took them."""
     setpoints: Setpoints
+    """NaN for a vehicle that isn't active, as all that follows may be."""
     error_m: Array
     """(M, 3) formation errors; NaN for the leader."""
     mixed: Array

@@ -166,16 +166,6 @@ class AutopilotModels(Columns):
         """Return every vehicle's model."""
         return [AutopilotModel(*values) for values in self.table.T.tolist()]
 
-    def held(self, dt_s: float) -> Self:
-        """Return the model in which (setpoint - value) / lag is the mean rate while a setpoint is held for `dt_s`.
-
-        The value is that at the beginning, where the rate is larger than its mean. With a negative `dt_s` the value
-        is that at the end. Speed and heading only, away from the rate limits.
-        """
-        held = self.of(self.table.copy())
-        held.air_lags_s[:] = -dt_s / np.expm1(-dt_s / self.air_lags_s)
-        return held
-
 
 class Setpoint(NamedTuple):
     """Airspeed, heading (clockwise from north) and height above the scenario's origin."""

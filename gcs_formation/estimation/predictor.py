@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from flight_model.arrays import Array, all_of, any_of, or_zero, within, wrap
-from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
+from flight_model.arrays import Array, all_of, any_of, within, wrap
+from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates
 
 _GAUSS, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 _NODES = ((_GAUSS + 1) / 2)[:, None, None]
@@ -58,22 +58,6 @@ def _height_after(height: Height, told_m: Array, steps: HeightSteps) -> Height:
         aim_m = np.where(np.isnan(target_m), steps.level_m(height), target_m) if silent else target_m
         height = steps.after(step, height, aim_m)
     return height
-
-
-def turn_rate(state: FlightStates, setpoints: Setpoints, model: AutopilotModels) -> Array:
-    """Return psi' of equation (7), (N,) in rad/s, within its limit; 0 where there is no heading setpoint.
-
-    A single column of setpoints applies to all vehicles.
-    """
-    rate = wrap(setpoints.heading_rad - state.heading_rad) / model.tau_psi_s
-    return within(or_zero(rate), -model.turn_rate_max_rps, model.turn_rate_max_rps)
-
-
-def air_rates(state: FlightStates, setpoints: Setpoints, model: AutopilotModels) -> Array:
-    """Return v' and psi' of equation (7), (2, N) in m/s² and rad/s, within their limits; 0 without setpoints."""
-    error = setpoints.air_motion - state.air_motion
-    error[1] = wrap(error[1])
-    return within(or_zero(error / model.air_lags_s), -model.air_rates_max, model.air_rates_max)
 
 
 class AirLags(NamedTuple):

@@ -3,23 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from dataclasses import dataclass
-from typing import NamedTuple
 
-import numpy as np
-
-from airlink.clock import Instant, seconds_between
-from flight_model.arrays import Array, Instants
+from airlink.clock import Instant
+from flight_model.autopilot import AutopilotModel, FlightState, rotated
 from flight_model.displacement import DisplacedPath
-from flight_model.path import SplinePath
-from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoint, Setpoints
-from gcs_formation.estimation.predictor import advance
+from flight_model.path import PathPoint, SplinePath
+from flight_model.slot import Slot
+from gcs_formation.estimation.flight_state import Setpoint
 from gcs_formation.estimation.setpoint_history import HISTORY_S
 from gcs_formation.guidance.tracking import (
     JoinRoute,
-    Lags,
-    Motion,
     MotionRates,
     Pose,
     Route,
@@ -42,7 +36,7 @@ ON_EXTENSION_M = 60.0
 ON_EXTENSION_RAD = math.radians(30.0)
 ON_PATH_M, ON_PATH_RAD = 10.0, math.radians(10.0)
 """Within these the leader is on the path, and needs no way back."""
-WIND_RADPS = 1.0, 0.5
+QUICK_RADPS, SLOW_RADPS = 1.0, 0.5
 """Bandwidths of the wind estimate for the leader's guidance: followers' slots can't keep up with quicker turns."""
 RETURNS = 8
 """How many places are tried to return to, each a turn's radius farther along the path than the one before."""
@@ -50,24 +44,20 @@ CLIMB_SHARE = 0.7
 """Share of the climb limit that the route to the start uses; followers need the rest."""
 
 
-def amid(followers: FlightStates, slots_m: Array, speed_mps: float) -> FlightStates:
-    """Return the leader (1 column) relative to which the followers are, on average, in their slots (F, 3)."""
-    heading = np.arctan2(np.sin(followers.heading_rad).mean(), np.cos(followers.heading_rad).mean())
-    cos, sin = np.cos(heading), np.sin(heading)
-    forward_m, right_m, up_m = slots_m.T
-    places = (
-        followers.north_m - (forward_m * cos - right_m * sin),
-        followers.east_m - (forward_m * sin + right_m * cos),
-        followers.height_m - up_m,
-    )
-    wind = (followers.wind_north_mps.mean(), followers.wind_east_mps.mean())
-    means = (*(place.mean() for place in places), 0.0, speed_mps, heading, *wind)
-    return FlightStates(*(np.array([float(value)]) for value in means))
-
-
-def fly_on(leader: FlightStates, told: Setpoints, since: Instant, now: Instant, model: AutopilotModels) -> FlightStates:
-    """Return the leader's state at `now`, from the one at `since`, under setpoints `told` (1 column)."""
-    return advance(leader, told.table[None], np.array([[seconds_between(since, now)]]), model)
+def amid(followers: list[FlightState], slots: list[Slot], speed_mps: float) -> FlightState:
+    """Return the leader relative to which the followers are, on average, in their slots."""
+    count = len(followers)
+    sine = sum(math.sin(each.heading_rad) for each in followers)
+    heading_rad = math.atan2(sine, sum(math.cos(each.heading_rad) for each in followers))
+    cos, sin = math.cos(heading_rad), math.sin(heading_rad)
+    leader = FlightState(0.0, 0.0, 0.0, 0.0, speed_mps, heading_rad, 0.0, 0.0)
+    for each, slot in zip(followers, slots, strict=True):
+        leader.north_m += (each.north_m - (slot.forward_m * cos - slot.right_m * sin)) / count
+        leader.east_m += (each.east_m - (slot.forward_m * sin + slot.right_m * cos)) / count
+        leader.height_m += (each.height_m - slot.up_m) / count
+        leader.wind_north_mps += each.wind_north_mps / count
+        leader.wind_east_mps += each.wind_east_mps / count
+    return leader
 
 
 class LeaderWind:
@@ -75,73 +65,95 @@ class LeaderWind:
 
     def __init__(self, dt_s: float) -> None:
         """Begin with the first wind that is seen; `dt_s` is the time from tick to tick."""
-        self._kept = tuple(math.exp(-radps * dt_s) for radps in WIND_RADPS)
-        self._stages_mps = list[list[float]]()
+        self._quick_kept, self._slow_kept = math.exp(-QUICK_RADPS * dt_s), math.exp(-SLOW_RADPS * dt_s)
+        self._quick_mps: tuple[float, float] | None = None
+        self._slow_mps = (0.0, 0.0)
 
-    def motion(self, state: FlightStates, ahead_s: float) -> tuple[Motion, MotionRates]:
-        """Return the leader's motion (of 1 column) for its guidance, and how it changes; the turn isn't known yet.
+    def guided(self, state: FlightState, ahead_s: float) -> tuple[FlightState, MotionRates]:
+        """Return the leader's state for its guidance, and how it changes; the turn isn't known yet.
 
         Its place, predicted `ahead_s` with the wind seen, doesn't jump with that wind: followers can't follow a leader
         whose turn rate changes at once.
         """
-        north_m, east_m, _, _, airspeed_mps, heading_rad, *seen_mps = state.table[:, 0].tolist()
-        stages: list[list[float]] = []
-        for kept, before_mps in zip(self._kept, self._stages_mps or [seen_mps, seen_mps], strict=True):
-            each = zip(before_mps, stages[-1] if stages else seen_mps, strict=True)
-            stages.append([kept * before + (1 - kept) * seen for before, seen in each])
-        self._stages_mps = stages
-        quick, slow = WIND_RADPS
-        quick_mps2 = [quick * (seen - lag) for seen, lag in zip(seen_mps, stages[0], strict=True)]
-        slow_mps2 = [slow * (seen - lag) for seen, lag in zip(*stages, strict=True)]
-        north_m -= ahead_s * quick_mps2[0] / quick
-        east_m -= ahead_s * quick_mps2[1] / quick
-        north_mps, east_mps = state.ground_mps[:, 0].tolist()
+        seen_mps = state.wind_north_mps, state.wind_east_mps
+        if self._quick_mps is None:
+            self._quick_mps = self._slow_mps = seen_mps
+        self._quick_mps = _lagged(self._quick_kept, self._quick_mps, seen_mps)
+        self._slow_mps = _lagged(self._slow_kept, self._slow_mps, self._quick_mps)
+        quick_mps2 = _rate(QUICK_RADPS, self._quick_mps, seen_mps)
+        north_mps, east_mps = state.ground_mps()
         place_mps = north_mps + ahead_s * quick_mps2[0], east_mps + ahead_s * quick_mps2[1]
-        motion = Motion(north_m, east_m, airspeed_mps, heading_rad, *stages[1])
-        return motion, MotionRates(place_mps, 0.0, (slow_mps2[0], slow_mps2[1]))
+        guided = state.copy()
+        guided.north_m -= ahead_s * (seen_mps[0] - self._quick_mps[0])
+        guided.east_m -= ahead_s * (seen_mps[1] - self._quick_mps[1])
+        guided.wind_north_mps, guided.wind_east_mps = self._slow_mps
+        return guided, MotionRates(place_mps, 0.0, _rate(SLOW_RADPS, self._slow_mps, self._quick_mps))
 
 
-class Told(NamedTuple):
-    """The leader's setpoints at some instants."""
-
-    setpoints: Setpoints
-    """(C,) columns."""
-    turn_rps: Array
-    """(C,) how fast the told heading turns, rad/s."""
+def _lagged(kept: float, before: tuple[float, float], seen: tuple[float, float]) -> tuple[float, float]:
+    return kept * before[0] + (1.0 - kept) * seen[0], kept * before[1] + (1.0 - kept) * seen[1]
 
 
-class ToldLeader:
+def _rate(radps: float, lagged: tuple[float, float], seen: tuple[float, float]) -> tuple[float, float]:
+    return radps * (seen[0] - lagged[0]), radps * (seen[1] - lagged[1])
+
+
+class LeaderCommand:
+    """What the leader flies by at some instant."""
+
+    __slots__ = ("heading_rad", "height_m", "speed_mps", "turn_rps")
+
+    def __init__(self, speed_mps: float, heading_rad: float, height_m: float, turn_rps: float) -> None:
+        """Take its setpoints, and how fast the commanded heading turns."""
+        self.speed_mps = speed_mps
+        self.heading_rad = heading_rad
+        self.height_m = height_m
+        self.turn_rps = turn_rps
+
+
+class LeaderCommands:
     """The leader's setpoints of the last seconds, tick by tick."""
 
     def __init__(self, dt_s: float) -> None:
         """Begin with none; `dt_s` is the time between ticks."""
-        self._acts = deque[int](maxlen=max(2, int(HISTORY_S / dt_s)))
-        self._rows = deque[tuple[float, float, float, float]](maxlen=self._acts.maxlen)
+        self._length = max(2, int(HISTORY_S / dt_s))
+        self._acts: list[int] = []
+        self._commands: list[LeaderCommand] = []
 
-    def begin(self) -> None:
+    def forget(self) -> None:
         """Forget everything: another vehicle leads."""
         self._acts.clear()
-        self._rows.clear()
+        self._commands.clear()
 
-    def tell(self, acts: Instant, told: Setpoints, turn_rps: float) -> None:
-        """Add a tick's setpoints (1,), when they act, and how fast their heading turns."""
-        speed_mps, heading_rad, height_m = told.table[:, 0].tolist()
-        if self._rows:
-            before_rad = self._rows[-1][1]
-            heading_rad = before_rad + math.remainder(heading_rad - before_rad, math.tau)
-        self._acts.append(acts)
-        self._rows.append((speed_mps, heading_rad, height_m, turn_rps))
+    def add(self, acts: Instant, command: LeaderCommand) -> None:
+        """Add a tick's command, and when it acts; its heading goes on from the one before without a jump."""
+        if self._commands:
+            before_rad = self._commands[-1].heading_rad
+            command.heading_rad = before_rad + math.remainder(command.heading_rad - before_rad, math.tau)
+        self._acts.append(max(acts, self._acts[-1]) if self._acts else acts)
+        self._commands.append(command)
+        if len(self._commands) > self._length:
+            del self._acts[0], self._commands[0]
 
-    def at(self, instants: Instants) -> Told:
-        """Return the means of what the leader flies by in the tick that begins at each instant, (C,).
+    def at(self, instant: int) -> LeaderCommand:
+        """Return the mean of what the leader flies by in the tick that begins at an instant, in ns.
 
         Its setpoints are held from tick to tick, so these means lie on straight lines between them. Before the oldest
         it is taken to fly by that one, after the newest by the newest.
         """
-        acts = np.maximum.accumulate(np.array(self._acts))
-        instants, acts = instants - acts[-1], acts - acts[-1]
-        speed, heading, height, turn = (np.interp(instants, acts, row) for row in zip(*self._rows, strict=True))
-        return Told(Setpoints(speed, heading, height), turn)
+        index = len(self._acts) - 1
+        while index > 0 and self._acts[index] > instant:
+            index -= 1
+        if index == len(self._acts) - 1 or self._acts[index] > instant:
+            return self._commands[index]
+        share = (instant - self._acts[index]) / (self._acts[index + 1] - self._acts[index])
+        now, then = self._commands[index], self._commands[index + 1]
+        return LeaderCommand(
+            now.speed_mps + share * (then.speed_mps - now.speed_mps),
+            now.heading_rad + share * (then.heading_rad - now.heading_rad),
+            now.height_m + share * (then.height_m - now.height_m),
+            now.turn_rps + share * (then.turn_rps - now.turn_rps),
+        )
 
 
 @dataclass
@@ -160,6 +172,8 @@ class LeaderGuidance:
     """Where along the path the leader is when it is first steered: between these distances; None: before its start."""
     joins_m: float | None = None
     """Where along the path the way ends that returns to it."""
+    _point: PathPoint | None = None
+    """Of the route, where the leader was steered last."""
 
     @property
     def on_path(self) -> bool:
@@ -176,63 +190,64 @@ class LeaderGuidance:
         """Whether the leader has reached the path's end."""
         return self.on_path and self.distance_m >= self.path.length_m
 
-    def steer(self, motion: Motion, height_m: float, lags: Lags, *, assembled: bool) -> Setpoint:
-        """Return the setpoint for the leader at `motion` and `height_m`; `assembled`: the path may be begun."""
+    def steer(self, state: FlightState, model: AutopilotModel, *, assembled: bool) -> Setpoint:
+        """Return the setpoint for the leader in `state`; `assembled`: the path may be begun."""
         if self.route is None:
-            self._set_out(motion, height_m)
+            self._set_out(state)
         assert self.route is not None
-        self.distance_m = project(self.route, motion, self.distance_m)
+        self.distance_m = project(self.route, state.north_m, state.east_m, self.distance_m)
         if not self.on_path and self.distance_m >= self.route.length_m:
-            self._follow_path(motion)
+            self._follow_path(state)
         elif self.on_path and not self.started and not assembled and self._must_decide():
             self.rounds += 1
-            self._join(motion, height_m)
-        return track(self.route, self.distance_m, motion, lags, self.speed_mps)
+            self._join(state)
+        self._point = self.route.at(self.distance_m)
+        return track(self._point, state, model, self.speed_mps)
 
     def take_over(self, route: DisplacedPath | None, distance_m: float) -> None:
         """Guide another vehicle from now on, along `route` from `distance_m`; without one, to the path's start."""
         self.route, self.distance_m = route, distance_m
 
-    def heading(self, motion: Motion) -> RouteHeading:
+    def heading(self, state: FlightState) -> RouteHeading:
         """Return the route's own heading, turn and climb at the leader, without corrections towards the route."""
-        assert self.route is not None
-        return route_heading(self.route, self.distance_m, motion)
+        return route_heading(self._here(), state)
 
-    def told_turn(self, motion: Motion, lags: Lags, rates: MotionRates) -> float:
-        """Return how fast the setpoint of `steer` turns, rad/s, while the leader's motion changes at `rates`."""
-        assert self.route is not None
-        return track_turn(self.route, self.distance_m, motion, lags, self.speed_mps, rates)
+    def turn_rps(self, state: FlightState, model: AutopilotModel, rates: MotionRates) -> float:
+        """Return how fast the setpoint of `steer` turns while the leader's state changes at `rates`."""
+        return track_turn(self._here(), state, model, self.speed_mps, rates)
+
+    def _here(self) -> PathPoint:
+        assert self._point is not None, "nobody was steered yet"
+        return self._point
 
     def _must_decide(self) -> bool:
         return self.distance_m > -DECISION_S * self.speed_mps
 
-    def _set_out(self, motion: Motion, height_m: float) -> None:
+    def _set_out(self, state: FlightState) -> None:
         if self.amid_m is not None:
-            self._return(motion, height_m, nearest(self.path, motion, *self.amid_m))
+            self._return(state, nearest(self.path, state.north_m, state.east_m, *self.amid_m))
             return
         start = self.path.at(0.0)
-        north, east = motion.north_m - start.north_m, motion.east_m - start.east_m
-        cos, sin = math.cos(start.course_rad), math.sin(start.course_rad)
-        behind_m, right_m = -(north * cos + east * sin), east * cos - north * sin
-        aside = math.remainder(motion.heading_rad - start.course_rad, math.tau)
-        climb_m = abs(start.height_m - height_m) / CLIMB_SHARE / self.climb_max_mps * self.speed_mps
+        along_m, right_m = rotated(start.course_rad, state.north_m - start.north_m, state.east_m - start.east_m)
+        aside = math.remainder(state.heading_rad - start.course_rad, math.tau)
+        climb_m = abs(start.height_m - state.height_m) / CLIMB_SHARE / self.climb_max_mps * self.speed_mps
         near_enough = abs(right_m) < ON_EXTENSION_M and abs(aside) < ON_EXTENSION_RAD
-        if near_enough and behind_m > max(climb_m, DECISION_S * self.speed_mps):
-            self._follow_path(motion)
+        if near_enough and -along_m > max(climb_m, DECISION_S * self.speed_mps):
+            self._follow_path(state)
         else:
-            self._join(motion, height_m)
+            self._join(state)
 
-    def _return(self, motion: Motion, height_m: float, abreast_m: float) -> None:
+    def _return(self, state: FlightState, abreast_m: float) -> None:
         """Return to the path, abreast of which the leader is, in turns in which its followers can stay."""
         point = self.path.at(abreast_m)
-        right_m, _ = point.aside_m(motion.north_m, motion.east_m, height_m)
-        north_mps, east_mps = motion.ground_velocity()
+        right_m, _ = point.aside_m(state.north_m, state.east_m, state.height_m)
+        north_mps, east_mps = state.ground_mps()
         course = math.atan2(east_mps, north_mps)
         off_rad = math.remainder(course - point.course_rad, math.tau)
         if abs(right_m) < ON_PATH_M and abs(off_rad) < ON_PATH_RAD:
             self.route, self.distance_m = self.path, abreast_m
             return
-        begin = Pose(motion.north_m, motion.east_m, height_m, course)
+        begin = Pose(state.north_m, state.east_m, state.height_m, course)
         slope = CLIMB_SHARE * self.climb_max_mps / self.speed_mps
         ways: list[tuple[float, JoinRoute, float]] = []
         for ahead in range(1, RETURNS + 1):
@@ -245,20 +260,19 @@ class LeaderGuidance:
         _, self.route, self.joins_m = direct[0] if direct else min(ways, key=lambda way: way[0])
         self.distance_m = 0.0
 
-    def _follow_path(self, motion: Motion) -> None:
+    def _follow_path(self, state: FlightState) -> None:
         self.route = self.path
         if self.joins_m is not None:
-            self.distance_m, self.joins_m = project(self.path, motion, self.joins_m), None
+            self.distance_m, self.joins_m = project(self.path, state.north_m, state.east_m, self.joins_m), None
             return
         start = self.path.at(0.0)
-        north, east = motion.north_m - start.north_m, motion.east_m - start.east_m
-        self.distance_m = north * math.cos(start.course_rad) + east * math.sin(start.course_rad)
+        self.distance_m, _ = rotated(start.course_rad, state.north_m - start.north_m, state.east_m - start.east_m)
 
-    def _join(self, motion: Motion, height_m: float) -> None:
+    def _join(self, state: FlightState) -> None:
         """Take the route to the start of the run-in."""
         entry = self.path.at(-max(self.run_in_m, SETTLE_S * self.speed_mps))
-        course = math.atan2(*reversed(motion.ground_velocity()))
-        begin = Pose(motion.north_m, motion.east_m, height_m, course)
+        course = math.atan2(*reversed(state.ground_mps()))
+        begin = Pose(state.north_m, state.east_m, state.height_m, course)
         end = Pose(entry.north_m, entry.east_m, entry.height_m, entry.course_rad)
         slope = CLIMB_SHARE * self.climb_max_mps / self.speed_mps
         self.route, self.distance_m = join(begin, end, self.hold_radius_m, slope), 0.0

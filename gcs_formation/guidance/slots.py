@@ -71,10 +71,12 @@ class FormationPlan:
     def at(self, now_s: float, *, begun: bool) -> SlotMotion:
         """Return the slots at a time of the station's clock, s; `begun`: whether the path has begun."""
         slots = self._way.at(now_s)
-        return slots if begun else SlotMotion.at_rest(slots.position_m + self._offset_m)
+        return slots if begun or not self._offset_m.any() else SlotMotion.at_rest(slots.position_m + self._offset_m)
 
     def at_each(self, times_s: Array, *, begun: bool) -> SlotMotion:
         """Return every slot at a time of its own, (C,)."""
+        if self._way.over(float(times_s.min())):
+            return self.at(float(times_s[0]), begun=begun)
         coarse = np.round(times_s / APART_S)
         moments = sorted(set(coarse.tolist()))
         motions = [self.at(moment * APART_S, begun=begun) for moment in moments]

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
+from flight_model.autopilot import AutopilotModel, FlightState, rotated, within
 from flight_model.path import PathPoint
 from gcs_formation.estimation.flight_state import Setpoint
 
@@ -13,6 +14,7 @@ BANDWIDTH_RADPS = 0.15
 """Bandwidth of the cross-track loop, well below the heading hold's 1/tau_psi."""
 INTERCEPT_MAX_RAD = math.radians(60.0)
 NEWTON_STEPS = 3
+NEAR_ENOUGH_M = 1e-9
 NEAREST_STEP_M = 10.0
 TURN = 2 * math.pi
 
@@ -30,36 +32,8 @@ class Route(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class Lags:
-    """Time constants of the autopilot of equation (7), s."""
-
-    tau_psi_s: float
-    tau_ha_s: float
-    tau_hb_s: float
-
-
-@dataclass(frozen=True)
-class Motion:
-    """One vehicle's state, as in FlightStates."""
-
-    north_m: float
-    east_m: float
-    airspeed_mps: float
-    heading_rad: float
-    wind_north_mps: float
-    wind_east_mps: float
-
-    def ground_velocity(self) -> tuple[float, float]:
-        """Return the velocity over ground: north, east."""
-        return (
-            self.airspeed_mps * math.cos(self.heading_rad) + self.wind_north_mps,
-            self.airspeed_mps * math.sin(self.heading_rad) + self.wind_east_mps,
-        )
-
-
 class MotionRates(NamedTuple):
-    """How a vehicle's `Motion` changes: what is known of its place and wind needn't agree at once."""
+    """How a vehicle's state changes: what is known of its place and wind needn't agree at once."""
 
     place_mps: tuple[float, float]
     """North and east."""
@@ -80,12 +54,11 @@ class RouteHeading(NamedTuple):
     """Component of its ground velocity along the route."""
 
 
-def route_heading(route: Route, distance_m: float, motion: Motion) -> RouteHeading:
-    """Return the heading along the route at `distance_m`, for a vehicle with the ground speed of `motion`."""
-    point = route.at(distance_m)
-    along_mps, _ = _rotate(*motion.ground_velocity(), point.course_rad)
+def route_heading(point: PathPoint, state: FlightState) -> RouteHeading:
+    """Return the heading along the route at the point where a vehicle is, for its speed over ground."""
+    along_mps, _ = rotated(point.course_rad, *state.ground_mps())
     return RouteHeading(
-        point.course_rad - _crab(motion, point.course_rad),
+        point.course_rad - _crab(state, point.course_rad),
         point.curvature_1pm * along_mps,
         point.curvature_rate_1pm2 * along_mps**2,
         point.slope * along_mps,
@@ -93,106 +66,96 @@ def route_heading(route: Route, distance_m: float, motion: Motion) -> RouteHeadi
     )
 
 
-def project(route: Route, motion: Motion, near_m: float) -> float:
-    """Return the distance along the route of the point nearest to the vehicle, by Newton's method from `near_m`."""
+def project(route: Route, north_m: float, east_m: float, near_m: float) -> float:
+    """Return the distance along the route of the point nearest to a place, by Newton's method from `near_m`."""
     distance_m = near_m
     for _ in range(NEWTON_STEPS):
         point = route.at(distance_m)
-        along_m, right_m = _rotate(motion.north_m - point.north_m, motion.east_m - point.east_m, point.course_rad)
-        distance_m += along_m / max(1.0 - point.curvature_1pm * right_m, 0.2)
+        along_m, right_m = rotated(point.course_rad, north_m - point.north_m, east_m - point.east_m)
+        step_m = along_m / max(1.0 - point.curvature_1pm * right_m, 0.2)
+        distance_m += step_m
+        if abs(step_m) < NEAR_ENOUGH_M:
+            break
     return distance_m
 
 
-def nearest(route: Route, motion: Motion, from_m: float, to_m: float) -> float:
-    """Return the distance along the route of the point nearest to the vehicle, of those between two distances."""
+def nearest(route: Route, north_m: float, east_m: float, from_m: float, to_m: float) -> float:
+    """Return the distance along the route of the point nearest to a place, of those between two distances."""
     steps = max(1, math.ceil((to_m - from_m) / NEAREST_STEP_M))
     places = [from_m + (to_m - from_m) * step / steps for step in range(steps + 1)]
 
     def away_m(distance_m: float) -> float:
         point = route.at(distance_m)
-        return math.hypot(motion.north_m - point.north_m, motion.east_m - point.east_m)
+        return math.hypot(north_m - point.north_m, east_m - point.east_m)
 
-    return min(max(project(route, motion, min(places, key=away_m)), from_m), to_m)
+    return min(max(project(route, north_m, east_m, min(places, key=away_m)), from_m), to_m)
 
 
-def track(route: Route, distance_m: float, motion: Motion, lags: Lags, speed_mps: float) -> Setpoint:
-    """Return the setpoint that keeps a vehicle, whose nearest point is at `distance_m`, on the route.
+def track(point: PathPoint, state: FlightState, model: AutopilotModel, speed_mps: float) -> Setpoint:
+    """Return the setpoint that keeps a vehicle on its route, whose nearest point is `point`.
 
     The course closes the cross-track error with `BANDWIDTH_RADPS`; the heading is corrected for wind; the route's own
     turn and climb are fed forward through the lags of (7).
     """
-    point = route.at(distance_m)
-    _, right_m = _rotate(motion.north_m - point.north_m, motion.east_m - point.east_m, point.course_rad)
-    along_mps, aside_mps = _rotate(*motion.ground_velocity(), point.course_rad)
+    _, right_m = rotated(point.course_rad, state.north_m - point.north_m, state.east_m - point.east_m)
+    along_mps, aside_mps = rotated(point.course_rad, *state.ground_mps())
     gain_1pm = BANDWIDTH_RADPS / speed_mps
     intercept = math.atan(gain_1pm * right_m)
-    limited = min(max(intercept, -INTERCEPT_MAX_RAD), INTERCEPT_MAX_RAD)
+    limited = within(intercept, -INTERCEPT_MAX_RAD, INTERCEPT_MAX_RAD)
     course = point.course_rad - limited
     turn_rps = point.curvature_1pm * along_mps
     if limited == intercept:
         turn_rps -= gain_1pm * aside_mps / (1 + (gain_1pm * right_m) ** 2)
-    heading = course - _crab(motion, course) + lags.tau_psi_s * turn_rps
+    heading = course - _crab(state, course) + model.tau_psi_s * turn_rps
     rise_mps = point.slope * along_mps
-    height_m = point.height_m + (lags.tau_ha_s + lags.tau_hb_s) * rise_mps
-    height_m += lags.tau_ha_s * lags.tau_hb_s * point.slope_rate_1pm * along_mps**2
+    height_m = point.height_m + (model.tau_ha_s + model.tau_hb_s) * rise_mps
+    height_m += model.tau_ha_s * model.tau_hb_s * point.slope_rate_1pm * along_mps**2
     return Setpoint(speed_mps, heading, height_m)
 
 
 def track_turn(
-    route: Route,
-    distance_m: float,
-    motion: Motion,
-    lags: Lags,
-    speed_mps: float,
-    rates: MotionRates,
+    point: PathPoint, state: FlightState, model: AutopilotModel, speed_mps: float, rates: MotionRates
 ) -> float:
     """Return how fast the heading setpoint of `track` turns, rad/s: its derivative by time along the vehicle's motion.
 
     Differences of setpoints from tick to tick would be mostly the noise of positions.
 
     Args:
-        route: the curve to fly along, as for `track`; so are the next four.
-        distance_m: along it.
-        motion: of the vehicle.
-        lags: of its autopilot.
+        point: of the route, nearest to the vehicle.
+        state: the vehicle's.
+        model: of its autopilot.
         speed_mps: airspeed to be flown.
-        rates: how `motion` changes.
+        rates: how `state` changes.
     """
-    point = route.at(distance_m)
-    _, right_m = _rotate(motion.north_m - point.north_m, motion.east_m - point.east_m, point.course_rad)
-    along_mps, _ = _rotate(*motion.ground_velocity(), point.course_rad)
-    passed_mps, aside_mps = _rotate(*rates.place_mps, point.course_rad)
-    along_mps2, wind_mps2 = _rotate(*rates.wind_mps2, point.course_rad)
-    carried_mps, _ = _rotate(motion.wind_north_mps, motion.wind_east_mps, point.course_rad)
+    _, right_m = rotated(point.course_rad, state.north_m - point.north_m, state.east_m - point.east_m)
+    along_mps, _ = rotated(point.course_rad, *state.ground_mps())
+    passed_mps, aside_mps = rotated(point.course_rad, *rates.place_mps)
+    along_mps2, wind_mps2 = rotated(point.course_rad, *rates.wind_mps2)
+    carried_mps, _ = rotated(point.course_rad, state.wind_north_mps, state.wind_east_mps)
     path_rps, gain_1pm = point.curvature_1pm * passed_mps, BANDWIDTH_RADPS / speed_mps
     bend_rps2 = point.curvature_rate_1pm2 * passed_mps * along_mps + point.curvature_1pm * along_mps2
     intercept = math.atan(gain_1pm * right_m)
-    limited = min(max(intercept, -INTERCEPT_MAX_RAD), INTERCEPT_MAX_RAD)
+    limited = within(intercept, -INTERCEPT_MAX_RAD, INTERCEPT_MAX_RAD)
     gain_1pm = gain_1pm / (1 + (gain_1pm * right_m) ** 2) if limited == intercept else 0.0
     course_rps = path_rps - gain_1pm * aside_mps
     # The axes turn under the wind, so its component across them changes even while it is constant.
     aside_mps2 = (along_mps - carried_mps) * rates.turn_rps - along_mps * path_rps + wind_mps2
-    crab_rps = _crab_rate(motion, point.course_rad - limited, course_rps, rates.wind_mps2)
-    return course_rps - crab_rps + lags.tau_psi_s * (bend_rps2 - gain_1pm * aside_mps2)
+    crab_rps = _crab_rate(state, point.course_rad - limited, course_rps, rates.wind_mps2)
+    return course_rps - crab_rps + model.tau_psi_s * (bend_rps2 - gain_1pm * aside_mps2)
 
 
-def _crab(motion: Motion, course_rad: float) -> float:
+def _crab(state: FlightState, course_rad: float) -> float:
     """Return the crab angle: how far left of the course the heading must point to cancel the crosswind."""
-    _, aside_mps = _rotate(motion.wind_north_mps, motion.wind_east_mps, course_rad)
-    return math.asin(min(max(aside_mps / max(motion.airspeed_mps, 1.0), -1.0), 1.0))
+    _, aside_mps = rotated(course_rad, state.wind_north_mps, state.wind_east_mps)
+    return math.asin(within(aside_mps / max(state.airspeed_mps, 1.0), -1.0, 1.0))
 
 
-def _crab_rate(motion: Motion, course_rad: float, course_rps: float, wind_mps2: tuple[float, float]) -> float:
+def _crab_rate(state: FlightState, course_rad: float, course_rps: float, wind_mps2: tuple[float, float]) -> float:
     """Return how fast the crab angle changes, rad/s, while the course turns under a wind that changes."""
-    along_mps, aside_mps = _rotate(motion.wind_north_mps, motion.wind_east_mps, course_rad)
-    _, aside_mps2 = _rotate(*wind_mps2, course_rad)
-    forward_mps2 = max(motion.airspeed_mps**2 - aside_mps**2, 1.0)
+    along_mps, aside_mps = rotated(course_rad, state.wind_north_mps, state.wind_east_mps)
+    _, aside_mps2 = rotated(course_rad, *wind_mps2)
+    forward_mps2 = max(state.airspeed_mps**2 - aside_mps**2, 1.0)
     return (aside_mps2 - along_mps * course_rps) / math.sqrt(forward_mps2)
-
-
-def _rotate(north: float, east: float, course_rad: float) -> tuple[float, float]:
-    cos, sin = math.cos(course_rad), math.sin(course_rad)
-    return north * cos + east * sin, east * cos - north * sin
 
 
 class Pose(NamedTuple):

@@ -22,7 +22,7 @@ from formation_scenario.slot_motion import SlotMotion
 from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.controller import FormationController
 from gcs_formation.guidance.slots import Proposal
-from gcs_formation.guidance.tracking import Motion, project
+from gcs_formation.guidance.tracking import project
 from gcs_formation.mission.takeover import Resumption
 from gcs_formation.recorder import Note, Tick
 from gcs_formation.vehicle.member import Member
@@ -241,11 +241,11 @@ class Reconfiguration:
         swing_rad = math.remainder(float(state.heading_rad[leader] - state.heading_rad[before]), math.tau)
         if not guidance.started:
             return None, 0.0, swing_rad
-        motion = Motion(*(float(getattr(state, name)[leader]) for name in Motion.__dataclass_fields__))
+        place = state.each()[leader]
         slots = controller.plan.seen_from(leader, swing_rad, now_s)
-        distance_m = project(guidance.path, motion, guidance.distance_m)
+        distance_m = project(guidance.path, place.north_m, place.east_m, guidance.distance_m)
         point = guidance.path.at(distance_m)
-        right_m, up_m = point.aside_m(motion.north_m, motion.east_m, float(state.height_m[leader]))
+        right_m, up_m = point.aside_m(place.north_m, place.east_m, place.height_m)
         above = self._climbing(leader, tick, point, right_m)._replace(height_m=up_m)
         way = take_over(self._scenario, guidance.path, distance_m, right_m, above, slots.reach_m, self._ground)
         return way, distance_m, swing_rad

@@ -18,7 +18,7 @@ from formation_scenario.arrangement import Arrangement, columns, first_arrangeme
 from formation_scenario.ground import leader_path
 from formation_scenario.orders import Order, parse_order
 from gcs_formation.errors import RecordError
-from gcs_formation.guidance.tracking import Motion, nearest, project
+from gcs_formation.guidance.tracking import nearest, project
 from gcs_formation.mission.takeover import Known, Resumption
 from gcs_formation.phases import Phase
 from gcs_formation.record.run_directory import EVENTS, RECORDING, SCENARIO, SPOOL, SUMMARY
@@ -178,11 +178,12 @@ def _distance_m(scenario: Scenario, rows: Mapping[str, Any]) -> float:
     leads = (rows["leads"] > 0) & (rows["phase"] == PHASES.index("flying")) & np.isfinite(rows["north_m"])
     places = zip(*(rows[name][leads].tolist() for name in ("t_s", "north_m", "east_m")), strict=True)
     for t_s, north_m, east_m in places:
-        place, unseen_s = Motion(north_m, east_m, 0.0, 0.0, 0.0, 0.0), t_s - last_s
+        unseen_s = t_s - last_s
         if unseen_s > GAP_S:  # resumed before
-            distance_m = nearest(path, place, distance_m, distance_m + REACH * scenario.path.speed_mps * unseen_s)
+            reach_m = REACH * scenario.path.speed_mps * unseen_s
+            distance_m = nearest(path, north_m, east_m, distance_m, distance_m + reach_m)
         elif not 0.0 <= unseen_s < EVERY_S:
-            distance_m = project(path, place, distance_m)
+            distance_m = project(path, north_m, east_m, distance_m)
         else:
             continue
         last_s = t_s

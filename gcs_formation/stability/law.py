@@ -13,7 +13,7 @@ from formation_scenario import law as keys
 from formation_scenario.arrangement import planned_slots
 from formation_scenario.model import Scenario
 from formation_scenario.vehicles import VehicleModel
-from gcs_formation.control.mixer import TOW_S
+from gcs_formation.control.mixer import TRAIL_S
 from gcs_formation.stability.consensus import ground_consensus_loops
 from gcs_formation.stability.graphs import as_adjacency
 from gcs_formation.stability.loops import (
@@ -140,7 +140,7 @@ def _plants(scenario: Scenario, model: VehicleModel, x_rc_m: float) -> tuple[Pla
     weights = scenario.law.mixer
     mixer = Mixer(weights.k_v, weights.k_x, weights.k_psi, weights.k_y, weights.k_z)
     speed_mps, towed = scenario.path.speed_mps, scenario.formation.frame == "follower_heading"
-    right = right_plant(mixer, model, speed_mps, max(x_rc_m, TOW_S * speed_mps) if towed else 0.0)
+    right = right_plant(mixer, model, speed_mps, max(x_rc_m, TRAIL_S * speed_mps) if towed else 0.0)
     return forward_plant(mixer, model), right, height_plant(mixer, model)
 
 

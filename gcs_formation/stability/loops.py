@@ -15,11 +15,10 @@ import numpy.typing as npt
 
 from flight_model.arrays import Array
 from formation_scenario.vehicles import VehicleModel
-from gcs_formation.control.mixer import Mixer
+from gcs_formation.control.fuzzy_pid import FIXED_GAINS, GainRange, PidGains
+from gcs_formation.control.mixer import Mixer, Triple
 
 Coefficients = npt.NDArray[np.float64] | npt.NDArray[np.complex128]
-Triple = tuple[float, float, float]
-
 MID_RANGE: Triple = (0.5, 0.5, 0.5)
 """(F_p, F_i, F_d) of the nominal gains with the default range."""
 
@@ -28,47 +27,6 @@ SMALL_SIGNAL: Triple = (0.5, 1.0, 0.5)
 
 _LEVELS = 5
 _FINER = (0.125, 0.0625, 0.03125, 0.015625, 0.0078125)
-
-
-@dataclass(frozen=True, slots=True)
-class PidGains:
-    """Gains of kp + ki/s + kd s/(filter_s s + 1)."""
-
-    kp: float
-    ki: float
-    kd: float
-    filter_s: float = 0.1
-
-    def slowed(self, bandwidth: float) -> PidGains:
-        """Gains of a loop whose crossover frequency is reduced to the share `bandwidth` of its present one.
-
-        About its crossover the loop falls like an integrator, (13) and (7) with the derivative: its crossover goes
-        with its gain. The integral's corner ki/kp goes down with it, as its phase lag there would grow otherwise; the
-        derivative's corner kp/kd stays, as the lag that it makes up for is the autopilot's own.
-        """
-        return PidGains(self.kp * bandwidth, self.ki * bandwidth**2, self.kd * bandwidth, self.filter_s)
-
-    def transfer(self) -> tuple[Array, Array]:
-        """Numerator and denominator in s; without integral gain the integrator is no part of the loop."""
-        numerator = np.array([self.kp * self.filter_s + self.kd, self.kp + self.ki * self.filter_s, self.ki])
-        denominator = np.array([self.filter_s, 1.0, 0.0])
-        return (numerator[:-1], denominator[:-1]) if self.ki == 0.0 else (numerator, denominator)
-
-
-@dataclass(frozen=True, slots=True)
-class GainRange:
-    """Range of a gain under the fuzzy scheduler: nominal (base + span F), F in [0, 1]."""
-
-    base: float = 0.7
-    span: float = 0.6
-
-    def gains(self, nominal: PidGains, outputs: Triple) -> PidGains:
-        """Gains at the scheduler's outputs (F_p, F_i, F_d)."""
-        f_p, f_i, f_d = (self.base + self.span * output for output in outputs)
-        return PidGains(nominal.kp * f_p, nominal.ki * f_i, nominal.kd * f_d, nominal.filter_s)
-
-
-FIXED_GAINS = GainRange(base=1.0, span=0.0)
 
 
 class Plant(NamedTuple):

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from flight_model.autopilot import AutopilotModel, FlightState, advance, respond
+from flight_model.autopilot import AutopilotModel, FlightState, advance, rate, respond
 
 TAU_V, TAU_PSI, TAU_HA, TAU_HB = 4.0, 1.5, 1.0, 3.0
 ACCEL, TURN, CLIMB = 1.5, 0.25, 3.0
@@ -191,3 +191,20 @@ def test_what_responds_is_where_it_would_be_but_for_its_place(
     respond(end, model(), speed, told_rad, 120.0, seconds)
     assert end.values()[2:] == flown.values()[2:]
     assert end.values()[:2] == begin.values()[:2]
+
+
+@given(st.floats(0.02, 1.0), st.floats(-0.2, 0.2), st.floats(-4.0, 4.0))
+def test_a_held_models_rates_are_the_means_while_a_setpoint_is_held(held_s, aside, faster):
+    """Of the error as it begins; of that as it ends, by lags that are shorter by the time."""
+    begin, held = state(heading_rad=1.0), model().held(held_s)
+    end = fly(begin, command(speed=22.0 + faster, heading=1.0 + aside), held_s)
+    for value, less_s in ((begin, 0.0), (end, held_s)):
+        meant_mps2 = rate(22.0 + faster - value.airspeed_mps, held.tau_v_s - less_s, ACCEL)
+        meant_rps = rate(1.0 + aside - value.heading_rad, held.tau_psi_s - less_s, TURN)
+        assert meant_mps2 == pytest.approx((end.airspeed_mps - begin.airspeed_mps) / held_s, rel=1e-6, abs=1e-12)
+        assert meant_rps == pytest.approx((end.heading_rad - begin.heading_rad) / held_s, rel=1e-6, abs=1e-12)
+
+
+@pytest.mark.parametrize(("error", "expected"), [(2.0, 0.5), (10.0, 1.5), (-12.0, -1.5), (math.nan, 0.0)])
+def test_a_rate_is_the_errors_share_of_the_lag_within_its_limit_and_none_without_a_setpoint(error, expected):
+    assert rate(error, TAU_V, ACCEL) == expected

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import numpy.typing as npt
 
 from airlink.clock import Instant
 from formation_scenario.formation import Frame
 from formation_scenario.slot_motion import SlotMotion
-from gcs_formation.control.fuzzy_pid import Gains
-from gcs_formation.control.law import FormationLaw, LawParameters
+from gcs_formation.control.follower import LawParameters
+from gcs_formation.control.fuzzy_pid import Channel, FuzzyGainScheduler, GainRange, PidGains
+from gcs_formation.control.law import FormationLaw
 from gcs_formation.control.mixer import Mixer
 from gcs_formation.control.situation import Decision, Lead, Situation
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
 from gcs_formation.estimation.projection import AtOneStamp
-from gcs_formation.guidance.leader import Told
+from gcs_formation.guidance.leader import LeaderCommand
 from gcs_formation.guidance.tracking import RouteHeading
 
 Array = npt.NDArray[np.float64]
@@ -53,13 +52,18 @@ HELD_S = DT_S / -np.expm1(-DT_S / MODEL.air_lags_s)
 
 
 def law(
-    kp: Array = NONE, ki: Array = NONE, kd: Array = NONE, frame: Frame = "leader_heading", **other: object
+    kp: Array = NONE,
+    ki: Array = NONE,
+    kd: Array = NONE,
+    frame: Frame = "leader_heading",
+    scheduler: FuzzyGainScheduler | None = None,
+    scales: tuple[float, float] = (1.0, 1.0),
 ) -> FormationLaw:
-    """A law whose derivatives are unfiltered."""
-    parameters = LawParameters(
-        MIXER, frame, Gains(kp, ki, kd), 0.7, 0.6, np.ones(3), np.ones(3), None, 1e-9, 2.0, gust_radps=2.0
-    )
-    return FormationLaw(replace(parameters, **other), MODEL)  # type: ignore[arg-type] - keys of LawParameters
+    """A law whose derivatives are unfiltered; `scales` of errors and rates are those of every channel."""
+    each = zip(kp.tolist(), ki.tolist(), kd.tolist(), strict=True)
+    speed, heading, height = (Channel(PidGains(p, i, d, 1e-9), *scales, 2.0) for p, i, d in each)
+    gain_range = GainRange(0.7, 0.6)
+    return FormationLaw(LawParameters(MIXER, frame, speed, heading, height, gain_range, scheduler, 2.0), MODEL)
 
 
 def state(rows: Array) -> FlightStates:
@@ -81,13 +85,13 @@ def situation(
     """Everyone told `told`: by default, what it does already."""
     as_flown = Setpoints(states.airspeed_mps, states.heading_rad, states.height_m)
     told = as_flown if told is None else told
-    to_leader = Setpoints.of(np.repeat(told.table[:, [LEADER]], COUNT, axis=1))
-    heading = float(to_leader.heading_rad[0])
+    speed_mps, heading_rad, height_m = told.table[:, LEADER].tolist()
+    to_leader = LeaderCommand(speed_mps, heading_rad, height_m, turn_rps)
     lead = Lead(
         LEADER,
         Instant(0),
-        Told(to_leader, np.full(COUNT, turn_rps)),
-        RouteHeading(heading, turn_rps, 0.0, 0.0, SPEED_MPS),
+        [to_leader] * COUNT,
+        RouteHeading(to_leader.heading_rad, turn_rps, 0.0, 0.0, SPEED_MPS),
     )
     slots, flying, every = slots or SlotMotion.at_rest(SLOTS_M), np.ones(COUNT, dtype=bool), np.ones((COUNT, 3))
     return Situation(

@@ -17,7 +17,7 @@ from gcs_formation.control.consensus import ConsensusLaw, ConsensusParameters
 from gcs_formation.control.situation import Decision, Lead, Situation
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
 from gcs_formation.estimation.projection import AtOneStamp
-from gcs_formation.guidance.leader import Told
+from gcs_formation.guidance.leader import LeaderCommand
 from gcs_formation.guidance.tracking import RouteHeading
 from gcs_formation.stability import graph_adjacency
 from gcs_formation.stability.graphs import laplacian
@@ -68,8 +68,8 @@ def situation(
         wind_north_mps=column(0.0),
         wind_east_mps=column(0.0),
     )
-    told = Setpoints(column(SPEED_MPS), column(heading_rad + TAU_PSI_S * turn_rps), column(100.0))
-    lead = Lead(0, Instant(0), Told(told, column(turn_rps)), RouteHeading(heading_rad, turn_rps, 0.0, 0.0, SPEED_MPS))
+    told = LeaderCommand(SPEED_MPS, heading_rad + TAU_PSI_S * turn_rps, 100.0, turn_rps)
+    lead = Lead(0, Instant(0), [told] * COUNT, RouteHeading(heading_rad, turn_rps, 0.0, 0.0, SPEED_MPS))
     slots = SlotMotion.at_rest(np.concatenate((np.zeros((1, 3)), SLOTS_M)))
     flying = np.ones(COUNT, bool) if active is None else active
     every = np.ones((COUNT, 3))

@@ -4,32 +4,29 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from flight_model.autopilot import AutopilotModel, FlightState
 from formation_scenario.vehicles import VehicleModel
-from gcs_formation.control.envelope import INTERCEPT_MAX_RAD, limit
-from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
+from gcs_formation.control.envelope import INTERCEPT_MAX_RAD, Envelope
 
-MODEL = AutopilotModels(*(np.array([value]) for value in VehicleModel().model_dump().values()))
-STATE = FlightStates(*np.array([[0.0], [0.0], [100.0], [0.0], [22.0], [0.0], [0.0], [0.0]]))
+MODEL = AutopilotModel(*list(VehicleModel().model_dump().values())[:9])
+STATE = FlightState(0.0, 0.0, 100.0, 0.0, 22.0, 0.0, 0.0, 0.0)
 
 
 @given(st.floats(-50, 50), st.floats(-10, 10), st.floats(-1e6, 1e6), st.floats(-1e4, 1e4))
 def test_what_is_sent_is_inside_the_limits(speed: float, own: float, correction: float, height: float) -> None:
-    wanted = Setpoints(*np.array([[speed], [own + correction], [height]]))
-    told = limit(wanted, np.array([own]), STATE, MODEL)
-    assert 16.0 <= told.speed_mps[0] <= 28.0
-    assert abs(told.heading_rad[0] - own) <= INTERCEPT_MAX_RAD + 1e-9
-    assert abs(told.height_m[0] - 100.0) <= 3.0 * (1.0 + 3.0) + 1e-9
+    speed_mps, heading_rad, height_m = Envelope(own, STATE, MODEL).limit(speed, own + correction, height)
+    assert 16.0 <= speed_mps <= 28.0
+    assert abs(heading_rad - own) <= INTERCEPT_MAX_RAD + 1e-9
+    assert abs(height_m - 100.0) <= 3.0 * (1.0 + 3.0) + 1e-9
 
 
 @given(st.floats(1e-3, 100.0))
 def test_however_far_aside_a_follower_is_it_turns_towards_its_slot(correction: float) -> None:
     """Half a turn's worth of correction isn't a turn the other way."""
-    wanted = Setpoints(*np.array([[22.0], [-correction], [100.0]]))
-    assert limit(wanted, np.zeros(1), STATE, MODEL).heading_rad[0] == -min(correction, math.radians(60.0))
+    assert Envelope(0.0, STATE, MODEL).limit(22.0, -correction, 100.0)[1] == -min(correction, math.radians(60.0))
 
 
 @given(st.floats(-0.5, 0.5), st.floats(-3.0, 3.0))
@@ -37,6 +34,5 @@ def test_with_its_back_to_the_leader_a_follower_is_told_its_slot_s_heading_whate
     beside: float, correction: float
 ) -> None:
     """So it turns about to one side; told now left, now right of what is behind it, it would fly on."""
-    behind = FlightStates(*np.array([[0.0], [0.0], [100.0], [0.0], [22.0], [math.pi + beside], [0.0], [0.0]]))
-    wanted = Setpoints(*np.array([[22.0], [correction], [100.0]]))
-    assert limit(wanted, np.zeros(1), behind, MODEL).heading_rad[0] == 0.0
+    behind = FlightState(0.0, 0.0, 100.0, 0.0, 22.0, math.pi + beside, 0.0, 0.0)
+    assert Envelope(0.0, behind, MODEL).limit(22.0, correction, 100.0)[1] == 0.0

@@ -102,10 +102,7 @@ def test_scheduled_gains_are_base_and_span_of_the_nominal_ones() -> None:
     states = with_rows(in_formation(), 0, in_formation().table[0, FOLLOWERS] - 3.0)
     states = with_rows(states, 4, np.array((21.5, 22.4)))
     scheduler = FuzzyGainScheduler()
-    by_error, by_rate = (np.full(3, scale) for scale in scales)
-    decided = law(kp, ki, kd, scheduler=scheduler, error_scale=by_error, rate_scale=by_rate).decide(
-        situation(states), DT_S
-    )
+    decided = law(kp, ki, kd, scheduler=scheduler, scales=scales).decide(situation(states), DT_S)
     rate = sent(law(kd=np.ones(3)).decide(situation(states), DT_S)) - sent(law().decide(situation(states), DT_S))
     share = 0.7 + 0.6 * scheduler.infer(decided.mixed / scales[0], rate / scales[1])
     expected = np.concatenate([share[:, :, each] * k for each, k in enumerate((kp, ki, kd))], axis=1)

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from flight_model.autopilot import FlightState, rotated
+from flight_model.slot import Slot
 from formation_scenario.formation import Frame
-from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.control.mixer import formation_error, slot_target
-from gcs_formation.estimation.flight_state import FlightStates
 
 angle = st.floats(-math.pi, math.pi)
 offset = st.floats(-80.0, 80.0)
@@ -18,24 +18,28 @@ offset = st.floats(-80.0, 80.0)
 
 def state(
     north: float, east: float, height: float, speed: float, heading: float, wind: tuple[float, float] = (0, 0)
-) -> FlightStates:
-    return FlightStates(*(np.array([float(v)]) for v in (north, east, height, 0, speed, heading, *wind)))
+) -> FlightState:
+    return FlightState(north, east, height, 0.0, speed, heading, *wind)
+
+
+def standing(forward: float, right: float, up: float) -> Slot:
+    return Slot([forward, right, up], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
 
 
 @given(angle, offset, offset, st.floats(-20, 20))
 def test_a_follower_in_its_slot_has_no_error(heading: float, forward: float, right: float, up: float) -> None:
     north = forward * math.cos(heading) - right * math.sin(heading)
     east = forward * math.sin(heading) + right * math.cos(heading)
-    slot = np.array([[forward, right, up]])
-    error = formation_error(state(0, 0, 100, 22, heading), state(north, east, 100 + up, 22, 0), slot, "leader_heading")
-    assert error == pytest.approx(np.zeros((1, 3)), abs=1e-9)
+    follower, slot = state(north, east, 100 + up, 22, 0), standing(forward, right, up)
+    error = formation_error(state(0, 0, 100, 22, heading), follower, slot, heading)
+    assert error == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
 
 
 def test_signs_are_actual_minus_commanded() -> None:
     """A follower that is 2 m behind, 3 m left and 1 m below its slot has errors +2, +3, +1."""
-    slot = np.array([[-30.0, 30.0, 0.0]])
-    error = formation_error(state(0, 0, 100, 22, 0), state(-32, 27, 99, 22, 0), slot, "leader_heading")
-    assert error == pytest.approx(np.array([[2.0, 3.0, 1.0]]))
+    slot = standing(-30.0, 30.0, 0.0)
+    error = formation_error(state(0, 0, 100, 22, 0), state(-32, 27, 99, 22, 0), slot, 0.0)
+    assert error == pytest.approx((2.0, 3.0, 1.0))
 
 
 @pytest.mark.parametrize("frame", ["leader_heading", "follower_heading"])
@@ -58,17 +62,13 @@ def test_the_slots_motion_keeps_the_follower_in_it(
 ) -> None:
     """Flying the target speed and heading, the errors' derivative by equation (8) is zero in a steady turn."""
     speed, wind = 22.0, (0.4, -0.3)
-    slots = SlotMotion.at_rest(np.array([[forward, right, 0.0]]))
-    leader = state(0, 0, 100, speed, heading, wind)
+    slot, leader = standing(forward, right, 0.0), state(0, 0, 100, speed, heading, wind)
     carried = (wind[0] + drift_north, wind[1] + drift_east)
-    follower_heading = heading
-    follower = state(0, 0, 100, speed, follower_heading, carried)
-    target = slot_target(leader, follower, np.array([turn]), slots, frame)
+    v2, psi2 = speed, heading
     for _ in range(60):  # in the follower's frame the drift is turned by its own heading
-        follower = state(0, 0, 100, speed, follower_heading, carried)
-        target = slot_target(leader, follower, np.array([turn]), slots, frame)
-        follower_heading = float(target.heading_rad[0])
-    v2, psi2 = float(target.speed_mps[0]), follower_heading
+        drift = rotated(heading if frame == "leader_heading" else psi2, drift_north, drift_east)
+        target = slot_target(leader, *drift, turn, slot, frame)
+        v2, psi2 = target.speed_mps, target.heading_rad
     relative = np.array(
         [
             speed * math.cos(heading) + wind[0] - v2 * math.cos(psi2) - carried[0],

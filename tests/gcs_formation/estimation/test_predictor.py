@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from airlink.clock import NANOSECONDS
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
-from gcs_formation.estimation.predictor import advance, air_rates, turn_rate
+from gcs_formation.estimation.predictor import advance
 from gcs_formation.estimation.setpoint_history import SentSetpoints, SetpointHistory
 
 
@@ -71,17 +71,6 @@ def test_a_way_made_in_two_pieces_ends_at_the_same_place(duration_s: float, shar
     both = advance(first, told, np.array([[duration_s * (1 - share)]]), MODEL)
     for name in ("north_m", "east_m", "height_m", "climb_mps", "airspeed_mps", "heading_rad"):
         assert getattr(both, name) == pytest.approx(getattr(whole, name), abs=1e-4)
-
-
-@given(st.floats(0.02, 1.0), st.floats(-0.2, 0.2), st.floats(-4.0, 4.0))
-def test_a_held_models_rates_are_the_means_while_a_setpoint_is_held(held_s: float, aside: float, faster: float) -> None:
-    """Of the error as it begins, and with a negative time of that as it ends."""
-    state = FlightStates(*column(0, 0, 100, 0.0, 22, 1.0, 0.0, 0.0))
-    told = Setpoints(*column(22.0 + faster, 1.0 + aside, 100.0))
-    later = advance(state, told.table[None], np.array([[held_s]]), MODEL)
-    mean = (later.air_motion - state.air_motion) / held_s
-    for value, lags_s in ((state, MODEL.held(held_s)), (later, MODEL.held(-held_s))):
-        assert (told.air_motion - value.air_motion) / lags_s.air_lags_s == pytest.approx(mean, rel=1e-6, abs=1e-12)
 
 
 def test_setpoints_act_when_they_arrive() -> None:
@@ -146,14 +135,3 @@ def test_equal_time_constants_of_the_height_make_a_double_pole(apart: float) -> 
     later = advance(state, np.array([22.0, 0.0, 101.0])[None, :, None], np.array([[2.0]]), model)
     assert later.height_m == pytest.approx([101 - 2 / np.e], abs=1e-8)
     assert later.climb_mps == pytest.approx([0.5 / np.e], abs=1e-8)
-
-
-def test_rates_are_those_of_the_model_the_shorter_way_round_and_limited() -> None:
-    """(setpoint - state) / tau, at most 1.5 m/s² and 0.25 rad/s; 0 without a setpoint."""
-    model = AutopilotModels.of(np.repeat(MODEL.table, 4, axis=1))
-    state = FlightStates.of(np.zeros((8, 4)))
-    state.airspeed_mps[:], state.heading_rad[:] = 22.0, (3.1, 0.0, 0.0, 0.0)
-    told = Setpoints(np.array((24.0, 32.0, 10.0, np.nan)), np.array((-3.1, 0.6, -0.6, np.nan)), np.zeros(4))
-    turning = (2 * np.pi - 6.2) / 1.5, 0.25, -0.25, 0.0
-    assert turn_rate(state, told, model) == pytest.approx(turning)
-    assert air_rates(state, told, model) == pytest.approx(np.array(((0.5, 1.5, -1.5, 0.0), turning)))

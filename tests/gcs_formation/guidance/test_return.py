@@ -6,13 +6,13 @@ import math
 
 import pytest
 
+from flight_model.autopilot import AutopilotModel, FlightState
 from formation_scenario import load_scenario
 from gcs_formation import parameters
 from gcs_formation.guidance.leader import LeaderGuidance
-from gcs_formation.guidance.tracking import Lags, Motion
 from tests.flights.conftest import scenario
 
-LAGS = Lags(1.5, 1.0, 3.0)
+MODEL = AutopilotModel(4.0, 1.5, 1.0, 3.0, 16.0, 28.0, 1.5, 0.25, 3.0)
 SPEED = 22.0
 
 
@@ -23,13 +23,13 @@ def guidance() -> LeaderGuidance:
     return made
 
 
-def motion(north_m: float, east_m: float, heading_deg: float) -> Motion:
-    return Motion(north_m, east_m, SPEED, math.radians(heading_deg), 0.0, 0.0)
+def state(north_m: float, east_m: float, heading_deg: float) -> FlightState:
+    return FlightState(north_m, east_m, 100.0, 0.0, SPEED, math.radians(heading_deg), 0.0, 0.0)
 
 
 def test_on_the_path_it_goes_on_at_once() -> None:
     leads = guidance()
-    leads.steer(motion(700.0, 4.0, 3.0), 100.0, LAGS, assembled=False)
+    leads.steer(state(700.0, 4.0, 3.0), MODEL, assembled=False)
     assert leads.started
     assert leads.distance_m == pytest.approx(700.0)
 
@@ -40,7 +40,7 @@ def test_on_the_path_it_goes_on_at_once() -> None:
 )
 def test_off_the_path_it_returns_in_wide_turns_and_then_follows_it(east_m: float, heading_deg: float) -> None:
     leads = guidance()
-    leads.steer(motion(700.0, east_m, heading_deg), 100.0, LAGS, assembled=False)
+    leads.steer(state(700.0, east_m, heading_deg), MODEL, assembled=False)
     assert not leads.started
     way = leads.route
     assert way is not None
@@ -51,6 +51,6 @@ def test_off_the_path_it_returns_in_wide_turns_and_then_follows_it(east_m: float
     assert end.east_m == pytest.approx(0.0, abs=1e-6)
     assert math.remainder(end.course_rad, math.tau) == pytest.approx(0.0, abs=1e-6)
     leads.distance_m = way.length_m
-    leads.steer(motion(end.north_m + 1.0, 0.0, 0.0), 100.0, LAGS, assembled=False)
+    leads.steer(state(end.north_m + 1.0, 0.0, 0.0), MODEL, assembled=False)
     assert leads.started
     assert leads.distance_m == pytest.approx(end.north_m + 1.0)

@@ -8,23 +8,26 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from flight_model.autopilot import AutopilotModel, FlightState
 from flight_model.path import SplinePath
-from gcs_formation.guidance.tracking import Lags, Motion, MotionRates, project, track, track_turn
+from gcs_formation.guidance.tracking import MotionRates, project, track, track_turn
 
 ROUTE = SplinePath([[0, 0, 100], [900, 0, 100], [1700, 500, 120], [2300, 1300, 110], [3300, 1500, 100]])
-LAGS = Lags(1.5, 1.0, 3.0)
+MODEL = AutopilotModel(4.0, 1.5, 1.0, 3.0, 16.0, 28.0, 1.5, 0.25, 3.0)
 SPEED_MPS = 22.0
 
 
-def moved(motion: Motion, rates: MotionRates, seconds: float) -> Motion:
-    """Return a motion some time later, at constant rates."""
-    return Motion(
-        motion.north_m + rates.place_mps[0] * seconds,
-        motion.east_m + rates.place_mps[1] * seconds,
-        motion.airspeed_mps,
-        motion.heading_rad + rates.turn_rps * seconds,
-        motion.wind_north_mps + rates.wind_mps2[0] * seconds,
-        motion.wind_east_mps + rates.wind_mps2[1] * seconds,
+def moved(state: FlightState, rates: MotionRates, seconds: float) -> FlightState:
+    """Return a state some time later, at constant rates."""
+    return FlightState(
+        state.north_m + rates.place_mps[0] * seconds,
+        state.east_m + rates.place_mps[1] * seconds,
+        state.height_m,
+        state.climb_mps,
+        state.airspeed_mps,
+        state.heading_rad + rates.turn_rps * seconds,
+        state.wind_north_mps + rates.wind_mps2[0] * seconds,
+        state.wind_east_mps + rates.wind_mps2[1] * seconds,
     )
 
 
@@ -51,14 +54,15 @@ def test_the_told_turn_is_the_derivative_of_the_told_heading(
     point = ROUTE.at(at_m)
     north_m = point.north_m - right_m * math.sin(point.course_rad)
     east_m = point.east_m + right_m * math.cos(point.course_rad)
-    motion = Motion(north_m, east_m, SPEED_MPS, point.course_rad + off_rad, *wind_mps)
-    north_mps, east_mps = motion.ground_velocity()
+    state = FlightState(north_m, east_m, 100.0, 0.0, SPEED_MPS, point.course_rad + off_rad, *wind_mps)
+    north_mps, east_mps = state.ground_mps()
     rates = MotionRates((north_mps + carried_mps, east_mps - carried_mps), turn_rps, wind_mps2)
 
     def told_rad(seconds: float) -> float:
-        later = moved(motion, rates, seconds)
-        return track(ROUTE, project(ROUTE, later, at_m), later, LAGS, SPEED_MPS).heading_rad
+        later = moved(state, rates, seconds)
+        abreast_m = project(ROUTE, later.north_m, later.east_m, at_m)
+        return track(ROUTE.at(abreast_m), later, MODEL, SPEED_MPS).heading_rad
 
     measured_rps = math.remainder(told_rad(0.001) - told_rad(-0.001), math.tau) / 0.002
-    distance_m = project(ROUTE, motion, at_m)
-    assert track_turn(ROUTE, distance_m, motion, LAGS, SPEED_MPS, rates) == pytest.approx(measured_rps, abs=3e-4)
+    abreast = ROUTE.at(project(ROUTE, north_m, east_m, at_m))
+    assert track_turn(abreast, state, MODEL, SPEED_MPS, rates) == pytest.approx(measured_rps, abs=3e-4)

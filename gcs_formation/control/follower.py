@@ -1,0 +1,291 @@
+"""The formation law for one follower: mixer (13), fuzzy scheduler and PID (14), envelope.
+
+Equations as corrected: integrators start at trim, the leader's motion is fed forward, the mixed error's references are
+the slot's own speed and heading.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+from flight_model.autopilot import AutopilotModel, FlightState, rate, rotated, within, wrap
+from flight_model.slot import Slot
+from formation_scenario.formation import Frame
+from gcs_formation.control.envelope import Envelope
+from gcs_formation.control.feed_forward import Axes, LeaderMotion, TrailingSlot, feed_forward, lead
+from gcs_formation.control.fuzzy_pid import Channel, FuzzyGainScheduler, GainRange, Pid
+from gcs_formation.control.mixer import (
+    TRAIL_S,
+    Mixer,
+    Target,
+    Triple,
+    error_rate,
+    formation_error,
+    mix,
+    slot_target,
+)
+
+SLEW: Final[tuple[float, float]] = (1.6, 1.04)
+"""How fast corrections of speed and heading grow at most, as a share of the vehicle's own limits."""
+GUST_SIGMAS: Final = 3.0
+"""Standard deviations of the wind's estimate below which a change of it isn't led."""
+SWING_S: Final = 0.6
+"""Time aside of the leader at which the heading's loop has half its bandwidth, in the follower's own frame."""
+NOTHING: Final[Triple] = (math.nan, math.nan, math.nan)
+
+
+@dataclass(frozen=True)
+class LawParameters:
+    """The law's constants."""
+
+    mixer: Mixer
+    frame: Frame
+    speed: Channel
+    heading: Channel
+    height: Channel
+    gain_range: GainRange
+    scheduler: FuzzyGainScheduler | None
+    """None for the plain PID: gains stay nominal."""
+    gust_radps: float
+    """Bandwidth with which a change of the drift is fed forward."""
+    slew: tuple[float, float] = SLEW
+
+
+class Pair:
+    """A follower and its leader at the instant at which the follower's setpoint acts."""
+
+    __slots__ = ("bandwidth", "commanded", "leader", "model", "replaced", "slot", "state", "wind_variance")
+
+    def __init__(
+        self,
+        leader: LeaderMotion,
+        state: FlightState,
+        slot: Slot,
+        model: AutopilotModel,
+        commanded: list[float],
+        wind_variance: float,
+        bandwidth: list[float],
+        replaced: list[bool],
+    ) -> None:
+        """Take the follower's state, slot and `held` model, and more of the tick.
+
+        Args:
+            leader: how the leader flies.
+            state: the follower's.
+            slot: the follower's.
+            model: the follower's, as its setpoints are held from tick to tick.
+            commanded: speed, heading and height that it follows; NaN where none.
+            wind_variance: of each component of the difference of their winds, (m/s)².
+            bandwidth: share of their bandwidth that the loops are to have.
+            replaced: channels whose last setpoint was the separation rule's.
+        """
+        self.leader = leader
+        self.state = state
+        self.slot = slot
+        self.model = model
+        self.commanded = commanded
+        self.wind_variance = wind_variance
+        self.bandwidth = bandwidth
+        self.replaced = replaced
+
+
+class FollowerController:
+    """The law of one follower, with the state it keeps between ticks and what it decided last."""
+
+    def __init__(self, parameters: LawParameters) -> None:
+        """Start at rest."""
+        self._parameters = parameters
+        gain_range, scheduler = parameters.gain_range, parameters.scheduler
+        self._speed = Pid(parameters.speed, gain_range, scheduler)
+        self._heading = Pid(parameters.heading, gain_range, scheduler)
+        self._height = Pid(parameters.height, gain_range, scheduler)
+        self._trailing = TrailingSlot() if parameters.frame == "follower_heading" else None
+        self._drift_north_mps = self._drift_east_mps = math.nan
+        self._correction: tuple[float, float] = (math.nan, math.nan)
+        self.setpoint = self.error_m = self.mixed = NOTHING
+
+    @property
+    def gains(self) -> tuple[float, ...]:
+        """k_p of the three channels, k_i, k_d."""
+        speed, heading, height = self._speed, self._heading, self._height
+        proportional, integral = (speed.kp, heading.kp, height.kp), (speed.ki, heading.ki, height.ki)
+        return (*proportional, *integral, speed.kd, heading.kd, height.kd)
+
+    def forget(self) -> None:
+        """Start again: it isn't commanded, or follows another leader."""
+        self._speed.forget()
+        self._heading.forget()
+        self._height.forget()
+        if self._trailing is not None:
+            self._trailing.forget()
+        self._drift_north_mps = self._drift_east_mps = math.nan
+        self._correction = (math.nan, math.nan)
+        self.setpoint = self.error_m = self.mixed = NOTHING
+
+    def decide(self, pair: Pair, dt_s: float) -> None:
+        """Compute the setpoint of this tick, which is `dt_s` after the last one."""
+        leader, state, slot, model = pair.leader, pair.state, pair.slot, pair.model
+        axis_rad, turn_rps, bend_rps2 = leader.state.heading_rad, leader.turn_rps, leader.bend_rps2
+        if self._trailing is not None:
+            axis_rad = state.heading_rad
+            turn_rps, bend_rps2 = self._trailing.turning(leader, slot, dt_s)
+        self.error_m = formation_error(leader.state, state, slot, axis_rad)
+        along_mps2, across_mps2 = self._gust(pair, axis_rad, dt_s)
+        target, led_mps, led_rad = self._target(pair, axis_rad, turn_rps, across_mps2, dt_s)
+        self.mixed = mix(self._parameters.mixer, target, state, self._steady(pair, target))
+        axes = Axes(leader.state.heading_rad if self._trailing is None else target.heading_rad, turn_rps, bend_rps2)
+        speed_mps, heading_rad, height_m = feed_forward(target, leader, axes, slot, model)
+        forward = (speed_mps + led_mps, heading_rad + led_rad, height_m)
+        output = self._pid(pair, self._slopes(pair, axis_rad, target, forward, dt_s), dt_s)
+        answer = lead(target, axes, -along_mps2, -across_mps2, model)
+        self.setpoint = self._limited(pair, forward, output, answer, dt_s)
+
+    def _target(
+        self, pair: Pair, axis_rad: float, turn_rps: float, across_mps2: float, dt_s: float
+    ) -> tuple[Target, float, float]:
+        """Return the slot's target, and by how much speed and heading lead it beyond the feed-forward.
+
+        In the follower's own frame a gust across has the heading crab slowly, and swing a slot at the side as it does:
+        speed is led by that.
+        """
+        leader, state, slot, frame = pair.leader.state, pair.state, pair.slot, self._parameters.frame
+        drift_north_mps = state.wind_north_mps - leader.wind_north_mps
+        drift_east_mps = state.wind_east_mps - leader.wind_east_mps
+        along_mps, drift_mps = rotated(axis_rad, drift_north_mps, drift_east_mps)
+        if self._trailing is None:
+            return slot_target(leader, along_mps, drift_mps, turn_rps, slot, frame), 0.0, 0.0
+        _, late_mps = rotated(axis_rad, self._drift_north_mps, self._drift_east_mps)
+        crab_rad, crab_rps, crab_rps2 = self._trailing.crab(late_mps, across_mps2, leader.airspeed_mps, dt_s)
+        target = slot_target(leader, along_mps, -leader.airspeed_mps * crab_rad, turn_rps, slot, frame)
+        target.speed_mps -= slot.right_m * crab_rps
+        return target, -pair.model.tau_v_s * slot.right_m * crab_rps2, pair.model.tau_psi_s * crab_rps
+
+    def _steady(self, pair: Pair, target: Target) -> Triple:
+        """Return the errors that are mixed: in the follower's own frame, without what its heading sweeps forward.
+
+        While the follower's heading differs from its slot's by some angle, the follower's frame swings a slot at the
+        side forward by y_rc times the angle. Speed can't follow that and needn't: the error vanishes as the heading
+        comes back. A slot behind swings sideways by x_rc times the angle, which adds damping; a slot with less of
+        this damping than `TRAIL_S` gives is given the rest.
+        """
+        x_m, y_m, z_m = self.error_m
+        if self._trailing is None:
+            return self.error_m
+        off = math.sin(wrap(pair.state.heading_rad - target.heading_rad))
+        return x_m + pair.slot.right_m * off, y_m - _short_m(target, pair.slot) * off, z_m
+
+    def _slopes(self, pair: Pair, axis_rad: float, target: Target, forward: Triple, dt_s: float) -> Triple:
+        """Return the rates of change of the mixed errors, from the states and not from earlier errors.
+
+        What the target needs changes at the rate that the feed-forward leads it by. The follower's own rates are those
+        by which (7) has it fly as the last tick ends, for which lags count less by the tick. The others' are means of
+        the tick that begins: setpoints are held in between, so rates fall during a tick, and those of its beginning
+        would be too large by half of that, whenever the leader turns.
+        """
+        model, state, slot = pair.model, pair.state, pair.slot
+        speed_mps, heading_rad = pair.commanded[0], pair.commanded[1]
+        own_mps2 = rate(speed_mps - state.airspeed_mps, model.tau_v_s - dt_s, model.accel_max_mps2)
+        own_rps = rate(wrap(heading_rad - state.heading_rad), model.tau_psi_s - dt_s, model.turn_rate_max_rps)
+        wanted_mps2 = (forward[0] - target.speed_mps) / model.tau_v_s
+        wanted_rps = (forward[1] - target.heading_rad) / model.tau_psi_s
+        axis_turn_rps = pair.leader.turn_rps if self._trailing is None else own_rps
+        x_mps, y_mps, z_mps = error_rate(pair.leader.state, state, self.error_m, slot, axis_rad, axis_turn_rps)
+        if self._trailing is not None:
+            off_rad = wrap(state.heading_rad - target.heading_rad)
+            swing_rps = (own_rps - wanted_rps) * math.cos(off_rad)
+            x_mps += slot.right_m * swing_rps + slot.right_mps * math.sin(off_rad)
+            y_mps -= _short_m(target, slot) * swing_rps
+        mixer = self._parameters.mixer
+        return (
+            mixer.k_v * (wanted_mps2 - own_mps2) + mixer.k_x * x_mps,
+            mixer.k_psi * (wanted_rps - own_rps) + mixer.k_y * y_mps,
+            mixer.k_z * z_mps,
+        )
+
+    def _pid(self, pair: Pair, slopes: Triple, dt_s: float) -> Triple:
+        """Return what the controllers want besides the feed-forward."""
+        self._speed.filter_rate(slopes[0], dt_s)
+        self._heading.filter_rate(slopes[1], dt_s)
+        self._height.filter_rate(slopes[2], dt_s)
+        self._speed.schedule(self.mixed[0], pair.bandwidth[0])
+        self._heading.schedule(self.mixed[1], pair.bandwidth[1] * self._share_aside(pair))
+        self._height.schedule(self.mixed[2], pair.bandwidth[2])
+        return (
+            self._speed.output(self.mixed[0]),
+            self._heading.output(self.mixed[1]),
+            self._height.output(self.mixed[2]),
+        )
+
+    def _share_aside(self, pair: Pair) -> float:
+        """Return the share of the design bandwidth for the heading's loop: less for a slot at the side.
+
+        In the follower's own frame a turn swings such a slot forward at y_rc times the turn rate. The follower's speed
+        has to match that, and changes far more slowly than the heading loop would turn.
+        """
+        if self._trailing is None:
+            return 1.0
+        aside_s = min(abs(pair.slot.right_m) / pair.leader.state.airspeed_mps, TRAIL_S)
+        return SWING_S / (SWING_S + aside_s)
+
+    def _limited(self, pair: Pair, forward: Triple, output: Triple, answer: tuple[float, float], dt_s: float) -> Triple:
+        """Return the setpoint inside the envelope, and have the controllers integrate what is left of their output.
+
+        Corrections of the feed-forward grow no faster than the vehicle can follow. They shrink as fast as they like, or
+        the loop would lag in large manoeuvres. Heights are limited by their envelope. A gust is answered at once: they
+        grow by as much as its `answer` besides. In the follower's own frame, where headings crab slowly, speed alone
+        answers it.
+        """
+        model, replaced, slew = pair.model, pair.replaced, self._parameters.slew
+        bounds = Envelope(forward[1], pair.state, model)
+        wanted = bounds.limit(forward[0] + output[0], forward[1] + output[1], forward[2] + output[2])
+        before_mps, before_rad = self._correction
+        most_mps = slew[0] * dt_s * model.accel_max_mps2 + abs(answer[0])
+        most_rad = slew[1] * dt_s * model.turn_rate_max_rps + abs(answer[1])
+        # A setpoint that the separation rule replaced isn't one to start from.
+        faster_mps = _grown(wanted[0] - forward[0], math.nan if replaced[0] else before_mps, most_mps)
+        turned_rad = _grown(wanted[1] - forward[1], math.nan if replaced[1] else before_rad, most_rad)
+        self._correction = (faster_mps, turned_rad)
+        led_mps, led_rad = forward[0] + answer[0], forward[1] + (answer[1] if self._trailing is None else 0.0)
+        limited = bounds.limit(led_mps + faster_mps, led_rad + turned_rad, wanted[2])
+        # What the feed-forward alone asks beyond the envelope isn't the integrators' to work off.
+        free = bounds.limit(led_mps, led_rad, forward[2])
+        if not replaced[0]:
+            self._speed.integrate(self.mixed[0], limited[0] - free[0] - output[0], dt_s)
+        if not replaced[1]:
+            self._heading.integrate(self.mixed[1], limited[1] - free[1] - output[1], dt_s)
+        if not replaced[2]:
+            self._height.integrate(self.mixed[2], limited[2] - free[2] - output[2], dt_s)
+        return limited
+
+    def _gust(self, pair: Pair, axis_rad: float, dt_s: float) -> tuple[float, float]:
+        """Return how fast the follower's drift is to be followed, along and across, in m/s².
+
+        The drift is followed with a lag of 1/`gust_radps`, as far as it stands out from what isn't known of the wind.
+        """
+        leader, state, gust_radps = pair.leader.state, pair.state, self._parameters.gust_radps
+        north_mps = state.wind_north_mps - leader.wind_north_mps
+        east_mps = state.wind_east_mps - leader.wind_east_mps
+        if math.isnan(self._drift_north_mps):
+            self._drift_north_mps, self._drift_east_mps = north_mps, east_mps
+        north_mps -= self._drift_north_mps
+        east_mps -= self._drift_east_mps
+        share = -math.expm1(-gust_radps * dt_s)
+        self._drift_north_mps += share * north_mps
+        self._drift_east_mps += share * east_mps
+        size = max(north_mps * north_mps + east_mps * east_mps, 1e-12)
+        certain = max(1.0 - GUST_SIGMAS * GUST_SIGMAS * pair.wind_variance / size, 0.0) * gust_radps
+        return rotated(axis_rad, certain * north_mps, certain * east_mps)
+
+
+def _short_m(target: Target, slot: Slot) -> float:
+    """Return how much farther behind than its slot is a place whose damping the heading's gains are for."""
+    return max(TRAIL_S * target.speed_mps + slot.forward_m, 0.0)
+
+
+def _grown(wanted: float, before: float, most: float) -> float:
+    """Return a correction that grows from the one before by no more than `most`; NaN: there is none before."""
+    if math.isnan(before):
+        return wanted
+    return within(wanted, min(before, 0.0) - most, max(before, 0.0) + most)

@@ -1,0 +1,51 @@
+"""What a leader flies by at an instant, from what it was told and when that acts."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from airlink.clock import NANOSECONDS, Instant
+from gcs_formation.guidance.leader import LeaderCommand, LeaderCommands
+
+TICK_S = 0.1
+TURN_RPS = 0.2
+
+
+def leader(ticks: int) -> LeaderCommands:
+    """Command it at each tick, which acts 0.4 s later, to turn right through south and to gain 0.5 m/s a second."""
+    commands = LeaderCommands(TICK_S)
+    for tick in range(ticks):
+        at_s = TICK_S * tick
+        heading_rad = math.remainder(math.pi - 0.1 + TURN_RPS * at_s, math.tau)
+        turn_rps = TURN_RPS if tick else 0.0
+        commands.add(instant(at_s + 0.4), LeaderCommand(22.0 + 0.5 * at_s, heading_rad, 100.0, turn_rps))
+    return commands
+
+
+def instant(at_s: float) -> Instant:
+    return Instant(round(at_s * NANOSECONDS))
+
+
+def test_a_follower_whose_setpoint_acts_sooner_gets_what_the_leader_still_flies_by():
+    """Told at 1.9 s the leader acts at 2.3 s; 0.32 s before that it flies by 3.2 ticks older setpoints in the mean."""
+    newest, older = (leader(20).at(instant(at_s)) for at_s in (2.3, 1.98))
+    assert (newest.speed_mps, older.speed_mps) == pytest.approx((22.95, 22.79))
+    turned_rad = [each.heading_rad - (math.pi - 0.1) for each in (newest, older)]
+    assert turned_rad == pytest.approx([0.38, 0.316])  # through south without a jump
+    assert (newest.turn_rps, older.turn_rps) == pytest.approx((TURN_RPS, TURN_RPS))
+
+
+def test_outside_of_what_it_was_told_the_nearest_holds():
+    oldest, newest = (leader(20).at(instant(at_s)) for at_s in (0.0, 9.0))
+    assert (oldest.speed_mps, newest.speed_mps) == pytest.approx((22.0, 22.95))
+    assert (oldest.turn_rps, newest.turn_rps) == pytest.approx((0.0, TURN_RPS))
+
+
+def test_another_leader_has_not_turned_from_where_the_last_one_headed():
+    commands = leader(20)
+    commands.forget()
+    commands.add(instant(2.4), LeaderCommand(20.0, -1.0, 100.0, 0.0))
+    begun = commands.at(instant(2.0))
+    assert (begun.heading_rad, begun.turn_rps) == (-1.0, 0.0)
