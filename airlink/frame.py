@@ -147,10 +147,10 @@ class StreamParser:
         """Return the frame, None when it's refused; `counted` unless that lies inside another candidate."""
         if raw[0] == MARKER_V2:
             length, flags, sequence, system, component, low, high = _unpack_header_v2(raw)
-            version, header, message_id = 2, HEADER_V2, low | high << 16
+            header, message_id = HEADER_V2, low | high << 16
         else:
             length, sequence, system, component, message_id = _unpack_header_v1(raw)
-            version, header, flags = 1, HEADER_V1, 0
+            header, flags = HEADER_V1, 0
         extra = _EXTRA_BYTE.get(message_id)
         end = header + length
         if extra is None:
@@ -162,7 +162,7 @@ class StreamParser:
         else:
             codec = CODEC_OF_ID.get(message_id)
             message = codec.decode(raw[header:end]) if codec else None
-            return Frame(system, component, sequence, message_id, version, message, raw)
+            return Frame(system, component, sequence, message_id, 2 if header == HEADER_V2 else 1, message, raw)
         return None
 
 

@@ -41,6 +41,15 @@ NOTICE, WARNING, CRITICAL = m.MAV_SEVERITY_NOTICE, m.MAV_SEVERITY_WARNING, m.MAV
 class Vehicle:
     """An emulated ArduPlane: its link, modes and messages; its body flies."""
 
+    now: Instant
+    streams: Streams
+    failsafe: GroundStationFailsafe
+    _up: Instant
+    _next_timesync: Instant
+    _disarm_at: Instant
+    _clock: VehicleClock
+    _utc: UtcClock
+
     def __init__(self, index: int, config: VehicleConfig, fleet: Fleet, now: Instant) -> None:
         """Boot at `now`; a vehicle that starts in the air has booted at once."""
         self.index = index

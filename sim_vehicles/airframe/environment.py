@@ -10,7 +10,7 @@ import numpy as np
 from airlink.clock import Instant, after, seconds_between
 from airlink.random_streams import random_stream
 from sim_vehicles.airframe.body import Body
-from sim_vehicles.airframe.disturbances import Disturbance, DrydenGusts, Passing, Turbulence
+from sim_vehicles.airframe.disturbances import Disturbance, DrydenGusts, Turbulence
 from sim_vehicles.autopilot.clock import LOOP_S
 from sim_vehicles.config import Fault, FleetConfig
 
@@ -105,7 +105,7 @@ def _add(body: Body, north_mps: float, east_mps: float, down_mps: float) -> None
 
 def _acting(config: FleetConfig, index: int, bodies: Sequence[Body]) -> _Steady | _Turbulent:
     """Return the disturbance of the entry at `index`; each vehicle's gusts in each entry are independent."""
-    passing: Passing = config.disturbances[index]
+    passing = config.disturbances[index]
     met_by = [
         (vehicle.identity, body)
         for vehicle, body in zip(config.vehicles, bodies, strict=True)
