@@ -6,14 +6,14 @@ Nothing else in the packages asks the machine for the time.
 from __future__ import annotations
 
 import time
-from typing import NewType, Protocol, Self
+from typing import Final, NewType, Protocol, Self
 
 Instant = NewType("Instant", int)
 """Nanoseconds since the epoch of the run's clock."""
 
-NANOSECONDS = 1_000_000_000
-MICROSECONDS = 1_000_000
-VIRTUAL_EPOCH_US = 1_577_836_800 * MICROSECONDS
+NANOSECONDS: Final = 1_000_000_000
+MICROSECONDS: Final = 1_000_000
+VIRTUAL_EPOCH_US: Final = 1_577_836_800 * MICROSECONDS
 """2020-01-01 00:00 UTC, at which every virtual clock begins."""
 
 

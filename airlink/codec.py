@@ -64,9 +64,11 @@ class PayloadCodec:
     def __init__(self, message_class: type[Any]) -> None:
         """Work out from the dialect's layout how each field of `message_class` is converted."""
         self.layout = layout(wire_name(message_class))
+        self.message_id = self.layout.message_id
         self._make: Callable[[Any], Message] = partial(tuple.__new__, message_class)
         count = len(message_class._fields)
         self._pick = _pick(self.layout, count)
+        self._scales = _only_some(_plain_scale(self.layout, place) for place in range(count))
         self._decoders = _only_some(_decoder(self.layout, place) for place in range(count))
         self._fits = tuple(_fit(self.layout, place) for place in range(count))
         self._units_in_si = _units_in_si(self.layout, count)
@@ -77,7 +79,11 @@ class PayloadCodec:
 
     def decode(self, payload: bytes) -> Message:
         """Return the message; missing bytes count as zeros, surplus ones (newer extensions) are left out."""
-        values = list(self._pick(self._unpack(payload[: self._length].ljust(self._length, b"\0"))))
+        if len(payload) != self._length:
+            payload = payload[: self._length].ljust(self._length, b"\0")
+        values = list(self._pick(self._unpack(payload)))
+        for place, scale in self._scales:
+            values[place] *= scale
         for place, convert in self._decoders:
             values[place] = convert(values[place])
         return self._make(values)
@@ -123,6 +129,14 @@ def _scale(source: Layout, place: int) -> float | None:
     return entry[1] if entry else None
 
 
+def _plain_scale(source: Layout, place: int) -> float | None:
+    """Return the scale of a field that is decoded by that alone, None for any other."""
+    scale = _scale(source, place)
+    if scale is None or source.array_lengths[place] or source.types[place] in {"char", "uint16_t"}:
+        return None
+    return None if scale == 1.0 and _is_float(source, place) else scale
+
+
 def _is_float(source: Layout, place: int) -> bool:
     return source.types[place] in {"float", "double"}
 
@@ -136,21 +150,21 @@ def _pick(source: Layout, count: int) -> Callable[[Sequence[Any]], Sequence[Any]
 
 
 def _decoder(source: Layout, place: int) -> Convert | None:
-    """Return what makes an unpacked value one of ours, None for a field that stays as it is."""
+    """Return what makes an unpacked value one of ours, None where that is nothing, or no more than a scale."""
     scale = _scale(source, place)
     if source.types[place] == "char":
         return lambda text: text.split(b"\0", 1)[0].decode("utf-8", "replace")
     if scale is None or (scale == 1.0 and _is_float(source, place)):
         return None
 
+    if _plain_scale(source, place) is not None:
+        return None
+
     def decode(value: float) -> float:
-        return value * scale
+        unknown = source.types[place] == "uint16_t" and value == _UNKNOWN_UINT16
+        return math.nan if unknown else value * scale
 
-    def decode_unless_unknown(value: float) -> float:
-        return math.nan if value == _UNKNOWN_UINT16 else value * scale
-
-    one = decode_unless_unknown if source.types[place] == "uint16_t" else decode
-    return (lambda values: tuple(map(one, values))) if source.array_lengths[place] else one
+    return (lambda values: tuple(map(decode, values))) if source.array_lengths[place] else decode
 
 
 def _only_some(each: Iterable[T | None]) -> list[tuple[int, T]]:
@@ -211,7 +225,7 @@ def _scatter(source: Layout, count: int) -> Scatter:
     if packed == sorted(packed):
         return lambda row: row + blanks
     reorder = itemgetter(*packed)
-    return lambda row: reorder(row + blanks)
+    return (lambda row: reorder(row + blanks)) if blanks else reorder
 
 
 def _blank(source: Layout, place: int) -> Any:

@@ -6,7 +6,7 @@ An engine never reads a clock, opens a socket or sleeps.
 from __future__ import annotations
 
 from heapq import heappop, heappush
-from typing import Generic, NamedTuple, Protocol, TypeVar
+from typing import Generic, Protocol, TypeVar
 
 from airlink.clock import Instant
 from airlink.endpoint import Address, Endpoint
@@ -14,13 +14,29 @@ from airlink.endpoint import Address, Endpoint
 T = TypeVar("T")
 
 
-class Datagram(NamedTuple):
-    """A UDP payload at one of an engine's sockets, with the address at the other end."""
+class Datagram:
+    """A UDP payload at one of an engine's sockets, with the address at the other end; it isn't changed."""
 
-    socket: int
-    """Index into the engine's `endpoints()`."""
-    peer: Address
-    data: bytes
+    __slots__ = ("data", "peer", "socket")
+
+    def __init__(self, socket: int, peer: Address, data: bytes) -> None:
+        """Take the payload; `socket` is an index into the engine's `endpoints()`."""
+        self.socket = socket
+        self.peer = peer
+        self.data = data
+
+    @property
+    def remote(self) -> tuple[int, Address]:
+        """The socket, and the address at the other end."""
+        return self.socket, self.peer
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether all three are the same."""
+        return isinstance(other, Datagram) and (self.remote, self.data) == (other.remote, other.data)
+
+    def __hash__(self) -> int:
+        """Return a hash of all three."""
+        return hash((self.remote, self.data))
 
 
 class Engine(Protocol):

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 import struct
 from dataclasses import dataclass
-from typing import Final, Literal, NamedTuple
+from typing import Final, Literal
 
 from fastcrc import crc16
 
@@ -35,17 +35,29 @@ _EXTRA_BYTE = {message_id: bytes([extra]) for message_id, extra in crc_extras().
 _checksum = crc16.mcrf4xx
 
 
-class Frame(NamedTuple):
+class Frame:
     """A frame whose checksum held."""
 
-    system: int
-    component: int
-    sequence: int
-    message_id: int
-    version: Literal[1, 2]
-    message: Message | None
-    """None when the message isn't one of `airlink.messages`."""
-    raw: bytes
+    __slots__ = ("component", "message", "message_id", "raw", "sequence", "system", "version")
+
+    def __init__(
+        self,
+        system: int,
+        component: int,
+        sequence: int,
+        message_id: int,
+        version: Literal[1, 2],
+        message: Message | None,
+        raw: bytes,
+    ) -> None:
+        """Take its header, its message (None when that isn't one of `airlink.messages`) and all its bytes."""
+        self.system = system
+        self.component = component
+        self.sequence = sequence
+        self.message_id = message_id
+        self.version: Literal[1, 2] = version
+        self.message = message
+        self.raw = raw
 
 
 class FrameWriter:
@@ -61,8 +73,8 @@ class FrameWriter:
         """Return the frame of `message`, with the next sequence number."""
         codec = CODECS[type(message)]
         payload = codec.encode(message)
-        number = codec.layout.message_id
-        sequence, self._sequence = self._sequence, (self._sequence + 1) & 0xFF
+        number, sequence = codec.message_id, self._sequence
+        self._sequence = (sequence + 1) & 0xFF
         if version == 2:
             payload = payload.rstrip(b"\0") or b"\0"
             low, high = number & 0xFFFF, number >> 16

@@ -68,7 +68,7 @@ class ImpairedEngine:
     def datagrams_to_send(self) -> list[Datagram]:
         """Remove and return what has passed the uplinks by now."""
         for datagram in self._engine.datagrams_to_send():
-            vehicle = self._vehicle_at.get(datagram[:2])
+            vehicle = self._vehicle_at.get(datagram.remote)
             if vehicle is None:
                 self._outbox.append(datagram)
                 continue
@@ -107,7 +107,7 @@ class ImpairedEngine:
 
     def _sender(self, datagram: Datagram) -> VehicleId | None:
         """Return the vehicle that a datagram comes from, and remember where it can be reached."""
-        remote = datagram[:2]
+        remote = datagram.remote
         vehicle = self._vehicle_at.pop(remote, None)
         system = first_system(datagram.data)
         if system is not None and (vehicle is None or vehicle.system != system):

@@ -54,15 +54,24 @@ class MemoryNetwork:
         """Run until `until` holds, or no engine has a timer left."""
         self._deliver(self.clock.now())
         while not until():
-            timers = [(engine.next_timer(), index) for index, engine in enumerate(self._engines)]
-            due = [(timer, index) for timer, index in timers if timer is not None]
-            if not due:
+            index = self._next_timer()
+            if index is None:
                 return
-            instant, index = min(due)
-            self.clock.move_to(instant)
             self._engines[index].handle_timer(self.clock.now())
             self._collect(index)
             self._deliver(self.clock.now())
+
+    def _next_timer(self) -> int | None:
+        """Move the clock to the earliest timer and return whose it is; None if there is none."""
+        first: Instant | None = None
+        owner: int | None = None
+        for index, engine in enumerate(self._engines):
+            timer = engine.next_timer()
+            if timer is not None and (first is None or timer < first):
+                first, owner = timer, index
+        if first is not None:
+            self.clock.move_to(first)
+        return owner
 
     def _deliver(self, now: Instant) -> None:
         """Deliver what is under way, then what was sent on receiving that, and so on."""
@@ -75,11 +84,11 @@ class MemoryNetwork:
 
     def _collect(self, sender: int) -> None:
         sources = self._sources[sender]
-        for socket, peer, data in self._engines[sender].datagrams_to_send():
-            target = self._listeners.get(peer) or self._listeners_anywhere.get(peer.port)
+        for sent in self._engines[sender].datagrams_to_send():
+            target = self._listeners.get(sent.peer) or self._listeners_anywhere.get(sent.peer.port)
             if target is not None:
-                index, target_socket = target
-                self._in_flight.append((index, Datagram(target_socket, sources[socket], data)))
+                index, socket = target
+                self._in_flight.append((index, Datagram(socket, sources[sent.socket], sent.data)))
 
     def _is_taken(self, address: Address) -> bool:
         """Return whether an address is in use; a socket on all interfaces uses its port on each of them."""

@@ -125,8 +125,8 @@ class UdpDriver:
             self._engine.receive(Datagram(index, Address(*peer), data), self._clock.now())
 
     def _send(self) -> None:
-        for index, peer, data in self._engine.datagrams_to_send():
+        for each in self._engine.datagrams_to_send():
             try:
-                self._sockets[index].sendto(data, peer)
+                self._sockets[each.socket].sendto(each.data, each.peer)
             except OSError:  # a full buffer or an unreachable peer loses the datagram, as any network may
                 continue

@@ -20,9 +20,9 @@ SOMIGLIANA: Final = 1.93185265241e-3
 FLATTENING: Final = 1 / 298.257223563
 CENTRIFUGAL_RATIO: Final = 3.449786506841e-3
 """Centrifugal acceleration at the equator by gravity there."""
-SEMI_MAJOR_M = 6_378_137.0
-ECCENTRICITY_SQUARED = 6.694379990141317e-3
-INVERSION_STEPS = 4
+SEMI_MAJOR_M: Final = 6_378_137.0
+ECCENTRICITY_SQUARED: Final = 6.694379990141317e-3
+INVERSION_STEPS: Final = 4
 """Each step reduces the error by the ratio of the distance to the Earth's radius."""
 
 
@@ -74,7 +74,9 @@ class GeodeticOrigin:
         """Return latitude, longitude (radians, -pi to pi) and altitude: the inverse of `to_ned`."""
         lat_rad = self.lat_rad
         for _ in range(INVERSION_STEPS):
-            lat_rad = self.lat_rad + north_m / _radii((lat_rad + self.lat_rad) / 2)[0]
+            before_rad, lat_rad = lat_rad, self.lat_rad + north_m / _radii((lat_rad + self.lat_rad) / 2)[0]
+            if lat_rad == before_rad:
+                break
         lon_rad = self.lon_rad + east_m / _radii((lat_rad + self.lat_rad) / 2)[1]
         return lat_rad, math.remainder(lon_rad, math.tau), self.alt_m - down_m
 

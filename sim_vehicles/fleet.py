@@ -45,6 +45,8 @@ class Fleet:
 
     def datagrams_to_send(self) -> list[Datagram]:
         """Remove and return the datagrams to send now."""
+        if not self.outbox:
+            return []
         out = self.outbox.copy()
         self.outbox.clear()
         return out

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from typing import Final
 
 from airlink import mavlink as m
 from airlink.clock import Instant, seconds_between
@@ -14,9 +14,9 @@ from airlink.messages import Message
 from sim_vehicles.autopilot.clock import NEVER
 from sim_vehicles.config import VehicleConfig
 
-PEER_FORGOTTEN_S = 10.0
-MAX_PEERS = 16
-MAX_INBOX = 4096
+PEER_FORGOTTEN_S: Final = 10.0
+MAX_PEERS: Final = 16
+MAX_INBOX: Final = 4096
 """Datagrams kept for the next cycle; more are dropped, as by a full serial buffer."""
 
 
@@ -61,11 +61,12 @@ class Link:
         """Drop what has arrived."""
         self._inbox.clear()
 
-    def frames(self, now: Instant) -> Iterator[tuple[Address, Frame]]:
-        """Yield the valid frames that have arrived by `now`, each with its peer.
+    def frames(self, now: Instant) -> list[tuple[Address, Frame]]:
+        """Return the valid frames that have arrived by `now`, each with its peer.
 
         A process that was held up makes up for its cycles: the earlier of them don't know what arrived afterwards.
         """
+        found: list[tuple[Address, Frame]] = []
         while self._inbox and self._inbox[0][0] <= now:
             _, peer, data = self._inbox.popleft()
             parser = self._parser(peer)
@@ -74,7 +75,8 @@ class Link:
             self.frames_bad += parser.counts.bad - before
             for frame in frames:
                 self._heard[peer] = now
-                yield peer, frame
+                found.append((peer, frame))
+        return found
 
     def answer(self, peer: Address, message: Message) -> None:
         """Send to one peer, unless it has been forgotten meanwhile."""

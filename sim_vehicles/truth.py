@@ -17,7 +17,6 @@ from sim_vehicles.autopilot.clock import LOOP_HZ
 from sim_vehicles.config import TruthError
 
 if TYPE_CHECKING:
-    from sim_vehicles.airframe.body import Body
     from sim_vehicles.fleet import Fleet
 
 MAGIC = b"truth\x00\x00\x02"
@@ -73,7 +72,7 @@ class TruthWriter:
         self._turn += 1
         if self._full or self._turn % self._turns:
             return
-        columns = [_quantities(body) for body in fleet.bodies]
+        columns = [body.truth() for body in fleet.bodies]
         row = [value for quantity in zip(*columns, strict=True) for value in quantity]
         try:
             self._file.write(self._packer.pack(now / NANOSECONDS, *row))
@@ -81,17 +80,6 @@ class TruthWriter:
                 self._file.flush()
         except OSError:  # a full disk ends the record, not the flight
             self._full = True
-
-
-def _quantities(body: Body) -> tuple[float, ...]:
-    """Return a vehicle's quantities in the order of `Truth`'s."""
-    state, north_mps, east_mps, down_mps = body.state, *body.ground_velocity()
-    airborne = 1.0 if body.steering.airborne else 0.0
-    north, east, down = body.disturbance_mps
-    return (
-        *(state.north_m, state.east_m, state.height_m, north_mps, east_mps, -down_mps),
-        *(state.airspeed_mps, state.heading_rad, north * airborne, east * airborne, down * airborne, airborne),
-    )
 
 
 def read_truth(path: Path) -> Truth:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, assert_never
+from typing import TYPE_CHECKING, Final, assert_never
 
 from airlink import mavlink as m
 from airlink.clock import Instant, after, seconds_between
@@ -19,7 +19,7 @@ from sim_vehicles.autopilot import commands
 from sim_vehicles.autopilot.clock import NEVER, UtcClock, VehicleClock
 from sim_vehicles.autopilot.mission_flight import MissionFlight
 from sim_vehicles.autopilot.missions import E7, Item, Missions, Sender
-from sim_vehicles.autopilot.modes import Condition, GroundStationFailsafe, Mode, Request, select
+from sim_vehicles.autopilot.modes import GroundStationFailsafe, Mode, Request, select
 from sim_vehicles.autopilot.parameters import ParameterServer, initial_values
 from sim_vehicles.autopilot.pilot import Pilot
 from sim_vehicles.autopilot.storage import Storage
@@ -32,9 +32,10 @@ from sim_vehicles.link import Link
 if TYPE_CHECKING:
     from sim_vehicles.fleet import Fleet
 
-INITIALISING_S = 1.0
-TIMESYNC_S = 10.0
-MICROSECOND_NS = 1000
+INITIALISING_S: Final = 1.0
+TIMESYNC_S: Final = 10.0
+MICROSECOND_NS: Final = 1000
+AUTO: Final = Mode.AUTO
 NOTICE, WARNING, CRITICAL = m.MAV_SEVERITY_NOTICE, m.MAV_SEVERITY_WARNING, m.MAV_SEVERITY_CRITICAL
 
 
@@ -94,11 +95,11 @@ class Vehicle:
     def ready(self) -> bool:
         """Whether it may be armed, or is in the air."""
         up_s = seconds_between(self._clock.booted, self.now)
-        return not self.pilot.condition.booting and (self.pilot.airborne or up_s >= self.fleet.config.ready_s)
+        return not self.pilot.booting and (self.pilot.airborne or up_s >= self.fleet.config.ready_s)
 
     @property
     def _flies_mission(self) -> bool:
-        return self.pilot.mode is Mode.AUTO and self.pilot.condition.armed
+        return self.pilot.mode is AUTO and self.pilot.condition.armed
 
     @property
     def motion(self) -> Motion:
@@ -126,11 +127,11 @@ class Vehicle:
     def turn(self, now: Instant) -> None:
         """Run one cycle of the main loop: boot, read frames, fly, send messages."""
         self.now = now
-        if self._frozen or self.pilot.condition is Condition.CRASHED:
+        if self._frozen or self.pilot.crashed:
             self.link.ignore()
             self.wake = NEVER
             return
-        if self.pilot.condition.booting and now >= self._up:
+        if self.pilot.booting and now >= self._up:
             self._come_up(Mode.MANUAL)
         for peer, frame in self.link.frames(now):
             self._asker = peer
@@ -333,7 +334,7 @@ class Vehicle:
         if self.parameters.listing or self.pilot.taking_off or self.pilot.landing or self._flies_mission:
             self.wake = self.now
             return
-        up = self._up if self.pilot.condition.booting else NEVER
+        up = self._up if self.pilot.booting else NEVER
         waits = self.failsafe.deadline(), self.missions.next_due(), self._disarm_at
         self.wake = min(self.streams.next_due, self._next_timesync, up, self.link.next_arrival, *waits)
 

@@ -79,6 +79,17 @@ class Body:
             self.drift_down_mps - state.climb_mps,
         )
 
+    def truth(self) -> tuple[float, ...]:
+        """Return the quantities of `sim_vehicles.truth.Truth`, in their order."""
+        state = self.state
+        north_mps, east_mps, down_mps = self.ground_velocity()
+        airborne = 1.0 if self.steering.airborne else 0.0
+        north, east, down = self.disturbance_mps
+        return (
+            *(state.north_m, state.east_m, state.height_m, north_mps, east_mps, -down_mps),
+            *(state.airspeed_mps, state.heading_rad, north * airborne, east * airborne, down * airborne, airborne),
+        )
+
     def ground(self) -> None:
         """Put it on the ground, at rest."""
         self.state.height_m = self.state.climb_mps = self.state.airspeed_mps = 0.0

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 from airlink.clock import NANOSECONDS, Instant
 
-LOOP_HZ = 50
+LOOP_HZ: Final = 50
 """Rate of ArduPlane's main loop, on which it flies, reads and sends."""
-LOOP_S = 1.0 / LOOP_HZ
-NEVER = Instant(2**63)
+LOOP_S: Final = 1.0 / LOOP_HZ
+NEVER: Final = Instant(2**62 - 1)
 """Later than any instant of a run."""
 
 

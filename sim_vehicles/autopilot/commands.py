@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from airlink import mavlink as m
 from airlink.messages.command import CommandInt, CommandLong, MessageInterval
@@ -22,23 +22,24 @@ if TYPE_CHECKING:
     from sim_vehicles.vehicle import Vehicle
 
 ACCEPTED, DENIED, FAILED = m.MAV_RESULT_ACCEPTED, m.MAV_RESULT_DENIED, m.MAV_RESULT_FAILED
-UNSUPPORTED = m.MAV_RESULT_UNSUPPORTED
-DEGREES_E7 = math.pi / 180e7
-ABOVE_SEA_LEVEL = (m.MAV_FRAME_GLOBAL, m.MAV_FRAME_GLOBAL_INT)
-ABOVE_HOME = (
+UNSUPPORTED: Final = m.MAV_RESULT_UNSUPPORTED
+DEGREES_E7: Final = math.pi / 180e7
+ABOVE_SEA_LEVEL: Final = (m.MAV_FRAME_GLOBAL, m.MAV_FRAME_GLOBAL_INT)
+ABOVE_HOME: Final = (
     m.MAV_FRAME_GLOBAL_RELATIVE_ALT,
     m.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
     m.MAV_FRAME_GLOBAL_TERRAIN_ALT,
     m.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT,
 )
 """The ground is level, so heights above terrain are heights above home."""
-LEAST_LATERAL_MPS2 = 0.05
+LEAST_LATERAL_MPS2: Final = 0.05
 """What a lateral acceleration of 0 becomes: the vehicle hardly turns."""
-FORCE = 21196
+FORCE: Final = 21196
+GUIDED: Final = Mode.GUIDED
 FULL_TURN_DEG, POLE_DEG = 360.0, 90.0
-HIGHEST_M = 2**31 / 100
+HIGHEST_M: Final = 2**31 / 100
 """ArduPlane stores heights as 32-bit integers of centimetres."""
-HIGHEST_MESSAGE_ID = 2**16 - 1
+HIGHEST_MESSAGE_ID: Final = 2**16 - 1
 AT_ONCE = PLACE_NOW, HEIGHT_NOW = 2, 3
 """`current` of an item to be flown at once instead of being stored: a position, or a height alone."""
 
@@ -86,7 +87,7 @@ def _flag(value: float, flag: int) -> bool:
 
 def _change_speed(vehicle: Vehicle, given: Order) -> int:
     kind, speed_mps, accel_mps2, _ = given.params
-    if vehicle.pilot.mode is not Mode.GUIDED:
+    if vehicle.pilot.mode is not GUIDED:
         return FAILED
     if kind != m.SPEED_TYPE_AIRSPEED or not math.isfinite(speed_mps) or math.isnan(accel_mps2):
         return DENIED
@@ -97,7 +98,7 @@ def _change_speed(vehicle: Vehicle, given: Order) -> int:
 
 
 def _change_altitude(vehicle: Vehicle, given: Order) -> int:
-    if vehicle.pilot.mode is not Mode.GUIDED:
+    if vehicle.pilot.mode is not GUIDED:
         return FAILED
     height_m = _height_m(vehicle, given.z, given.frame)
     if height_m is None or given.z in (0.0, -1.0):
@@ -108,7 +109,7 @@ def _change_altitude(vehicle: Vehicle, given: Order) -> int:
 
 def _change_heading(vehicle: Vehicle, given: Order) -> int:
     kind, degrees, lateral_mps2, _ = given.params
-    if vehicle.pilot.mode is not Mode.GUIDED:
+    if vehicle.pilot.mode is not GUIDED:
         return FAILED
     if not 0.0 <= degrees < FULL_TURN_DEG or math.isnan(lateral_mps2):
         return DENIED
@@ -165,7 +166,7 @@ def _reposition(vehicle: Vehicle, given: Order) -> int:
     on_earth = abs(given.lat_rad) <= math.radians(POLE_DEG) and abs(given.lon_rad) <= math.pi
     if height_m is None or not on_earth or (given.lat_rad, given.lon_rad) == (0.0, 0.0):
         return DENIED
-    if vehicle.pilot.mode is not Mode.GUIDED and not _flag(given.params[1], m.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE):
+    if vehicle.pilot.mode is not GUIDED and not _flag(given.params[1], m.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE):
         return FAILED
     if _enter(vehicle, Mode.GUIDED) != ACCEPTED:
         return FAILED
@@ -179,7 +180,7 @@ def fly_to(vehicle: Vehicle, item: MissionItem | MissionItemInt) -> int:
     if isinstance(found, int):
         return found
     height_m = _height_m(vehicle, found.z, found.frame)
-    if height_m is None or (item.current == PLACE_NOW and vehicle.pilot.mode is not Mode.GUIDED):
+    if height_m is None or (item.current == PLACE_NOW and vehicle.pilot.mode is not GUIDED):
         return m.MAV_MISSION_ERROR
     if item.current == PLACE_NOW:
         vehicle.go_to(found.x * DEGREES_E7, found.y * DEGREES_E7, height_m)

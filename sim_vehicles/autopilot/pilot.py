@@ -7,7 +7,7 @@ is no flare.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from sim_vehicles.airframe.motion import Motion
 from sim_vehicles.airframe.steering import CIRCLE, COURSE, HEADING, Steering
@@ -15,17 +15,18 @@ from sim_vehicles.autopilot.modes import STRAIGHT_ON, Condition, Mode, Request, 
 from sim_vehicles.autopilot.parameters import ParameterServer
 from sim_vehicles.config import VehicleConfig
 
-LINED_UP_RAD = math.radians(10.0)
-AT_HEIGHT_M = 3.0
-LOOK_AHEAD_M = 60.0
+LINED_UP_RAD: Final = math.radians(10.0)
+AT_HEIGHT_M: Final = 3.0
+LOOK_AHEAD_M: Final = 60.0
 """Look-ahead distance along the approach line, from abreast of the vehicle."""
-BELOW_GROUND_M = 3.0
+BELOW_GROUND_M: Final = 3.0
 """How far below the ground the glide slope is continued, because the height lags."""
-TAKEOFF_DONE_M = 2.0
-TOUCH_DOWN_M = 0.1
-LIFT_OFF_SHARE = 0.7
+TAKEOFF_DONE_M: Final = 2.0
+TOUCH_DOWN_M: Final = 0.1
+LIFT_OFF_SHARE: Final = 0.7
 """Share of the lowest airspeed at which the vehicle lifts off."""
-TIGHTEST_SHARE = 1.05
+AUTOLAND: Final = Mode.AUTOLAND
+TIGHTEST_SHARE: Final = 1.05
 """Smallest radius of a circle, relative to that of the tightest turn."""
 
 
@@ -83,15 +84,12 @@ class Pilot:
         """Height at which the take-off is complete, from the selection of TAKEOFF until then."""
         self.landing_rad: float | None = None
         """Heading of the take-off, in which AUTOLAND lands; None if there was none."""
+        self.airborne = self.booting = self.crashed = False
+        """What the condition says, kept because every cycle asks."""
         self._config = config
         self._steering = steering
         self._parameters = parameters
         self._tell_condition()
-
-    @property
-    def airborne(self) -> bool:
-        """Whether it is in the air."""
-        return self.condition in (Condition.FLYING, Condition.BOOTING_IN_AIR)
 
     @property
     def taking_off(self) -> bool:
@@ -106,7 +104,7 @@ class Pilot:
     @property
     def landing(self) -> bool:
         """Whether it is landing."""
-        return self.mode is Mode.AUTOLAND and self.airborne
+        return self.airborne and self.mode is AUTOLAND
 
     def request(self, request: Request) -> bool:
         """Make the transition that the table of conditions allows; return whether there is one."""
@@ -241,6 +239,8 @@ class Pilot:
         return max(self._parameters["WP_LOITER_RAD"], TIGHTEST_SHARE * tightest_m)
 
     def _tell_condition(self) -> None:
+        self.airborne = self.condition in (Condition.FLYING, Condition.BOOTING_IN_AIR)
+        self.booting, self.crashed = self.condition.booting, self.condition is Condition.CRASHED
         rolls = self.condition is Condition.ARMED and self.takeoff_m is not None
         self._steering.stopped = not (self.airborne or rolls)
         self._steering.airborne = self.airborne

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, Instant
@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from sim_vehicles.airframe.motion import Motion
     from sim_vehicles.vehicle import Vehicle
 
-G_MPS2 = 9.80665
-SENSORS = (
+G_MPS2: Final = 9.80665
+SENSORS: Final = (
     m.MAV_SYS_STATUS_SENSOR_3D_GYRO
     | m.MAV_SYS_STATUS_SENSOR_3D_ACCEL
     | m.MAV_SYS_STATUS_SENSOR_3D_MAG
@@ -42,19 +42,19 @@ SENSORS = (
     | m.MAV_SYS_STATUS_AHRS
     | m.MAV_SYS_STATUS_SENSOR_BATTERY
 )
-EKF_READY = 831
-EKF_STARTING = 1024
-CAPABILITIES = 62319
+EKF_READY: Final = 831
+EKF_STARTING: Final = 1024
+CAPABILITIES: Final = 62319
 """Those of ArduPlane 4.7, though not all are emulated: ground stations recognise the family by them."""
-VERSION_4_7 = 4 << 24 | 7 << 16
-LOAD_PERMILLE = 200
-CRUISE_THROTTLE_PERCENT = 50
+VERSION_4_7: Final = 4 << 24 | 7 << 16
+LOAD_PERMILLE: Final = 200
+CRUISE_THROTTLE_PERCENT: Final = 50
 BATTERY_V, BATTERY_A, BATTERY_PERCENT = 12.4, 8.0, 95
 NO_CELLS, NO_TEMPERATURE, NOT_COUNTED = (math.nan,) * 9, 2**15 - 1, -1
 HDOP, SATELLITES = 70, 14
-UNKNOWN_DOP = 2**16 - 1
-SHORTEST_US = 1e6 / LOOP_HZ
-LONGEST_US = 60e6
+UNKNOWN_DOP: Final = 2**16 - 1
+SHORTEST_US: Final = 1e6 / LOOP_HZ
+LONGEST_US: Final = 60e6
 DEFAULT, STOP = 0.0, -1.0
 GROUPS: dict[int, tuple[int, ...]] = {
     m.MAV_DATA_STREAM_EXTENDED_STATUS: (
@@ -75,9 +75,9 @@ GROUPS: dict[int, tuple[int, ...]] = {
 }
 """What REQUEST_DATA_STREAM's groups consist of (ArduPilot documentation, "SRn_ parameters")."""
 STREAMED = tuple(message_id for group in GROUPS.values() for message_id in group)
-UNASKED = (m.MAVLINK_MSG_ID_HEARTBEAT, *STREAMED)
+UNASKED: Final = (m.MAVLINK_MSG_ID_HEARTBEAT, *STREAMED)
 """Messages that are streamed without a request, every `UNASKED_NS`."""
-UNASKED_NS = NANOSECONDS
+UNASKED_NS: Final = NANOSECONDS
 
 
 def heartbeat(v: Vehicle) -> Message:
@@ -145,7 +145,8 @@ def global_position_int(v: Vehicle) -> Message:
     """Return GLOBAL_POSITION_INT."""
     motion = v.sensed
     heading = motion.heading_rad % math.tau
-    return GlobalPositionInt(v.time_s, *_place(v), motion.height_m, *_velocity(motion), heading)
+    place = v.fleet.origin.from_ned(motion.north_m, motion.east_m, -motion.height_m)
+    return GlobalPositionInt(v.time_s, *place, motion.height_m, *_velocity(motion), heading)
 
 
 def nav_controller_output(v: Vehicle) -> Message:
@@ -201,12 +202,6 @@ def extended_sys_state(v: Vehicle) -> Message:
 def autopilot_version(_: Vehicle) -> Message:
     """Return AUTOPILOT_VERSION."""
     return AutopilotVersion(CAPABILITIES, VERSION_4_7)
-
-
-def _place(v: Vehicle) -> tuple[float, float, float]:
-    """Return latitude, longitude and altitude above sea level."""
-    motion = v.sensed
-    return v.fleet.origin.from_ned(motion.north_m, motion.east_m, -motion.height_m)
 
 
 def _velocity(motion: Motion) -> tuple[float, float, float]:

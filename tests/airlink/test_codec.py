@@ -146,7 +146,8 @@ def _base_fields(kind):
 def test_we_read_pymavlinks_frames(kind, data):
     wire, message = draw_message(data, kind)
     (frame,) = StreamParser().feed(source(kind)(**wire).pack(peer(sequence=200)))
-    assert frame[:5] == (7, 9, 200, CODECS[kind].layout.message_id, 2)
+    assert (frame.system, frame.component, frame.sequence, frame.version) == (7, 9, 200, 2)
+    assert frame.message_id == CODECS[kind].layout.message_id
     heard: Any = frame.message
     assert isinstance(heard, kind)
     for ours, expected in zip(heard, message, strict=True):

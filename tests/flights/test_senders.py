@@ -33,11 +33,11 @@ class Moving(Between):
     def receive(self, datagram: Datagram, now: Instant) -> None:
         count = len(self.fleet.vehicles)
         if self.moved == (datagram.socket >= count):
-            self.fleet.receive(datagram._replace(socket=datagram.socket % count), now)
+            self.fleet.receive(Datagram(datagram.socket % count, datagram.peer, datagram.data), now)
 
     def datagrams_to_send(self) -> list[Datagram]:
         shift = len(self.fleet.vehicles) if self.moved else 0
-        return [each._replace(socket=each.socket + shift) for each in super().datagrams_to_send()]
+        return [Datagram(each.socket + shift, each.peer, each.data) for each in super().datagrams_to_send()]
 
 
 class Echoing(Between):
@@ -66,7 +66,7 @@ class Routing(Between):
     def receive(self, datagram: Datagram, now: Instant) -> None:
         super().receive(datagram, now)
         if self.other and datagram.socket == 1:
-            self.other.receive(datagram._replace(socket=0), now)
+            self.other.receive(Datagram(0, datagram.peer, datagram.data), now)
 
     def handle_timer(self, now: Instant) -> None:
         super().handle_timer(now)
@@ -75,7 +75,7 @@ class Routing(Between):
 
     def datagrams_to_send(self) -> list[Datagram]:
         others = self.other.datagrams_to_send() if self.other else []
-        return [*super().datagrams_to_send(), *(each._replace(socket=1) for each in others)]
+        return [*super().datagrams_to_send(), *(Datagram(1, each.peer, each.data) for each in others)]
 
 
 def test_two_vehicles_with_one_id_are_not_taken_off() -> None:

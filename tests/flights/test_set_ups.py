@@ -40,17 +40,17 @@ class Router(Between):
 
     def receive(self, datagram: Datagram, now: Instant) -> None:
         for socket in range(len(self.fleet.vehicles)):
-            self.fleet.receive(datagram._replace(socket=socket), now)
+            self.fleet.receive(Datagram(socket, datagram.peer, datagram.data), now)
 
     def datagrams_to_send(self) -> list[Datagram]:
-        return [each._replace(socket=0) for each in super().datagrams_to_send()]
+        return [Datagram(0, each.peer, each.data) for each in super().datagrams_to_send()]
 
 
 class Rewriter(Between):
     """Whatever vehicles say is written anew, frame by frame."""
 
     def datagrams_to_send(self) -> list[Datagram]:
-        return [each._replace(data=self.rewrite(each.data)) for each in super().datagrams_to_send()]
+        return [Datagram(each.socket, each.peer, self.rewrite(each.data)) for each in super().datagrams_to_send()]
 
     def rewrite(self, data: bytes) -> bytes:
         raise NotImplementedError
@@ -103,7 +103,8 @@ class Crowded(Between):
         for each in super().datagrams_to_send():
             out.append(each)
             if each.data[HEADER_V2 - 3 : HEADER_V2] == b"\0\0\0":
-                out += [each._replace(data=writer.encode(beat)) for writer, beat in self._writers[each.socket]]
+                others = [writer.encode(beat) for writer, beat in self._writers[each.socket]]
+                out += [Datagram(each.socket, each.peer, data) for data in others]
         return out
 
 

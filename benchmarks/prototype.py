@@ -1,0 +1,230 @@
+"""Our flight beside a careful prototype in plain Python: pymavlink's messages with fastcrc, no law and no record.
+
+The prototype exchanges as many messages in the same directions: telemetry at 10 Hz, three setpoints a tick and their
+acknowledgements, heartbeats and what else is streamed once a second. Each datagram is one frame, which it decodes at
+once instead of byte by byte. Its vehicles fly equation (7) without limits; its ground station keeps the newest of each
+message, counts gaps and tells setpoints that depend on the position. Each round measures both, one after the other, in
+processes of their own, by the second half of a flight: start and end are taken out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+os.environ["MAVLINK20"] = "1"
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+import gcs_formation
+from benchmarks.scale import scenario
+from benchmarks.tables import markdown
+
+COUNTS = (4, 100)
+ROUNDS = 3
+CYCLES = 50
+"""Of a vehicle's main loop, a second."""
+PERIOD = 5
+"""Cycles between ticks."""
+SPEED = dialect.MAV_CMD_GUIDED_CHANGE_SPEED
+HEIGHT = dialect.MAV_CMD_GUIDED_CHANGE_ALTITUDE
+HEADING = dialect.MAV_CMD_GUIDED_CHANGE_HEADING
+HEAD = ("vehicles,", "prototype, ms", "its frames,", "ours, ms", "our frames,", "times as fast,", "least and most,")
+"""Milliseconds of processor time a simulated second; frames a vehicle and second."""
+SLOW_STREAMS = 12
+"""Messages that a vehicle sends once a second, heartbeats included."""
+E7 = 1e7 / 6_378_137.0 * 180.0 / math.pi
+
+
+class End:
+    """One end of a link: messages to frames, and frames to messages with their gaps counted."""
+
+    def __init__(self, system: int) -> None:
+        self._link: Any = dialect.MAVLink(None, srcSystem=system, srcComponent=1)
+        self._heard, self.lost = -1, 0
+
+    def encode(self, message: Any) -> bytes:  # noqa: ANN401 - pymavlink has no types
+        """Return a frame."""
+        raw: bytes = message.pack(self._link)
+        self._link.seq = (self._link.seq + 1) & 0xFF
+        return raw
+
+    def decode(self, raw: bytes) -> Any:  # noqa: ANN401
+        """Return a frame's message."""
+        message = self._link.decode(bytearray(raw))
+        sequence = message.get_seq()
+        self.lost += (sequence - self._heard - 1) & 0xFF if self._heard >= 0 else 0
+        self._heard = sequence
+        return message
+
+
+class PrototypeVehicle:
+    """Flies equation (7) in steps of 20 ms, tells its state, and acknowledges what it is told."""
+
+    def __init__(self, system: int) -> None:
+        self.end = End(system)
+        self.north_m = -30.0 * system
+        self.east_m, self.height_m, self.climb_mps, self.speed_mps, self.heading_rad = 0.0, 200.0, 0.0, 22.0, 0.0
+        self.told_mps, self.told_rad, self.told_m = 22.0, 0.0, 200.0
+        step_s = 1.0 / CYCLES
+        self._kept = math.exp(-step_s / 4.0), math.exp(-step_s / 1.5)
+
+    def fly(self) -> None:
+        """Move on by a cycle."""
+        step_s, (speed_kept, heading_kept) = 1.0 / CYCLES, self._kept
+        self.speed_mps = self.told_mps + (self.speed_mps - self.told_mps) * speed_kept
+        off_rad = (self.heading_rad - self.told_rad + math.pi) % math.tau - math.pi
+        self.heading_rad = self.told_rad + off_rad * heading_kept
+        self.climb_mps += step_s * ((self.told_m - self.height_m) / 3.0 - self.climb_mps * 4.0 / 3.0)
+        self.height_m += self.climb_mps * step_s
+        self.north_m += self.speed_mps * math.cos(self.heading_rad) * step_s
+        self.east_m += self.speed_mps * math.sin(self.heading_rad) * step_s
+
+    def tell(self, cycle: int) -> list[bytes]:
+        """Return position, attitude and airspeed, each tick; what is streamed slowly, each second."""
+        now_ms, cos, sin = cycle * 20, math.cos(self.heading_rad), math.sin(self.heading_rad)
+        height_mm, speed = round(self.height_m * 1e3), self.speed_mps
+        place = round(35e7 + self.north_m * E7), round(125e7 + self.east_m * E7)
+        velocity = round(speed * cos * 100), round(speed * sin * 100), round(-self.climb_mps * 100)
+        degrees = math.degrees(self.heading_rad) % 360.0
+        messages = [
+            dialect.MAVLink_global_position_int_message(
+                now_ms, *place, height_mm, height_mm, *velocity, round(degrees * 100) % 36000
+            ),
+            dialect.MAVLink_attitude_message(now_ms, 0.0, 0.0, self.heading_rad, 0.0, 0.0, 0.0),
+            dialect.MAVLink_vfr_hud_message(speed, speed, round(degrees) % 360, 50, self.height_m, self.climb_mps),
+        ]
+        if cycle % CYCLES == 0:
+            messages += [dialect.MAVLink_heartbeat_message(1, 3, 217, 15, 4, 3) for _ in range(SLOW_STREAMS)]
+        return [self.end.encode(each) for each in messages]
+
+    def take(self, raw: bytes) -> bytes | None:
+        """Take a setpoint, and return its acknowledgement; None for anything else."""
+        told = self.end.decode(raw)
+        if told.get_msgId() != dialect.MAVLINK_MSG_ID_COMMAND_INT:
+            return None
+        if told.command == SPEED:
+            self.told_mps = told.param2
+        elif told.command == HEIGHT:
+            self.told_m = told.z
+        elif told.command == HEADING:
+            self.told_rad = math.radians(told.param2)
+        return self.end.encode(dialect.MAVLink_command_ack_message(told.command, 0, 0, 0, 255, 190))
+
+
+class PrototypeStation:
+    """Keeps the newest of each vehicle's messages, and tells it three setpoints a tick."""
+
+    def __init__(self, count: int) -> None:
+        self.ends = [End(255) for _ in range(count)]
+        self.newest: list[dict[int, Any]] = [{} for _ in range(count)]
+
+    def take(self, index: int, raw: bytes) -> None:
+        """Take a vehicle's frame."""
+        message = self.ends[index].decode(raw)
+        self.newest[index][message.get_msgId()] = message
+
+    def tick(self, index: int, cycle: int) -> list[bytes]:
+        """Return a vehicle's setpoints: back to its line, at its speed and height; a heartbeat each second."""
+        position = self.newest[index][dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT]
+        east_m = (position.lon - 125e7) / E7
+        degrees = math.degrees(-math.atan(east_m / 60.0)) % 360.0
+        messages = [
+            _command(index + 1, SPEED, 0.0, 22.0),
+            _command(index + 1, HEIGHT, 0.0, 0.0, z=200.0),
+            _command(index + 1, HEADING, 1.0, degrees),
+        ]
+        if cycle % CYCLES == 0:
+            messages.append(dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
+        return [self.ends[index].encode(each) for each in messages]
+
+
+def _command(system: int, command: int, param1: float, param2: float, z: float = 0.0) -> Any:  # noqa: ANN401
+    return dialect.MAVLink_command_int_message(system, 1, 0, command, 0, 0, param1, param2, 5.5, 0.0, 0, 0, z)
+
+
+def fly_prototype(count: int, duration_s: float) -> tuple[float, int]:
+    """Return processor seconds and frames of a flight of the prototype."""
+    vehicles, station, frames = [PrototypeVehicle(1 + index) for index in range(count)], PrototypeStation(count), 0
+    began = time.process_time()
+    for cycle in range(round(duration_s * CYCLES)):
+        for index, vehicle in enumerate(vehicles):
+            vehicle.fly()
+            if cycle % PERIOD == 0:
+                told = vehicle.tell(cycle)
+                for raw in told:
+                    station.take(index, raw)
+                orders = station.tick(index, cycle)
+                answers = [answer for raw in orders if (answer := vehicle.take(raw)) is not None]
+                for raw in answers:
+                    station.take(index, raw)
+                frames += len(told) + len(orders) + len(answers)
+    spent_s = time.process_time() - began
+    if any(end.lost for end in station.ends) or abs(vehicles[-1].height_m - 200.0) > 1.0:
+        raise RuntimeError("the prototype's own flight went wrong")
+    return spent_s, frames
+
+
+def fly_ours(count: int, duration_s: float) -> tuple[float, int]:
+    """Return processor seconds and frames of our flight: everything on, recorded."""
+    with tempfile.TemporaryDirectory() as out:
+        began = time.process_time()
+        figures = gcs_formation.run(scenario(count, duration_s), clock="virtual", out=str(Path(out) / "run")).to_dict()
+        spent_s = time.process_time() - began
+    return spent_s, sum(each["frames_in"] + each["frames_out"] for each in figures["links"].values())
+
+
+def rate(fly: Callable[[int, float], tuple[float, int]], count: int, duration_s: float) -> tuple[float, float]:
+    """Return processor time (ms) and frames a simulated second, by the second half of a flight twice as long."""
+    short_s, few = fly(count, duration_s)
+    long_s, many = fly(count, 2.0 * duration_s)
+    return (long_s - short_s) / duration_s * 1e3, (many - few) / duration_s / count
+
+
+def alone(fly: Callable[[int, float], tuple[float, int]], count: int, duration_s: float) -> tuple[float, float]:
+    """Measure in a process of its own."""
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        return pool.submit(rate, fly, count, duration_s).result()
+
+
+def main() -> None:
+    """Fly both in turn and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--counts", type=int, nargs="+", default=COUNTS)
+    parser.add_argument("--rounds", type=int, default=ROUNDS)
+    parser.add_argument("--seconds", type=float, default=200.0, help="simulated, of four vehicles; fewer of more")
+    given = parser.parse_args()
+    rows: list[list[str]] = []
+    for count in given.counts:
+        duration_s = max(5.0, given.seconds * 4 / count)
+        pairs = [
+            (alone(fly_prototype, count, duration_s), alone(fly_ours, count, duration_s)) for _ in range(given.rounds)
+        ]
+        ratios = sorted(theirs[0] / ours[0] for theirs, ours in pairs)
+        theirs, ours = (min(pair[side] for pair in pairs) for side in (0, 1))
+        found = [f"{theirs[0]:.2f}", f"{theirs[1]:.0f}", f"{ours[0]:.2f}", f"{ours[1]:.0f}"]
+        rows.append([str(count), *found, f"{ratios[len(ratios) // 2]:.2f}", f"{ratios[0]:.2f} to {ratios[-1]:.2f}"])
+        print(f"{count} vehicles measured", file=sys.stderr)
+    head = (
+        "vehicles,",
+        "prototype, ms",
+        "frames a vehicle,",
+        "ours, ms",
+        "frames a vehicle,",
+        "times as fast,",
+        "range,",
+    )
+    print(markdown(head, rows))
+
+
+if __name__ == "__main__":
+    main()
