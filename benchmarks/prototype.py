@@ -40,8 +40,8 @@ HEIGHT = dialect.MAV_CMD_GUIDED_CHANGE_ALTITUDE
 HEADING = dialect.MAV_CMD_GUIDED_CHANGE_HEADING
 HEAD = ("vehicles,", "prototype, ms", "its frames,", "ours, ms", "our frames,", "times as fast,", "least and most,")
 """Milliseconds of processor time a simulated second; frames a vehicle and second."""
-SLOW_STREAMS = 12
-"""Messages that a vehicle sends once a second, heartbeats included."""
+SLOW_DOWN, SLOW_UP = 15, 7
+"""Messages of a vehicle, and to it, once a second besides telemetry, setpoints and answers: as in our flight."""
 E7 = 1e7 / 6_378_137.0 * 180.0 / math.pi
 
 
@@ -104,7 +104,7 @@ class PrototypeVehicle:
             dialect.MAVLink_vfr_hud_message(speed, speed, round(degrees) % 360, 50, self.height_m, self.climb_mps),
         ]
         if cycle % CYCLES == 0:
-            messages += [dialect.MAVLink_heartbeat_message(1, 3, 217, 15, 4, 3) for _ in range(SLOW_STREAMS)]
+            messages += [dialect.MAVLink_heartbeat_message(1, 3, 217, 15, 4, 3) for _ in range(SLOW_DOWN)]
         return [self.end.encode(each) for each in messages]
 
     def take(self, raw: bytes) -> bytes | None:
@@ -134,7 +134,7 @@ class PrototypeStation:
         self.newest[index][message.get_msgId()] = message
 
     def tick(self, index: int, cycle: int) -> list[bytes]:
-        """Return a vehicle's setpoints: back to its line, at its speed and height; a heartbeat each second."""
+        """Return a vehicle's setpoints: back to its line, at its speed and height; what is slow, each second."""
         position = self.newest[index][dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT]
         east_m = (position.lon - 125e7) / E7
         degrees = math.degrees(-math.atan(east_m / 60.0)) % 360.0
@@ -144,7 +144,7 @@ class PrototypeStation:
             _command(index + 1, HEADING, 1.0, degrees),
         ]
         if cycle % CYCLES == 0:
-            messages.append(dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
+            messages += [dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3) for _ in range(SLOW_UP)]
         return [self.ends[index].encode(each) for each in messages]
 
 
