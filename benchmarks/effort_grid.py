@@ -29,8 +29,7 @@ from benchmarks.noise_grid import NOISE
 from benchmarks.tables import markdown
 from flight_model.arrays import Array
 from formation_scenario import Scenario
-from gcs_formation import parameters
-from gcs_formation.control import follower
+from gcs_formation.control import follower, laws
 from gcs_formation.control.follower import Pair
 from gcs_formation.control.mixer import Target, Triple
 from gcs_formation.estimation import estimator
@@ -38,7 +37,7 @@ from gcs_formation.record.figures_of_merit import setpoint_steps
 from gcs_formation.record.run_directory import TIMESERIES
 from gcs_formation.record.timeseries import read_parquet
 
-LAW_PARAMETERS = parameters.law_parameters
+LAW_PARAMETERS = laws.law_parameters
 STEADY_S, DISTURBED_S, END_S = 30.0, 60.0, 80.0
 D1 = [{"at_s": DISTURBED_S, "vehicles": "all", "velocity_mps": [0.6, 0.6, 0.0]}]
 CLEAN_MOST = (0.05, 0.25, 0.3, 1.5)
@@ -74,7 +73,7 @@ class Point(NamedTuple):
     def in_force(self) -> Generator[None]:
         """Fly by this point within the context."""
         with contextlib.ExitStack() as stack:
-            stack.enter_context(mock.patch.object(parameters, "law_parameters", self._law_parameters))
+            stack.enter_context(mock.patch.object(laws, "law_parameters", self._law_parameters))
             stack.enter_context(mock.patch.object(estimator, "UNMODELLED", self.walk * estimator.UNMODELLED))
             if self.differences:
                 stack.enter_context(mock.patch("gcs_formation.control.law.FollowerController", Differences))

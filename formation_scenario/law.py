@@ -15,6 +15,8 @@ Graph = Annotated[
 ]
 
 
+LawType = Literal["fuzzy_pid", "pid", "consensus"]
+"""`gcs_formation.control.laws` says what each is."""
 OF_THE_SET = derived("of the set that law.gains names")
 
 
@@ -92,9 +94,7 @@ class Consensus(Keys):
 class Law(Keys):
     """The control law and its parameters."""
 
-    type: Literal["fuzzy_pid", "pid", "consensus"] = Field(
-        default="fuzzy_pid", description="the law", examples=["consensus"]
-    )
+    type: LawType = Field(default="fuzzy_pid", description="the law", examples=["consensus"])
     rate_hz: Rate = Field(default=10.0, description="control ticks a second, Hz", examples=[20])
     delay_compensation: Flag = Field(default=True, description="predict the states over the links' delays")
     lag_estimation: Flag = Field(

@@ -20,6 +20,7 @@ from formation_scenario.formation import added
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation import parameters
 from gcs_formation.control.envelope import Envelope
+from gcs_formation.control.laws import law_kind
 from gcs_formation.control.situation import Decision, Lead, Situation
 from gcs_formation.estimation.estimator import STATES, Sample, StateEstimator
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoint, Setpoints
@@ -86,8 +87,8 @@ class FormationController:
         self._gains_change = 1.0 - math.exp(-self._dt_s / GAINS_CHANGE_S)
         self._columns = 1 + len(scenario.followers)
         self._model = parameters.autopilot_model(scenario)
-        self._law = parameters.law(scenario, self._model)
-        self._leader_amid = scenario.leader is None and self._law.commands_leader
+        self._law = law_kind(scenario).make(scenario, self._model)
+        self._leader_amid = scenario.leader is None and law_kind(scenario).mutual
         self._clearance = parameters.slot_clearance(scenario)
         self._history = SetpointHistory(scenario.law.rate_hz)
         self.lags = parameters.lag_estimator(scenario, self._history, self._model)

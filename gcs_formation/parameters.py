@@ -1,4 +1,4 @@
-"""Translates the scenario into the parameters of the law, the model and the guidance."""
+"""Translates the scenario into the parameters of estimation, model and guidance."""
 
 from __future__ import annotations
 
@@ -12,21 +12,15 @@ from formation_scenario.ground import FOLLOWER_SHARE, rise_bounds
 from formation_scenario.navigation import NoisyNavigation
 from formation_scenario.reconfiguration import column_models
 from formation_scenario.slot_motion import Course, SlotMotion, slot_needs
-from gcs_formation.control.consensus import ConsensusLaw, ConsensusParameters
-from gcs_formation.control.follower import LawParameters
-from gcs_formation.control.fuzzy_pid import Channel, FuzzyGainScheduler, GainRange, PidGains
-from gcs_formation.control.law import FormationLaw
-from gcs_formation.control.mixer import Mixer
-from gcs_formation.control.situation import Law
+from gcs_formation.control.laws import law_kind
 from gcs_formation.estimation import noise
-from gcs_formation.estimation.flight_state import AutopilotModels, Indices
+from gcs_formation.estimation.flight_state import AutopilotModels
 from gcs_formation.estimation.lags import LagEstimator
 from gcs_formation.estimation.noise import Declared
 from gcs_formation.estimation.projection import AsMeasured, Pairing, Prediction, Projection
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.guidance.leader import LeaderGuidance
 from gcs_formation.guidance.slots import SlotClearance
-from gcs_formation.stability import scenario_adjacency
 
 LEAST_OF_DECLARED = 0.25
 """Share of a declared noise below which its estimate doesn't go."""
@@ -40,53 +34,11 @@ GENTLEST_RPS = 0.01
 """Turns before the path are no gentler: what can't keep up there catches up on the run-in."""
 
 
-def law_parameters(scenario: Scenario) -> LawParameters:
-    """Return the fuzzy-PID law's constants."""
-    law = scenario.law
-    filter_s = max(law.derivative_filter_s, 1e-6)
-    speed, heading, height = (
-        Channel(PidGains(keys.kp, keys.ki, keys.kd, filter_s), keys.error_scale, keys.rate_scale, law.anti_windup_s)
-        for keys in (law.speed, law.heading, law.height)
-    )
-    return LawParameters(
-        mixer=Mixer(**law.mixer.model_dump()),
-        frame=scenario.formation.frame,
-        speed=speed,
-        heading=heading,
-        height=height,
-        gain_range=GainRange(law.fuzzy.base, law.fuzzy.span),
-        scheduler=FuzzyGainScheduler(law.fuzzy.tables) if law.type == "fuzzy_pid" else None,
-        gust_radps=law.disturbance_observer_radps,
-    )
-
-
-def consensus_parameters(scenario: Scenario) -> ConsensusParameters:
-    """Return the consensus law's constants, its graph in the order of the columns."""
-    keys = scenario.law.consensus
-    columns = member_columns(scenario)
-    weights = np.zeros((1 + len(scenario.followers),) * 2)
-    weights[np.ix_(columns, columns)] = scenario_adjacency(scenario)
-    return ConsensusParameters(keys.k1, keys.k2, keys.k3, weights, np.sort(columns), scenario.formation.frame)
-
-
-def member_columns(scenario: Scenario) -> Indices:
-    """Return the column of each vehicle in the scenario's order: the leader's is 0."""
-    followers = {vehicle.vehicle_id: 1 + i for i, vehicle in enumerate(scenario.followers)}
-    return np.array([followers.get(vehicle.vehicle_id, 0) for vehicle in scenario.vehicles], dtype=np.intp)
-
-
-def law(scenario: Scenario, model: AutopilotModels) -> Law:
-    """Return the scenario's law for vehicles of `model`."""
-    if scenario.law.type == "consensus":
-        return ConsensusLaw(consensus_parameters(scenario), model)
-    return FormationLaw(law_parameters(scenario), model)
-
-
 def projection(scenario: Scenario, history: SetpointHistory, model: AutopilotModels) -> Projection:
     """Return the projection from measured states to those that the law acts on."""
     if scenario.law.delay_compensation:
         return Prediction(history, model, scenario.telemetry.rate_hz)
-    return Pairing(scenario.law.rate_hz) if scenario.law.type == "consensus" else AsMeasured()
+    return Pairing(scenario.law.rate_hz) if law_kind(scenario).mutual else AsMeasured()
 
 
 def lag_estimator(scenario: Scenario, history: SetpointHistory, model: AutopilotModels) -> LagEstimator:

@@ -17,6 +17,7 @@ from formation_scenario.flight_time import planned_end_s
 from formation_scenario.gains import AUTO, by_design, figures
 from formation_scenario.ground import leader_path
 from gcs_formation.app.assembly import assembly, goes_round, split_errors, ways_s
+from gcs_formation.control.laws import law_kind
 from gcs_formation.controller import AHEAD_POINTS
 from gcs_formation.fleet.circling import GroundFloor
 from gcs_formation.mission.ending import OPENING_LIMIT_S
@@ -60,7 +61,7 @@ def refusal_report(error: ScenarioError) -> dict[str, Any]:
 
 def check_text(scenario: Scenario) -> str:
     """Return the same for a person: the resolved scenario, the graph, a line for every loop, the warnings."""
-    law_text = _consensus_text if scenario.law.type == "consensus" else _followers_text
+    law_text = _consensus_text if law_kind(scenario).mutual else _followers_text
     lines = [dump_scenario(scenario).rstrip(), "", *law_text(scenario)]
     lines.append(f"# loop delay as configured: {configured_loop_delay_s(scenario):.3f} s (sampling and hold included)")
     stood = ", ".join(f"{loop} {margin_s:.3f}" for loop, margin_s in mismatch_margins_s(scenario).items())
@@ -78,10 +79,10 @@ def check_text(scenario: Scenario) -> str:
 def configured_loop_delay_s(scenario: Scenario) -> float:
     """Return the longest loop delay, s, that the scenario's links cause at any time of the run.
 
-    Under the consensus law every loop waits for the latest state of all vehicles.
+    Under a mutual law every loop waits for the latest state of all vehicles.
     """
     rates = (scenario.telemetry.rate_hz, scenario.law.rate_hz)
-    if scenario.law.type == "consensus":
+    if law_kind(scenario).mutual:
         steps = [step for vehicle in scenario.vehicles for step in scenario.link_steps(vehicle)]
         ways = [(max(up for up, _ in map(ways_s, steps)), max(down for _, down in map(ways_s, steps)))]
     else:

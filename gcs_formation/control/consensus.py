@@ -78,8 +78,6 @@ class _Deviation:
 class ConsensusLaw:
     """The protocol of all vehicles, the leader among them. It remembers nothing between ticks."""
 
-    commands_leader = True
-
     def __init__(self, parameters: ConsensusParameters, model: AutopilotModels) -> None:
         """Take the graph and the (C,) autopilots."""
         self._parameters = parameters

@@ -15,8 +15,6 @@ from gcs_formation.guidance.leader import LeaderCommand
 class FormationLaw:
     """The law of all followers, with the state it keeps between ticks."""
 
-    commands_leader = False
-
     def __init__(self, parameters: LawParameters, model: AutopilotModels) -> None:
         """Start at rest; `model` has (C,) columns, and is read anew at every tick: its lags are learnt in flight."""
         self._model = model

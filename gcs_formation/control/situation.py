@@ -70,10 +70,6 @@ class Decision:
 class Law(Protocol):
     """A formation law, with the state it keeps between ticks."""
 
-    commands_leader: bool
-    """Whether a leader has a part in it, and is bound to the others as they are to it; the guidance alone steers it
-    otherwise."""
-
     def decide(self, situation: Situation, dt_s: float) -> Decision:
         """Return the setpoints of this tick, which is `dt_s` after the last one."""
         ...

@@ -12,6 +12,7 @@ from airlink.clock import Instant
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
 from formation_scenario import Scenario
+from gcs_formation.control.laws import law_kind
 from gcs_formation.estimation.noise import QUANTITIES, NoiseEstimate
 from gcs_formation.recorder import Detail, Note
 from gcs_formation.stability import LoopDelay, Usage, law_loops, loop_delay_s
@@ -69,7 +70,7 @@ class MarginWatch:
     def watch(self, now: Instant, leader: Vehicle | None, lags_off: Array) -> None:
         """Check every loop: report when it comes near its margin, and lower gains if the scenario asks for that.
 
-        Only the consensus law closes a loop around the vehicle that leads.
+        Only a mutual law closes a loop around the vehicle that leads.
 
         Args:
             now: the instant.
@@ -79,7 +80,7 @@ class MarginWatch:
         self._lags_off = lags_off
         for identity, axes in self._axes.items():
             vehicle = self._vehicles[identity]
-            if vehicle is leader and self._scenario.law.type != "consensus":
+            if vehicle is leader and not law_kind(self._scenario).mutual:
                 self._let_go(vehicle)
             else:
                 self._look(now, vehicle, axes)
@@ -114,7 +115,7 @@ class MarginWatch:
         """Return the delay of a vehicle's loops; without prediction, consensus waits for the latest of all states."""
         clock, law = self._vehicles[identity].clock, self._scenario.law
         down_s = self._vehicles[identity].down_s
-        if law.type == "consensus" and not law.delay_compensation:
+        if law_kind(self._scenario).mutual and not law.delay_compensation:
             down_s = float(np.fmax.reduce([self._vehicles[each].down_s for each in self._axes]))
         rates = self._scenario.telemetry.rate_hz, law.rate_hz
         up_s = 2.0 * clock.one_way_s - self._vehicles[identity].down_s

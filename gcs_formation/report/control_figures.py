@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Mask
 from formation_scenario.law import PidGains
+from gcs_formation.control.laws import law_kind
 from gcs_formation.record.figures_of_merit import setpoint_steps
 from gcs_formation.record.flight import Columns
 from gcs_formation.record.timeseries import CHANNELS
@@ -139,8 +140,9 @@ def _gain(axes: Axes, run: RunData, columns: Columns, gain: str, window: Mask) -
         shown = extremes(values, BUCKETS)
         label = f"{channel}: $k_p$ {nominal.kp:g}, $k_i$ {nominal.ki:g}/s, $k_d$ {nominal.kd:g} s"
         axes.plot(time_s[shown], values[shown], color=colour, lw=0.8, label=label)
-    if law.type == "fuzzy_pid":
-        low, high = law.fuzzy.base, law.fuzzy.base + law.fuzzy.span
+    gain_range = law_kind(run.scenario).gain_range(law)
+    if gain_range.span > 0.0:
+        low, high = gain_range.base, gain_range.base + gain_range.span
         axes.axhspan(low, high, color=GREY, alpha=0.12, lw=0, label="range of the fuzzy scheduler")
     span(axes, float(time_s[0]), float(time_s[-1]))
 

@@ -14,6 +14,7 @@ from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
 from formation_scenario import dump_scenario, ground_of
 from formation_scenario.environment import StepDisturbance
+from gcs_formation.control.laws import law_kind
 from gcs_formation.errors import RecordError
 from gcs_formation.record.run_directory import FIGURES, REPORT
 from gcs_formation.record.timeseries import GROUND
@@ -279,7 +280,7 @@ def _subtitle(run: RunData) -> str:
     scenario, count = run.scenario, len(run.scenario.followers)
     leader = "a leader" if run.leader else "a virtual leader"
     followers = f"{count} follower{'s' * (count != 1)}" if count else "no followers"
-    law = {"fuzzy_pid": "fuzzy PID", "pid": "PID", "consensus": "consensus"}[scenario.law.type]
+    law = law_kind(scenario).name
     prediction = "with" if scenario.law.delay_compensation else "without"
     parts = (
         f"{leader} and {followers}",

@@ -1,12 +1,12 @@
 """Delay margins: how much delay a loop closed over the link can have before it loses stability."""
 
+from formation_scenario.graph import as_adjacency, graph_adjacency, scenario_adjacency
 from gcs_formation.stability.consensus import (
     consensus_delay_margin,
     consensus_rightmost_root,
     ground_consensus_delay_margin,
     ground_consensus_loops,
 )
-from gcs_formation.stability.graphs import as_adjacency, graph_adjacency
 from gcs_formation.stability.law import (
     ConsensusMargins,
     FollowerMargins,
@@ -16,7 +16,6 @@ from gcs_formation.stability.law import (
     follower_loops,
     law_loops,
     law_margins,
-    scenario_adjacency,
     scenario_delay_margin,
     scenario_margins,
 )

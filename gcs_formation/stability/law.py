@@ -8,18 +8,15 @@ from dataclasses import dataclass
 from functools import cache
 
 from airlink.endpoint import VehicleId
-from flight_model.arrays import Array
-from formation_scenario import law as keys
 from formation_scenario.arrangement import planned_slots
+from formation_scenario.graph import scenario_adjacency
 from formation_scenario.model import Scenario
 from formation_scenario.vehicles import VehicleModel
+from gcs_formation.control.laws import law_kind
 from gcs_formation.control.mixer import TRAIL_S
 from gcs_formation.stability.consensus import ground_consensus_loops
-from gcs_formation.stability.graphs import as_adjacency
 from gcs_formation.stability.loops import (
-    FIXED_GAINS,
     SMALL_SIGNAL,
-    GainRange,
     Loop,
     LoopMargins,
     Mixer,
@@ -57,9 +54,10 @@ def scenario_margins(scenario: Scenario) -> ScenarioMargins:
     """Delay margins of the loops that a scenario's law closes around each follower.
 
     A follower's margin is the least over the slots that it has during the run, at the speed along the path. The
-    scenario's leader counts as a follower where another vehicle is to lead. Law `pid` keeps the nominal gains.
+    scenario's leader counts as a follower where another vehicle is to lead.
     """
-    gain_range = _gain_range(scenario.law)
+    kind = law_kind(scenario)
+    gain_range, nominal_gains = kind.gain_range(scenario.law), kind.nominal(scenario.law)
 
     @cache
     def axis(nominal: PidGains, plant: Plant) -> tuple[float, float]:
@@ -67,7 +65,7 @@ def scenario_margins(scenario: Scenario) -> ScenarioMargins:
 
     def margins(model: VehicleModel, x_rc_m: float) -> FollowerMargins:
         plants = _plants(scenario, model, x_rc_m)
-        axes = [axis(nominal, plant) for nominal, plant in zip(_nominal(scenario.law), plants, strict=True)]
+        axes = [axis(nominal, plant) for nominal, plant in zip(nominal_gains, plants, strict=True)]
         small_signal, worst = zip(*axes, strict=True)
         return FollowerMargins(LoopMargins(*small_signal), LoopMargins(*worst))
 
@@ -99,8 +97,9 @@ def _planned(scenario: Scenario) -> list[tuple[VehicleId, VehicleModel, list[flo
 
 
 def _loops(scenario: Scenario, model: VehicleModel, places_m: Sequence[float]) -> dict[str, tuple[Loop, ...]]:
-    gain_range = _gain_range(scenario.law)
-    gains = [gain_range.gains(nominal, SMALL_SIGNAL) for nominal in _nominal(scenario.law)]
+    kind = law_kind(scenario)
+    gain_range = kind.gain_range(scenario.law)
+    gains = [gain_range.gains(nominal, SMALL_SIGNAL) for nominal in kind.nominal(scenario.law)]
     plants = [_plants(scenario, model, x_rc_m) for x_rc_m in sorted(set(places_m))]
     return {
         axis: tuple(dict.fromkeys(Loop(pid, of_slot[i]) for of_slot in plants))
@@ -122,18 +121,6 @@ def _least_of_axes(margins: Sequence[LoopMargins]) -> LoopMargins:
         min((margin.y_s for margin in margins), default=none),
         min((margin.z_s for margin in margins), default=none),
     )
-
-
-def _gain_range(law: keys.Law) -> GainRange:
-    return GainRange(law.fuzzy.base, law.fuzzy.span) if law.type == "fuzzy_pid" else FIXED_GAINS
-
-
-def _nominal(law: keys.Law) -> tuple[PidGains, PidGains, PidGains]:
-    speed, heading, height = (
-        PidGains(gains.kp, gains.ki, gains.kd, law.derivative_filter_s)
-        for gains in (law.speed, law.heading, law.height)
-    )
-    return speed, heading, height
 
 
 def _plants(scenario: Scenario, model: VehicleModel, x_rc_m: float) -> tuple[Plant, Plant, Plant]:
@@ -166,7 +153,7 @@ class ConsensusMargins:
 
 def law_margins(scenario: Scenario) -> LawMargins:
     """Return the margins of the loops that the scenario's law closes: `consensus`, or x, y and z."""
-    if scenario.law.type == "consensus":
+    if law_kind(scenario).mutual:
         margin = {"consensus": consensus_margins(scenario).least()}
         return LawMargins(margin, margin)
     least = scenario_margins(scenario).least
@@ -182,18 +169,13 @@ def scenario_delay_margin(scenario: Scenario) -> float:
 def law_loops(scenario: Scenario, *, succession: bool = False) -> Mapping[VehicleId, Mapping[str, tuple[Loop, ...]]]:
     """Return, for each vehicle that the law commands, the loops it is part of, by the name of their margin.
 
-    The consensus law closes its loops around all vehicles at once, the leader among them; the others around the
+    A mutual law closes its loops around all vehicles at once, the leader among them; the others around the
     leader too once another leads, with `succession`.
     """
-    if scenario.law.type != "consensus":
+    if not law_kind(scenario).mutual:
         return follower_loops(scenario) | (leader_loops(scenario) if succession else {})
     loops = tuple(dict.fromkeys([*_axis_loops(scenario, "tau_v_s"), *_axis_loops(scenario, "tau_psi_s")]))
     return {vehicle.vehicle_id: {"consensus": loops} for vehicle in scenario.vehicles}
-
-
-def scenario_adjacency(scenario: Scenario) -> Array:
-    """Return the weights of the consensus graph, (N, N) in the order of the scenario's vehicles."""
-    return as_adjacency(scenario.law.consensus.graph, len(scenario.vehicles))
 
 
 def consensus_margins(scenario: Scenario) -> ConsensusMargins:

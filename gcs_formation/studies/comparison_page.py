@@ -15,6 +15,7 @@ from matplotlib.ticker import FuncFormatter
 
 from formation_scenario import Problem, ScenarioError
 from formation_scenario.errors import did_you_mean
+from gcs_formation.control import laws
 from gcs_formation.errors import RecordError
 from gcs_formation.record.figures_of_merit import SETTLED_M
 from gcs_formation.report.geometry import extremes
@@ -34,22 +35,12 @@ from gcs_formation.report.style import (
 from gcs_formation.report.time_axes import BUCKETS, draw_marks, span
 from gcs_formation.studies.comparison import Comparison, Line, Row, Window
 
-COMPENSATED = "law.delay_compensation=true"
-UNCOMPENSATED = "law.delay_compensation=false"
-PID = "law.type=pid"
-PRINTED = ("law.type=fuzzy_pid", "law.fuzzy.tables=printed")
-SYMMETRIC = ("law.type=fuzzy_pid", "law.fuzzy.tables=symmetric")
-CONSENSUS = "law.type=consensus"
-
+WAYS = (("", "law.delay_compensation=true"), ("_uncompensated", "law.delay_compensation=false"))
 LAWS: dict[str, tuple[str, ...]] = {
-    "pid": (PID, COMPENSATED),
-    "pid_uncompensated": (PID, UNCOMPENSATED),
-    "fuzzy_pid": (*PRINTED, COMPENSATED),
-    "fuzzy_pid_uncompensated": (*PRINTED, UNCOMPENSATED),
-    "fuzzy_pid_symmetric": (*SYMMETRIC, COMPENSATED),
-    "fuzzy_pid_symmetric_uncompensated": (*SYMMETRIC, UNCOMPENSATED),
-    "consensus": (CONSENSUS, COMPENSATED),
-    "consensus_uncompensated": (CONSENSUS, UNCOMPENSATED),
+    f"{law}{variant}{way}": (f"law.type={law}", *overrides, compensated)
+    for law, kind in laws.LAWS.items()
+    for variant, overrides in kind.variants
+    for way, compensated in WAYS
 }
 """Overrides in the manner of `--set`; gains stay the scenario's, and the consensus law has its own."""
 LABELS = ("forward |error| $x$, m", "right |error| $y$, m", "height |error| $z$, m")

@@ -1,0 +1,73 @@
+"""Communication graphs as weighted adjacency matrices: entry (p, q) is positive when p hears q."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from flight_model.arrays import Array
+from formation_scenario.model import Scenario
+
+Graph = str | npt.ArrayLike
+
+GRAPH_NAMES = ("star", "path", "ring", "complete")
+
+
+def graph_adjacency(name: str, count: int) -> Array:
+    """Unit-weight undirected graph of a name; vehicle 0 is the centre of the star and an end of the path.
+
+    Args:
+        name: star | path | ring | complete.
+        count: number of vehicles, at least 1.
+
+    Returns:
+        Symmetric (count, count) matrix of zeros and ones.
+
+    Raises:
+        ValueError: unknown name or no vehicle.
+    """
+    if count < 1:
+        raise ValueError(f"a graph of {count} vehicles: at least 1 is needed")
+    p, q = np.indices((count, count))
+    distance = np.abs(p - q)
+    edges = {
+        "star": np.minimum(p, q) == 0,
+        "path": distance == 1,
+        "ring": (distance == 1) | (distance == count - 1),
+        "complete": np.full((count, count), True),
+    }
+    if name not in edges:
+        raise ValueError(f"graph {name!r}: one of {', '.join(GRAPH_NAMES)} is allowed")
+    return (edges[name] & (distance > 0)).astype(np.float64)
+
+
+def as_adjacency(graph: Graph, count: int | None = None) -> Array:
+    """Adjacency matrix of a graph given by name or by its weights.
+
+    Args:
+        graph: a name that `graph_adjacency` knows, or square weights, entry (p, q) > 0 when p hears q.
+        count: number of vehicles; needed with a name.
+
+    Returns:
+        (n, n) weights.
+
+    Raises:
+        ValueError: unknown name; not square, not of `count` vehicles, a weight negative or not finite.
+    """
+    if isinstance(graph, str):
+        if count is None:
+            raise ValueError(f"graph {graph!r} needs the number of vehicles")
+        return graph_adjacency(graph, count)
+    weights = np.asarray(graph, dtype=np.float64)
+    if weights.size == 0 or weights.shape != (len(weights), len(weights)):
+        raise ValueError(f"adjacency of shape {weights.shape}: a square matrix is needed")
+    if count is not None and len(weights) != count:
+        raise ValueError(f"adjacency of {len(weights)} vehicles: {count} are flying")
+    if not np.all(np.isfinite(weights) & (weights >= 0.0)):
+        raise ValueError("adjacency weights must be finite and not negative")
+    return weights
+
+
+def scenario_adjacency(scenario: Scenario) -> Array:
+    """Return the weights of the consensus graph, (N, N) in the order of the scenario's vehicles."""
+    return as_adjacency(scenario.law.consensus.graph, len(scenario.vehicles))
