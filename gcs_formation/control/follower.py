@@ -27,13 +27,13 @@ from gcs_formation.control.mixer import (
     slot_target,
 )
 
-SLEW: Final[tuple[float, float]] = (1.6, 1.04)
+SLEW = (1.6, 1.04)
 """How fast corrections of speed and heading grow at most, as a share of the vehicle's own limits."""
 GUST_SIGMAS: Final = 3.0
 """Standard deviations of the wind's estimate below which a change of it isn't led."""
 SWING_S: Final = 0.6
 """Time aside of the leader at which the heading's loop has half its bandwidth, in the follower's own frame."""
-NOTHING: Final[Triple] = (math.nan, math.nan, math.nan)
+NOTHING: Triple = (math.nan, math.nan, math.nan)
 
 
 @dataclass(frozen=True)
