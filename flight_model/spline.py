@@ -1,6 +1,6 @@
 """The cubic spline through points, of natural ends, by B-splines (equations 35 and 36).
 
-`scipy.interpolate.make_interp_spline` gives the same to the bit; importing it takes longer than reading a scenario.
+`scipy.interpolate.make_interp_spline` gives the same; importing it takes longer than reading a scenario.
 """
 
 from __future__ import annotations
@@ -8,7 +8,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solve_banded
 
 from flight_model.arrays import Array, Indices
 
@@ -33,18 +32,42 @@ def spline_through(parameters: Array, points: Array) -> CubicSpline:
     """Return the splines through points (n, columns) at rising parameters (n,), their ends without curvature."""
     knots = np.concatenate((np.full(DEGREE, parameters[0]), parameters, np.full(DEGREE, parameters[-1])))
     count, none = len(points) + 2, np.zeros((1, points.shape[1]))
+    begin, end = parameters[:1], parameters[-1:]
     conditions = (
-        _basis(knots, parameters[:1], 2),
-        _basis(knots, parameters, 0),
-        _basis(knots, parameters[-1:], 2),
+        _basis(knots, begin, 0),
+        _basis(knots, begin, 2),
+        _basis(knots, parameters[1:-1], 0),
+        _basis(knots, end, 2),
+        _basis(knots, end, 0),
     )
     first = np.concatenate([condition[0] for condition in conditions])
-    bands = np.zeros((2 * DEGREE + 1, count))
+    bands, rows = np.zeros((count, 2 * DEGREE + 1)), np.arange(count)
     for i in range(DEGREE + 1):
-        rows = np.arange(count)
-        bands[DEGREE + rows - first - i, first + i] = np.concatenate([basis[i] for _, basis in conditions])
-    known = np.concatenate((none, points, none))
-    return CubicSpline(knots, np.asarray(solve_banded((DEGREE, DEGREE), bands, known), dtype=np.float64))
+        bands[rows, DEGREE + first + i - rows] = np.concatenate([basis[i] for _, basis in conditions])
+    return CubicSpline(knots, _solved(bands, np.concatenate((points[:1], none, points[1:-1], none, points[-1:]))))
+
+
+def _solved(bands: Array, known: Array) -> Array:
+    """Return the solution of a banded system, whose row k has its columns from k - 3 to k + 3 in `bands` (n, 7).
+
+    Gauss's elimination. A spline's conditions need no pivots (de Boor, A Practical Guide to Splines, 1978, chapter 13).
+    """
+    rows, values = bands.tolist(), known.copy()
+    count = len(rows)
+    for pivot, row in enumerate(rows):
+        for below in range(pivot + 1, min(pivot + DEGREE + 1, count)):
+            other, place = rows[below], DEGREE + pivot - below
+            share = other[place] / row[DEGREE]
+            if share != 0.0:
+                for i in range(DEGREE + 1):
+                    other[place + i] -= share * row[DEGREE + i]
+                values[below] -= share * values[pivot]
+    for pivot in reversed(range(count)):
+        row = rows[pivot]
+        for i in range(1, min(DEGREE, count - 1 - pivot) + 1):
+            values[pivot] -= row[DEGREE + i] * values[pivot + i]
+        values[pivot] /= row[DEGREE]
+    return values
 
 
 def _basis(knots: Array, parameters: Array, order: int) -> tuple[Indices, list[Array]]:

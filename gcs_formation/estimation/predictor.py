@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 
 from flight_model.arrays import Array, all_of, any_of, within, wrap
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates
@@ -141,7 +140,7 @@ class HeightSteps(NamedTuple):
         """
         slow, fast = np.maximum(model.tau_ha_s, model.tau_hb_s), np.minimum(model.tau_ha_s, model.tau_hb_s)
         slow_left = np.exp(-time_s / slow)
-        between_s = time_s * slow_left * scipy.special.exprel(time_s / slow - time_s / fast)
+        between_s = time_s * slow_left * _exprel(time_s / slow - time_s / fast)
         most_m = model.climb_max_mps * time_s
         fast_left = np.exp(-time_s / fast)
         return cls(slow, slow + fast, model.climb_max_mps, slow_left, fast_left, between_s, most_m, -most_m)
@@ -158,3 +157,9 @@ class HeightSteps(NamedTuple):
         climb_mps = self.fast_left[step] * push_mps - left_m / self.slow_s
         climbed_m, most_mps = within(left_m - error, self.least_m[step], self.most_m[step]), self.climb_max_mps
         return Height(height.height_m + climbed_m, within(climb_mps, -most_mps, most_mps))
+
+
+def _exprel(value: Array) -> Array:
+    """Return (e^x - 1) / x, 1 for 0. What scipy's does; importing it takes longer than a tick."""
+    none = value == 0.0
+    return np.where(none, 1.0, np.expm1(value) / np.where(none, 1.0, value))

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 
 from airlink.clock import NANOSECONDS, Instant, seconds_between
 from flight_model.arrays import Array, Instants, Mask, all_of, any_of, or_zero, within, wrap
@@ -311,5 +310,5 @@ def _nearest_m(slots_m: Array) -> float:
     """Return the distance of the two nearest slots; infinite for one."""
     if len(slots_m) < 2:
         return float("inf")
-    distances, _ = scipy.spatial.cKDTree(slots_m).query(slots_m, k=2)
-    return float(np.asarray(distances)[:, 1].min())
+    one, other = np.triu_indices(len(slots_m), 1)
+    return float(np.linalg.norm(slots_m[one] - slots_m[other], axis=1).min())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 from bisect import bisect_left
 from collections.abc import Sequence
@@ -11,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import expm
 
 from flight_model.arrays import Array
 from gcs_formation.stability.loops import Loop, Plant, Rational, delay_margin
@@ -83,8 +83,16 @@ def predicted_mismatch_margin(loop: Loop, nominal_delay_s: float) -> MismatchMar
 
 @cache
 def carried(plant: Plant, delay_s: float) -> tuple[complex, complex]:
-    """Return the row c exp(A T) that takes a state to the output that it leaves after `delay_s`."""
-    first, second = np.array(plant.output) @ expm(np.array(plant.state) * delay_s)
+    """Return the row c exp(A T) that takes a state to the output that it leaves after `delay_s`.
+
+    Of two states: exp(A T) = exp(m T) (cosh(d T) I + sinh(d T) / d (A - m I)), m +- d being A's eigenvalues.
+    """
+    state, output = np.array(plant.state, dtype=np.complex128), np.array(plant.output)
+    mean = complex(np.trace(state)) / 2.0
+    apart = cmath.sqrt(mean**2 - complex(state[0, 0] * state[1, 1] - state[0, 1] * state[1, 0]))
+    sine_s = cmath.sinh(apart * delay_s) / apart if apart else complex(delay_s)
+    row = cmath.cosh(apart * delay_s) * output + sine_s * (output @ (state - mean * np.eye(2)))
+    first, second = cmath.exp(mean * delay_s) * row
     return complex(first), complex(second)
 
 

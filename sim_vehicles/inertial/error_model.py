@@ -12,7 +12,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import cho_solve, cholesky, solve_triangular
+import scipy
 
 from flight_model.arrays import Array
 from flight_model.earth import RATE_RADPS, gravity_mps2, radii_m
@@ -103,9 +103,9 @@ class ErrorFilter:
         """Process a measurement (M,) of `seen` (M, N) @ errors, with independent standard deviations (M,)."""
         across = self.covariance @ seen.T
         total = seen @ across + np.diag(sigmas**2)
-        root = cholesky(total, lower=True)
-        gain = cho_solve((root, True), across.T).T
+        root = scipy.linalg.cholesky(total, lower=True)
+        gain = scipy.linalg.cho_solve((root, True), across.T).T
         kept = np.eye(len(self.covariance)) - gain @ seen
         # Joseph's form stays symmetric and positive definite in spite of rounding.
         self.covariance = kept @ self.covariance @ kept.T + (gain * sigmas**2) @ gain.T
-        return Estimate(gain @ measured, solve_triangular(root, measured, lower=True))
+        return Estimate(gain @ measured, scipy.linalg.solve_triangular(root, measured, lower=True))

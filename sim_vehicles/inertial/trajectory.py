@@ -7,10 +7,11 @@ position and attitude.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, Self
+from collections.abc import Callable
+from typing import NamedTuple, Self, cast
 
 import numpy as np
-from scipy.interpolate import BSpline, make_interp_spline
+import scipy
 
 from flight_model.arrays import Array
 from flight_model.earth import ECCENTRICITY_SQUARED, RATE_RADPS, GeodeticOrigin, gravity_mps2, radii_m
@@ -55,7 +56,9 @@ class Trajectory:
         self.duration_s = duration_s
         self._first = rows[0].copy()
         # Differences from the start keep the digits that the Earth's radius would cost.
-        self._spline: BSpline = make_interp_spline(times_s, rows - self._first, k=DEGREE)
+        self._spline = cast(
+            "Callable[..., Array]", scipy.interpolate.make_interp_spline(times_s, rows - self._first, k=DEGREE)
+        )
 
     @classmethod
     def at_rest(cls, origin: GeodeticOrigin, heading_rad: float, duration_s: float) -> Self:

@@ -27,7 +27,8 @@ from gcs_formation.stability import (
     right_plant,
     worst_loop_margin,
 )
-from gcs_formation.stability.loops import Rational
+from gcs_formation.stability.loops import Plant, Rational
+from gcs_formation.stability.mismatch import carried
 
 MIXER = Mixer(k_v=0.1, k_x=1.0, k_psi=0.1, k_y=0.05, k_z=1.0)
 MODEL = VehicleModel(tau_v_s=4.0, tau_psi_s=1.5, tau_ha_s=1.0, tau_hb_s=3.0)
@@ -204,3 +205,11 @@ def test_prediction_saves_no_loop_that_is_unstable_without_delay():
 def test_a_gain_of_1_at_high_frequency_leaves_no_margin(gain: float, margin_s: float) -> None:
     """gain s / (s + 2): below 1 there is no crossover, and from 1 on the least delay destabilises."""
     assert delay_margin(Rational(np.array([gain, 0.0]), np.array([1.0, 2.0]))) == margin_s
+
+
+@pytest.mark.parametrize("state", [((0.0, 1.0), (0.0, -0.5)), ((-1.0, 3.0), (-2.0, 0.4)), ((-0.5, 1.0), (0.0, -0.5))])
+def test_a_state_is_carried_by_the_matrix_exponential(state: tuple[tuple[float, float], tuple[float, float]]) -> None:
+    """With two real poles, a pair, and a double one; scipy's expm is the peer."""
+    plant = Plant(state, (0.0, 1.0), (0.7 + 0.2j, -1.3 + 0.0j))
+    peer = np.array(plant.output) @ expm(np.array(state) * 0.8)
+    np.testing.assert_allclose(carried(plant, 0.8), peer, rtol=1e-12)
