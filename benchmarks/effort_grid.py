@@ -74,7 +74,8 @@ class Point(NamedTuple):
         """Fly by this point within the context."""
         with contextlib.ExitStack() as stack:
             stack.enter_context(mock.patch.object(laws, "law_parameters", self._law_parameters))
-            stack.enter_context(mock.patch.object(estimator, "UNMODELLED", self.walk * estimator.UNMODELLED))
+            walk = tuple(self.walk * each for each in estimator.UNMODELLED)
+            stack.enter_context(mock.patch.object(estimator, "UNMODELLED", walk))
             if self.differences:
                 stack.enter_context(mock.patch("gcs_formation.control.law.FollowerController", Differences))
             yield

@@ -105,8 +105,6 @@ class FormationController:
         self._lift_m = np.zeros(self._columns)
         self.heights_m: Array | None = None
         """(C,) heights that are commanded instead of the law's at the end of a flight; NaN where there is none."""
-        self.begin_regardless = False
-        """Whether to begin the path even if the formation isn't assembled."""
         self.estimator = StateEstimator(
             parameters.declared_noise(scenario),
             self._history,
@@ -128,11 +126,6 @@ class FormationController:
     def history(self) -> SetpointHistory:
         """The setpoints that were sent, and when each acts."""
         return self._history
-
-    @property
-    def assembled(self) -> bool:
-        """Whether every follower has been in its slot for a while."""
-        return self._in_slots_s >= ASSEMBLED_S or self.begin_regardless
 
     def hand_over(self, leader: int, swing_rad: float) -> None:
         """Make another column the leader; it heads `swing_rad` clockwise of the present one."""
@@ -165,7 +158,16 @@ class FormationController:
             motion = sample.airspeed_mps, sample.heading_rad, sample.height_m, sample.climb_mps
             self.lags.hear(column, sample.stamp, motion)
 
-    def step(self, now: Instant, mission_time_s: float, phase: str, links: Links) -> Tick:
+    def step(
+        self,
+        now: Instant,
+        mission_time_s: float,
+        phase: str,
+        links: Links,
+        margin_used: Array,
+        *,
+        begin_regardless: bool = False,
+    ) -> Tick:
         """Return this tick's setpoints and what led to them.
 
         Args:
@@ -173,11 +175,14 @@ class FormationController:
             mission_time_s: seconds since the leader started along its path, NaN before.
             phase: recorded with the tick.
             links: the way to every column.
+            margin_used: (C,) share of the delay margin that the loops use.
+            begin_regardless: begin the path even if followers haven't been in their slots for a while.
         """
+        assembled = self._in_slots_s >= ASSEMBLED_S or begin_regardless
         if self._scenario.leader is None:
             self._place_virtual_leader(now)
         acts = self._acts(now, links.up_s, links.lag_s)
-        tick = self.blank_tick(now, mission_time_s, phase, links)
+        tick = self.blank_tick(now, mission_time_s, phase, links, margin_used)
         self.lags.learn(tick.active & ~links.disobeying)
         self._history.add(SentSetpoints(acts, tick.setpoints))
         self.separation.changes, self.fence.changes = [], []
@@ -187,7 +192,7 @@ class FormationController:
             return tick
         measured = self._measured(tick.active, acts)
         states = self._projection.take(measured)
-        lead = self._steer_leader(tick, states)
+        lead = self._steer_leader(tick, states, assembled=assembled)
         if self._columns > 1:
             slots, commanded_m = self._over_ground(tick, states, lead)
             self._bandwidth = self._bandwidth + self._gains_change * (self.bandwidth - self._bandwidth)
@@ -205,7 +210,9 @@ class FormationController:
         self.last_tick = tick
         return tick
 
-    def blank_tick(self, now: Instant, mission_time_s: float, phase: str, links: Links) -> Tick:
+    def blank_tick(
+        self, now: Instant, mission_time_s: float, phase: str, links: Links, margin_used: Array | None = None
+    ) -> Tick:
         """Return a tick at which nothing is commanded yet, as `step`'s begins."""
         known = self.estimator.known
         blank = np.full((self._columns, CHANNELS), np.nan)
@@ -220,7 +227,7 @@ class FormationController:
             delay_s=links.delay_s,
             ways_s=links.ways_s,
             jitter_s=links.jitter_s,
-            margin_used=blank[:, 0].copy(),
+            margin_used=blank[:, 0].copy() if margin_used is None else margin_used.copy(),
             active=links.ready & known,
             airborne=links.airborne,
             yielding=np.zeros(self._columns, dtype=bool),
@@ -268,14 +275,14 @@ class FormationController:
     def _slots(self, now: Instant, mission_time_s: float) -> SlotMotion:
         return self.plan.at(now / NANOSECONDS, begun=mission_time_s >= 0)
 
-    def _steer_leader(self, tick: Tick, states: States) -> Lead:
+    def _steer_leader(self, tick: Tick, states: States, *, assembled: bool) -> Lead:
         leading = np.array([tick.leader])
         at = Instant(int(states.instants(leading)[0]))
         flown = states.of(leading, leading)
         tick.state.fill(leading, flown)
         state, model = flown.each()[0], self._model.each()[tick.leader]
         guided, rates = self._leader_wind.guided(state, (at - self.estimator.stamps[tick.leader]) / NANOSECONDS)
-        wanted = self.guidance.steer(guided, model, assembled=self.assembled)
+        wanted = self.guidance.steer(guided, model, assembled=assembled)
         if self._scenario.path.steps:
             steps = added(self._scenario.path.steps, tick.mission_time_s)
             wanted = Setpoint(*(each + step for each, step in zip(wanted, steps, strict=True)))

@@ -44,6 +44,8 @@ SAYS = frozenset({m.MAVLINK_MSG_ID_HEARTBEAT, m.MAVLINK_MSG_ID_TIMESYNC, m.MAVLI
 class Station:
     """Flies one scenario. Reads no clock and opens no socket; its record goes to the recorder."""
 
+    _late = False  # whether the time in which followers were to be in their slots is over
+
     def __init__(
         self,
         scenario: Scenario,
@@ -275,7 +277,7 @@ class Station:
 
     def _fly(self, now: Instant) -> None:
         controller = self.controller
-        controller.begin_regardless = self._waited_long_enough(now)
+        late = self._waited_long_enough(now)
         mission_s = self.flight.mission_time_s(now)
         opening = self.course.opening
         if opening is None:
@@ -284,8 +286,7 @@ class Station:
         links = self._dispatch.links(controller.plan.leader, self._conformance.doubted, now)
         if opening is not None:
             opening.steer(links, now)
-        tick = controller.step(now, mission_s, self.flight.phase.value, links)
-        tick.margin_used[:] = self.margins.used
+        tick = controller.step(now, mission_s, self.flight.phase.value, links, self.margins.used, begin_regardless=late)
         self._dispatch.take(tick, links.hold_s, now)
         self.last_tick = tick
         self._record(tick)
@@ -316,8 +317,9 @@ class Station:
         late = assembling and seconds_between(self.flight.since, now) > self.scenario.start.timeout_s
         if late and self.last_tick is not None and not self.last_tick.active[self.last_tick.leader]:
             self.course.fail(f"the leader was not there to follow within {self.scenario.start.timeout_s:g} s", now)
-        elif late and not self.controller.begin_regardless:
+        elif late and not self._late:
             self._reporter.event(now, "unassembled", "not every follower is in its slot, but the time for that is over")
+        self._late = late
         return late
 
     # What happens, and what is said about it.
