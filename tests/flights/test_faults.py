@@ -90,7 +90,7 @@ def test_a_restart_on_the_ground_is_left_to_the_pilot_until_it_flies_and_is_give
     world.fly_to(2.0)
     vehicle = world.vehicle(number)
     vehicle.pilot.condition = Condition.DISARMED
-    world.fleet.ground(number - 1)
+    vehicle.body.ground()
     vehicle.enter(Mode.MANUAL)
     world.strike(number, "restart")
     world.run(25.0)

@@ -223,7 +223,7 @@ def test_killed_while_they_take_off_those_in_the_air_go_on_and_nobody_else_is_ar
     world.network.run(lambda: world.vehicle(1).pilot.airborne and world.vehicle(2).pilot.airborne)
     vehicle = world.vehicle(3)
     vehicle.pilot.condition = Condition.DISARMED
-    world.fleet.ground(2)
+    vehicle.body.ground()
     flight.kill(2.0)
     flight.resume()
     world.run(60.0)
