@@ -46,6 +46,8 @@ class SetpointHistory:
         self.length = max(8, int(HISTORY_S * rate_hz))
         self._ticks: list[_Tick] = []
         self._newest: Setpoints | None = None
+        self._content = b""
+        """What has been taken of them."""
 
     @property
     def empty(self) -> bool:
@@ -58,7 +60,7 @@ class SetpointHistory:
         if len(self._ticks) == self.length:
             del self._ticks[0]
         self._ticks.append(_Tick(sent.acts.tolist()))
-        self._newest = sent.setpoints
+        self._newest, self._content = sent.setpoints, b""
 
     def predict(
         self, state: FlightStates, since: Instants, until: Instants, vehicles: Indices, model: AutopilotModels
@@ -132,6 +134,9 @@ class SetpointHistory:
         return np.maximum.accumulate(np.array([tick.acts for tick in ticks], dtype=np.int64)), told
 
     def _settle(self) -> None:
-        """Take the newest setpoints as they are filled in by now."""
+        """Take the newest setpoints as they are filled in by now, if that has changed."""
         if self._newest is not None:
-            self._ticks[-1].fill(*self._newest.table.tolist())
+            content = self._newest.table.tobytes()
+            if content != self._content:
+                self._content = content
+                self._ticks[-1].fill(*self._newest.table.tolist())

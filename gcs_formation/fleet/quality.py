@@ -177,8 +177,9 @@ class NoiseWatch:
 
     def watch(self, now: Instant, noise: NoiseEstimate) -> None:
         """Look once a second; of a vehicle whose noise is off, the quantity that is farthest off is named."""
+        of_all = noise.ratios
         for identity, column in self._columns.items():
-            ratios = noise.ratios[:, column]
+            ratios = of_all[:, column]
             worst = int(np.abs(np.log(ratios)).argmax())
             ratio, was_off = float(ratios[worst]), identity in self._off
             apart = max(ratio, 1.0 / ratio)
