@@ -140,7 +140,8 @@ def _followers(
     slowest = _limits(everyone, "speed_min_mps", free, unlimited=0.0)
     yield _Demand("speed", "m/s", speed / _limits(everyone, "speed_max_mps", free), speed, step)
     yield _Demand("speed", "m/s", slowest / np.maximum(speed, TOLERANCE), speed, step)
-    yield _Demand("turn", "rad/s of turn", turn / _limits(everyone, "turn_rate_max_rps", free), turn, step)
+    turns = [exempt or (who is not None and who.model.hovers) for who, exempt in zip(everyone, free, strict=True)]
+    yield _Demand("turn", "rad/s of turn", turn / _limits(everyone, "turn_rate_max_rps", turns), turn, step)
     yield _Demand("accel", "m/s² of acceleration", accel / _limits(everyone, "accel_max_mps2", free), accel, step)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,39 +17,11 @@ from formation_scenario.model import Scenario
 from formation_scenario.overrides import OPTION, apply_overrides
 from formation_scenario.resolve import resolve
 from formation_scenario.rules import inconsistencies
-from formation_scenario.source import Dumper, Key, KeyPath, Plain, Source, plain_mapping, read_file
+from formation_scenario.source import Dumper, Key, Plain, Source, plain_mapping, read_file
 from formation_scenario.vehicle_file import with_models
 from formation_scenario.vehicles import VehicleGroup
 
-EACH = "*"
-NOT_AVAILABLE: dict[tuple[str, ...], tuple[str, ...]] = {
-    ("vehicles", EACH, "autopilot"): ("arducopter",),
-    ("vehicles", "autopilot"): ("arducopter",),
-}
-AVAILABLE: dict[str, str] = {
-    "autopilot": "emulator, arduplane, px4",
-}
 ONE_VEHICLE: dict[Key, Plain] = {"id": 1, "role": "leader"}
-
-
-def unavailable(source: Source) -> dict[KeyPath, Problem]:
-    """Return the problem at every key whose value isn't available in this version."""
-    return {
-        path: source.problem(path, f"found '{value}', not available in this version", AVAILABLE[pattern[-1]])
-        for pattern, values in NOT_AVAILABLE.items()
-        for path, value in _matches(source.data, pattern)
-        if value in values
-    }
-
-
-def _matches(data: Plain, pattern: tuple[str, ...], above: KeyPath = ()) -> Iterator[tuple[KeyPath, Plain]]:
-    if not pattern:
-        yield above, data
-    elif pattern[0] == EACH and isinstance(data, list):
-        for index, item in enumerate(data):
-            yield from _matches(item, pattern[1:], (*above, index))
-    elif isinstance(data, dict) and pattern[0] in data:
-        yield from _matches(data[pattern[0]], pattern[1:], (*above, pattern[0]))
 
 
 def load_scenario(
@@ -98,7 +70,6 @@ def _plain(scenario: Scenario) -> dict[Key, Plain]:
 
 
 def _typed(source: Source) -> tuple[Scenario, Source]:
-    missing = unavailable(source)
     problems = _group_problems(source)
     if problems:
         # Check the rest as well, with a valid list in place of the group.
@@ -111,7 +82,6 @@ def _typed(source: Source) -> tuple[Scenario, Source]:
     except ValidationError as error:
         scenario = None
         problems = [*problems, *problems_of(error, Scenario, resolved)]
-    problems = [*missing.values(), *problems]
     if problems or scenario is None:
         raise ScenarioError(list(dict.fromkeys(problems)))
     return scenario, resolved

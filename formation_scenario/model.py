@@ -229,6 +229,11 @@ class Scenario(Keys):
         return next((vehicle for vehicle in self.vehicles if vehicle.role == "leader"), None)
 
     @property
+    def hovers(self) -> bool:
+        """Whether the vehicles hover: all do, or none."""
+        return all(vehicle.model.hovers for vehicle in self.vehicles)
+
+    @property
     def followers(self) -> tuple[Vehicle, ...]:
         """The vehicles that follow, in the scenario's order: the order of every slot array."""
         return tuple(vehicle for vehicle in self.vehicles if vehicle.role == "follower")

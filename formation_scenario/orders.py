@@ -49,7 +49,7 @@ def parse_order(text: str) -> Order:
         case "spacing", [_]:
             return Order(said, FormationChange(at_s=0.0, spacing_m=_spacing(rest)))
         case "speed", [number]:
-            return Order(said, speed_mps=_positive(number, "m/s"))
+            return Order(said, speed_mps=0.0 if _is_nought(number) else _positive(number, "m/s"))
         case "leader", [ref]:
             return Order(said, FormationChange(at_s=0.0, leader=_vehicle(ref)))
         case _:
@@ -76,6 +76,11 @@ def _positive(text: str, unit: str, most: float = 1000.0) -> float:
     if not 0.0 < value <= most:
         raise OrderError(f"found '{text}'; allowed: a number of {unit}, up to {most:g}")
     return value
+
+
+def _is_nought(text: str) -> bool:
+    """Return whether a number is 0: those that hover may stand."""
+    return text.removeprefix("0").removeprefix(".").strip("0") == "" and text.startswith("0")
 
 
 def _vehicle(ref: str) -> VehicleRef:

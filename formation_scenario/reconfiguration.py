@@ -34,7 +34,7 @@ ACCELERATION_SHARE = 0.5
 difference of speed to even out as well."""
 CLIMB_SHARE = 0.3
 """Share of the climb limit that a new leader uses on its way up or down to the path."""
-LEAST_S = 10.0
+LEAST_S, LEAST_MPS = 10.0, 1.0
 LEVEL_OUT_STEPS = 50
 """Steps of a lift beyond the end of that way: a kilometre to descend in."""
 
@@ -98,7 +98,7 @@ def take_over(
     Its turns are gentle enough for slots up to `reach_m` away to keep up. It continues the vehicle's climb; if a ground
     is given, it is lifted to clear it.
     """
-    speed, models = scenario.path.speed_mps, column_models(scenario)
+    speed, models = max(scenario.path.speed_mps, LEAST_MPS), column_models(scenario)
     turn_rps = TURN_SHARE * keepable_turn_rps(scenario, reach_m)
     slot_mps2 = ACCELERATION_SHARE * min(model.accel_max_mps2 for model in models)
     climb_mps = CLIMB_SHARE * min(model.climb_max_mps for model in models)

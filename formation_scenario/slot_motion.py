@@ -15,6 +15,8 @@ from flight_model.path import PathPoints
 from flight_model.slot import Slot
 from formation_scenario.formation import Frame
 
+STANDING_MPS = 1e-3
+"""What a lower speed counts as where it is divided by."""
 RAMP = 0.3
 """Share of a transition's time in which its speed ramps up, and again in which it ramps down."""
 
@@ -115,7 +117,7 @@ def slot_needs(course: Course, slots: SlotMotion, frame: Frame) -> SlotNeeds:
     if frame == "leader_heading":
         along, across = speed - turn * y + vx, turn * x + vy
         along_change, across_change = -bend * y - turn * vy + ax, bend * x + turn * vx + ay
-        total = np.hypot(along, across)
+        total = np.maximum(np.hypot(along, across), STANDING_MPS)
         swing = (along * across_change - across * along_change) / total**2
         change = (along * along_change + across * across_change) / total
         return SlotNeeds(total, change, turn + swing, *climb, np.arctan2(across, along))

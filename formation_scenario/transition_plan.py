@@ -63,7 +63,9 @@ class Limits:
         names = ("speed_min_mps", "speed_max_mps", "accel_max_mps2", "turn_rate_max_rps", "climb_max_mps", "tau_v_s")
         columns: list[Array] = [np.array([getattr(model, name) for model in models]) for name in names]
         lead = [model.tau_ha_s * model.tau_hb_s / (model.tau_ha_s + model.tau_hb_s) for model in models]
-        return cls(*columns, climb_lead_s=np.array(lead))
+        limits = cls(*columns, climb_lead_s=np.array(lead))
+        limits.turn_rate_max_rps[[model.hovers for model in models]] = np.inf
+        return limits
 
 
 @dataclass(frozen=True)

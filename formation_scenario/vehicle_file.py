@@ -18,7 +18,7 @@ from formation_scenario.vehicles import VehicleModel
 
 SUFFIXES = (".yaml", ".yml")
 MODELS = ("model", "true_model")
-FAMILIES = {"arduplane": "arduplane", "px4": "px4"}
+FAMILIES = {"arduplane": "arduplane", "arducopter": "arducopter", "px4": "px4"}
 """The shipped vehicle file of an autopilot family, for a vehicle without `model`."""
 SHIPPED = "aircraft"
 """Folder of the shipped files, inside this package."""

@@ -28,6 +28,7 @@ from formation_scenario.navigation import Navigation, TrueNavigation
 
 Lag = Annotated[Positive, Field(ge=0.04, le=100.0)]
 Angle = Annotated[Number, Field(ge=-85.0, le=85.0)]
+LeastSpeed = Annotated[Number, Field(ge=0.0, le=1e3)]
 BASE_PORT = 14550
 MAX_CLOCK_S = 4e6
 """MAVLink's time since boot, 32 bits of milliseconds, ends at 4.29e6 s."""
@@ -147,11 +148,19 @@ class VehicleModel(Keys):
     tau_psi_s: TimeConstant = Field(default=1.5, description="time constant of heading, s", examples=[3.4])
     tau_ha_s: TimeConstant = Field(default=1.0, description="first time constant of height, s", examples=[1.5])
     tau_hb_s: TimeConstant = Field(default=3.0, description="second time constant of height, s", examples=[2])
-    speed_min_mps: Speed = Field(default=16.0, description="lowest airspeed, m/s", examples=[14])
+    speed_min_mps: LeastSpeed = Field(
+        default=16.0, description="lowest airspeed, m/s; 0 only of what hovers", examples=[14]
+    )
     speed_max_mps: Speed = Field(default=28.0, description="highest airspeed, m/s", examples=[29])
     accel_max_mps2: Positive = Field(default=1.5, description="largest change of airspeed, m/s²", examples=[1])
     turn_rate_max_rps: Positive = Field(default=0.25, description="highest turn rate, rad/s", examples=[0.2])
     climb_max_mps: Speed = Field(default=3.0, description="highest climb and descent rate, m/s", examples=[4])
+    hovers: Flag = Field(
+        default=False,
+        description="whether it is a multirotor: it flies the velocity over ground that it is told, down to 0, in any "
+        "direction; tau_v_s is its lag in each, and airspeeds above are ground speeds",
+        examples=[True],
+    )
     airframe: EnergyAirframe | None = Field(
         default=None,
         description="emulators: the aircraft that flies where that isn't equation (7), which the keys above then only "
@@ -200,7 +209,7 @@ class VehicleCommon(Keys):
     model: Model = Field(
         default=VehicleModel(),
         description="its autopilot's lags, and its limits: keys, a vehicle file, or a shipped one by its name",
-        json_schema_extra=derived("the keys' own; with `autopilot: arduplane` or `px4`, the shipped file of that name"),
+        json_schema_extra=derived("the keys' own; with any `autopilot` but `emulator`, the shipped file of that name"),
     )
     true_model: Model | None = Field(
         default=None,
@@ -233,6 +242,13 @@ class Vehicle(VehicleCommon, VehicleIdentity):
     def vehicle_id(self) -> VehicleId:
         """Network and system id."""
         return VehicleId(self.network, self.id)
+
+
+def family_of(vehicle: VehicleCommon) -> str:
+    """Return the autopilot family that a vehicle speaks as; an emulator's is that of its model."""
+    if vehicle.autopilot != "emulator":
+        return vehicle.autopilot
+    return "arducopter" if vehicle.model.hovers else "arduplane"
 
 
 class VehicleGroup(VehicleCommon):

@@ -109,7 +109,7 @@ class FormationController:
             parameters.declared_noise(scenario),
             self._history,
             scenario.telemetry.rate_hz,
-            scenario.law.disturbance_observer_radps,
+            0.0 if scenario.hovers else scenario.law.disturbance_observer_radps,
         )
 
     @property

@@ -45,7 +45,7 @@ def lag_estimator(scenario: Scenario, history: SetpointHistory, model: Autopilot
     """Return what learns the vehicles' lags; `model` is given them unless the scenario wants it as it is."""
     rates_hz = scenario.telemetry.rate_hz, scenario.law.rate_hz
     estimator = LagEstimator(model, history, *rates_hz, in_use=scenario.law.lag_estimation)
-    estimator.lagging = np.array([each.airframe is None for each in column_models(scenario)])
+    estimator.lagging = np.array([each.airframe is None and not each.hovers for each in column_models(scenario)])
     return estimator
 
 

@@ -12,8 +12,9 @@ from sim_vehicles.airframe.disturbances import Disturbance, Turbulence
 from sim_vehicles.inertial.config import InertialConfig
 
 EPOCH_2020_US = 1_577_836_800_000_000
-EMULATED = ("emulator", "arduplane")
-"""The scenario's `autopilot` of vehicles that can be emulated; all of them speak as ArduPlane does."""
+EMULATED = ("emulator", "arduplane", "arducopter")
+"""The scenario's `autopilot` of vehicles that can be emulated; what hovers speaks as ArduCopter, others as
+ArduPlane."""
 
 
 class SimVehiclesError(Exception):

@@ -10,9 +10,11 @@ from airlink.engine import Datagram
 from flight_model.earth import GeodeticOrigin
 from sim_vehicles.airframe.body import Body
 from sim_vehicles.airframe.environment import Environment
+from sim_vehicles.airframe.hovering import HoveringBody
 from sim_vehicles.autopilot.clock import LOOP_S
 from sim_vehicles.config import FleetConfig
-from sim_vehicles.vehicle import Vehicle
+from sim_vehicles.copter import Copter
+from sim_vehicles.plane import Plane
 
 TruthListener = Callable[[Instant, "Fleet"], None]
 
@@ -28,12 +30,18 @@ class Fleet:
         """Boot every vehicle at `now`; `truth` is called after each cycle."""
         self.config = config
         self.origin = GeodeticOrigin(config.origin_lat_rad, config.origin_lon_rad, config.origin_alt_m)
-        self.bodies = [Body(vehicle, config.wind_mps, config.seed) for vehicle in config.vehicles]
+        self.bodies = [
+            (HoveringBody if vehicle.model.hovers else Body)(vehicle, config.wind_mps, config.seed)
+            for vehicle in config.vehicles
+        ]
         self.environment = Environment(config, self.bodies)
         self._truth = truth
         self.outbox: list[Datagram] = []
         self._next_turn = after(now, LOOP_S)
-        self.vehicles = [Vehicle(i, vehicle, self, now) for i, vehicle in enumerate(config.vehicles)]
+        self.vehicles = [
+            (Copter if vehicle.model.hovers else Plane)(i, vehicle, self, now)
+            for i, vehicle in enumerate(config.vehicles)
+        ]
 
     def endpoints(self) -> tuple[Endpoint, ...]:
         """Return each vehicle's own end of its link."""

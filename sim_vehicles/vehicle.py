@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final, assert_never
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, ClassVar, Final, assert_never
 
 from airlink import mavlink as m
 from airlink.clock import Instant, after, seconds_between
@@ -11,43 +13,53 @@ from airlink.endpoint import Address
 from airlink.frame import Frame
 from airlink.messages import Message
 from airlink.messages.command import CommandAck, CommandInt, CommandLong, RequestDataStream, SetMode
-from airlink.messages.mission import MissionAck, MissionItem, MissionItemInt, MissionItemReached
+from airlink.messages.mission import MissionAck, MissionItem, MissionItemInt
 from airlink.messages.system import MISSION_TIME, Heartbeat, NamedValueFloat, Statustext, Timesync
 from sim_vehicles.airframe.motion import Estimate, Motion
-from sim_vehicles.airframe.sensors import Sensors
+from sim_vehicles.airframe.steering import Steering
 from sim_vehicles.autopilot import commands
 from sim_vehicles.autopilot.clock import NEVER, UtcClock, VehicleClock
-from sim_vehicles.autopilot.mission_flight import MissionFlight
-from sim_vehicles.autopilot.missions import E7, Item, Missions, Sender
-from sim_vehicles.autopilot.modes import GroundStationFailsafe, Mode, Request, select
-from sim_vehicles.autopilot.parameters import ParameterServer, initial_values
+from sim_vehicles.autopilot.missions import Missions, Sender, home_of
+from sim_vehicles.autopilot.modes import FailsafeKeys, FlightMode, GroundStationFailsafe, Request
+from sim_vehicles.autopilot.parameters import ParameterServer
 from sim_vehicles.autopilot.pilot import Pilot
 from sim_vehicles.autopilot.storage import Storage
 from sim_vehicles.autopilot.telemetry import BUILDERS, Streams
-from sim_vehicles.config import Fault, SensorErrors, VehicleConfig
-from sim_vehicles.inertial.config import InertialConfig
-from sim_vehicles.inertial.navigator import InertialNavigator
+from sim_vehicles.config import Fault, VehicleConfig
 from sim_vehicles.link import Link
+from sim_vehicles.sensing import sensors_of
 
 if TYPE_CHECKING:
+    from sim_vehicles.autopilot.commands import Order
     from sim_vehicles.fleet import Fleet
 
 INITIALISING_S: Final = 1.0
 TIMESYNC_S: Final = 10.0
 MICROSECOND_NS: Final = 1000
-AUTO: Final = Mode.AUTO
 NOTICE, WARNING, CRITICAL = m.MAV_SEVERITY_NOTICE, m.MAV_SEVERITY_WARNING, m.MAV_SEVERITY_CRITICAL
 
 
-class Vehicle:
-    """An emulated ArduPlane: its link, modes and messages; its body flies."""
+class Vehicle(ABC):
+    """An emulated autopilot: its link, modes and messages; its body flies."""
+
+    mav_type: ClassVar[int]
+    unasked: ClassVar[tuple[int, ...]]
+    """Messages that it sends without a request."""
+    guided_mode: ClassVar[FlightMode]
+    ground_mode: ClassVar[FlightMode]
+    """On the ground, once it is up."""
+    boot_mode: ClassVar[FlightMode]
+    failsafe_keys: ClassVar[FailsafeKeys]
+    handlers: ClassVar[Mapping[int, Callable[[Any, Order], int]]]
+    """What carries out each command that it knows."""
 
     now: Instant
     streams: Streams
     failsafe: GroundStationFailsafe
     _up: Instant
     _next_timesync: Instant
-    _disarm_at: Instant
+    disarm_at: Instant
+    ignores: bool
     _clock: VehicleClock
     _utc: UtcClock
 
@@ -59,17 +71,16 @@ class Vehicle:
         self.body = fleet.bodies[index]
         self.wake = now
         """When its next cycle has something to do."""
-        self.parameters = ParameterServer(initial_values(config, fleet.config.cruise_mps))
-        self.pilot = Pilot(config, self.body.steering, self.parameters)
+        self.parameters = self.parameters_of(config)
+        self.pilot = self.pilot_of(config, self.body.steering)
         self.link = Link(index, config, fleet.outbox)
-        self.missions = Missions(self._home)
+        self.missions = Missions(lambda: home_of(config.start, fleet.origin))
         self._storage = Storage(self.parameters, self.missions)
-        self._mission_flight = MissionFlight(self.missions, self.pilot, self.parameters, fleet.origin)
-        self._sensors = _sensors(config, fleet)
+        self._sensors = sensors_of(config, fleet.origin, fleet.config.seed)
         self._asker = config.endpoint.address
         self._boot(now, config.clock_offset_s)
         if config.start.in_air:
-            self._come_up(Mode.GUIDED)
+            self._come_up(self.guided_mode)
 
     @property
     def time_ns(self) -> int:
@@ -98,10 +109,6 @@ class Vehicle:
         return not self.pilot.booting and (self.pilot.airborne or up_s >= self.fleet.config.ready_s)
 
     @property
-    def _flies_mission(self) -> bool:
-        return self.pilot.mode is AUTO and self.pilot.condition.armed
-
-    @property
     def motion(self) -> Motion:
         """How it moves."""
         return self.body.motion
@@ -109,9 +116,7 @@ class Vehicle:
     @property
     def sensed(self) -> Motion:
         """Its motion as its sensors measure it, for telemetry; its own control loops use the truth."""
-        motion, airspeed_mps = self.motion, self.body.shown_mps
-        if airspeed_mps is not None:
-            motion = motion._replace(airspeed_mps=airspeed_mps)
+        motion = self.body.shown()
         return motion if self._sensors is None else self._sensors.sense(motion, self.now)
 
     @property
@@ -132,19 +137,19 @@ class Vehicle:
             self.wake = NEVER
             return
         if self.pilot.booting and now >= self._up:
-            self._come_up(Mode.MANUAL)
+            self._come_up(self.ground_mode)
         for peer, frame in self.link.frames(now):
             self._asker = peer
             self._take(frame)
         if (self.pilot.taking_off or self.pilot.landing) and self.pilot.progress(self.motion):
-            self._tell_heartbeat()
+            self.tell_heartbeat()
             if not self.pilot.airborne:
-                self._disarm_at = after(now, self.parameters["LAND_DISARMDELAY"])
-        if now >= self._disarm_at:
-            self._disarm_at = NEVER
+                self.landed()
+        if now >= self.disarm_at:
+            self.disarm_at = NEVER
             self.disarm(force=False)
         self._watch_ground_station()
-        self._fly_mission()
+        self.follow_time()
         self._tell()
         self._plan()
 
@@ -158,52 +163,27 @@ class Vehicle:
                 self._frozen = not fault.ends
                 self.streams.leave_out(now)
             case "ignore":
-                self._ignores = not fault.ends
+                self.ignores = not fault.ends
             case "restart":
                 if self.pilot.request(Request.RESTART):
                     self._boot(now, 0.0)
             case "pilot":
                 if not self._frozen:
-                    self.switch(Mode.GUIDED if fault.ends else Mode[fault.mode])
+                    self.switch(self.guided_mode if fault.ends else self.mode_named(fault.mode))
             case _:
                 assert_never(fault.kind)
-
-    # What commands do to it.
-
-    def enter(self, mode: Mode) -> None:
-        """Change to a mode, unless it is in it already, and report it at once. Without a mission AUTO becomes RTL."""
-        if mode is Mode.AUTO and not self.missions.flyable:
-            mode = Mode.RTL
-        if mode is not self.pilot.mode:
-            if self.pilot.mode is Mode.AUTO:
-                self._mission_flight.pause()
-            self.pilot.enter(mode, self.motion)
-            self._begin_mission()
-            self._tell_heartbeat()
-
-    def switch(self, number: float) -> bool:
-        """Change to a mode by its number; return whether that was allowed. AUTOLAND needs the take-off's direction."""
-        mode = select(self.pilot.condition, number)
-        if mode is Mode.AUTOLAND and (not self.pilot.airborne or self.pilot.landing_rad is None):
-            flies = self.pilot.airborne
-            self._say(WARNING, "Takeoff initial direction not set" if flies else "Must already be flying!")
-            return False
-        if mode is not None:
-            self.enter(mode)
-        return mode is not None
 
     def arm(self, *, force: bool) -> bool:
         """Arm; refused before the vehicle is ready, unless forced."""
         if not self.ready and not force and self.parameters["ARMING_CHECK"]:
-            self._say(CRITICAL, "PreArm: AHRS: waiting for home")
+            self.say(CRITICAL, "PreArm: AHRS: waiting for home")
             return False
         self._set_utc()
         if not self.pilot.arm(self.motion):
             return False
-        self._begin_mission()
-        self._say(NOTICE, "Throttle armed")
-        self._tell_heartbeat()
-        self._broadcast(BUILDERS[m.MAVLINK_MSG_ID_HOME_POSITION](self))
+        self.say(NOTICE, "Throttle armed")
+        self.tell_heartbeat()
+        self.broadcast(BUILDERS[m.MAVLINK_MSG_ID_HOME_POSITION](self))
         return True
 
     def disarm(self, *, force: bool) -> bool:
@@ -213,40 +193,72 @@ class Vehicle:
         else:
             granted = self.pilot.request(Request.FORCE_DISARM if force else Request.DISARM)
         if granted:
-            self._say(NOTICE, "Throttle disarmed")
-            self._tell_heartbeat()
+            self.say(NOTICE, "Throttle disarmed")
+            self.tell_heartbeat()
         return granted
-
-    def go_to(self, lat_rad: float, lon_rad: float, height_m: float) -> None:
-        """Circle a position; a height that a setpoint has set is kept."""
-        north_m, east_m, _ = self.fleet.origin.to_ned(lat_rad, lon_rad, self.fleet.origin.alt_m)
-        if self.pilot.guided_by_setpoints:
-            height_m = self.body.steering.height_m
-        self.pilot.circle(north_m, east_m, height_m)
 
     def answer(self, message: Message | None) -> None:
         """Send a message to the peer that asked; nothing for None."""
         if message is not None:
             self.link.answer(self._asker, message)
 
-    # The protocol.
+    @property
+    def flies_mission(self) -> bool:
+        """Whether it flies by its stored mission."""
+        return False
+
+    @abstractmethod
+    def parameters_of(self, config: VehicleConfig) -> ParameterServer:
+        """Return its parameters."""
+
+    @abstractmethod
+    def pilot_of(self, config: VehicleConfig, steering: Steering) -> Pilot:
+        """Return who flies it."""
+
+    @abstractmethod
+    def enter(self, mode: FlightMode) -> None:
+        """Change to a mode, unless it is in it already, and report it at once."""
+
+    @abstractmethod
+    def switch(self, number: float) -> bool:
+        """Change to a mode by its number; return whether that was allowed."""
+
+    @abstractmethod
+    def mode_named(self, name: str) -> FlightMode:
+        """Return a mode by its name."""
+
+    @abstractmethod
+    def landed(self) -> None:
+        """Prepare to disarm: it has touched down."""
+
+    @abstractmethod
+    def follow_time(self) -> None:
+        """Do what is due by now in its mode."""
+
+    @abstractmethod
+    def fly_to(self, item: MissionItem | MissionItemInt) -> int:
+        """Fly at once to a position or a height that came as a mission item; return the MAV_MISSION_RESULT."""
+
+    def take_other(self, frame: Frame) -> bool:  # noqa: ARG002 - of the family's own there is none
+        """Take a message of the family's own; return whether it is one."""
+        return False
 
     def _boot(self, now: Instant, clock_offset_s: float) -> None:
         self.now = now
-        self._frozen = self._ignores = False
+        self._frozen = self.ignores = False
         self._clock = VehicleClock(now, clock_offset_s, self.config.clock_drift)
         self._utc = UtcClock(self._clock, self.fleet.config.utc_at_0_us, self.config.utc_error_s)
         self._up = after(now, INITIALISING_S)
         self._next_timesync = after(now, TIMESYNC_S)
-        self._disarm_at = NEVER
+        self.disarm_at = NEVER
         self.pilot.landing_rad = None
-        self.streams = Streams(now)
-        self.failsafe = GroundStationFailsafe(self.parameters)
+        self.streams = Streams(now, self.unasked)
+        self.failsafe = GroundStationFailsafe(self.parameters, self.failsafe_keys)
         self.link.restart()
         self.missions.restart()
-        self.pilot.mode = Mode.INITIALISING
+        self.pilot.mode = self.boot_mode
 
-    def _come_up(self, mode: Mode) -> None:
+    def _come_up(self, mode: FlightMode) -> None:
         self.pilot.request(Request.BOOTED)
         self.pilot.enter(mode, self.motion)
         if self.pilot.airborne:
@@ -265,7 +277,7 @@ class Vehicle:
         match message:
             case CommandInt() | CommandLong():
                 given = commands.order(message)
-                ignored = self._ignores and given.command in commands.ORDERS
+                ignored = self.ignores and given.command in commands.ORDERS
                 result = commands.ACCEPTED if ignored else commands.execute(self, given)
                 self.answer(CommandAck(message.command, result, 0, 0, frame.system, frame.component))
             case Timesync(tc1_ns=0):
@@ -275,13 +287,15 @@ class Vehicle:
             case RequestDataStream():
                 rate_hz = message.req_message_rate if message.start_stop else 0
                 self.streams.set_group(message.req_stream_id, rate_hz, self.now)
-            case SetMode() if not self._ignores and message.base_mode & m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
+            case SetMode() if not self.ignores and message.base_mode & m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
                 self.switch(message.custom_mode)
             case NamedValueFloat(name=name, value=value) if name == MISSION_TIME and math.isfinite(value):
                 self.fleet.environment.mission_told(value, self.now)
             case MissionItem() | MissionItemInt() if message.current in commands.AT_ONCE:
-                result = m.MAV_MISSION_ACCEPTED if self._ignores else commands.fly_to(self, message)
+                result = m.MAV_MISSION_ACCEPTED if self.ignores else self.fly_to(message)
                 self.answer(MissionAck(frame.system, frame.component, result))
+            case _ if self.take_other(frame):
+                pass
             case _:
                 sender = Sender(self._asker, frame.system, frame.component)
                 for answer in self._storage.answers(message, sender, self.now):
@@ -291,34 +305,16 @@ class Vehicle:
         """Return whether a message is for everyone or names us."""
         return getattr(message, "target_system", 0) in (0, self.config.identity.system)
 
-    def _home(self) -> Item:
-        """Return home as the mission's first item."""
-        start, origin = self.config.start, self.fleet.origin
-        lat_rad, lon_rad, alt_m = origin.from_ned(start.north_m, start.east_m, 0.0)
-        x, y = (round(math.degrees(each) * E7) for each in (lat_rad, lon_rad))
-        return Item(m.MAV_CMD_NAV_WAYPOINT, m.MAV_FRAME_GLOBAL, (0.0, 0.0, 0.0, 0.0), x, y, alt_m)
-
-    def _begin_mission(self) -> None:
-        if self._flies_mission:
-            self._mission_flight.resume()
-
-    def _fly_mission(self) -> None:
-        if self._flies_mission:
-            for seq in self._mission_flight.turn(self.motion, self.now):
-                self._broadcast(MissionItemReached(seq))
-            if self._mission_flight.over:
-                self.enter(Mode.RTL)
-
     def _watch_ground_station(self) -> None:
         mode = self.failsafe.strike(self.now)
         if mode is not None and self.pilot.airborne:
-            self._say(CRITICAL, "Failsafe. Long event on: GCS")
+            self.say(CRITICAL, "Failsafe. Long event on: GCS")
             self.enter(mode)
 
     def _tell(self) -> None:
         if self.now >= self._next_timesync:
             self._next_timesync = after(self.now, TIMESYNC_S)
-            self._broadcast(Timesync(0, self.time_ns))
+            self.broadcast(Timesync(0, self.time_ns))
         listed = self.parameters.next_of_list()
         if listed is not None:
             self.link.answer(*listed)
@@ -327,34 +323,25 @@ class Vehicle:
             for message in reminder[1]:
                 self.link.answer(reminder[0], message)
         for message_id in self.streams.take_due(self.now):
-            self._broadcast(BUILDERS[message_id](self))
+            self.broadcast(BUILDERS[message_id](self))
 
     def _plan(self) -> None:
         """Set when there is next something to do other than to read frames."""
-        if self.parameters.listing or self.pilot.taking_off or self.pilot.landing or self._flies_mission:
+        if self.parameters.listing or self.pilot.taking_off or self.pilot.landing or self.flies_mission:
             self.wake = self.now
             return
         up = self._up if self.pilot.booting else NEVER
-        waits = self.failsafe.deadline(), self.missions.next_due(), self._disarm_at
+        waits = self.failsafe.deadline(), self.missions.next_due(), self.disarm_at, self.pilot.silent_at
         self.wake = min(self.streams.next_due, self._next_timesync, up, self.link.next_arrival, *waits)
 
-    def _tell_heartbeat(self) -> None:
-        self._broadcast(BUILDERS[m.MAVLINK_MSG_ID_HEARTBEAT](self))
+    def tell_heartbeat(self) -> None:
+        """Send a HEARTBEAT now, to all peers."""
+        self.broadcast(BUILDERS[m.MAVLINK_MSG_ID_HEARTBEAT](self))
 
-    def _say(self, severity: int, text: str) -> None:
+    def say(self, severity: int, text: str) -> None:
         """Send a text for the operator to all peers."""
-        self._broadcast(Statustext(severity, text))
+        self.broadcast(Statustext(severity, text))
 
-    def _broadcast(self, message: Message) -> None:
+    def broadcast(self, message: Message) -> None:
+        """Send a message to all peers."""
         self.link.broadcast(message, self.now)
-
-
-def _sensors(config: VehicleConfig, fleet: Fleet) -> Sensors | InertialNavigator | None:
-    errors, own = config.sensors, (config.identity, fleet.config.seed)
-    match errors:
-        case SensorErrors():
-            return Sensors(errors, *own)
-        case InertialConfig():
-            return InertialNavigator(errors, fleet.origin, config.start.heading_rad, *own)
-        case None:
-            return None

@@ -78,4 +78,27 @@ class MessageInterval(NamedTuple):
     interval_us: int
 
 
-CommandMessage = CommandInt | CommandLong | CommandAck | SetMode | RequestDataStream | MessageInterval
+class SetPositionTargetLocalNed(NamedTuple):
+    """SET_POSITION_TARGET_LOCAL_NED (84): a setpoint of velocity and yaw; `type_mask` says which fields don't count."""
+
+    time_boot_s: float
+    target_system: int
+    target_component: int
+    coordinate_frame: int
+    type_mask: int
+    x_m: float = 0.0
+    y_m: float = 0.0
+    z_m: float = 0.0
+    vx_mps: float = 0.0
+    vy_mps: float = 0.0
+    vz_mps: float = 0.0
+    afx_mps2: float = 0.0
+    afy_mps2: float = 0.0
+    afz_mps2: float = 0.0
+    yaw_rad: float = 0.0
+    yaw_rate_radps: float = 0.0
+
+
+CommandMessage = (
+    CommandInt | CommandLong | CommandAck | SetMode | RequestDataStream | MessageInterval | SetPositionTargetLocalNed
+)

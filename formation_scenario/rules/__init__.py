@@ -12,6 +12,7 @@ RULES = (
     vehicles.roles,
     vehicles.endpoints,
     vehicles.speeds,
+    vehicles.hovering,
     events.references,
     events.disturbances,
     events.faults,

@@ -14,6 +14,9 @@ from formation_scenario.orders import parse_order
 from formation_scenario.source import KeyPath, Source
 from formation_scenario.vehicles import Vehicle, VehicleModel
 
+FIXED_WING = ("arduplane", "px4")
+LEAST_FLYING_MPS = 1e-3
+
 
 def identities(scenario: Scenario, source: Source) -> Iterator[Problem]:
     """Yield system ids that stand twice on one network."""
@@ -63,6 +66,30 @@ def speeds(scenario: Scenario, source: Source) -> Iterator[Problem]:
             path: KeyPath = ("vehicles", index, name, "speed_min_mps")
             allowed = f"at most speed_max_mps, {model.speed_max_mps:g}"
             yield source.problem(path, f"found {model.speed_min_mps:g}", allowed)
+
+
+def hovering(scenario: Scenario, source: Source) -> Iterator[Problem]:
+    """Yield what hovering vehicles can't be: of two kinds, or led by a law for what can't stand."""
+    for index, vehicle in enumerate(scenario.vehicles):
+        model, at = vehicle.model, ("vehicles", index)
+        if model.hovers and vehicle.autopilot in FIXED_WING:
+            yield source.problem((*at, "model", "hovers"), f"found true of {vehicle.autopilot}", "false")
+        elif not model.hovers and vehicle.autopilot == "arducopter":
+            yield source.problem((*at, "model", "hovers"), "found false of arducopter", "true")
+        elif not model.hovers and model.speed_min_mps < LEAST_FLYING_MPS:
+            found = f"found {model.speed_min_mps:g} of a vehicle that doesn't hover"
+            yield source.problem((*at, "model", "speed_min_mps"), found, f"{LEAST_FLYING_MPS:g} m/s or more")
+    if not any(vehicle.model.hovers for vehicle in scenario.vehicles):
+        return
+    if not scenario.hovers:
+        yield source.problem(
+            ("vehicles",), "found vehicles that hover and others that don't", "one kind in a formation"
+        )
+    if scenario.formation.frame != "leader_heading":
+        found = f"found {scenario.formation.frame} of vehicles that hover"
+        yield source.problem(("formation", "frame"), found, "leader_heading")
+    if scenario.law.type == "consensus":
+        yield source.problem(("law", "type"), "found consensus of vehicles that hover", "fuzzy_pid, pid")
 
 
 def one_vehicle(ref: VehicleRef, vehicles: tuple[Vehicle, ...], path: KeyPath, source: Source) -> Iterator[Problem]:

@@ -8,8 +8,10 @@ from typing import Any
 
 from airlink import mavlink as m
 from airlink.clock import RealClock
+from airlink.codec import wire_name
 from airlink.errors import PortError
-from airlink.messages.command import CommandInt
+from airlink.messages import Message
+from airlink.messages.command import CommandInt, CommandLong
 from airlink.udp import UdpDriver
 from formation_scenario import Scenario, slot_schedule
 from formation_scenario.arrangement import columns
@@ -76,7 +78,7 @@ def first_setpoints(scenario: Scenario) -> dict[str, tuple[Setpoint, Whereabouts
         east_m = start.east_m + forward_m * aside + right_m * ahead
         if vehicle is not None:
             told = Setpoint(scenario.path.speed_mps, start.course_rad, start.height_m + up_m)
-            found[str(vehicle.vehicle_id)] = told, Whereabouts(north_m, east_m, 0.0, 0.0)
+            found[str(vehicle.vehicle_id)] = told, Whereabouts(north_m, east_m, told.height_m, 0.0, 0.0)
     return found
 
 
@@ -85,7 +87,9 @@ def _messages(vehicle: Vehicle, setpoint: Setpoint, where: Whereabouts) -> Itera
     for step in autopilot.start_up(vehicle.rates_hz):
         if step.acts(seen) and not step.done(seen):
             yield from (_told("start", command, autopilot) for command in step.commands(seen))
-    yield from (_told(SETPOINTS, command, autopilot) for command in autopilot.setpoint(setpoint, where))
+    for message in autopilot.setpoint(setpoint, where):
+        command = isinstance(message, CommandLong | CommandInt)
+        yield _told(SETPOINTS, message, autopilot) if command else _sent(SETPOINTS, message)
     yield from (_told("end", command, autopilot) for command in autopilot.loiter(setpoint.height_m, seen))
 
 
@@ -103,6 +107,13 @@ def _told(when: str, command: Command, autopilot: Autopilot) -> dict[str, Any]:
         "command": named,
         "values": {name: _rounded(getattr(command, name)) for name in names},
     }
+
+
+def _sent(when: str, message: Message) -> dict[str, Any]:
+    """Return a message that is no command: its values in SI units, without those that are 0."""
+    values: dict[str, float] = message._asdict()
+    told = {name: _rounded(value) for name, value in values.items() if value and not name.startswith("target")}
+    return {"when": when, "message": wire_name(type(message)), "command": "", "values": told}
 
 
 def _rounded(value: float) -> float | None:

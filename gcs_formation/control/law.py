@@ -2,23 +2,56 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Protocol
+
 import numpy as np
 
 from flight_model.autopilot import AutopilotModel, FlightState, rate, within, wrap
 from gcs_formation.control.feed_forward import LeaderMotion
 from gcs_formation.control.follower import FollowerController, LawParameters, Pair
+from gcs_formation.control.mixer import Triple
 from gcs_formation.control.situation import Decision, Situation
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Indices, Setpoints
 from gcs_formation.guidance.leader import LeaderCommand
 
 
+class Controller(Protocol):
+    """The law of one follower, with the state it keeps between ticks and what it decided last."""
+
+    setpoint: Triple
+    error_m: Triple
+    mixed: Triple
+
+    @property
+    def gains(self) -> tuple[float, ...]:
+        """k_p of the three channels, k_i, k_d."""
+        ...
+
+    def decide(self, pair: Pair, dt_s: float) -> None:
+        """Compute the setpoint of this tick, which is `dt_s` after the last one."""
+        ...
+
+    def forget(self) -> None:
+        """Start again: it isn't commanded, or follows another leader."""
+        ...
+
+
 class FormationLaw:
     """The law of all followers, with the state it keeps between ticks."""
 
-    def __init__(self, parameters: LawParameters, model: AutopilotModels) -> None:
-        """Start at rest; `model` has (C,) columns, and is read anew at every tick: its lags are learnt in flight."""
+    def __init__(
+        self,
+        parameters: LawParameters,
+        model: AutopilotModels,
+        controller: Callable[[LawParameters], Controller] = FollowerController,
+    ) -> None:
+        """Start at rest, with a `controller` for each vehicle.
+
+        `model` has (C,) columns, and is read anew at every tick: its lags are learnt in flight.
+        """
         self._model = model
-        self._controllers = [FollowerController(parameters) for _ in model.tau_v_s]
+        self._controllers = [controller(parameters) for _ in model.tau_v_s]
         self._lead_by(0)
 
     def _lead_by(self, leader: int) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from gcs_formation.control.fuzzy_pid import FIXED_GAINS, Channel, FuzzyGainSched
 from gcs_formation.control.law import FormationLaw
 from gcs_formation.control.mixer import Mixer
 from gcs_formation.control.situation import Law
+from gcs_formation.control.velocity_law import VelocityController
 from gcs_formation.estimation.flight_state import AutopilotModels
 
 LEAST_FILTER_S = 1e-6
@@ -31,6 +32,12 @@ def nominal_gains(law: keys.Law) -> Nominal:
         for channel in (law.speed, law.heading, law.height)
     )
     return speed, heading, height
+
+
+def both_ways(law: keys.Law) -> Nominal:
+    """Return those of a law of velocities: across as along."""
+    speed, _, height = nominal_gains(law)
+    return speed, speed, height
 
 
 def fuzzy_range(law: keys.Law) -> GainRange:
@@ -71,6 +78,11 @@ def law_parameters(scenario: Scenario) -> LawParameters:
 def formation_law(scenario: Scenario, model: AutopilotModels) -> FormationLaw:
     """Return that law."""
     return FormationLaw(law_parameters(scenario), model)
+
+
+def velocity_law(scenario: Scenario, model: AutopilotModels) -> FormationLaw:
+    """Return that law for vehicles that hover."""
+    return FormationLaw(law_parameters(scenario), model, VelocityController)
 
 
 def consensus_law(scenario: Scenario, model: AutopilotModels) -> ConsensusLaw:
@@ -117,4 +129,5 @@ LAWS: dict[keys.LawType, LawKind] = {
 
 def law_kind(scenario: Scenario) -> LawKind:
     """Return what there is to know of the law that a scenario flies."""
-    return LAWS[scenario.law.type]
+    kind = LAWS[scenario.law.type]
+    return replace(kind, make=velocity_law, nominal=both_ways) if scenario.hovers and not kind.mutual else kind

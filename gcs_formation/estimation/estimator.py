@@ -38,7 +38,7 @@ LEVEL_VALUES: Final[tuple[int, ...]] = (0, 1, 3, 4, 6, 7)
 HEIGHT_VALUE: Final = 2
 CLIMB_VALUE: Final = 5
 LEAST_AIRSPEED_MPS: Final = 1.0
-"""What an airspeed below it is taken as: equations divide by it, and what flies has more."""
+"""What an airspeed below it is taken as: equations divide by it, and what can't hover has more."""
 UNMODELLED: Final[tuple[float, float, float]] = (0.05, 0.05, 0.003)
 """How far climb, airspeed (m/s) and heading (rad) stray from model (7) in a square root of a second."""
 UNCOMMANDED: Final[tuple[float, float, float]] = (1.0, 1.0, 0.3)
@@ -135,6 +135,7 @@ class VehicleFilter:
         self.noise.learn(unexplained, own)
         weighed, implausible = _weighed(difference, own, variances, elapsed_s)
         self._move(predicted, sensitivities, difference, weighed)
+        predicted.airspeed_mps = max(predicted.airspeed_mps, _least_mps(model))
         self.state, self.stamp = predicted, stamp
         self._residual = innovation(values, predicted)
         self._implausible = self._implausible + 1 if implausible else 0
@@ -153,7 +154,7 @@ class VehicleFilter:
         state.east_m += east
         state.height_m += up
         state.climb_mps += climb
-        state.airspeed_mps = max(state.airspeed_mps + speed, LEAST_AIRSPEED_MPS)
+        state.airspeed_mps += speed
         state.heading_rad = wrap(state.heading_rad + heading)
         state.wind_north_mps += wind_north
         state.wind_east_mps += wind_east
@@ -282,7 +283,7 @@ class StateEstimator:
         for column, sample in samples.items():
             each, stamp = self._filters[column], int(sample.stamp)
             values: list[float] = [*sample[1:]]
-            values[6] = max(values[6], LEAST_AIRSPEED_MPS)
+            values[6] = max(values[6], _least_mps(models[column]))
             if each.state is None or self._history.empty or (stamp - each.stamp) / NANOSECONDS > FORGOTTEN_S:
                 each.begin(values, stamp)
             else:
@@ -297,6 +298,11 @@ class StateEstimator:
         each = self._filters[column]
         assert each.state is not None
         self._table[:, column], self._stamps[column] = each.state.values(), each.stamp
+
+
+def _least_mps(model: AutopilotModel) -> float:
+    """Return what a smaller airspeed is taken as: 0 of what can stand."""
+    return min(LEAST_AIRSPEED_MPS, model.speed_min_mps)
 
 
 def _weighed(

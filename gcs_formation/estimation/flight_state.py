@@ -176,9 +176,10 @@ class Setpoint(NamedTuple):
 
 
 class Whereabouts(NamedTuple):
-    """Where a vehicle is when a setpoint acts, and the wind there: north and east of the scenario's origin."""
+    """Where a vehicle is when a setpoint acts, from the scenario's origin, and the wind there."""
 
     north_m: float
     east_m: float
+    height_m: float
     wind_north_mps: float
     wind_east_mps: float

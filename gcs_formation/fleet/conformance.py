@@ -295,12 +295,20 @@ class ConformanceMonitor:
 
     def _settled(self, vehicle: Vehicle, since: Instant, now: Instant) -> list[bool]:
         """Return which channels of a vehicle commanded `since` then have been acknowledged for long enough."""
+        if not vehicle.autopilot.setpoint_commands:
+            return _settled_unanswered(vehicle, since, now)
         runs = [vehicle.setpoints_taken[i].since(now, self._gap_s) for i in vehicle.autopilot.setpoint_commands]
         latest = after(now, -SETTLED_S)
         return [run is not None and max(since, run) <= latest for run in runs]
 
     def _at(self, column: int) -> Vehicle:
         return next(self._vehicles[identity] for identity, its in self._columns.items() if its == column)
+
+
+def _settled_unanswered(vehicle: Vehicle, since: Instant, now: Instant) -> list[bool]:
+    """Return the same of one that acknowledges no setpoint: it answers probes. What stands has any course."""
+    settled = vehicle.talks_on_s <= UNANSWERED_S and since <= after(now, -SETTLED_S)
+    return [settled, settled and not vehicle.autopilot.stands, settled]
 
 
 def _words(found: NonConformance) -> str:

@@ -26,7 +26,7 @@ from gcs_formation.vehicle.vehicle import Vehicle
 
 HOLD_MAX_S = 1.0
 """Longest time for which the leader's setpoints are held back."""
-WHEREABOUTS = [0, 1, 6, 7]
+WHEREABOUTS = [0, 1, 2, 6, 7]
 """Rows of a state's table that a setpoint's whereabouts are."""
 UNGUIDED_S = 2.0
 """For how long setpoints may be missing before a vehicle counts as left alone."""

@@ -13,6 +13,7 @@ from flight_model.slot import Slot
 from gcs_formation.estimation.flight_state import Setpoint
 from gcs_formation.estimation.setpoint_history import HISTORY_S
 from gcs_formation.guidance.tracking import (
+    LEAST_MPS,
     JoinRoute,
     MotionRates,
     Pose,
@@ -248,7 +249,7 @@ class LeaderGuidance:
             self.route, self.distance_m = self.path, abreast_m
             return
         begin = Pose(state.north_m, state.east_m, state.height_m, course)
-        slope = CLIMB_SHARE * self.climb_max_mps / self.speed_mps
+        slope = CLIMB_SHARE * self.climb_max_mps / max(self.speed_mps, LEAST_MPS)
         ways: list[tuple[float, JoinRoute, float]] = []
         for ahead in range(1, RETURNS + 1):
             to_m = abreast_m + ahead * self.hold_radius_m
@@ -274,5 +275,5 @@ class LeaderGuidance:
         course = math.atan2(*reversed(state.ground_mps()))
         begin = Pose(state.north_m, state.east_m, state.height_m, course)
         end = Pose(entry.north_m, entry.east_m, entry.height_m, entry.course_rad)
-        slope = CLIMB_SHARE * self.climb_max_mps / self.speed_mps
+        slope = CLIMB_SHARE * self.climb_max_mps / max(self.speed_mps, LEAST_MPS)
         self.route, self.distance_m = join(begin, end, self.hold_radius_m, slope), 0.0

@@ -13,6 +13,8 @@ from gcs_formation.estimation.flight_state import Setpoint
 BANDWIDTH_RADPS = 0.15
 """Bandwidth of the cross-track loop, well below the heading hold's 1/tau_psi."""
 INTERCEPT_MAX_RAD = math.radians(60.0)
+LEAST_MPS = 1.0
+"""What a lower speed along a route counts as, where it is divided by: what hovers may stand."""
 NEWTON_STEPS = 3
 NEAR_ENOUGH_M = 1e-9
 NEAREST_STEP_M = 10.0
@@ -99,7 +101,7 @@ def track(point: PathPoint, state: FlightState, model: AutopilotModel, speed_mps
     """
     _, right_m = rotated(point.course_rad, state.north_m - point.north_m, state.east_m - point.east_m)
     along_mps, aside_mps = rotated(point.course_rad, *state.ground_mps())
-    gain_1pm = BANDWIDTH_RADPS / speed_mps
+    gain_1pm = BANDWIDTH_RADPS / max(speed_mps, LEAST_MPS)
     intercept = math.atan(gain_1pm * right_m)
     limited = within(intercept, -INTERCEPT_MAX_RAD, INTERCEPT_MAX_RAD)
     course = point.course_rad - limited
@@ -132,7 +134,7 @@ def track_turn(
     passed_mps, aside_mps = rotated(point.course_rad, *rates.place_mps)
     along_mps2, wind_mps2 = rotated(point.course_rad, *rates.wind_mps2)
     carried_mps, _ = rotated(point.course_rad, state.wind_north_mps, state.wind_east_mps)
-    path_rps, gain_1pm = point.curvature_1pm * passed_mps, BANDWIDTH_RADPS / speed_mps
+    path_rps, gain_1pm = point.curvature_1pm * passed_mps, BANDWIDTH_RADPS / max(speed_mps, LEAST_MPS)
     bend_rps2 = point.curvature_rate_1pm2 * passed_mps * along_mps + point.curvature_1pm * along_mps2
     intercept = math.atan(gain_1pm * right_m)
     limited = within(intercept, -INTERCEPT_MAX_RAD, INTERCEPT_MAX_RAD)

@@ -164,13 +164,14 @@ def identify(source: Path, file: Path, vehicle: int | None = None, believed: Sce
     fitted = fit(found, begin)
     longest = max(found, key=lambda each: each.seen.shape[1])
     flown = {"equation (7)": flown_by_lags(longest, fitted.model)}
-    airframe, by_airframe = fit_airframe(longest, begin.airframe or EnergyAirframe(), begin.turn_rate_max_rps)
     errors = {name: _rms(longest, values) for name, values in flown.items()}
-    errors["airframe"] = _rms(longest, by_airframe)
-    better = bool(np.mean(errors["airframe"] / errors["equation (7)"]) < 1.0)
-    if better:
-        flown["airframe"] = by_airframe
-    model = lags_of(airframe, fitted.model, float(np.median(longest.seen[0]))) if better else fitted.model
+    model = fitted.model
+    if not begin.hovers:
+        airframe, by_airframe = fit_airframe(longest, begin.airframe or EnergyAirframe(), begin.turn_rate_max_rps)
+        errors["airframe"] = _rms(longest, by_airframe)
+        if bool(np.mean(errors["airframe"] / errors["equation (7)"]) < 1.0):
+            flown["airframe"] = by_airframe
+            model = lags_of(airframe, fitted.model, float(np.median(longest.seen[0])))
     figure = file.with_suffix(".png")
     try:
         _write(file, source, fitted, model, errors)

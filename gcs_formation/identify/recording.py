@@ -11,11 +11,12 @@ import numpy as np
 
 from airlink import mavlink as m
 from airlink.frame import Frame, StreamParser
-from airlink.messages.command import CommandInt
+from airlink.messages.command import CommandInt, SetPositionTargetLocalNed
 from airlink.messages.telemetry import Attitude, GlobalPositionInt, VfrHud
 from flight_model.arrays import Array
 from gcs_formation.errors import RecordError
 from gcs_formation.record.run_directory import read_tlog
+from gcs_formation.vehicle.arducopter import HEIGHT_S
 
 STEP_S = 0.1
 """Of the grid."""
@@ -23,6 +24,8 @@ SILENT_S = 1.0
 """A setpoint or a state older than this breaks the recording."""
 SETTLING_S = 15.0
 """What comes of a take-off, before the setpoints alone steer, isn't learnt from."""
+MOVES_MPS = 1.0
+"""What flies more slowly has no course to learn from."""
 LEAST_S = 30.0
 """Shorter stretches under setpoints tell too little."""
 TOLD = {
@@ -65,6 +68,8 @@ class Recording:
 class _Samples:
     """A vehicle's values with the time at which each passed the ground station, s."""
 
+    hovers: bool = False
+    """Whether it is told velocities: what it flies by is its speed over ground, and its course."""
     of: dict[str, list[tuple[float, float]]] = field(default_factory=dict[str, list[tuple[float, float]]])
 
     def add(self, name: str, at_s: float, value: float) -> None:
@@ -94,7 +99,9 @@ def recordings(log: Path, delays_s: Mapping[int, float] | None = None) -> list[R
     kept = [each for each in found if each is not None]
     if not kept:
         wanted = f"{LEAST_S:.0f} s or more of a vehicle that is told speed, heading and height, and sends how it flies"
-        raise RecordError(f"{log}: found no vehicle under setpoints (commands 43000 to 43002); allowed: {wanted}")
+        raise RecordError(
+            f"{log}: found no vehicle under setpoints (commands 43000 to 43002, or velocities); allowed: {wanted}"
+        )
     return kept
 
 
@@ -130,40 +137,59 @@ def _take(vehicles: dict[int, _Samples], at_s: float, frame: Frame) -> None:
         case CommandInt(command=command) as told if command in TOLD:
             values = {"speed": told.param2, "heading": math.radians(told.param2), "height": told.z}
             vehicles.setdefault(told.target_system, _Samples()).add(TOLD[command], at_s, values[TOLD[command]])
+        case SetPositionTargetLocalNed() as told:
+            _take_velocity(vehicles.setdefault(told.target_system, _Samples()), at_s, told)
         case VfrHud(airspeed_mps=airspeed):
             vehicles.setdefault(frame.system, _Samples()).add("airspeed", at_s, airspeed)
         case Attitude(yaw_rad=yaw):
             vehicles.setdefault(frame.system, _Samples()).add("yaw", at_s, yaw)
-        case GlobalPositionInt(alt_m=alt, vz_mps=down):
-            vehicles.setdefault(frame.system, _Samples()).add("alt", at_s, alt)
-            vehicles[frame.system].add("climb", at_s, -down)
+        case GlobalPositionInt(alt_m=alt, vx_mps=north, vy_mps=east, vz_mps=down):
+            values = {"alt": alt, "climb": -down, "speed seen": math.hypot(north, east)}
+            values["course"] = math.atan2(east, north)
+            for name, value in values.items():
+                vehicles.setdefault(frame.system, _Samples()).add(name, at_s, value)
         case _:
             pass
 
 
+def _take_velocity(samples: _Samples, at_s: float, told: SetPositionTargetLocalNed) -> None:
+    """Take the velocity that a multirotor is told; its height setpoint is what the vertical velocity leads to."""
+    samples.hovers = True
+    if "alt" in samples.of:
+        height_m = samples.of["alt"][-1][1] - HEIGHT_S * told.vz_mps
+        values = math.hypot(told.vx_mps, told.vy_mps), math.atan2(told.vy_mps, told.vx_mps), height_m
+        for name, value in zip(CHANNELS, values, strict=True):
+            samples.add(name, at_s, value)
+
+
 SEEN = ("airspeed", "yaw", "alt", "climb")
+HOVERING_SEEN = ("speed seen", "course", "alt", "climb")
 
 
 def _gridded(system: int, samples: _Samples, delay_s: float) -> Recording | None:
     """Return the longest stretch in which all is there; None where it is too short."""
-    if any(len(samples.of.get(name, ())) < 2 for name in (*CHANNELS, *SEEN)):
+    names = HOVERING_SEEN if samples.hovers else SEEN
+    if any(len(samples.of.get(name, ())) < 2 for name in (*CHANNELS, *names)):
         return None
-    every = {name: np.array(samples.of[name]) for name in (*CHANNELS, *SEEN)}
+    every = {name: np.array(samples.of[name]) for name in (*CHANNELS, *names)}
     begin, end = (pick(each[at, 0] for each in every.values()) for pick, at in ((max, 0), (min, -1)))
     at_s = np.arange(begin, end, STEP_S)
     if at_s.size < 2:
         return None
-    for angle in ("heading", "yaw"):
+    for angle in ("heading", names[1]):
         every[angle][:, 1] = np.unwrap(every[angle][:, 1])
-    every["heading"][:, 1] += 2 * np.pi * round(float(every["yaw"][0, 1] - every["heading"][0, 1]) / (2 * np.pi))
     told = np.array([_held(every[name], at_s) for name in CHANNELS])
-    seen: Array = np.array([np.interp(at_s, every[name][:, 0], every[name][:, 1]) for name in SEEN])
+    seen: Array = np.array([np.interp(at_s, every[name][:, 0], every[name][:, 1]) for name in names])
     fresh = np.all([_age_s(each, at_s) < SILENT_S for each in every.values()], axis=0)
     fresh[: round(SETTLING_S / STEP_S)] = False
+    if samples.hovers:
+        fresh &= np.minimum(told[0], seen[0]) > MOVES_MPS
     stretch = _longest(fresh)
     if (stretch.stop - stretch.start) * STEP_S < LEAST_S:
         return None
-    return Recording(system, seen[:, stretch], told[:, stretch], delay_s)
+    told, seen = told[:, stretch], seen[:, stretch]
+    told[1] += 2 * np.pi * np.round(np.median(seen[1] - told[1]) / (2 * np.pi))
+    return Recording(system, seen, told, delay_s)
 
 
 def _held(samples: Array, at_s: Array) -> Array:

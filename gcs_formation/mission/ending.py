@@ -53,17 +53,20 @@ class Flier:
 class Stack:
     """Heights at which vehicles circle, one above the other."""
 
-    def __init__(self, gap_m: float = 0.0, floor_m: float = -math.inf, *, together: bool = False) -> None:
+    def __init__(
+        self, gap_m: float = 0.0, floor_m: float = -math.inf, *, together: bool = False, stand: bool = False
+    ) -> None:
         """Start empty; nobody is given a height below `floor_m`.
 
         Args:
             gap_m: the distance that vehicles must be apart.
             floor_m: the lowest height.
             together: whether all circle at one place, wherever they are now.
+            stand: whether all stand where they are instead, at the heights that they have.
         """
         self.heights_m: dict[VehicleId, float] = {}
         """Everybody's height above the origin."""
-        self._gap_m, self._apart_m = gap_m, max(STACK_M, gap_m + BESIDE_M)
+        self._gap_m, self._apart_m = (-math.inf, 0.0) if stand else (gap_m, max(STACK_M, gap_m + BESIDE_M))
         self._floor_m, self._together = floor_m, together
         self._taken: dict[VehicleId, Band] = {}
 
@@ -240,7 +243,8 @@ class Ending:
         floor_m = _floor_m(places, manner, ground)
         if manner == "land":
             floor_m = max(floor_m, lowest_circle_m(vehicles))
-        self.stack = Stack(gap_m, floor_m, together=manner != "loiter")
+        stand = manner == "loiter" and all(each.autopilot.stands for each in self._ours.values())
+        self.stack = Stack(gap_m, floor_m, together=manner != "loiter", stand=stand)
         self.loiter_s = 0.0
         """For how long vehicles loiter before the run is over."""
         self.opening: Opening | None = None

@@ -128,7 +128,8 @@ def _plants(scenario: Scenario, model: VehicleModel, x_rc_m: float) -> tuple[Pla
     mixer = Mixer(weights.k_v, weights.k_x, weights.k_psi, weights.k_y, weights.k_z)
     speed_mps, towed = scenario.path.speed_mps, scenario.formation.frame == "follower_heading"
     right = right_plant(mixer, model, speed_mps, max(x_rc_m, TRAIL_S * speed_mps) if towed else 0.0)
-    return forward_plant(mixer, model), right, height_plant(mixer, model)
+    forward = forward_plant(mixer, model)
+    return forward, forward if model.hovers else right, height_plant(mixer, model)
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,14 +15,12 @@ from airlink import mavlink as m
 from airlink.messages.command import CommandInt, CommandLong
 from airlink.messages.system import Heartbeat
 from gcs_formation.estimation.flight_state import Setpoint, Whereabouts
-from gcs_formation.vehicle.autopilot import Autopilot, Command, Step
+from gcs_formation.vehicle.ardupilot import OUR_HEARTBEATS, ArduPilot, patience
+from gcs_formation.vehicle.autopilot import Command, Step
 from gcs_formation.vehicle.checks import Check, Demands, envelope_checks
 from gcs_formation.vehicle.telemetry import Telemetry
 
-STATION_SYSTEM = 255
 LEAST_TAKE_OFF_M = 50
-HEARTBEATS_S = 3.0
-"""A failsafe that waits less takes a few lost heartbeats for the end of the link."""
 FAILSAFE_BY_HEARTBEAT = (1, 2)
 LEADS_AWAY = (1, 4, 5)
 """FS_LONG_ACTN: RTL, AUTO, AUTOLAND; 0 flies on, 2 glides, 3 releases a parachute."""
@@ -31,11 +29,6 @@ GUIDED_COMMANDS = (
     m.MAV_CMD_GUIDED_CHANGE_HEADING,
     m.MAV_CMD_GUIDED_CHANGE_ALTITUDE,
 )
-EKF_READY = 831
-"""Attitude, velocities and positions, relative and absolute: all that flying in GUIDED needs."""
-SLOW_RATE_HZ = 2.0
-UTC_RATE_HZ = 1.0
-AIRBORNE_M = 10.0
 ALL_ROUND_DEG = 360.0 - 2.0**-16
 """The first heading that is 360 degrees as a 32-bit float."""
 AUTOPILOTS = frozenset({m.MAV_AUTOPILOT_GENERIC, m.MAV_AUTOPILOT_ARDUPILOTMEGA})
@@ -46,12 +39,7 @@ TYPES = frozenset({m.MAV_TYPE_GENERIC, m.MAV_TYPE_FIXED_WING, *range(m.MAV_TYPE_
 def arduplane_checks(asked: Demands) -> tuple[Check, ...]:
     """Return what to read from an ArduPlane of which a scenario asks this much."""
     return (
-        Check(
-            ("MAV_GCS_SYSID", "SYSID_MYGCS"),
-            f"{STATION_SYSTEM}, this ground station; heartbeats of others don't hold off the failsafe",
-            lambda value: value == STATION_SYSTEM,
-            lambda _: True,
-        ),
+        OUR_HEARTBEATS,
         Check(
             ("FS_GCS_ENABL",),
             "1 or 2; without it a plane whose setpoints stop flies straight on for ever",
@@ -62,11 +50,7 @@ def arduplane_checks(asked: Demands) -> tuple[Check, ...]:
             "1 (RTL), 4 (AUTO) or 5 (AUTOLAND) when our heartbeats stop",
             lambda value: value in LEADS_AWAY,
         ),
-        Check(
-            ("FS_LONG_TIMEOUT",),
-            f"{HEARTBEATS_S:g} s or more; our heartbeats come once a second, and some are lost",
-            lambda value: value >= HEARTBEATS_S,
-        ),
+        patience("FS_LONG_TIMEOUT"),
         Check(
             ("TKOFF_ALT",),
             f"{LEAST_TAKE_OFF_M} m or more; lower, the climb ends before the formation takes over",
@@ -79,7 +63,7 @@ def arduplane_checks(asked: Demands) -> tuple[Check, ...]:
     )
 
 
-class ArduPlane(Autopilot):
+class ArduPlane(ArduPilot):
     """A fixed-wing ArduPilot, commanded in GUIDED by MAV_CMD_GUIDED_CHANGE_SPEED, _ALTITUDE and _HEADING."""
 
     family = "ArduPlane"
@@ -107,24 +91,10 @@ class ArduPlane(Autopilot):
         """Return whether a heartbeat is that of an ArduPilot fixed wing or VTOL, or leaves it open."""
         return heartbeat.autopilot in AUTOPILOTS and heartbeat.type in TYPES
 
-    def rates_hz(self, telemetry_rate_hz: float, *, utc: bool = False) -> Mapping[int, float]:
-        """Return the rates of the messages that carry motion, readiness, mode and, if wanted, UTC."""
-        fast = (m.MAVLINK_MSG_ID_ATTITUDE, m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, m.MAVLINK_MSG_ID_VFR_HUD)
-        slow = (m.MAVLINK_MSG_ID_EKF_STATUS_REPORT, m.MAVLINK_MSG_ID_SYS_STATUS)
-        rates_hz = dict.fromkeys(fast, telemetry_rate_hz) | dict.fromkeys(slow, SLOW_RATE_HZ) | self.unasked_hz
-        return rates_hz | {m.MAVLINK_MSG_ID_SYSTEM_TIME: UTC_RATE_HZ} if utc else rates_hz
-
     def start_up(self, rates_hz: Mapping[int, float]) -> tuple[Step, ...]:
         """Return the steps: streams, ready, take-off, GUIDED. In the air, unnecessary ones are done at once."""
         return (
-            Step(
-                "asked for telemetry",
-                lambda seen: seen.complete,
-                lambda _: self.requests(rates_hz),
-                20.0,
-                True,
-            ),
-            Step("waited for it to be ready to arm", self._is_ready, timeout_s=90.0),
+            *self._asked_and_ready(rates_hz),
             Step("set mode TAKEOFF", self._is_taking_off, self._to_take_off, takes_off=True),
             Step("armed", lambda seen: seen.armed, self._to_arm, 30.0, takes_off=True),
             Step("waited for it to climb", self._has_climbed, timeout_s=90.0),
@@ -138,15 +108,6 @@ class ArduPlane(Autopilot):
     def checks(self, asked: Demands) -> tuple[Check, ...]:
         """Return failsafes, limits and whose heartbeats count."""
         return arduplane_checks(asked)
-
-    def is_airborne(self, telemetry: Telemetry) -> bool:
-        """Return whether it is in flight by its heartbeat, or armed and above the ground."""
-        heartbeat = telemetry.heartbeat
-        if heartbeat is None or telemetry.motion is None:
-            return False
-        return telemetry.armed and (
-            heartbeat.system_status == m.MAV_STATE_ACTIVE or telemetry.motion.above_home_m > AIRBORNE_M
-        )
 
     def climbs_out(self, telemetry: Telemetry) -> bool:
         """Return whether it is in TAKEOFF, below the height at which that ends."""
@@ -211,11 +172,6 @@ class ArduPlane(Autopilot):
 
     def _to_take_off(self, _: Telemetry) -> tuple[Command, ...]:
         return (self.set_mode(m.PLANE_MODE_TAKEOFF),)
-
-    def _is_ready(self, seen: Telemetry) -> bool:
-        healthy = bool(seen.sensors_healthy & m.MAV_SYS_STATUS_PREARM_CHECK)
-        on_ground = seen.heartbeat is not None and seen.ekf_flags & EKF_READY == EKF_READY and healthy
-        return on_ground or self.is_airborne(seen)
 
     def _is_taking_off(self, seen: Telemetry) -> bool:
         return self.is_airborne(seen) or seen.custom_mode == m.PLANE_MODE_TAKEOFF

@@ -9,6 +9,7 @@ from typing import ClassVar, NamedTuple
 
 from airlink import mavlink as m
 from airlink.clock import Instant, seconds_between
+from airlink.messages import Message
 from airlink.messages.command import CommandInt, CommandLong
 from airlink.messages.parameter import ParamValue
 from airlink.messages.system import Heartbeat
@@ -113,11 +114,14 @@ class Autopilot(ABC):
     guided_mode: ClassVar[int]
     mode_names: ClassVar[dict[int, str]]
     setpoint_commands: ClassVar[tuple[int, ...]]
-    """Id of the command that carries airspeed, that of heading and that of height; each is acknowledged."""
+    """Id of the command that carries airspeed, that of heading and that of height, each acknowledged; none where
+    setpoints are other messages, which nobody acknowledges."""
     unasked_hz: ClassVar[dict[int, float]] = {m.MAVLINK_MSG_ID_HEARTBEAT: 1.0}
     """Messages that are sent without a request, and their rates, Hz."""
     setpoints_set_mode: ClassVar[bool] = False
     """Whether each setpoint also commands the guided mode, and so undoes a pilot's choice of another."""
+    stands: ClassVar[bool] = False
+    """Whether it stands where it waits, and needs no height of its own there; others circle."""
     approach_m: ClassVar[float] = 0.0
     """Height above home of the approach that `land` begins with."""
 
@@ -199,8 +203,19 @@ class Autopilot(ABC):
     def climbs_out(self, telemetry: Telemetry) -> bool:
         """Return whether the vehicle is taking off and still too low to do anything else."""
 
+    def air_motion(self, airspeed_mps: float, yaw_rad: float, north_mps: float, east_mps: float) -> tuple[float, float]:  # noqa: ARG002 - of others
+        """Return the speed (m/s) and the direction (rad) of which setpoints tell it, from telemetry.
+
+        Args:
+            airspeed_mps: as measured.
+            yaw_rad: where the nose points.
+            north_mps: its velocity over ground.
+            east_mps: likewise.
+        """
+        return airspeed_mps, yaw_rad
+
     @abstractmethod
-    def setpoint(self, setpoint: Setpoint, where: Whereabouts) -> tuple[Command, ...]:
+    def setpoint(self, setpoint: Setpoint, where: Whereabouts) -> tuple[Message, ...]:
         """Return the messages that carry a setpoint, which acts when the vehicle is there."""
 
     @abstractmethod

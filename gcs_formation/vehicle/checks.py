@@ -35,12 +35,17 @@ class Demands(NamedTuple):
     speed_max_mps: float
     """Between these lie its airspeed setpoints."""
     turn_rate_max_rps: float
+    accel_max_mps2: float
+    lowest_m: float
+    """Height of the path's lowest waypoint above the origin."""
 
 
 def demands(scenario: Scenario, vehicle: Vehicle) -> Demands:
     """Return what a scenario asks of one of its vehicles."""
     model = vehicle.model
-    return Demands(scenario.path.speed_mps, model.speed_min_mps, model.speed_max_mps, model.turn_rate_max_rps)
+    speeds_mps = scenario.path.speed_mps, model.speed_min_mps, model.speed_max_mps
+    lowest_m = min(height_m for _, _, height_m in scenario.path.waypoints_m)
+    return Demands(*speeds_mps, model.turn_rate_max_rps, model.accel_max_mps2, lowest_m)
 
 
 class Finding(NamedTuple):

@@ -11,19 +11,21 @@ from flight_model.earth import GeodeticOrigin
 from formation_scenario import Scenario
 from formation_scenario import Vehicle as PlannedVehicle
 from formation_scenario.arrangement import columns
+from formation_scenario.vehicles import family_of
 from gcs_formation.link.connection import Connection
+from gcs_formation.vehicle.arducopter import ArduCopter
 from gcs_formation.vehicle.arduplane import ArduPlane
 from gcs_formation.vehicle.autopilot import Autopilot
 from gcs_formation.vehicle.px4_plane import Px4Plane
 from gcs_formation.vehicle.vehicle import Vehicle
 
-FAMILIES: dict[str, type[Autopilot]] = {"emulator": ArduPlane, "arduplane": ArduPlane, "px4": Px4Plane}
-"""The scenario's `autopilot` -> its class; the emulators behave like ArduPlane."""
+FAMILIES: dict[str, type[Autopilot]] = {"arduplane": ArduPlane, "arducopter": ArduCopter, "px4": Px4Plane}
+"""The scenario's `autopilot` -> its class."""
 
 
 def autopilot_for(vehicle: PlannedVehicle, origin: GeodeticOrigin) -> Autopilot:
     """Return the family's class for a vehicle of the scenario."""
-    return FAMILIES[vehicle.autopilot](vehicle.id, origin, vehicle.model.turn_rate_max_rps)
+    return FAMILIES[family_of(vehicle)](vehicle.id, origin, vehicle.model.turn_rate_max_rps)
 
 
 class Planned(NamedTuple):

@@ -215,18 +215,10 @@ class Vehicle:
         if not possible or abs(apart_s) > APART_LIMIT_S or airspeed_age_s > APART_LIMIT_S:
             self.telemetry.implausible += 1
             return None
-        turned = attitude.yawspeed_radps * apart_s
-        return Sample(
-            stamp,
-            motion.north_m,
-            motion.east_m,
-            motion.height_m,
-            motion.north_mps,
-            motion.east_mps,
-            motion.climb_mps,
-            seen.airspeed_mps,
-            attitude.yaw_rad + turned,
-        )
+        yaw_rad = attitude.yaw_rad + attitude.yawspeed_radps * apart_s
+        air_motion = self.autopilot.air_motion(seen.airspeed_mps, yaw_rad, motion.north_mps, motion.east_mps)
+        place_m, velocity_mps = motion[1:4], motion[4:7]
+        return Sample(stamp, *place_m, *velocity_mps, *air_motion)
 
     def encode(self, message: Message) -> bytes:
         """Return the frame of a message to this vehicle."""

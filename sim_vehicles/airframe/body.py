@@ -70,6 +70,11 @@ class Body:
         """Airspeed as its own sensor last told it; None where that is exact."""
         return None if self._energy is None else self._energy.shown_mps
 
+    def shown(self) -> Motion:
+        """Return its motion as its own sensors show it."""
+        shown_mps = self.shown_mps
+        return self.motion if shown_mps is None else self.motion._replace(airspeed_mps=shown_mps)
+
     def ground_velocity(self) -> tuple[float, float, float]:
         """Return north, east and down, m/s: through the air, and what carries it."""
         state = self.state

@@ -33,6 +33,8 @@ class Steering:
         "radius_m",
         "speed_mps",
         "stopped",
+        "velocity_mps",
+        "yaw_rad",
     )
 
     def __init__(self) -> None:
@@ -50,6 +52,10 @@ class Steering:
         self.stopped: bool = True
         """Throttle at 0."""
         self.airborne: bool = False
+        self.velocity_mps: tuple[float, float, float] = (0.0, 0.0, 0.0)
+        """Over ground, north, east and down: what a multirotor is told."""
+        self.yaw_rad: float = math.nan
+        """Where its nose shall point; NaN: as it does."""
 
     def heading_rad(self, state: FlightState, tau_psi_s: float) -> float:
         """Return the heading to fly now, in the air that carries `state`; `tau_psi_s` is the heading's lag."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from airlink import mavlink as m
 from airlink.messages.command import CommandInt, CommandLong, MessageInterval
@@ -19,6 +19,7 @@ from sim_vehicles.autopilot.modes import Mode
 from sim_vehicles.autopilot.telemetry import BUILDERS
 
 if TYPE_CHECKING:
+    from sim_vehicles.plane import Plane
     from sim_vehicles.vehicle import Vehicle
 
 ACCEPTED, DENIED, FAILED = m.MAV_RESULT_ACCEPTED, m.MAV_RESULT_DENIED, m.MAV_RESULT_FAILED
@@ -67,7 +68,7 @@ def order(message: CommandInt | CommandLong) -> Order:
 
 def execute(vehicle: Vehicle, given: Order) -> int:
     """Carry out an order; return its MAV_RESULT."""
-    handler = HANDLERS.get(given.command)
+    handler = vehicle.handlers.get(given.command)
     return UNSUPPORTED if handler is None else handler(vehicle, given)
 
 
@@ -161,7 +162,7 @@ def _legacy_altitude(vehicle: Vehicle, given: Order) -> int:
     return ACCEPTED
 
 
-def _reposition(vehicle: Vehicle, given: Order) -> int:
+def _reposition(vehicle: Plane, given: Order) -> int:
     height_m = _height_m(vehicle, given.z, given.frame)
     on_earth = abs(given.lat_rad) <= math.radians(POLE_DEG) and abs(given.lon_rad) <= math.pi
     if height_m is None or not on_earth or (given.lat_rad, given.lon_rad) == (0.0, 0.0):
@@ -174,7 +175,7 @@ def _reposition(vehicle: Vehicle, given: Order) -> int:
     return ACCEPTED
 
 
-def fly_to(vehicle: Vehicle, item: MissionItem | MissionItemInt) -> int:
+def fly_to(vehicle: Plane, item: MissionItem | MissionItemInt) -> int:
     """Fly at once to a position or a height that came as a mission item; return the MAV_MISSION_RESULT."""
     found = from_message(item)
     if isinstance(found, int):
@@ -227,7 +228,7 @@ def _send(vehicle: Vehicle, message_id: float) -> int:
     return ACCEPTED
 
 
-HANDLERS: dict[int, Callable[[Vehicle, Order], int]] = {
+HANDLERS: dict[int, Callable[[Any, Order], int]] = {
     m.MAV_CMD_GUIDED_CHANGE_SPEED: _change_speed,
     m.MAV_CMD_GUIDED_CHANGE_ALTITUDE: _change_altitude,
     m.MAV_CMD_GUIDED_CHANGE_HEADING: _change_heading,

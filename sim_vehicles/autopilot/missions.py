@@ -35,7 +35,9 @@ from airlink.messages.mission import (
     MissionWritePartialList,
 )
 from airlink.messages.system import Statustext
+from flight_model.earth import GeodeticOrigin
 from sim_vehicles.autopilot.clock import NEVER
+from sim_vehicles.config import Start
 
 E7 = 1e7
 HIGHEST_M = 2**23 / 100
@@ -143,6 +145,13 @@ class Upload:
     last: int
     ask_again: Instant
     give_up: Instant
+
+
+def home_of(start: Start, origin: GeodeticOrigin) -> Item:
+    """Return home, where a vehicle starts, as its mission's first item."""
+    lat_rad, lon_rad, alt_m = origin.from_ned(start.north_m, start.east_m, 0.0)
+    x, y = (round(math.degrees(each) * E7) for each in (lat_rad, lon_rad))
+    return Item(m.MAV_CMD_NAV_WAYPOINT, m.MAV_FRAME_GLOBAL, (0.0, 0.0, 0.0, 0.0), x, y, alt_m)
 
 
 class Missions:

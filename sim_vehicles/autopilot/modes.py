@@ -5,7 +5,9 @@ Source: ArduPilot documentation, "Plane Failsafe Function".
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from enum import Enum, IntEnum
+from typing import NamedTuple
 
 from airlink import mavlink as m
 from airlink.clock import Instant, after
@@ -28,6 +30,23 @@ class Mode(IntEnum):
     GUIDED = 15
     INITIALISING = 16
     AUTOLAND = 26
+
+
+class CopterMode(IntEnum):
+    """The ArduCopter modes that are emulated, by ArduCopter's numbers."""
+
+    STABILIZE = 0
+    ALT_HOLD = 2
+    AUTO = 3
+    GUIDED = 4
+    LOITER = 5
+    RTL = 6
+    LAND = 9
+    POSHOLD = 16
+    BRAKE = 17
+
+
+FlightMode = Mode | CopterMode
 
 
 class Condition(Enum):
@@ -98,11 +117,9 @@ def follow(condition: Condition, request: Request) -> Condition | None:
     return TRANSITIONS.get((condition, request))
 
 
-def select(condition: Condition, mode: float) -> Mode | None:
-    """Return the mode that asking for one leads to, None when it's refused."""
-    if condition.booting or mode not in SELECTABLE:
-        return None
-    return Mode(int(mode))
+def select(condition: Condition, mode: float, selectable: frozenset[int] = SELECTABLE) -> int | None:
+    """Return the number of the mode that asking for one leads to, None when it's refused."""
+    return None if condition.booting or mode not in selectable else int(mode)
 
 
 def system_status(condition: Condition) -> int:
@@ -116,12 +133,24 @@ ACTIONS = {1: Mode.RTL, 2: Mode.FBWA, 4: Mode.AUTO}
 """FS_LONG_ACTN: return, glide, AUTO; 0 and 3 fly on."""
 
 
+class FailsafeKeys(NamedTuple):
+    """Names of a family's parameters for the failsafe, and the modes that its actions are."""
+
+    enabled: str
+    timeout_s: str
+    action: str
+    actions: Mapping[int, FlightMode]
+
+
+LONG_FAILSAFE = FailsafeKeys("FS_GCS_ENABL", "FS_LONG_TIMEOUT", "FS_LONG_ACTN", ACTIONS)
+
+
 class GroundStationFailsafe:
     """Triggers once when heartbeats of MAV_GCS_SYSID stop. New heartbeats clear it, but don't restore the mode."""
 
-    def __init__(self, parameters: ParameterServer) -> None:
+    def __init__(self, parameters: ParameterServer, keys: FailsafeKeys) -> None:
         """Wait for a first heartbeat."""
-        self._parameters = parameters
+        self._parameters, self._keys = parameters, keys
         self._heard: Instant | None = None
         self.active = False
 
@@ -133,13 +162,13 @@ class GroundStationFailsafe:
 
     def deadline(self) -> Instant:
         """Return when it triggers, `NEVER` while it can't."""
-        if self._heard is None or self.active or not self._parameters["FS_GCS_ENABL"]:
+        if self._heard is None or self.active or not self._parameters[self._keys.enabled]:
             return NEVER
-        return after(self._heard, self._parameters["FS_LONG_TIMEOUT"])
+        return after(self._heard, self._parameters[self._keys.timeout_s])
 
-    def strike(self, now: Instant) -> Mode | None:
+    def strike(self, now: Instant) -> FlightMode | None:
         """Return the mode to change to if it triggers now."""
         if now < self.deadline():
             return None
         self.active = True
-        return ACTIONS.get(int(self._parameters["FS_LONG_ACTN"]))
+        return self._keys.actions.get(int(self._parameters[self._keys.action]))

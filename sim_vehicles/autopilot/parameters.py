@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from airlink import mavlink as m
@@ -93,9 +94,9 @@ def _steepest_deg(config: VehicleConfig) -> float:
 class ParameterServer:
     """One vehicle's parameters, and the answers to requests for them."""
 
-    def __init__(self, values: dict[str, float]) -> None:
-        """Start with `values`, one for each name."""
-        self._values = values
+    def __init__(self, values: dict[str, float], kinds: Mapping[str, Kind] = KINDS) -> None:
+        """Start with `values`, one for each name of `kinds`."""
+        self._values, self._kinds, self._names = values, kinds, tuple(kinds)
         self._to_list: deque[tuple[Address, int]] = deque()
 
     def __getitem__(self, name: str) -> float:
@@ -104,7 +105,7 @@ class ParameterServer:
 
     def entries(self) -> list[tuple[str, int, float]]:
         """Return the name, MAV_PARAM_TYPE and value of each."""
-        return [(name, kind.type, self._values[name]) for name, kind in KINDS.items()]
+        return [(name, kind.type, self._values[name]) for name, kind in self._kinds.items()]
 
     def is_airspeed(self, speed_mps: float) -> bool:
         """Return whether an airspeed is within the limits."""
@@ -118,27 +119,27 @@ class ParameterServer:
     def begin_list(self, peer: Address) -> None:
         """Start sending the list to a peer, from its beginning."""
         self._to_list = deque(entry for entry in self._to_list if entry[0] != peer)
-        if len(self._to_list) <= (MAX_LISTS - 1) * len(NAMES):
-            self._to_list.extend((peer, index) for index in range(len(NAMES)))
+        if len(self._to_list) <= (MAX_LISTS - 1) * len(self._names):
+            self._to_list.extend((peer, index) for index in range(len(self._names)))
 
     def next_of_list(self) -> tuple[Address, ParamValue] | None:
         """Return the next value of a list and its receiver: one per cycle, so that no peer is flooded."""
         if not self._to_list:
             return None
         peer, index = self._to_list.popleft()
-        return peer, self._told(NAMES[index], index)
+        return peer, self._told(self._names[index], index)
 
     def read(self, request: ParamRequestRead) -> ParamValue | None:
         """Return the answer to a request by index, or by name if the index is negative; None if there is none."""
         if request.param_index >= 0:
-            known = request.param_index < len(NAMES)
-            return self._told(NAMES[request.param_index], request.param_index) if known else None
-        return self._told(request.param_id, UNINDEXED) if request.param_id in KINDS else None
+            known = request.param_index < len(self._names)
+            return self._told(self._names[request.param_index], request.param_index) if known else None
+        return self._told(request.param_id, UNINDEXED) if request.param_id in self._kinds else None
 
     def set(self, request: ParamSet) -> ParamValue | None:
         """Change a value, whatever type it is sent as, and return the new one; None if there is no such parameter."""
         name, value = request.param_id, request.param_value
-        kind = KINDS.get(name)
+        kind = self._kinds.get(name)
         if kind is None or not math.isfinite(value):
             return None
         if name not in FIXED:
@@ -147,5 +148,7 @@ class ParameterServer:
         return self._told(name, UNINDEXED)
 
     def _told(self, name: str, index: int) -> ParamValue:
-        kind, value = KINDS[name].type, self._values[name]
-        return ParamValue(name, value if kind == m.MAV_PARAM_TYPE_REAL32 else round(value), kind, len(NAMES), index)
+        kind, value = self._kinds[name].type, self._values[name]
+        return ParamValue(
+            name, value if kind == m.MAV_PARAM_TYPE_REAL32 else round(value), kind, len(self._names), index
+        )

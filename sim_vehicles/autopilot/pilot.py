@@ -9,9 +9,11 @@ from __future__ import annotations
 import math
 from typing import Final, NamedTuple
 
+from airlink.clock import Instant
 from sim_vehicles.airframe.motion import Motion
 from sim_vehicles.airframe.steering import CIRCLE, COURSE, HEADING, Steering
-from sim_vehicles.autopilot.modes import STRAIGHT_ON, Condition, Mode, Request, follow
+from sim_vehicles.autopilot.clock import NEVER
+from sim_vehicles.autopilot.modes import STRAIGHT_ON, Condition, FlightMode, Mode, Request, follow
 from sim_vehicles.autopilot.parameters import ParameterServer
 from sim_vehicles.config import VehicleConfig
 
@@ -76,12 +78,14 @@ class Pilot:
     def __init__(self, config: VehicleConfig, steering: Steering, parameters: ParameterServer) -> None:
         """Start in the condition of booting."""
         self.condition = Condition.BOOTING_IN_AIR if config.start.in_air else Condition.BOOTING
-        self.mode = Mode.INITIALISING
+        self.mode: FlightMode = Mode.INITIALISING
         self.guided_by_setpoints = False
         """Whether a speed or height setpoint (commands 43000, 43001) has come since GUIDED was entered. From then on,
         other commands that change speed or height are ignored."""
         self.takeoff_m: float | None = None
         """Height at which the take-off is complete, from the selection of TAKEOFF until then."""
+        self.silent_at: Instant = NEVER
+        """When a setpoint that isn't repeated is over: never, of a plane's."""
         self.landing_rad: float | None = None
         """Heading of the take-off, in which AUTOLAND lands; None if there was none."""
         self.airborne = self.booting = self.crashed = False
@@ -123,7 +127,7 @@ class Pilot:
             self.enter(self.mode, motion)
         return True
 
-    def enter(self, mode: Mode, motion: Motion) -> None:
+    def enter(self, mode: FlightMode, motion: Motion) -> None:
         """Change the mode; setpoints of the previous one are dropped."""
         self.mode = mode
         self.guided_by_setpoints = False

@@ -85,7 +85,7 @@ def heartbeat(v: Vehicle) -> Message:
     mode_flags = m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | m.MAV_MODE_FLAG_STABILIZE_ENABLED
     armed = m.MAV_MODE_FLAG_SAFETY_ARMED if v.pilot.condition.armed else 0
     return Heartbeat(
-        m.MAV_TYPE_FIXED_WING,
+        v.mav_type,
         m.MAV_AUTOPILOT_ARDUPILOTMEGA,
         mode_flags | armed,
         int(v.pilot.mode),
@@ -236,10 +236,11 @@ BUILDERS: dict[int, Callable[[Vehicle], Message]] = {
 class Streams:
     """One vehicle's message intervals. A message is sent in the first cycle of the main loop at or after its time."""
 
-    def __init__(self, now: Instant) -> None:
+    def __init__(self, now: Instant, unasked: tuple[int, ...] = UNASKED) -> None:
         """Start with the messages that need no request."""
-        self._interval_ns = dict.fromkeys(UNASKED, UNASKED_NS)
-        self._due = dict.fromkeys(UNASKED, now)
+        self._unasked = unasked
+        self._interval_ns = dict.fromkeys(unasked, UNASKED_NS)
+        self._due = dict.fromkeys(unasked, now)
         self.next_due = now
         """When the next message is due; `NEVER` when none is."""
 
@@ -249,7 +250,7 @@ class Streams:
         Source: MAVLink, MAV_CMD_SET_MESSAGE_INTERVAL.
         """
         if interval_us == DEFAULT:
-            self._set(message_id, UNASKED_NS if message_id in UNASKED else None, now)
+            self._set(message_id, UNASKED_NS if message_id in self._unasked else None, now)
         elif interval_us == STOP:
             self._set(message_id, None, now)
         elif interval_us >= SHORTEST_US:

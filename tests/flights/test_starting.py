@@ -62,7 +62,7 @@ def can_not_arm(world: World) -> None:
     vehicle = world.vehicle(LAST)
 
     def arm(*, force: bool) -> bool:
-        vehicle._say(m.MAV_SEVERITY_CRITICAL, "PreArm: Compass not calibrated")
+        vehicle.say(m.MAV_SEVERITY_CRITICAL, "PreArm: Compass not calibrated")
         return force
 
     vehicle.arm = arm

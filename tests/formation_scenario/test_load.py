@@ -192,12 +192,46 @@ def test_selected_vehicles_are_named_by_id_or_network_and_id(load):
     assert scenario.selected((1, "2:2")) == (scenario.vehicles[0], scenario.vehicles[2])
 
 
-def test_what_is_not_available_is_refused_by_name(refusal):
-    refused = refusal("vehicles.2.autopilot=arducopter")[0]
-    assert refused.startswith("vehicles.2.autopilot: found 'arducopter', not available")
-    assert refusal("vehicles={count: 9, autopilot: arducopter}") == [
-        "vehicles.autopilot: found 'arducopter', not available in this version; emulator, arduplane, px4"
-    ]
+HOVERING = "vehicles={count: 3, autopilot: arducopter}", "path.speed_mps=5"
+
+
+def test_vehicles_that_hover_fly_by_the_shipped_file(load):
+    scenario = load(*HOVERING)
+    assert scenario.hovers
+    assert {vehicle.model.speed_min_mps for vehicle in scenario.vehicles} == {0.0}
+    assert scenario.law.gains == "auto"
+
+
+def test_those_that_hover_and_those_that_dont_make_no_formation(refusal):
+    mixed = "vehicles=[{id: 1, role: leader, autopilot: arducopter}, {id: 2}]"
+    assert refusal(mixed, "path.speed_mps=8", "vehicles.1.model.speed_min_mps=5")[0] == (
+        "vehicles: found vehicles that hover and others that don't; one kind in a formation"
+    )
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ("vehicles.0.model={}", "vehicles.0.model.hovers: found false of arducopter; true"),
+        (
+            "vehicles.1.autopilot=arduplane",
+            "vehicles.1.model.hovers: found true of arduplane; false",
+        ),
+        (
+            "formation.frame=follower_heading",
+            "formation.frame: found follower_heading of vehicles that hover; leader_heading",
+        ),
+        ("law.type=consensus", "law.type: found consensus of vehicles that hover; fuzzy_pid, pid"),
+    ],
+)
+def test_what_cant_be_of_vehicles_that_hover(refusal, change, told):
+    group = "vehicles=[{id: 1, role: leader, autopilot: arducopter}, {id: 2, model: arducopter}]"
+    assert told in refusal(group, "path.speed_mps=5", change)
+
+
+def test_only_what_hovers_may_stand(refusal):
+    told = "vehicles.0.model.speed_min_mps: found 0 of a vehicle that doesn't hover"
+    assert refusal("vehicles={count: 2, model: {speed_min_mps: 0}}")[0].startswith(told)
 
 
 def test_the_grade_of_inertial_sensors_fills_in_what_is_not_given(load):

@@ -25,7 +25,7 @@ def test_it_is_said_which_real_vehicles_are_emulated() -> None:
 
 
 def test_a_family_without_an_emulator_is_refused_by_its_name() -> None:
-    told = ": there is no emulator of that; allowed here: emulator, arduplane"
+    told = ": there is no emulator of that; allowed here: emulator, arduplane, arducopter"
     assert without_emulator(of_families("arduplane", "px4", "emulator")) == f"vehicle 2 (px4){told}"
     assert without_emulator(of_families("px4", "px4", "emulator")) == f"vehicle 1 (px4), vehicle 2 (px4){told}"
     assert without_emulator(of_families("arduplane", "emulator", "emulator")) == ""

@@ -17,7 +17,7 @@ from gcs_formation.vehicle.arduplane import ArduPlane
 from gcs_formation.vehicle.autopilot import Command
 from tests.gcs_formation.vehicle.conftest import ORIGIN, position
 
-PLANE, HERE = ArduPlane(7, ORIGIN, 0.25), Whereabouts(0.0, 0.0, 0.0, 0.0)
+PLANE, HERE = ArduPlane(7, ORIGIN, 0.25), Whereabouts(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def on_the_wire(command: Command) -> CommandInt:

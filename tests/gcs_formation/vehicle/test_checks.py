@@ -10,7 +10,9 @@ from airlink.messages.parameter import ParamValue
 from gcs_formation.vehicle.arduplane import arduplane_checks
 from gcs_formation.vehicle.checks import AT_ONCE, RETRY_S, TRIES, Demands, Finding, ParameterReader
 
-ASKED = Demands(speed_mps=22.0, speed_min_mps=14.0, speed_max_mps=29.0, turn_rate_max_rps=0.25)
+ASKED = Demands(
+    speed_mps=22.0, speed_min_mps=14.0, speed_max_mps=29.0, turn_rate_max_rps=0.25, accel_max_mps2=1.5, lowest_m=80.0
+)
 IN_ORDER = {
     "MAV_GCS_SYSID": 255,
     "FS_GCS_ENABL": 1,

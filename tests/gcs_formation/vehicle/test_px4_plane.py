@@ -28,7 +28,7 @@ from gcs_formation.vehicle.telemetry import Telemetry
 from tests.gcs_formation.vehicle.conftest import ORIGIN, position
 
 HOLD, TAKEOFF, RTL = 0x03040000, 0x02040000, 0x05040000
-PLANE, HERE = Px4Plane(7, ORIGIN, 0.25), Whereabouts(300.0, -200.0, 0.0, 0.0)
+PLANE, HERE = Px4Plane(7, ORIGIN, 0.25), Whereabouts(300.0, -200.0, 0.0, 0.0, 0.0)
 NOW = Instant(0)
 
 
@@ -249,7 +249,7 @@ def test_a_parameter_that_bounds_what_is_asked_is_named(name, value, refuses):
         "FW_R_LIM": 50.0,
         "NAV_LOITER_RAD": 80.0,
     }
-    reader = ParameterReader(7, PLANE.checks(Demands(14.0, 11.0, 20.0, 0.25)), PLANE.parameter)
+    reader = ParameterReader(7, PLANE.checks(Demands(14.0, 11.0, 20.0, 0.25, 1.0, 80.0)), PLANE.parameter)
     two = struct.unpack("<f", struct.pack("<i", 2))[0]
     reader.take(ParamValue("NAV_DLL_ACT", two, m.MAV_PARAM_TYPE_INT32, 900, 1), NOW)
     for each, its in (in_order | {name: value}).items():

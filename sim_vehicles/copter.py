@@ -1,0 +1,154 @@
+"""An emulated ArduCopter: what it answers otherwise than an emulated ArduPlane."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from airlink import mavlink as m
+from airlink.clock import after
+from airlink.frame import Frame
+from airlink.messages.command import SetPositionTargetLocalNed
+from airlink.messages.mission import MissionItem, MissionItemInt
+from sim_vehicles.airframe.steering import Steering
+from sim_vehicles.autopilot import commands
+from sim_vehicles.autopilot.clock import NEVER
+from sim_vehicles.autopilot.commands import ACCEPTED, FAILED, Order
+from sim_vehicles.autopilot.copter_modes import FAILSAFE, KINDS, initial_values
+from sim_vehicles.autopilot.copter_pilot import CopterPilot
+from sim_vehicles.autopilot.modes import CopterMode, FlightMode, select
+from sim_vehicles.autopilot.parameters import ParameterServer
+from sim_vehicles.config import VehicleConfig
+from sim_vehicles.vehicle import NOTICE, WARNING, Vehicle
+
+FRAMES = (m.MAV_FRAME_LOCAL_NED, m.MAV_FRAME_LOCAL_OFFSET_NED)
+"""What an emulated one follows; velocities relative to the nose aren't emulated."""
+PLACE = m.POSITION_TARGET_TYPEMASK_X_IGNORE | m.POSITION_TARGET_TYPEMASK_Y_IGNORE | m.POSITION_TARGET_TYPEMASK_Z_IGNORE
+VELOCITY = (
+    m.POSITION_TARGET_TYPEMASK_VX_IGNORE | m.POSITION_TARGET_TYPEMASK_VY_IGNORE | m.POSITION_TARGET_TYPEMASK_VZ_IGNORE
+)
+YAW, YAW_RATE = m.POSITION_TARGET_TYPEMASK_YAW_IGNORE, m.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE
+LIKE_PLANES = (
+    m.MAV_CMD_DO_SET_MODE,
+    m.MAV_CMD_COMPONENT_ARM_DISARM,
+    m.MAV_CMD_GET_MESSAGE_INTERVAL,
+    m.MAV_CMD_SET_MESSAGE_INTERVAL,
+    m.MAV_CMD_REQUEST_MESSAGE,
+    m.MAV_CMD_GET_HOME_POSITION,
+    m.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES,
+)
+
+
+def _take_off(vehicle: Copter, given: Order) -> int:
+    return ACCEPTED if vehicle.take_off(given.z) else FAILED
+
+
+def _to_mode(mode: CopterMode) -> Callable[[Any, Order], int]:
+    return lambda vehicle, _given: ACCEPTED if vehicle.switch(mode) else FAILED
+
+
+HANDLERS: dict[int, Callable[[Any, Order], int]] = {
+    **{command: commands.HANDLERS[command] for command in LIKE_PLANES},
+    m.MAV_CMD_NAV_TAKEOFF: _take_off,
+    m.MAV_CMD_NAV_RETURN_TO_LAUNCH: _to_mode(CopterMode.RTL),
+    m.MAV_CMD_NAV_LAND: _to_mode(CopterMode.LAND),
+    m.MAV_CMD_NAV_LOITER_UNLIM: _to_mode(CopterMode.LOITER),
+    m.MAV_CMD_MISSION_START: _to_mode(CopterMode.AUTO),
+}
+"""All others are UNSUPPORTED, as MAV_CMD_GUIDED_CHANGE_SPEED and its like are by a real one."""
+
+
+class Copter(Vehicle):
+    """An emulated ArduCopter; a position as a target isn't emulated."""
+
+    mav_type = m.MAV_TYPE_QUADROTOR
+    unasked = (m.MAVLINK_MSG_ID_HEARTBEAT,)
+    guided_mode = CopterMode.GUIDED
+    ground_mode = CopterMode.STABILIZE
+    boot_mode = CopterMode.STABILIZE
+    failsafe_keys = FAILSAFE
+    handlers = HANDLERS
+    flier: CopterPilot
+    """Its pilot, as what that is."""
+
+    def parameters_of(self, config: VehicleConfig) -> ParameterServer:
+        """Return ArduCopter's parameters."""
+        return ParameterServer(initial_values(config), KINDS)
+
+    def pilot_of(self, config: VehicleConfig, steering: Steering) -> CopterPilot:
+        """Return who flies a multirotor."""
+        self.flier = CopterPilot(config, steering, self.parameters)
+        return self.flier
+
+    def enter(self, mode: FlightMode) -> None:
+        """Change to a mode, unless it is in it already, and report it at once."""
+        if mode is not self.pilot.mode:
+            self.pilot.enter(mode, self.motion)
+            self.tell_heartbeat()
+
+    def switch(self, number: float) -> bool:
+        """Change to a mode by its number; return whether there is such a mode and it has what it needs."""
+        mode = select(self.pilot.condition, number, frozenset(CopterMode))
+        if mode == CopterMode.AUTO:
+            self.say(WARNING, "Mode change to AUTO failed: init failed")
+            return False
+        if mode is None:
+            self.say(NOTICE, f"No such mode {number:g}")
+            return False
+        self.enter(CopterMode(mode))
+        return True
+
+    def arm(self, *, force: bool) -> bool:
+        """Arm; one that doesn't take off disarms by itself."""
+        armed = super().arm(force=force)
+        if armed and not self.pilot.airborne:
+            self.disarm_at = after(self.now, self.parameters["DISARM_DELAY"])
+        return armed
+
+    def take_off(self, height_m: float) -> bool:
+        """Take off to a height above home; return whether it does."""
+        rises = self.flier.rise(height_m)
+        if rises:
+            self.disarm_at = NEVER
+            self.tell_heartbeat()
+        return rises
+
+    def mode_named(self, name: str) -> FlightMode:
+        """Return a mode by its name; one that ArduCopter doesn't have becomes LOITER."""
+        return CopterMode.__members__.get(name, CopterMode.LOITER)
+
+    def landed(self) -> None:
+        """Disarm at once."""
+        self.disarm(force=False)
+
+    def take_other(self, frame: Frame) -> bool:
+        """Take a setpoint; return whether the frame is one."""
+        message = frame.message
+        if not isinstance(message, SetPositionTargetLocalNed):
+            return False
+        if self.pilot.mode is CopterMode.GUIDED and not self.ignores:
+            self._take_setpoint(message)
+        return True
+
+    def fly_to(self, item: MissionItem | MissionItemInt) -> int:  # noqa: ARG002 - none is followed
+        """Refuse: a position as a target isn't emulated."""
+        return m.MAV_MISSION_ERROR
+
+    def follow_time(self) -> None:
+        """Stand once the last velocity is too old."""
+        if self.now >= self.pilot.silent_at:
+            self.flier.stop()
+
+    def _take_setpoint(self, message: SetPositionTargetLocalNed) -> None:
+        """Fly a velocity; whatever else is asked stops it, as does what isn't finite."""
+        mask, velocity_mps = message.type_mask, (message.vx_mps, message.vy_mps, message.vz_mps)
+        alone = bool(mask & PLACE) and not mask & VELOCITY and message.coordinate_frame in FRAMES
+        if not alone or not all(map(math.isfinite, velocity_mps)):
+            self.flier.stop()
+            return
+        yaw_rad = None if mask & YAW else message.yaw_rad
+        if mask & YAW and mask & YAW_RATE:  # the nose then turns to where it flies
+            yaw_rad = math.atan2(message.vy_mps, message.vx_mps)
+        if not self.pilot.takeoff_m:
+            self.flier.obey(velocity_mps, yaw_rad, self.now)

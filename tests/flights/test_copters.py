@@ -1,0 +1,77 @@
+"""Emulated ArduCopters in formation: they take off, stop, change their shape where they stand, turn and land."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+import yaml
+
+import gcs_formation
+from formation_scenario import load_scenario
+
+CONFIG = Path(__file__).parents[2] / "configs" / "arducopter.yaml"
+FAMILY = "arducopter"
+
+
+def events(directory: Path) -> list[dict[str, object]]:
+    return [json.loads(line) for line in (directory / "events.jsonl").read_text().splitlines()]
+
+
+@pytest.mark.slow
+def test_they_keep_their_slots_through_stops_and_changes(tmp_path):
+    flown = gcs_formation.run(CONFIG, clock="virtual", out=tmp_path / "run").to_dict()
+    assert all(each["held"] for each in flown["expect"])
+    for follower in flown["followers"].values():
+        assert max(follower[axis]["rms"] for axis in ("error_x_m", "error_y_m", "error_z_m")) < 0.1
+        assert max(follower[axis]["max"] for axis in ("error_x_m", "error_y_m", "error_z_m")) < 0.6
+    assert flown["safety"]["min_separation_m"] > 8.0
+    told = events(tmp_path / "run")
+    assert [each["text"] for each in told if each["kind"] == "order"] == [
+        "speed 0: accepted",
+        "shape line 12: accepted",
+        "speed 5: accepted",
+        "shape square: accepted",
+        "speed 0: accepted",
+        "speed 5: accepted",
+    ]
+    assert not [each for each in told if each["kind"] in ("disobeys", "separation", "unacknowledged")]
+
+
+@pytest.mark.slow
+def test_they_stand_through_gusts_while_they_stand(tmp_path):
+    keys = yaml.safe_load(CONFIG.read_text()) | {
+        "start": {"in_air": True, "run_in_s": 6, "offset_m": [2, -1, 1]},
+        "duration_s": 45,
+        "orders": [{"at_s": 10, "order": "speed 0"}],
+        "disturbances": [{"at_s": 25, "velocity_mps": [1.0, -1.0, 0.0], "vehicles": [2, 3]}],
+        "wind": {"velocity_mps": [4.0, 3.0, 0.0]},
+        "expect": [{"metric": "error_x_m.max", "from_s": 35, "to_s": 45, "below": 0.1}],
+    }
+    flown = gcs_formation.run(keys, clock="virtual", out=tmp_path / "run").to_dict()
+    assert all(each["held"] for each in flown["expect"])
+
+
+def test_the_families_differ_in_a_word_and_in_nothing_else():
+    keys = yaml.safe_load(CONFIG.read_text())
+    real = load_scenario(keys)
+    for vehicle in keys["vehicles"]:
+        vehicle |= {"autopilot": "emulator", "model": FAMILY}
+    emulated = load_scenario(keys)
+    same = [each.model_copy(update={"autopilot": FAMILY}) for each in emulated.vehicles]
+    assert emulated.model_copy(update={"vehicles": tuple(same)}) == real
+
+
+def test_planes_may_not_stand(tmp_path):
+    keys = {
+        "vehicles": {"count": 2},
+        "start": {"in_air": True, "run_in_s": 2},
+        "duration_s": 6,
+        "path": {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [900, 0, 100]]},
+        "orders": [{"at_s": 2, "order": "speed 0"}],
+        "finish": {"loiter_s": 0},
+    }
+    gcs_formation.run(keys, clock="virtual", out=tmp_path / "run")
+    (answer,) = [str(each["text"]) for each in events(tmp_path / "run") if each["kind"] == "order"]
+    assert answer.startswith("speed 0: refused: found 0 m/s; allowed: 16 to 28 m/s")

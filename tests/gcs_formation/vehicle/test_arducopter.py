@@ -1,0 +1,136 @@
+"""What an ArduCopter is told, and what its own words make of it: as measured on ArduCopter 4.7."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from airlink import mavlink as m
+from airlink.frame import FrameWriter, StreamParser
+from airlink.messages.command import CommandLong, SetPositionTargetLocalNed
+from airlink.messages.system import Heartbeat
+from gcs_formation.estimation.flight_state import Setpoint, Whereabouts
+from gcs_formation.vehicle.arducopter import HEIGHT_S, ArduCopter, arducopter_checks
+from gcs_formation.vehicle.checks import Demands
+from tests.gcs_formation.vehicle.conftest import ORIGIN, heartbeat
+
+COPTER, HERE = ArduCopter(7, ORIGIN, 0.4), Whereabouts(0.0, 0.0, 30.0, 0.0, 0.0)
+VELOCITY_AND_YAW, VELOCITY_ALONE = 0b100111000111, 0b010111000111
+
+
+def sent(setpoint: Setpoint, where: Whereabouts = HERE) -> SetPositionTargetLocalNed:
+    (message,) = COPTER.setpoint(setpoint, where)
+    (frame,) = StreamParser().feed(FrameWriter(255, 190).encode(message))
+    assert isinstance(frame.message, SetPositionTargetLocalNed)
+    return frame.message
+
+
+def test_a_setpoint_is_a_velocity_over_ground_and_the_nose_turns_to_it():
+    told = sent(Setpoint(5.0, math.pi / 2, 30.0))
+    assert (told.target_system, told.coordinate_frame, told.type_mask) == (7, m.MAV_FRAME_LOCAL_NED, VELOCITY_AND_YAW)
+    assert (told.vx_mps, told.vy_mps, told.vz_mps) == pytest.approx((0.0, 5.0, 0.0), abs=1e-6)
+    assert told.yaw_rad == pytest.approx(math.pi / 2)
+
+
+def test_wind_is_not_its_business():
+    windy = HERE._replace(wind_north_mps=8.0, wind_east_mps=-3.0)
+    assert sent(Setpoint(5.0, 1.0, 30.0), windy) == sent(Setpoint(5.0, 1.0, 30.0))
+
+
+@pytest.mark.parametrize("speed_mps", [0.0, 0.5])
+def test_what_hardly_moves_keeps_its_nose_where_it_is(speed_mps):
+    told = sent(Setpoint(speed_mps, 2.0, 30.0))
+    assert (told.type_mask, told.yaw_rate_radps) == (VELOCITY_ALONE, 0.0)
+    assert math.hypot(told.vx_mps, told.vy_mps) == pytest.approx(speed_mps)
+
+
+def test_an_error_of_height_is_flown_off_by_the_vertical_velocity():
+    assert sent(Setpoint(0.0, 0.0, 33.0)).vz_mps == pytest.approx(-3.0 / HEIGHT_S)
+    assert sent(Setpoint(0.0, 0.0, 28.5)).vz_mps == pytest.approx(1.5 / HEIGHT_S)
+
+
+def test_it_takes_off_in_guided_armed_first(tell, telemetry):
+    tell(m.COPTER_MODE_STABILIZE)
+    steps = COPTER.start_up({})
+    acts = [command for step in steps for command in step.commands(telemetry)]
+    assert [each.command for each in acts] == [
+        m.MAV_CMD_DO_SET_MODE,
+        m.MAV_CMD_COMPONENT_ARM_DISARM,
+        m.MAV_CMD_NAV_TAKEOFF,
+    ]
+    assert acts[0].param2 == m.COPTER_MODE_GUIDED
+    assert isinstance(acts[2], CommandLong)
+    assert acts[2].param7 == 20.0
+    assert [step.name for step in steps if step.takes_off] == ["armed", "told it to take off"]
+
+
+def test_in_the_air_nothing_is_left_to_do_but_guided(tell, telemetry):
+    tell(m.COPTER_MODE_LOITER, armed=True, above_home_m=30.0, status=m.MAV_STATE_ACTIVE)
+    assert [step.name for step in COPTER.start_up({})[1:] if not step.done(telemetry)] == ["set mode GUIDED"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "autopilot", "spoken"),
+    [
+        (m.MAV_TYPE_QUADROTOR, m.MAV_AUTOPILOT_ARDUPILOTMEGA, True),
+        (m.MAV_TYPE_HEXAROTOR, m.MAV_AUTOPILOT_ARDUPILOTMEGA, True),
+        (m.MAV_TYPE_OCTOROTOR, m.MAV_AUTOPILOT_ARDUPILOTMEGA, True),
+        (m.MAV_TYPE_FIXED_WING, m.MAV_AUTOPILOT_ARDUPILOTMEGA, False),
+        (m.MAV_TYPE_GROUND_ROVER, m.MAV_AUTOPILOT_ARDUPILOTMEGA, False),
+        (m.MAV_TYPE_QUADROTOR, m.MAV_AUTOPILOT_PX4, False),
+    ],
+)
+def test_it_is_known_by_its_heartbeat(kind, autopilot, spoken):
+    assert COPTER.speaks(Heartbeat(kind, autopilot)) == spoken
+
+
+def test_it_ends_in_brake_for_in_loiter_a_missing_transmitter_sinks_it(telemetry):
+    (stop,) = COPTER.loiter(80.0, telemetry)
+    (home,) = COPTER.leave("rtl", 80.0, telemetry)
+    assert (stop.param2, home.param2) == (m.COPTER_MODE_BRAKE, m.COPTER_MODE_RTL)
+    assert COPTER.land() == ()
+
+
+def test_it_takes_setpoints_in_guided_alone(tell, telemetry):
+    for mode, takes in ((m.COPTER_MODE_GUIDED, True), (m.COPTER_MODE_BRAKE, False)):
+        tell(mode, armed=True, above_home_m=30.0, status=m.MAV_STATE_ACTIVE)
+        assert COPTER.takes_setpoints(telemetry) == takes
+    telemetry.take(heartbeat(m.COPTER_MODE_GUIDED, armed=False))
+    assert not COPTER.takes_setpoints(telemetry)
+
+
+def test_its_motion_is_that_over_ground_and_its_nose_counts_where_it_stands():
+    assert COPTER.air_motion(9.9, 1.0, 3.0, -4.0)[0] == 5.0
+    assert COPTER.air_motion(9.9, 0.0, 0.0, 5.0)[1] == pytest.approx(math.pi / 2, abs=0.07)
+    assert COPTER.air_motion(9.9, 1.0, 0.0, 0.0) == pytest.approx((0.0, 1.0))
+
+
+IN_ORDER = {
+    "MAV_GCS_SYSID": 255,
+    "FS_GCS_ENABLE": 1,
+    "FS_GCS_TIMEOUT": 5,
+    "WPNAV_SPEED": 1000,
+    "WPNAV_ACCEL": 250,
+    "RTL_ALT": 1500,
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "refuses"),
+    [
+        ("MAV_GCS_SYSID", 254, True),
+        ("FS_GCS_ENABLE", 0, False),
+        ("FS_GCS_TIMEOUT", 2, False),
+        ("WPNAV_SPEED", 800, False),
+        ("WPNAV_SPEED", 400, True),
+        ("WPNAV_ACCEL", 100, False),
+        ("RTL_ALT", 3500, False),
+    ],
+)
+def test_a_parameter_that_bounds_what_is_asked_is_named(name, value, refuses):
+    checks = arducopter_checks(Demands(5.0, 0.0, 9.0, 0.4, 2.5, 30.0))
+    assert [found for check in checks if (found := check.judge(IN_ORDER))] == []
+    (finding,) = [found for check in checks if (found := check.judge(IN_ORDER | {name: value}))]
+    assert finding.text.startswith(f"{name}: found {value}")
+    assert finding.refuses == refuses
