@@ -13,8 +13,14 @@ from typing import Any, NamedTuple
 
 import click
 
+from airlink import clock
+
 RUN = "run.yaml"
 """The file that makes a directory that of a run."""
+COMPILED = not str(clock.__file__).endswith(".py")
+"""Whether this installation has its modules of plain numbers compiled."""
+VERSION = f"%(prog)s, version %(version)s, {'compiled' if COMPILED else 'not compiled: flights take longer'}"
+"""What `--version` prints."""
 
 
 class Entry(NamedTuple):

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import click
 
-from airlink.cli.commands import SEED
+from airlink.cli.commands import SEED, VERSION
 from airlink.cli.process import Status, fail
 from airlink.endpoint import Endpoint, parse_endpoint
 from airlink.errors import EndpointError, ImpairmentError, PortError
@@ -227,7 +227,7 @@ def _set(relay: Relay, options: dict[str, str | None]) -> None:
 
 
 @click.command(epilog=EXAMPLES, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(package_name="gcs-formation")
+@click.version_option(package_name="gcs-formation", message=VERSION)
 @click.option(
     "--listen", metavar="UDPIN", callback=_connection("udpin"), required=True, help="where the vehicles send to"
 )

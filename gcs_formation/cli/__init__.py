@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from airlink.cli.commands import Entry, ImportedWhenChosen
+from airlink.cli.commands import VERSION, Entry, ImportedWhenChosen
 from gcs_formation.cli import usage
 
 COMMANDS = {
@@ -27,6 +27,6 @@ COMMANDS = {
 @click.group(
     cls=ImportedWhenChosen, entries=COMMANDS, context_settings={"help_option_names": ["-h", "--help"]}, epilog=usage.ALL
 )
-@click.version_option(package_name="gcs-formation")
+@click.version_option(package_name="gcs-formation", message=VERSION)
 def main() -> None:
     """Fly formations over MAVLink."""

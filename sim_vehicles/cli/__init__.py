@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from airlink.cli.commands import Entry, ImportedWhenChosen
+from airlink.cli.commands import VERSION, Entry, ImportedWhenChosen
 from sim_vehicles.cli.usage import EXAMPLES
 
 COMMANDS = {
@@ -29,7 +29,7 @@ class _FlyByDefault(ImportedWhenChosen):
     context_settings={"help_option_names": ["-h", "--help"]},
     epilog=EXAMPLES,
 )
-@click.version_option(package_name="gcs-formation")
+@click.version_option(package_name="gcs-formation", message=VERSION)
 def main() -> None:
     """Emulated ArduPlanes that speak MAVLink over UDP.
 
