@@ -28,6 +28,10 @@ TOUCH_DOWN_M: Final = 0.1
 LIFT_OFF_SHARE: Final = 0.7
 """Share of the lowest airspeed at which the vehicle lifts off."""
 AUTOLAND: Final = Mode.AUTOLAND
+BOOTING: Final = Condition.BOOTING
+BOOTING_IN_AIR: Final = Condition.BOOTING_IN_AIR
+FLYING: Final = Condition.FLYING
+CRASHED: Final = Condition.CRASHED
 TIGHTEST_SHARE: Final = 1.05
 """Smallest radius of a circle, relative to that of the tightest turn."""
 
@@ -88,12 +92,25 @@ class Pilot:
         """When a setpoint that isn't repeated is over: never, of a plane's."""
         self.landing_rad: float | None = None
         """Heading of the take-off, in which AUTOLAND lands; None if there was none."""
-        self.airborne = self.booting = self.crashed = False
-        """What the condition says, kept because every cycle asks."""
         self._config = config
         self._steering = steering
         self._parameters = parameters
         self._tell_condition()
+
+    @property
+    def airborne(self) -> bool:
+        """Whether it is in the air."""
+        return self.condition is FLYING or self.condition is BOOTING_IN_AIR
+
+    @property
+    def booting(self) -> bool:
+        """Whether it isn't up yet."""
+        return self.condition is BOOTING or self.condition is BOOTING_IN_AIR
+
+    @property
+    def crashed(self) -> bool:
+        """Whether it lies on the ground for good."""
+        return self.condition is CRASHED
 
     @property
     def taking_off(self) -> bool:
@@ -243,8 +260,6 @@ class Pilot:
         return max(self._parameters["WP_LOITER_RAD"], TIGHTEST_SHARE * tightest_m)
 
     def _tell_condition(self) -> None:
-        self.airborne = self.condition in (Condition.FLYING, Condition.BOOTING_IN_AIR)
-        self.booting, self.crashed = self.condition.booting, self.condition is Condition.CRASHED
         rolls = self.condition is Condition.ARMED and self.takeoff_m is not None
         self._steering.stopped = not (self.airborne or rolls)
         self._steering.airborne = self.airborne
