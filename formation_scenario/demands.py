@@ -18,6 +18,8 @@ from formation_scenario.vehicles import Vehicle, VehicleModel
 
 SAMPLE_M = 5.0
 TOLERANCE = 1e-6
+EQUAL = 1e-9
+"""Shares that differ by less are equally bad: the first of them is named, whatever their last digits."""
 SAME_PLACE_M = 250.0
 """Longest gap between two excesses that count as one place: the two ends of one bend, for instance."""
 MOST_PLACES = 10
@@ -108,7 +110,8 @@ def _bends(scenario: Scenario, source: Source, flown: Flown, steps: tuple[SlotSt
     for stretch in flown.stretches(of_all):
         demands = leading if of_leader[stretch].any() else following
         worst = max(demands, key=lambda demand: float(demand.share[stretch].max()))
-        row, column = np.unravel_index(int(worst.share[stretch].argmax()), worst.share[stretch].shape)
+        share = worst.share[stretch]
+        row, column = np.argwhere(share >= share.max() * (1.0 - EQUAL))[0]
         who, index = everyone[int(column)], stretch.start + int(row)
         assert who is not None
         over = np.any([(each.share[stretch] > 1.0 + TOLERANCE).any(axis=0) for each in demands], axis=0)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from airlink import mavlink as m
@@ -45,8 +47,8 @@ def test_a_vehicle_for_which_the_law_has_no_setpoint_gets_no_heartbeat_and_goes_
     controller, begun_s = world.station.controller, world.now_s
     step = controller.step
 
-    def without_the_last(*given: object) -> Tick:
-        tick = step(*given)  # type: ignore[arg-type]
+    def without_the_last(*given: Any, **named: Any) -> Tick:
+        tick = step(*given, **named)
         tick.setpoints.height_m[2] = float("nan")
         return tick
 

@@ -9,7 +9,7 @@ import pytest
 from formation_scenario.orders import End
 from gcs_formation.answer import Answer
 from gcs_formation.phases import Phase
-from sim_vehicles.autopilot.modes import Condition, Mode
+from sim_vehicles.autopilot.modes import Condition, FlightMode, Mode
 from tests.flights.in_memory import World
 
 ABREAST: dict[str, Any] = {
@@ -24,7 +24,7 @@ def order(world: World, text: str) -> Answer:
     return world.station.order(text, world.clock.now())
 
 
-def modes(world: World) -> list[Mode]:
+def modes(world: World) -> list[FlightMode]:
     return [vehicle.pilot.mode for vehicle in world.fleet.vehicles]
 
 
