@@ -56,7 +56,9 @@ def compiled(root: Path, modules: list[str]) -> dict[str, Path]:
     settings.write_text(MYPY.format(*sys.version_info))
     with chdir(root):
         options = ["--config-file", str(settings), "--cache-dir", str(place / "cache"), *modules]
-        extensions = mypycify(options, opt_level="1", debug_level="0", group_name=GROUP, target_dir=str(place))
+        extensions = mypycify(
+            options, opt_level="1", debug_level="0", multi_file=True, group_name=GROUP, target_dir=str(place)
+        )
         command = build_ext(Distribution({"name": GROUP, "ext_modules": extensions}))
         command.build_lib, command.build_temp = str(place / "lib"), str(place / "temp")
         command.ensure_finalized()

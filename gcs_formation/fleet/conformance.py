@@ -265,7 +265,12 @@ class ConformanceMonitor:
                 mode = vehicle.autopilot.mode_name(vehicle.telemetry)
                 text = f"acknowledged {missing.description} {missing.after_s:.1f} s ago, and is still in {mode}"
                 armed = vehicle.telemetry.armed
-                details = {"order": missing.description, "after_s": missing.after_s, "mode": mode, "armed": armed}
+                details: dict[str, Detail] = {
+                    "order": missing.description,
+                    "after_s": missing.after_s,
+                    "mode": mode,
+                    "armed": armed,
+                }
                 self._note(now, "disobeys", text, vehicle, details)
             elif missing is None and before is not None:
                 self._note(now, "obeys", f"{before.description} is over", vehicle, {"order": before.description})
@@ -290,8 +295,8 @@ class ConformanceMonitor:
         found = self._motion.check(now, estimator.stamps, estimator.state, settled, commanded_s)
         for each in found:
             self._note(now, "disobeys", _words(each), self._at(each.column), _figures(each))
-        for column in np.flatnonzero(before & ~self._motion.broken):
-            self._note(now, "obeys", "follows its setpoints again", self._at(int(column)), {"order": "setpoints"})
+        for column in np.flatnonzero(before & ~self._motion.broken).tolist():
+            self._note(now, "obeys", "follows its setpoints again", self._at(column), {"order": "setpoints"})
 
     def _settled(self, vehicle: Vehicle, since: Instant, now: Instant) -> list[bool]:
         """Return which channels of a vehicle commanded `since` then have been acknowledged for long enough."""

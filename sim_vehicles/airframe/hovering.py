@@ -30,7 +30,7 @@ AXIS_MPS: Final = 0.3
 LEAST_LAG_S: Final = 0.05
 Velocity = tuple[float, float, float]
 """Over ground: north, east, down, m/s."""
-AT_REST: Final[Velocity] = (0.0, 0.0, 0.0)
+AT_REST: Velocity = (0.0, 0.0, 0.0)
 
 
 class HoveringBody(Body):
