@@ -27,7 +27,7 @@ from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates,
 from gcs_formation.estimation.projection import Measured, States
 from gcs_formation.estimation.setpoint_history import SentSetpoints, SetpointHistory
 from gcs_formation.guidance.leader import ASSEMBLED_S, LeaderCommand, LeaderCommands, LeaderWind, amid
-from gcs_formation.guidance.slots import FormationPlan, Outlook
+from gcs_formation.guidance.slots import UP, FormationPlan, Outlook
 from gcs_formation.recorder import Tick
 from gcs_formation.separation.fence import FenceLimits
 from gcs_formation.separation.resolver import ConflictResolver
@@ -35,7 +35,6 @@ from gcs_formation.separation.resolver import ConflictResolver
 VIRTUAL = 0
 """The column of a virtual leader."""
 CHANNELS = 3
-UP = np.array([0.0, 0.0, 1.0])
 AHEAD_POINTS = 5
 """Places along the leader's way at which the ground is looked at."""
 GAINS_CHANGE_S = 1.0
@@ -310,9 +309,11 @@ class FormationController:
         along_mps, arranged = lead.path.along_mps, self.plan.arrangement
         leader = states.of(leading, leading)
         outlook = Outlook(route, leader, tick.leader, self.guidance.distance_m, along_mps, ahead, arranged)
-        ago_s = (lead.at - tick.now) / NANOSECONDS
-        lifted, self._lift_m = self._clearance.over(later, outlook, (instants - lead.at) / NANOSECONDS, ago_s)
-        return lifted, slots.position_m + self._lift_m[:, None] * UP
+        at_m = outlook.distance_m + along_mps * ((instants - lead.at) / NANOSECONDS)
+        self._clearance.look_ahead(outlook, at_m)
+        now_m = outlook.distance_m - along_mps * ((lead.at - tick.now) / NANOSECONDS)
+        self._lift_m, _, _ = self._clearance.lift(np.full(at_m.shape, now_m))
+        return self._clearance.lifted(later, at_m, along_mps), slots.position_m + self._lift_m[:, None] * UP
 
     def _note(self, tick: Tick, decision: Decision, slots_m: Array) -> None:
         which, active = decision.columns, tick.active[decision.columns]

@@ -100,7 +100,8 @@ class Station:
         self._heartbeats = HeartbeatScheduler(self.vehicles, self._reporter.event)
         self._message_intervals = MessageIntervals(self.vehicles, self._reporter.event)
         self._conformance = ConformanceMonitor(scenario, self.controller, *fleet)
-        self._out, self._next_tick = list[Datagram](), Instant(0)
+        # Of each vehicle's clock, the restarts that have been heeded.
+        self._out, self._next_tick, self._restarts = list[Datagram](), Instant(0), dict.fromkeys(self.vehicles, 0)
         if resumed is not None:
             self._resume(resumed)
 
@@ -194,10 +195,10 @@ class Station:
         if (
             changes.leader
             and not connecting
-            and self._membership.leader_lost(changes.leader, estimator, now, replaceable)
+            and self._membership.leader_lost(changes.leader, estimator, now, replaceable, self.margins.beyond)
         ):
             changes.succeed(now)
-        self._membership.judge(changes.leader, estimator, now, connecting=connecting)
+        self._membership.judge(changes.leader, estimator, now, connecting=connecting, beyond=self.margins.beyond)
 
     def order(self, text: str, now: Instant) -> Answer:
         """Carry out an order such as `shape line`, or refuse it with a reason."""
@@ -230,7 +231,7 @@ class Station:
 
     def _start_vehicles(self, now: Instant) -> None:
         for vehicle in self.vehicles.values():
-            if vehicle.restarted:
+            if vehicle.clock.restarts != self._restarts[vehicle.identity]:
                 self._begin_anew(vehicle, now)
         self._send_all(self.preflight.requests(now), now)
         self._starting.advance(now)
@@ -258,7 +259,7 @@ class Station:
             self.course.move(Cause.LEADER_READY, now)
 
     def _begin_anew(self, vehicle: Vehicle, now: Instant) -> None:
-        vehicle.restarted = False
+        self._restarts[vehicle.identity] = vehicle.clock.restarts
         self.controller.estimator.forget(self._columns[vehicle.identity])
         self._reporter.event(now, "restarted", "its clock has begun anew", vehicle)
 

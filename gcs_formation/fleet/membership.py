@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Set
 
-from airlink.clock import Instant, seconds_between
+from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import VehicleId
 from formation_scenario import Scenario
 from gcs_formation.estimation.estimator import StateEstimator
@@ -13,7 +13,8 @@ from gcs_formation.fleet.circling import GroundFloor, loiter_heights
 from gcs_formation.link.connection import TALKING, LinkState
 from gcs_formation.recorder import Note
 from gcs_formation.separation.resolver import FORGOTTEN_AFTER_S
-from gcs_formation.vehicle.member import Member, following
+from gcs_formation.vehicle.commands import Outcome
+from gcs_formation.vehicle.member import Member, Sight, following
 from gcs_formation.vehicle.vehicle import UNANSWERED_S, Vehicle
 
 SUCCESSION_S = 3.0
@@ -21,6 +22,8 @@ SUCCESSION_S = 3.0
 MUTE_S = 1.5
 """How long heartbeats of a vehicle that is heard may be missing; after that its mode counts as unknown."""
 WITHOUT_HEARTBEATS = (LinkState.MUTE, LinkState.LOST)
+ORDER_COMES_S = 5.0
+"""For how long after it was last sent a command to loiter may still reach a vehicle."""
 BACK_S = 3.0
 """Largest age of telemetry with which a vehicle returns to the formation."""
 
@@ -40,40 +43,83 @@ class Membership:
         self.ending_m: Mapping[VehicleId, float] | None = None
         """At the end of the flight, the height of everyone's circle: nobody who loiters is told to come back."""
         self._floor_at, self._floor_m = Instant(-1), -math.inf
+        self._commanded_to_loiter = dict[VehicleId, Instant]()
+        """Until when each has been."""
 
     def leader_lost(
-        self, leader: Vehicle, estimator: StateEstimator, now: Instant, replaceable: Callable[[], bool]
+        self,
+        leader: Vehicle,
+        estimator: StateEstimator,
+        now: Instant,
+        replaceable: Callable[[], bool],
+        beyond: Set[VehicleId] = frozenset(),
     ) -> bool:
         """Judge only the leader; return whether it is lost. A leader that is `replaceable` is given up sooner."""
-        fresh = self._is_fresh(leader, estimator, now)
-        late = not self._is_fresh(leader, estimator, now, SUCCESSION_S)
+        fresh = self._is_fresh(leader, estimator, beyond, now)
+        late = not self._is_fresh(leader, estimator, beyond, now, SUCCESSION_S)
         self._judge(leader, estimator, now, fresh=fresh and not (late and replaceable()))
         return leader.member is not Member.FLYING
 
-    def judge(self, leader: Vehicle | None, estimator: StateEstimator, now: Instant, *, connecting: bool) -> None:
-        """Decide which vehicles fly in the formation; once there has been a leader, none does without one."""
+    def judge(
+        self,
+        leader: Vehicle | None,
+        estimator: StateEstimator,
+        now: Instant,
+        *,
+        connecting: bool,
+        beyond: Set[VehicleId] = frozenset(),
+    ) -> None:
+        """Decide which vehicles fly in the formation; once there has been a leader, none does without one.
+
+        Args:
+            leader: who leads, None for a virtual leader.
+            estimator: knows how old everyone's state is.
+            now: the tick's instant.
+            connecting: whether the station waits for its vehicles.
+            beyond: those whose loop's delay is beyond what keeps it stable.
+        """
         led = True
         if leader is not None:
-            self._judge(leader, estimator, now, fresh=self._is_fresh(leader, estimator, now))
+            self._judge(leader, estimator, now, fresh=self._is_fresh(leader, estimator, beyond, now))
             led = leader.member is Member.FLYING or connecting
         for vehicle in self._vehicles.values():
             if vehicle is not leader:
-                self._judge(vehicle, estimator, now, fresh=led and self._is_fresh(vehicle, estimator, now))
+                self._judge(vehicle, estimator, now, fresh=led and self._is_fresh(vehicle, estimator, beyond, now))
 
     def _judge(self, vehicle: Vehicle, estimator: StateEstimator, now: Instant, *, fresh: bool) -> None:
         if fresh and vehicle.member is Member.FLYING and vehicle.follows_setpoints:
             return
-        heard = vehicle.connection.state in TALKING
-        forgotten = not estimator.age_s(self._columns[vehicle.identity], now) <= FORGOTTEN_AFTER_S
-        sight = vehicle.sight(now, fresh=fresh, loiter_may_be_told=heard or forgotten)
-        member = following(vehicle.member, sight)
+        vehicle.pilots_choice.watch(vehicle.telemetry, waiting=vehicle.commands.outcome is Outcome.WAITING)
+        if vehicle.member is Member.HOLDING:
+            self._commanded_to_loiter[vehicle.identity] = now
+        member = following(vehicle.member, self._sight(vehicle, estimator, now, fresh=fresh))
         if member is not vehicle.member:
             vehicle.member = member
             self._note(now, "member", member.value, vehicle)
             self._tell(vehicle, now)
 
-    def _is_fresh(self, vehicle: Vehicle, estimator: StateEstimator, now: Instant, limit_s: float = math.inf) -> bool:
-        if vehicle.beyond_margin and self._law.on_delay == "hold":
+    def _sight(self, vehicle: Vehicle, estimator: StateEstimator, now: Instant, *, fresh: bool) -> Sight:
+        heard = vehicle.connection.state in TALKING
+        forgotten = not estimator.age_s(self._columns[vehicle.identity], now) <= FORGOTTEN_AFTER_S
+        commanded = self._commanded_to_loiter.get(vehicle.identity)
+        return Sight(
+            started=vehicle.start_up.finished,
+            guided=vehicle.follows_setpoints,
+            loiters=vehicle.telemetry.custom_mode == vehicle.autopilot.loiter_mode,
+            fresh=fresh,
+            loiter_may_be_told=heard or forgotten,
+            order_may_come=commanded is not None and now < after(commanded, ORDER_COMES_S),
+        )
+
+    def _is_fresh(
+        self,
+        vehicle: Vehicle,
+        estimator: StateEstimator,
+        beyond: Set[VehicleId],
+        now: Instant,
+        limit_s: float = math.inf,
+    ) -> bool:
+        if self._law.on_delay == "hold" and vehicle.identity in beyond:
             return False
         if vehicle.member is Member.HOLDING and self.ending_m is not None:
             return False

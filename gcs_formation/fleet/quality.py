@@ -56,6 +56,8 @@ class MarginWatch:
         self._vehicles = vehicles
         self._columns = columns
         self._note = note
+        self.beyond: set[VehicleId] = set()
+        """Those whose loop's delay is beyond what keeps it stable."""
         self._near: set[VehicleId] = set()
         self._lags_off: Array = np.zeros((len(CHANNELS), self.used.size))
         self._calm = Counter[tuple[VehicleId, str]]()
@@ -95,7 +97,10 @@ class MarginWatch:
         self.most_used = max(self.most_used, used if math.isfinite(used) else 0.0)
         self.longest_s = float(np.fmax(self.longest_s, delay.mean_s))
         self._say(now, vehicle, used, channel if by_lags > by_delay else None)
-        vehicle.beyond_margin = by_delay >= 1.0 or (vehicle.beyond_margin and by_delay >= NEAR)
+        if by_delay >= 1.0:
+            self.beyond.add(vehicle.identity)
+        elif not by_delay >= NEAR:
+            self.beyond.discard(vehicle.identity)
 
     def _by_lags(self, column: int, delay: LoopDelay, axes: Mapping[str, Usage]) -> tuple[float, int]:
         """Return the most that any loop uses of its margin against wrong lags, and the channel whose lags they are."""
@@ -109,7 +114,7 @@ class MarginWatch:
         column = self._columns[leader.identity]
         self.used[column], self.bandwidth[column] = math.nan, 1.0
         self._near.discard(leader.identity)
-        leader.beyond_margin = False
+        self.beyond.discard(leader.identity)
 
     def _delay(self, identity: VehicleId) -> LoopDelay:
         """Return the delay of a vehicle's loops; without prediction, consensus waits for the latest of all states."""

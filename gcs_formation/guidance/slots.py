@@ -29,6 +29,7 @@ AHEAD_STEPS = 100
 """Steps of the lifts' splines: 2 km, on which a climb at the formation's limit gains 190 m."""
 ADVANCE_M = 100.0
 """Distance that the leader flies before lifts are computed again."""
+UP = np.array([0.0, 0.0, 1.0])
 KEPT_M = 40.0
 """Distance around the present position within which a lift isn't changed, since setpoints act at different times."""
 
@@ -130,28 +131,7 @@ class SlotClearance:
         self._control_m = np.zeros((0, 4))
         self._held = np.zeros((3, 0))
 
-    def over(self, slots: SlotMotion, outlook: Outlook, later_s: Array, ago_s: float) -> tuple[SlotMotion, Array]:
-        """Return the slots clear of the ground, and their lifts (N,) `ago_s` earlier.
-
-        Args:
-            slots: the formation's N slots, each at the instant when its follower's setpoint acts.
-            outlook: the future track of the leader and the slots.
-            later_s: (N,) time from the leader's state until each slot's instant.
-            ago_s: how much earlier than the leader's state the second result applies, s.
-        """
-        at_m = outlook.distance_m + outlook.along_mps * later_s
-        self._look_ahead(outlook, at_m)
-        lift_m, slope, curvature = self.lift(at_m)
-        before_m, _, _ = self.lift(np.full(at_m.shape, outlook.distance_m - outlook.along_mps * ago_s))
-        up = np.array([0.0, 0.0, 1.0])
-        lifted = SlotMotion(
-            slots.position_m + lift_m[:, None] * up,
-            slots.velocity_mps + outlook.along_mps * slope[:, None] * up,
-            slots.acceleration_mps2 + outlook.along_mps**2 * curvature[:, None] * up,
-        )
-        return lifted, before_m
-
-    def _look_ahead(self, outlook: Outlook, at_m: Array) -> None:
+    def look_ahead(self, outlook: Outlook, at_m: Array) -> None:
         """Compute the lifts again if it is time to; `at_m` (N,) is the leader's distance at each follower's instant.
 
         On the same route they continue the present lifts; on another one, possibly with another leader, the last
@@ -180,6 +160,15 @@ class SlotClearance:
         self._route, self._plan = outlook.route, outlook.plan
         self._first, self._made_at_m = first, outlook.distance_m
         self._held = np.stack(self.lift(at_m))
+
+    def lifted(self, slots: SlotMotion, at_m: Array, along_mps: float) -> SlotMotion:
+        """Return N slots clear of the ground, each with the leader at its own distance (N,), and at this speed."""
+        lift_m, slope, curvature = self.lift(at_m)
+        return SlotMotion(
+            slots.position_m + lift_m[:, None] * UP,
+            slots.velocity_mps + along_mps * slope[:, None] * UP,
+            slots.acceleration_mps2 + along_mps**2 * curvature[:, None] * UP,
+        )
 
     def _as_they_were(self, leading: int, first: int, at_m: Array) -> list[Array]:
         """Return the first control points of lifts that continue those of the last tick, relative to the leader's own.

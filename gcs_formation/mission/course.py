@@ -61,7 +61,7 @@ class Course:
         self._membership, self._dispatch = membership, dispatch
         self._vehicles, self._columns = vehicles, columns
         self._note, self._may_command = note, may_command
-        self._ending, self._ground = Ending({}, Instant(0)), GroundFloor(scenario)
+        self._ending, self._ground = Ending({}), GroundFloor(scenario)
 
     @property
     def opening(self) -> Opening | None:
@@ -130,7 +130,8 @@ class Course:
         opens, landings = self.flight.phase is Phase.ENDING, self._ending.landings.called_off()
         ahead_m = self._controller.ahead_m(OPENING_LIMIT_S if opens else 0.0)
         gap_m = self._scenario.safety.avoidance.distance_m
-        self._ending = Ending(self._vehicles, now, manner, self._ground, landings, ahead_m, gap_m)
+        self._ending = Ending(self._vehicles, manner, self._ground, landings, ahead_m, gap_m)
+        self._ending.begin(now)
         self._ending.loiter_s = self._scenario.finish.loiter_s if cause in (Cause.PATH_ENDED, Cause.ORDERED) else 0.0
         if opens:
             self._ending.opening = Opening(self._ending.stack, self._controller, self._vehicles, self._columns, now)

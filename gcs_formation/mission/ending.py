@@ -214,18 +214,16 @@ class Ending:
     def __init__(
         self,
         vehicles: Mapping[VehicleId, Vehicle],
-        now: Instant,
         manner: End = "loiter",
         ground: GroundFloor | None = None,
         landings: Landings | None = None,
         ahead: Sequence[tuple[float, float]] = ((0.0, 0.0),),
         gap_m: float = 0.0,
     ) -> None:
-        """Keep vehicles on the ground there, whatever they were about to do.
+        """Find everyone's place for the end; nobody is commanded yet.
 
         Args:
             vehicles: all of them.
-            now: the present instant.
             manner: how the flight ends.
             ground: the ground to keep clear of.
             landings: those of an earlier order to land, where a vehicle is still landing; it is left to that.
@@ -252,6 +250,9 @@ class Ending:
         self._manner: End = manner
         self._vehicles = vehicles
         self._left: dict[VehicleId, Vehicle] = {}
+
+    def begin(self, now: Instant) -> None:
+        """Keep vehicles on the ground there, whatever they were about to do."""
         for vehicle in self._ours.values():
             if not vehicle.autopilot.is_airborne(vehicle.telemetry):
                 _keep_down(vehicle, now)

@@ -86,6 +86,7 @@ class PilotsChoice:
     def __init__(self) -> None:
         """Start with no choice."""
         self.mode: int | None = None
+        """While there is one, the guided mode that heartbeats show may be the setpoints' doing."""
         self._heartbeats = 0
 
     def see(self, mode: int, guided_mode: int, seen: Telemetry) -> None:
@@ -93,10 +94,9 @@ class PilotsChoice:
         if mode != guided_mode:
             self.mode, self._heartbeats = mode, seen.heartbeats
 
-    def stands(self, seen: Telemetry, *, waiting: bool) -> bool:
-        """Return whether the guided mode that heartbeats show may be the setpoints' doing; `waiting`: on an answer."""
+    def watch(self, seen: Telemetry, *, waiting: bool) -> None:
+        """Forget the mode once heartbeats show what came of commanding it; `waiting`: that isn't acknowledged yet."""
         if self.mode is not None and waiting:
             self._heartbeats = seen.heartbeats
         elif seen.heartbeats >= self._heartbeats + SHOWN_IN_HEARTBEATS:
             self.mode = None
-        return self.mode is not None

@@ -63,8 +63,6 @@ class StartUp:
     """Whether we have given up getting it ready."""
     left: bool = False
     """Whether nothing is asked of it but that its pilot gives it back."""
-    left: bool = False
-    """Whether nothing is asked of it but that its pilot gives it back."""
     held: bool = False
     """Whether it is ready for its first command, and that may not be given yet."""
     _began: Instant = Instant(0)

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 from airlink import mavlink as m
-from airlink.clock import NANOSECONDS, Instant, after, seconds_between
+from airlink.clock import NANOSECONDS, Instant, seconds_between
 from airlink.endpoint import VehicleId
 from airlink.frame import Frame, FrameWriter
 from airlink.messages import Message
@@ -24,15 +24,13 @@ from gcs_formation.link.gnss_clock import GnssClock, StampMap
 from gcs_formation.link.quality import JitterMeter, SequenceTracker
 from gcs_formation.link.source_binding import EARLY_S, LONGEST_DELAY_S, SourceBinding
 from gcs_formation.vehicle.autopilot import Autopilot, EffectWatch, Step
-from gcs_formation.vehicle.commands import CommandQueue, Outcome, PilotsChoice
-from gcs_formation.vehicle.member import Member, Sight
+from gcs_formation.vehicle.commands import CommandQueue, PilotsChoice
+from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.startup import StartUp, TakeOff, UnbrokenRun
 from gcs_formation.vehicle.telemetry import Telemetry
 
 STATION_SYSTEM = 255
 STATION_COMPONENT = m.MAV_COMP_ID_MISSIONPLANNER
-ORDER_COMES_S = 5.0
-"""For how long after it was last sent a command to loiter may still reach a vehicle."""
 UNANSWERED_S = 1.5
 """For how long answers may be missing from a vehicle that hears the ground station."""
 MAX_PROBES = 256
@@ -78,13 +76,8 @@ class Vehicle:
         self.setpoints_taken = {command: UnbrokenRun() for command in autopilot.setpoint_commands}
         """Acknowledgements of airspeed, heading and height setpoints."""
         self._answered: Instant | None = None
-        self.beyond_margin = False
-        """Whether its loop's delay is beyond what keeps it stable."""
         self.take_off = TakeOff()
-        self.restarted = False
-        """Whether it has restarted since the station last looked."""
         self._writer = FrameWriter(STATION_SYSTEM, STATION_COMPONENT)
-        self._loiter_ordered = after(Instant(0), -ORDER_COMES_S)
         self._sampled, self._probes = 0, dict[int, Instant]()
         # What takes each message; all others are telemetry.
         self._takes: dict[type[Message], Callable[[Any, Instant, bool], None]] = {
@@ -94,21 +87,6 @@ class Vehicle:
             CurrentMode: self._take_mode,
             GlobalPositionInt: self._take_position,
         }
-
-    def sight(self, now: Instant, *, fresh: bool, loiter_may_be_told: bool) -> Sight:
-        """Return what decides on the vehicle's place in the formation."""
-        if self.member is Member.HOLDING:
-            self._loiter_ordered = now
-        mode = self.telemetry.custom_mode
-        pilots = self.pilots_choice.stands(self.telemetry, waiting=self.commands.outcome is Outcome.WAITING)
-        return Sight(
-            started=self.start_up.finished,
-            guided=self.autopilot.takes_setpoints(self.telemetry) and not pilots,
-            loiters=mode == self.autopilot.loiter_mode,
-            fresh=fresh,
-            loiter_may_be_told=loiter_may_be_told,
-            order_may_come=now < after(self._loiter_ordered, ORDER_COMES_S),
-        )
 
     @property
     def follows_setpoints(self) -> bool:
@@ -280,7 +258,6 @@ class Vehicle:
         self.take_off = TakeOff()
         self.jitter = JitterMeter()
         self.start_up = StartUp(self.autopilot.start_up(self.rates_hz))
-        self.restarted = True
 
     def _acknowledged(self, ack: CommandAck, now: Instant, _timed: bool) -> None:
         if ack.target_system not in (0, STATION_SYSTEM):

@@ -26,8 +26,7 @@ class Formation:
     def __init__(self, count: int = 2, **law: Any) -> None:
         keys = scenario(vehicles={"count": count}, law={"type": "fuzzy_pid", "delay_compensation": False, **law})
         self.vehicles: dict[VehicleId, Any] = {
-            VehicleId(1, number): SimpleNamespace(identity=VehicleId(1, number), beyond_margin=False)
-            for number in range(1, count + 1)
+            VehicleId(1, number): SimpleNamespace(identity=VehicleId(1, number)) for number in range(1, count + 1)
         }
         self.leader, self.follower, *_ = self.vehicles.values()
         self.notes, columns = Noted(), {identity: column for column, identity in enumerate(self.vehicles)}
@@ -117,7 +116,7 @@ def test_near_its_margin_a_vehicle_is_reported_once_and_once_when_it_is_clear_of
 def test_beyond_its_margin_a_vehicle_is_marked_until_it_is_well_inside() -> None:
     formation = Formation()
     shares = (0.99, 1.01, NEAR + 0.01, NEAR - 0.01, 0.99)
-    assert [(formation.use(share), formation.follower.beyond_margin)[1] for share in shares] == [
+    assert [(formation.use(share), formation.follower.identity in formation.watch.beyond)[1] for share in shares] == [
         *(False, True, True, False, False)
     ]
 
@@ -171,10 +170,10 @@ def test_gains_that_can_not_come_down_any_further_are_not_reported_again_and_aga
 def test_one_that_leads_has_no_loop_any_more_and_its_gains_back() -> None:
     formation = Formation(on_delay="degrade")
     formation.use(1.2)
-    formation.follower.beyond_margin = True
+    formation.watch.beyond.add(formation.follower.identity)
     assert math.isnan(formation.look(formation.follower))
     assert np.all(formation.watch.bandwidth[1] == 1.0)
-    assert not formation.follower.beyond_margin
+    assert not formation.watch.beyond
 
 
 def test_by_consensus_without_prediction_everyone_waits_for_the_latest_state_and_the_leader_has_a_loop_too() -> None:

@@ -38,7 +38,7 @@ class Formation:
         self.max_age_s = planned.law.max_age_s
         self.vehicles = {identity: vehicle(identity) for identity in (LEADER, FOLLOWER)}
         columns = {LEADER: 0, FOLLOWER: 1}
-        self.notes, self.ages_s = Noted(), [0.0, 0.0]
+        self.notes, self.ages_s, self.beyond = Noted(), [0.0, 0.0], set[VehicleId]()
         self.membership = Membership(planned, self.vehicles, columns, self.notes)
         self.estimator: Any = SimpleNamespace(age_s=lambda column, _: self.ages_s[column])
         self.now = Instant(0)
@@ -51,7 +51,7 @@ class Formation:
             if heard:
                 each.connection.heard(self.now, heartbeat=True)
                 each._answered = self.now
-        self.membership.judge(self.vehicles[LEADER], self.estimator, self.now, connecting=False)
+        self.membership.judge(self.vehicles[LEADER], self.estimator, self.now, connecting=False, beyond=self.beyond)
         return self.follower.member
 
     def silent(self, at_s: float, of: VehicleId = FOLLOWER) -> Member:
@@ -82,7 +82,6 @@ SET_MODE = m.MAV_CMD_DO_SET_MODE
 def vehicle(identity: VehicleId) -> Vehicle:
     made = Vehicle(identity, ArduPlane(identity.system, ORIGIN, 0.25), Connection(0), ORIGIN, 10.0)
     made.start_up = StartUp((), index=0)
-    made._loiter_ordered = after(Instant(0), -100.0)
     lat_rad, lon_rad, alt_m = ORIGIN.from_ned(30.0 * identity.system, 0.0, -100.0)
     made.telemetry.take(GlobalPositionInt(1.0, lat_rad, lon_rad, alt_m, 100.0, 22.0, 0.0, 0.0, 0.0))
     beat(made, GUIDED)
@@ -199,7 +198,7 @@ def test_while_the_station_connects_followers_need_no_leader_and_nobody_needs_te
 def test_one_that_a_loop_delay_makes_unstable_loiters_where_that_is_asked_for_only() -> None:
     for on_delay, member in (("hold", Member.HOLDING), ("warn", Member.FLYING)):
         formation = Formation(on_delay=on_delay)
-        formation.follower.beyond_margin = True
+        formation.beyond.add(FOLLOWER)
         assert formation.judge(1.0) is member
 
 

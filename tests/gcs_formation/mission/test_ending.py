@@ -68,7 +68,8 @@ def loiters_at(height_m: float) -> list[tuple[int, Any]]:
 
 
 def ending(*vehicles: Vehicle, manner: End = "loiter", ground: GroundFloor | None = None) -> Ending:
-    end = Ending({vehicle.identity: vehicle for vehicle in vehicles}, NOW, manner, ground)
+    end = Ending({vehicle.identity: vehicle for vehicle in vehicles}, manner, ground)
+    end.begin(NOW)
     end.leave(NOW)
     return end
 
