@@ -7,10 +7,6 @@ import os
 import signal
 import socket
 import subprocess
-import sys
-import time
-from collections.abc import Generator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -21,19 +17,9 @@ from click.testing import CliRunner, Result
 from gcs_formation.cli import main
 from gcs_formation.record.timeseries import read_parquet
 from tests.flights.conftest import scenario
+from tests.processes import LIMIT_S, STATION, VEHICLES, events_of, free_port, started, wait_for, wait_for_event
 
-LIMIT_S = 300
-"""How long a crowded machine may take for what takes seconds."""
 SPEED_MPS = 22
-STATION = [sys.executable, "-m", "gcs_formation"]
-VEHICLES = [sys.executable, "-m", "sim_vehicles"]
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
 
 
 @pytest.fixture
@@ -48,34 +34,6 @@ def path(tmp_path: Path) -> Path:
 def said(*arguments: str) -> Result:
     """Give the command line these arguments, without a process of its own."""
     return CliRunner().invoke(main, arguments)
-
-
-@contextmanager
-def started(command: list[str]) -> Generator[subprocess.Popen[str]]:
-    process = subprocess.Popen(
-        command,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        preexec_fn=_heed_interrupts,  # noqa: PLW1509 - no threads here
-    )
-    try:
-        yield process
-    finally:
-        process.kill()
-        process.communicate()
-
-
-def _heed_interrupts() -> None:
-    """What a shell starts in the background ignores Ctrl-C, and hands that on."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
-
-
-def wait_for(file: Path, word: str) -> None:
-    deadline = time.monotonic() + LIMIT_S
-    while not (file.exists() and word in file.read_text()):
-        assert time.monotonic() < deadline, f"{word} never came"
-        time.sleep(0.05)
 
 
 def late_s(summary: dict[str, Any]) -> float:
@@ -135,10 +93,10 @@ def test_fly_against_vehicles_started_by_hand(path: Path, tmp_path: Path) -> Non
 def test_ctrl_c_has_the_vehicles_loiter_and_leaves_a_whole_record(path: Path, tmp_path: Path) -> None:
     out = tmp_path / "run"
     with started([*STATION, "run", str(path), "--speedup", "4", "--out", str(out)]) as station:
-        wait_for(out / "events.jsonl", '"flying"')
+        wait_for_event(out, "flying")
         station.send_signal(signal.SIGINT)
         assert station.wait(LIMIT_S) == 130
-    events = [json.loads(line) for line in (out / "events.jsonl").read_text().splitlines()]
+    events = events_of(out)
     assert sum(event["kind"] == "mode" and event["text"] == "LOITER" for event in events) == 3
     assert len(read_parquet(out / "timeseries.parquet")["t_s"]) > 0
     assert json.loads((out / "summary.json").read_text())["followers"]
@@ -149,14 +107,11 @@ def test_ctrl_c_has_the_vehicles_loiter_and_leaves_a_whole_record(path: Path, tm
 def test_killed_the_station_takes_its_vehicles_along(path: Path, tmp_path: Path) -> None:
     out = tmp_path / "run"
     with started([*STATION, "run", str(path), "--out", str(out)]) as station:
-        wait_for(out / "events.jsonl", '"connected"')
+        wait_for_event(out, "connected")
         assert emulators_of(tmp_path)
         os.kill(station.pid, signal.SIGKILL)
         station.wait(LIMIT_S)
-        deadline = time.monotonic() + LIMIT_S
-        while emulators_of(tmp_path):
-            assert time.monotonic() < deadline
-            time.sleep(0.1)
+        wait_for(lambda: not emulators_of(tmp_path))
 
 
 @pytest.mark.slow
@@ -165,7 +120,7 @@ def test_a_running_flight_is_told_another_shape_and_to_end(path: Path, tmp_path:
     with started(
         [*STATION, "run", str(path), "--speedup", "2", "--set", "duration_s=170", "--out", str(out)]
     ) as station:
-        wait_for(out / "events.jsonl", '"flying"')
+        wait_for_event(out, "flying")
         told: list[tuple[int, str]] = []
         for order in ("shape line", "speed 40", "shape blob", "loiter"):
             done = said("tell", str(out), *order.split())
@@ -187,7 +142,7 @@ def test_a_leader_lost_over_udp_is_succeeded_within_5_s(path: Path, tmp_path: Pa
     keys += ["--set", "formation.shape=follower"]  # where one is the nearest, not two within what a busy machine adds
     command = [*STATION, "run", str(path), *keys, "--out", str(out)]
     subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S, check=False)
-    events = [json.loads(line) for line in (out / "events.jsonl").read_text().splitlines()]
+    events = events_of(out)
     begun_s = next(event["t_s"] for event in events if event["text"] == "flying")
     (leader,) = [event for event in events if event["kind"] == "leader"]
     assert leader["vehicle"] == "2"

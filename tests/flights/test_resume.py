@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import signal
 import subprocess
 import time
@@ -32,7 +31,7 @@ from sim_vehicles.autopilot.modes import Condition, Mode
 from sim_vehicles.fleet import Fleet
 from tests.flights.conftest import scenario
 from tests.flights.in_memory import Between, Notes, World
-from tests.flights.test_real_clock import LIMIT_S, STATION, VEHICLES, free_port, started, wait_for
+from tests.processes import LIMIT_S, STATION, VEHICLES, events_of, free_port, started, wait_for_event
 
 EPOCH_US = 1_700_000_000_000_000
 REGAINED_S = 60.0
@@ -259,14 +258,14 @@ def test_killed_over_udp_and_resumed_the_formation_is_regained_within_60_s(tmp_p
         assert emulators.stdout is not None
         emulators.stdout.readline()
         with started([*STATION, "fly", str(path), "--speedup", "2", "--out", str(out)]) as station:
-            wait_for(out / "events.jsonl", '"flying"')
+            wait_for_event(out, "flying")
             time.sleep(5.0)
             station.send_signal(signal.SIGKILL)
             station.wait(LIMIT_S)
         command = [*STATION, "fly", "--resume", str(out), "--speedup", "2", "--json"]
         done = subprocess.run(command, capture_output=True, text=True, timeout=2 * LIMIT_S, check=False)
     assert done.returncode == 0, done.stderr
-    events = [json.loads(line) for line in (out / "events.jsonl").read_text().splitlines()]
+    events = events_of(out)
     (resumed,) = [event for event in events if event["text"] == "goes on"]
     assert sum(event["text"] == "taken over in GUIDED" for event in events) == 3
     assert 0.0 < regained_s(out) - resumed["t_s"] < REGAINED_S

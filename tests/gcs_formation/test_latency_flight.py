@@ -13,7 +13,7 @@ from gcs_formation.app.assembly import split_errors
 from gcs_formation.record.timeseries import flying
 from gcs_formation.testing.flown import Flown
 from gcs_formation.testing.plan import Formation, Plan
-from tests.flights.test_real_clock import free_port
+from tests.processes import free_port
 
 DELAYS_MS = (0, 50, 150, 300, 600)
 DRIFTS_PPM = (0, 50, 15000)

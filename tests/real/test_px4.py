@@ -9,9 +9,7 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import time
-from collections import Counter
 from collections.abc import Generator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -21,15 +19,11 @@ import yaml
 from pymavlink import mavutil
 
 from airlink import mavlink as m
+from tests.processes import events_of, wait_for_event
+from tests.real.simulators import ROOT, acknowledgements, command_to_fly, fly, needs, running
 
-BINARY = os.environ.get("PX4_SITL")
-pytestmark = [
-    pytest.mark.skipif(not BINARY, reason="PX4_SITL isn't set to the path of a PX4 SITL binary"),
-    pytest.mark.slow,
-]
+pytestmark = needs("PX4_SITL", "a PX4 SITL binary")
 
-ROOT = Path(__file__).parents[2]
-LIMIT_S = 900
 FIRST_INSTANCE = 40
 """Instance n is system n + 1 and listens at UDP port 18570 + n: away from a simulation that somebody else runs."""
 GCS_PORT, PILOT_PORT = 18570, 14580
@@ -43,8 +37,8 @@ PARAMETERS = {"SIH_T_MAX": 10, "FW_AIRSPD_MAX": 22, "FW_AIRSPD_TRIM": 14, "SDLOG
 def simulated(instance: int, directory: Path, airframe: int = 10041, model: str = "airplane") -> Generator[None]:
     """Run one PX4, some way east of the others; the field is at 10 m."""
     directory.mkdir()
-    binary = Path(str(BINARY)).resolve()
-    environment = os.environ | {
+    binary = Path(os.environ["PX4_SITL"]).resolve()
+    variables = {
         "PX4_SYS_AUTOSTART": str(airframe),
         "PX4_SIM_MODEL": f"sihsim_{model}",
         "PX4_HOME_LAT": "35.0",
@@ -53,15 +47,8 @@ def simulated(instance: int, directory: Path, airframe: int = 10041, model: str 
         **{f"PX4_PARAM_{name}": str(value) for name, value in PARAMETERS.items()},
     }
     command = [str(binary), "-i", str(instance), "-d", str(binary.parents[1] / "etc")]
-    with (directory / "log.txt").open("w") as log:
-        process = subprocess.Popen(
-            command, cwd=directory, env=environment, stdin=subprocess.DEVNULL, stdout=log, stderr=log
-        )
-        try:
-            yield
-        finally:
-            process.terminate()
-            process.wait(10)
+    with running(command, directory, variables):
+        yield
 
 
 def scenario(count: int) -> dict[str, object]:
@@ -74,19 +61,6 @@ def scenario(count: int) -> dict[str, object]:
     return keys
 
 
-def command_to_fly(directory: Path, keys: dict[str, object]) -> list[str]:
-    """Write the scenario, wait until the simulations are up, and return the command."""
-    file = directory / "px4.yaml"
-    file.write_text(yaml.safe_dump(keys))
-    time.sleep(BOOT_S)
-    return [sys.executable, "-m", "gcs_formation", "fly", str(file), "--out", str(directory / "run")]
-
-
-def fly(directory: Path, keys: dict[str, object]) -> subprocess.CompletedProcess[str]:
-    command = command_to_fly(directory, keys)
-    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=LIMIT_S, check=False)
-
-
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Fly, and return the run directory."""
@@ -94,17 +68,14 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with ExitStack() as stack:
         for instance in range(FIRST_INSTANCE, FIRST_INSTANCE + 4):
             stack.enter_context(simulated(instance, directory / f"plane{instance}"))
+        time.sleep(BOOT_S)
         done = fly(directory, scenario(4))
     assert done.returncode == 0, done.stderr
     return directory / "run"
 
 
-def events(run: Path) -> list[dict[str, str]]:
-    return [json.loads(line) for line in (run / "events.jsonl").read_text().splitlines()]
-
-
 def test_every_vehicle_goes_through_take_off_to_hold(run):
-    told = events(run)
+    told = events_of(run)
     for vehicle in map(str, range(FIRST_INSTANCE + 1, FIRST_INSTANCE + 5)):
         modes = [event["text"] for event in told if event["kind"] == "mode" and event.get("vehicle") == vehicle]
         assert modes[-2:] == ["TAKEOFF", "HOLD"]
@@ -113,11 +84,7 @@ def test_every_vehicle_goes_through_take_off_to_hold(run):
 
 
 def test_the_autopilots_refuse_nothing(run):
-    log = mavutil.mavlink_connection(str(run / "flight.tlog"), dialect="ardupilotmega")
-    counts: Counter[tuple[int, int]] = Counter()
-    while (ack := log.recv_match(type="COMMAND_ACK")) is not None:
-        counts[ack.command, ack.result] += 1
-    log.close()
+    counts = acknowledgements(run)
     assert {result for _, result in counts} == {m.MAV_RESULT_ACCEPTED}
     assert counts[m.MAV_CMD_DO_REPOSITION, m.MAV_RESULT_ACCEPTED] > 4000
 
@@ -132,43 +99,33 @@ def test_three_followers_keep_their_slots_to_2_m(run):
 
 def test_a_pilot_takes_over_with_another_mode_and_gives_back_with_hold(tmp_path):
     """Each setpoint commands Hold: without more ado RTL would last for a tenth of a second."""
-    follower = FIRST_INSTANCE + 2
+    follower, run = FIRST_INSTANCE + 2, tmp_path / "run"
     with ExitStack() as stack:
         for instance in (FIRST_INSTANCE, FIRST_INSTANCE + 1):
             stack.enter_context(simulated(instance, tmp_path / f"plane{instance}"))
+        time.sleep(BOOT_S)
         flight = stack.enter_context(subprocess.Popen(command_to_fly(tmp_path, scenario(2)), cwd=ROOT))
         stack.callback(flight.send_signal, signal.SIGINT)
-        await_event(tmp_path / "run", follower, "member", "flying in formation")
+        wait_for_event(run, "flying in formation", vehicle=str(follower))
         pilot = mavutil.mavlink_connection(f"udpout:127.0.0.1:{PILOT_PORT + FIRST_INSTANCE + 1}", source_system=254)
         for sub_mode, mode, member in ((5, "RTL", "parted by its pilot"), (3, "HOLD", "flying in formation")):
-            count = len(events(tmp_path / "run"))
+            count = len(events_of(run))
             pilot.mav.heartbeat_send(m.MAV_TYPE_GCS, m.MAV_AUTOPILOT_INVALID, 0, 0, m.MAV_STATE_ACTIVE)
             pilot.mav.command_long_send(follower, 1, m.MAV_CMD_DO_SET_MODE, 0, 1, 4, sub_mode, 0, 0, 0, 0)
-            await_event(tmp_path / "run", follower, "mode", mode, after=count)
-            await_event(tmp_path / "run", follower, "member", member, after=count)
+            wait_for_event(run, mode, count, kind="mode", vehicle=str(follower))
+            wait_for_event(run, member, count, vehicle=str(follower))
             time.sleep(5.0)
-            modes = [each["text"] for each in events(tmp_path / "run") if each["kind"] == "mode"]
+            modes = [each["text"] for each in events_of(run) if each["kind"] == "mode"]
             assert modes[-1] == mode
         pilot.close()
 
 
-def await_event(run: Path, vehicle: int, kind: str, text: str, after: int = 0) -> None:
-    """Wait until an event is recorded, not counting the first ones."""
-    until = time.monotonic() + 60.0
-    while time.monotonic() < until:
-        told = events(run)[after:] if (run / "events.jsonl").exists() else []
-        if any((each["kind"], each["text"], each.get("vehicle")) == (kind, text, str(vehicle)) for each in told):
-            return
-        time.sleep(0.5)
-    pytest.fail(f"no event {kind} '{text}' of vehicle {vehicle}")
-
-
 def test_a_px4_multicopter_is_refused_before_anything_is_armed(tmp_path):
-    keys = scenario(2)
     with ExitStack() as stack:
         stack.enter_context(simulated(FIRST_INSTANCE, tmp_path / "plane"))
         stack.enter_context(simulated(FIRST_INSTANCE + 1, tmp_path / "copter", 10040, "quadx"))
-        done = fly(tmp_path, keys)
+        time.sleep(BOOT_S)
+        done = fly(tmp_path, scenario(2))
     assert done.returncode == 3
     assert f"vehicle {FIRST_INSTANCE + 2} says that it is a PX4 QUADROTOR; allowed: PX4 fixed wing" in done.stderr
     log = mavutil.mavlink_connection(str(tmp_path / "run" / "flight.tlog"), dialect="ardupilotmega")

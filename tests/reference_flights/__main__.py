@@ -6,7 +6,6 @@ import json
 import os
 import resource
 import shutil
-import socket
 import subprocess
 import sys
 import tempfile
@@ -16,6 +15,7 @@ from typing import Any
 
 import click
 
+from tests.processes import free_port
 from tests.reference_flights import protocol, records
 from tests.reference_flights.flights import Flight, Stress, reference_flights
 
@@ -120,15 +120,9 @@ def _arguments(flight: Flight | Stress, until_s: float | None, configs: Path, fi
         file.write_text(json.dumps(flight.scenario))
     ends_s = flight.until_s if until_s is None else until_s
     until = [] if ends_s is None else ["--until", str(ends_s)]
-    port = [f"vehicles.endpoint=udpin:127.0.0.1:{_free_port()}"] if flight.clock == "real" else []
+    port = [f"vehicles.endpoint=udpin:127.0.0.1:{free_port()}"] if flight.clock == "real" else []
     overrides = [word for each in (*flight.overrides, *port) for word in ("--set", each)]
     return ["run", str(file), "--clock", flight.clock, *until, *overrides]
-
-
-def _free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 def _check_out(revision: str, path: Path) -> Path:

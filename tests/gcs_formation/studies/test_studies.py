@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections import Counter, deque
 
 import numpy as np
@@ -25,6 +24,7 @@ from gcs_formation.studies.keys import Study, load_study, study_schema
 from gcs_formation.studies.plan import Plan, Planned, count_flights, count_samples, drawn, replayed, samples
 from gcs_formation.studies.report import Flights, heat_map
 from gcs_formation.studies.workers import Cluster, Processes
+from tests.processes import wait_for
 
 SCENARIO = {
     "vehicles": {"count": 2},
@@ -323,8 +323,7 @@ def test_an_interrupted_study_says_so_keeps_its_rows_and_leaves_no_process(two, 
     """Ctrl-C reaches the whole process group."""
     study_command = [sys.executable, "-m", "gcs_formation", "study", two, "--out", tmp_path / "out", "--workers", "1"]
     flying = subprocess.Popen(study_command, stderr=subprocess.PIPE, text=True, start_new_session=True)
-    while flying.poll() is None and not list(read_journal(tmp_path / "out")):
-        time.sleep(0.05)
+    wait_for(lambda: flying.poll() is not None or list(read_journal(tmp_path / "out")))
     os.killpg(flying.pid, signal.SIGINT)
     _, said = flying.communicate()  # returns when the last process that holds the pipe has ended
     assert flying.returncode == 130

@@ -1,0 +1,77 @@
+"""Processes, ports and waiting: what tests of whole programs share."""
+
+from __future__ import annotations
+
+import json
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Generator, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+LIMIT_S = 300
+"""How long a crowded machine may take for what takes seconds."""
+STATION = [sys.executable, "-m", "gcs_formation"]
+VEHICLES = [sys.executable, "-m", "sim_vehicles"]
+
+
+def free_ports(count: int) -> list[int]:
+    with ExitStack() as stack:
+        sockets = [stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) for _ in range(count)]
+        for each in sockets:
+            each.bind(("127.0.0.1", 0))
+        return [each.getsockname()[1] for each in sockets]
+
+
+def free_port() -> int:
+    return free_ports(1)[0]
+
+
+@contextmanager
+def started(command: Sequence[str | Path]) -> Generator[subprocess.Popen[str]]:
+    process = subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=_heed_interrupts,  # noqa: PLW1509 - no threads here
+    )
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def _heed_interrupts() -> None:
+    """What a shell starts in the background ignores Ctrl-C, and hands that on."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+def wait_for(condition: Callable[[], object], within_s: float = LIMIT_S, every_s: float = 0.05) -> None:
+    """Wait in real time: what is waited for happens in another process, and no clock of ours can advance that."""
+    deadline = time.monotonic() + within_s
+    while not condition():
+        assert time.monotonic() < deadline, f"not so within {within_s:g} s"
+        time.sleep(every_s)
+
+
+def events_of(run: Path) -> list[dict[str, Any]]:
+    """Return the events that a run has recorded by now; what isn't a whole line yet isn't one."""
+    file = run / "events.jsonl"
+    lines = file.read_text().splitlines(keepends=True) if file.exists() else []
+    return [json.loads(line) for line in lines if line.endswith("\n")]
+
+
+def wait_for_event(run: Path, text: str, after: int = 0, within_s: float = LIMIT_S, **fields: str) -> dict[str, Any]:
+    """Wait until an event of this text and these fields is recorded, not counting the first ones; return it."""
+
+    def those() -> list[dict[str, Any]]:
+        return [each for each in events_of(run)[after:] if fields.items() | {("text", text)} <= each.items()]
+
+    wait_for(those, within_s)
+    return those()[0]

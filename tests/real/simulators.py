@@ -1,0 +1,167 @@
+"""Simulated real autopilots: their processes, what is set on them, and flights of the ground station against them."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from collections import Counter
+from collections.abc import Generator, Iterable, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from pymavlink import mavutil
+
+from tests.processes import STATION, free_ports
+
+ROOT = Path(__file__).parents[2]
+LIMIT_S = 1200
+ORIGIN_DEG = 35.0, 125.0
+SENSORS = {
+    f"INS_ACC{which}{what}_{axis}": value
+    for which in ("", 2)
+    for what, value in (("OFFS", 0.001), ("SCAL", 1.001))
+    for axis in "XYZ"
+}
+"""The simulator's accelerometers count as calibrated only with offsets that aren't 0."""
+COMPASS = {
+    f"COMPASS_OFS{which}_{axis}": value for which in ("", 2, 3) for axis, value in zip("XYZ", (5, 13, -18), strict=True)
+}
+TRANSMITTER = {f"RC{channel}_{end}": value for channel in range(1, 9) for end, value in (("MIN", 1000), ("MAX", 2000))}
+
+
+def needs(variable: str, what: str) -> list[pytest.MarkDecorator]:
+    """Return the marks of tests that fly a simulator, whose path an environment variable names."""
+    reason = f"{variable} isn't set to the path of {what}"
+    return [pytest.mark.skipif(not os.environ.get(variable), reason=reason), pytest.mark.slow]
+
+
+@contextmanager
+def running(
+    command: list[str], directory: Path, variables: Mapping[str, str] | None = None
+) -> Generator[subprocess.Popen[bytes]]:
+    """Run a simulator in a directory of its own."""
+    environment = os.environ | dict(variables or {})
+    with (directory / "log.txt").open("w") as log:
+        process = subprocess.Popen(
+            command, cwd=directory, env=environment, stdin=subprocess.DEVNULL, stdout=log, stderr=log
+        )
+        try:
+            yield process
+        finally:
+            process.terminate()
+            process.wait(10)
+
+
+@dataclass(frozen=True)
+class ArduPilot:
+    """One vehicle of ArduPilot's simulator; several stand in a row to the east."""
+
+    variable: str
+    """Environment variable with the path of its binary."""
+    model: str
+    first_instance: int
+    """Its RC input is at UDP port 5501 + 10 times this: away from a simulation that somebody else runs."""
+    apart_deg: float
+    parameters: Mapping[str, float]
+
+    @contextmanager
+    def simulated(
+        self, number: int, port: int, directory: Path, speedup: float = 1.0, **parameters: float
+    ) -> Generator[subprocess.Popen[bytes]]:
+        """Run one as system `number`, which sends to `port`; parameters are set beside its own."""
+        directory.mkdir()
+        lines = [f"{key} {value}" for key, value in {**self.parameters, **parameters, "MAV_SYSID": number}.items()]
+        (directory / "set.parm").write_text("\n".join(lines) + "\n")
+        latitude_deg, longitude_deg = ORIGIN_DEG
+        home = f"{latitude_deg},{longitude_deg + (number - 1) * self.apart_deg},0,0"
+        command = [os.environ[self.variable], "--model", self.model, "--speedup", str(speedup), "--home", home]
+        command += [f"-I{self.first_instance + number}", "--defaults", "set.parm"]
+        command += ["--serial0", f"udpclient:127.0.0.1:{port}", "--serial1", "none:0", "--serial2", "none:0"]
+        with running(command, directory) as process:
+            yield process
+
+    @contextmanager
+    def several(
+        self, ports: Iterable[int], directory: Path, speedup: float = 1.0, **parameters: float
+    ) -> Generator[list[subprocess.Popen[bytes]]]:
+        """Run one for each port, as systems 1, 2, …"""
+        with ExitStack() as stack:
+            yield [
+                stack.enter_context(self.simulated(number, port, directory / f"{number}", speedup, **parameters))
+                for number, port in enumerate(ports, 1)
+            ]
+
+
+ARDUPLANE = ArduPilot(
+    "ARDUPLANE_SITL",
+    "plane",
+    40,
+    0.0006,
+    SENSORS
+    | {
+        "AIRSPEED_CRUISE": 22,
+        "AIRSPEED_MAX": 30,
+        "AIRSPEED_MIN": 10,
+        "ARSPD_USE": 1,
+        "TRIM_THROTTLE": 50,
+        "ROLL_LIMIT_DEG": 65,
+        "TKOFF_ALT": 50,
+        "WP_LOITER_RAD": 80,
+        "RC3_MIN": 1000,
+        "RC3_MAX": 2000,
+        "RC3_TRIM": 1000,
+        "SERVO3_MIN": 1000,
+        "SERVO3_MAX": 2000,
+    },
+)
+ARDUCOPTER = ArduPilot(
+    "ARDUCOPTER_SITL",
+    "+",
+    60,
+    0.0001,
+    SENSORS
+    | COMPASS
+    | TRANSMITTER
+    | {"FRAME_CLASS": 1, "FRAME_TYPE": 0, "FS_THR_ENABLE": 0, "FS_GCS_ENABLE": 1, "BATT_MONITOR": 4},
+)
+
+
+def at_ports(keys: Mapping[str, Any], ports: Iterable[int]) -> dict[str, Any]:
+    """Return a scenario whose vehicles are heard at these ports."""
+    pairs = zip(keys["vehicles"], ports, strict=True)
+    return {**keys, "vehicles": [each | {"endpoint": f"udpin:127.0.0.1:{port}"} for each, port in pairs]}
+
+
+def command_to_fly(directory: Path, keys: Mapping[str, Any], *options: str) -> list[str]:
+    """Write the scenario, and return the command whose record is in `directory / "run"`."""
+    file = directory / "scenario.yaml"
+    file.write_text(yaml.safe_dump(dict(keys)))
+    return [*STATION, "fly", str(file), "--out", str(directory / "run"), *options]
+
+
+def fly(directory: Path, keys: Mapping[str, Any], *options: str) -> subprocess.CompletedProcess[str]:
+    command = command_to_fly(directory, keys, *options)
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=LIMIT_S, check=False)
+
+
+def flown(kind: ArduPilot, directory: Path, keys: Mapping[str, Any], speedup: float = 1.0, **parameters: float) -> Path:
+    """Simulate a scenario's vehicles, have it flown to its end, and return the run directory."""
+    ports = free_ports(len(keys["vehicles"]))
+    with kind.several(ports, directory, speedup, **parameters):
+        done = fly(directory, at_ports(keys, ports), "--speedup", str(speedup))
+    assert done.returncode == 0, done.stderr
+    return directory / "run"
+
+
+def acknowledgements(run: Path) -> Counter[tuple[int, int]]:
+    """Return how often the vehicles answered each command with each result."""
+    log = mavutil.mavlink_connection(str(run / "flight.tlog"), dialect="ardupilotmega")
+    counts: Counter[tuple[int, int]] = Counter()
+    while (ack := log.recv_match(type="COMMAND_ACK")) is not None:
+        counts[ack.command, ack.result] += 1
+    log.close()
+    return counts
