@@ -33,6 +33,8 @@ GUST_SIGMAS: Final = 3.0
 """Standard deviations of the wind's estimate below which a change of it isn't led."""
 SWING_S: Final = 0.6
 """Time aside of the leader at which the heading's loop has half its bandwidth, in the follower's own frame."""
+CLIMBING: Final = 0.35
+"""Share of the climb limit beyond which an error of height that shrinks so fast isn't integrated."""
 NOTHING: Triple = (math.nan, math.nan, math.nan)
 
 
@@ -255,9 +257,17 @@ class FollowerController:
             self._speed.integrate(self.mixed[0], limited[0] - free[0] - output[0], dt_s)
         if not replaced[1]:
             self._heading.integrate(self.mixed[1], limited[1] - free[1] - output[1], dt_s)
-        if not replaced[2]:
+        if not replaced[2] and not self._closes_fast(model):
             self._height.integrate(self.mixed[2], limited[2] - free[2] - output[2], dt_s)
         return limited
+
+    def _closes_fast(self, model: AutopilotModel) -> bool:
+        """Whether the height's error shrinks at a rate near the vehicle's climb limit: it is being worked off.
+
+        What an integrator gathers on a long climb, where the limit keeps the error, it can only lose by overshooting.
+        """
+        most = CLIMBING * self._parameters.mixer.k_z * model.climb_max_mps
+        return abs(self._height.rate) > most and self._height.rate * self.mixed[2] < 0.0
 
     def _gust(self, pair: Pair, axis_rad: float, dt_s: float) -> tuple[float, float]:
         """Return how fast the follower's drift is to be followed, along and across, in m/s².

@@ -6,7 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from flight_model.autopilot import AutopilotModel, FlightState
+from flight_model.slot import Slot
+from formation_scenario import load_scenario
+from gcs_formation.control.feed_forward import LeaderMotion
+from gcs_formation.control.follower import FollowerController, Pair
 from gcs_formation.control.fuzzy_pid import FIXED_GAINS, Channel, Pid, PidGains
+from gcs_formation.control.laws import law_parameters
 
 DT_S = 0.1
 
@@ -85,3 +91,35 @@ def test_a_limit_takes_from_the_integral_what_is_there_and_no_more(held: float, 
     controller.integral = held
     controller.integrate(0.0, excess, 1.0)
     assert controller.integral == pytest.approx(left)
+
+
+def descent_m(up_m: float) -> list[float]:
+    """Return the height errors, for 60 s, of a follower that begins `up_m` above its slot and flies by model (7)."""
+    scenario = load_scenario(
+        {"vehicles": {"count": 2}, "law": {"type": "pid"}, "path": {"waypoints_m": [[0, 0, 100], [9000, 0, 100]]}}
+    )
+    model = AutopilotModel(4.0, 1.5, 1.0, 3.0, 16.0, 28.0, 1.5, 0.25, climb_max_mps=3.0)
+    controller, errors_m = FollowerController(law_parameters(scenario)), list[float]()
+    leader = LeaderMotion(level_at(100.0), 0.0, 0.0, 0.0, 0.0)
+    own, told_m, slot = level_at(100.0 + up_m), 100.0 + up_m, Slot([0.0] * 3, [0.0] * 3, [0.0] * 3)
+    for _ in range(600):
+        controller.decide(Pair(leader, own, slot, model, [22.0, 0.0, told_m], 0.0, [1.0] * 3, [False] * 3), DT_S)
+        told_m = controller.setpoint[2]
+        for _ in range(10):
+            own.climb_mps += DT_S / 10 * (told_m - own.height_m - 4.0 * own.climb_mps) / 3.0
+            own.climb_mps = max(-3.0, min(3.0, own.climb_mps))
+            own.height_m += DT_S / 10 * own.climb_mps
+        errors_m.append(own.height_m - 100.0)
+    return errors_m
+
+
+def level_at(height_m: float) -> FlightState:
+    return FlightState(0.0, 0.0, height_m, 0.0, 22.0, 0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("up_m", [40.0, -40.0])
+def test_what_an_integrator_could_gather_on_a_long_climb_does_not_overshoot(up_m: float) -> None:
+    """40 m at 3 m/s take 13 s; an integrator that gathered on the way flew 1.45 m past the slot."""
+    past_m = [-error_m * math.copysign(1.0, up_m) for error_m in descent_m(up_m)]
+    assert 0.0 < max(past_m) < 0.5
+    assert abs(past_m[-1]) < 0.01
