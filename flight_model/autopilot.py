@@ -242,7 +242,7 @@ def respond(
 
 
 def _climb(state: FlightState, model: AutopilotModel, height_m: float, time_s: float) -> None:
-    """Move height and climb rate on; a climb beyond its limit counts as the limit.
+    """Move height and climb rate on, the climb within its limit; one beyond it comes down to it by the faster lag.
 
     With equal time constants the limit of (e^x - 1) / x gives the solution for a double pole.
     """
@@ -253,6 +253,12 @@ def _climb(state: FlightState, model: AutopilotModel, height_m: float, time_s: f
     between_s = time_s * slow_left * (math.expm1(apart) / apart if apart != 0.0 else 1.0)
     left_m = slow_left * error_m + between_s * push_mps
     climb_mps = math.exp(-time_s / fast_s) * push_mps - left_m / slow_s
-    most_m = model.climb_max_mps * time_s
+    most_mps = model.climb_max_mps
+    most_m = most_mps * time_s
+    beyond_mps = abs(state.climb_mps) - most_mps
+    if beyond_mps > 0.0:
+        fast_left = math.exp(-time_s / fast_s)
+        most_mps += beyond_mps * fast_left
+        most_m += beyond_mps * fast_s * (1.0 - fast_left)
     state.height_m += within(left_m - error_m, -most_m, most_m)
-    state.climb_mps = within(climb_mps, -model.climb_max_mps, model.climb_max_mps)
+    state.climb_mps = within(climb_mps, -most_mps, most_mps)

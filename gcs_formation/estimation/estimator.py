@@ -43,6 +43,8 @@ UNMODELLED: Final[tuple[float, float, float]] = (0.05, 0.05, 0.003)
 """How far climb, airspeed (m/s) and heading (rad) stray from model (7) in a square root of a second."""
 UNCOMMANDED: Final[tuple[float, float, float]] = (1.0, 1.0, 0.3)
 """The same of a vehicle that isn't commanded by us."""
+BEYOND_LIMIT: Final = 1.1
+"""Climbs a tenth above its limit aren't flown by our setpoints yet: so a take-off ends."""
 WITHOUT_WIND: Final = 0.1
 """How far positions stray, m in a square root of a second, where the wind isn't observed."""
 WIND_WALK: Final = 0.02
@@ -289,7 +291,8 @@ class StateEstimator:
             else:
                 predicted, stamp = each.state.copy(), max(stamp, each.stamp)
                 self._history.predicted(predicted, each.stamp, stamp, column, models[column])
-                walk = UNMODELLED if told[column] else UNCOMMANDED
+                follows = abs(each.state.climb_mps) < BEYOND_LIMIT * models[column].climb_max_mps
+                walk = UNMODELLED if told[column] and follows else UNCOMMANDED
                 each.correct(values, stamp, predicted, models[column], walk)
             self._show(column)
 

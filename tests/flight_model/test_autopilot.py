@@ -122,6 +122,14 @@ def test_no_limit_is_ever_passed(speed, heading, height):
         assert abs(now.height_m - before.height_m) <= CLIMB * dt + 1e-12
 
 
+def test_a_climb_beyond_its_limit_comes_down_to_it_by_the_faster_lag():
+    """9 m/s at first where 3 are allowed: 3 + 6 / e after the faster lag, and 3 + 6 (1 - 1 / e) m higher."""
+    end = fly(state(climb_mps=9.0), command(height=200.0), 1.0)
+    assert end.climb_mps == pytest.approx(3.0 + 6.0 / math.e)
+    assert end.height_m == pytest.approx(100.0 + 3.0 + 6.0 * (1.0 - 1.0 / math.e))
+    assert fly(state(climb_mps=-9.0), command(height=0.0), 1.0).climb_mps == pytest.approx(-3.0 - 6.0 / math.e)
+
+
 def test_a_long_climb_goes_at_the_limit_and_ends_without_overshoot():
     now, told = state(), command(height=160.0)
     heights = []

@@ -106,6 +106,21 @@ def test_one_noisy_quantity_does_not_change_the_others():
     assert flight.learnt() == pytest.approx(np.ones(6), abs=0.4)
 
 
+def test_a_take_off_that_climbs_faster_than_the_model_may_is_followed():
+    """As ArduPlane hands over: 9.6 m/s where the model's limit is 3; it has come down to 1 m/s 2.6 s later."""
+    flight, errors_m, height_m = Flight(), [], 45.0
+    for step in range(30):
+        climb_mps = max(9.6 - 3.3 * 0.1 * step, 1.0)
+        flight.true = np.array((2.2 * step, 0.0, height_m, climb_mps, 22.0, 0.0, 0.0, 0.0))
+        flight.see()
+        errors_m.append(flight.error()[2])
+        told = Setpoints(*(np.array([value]) for value in (22.0, 0.0, height_m + 8.0)))
+        flight.history.add(SentSetpoints(np.array([flight.now]), told))
+        flight.now += STEP_NS
+        height_m += 0.1 * climb_mps
+    assert np.abs(errors_m).max() < 1.0
+
+
 def test_a_wind_that_changes_is_not_taken_for_noise():
     """Exact samples in turbulence whose wind changes by 0.3 m/s from one to the next."""
     flight = Flight(sigma=RESOLUTION, declared=RESOLUTION)
