@@ -24,8 +24,8 @@ INITIAL_DRIFT = 0.02
 OFFSET_NOISE = 1e-4
 DRIFT_NOISE = 2e-6
 """Random walk of offset (s) and drift per square root of a second."""
-RESTART_S = 1.0
-"""A sample that is off by more than its uncertainty and this belongs to a new clock: the vehicle has restarted."""
+STEP_S = 1.0
+"""A sample that is off by more than its uncertainty and this shows that the clock has stepped, or begun anew."""
 
 
 @dataclass
@@ -46,6 +46,8 @@ class ClockSync:
     offset_s: float = math.nan
     drift: float = 0.0
     _reference: Instant = Instant(0)
+    _asked: Instant = Instant(0)
+    """When the newest answered probe was sent: the vehicle ran on its clock after that."""
     _variance: tuple[float, float, float] = (1.0, 0.0, INITIAL_DRIFT**2)
     _recent: deque[float] = field(default_factory=lambda: deque[float](maxlen=WINDOW))
 
@@ -69,12 +71,19 @@ class ClockSync:
         self.one_way_s = max(0.0, (sum(self._recent) / len(self._recent) - self.loop_s / 2) / 2)
         middle = Instant((sent + received) // 2)
         sample_s = (vehicle_time_ns - middle) / NANOSECONDS
-        restarted = self.samples > 0 and abs(sample_s - self._predict(middle)) > RESTART_S + self.round_trip_s / 2
+        off_s = sample_s - self._predict(middle) if self.samples else 0.0
+        stepped = abs(off_s) > STEP_S + self.round_trip_s / 2
+        # One that has run for longer than nothing was read of it hasn't begun anew: it stood still (a machine or a
+        # simulator was held up).
+        restarted = stepped and vehicle_time_ns <= (received - self._asked) * (1.0 + INITIAL_DRIFT)
         if self.samples == 0 or restarted:
             self._begin(middle, sample_s)
+        elif stepped:
+            self._step(middle, sample_s)
         else:
             self._advance(middle)
             self._correct(sample_s)
+        self._asked = max(self._asked, sent)
         self.samples += 1
         self.restarts += restarted
         return restarted
@@ -95,6 +104,11 @@ class ClockSync:
     def _begin(self, at: Instant, sample_s: float) -> None:
         self.offset_s, self.drift, self._reference = sample_s, 0.0, at
         self._variance = (self._sample_variance(), 0.0, INITIAL_DRIFT**2)
+
+    def _step(self, at: Instant, sample_s: float) -> None:
+        """Follow a clock that has stepped: its rate is what it was."""
+        self.offset_s, self._reference = sample_s, at
+        self._variance = (self._sample_variance(), 0.0, self._variance[2])
 
     def _advance(self, to: Instant) -> None:
         elapsed_s = max(0.0, (to - self._reference) / NANOSECONDS)

@@ -62,6 +62,36 @@ class Between:
         self.fleet.handle_timer(now)
 
 
+class HeldUp(Between):
+    """Emulators on a machine that stops for a while: neither do they fly meanwhile, nor do their clocks run."""
+
+    def __init__(self, fleet: Fleet) -> None:
+        super().__init__(fleet)
+        self._lost_ns = 0
+        self._until = Instant(0)
+        self._waiting: list[Datagram] = []
+
+    def stop(self, now: Instant, seconds: float) -> None:
+        self._until = after(now, seconds)
+        self._lost_ns += round(seconds * NANOSECONDS)
+
+    def receive(self, datagram: Datagram, now: Instant) -> None:
+        if now < self._until:
+            self._waiting.append(datagram)
+        else:
+            self.fleet.receive(datagram, Instant(now - self._lost_ns))
+
+    def next_timer(self) -> Instant | None:
+        timer = self.fleet.next_timer()
+        return None if timer is None else max(Instant(timer + self._lost_ns), self._until)
+
+    def handle_timer(self, now: Instant) -> None:
+        waiting, self._waiting = self._waiting, []
+        for datagram in waiting:
+            self.receive(datagram, now)
+        self.fleet.handle_timer(Instant(now - self._lost_ns))
+
+
 class Sleeper:
     """A station whose process is stopped for a while; what comes meanwhile waits in its sockets."""
 

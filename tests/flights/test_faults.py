@@ -28,7 +28,7 @@ from gcs_formation.recorder import Event
 from sim_vehicles.autopilot.modes import Condition, Mode
 from sim_vehicles.config import FaultKind
 from tests.flights.conftest import Fly, scenario
-from tests.flights.in_memory import World
+from tests.flights.in_memory import HeldUp, World
 
 LAG_S = 0.2
 """Two ticks: what an event may come later than what leads to it."""
@@ -69,6 +69,19 @@ def test_a_follower_that_hangs_and_comes_back_flies_in_its_slot_again() -> None:
     (again_s,) = [at_s for at_s in world.times_s("member", 2, "flying") if at_s > back_s]
     assert again_s - back_s < 1.5
     assert world.worst_m(22.0) < 0.1
+
+
+@pytest.mark.parametrize("stopped_s", [2.0, pytest.param(4.0, marks=pytest.mark.slow)])
+def test_vehicles_that_are_held_up_are_not_taken_for_restarted_ones(stopped_s: float) -> None:
+    world = World(HeldUp, duration_s=30)
+    world.fly_to(3.0)
+    assert isinstance(world.between, HeldUp)
+    world.between.stop(world.clock.now(), stopped_s)
+    world.run()
+    assert world.words("restarted") == []
+    assert world.words("leader") == []
+    assert world.words("member") == ["flying in formation"] * 3
+    assert world.worst_m(25.0) < 0.1
 
 
 @pytest.mark.parametrize("number", [1, pytest.param(2, marks=pytest.mark.slow)])

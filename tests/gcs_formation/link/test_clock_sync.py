@@ -74,6 +74,29 @@ def test_a_restarted_clock_is_noticed_at_once() -> None:
     assert not math.isnan(sync.offset_s)
 
 
+@pytest.mark.parametrize("stalled_s", [2.0, 30.0])
+def test_a_clock_that_stood_still_for_a_while_is_followed_at_once_and_has_not_restarted(stalled_s: float) -> None:
+    """A simulator that was held up: its clock has run for longer than the time since it was last read."""
+    rng, sync, rate = np.random.default_rng(7), ClockSync(), 50e-6
+    for k in range(160):
+        assert not probe(sync, rng, 0.25 * k, 0.1, 0.0, (5.0, rate))
+    drift = sync.drift
+    assert not probe(sync, rng, 40.0 + stalled_s, 0.1, 0.0, (5.0 - stalled_s, rate))
+    assert (sync.restarts, sync.drift) == (0, drift)
+    now_s = 40.0 + stalled_s
+    assert sync.to_instant(5.0 - stalled_s + (1 + rate) * now_s) / NANOSECONDS == pytest.approx(now_s, abs=1e-3)
+
+
+@pytest.mark.parametrize("rate", [1.0, 1.015])
+def test_one_that_booted_after_it_was_last_asked_has_restarted_however_late_it_is_heard(rate: float) -> None:
+    """It answered at 0.1 s, which came at 2 s; it booted at 0.2 s, and is heard after 200 s without delay."""
+    sync = ClockSync()
+    sync.observe(Instant(0), 500 * NANOSECONDS, after(Instant(0), 2.0))
+    heard = after(Instant(0), 200.0)
+    assert sync.observe(heard, round(rate * 199.8 * NANOSECONDS), heard)
+    assert sync.to_instant(rate * 199.8) == pytest.approx(heard, abs=2)
+
+
 def test_round_trips_scatter_by_their_sample_deviation() -> None:
     sync = ClockSync(loop_s=0.02)
     for number, (trip_s, scatter_s) in enumerate(((0.10, 0.0), (0.14, 0.02 * math.sqrt(2)), (0.18, 0.04))):
@@ -85,12 +108,12 @@ def test_round_trips_scatter_by_their_sample_deviation() -> None:
 
 
 def test_a_clock_that_runs_fast_is_not_taken_for_a_restarted_one_after_silence() -> None:
-    """1.5 % in 200 s are 3 s."""
+    """1.5 % in 200 s are 3 s; one that has restarted began after it was last read, here 0.2 s before."""
     rng, sync, clock = np.random.default_rng(2), ClockSync(), (10.0, 0.015)
     for k in range(100):
         assert not probe(sync, rng, 0.25 * k, 0.05, 0.0, clock)
     assert not probe(sync, rng, 225.0, 0.05, 0.0, clock)
-    assert probe(sync, rng, 225.25, 0.05, 0.0, (8.0, 0.015))
+    assert probe(sync, rng, 225.25, 0.05, 0.0, (-1.015 * 225.1, 0.015))
     assert sync.restarts == 1
 
 
