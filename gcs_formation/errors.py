@@ -9,6 +9,10 @@ class RunAbortedError(StationError):
     """The run could not go on: a port is taken, no vehicle answered, a vehicle refused."""
 
 
+class RecordingError(RunAbortedError):
+    """The record can't be written any more: the disk is full, as a rule."""
+
+
 class NoEmulatorError(StationError):
     """A vehicle of an autopilot family that can't be emulated."""
 

@@ -20,7 +20,7 @@ from gcs_formation.app.options import RunOptions
 from gcs_formation.app.order_socket import STATUS, OrderSocket
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.result_text import status_page
-from gcs_formation.errors import RunAbortedError
+from gcs_formation.errors import RecordingError, RunAbortedError
 from gcs_formation.mission.starting import Caution
 from gcs_formation.phases import Phase
 from gcs_formation.record.expectations import ControlFigures, Injected, LinkFigures, Outcome
@@ -165,13 +165,15 @@ class Session:
         """
         wall_s = self._spent.wall_s
         self.recorder.close()
-        failure = self.station.course.failure.text if self.station.course.failure else self.recorder.failure
-        if failure is not None:
-            raise RunAbortedError(failure)
+        if self.station.course.failure is not None:
+            text = self.station.course.failure.text
+            raise RecordingError(text) if text == self.recorder.failure else RunAbortedError(text)
+        if self.recorder.failure is not None:
+            raise RecordingError(self.recorder.failure)
         try:
             return self._make_summary(truth, wall_s)
         except OSError as error:
-            raise RunAbortedError(f"cannot write to {self.recorder.path}: {error.strerror or error}") from error
+            raise RecordingError(f"cannot write to {self.recorder.path}: {error.strerror or error}") from error
 
     def _answer(self, text: str) -> Answer:
         """Return the answer to a line of `tell`: a page on the flight, or what came of an order."""

@@ -76,7 +76,10 @@ def fly_again(directory: Path, flight: int, out: Path | None) -> None:
         fail(f"found no flight {flight} in {directory}; allowed: {min(rows, default=0)} to {max(rows, default=0)}")
     study = Study.model_validate(plan["study"])
     kept = out or directory / "again" / f"{flight:06d}"
-    row = fly(refly_task(planned_of(study, rows[flight]), study, plan["base"], kept))
+    try:
+        row = fly(refly_task(planned_of(study, rows[flight]), study, plan["base"], kept))
+    except RunAbortedError as error:
+        fail(str(error), Status.COULD_NOT_GO_ON)
     if row["exit"] > Status.EXPECTATION_BROKEN:
         fail(row["words"], Status(row["exit"]))
     for name in study.measured:

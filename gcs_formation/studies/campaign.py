@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
@@ -15,7 +16,7 @@ from scipy.stats import beta
 from airlink.clock import Stopwatch
 from formation_scenario import ScenarioError
 from formation_scenario.source import Plain
-from gcs_formation.errors import RecordError
+from gcs_formation.errors import RecordingError
 from gcs_formation.studies.dataset import FLIGHTS, RESULT, Dataset
 from gcs_formation.studies.flight import VERSION, Task
 from gcs_formation.studies.keys import Study, Wanted, base_keys, load_study
@@ -143,7 +144,7 @@ def fly_study(
 
     Raises:
         RecordError: `out` holds other files or another study, or it can't be written.
-        RunAbortedError: no flight can be flown any more; what was flown is kept.
+        RunAbortedError: no flight can be flown or written down any more; what was is kept.
     """
     spent = Stopwatch()
     with Dataset(out, study, base, resume=resume, overwrite=overwrite) as data:
@@ -154,9 +155,11 @@ def fly_study(
                 if spent.wall_s - written_s > TABLE_EVERY_S:
                     data.write_table()
                     written_s = spent.wall_s
-        finally:
-            made = data.write_table()
-        return _conclude(plan, data, made, spent.wall_s)
+        except BaseException:
+            with suppress(RecordingError):
+                data.write_table()
+            raise
+        return _conclude(plan, data, data.write_table(), spent.wall_s)
 
 
 def flights(
@@ -231,5 +234,5 @@ def _conclude(plan: Plan, data: Dataset, made: pa.Table, wall_s: float) -> Outco
     try:
         (data.path / RESULT).write_text(json.dumps(figures, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
     except OSError as error:
-        raise RecordError(f"cannot write {data.path / RESULT}: {error.strerror or error}") from error
+        raise RecordingError(f"cannot write {data.path / RESULT}: {error.strerror or error}") from error
     return Outcome(made, verdicts, figures)

@@ -6,6 +6,7 @@ anew and put in place at once.
 
 from __future__ import annotations
 
+import errno
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -18,7 +19,7 @@ import yaml
 
 from airlink.cli.commands import refusal
 from formation_scenario.source import Dumper, Plain
-from gcs_formation.errors import RecordError
+from gcs_formation.errors import RecordError, RecordingError
 from gcs_formation.studies.flight import VERSION
 from gcs_formation.studies.keys import Study
 from gcs_formation.studies.plan import columns_of
@@ -38,6 +39,7 @@ class Dataset:
 
         Raises:
             RecordError: it has other files, or the study there is another one, or it can't be written.
+            RecordingError: the disk is full.
         """
         self.path, self.study = path, study
         plan = {
@@ -48,7 +50,7 @@ class Dataset:
         try:
             if resume:
                 self._check_same(plan)
-            elif (refused := refusal(path, overwrite=overwrite, mark=STUDY)) is not None:
+            elif (refused := refusal(path, overwrite=overwrite or not _flown(path), mark=STUDY)) is not None:
                 raise RecordError(f"{refused}; or --resume, which flies what a study lacks")
             else:
                 path.mkdir(parents=True, exist_ok=True)
@@ -56,10 +58,13 @@ class Dataset:
                     (path / name).unlink(missing_ok=True)
                 (path / STUDY).write_text(_text(plan), encoding="utf-8")
             self.rows = {int(row["flight"]): row for row in read_journal(path)}
-            self._journal = (path / JOURNAL).open("a", encoding="utf-8")
+            self._journal = (path / JOURNAL).open("ab", buffering=0)
             self._end_torn_line()
         except OSError as error:
-            raise RecordError(f"cannot write the study's directory {path}: {error.strerror or error}") from error
+            full = error.errno in {errno.ENOSPC, errno.EDQUOT}
+            raise (RecordingError if full else RecordError)(
+                f"cannot write the study's directory {path}: {error.strerror or error}"
+            ) from error
 
     def __enter__(self) -> Self:
         """Return itself."""
@@ -75,22 +80,21 @@ class Dataset:
         """Add a flight's row, unless it is there already.
 
         Raises:
-            RecordError: it can't be written; those before are kept.
+            RecordingError: it can't be written; those before are kept.
         """
         if int(row["flight"]) in self.rows:
             return
         try:
-            self._journal.write(json.dumps(row, ensure_ascii=False, allow_nan=False) + "\n")
-            self._journal.flush()
+            self._append(json.dumps(row, ensure_ascii=False, allow_nan=False) + "\n")
         except OSError as error:
-            raise RecordError(f"cannot go on writing to {self.path}: {error.strerror or error}") from error
+            raise RecordingError(f"cannot go on writing to {self.path}: {error.strerror or error}") from error
         self.rows[int(row["flight"])] = dict(row)
 
     def write_table(self) -> pa.Table:
         """Write flights.parquet, in the flights' order; return it.
 
         Raises:
-            RecordError: it can't be written.
+            RecordingError: it can't be written.
         """
         made = table(self.study, [self.rows[flight] for flight in sorted(self.rows)])
         fresh = self.path / f"{TABLE}.new"
@@ -99,7 +103,7 @@ class Dataset:
             fresh.replace(self.path / TABLE)
         except OSError as error:
             fresh.unlink(missing_ok=True)
-            raise RecordError(f"cannot write {self.path / TABLE}: {error.strerror or error}") from error
+            raise RecordingError(f"cannot write {self.path / TABLE}: {error.strerror or error}") from error
         return made
 
     def _check_same(self, plan: Mapping[str, Any]) -> None:
@@ -114,7 +118,18 @@ class Dataset:
         """End a line that was cut off, so that the next row begins on its own."""
         written = (self.path / JOURNAL).read_bytes()
         if written and not written.endswith(b"\n"):
-            self._journal.write("\n")
+            self._append("\n")
+
+    def _append(self, text: str) -> None:
+        """Append a text, as far as there is room: what doesn't fit raises, and nothing of it waits in a buffer."""
+        left = text.encode()
+        while left:
+            left = left[self._journal.write(left) :]
+
+
+def _flown(path: Path) -> bool:
+    """Whether a study's directory has a flight: of one that found no scheduler there is nothing to lose."""
+    return next(read_journal(path), None) is not None
 
 
 def read_plan(path: Path) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from gcs_formation.app.interrupt import Interrupts
 from gcs_formation.app.options import RunOptions
 from gcs_formation.app.progress import Silent
 from gcs_formation.app.run import run
-from gcs_formation.errors import RecordError, RunAbortedError
+from gcs_formation.errors import RecordError, RecordingError, RunAbortedError
 from gcs_formation.record.run_directory import EVENTS, SUMMARY, TIMESERIES, TLOG
 from gcs_formation.record.summary import Summary
 from gcs_formation.studies.invariants import broken, read_flown
@@ -65,7 +65,11 @@ class Task:
 
 
 def fly(task: Task) -> dict[str, Any]:
-    """Fly a task; return its row. Every failure of the flight is a row with its exit status and its words."""
+    """Fly a task; return its row. Every failure of the flight is a row with its exit status and its words.
+
+    Raises:
+        RecordingError: what is to be kept of it can't be written.
+    """
     used = Stopwatch()
     values: dict[str, Any] = dict.fromkeys(task.metrics)
     try:
@@ -75,8 +79,10 @@ def fly(task: Task) -> dict[str, Any]:
         exit_status, words = int(not summary.held or bool(wrong)), "\n".join(said)
     except ScenarioError as error:
         exit_status, words = BAD_SCENARIO, str(error)
-    except RecordError as error:
-        exit_status, words = COULD_NOT_GO_ON, str(error)
+    except RecordingError:
+        raise
+    except (RecordError, OSError) as error:
+        raise RecordingError(str(error)) from error
     except RunAbortedError as error:
         values, exit_status, words = _uncompleted(task), COULD_NOT_GO_ON, str(error)
     except Exception as error:  # noqa: BLE001 - a fault of ours costs its flight alone; the seed finds it again

@@ -2,10 +2,12 @@
 
 import json
 import os
+import resource
 import signal
 import subprocess
 import sys
 from collections import Counter, deque
+from contextlib import contextmanager
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -17,6 +19,7 @@ from scipy.stats import binom
 
 from formation_scenario import ScenarioError
 from gcs_formation.cli import main
+from gcs_formation.errors import RecordingError
 from gcs_formation.studies.campaign import clopper_pearson, judge, prepare
 from gcs_formation.studies.dataset import Dataset, read_journal
 from gcs_formation.studies.flight import Task, figure, fly
@@ -341,6 +344,67 @@ def test_a_row_counts_once(two, tmp_path):
         data.add({**done, "error_x_m.max": 0.2})
         assert data.write_table().num_rows == 1
     assert list(read_journal(tmp_path / "out")) == [done]
+
+
+class Instant:
+    """Workers whose flights take no time."""
+
+    where = ""
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        pass
+
+    def rows(self, tasks):
+        while tasks:
+            task = tasks.popleft()
+            head = {"flight": task.planned.flight, "seed": task.planned.seed, **task.planned.parameters}
+            yield {**head, "error_x_m.max": 0.1, "exit": 0, "wall_s": 1.0, "cpu_s": 1.0, "version": "x", "words": ""}
+
+
+@contextmanager
+def files_up_to(size):
+    """Let no file grow beyond `size` bytes, as a full disk does."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def test_a_full_disk_costs_no_flight_that_was_flown(tmp_path, monkeypatch):
+    """The journal is full in the middle of a line; the study goes on where there is room again."""
+    monkeypatch.setattr("gcs_formation.cli.study.Processes", lambda _count: Instant())
+    path, out = tmp_path / "many.yaml", tmp_path / "out"
+    path.write_text(json.dumps({"base": SCENARIO, "seeds": {"count": 50}, "metrics": ["error_x_m.max"]}))
+    with files_up_to(3000):
+        full = command("study", path, "--out", out)
+    assert full.exit_code == 3
+    assert f"cannot go on writing to {out}: File too large; what was flown is in {out}; --resume goes on" in full.output
+    kept = [each["flight"] for each in read_journal(out)]
+    assert kept == list(range(len(kept)))
+    assert (out / "flights.jsonl").stat().st_size == 3000
+    assert command("study", path, "--out", out, "--resume").exit_code == 0
+    assert [each["flight"] for each in values_of(out)] == list(range(50))
+    assert Counter(each["flight"] for each in read_journal(out)) == Counter(range(50))
+
+
+def test_a_flight_whose_record_cannot_be_written_ends_the_study_and_is_no_row(tmp_path):
+    task = Task(Planned(0, 1, {}), SCENARIO, {}, ("error_x_m.max",), "full", str(tmp_path / "flight"))
+    with files_up_to(10_000), pytest.raises(RecordingError, match="File too large"):
+        fly(task)
+
+
+def test_a_study_of_which_nothing_was_flown_makes_room_for_the_next(two, tmp_path, monkeypatch):
+    monkeypatch.setattr("gcs_formation.cli.study.Processes", lambda _count: Instant())
+    planned, base = prepare(two)
+    with Dataset(tmp_path / "out", planned, base, resume=False, overwrite=False):
+        pass
+    assert command("study", two, "--out", tmp_path / "out").exit_code == 0
+    assert command("study", two, "--out", tmp_path / "out").exit_code == 2
 
 
 def test_ten_million_flights_are_asked_about(two, tmp_path):
