@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -23,9 +24,9 @@ from gcs_formation.control.envelope import Envelope
 from gcs_formation.control.laws import law_kind
 from gcs_formation.control.situation import Decision, Lead, Situation
 from gcs_formation.estimation.estimator import STATES, Sample, StateEstimator
-from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoint, Setpoints
+from gcs_formation.estimation.flight_state import FlightStates, Setpoint, Setpoints
 from gcs_formation.estimation.projection import Measured, States
-from gcs_formation.estimation.setpoint_history import SentSetpoints, SetpointHistory
+from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.guidance.leader import ASSEMBLED_S, LeaderCommand, LeaderCommands, LeaderWind, amid
 from gcs_formation.guidance.slots import UP, FormationPlan, Outlook
 from gcs_formation.recorder import Tick
@@ -85,46 +86,28 @@ class FormationController:
         self._compensates = scenario.law.delay_compensation
         self._gains_change = 1.0 - math.exp(-self._dt_s / GAINS_CHANGE_S)
         self._columns = 1 + len(scenario.followers)
-        self._model = parameters.autopilot_model(scenario)
-        self._law = law_kind(scenario).make(scenario, self._model)
+        self.model = parameters.autopilot_model(scenario)
+        """The autopilot model of every column; its lags follow what the vehicles fly."""
+        self._law = law_kind(scenario).make(scenario, self.model)
         self._leader_amid = scenario.leader is None and law_kind(scenario).mutual
         self._clearance = parameters.slot_clearance(scenario)
-        self._history = SetpointHistory(scenario.law.rate_hz)
-        self.lags = parameters.lag_estimator(scenario, self._history, self._model)
-        self._projection = parameters.projection(scenario, self._history, self._model)
-        self.separation = ConflictResolver(scenario, self._history, self._model)
-        self.fence = FenceLimits(scenario, self._model)
+        self.history = SetpointHistory(scenario.law.rate_hz)
+        """The setpoints that were sent, and when each acts."""
+        self.lags = parameters.lag_estimator(scenario, self.history, self.model)
+        self._projection = parameters.projection(scenario, self.history, self.model)
+        self.separation = ConflictResolver(scenario, self.history, self.model)
+        self.fence = FenceLimits(scenario, self.model)
         self._in_slots_s, self._leader_wind = 0.0, LeaderWind(self._dt_s)
         self._leader_commands = LeaderCommands(self._dt_s)
         self.last_tick: Tick | None = None
         """The last tick at which there was a leader to follow."""
-        self.bandwidth: Array = np.ones((self._columns, CHANNELS))
-        """(C, 3) share of their full bandwidth that the law's loops should have."""
-        self._bandwidth = self.bandwidth
-        self._lift_m = np.zeros(self._columns)
-        self.heights_m: Array | None = None
-        """(C,) heights that are commanded instead of the law's at the end of a flight; NaN where there is none."""
+        self._bandwidth, self._lift_m = np.ones((self._columns, CHANNELS)), np.zeros(self._columns)
         self.estimator = StateEstimator(
             parameters.declared_noise(scenario),
-            self._history,
+            self.history,
             scenario.telemetry.rate_hz,
             0.0 if scenario.hovers else scenario.law.disturbance_observer_radps,
         )
-
-    @property
-    def model(self) -> AutopilotModels:
-        """The autopilot model of every column; its lags follow what the vehicles fly."""
-        return self._model
-
-    @property
-    def lags_off(self) -> Array:
-        """(3, C) by what share lags seem to differ from the model in use, of speed, heading and height."""
-        return self.lags.misfit
-
-    @property
-    def history(self) -> SetpointHistory:
-        """The setpoints that were sent, and when each acts."""
-        return self._history
 
     def hand_over(self, leader: int, swing_rad: float) -> None:
         """Make another column the leader; it heads `swing_rad` clockwise of the present one."""
@@ -152,7 +135,7 @@ class FormationController:
     def take(self, samples: Mapping[int, Sample]) -> None:
         """Take the newest sample of each column that has one."""
         told = np.zeros(self._columns, dtype=bool) if self.last_tick is None else self.last_tick.active
-        self.estimator.take(samples, self._model, told)
+        self.estimator.take(samples, self.model, told)
         for column, sample in samples.items():
             motion = sample.airspeed_mps, sample.heading_rad, sample.height_m, sample.climb_mps
             self.lags.hear(column, sample.stamp, motion)
@@ -164,8 +147,10 @@ class FormationController:
         phase: str,
         links: Links,
         margin_used: Array,
+        bandwidth: Array,
         *,
         begin_regardless: bool = False,
+        heights_m: Array | None = None,
     ) -> Tick:
         """Return this tick's setpoints and what led to them.
 
@@ -175,36 +160,32 @@ class FormationController:
             phase: recorded with the tick.
             links: the way to every column.
             margin_used: (C,) share of the delay margin that the loops use.
+            bandwidth: (C, 3) share of their full bandwidth that the law's loops should have.
             begin_regardless: begin the path even if followers haven't been in their slots for a while.
+            heights_m: (C,) commanded instead of the law's at the end of a flight; NaN where there is none.
         """
         assembled = self._in_slots_s >= ASSEMBLED_S or begin_regardless
         if self._scenario.leader is None:
             self._place_virtual_leader(now)
-        acts = self._acts(now, links.up_s, links.lag_s)
-        tick = self.blank_tick(now, mission_time_s, phase, links, margin_used)
-        self.lags.learn(tick.active & ~links.disobeying)
-        self._history.add(SentSetpoints(acts, tick.setpoints))
-        self.separation.changes, self.fence.changes = [], []
-        if not tick.active[tick.leader]:
-            tick.active[:] = False
+        active, acts = links.ready & self.estimator.known, self._acts(now, links.up_s, links.lag_s)
+        blank = self.blank_tick(now, mission_time_s, phase, links, margin_used.copy())
+        self.lags.learn(active & ~links.disobeying)
+        self.history.begin(acts)
+        if not active[blank.leader]:
             self._in_slots_s = 0.0
-            return tick
-        measured = self._measured(tick.active, acts)
+            self.separation.rest()
+            self.fence.rest()
+            return blank
+        measured = self._measured(active, acts)
         states = self._projection.take(measured)
-        lead = self._steer_leader(tick, states, assembled=assembled)
+        lead, tick = self._steer_leader(replace(blank, active=active), states, assembled=assembled)
+        self.history.note(tick.setpoints)  # followers are where the leader is when theirs act
         if self._columns > 1:
-            slots, commanded_m = self._over_ground(tick, states, lead)
-            self._bandwidth = self._bandwidth + self._gains_change * (self.bandwidth - self._bandwidth)
-            everyone = np.arange(self._columns, dtype=np.intp)
-            commanded = self._history.told(states.instants(everyone) - 1, everyone)
-            wind = self.estimator.wind_sigma_mps
-            situation = Situation(
-                states, lead, slots, commanded, wind, tick.active, self._bandwidth, self.separation.replaced
-            )
-            self._note(tick, self._law.decide(situation, self._dt_s), commanded_m)
-            self._open(tick)
-            self.separation.keep(tick, measured, links.heard, links.disobeying)
-        self.separation.replaced |= self.fence.keep(tick)
+            self._bandwidth = self._bandwidth + self._gains_change * (bandwidth - self._bandwidth)
+            tick = self._at_heights(self._by_law(tick, states, lead), heights_m)
+            tick = self.separation.keep(tick, measured, links.heard, links.disobeying)
+        tick = self.fence.keep(tick)
+        self.history.note(tick.setpoints)
         self._judge_assembly(tick)
         self.last_tick = tick
         return tick
@@ -212,8 +193,8 @@ class FormationController:
     def blank_tick(
         self, now: Instant, mission_time_s: float, phase: str, links: Links, margin_used: Array | None = None
     ) -> Tick:
-        """Return a tick at which nothing is commanded yet, as `step`'s begins."""
-        known = self.estimator.known
+        """Return a tick at which nobody is commanded, as `step`'s begins."""
+        known, nobody = self.estimator.known, np.zeros(self._columns, dtype=bool)
         blank = np.full((self._columns, CHANNELS), np.nan)
         return Tick(
             now=now,
@@ -221,18 +202,18 @@ class FormationController:
             phase=phase,
             leader=self.plan.leader,
             state=FlightStates.of(np.full((STATES, self._columns), np.nan)),
-            setpoints=Setpoints.of(blank.T.copy()),
+            setpoints=Setpoints.of(blank.T),
             age_s=np.where(known, (now - self.estimator.stamps) / NANOSECONDS, np.nan),
             delay_s=links.delay_s,
             ways_s=links.ways_s,
             jitter_s=links.jitter_s,
-            margin_used=blank[:, 0].copy() if margin_used is None else margin_used.copy(),
-            active=links.ready & known,
+            margin_used=blank[:, 0] if margin_used is None else margin_used,
+            active=nobody,
             airborne=links.airborne,
-            yielding=np.zeros(self._columns, dtype=bool),
-            slots_m=blank.copy(),
-            error_m=blank.copy(),
-            mixed=blank.copy(),
+            yielding=nobody,
+            slots_m=blank,
+            error_m=blank,
+            mixed=blank,
             gains=np.full((self._columns, CHANNELS * CHANNELS), np.nan),
         )
 
@@ -265,7 +246,7 @@ class FormationController:
 
     def _flown_on(self, flown: Tick, now: Instant) -> FlightState:
         """Return where a virtual leader is by now that has flown what it was commanded at the last tick."""
-        state, model = flown.state.each()[VIRTUAL], self._model.each()[VIRTUAL]
+        state, model = flown.state.each()[VIRTUAL], self.model.each()[VIRTUAL]
         speed_mps, heading_rad, height_m = flown.setpoints.table[:, VIRTUAL].tolist()
         speed_mps = within(speed_mps, model.speed_min_mps, model.speed_max_mps)
         advance(state, model, speed_mps, heading_rad, height_m, seconds_between(flown.now, now))
@@ -274,25 +255,43 @@ class FormationController:
     def _slots(self, now: Instant, mission_time_s: float) -> SlotMotion:
         return self.plan.at(now / NANOSECONDS, begun=mission_time_s >= 0)
 
-    def _steer_leader(self, tick: Tick, states: States, *, assembled: bool) -> Lead:
+    def _steer_leader(self, tick: Tick, states: States, *, assembled: bool) -> tuple[Lead, Tick]:
+        """Return what the followers need to know of the leader, and the tick with its state and setpoint."""
         leading = np.array([tick.leader])
         at = Instant(int(states.instants(leading)[0]))
         flown = states.of(leading, leading)
-        tick.state.fill(leading, flown)
-        state, model = flown.each()[0], self._model.each()[tick.leader]
+        state, model = flown.each()[0], self.model.each()[tick.leader]
         guided, rates = self._leader_wind.guided(state, (at - self.estimator.stamps[tick.leader]) / NANOSECONDS)
         wanted = self.guidance.steer(guided, model, assembled=assembled)
         if self._scenario.path.steps:
             steps = added(self._scenario.path.steps, tick.mission_time_s)
             wanted = Setpoint(*(each + step for each, step in zip(wanted, steps, strict=True)))
         commanded = Envelope(wanted.heading_rad, state, model).limit(*wanted)
-        tick.setpoints.table[:, tick.leader] = commanded
         short_rad, held = wrap(commanded[1] - state.heading_rad), model.held(self._dt_s)
         rates = rates._replace(turn_rps=rate(short_rad, held.tau_psi_s, held.turn_rate_max_rps))
         self._leader_commands.add(at, LeaderCommand(*commanded, self.guidance.turn_rps(guided, model, rates)))
         followed = states.instants(np.arange(self._columns)) if self._compensates else np.full(self._columns, at)
         commands = [self._leader_commands.at(instant) for instant in followed.tolist()]
-        return Lead(tick.leader, at, commands, self.guidance.heading(guided))
+        lead = Lead(tick.leader, at, commands, self.guidance.heading(guided))
+        state_of_all, setpoints = tick.state.table.copy(), tick.setpoints.table.copy()
+        state_of_all[:, leading], setpoints[:, tick.leader] = flown.table, commanded
+        return lead, replace(tick, state=FlightStates.of(state_of_all), setpoints=Setpoints.of(setpoints))
+
+    def _by_law(self, tick: Tick, states: States, lead: Lead) -> Tick:
+        """Return the tick with what the law decides for all others."""
+        slots, commanded_m = self._over_ground(tick, states, lead)
+        everyone = np.arange(self._columns, dtype=np.intp)
+        situation = Situation(
+            states=states,
+            lead=lead,
+            slots=slots,
+            commanded=self.history.told(states.instants(everyone) - 1, everyone),
+            wind_sigma_mps=self.estimator.wind_sigma_mps,
+            active=tick.active,
+            bandwidth=self._bandwidth,
+            replaced=self.separation.replaced | self.fence.replaced,
+        )
+        return self._decided(tick, self._law.decide(situation, self._dt_s), commanded_m)
 
     def _over_ground(self, tick: Tick, states: States, lead: Lead) -> tuple[SlotMotion, Array]:
         """Return the slots at the instants when setpoints act, clear of the ground, and the slots commanded now."""
@@ -315,27 +314,31 @@ class FormationController:
         self._lift_m, _, _ = self._clearance.lift(np.full(at_m.shape, now_m))
         return self._clearance.lifted(later, at_m, along_mps), slots.position_m + self._lift_m[:, None] * UP
 
-    def _note(self, tick: Tick, decision: Decision, slots_m: Array) -> None:
+    def _decided(self, tick: Tick, decision: Decision, slots_m: Array) -> Tick:
         which, active = decision.columns, tick.active[decision.columns]
-        tick.slots_m[:] = slots_m
-        tick.slots_m[tick.leader] = np.nan
-        noted = (tick.error_m, decision.error_m), (tick.mixed, decision.mixed), (tick.gains, decision.gains)
-        for into, values in noted:
-            into[which] = np.where(active[:, None], values, np.nan)
-        tick.setpoints.fill(which, Setpoints.of(np.where(active, decision.setpoints.table, np.nan)))
+        slots, state, setpoints = slots_m.copy(), tick.state.table.copy(), tick.setpoints.table.copy()
+        slots[tick.leader] = np.nan
+        setpoints[:, which] = np.where(active, decision.setpoints.table, np.nan)
         known = np.isfinite(tick.age_s[which])
-        tick.state.fill(which[known], decision.state.take(np.flatnonzero(known)))
+        state[:, which[known]] = decision.state.table[:, known]
+        flown = replace(tick, state=FlightStates.of(state), setpoints=Setpoints.of(setpoints), slots_m=slots)
+        noted = decision.error_m, decision.mixed, decision.gains
+        of_all = [np.full((self._columns, values.shape[1]), np.nan) for values in noted]
+        for rows, values in zip(of_all, noted, strict=True):
+            rows[which] = np.where(active[:, None], values, np.nan)
+        return replace(flown, error_m=of_all[0], mixed=of_all[1], gains=of_all[2])
 
-    def _open(self, tick: Tick) -> None:
-        """Put the heights of the end in the place of the law's, within the envelope: slots are left."""
-        if self.heights_m is None:
-            return
-        states, models = tick.state.each(), self._model.each()
-        for column in np.flatnonzero(tick.active & np.isfinite(self.heights_m)).tolist():
-            speed_mps, heading_rad, _ = tick.setpoints.table[:, column].tolist()
+    def _at_heights(self, tick: Tick, heights_m: Array | None) -> Tick:
+        """Return a tick with heights (C,) in the place of the law's, within the envelope: slots are left."""
+        if heights_m is None:
+            return tick
+        none, setpoints = np.full((self._columns, CHANNELS), np.nan), tick.setpoints.table.copy()
+        states, models = tick.state.each(), self.model.each()
+        for column in np.flatnonzero(tick.active & np.isfinite(heights_m)).tolist():
+            speed_mps, heading_rad, _ = setpoints[:, column].tolist()
             bounds = Envelope(heading_rad, states[column], models[column])
-            tick.setpoints.table[:, column] = bounds.limit(speed_mps, heading_rad, float(self.heights_m[column]))
-        tick.slots_m[:] = tick.error_m[:] = np.nan
+            setpoints[:, column] = bounds.limit(speed_mps, heading_rad, float(heights_m[column]))
+        return replace(tick, setpoints=Setpoints.of(setpoints), slots_m=none, error_m=none)
 
     def _judge_assembly(self, tick: Tick) -> None:
         within = np.abs(tick.error_m) < self._scenario.start.tolerance_m

@@ -69,10 +69,11 @@ class Station:
         self.last_tick: Tick | None = None
         self._recorder, self._receiver, self._until_s = recorder, Receiver(), math.inf if until_s is None else until_s
         self._endpoints, self.networks, self.vehicles = planned(scenario)
-        self._columns = {vehicle.vehicle_id: i for i, vehicle in enumerate(columns(scenario)) if vehicle is not None}
-        self._reporter = Reporter(recorder, self._columns)
-        fleet = self.vehicles, self._columns, self._reporter.event
-        membership, self._dispatch = Membership(scenario, *fleet), Dispatch(scenario, self.vehicles, self._columns)
+        # Each vehicle's column in a tick's arrays.
+        self.columns = {vehicle.vehicle_id: i for i, vehicle in enumerate(columns(scenario)) if vehicle is not None}
+        self._reporter = Reporter(recorder, self.columns)
+        fleet = self.vehicles, self.columns, self._reporter.event
+        membership, self._dispatch = Membership(scenario, *fleet), Dispatch(scenario, self.vehicles, self.columns)
         self.course = Course(
             scenario, self.controller, membership, self._dispatch, *fleet, lambda: self.preflight.passed
         )
@@ -92,7 +93,7 @@ class Station:
             self.course.fail,
         )
         self._reconfiguration = Reconfiguration(
-            scenario, self.controller, self.vehicles, self._columns, self._reporter.event
+            scenario, self.controller, self.vehicles, self.columns, self._reporter.event
         )
         self._orders = Orders(
             scenario, self.flight, self._reconfiguration, self.course.end_by_order, self._reporter.event
@@ -157,9 +158,8 @@ class Station:
         """Run one tick: links, start-up, membership, setpoints, record."""
         self._schedule_tick(now)
         if self._heartbeats.greets(now):
-            self.margins.watch(now, self._reconfiguration.leader, self.controller.lags_off)
+            self.margins.watch(now, self._reconfiguration.leader, self.controller.lags.misfit)
             self._noise.watch(now, self.controller.estimator.noise)
-            self.controller.bandwidth = self.margins.bandwidth
             unguided = self._dispatch.unguided(now)
             self._send_all(self._heartbeats.greetings(self.flight.mission_time_s(now), unguided, now), now)
         self._common_clock.watch(now)
@@ -203,10 +203,6 @@ class Station:
     def order(self, text: str, now: Instant) -> Answer:
         """Carry out an order such as `shape line`, or refuse it with a reason."""
         return self._orders.take(text, now)
-
-    def column(self, identity: VehicleId) -> int:
-        """Return a vehicle's column in a tick's arrays."""
-        return self._columns[identity]
 
     def bad_frames(self, identity: VehicleId) -> int:
         """Return how many frames from a vehicle's address were dropped."""
@@ -260,7 +256,7 @@ class Station:
 
     def _begin_anew(self, vehicle: Vehicle, now: Instant) -> None:
         self._restarts[vehicle.identity] = vehicle.clock.restarts
-        self.controller.estimator.forget(self._columns[vehicle.identity])
+        self.controller.estimator.forget(self.columns[vehicle.identity])
         self._reporter.event(now, "restarted", "its clock has begun anew", vehicle)
 
     def _send_commands(self, now: Instant) -> None:
@@ -273,7 +269,7 @@ class Station:
         """Take new samples before vehicles are judged by their age, in case the station itself was held up."""
         if self.flight.phase not in COMMANDED:
             return
-        newest = ((column, self.vehicles[identity].new_sample(now)) for identity, column in self._columns.items())
+        newest = ((column, self.vehicles[identity].new_sample(now)) for identity, column in self.columns.items())
         self.controller.take({column: sample for column, sample in newest if sample is not None})
 
     def _fly(self, now: Instant) -> None:
@@ -285,9 +281,9 @@ class Station:
             self._orders.advance(now)
             self._reconfiguration.advance(now, mission_s)
         links = self._dispatch.links(controller.plan.leader, self._conformance.doubted, now)
-        if opening is not None:
-            opening.steer(links, now)
-        tick = controller.step(now, mission_s, self.flight.phase.value, links, self.margins.used, begin_regardless=late)
+        heights_m = None if opening is None else opening.steer(links, now)
+        phase, margins = self.flight.phase.value, (self.margins.used, self.margins.bandwidth)
+        tick = controller.step(now, mission_s, phase, links, *margins, begin_regardless=late, heights_m=heights_m)
         self._dispatch.take(tick, links.hold_s, now)
         self.last_tick = tick
         self._record(tick)
@@ -307,7 +303,7 @@ class Station:
             return
         links = self._dispatch.links(self.controller.plan.leader, self._conformance.doubted, now)
         tick = self.controller.blank_tick(now, self.flight.mission_time_s(now), self.flight.phase.value, links)
-        self._record(look_on(tick, self.vehicles, self._columns, now))
+        self._record(look_on(tick, self.vehicles, self.columns, now))
 
     def _record(self, tick: Tick) -> None:
         self._recorder.tick(tick)

@@ -199,8 +199,8 @@ def _groups(station: Station) -> list[Group]:
     """Return the table's columns; errors and states stay longest."""
     vehicles, tick = station.vehicles, station.last_tick
     unknown = np.full(3, np.nan)
-    errors = [unknown if tick is None else tick.error_m[station.column(each)] for each in vehicles]
-    used = [station.margins.used[station.column(each)] for each in vehicles]
+    errors = [unknown if tick is None else tick.error_m[station.columns[each]] for each in vehicles]
+    used = [station.margins.used[station.columns[each]] for each in vehicles]
     state = [(_state(station, each, vehicle),) for each, vehicle in vehicles.items()]
     return [
         Group(
@@ -221,7 +221,7 @@ def _state(station: Station, identity: VehicleId, vehicle: Vehicle) -> str:
         return f"link {link.value}"
     if not vehicle.start_up.finished:
         return vehicle.start_up.doing
-    leads = tick is not None and tick.leader == station.column(identity)
+    leads = tick is not None and tick.leader == station.columns[identity]
     return "leads" if leads and vehicle.member is Member.FLYING else SHORT[vehicle.member]
 
 

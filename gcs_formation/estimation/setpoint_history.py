@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import math
 
 import numpy as np
 
@@ -14,28 +14,16 @@ from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates,
 HISTORY_S = 6.0
 
 
-class SentSetpoints(NamedTuple):
-    """One tick's setpoints and when each is expected to act: (V,) arrays over all vehicles."""
-
-    acts: Instants
-    setpoints: Setpoints
-
-
 class _Tick:
-    """The same vehicle by vehicle."""
+    """A tick's setpoints, vehicle by vehicle, and when each is expected to act; NaN until they are known."""
 
     __slots__ = ("acts", "headings", "heights", "speeds")
 
     def __init__(self, acts: list[int]) -> None:
         self.acts = acts
-        self.speeds: list[float] = []
-        self.headings: list[float] = []
-        self.heights: list[float] = []
-
-    def fill(self, speeds: list[float], headings: list[float], heights: list[float]) -> None:
-        self.speeds = speeds
-        self.headings = headings
-        self.heights = heights
+        self.speeds: list[float] = [math.nan] * len(acts)
+        self.headings: list[float] = self.speeds
+        self.heights: list[float] = self.speeds
 
 
 class SetpointHistory:
@@ -45,22 +33,22 @@ class SetpointHistory:
         """Keep `HISTORY_S` of ticks at `rate_hz`."""
         self.length = max(8, int(HISTORY_S * rate_hz))
         self._ticks: list[_Tick] = []
-        self._newest: Setpoints | None = None
-        self._content = b""
-        """What has been taken of them."""
 
     @property
     def empty(self) -> bool:
         """Whether nothing has been sent yet."""
         return not self._ticks
 
-    def add(self, sent: SentSetpoints) -> None:
-        """Add the setpoints of a tick; its arrays may still be filled in until the next."""
-        self._settle()
+    def begin(self, acts: Instants) -> None:
+        """Begin a tick whose setpoints act at `acts`, (V,); until they are known, vehicles fly straight on then."""
         if len(self._ticks) == self.length:
             del self._ticks[0]
-        self._ticks.append(_Tick(sent.acts.tolist()))
-        self._newest, self._content = sent.setpoints, b""
+        self._ticks.append(_Tick(acts.tolist()))
+
+    def note(self, setpoints: Setpoints) -> None:
+        """Take the setpoints of the tick that was begun last, (V,), NaN for those that aren't known yet."""
+        tick = self._ticks[-1]
+        tick.speeds, tick.headings, tick.heights = setpoints.table.tolist()
 
     def predict(
         self, state: FlightStates, since: Instants, until: Instants, vehicles: Indices, model: AutopilotModels
@@ -69,11 +57,10 @@ class SetpointHistory:
 
         Column i is vehicle `vehicles[i]`; a vehicle may appear in several columns.
         """
-        self._settle()
         states, models = state.each(), model.each()
         columns = zip(states, since.tolist(), until.tolist(), vehicles.tolist(), models, strict=True)
         for each, since_ns, until_ns, vehicle, its_model in columns:
-            self.carry(each, since_ns, until_ns, vehicle, its_model)
+            self.predicted(each, since_ns, until_ns, vehicle, its_model)
         return FlightStates.from_each(states)
 
     def predicted(
@@ -84,13 +71,6 @@ class SetpointHistory:
         Before the oldest known setpoint it is taken to follow that one already, and without any setpoint to fly
         straight on. Without `place`, north and east are left as they are.
         """
-        self._settle()
-        self.carry(state, since, until, vehicle, model, place=place)
-
-    def carry(
-        self, state: FlightState, since: int, until: int, vehicle: int, model: AutopilotModel, *, place: bool = True
-    ) -> None:
-        """Do what `predicted` does, once the newest setpoints are known to be those of the history."""
         ticks, last = self._ticks, len(self._ticks) - 1
         first = self._acting(since, vehicle)
         for index in range(first, last + 1):
@@ -115,7 +95,6 @@ class SetpointHistory:
 
     def told(self, instants: Instants, vehicles: Indices) -> Setpoints:
         """Return each vehicle's newest setpoint that acts at its instant, or the oldest one if none does yet."""
-        self._settle()
         rows = list[tuple[float, float, float]]()
         each: list[int] = vehicles.tolist()
         for instant, vehicle in zip(instants.tolist(), each, strict=True):
@@ -125,18 +104,9 @@ class SetpointHistory:
 
     def between(self, since: Instants, until: Instants) -> tuple[Instants, Array]:
         """Return what all vehicles were told from `since` to `until`, (V,): when each acts (R, V), and (R, 3, V)."""
-        self._settle()
         begins, ends = since.tolist(), until.tolist()
         first = min(self._acting(begin, vehicle) for vehicle, begin in enumerate(begins))
         last = max(self._acting(end - 1, vehicle) for vehicle, end in enumerate(ends))
         ticks = self._ticks[first : max(first, last) + 1]
         told = np.array([(tick.speeds, tick.headings, tick.heights) for tick in ticks])
         return np.maximum.accumulate(np.array([tick.acts for tick in ticks], dtype=np.int64)), told
-
-    def _settle(self) -> None:
-        """Take the newest setpoints as they are filled in by now, if that has changed."""
-        if self._newest is not None:
-            content = self._newest.table.tobytes()
-            if content != self._content:
-                self._content = content
-                self._ticks[-1].fill(*self._newest.table.tolist())

@@ -15,6 +15,7 @@ import numpy as np
 
 from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
+from flight_model.arrays import Array
 from formation_scenario.orders import End
 from gcs_formation.controller import FormationController, Links
 from gcs_formation.fleet.circling import STACK_M, Band, GroundFloor, Place, loiter_heights, may_meet
@@ -128,7 +129,7 @@ class _Home:
 
 
 class Opening:
-    """Has a controller open its formation, tick by tick."""
+    """Opens a controller's formation, tick by tick."""
 
     def __init__(
         self,
@@ -144,8 +145,8 @@ class Opening:
         self._since = now
         self._fliers: dict[VehicleId, Flier] = {}
 
-    def steer(self, links: Links, now: Instant) -> None:
-        """Look where everyone is, and set the heights that the controller's next tick tells."""
+    def steer(self, links: Links, now: Instant) -> Array:
+        """Look where everyone is, and return the heights (C,) to command now; NaN where there is none."""
         self._fliers = {
             identity: flier
             for identity, vehicle in self._vehicles.items()
@@ -155,7 +156,7 @@ class Opening:
         heights_m = np.full(links.ready.size, math.nan)
         for identity, column in self._columns.items():
             heights_m[column] = self._stack.heights_m.get(identity, math.nan)
-        self._controller.heights_m = heights_m
+        return heights_m
 
     def over(self, now: Instant) -> bool:
         """Return whether everyone may circle, or it must do."""

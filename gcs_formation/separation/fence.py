@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +11,7 @@ from flight_model.arrays import Array, Indices, Mask, within, wrap
 from formation_scenario import Scenario
 from formation_scenario.arrangement import columns
 from formation_scenario.fence import CHECKED_M, HELD_M, Fence, inside_m, room_m
-from gcs_formation.estimation.flight_state import AutopilotModels
+from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
 from gcs_formation.recorder import Tick
 
 TURN_RAD = np.pi / 2
@@ -46,23 +47,31 @@ class FenceLimits:
         self._at_limit: Mask = np.zeros((2, self._real.size), dtype=bool)
         self.changes: list[Held] = []
         """What began or ended at the last tick."""
+        self.replaced: Mask = np.zeros((self._real.size, 3), dtype=bool)
+        """Speed, heading and height of each column: what was asked for isn't what is flown."""
 
-    def keep(self, tick: Tick) -> Mask:
-        """Put setpoints inside in the place of a tick's; return which were replaced, (C, 3) speed, heading, height."""
+    def rest(self) -> None:
+        """Do nothing at a tick at which nobody is commanded."""
         self.changes = []
-        replaced: Mask = np.zeros((self._real.size, 3), dtype=bool)
-        if not self._fenced:
-            return replaced
-        active: Mask = tick.active & self._real
-        self._limit_heights(tick, active, replaced)
-        if self._corners_m.size:
-            self._turn_away(tick, active, replaced)
-        return replaced
 
-    def _limit_heights(self, tick: Tick, active: Mask, replaced: Mask) -> None:
-        told_m, (least_m, most_m) = tick.setpoints.height_m, self._fence.heights_m
+    def keep(self, tick: Tick) -> Tick:
+        """Return a tick whose setpoints lead nobody out."""
+        self.changes = []
+        if not self._fenced:
+            return tick
+        self.replaced[:] = False
+        active: Mask = tick.active & self._real
+        setpoints = Setpoints.of(tick.setpoints.table.copy())
+        self._limit_heights(setpoints.height_m, active)
+        if self._corners_m.size and active.any():
+            self._turn_away(tick.state, setpoints.heading_rad, np.flatnonzero(active))
+        return replace(tick, setpoints=setpoints)
+
+    def _limit_heights(self, told_m: Array, active: Mask) -> None:
+        """Limit heights (C,) of setpoints, in place."""
+        least_m, most_m = self._fence.heights_m
         beyond = np.stack((told_m < least_m, told_m > most_m)) & active
-        replaced[:, HEIGHT] = beyond.any(axis=0)
+        self.replaced[:, HEIGHT] = beyond.any(axis=0)
         told_m[active] = within(told_m[active], least_m, most_m)
         for row, column in np.argwhere(beyond != self._at_limit).tolist():
             limit_m, begins = (least_m, most_m)[row], bool(beyond[row, column])
@@ -70,11 +79,9 @@ class FenceLimits:
             self.changes.append(Held(column, text, begins))
         self._at_limit = beyond
 
-    def _turn_away(self, tick: Tick, active: Mask, replaced: Mask) -> None:
-        if not active.any():
-            return
-        which = np.flatnonzero(active)
-        state = tick.state.take(which)
+    def _turn_away(self, states: FlightStates, heading_rad: Array, which: Indices) -> None:
+        """Replace headings (C,) of setpoints of those columns that are about to have no room, in place."""
+        state = states.take(which)
         place, velocity = np.stack((state.north_m, state.east_m), axis=-1), state.ground_mps.T
         through_air = state.airspeed_mps + np.hypot(state.wind_north_mps, state.wind_east_mps)
         room = room_m(self._corners_m, place, velocity, through_air, self._turn_rps[which])
@@ -88,8 +95,8 @@ class FenceLimits:
         if lost.any():
             off_rad = wrap(self._inward_rad(place[lost]) - state.heading_rad[lost])
             aside_rad[lost] = within(off_rad, -TURN_RAD, TURN_RAD)
-        tick.setpoints.heading_rad[which[held]] = (state.heading_rad + aside_rad)[held]
-        replaced[which[held], HEADING] = True
+        heading_rad[which[held]] = (state.heading_rad + aside_rad)[held]
+        self.replaced[which[held], HEADING] = True
         self._note(which, side, inside_m(self._corners_m, place))
 
     def _inward_rad(self, place: Array) -> Array:

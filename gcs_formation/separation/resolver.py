@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -125,11 +125,15 @@ class ConflictResolver:
         self.replaced: Mask = np.zeros((columns, 3), dtype=bool)
         """Speed, heading and height of each column: what the law asked for isn't what is flown."""
 
-    def keep(self, tick: Tick, measured: Measured, heard: Instants, disobeying: Mask) -> None:
-        """Put setpoints that keep the distance in the place of a tick's, where those don't.
+    def rest(self) -> None:
+        """Do nothing at a tick at which nobody is commanded."""
+        self.changes = []
+
+    def keep(self, tick: Tick, measured: Measured, heard: Instants, disobeying: Mask) -> Tick:
+        """Return a tick with setpoints that keep the distance in the place of those that don't.
 
         Args:
-            tick: with the law's setpoints; changed.
+            tick: with the law's setpoints.
             measured: the newest states.
             heard: (C,) until when each vehicle is known to have heard what it was told.
             disobeying: (C,) which don't seem to fly as they were told.
@@ -137,19 +141,20 @@ class ConflictResolver:
         self.changes = []
         self.replaced[:] = False
         if not self._keys.enabled:
-            return
+            return tick
         self._watch_turns(measured)
         self._watch_slots(tick.slots_m)
         self._unresponsive.watch(tick.now, heard, disobeying)
         if self._nobody_near(tick, measured):
-            return
+            return tick
         members = self._members(tick, measured)
         if members.size < 2:
-            return
+            return tick
         scene = self._scene(tick, measured, members, self._unresponsive.among(members))
         resolution = resolve(scene, Memory(np.where(scene.commanded, self._side[scene.vehicles], 0.0)))
-        self._replace(tick, scene.vehicles, resolution)
+        kept = self._kept(tick, scene.vehicles, resolution)
         self._note(tick.now, scene, resolution.conflicts)
+        return kept
 
     def _nobody_near(self, tick: Tick, measured: Measured) -> bool:
         """Return whether all are commanded, respond and can't come near each other, and nobody gave way until now."""
@@ -176,15 +181,15 @@ class ConflictResolver:
             )
         )
 
-    def _replace(self, tick: Tick, vehicles: Indices, resolution: Resolution) -> None:
-        """Put what the rule decided in the place of what the law did, and remember where they differ."""
-        yielding, setpoints = resolution.memory.yielding, tick.setpoints
+    def _kept(self, tick: Tick, vehicles: Indices, resolution: Resolution) -> Tick:
+        """Return a tick with what the rule decided in the place of what the law did; remember where they differ."""
+        yielding, setpoints = resolution.memory.yielding, Setpoints.of(tick.setpoints.table.copy())
         columns, told = vehicles[yielding], resolution.told.table[:, yielding]
         self._side[:] = 0.0
         self._side[columns] = resolution.memory.side[yielding]
-        tick.yielding[:] = self._side != 0
         self.replaced[columns] = (told != setpoints.table[:, columns]).T
         setpoints.table[:, columns] = told
+        return replace(tick, setpoints=setpoints, yielding=self._side != 0)
 
     def _members(self, tick: Tick, measured: Measured) -> Indices:
         """Return the columns that count, the leader's first."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from airlink.engine import Datagram, Engine
 from airlink.memory import MemoryNetwork
 from formation_scenario import Scenario, load_scenario
 from gcs_formation.app.injection import impair
+from gcs_formation.estimation.flight_state import Columns
 from gcs_formation.mission.starting import CARELESS, Caution
 from gcs_formation.recorder import Event, Tick
 from gcs_formation.station import Station
@@ -24,7 +25,7 @@ from tests.flights.conftest import scenario
 
 
 class Notes:
-    """A recorder in memory."""
+    """A recorder in memory. Nobody may write into a tick that it has taken."""
 
     def __init__(self) -> None:
         self.ticks: list[Tick] = []
@@ -34,7 +35,13 @@ class Notes:
         """Keep nothing."""
 
     def tick(self, tick: Tick) -> None:
+        """Keep it; whoever still writes into its arrays raises a ValueError."""
         self.ticks.append(tick)
+        for field in fields(tick):
+            value = getattr(tick, field.name)
+            array = value.table if isinstance(value, Columns) else value
+            if isinstance(array, np.ndarray):
+                array.flags.writeable = False
 
     def event(self, event: Event) -> None:
         self.events.append(event)

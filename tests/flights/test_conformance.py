@@ -14,7 +14,7 @@ from airlink.engine import Datagram
 from airlink.messages.system import Heartbeat
 from formation_scenario import load_scenario
 from gcs_formation.estimation.flight_state import FlightStates, Setpoints
-from gcs_formation.estimation.setpoint_history import SentSetpoints, SetpointHistory
+from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.fleet.conformance import SETTLED_S, MotionConformance
 from gcs_formation.vehicle.arduplane import ArduPlane
 from gcs_formation.vehicle.autopilot import EffectWatch
@@ -205,7 +205,8 @@ def judged(
     for tick in range(400):
         now, at_s = after(START, 0.1 * tick), 0.1 * tick
         told = (told_mps, heading_rad, told_m) if at_s >= told_from_s else (22.0, 0.0, 100.0)
-        history.add(SentSetpoints(np.full(3, now), Setpoints(*(np.full(3, value) for value in told))))
+        history.begin(np.full(3, now))
+        history.note(Setpoints(*(np.full(3, value) for value in told)))
         state[3], state[4], settled[:, 1] = climb_mps(at_s), airspeed_mps(at_s), at_s >= SETTLED_S
         flown = FlightStates(*state.copy())
         new = conformance.check(now, np.full(3, now), flown, settled, np.array((0.0, at_s, 0.0)))

@@ -12,7 +12,7 @@ from gcs_formation.controller import FormationController
 from gcs_formation.estimation.estimator import UNMODELLED, WIND_WALK, Sample, StateEstimator
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
 from gcs_formation.estimation.noise import RESOLUTION, ROWS, Declared, VehicleNoise
-from gcs_formation.estimation.setpoint_history import SentSetpoints, SetpointHistory
+from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.parameters import declared_noise
 from tests.flights.conftest import scenario
 from tests.gcs_formation.estimation import filter_on_arrays
@@ -47,7 +47,8 @@ class Flight:
     def fly(self, heading_rad=0.5, yanked_rad=0.0, gust_mps=0.0, off: float | Array = 0.0):
         told = Setpoints(*(np.array([value]) for value in (22.0, heading_rad, 110.0)))
         since = np.array([self.now])
-        self.history.add(SentSetpoints(since, told))
+        self.history.begin(since)
+        self.history.note(told)
         self.now += STEP_NS
         until = np.array([self.now])
         self.true = self.history.predict(FlightStates(*self.true[:, None]), since, until, COLUMN, MODEL).table[:, 0]
@@ -115,7 +116,8 @@ def test_a_take_off_that_climbs_faster_than_the_model_may_is_followed():
         flight.see()
         errors_m.append(flight.error()[2])
         told = Setpoints(*(np.array([value]) for value in (22.0, 0.0, height_m + 8.0)))
-        flight.history.add(SentSetpoints(np.array([flight.now]), told))
+        flight.history.begin(np.array([flight.now]))
+        flight.history.note(told)
         flight.now += STEP_NS
         height_m += 0.1 * climb_mps
     assert np.abs(errors_m).max() < 1.0
@@ -174,7 +176,8 @@ def test_a_column_without_wind_keeps_none():
 @pytest.mark.parametrize("elapsed_s", [0.02, 0.1])
 def test_the_transition_is_the_derivative_of_the_prediction(elapsed_s):
     flight, until = Flight(), np.array([round(elapsed_s * 1e9)])
-    flight.history.add(SentSetpoints(np.array([0]), Setpoints(*(np.array([value]) for value in (22.5, 0.3, 101.0)))))
+    flight.history.begin(np.array([0]))
+    flight.history.note(Setpoints(*(np.array([value]) for value in (22.5, 0.3, 101.0))))
 
     def predicted(state):
         return flight.history.predict(FlightStates(*state[:, None]), np.array([0]), until, COLUMN, MODEL).table[:, 0]
@@ -199,7 +202,8 @@ def test_a_step_is_the_extended_kalman_filters(told, off_m, monkeypatch):
         learnt.append(unexplained)
 
     monkeypatch.setattr(VehicleNoise, "learn", note)
-    flight.history.add(SentSetpoints(np.array([0]), Setpoints(*(np.array([each]) for each in (22.0, 0.3, 100.0)))))
+    flight.history.begin(np.array([0]))
+    flight.history.note(Setpoints(*(np.array([each]) for each in (22.0, 0.3, 100.0))))
     before, until = flight.filter.state, np.array([STEP_NS])
     covariance, variance = flight.filter.covariance[0], fine[QUANTITY_OF] ** 2
     state = flight.history.predict(before, np.array([0]), until, COLUMN, MODEL)
@@ -254,7 +258,8 @@ def test_the_controller_filters_what_noisy_vehicles_tell():
     """The second of three flies straight on; its samples have the declared noise."""
     controller = FormationController(load_scenario(scenario(vehicles={"count": 3, "navigation": {"source": "noisy"}})))
     told = (np.full(3, value) for value in (22.0, 0.4, 100.0))
-    controller.history.add(SentSetpoints(np.zeros(3, dtype=np.int64), Setpoints(*told)))
+    controller.history.begin(np.zeros(3, dtype=np.int64))
+    controller.history.note(Setpoints(*told))
     random, errors = np.random.default_rng(1), []
     for tenth in range(300):
         at_s, over_ground_mps = 0.1 * tenth, (22.0 * math.cos(0.4), 22.0 * math.sin(0.4), 0.0)

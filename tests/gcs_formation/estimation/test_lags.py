@@ -7,7 +7,7 @@ from formation_scenario.vehicles import VehicleModel
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
 from gcs_formation.estimation.lags import LagEstimator
 from gcs_formation.estimation.predictor import advance
-from gcs_formation.estimation.setpoint_history import SentSetpoints, SetpointHistory
+from gcs_formation.estimation.setpoint_history import SetpointHistory
 
 TICK_S, DELAY_S = 0.1, 0.35
 LAGS = ("tau_v_s", "tau_psi_s", "tau_ha_s", "tau_hb_s")
@@ -52,7 +52,8 @@ def flown(
             motion = table[4:6, column] + errors[:2], table[2, column] + errors[2], table[3, column]
             lags.hear(column, tick * tick_ns, (*motion[0].tolist(), float(motion[1]), float(motion[2])))
         lags.learn(np.full(count, learning))
-        history.add(SentSetpoints(acts, Setpoints.of(told)))
+        history.begin(acts)
+        history.note(Setpoints.of(told))
         # A setpoint acts 3.5 ticks after it was told.
         late = [acting[max(0, tick - 4)], acting[max(0, tick - 3)]]
         state = advance(state, np.array(late), np.full((2, count), TICK_S / 2), true)

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from airlink.clock import NANOSECONDS
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
 from gcs_formation.estimation.predictor import advance
-from gcs_formation.estimation.setpoint_history import SentSetpoints, SetpointHistory
+from gcs_formation.estimation.setpoint_history import SetpointHistory
 
 
 def column(*values: float) -> list[np.ndarray]:
@@ -79,7 +79,8 @@ def test_setpoints_act_when_they_arrive() -> None:
     told = [(22.0, 0.0, 100.0), (24.0, 0.1, 101.0), (20.0, 0.3, 99.0)]
     for k, values in enumerate(told):
         acts = np.array([round((0.1 * k + 0.3) * NANOSECONDS)])
-        history.add(SentSetpoints(acts, Setpoints(*column(*values))))
+        history.begin(acts)
+        history.note(Setpoints(*column(*values)))
     state = FlightStates(*column(0, 0, 100, 0, 22, 0, 0, 0))
     predicted = history.predict(
         state,

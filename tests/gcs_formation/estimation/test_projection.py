@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
 from gcs_formation.estimation.projection import AtOneStamp, Measured, Pairing, Prediction
-from gcs_formation.estimation.setpoint_history import SentSetpoints, SetpointHistory
+from gcs_formation.estimation.setpoint_history import SetpointHistory
 
 Array = npt.NDArray[np.float64]
 Stamps = npt.NDArray[np.int64]
@@ -73,7 +73,8 @@ def test_who_is_not_heard_is_taken_to_have_met_the_others_gust_when_the_other_me
     """Both fly north at 20 m/s; a gust of 0.6 m/s comes at 1 s, and the second is heard no more after 0.8 s."""
     model = AutopilotModels.of(np.repeat([[4.0], [1.5], [1.0], [3.0], [16.0], [28.0], [1.5], [0.25], [3.0]], 2, axis=1))
     history, both, one = SetpointHistory(RATE_HZ), np.arange(2), np.ones(2)
-    history.add(SentSetpoints(np.zeros(2, np.int64), Setpoints(20 * one, 0 * one, 100 * one)))
+    history.begin(np.zeros(2, np.int64))
+    history.note(Setpoints(20 * one, 0 * one, 100 * one))
     prediction, states = Prediction(history, model, RATE_HZ), None
     for now_ms in range(0, 2100, 100):
         stamps = np.array([now_ms, min(now_ms, 800)]) * MS
@@ -93,7 +94,8 @@ def test_who_is_heard_is_predicted_from_its_newest_state_whatever_it_did_before(
     """It climbs, turns and speeds up against what it was told."""
     model = AutopilotModels.of(np.repeat([[4.0], [1.5], [1.0], [3.0], [16.0], [28.0], [1.5], [0.25], [3.0]], 3, axis=1))
     history, one = SetpointHistory(RATE_HZ), np.ones(COUNT)
-    history.add(SentSetpoints(np.zeros(COUNT, np.int64), Setpoints(20 * one, 0 * one, 100 * one)))
+    history.begin(np.zeros(COUNT, np.int64))
+    history.note(Setpoints(20 * one, 0 * one, 100 * one))
     prediction = Prediction(history, model, RATE_HZ)
     for now_ms in range(1000, 3000, 100):
         seen = measured(np.full(COUNT, now_ms * MS))

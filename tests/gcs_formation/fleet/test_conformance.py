@@ -17,7 +17,7 @@ from airlink.messages.system import Heartbeat
 from flight_model.earth import GeodeticOrigin
 from formation_scenario import load_scenario
 from gcs_formation.estimation.flight_state import FlightStates, Setpoints
-from gcs_formation.estimation.setpoint_history import SentSetpoints, SetpointHistory
+from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.fleet.conformance import SETTLED_S, ConformanceMonitor
 from gcs_formation.link.connection import Connection
 from gcs_formation.vehicle.arduplane import ArduPlane
@@ -58,7 +58,8 @@ class Ground:
         for tenth in range(round(10 * seconds)):
             now, at_s = after(START, 0.1 * tenth), 0.1 * tenth
             told = np.array((22.0, 27.0 if commanded(at_s) else 22.0, 22.0)), np.zeros(3), np.full(3, 100.0)
-            self.controller.history.add(SentSetpoints(np.full(3, now), Setpoints(*told)))
+            self.controller.history.begin(np.full(3, now))
+            self.controller.history.note(Setpoints(*told))
             for each in self.vehicles.values():
                 if acknowledges(at_s) or each is not self.second():
                     for run in each.setpoints_taken.values():

@@ -11,7 +11,7 @@ from airlink.clock import NANOSECONDS, Instant
 from flight_model.arrays import Array, Mask
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
 from gcs_formation.estimation.predictor import advance
-from gcs_formation.estimation.setpoint_history import SentSetpoints, SetpointHistory
+from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.separation.manoeuvre import Traffic, sample_times
 from gcs_formation.separation.rule import Memory, resolve
 from gcs_formation.separation.traffic import Scene
@@ -111,8 +111,7 @@ def encounter(vehicles: Vehicles, seconds: float = 40.0, *, rule: bool = True) -
     history = SetpointHistory(1 / DT_S)
     held = wanted(vehicles, 0.0).table
     reckoned = round(vehicles.delay_s * NANOSECONDS)
-    on_the_way: list[tuple[float, int, Array]] = []
-    past = [true]
+    on_the_way, past = list[tuple[float, int, Array]](), [true]
     for step in range(round(seconds / STEP_S)):
         now_s = step * STEP_S
         if step % round(DT_S / STEP_S) == 0:
@@ -120,11 +119,12 @@ def encounter(vehicles: Vehicles, seconds: float = 40.0, *, rule: bool = True) -
             now = Instant(round(now_s * NANOSECONDS))
             told = wanted(vehicles, now_s + vehicles.delay_s)
             acts = np.full(count, now + reckoned)
-            history.add(SentSetpoints(acts, told))
+            history.begin(acts)
             since = np.full(count, max(0, now - reckoned))
             state = history.predict(seen, since, acts, everyone, each)
             if rule:
                 memory = _give_way(scene(vehicles, state, told), memory, told)
+            history.note(told)
             flown.sides.append(memory.side)
             flown.told.append(told.table)
             late_s = np.maximum(0.0, vehicles.delay_s + vehicles.jitter_s * random.standard_normal(count))

@@ -59,8 +59,8 @@ def test_whatever_heading_is_asked_for_nobody_leaves(corners: Any) -> None:
     for step in range(500):
         if step % 100 == 0:
             wanted = rng.uniform(-np.pi, np.pi, count)
-        now = tick(state, Setpoints.of(np.array([speed, wanted, height])))
-        turned |= limits.keep(now)[:, 1]
+        now = limits.keep(tick(state, Setpoints.of(np.array([speed, wanted, height]))))
+        turned |= limits.replaced[:, 1]
         state = advance(state, now.setpoints.table[None], np.full((1, count), TICK_S), model)
         assert inside_m(polygon, state.place_m[:2].T).min() > 0.0, f"after {step * TICK_S:.2f} s"
     assert turned.sum() > count / 2
@@ -71,11 +71,10 @@ def test_heights_are_held_between_the_limits_and_it_is_told_once() -> None:
     state = FlightStates.of(np.tile([[0.0], [0.0], [100.0], [0.0], [22.0], [0.0], [0.0], [0.0]], 3))
     words: list[str] = []
     for height_m in (150.0, 150.0, 100.0, 20.0):
-        now = tick(state, Setpoints.of(np.array([[22.0] * 3, [0.0] * 3, [height_m, 100.0, np.nan]])))
-        replaced = limits.keep(now)
+        now = limits.keep(tick(state, Setpoints.of(np.array([[22.0] * 3, [0.0] * 3, [height_m, 100.0, np.nan]]))))
         words += [held.text for held in limits.changes]
         assert now.setpoints.height_m[0] == np.clip(height_m, 60.0, 120.0)
-        assert replaced[:, 2].tolist() == [height_m != 100.0, False, False]
+        assert limits.replaced[:, 2].tolist() == [height_m != 100.0, False, False]
         assert np.isnan(now.setpoints.height_m[2])
     assert words == ["height held at 120 m", "height no longer held at 120 m", "height held at 60 m"]
 

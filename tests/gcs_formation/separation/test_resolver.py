@@ -12,7 +12,7 @@ from airlink.clock import Instant, after
 from formation_scenario import load_scenario
 from gcs_formation.estimation.flight_state import FlightStates, Setpoints
 from gcs_formation.estimation.projection import Measured
-from gcs_formation.estimation.setpoint_history import SentSetpoints, SetpointHistory
+from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.parameters import autopilot_model
 from gcs_formation.recorder import Tick
 from gcs_formation.separation.resolver import ConflictResolver, words
@@ -56,15 +56,15 @@ class Crossing:
         state = FlightStates(self.north, self.east, height, none, self.speed, self.heading, self.wind_north, none)
         told = Setpoints(self.speed, self.heading, height)
         now = np.full(2, after(Instant(0), at_s), dtype=np.int64)
-        self.history.add(SentSetpoints(now, told))
+        self.history.begin(now)
+        self.history.note(told)
         link: Any = np.full(2, age_s), none, np.zeros((2, 2)), none, none, ours, ours, ~ours & ours
         abreast = np.array([[0.0, 0.0, 0.0], [0.0, 30.0, 0.0]])
         law: Any = [abreast, *(np.zeros((2, columns)) for columns in (3, 3, 9))]
         tick = Tick(Instant(int(now[0])), 0.0, "flying", 0, state, told, *link, *law)
         heard = now.copy()
         heard[1] = now[1] if self.heard_s is None else after(Instant(0), self.heard_s)
-        self.resolver.keep(tick, Measured(state, now, ours, now), heard, ~ours & ours)
-        return tick
+        return self.resolver.keep(tick, Measured(state, now, ours, now), heard, ~ours & ours)
 
     def gives_way(self, age_s: float = 0.0, at_s: float = 0.0) -> bool:
         return bool(self.keep(age_s, at_s).yielding[0])
@@ -134,8 +134,7 @@ def test_nobody_gives_way_to_a_virtual_leader_and_it_to_nobody() -> None:
         law: Any = [in_line, *(np.zeros((3, columns)) for columns in (3, 3, 9))]
         told = Setpoints(state.airspeed_mps, state.heading_rad, state.height_m)
         tick = Tick(Instant(0), 0.0, "flying", 0, state, told, *link, *law)
-        resolver.keep(tick, Measured(state, now, ours, now), now, ~ours)
-        return tick.yielding.tolist()
+        return resolver.keep(tick, Measured(state, now, ours, now), now, ~ours).yielding.tolist()
 
     nearer = -0.5
     assert yielding((0.0, 0.0, 300.0), (0.0, 24.0, 0.0), (0.0, nearer, 0.0)) == [False, False, False]
