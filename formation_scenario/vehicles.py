@@ -33,6 +33,7 @@ BASE_PORT = 14550
 MAX_CLOCK_S = 4e6
 """MAVLink's time since boot, 32 bits of milliseconds, ends at 4.29e6 s."""
 Autopilot = Literal["emulator", "arduplane", "arducopter", "px4"]
+Family = Literal["arduplane", "arducopter", "px4_plane", "px4_copter"]
 Count = Annotated[
     int,
     Field(strict=True, ge=1, le=MAX_SYSTEM_ID),
@@ -161,6 +162,9 @@ class VehicleModel(Keys):
         "direction; tau_v_s is its lag in each, and airspeeds above are ground speeds",
         examples=[True],
     )
+    firmware: Literal["ardupilot", "px4"] = Field(
+        default="ardupilot", description="emulators: as whose autopilot it speaks", examples=["px4"]
+    )
     airframe: EnergyAirframe | None = Field(
         default=None,
         description="emulators: the aircraft that flies where that isn't equation (7), which the keys above then only "
@@ -244,11 +248,14 @@ class Vehicle(VehicleCommon, VehicleIdentity):
         return VehicleId(self.network, self.id)
 
 
-def family_of(vehicle: VehicleCommon) -> str:
+def family_of(vehicle: VehicleCommon) -> Family:
     """Return the autopilot family that a vehicle speaks as; an emulator's is that of its model."""
-    if vehicle.autopilot != "emulator":
-        return vehicle.autopilot
-    return "arducopter" if vehicle.model.hovers else "arduplane"
+    named, model = vehicle.autopilot, vehicle.model
+    if named == "px4" or (named == "emulator" and model.firmware == "px4"):
+        return "px4_copter" if model.hovers else "px4_plane"
+    if named == "emulator":
+        return "arducopter" if model.hovers else "arduplane"
+    return named
 
 
 class VehicleGroup(VehicleCommon):

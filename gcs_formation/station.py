@@ -176,6 +176,7 @@ class Station:
             self._fly(now)
         else:
             self._look_on(now)
+        self._send_all(self._dispatch.stand_ins(now), now)
         if self.flight.phase is Phase.LOITERING:
             self.course.wait_for_loiter(now)
 

@@ -14,7 +14,6 @@ from formation_scenario.orders import parse_order
 from formation_scenario.source import KeyPath, Source
 from formation_scenario.vehicles import Vehicle, VehicleModel
 
-FIXED_WING = ("arduplane", "px4")
 LEAST_FLYING_MPS = 1e-3
 
 
@@ -72,7 +71,7 @@ def hovering(scenario: Scenario, source: Source) -> Iterator[Problem]:
     """Yield what hovering vehicles can't be: of two kinds, or led by a law for what can't stand."""
     for index, vehicle in enumerate(scenario.vehicles):
         model, at = vehicle.model, ("vehicles", index)
-        if model.hovers and vehicle.autopilot in FIXED_WING:
+        if model.hovers and vehicle.autopilot == "arduplane":
             yield source.problem((*at, "model", "hovers"), f"found true of {vehicle.autopilot}", "false")
         elif not model.hovers and vehicle.autopilot == "arducopter":
             yield source.problem((*at, "model", "hovers"), "found false of arducopter", "true")

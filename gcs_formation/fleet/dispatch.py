@@ -55,6 +55,8 @@ class Dispatch:
         self._held = DelayQueue[tuple[Vehicle, Message]]()
         self.due = NEVER
         """When the next message is to be sent."""
+        self._guided = set[VehicleId]()
+        """Who got a setpoint at this tick."""
         self._without: dict[VehicleId, Instant] = {}
         """Since when there has been no setpoint for a vehicle that should get some."""
 
@@ -98,6 +100,7 @@ class Dispatch:
         """Take a tick's setpoints; one that isn't finite is never sent."""
         told, where = tick.setpoints.table.T.tolist(), tick.state.table[WHEREABOUTS].T.tolist()
         active = tick.active.tolist()
+        self._guided.clear()
         for identity, vehicle, column in self._each:
             setpoint, place = told[column], where[column]
             usable = active[column] and math.isfinite(sum(setpoint) + sum(place))
@@ -106,6 +109,7 @@ class Dispatch:
             else:
                 self._without.setdefault(identity, now)
             if usable:
+                self._guided.add(identity)
                 messages = vehicle.autopilot.setpoint(Setpoint(*setpoint), Whereabouts(*place))
                 self._send(vehicle, messages, after(now, hold_s) if column == tick.leader else now, now)
 
@@ -116,6 +120,14 @@ class Dispatch:
             for message in messages:
                 self._held.push(due, (vehicle, message))
         self.due = min(self.due, due)
+
+    def stand_ins(self, now: Instant) -> Iterator[tuple[Vehicle, Message]]:
+        """Yield what keeps vehicles ready for setpoints where a tick has none, unless that lasts for too long."""
+        unguided = self.unguided(now)
+        for identity, vehicle, _ in self._each:
+            if identity not in self._guided and identity not in unguided and vehicle.start_up.acted:
+                yield from ((vehicle, message) for message in vehicle.autopilot.stand_in)
+        self._guided.clear()
 
     def unguided(self, now: Instant) -> frozenset[VehicleId]:
         """Return the vehicles that fly in the formation, and for which there have been no setpoints for a while."""

@@ -1,9 +1,7 @@
 """ArduCopter, and its parameters on which a flight in formation depends.
 
 It is commanded in GUIDED by a stream of SET_POSITION_TARGET_LOCAL_NED with velocity and yaw. It flies the velocity over
-ground that it is told, whatever the wind: what the law calls airspeed and heading are ground speed and course here, and
-the wind that the station estimates is none. Heights are held by the station: the vertical velocity told is the
-error of height by `HEIGHT_S`, for ArduCopter takes a height only together with a place.
+ground that it is told, whatever the wind: the wind that the station estimates is none.
 
 Sources: ArduPilot documentation, "Copter Commands in Guided Mode", "Complete Parameter List" and "GCS Failsafe"; its
 acceptance and refusals as its simulator showed them.
@@ -11,50 +9,23 @@ acceptance and refusals as its simulator showed them.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import ClassVar
 
 from airlink import mavlink as m
 from airlink.messages import Message
-from airlink.messages.command import CommandLong, SetPositionTargetLocalNed
+from airlink.messages.command import CommandLong
 from airlink.messages.system import Heartbeat
 from gcs_formation.estimation.flight_state import Setpoint, Whereabouts
 from gcs_formation.vehicle.ardupilot import OUR_HEARTBEATS, ArduPilot, patience
 from gcs_formation.vehicle.autopilot import Command, Step
 from gcs_formation.vehicle.checks import Check, Demands
+from gcs_formation.vehicle.hovering import TYPES, ground_motion, velocity_setpoint
 from gcs_formation.vehicle.telemetry import Telemetry
 
-TYPES = frozenset(
-    {
-        m.MAV_TYPE_QUADROTOR,
-        m.MAV_TYPE_COAXIAL,
-        m.MAV_TYPE_HELICOPTER,
-        m.MAV_TYPE_HEXAROTOR,
-        m.MAV_TYPE_OCTOROTOR,
-        m.MAV_TYPE_TRICOPTER,
-        m.MAV_TYPE_DODECAROTOR,
-        m.MAV_TYPE_DECAROTOR,
-    }
-)
 LEADS_AWAY = (1, 2, 3, 4, 5, 6, 7)
 """FS_GCS_ENABLE: RTL, RTL or AUTO, SmartRTL, LAND, AUTO, BRAKE; 0 stands where setpoints stopped."""
 TAKE_OFF_TO_M = 20.0
-HEIGHT_S = 1.5
-"""Time in which an error of height would be flown off: (7)'s two lags of height add up to it."""
-TURNS_FROM_MPS = 1.0
-"""Ground speed from which the nose turns to where it flies; slower, and standing, it keeps its heading."""
-STANDS_MPS = 0.3
-"""A ground speed whose course counts as much as the nose's direction."""
-NO_PLACE = (
-    m.POSITION_TARGET_TYPEMASK_X_IGNORE | m.POSITION_TARGET_TYPEMASK_Y_IGNORE | m.POSITION_TARGET_TYPEMASK_Z_IGNORE
-)
-NO_PUSH = (
-    m.POSITION_TARGET_TYPEMASK_AX_IGNORE | m.POSITION_TARGET_TYPEMASK_AY_IGNORE | m.POSITION_TARGET_TYPEMASK_AZ_IGNORE
-)
-VELOCITY_AND_YAW = NO_PLACE | NO_PUSH | m.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE
-VELOCITY_ALONE = NO_PLACE | NO_PUSH | m.POSITION_TARGET_TYPEMASK_YAW_IGNORE
-"""With a yaw rate of 0: where both are to be ignored, the nose turns by WP_YAW_BEHAVIOR."""
 CM = 0.01
 
 
@@ -136,30 +107,15 @@ class ArduCopter(ArduPilot):
         return False
 
     def air_motion(self, airspeed_mps: float, yaw_rad: float, north_mps: float, east_mps: float) -> tuple[float, float]:  # noqa: ARG002 - an airspeed says nothing of what it obeys
-        """Return ground speed and course; the slower it flies, the more its nose counts for a course."""
-        course_rad = math.atan2(east_mps + STANDS_MPS * math.sin(yaw_rad), north_mps + STANDS_MPS * math.cos(yaw_rad))
-        return math.hypot(north_mps, east_mps), course_rad
+        """Return ground speed and course."""
+        return ground_motion(yaw_rad, north_mps, east_mps)
 
     def setpoint(self, setpoint: Setpoint, where: Whereabouts) -> tuple[Message, ...]:
         """Return one message: velocity over ground, and the course as yaw where it moves.
 
         It is repeated at every tick: ArduCopter stands 3 s (GUID_TIMEOUT) after the last one.
         """
-        north, east = math.cos(setpoint.heading_rad), math.sin(setpoint.heading_rad)
-        turns = setpoint.speed_mps >= TURNS_FROM_MPS
-        return (
-            SetPositionTargetLocalNed(
-                0.0,
-                self.system,
-                m.MAV_COMP_ID_AUTOPILOT1,
-                m.MAV_FRAME_LOCAL_NED,
-                VELOCITY_AND_YAW if turns else VELOCITY_ALONE,
-                vx_mps=setpoint.speed_mps * north,
-                vy_mps=setpoint.speed_mps * east,
-                vz_mps=(where.height_m - setpoint.height_m) / HEIGHT_S,
-                yaw_rad=math.remainder(setpoint.heading_rad, math.tau) if turns else 0.0,
-            ),
-        )
+        return (velocity_setpoint(self.system, setpoint, where),)
 
     def loiter(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:  # noqa: ARG002 - it stands where it is
         """Return BRAKE."""

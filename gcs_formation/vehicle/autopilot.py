@@ -120,6 +120,8 @@ class Autopilot(ABC):
     """Messages that are sent without a request, and their rates, Hz."""
     setpoints_set_mode: ClassVar[bool] = False
     """Whether each setpoint also commands the guided mode, and so undoes a pilot's choice of another."""
+    acknowledges_early: ClassVar[bool] = False
+    """Whether it acknowledges a change of mode before it has decided on it: heartbeats alone are to be believed."""
     stands: ClassVar[bool] = False
     """Whether it stands where it waits, and needs no height of its own there; others circle."""
     approach_m: ClassVar[float] = 0.0
@@ -130,6 +132,8 @@ class Autopilot(ABC):
         self.system = system
         self.origin = origin
         self.turn_rate_max_rps = turn_rate_max_rps
+        self.stand_in: tuple[Message, ...] = ()
+        """What is sent in place of setpoints while there are none, to a family that must hear some to be commanded."""
 
     def mode_name(self, telemetry: Telemetry) -> str:
         """Return the vehicle's mode in words."""

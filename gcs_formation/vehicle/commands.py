@@ -59,13 +59,23 @@ class CommandQueue:
         self._next_attempt = after(now, RETRY_S)
         return command
 
-    def acknowledge(self, ack: CommandAck, now: Instant) -> Command | None:
-        """Take an acknowledgement; return the command that it accepts. One of any other command changes nothing."""
+    @property
+    def under_way(self) -> Command | None:
+        """The command whose acknowledgement is awaited."""
+        return self._waiting[0] if self._waiting else None
+
+    def acknowledge(self, ack: CommandAck, now: Instant, *, early: bool = False) -> Command | None:
+        """Take an acknowledgement; return the command that it accepts. One of any other command changes nothing.
+
+        `early`: being accepted says nothing yet; the command is repeated.
+        """
         if self.outcome is not Outcome.WAITING or ack.command != self._waiting[0].command or not self._attempt:
             return None
         if ack.result == UNDER_WAY:
             return None
         if ack.result == m.MAV_RESULT_ACCEPTED:
+            if early:
+                return None
             accepted = self._waiting.popleft()
             self._attempt, self._next_attempt = 0, now
             self.outcome = Outcome.WAITING if self._waiting else Outcome.ACCEPTED

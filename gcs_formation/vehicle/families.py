@@ -11,16 +11,21 @@ from flight_model.earth import GeodeticOrigin
 from formation_scenario import Scenario
 from formation_scenario import Vehicle as PlannedVehicle
 from formation_scenario.arrangement import columns
-from formation_scenario.vehicles import family_of
+from formation_scenario.vehicles import Family, family_of
 from gcs_formation.link.connection import Connection
 from gcs_formation.vehicle.arducopter import ArduCopter
 from gcs_formation.vehicle.arduplane import ArduPlane
 from gcs_formation.vehicle.autopilot import Autopilot
+from gcs_formation.vehicle.px4_copter import Px4Copter
 from gcs_formation.vehicle.px4_plane import Px4Plane
 from gcs_formation.vehicle.vehicle import Vehicle
 
-FAMILIES: dict[str, type[Autopilot]] = {"arduplane": ArduPlane, "arducopter": ArduCopter, "px4": Px4Plane}
-"""The scenario's `autopilot` -> its class."""
+FAMILIES: dict[Family, type[Autopilot]] = {
+    "arduplane": ArduPlane,
+    "arducopter": ArduCopter,
+    "px4_plane": Px4Plane,
+    "px4_copter": Px4Copter,
+}
 
 
 def autopilot_for(vehicle: PlannedVehicle, origin: GeodeticOrigin) -> Autopilot:

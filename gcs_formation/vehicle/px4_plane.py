@@ -10,55 +10,32 @@ Configuration (Failsafes)"; its acceptance and refusals as its simulator (SIH) s
 from __future__ import annotations
 
 import math
-import struct
 from collections.abc import Mapping
-from typing import ClassVar
 
 from airlink import mavlink as m
-from airlink.messages.command import CommandInt, CommandLong
-from airlink.messages.parameter import ParamValue
+from airlink.messages.command import CommandInt
 from airlink.messages.system import Heartbeat
 from gcs_formation.estimation.flight_state import Setpoint, Whereabouts
-from gcs_formation.vehicle.autopilot import Autopilot, Command, Step
+from gcs_formation.vehicle.autopilot import Command, Step
 from gcs_formation.vehicle.checks import Check, Demands, envelope_checks
+from gcs_formation.vehicle.px4 import LOITER, RTL, TAKEOFF, UNCHANGED, Px4, heartbeats_lost
 from gcs_formation.vehicle.telemetry import Telemetry
 
-LEADS_AWAY = (1, 2, 3)
-"""NAV_DLL_ACT: hold, return, land; 0 does nothing, 5 and 6 stop the motor."""
 LARGEST_CIRCLE_M = 100.0
 """Radius for which circles at the end are kept apart, and beyond which a place 400 m ahead is no course."""
-MAIN_AUTO = 4
 AIM_M = 400.0
 """Distance of the place ahead that a setpoint names. Nearer than the circle's radius (NAV_LOITER_RAD, 80 m) and 7 s of
 flight (NPFG_PERIOD 10 s, damping 0.7), PX4 bends towards the circle; when setpoints stop it flies there and circles."""
-TAKE_OFF_TO_M = 50.0
-SLOW_RATE_HZ = 2.0
-UTC_RATE_HZ = 1.0
-CHANGES_HZ = 50.0
-"""CURRENT_MODE is sent at this rate while there are changes: a mode must be seen before a setpoint undoes it."""
-AIRBORNE_M = 10.0
 REFERENCE_CLIMB_MPS = 3.0
 """After boot the height controller's reference begins at sea level and rises this fast (FW_T_CLMB_R_SP); who takes off
 before it has come to the field's altitude dives into the ground. Seen in version 1.17 (development)."""
 DEFAULT_SPEED = -1.0
-UNCHANGED = math.nan
-
-
-def px4_value(told: ParamValue) -> float:
-    """Return a parameter's value: PX4 sends the bytes of an integer in the place of a float's."""
-    if told.param_type != m.MAV_PARAM_TYPE_INT32:
-        return told.param_value
-    return float(struct.unpack("<i", struct.pack("<f", told.param_value))[0])
 
 
 def px4_plane_checks(asked: Demands) -> tuple[Check, ...]:
     """Return what to read from a fixed-wing PX4 of which a scenario asks this much."""
     return (
-        Check(
-            ("NAV_DLL_ACT",),
-            "1 (hold), 2 (return) or 3 (land) when our heartbeats stop; with 0 it circles where the last setpoint led",
-            lambda value: value in LEADS_AWAY,
-        ),
+        heartbeats_lost("circles where the last setpoint led"),
         *envelope_checks(
             asked, "FW_AIRSPD_MIN", "FW_AIRSPD_MAX", "FW_AIRSPD_TRIM", "FW_R_LIM", ("raised to it", "lowered to it")
         ),
@@ -70,50 +47,19 @@ def px4_plane_checks(asked: Demands) -> tuple[Check, ...]:
     )
 
 
-def _mode(main: int, sub: int = 0) -> int:
-    """Return custom_mode of a main and a sub mode."""
-    return main << 16 | sub << 24
-
-
-TAKEOFF, LOITER, RTL = _mode(MAIN_AUTO, 2), _mode(MAIN_AUTO, 3), _mode(MAIN_AUTO, 5)
-
-
-class Px4Plane(Autopilot):
+class Px4Plane(Px4):
     """A fixed-wing PX4, commanded in AUTO.LOITER by MAV_CMD_DO_REPOSITION."""
 
     family = "PX4 fixed wing"
-    loop_s = 0.0
-    """It answers TIMESYNC and commands as they come."""
-    take_off_m = 45.0
-    guided_mode = loiter_mode = LOITER
-    home_mode = RTL
+    take_off_m, take_off_to_m = 45.0, 50.0
+    guided_mode = LOITER
     setpoint_commands = (m.MAV_CMD_DO_REPOSITION,) * 3
     setpoints_set_mode = True
     """DO_REPOSITION without that (its second parameter) is UNSUPPORTED."""
-    mode_names: ClassVar = {
-        _mode(1): "MANUAL",
-        _mode(2): "ALTITUDE",
-        _mode(3): "POSITION",
-        _mode(5): "ACRO",
-        _mode(6): "OFFBOARD",
-        _mode(7): "STABILIZED",
-        TAKEOFF: "TAKEOFF",
-        LOITER: "HOLD",
-        _mode(MAIN_AUTO, 4): "MISSION",
-        RTL: "RTL",
-        _mode(MAIN_AUTO, 6): "LAND",
-    }
 
     def speaks(self, heartbeat: Heartbeat) -> bool:
         """Return whether a heartbeat is that of a fixed-wing PX4; its others don't fly by these commands."""
         return heartbeat.autopilot == m.MAV_AUTOPILOT_PX4 and heartbeat.type == m.MAV_TYPE_FIXED_WING
-
-    def rates_hz(self, telemetry_rate_hz: float, *, utc: bool = False) -> Mapping[int, float]:
-        """Return the rates of the messages that carry motion, readiness and, if wanted, UTC."""
-        fast = (m.MAVLINK_MSG_ID_ATTITUDE, m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, m.MAVLINK_MSG_ID_VFR_HUD)
-        slow = (m.MAVLINK_MSG_ID_SYS_STATUS, m.MAVLINK_MSG_ID_EXTENDED_SYS_STATE)
-        rates_hz = dict.fromkeys(fast, telemetry_rate_hz) | dict.fromkeys(slow, SLOW_RATE_HZ) | self.unasked_hz
-        return rates_hz | {m.MAVLINK_MSG_ID_SYSTEM_TIME: UTC_RATE_HZ} if utc else rates_hz
 
     def start_up(self, rates_hz: Mapping[int, float]) -> tuple[Step, ...]:
         """Return the steps: streams, ready, take-off, which ends in HOLD; what is done already is left out."""
@@ -131,15 +77,6 @@ class Px4Plane(Autopilot):
         """Return failsafe and limits."""
         return px4_plane_checks(asked)
 
-    def parameter(self, told: ParamValue) -> float:
-        """Return a parameter's value, of an integer too."""
-        return px4_value(told)
-
-    def is_airborne(self, telemetry: Telemetry) -> bool:
-        """Return whether it is armed and says that it is in the air, or is well above home."""
-        aloft = telemetry.motion is not None and telemetry.motion.above_home_m > AIRBORNE_M
-        return telemetry.armed and (aloft or telemetry.landed_state == m.MAV_LANDED_STATE_IN_AIR)
-
     def climbs_out(self, telemetry: Telemetry) -> bool:
         """Return whether it is in TAKEOFF, below the height at which that ends."""
         motion = telemetry.motion
@@ -156,23 +93,6 @@ class Px4Plane(Autopilot):
         north_m = where.north_m + AIM_M * math.cos(course_rad)
         east_m = where.east_m + AIM_M * math.sin(course_rad)
         return (self._reposition(north_m, east_m, setpoint.height_m, setpoint.speed_mps),)
-
-    def mode_asked(self, command: Command) -> int | None:
-        """Return the main and sub mode that a command asks for, as one number."""
-        if command.command != m.MAV_CMD_DO_SET_MODE:
-            return None
-        return _mode(int(command.param2), int(command.param3))
-
-    def set_mode(self, mode: int) -> Command:
-        """Return MAV_CMD_DO_SET_MODE: the main mode and the sub mode in fields of their own."""
-        return CommandLong(
-            self.system,
-            m.MAV_COMP_ID_AUTOPILOT1,
-            m.MAV_CMD_DO_SET_MODE,
-            param1=m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED,
-            param2=mode >> 16 & 0xFF,
-            param3=mode >> 24,
-        )
 
     def loiter(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:
         """Return HOLD, then the place and height.
@@ -204,42 +124,7 @@ class Px4Plane(Autopilot):
             z=alt_m,
         )
 
-    def _questions(self, rates_hz: Mapping[int, float]) -> tuple[Command, ...]:
-        """Return the requests, with that for each change of mode: a heartbeat comes once a second."""
-        changes = self.set_message_interval(m.MAVLINK_MSG_ID_CURRENT_MODE, CHANGES_HZ)
-        return (*self.requests(rates_hz), changes)
-
-    def _to_take_off(self, seen: Telemetry) -> tuple[Command, ...]:
-        """Return NAV_TAKEOFF from where it stands; its altitude is above sea level."""
-        ground_m = self._home_above_sea_m(seen)
-        return (
-            CommandLong(
-                self.system,
-                m.MAV_COMP_ID_AUTOPILOT1,
-                m.MAV_CMD_NAV_TAKEOFF,
-                param4=UNCHANGED,
-                param5=UNCHANGED,
-                param6=UNCHANGED,
-                param7=ground_m + TAKE_OFF_TO_M,
-            ),
-        )
-
-    def _home_above_sea_m(self, seen: Telemetry) -> float:
-        motion = seen.motion
-        return math.nan if motion is None else motion.height_m - motion.above_home_m + self.origin.alt_m
-
-    def _is_ready(self, seen: Telemetry) -> bool:
-        standby = seen.heartbeat is not None and seen.heartbeat.system_status == m.MAV_STATE_STANDBY
-        healthy = bool(seen.sensors_healthy & m.MAV_SYS_STATUS_PREARM_CHECK)
-        return (standby and healthy) or self.is_airborne(seen)
-
     def _reference_is_up(self, seen: Telemetry) -> bool:
         motion = seen.motion
         risen_m = REFERENCE_CLIMB_MPS * motion.stamp_s if motion else 0.0
         return self.is_airborne(seen) or risen_m >= self._home_above_sea_m(seen)
-
-    def _is_taking_off(self, seen: Telemetry) -> bool:
-        return self.is_airborne(seen) or seen.custom_mode == TAKEOFF
-
-    def _has_climbed(self, seen: Telemetry) -> bool:
-        return self.is_airborne(seen) and seen.custom_mode != TAKEOFF

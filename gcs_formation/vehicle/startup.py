@@ -63,6 +63,8 @@ class StartUp:
     """Whether we have given up getting it ready."""
     left: bool = False
     """Whether nothing is asked of it but that its pilot gives it back."""
+    acted: bool = False
+    """Whether a step has begun that changes what it does."""
     held: bool = False
     """Whether it is ready for its first command, and that may not be given yet."""
     _began: Instant = Instant(0)
@@ -97,9 +99,11 @@ class StartUp:
         self.held = False
         while not self.finished and (self.index < 0 or self._is_done(telemetry, commands)):
             following = self.steps[self.index + 1 : self.index + 2]
-            if not may_act and any(step.acts(telemetry) for step in following):
+            acts = any(step.acts(telemetry) for step in following)
+            if acts and not may_act:
                 self.held, self._began = True, now
                 return
+            self.acted = self.acted or acts
             self.index += 1
             self._began = now
             if not self.finished:

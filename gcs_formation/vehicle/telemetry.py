@@ -50,6 +50,8 @@ class Telemetry:
     """The newest of each message; `updates` counts positions, so that a reader notices a new one."""
 
     origin: GeodeticOrigin
+    stands: bool = False
+    """Whether it is a multirotor's, which flies by its velocity over ground."""
     motion: Motion | None = None
     attitude: Attitude | None = None
     airspeed_mps: float = math.nan
@@ -110,9 +112,11 @@ class Telemetry:
             self.implausible += 1
 
     def take_airspeed(self, message: VfrHud) -> None:
-        """Store an airspeed."""
-        if 0.0 <= message.airspeed_mps <= SPEED_LIMIT_MPS:
-            self.airspeed_mps = message.airspeed_mps
+        """Store an airspeed; a multirotor that measures none has its ground speed for it."""
+        unmeasured = self.stands and math.isnan(message.airspeed_mps)
+        speed_mps = message.groundspeed_mps if unmeasured else message.airspeed_mps
+        if 0.0 <= speed_mps <= SPEED_LIMIT_MPS:
+            self.airspeed_mps = speed_mps
             self.airspeed_stamp_s = self.motion.stamp_s if self.motion else math.nan
         else:
             self.implausible += 1

@@ -57,7 +57,7 @@ class Vehicle:
         self.identity = identity
         self.autopilot = autopilot
         self.connection = connection
-        self.telemetry = Telemetry(origin)
+        self.telemetry = Telemetry(origin, autopilot.stands)
         self.clock = ClockSync(loop_s=autopilot.loop_s)
         self.stamps = StampMap(self.clock, GnssClock(autopilot.loop_s) if by_utc else None)
         self.claims = SourceBinding(connection, self.clock)
@@ -226,8 +226,18 @@ class Vehicle:
             self.gnss.utc(message.time_unix_usec * 1e-6, message.time_boot_s, armed=self.telemetry.armed)
 
     def _take_mode(self, message: CurrentMode, _now: Instant, _timed: bool) -> None:
-        if self.member is Member.FLYING and self.autopilot.setpoints_set_mode:
+        if not self.autopilot.setpoints_set_mode:
+            self.telemetry.custom_mode = message.custom_mode
+        elif self.member is Member.FLYING:
             self.pilots_choice.see(message.custom_mode, self.autopilot.guided_mode, self.telemetry)
+
+    def _mode_is_missing(self) -> bool:
+        """Return whether a mode is awaited that an early acknowledgement may promise in vain."""
+        command = self.commands.under_way
+        if command is None or not self.autopilot.acknowledges_early:
+            return False
+        asked = self.autopilot.mode_asked(command)
+        return asked is not None and asked != self.telemetry.custom_mode
 
     def _take_probe(self, answer: Timesync, now: Instant, timed: bool) -> None:
         """Take the answer to one of our probes; ignore requests, and answers to others."""
@@ -263,7 +273,7 @@ class Vehicle:
         if ack.target_system not in (0, STATION_SYSTEM):
             return
         self._answered = now
-        accepted = self.commands.acknowledge(ack, now)
+        accepted = self.commands.acknowledge(ack, now, early=self._mode_is_missing())
         effect = self.autopilot.effect(accepted) if accepted is not None else None
         if effect is not None:
             self.effects.acknowledged(effect, self.telemetry, now)

@@ -28,7 +28,8 @@ def test_an_example_can_be_flown_from_where_it_was_written(name: str, tmp_path: 
     result = invoke("init", tmp_path / "new", "--example", name)
     path = tmp_path / "new" / f"{name}.yaml"
     assert result.exit_code == 0
-    assert f"gcs-formation {'fly' if name in {'arducopter', 'arduplane', 'px4'} else 'run'} {path}" in result.output
+    command = "fly" if name in {"arducopter", "arduplane", "px4", "px4_copter"} else "run"
+    assert f"gcs-formation {command} {path}" in result.output
     assert load_scenario(path).name
     assert "configs/" not in path.read_text()
 

@@ -11,8 +11,9 @@ from airlink.frame import FrameWriter, StreamParser
 from airlink.messages.command import CommandLong, SetPositionTargetLocalNed
 from airlink.messages.system import Heartbeat
 from gcs_formation.estimation.flight_state import Setpoint, Whereabouts
-from gcs_formation.vehicle.arducopter import HEIGHT_S, ArduCopter, arducopter_checks
+from gcs_formation.vehicle.arducopter import ArduCopter, arducopter_checks
 from gcs_formation.vehicle.checks import Demands
+from gcs_formation.vehicle.hovering import HEIGHT_S
 from tests.gcs_formation.vehicle.conftest import ORIGIN, heartbeat
 
 COPTER, HERE = ArduCopter(7, ORIGIN, 0.4), Whereabouts(0.0, 0.0, 30.0, 0.0, 0.0)

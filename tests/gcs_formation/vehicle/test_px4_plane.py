@@ -67,7 +67,7 @@ def px4(telemetry: Telemetry) -> Callable[..., Telemetry]:
 
 
 def test_it_is_a_family_of_its_own_and_nothing_else_of_px4():
-    assert FAMILIES["px4"] is Px4Plane
+    assert FAMILIES["px4_plane"] is Px4Plane
     assert PLANE.speaks(beat(HOLD))
     for kind in (m.MAV_TYPE_QUADROTOR, m.MAV_TYPE_VTOL_TILTROTOR, m.MAV_TYPE_GENERIC):
         assert not PLANE.speaks(beat(HOLD, kind=kind))
