@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import gcs_formation
 from benchmarks.disturbance_grid import FRAMES, PAPER, both_ways
 from benchmarks.tables import markdown
-from formation_scenario import leader_path, load_scenario
+from formation_scenario import load_scenario
 from gcs_formation.report.gusts import GustError, gusts
 from gcs_formation.report.run_data import load_run
 
@@ -44,7 +44,7 @@ class Case(NamedTuple):
 def steps(frame: str) -> Iterator[dict[str, Any]]:
     """Yield the changes of what carries the followers, each of which lasts."""
     scenario = load_scenario(PAPER)
-    path, speed_mps = leader_path(scenario), scenario.path.speed_mps
+    path, speed_mps = scenario.leader_path, scenario.path.speed_mps
     count, apart_s = STEPS[frame]
     for step in range(count):
         at_s = round(FIRST_S + apart_s * step + TICK_S * (step * PHASES // count) / PHASES, 3)

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from flight_model.shapes import slots
     from formation_scenario.arrangement import SlotStep, slot_schedule, slot_table
     from formation_scenario.errors import Problem, ScenarioError
-    from formation_scenario.ground import Ground, ground_of, leader_path
+    from formation_scenario.ground import Ground
     from formation_scenario.links import Impairment, LinkStep
     from formation_scenario.load import dump_scenario, load_scenario
     from formation_scenario.model import Scenario
@@ -33,8 +33,6 @@ _HOME = {
     "Vehicle": "formation_scenario.vehicles",
     "VehicleModel": "formation_scenario.vehicles",
     "dump_scenario": "formation_scenario.load",
-    "ground_of": "formation_scenario.ground",
-    "leader_path": "formation_scenario.ground",
     "load_scenario": "formation_scenario.load",
     "slot_schedule": "formation_scenario.arrangement",
     "slot_table": "formation_scenario.arrangement",
@@ -66,8 +64,6 @@ __all__ = [
     "Vehicle",
     "VehicleModel",
     "dump_scenario",
-    "ground_of",
-    "leader_path",
     "load_scenario",
     "slot_schedule",
     "slot_table",

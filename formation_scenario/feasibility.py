@@ -14,7 +14,6 @@ from formation_scenario.arrangement import SlotStep, assigned, columns, first_ar
 from formation_scenario.demands import Flown, climbs, excesses
 from formation_scenario.errors import Problem
 from formation_scenario.fence import CHECKED_M, Fence, inside_m, room_m
-from formation_scenario.ground import leader_path
 from formation_scenario.model import Scenario
 from formation_scenario.orders import Order, parse_order
 from formation_scenario.reconfiguration import Route, ahead, column_names, plan_change, take_over
@@ -106,9 +105,9 @@ def check(scenario: Scenario, source: Source) -> list[Problem]:
     """
     over_ground = check_terrain(scenario, source)
     if over_ground:
-        steep = list(climbs(scenario, source, Flown.along(SplinePath(scenario.path.waypoints_m))))
+        steep = list(climbs(scenario, source, Flown.along(scenario.path.written)))
         return steep or over_ground
-    path, steps = leader_path(scenario), slot_schedule(scenario)
+    path, steps = scenario.leader_path, slot_schedule(scenario)
     standing = _standing(scenario, source, path, steps, _keys(scenario), 0.0)
     return standing or _transitions(scenario, source, path, steps)
 
@@ -125,7 +124,7 @@ def refused_orders(scenario: Scenario) -> Iterator[tuple[int, str]]:
 
     The leader is taken to be on its path in time, and the changes of the formation to have been made as planned.
     """
-    path, arrangement, at_m, since_s = leader_path(scenario), first_arrangement(scenario), 0.0, 0.0
+    path, arrangement, at_m, since_s = scenario.leader_path, first_arrangement(scenario), 0.0, 0.0
     everyone = np.ones(1 + len(scenario.followers), dtype=np.bool_)
     changes = [(change.at_s, None, Order("", change)) for change in scenario.formation.changes]
     orders = [(order.at_s, index, parse_order(order.order)) for index, order in enumerate(scenario.orders)]

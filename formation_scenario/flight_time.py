@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 
-from flight_model.path import SplinePath
 from formation_scenario.model import Scenario
 
 POINTS = 1000
@@ -23,7 +22,7 @@ def path_end_s(scenario: Scenario) -> float:
     Raises:
         PathError: no path leads through the waypoints.
     """
-    path = SplinePath(scenario.path.waypoints_m)
+    path = scenario.path.written
     at_m = np.linspace(0.0, path.length_m, POINTS)
     course_rad = path.at(at_m).course_rad
     north_mps, east_mps, _ = scenario.wind.velocity_mps

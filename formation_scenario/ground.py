@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import hypot, radians
+from math import radians
 from typing import NamedTuple, Protocol, overload
 
 import numpy as np
@@ -12,8 +12,7 @@ from flight_model.arrays import Array
 from flight_model.displacement import STEP_M, Bounds, Lift, blend, least_lift, sample_places
 from flight_model.elevation import read_elevation
 from flight_model.path import PathPoint, PathPoints, SplinePath
-from formation_scenario.environment import Hill
-from formation_scenario.model import Scenario
+from formation_scenario.environment import Hill, Terrain
 
 LEADER_SHARE = 0.7
 """Share of the climb limit that the lifted path uses; followers and disturbances need the rest."""
@@ -81,27 +80,27 @@ class Hills:
         return _Distance(beyond, across, beyond**2 + across**2)
 
 
-def ground_of(scenario: Scenario) -> Ground:
-    """Return the scenario's ground; without terrain, a plain at the origin's height.
+def ground_of(terrain: Terrain | None, origin: tuple[float, float, float], waypoints_m: Array) -> Ground:
+    """Return the ground around waypoints (n, 3); without terrain, a plain at the origin's height.
+
+    `origin` is latitude and longitude in degrees, and height above sea level in m.
 
     Raises:
         ElevationError: the elevation file can't be read.
     """
-    terrain, origin = scenario.terrain, scenario.origin
     if terrain is None:
         return Hills(0.0, ())
     if terrain.file is None:
         return Hills(terrain.base_m, terrain.hills)
-    waypoints = np.array(scenario.path.waypoints_m)
-    return read_elevation(terrain.file, origin.lat_deg, origin.lon_deg, origin.alt_m, waypoints[:, :2])
+    return read_elevation(terrain.file, *origin, waypoints_m[:, :2])
 
 
 class LiftedPath(SplinePath):
     """A path with a lift. It begins at the height that is written; the straight run-in before it is level."""
 
-    def __init__(self, waypoints_m: Sequence[Sequence[float]] | Array, lift: Lift) -> None:
-        """Take the waypoints as for `SplinePath`, and the lift from 0 to the path's length."""
-        super().__init__(waypoints_m)
+    def __init__(self, written: SplinePath, lift: Lift) -> None:
+        """Take the path as it is written, and the lift from 0 to its length."""
+        vars(self).update(vars(written))  # the same curve, which isn't fitted again
         self.lift = lift
         self._control_m: list[float] = lift.control_m.tolist()
 
@@ -136,32 +135,9 @@ class LiftedPath(SplinePath):
         )
 
 
-def leader_path(scenario: Scenario, ground: Ground | None = None) -> SplinePath:
-    """Return the path that the leader flies: lifted where the scenario has terrain, as written otherwise.
-
-    Raises:
-        ElevationError: no ground was given, and the elevation file can't be read.
-    """
-    waypoints, terrain = scenario.path.waypoints_m, scenario.terrain
-    path = SplinePath(waypoints)
-    if terrain is None:
-        return path
-    ground = ground_of(scenario) if ground is None else ground
-    places = sample_places(0.0, max(1, int(np.ceil(path.length_m / STEP_M))))
-    points = path.at(places)
-    needed = ground.height(points.north_m, points.east_m) + terrain.clearance_m - points.height_m
-    lift = least_lift(0.0, needed, points.slope, rise_bounds(scenario, LEADER_SHARE), np.zeros(3))
-    return LiftedPath(waypoints, lift)
-
-
-def rise_bounds(scenario: Scenario, share: float) -> Bounds:
-    """Return bounds of a path that every vehicle can follow with a share of its climb limit, in a tailwind.
-
-    The climb rate may change by its limit within twice the sum of the height's time constants in (7).
-    """
-    models = [vehicle.model for vehicle in scenario.vehicles]
-    climb_mps = min(model.climb_max_mps for model in models)
-    lag_s = max(model.tau_ha_s + model.tau_hb_s for model in models)
-    wind = scenario.wind.velocity_mps
-    speed_mps = scenario.path.speed_mps + hypot(wind[0], wind[1])
-    return Bounds(share * climb_mps / speed_mps, climb_mps / (2.0 * lag_s) / speed_mps**2)
+def lifted(written: SplinePath, ground: Ground, clearance_m: float, bounds: Bounds) -> LiftedPath:
+    """Return a path lifted to `clearance_m` above the ground, as far as `bounds` allow."""
+    places = sample_places(0.0, max(1, int(np.ceil(written.length_m / STEP_M))))
+    points = written.at(places)
+    needed = ground.height(points.north_m, points.east_m) + clearance_m - points.height_m
+    return LiftedPath(written, least_lift(0.0, needed, points.slope, bounds, np.zeros(3)))

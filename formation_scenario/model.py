@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+from math import hypot
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field
 
+from flight_model.displacement import Bounds
+from flight_model.path import SplinePath
 from formation_scenario.environment import Disturbance, Fault, Terrain
 from formation_scenario.expectation import Expectation
 from formation_scenario.fence import Fence
@@ -26,6 +31,7 @@ from formation_scenario.fields import (
     derived,
 )
 from formation_scenario.formation import Formation, Step
+from formation_scenario.ground import LEADER_SHARE, Ground, ground_of, lifted
 from formation_scenario.law import Law
 from formation_scenario.links import Links, LinkStep, link_steps
 from formation_scenario.orders import PlannedOrder
@@ -149,6 +155,15 @@ class PathPlan(Keys):
         description="what is added to the leader's setpoints for a while; `gcs-formation identify` flies them",
     )
 
+    @cached_property
+    def written(self) -> SplinePath:
+        """The path as it is written, without any lift.
+
+        Raises:
+            PathError: as `SplinePath`.
+        """
+        return SplinePath(self.waypoints_m)
+
 
 class Scenario(Keys):
     """A scenario with every default filled in; `load_scenario` makes them, from a file or a mapping."""
@@ -222,6 +237,38 @@ class Scenario(Keys):
             ]
         ],
     )
+
+    @cached_property
+    def ground(self) -> Ground:
+        """The ground; without terrain, a plain at the origin's height.
+
+        Raises:
+            ElevationError: the elevation file can't be read.
+        """
+        origin = self.origin.lat_deg, self.origin.lon_deg, self.origin.alt_m
+        return ground_of(self.terrain, origin, np.array(self.path.waypoints_m))
+
+    @cached_property
+    def leader_path(self) -> SplinePath:
+        """The path that the leader flies: lifted where the scenario has terrain, as written otherwise.
+
+        Raises:
+            ElevationError: the elevation file can't be read.
+        """
+        if self.terrain is None:
+            return self.path.written
+        return lifted(self.path.written, self.ground, self.terrain.clearance_m, self.rise_bounds(LEADER_SHARE))
+
+    def rise_bounds(self, share: float) -> Bounds:
+        """Return bounds of a path that every vehicle can follow with a share of its climb limit, in a tailwind.
+
+        The climb rate may change by its limit within twice the sum of the height's time constants in (7).
+        """
+        models = [vehicle.model for vehicle in self.vehicles]
+        climb_mps = min(model.climb_max_mps for model in models)
+        lag_s = max(model.tau_ha_s + model.tau_hb_s for model in models)
+        speed_mps = self.path.speed_mps + hypot(*self.wind.velocity_mps[:2])
+        return Bounds(share * climb_mps / speed_mps, climb_mps / (2.0 * lag_s) / speed_mps**2)
 
     @property
     def leader(self) -> Vehicle | None:

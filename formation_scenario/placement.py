@@ -7,9 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flight_model.arrays import Array
-from flight_model.path import SplinePath
 from formation_scenario.arrangement import slot_table
-from formation_scenario.ground import ground_of
 from formation_scenario.model import Scenario
 
 
@@ -31,7 +29,7 @@ def start_states(scenario: Scenario) -> StartStates:
     In the air each follower is `start.offset_m` from its slot, and higher where the terrain's clearance requires it. On
     the ground, followers that would be nearer to others than `safety.separation_m` are placed farther back.
     """
-    path = SplinePath(scenario.path.waypoints_m)
+    path = scenario.path.written
     leader = path.at(-scenario.start.run_in_s * scenario.path.speed_mps)
     in_air = scenario.start.in_air
     slots = slot_table(scenario)
@@ -55,7 +53,7 @@ def _clear(scenario: Scenario, north_m: Array, east_m: Array, height_m: Array) -
     """Return the heights (V,), raised to the terrain's clearance where there is terrain."""
     if scenario.terrain is None:
         return height_m
-    return np.fmax(height_m, ground_of(scenario).height(north_m, east_m) + scenario.terrain.clearance_m)
+    return np.fmax(height_m, scenario.ground.height(north_m, east_m) + scenario.terrain.clearance_m)
 
 
 def _with_leader(scenario: Scenario, slots: Array) -> Array:

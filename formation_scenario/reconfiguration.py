@@ -21,7 +21,7 @@ from flight_model.displacement import (
 )
 from flight_model.path import PathPoint, PathPoints, SplinePath
 from formation_scenario.arrangement import Arrangement, assigned, columns
-from formation_scenario.ground import LEADER_SHARE, Ground, rise_bounds
+from formation_scenario.ground import LEADER_SHARE, Ground
 from formation_scenario.model import Scenario
 from formation_scenario.slot_motion import Course, SlotMotion, Transition
 from formation_scenario.transition_plan import MEAN_SPEED_MPS, Conditions, Limits, plan_transition
@@ -115,7 +115,7 @@ def take_over(
     places = sample_places(from_m, ceil(over_s * speed / STEP_M) + LEVEL_OUT_STEPS)
     points = PathPoints(*np.array([way.at(distance) for distance in places.tolist()]).T)
     needed_m = ground.height(points.north_m, points.east_m) + scenario.terrain.clearance_m - points.height_m
-    bounds = rise_bounds(scenario, LEADER_SHARE)
+    bounds = scenario.rise_bounds(LEADER_SHARE)
     return way.lifted(least_lift(from_m, needed_m, points.slope, bounds, np.zeros(3)))
 
 

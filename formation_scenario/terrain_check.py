@@ -8,11 +8,11 @@ import numpy as np
 
 from flight_model.arrays import Array
 from flight_model.displacement import SAMPLE_M, STEP_M, sample_places
-from flight_model.path import PathPoints, SplinePath
+from flight_model.path import PathPoints
 from formation_scenario.arrangement import slot_schedule
 from formation_scenario.environment import Terrain
 from formation_scenario.errors import Problem
-from formation_scenario.ground import LEADER_SHARE, Ground, LiftedPath, ground_of, leader_path
+from formation_scenario.ground import LEADER_SHARE, Ground, LiftedPath
 from formation_scenario.model import Scenario
 from formation_scenario.placement import start_states
 from formation_scenario.reconfiguration import column_names
@@ -31,8 +31,7 @@ def check_terrain(scenario: Scenario, source: Source) -> list[Problem]:
     terrain = scenario.terrain
     if terrain is None:
         return list(_over_plain(scenario, source))
-    ground = ground_of(scenario)
-    flat = SplinePath(scenario.path.waypoints_m)
+    ground, flat = scenario.ground, scenario.path.written
     begin_m = -scenario.start.run_in_s * scenario.path.speed_mps
     places = np.concatenate((np.arange(begin_m, 0.0, SAMPLE_M), sample_places(0.0, int(flat.length_m / STEP_M))))
     points = flat.at(places)
@@ -46,7 +45,7 @@ def check_terrain(scenario: Scenario, source: Source) -> list[Problem]:
 
 def _over_plain(scenario: Scenario, source: Source) -> Iterator[Problem]:
     """Yield the lowest point of any vehicle if it is below the clearance: over a plain, paths aren't lifted."""
-    path, least_m = SplinePath(scenario.path.waypoints_m), scenario.safety.clearance_m
+    path, least_m = scenario.path.written, scenario.safety.clearance_m
     points = path.at(sample_places(0.0, int(path.length_m / STEP_M)))
     worst = int(np.argmin(points.height_m))
     below_m, who = min((float(step.places_m[:, 2].min()), step.shape) for step in slot_schedule(scenario))
@@ -103,7 +102,7 @@ def _run_in(terrain: Terrain, source: Source, places: Array, points: PathPoints,
 
 
 def _path(scenario: Scenario, terrain: Terrain, source: Source, ground: Ground) -> Iterator[Problem]:
-    path = leader_path(scenario, ground)
+    path = scenario.leader_path
     assert isinstance(path, LiftedPath)
     if path.lift.short_m <= SHORT_M:
         return

@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from flight_model.arrays import Array
-from formation_scenario import Scenario, ground_of, leader_path, slot_table
-from formation_scenario.ground import FOLLOWER_SHARE, rise_bounds
+from formation_scenario import Scenario, slot_table
+from formation_scenario.ground import FOLLOWER_SHARE
 from formation_scenario.navigation import NoisyNavigation
 from formation_scenario.reconfiguration import column_models
 from formation_scenario.slot_motion import Course, SlotMotion, slot_needs
@@ -97,7 +97,7 @@ def autopilot_model(scenario: Scenario) -> AutopilotModels:
 def leader_guidance(scenario: Scenario) -> LeaderGuidance:
     """Return the leader's guidance along the scenario's path."""
     return LeaderGuidance(
-        path=leader_path(scenario),
+        path=scenario.leader_path,
         speed_mps=scenario.path.speed_mps,
         run_in_m=scenario.start.run_in_s * scenario.path.speed_mps,
         hold_radius_m=hold_radius_m(scenario),
@@ -109,8 +109,8 @@ def slot_clearance(scenario: Scenario) -> SlotClearance | None:
     """Return what keeps followers clear of the ground; None without terrain."""
     if scenario.terrain is None:
         return None
-    bounds = rise_bounds(scenario, FOLLOWER_SHARE)
-    return SlotClearance(ground_of(scenario), scenario.terrain.clearance_m, bounds, scenario.formation.frame)
+    bounds = scenario.rise_bounds(FOLLOWER_SHARE)
+    return SlotClearance(scenario.ground, scenario.terrain.clearance_m, bounds, scenario.formation.frame)
 
 
 def hold_radius_m(scenario: Scenario) -> float:

@@ -7,9 +7,8 @@ from collections.abc import Iterator
 
 from flight_model.earth import SEMI_MAJOR_M
 from flight_model.elevation import ALLOWED, ElevationError
-from flight_model.path import PathError, SplinePath
+from flight_model.path import PathError
 from formation_scenario.errors import Problem
-from formation_scenario.ground import ground_of
 from formation_scenario.model import Scenario
 from formation_scenario.source import KeyPath, Source
 
@@ -60,7 +59,7 @@ def path(scenario: Scenario, source: Source) -> Iterator[Problem]:
     """Yield waypoints that no spline can be flown through, and paths that are too long."""
     path: KeyPath = ("path", "waypoints_m")
     try:
-        length_m = SplinePath(scenario.path.waypoints_m).length_m
+        length_m = scenario.path.written.length_m
     except PathError as error:
         allowed = "waypoints 1 m or more apart, without turning straight back"
         yield source.problem((*path, error.waypoint), str(error), allowed)
@@ -81,6 +80,6 @@ def terrain(scenario: Scenario, source: Source) -> Iterator[Problem]:
         allowed = f"at most terrain.clearance_m, {terrain.clearance_m:g}"
         yield source.problem(("safety", "clearance_m"), found, allowed)
     try:
-        ground_of(scenario)
+        _ = scenario.ground
     except ElevationError as error:
         yield source.problem(("terrain", "file"), str(error), ALLOWED)

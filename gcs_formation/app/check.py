@@ -15,7 +15,6 @@ from formation_scenario.arrangement import planned_slots
 from formation_scenario.feasibility import refused_orders
 from formation_scenario.flight_time import planned_end_s
 from formation_scenario.gains import AUTO, by_design, figures
-from formation_scenario.ground import leader_path
 from gcs_formation.app.assembly import assembly, goes_round, split_errors, ways_s
 from gcs_formation.control.laws import law_kind
 from gcs_formation.controller import AHEAD_POINTS
@@ -175,7 +174,7 @@ def never_reached(scenario: Scenario) -> Iterator[str]:
 
 def circles_lifted(scenario: Scenario) -> str | None:
     """Return by how much vehicles climb to circle beyond the path's end, and for which ground; None if they don't."""
-    path = leader_path(scenario)
+    path = scenario.leader_path
     end, ground = path.at(path.length_m), GroundFloor(scenario)
     cos, sin = math.cos(end.course_rad), math.sin(end.course_rad)
     ways_m = np.linspace(0.0, OPENING_LIMIT_S * scenario.path.speed_mps, AHEAD_POINTS).tolist()

@@ -15,7 +15,6 @@ from airlink.messages.command import CommandInt, CommandLong
 from airlink.udp import UdpDriver
 from formation_scenario import Scenario, slot_schedule
 from formation_scenario.arrangement import columns
-from formation_scenario.ground import leader_path
 from gcs_formation.app.interrupt import Interrupts
 from gcs_formation.app.options import RunOptions
 from gcs_formation.app.progress import Progress
@@ -70,7 +69,7 @@ def rehearsal_text(report: dict[str, Any]) -> str:
 
 def first_setpoints(scenario: Scenario) -> dict[str, tuple[Setpoint, Whereabouts]]:
     """Return each vehicle's setpoint in its slot when the leader is at the path's start, and where that is."""
-    start, found = leader_path(scenario).at(0.0), dict[str, tuple[Setpoint, Whereabouts]]()
+    start, found = scenario.leader_path.at(0.0), dict[str, tuple[Setpoint, Whereabouts]]()
     ahead, aside = math.cos(start.course_rad), math.sin(start.course_rad)
     for vehicle, place_m in zip(columns(scenario), slot_schedule(scenario)[0].places_m.tolist(), strict=True):
         forward_m, right_m, up_m = place_m

@@ -9,7 +9,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from airlink.endpoint import VehicleId
-from formation_scenario import Scenario, ground_of
+from formation_scenario import Scenario
 
 STACK_M = 15.0
 """Vertical distance of circles that may meet."""
@@ -53,7 +53,7 @@ class GroundFloor:
 
     def __init__(self, scenario: Scenario) -> None:
         """Keep the terrain's clearance; without terrain, circles may be at any height."""
-        self._ground = ground_of(scenario) if scenario.terrain else None
+        self._ground = scenario.ground if scenario.terrain else None
         self._clearance_m = scenario.terrain.clearance_m if scenario.terrain else 0.0
         across = np.arange(-AROUND_M, AROUND_M + SAMPLE_M, SAMPLE_M)
         north, east = (each.ravel() for each in np.meshgrid(across, across))

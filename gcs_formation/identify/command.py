@@ -15,7 +15,6 @@ from matplotlib.figure import Figure
 from flight_model.arrays import Array
 from formation_scenario import Scenario, load_scenario
 from formation_scenario.formation import Step
-from formation_scenario.ground import leader_path
 from formation_scenario.source import Dumper, plain_mapping
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
 from gcs_formation.errors import RecordError
@@ -61,7 +60,7 @@ def identification_scenario(scenario: Scenario) -> Scenario:
     Raises:
         ScenarioError: it can't be flown there, because of ground or fence.
     """
-    path = leader_path(scenario)
+    path = scenario.leader_path
     begin = path.at(0.0)
     models = [vehicle.model for vehicle in scenario.vehicles]
     speed = scenario.path.speed_mps

@@ -13,7 +13,7 @@ from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Mask, any_of
 from flight_model.displacement import DisplacedPath, Rise
 from flight_model.path import PathPoint
-from formation_scenario import Scenario, ground_of
+from formation_scenario import Scenario
 from formation_scenario.arrangement import Arrangement, SlotStep, assigned
 from formation_scenario.feasibility import check_ahead
 from formation_scenario.formation import FormationChange
@@ -85,7 +85,7 @@ class Reconfiguration:
     ) -> None:
         """Change the formation that `controller` flies; `columns` are the vehicles' in it."""
         self._scenario = scenario
-        self._ground = ground_of(scenario)
+        self._ground = scenario.ground
         self._controller = controller
         self._by_column = {column: vehicles[identity] for identity, column in columns.items()}
         self._names = column_names(scenario)

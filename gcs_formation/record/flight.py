@@ -9,7 +9,7 @@ import numpy as np
 
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Mask
-from formation_scenario import Ground, Scenario, ground_of
+from formation_scenario import Ground, Scenario
 from gcs_formation.record.timeseries import (
     AIRBORNE,
     ERROR,
@@ -103,7 +103,7 @@ def split(
     frame = scenario.formation.frame
     seen = _leader(vehicles) if truth is not None and scenario.leader else None
     errors = {identity: {**own, **_errors(seen, own, frame)} for identity, own in vehicles.items()}
-    ground = ground_of(scenario)
+    ground = scenario.ground
     above = {i: {**own, **_clearance(ground, _place(own, truth=truth is not None))} for i, own in errors.items()}
     return Flight(above, truth is not None)
 

@@ -15,7 +15,6 @@ from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
 from formation_scenario import Scenario
 from formation_scenario.arrangement import Arrangement, columns, first_arrangement
-from formation_scenario.ground import leader_path
 from formation_scenario.orders import Order, parse_order
 from gcs_formation.errors import RecordError
 from gcs_formation.guidance.tracking import nearest, project
@@ -174,7 +173,7 @@ def _formation(scenario: Scenario, events: Events, mission_s: float) -> tuple[Ar
 
 def _distance_m(scenario: Scenario, rows: Mapping[str, Any]) -> float:
     """Return how far along the path the leader had come: its way, followed from the path's start."""
-    path, distance_m, last_s = leader_path(scenario), 0.0, math.inf
+    path, distance_m, last_s = scenario.leader_path, 0.0, math.inf
     leads = (rows["leads"] > 0) & (rows["phase"] == PHASES.index("flying")) & np.isfinite(rows["north_m"])
     places = zip(*(rows[name][leads].tolist() for name in ("t_s", "north_m", "east_m")), strict=True)
     for t_s, north_m, east_m in places:

@@ -9,7 +9,6 @@ import numpy.typing as npt
 
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
-from formation_scenario import leader_path
 from gcs_formation.record.flight import Flight
 from gcs_formation.report.run_data import RunData
 
@@ -73,7 +72,7 @@ def heading_rad(flight: Flight, vehicle: VehicleId) -> Array:
 
 def path_m(run: RunData) -> Array:
     """Return the scenario's path, (P, 3) north, east, height."""
-    path = leader_path(run.scenario)
+    path = run.scenario.leader_path
     points = path.at(np.linspace(0.0, path.length_m, PATH_POINTS))
     return np.column_stack((points.north_m, points.east_m, points.height_m))
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
-from formation_scenario import dump_scenario, ground_of
+from formation_scenario import dump_scenario
 from formation_scenario.environment import StepDisturbance
 from gcs_formation.control.laws import law_kind
 from gcs_formation.errors import RecordError
@@ -163,7 +163,7 @@ def _ground(run: RunData) -> dict[str, Any] | None:
     low, high = known.min(axis=0) - GROUND_AROUND_M, known.max(axis=0) + GROUND_AROUND_M
     cell_m = float((high - low).max()) / GROUND_CELLS
     north, east = (np.arange(least, most, cell_m) for least, most in zip(low, high, strict=True))
-    height = ground_of(run.scenario).height(*np.meshgrid(north, east, indexing="ij"))
+    height = run.scenario.ground.height(*np.meshgrid(north, east, indexing="ij"))
     return {
         "south": round(float(low[0]), PLACE_DIGITS),
         "west": round(float(low[1]), PLACE_DIGITS),

@@ -14,7 +14,6 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 
 from flight_model.arrays import Array
-from formation_scenario import ground_of
 from gcs_formation.report.geometry import Snapshot, evenly, path_m, snapshot, snapshot_ticks
 from gcs_formation.report.run_data import RunData
 from gcs_formation.report.style import GREY, INK, LIGHT, THIN, WIDTH_CM, axes_grid, legend_below, new_figure
@@ -117,7 +116,7 @@ def _ground(axes: Axes3D, run: RunData, space: Space) -> None:
     cell_m = space.longest / GROUND_CELLS
     sides = [np.arange(low, high + cell_m, cell_m) for low, high in (space.north, space.east)]
     north, east = np.meshgrid(*sides, indexing="ij")
-    height = ground_of(run.scenario).height(north, east)
+    height = run.scenario.ground.height(north, east)
     known = np.where(np.isfinite(height), height, np.nanmin(height)) if np.isfinite(height).any() else None
     if known is None:
         return

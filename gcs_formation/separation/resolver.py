@@ -10,7 +10,7 @@ import numpy as np
 
 from airlink.clock import NANOSECONDS, Instant, seconds_between
 from flight_model.arrays import Array, Instants, Mask, all_of, any_of, or_zero, within, wrap
-from formation_scenario import Scenario, ground_of, slot_schedule
+from formation_scenario import Scenario, slot_schedule
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Indices, Setpoints
 from gcs_formation.estimation.predictor import advance
 from gcs_formation.estimation.projection import Measured
@@ -105,7 +105,7 @@ class ConflictResolver:
         """Take the distance to keep; `history` holds what was sent to the columns, (C,) `model`."""
         self._keys = scenario.safety.avoidance
         self._virtual, self._predicted = scenario.leader is None, scenario.law.delay_compensation
-        self._ground, self._clearance_m = ground_of(scenario), scenario.safety.clearance_m
+        self._ground, self._clearance_m = scenario.ground, scenario.safety.clearance_m
         self._history, self._model = history, model
         self._unresponsive = Unresponsive(history, model)
         self._dt_s = 1.0 / scenario.law.rate_hz

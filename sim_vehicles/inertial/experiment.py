@@ -10,7 +10,7 @@ import numpy as np
 
 from flight_model.arrays import Array
 from flight_model.earth import GeodeticOrigin
-from formation_scenario import Scenario, Vehicle, leader_path
+from formation_scenario import Scenario, Vehicle
 from formation_scenario.navigation import InertialNavigation
 from sim_vehicles.inertial.alignment import Alignment, FineAlignment, align, limits
 from sim_vehicles.inertial.config import aid, inertial_sensors
@@ -57,7 +57,7 @@ def experiment(scenario: Scenario, vehicle: Vehicle) -> Experiment:
     origin = _origin(scenario)
     sensors = inertial_sensors(keys, scenario.seed, vehicle.vehicle_id)
     random = sensor_random(scenario.seed, vehicle.vehicle_id)
-    path, speed_mps = leader_path(scenario), scenario.path.speed_mps
+    path, speed_mps = scenario.leader_path, scenario.path.speed_mps
     duration_s = max(LEAST_S, min(scenario.duration_s, path.length_m / speed_mps))
     trajectory = Trajectory.along(path, speed_mps, origin, duration_s)
     fine, heading_rad = FineAlignment(origin, sensors), path.at(0.0).course_rad

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from formation_scenario import SplinePath, ground_of, leader_path, load_scenario
+from formation_scenario import SplinePath, load_scenario
 from formation_scenario.placement import start_states
 from formation_scenario.source import read_text
 
@@ -11,7 +11,7 @@ LOW = "path.waypoints_m=[[0, 0, 80], [4000, 0, 80]]"
 
 def test_the_path_is_lifted_over_the_hill_and_nowhere_else(load):
     scenario = load(HILL, LOW)
-    path, ground = leader_path(scenario), ground_of(scenario)
+    path, ground = scenario.leader_path, scenario.ground
     places = np.arange(0.0, path.length_m, 2.0)
     points = path.at(places)
     clearance = points.height_m - ground.height(points.north_m, points.east_m)
@@ -23,7 +23,7 @@ def test_the_path_is_lifted_over_the_hill_and_nowhere_else(load):
 
 
 def test_one_place_is_the_same_as_among_many(load):
-    path = leader_path(load(HILL, LOW))
+    path = load(HILL, LOW).leader_path
     places = np.array([-10.0, 0.0, 1234.5, 2000.0, 3999.0, 5000.0])
     for i, s in enumerate(places.tolist()):
         assert path.at(s) == pytest.approx([column[i] for column in path.at(places)])
@@ -33,7 +33,7 @@ def test_a_path_clear_of_the_ground_stays_as_written(load):
     scenario = load(HILL, "path.waypoints_m=[[0, 0, 150], [2000, 300, 170], [4000, 0, 150]]")
     places = np.arange(-100.0, 4200.0, 7.0)
     as_written = SplinePath(scenario.path.waypoints_m).at(places)
-    np.testing.assert_array_equal(leader_path(scenario).at(places), as_written)
+    np.testing.assert_array_equal(scenario.leader_path.at(places), as_written)
 
 
 def test_a_hill_too_steep_from_the_start_is_refused_with_its_place_and_figure(refusal):
@@ -94,7 +94,7 @@ def test_a_file_beside_the_scenario_is_found_and_where_it_ends_is_said(tmp_path)
     scenario = load_scenario(tmp_path / "a.yaml")
     assert scenario.terrain is not None
     assert scenario.terrain.file == str(tmp_path / "N35E125.hgt")
-    assert ground_of(scenario).height(np.zeros(1), np.zeros(1))[0] == 30.0
+    assert scenario.ground.height(np.zeros(1), np.zeros(1))[0] == 30.0
     with pytest.raises(Exception, match=r"no elevation under the leader at \d+ m of the path \(north \d+, east 0\)"):
         load_scenario(read_text(text.replace("N35E125.hgt", str(tmp_path / "N35E125.hgt")) % 3000).data)
 
@@ -119,7 +119,17 @@ def test_the_first_leader_needs_elevations_under_the_slot_it_has_behind_another(
 def test_followers_in_the_air_begin_clear_of_the_ground(load):
     beside = "terrain={clearance_m: 60, hills: [{north_m: -220, east_m: 150, height_m: 80, radius_m: 60}]}"
     scenario = load(beside, LOW, "start={in_air: true, run_in_s: 10}", "formation={shape: line, spacing_m: 100}")
-    start, ground = start_states(scenario), ground_of(scenario)
+    start, ground = start_states(scenario), scenario.ground
     assert start.height_m[0] == 80.0
     assert (start.height_m - ground.height(start.north_m, start.east_m) >= 60.0 - 1e-9).all()
     assert start.height_m.max() > 85.0
+
+
+def test_path_and_ground_are_built_once_and_anew_for_other_keys(load):
+    scenario = load(HILL, LOW)
+    assert scenario.leader_path is scenario.leader_path
+    assert scenario.ground is scenario.ground
+    longer = scenario.path.model_copy(update={"waypoints_m": ((0.0, 0.0, 80.0), (5000.0, 0.0, 80.0))})
+    other = scenario.model_copy(update={"path": longer, "terrain": None})
+    assert other.leader_path.length_m == pytest.approx(5000.0)
+    assert other.ground.height(np.array([2000.0]), np.zeros(1))[0] == 0.0

@@ -5,7 +5,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from formation_scenario import ground_of, load_scenario
+from formation_scenario import load_scenario
 from gcs_formation.report import write_report
 from gcs_formation.report.html import cards, table, verdict
 from gcs_formation.report.page import as_script, beside_the_paper, embedded
@@ -118,7 +118,7 @@ def test_the_embedded_ground_is_the_scenarios(make_run):
     rows, columns = len(ground["height"]) // ground["columns"], ground["columns"]
     north = ground["south"] + ground["cell"] * np.arange(rows)
     east = ground["west"] + ground["cell"] * np.arange(columns)
-    true = ground_of(run.scenario).height(*np.meshgrid(north, east, indexing="ij"))
+    true = run.scenario.ground.height(*np.meshgrid(north, east, indexing="ij"))
     np.testing.assert_allclose(np.reshape(ground["height"], (rows, columns)), true, atol=0.6)
     assert true.max() > 75.0
     assert embedded(load_run(make_run(flown_s=20.0)))["ground"] is None
