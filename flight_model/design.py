@@ -4,7 +4,9 @@ Each channel's loop has the shape kp + ki/s + kd s with two numbers free: its ba
 autopilot's lag that the derivative makes up for. The fastest loop is taken that holds the figures of `Bounds`: with
 the response as it is known, the sensitivity's peak and the delay margin; with a response that is slower or faster and
 stronger or weaker than known, stability with a peak of its own; and the setpoint's steps that the telemetry's noise
-causes. Nothing of the delay counts as predicted. Source: S. Skogestad and I. Postlethwaite, "Multivariable Feedback
+causes. Nothing of the delay counts as predicted. The wind's observer closes a loop of its own around the airspeed: what
+an aircraft does otherwise than its model looks like wind, which is then flown against. It is as fast as the airspeed's
+loop with it stands. Source: S. Skogestad and I. Postlethwaite, "Multivariable Feedback
 Control", 2nd ed., 2.4 and 2.6; K. J. Astrom and T. Hagglund, "Advanced PID Control", 4.5.
 """
 
@@ -106,7 +108,10 @@ class Design:
 
 
 DERIVATIVE_FILTER_S = 0.3
-OBSERVER_MOST_RADPS = 2.0
+OBSERVERS_RADPS = np.geomspace(2.0, 0.01, 60)
+"""Bandwidths of the wind's observer that are tried, the fastest first."""
+OBSERVED_SHARE = 0.85
+"""Share of the airspeed loop's delay margin that is left with the observer in it."""
 
 
 Vehicles = Sequence[tuple[Responses, float]]
@@ -132,7 +137,12 @@ def design(
     }
     lag_s = max(lag_s for _, lag_s in vehicles)
     quiet_radps = bounds.steps[0] / 2.0 / max(2.0 * lag_s * telemetry.airspeed_mps, 1e-9)
-    return Design(channels, DERIVATIVE_FILTER_S, min(OBSERVER_MOST_RADPS, quiet_radps))
+    stands = (
+        radps
+        for radps in OBSERVERS_RADPS.tolist()
+        if all(_observer_stands(radps, each, channels["speed"], weights, telemetry) for each, _ in vehicles)
+    )
+    return Design(channels, DERIVATIVE_FILTER_S, min(next(stands, float(OBSERVERS_RADPS[-1])), quiet_radps))
 
 
 def judged_channels(
@@ -187,6 +197,22 @@ class _Loops(NamedTuple):
             return bandwidth * share * self.lag_s / self.slope, bandwidth / self.slope, 0.0
         kp = bandwidth / self.slope
         return kp, kp * bandwidth * INTEGRAL_SHARE, kp * share * self.lag_s
+
+
+def _observer_stands(
+    radps: float, vehicle: Responses, channel: Channel, weights: Weights, telemetry: Telemetry
+) -> bool:
+    """Return whether a wind observer of this bandwidth leaves the airspeed's loop enough of its delay margin.
+
+    The airspeed told makes up for the wind as estimated: ground speed, less the airspeed as modelled, behind a lag of
+    1/`radps`. At worst the model tells nothing, and the observer's whole answer is fed back.
+    """
+    s = 1j * FREQUENCIES
+    plant = vehicle.speed * _late(telemetry.delay_s)
+    position = weights.k_x * _controller((channel.kp, channel.ki, channel.kd)) / s
+    observed = (position + radps / (s + radps)) * plant
+    enough_s = OBSERVED_SHARE * _delay_margin_s(position * plant)
+    return math.isfinite(_peak(observed)) and _delay_margin_s(observed) >= enough_s
 
 
 def _channel(loops: _Loops, telemetry: Telemetry, most: float, bounds: Bounds) -> Channel:

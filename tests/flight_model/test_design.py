@@ -1,6 +1,7 @@
 """Frequency responses and the gains designed from them, against closed forms and flights of the models themselves."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -83,6 +84,25 @@ def test_a_design_holds_its_bounds(response, delay_s):
         assert channel.mismatch_peak <= BOUNDS.mismatch_peak
         assert channel.delay_margin_s >= BOUNDS.delay_margin_s
         assert channel.step_sigma <= steps
+
+
+@pytest.mark.parametrize("delay_s", [0.1, 0.7])
+def test_the_winds_observer_leaves_85_percent_of_the_airspeeds_delay_margin(delay_s):
+    """An aircraft that does 4 times what it is told at 2 rad/s seems to be in wind, and is told to make up for it."""
+    response = airframe_responses(FREQUENCIES, AIRCRAFT, 22.0)
+    found = design([(response, 1.0)], 22.0, WEIGHTS, replace(NOISY, delay_s=delay_s, airspeed_mps=0.0))
+    channel, s = found.channels["speed"], 1j * FREQUENCIES
+    plant = response.speed * np.exp(-s * delay_s)
+    alone = (channel.kp + channel.ki / s + channel.kd * s / (0.3 * s + 1)) / s * plant
+
+    def margin_s(radps):
+        """The least further delay at which the loop comes to -1."""
+        loop = alone + radps / (s + radps) * plant
+        (at,) = np.nonzero((np.abs(loop[:-1]) >= 1) != (np.abs(loop[1:]) >= 1))
+        return np.min(np.mod(np.angle(-loop[at]), 2 * np.pi) / FREQUENCIES[at])
+
+    assert margin_s(found.observer_radps) >= 0.85 * margin_s(0.0)
+    assert margin_s(1.2 * found.observer_radps) < 0.85 * margin_s(0.0)
 
 
 def test_a_longer_delay_and_more_noise_make_slower_loops():

@@ -6,6 +6,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from formation_scenario import load_scenario
 from gcs_formation import run
 
 SCENARIO: dict[str, Any] = {
@@ -45,3 +46,15 @@ def test_gains_by_design_fly_aircraft_quietly(tmp_path):
     assert follower["error_y_m"]["rms"] < 0.05
     assert follower["error_z_m"]["rms"] < 0.2
     assert follower["effort"]["speed"]["step_p95"] < 0.1
+
+
+@pytest.mark.slow
+def test_compensated_delay_that_the_design_knows_nothing_of_drives_no_aircraft_into_a_limit_cycle(tmp_path):
+    """300 ms each way. The wind's observer fed back what aircraft do otherwise than equation (7): 0.0226 m/s a tick."""
+    aircraft = {"vehicles": [each | {"model": "arduplane"} for each in SCENARIO["vehicles"]], "duration_s": 60}
+    law = load_scenario(SCENARIO | aircraft).law.model_dump()
+    known = {key: law[key] for key in ("speed", "heading", "height", "mixer", "disturbance_observer_radps")}
+    path = {"waypoints_m": [[0, 0, 100], [800, 0, 100], [1800, 150, 105]]}
+    follower, rows = flown(tmp_path, **aircraft, law=known, links={"default": {"delay_ms": 300}}, path=path)
+    assert np.nanstd(np.diff(of_follower(rows, "setpoint_speed_mps", from_s=30.0))) < 0.01
+    assert follower["error_x_m"]["rms"] < 0.05
