@@ -85,10 +85,6 @@ class GeodeticOrigin:
         lat_rad = self._latitudes(north_m)
         return lat_rad, self.lon_rad + east_m / _radii_at((lat_rad + self.lat_rad) / 2)[1]
 
-    def metres_per_radian(self, north_m: Array) -> tuple[Array, Array]:
-        """Return metres per radian of latitude and of longitude, at points `north_m` north of the origin."""
-        return _radii_at((self._latitudes(north_m) + self.lat_rad) / 2)
-
     def _latitudes(self, north_m: Array) -> Array:
         lat_rad = np.full_like(north_m, self.lat_rad)
         for _ in range(INVERSION_STEPS):

@@ -50,16 +50,6 @@ class ElevationGrid:
         lower = south_west + right * (south_east - south_west)
         return upper + down * (lower - upper) - self._origin.alt_m
 
-    def gradient(self, north_m: Array, east_m: Array) -> tuple[Array, Array]:
-        """Return the rise per metre to the north and to the east, within a cell of the raster."""
-        (north_west, north_east, south_west, south_east), down, right = self._cell(north_m, east_m)
-        southwards = south_west - north_west + right * (south_east - south_west - north_east + north_west)
-        eastwards = north_east - north_west + down * (south_east - south_west - north_east + north_west)
-        metres_north, metres_east = self._origin.metres_per_radian(north_m)
-        step_north_m = np.radians(self._raster.step_lat_deg) * metres_north
-        step_east_m = np.radians(self._raster.step_lon_deg) * metres_east
-        return -southwards / step_north_m, eastwards / step_east_m
-
     def _cell(self, north_m: Array, east_m: Array) -> tuple[tuple[Array, ...], Array, Array]:
         """Return the four values around each point, and its position in the cell, down and right, 0 to 1."""
         raster = self._raster

@@ -18,7 +18,6 @@ MIN_LEG_M = 1.0
 MIN_TANGENT = 1e-3
 PIECES_PER_LEG = 64
 QUADRATURE_POINTS = 8
-NEWTON_STEPS = 6
 # Rows: position, first and second derivative at the piece's start, then at its end, over a piece of length 1.
 _HERMITE = np.array(
     [
@@ -116,23 +115,6 @@ class SplinePath:
         if s > self.length_m:
             return _straight_on(self._ends[1], s - self.length_m)
         return self._inside(s)
-
-    def nearest(self, north_m: float, east_m: float, around_s: float, window_m: float) -> float:
-        """Return the arc length of the path's point nearest to a position, by Newton's method.
-
-        The search starts at `around_s` and stays within `window_m` of it.
-        """
-        low, high = around_s - window_m, around_s + window_m
-        s = around_s
-        for _ in range(NEWTON_STEPS):
-            point = self.at(s)
-            tangent_n, tangent_e = cos(point.course_rad), sin(point.course_rad)
-            ahead = (north_m - point.north_m) * tangent_n + (east_m - point.east_m) * tangent_e
-            right = (east_m - point.east_m) * tangent_n - (north_m - point.north_m) * tangent_e
-            # Beyond the centre of curvature Newton's method would find the farthest point.
-            step = ahead / max(1.0 - point.curvature_1pm * right, 0.2)
-            s = min(max(s + step, low), high)
-        return s
 
     def _end(self, s: float) -> PathPoint:
         return self._inside(s)._replace(curvature_1pm=0.0, curvature_rate_1pm2=0.0, slope=0.0, slope_rate_1pm=0.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import radians
-from typing import NamedTuple, Protocol, overload
+from typing import Protocol, overload
 
 import numpy as np
 
@@ -27,18 +27,6 @@ class Ground(Protocol):
         """Return the ground's height; NaN where it isn't known."""
         ...
 
-    def gradient(self, north_m: Array, east_m: Array) -> tuple[Array, Array]:
-        """Return the rise per metre to the north and to the east; NaN where it isn't known."""
-        ...
-
-
-class _Distance(NamedTuple):
-    """Distances of points from hills' crest lines: along them beyond their ends, across them, in total and squared."""
-
-    along_m: Array
-    across_m: Array
-    squared_m2: Array
-
 
 class Hills:
     """Level ground with hills, which add up, by the formulas of `terrain.Hill`."""
@@ -57,27 +45,14 @@ class Hills:
 
     def height(self, north_m: Array, east_m: Array) -> Array:
         """Return the ground's height."""
-        squared = self._distance(north_m, east_m).squared_m2 / self._radius_m**2
-        cosine = np.cos(np.pi / 2 * np.sqrt(np.minimum(squared, 1.0))) ** 2
-        share = np.where(self._gaussian, np.exp(-squared / 2), cosine)
-        return self._base_m + share @ self._height_m
-
-    def gradient(self, north_m: Array, east_m: Array) -> tuple[Array, Array]:
-        """Return the rise per metre to the north and to the east."""
-        distance = self._distance(north_m, east_m)
-        squared = distance.squared_m2 / self._radius_m**2
-        cosine = np.where(squared < 1.0, -(np.pi**2) / 4 * np.sinc(np.sqrt(squared)), 0.0)
-        rate = np.where(self._gaussian, -np.exp(-squared / 2) / 2, cosine) * 2 * self._height_m / self._radius_m**2
-        along, across = rate * distance.along_m, rate * distance.across_m
-        north = (along * self._cosine - across * self._sine).sum(axis=-1)
-        return north, (along * self._sine + across * self._cosine).sum(axis=-1)
-
-    def _distance(self, north_m: Array, east_m: Array) -> _Distance:
         north, east = north_m[..., None] - self._north_m, east_m[..., None] - self._east_m
         along = north * self._cosine + east * self._sine
         across = east * self._cosine - north * self._sine
-        beyond = np.copysign(np.maximum(np.abs(along) - self._half_m, 0.0), along)
-        return _Distance(beyond, across, beyond**2 + across**2)
+        beyond = np.maximum(np.abs(along) - self._half_m, 0.0)  # the ends of the crest line
+        squared = (beyond**2 + across**2) / self._radius_m**2
+        cosine = np.cos(np.pi / 2 * np.sqrt(np.minimum(squared, 1.0))) ** 2
+        share = np.where(self._gaussian, np.exp(-squared / 2), cosine)
+        return self._base_m + share @ self._height_m
 
 
 def ground_of(terrain: Terrain | None, origin: tuple[float, float, float], waypoints_m: Array) -> Ground:

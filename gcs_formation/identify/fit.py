@@ -37,7 +37,6 @@ UNKNOWN = 0.5
 LEAST_MOVED = {"speed": (0.5, "m/s"), "heading": (0.05, "rad"), "height": (2.0, "m")}
 """By how much each setpoint must have changed for its channel to be learnt."""
 LAGS = ("tau_v_s", "tau_psi_s", "tau_ha_s", "tau_hb_s")
-CHANNEL_OF = (0, 1, 2, 2)
 AIRFRAME_KEYS = ("thrust_mps2", "drag_mps2", "heading_gain", "bank_lag_s", "airspeed_lag_s", "time_constant_s")
 SPREADS = np.array([0.3, 0.3, 0.3, 0.3, 0.3, 0.1])
 """Standard deviations of these parameters' logarithms before anything was flown."""

@@ -92,9 +92,6 @@ class Manoeuvre(Columns):
 
     __slots__ = ()
 
-    first_speed_mps = Row(0)
-    first_heading_rad = Row(1)
-    first_height_m = Row(2)
     speed_mps = Row(3)
     """NaN: at the speed that they then have."""
     heading_rad = Row(4)

@@ -3,8 +3,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from flight_model.earth import GeodeticOrigin
 from flight_model.elevation import ElevationError, ElevationGrid, Raster, read_elevation
@@ -49,32 +47,12 @@ def test_a_ridge_is_level_along_its_crest_and_a_hill_across_it_and_beyond_its_en
     assert height(ridge, 100.0, 450.0) == pytest.approx(height(single, 100.0, 150.0))
 
 
-@given(
-    st.sampled_from(["gaussian", "cosine"]),
-    st.floats(-600.0, 600.0),
-    st.floats(-600.0, 600.0),
-    st.sampled_from([0.0, 300.0]),
-    st.floats(0.0, 360.0),
-)
-def test_the_gradient_of_hills_is_the_difference_of_heights(shape, north, east, length, bearing):
-    ground = Hills(5.0, [hill(shape=shape, length_m=length, bearing_deg=bearing), hill(north_m=-150.0)])
-    step, place = 1e-3, (np.array([north]), np.array([east]))
-    rises = [
-        (ground.height(place[0] + dn, place[1] + de) - ground.height(place[0] - dn, place[1] - de)) / (2 * step)
-        for dn, de in ((step, 0.0), (0.0, step))
-    ]
-    np.testing.assert_allclose(ground.gradient(*place), rises, atol=2e-6)
-
-
 def test_a_raster_is_bilinear_in_latitude_and_longitude_and_counts_from_the_origin():
     ground = ElevationGrid(Raster(plane(35.51, 125.49, 0.001, 21, 21), 35.51, 125.49, 0.001, 0.001), ORIGIN)
     assert height(ground, 0.0, 0.0) == pytest.approx(80.0, abs=1e-6)
     lat, lon, _ = ORIGIN.from_ned(456.0, -321.0, 0.0)
     expected = 80.0 + 1000.0 * (math.degrees(lat) - 35.5) + 500.0 * (math.degrees(lon) - 125.5)
     assert height(ground, 456.0, -321.0) == pytest.approx(expected, abs=1e-6)
-    rise_north, rise_east = ground.gradient(np.array([456.0]), np.array([-321.0]))
-    assert rise_north[0] == pytest.approx(height(ground, 456.5, -321.0) - height(ground, 455.5, -321.0), rel=1e-3)
-    assert rise_east[0] == pytest.approx(height(ground, 456.0, -320.5) - height(ground, 456.0, -321.5), rel=1e-3)
     assert math.isnan(height(ground, 5000.0, 0.0))
 
 

@@ -132,28 +132,6 @@ def test_an_array_gives_what_its_elements_give(waypoints, shares):
         np.testing.assert_allclose(column, single, rtol=1e-9, atol=1e-9, err_msg=name)
 
 
-@given(st.floats(-200.0, 3400.0), st.floats(-100.0, 100.0), st.floats(-60.0, 60.0))
-def test_the_nearest_point_of_a_place_beside_the_path_is_its_foot(s, right, ahead):
-    path = SplinePath([[0, 0, 100], [1500, 0, 100], [3000, 700, 120]])
-    foot = path.at(s)
-    north = foot.north_m - right * np.sin(foot.course_rad)
-    east = foot.east_m + right * np.cos(foot.course_rad)
-    assert path.nearest(north, east, s + ahead, 200.0) == pytest.approx(s, abs=1e-3)
-
-
-def test_the_nearest_point_stays_in_its_window():
-    path = SplinePath([[0, 0, 100], [3000, 0, 100]])
-    assert path.nearest(2000.0, 0.0, 100.0, 50.0) == 150.0
-    assert path.nearest(-900.0, 5.0, 100.0, 50.0) == 50.0
-
-
-def test_a_hairpin_s_centre_does_not_repel_the_nearest_point():
-    angles = np.linspace(0.0, np.pi, 30)
-    path = SplinePath(np.column_stack((100 * np.sin(angles), 100 * (1 - np.cos(angles)), np.full(30, 50.0))))
-    s = path.nearest(-30.0, 90.0, 160.0, 200.0)
-    assert s == pytest.approx(0.0, abs=120.0)
-
-
 @pytest.mark.parametrize(
     ("waypoints", "waypoint"),
     [

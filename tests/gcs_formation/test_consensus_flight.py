@@ -16,6 +16,7 @@ from scipy.optimize import brentq
 import gcs_formation
 from formation_scenario import SplinePath, load_scenario
 from gcs_formation import Summary
+from gcs_formation.guidance.tracking import project
 from gcs_formation.record.timeseries import flying, read_parquet
 from gcs_formation.stability import (
     consensus_delay_margin,
@@ -213,7 +214,7 @@ def test_a_formation_without_a_leader_is_held_on_the_path(fly: Fly) -> None:
     path = SplinePath(CURVED)
     for row in np.flatnonzero(series["mission_time_s"][:, 0] > 0)[::20]:
         north_m, east_m = (float(series[name][row].mean()) for name in ("true_north_m", "true_east_m"))
-        near = path.at(path.nearest(north_m, east_m, 22.0 * float(series["mission_time_s"][row, 0]), 100.0))
+        near = path.at(project(path, north_m, east_m, 22.0 * float(series["mission_time_s"][row, 0])))
         assert math.hypot(north_m - near.north_m, east_m - near.east_m) < 1.0
 
 

@@ -66,3 +66,12 @@ def test_the_told_turn_is_the_derivative_of_the_told_heading(
     measured_rps = math.remainder(told_rad(0.001) - told_rad(-0.001), math.tau) / 0.002
     abreast = ROUTE.at(project(ROUTE, north_m, east_m, at_m))
     assert track_turn(abreast, state, MODEL, SPEED_MPS, rates) == pytest.approx(measured_rps, abs=3e-4)
+
+
+@given(st.floats(-200.0, 3400.0), st.floats(-100.0, 100.0), st.floats(-60.0, 60.0))
+def test_a_place_beside_a_path_is_projected_onto_its_foot(s: float, right_m: float, ahead_m: float) -> None:
+    path = SplinePath([[0, 0, 100], [1500, 0, 100], [3000, 700, 120]])
+    foot = path.at(s)
+    north_m = foot.north_m - right_m * math.sin(foot.course_rad)
+    east_m = foot.east_m + right_m * math.cos(foot.course_rad)
+    assert project(path, north_m, east_m, s + ahead_m) == pytest.approx(s, abs=1e-3)
