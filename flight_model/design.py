@@ -112,6 +112,8 @@ OBSERVERS_RADPS = np.geomspace(2.0, 0.01, 60)
 """Bandwidths of the wind's observer that are tried, the fastest first."""
 OBSERVED_SHARE = 0.85
 """Share of the airspeed loop's delay margin that is left with the observer in it."""
+UNKNOWN_DELAY_S = 0.6
+"""Delay beyond the links' configured one over which that holds: 300 ms each way."""
 
 
 Vehicles = Sequence[tuple[Responses, float]]
@@ -208,7 +210,7 @@ def _observer_stands(
     1/`radps`. At worst the model tells nothing, and the observer's whole answer is fed back.
     """
     s = 1j * FREQUENCIES
-    plant = vehicle.speed * _late(telemetry.delay_s)
+    plant = vehicle.speed * _late(telemetry.delay_s + UNKNOWN_DELAY_S)
     position = weights.k_x * _controller((channel.kp, channel.ki, channel.kd)) / s
     observed = (position + radps / (s + radps)) * plant
     enough_s = OBSERVED_SHARE * _delay_margin_s(position * plant)

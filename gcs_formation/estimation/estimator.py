@@ -97,14 +97,19 @@ class VehicleFilter:
 
     def begin(self, values: list[float], stamp: int) -> None:
         """Start from a single sample."""
+        wind = 0.0 if self._wind_radps <= 0.0 else self._wind_noise(values[6])
+        self._begin(values, stamp, self._wind_of(values), (wind, wind))
+
+    def _begin(
+        self, values: list[float], stamp: int, winds: tuple[float, float], variances: tuple[float, float]
+    ) -> None:
+        """Start from a single sample, with a wind north and east of these variances."""
         noise, airspeed_mps, heading_rad = self.noise.values, values[6], values[7]
-        seen = self._wind_noise(airspeed_mps)
-        wind = 0.0 if self._wind_radps <= 0.0 else seen
-        wind_north, wind_east = self._wind_of(values)
+        wind_north, wind_east = winds
         self.state = FlightState(
             values[0], values[1], values[2], values[5], airspeed_mps, heading_rad, wind_north, wind_east
         )
-        self.level = LevelCovariance([noise[0], noise[1], noise[6], noise[7], wind, wind])
+        self.level = LevelCovariance([noise[0], noise[1], noise[6], noise[7], *variances])
         self.height = HeightCovariance(noise[2], noise[5])
         self._residual = [0.0] * VALUES
         self._implausible = 0
@@ -142,7 +147,9 @@ class VehicleFilter:
         self._residual = innovation(values, predicted)
         self._implausible = self._implausible + 1 if implausible else 0
         if self._implausible >= IMPLAUSIBLE_SAMPLES:
-            self.begin(values, stamp)
+            # Whoever flies the vehicle, the wind is what it was.
+            rows, winds = self.level.rows, (predicted.wind_north_mps, predicted.wind_east_mps)
+            self._begin(values, stamp, winds, (rows[WIND_NORTH][WIND_NORTH], rows[WIND_EAST][WIND_EAST]))
 
     def _move(
         self, state: FlightState, sensitivities: list[Sensitivity], difference: list[float], variances: list[float]

@@ -164,6 +164,21 @@ def test_a_vehicle_that_somebody_else_turns_is_followed():
     assert min(errors[-6:]) < 4 * GNSS[-1]
 
 
+def test_the_wind_is_kept_where_a_state_begins_anew():
+    """Somebody else turns the vehicle while its airspeed is told 3 m/s too low: its air is what it was."""
+    flight = Flight()
+    flight.filter = StateEstimator(Declared(GNSS[:, None], GNSS[:, None] / 4), flight.history, RATE_HZ, 0.1)
+    for _ in range(300):
+        flight.fly()
+    before_mps, headings, changes_mps = flight.filter.state.wind_mps[:, 0], [], []
+    for _ in range(12):
+        flight.fly(yanked_rad=0.3, off=np.array((0, 0, 0, 0, 0, 0, -3.0, 0)))
+        headings.append(abs(flight.error()[HEADING]))
+        changes_mps.append(np.abs(flight.filter.state.wind_mps[:, 0] - before_mps).max())
+    assert min(headings) < 0.05, "it has begun anew"
+    assert max(changes_mps) < 0.5
+
+
 def test_a_column_without_wind_keeps_none():
     flight = Flight(sigma=RESOLUTION, declared=RESOLUTION)
     flight.filter = StateEstimator(Declared(RESOLUTION[:, None], RESOLUTION[:, None]), flight.history, RATE_HZ, 0.0)
