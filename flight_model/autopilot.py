@@ -59,6 +59,20 @@ class AutopilotModel:
         self.turn_rate_max_rps = turn_rate_max_rps
         self.climb_max_mps = climb_max_mps
 
+    def values(self) -> tuple[float, float, float, float, float, float, float, float, float]:
+        """Return the constants in the order of the constructor's arguments."""
+        return (
+            self.tau_v_s,
+            self.tau_psi_s,
+            self.tau_ha_s,
+            self.tau_hb_s,
+            self.speed_min_mps,
+            self.speed_max_mps,
+            self.accel_max_mps2,
+            self.turn_rate_max_rps,
+            self.climb_max_mps,
+        )
+
     def held(self, time_s: float) -> AutopilotModel:
         """Return the model in which (setpoint - value) / lag is the mean rate while a setpoint is held for a time.
 

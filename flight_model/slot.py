@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
+Triple = tuple[float, float, float]
+"""Of forward, right and up; or of the channels speed, heading and height."""
+NOTHING: Triple = (math.nan, math.nan, math.nan)
+
 
 class Slot:
     """A slot's place and motion in the leader's frame: forward, right and up, in m, m/s and m/s²."""

@@ -8,30 +8,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
 from airlink.clock import NANOSECONDS, Instant, after, seconds_between
-from flight_model.arrays import Array, Instants, Mask, all_of, or_zero
+from flight_model.arrays import Array
 from flight_model.autopilot import FlightState, advance, rate, within, wrap
+from flight_model.slot import NOTHING, Slot
 from formation_scenario import Scenario
 from formation_scenario.formation import added
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation import parameters
 from gcs_formation.control.envelope import Envelope
 from gcs_formation.control.laws import law_kind
-from gcs_formation.control.situation import Decision, Lead, Situation
-from gcs_formation.estimation.estimator import STATES, Sample, StateEstimator
-from gcs_formation.estimation.flight_state import FlightStates, Setpoint, Setpoints
+from gcs_formation.control.situation import Lead, Situation
+from gcs_formation.estimation.estimator import Sample, StateEstimator, VehicleFilter
+from gcs_formation.estimation.flight_state import Setpoint
 from gcs_formation.estimation.projection import Measured, States
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.guidance.leader import ASSEMBLED_S, LeaderCommand, LeaderCommands, LeaderWind, amid
 from gcs_formation.guidance.slots import UP, FormationPlan, Outlook
-from gcs_formation.recorder import Tick
 from gcs_formation.separation.fence import FenceLimits
 from gcs_formation.separation.resolver import ConflictResolver
+from gcs_formation.tick import Tick, VehicleLink, unknown_state
 
 VIRTUAL = 0
 """The column of a virtual leader."""
@@ -40,35 +39,6 @@ AHEAD_POINTS = 5
 """Places along the leader's way at which the ground is looked at."""
 GAINS_CHANGE_S = 1.0
 """Time constant with which gains follow a change of the bandwidth, so that no setpoint jumps."""
-
-
-class Links(NamedTuple):
-    """The link to every column, arrays (C,)."""
-
-    ready: Mask
-    """Whether it follows setpoints."""
-    delay_s: Array
-    """One-way delay as measured, half the round trip."""
-    ways_s: Array
-    """Delay up and down, (C, 2); NaN where it isn't known how the round trip is split."""
-    jitter_s: Array
-    """Interarrival jitter of the telemetry, NaN where there is none yet."""
-    lag_s: Array
-    """Half a period of the vehicle's main loop, the mean wait of a setpoint that has arrived, and the time for which
-    the station holds it back."""
-    hold_s: float
-    """How long the leader's setpoints are held back."""
-    airborne: Mask
-    """Whether it flies, as far as it can be heard."""
-    heard: Instants
-    """Until when it is known to have heard what it was told."""
-    disobeying: Mask
-    """Whether it doesn't seem to fly as it was told, though it hears it."""
-
-    @property
-    def up_s(self) -> Array:
-        """How long a setpoint is on its way, (C,): half the round trip where its split isn't known."""
-        return np.where(np.isnan(self.ways_s[:, 0]), self.delay_s, self.ways_s[:, 0])
 
 
 class FormationController:
@@ -86,22 +56,23 @@ class FormationController:
         self._compensates = scenario.law.delay_compensation
         self._gains_change = 1.0 - math.exp(-self._dt_s / GAINS_CHANGE_S)
         self._columns = 1 + len(scenario.followers)
-        self.model = parameters.autopilot_model(scenario)
+        self.models = parameters.autopilot_models(scenario)
         """The autopilot model of every column; its lags follow what the vehicles fly."""
-        self._law = law_kind(scenario).make(scenario, self.model)
+        self._law = law_kind(scenario).make(scenario, self.models)
         self._leader_amid = scenario.leader is None and law_kind(scenario).mutual
         self._clearance = parameters.slot_clearance(scenario)
         self.history = SetpointHistory(scenario.law.rate_hz)
         """The setpoints that were sent, and when each acts."""
-        self.lags = parameters.lag_estimator(scenario, self.history, self.model)
-        self._projection = parameters.projection(scenario, self.history, self.model)
-        self.separation = ConflictResolver(scenario, self.history, self.model)
-        self.fence = FenceLimits(scenario, self.model)
+        self.lags = parameters.lag_estimator(scenario, self.history, self.models)
+        self._projection = parameters.projection(scenario, self.history, self.models)
+        self.separation = ConflictResolver(scenario, self.history, self.models)
+        self.fence = FenceLimits(scenario, self.models)
         self._in_slots_s, self._leader_wind = 0.0, LeaderWind(self._dt_s)
         self._leader_commands = LeaderCommands(self._dt_s)
         self.last_tick: Tick | None = None
         """The last tick at which there was a leader to follow."""
-        self._bandwidth, self._lift_m = np.ones((self._columns, CHANNELS)), np.zeros(self._columns)
+        self._bandwidth = [[1.0] * CHANNELS for _ in range(self._columns)]
+        self._lift_m = np.zeros(self._columns)
         self.estimator = StateEstimator(
             parameters.declared_noise(scenario),
             self.history,
@@ -116,10 +87,11 @@ class FormationController:
 
     def places_m(self, now: Instant) -> Array:
         """Return all positions, (C, 3) forward, right and up of the leader, without the lifts over terrain."""
-        state, leader = self.estimator.state, self.plan.leader
-        places = state.places_after((now - self.estimator.stamps) / NANOSECONDS)
+        filters, leader = self.estimator.filters, self.plan.leader
+        places = np.array([_place_at(each, now) for each in filters])
         north, east, up = (places - places[leader]).T
-        cos, sin = np.cos(state.heading_rad[leader]), np.sin(state.heading_rad[leader])
+        heading_rad = (filters[leader].state or unknown_state()).heading_rad
+        cos, sin = math.cos(heading_rad), math.sin(heading_rad)
         return np.stack((north * cos + east * sin, east * cos - north * sin, up), axis=1) - self._lift_m[:, None] * UP
 
     def ahead_m(self, seconds: float) -> list[tuple[float, float]]:
@@ -134,8 +106,8 @@ class FormationController:
 
     def take(self, samples: Mapping[int, Sample]) -> None:
         """Take the newest sample of each column that has one."""
-        told = np.zeros(self._columns, dtype=bool) if self.last_tick is None else self.last_tick.active
-        self.estimator.take(samples, self.model, told)
+        commanded = [False] * self._columns if self.last_tick is None else self.last_tick.active
+        self.estimator.take(samples, self.models, commanded)
         for column, sample in samples.items():
             motion = sample.airspeed_mps, sample.heading_rad, sample.height_m, sample.climb_mps
             self.lags.hear(column, sample.stamp, motion)
@@ -145,12 +117,12 @@ class FormationController:
         now: Instant,
         mission_time_s: float,
         phase: str,
-        links: Links,
-        margin_used: Array,
-        bandwidth: Array,
+        links: list[VehicleLink],
+        margin_used: list[float],
+        bandwidth: list[list[float]],
         *,
         begin_regardless: bool = False,
-        heights_m: Array | None = None,
+        heights_m: list[float] | None = None,
     ) -> Tick:
         """Return this tick's setpoints and what led to them.
 
@@ -167,87 +139,106 @@ class FormationController:
         assembled = self._in_slots_s >= ASSEMBLED_S or begin_regardless
         if self._scenario.leader is None:
             self._place_virtual_leader(now)
-        active, acts = links.ready & self.estimator.known, self._acts(now, links.up_s, links.lag_s)
-        blank = self.blank_tick(now, mission_time_s, phase, links, margin_used.copy())
-        self.lags.learn(active & ~links.disobeying)
+        acts = self._acts(now, links)
+        tick = self.blank_tick(now, mission_time_s, phase, links, margin_used)
+        self.lags.learn([active and not link.disobeying for active, link in zip(tick.active, links, strict=True)])
         self.history.begin(acts)
-        if not active[blank.leader]:
+        if not tick.active[tick.leader]:
+            tick.active = [False] * self._columns
             self._in_slots_s = 0.0
             self.separation.rest()
             self.fence.rest()
-            return blank
-        measured = self._measured(active, acts)
+            return tick
+        measured = self._measured(tick.active, acts)
         states = self._projection.take(measured)
-        lead, tick = self._steer_leader(replace(blank, active=active), states, assembled=assembled)
+        lead = self._steer_leader(tick, states, assembled=assembled)
         self.history.note(tick.setpoints)  # followers are where the leader is when theirs act
         if self._columns > 1:
-            self._bandwidth = self._bandwidth + self._gains_change * (bandwidth - self._bandwidth)
-            tick = self._at_heights(self._by_law(tick, states, lead), heights_m)
-            tick = self.separation.keep(tick, measured, links.heard, links.disobeying)
-        tick = self.fence.keep(tick)
+            self._lead_bandwidth(bandwidth)
+            self._by_law(tick, states, lead)
+            self._at_heights(tick, heights_m)
+            self.separation.keep(tick, measured)
+        self.fence.keep(tick, self.separation.replaced)
         self.history.note(tick.setpoints)
         self._judge_assembly(tick)
         self.last_tick = tick
         return tick
 
     def blank_tick(
-        self, now: Instant, mission_time_s: float, phase: str, links: Links, margin_used: Array | None = None
+        self, now: Instant, mission_time_s: float, phase: str, links: list[VehicleLink], margin_used: list[float]
     ) -> Tick:
-        """Return a tick at which nobody is commanded, as `step`'s begins."""
-        known, nobody = self.estimator.known, np.zeros(self._columns, dtype=bool)
-        blank = np.full((self._columns, CHANNELS), np.nan)
-        return Tick(
-            now=now,
-            mission_time_s=mission_time_s,
-            phase=phase,
-            leader=self.plan.leader,
-            state=FlightStates.of(np.full((STATES, self._columns), np.nan)),
-            setpoints=Setpoints.of(blank.T),
-            age_s=np.where(known, (now - self.estimator.stamps) / NANOSECONDS, np.nan),
-            delay_s=links.delay_s,
-            ways_s=links.ways_s,
-            jitter_s=links.jitter_s,
-            margin_used=blank[:, 0] if margin_used is None else margin_used,
-            active=nobody,
-            airborne=links.airborne,
-            yielding=nobody,
-            slots_m=blank,
-            error_m=blank,
-            mixed=blank,
-            gains=np.full((self._columns, CHANNELS * CHANNELS), np.nan),
-        )
+        """Return a tick at which nothing is commanded yet, as `step`'s begins."""
+        age_s = [self.estimator.age_s(column, now) for column in range(self._columns)]
+        active = [link.ready and not math.isnan(age) for link, age in zip(links, age_s, strict=True)]
+        return Tick(now, mission_time_s, phase, self.plan.leader, links, age_s, list(margin_used), active)
 
-    def _acts(self, now: Instant, up_s: Array, lag_s: Array) -> Instants:
+    def _acts(self, now: Instant, links: list[VehicleLink]) -> list[int]:
         """Return when each column's present setpoint acts; a virtual leader amid the followers acts as they do."""
-        acts = now + np.round((or_zero(up_s) + lag_s) * NANOSECONDS).astype(np.int64)
+        acts: list[int] = []
+        for link in links:
+            way_s = link.on_its_way_s
+            acts.append(now + round(((0.0 if math.isnan(way_s) else way_s) + link.lag_s) * NANOSECONDS))
         if self._leader_amid:
-            acts[0] = acts[1:].mean()
+            acts[0] = sum(acts[1:]) // (len(acts) - 1)
         return acts
 
-    def _measured(self, active: Mask, acts: Instants) -> Measured:
+    def _measured(self, active: list[bool], acts: list[int]) -> Measured:
         """Return the measured states; vehicles that were never heard get the leader's, so that no value is NaN."""
-        known, table, stamps = self.estimator.known, self.estimator.state.table, self.estimator.stamps
-        leader = self.plan.leader
-        filled: Array = np.where(known, table, table[:, [leader]])
-        return Measured(FlightStates.of(filled), np.where(known, stamps, stamps[leader]), active, acts)
+        filters = self.estimator.filters
+        leader = filters[self.plan.leader]
+        assert leader.state is not None
+        states: list[FlightState] = []
+        stamps: list[int] = []
+        for each in filters:
+            states.append(leader.state if each.state is None else each.state)
+            stamps.append(leader.stamp if each.state is None else each.stamp)
+        return Measured(states, stamps, active, acts)
+
+    def _lead_bandwidth(self, wanted: list[list[float]]) -> None:
+        """Lead the loops' bandwidth slowly to the one that is wanted."""
+        for shares, goals in zip(self._bandwidth, wanted, strict=True):
+            for channel in range(CHANNELS):
+                shares[channel] += self._gains_change * (goals[channel] - shares[channel])
+
+    def _by_law(self, tick: Tick, states: States, lead: Lead) -> None:
+        """Put the law's setpoints into a tick, and what led to them."""
+        slots, commanded_slots = self._over_ground(tick, states, lead)
+        commanded = [self.history.commanded(states.instant(each) - 1, each) for each in range(self._columns)]
+        variance = [each.wind_variance for each in self.estimator.filters]
+        replaced = self.separation.replaced
+        situation = Situation(states, lead, slots, commanded, variance, tick.active, self._bandwidth, replaced)
+        tick.slots_m = [(slot.forward_m, slot.right_m, slot.up_m) for slot in commanded_slots]
+        tick.slots_m[tick.leader] = NOTHING
+        for each in self._law.decide(situation, self._dt_s):
+            column = each.column
+            if tick.active[column]:
+                tick.setpoints[column] = each.setpoint
+                tick.error_m[column] = each.error_m
+                tick.mixed[column] = each.mixed
+                tick.gains[column] = each.gains
+            if not math.isnan(tick.age_s[column]):
+                tick.state[column] = each.state
 
     def _place_virtual_leader(self, now: Instant) -> None:
         """Place the virtual leader amid the followers; unless the law commands it, it then flies by the model."""
         flown, stamp = self.last_tick, now
         if flown is not None and not self._leader_amid:
             state = self._flown_on(flown, now)
-        elif self.estimator.known[1:].all():
-            slots = self._slots(now, math.nan if flown is None else flown.mission_time_s)
-            state = amid(self.estimator.state.each()[1:], slots.each[1:], self.guidance.speed_mps)
-            stamp = Instant(int(self.estimator.stamps[1:].mean())) if self._leader_amid else now
         else:
-            return
-        self.estimator.place(VIRTUAL, np.array(state.values()), stamp)
+            followers = self.estimator.filters[1:]
+            states = [each.state for each in followers if each.state is not None]
+            if len(states) < len(followers):
+                return
+            slots = self._slots(now, math.nan if flown is None else flown.mission_time_s)
+            state = amid(states, slots.each[1:], self.guidance.speed_mps)
+            if self._leader_amid:
+                stamp = Instant(sum(each.stamp for each in followers) // len(followers))
+        self.estimator.place(VIRTUAL, state, stamp)
 
     def _flown_on(self, flown: Tick, now: Instant) -> FlightState:
         """Return where a virtual leader is by now that has flown what it was commanded at the last tick."""
-        state, model = flown.state.each()[VIRTUAL], self.model.each()[VIRTUAL]
-        speed_mps, heading_rad, height_m = flown.setpoints.table[:, VIRTUAL].tolist()
+        state, model = flown.state[VIRTUAL].copy(), self.models[VIRTUAL]
+        speed_mps, heading_rad, height_m = flown.setpoints[VIRTUAL]
         speed_mps = within(speed_mps, model.speed_min_mps, model.speed_max_mps)
         advance(state, model, speed_mps, heading_rad, height_m, seconds_between(flown.now, now))
         return state
@@ -255,92 +246,76 @@ class FormationController:
     def _slots(self, now: Instant, mission_time_s: float) -> SlotMotion:
         return self.plan.at(now / NANOSECONDS, begun=mission_time_s >= 0)
 
-    def _steer_leader(self, tick: Tick, states: States, *, assembled: bool) -> tuple[Lead, Tick]:
-        """Return what the followers need to know of the leader, and the tick with its state and setpoint."""
-        leading = np.array([tick.leader])
-        at = Instant(int(states.instants(leading)[0]))
-        flown = states.of(leading, leading)
-        state, model = flown.each()[0], self.model.each()[tick.leader]
-        guided, rates = self._leader_wind.guided(state, (at - self.estimator.stamps[tick.leader]) / NANOSECONDS)
+    def _steer_leader(self, tick: Tick, states: States, *, assembled: bool) -> Lead:
+        at = Instant(states.instant(tick.leader))
+        state, model = states.of(tick.leader, tick.leader), self.models[tick.leader]
+        tick.state[tick.leader] = state
+        ahead_s = (at - self.estimator.filters[tick.leader].stamp) / NANOSECONDS
+        guided, rates = self._leader_wind.guided(state, ahead_s)
         wanted = self.guidance.steer(guided, model, assembled=assembled)
         if self._scenario.path.steps:
             steps = added(self._scenario.path.steps, tick.mission_time_s)
             wanted = Setpoint(*(each + step for each, step in zip(wanted, steps, strict=True)))
         commanded = Envelope(wanted.heading_rad, state, model).limit(*wanted)
+        tick.setpoints[tick.leader] = commanded
         short_rad, held = wrap(commanded[1] - state.heading_rad), model.held(self._dt_s)
         rates = rates._replace(turn_rps=rate(short_rad, held.tau_psi_s, held.turn_rate_max_rps))
         self._leader_commands.add(at, LeaderCommand(*commanded, self.guidance.turn_rps(guided, model, rates)))
-        followed = states.instants(np.arange(self._columns)) if self._compensates else np.full(self._columns, at)
-        commands = [self._leader_commands.at(instant) for instant in followed.tolist()]
-        lead = Lead(tick.leader, at, commands, self.guidance.heading(guided))
-        state_of_all, setpoints = tick.state.table.copy(), tick.setpoints.table.copy()
-        state_of_all[:, leading], setpoints[:, tick.leader] = flown.table, commanded
-        return lead, replace(tick, state=FlightStates.of(state_of_all), setpoints=Setpoints.of(setpoints))
+        followed = [states.instant(column) if self._compensates else at for column in range(self._columns)]
+        commands = [self._leader_commands.at(instant) for instant in followed]
+        return Lead(tick.leader, at, commands, self.guidance.heading(guided))
 
-    def _by_law(self, tick: Tick, states: States, lead: Lead) -> Tick:
-        """Return the tick with what the law decides for all others."""
-        slots, commanded_m = self._over_ground(tick, states, lead)
-        everyone = np.arange(self._columns, dtype=np.intp)
-        situation = Situation(
-            states=states,
-            lead=lead,
-            slots=slots,
-            commanded=self.history.told(states.instants(everyone) - 1, everyone),
-            wind_sigma_mps=self.estimator.wind_sigma_mps,
-            active=tick.active,
-            bandwidth=self._bandwidth,
-            replaced=self.separation.replaced | self.fence.replaced,
-        )
-        return self._decided(tick, self._law.decide(situation, self._dt_s), commanded_m)
-
-    def _over_ground(self, tick: Tick, states: States, lead: Lead) -> tuple[SlotMotion, Array]:
+    def _over_ground(self, tick: Tick, states: States, lead: Lead) -> tuple[list[Slot], list[Slot]]:
         """Return the slots at the instants when setpoints act, clear of the ground, and the slots commanded now."""
         slots, route = self._slots(tick.now, tick.mission_time_s), self.guidance.route
-        instants = states.instants(np.arange(self._columns))
-        later = self.plan.at_each(instants / NANOSECONDS, begun=tick.mission_time_s >= 0)
+        instants = [states.instant(column) for column in range(self._columns)]
+        times_s = [instant / NANOSECONDS for instant in instants]
+        later = self.plan.at_each(times_s, begun=tick.mission_time_s >= 0)
         if self._clearance is None or route is None:
-            return later, slots.position_m
+            return later.each, slots.each
 
         def ahead(seconds: float) -> Array:
             return self._slots(after(tick.now, seconds), tick.mission_time_s).position_m
 
-        leading = np.array([tick.leader])
         along_mps, arranged = lead.path.along_mps, self.plan.arrangement
-        leader = states.of(leading, leading)
+        leader = states.of(tick.leader, tick.leader)
         outlook = Outlook(route, leader, tick.leader, self.guidance.distance_m, along_mps, ahead, arranged)
-        at_m = outlook.distance_m + along_mps * ((instants - lead.at) / NANOSECONDS)
+        at_m = np.array([outlook.distance_m + along_mps * ((each - lead.at) / NANOSECONDS) for each in instants])
         self._clearance.look_ahead(outlook, at_m)
         now_m = outlook.distance_m - along_mps * ((lead.at - tick.now) / NANOSECONDS)
         self._lift_m, _, _ = self._clearance.lift(np.full(at_m.shape, now_m))
-        return self._clearance.lifted(later, at_m, along_mps), slots.position_m + self._lift_m[:, None] * UP
+        lifted = self._clearance.lifted(later, at_m, along_mps)
+        return lifted.each, SlotMotion.at_rest(slots.position_m + self._lift_m[:, None] * UP).each
 
-    def _decided(self, tick: Tick, decision: Decision, slots_m: Array) -> Tick:
-        which, active = decision.columns, tick.active[decision.columns]
-        slots, state, setpoints = slots_m.copy(), tick.state.table.copy(), tick.setpoints.table.copy()
-        slots[tick.leader] = np.nan
-        setpoints[:, which] = np.where(active, decision.setpoints.table, np.nan)
-        known = np.isfinite(tick.age_s[which])
-        state[:, which[known]] = decision.state.table[:, known]
-        flown = replace(tick, state=FlightStates.of(state), setpoints=Setpoints.of(setpoints), slots_m=slots)
-        noted = decision.error_m, decision.mixed, decision.gains
-        of_all = [np.full((self._columns, values.shape[1]), np.nan) for values in noted]
-        for rows, values in zip(of_all, noted, strict=True):
-            rows[which] = np.where(active[:, None], values, np.nan)
-        return replace(flown, error_m=of_all[0], mixed=of_all[1], gains=of_all[2])
-
-    def _at_heights(self, tick: Tick, heights_m: Array | None) -> Tick:
-        """Return a tick with heights (C,) in the place of the law's, within the envelope: slots are left."""
+    def _at_heights(self, tick: Tick, heights_m: list[float] | None) -> None:
+        """Put the heights of the end in the place of the law's, within the envelope: slots are left."""
         if heights_m is None:
-            return tick
-        none, setpoints = np.full((self._columns, CHANNELS), np.nan), tick.setpoints.table.copy()
-        states, models = tick.state.each(), self.model.each()
-        for column in np.flatnonzero(tick.active & np.isfinite(heights_m)).tolist():
-            speed_mps, heading_rad, _ = setpoints[:, column].tolist()
-            bounds = Envelope(heading_rad, states[column], models[column])
-            setpoints[:, column] = bounds.limit(speed_mps, heading_rad, float(heights_m[column]))
-        return replace(tick, setpoints=Setpoints.of(setpoints), slots_m=none, error_m=none)
+            return
+        for column, height_m in enumerate(heights_m):
+            if tick.active[column] and math.isfinite(height_m):
+                speed_mps, heading_rad, _ = tick.setpoints[column]
+                bounds = Envelope(heading_rad, tick.state[column], self.models[column])
+                tick.setpoints[column] = bounds.limit(speed_mps, heading_rad, height_m)
+        tick.slots_m = [NOTHING] * self._columns
+        tick.error_m = [NOTHING] * self._columns
 
     def _judge_assembly(self, tick: Tick) -> None:
-        within = np.abs(tick.error_m) < self._scenario.start.tolerance_m
-        within[tick.leader] = True
-        self._in_slots_s = self._in_slots_s + self._dt_s if all_of(within) else 0.0
+        most_m = self._scenario.start.tolerance_m
+        for column, (x_m, y_m, z_m) in enumerate(tick.error_m):
+            if column != tick.leader and not (abs(x_m) < most_m and abs(y_m) < most_m and abs(z_m) < most_m):
+                self._in_slots_s = 0.0
+                return
+        self._in_slots_s += self._dt_s
+
+
+def _place_at(known: VehicleFilter, now: Instant) -> tuple[float, float, float]:
+    """Return where a vehicle is now if it flies straight on, north, east and up; NaN if it was never heard."""
+    if known.state is None:
+        return NOTHING
+    state, seconds = known.state, (now - known.stamp) / NANOSECONDS
+    north_mps, east_mps = state.ground_mps()
+    return (
+        state.north_m + seconds * north_mps,
+        state.east_m + seconds * east_mps,
+        state.height_m + seconds * state.climb_mps,
+    )

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from flight_model.arrays import Array
+from flight_model.autopilot import AutopilotModel
 from formation_scenario import Scenario, slot_table
 from formation_scenario.ground import FOLLOWER_SHARE
 from formation_scenario.navigation import NoisyNavigation
@@ -14,7 +15,6 @@ from formation_scenario.reconfiguration import column_models
 from formation_scenario.slot_motion import Course, SlotMotion, slot_needs
 from gcs_formation.control.laws import law_kind
 from gcs_formation.estimation import noise
-from gcs_formation.estimation.flight_state import AutopilotModels
 from gcs_formation.estimation.lags import LagEstimator
 from gcs_formation.estimation.noise import Declared
 from gcs_formation.estimation.projection import AsMeasured, Pairing, Prediction, Projection
@@ -34,17 +34,17 @@ GENTLEST_RPS = 0.01
 """Turns before the path are no gentler: what can't keep up there catches up on the run-in."""
 
 
-def projection(scenario: Scenario, history: SetpointHistory, model: AutopilotModels) -> Projection:
+def projection(scenario: Scenario, history: SetpointHistory, models: list[AutopilotModel]) -> Projection:
     """Return the projection from measured states to those that the law acts on."""
     if scenario.law.delay_compensation:
-        return Prediction(history, model, scenario.telemetry.rate_hz)
+        return Prediction(history, models, scenario.telemetry.rate_hz)
     return Pairing(scenario.law.rate_hz) if law_kind(scenario).mutual else AsMeasured()
 
 
-def lag_estimator(scenario: Scenario, history: SetpointHistory, model: AutopilotModels) -> LagEstimator:
-    """Return what learns the vehicles' lags; `model` is given them unless the scenario wants it as it is."""
+def lag_estimator(scenario: Scenario, history: SetpointHistory, models: list[AutopilotModel]) -> LagEstimator:
+    """Return what learns the vehicles' lags; `models` are given them unless the scenario wants them as they are."""
     rates_hz = scenario.telemetry.rate_hz, scenario.law.rate_hz
-    estimator = LagEstimator(model, history, *rates_hz, in_use=scenario.law.lag_estimation)
+    estimator = LagEstimator(models, history, *rates_hz, in_use=scenario.law.lag_estimation)
     estimator.lagging = np.array([each.airframe is None and not each.hovers for each in column_models(scenario)])
     return estimator
 
@@ -81,17 +81,22 @@ def _shared(keys: NoisyNavigation, telemetry_hz: float) -> float:
     return math.sqrt(max(1.0, telemetry_hz / keys.rate_hz, 2.0 * keys.correlation_s * telemetry_hz))
 
 
-def autopilot_model(scenario: Scenario) -> AutopilotModels:
-    """Return the autopilot model's constants, a column for the leader and each follower."""
-    rows = [
-        (
-            *(each.tau_v_s, each.tau_psi_s, each.tau_ha_s, each.tau_hb_s),
-            *(each.speed_min_mps, each.speed_max_mps),
-            *(each.accel_max_mps2, each.turn_rate_max_rps, each.climb_max_mps),
+def autopilot_models(scenario: Scenario) -> list[AutopilotModel]:
+    """Return the autopilot model of the leader and of each follower."""
+    return [
+        AutopilotModel(
+            each.tau_v_s,
+            each.tau_psi_s,
+            each.tau_ha_s,
+            each.tau_hb_s,
+            each.speed_min_mps,
+            each.speed_max_mps,
+            each.accel_max_mps2,
+            each.turn_rate_max_rps,
+            each.climb_max_mps,
         )
         for each in column_models(scenario)
     ]
-    return AutopilotModels.of(np.array(rows, dtype=np.float64).T.copy())
 
 
 def leader_guidance(scenario: Scenario) -> LeaderGuidance:

@@ -8,8 +8,7 @@ from typing import Protocol
 
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
-from flight_model.arrays import Array, Mask
-from gcs_formation.estimation.flight_state import FlightStates, Setpoints
+from gcs_formation.tick import Tick
 from gcs_formation.vehicle.vehicle import Vehicle
 
 Detail = str | int | float | bool | None
@@ -24,41 +23,6 @@ class Event:
     text: str
     vehicle: VehicleId | None = None
     details: Mapping[str, Detail] = field(default_factory=dict[str, Detail])
-
-
-@dataclass(frozen=True)
-class Tick:
-    """One control tick, in arrays of C columns; column 0 is the scenario's leader, real or virtual."""
-
-    now: Instant
-    mission_time_s: float
-    """NaN before the path has begun."""
-    phase: str
-    leader: int
-    """The column that leads."""
-    state: FlightStates
-    """What the law acted on: predicted to when the setpoints act."""
-    setpoints: Setpoints
-    age_s: Array
-    delay_s: Array
-    """One-way delay as measured, half the round trip, (C,)."""
-    ways_s: Array
-    """Delay up and down, (C, 2); NaN where it isn't known how the round trip is split."""
-    jitter_s: Array
-    """Interarrival jitter of the telemetry, (C,)."""
-    margin_used: Array
-    """Share of the delay margin that the loops use, (C,)."""
-    active: Mask
-    """Which columns were commanded, (C,)."""
-    airborne: Mask
-    """Which columns fly as far as the station knows, (C,)."""
-    yielding: Mask
-    """Which columns' setpoints are the separation rule's, not the law's, (C,)."""
-    slots_m: Array
-    error_m: Array
-    mixed: Array
-    gains: Array
-    """k_p, k_i, k_d of the three channels, (C, 9). NaN for the leader; so are slots, errors, mixed errors, (C, 3)."""
 
 
 class Recorder(Protocol):

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 
 from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
+from flight_model.autopilot import FlightState
 from gcs_formation.controller import FormationController
-from gcs_formation.estimation.flight_state import FlightStates
-from gcs_formation.recorder import Detail, Event, Recorder, Tick
+from gcs_formation.recorder import Detail, Event, Recorder
 from gcs_formation.separation.resolver import words
+from gcs_formation.tick import Tick
 from gcs_formation.vehicle.vehicle import Vehicle
 
 
@@ -49,15 +49,15 @@ class Reporter:
 
 
 def look_on(tick: Tick, vehicles: Mapping[VehicleId, Vehicle], columns: Mapping[VehicleId, int], now: Instant) -> Tick:
-    """Return a blank tick with the newest positions as told, and their ages."""
-    table, age_s = tick.state.table.copy(), tick.age_s.copy()
+    """Fill in a blank tick and return it: the newest positions as told, and their ages."""
+    tick.active = [False] * len(tick.active)
     for identity, column in columns.items():
         vehicle, seen = vehicles[identity], vehicles[identity].telemetry
         if seen.motion is None:
             continue
         motion, heading_rad = seen.motion, seen.attitude.yaw_rad if seen.attitude else math.nan
         place = motion.north_m, motion.east_m, motion.height_m, motion.climb_mps
-        table[:, column] = (*place, seen.airspeed_mps, heading_rad, math.nan, math.nan)
+        tick.state[column] = FlightState(*place, seen.airspeed_mps, heading_rad, math.nan, math.nan)
         if vehicle.clock.samples:
-            age_s[column] = seconds_between(vehicle.clock.to_instant(motion.stamp_s), now)
-    return replace(tick, state=FlightStates.of(table), age_s=age_s)
+            tick.age_s[column] = seconds_between(vehicle.clock.to_instant(motion.stamp_s), now)
+    return tick

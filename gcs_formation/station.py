@@ -30,8 +30,9 @@ from gcs_formation.mission.reconfiguration import Reconfiguration
 from gcs_formation.mission.starting import CARELESS, Caution, PreFlight, Starting
 from gcs_formation.mission.takeover import Resumption, Takeover
 from gcs_formation.phases import COMMANDED, Cause, Phase
-from gcs_formation.recorder import Recorder, Tick
+from gcs_formation.recorder import Recorder
 from gcs_formation.reporting import Reporter, look_on
+from gcs_formation.tick import Tick
 from gcs_formation.vehicle.families import planned
 from gcs_formation.vehicle.vehicle import Vehicle
 
@@ -69,7 +70,7 @@ class Station:
         self.last_tick: Tick | None = None
         self._recorder, self._receiver, self._until_s = recorder, Receiver(), math.inf if until_s is None else until_s
         self._endpoints, self.networks, self.vehicles = planned(scenario)
-        # Each vehicle's column in a tick's arrays.
+        # Each vehicle's column in a tick's lists.
         self.columns = {vehicle.vehicle_id: i for i, vehicle in enumerate(columns(scenario)) if vehicle is not None}
         self._reporter = Reporter(recorder, self.columns)
         fleet = self.vehicles, self.columns, self._reporter.event
@@ -281,11 +282,11 @@ class Station:
         if opening is None:
             self._orders.advance(now)
             self._reconfiguration.advance(now, mission_s)
-        links = self._dispatch.links(controller.plan.leader, self._conformance.doubted, now)
+        links, hold_s = self._dispatch.links(controller.plan.leader, self._conformance.doubted, now)
         heights_m = None if opening is None else opening.steer(links, now)
         phase, margins = self.flight.phase.value, (self.margins.used, self.margins.bandwidth)
         tick = controller.step(now, mission_s, phase, links, *margins, begin_regardless=late, heights_m=heights_m)
-        self._dispatch.take(tick, links.hold_s, now)
+        self._dispatch.take(tick, hold_s, now)
         self.last_tick = tick
         self._record(tick)
         self._conformance.judge_motion(tick, now)
@@ -302,8 +303,9 @@ class Station:
         """Record where everyone is while nobody is commanded, once somebody has taken off."""
         if not self.recorded_ticks and not any(vehicle.airborne for vehicle in self.vehicles.values()):
             return
-        links = self._dispatch.links(self.controller.plan.leader, self._conformance.doubted, now)
-        tick = self.controller.blank_tick(now, self.flight.mission_time_s(now), self.flight.phase.value, links)
+        links, _ = self._dispatch.links(self.controller.plan.leader, self._conformance.doubted, now)
+        mission_s, unused = self.flight.mission_time_s(now), [math.nan] * len(links)
+        tick = self.controller.blank_tick(now, mission_s, self.flight.phase.value, links, unused)
         self._record(look_on(tick, self.vehicles, self.columns, now))
 
     def _record(self, tick: Tick) -> None:

@@ -169,9 +169,10 @@ def _where(station: Station) -> tuple[str, ...]:
 
 def _worst_error(station: Station) -> tuple[str, ...]:
     tick = station.last_tick
-    if tick is None or np.isnan(tick.error_m[1:]).all():
+    errors_m = np.array(() if tick is None else tick.error_m[1:])
+    if np.isnan(errors_m).all():
         return ("",)
-    worst = np.nanmax(np.abs(tick.error_m[1:]), axis=0)
+    worst = np.nanmax(np.abs(errors_m), axis=0)
     each = f"{worst[0]:.2f} / {worst[1]:.2f} / {worst[2]:.2f} m"
     return f"worst error {each}", f"error {each}", f"error {worst.max():.2f} m"
 

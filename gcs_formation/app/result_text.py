@@ -8,11 +8,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from airlink.clock import NANOSECONDS, Instant
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
+from flight_model.slot import NOTHING
 from gcs_formation.link.connection import LinkState
 from gcs_formation.record.summary import Summary
 from gcs_formation.station import Station
@@ -198,8 +197,7 @@ def _where(station: Station, now: Instant) -> str:
 def _groups(station: Station) -> list[Group]:
     """Return the table's columns; errors and states stay longest."""
     vehicles, tick = station.vehicles, station.last_tick
-    unknown = np.full(3, np.nan)
-    errors = [unknown if tick is None else tick.error_m[station.columns[each]] for each in vehicles]
+    errors = [NOTHING if tick is None else tick.error_m[station.columns[each]] for each in vehicles]
     used = [station.margins.used[station.columns[each]] for each in vehicles]
     state = [(_state(station, each, vehicle),) for each, vehicle in vehicles.items()]
     return [
@@ -225,5 +223,5 @@ def _state(station: Station, identity: VehicleId, vehicle: Vehicle) -> str:
     return "leads" if leads and vehicle.member is Member.FLYING else SHORT[vehicle.member]
 
 
-def _cells(values: Array | list[float], digits: int) -> tuple[str, ...]:
+def _cells(values: Array | Sequence[float], digits: int) -> tuple[str, ...]:
     return tuple(f"{value:.{digits}f}" if math.isfinite(value) else "–" for value in values)

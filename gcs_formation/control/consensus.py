@@ -20,16 +20,15 @@ import numpy as np
 from airlink.clock import NANOSECONDS
 from flight_model.arrays import Array
 from flight_model.autopilot import AutopilotModel, FlightState, rotated
-from flight_model.slot import Slot
+from flight_model.slot import NOTHING, Slot, Triple
 from formation_scenario.formation import Frame
 from gcs_formation.control.envelope import Envelope
 from gcs_formation.control.feed_forward import Axes, LeaderMotion, feed_forward
-from gcs_formation.control.mixer import Target, Triple, formation_error, slot_target
-from gcs_formation.control.situation import Decision, Lead, Situation, none_of
+from gcs_formation.control.mixer import Target, formation_error, slot_target
+from gcs_formation.control.situation import Decided, Lead, Situation
 from gcs_formation.estimation.estimator import LEAST_AIRSPEED_MPS
-from gcs_formation.estimation.flight_state import AutopilotModels, Indices, Setpoints
 
-NONE = (math.nan, math.nan, math.nan)
+NO_GAINS = (math.nan,) * 9
 
 
 @dataclass(frozen=True)
@@ -41,8 +40,8 @@ class ConsensusParameters:
     k3: float
     weights: Array
     """(C, C): entry (p, q) > 0 when p hears q; a virtual leader hears nobody and is heard by nobody."""
-    members: Indices
-    """(M,) columns that take part: all that fly."""
+    members: list[int]
+    """Columns that take part: all that fly."""
     frame: Frame
 
 
@@ -78,61 +77,59 @@ class _Deviation:
 class ConsensusLaw:
     """The protocol of all vehicles, the leader among them. It remembers nothing between ticks."""
 
-    def __init__(self, parameters: ConsensusParameters, model: AutopilotModels) -> None:
+    def __init__(self, parameters: ConsensusParameters, models: list[AutopilotModel]) -> None:
         """Take the graph and the (C,) autopilots."""
         self._parameters = parameters
-        self._model = model
-        self._everyone = np.arange(model.tau_v_s.size, dtype=np.intp)
-        self._members: list[int] = parameters.members.tolist()
+        self._models = models
         self._lead_by(0)
 
     def _lead_by(self, leader: int) -> None:
         """Swap a new leader and the leader at the start in the graph."""
-        self._leader, places = leader, self._everyone.copy()
+        self._leader, places = leader, np.arange(len(self._models))
         places[[0, leader]] = places[[leader, 0]]
         weights = self._parameters.weights[np.ix_(places, places)]
         receivers, senders = np.nonzero(weights)
-        self._receivers: Indices = receivers
-        self._senders: Indices = senders
         each: list[float] = weights[receivers, senders].tolist()
         self._edges = list(zip(receivers.tolist(), senders.tolist(), each, strict=True))
 
-    def decide(self, situation: Situation, dt_s: float) -> Decision:  # noqa: ARG002 - no memory, no rates
+    def decide(self, situation: Situation, dt_s: float) -> list[Decided]:  # noqa: ARG002 - no memory, no rates
         """Return the setpoints of all vehicles; those that aren't active are left out of the sums."""
         if situation.lead.leader != self._leader:
             self._lead_by(situation.lead.leader)
-        everyone, members, count = self._everyone, self._parameters.members, len(self._members)
-        states, models, slots = situation.states.of(everyone, everyone), self._model.each(), situation.slots.each
-        leading = np.full_like(everyone, self._leader)
-        leaders, flown = situation.states.of(leading, everyone).each(), states.each()
+        states, slots, models = situation.states, situation.slots, self._models
+        everyone = range(len(models))
+        flown = [states.of(column, column) for column in everyone]
+        leaders = [states.of(self._leader, column) for column in everyone]
         references = self._references(situation, leaders, models[self._leader])
         own = list(map(self._deviation, flown, references, slots))
         sums = self._protocol(situation, references, slots, own)
         # One for all: weights of its own for each vehicle would make another graph.
-        share = float(situation.bandwidth[members].min())
-        setpoints = [
-            self._setpoint(flown[p], references[p].leader, own[p], slots[p], sums[p], share, models[p])
-            for p in self._members
+        share = min(min(situation.bandwidth[p]) for p in self._parameters.members)
+        return [
+            Decided(
+                p,
+                flown[p],
+                self._setpoint(flown[p], references[p].leader, own[p], slots[p], sums[p], share, models[p]),
+                self._error(p, leaders[p], flown[p], slots[p]),
+                NOTHING,
+                NO_GAINS,
+            )
+            for p in self._parameters.members
         ]
-        errors = [self._error(p, leaders[p], flown[p], slots[p]) for p in self._members]
-        sent = Setpoints.of(np.array(setpoints).T)
-        return Decision(members, states.take(members), sent, np.array(errors), none_of(count, 3), none_of(count, 9))
 
     def _error(self, column: int, leader: FlightState, state: FlightState, slot: Slot) -> Triple:
         axis_rad = leader.heading_rad if self._parameters.frame == "leader_heading" else state.heading_rad
-        return NONE if column == self._leader else formation_error(leader, state, slot, axis_rad)
+        return NOTHING if column == self._leader else formation_error(leader, state, slot, axis_rad)
 
     def _protocol(
         self, situation: Situation, references: list[_Reference], slots: list[Slot], own: list[_Deviation]
     ) -> list[tuple[float, float]]:
         """Return each vehicle's sum of (3) over the neighbours, north and east in m/s^2."""
         k1, k2 = self._parameters.k1, self._parameters.k2
-        active: list[bool] = situation.active.tolist()
-        sums = [(0.0, 0.0)] * len(own)
-        heard = situation.states.of(self._senders, self._receivers).each()
-        for (p, q, weight), state in zip(self._edges, heard, strict=True):
+        active, sums = situation.active, [(0.0, 0.0)] * len(own)
+        for p, q, weight in self._edges:
             if active[p] and active[q]:
-                there, here = self._deviation(state, references[p], slots[q]), own[p]
+                there, here = self._deviation(situation.states.of(q, p), references[p], slots[q]), own[p]
                 north = k1 * (there.north_m - here.north_m) + k2 * (there.north_mps - here.north_mps)
                 east = k1 * (there.east_m - here.east_m) + k2 * (there.east_mps - here.east_mps)
                 sums[p] = sums[p][0] + weight * north, sums[p][1] + weight * east
@@ -170,10 +167,10 @@ class ConsensusLaw:
 
         The leader there has no lag behind the guidance: it flies its setpoints less the lead over its lags.
         """
-        lead, instants = situation.lead, situation.states.instants(self._everyone).tolist()
+        lead, states = situation.lead, situation.states
         return [
-            _reference(lead, column, state, (instant - lead.at) / NANOSECONDS, model)
-            for column, (state, instant) in enumerate(zip(flown, instants, strict=True))
+            _reference(lead, column, state, (states.instant(column) - lead.at) / NANOSECONDS, model)
+            for column, state in enumerate(flown)
         ]
 
     def _deviation(self, state: FlightState, reference: _Reference, slot: Slot) -> _Deviation:

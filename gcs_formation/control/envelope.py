@@ -6,7 +6,7 @@ import math
 from typing import Final
 
 from flight_model.autopilot import AutopilotModel, FlightState, within, wrap
-from gcs_formation.control.mixer import Triple
+from flight_model.slot import Triple
 
 INTERCEPT_MAX_RAD: Final = math.radians(60.0)
 """Most that a heading setpoint may deviate from the slot's own heading: a follower far to the side doesn't circle."""

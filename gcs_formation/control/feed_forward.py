@@ -6,8 +6,8 @@ import math
 from typing import Final
 
 from flight_model.autopilot import AutopilotModel, FlightState, within
-from flight_model.slot import Slot
-from gcs_formation.control.mixer import Target, Triple
+from flight_model.slot import Slot, Triple
+from gcs_formation.control.mixer import Target
 
 CRAB_RADPS: Final = 0.65
 """How fast a heading crabs against a gust: a slot 30 m aside is swung no faster than speed can follow."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from flight_model.autopilot import AutopilotModel, FlightState, rate, rotated, within, wrap
-from flight_model.slot import Slot
+from flight_model.slot import NOTHING, Slot, Triple
 from formation_scenario.formation import Frame
 from gcs_formation.control.envelope import Envelope
 from gcs_formation.control.feed_forward import Axes, LeaderMotion, TrailingSlot, feed_forward, lead
@@ -20,7 +20,6 @@ from gcs_formation.control.mixer import (
     TRAIL_S,
     Mixer,
     Target,
-    Triple,
     error_rate,
     formation_error,
     mix,
@@ -35,7 +34,6 @@ SWING_S: Final = 0.6
 """Time aside of the leader at which the heading's loop has half its bandwidth, in the follower's own frame."""
 CLIMBING: Final = 0.35
 """Share of the climb limit beyond which an error of height that shrinks so fast isn't integrated."""
-NOTHING: Triple = (math.nan, math.nan, math.nan)
 
 
 @dataclass(frozen=True)
@@ -66,7 +64,7 @@ class Pair:
         state: FlightState,
         slot: Slot,
         model: AutopilotModel,
-        commanded: list[float],
+        commanded: Triple,
         wind_variance: float,
         bandwidth: list[float],
         replaced: list[bool],

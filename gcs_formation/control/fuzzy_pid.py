@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from flight_model.arrays import Array
 from flight_model.autopilot import within
-from gcs_formation.control.mixer import Triple
+from flight_model.slot import Triple
 
 LEVELS = {"ZR": 0.0, "PL": 0.5, "PH": 1.0}
 SETS: Final = 5

@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
-import numpy as np
-
 from flight_model.autopilot import AutopilotModel, FlightState, rate, within, wrap
+from flight_model.slot import Triple
 from gcs_formation.control.feed_forward import LeaderMotion
 from gcs_formation.control.follower import FollowerController, LawParameters, Pair
-from gcs_formation.control.mixer import Triple
-from gcs_formation.control.situation import Decision, Situation
-from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Indices, Setpoints
+from gcs_formation.control.situation import Decided, Situation
 from gcs_formation.guidance.leader import LeaderCommand
 
 
@@ -43,72 +40,54 @@ class FormationLaw:
     def __init__(
         self,
         parameters: LawParameters,
-        model: AutopilotModels,
+        models: list[AutopilotModel],
         controller: Callable[[LawParameters], Controller] = FollowerController,
     ) -> None:
         """Start at rest, with a `controller` for each vehicle.
 
-        `model` has (C,) columns, and is read anew at every tick: its lags are learnt in flight.
+        The (C,) `models` are read anew at every tick: their lags are learnt in flight.
         """
-        self._model = model
-        self._controllers = [controller(parameters) for _ in model.tau_v_s]
+        self._models = models
+        self._controllers = [controller(parameters) for _ in models]
         self._lead_by(0)
 
     def _lead_by(self, leader: int) -> None:
         """Start again behind a new leader: what the integrators hold belongs to the old pair of leader and follower."""
-        everyone = np.arange(len(self._controllers), dtype=np.intp)
         self._leader = leader
-        self._columns: Indices = everyone[everyone != leader]
-        self._followers: list[int] = self._columns.tolist()
-        leading = np.full_like(self._columns, leader)
-        self._pairs = np.concatenate((leading, self._columns)), np.tile(self._columns, 2)
+        self._followers = [column for column in range(len(self._controllers)) if column != leader]
         for controller in self._controllers:
             controller.forget()
 
-    def decide(self, situation: Situation, dt_s: float) -> Decision:
+    def decide(self, situation: Situation, dt_s: float) -> list[Decided]:
         """Return the followers' setpoints; the controllers of those that aren't active are kept at rest."""
         if situation.lead.leader != self._leader:
             self._lead_by(situation.lead.leader)
-        active: list[bool] = situation.active.tolist()
-        states, pairs = self._pairs_at(situation, dt_s)
-        for column, pair in zip(self._followers, pairs, strict=True):
-            if active[column]:
-                self._controllers[column].decide(pair, dt_s)
+        its_model, decided = self._models[self._leader].held(dt_s), list[Decided]()
+        for column in self._followers:
+            controller, state = self._controllers[column], situation.states.of(column, column)
+            if situation.active[column]:
+                controller.decide(self._pair(situation, column, state, its_model, dt_s), dt_s)
             else:
-                self._controllers[column].forget()
-        made = [self._controllers[column] for column in self._followers]
-        return Decision(
-            self._columns,
-            states,
-            Setpoints.of(np.array([each.setpoint for each in made]).T),
-            np.array([each.error_m for each in made]),
-            np.array([each.mixed for each in made]),
-            np.array([each.gains for each in made]),
-        )
+                controller.forget()
+            made = controller.setpoint, controller.error_m, controller.mixed, controller.gains
+            decided.append(Decided(column, state, *made))
+        return decided
 
-    def _pairs_at(self, situation: Situation, dt_s: float) -> tuple[FlightStates, list[Pair]]:
-        """Return the states of all followers, and each with its leader as its setpoint acts."""
-        count, table = len(self._followers), situation.states.of(*self._pairs).table
-        following = FlightStates.of(table[:, count:])
-        states = zip(self._followers, FlightStates.of(table[:, :count]).each(), following.each(), strict=True)
-        held, slots = [model.held(dt_s) for model in self._model.each()], situation.slots.each
-        commanded: list[list[float]] = situation.commanded.table.T.tolist()
-        variance: list[float] = (situation.wind_sigma_mps**2).tolist()
-        bandwidth: list[list[float]] = situation.bandwidth.tolist()
-        replaced: list[list[bool]] = situation.replaced.tolist()
-        return following, [
-            Pair(
-                led(situation.lead.commanded[column], leader, held[self._leader]),
-                follower,
-                slots[column],
-                held[column],
-                commanded[column],
-                variance[column] + variance[self._leader],
-                bandwidth[column],
-                replaced[column],
-            )
-            for column, leader, follower in states
-        ]
+    def _pair(
+        self, situation: Situation, column: int, state: FlightState, its_model: AutopilotModel, dt_s: float
+    ) -> Pair:
+        """Return a follower, and its leader, whose `held` model is `its_model`, as the follower's setpoint acts."""
+        leader = situation.states.of(self._leader, column)
+        return Pair(
+            led(situation.lead.commanded[column], leader, its_model),
+            state,
+            situation.slots[column],
+            self._models[column].held(dt_s),
+            situation.commanded[column],
+            situation.wind_variance[column] + situation.wind_variance[self._leader],
+            situation.bandwidth[column],
+            situation.replaced[column],
+        )
 
 
 def led(commanded: LeaderCommand, state: FlightState, model: AutopilotModel) -> LeaderMotion:

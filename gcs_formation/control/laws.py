@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from flight_model.autopilot import AutopilotModel
 from formation_scenario import Scenario
 from formation_scenario import law as keys
 from formation_scenario.graph import scenario_adjacency
@@ -17,7 +18,6 @@ from gcs_formation.control.law import FormationLaw
 from gcs_formation.control.mixer import Mixer
 from gcs_formation.control.situation import Law
 from gcs_formation.control.velocity_law import VelocityController
-from gcs_formation.estimation.flight_state import AutopilotModels
 
 LEAST_FILTER_S = 1e-6
 
@@ -75,24 +75,24 @@ def law_parameters(scenario: Scenario) -> LawParameters:
     )
 
 
-def formation_law(scenario: Scenario, model: AutopilotModels) -> FormationLaw:
+def formation_law(scenario: Scenario, models: list[AutopilotModel]) -> FormationLaw:
     """Return that law."""
-    return FormationLaw(law_parameters(scenario), model)
+    return FormationLaw(law_parameters(scenario), models)
 
 
-def velocity_law(scenario: Scenario, model: AutopilotModels) -> FormationLaw:
+def velocity_law(scenario: Scenario, models: list[AutopilotModel]) -> FormationLaw:
     """Return that law for vehicles that hover."""
-    return FormationLaw(law_parameters(scenario), model, VelocityController)
+    return FormationLaw(law_parameters(scenario), models, VelocityController)
 
 
-def consensus_law(scenario: Scenario, model: AutopilotModels) -> ConsensusLaw:
+def consensus_law(scenario: Scenario, models: list[AutopilotModel]) -> ConsensusLaw:
     """Return the consensus law, its graph in the order of the columns: that of the scenario's leader is 0."""
     law, followers = scenario.law.consensus, {each.vehicle_id: 1 + i for i, each in enumerate(scenario.followers)}
     columns = np.array([followers.get(vehicle.vehicle_id, 0) for vehicle in scenario.vehicles], dtype=np.intp)
     weights = np.zeros((1 + len(followers),) * 2)
     weights[np.ix_(columns, columns)] = scenario_adjacency(scenario)
     frame = scenario.formation.frame
-    return ConsensusLaw(ConsensusParameters(law.k1, law.k2, law.k3, weights, np.sort(columns), frame), model)
+    return ConsensusLaw(ConsensusParameters(law.k1, law.k2, law.k3, weights, sorted(columns.tolist()), frame), models)
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ class LawKind:
 
     name: str
     """As reports show it."""
-    make: Callable[[Scenario, AutopilotModels], Law]
+    make: Callable[[Scenario, list[AutopilotModel]], Law]
     mutual: bool = False
     """Whether vehicles follow one another over the scenario's graph, the leader among them; else each the leader.
 

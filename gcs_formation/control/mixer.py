@@ -11,11 +11,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from flight_model.autopilot import FlightState, rotated, within, wrap
-from flight_model.slot import Slot
+from flight_model.slot import Slot, Triple
 from formation_scenario.formation import Frame
-
-Triple = tuple[float, float, float]
-"""Of forward, right and up; or of the channels speed, heading and height."""
 
 TRAIL_S: Final = 1.36
 """Least time behind the leader that the heading's gains are for in the follower's own frame: 30 m at 22 m/s."""

@@ -1,16 +1,13 @@
-"""Input and output of every formation law at a tick, one column for each vehicle."""
+"""Input and output of every formation law at a tick, lists with an entry for each of C columns."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
-
 from airlink.clock import Instant
-from flight_model.arrays import Array, Mask
-from formation_scenario.slot_motion import SlotMotion
-from gcs_formation.estimation.flight_state import FlightStates, Indices, Setpoints
+from flight_model.autopilot import FlightState
+from flight_model.slot import Slot, Triple
 from gcs_formation.estimation.projection import States
 from gcs_formation.guidance.leader import LeaderCommand
 from gcs_formation.guidance.tracking import RouteHeading
@@ -35,46 +32,40 @@ class Situation:
 
     states: States
     lead: Lead
-    slots: SlotMotion
-    """(C, 3), at rest at 0 for the leader."""
-    commanded: Setpoints
-    """(C,) what each vehicle follows at the instant of its own state; NaN where nothing."""
-    wind_sigma_mps: Array
-    """(C,) standard deviation of each component of the wind in a state."""
-    active: Mask
-    """(C,) columns that follow setpoints; the others' states are no more than finite."""
-    bandwidth: Array
-    """(C, 3) share of their bandwidth that the loops of each channel are to have now; 1: as the scenario's gains."""
-    replaced: Mask
-    """(C, 3) channels whose last setpoint was the separation rule's: nothing is to be learnt from their errors."""
+    slots: list[Slot]
+    """At rest at 0 for the leader."""
+    commanded: list[Triple]
+    """What each vehicle follows at the instant of its own state; NaN where nothing."""
+    wind_variance: list[float]
+    """Of each component of the wind in a state, (m/s)²."""
+    active: list[bool]
+    """Columns that follow setpoints; the others' states are no more than finite."""
+    bandwidth: list[list[float]]
+    """Share of their bandwidth that the loops of each channel are to have now; 1: as the scenario's gains."""
+    replaced: list[list[bool]]
+    """Channels whose last setpoint was the separation rule's: nothing is to be learnt from their errors."""
 
 
 @dataclass(frozen=True)
-class Decision:
-    """Output of a law: its setpoints, and the quantities they came from."""
+class Decided:
+    """What a law has decided for one vehicle, and the quantities that it came from."""
 
-    columns: Indices
-    """(M,) the vehicles that it commands; the rows of everything else."""
-    state: FlightStates
-    """(M,) columns: theirs, as the law took them."""
-    setpoints: Setpoints
-    """NaN for a vehicle that isn't active, as all that follows may be."""
-    error_m: Array
-    """(M, 3) formation errors; NaN for the leader."""
-    mixed: Array
-    """(M, 3) mixed errors of (13); NaN where the law has none."""
-    gains: Array
-    """(M, 9) k_p, k_i, k_d of the three channels; NaN where the law has none."""
+    column: int
+    state: FlightState
+    """As the law took it."""
+    setpoint: Triple
+    """Of no meaning for a vehicle that isn't active, as all that follows."""
+    error_m: Triple
+    """Formation error; NaN for the leader."""
+    mixed: Triple
+    """Mixed errors of (13); NaN where the law has none."""
+    gains: tuple[float, ...]
+    """k_p of the three channels, k_i, k_d; NaN where the law has none."""
 
 
 class Law(Protocol):
     """A formation law, with the state it keeps between ticks."""
 
-    def decide(self, situation: Situation, dt_s: float) -> Decision:
-        """Return the setpoints of this tick, which is `dt_s` after the last one."""
+    def decide(self, situation: Situation, dt_s: float) -> list[Decided]:
+        """Return what the vehicles that it commands are told at this tick, which is `dt_s` after the last one."""
         ...
-
-
-def none_of(rows: int, columns: int) -> Array:
-    """Return (rows, columns) of NaN."""
-    return np.full((rows, columns), np.nan)

@@ -11,9 +11,10 @@ import math
 from typing import Final
 
 from flight_model.autopilot import within
-from gcs_formation.control.follower import NOTHING, LawParameters, Pair
+from flight_model.slot import NOTHING, Triple
+from gcs_formation.control.follower import LawParameters, Pair
 from gcs_formation.control.fuzzy_pid import Pid
-from gcs_formation.control.mixer import Triple, error_rate, formation_error
+from gcs_formation.control.mixer import error_rate, formation_error
 
 STANDS_MPS: Final = 0.02
 """Commanded speed below which no direction is taken from it."""

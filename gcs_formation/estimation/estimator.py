@@ -13,9 +13,8 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from airlink.clock import NANOSECONDS, Instant, seconds_between
-from flight_model.arrays import Array, Instants, Mask
+from flight_model.arrays import Array
 from flight_model.autopilot import AutopilotModel, FlightState, wrap
-from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates
 from gcs_formation.estimation.kalman import (
     LEVEL_STATES,
     WIND_EAST,
@@ -180,10 +179,10 @@ class VehicleFilter:
         return whole
 
     @property
-    def wind_sigma_mps(self) -> float:
-        """Standard deviation of each component of the wind."""
+    def wind_variance(self) -> float:
+        """Of each component of the wind, (m/s)²."""
         rows = self.level.rows
-        return math.sqrt((rows[WIND_NORTH][WIND_NORTH] + rows[WIND_EAST][WIND_EAST]) / 2)
+        return (rows[WIND_NORTH][WIND_NORTH] + rows[WIND_EAST][WIND_EAST]) / 2
 
     def _carry(self, elapsed_s: float, model: AutopilotModel, walk: tuple[float, float, float]) -> None:
         """Carry the covariances on to the time of a sample."""
@@ -233,81 +232,50 @@ class StateEstimator:
         """
         self.noise = NoiseEstimate(declared)
         """Of every column's telemetry."""
-        self._filters = [VehicleFilter(noise, wind_radps, telemetry_hz) for noise in self.noise.each]
+        self.filters = [VehicleFilter(noise, wind_radps, telemetry_hz) for noise in self.noise.each]
+        """Every column's, with its newest state."""
         self._history = history
-        self._table = np.full((STATES, len(self._filters)), np.nan)
-        self._stamps = np.zeros(len(self._filters), dtype=np.int64)
-
-    @property
-    def state(self) -> FlightStates:
-        """The newest states; NaN where none has arrived yet."""
-        return FlightStates.of(self._table.copy())
 
     @property
     def covariance(self) -> Array:
-        """(C, 8, 8) of their errors."""
-        return np.array([each.covariance() for each in self._filters])
-
-    @property
-    def wind_sigma_mps(self) -> Array:
-        """(C,) standard deviation of each component of the wind."""
-        return np.array([each.wind_sigma_mps for each in self._filters])
-
-    @property
-    def stamps(self) -> Instants:
-        """The time stamps of those states on the station's clock: (C,) instants."""
-        return self._stamps.copy()
-
-    @property
-    def known(self) -> Mask:
-        """Which columns have a state: (C,)."""
-        return np.array([each.state is not None for each in self._filters])
+        """(C, 8, 8) of the states' errors."""
+        return np.array([each.covariance() for each in self.filters])
 
     def age_s(self, column: int, now: Instant) -> float:
         """Return how old a column's state is, in s; NaN when it has none."""
-        each = self._filters[column]
+        each = self.filters[column]
         return math.nan if each.state is None else seconds_between(Instant(each.stamp), now)
 
     def forget(self, column: int) -> None:
         """Forget a vehicle that has restarted."""
-        self._filters[column].state = None
-        self._filters[column].noise.begin()
-        self._table[:, column] = np.nan
+        self.filters[column].state = None
+        self.filters[column].noise.begin()
 
-    def place(self, column: int, state: Array, stamp: Instant) -> None:
-        """Set a column to (8,) values in the order of FlightState."""
-        each = self._filters[column]
-        each.state, each.stamp = FlightState(*state.tolist()), stamp
-        self._show(column)
+    def place(self, column: int, state: FlightState, stamp: Instant) -> None:
+        """Set a column's state."""
+        each = self.filters[column]
+        each.state, each.stamp = state, stamp
 
-    def take(self, samples: Mapping[int, Sample], model: AutopilotModels, told: Mask) -> None:
+    def take(self, samples: Mapping[int, Sample], models: list[AutopilotModel], commanded: list[bool]) -> None:
         """Take the newest sample of each column that has one.
 
         Args:
             samples: by column.
-            model: the autopilots, (C,) columns.
-            told: (C,) which of them follow our setpoints.
+            models: (C,) the autopilots.
+            commanded: (C,) which of them follow our setpoints.
         """
-        models = model.each() if samples else []
         for column, sample in samples.items():
-            each, stamp = self._filters[column], int(sample.stamp)
+            each, stamp, model = self.filters[column], int(sample.stamp), models[column]
             values: list[float] = [*sample[1:]]
-            values[6] = max(values[6], _least_mps(models[column]))
+            values[6] = max(values[6], _least_mps(model))
             if each.state is None or self._history.empty or (stamp - each.stamp) / NANOSECONDS > FORGOTTEN_S:
                 each.begin(values, stamp)
             else:
                 predicted, stamp = each.state.copy(), max(stamp, each.stamp)
-                self._history.predicted(predicted, each.stamp, stamp, column, models[column])
-                follows = abs(each.state.climb_mps) < BEYOND_LIMIT * models[column].climb_max_mps
-                walk = UNMODELLED if told[column] and follows else UNCOMMANDED
-                each.correct(values, stamp, predicted, models[column], walk)
-            self._show(column)
-
-    def _show(self, column: int) -> None:
-        """Bring the tables up to date."""
-        each = self._filters[column]
-        assert each.state is not None
-        self._table[:, column], self._stamps[column] = each.state.values(), each.stamp
+                self._history.carry(predicted, each.stamp, stamp, column, model)
+                follows = abs(each.state.climb_mps) < BEYOND_LIMIT * model.climb_max_mps
+                walk = UNMODELLED if commanded[column] and follows else UNCOMMANDED
+                each.correct(values, stamp, predicted, model, walk)
 
 
 def _least_mps(model: AutopilotModel) -> float:

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from flight_model.arrays import Array
 from flight_model.autopilot import AutopilotModel, FlightState
+from flight_model.slot import Triple
 
 Indices = npt.NDArray[np.intp]
 
@@ -96,10 +97,6 @@ class FlightStates(Columns):
         """Return the states of vehicles, one after another."""
         return cls.of(np.array([state.values() for state in states]).T)
 
-    def each(self) -> list[FlightState]:
-        """Return every vehicle's state."""
-        return [FlightState(*values) for values in self.table.T.tolist()]
-
     @property
     def ground_mps(self) -> Array:
         """Velocity over ground, north and east, (2, N)."""
@@ -142,6 +139,11 @@ class Setpoints(Columns):
         """Build the setpoints from (N,) each."""
         super().__init__(speed_mps, heading_rad, height_m)
 
+    @classmethod
+    def from_each(cls, setpoints: Iterable[Triple]) -> Setpoints:
+        """Return the setpoints of vehicles, one after another."""
+        return cls.of(np.array(list(setpoints)).T)
+
 
 class AutopilotModels(Columns):
     """The autopilot of equation (7) and its limits."""
@@ -162,9 +164,10 @@ class AutopilotModels(Columns):
     air_rates_max = Row(slice(6, 8))
     """Of airspeed and heading, (2, N)."""
 
-    def each(self) -> list[AutopilotModel]:
-        """Return every vehicle's model."""
-        return [AutopilotModel(*values) for values in self.table.T.tolist()]
+    @classmethod
+    def from_each(cls, models: Iterable[AutopilotModel]) -> AutopilotModels:
+        """Return the models of vehicles, one after another."""
+        return cls.of(np.array([model.values() for model in models]).T)
 
 
 class Setpoint(NamedTuple):

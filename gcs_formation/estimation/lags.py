@@ -17,6 +17,7 @@ import numpy as np
 
 from airlink.clock import NANOSECONDS
 from flight_model.arrays import Array, Instants, Mask, within, wrap
+from flight_model.autopilot import AutopilotModel
 from gcs_formation.estimation.flight_state import AutopilotModels
 from gcs_formation.estimation.predictor import AirLags, Height, HeightSteps
 from gcs_formation.estimation.setpoint_history import SetpointHistory
@@ -47,6 +48,8 @@ FREE = 0.6
 may be lower than believed (an aircraft turns the slower, the faster it flies)."""
 GAP_S = 3.0
 """A longer gap in the telemetry starts the simulation anew."""
+Motion = tuple[float, ...]
+"""Airspeed, heading, height and climb, m/s, rad, m."""
 
 
 class Nodes(NamedTuple):
@@ -185,35 +188,41 @@ class Channel:
 
 
 class LagEstimator:
-    """Keeps the lags of a model of all vehicles, (C,) columns, as they fly; `model` is changed in place.
+    """Keeps the lags of the models of all vehicles, (C,), as they fly; they are changed in place.
 
-    Everyone who predicts or steers by that model reads it anew each tick.
+    Everyone who predicts or steers by those models reads them anew each tick.
     """
 
     def __init__(
-        self, model: AutopilotModels, history: SetpointHistory, telemetry_hz: float, law_hz: float, *, in_use: bool
+        self,
+        models: list[AutopilotModel],
+        history: SetpointHistory,
+        telemetry_hz: float,
+        law_hz: float,
+        *,
+        in_use: bool,
     ) -> None:
-        """Start with the lags that `model` has; `history` holds what was told.
+        """Start with the lags that `models` have; `history` holds what was told.
 
-        Not `in_use`, the model stays as it is, and only its misfit is watched.
+        Not `in_use`, the models stay as they are, and only their misfit is watched.
         """
-        self.model = model
-        self.lagging: Mask = np.ones(model.tau_v_s.size, dtype=bool)
+        self.models = models
+        self.lagging: Mask = np.ones(len(models), dtype=bool)
         """(C,) which vehicles fly by (7); of others, whose model only comes near them, no lags are learnt."""
         self._in_use = in_use
-        self._believed = AutopilotModels.of(model.table.copy())
+        self._believed = AutopilotModels.from_each(models)
         self._history = history
-        columns = model.tau_v_s.size
+        columns = len(models)
         air, height = Nodes.of(5, 1), Nodes.of(4, 2)
         each = zip((air, air, height), RESOLUTION.tolist(), strict=True)
         self.channels = tuple(Channel(nodes, columns, finest, telemetry_hz, in_use=in_use) for nodes, finest in each)
         """Airspeed, heading, height."""
         self._bank = Bank(self._believed, air.at[:, 0], height.at)
         self._ticks = max(2, round(BATCH_S * law_hz))
-        self._seen: Array = np.full((4, columns), np.nan)
-        self._stamps = np.zeros(columns, dtype=np.int64)
-        self._samples: list[tuple[Instants, Array]] = []
-        self._learning: Mask = np.ones(columns, dtype=bool)
+        self._seen: list[Motion] = [(math.nan,) * 4] * columns
+        self._stamps = [0] * columns
+        self._samples: list[tuple[list[int], list[Motion]]] = []
+        self._learning = [True] * columns
 
     @property
     def misfit(self) -> Array:
@@ -230,28 +239,32 @@ class LagEstimator:
         """(4, C) standard deviations of the logarithms of those."""
         return np.concatenate([channel.spread.T for channel in self.channels])
 
-    def hear(self, column: int, stamp: int, motion: tuple[float, float, float, float]) -> None:
+    def hear(self, column: int, stamp: int, motion: Motion) -> None:
         """Take a vehicle's airspeed, heading, height and climb as measured at `stamp`, m/s, rad, m."""
-        self._stamps[column], self._seen[:, column] = max(stamp, int(self._stamps[column])), motion
+        self._stamps[column], self._seen[column] = max(stamp, self._stamps[column]), motion
 
-    def learn(self, learning: Mask) -> None:
+    def learn(self, learning: list[bool]) -> None:
         """Take the newest samples at a tick; `learning` (C,): vehicles that fly as they were told.
 
-        Once in `BATCH_S` the model's lags are fitted.
+        Once in `BATCH_S` the models' lags are fitted.
         """
-        self._learning = self._learning & learning & self.lagging & np.isfinite(self._seen[0])
+        for column, flies in enumerate(learning):
+            self._learning[column] = self._learning[column] and flies and not math.isnan(self._seen[column][0])
         self._samples.append((self._stamps.copy(), self._seen.copy()))
         if len(self._samples) <= self._ticks:
             return
-        stamps, seen = (np.array(each) for each in zip(*self._samples, strict=True))
-        self._take(stamps, seen)
-        self._samples, self._learning = self._samples[-1:], np.ones_like(self._learning)
+        stamps = np.array([each for each, _ in self._samples], dtype=np.int64)
+        self._take(stamps, np.array([each for _, each in self._samples]).transpose(0, 2, 1))
+        self._samples, self._learning = self._samples[-1:], [True] * len(learning)
 
     def _take(self, stamps: Instants, seen: Array) -> None:
         """Fit the lags to a batch of samples (B + 1, 4, C) at `stamps` (B + 1, C); its first ended the one before."""
-        acts, told = self._history.between(stamps[0], stamps[-1])
+        ticks = self._history.between(stamps[0].tolist(), stamps[-1].tolist())
+        acts = np.maximum.accumulate(np.array([tick.acts for tick in ticks], dtype=np.int64))
+        told = np.array([tick.setpoints for tick in ticks]).transpose(0, 2, 1)
         gaps = (stamps[-1] - stamps[0]) / NANOSECONDS > GAP_S + BATCH_S
-        learning = self._learning & self._bank.flying & np.isfinite(told).all(axis=(0, 1)) & ~gaps
+        learning: Mask = self._learning & self.lagging & self._bank.flying
+        learning &= np.isfinite(told).all(axis=(0, 1)) & ~gaps
         if learning.any():
             simulated, free = self._bank.fly(stamps, acts, np.where(learning, told, 0.0))
             learning = learning & free
@@ -260,8 +273,12 @@ class LagEstimator:
                 differences = motion - seen[1:, row, :, None]
                 channel.learn(wrap(differences) if row == 1 else differences, newer & learning[row])
             if self._in_use:
-                self.model.table[:4] = self._believed.table[:4] * self.ratios
+                self._apply((self._believed.table[:4] * self.ratios).T.tolist())
         self._bank.begin(~np.broadcast_to(learning, (len(self.channels), gaps.size)), seen[-1])
+
+    def _apply(self, lags_s: list[list[float]]) -> None:
+        for model, (tau_v_s, tau_psi_s, tau_ha_s, tau_hb_s) in zip(self.models, lags_s, strict=True):
+            model.tau_v_s, model.tau_psi_s, model.tau_ha_s, model.tau_hb_s = tau_v_s, tau_psi_s, tau_ha_s, tau_hb_s
 
 
 class Bank:

@@ -3,46 +3,43 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from itertools import islice
 from typing import Protocol
 
-import numpy as np
-
 from airlink.clock import NANOSECONDS
-from flight_model.arrays import Array, Instants, Mask
-from flight_model.autopilot import AutopilotModel, FlightState
-from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Indices
+from flight_model.autopilot import AutopilotModel, FlightState, wrap
 from gcs_formation.estimation.setpoint_history import HISTORY_S, SetpointHistory
 
 HEADING = 5
-"""Row of `FlightStates` that is an angle."""
-LONG_AGO = np.int64(-(2**61))
-"""Stamp of a state that nothing may be interpolated from."""
+"""Which of a state's values is an angle."""
 MISSED = 2
 """Periods of telemetry after which something is missing."""
 LOST_S = 2.0
 """Age from which a vehicle that isn't commanded is taken to be where it was last seen: it costs no prediction."""
 
 
-@dataclass(frozen=True)
 class Measured:
-    """The newest state of each vehicle, (C,) columns, its time stamp, and when a setpoint sent now will act."""
+    """What is known at a tick, vehicle by vehicle."""
 
-    state: FlightStates
-    stamps: Instants
-    active: Mask
-    acts: Instants
+    __slots__ = ("active", "acts", "stamps", "states")
+
+    def __init__(self, states: list[FlightState], stamps: list[int], active: list[bool], acts: list[int]) -> None:
+        """Take the newest states, their time stamps, who is commanded, and when a setpoint sent now will act."""
+        self.states = states
+        self.stamps = stamps
+        self.active = active
+        self.acts = acts
 
 
 class States(Protocol):
-    """The states that a law acts on at one tick."""
+    """The states that a law acts on at one tick; they aren't to be changed."""
 
-    def of(self, which: Indices, whose: Indices) -> FlightStates:
-        """Return, column by column, the state of `which` at the instant that matters for the setpoint of `whose`."""
+    def of(self, which: int, whose: int) -> FlightState:
+        """Return the state of a vehicle at the instant that matters for the setpoint of another, or its own."""
         ...
 
-    def instants(self, whose: Indices) -> Instants:
-        """Return those instants."""
+    def instant(self, whose: int) -> int:
+        """Return that instant."""
         ...
 
 
@@ -54,35 +51,36 @@ class Projection(Protocol):
         ...
 
 
-@dataclass(frozen=True)
 class AtTheirStamps:
     """Every vehicle's newest state, each at its own time stamp."""
 
-    measured: Measured
+    def __init__(self, measured: Measured) -> None:
+        """Take what is known."""
+        self._measured = measured
 
-    def of(self, which: Indices, whose: Indices) -> FlightStates:  # noqa: ARG002 - the same for everyone
-        """Return the newest states."""
-        return self.measured.state.take(which)
+    def of(self, which: int, whose: int) -> FlightState:  # noqa: ARG002 - the same for everyone
+        """Return the newest state."""
+        return self._measured.states[which]
 
-    def instants(self, whose: Indices) -> Instants:
-        """Return the vehicles' own stamps."""
-        return self.measured.stamps[whose]
+    def instant(self, whose: int) -> int:
+        """Return the vehicle's own stamp."""
+        return self._measured.stamps[whose]
 
 
-@dataclass(frozen=True)
 class AtOneStamp:
     """Every vehicle's state at one instant."""
 
-    state: FlightStates
-    stamp: np.int64
+    def __init__(self, states: list[FlightState], stamp: int) -> None:
+        """Take the states at `stamp`."""
+        self._states, self._stamp = states, stamp
 
-    def of(self, which: Indices, whose: Indices) -> FlightStates:  # noqa: ARG002 - the same for everyone
-        """Return the states at the stamp."""
-        return self.state.take(which)
+    def of(self, which: int, whose: int) -> FlightState:  # noqa: ARG002 - the same for everyone
+        """Return the state at the stamp."""
+        return self._states[which]
 
-    def instants(self, whose: Indices) -> Instants:
+    def instant(self, whose: int) -> int:  # noqa: ARG002 - the same for everyone
         """Return the stamp."""
-        return np.full(whose.shape, self.stamp, dtype=np.int64)
+        return self._stamp
 
 
 class Sampled:
@@ -112,7 +110,7 @@ class WhenSetpointsAct:
 
     def __init__(
         self,
-        acts: Instants,
+        acts: list[int],
         samples: list[Sampled],
         history: SetpointHistory,
         models: list[AutopilotModel],
@@ -123,16 +121,11 @@ class WhenSetpointsAct:
         A state may be `between_messages` ns later than another vehicle's with nothing missing. Setpoints sent now to
         each vehicle act at `acts`, (C,).
         """
-        self._acts, self._each_acts = acts, acts.tolist()
+        self._acts = acts
         self._samples, self._history, self._models = samples, history, models
         self._between_messages = between_messages
 
-    def of(self, which: Indices, whose: Indices) -> FlightStates:
-        """Return, column by column, the state of `which` when a setpoint sent now to `whose` acts."""
-        pairs = zip(which.tolist(), whose.tolist(), strict=True)
-        return FlightStates.from_each([self.one(each, other) for each, other in pairs])
-
-    def one(self, which: int, whose: int) -> FlightState:
+    def of(self, which: int, whose: int) -> FlightState:
         """Return a vehicle's state predicted through the setpoints in flight, from the stamp of `whose` newest sample.
 
         Between states that two vehicles measured at different times, a gust looks like a gap. If the newest message of
@@ -147,7 +140,7 @@ class WhenSetpointsAct:
             met = self._nearest(whose, min(since + self._between_messages, at))
             if met is not newest:
                 self._meet(state, whose, met, since)
-        self._history.predicted(state, since, self._each_acts[whose], which, self._models[which])
+        self._history.carry(state, since, self._acts[whose], which, self._models[which])
         return state
 
     def _meet(self, state: FlightState, whose: int, met: Sampled, since: int) -> None:
@@ -180,8 +173,8 @@ class WhenSetpointsAct:
                 best, apart = index, older
         return self._samples[best]
 
-    def instants(self, whose: Indices) -> Instants:
-        """Return when the setpoints act."""
+    def instant(self, whose: int) -> int:
+        """Return when the setpoint acts."""
         return self._acts[whose]
 
 
@@ -196,23 +189,24 @@ class AsMeasured:
 class Prediction:
     """Model (7) run through the setpoints in flight."""
 
-    def __init__(self, history: SetpointHistory, model: AutopilotModels, telemetry_hz: float) -> None:
-        """Predict by `model`, (C,) columns, through what `history` says was sent."""
+    def __init__(self, history: SetpointHistory, models: list[AutopilotModel], telemetry_hz: float) -> None:
+        """Predict by (C,) `models` through what `history` says was sent."""
         self._between_messages = round(MISSED * NANOSECONDS / telemetry_hz)
         self._history = history
-        self._model = model
+        self._models = models
         self._samples: list[Sampled] = []
 
     def take(self, measured: Measured) -> WhenSetpointsAct:
         """Return the states when this tick's setpoints act."""
-        lost = ~measured.active & (measured.acts - measured.stamps > LOST_S * NANOSECONDS)
-        stamps = np.where(lost, measured.acts, measured.stamps)
+        stamps = list(measured.stamps)
+        for vehicle, acts in enumerate(measured.acts):
+            if not measured.active[vehicle] and acts - stamps[vehicle] > LOST_S * NANOSECONDS:
+                stamps[vehicle] = acts
         before = self._samples[-1] if self._samples else None
         if len(self._samples) == self._history.length:
             del self._samples[0]
-        self._samples.append(Sampled(stamps.tolist(), measured.state.each(), before))
-        models = self._model.each()
-        return WhenSetpointsAct(measured.acts, self._samples, self._history, models, self._between_messages)
+        self._samples.append(Sampled(stamps, measured.states, before))
+        return WhenSetpointsAct(measured.acts, self._samples, self._history, self._models, self._between_messages)
 
 
 class Pairing:
@@ -220,27 +214,35 @@ class Pairing:
 
     def __init__(self, rate_hz: float) -> None:
         """Keep `HISTORY_S` of samples, of ticks at `rate_hz`."""
-        self._samples: deque[tuple[Instants, Array]] = deque(maxlen=max(8, int(HISTORY_S * rate_hz)))
+        self._samples: deque[Measured] = deque(maxlen=max(8, int(HISTORY_S * rate_hz)))
 
     def take(self, measured: Measured) -> AtOneStamp:
         """Return the states at the common stamp; a vehicle that isn't active stays as measured."""
-        known = np.where(measured.active, measured.stamps, LONG_AGO)
-        self._samples.append((known, measured.state.table))
-        stamp = measured.stamps[measured.active].min(initial=measured.stamps.max())
-        return AtOneStamp(FlightStates.of(self._at(stamp)), stamp)
+        self._samples.append(measured)
+        stamp = max(measured.stamps)
+        for its_stamp, active in zip(measured.stamps, measured.active, strict=True):
+            if active:
+                stamp = min(stamp, its_stamp)
+        return AtOneStamp([self._at(vehicle, stamp) for vehicle in range(len(measured.states))], stamp)
 
-    def _at(self, stamp: np.int64) -> Array:
-        """Return the table (8, C) at a stamp: interpolated, or the nearest sample outside the samples' span."""
-        (after_stamps, after), *older = reversed(self._samples)
-        before_stamps, before = after_stamps, after
-        for stamps, table in older:
-            late = before_stamps > stamp
-            if not late.any():
-                break
-            after_stamps, after = np.where(late, before_stamps, after_stamps), np.where(late, before, after)
-            before_stamps, before = np.where(late, stamps, before_stamps), np.where(late, table, before)
-        between = np.maximum(after_stamps - before_stamps, 1)
-        share = np.clip((stamp - before_stamps) / between, 0.0, 1.0)
-        step = after - before
-        step[HEADING] = np.remainder(step[HEADING] + np.pi, 2 * np.pi) - np.pi
-        return before + share * step
+    def _at(self, vehicle: int, stamp: int) -> FlightState:
+        """Return a vehicle's state at a stamp: interpolated, or the nearest sample outside the samples' span."""
+        newest = self._samples[-1]
+        after, after_stamp = newest.states[vehicle], newest.stamps[vehicle]
+        if not newest.active[vehicle] or after_stamp <= stamp:
+            return after
+        for older in islice(reversed(self._samples), 1, None):
+            if not older.active[vehicle]:
+                return after
+            before, before_stamp = older.states[vehicle], older.stamps[vehicle]
+            if before_stamp <= stamp:
+                return _between(before, after, (stamp - before_stamp) / max(after_stamp - before_stamp, 1))
+            after, after_stamp = before, before_stamp
+        return after
+
+
+def _between(before: FlightState, after: FlightState, share: float) -> FlightState:
+    """Return the state at a share of the way between two."""
+    steps = [late - early for early, late in zip(before.values(), after.values(), strict=True)]
+    steps[HEADING] = wrap(steps[HEADING])
+    return FlightState(*(early + share * step for early, step in zip(before.values(), steps, strict=True)))

@@ -2,28 +2,22 @@
 
 from __future__ import annotations
 
-import math
-
-import numpy as np
-
 from airlink.clock import NANOSECONDS
-from flight_model.arrays import Array, Indices, Instants
 from flight_model.autopilot import AutopilotModel, FlightState, advance, respond, within
-from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
+from flight_model.slot import NOTHING, Triple
 
 HISTORY_S = 6.0
 
 
-class _Tick:
-    """A tick's setpoints, vehicle by vehicle, and when each is expected to act; NaN until they are known."""
+class SentSetpoints:
+    """One tick's setpoints, vehicle by vehicle, and when each is expected to act, in ns."""
 
-    __slots__ = ("acts", "headings", "heights", "speeds")
+    __slots__ = ("acts", "setpoints")
 
     def __init__(self, acts: list[int]) -> None:
+        """Begin with none known."""
         self.acts = acts
-        self.speeds: list[float] = [math.nan] * len(acts)
-        self.headings: list[float] = self.speeds
-        self.heights: list[float] = self.speeds
+        self.setpoints: list[Triple] = [NOTHING] * len(acts)
 
 
 class SetpointHistory:
@@ -32,38 +26,24 @@ class SetpointHistory:
     def __init__(self, rate_hz: float) -> None:
         """Keep `HISTORY_S` of ticks at `rate_hz`."""
         self.length = max(8, int(HISTORY_S * rate_hz))
-        self._ticks: list[_Tick] = []
+        self._ticks: list[SentSetpoints] = []
 
     @property
     def empty(self) -> bool:
         """Whether nothing has been sent yet."""
         return not self._ticks
 
-    def begin(self, acts: Instants) -> None:
+    def begin(self, acts: list[int]) -> None:
         """Begin a tick whose setpoints act at `acts`, (V,); until they are known, vehicles fly straight on then."""
         if len(self._ticks) == self.length:
             del self._ticks[0]
-        self._ticks.append(_Tick(acts.tolist()))
+        self._ticks.append(SentSetpoints(acts))
 
-    def note(self, setpoints: Setpoints) -> None:
+    def note(self, setpoints: list[Triple]) -> None:
         """Take the setpoints of the tick that was begun last, (V,), NaN for those that aren't known yet."""
-        tick = self._ticks[-1]
-        tick.speeds, tick.headings, tick.heights = setpoints.table.tolist()
+        self._ticks[-1].setpoints = setpoints.copy()
 
-    def predict(
-        self, state: FlightStates, since: Instants, until: Instants, vehicles: Indices, model: AutopilotModels
-    ) -> FlightStates:
-        """Return the state of each column at `until`, from its `state` at `since`.
-
-        Column i is vehicle `vehicles[i]`; a vehicle may appear in several columns.
-        """
-        states, models = state.each(), model.each()
-        columns = zip(states, since.tolist(), until.tolist(), vehicles.tolist(), models, strict=True)
-        for each, since_ns, until_ns, vehicle, its_model in columns:
-            self.predicted(each, since_ns, until_ns, vehicle, its_model)
-        return FlightStates.from_each(states)
-
-    def predicted(
+    def carry(
         self, state: FlightState, since: int, until: int, vehicle: int, model: AutopilotModel, *, place: bool = True
     ) -> None:
         """Move a vehicle's `state` on from `since` to `until`, instants in ns, through what it was sent.
@@ -78,8 +58,8 @@ class SetpointHistory:
             if index < last:
                 end = min(max(ticks[index + 1].acts[vehicle], since), until)
             if end > since:
-                speed_mps = within(tick.speeds[vehicle], model.speed_min_mps, model.speed_max_mps)
-                heading_rad, height_m = tick.headings[vehicle], tick.heights[vehicle]
+                speed_mps, heading_rad, height_m = tick.setpoints[vehicle]
+                speed_mps = within(speed_mps, model.speed_min_mps, model.speed_max_mps)
                 if place:
                     advance(state, model, speed_mps, heading_rad, height_m, (end - since) / NANOSECONDS)
                 else:
@@ -93,20 +73,12 @@ class SetpointHistory:
             index -= 1
         return index
 
-    def told(self, instants: Instants, vehicles: Indices) -> Setpoints:
-        """Return each vehicle's newest setpoint that acts at its instant, or the oldest one if none does yet."""
-        rows = list[tuple[float, float, float]]()
-        each: list[int] = vehicles.tolist()
-        for instant, vehicle in zip(instants.tolist(), each, strict=True):
-            tick = self._ticks[self._acting(instant, vehicle)]
-            rows.append((tick.speeds[vehicle], tick.headings[vehicle], tick.heights[vehicle]))
-        return Setpoints.of(np.array(rows).T)
+    def commanded(self, instant: int, vehicle: int) -> Triple:
+        """Return a vehicle's newest setpoint that acts at an instant, or the oldest one if none does yet."""
+        return self._ticks[self._acting(instant, vehicle)].setpoints[vehicle]
 
-    def between(self, since: Instants, until: Instants) -> tuple[Instants, Array]:
-        """Return what all vehicles were told from `since` to `until`, (V,): when each acts (R, V), and (R, 3, V)."""
-        begins, ends = since.tolist(), until.tolist()
-        first = min(self._acting(begin, vehicle) for vehicle, begin in enumerate(begins))
-        last = max(self._acting(end - 1, vehicle) for vehicle, end in enumerate(ends))
-        ticks = self._ticks[first : max(first, last) + 1]
-        told = np.array([(tick.speeds, tick.headings, tick.heights) for tick in ticks])
-        return np.maximum.accumulate(np.array([tick.acts for tick in ticks], dtype=np.int64)), told
+    def between(self, since: list[int], until: list[int]) -> list[SentSetpoints]:
+        """Return the ticks by whose setpoints any vehicle flew from `since` to `until`, instants of each vehicle."""
+        first = min(self._acting(begin, vehicle) for vehicle, begin in enumerate(since))
+        last = max(self._acting(end - 1, vehicle) for vehicle, end in enumerate(until))
+        return self._ticks[first : max(first, last) + 1]

@@ -7,21 +7,18 @@ from collections import deque
 from collections.abc import Mapping
 from typing import NamedTuple
 
-import numpy as np
-
 from airlink.clock import NANOSECONDS, Instant, after, seconds_between
 from airlink.endpoint import VehicleId
-from flight_model.arrays import Array, Instants, Mask
 from flight_model.autopilot import AutopilotModel, FlightState, respond, wrap
 from formation_scenario import Scenario
 from formation_scenario.arrangement import columns
 from formation_scenario.navigation import NoisyNavigation
 from formation_scenario.reconfiguration import column_models
 from gcs_formation.controller import FormationController
-from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates
 from gcs_formation.estimation.setpoint_history import SetpointHistory
-from gcs_formation.parameters import autopilot_model
-from gcs_formation.recorder import Detail, Note, Tick
+from gcs_formation.parameters import autopilot_models
+from gcs_formation.recorder import Detail, Note
+from gcs_formation.tick import Tick, unknown_state
 from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.vehicle import UNANSWERED_S, Vehicle
 
@@ -109,13 +106,13 @@ class MotionConformance:
 
     def __init__(self, scenario: Scenario, history: SetpointHistory) -> None:
         """Take the model from the scenario; `history` holds what was told."""
-        models = zip(_judged_by(scenario).each(), _noise(scenario), strict=True)
+        models = zip(_judged_by(scenario), _noise(scenario), strict=True)
         self._fliers = [_Flier(model, sigma) for model, sigma in models]
         self._history = history
         self._next_check = Instant(0)
-        self.broken: Mask = np.zeros(len(self._fliers), dtype=bool)
+        self.broken = [False] * len(self._fliers)
         """Columns that don't follow, (C,)."""
-        self.doubted: Mask = self.broken
+        self.doubted = self.broken
         """Columns that don't follow, or have missed what was expected in two checks in a row, (C,)."""
 
     def due(self, now: Instant) -> bool:
@@ -123,28 +120,33 @@ class MotionConformance:
         return now >= self._next_check
 
     def check(
-        self, now: Instant, stamps: Instants, state: FlightStates, settled: Mask, commanded_s: Array
+        self,
+        now: Instant,
+        stamps: list[int],
+        states: list[FlightState],
+        settled: list[list[bool]],
+        commanded_s: list[float],
     ) -> list[NonConformance]:
         """Compare, if a check is due; return new findings. `broken` has all columns that don't follow.
 
         Args:
             now: the tick's instant.
             stamps: (C,) when the states were true.
-            state: (C,) newest states.
-            settled: (3, C) channels that have been commanded, and acknowledged, for `SETTLED_S`.
+            states: (C,) newest states.
+            settled: (C, 3) channels that have been commanded, and acknowledged, for `SETTLED_S`.
             commanded_s: (C,) for how long each has been commanded without a break.
         """
         if not self.due(now):
             return []
         self._next_check = Instant(now + round(CHECK_S * NANOSECONDS))
         found: list[NonConformance] = []
-        table = zip(stamps.tolist(), state.each(), settled.T.tolist(), commanded_s.tolist(), strict=True)
+        table = zip(stamps, states, settled, commanded_s, strict=True)
         for column, (stamp, seen, judged, its_s) in enumerate(table):
             finding = self._look(column, stamp, seen, judged, its_s)
             if finding is not None:
                 found.append(finding)
-        self.broken = np.array([flier.broken for flier in self._fliers])
-        self.doubted = np.array([flier.broken or max(flier.bad) >= CHECKS_DOUBTED for flier in self._fliers])
+        self.broken = [flier.broken for flier in self._fliers]
+        self.doubted = [flier.broken or max(flier.bad) >= CHECKS_DOUBTED for flier in self._fliers]
         return found
 
     def _look(
@@ -160,7 +162,7 @@ class MotionConformance:
             return None
         since, before = flier.past[0]
         end = before.copy()
-        self._history.predicted(end, since, max(stamp, since), column, flier.model, place=False)
+        self._history.carry(end, since, max(stamp, since), column, flier.model, place=False)
         expected, flown = _change(before, end), _change(before, seen)
         flown[HEADING] = wrap(flown[HEADING])
         if flier.climbed and commanded_s < LEVELS_OUT_S:
@@ -181,12 +183,13 @@ def _change(before: FlightState, after: FlightState) -> list[float]:
     ]
 
 
-def _judged_by(scenario: Scenario) -> AutopilotModels:
-    """Return the model that changes are expected by; the lags of an airframe's slow changes aren't those of steps."""
-    model = autopilot_model(scenario)
-    aircraft = np.array([each.airframe is not None for each in column_models(scenario)])
-    model.tau_v_s[aircraft] = np.maximum(model.tau_v_s, STEP_LAG_S)[aircraft]
-    return model
+def _judged_by(scenario: Scenario) -> list[AutopilotModel]:
+    """Return the models that changes are expected by; the lags of an airframe's slow changes aren't those of steps."""
+    models = autopilot_models(scenario)
+    for model, keys in zip(models, column_models(scenario), strict=True):
+        if keys.airframe is not None:
+            model.tau_v_s = max(model.tau_v_s, STEP_LAG_S)
+    return models
 
 
 def _carried_m(model: AutopilotModel) -> float:
@@ -235,7 +238,7 @@ class ConformanceMonitor:
         """Since when each column has been commanded without interruption."""
 
     @property
-    def doubted(self) -> Mask:
+    def doubted(self) -> list[bool]:
         """Columns that don't seem to follow the setpoints that they acknowledge, (C,)."""
         return self._motion.doubted
 
@@ -277,7 +280,7 @@ class ConformanceMonitor:
 
     def judge_motion(self, tick: Tick, now: Instant) -> None:
         """Check how the vehicles follow this and earlier ticks' setpoints."""
-        commanded, active = self._commanded, tick.active.tolist()
+        commanded, active = self._commanded, tick.active
         for column in self._columns.values():
             if not active[column]:
                 commanded.pop(column, None)
@@ -285,17 +288,20 @@ class ConformanceMonitor:
                 commanded[column] = now
         if not self._motion.due(now):
             return
-        estimator, settled = self._controller.estimator, np.zeros((len(CHANNELS), tick.active.size), dtype=bool)
-        commanded_s = np.zeros(tick.active.size)
+        filters, settled = self._controller.estimator.filters, [[False] * len(CHANNELS) for _ in active]
+        commanded_s = [0.0] * len(active)
         for identity, column in self._columns.items():
             since = commanded.get(column, now)
             commanded_s[column] = seconds_between(since, now)
-            settled[:, column] = self._settled(self._vehicles[identity], since, now)
+            settled[column] = self._settled(self._vehicles[identity], since, now)
         before = self._motion.broken
-        found = self._motion.check(now, estimator.stamps, estimator.state, settled, commanded_s)
+        states = [each.state or unknown_state() for each in filters]
+        found = self._motion.check(now, [each.stamp for each in filters], states, settled, commanded_s)
         for each in found:
             self._note(now, "disobeys", _words(each), self._at(each.column), _figures(each))
-        for column in np.flatnonzero(before & ~self._motion.broken).tolist():
+        for column, broken in enumerate(self._motion.broken):
+            if broken or not before[column]:
+                continue
             self._note(now, "obeys", "follows its setpoints again", self._at(column), {"order": "setpoints"})
 
     def _settled(self, vehicle: Vehicle, since: Instant, now: Instant) -> list[bool]:
@@ -317,7 +323,7 @@ def _settled_unanswered(vehicle: Vehicle, since: Instant, now: Instant) -> list[
 
 
 def _words(found: NonConformance) -> str:
-    scale, unit = {"airspeed": (1.0, "m/s"), "heading": (180 / np.pi, "°"), "height": (1.0, "m")}[found.channel]
+    scale, unit = {"airspeed": (1.0, "m/s"), "heading": (180 / math.pi, "°"), "height": (1.0, "m")}[found.channel]
     flown, expected = found.flown * scale, found.expected * scale
     return (
         f"acknowledges setpoints and doesn't follow them: {found.channel} changed by {flown:.1f} {unit} "

@@ -6,28 +6,22 @@ import math
 from collections.abc import Iterator, Mapping, Set
 from typing import Final
 
-import numpy as np
-
 from airlink import mavlink as m
 from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import VehicleId
 from airlink.engine import DelayQueue
 from airlink.messages import Message
 from airlink.messages.system import MISSION_TIME, Heartbeat, NamedValueFloat
-from flight_model.arrays import Mask
 from formation_scenario import Scenario
-from gcs_formation.controller import Links
 from gcs_formation.estimation.flight_state import Setpoint, Whereabouts
 from gcs_formation.link.connection import LinkState
-from gcs_formation.link.gnss_clock import UNKNOWN_WAYS_S
-from gcs_formation.recorder import Note, Tick
+from gcs_formation.recorder import Note
+from gcs_formation.tick import Tick, VehicleLink
 from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.vehicle import Vehicle
 
 HOLD_MAX_S = 1.0
 """Longest time for which the leader's setpoints are held back."""
-WHEREABOUTS = [0, 1, 2, 6, 7]
-"""Rows of a state's table that a setpoint's whereabouts are."""
 UNGUIDED_S = 2.0
 """For how long setpoints may be missing before a vehicle counts as left alone."""
 NEVER: Final = Instant(2**63 - 1)
@@ -60,50 +54,37 @@ class Dispatch:
         self._without: dict[VehicleId, Instant] = {}
         """Since when there has been no setpoint for a vehicle that should get some."""
 
-    def links(self, leader: int, disobeying: Mask, now: Instant) -> Links:
-        """Return the present state of all links.
+    def links(self, leader: int, disobeying: list[bool], now: Instant) -> tuple[list[VehicleLink], float]:
+        """Return the present state of the link to every column, and how long the leader's setpoints are held back.
 
         Args:
             leader: the leading column.
             disobeying: (C,) columns that don't seem to fly as they were told.
             now: the tick's instant.
         """
-        count, flies = self._count, Member.FLYING
-        ready, airborne, heard = [False] * count, [True] * count, [now] * count
-        delay_s, lag_s, jitter_s = [0.0] * count, [0.0] * count, [math.nan] * count
-        ways_s = [UNKNOWN_WAYS_S] * count
-        ready[0] = self._virtual_leader
+        links = [VehicleLink(now) for _ in range(self._count)]
+        links[0].ready = self._virtual_leader
         for _, vehicle, column in self._each:
-            ready[column] = vehicle.member is flies
-            delay_s[column] = vehicle.clock.one_way_s
-            ways_s[column] = vehicle.ways_s
-            jitter_s[column] = vehicle.jitter.jitter_s
-            airborne[column] = vehicle.airborne
-            heard[column] = vehicle.heard_at(now)
-            lag_s[column] = vehicle.autopilot.loop_s / 2
-        up_s = [half if math.isnan(up) else up for half, (up, _) in zip(delay_s, ways_s, strict=True)]
-        hold_s = self._hold_s(leader, ready, up_s)
-        lag_s[leader] += hold_s
-        return Links(
-            np.array(ready),
-            np.array(delay_s),
-            np.array(ways_s),
-            np.array(jitter_s),
-            np.array(lag_s),
-            hold_s,
-            np.array(airborne),
-            np.array(heard),
-            disobeying,
-        )
+            link = links[column]
+            link.ready = vehicle.member is Member.FLYING
+            link.delay_s = vehicle.clock.one_way_s
+            link.up_s, link.down_s = vehicle.ways_s
+            link.jitter_s = vehicle.jitter.jitter_s
+            link.airborne = vehicle.airborne
+            link.heard = vehicle.heard_at(now)
+            link.lag_s = vehicle.autopilot.loop_s / 2
+            link.disobeying = disobeying[column]
+        hold_s = self._hold_s(leader, links)
+        links[leader].lag_s += hold_s
+        return links, hold_s
 
     def take(self, tick: Tick, hold_s: float, now: Instant) -> None:
         """Take a tick's setpoints; one that isn't finite is never sent."""
-        told, where = tick.setpoints.table.T.tolist(), tick.state.table[WHEREABOUTS].T.tolist()
-        active = tick.active.tolist()
         self._guided.clear()
         for identity, vehicle, column in self._each:
-            setpoint, place = told[column], where[column]
-            usable = active[column] and math.isfinite(sum(setpoint) + sum(place))
+            setpoint, state = tick.setpoints[column], tick.state[column]
+            place = state.north_m, state.east_m, state.height_m, state.wind_north_mps, state.wind_east_mps
+            usable = tick.active[column] and math.isfinite(sum(setpoint) + sum(place))
             if usable or vehicle.member is not Member.FLYING:
                 self._without.pop(identity, None)
             else:
@@ -148,17 +129,17 @@ class Dispatch:
         self._held, self._at_once, self.due = DelayQueue[tuple[Vehicle, Message]](), [], NEVER
         self._without.clear()
 
-    def _hold_s(self, leader: int, ready: list[bool], up_s: list[float]) -> float:
+    def _hold_s(self, leader: int, links: list[VehicleLink]) -> float:
         """Return for how long the leader's setpoints are held back: until those of the slowest follower act.
 
         Otherwise a leader on a quicker link would turn before its followers can.
         """
         if not self._compensates:
             return 0.0
-        own_s, slowest_s = up_s[leader], 0.0
-        for column, follows in enumerate(ready):
-            if follows and column != leader and up_s[column] > slowest_s:
-                slowest_s = up_s[column]
+        own_s, slowest_s = links[leader].on_its_way_s, 0.0
+        for column, link in enumerate(links):
+            if link.ready and column != leader and link.on_its_way_s > slowest_s:
+                slowest_s = link.on_its_way_s
         return min(max(0.0, slowest_s - (0.0 if math.isnan(own_s) else own_s)), HOLD_MAX_S)
 
 

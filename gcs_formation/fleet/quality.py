@@ -45,9 +45,9 @@ class MarginWatch:
         self, scenario: Scenario, vehicles: Mapping[VehicleId, Vehicle], columns: Mapping[VehicleId, int], note: Note
     ) -> None:
         """Watch the loops that the law closes around `vehicles`, whose columns in the controller are `columns`."""
-        self.used: Array = np.full(1 + len(scenario.followers), np.nan)
+        self.used = [math.nan] * (1 + len(scenario.followers))
         """Share of the margin that each column uses at the present gains, (C,); NaN before its delay is known."""
-        self.bandwidth: Array = np.ones((self.used.size, len(CHANNELS)))
+        self.bandwidth = [[1.0] * len(CHANNELS) for _ in self.used]
         """Share of their full bandwidth that the loops should have, (C, 3) by column and channel."""
         self.most_used = 0.0
         self.longest_s = math.nan
@@ -59,7 +59,7 @@ class MarginWatch:
         self.beyond: set[VehicleId] = set()
         """Those whose loop's delay is beyond what keeps it stable."""
         self._near: set[VehicleId] = set()
-        self._lags_off: Array = np.zeros((len(CHANNELS), self.used.size))
+        self._lags_off: Array = np.zeros((len(CHANNELS), len(self.used)))
         self._calm = Counter[tuple[VehicleId, str]]()
         predicted, shared = scenario.law.delay_compensation, dict[object, Usage]()
         self._axes = {
@@ -112,7 +112,7 @@ class MarginWatch:
     def _let_go(self, leader: Vehicle) -> None:
         """Forget the loops of a vehicle that leads now."""
         column = self._columns[leader.identity]
-        self.used[column], self.bandwidth[column] = math.nan, 1.0
+        self.used[column], self.bandwidth[column] = math.nan, [1.0] * len(CHANNELS)
         self._near.discard(leader.identity)
         self.beyond.discard(leader.identity)
 
@@ -127,7 +127,7 @@ class MarginWatch:
         return LoopDelay(loop_delay_s(up_s, down_s, 0.0, *rates), clock.scatter_s)
 
     def _of(self, column: int, axis: str) -> float:
-        return float(self.bandwidth[column, _channels(axis)][0])
+        return self.bandwidth[column][_channels(axis)[0]]
 
     def _set_bandwidth(self, now: Instant, vehicle: Vehicle, axes: Mapping[str, Usage], delay: LoopDelay) -> None:
         """Choose a new bandwidth on axes that use too much of the margin, or little at lowered gains."""
@@ -137,7 +137,9 @@ class MarginWatch:
             used, which = usage.of(delay, before), (vehicle.identity, axis)
             self._calm[which] = self._calm[which] + 1 if used < RESTORE else 0
             if used >= DEGRADE or (before < 1.0 and self._calm[which] >= CALM_LOOKS):
-                self.bandwidth[column, _channels(axis)] = after = usage.bandwidth(delay, KEPT)
+                after = usage.bandwidth(delay, KEPT)
+                for channel in _channels(axis):
+                    self.bandwidth[column][channel] = after
                 changed |= after != before
         if changed:
             used = max(usage.of(delay, self._of(column, axis)) for axis, usage in axes.items())
@@ -159,7 +161,7 @@ class MarginWatch:
             self._note(now, "delay_margin", "is well inside its delay margin again", vehicle, {"used": used})
 
     def _say_gains(self, now: Instant, vehicle: Vehicle, delay: LoopDelay, used: float) -> None:
-        shares = dict(zip(CHANNELS.values(), self.bandwidth[self._columns[vehicle.identity]].tolist(), strict=True))
+        shares = dict(zip(CHANNELS.values(), self.bandwidth[self._columns[vehicle.identity]], strict=True))
         words = ", ".join(f"{channel} {share:.0%}" for channel, share in shares.items())
         lowered = min(shares.values()) < 1.0
         text = f"gains lowered; shares of the bandwidth: {words}" if lowered else "gains are the scenario's again"

@@ -15,12 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from flight_model.arrays import Array
+from flight_model.autopilot import FlightState
 from flight_model.displacement import SAMPLES, STEP_M, Bounds, blend, least_lift, sample_places
 from formation_scenario import Ground, PathPoint, Scenario, slot_schedule
 from formation_scenario.arrangement import Arrangement, assigned
 from formation_scenario.formation import FormationChange, Frame
 from formation_scenario.slot_motion import SlotMotion, Transition
-from gcs_formation.estimation.flight_state import FlightStates
 from gcs_formation.guidance.tracking import Route
 
 APART_S = 0.05
@@ -74,10 +74,11 @@ class FormationPlan:
         slots = self._way.at(now_s)
         return slots if begun or not self._offset_m.any() else SlotMotion.at_rest(slots.position_m + self._offset_m)
 
-    def at_each(self, times_s: Array, *, begun: bool) -> SlotMotion:
+    def at_each(self, each_s: list[float], *, begun: bool) -> SlotMotion:
         """Return every slot at a time of its own, (C,)."""
-        if self._way.over(float(times_s.min())):
-            return self.at(float(times_s[0]), begun=begun)
+        if self._way.over(min(each_s)):
+            return self.at(each_s[0], begun=begun)
+        times_s = np.array(each_s)
         coarse = np.round(times_s / APART_S)
         moments = sorted(set(coarse.tolist()))
         motions = [self.at(moment * APART_S, begun=begun) for moment in moments]
@@ -106,8 +107,7 @@ class Outlook:
     """The future track of the leader and of the slots."""
 
     route: Route
-    leader: FlightStates
-    """(1,) columns."""
+    leader: FlightState
     leading: int
     """Which of the N slots is the leader's own, which is never lifted."""
     distance_m: float
@@ -199,7 +199,7 @@ class SlotClearance:
         north, east, height, course, curvature = np.array(points).T[:5]
         leader = outlook.leader
         aside_mps = leader.wind_east_mps * np.cos(course) - leader.wind_north_mps * np.sin(course)
-        heading = course - np.arcsin(np.clip(aside_mps / np.maximum(leader.airspeed_mps, 1.0), -1.0, 1.0))
+        heading = course - np.arcsin(np.clip(aside_mps / max(leader.airspeed_mps, 1.0), -1.0, 1.0))
         later_s = (places - outlook.distance_m) / max(outlook.along_mps, 1.0)
         knots = np.stack([outlook.slots(seconds) for seconds in later_s[::SAMPLES].tolist()], axis=1)
         forward, right, up = np.moveaxis(_between(knots), -1, 0)

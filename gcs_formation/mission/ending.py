@@ -11,16 +11,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
-import numpy as np
-
 from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
-from flight_model.arrays import Array
 from formation_scenario.orders import End
-from gcs_formation.controller import FormationController, Links
+from gcs_formation.controller import FormationController
 from gcs_formation.fleet.circling import STACK_M, Band, GroundFloor, Place, loiter_heights, may_meet
 from gcs_formation.link.connection import TALKING
 from gcs_formation.mission.landing import Landings, lowest_circle_m, why_not
+from gcs_formation.tick import VehicleLink
 from gcs_formation.vehicle.commands import Outcome
 from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.telemetry import Motion
@@ -145,7 +143,7 @@ class Opening:
         self._since = now
         self._fliers: dict[VehicleId, Flier] = {}
 
-    def steer(self, links: Links, now: Instant) -> Array:
+    def steer(self, links: list[VehicleLink], now: Instant) -> list[float]:
         """Look where everyone is, and return the heights (C,) to command now; NaN where there is none."""
         self._fliers = {
             identity: flier
@@ -153,7 +151,7 @@ class Opening:
             if (flier := self._flier(identity, vehicle, links, now)) is not None
         }
         self._stack.take(self._fliers)
-        heights_m = np.full(links.ready.size, math.nan)
+        heights_m = [math.nan] * len(links)
         for identity, column in self._columns.items():
             heights_m[column] = self._stack.heights_m.get(identity, math.nan)
         return heights_m
@@ -163,7 +161,7 @@ class Opening:
         late = seconds_between(self._since, now) >= OPENING_LIMIT_S
         return late or self._stack.apart(self._fliers)
 
-    def _flier(self, identity: VehicleId, vehicle: Vehicle, links: Links, now: Instant) -> Flier | None:
+    def _flier(self, identity: VehicleId, vehicle: Vehicle, links: list[VehicleLink], now: Instant) -> Flier | None:
         place, column = place_of(vehicle), self._columns[identity]
         unheard_s = seconds_between(vehicle.connection.last_heard, now)
         if place is None or not vehicle.telemetry.armed or unheard_s > FORGOTTEN_AFTER_S:
@@ -171,27 +169,27 @@ class Opening:
         if vehicle.autopilot.climbs_out(vehicle.telemetry):
             return Flier(place, place.height_m)
         answers = seconds_between(vehicle.heard_at(now), now) <= UNANSWERED_S
-        led = links.ready[column] and links.ready[self._controller.plan.leader]
-        if led and answers and not links.disobeying[column]:
+        led = links[column].ready and links[self._controller.plan.leader].ready
+        if led and answers and not links[column].disobeying:
             return Flier(place, self._told_m(column), steered=True)
         orders_m = self._orders_m(vehicle, column, links, answers=answers)
         heights_m = [place.height_m, *(height_m for height_m in orders_m if math.isfinite(height_m))]
         return Flier(place, heights_m[-1], Band(min(heights_m), max(heights_m)))
 
-    def _orders_m(self, vehicle: Vehicle, column: int, links: Links, *, answers: bool) -> tuple[float, ...]:
+    def _orders_m(self, vehicle: Vehicle, column: int, links: list[VehicleLink], *, answers: bool) -> tuple[float, ...]:
         """Return the heights that one may be on its way to, the last order last; NaN where there was none."""
         if vehicle.member in (Member.HOLDING, Member.RETURNING):
             return self._heard_m(column, links), vehicle.holds_at_m
         return () if answers else (self._heard_m(column, links), self._told_m(column))
 
-    def _heard_m(self, column: int, links: Links) -> float:
+    def _heard_m(self, column: int, links: list[VehicleLink]) -> float:
         """Return the height that a vehicle was told when it was last known to hear."""
-        which = np.array([column])
-        return float(self._controller.history.told(links.heard[which], which).height_m[0])
+        _, _, height_m = self._controller.history.commanded(links[column].heard, column)
+        return height_m
 
     def _told_m(self, column: int) -> float:
         tick = self._controller.last_tick
-        return math.nan if tick is None else float(tick.setpoints.height_m[column])
+        return math.nan if tick is None else tick.setpoints[column][2]
 
 
 def place_of(vehicle: Vehicle) -> Motion | None:

@@ -10,7 +10,8 @@ import numpy as np
 
 from airlink.clock import NANOSECONDS, Instant, after, seconds_between
 from airlink.endpoint import VehicleId
-from flight_model.arrays import Array, Mask, any_of
+from flight_model.arrays import Mask, any_of
+from flight_model.autopilot import FlightState
 from flight_model.displacement import DisplacedPath, Rise
 from flight_model.path import PathPoint
 from formation_scenario import Scenario
@@ -24,7 +25,8 @@ from gcs_formation.controller import FormationController
 from gcs_formation.guidance.slots import Proposal
 from gcs_formation.guidance.tracking import project
 from gcs_formation.mission.takeover import Resumption
-from gcs_formation.recorder import Note, Tick
+from gcs_formation.recorder import Note
+from gcs_formation.tick import Tick
 from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.vehicle import Vehicle
 
@@ -197,9 +199,8 @@ class Reconfiguration:
         tick, leader = self._controller.last_tick, self._controller.plan.leader
         if self._scenario.formation.succession == "none" or leader not in self._by_column or tick is None:
             return None
-        places = np.stack((tick.state.north_m, tick.state.east_m, tick.state.height_m), axis=1)
         fit = [column for column in self._by_column if column != leader and self._leads_well(column, now)]
-        candidates = (self._candidate(column, _distance_m(places, column, leader)) for column in fit)
+        candidates = (self._candidate(each, _distance_m(tick.state[each], tick.state[leader])) for each in fit)
         return heir(candidates, self._controller.plan.arrangement.spacing_m)
 
     def succeed(self, now: Instant) -> None:
@@ -237,11 +238,10 @@ class Reconfiguration:
         tick = controller.last_tick
         if tick is None:
             return None, 0.0, 0.0
-        state, before = tick.state, controller.plan.leader
-        swing_rad = math.remainder(float(state.heading_rad[leader] - state.heading_rad[before]), math.tau)
+        place, before = tick.state[leader], tick.state[controller.plan.leader]
+        swing_rad = math.remainder(place.heading_rad - before.heading_rad, math.tau)
         if not guidance.started:
             return None, 0.0, swing_rad
-        place = state.each()[leader]
         slots = controller.plan.seen_from(leader, swing_rad, now_s)
         distance_m = project(guidance.path, place.north_m, place.east_m, guidance.distance_m)
         point = guidance.path.at(distance_m)
@@ -252,10 +252,10 @@ class Reconfiguration:
 
     def _climbing(self, leader: int, tick: Tick, point: PathPoint, right_m: float) -> Rise:
         """Return how a successor's climb, and the climb commanded of it, differ from the path's abreast of it."""
-        model, climb_mps = self._controller.model, float(tick.state.climb_mps[leader])
-        lag_s, other_s = float(model.tau_ha_s[leader]), float(model.tau_hb_s[leader])
-        most_mps2 = float(model.climb_max_mps[leader]) / (2.0 * (lag_s + other_s))
-        to_climb_m = float(np.nan_to_num(tick.setpoints.height_m[leader] - tick.state.height_m[leader]))
+        model, state, (_, _, height_m) = self._controller.models[leader], tick.state[leader], tick.setpoints[leader]
+        climb_mps, lag_s, other_s = state.climb_mps, model.tau_ha_s, model.tau_hb_s
+        most_mps2 = model.climb_max_mps / (2.0 * (lag_s + other_s))
+        to_climb_m = 0.0 if math.isnan(height_m) else height_m - state.height_m
         change_mps2 = (to_climb_m - (lag_s + other_s) * climb_mps) / (lag_s * other_s)
         # Per metre of the path: on the inside of a bend, the vehicle covers less distance than the path.
         along_mps = self._controller.guidance.speed_mps / (1.0 - point.curvature_1pm * right_m)
@@ -298,5 +298,5 @@ class Reconfiguration:
         return f"{wanted.shape}, {wanted.spacing_m:g} m, behind {self._names[wanted.leader]}"
 
 
-def _distance_m(places: Array, one: int, other: int) -> float:
-    return float(np.linalg.norm(places[one] - places[other]))
+def _distance_m(one: FlightState, other: FlightState) -> float:
+    return math.hypot(one.north_m - other.north_m, one.east_m - other.east_m, one.height_m - other.height_m)

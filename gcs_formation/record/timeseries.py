@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from array import array
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +16,7 @@ import pyarrow.parquet as pq
 from airlink.clock import NANOSECONDS
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Mask
-from gcs_formation.recorder import Tick
+from gcs_formation.tick import Tick
 
 CHANNELS = ("speed", "heading", "height")
 STATE = (
@@ -54,14 +55,14 @@ PHASES = ("assembling", "flying", "ending", "loitering", "connecting")
 WAITING_TICKS = 64
 """Most ticks that wait to be written."""
 SPOOLED = ("phase", *MEASURED)
-"""Rows of a tick in a spool."""
+"""What a spool has of each vehicle at a tick."""
 
 
 class TickSpool:
     """Appends ticks to a file that can be read up to its last whole tick, also after a crash.
 
-    A line of JSON names the vehicles; what follows are 64-bit floats, tick after tick: for each of `SPOOLED` a number
-    for each vehicle.
+    A line of JSON names the vehicles; what follows are 64-bit floats, tick after tick: for each vehicle a number for
+    each of `SPOOLED`.
     """
 
     def __init__(self, path: Path, columns: Sequence[VehicleId | None]) -> None:
@@ -69,9 +70,8 @@ class TickSpool:
 
         `columns` names the vehicle of each of a tick's columns, None for a virtual leader.
         """
-        flying = [i for i, vehicle in enumerate(columns) if vehicle is not None]
-        self._flying = slice(None) if len(flying) == len(columns) else flying
-        self._waiting, self._count = np.empty((WAITING_TICKS, len(SPOOLED), len(columns))), 0
+        self._flying = [i for i, vehicle in enumerate(columns) if vehicle is not None]
+        self._waiting, self._count = array("d"), 0
         self._file = path.with_name(f"{path.name}{_suffix(len(spools(path)))}").open("wb")
         vehicles = [[each.network, each.system] for each in columns if each is not None]
         self._file.write(json.dumps({"vehicles": vehicles}).encode() + b"\n")
@@ -79,7 +79,8 @@ class TickSpool:
 
     def add(self, tick: Tick) -> None:
         """Append a tick."""
-        _fill(self._waiting[self._count], tick)
+        for column in self._flying:
+            self._waiting.extend(_row(tick, column))
         self._count += 1
         if self._count == WAITING_TICKS:
             self.flush()
@@ -87,8 +88,8 @@ class TickSpool:
     def flush(self) -> None:
         """Write what is waiting."""
         if self._count:
-            self._file.write(self._waiting[: self._count, :, self._flying].tobytes())
-            self._count = 0
+            self._file.write(self._waiting.tobytes())
+            self._waiting, self._count = array("d"), 0
             self._file.flush()
 
     def close(self) -> None:
@@ -122,7 +123,7 @@ def _read_part(path: Path) -> dict[str, Array]:
     vehicles = np.array(json.loads(head)["vehicles"] if data else [], dtype=np.int32).reshape(-1, 2)
     ticks = len(data) // max(1, 8 * len(SPOOLED) * len(vehicles))
     numbers = np.frombuffer(data, count=ticks * len(SPOOLED) * len(vehicles))
-    rows = numbers.reshape(ticks, len(SPOOLED), len(vehicles)).transpose(1, 0, 2).reshape(len(SPOOLED), -1)
+    rows = numbers.reshape(ticks * len(vehicles), len(SPOOLED)).T.copy()
     network, system = np.tile(vehicles, (ticks, 1)).T
     return {"network": network, "vehicle": system} | dict(zip(SPOOLED, rows, strict=True))
 
@@ -155,18 +156,30 @@ def flying(columns: Mapping[str, Array]) -> Mask:
     return columns["phase"] == PHASES.index("flying")
 
 
-def _fill(rows: Array, tick: Tick) -> None:
-    """Put a tick's values into rows (`SPOOLED`, C)."""
-    rows[0] = PHASES.index(tick.phase)
-    rows[1] = tick.now / NANOSECONDS
-    rows[2] = tick.mission_time_s
-    rows[3:11] = tick.state.table
-    rows[11:14] = tick.setpoints.table
-    rows[14], rows[15], rows[16:18] = tick.age_s, tick.delay_s, tick.ways_s.T
-    rows[18], rows[19], rows[20], rows[21] = tick.jitter_s, tick.margin_used, tick.active, 0.0
-    rows[21, tick.leader] = 1.0
-    rows[22], rows[23] = tick.yielding, tick.airborne
-    rows[24:27], rows[27:30], rows[30:33], rows[33:] = tick.slots_m.T, tick.error_m.T, tick.mixed.T, tick.gains.T
+def _row(tick: Tick, column: int) -> tuple[float, ...]:
+    """Return a vehicle's values of `SPOOLED` at a tick."""
+    link = tick.links[column]
+    return (
+        PHASES.index(tick.phase),
+        tick.now / NANOSECONDS,
+        tick.mission_time_s,
+        *tick.state[column].values(),
+        *tick.setpoints[column],
+        tick.age_s[column],
+        link.delay_s,
+        link.up_s,
+        link.down_s,
+        link.jitter_s,
+        tick.margin_used[column],
+        tick.active[column],
+        column == tick.leader,
+        tick.yielding[column],
+        link.airborne,
+        *tick.slots_m[column],
+        *tick.error_m[column],
+        *tick.mixed[column],
+        *tick.gains[column],
+    )
 
 
 @dataclass(frozen=True)

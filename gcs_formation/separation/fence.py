@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from flight_model.arrays import Array, Indices, Mask, within, wrap
+from flight_model.autopilot import AutopilotModel
 from formation_scenario import Scenario
 from formation_scenario.arrangement import columns
 from formation_scenario.fence import CHECKED_M, HELD_M, Fence, inside_m, room_m
-from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
-from gcs_formation.recorder import Tick
+from gcs_formation.estimation.flight_state import FlightStates
+from gcs_formation.tick import Tick
 
 TURN_RAD = np.pi / 2
 """How far beside its heading a vehicle is told to head that is turned away: more than its tightest turn takes."""
@@ -36,52 +36,52 @@ class FenceLimits:
     may do as it likes. Where there is no such circle any more, it heads for the inside the shorter way.
     """
 
-    def __init__(self, scenario: Scenario, model: AutopilotModels) -> None:
-        """Take the scenario's fence; (C,) `model` has the turn rates."""
+    def __init__(self, scenario: Scenario, models: list[AutopilotModel]) -> None:
+        """Take the scenario's fence; the (C,) `models` have the turn rates."""
         self._fenced, self._fence = scenario.safety.fence is not None, scenario.safety.fence or Fence()
         self._corners_m = np.array(self._fence.corners_m or np.zeros((0, 2)))
         self._real = np.array([vehicle is not None for vehicle in columns(scenario)])
-        self._turn_rps = model.turn_rate_max_rps
+        self._turn_rps = np.array([model.turn_rate_max_rps for model in models])
         self._side = np.zeros(self._real.size)
         """-1, 1: to which side a column is being turned away."""
         self._at_limit: Mask = np.zeros((2, self._real.size), dtype=bool)
         self.changes: list[Held] = []
         """What began or ended at the last tick."""
-        self.replaced: Mask = np.zeros((self._real.size, 3), dtype=bool)
-        """Speed, heading and height of each column: what was asked for isn't what is flown."""
 
     def rest(self) -> None:
         """Do nothing at a tick at which nobody is commanded."""
         self.changes = []
 
-    def keep(self, tick: Tick) -> Tick:
-        """Return a tick whose setpoints lead nobody out."""
+    def keep(self, tick: Tick, replaced: list[list[bool]]) -> None:
+        """Put setpoints inside in the place of a tick's; note in `replaced`, (C, 3), which were not inside."""
         self.changes = []
         if not self._fenced:
-            return tick
-        self.replaced[:] = False
+            return
         active: Mask = tick.active & self._real
-        setpoints = Setpoints.of(tick.setpoints.table.copy())
-        self._limit_heights(setpoints.height_m, active)
-        if self._corners_m.size and active.any():
-            self._turn_away(tick.state, setpoints.heading_rad, np.flatnonzero(active))
-        return replace(tick, setpoints=setpoints)
+        self._limit_heights(tick, active, replaced)
+        if self._corners_m.size:
+            self._turn_away(tick, active, replaced)
 
-    def _limit_heights(self, told_m: Array, active: Mask) -> None:
-        """Limit heights (C,) of setpoints, in place."""
+    def _limit_heights(self, tick: Tick, active: Mask, replaced: list[list[bool]]) -> None:
         least_m, most_m = self._fence.heights_m
-        beyond = np.stack((told_m < least_m, told_m > most_m)) & active
-        self.replaced[:, HEIGHT] = beyond.any(axis=0)
-        told_m[active] = within(told_m[active], least_m, most_m)
+        beyond: Mask = np.zeros((2, active.size), dtype=bool)
+        for column in np.flatnonzero(active).tolist():
+            speed_mps, heading_rad, height_m = tick.setpoints[column]
+            beyond[:, column] = height_m < least_m, height_m > most_m
+            if height_m < least_m or height_m > most_m:
+                tick.setpoints[column] = speed_mps, heading_rad, min(max(height_m, least_m), most_m)
+                replaced[column][HEIGHT] = True
         for row, column in np.argwhere(beyond != self._at_limit).tolist():
             limit_m, begins = (least_m, most_m)[row], bool(beyond[row, column])
             text = f"height held at {limit_m:g} m" if begins else f"height no longer held at {limit_m:g} m"
             self.changes.append(Held(column, text, begins))
         self._at_limit = beyond
 
-    def _turn_away(self, states: FlightStates, heading_rad: Array, which: Indices) -> None:
-        """Replace headings (C,) of setpoints of those columns that are about to have no room, in place."""
-        state = states.take(which)
+    def _turn_away(self, tick: Tick, active: Mask, replaced: list[list[bool]]) -> None:
+        if not active.any():
+            return
+        which = np.flatnonzero(active)
+        state = FlightStates.from_each(tick.state[column] for column in which.tolist())
         place, velocity = np.stack((state.north_m, state.east_m), axis=-1), state.ground_mps.T
         through_air = state.airspeed_mps + np.hypot(state.wind_north_mps, state.wind_east_mps)
         room = room_m(self._corners_m, place, velocity, through_air, self._turn_rps[which])
@@ -95,8 +95,12 @@ class FenceLimits:
         if lost.any():
             off_rad = wrap(self._inward_rad(place[lost]) - state.heading_rad[lost])
             aside_rad[lost] = within(off_rad, -TURN_RAD, TURN_RAD)
-        heading_rad[which[held]] = (state.heading_rad + aside_rad)[held]
-        self.replaced[which[held], HEADING] = True
+        turned: list[int] = which[held].tolist()
+        headings_rad: list[float] = (state.heading_rad + aside_rad)[held].tolist()
+        for column, heading_rad in zip(turned, headings_rad, strict=True):
+            speed_mps, _, height_m = tick.setpoints[column]
+            tick.setpoints[column] = speed_mps, heading_rad, height_m
+            replaced[column][HEADING] = True
         self._note(which, side, inside_m(self._corners_m, place))
 
     def _inward_rad(self, place: Array) -> Array:

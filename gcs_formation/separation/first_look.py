@@ -7,35 +7,30 @@ commanded and responds; `traffic.possible_pairs` has the same bound for all othe
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from operator import itemgetter
 from typing import NamedTuple
 
-from flight_model.autopilot import within, wrap
+from flight_model.autopilot import AutopilotModel, FlightState, within, wrap
+from flight_model.slot import Triple
 from gcs_formation.separation.manoeuvre import COARSE_S
-
-Row = Sequence[float]
 
 
 class Look(NamedTuple):
-    """What is looked at: N vehicles when what they are told now acts."""
+    """What is looked at: N vehicles when what they are commanded now acts."""
 
-    states: Sequence[Row]
-    """North, east, height, climb rate, airspeed, heading, wind to the north and east."""
-    told: Sequence[Row]
-    """Airspeed, heading and height."""
-    models: Sequence[Row]
-    """As in `AutopilotModels`."""
-    lead_s: Row
+    states: list[FlightState]
+    setpoints: list[Triple]
+    models: list[AutopilotModel]
+    lead_s: list[float]
     """How long before the instant that counting begins at, the same for all, their setpoints act."""
-    timing_s: Row
+    timing_s: list[float]
     """How much earlier or later than reckoned a vehicle may be where it's reckoned to be."""
     reference: int
     """The vehicle along whose velocity the others can always fly: the leader."""
     kept_m: float
     """Distance that two keep."""
     first_s: float
-    """How long they fly as told now."""
+    """How long they fly as commanded now."""
     horizon_s: float
 
 
@@ -45,27 +40,28 @@ def nobody_near(look: Look) -> bool:
     Seen from a frame that moves on as the reference does. An error of speed or heading e that decays with a lag tau at
     a rate of r at most leads e tau + e^2 / (2 r) off; the trapezium rule, half a step more.
     """
-    _, _, _, _, its_mps, its_rad, its_wind_north_mps, its_wind_east_mps = look.states[look.reference]
-    frame_north_mps = its_mps * math.cos(its_rad) + its_wind_north_mps
-    frame_east_mps = its_mps * math.sin(its_rad) + its_wind_east_mps
+    its = look.states[look.reference]
+    its_mps, its_rad = its.airspeed_mps, its.heading_rad
+    frame_north_mps, frame_east_mps = its.ground_mps()
     spots: list[tuple[float, float, float, float, float]] = []
     far_most_m = fast_most_mps = off_most_s = 0.0
-    for state, told, model, lead_s, off_s in zip(
-        look.states, look.told, look.models, look.lead_s, look.timing_s, strict=True
+    for state, setpoint, model, lead_s, off_s in zip(
+        look.states, look.setpoints, look.models, look.lead_s, look.timing_s, strict=True
     ):
-        north_m, east_m, _, _, mps, rad, wind_north_mps, wind_east_mps = state
-        tau_v_s, tau_psi_s, _, _, least_mps, most_mps, accel_mps2, turn_rps, _ = model
+        accel_mps2, turn_rps = model.accel_max_mps2, model.turn_rate_max_rps
         first_s = lead_s + look.first_s
-        along_mps = within(its_mps, least_mps, most_mps)
-        slow_mps = abs(along_mps - mps) + min(abs(told[0] - mps) / tau_v_s, accel_mps2) * first_s
-        off_rad = abs(wrap(its_rad - rad)) + min(abs(wrap(told[1] - rad)) / tau_psi_s, turn_rps) * first_s
-        along_m = slow_mps * (first_s + tau_v_s + COARSE_S / 2) + slow_mps * slow_mps / (2.0 * accel_mps2)
-        aside_s = off_rad * (first_s + tau_psi_s + COARSE_S / 2) + off_rad * off_rad / (2.0 * turn_rps)
-        wind_mps = math.hypot(wind_north_mps - its_wind_north_mps, wind_east_mps - its_wind_east_mps)
+        along_mps = within(its_mps, model.speed_min_mps, model.speed_max_mps)
+        step_mps, turn_rad = setpoint[0] - state.airspeed_mps, wrap(setpoint[1] - state.heading_rad)
+        slow_mps = abs(along_mps - state.airspeed_mps) + min(abs(step_mps) / model.tau_v_s, accel_mps2) * first_s
+        off_rad = abs(wrap(its_rad - state.heading_rad)) + min(abs(turn_rad) / model.tau_psi_s, turn_rps) * first_s
+        along_m = slow_mps * (first_s + model.tau_v_s + COARSE_S / 2) + slow_mps * slow_mps / (2.0 * accel_mps2)
+        aside_s = off_rad * (first_s + model.tau_psi_s + COARSE_S / 2) + off_rad * off_rad / (2.0 * turn_rps)
+        wind_mps = math.hypot(state.wind_north_mps - its.wind_north_mps, state.wind_east_mps - its.wind_east_mps)
         drift_mps = wind_mps + abs(along_mps - its_mps)
         far_m = along_m + along_mps * aside_s + drift_mps * (lead_s + look.horizon_s)
         fast_mps = slow_mps + along_mps * off_rad + drift_mps
-        spots.append((north_m + frame_north_mps * lead_s, east_m + frame_east_mps * lead_s, far_m, fast_mps, off_s))
+        north_m, east_m = state.north_m + frame_north_mps * lead_s, state.east_m + frame_east_mps * lead_s
+        spots.append((north_m, east_m, far_m, fast_mps, off_s))
         far_most_m, fast_most_mps = max(far_most_m, far_m), max(fast_most_mps, fast_mps)
         off_most_s = max(off_most_s, off_s)
     return _all_apart(spots, look.kept_m, look.kept_m + 2.0 * far_most_m + 4.0 * off_most_s * fast_most_mps)

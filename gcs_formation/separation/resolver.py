@@ -4,22 +4,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from airlink.clock import NANOSECONDS, Instant, seconds_between
-from flight_model.arrays import Array, Instants, Mask, all_of, any_of, or_zero, within, wrap
+from flight_model.arrays import Array, or_zero
+from flight_model.autopilot import AutopilotModel, FlightState, advance, within, wrap
+from flight_model.slot import NOTHING, Triple
 from formation_scenario import Scenario, slot_schedule
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Indices, Setpoints
-from gcs_formation.estimation.predictor import advance
 from gcs_formation.estimation.projection import Measured
 from gcs_formation.estimation.setpoint_history import SetpointHistory
-from gcs_formation.recorder import Tick
 from gcs_formation.separation.first_look import Look, nobody_near
 from gcs_formation.separation.manoeuvre import Traffic, sample_times
 from gcs_formation.separation.rule import Conflict, Memory, Resolution, resolve
 from gcs_formation.separation.traffic import Scene
+from gcs_formation.tick import Tick, VehicleLink
 from gcs_formation.vehicle.vehicle import UNANSWERED_S
 
 ROOM_M = 0.5
@@ -34,6 +35,9 @@ RESERVE_S = 0.2
 """How much longer than a tick a setpoint is reckoned to act: the next one may be lost."""
 FORGOTTEN_AFTER_S = 30.0
 """Age of a state that nobody keeps away from any more."""
+FEWEST = 2
+"""Vehicles that can come near each other."""
+CHANNELS = 3
 STANDS_MPS = 3.0
 """Speed over ground and through the air below which a vehicle isn't flying."""
 
@@ -41,45 +45,44 @@ STANDS_MPS = 3.0
 class Unresponsive:
     """Predicts where such vehicles are if they really don't respond: they fly on as they did when they last did."""
 
-    def __init__(self, history: SetpointHistory, model: AutopilotModels) -> None:
-        """Take the setpoints that were sent from `history`; `model` has (C,) columns."""
-        self._history, self._model = history, model
-        count = model.tau_v_s.size
-        self._unanswering: Mask = np.zeros(count, dtype=bool)
-        self._disobeying: Mask = np.zeros(count, dtype=bool)
-        self._held = Setpoints.of(np.full((3, count), np.nan))
+    def __init__(self, history: SetpointHistory, models: list[AutopilotModel]) -> None:
+        """Take the setpoints that were sent from `history`, and the (C,) `models`."""
+        self._history, self._models = history, models
+        self._held: list[Triple | None] = [None] * len(models)
+        """What those hold that don't answer."""
+        self._disobeying = [False] * len(models)
 
-    def watch(self, now: Instant, heard: Instants, disobeying: Mask) -> None:
-        """Note who may not respond, and the setpoint that each of them holds.
-
-        Args:
-            now: the tick's instant.
-            heard: (C,) until when each vehicle is known to have heard what it was told.
-            disobeying: (C,) which don't seem to fly as they were told, though they hear it: they fly straight on.
-        """
-        if heard.min() >= now - UNANSWERED_S * NANOSECONDS and not any_of(disobeying) and not self.any:
-            return
-        before, self._unanswering = self._unanswering, now - heard > UNANSWERED_S * NANOSECONDS
-        self._disobeying = disobeying
-        (since,) = np.nonzero(self._unanswering & ~before)
-        if since.size:
-            self._held.fill(since, self._history.told(heard[since], since))
+    def watch(self, now: Instant, links: list[VehicleLink]) -> None:
+        """Note who may not respond, and the setpoint that each of them holds; who disobeys flies straight on."""
+        for column, link in enumerate(links):
+            answers = now - link.heard <= UNANSWERED_S * NANOSECONDS
+            if answers:
+                self._held[column] = None
+            elif self._held[column] is None:
+                self._held[column] = self._history.commanded(link.heard, column)
+            self._disobeying[column] = link.disobeying
 
     @property
     def any(self) -> bool:
         """Whether any vehicle may not respond."""
-        return any_of(self._unanswering) or any_of(self._disobeying)
+        return any(self._disobeying) or any(each is not None for each in self._held)
 
-    def among(self, members: Indices) -> Indices:
+    def among(self, members: list[int]) -> list[int]:
         """Return those of some vehicles that may not respond."""
-        return members[(self._unanswering | self._disobeying)[members]]
+        return [each for each in members if self._disobeying[each] or self._held[each] is not None]
 
-    def traffic(self, which: Indices, measured: Measured, at: np.int64) -> Traffic:
+    def traffic(self, which: list[int], measured: Measured, at: int) -> Traffic:
         """Return vehicles as they are at the instant `at` if they haven't responded since."""
-        elapsed_s = np.maximum(at - measured.stamps[which], 0) / NANOSECONDS
-        told, model = np.where(self._unanswering[which], self._held.take(which).table, np.nan), self._model.take(which)
-        state = advance(measured.state.take(which), told[None], elapsed_s[None], model)
-        return Traffic(state, np.zeros(which.size), np.zeros(which.size), model)
+        states: list[FlightState] = []
+        for column in which:
+            state, elapsed_s = measured.states[column].copy(), max(at - measured.stamps[column], 0) / NANOSECONDS
+            model, (speed_mps, heading_rad, height_m) = self._models[column], self._held[column] or NOTHING
+            speed_mps = within(speed_mps, model.speed_min_mps, model.speed_max_mps)
+            advance(state, model, speed_mps, heading_rad, height_m, elapsed_s)
+            states.append(state)
+        still = np.zeros(len(which))
+        models = AutopilotModels.from_each(self._models[column] for column in which)
+        return Traffic(FlightStates.from_each(states), still, still, models)
 
 
 @dataclass
@@ -101,20 +104,21 @@ class Encounter:
 class ConflictResolver:
     """Applies the rule tick by tick, and remembers who gives way to whom."""
 
-    def __init__(self, scenario: Scenario, history: SetpointHistory, model: AutopilotModels) -> None:
-        """Take the distance to keep; `history` holds what was sent to the columns, (C,) `model`."""
+    def __init__(self, scenario: Scenario, history: SetpointHistory, models: list[AutopilotModel]) -> None:
+        """Take the distance to keep; `history` holds what was sent to the columns, (C,) `models`."""
         self._keys = scenario.safety.avoidance
         self._virtual, self._predicted = scenario.leader is None, scenario.law.delay_compensation
         self._ground, self._clearance_m = scenario.ground, scenario.safety.clearance_m
-        self._history, self._model = history, model
-        self._unresponsive = Unresponsive(history, model)
+        self._history, self._models = history, models
+        self._unresponsive = Unresponsive(history, models)
         self._dt_s = 1.0 / scenario.law.rate_hz
         self._times_s = sample_times(self._dt_s + RESERVE_S, self._keys.horizon_s)
         _, self._first_s, *_, self._horizon_s = self._times_s.tolist()
-        columns = model.tau_v_s.size
-        self._side, self._turn_rps = np.zeros(columns), np.zeros(columns)
+        columns = len(models)
+        self._side, self._turn_rps = [0.0] * columns, [0.0] * columns
         self._last: Measured | None = None
-        self._slots, self._slots_moved = b"", True
+        self._slots: list[Triple] = []
+        self._slots_moved = True
         self._kept_from_others_m = self._keys.distance_m + ROOM_M
         slots = slot_schedule(scenario)
         self.kept_m = min(self._kept_from_others_m, *(self._kept_in(step.places_m) for step in slots))
@@ -122,58 +126,55 @@ class ConflictResolver:
         self._encounters: dict[tuple[int, int], Encounter] = {}
         self.changes: list[Encounter] = []
         """What began or ended at the last tick."""
-        self.replaced: Mask = np.zeros((columns, 3), dtype=bool)
+        self.replaced = [[False] * CHANNELS for _ in range(columns)]
         """Speed, heading and height of each column: what the law asked for isn't what is flown."""
 
     def rest(self) -> None:
         """Do nothing at a tick at which nobody is commanded."""
         self.changes = []
 
-    def keep(self, tick: Tick, measured: Measured, heard: Instants, disobeying: Mask) -> Tick:
-        """Return a tick with setpoints that keep the distance in the place of those that don't.
+    def keep(self, tick: Tick, measured: Measured) -> None:
+        """Put setpoints that keep the distance in the place of a tick's, where those don't.
 
         Args:
-            tick: with the law's setpoints.
+            tick: with the law's setpoints; changed.
             measured: the newest states.
-            heard: (C,) until when each vehicle is known to have heard what it was told.
-            disobeying: (C,) which don't seem to fly as they were told.
         """
         self.changes = []
-        self.replaced[:] = False
+        self.replaced = [[False] * CHANNELS for _ in self._models]
         if not self._keys.enabled:
-            return tick
+            return
         self._watch_turns(measured)
         self._watch_slots(tick.slots_m)
-        self._unresponsive.watch(tick.now, heard, disobeying)
+        self._unresponsive.watch(tick.now, tick.links)
         if self._nobody_near(tick, measured):
-            return tick
+            return
         members = self._members(tick, measured)
-        if members.size < 2:
-            return tick
+        if len(members) < FEWEST:
+            return
         scene = self._scene(tick, measured, members, self._unresponsive.among(members))
-        resolution = resolve(scene, Memory(np.where(scene.commanded, self._side[scene.vehicles], 0.0)))
-        kept = self._kept(tick, scene.vehicles, resolution)
+        side = np.array(self._side)[scene.vehicles]
+        resolution = resolve(scene, Memory(np.where(scene.commanded, side, 0.0)))
+        self._replace(tick, scene.vehicles, resolution)
         self._note(tick.now, scene, resolution.conflicts)
-        return kept
 
     def _nobody_near(self, tick: Tick, measured: Measured) -> bool:
         """Return whether all are commanded, respond and can't come near each other, and nobody gave way until now."""
-        usual = self._predicted and not self._encounters and not np.count_nonzero(self._side)
-        if not usual or self._unresponsive.any or not all_of(tick.active):
+        usual = self._predicted and not self._encounters and not any(self._side)
+        if not usual or self._unresponsive.any or not all(tick.active):
             return False
         first = 1 if self._virtual else 0
-        ages_s, delays_s = tick.age_s[first:].tolist(), tick.delay_s[first:].tolist()
+        ages_s, acts = tick.age_s[first:], measured.acts[first:]
         if any(age_s >= FORGOTTEN_AFTER_S for age_s in ages_s):
             return False
-        acts = measured.acts[first:].tolist()
-        together, off_s = max(acts), [TIMING_SHARE * (age + delay) for age, delay in zip(ages_s, delays_s, strict=True)]
+        together = max(acts)
         return nobody_near(
             Look(
-                states=tick.state.table[:, first:].T.tolist(),
-                told=tick.setpoints.table[:, first:].T.tolist(),
-                models=self._model.table[:, first:].T.tolist(),
+                states=tick.state[first:],
+                setpoints=tick.setpoints[first:],
+                models=self._models[first:],
                 lead_s=[(together - each) / NANOSECONDS for each in acts],
-                timing_s=[0.0 if math.isnan(each) else each for each in off_s],
+                timing_s=_timing_s(tick)[first:],
                 reference=max(0, tick.leader - first),
                 kept_m=self.kept_m,
                 first_s=self._first_s,
@@ -181,66 +182,72 @@ class ConflictResolver:
             )
         )
 
-    def _kept(self, tick: Tick, vehicles: Indices, resolution: Resolution) -> Tick:
-        """Return a tick with what the rule decided in the place of what the law did; remember where they differ."""
-        yielding, setpoints = resolution.memory.yielding, Setpoints.of(tick.setpoints.table.copy())
-        columns, told = vehicles[yielding], resolution.told.table[:, yielding]
-        self._side[:] = 0.0
-        self._side[columns] = resolution.memory.side[yielding]
-        self.replaced[columns] = (told != setpoints.table[:, columns]).T
-        setpoints.table[:, columns] = told
-        return replace(tick, setpoints=setpoints, yielding=self._side != 0)
+    def _replace(self, tick: Tick, vehicles: Indices, resolution: Resolution) -> None:
+        """Put what the rule decided in the place of what the law did, and remember where they differ."""
+        self._side = [0.0] * len(self._models)
+        sides: list[float] = resolution.memory.side.tolist()
+        columns: list[int] = vehicles.tolist()
+        commanded: list[list[float]] = resolution.told.table.T.tolist()
+        for column, side, (speed_mps, heading_rad, height_m) in zip(columns, sides, commanded, strict=True):
+            if side:
+                setpoint = speed_mps, heading_rad, height_m
+                self._side[column] = side
+                self.replaced[column] = [new != old for new, old in zip(setpoint, tick.setpoints[column], strict=True)]
+                tick.setpoints[column] = setpoint
+        tick.yielding = [side != 0.0 for side in self._side]
 
-    def _members(self, tick: Tick, measured: Measured) -> Indices:
+    def _members(self, tick: Tick, measured: Measured) -> list[int]:
         """Return the columns that count, the leader's first."""
-        counts = tick.active & (tick.age_s < FORGOTTEN_AFTER_S)
-        if not all_of(tick.active):
-            state = measured.state
-            over_ground = np.hypot(state.wind_north_mps, state.wind_east_mps) + state.airspeed_mps
-            counts |= (over_ground > STANDS_MPS) & (tick.age_s < FORGOTTEN_AFTER_S)
-        counts[0] &= not self._virtual
-        counted, leader = np.flatnonzero(counts), tick.leader
-        if not counts[leader] or leader == 0:
-            return counted
-        return np.concatenate(([leader], counted[counted != leader])).astype(np.intp)
+        counted: list[int] = []
+        for column in range(1 if self._virtual else 0, len(self._models)):
+            state = measured.states[column]
+            over_ground_mps = math.hypot(state.wind_north_mps, state.wind_east_mps) + state.airspeed_mps
+            if tick.age_s[column] < FORGOTTEN_AFTER_S and (tick.active[column] or over_ground_mps > STANDS_MPS):
+                counted.append(column)
+        if tick.leader in counted:
+            counted.remove(tick.leader)
+            counted.insert(0, tick.leader)
+        return counted
 
-    def _scene(self, tick: Tick, measured: Measured, members: Indices, unresponsive: Indices) -> Scene:
+    def _scene(self, tick: Tick, measured: Measured, members: list[int], unresponsive: list[int]) -> Scene:
         """Return what the rule looks at; those that may be unresponsive come once more, where they then are."""
-        responding = tick.active[members]
-        acts = measured.acts[members]
-        together = acts[responding].max(initial=acts.min())
-        until: Instants = np.where(responding, acts, together)
-        turn_rps: Array = np.where(responding, 0.0, self._turn_rps[members])
-        state = self._state(tick, measured, members, until, turn_rps)
-        traffic = Traffic(state, (together - until) / NANOSECONDS, turn_rps, self._model.take(members))
-        vehicles = np.concatenate((members, unresponsive))
-        commanded = tick.active[vehicles]
-        if unresponsive.size:
+        acts = [measured.acts[each] for each in members]
+        together = max((measured.acts[each] for each in members if tick.active[each]), default=min(acts))
+        until = [measured.acts[each] if tick.active[each] else together for each in members]
+        turn_rps = np.array([0.0 if tick.active[each] else self._turn_rps[each] for each in members])
+        lead_s = np.array([(together - each) / NANOSECONDS for each in until])
+        models = AutopilotModels.from_each(self._models[each] for each in members)
+        traffic = Traffic(self._state(tick, measured, members, until, turn_rps), lead_s, turn_rps, models)
+        commanded = [tick.active[each] for each in members] + [False] * len(unresponsive)
+        if unresponsive:
             traffic = traffic.beside(self._unresponsive.traffic(unresponsive, measured, together))
-            commanded[members.size :] = False
+        vehicles, timing_s = [*members, *unresponsive], _timing_s(tick)
+        by_law = Setpoints.from_each(tick.setpoints[each] for each in vehicles).table
         return Scene(
             traffic=traffic,
-            told=Setpoints.of(np.where(commanded, tick.setpoints.table[:, vehicles], np.nan)),
-            commanded=commanded,
-            vehicles=vehicles,
+            told=Setpoints.of(np.where(commanded, by_law, np.nan)),
+            commanded=np.array(commanded),
+            vehicles=np.array(vehicles, dtype=np.intp),
             kept_m=self.kept_m,
             kept_from_others_m=self._kept_from_others_m,
-            timing_s=TIMING_SHARE * or_zero(tick.age_s + tick.delay_s)[vehicles],
+            timing_s=np.array([timing_s[each] for each in vehicles]),
             reference=0,
             floor=self._floor_m,
             times_s=self._times_s,
         )
 
     def _state(
-        self, tick: Tick, measured: Measured, members: Indices, until: Instants, turn_rps: Array
+        self, tick: Tick, measured: Measured, members: list[int], until: list[int], turn_rps: Array
     ) -> FlightStates:
         """Return the states when setpoints act: the law's where it predicts, else predicted here."""
-        commanded = tick.active[members]
-        if self._predicted and all_of(commanded):
-            return tick.state.take(members)
-        begin, stamps = measured.state.take(members), measured.stamps[members]
-        state = self._history.predict(begin, stamps, until, members, self._model.take(members))
-        return state.turned(turn_rps, (until - stamps) / NANOSECONDS)
+        if self._predicted and all(tick.active[each] for each in members):
+            return FlightStates.from_each(tick.state[each] for each in members)
+        states = [measured.states[each].copy() for each in members]
+        for state, column, end in zip(states, members, until, strict=True):
+            self._history.carry(state, measured.stamps[column], end, column, self._models[column])
+        stamps = [measured.stamps[each] for each in members]
+        over_s = np.array([(end - stamp) / NANOSECONDS for end, stamp in zip(until, stamps, strict=True)])
+        return FlightStates.from_each(states).turned(turn_rps, over_s)
 
     def _floor_m(self, state: FlightStates) -> Array:
         """Return the height that vehicles may be sent down to: clear of the ground that they come to straight on."""
@@ -252,24 +259,25 @@ class ConflictResolver:
     def _watch_turns(self, measured: Measured) -> None:
         """Learn from two states how those turn that nobody commands."""
         before, self._last = self._last, measured
-        if before is None or all_of(measured.active):
+        if before is None or all(measured.active):
             return
-        elapsed_s = (measured.stamps - before.stamps) / NANOSECONDS
-        fresh = (elapsed_s > 0) & (elapsed_s < FORGOTTEN_AFTER_S)
-        turned = wrap(measured.state.heading_rad - before.state.heading_rad)
-        rate = np.divide(turned, elapsed_s, out=self._turn_rps.copy(), where=fresh)
-        most = self._model.turn_rate_max_rps
-        self._turn_rps = np.where(measured.active, 0.0, within(rate, -most, most))
+        for column, model in enumerate(self._models):
+            elapsed_s = (measured.stamps[column] - before.stamps[column]) / NANOSECONDS
+            if measured.active[column]:
+                self._turn_rps[column] = 0.0
+            elif 0.0 < elapsed_s < FORGOTTEN_AFTER_S:
+                turned_rad = wrap(measured.states[column].heading_rad - before.states[column].heading_rad)
+                most_rps = model.turn_rate_max_rps
+                self._turn_rps[column] = within(turned_rad / elapsed_s, -most_rps, most_rps)
 
-    def _watch_slots(self, slots_m: Array) -> None:
+    def _watch_slots(self, slots_m: list[Triple]) -> None:
         """Take note of slots that stand nearer to each other than any of the scenario's."""
-        content = slots_m.tobytes()
-        if content == self._slots:
-            if self._slots_moved:
-                self.kept_m = min(self.kept_m, self._kept_in(or_zero(slots_m)))
+        places = [place for place in slots_m if not math.isnan(place[0])]
+        if places != self._slots:
+            self._slots, self._slots_moved = places, True
+        elif self._slots_moved:
+            self.kept_m = min(self.kept_m, self._kept_in(or_zero(np.array(slots_m))))
             self._slots_moved = False
-        else:
-            self._slots, self._slots_moved = content, True
 
     def _kept_in(self, places_m: Array) -> float:
         """Return the distance that is kept between vehicles at places (C, 3) of a formation."""
@@ -284,7 +292,7 @@ class ConflictResolver:
         for conflict in conflicts:
             pair = int(vehicles[conflict.vehicle]), int(vehicles[conflict.other])
             if pair not in self._encounters:
-                upwards = bool(self._side[pair[0]] > 0)
+                upwards = self._side[pair[0]] > 0.0
                 begun = Encounter(*pair, now, conflict.nearest_m, conflict.in_s, upwards, np.inf)
                 self._encounters[pair] = begun
                 self.changes.append(begun)
@@ -292,9 +300,15 @@ class ConflictResolver:
             if pair[0] in where and pair[1] in where:
                 distance_m = float(np.linalg.norm(where[pair[0]] - where[pair[1]]))
                 encounter.least_m = min(encounter.least_m, distance_m)
-            if self._side[pair[0]] == 0:
+            if not self._side[pair[0]]:
                 encounter.ended = now
                 self.changes.append(self._encounters.pop(pair))
+
+
+def _timing_s(tick: Tick) -> list[float]:
+    """Return by how much earlier or later than reckoned vehicles may be where they're reckoned to be."""
+    off_s = [TIMING_SHARE * (age_s + link.delay_s) for age_s, link in zip(tick.age_s, tick.links, strict=True)]
+    return [0.0 if math.isnan(each) else each for each in off_s]
 
 
 def words(encounter: Encounter, names: Mapping[int, str]) -> tuple[str, dict[str, str | int | float | bool | None]]:

@@ -14,9 +14,10 @@ import numpy as np
 import numpy.typing as npt
 
 from flight_model.arrays import Array
+from flight_model.slot import Triple
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.control.fuzzy_pid import FIXED_GAINS, GainRange, PidGains
-from gcs_formation.control.mixer import Mixer, Triple
+from gcs_formation.control.mixer import Mixer
 
 Coefficients = npt.NDArray[np.float64] | npt.NDArray[np.complex128]
 MID_RANGE: Triple = (0.5, 0.5, 0.5)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,10 +14,10 @@ from airlink.engine import Datagram, Engine
 from airlink.memory import MemoryNetwork
 from formation_scenario import Scenario, load_scenario
 from gcs_formation.app.injection import impair
-from gcs_formation.estimation.flight_state import Columns
 from gcs_formation.mission.starting import CARELESS, Caution
-from gcs_formation.recorder import Event, Tick
+from gcs_formation.recorder import Event
 from gcs_formation.station import Station
+from gcs_formation.tick import Tick
 from sim_vehicles.config import Fault, FaultKind
 from sim_vehicles.fleet import Fleet
 from sim_vehicles.from_scenario import fleet_config
@@ -35,13 +35,12 @@ class Notes:
         """Keep nothing."""
 
     def tick(self, tick: Tick) -> None:
-        """Keep it; whoever still writes into its arrays raises a ValueError."""
+        """Keep it; whoever still writes into its lists raises a TypeError."""
         self.ticks.append(tick)
-        for field in fields(tick):
-            value = getattr(tick, field.name)
-            array = value.table if isinstance(value, Columns) else value
-            if isinstance(array, np.ndarray):
-                array.flags.writeable = False
+        for name in Tick.__slots__:
+            value = getattr(tick, name)
+            if isinstance(value, list):
+                setattr(tick, name, tuple(value))
 
     def event(self, event: Event) -> None:
         self.events.append(event)

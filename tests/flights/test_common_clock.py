@@ -112,7 +112,7 @@ def jump(world: World, number: int, seconds: float) -> None:
 
 def setpoint_steps(world: World, column: int, from_s: float, to_s: float) -> list[float]:
     """Return the largest steps of its airspeed (m/s), heading (rad) and height (m) setpoints from tick to tick."""
-    told = [tick.setpoints.table[:, column] for tick in world.notes.ticks if from_s <= tick.mission_time_s <= to_s]
+    told = [tick.setpoints[column] for tick in world.notes.ticks if from_s <= tick.mission_time_s <= to_s]
     steps = np.diff(np.array(told), axis=0)
     steps[:, 1] = np.remainder(steps[:, 1] + np.pi, 2 * np.pi) - np.pi
     return np.abs(steps).max(axis=0).tolist()

@@ -12,8 +12,8 @@ from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.engine import Datagram
 from airlink.messages.system import Heartbeat
+from flight_model.autopilot import FlightState
 from formation_scenario import load_scenario
-from gcs_formation.estimation.flight_state import FlightStates, Setpoints
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.fleet.conformance import SETTLED_S, MotionConformance
 from gcs_formation.vehicle.arduplane import ArduPlane
@@ -80,7 +80,7 @@ def test_a_follower_that_does_not_climb_with_the_path_is_reported() -> None:
     world.fly_to(6.0)
     world.strike(2, "ignore")
     began_m = world.fleet.bodies[1].state.height_m
-    world.network.run(lambda: world.notes.ticks[-1].setpoints.height_m[1] - began_m > 5.0)
+    world.network.run(lambda: world.notes.ticks[-1].setpoints[1][2] - began_m > 5.0)
     told_s = world.now_s
     world.run(10.0)
     (reported_s,) = world.times_s("disobeys", 2)
@@ -123,7 +123,7 @@ def test_a_vehicle_that_flies_straight_on_where_the_path_bends_is_reported(numbe
 
 
 def told(world: World, number: int) -> float:
-    return float(world.notes.ticks[-1].setpoints.heading_rad[number - 1])
+    return world.notes.ticks[-1].setpoints[number - 1][1]
 
 
 def test_an_order_to_loiter_that_is_acknowledged_and_not_obeyed_is_reported() -> None:
@@ -199,17 +199,16 @@ def judged(
     overrides: Sequence[str] = (),
 ) -> list[tuple[str, float]]:
     """Take a vehicle over at 0 s, tell it speed, heading and height from a time on; return what is found, and when."""
-    planned, history, state = load_scenario(scenario(), overrides), SetpointHistory(10.0), np.zeros((8, 3))
-    conformance, found, state[2] = MotionConformance(planned, history), list[tuple[str, float]](), 100.0
-    settled = np.zeros((3, 3), dtype=bool)
+    planned, history = load_scenario(scenario(), overrides), SetpointHistory(10.0)
+    conformance, found = MotionConformance(planned, history), list[tuple[str, float]]()
     for tick in range(400):
         now, at_s = after(START, 0.1 * tick), 0.1 * tick
         told = (told_mps, heading_rad, told_m) if at_s >= told_from_s else (22.0, 0.0, 100.0)
-        history.begin(np.full(3, now))
-        history.note(Setpoints(*(np.full(3, value) for value in told)))
-        state[3], state[4], settled[:, 1] = climb_mps(at_s), airspeed_mps(at_s), at_s >= SETTLED_S
-        flown = FlightStates(*state.copy())
-        new = conformance.check(now, np.full(3, now), flown, settled, np.array((0.0, at_s, 0.0)))
+        history.begin([now] * 3)
+        history.note([told] * 3)
+        settled = [[column == 1 and at_s >= SETTLED_S] * 3 for column in range(3)]
+        flown = [FlightState(0.0, 0.0, 100.0, climb_mps(at_s), airspeed_mps(at_s), 0.0, 0.0, 0.0) for _ in range(3)]
+        new = conformance.check(now, [now] * 3, flown, settled, [0.0, at_s, 0.0])
         found += [(each.channel, at_s) for each in new]
     return found
 

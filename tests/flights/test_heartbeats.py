@@ -9,7 +9,7 @@ import pytest
 from airlink import mavlink as m
 from airlink.messages.parameter import ParamSet
 from gcs_formation.fleet.dispatch import UNGUIDED_S
-from gcs_formation.recorder import Tick
+from gcs_formation.tick import Tick
 from sim_vehicles.autopilot.modes import Mode
 from tests.flights.in_memory import World
 
@@ -49,7 +49,7 @@ def test_a_vehicle_for_which_the_law_has_no_setpoint_gets_no_heartbeat_and_goes_
 
     def without_the_last(*given: Any, **named: Any) -> Tick:
         tick = step(*given, **named)
-        tick.setpoints.height_m[2] = float("nan")
+        tick.setpoints[2] = (*tick.setpoints[2][:2], float("nan"))
         return tick
 
     monkeypatch.setattr(controller, "step", without_the_last)

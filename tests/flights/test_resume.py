@@ -25,8 +25,9 @@ from gcs_formation.phases import Phase
 from gcs_formation.record.past import epoch_us, read_past
 from gcs_formation.record.run_directory import SPOOL, RunDirectory, read_tlog
 from gcs_formation.record.timeseries import read_parquet, read_spool
-from gcs_formation.recorder import Event, Tick
+from gcs_formation.recorder import Event
 from gcs_formation.station import Station
+from gcs_formation.tick import Tick
 from sim_vehicles.autopilot.modes import Condition, Mode
 from sim_vehicles.fleet import Fleet
 from tests.flights.conftest import scenario
@@ -107,7 +108,7 @@ class Killed:
         """Return how long after the resumption every follower was in its slot, and stayed there."""
         flown = [tick for tick in self.world.notes.ticks if tick.phase in ("assembling", "flying")]
         followers = [column for column in range(len(self.world.fleet.vehicles)) if column != flown[0].leader]
-        errors = [(tick.now / NANOSECONDS, np.abs(tick.error_m[followers]).max()) for tick in flown]
+        errors = [(tick.now / NANOSECONDS, np.abs([tick.error_m[each] for each in followers]).max()) for tick in flown]
         assert errors[-1][1] < SLOT_M
         last_s = max((at_s for at_s, error in errors if not error < SLOT_M), default=self.resumed_s)
         return last_s - self.resumed_s

@@ -150,7 +150,7 @@ def test_after_the_path_has_begun_a_vehicle_that_can_not_be_started_again_is_aba
     (told_s,), (abandoned_s,) = world.times_s("disobeys", 2), world.times_s("abandoned", 2)
     assert abandoned_s - told_s == pytest.approx(18.0, abs=1.0)
     assert world.words("abandoned") == ["vehicle 2: not done within 20 s after we set mode GUIDED"]
-    assert max(abs(tick.error_m[2]).max() for tick in world.notes.ticks if tick.mission_time_s > 2.0) < 0.05
+    assert max(np.abs(tick.error_m[2]).max() for tick in world.notes.ticks if tick.mission_time_s > 2.0) < 0.05
     world.strike(2, "ignore", ends=True)
     world.strike(2, "pilot", ends=True)
     back_s = world.now_s
@@ -200,5 +200,5 @@ def test_where_the_leader_turns_off_to_go_round_again_nobody_is_told_to_turn_abo
     world.strike(LAST, "pilot")
     world.run(30.0)
     assert world.station.controller.guidance.rounds > 0
-    headings = np.array([tick.setpoints.heading_rad for tick in world.notes.ticks])
+    headings = np.array([[heading_rad for _, heading_rad, _ in tick.setpoints] for tick in world.notes.ticks])
     assert np.nanmax(np.abs(wrap(np.diff(headings, axis=0)))) < 0.5

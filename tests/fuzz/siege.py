@@ -24,8 +24,9 @@ from flight_model.arrays import Array
 from formation_scenario import Scenario, load_scenario
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.app.injection import impair
-from gcs_formation.recorder import Event, Tick
+from gcs_formation.recorder import Event
 from gcs_formation.station import Station
+from gcs_formation.tick import Tick
 from gcs_formation.vehicle.vehicle import STATION_SYSTEM
 from sim_vehicles.fleet import Fleet
 from sim_vehicles.from_scenario import fleet_config
@@ -61,9 +62,9 @@ class Notes:
 
     def tick(self, tick: Tick) -> None:
         """Keep setpoints, and errors while the path is flown."""
-        self.setpoints.append(tick.setpoints.table)
+        self.setpoints.append(np.array(tick.setpoints))
         if tick.phase == "flying":
-            self.errors_m.append(tick.error_m[1:])
+            self.errors_m.append(np.array(tick.error_m[1:]))
 
     def event(self, event: Event) -> None:
         """Keep it."""
@@ -195,12 +196,12 @@ def peak_kib() -> int:
 
 def check(flown: Flown) -> None:
     """Hold a flight to what no datagram may break: what is told and how vehicles move stay an aircraft's."""
-    model, default = flown.station.controller.model, VehicleModel()
-    told = np.array(flown.notes.setpoints).reshape(-1, 3, model.tau_v_s.size)
+    models, default = flown.station.controller.models, VehicleModel()
+    told = np.array(flown.notes.setpoints).reshape(-1, len(models), 3)
     assert not np.isinf(told).any()
-    assert np.array_equal(np.isnan(told[:, 0]), np.isnan(told).any(axis=1)), "part of a setpoint"
-    assert np.nanmin(told[:, 0], initial=np.inf) >= model.speed_min_mps.min()
-    assert np.nanmax(told[:, 0], initial=-np.inf) <= model.speed_max_mps.max()
+    assert np.array_equal(np.isnan(told[..., 0]), np.isnan(told).any(axis=-1)), "part of a setpoint"
+    assert np.nanmin(told[..., 0], initial=np.inf) >= min(model.speed_min_mps for model in models)
+    assert np.nanmax(told[..., 0], initial=-np.inf) <= max(model.speed_max_mps for model in models)
     for payload in flown.notes.commands:
         fields = CODECS[CommandInt].decode(payload)
         assert isinstance(fields, CommandInt)

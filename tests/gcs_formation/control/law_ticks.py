@@ -12,11 +12,13 @@ from gcs_formation.control.follower import LawParameters
 from gcs_formation.control.fuzzy_pid import Channel, FuzzyGainScheduler, GainRange, PidGains
 from gcs_formation.control.law import FormationLaw
 from gcs_formation.control.mixer import Mixer
-from gcs_formation.control.situation import Decision, Lead, Situation
+from gcs_formation.control.situation import Lead, Situation
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
 from gcs_formation.estimation.projection import AtOneStamp
 from gcs_formation.guidance.leader import LeaderCommand
 from gcs_formation.guidance.tracking import RouteHeading
+from tests.gcs_formation import tables
+from tests.gcs_formation.tables import Decision, TableLaw
 
 Array = npt.NDArray[np.float64]
 
@@ -58,12 +60,13 @@ def law(
     frame: Frame = "leader_heading",
     scheduler: FuzzyGainScheduler | None = None,
     scales: tuple[float, float] = (1.0, 1.0),
-) -> FormationLaw:
+) -> TableLaw:
     """A law whose derivatives are unfiltered; `scales` of errors and rates are those of every channel."""
     each = zip(kp.tolist(), ki.tolist(), kd.tolist(), strict=True)
     speed, heading, height = (Channel(PidGains(p, i, d, 1e-9), *scales, 2.0) for p, i, d in each)
     gain_range = GainRange(0.7, 0.6)
-    return FormationLaw(LawParameters(MIXER, frame, speed, heading, height, gain_range, scheduler, 2.0), MODEL)
+    parameters = LawParameters(MIXER, frame, speed, heading, height, gain_range, scheduler, 2.0)
+    return TableLaw(FormationLaw(parameters, tables.models(MODEL)))
 
 
 def state(rows: Array) -> FlightStates:
@@ -93,9 +96,15 @@ def situation(
         [to_leader] * COUNT,
         RouteHeading(to_leader.heading_rad, turn_rps, 0.0, 0.0, SPEED_MPS),
     )
-    slots, flying, every = slots or SlotMotion.at_rest(SLOTS_M), np.ones(COUNT, dtype=bool), np.ones((COUNT, 3))
     return Situation(
-        AtOneStamp(states, np.int64(0)), lead, slots, told, np.zeros(COUNT), flying, every, np.zeros((COUNT, 3), bool)
+        states=AtOneStamp(tables.states(states), 0),
+        lead=lead,
+        slots=(slots or SlotMotion.at_rest(SLOTS_M)).each,
+        commanded=tables.setpoints(told),
+        wind_variance=[0.0] * COUNT,
+        active=[True] * COUNT,
+        bandwidth=[[1.0] * 3] * COUNT,
+        replaced=[[False] * 3] * COUNT,
     )
 
 

@@ -11,16 +11,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from airlink.clock import Instant
+from flight_model.slot import NOTHING
 from formation_scenario.formation import Frame
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.control.consensus import ConsensusLaw, ConsensusParameters
-from gcs_formation.control.situation import Decision, Lead, Situation
-from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
+from gcs_formation.control.situation import Lead, Situation
+from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates
 from gcs_formation.estimation.projection import AtOneStamp
 from gcs_formation.guidance.leader import LeaderCommand
 from gcs_formation.guidance.tracking import RouteHeading
 from gcs_formation.stability import graph_adjacency
 from gcs_formation.stability.graphs import laplacian
+from tests.gcs_formation import tables
+from tests.gcs_formation.tables import Decision, TableLaw
 
 Array = npt.NDArray[np.float64]
 
@@ -43,8 +46,9 @@ def column(value: float) -> Array:
 MODEL = AutopilotModels(*map(column, (TAU_V_S, TAU_PSI_S, 1.0, 3.0, 1.0, 99.0, 1.5, 0.25, 3.0)))
 
 
-def law(k3: float = 0.25, graph: Array = GRAPH, frame: Frame = "leader_heading") -> ConsensusLaw:
-    return ConsensusLaw(ConsensusParameters(K1, K2, k3, graph, np.arange(COUNT), frame), MODEL)
+def law(k3: float = 0.25, graph: Array = GRAPH, frame: Frame = "leader_heading") -> TableLaw:
+    parameters = ConsensusParameters(K1, K2, k3, graph, list(range(COUNT)), frame)
+    return TableLaw(ConsensusLaw(parameters, tables.models(MODEL)))
 
 
 def places(heading_rad: float) -> tuple[Array, Array]:
@@ -71,10 +75,16 @@ def situation(
     told = LeaderCommand(SPEED_MPS, heading_rad + TAU_PSI_S * turn_rps, 100.0, turn_rps)
     lead = Lead(0, Instant(0), [told] * COUNT, RouteHeading(heading_rad, turn_rps, 0.0, 0.0, SPEED_MPS))
     slots = SlotMotion.at_rest(np.concatenate((np.zeros((1, 3)), SLOTS_M)))
-    flying = np.ones(COUNT, bool) if active is None else active
-    every = np.ones((COUNT, 3))
-    silent = Setpoints(*np.full((3, COUNT), np.nan))
-    return Situation(AtOneStamp(state, np.int64(0)), lead, slots, silent, np.zeros(COUNT), flying, every, every == 0)
+    return Situation(
+        states=AtOneStamp(tables.states(state), 0),
+        lead=lead,
+        slots=slots.each,
+        commanded=[NOTHING] * COUNT,
+        wind_variance=[0.0] * COUNT,
+        active=[True] * COUNT if active is None else active.tolist(),
+        bandwidth=[[1.0] * 3] * COUNT,
+        replaced=[[False] * 3] * COUNT,
+    )
 
 
 def accelerations(decision: Decision, heading_rad: float) -> tuple[Array, Array]:

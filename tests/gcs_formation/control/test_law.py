@@ -124,12 +124,11 @@ def test_an_integral_grows_by_gain_error_and_time() -> None:
 def test_nothing_is_learnt_of_a_setpoint_that_was_replaced_nor_kept_of_one_that_is_not_commanded() -> None:
     flying, here = law(ki=np.array((0.5, 0.0, 0.0))), behind(1.0)
     flying.decide(here, DT_S)
-    replaced = np.zeros((COUNT, 3), dtype=bool)
-    replaced[1, 0] = True
+    replaced = [[False] * 3, [True, False, False], [False] * 3]
     flying.decide(replace(here, replaced=replaced), DT_S)
     asked = sent(flying.decide(here, DT_S))[:, 0] - SPEED_MPS
     np.testing.assert_allclose(asked, (0.05, 0.10), atol=1e-12)
-    flying.decide(replace(here, active=np.array((True, False, True))), DT_S)
+    flying.decide(replace(here, active=[True, False, True]), DT_S)
     asked = sent(flying.decide(here, DT_S))[:, 0] - SPEED_MPS
     np.testing.assert_allclose(asked, (0.0, 0.20), atol=1e-12)
 
@@ -139,10 +138,10 @@ def test_behind_a_new_leader_everything_begins_again() -> None:
     for _ in range(5):
         flying.decide(here, DT_S)
     decided = flying.decide(replace(here, lead=replace(here.lead, leader=1)), DT_S)
-    assert decided.columns.tolist() == [0, 2]
+    assert decided.columns == [0, 2]
     np.testing.assert_allclose(decided.gains[0, 3:6], (0.5, 0.0, 0.0))
     again = flying.decide(here, DT_S)
-    assert again.columns.tolist() == [1, 2]
+    assert again.columns == [1, 2]
     np.testing.assert_allclose(sent(again)[:, 0], SPEED_MPS)
 
 
@@ -156,8 +155,8 @@ def test_a_correction_grows_as_fast_as_the_vehicle_follows_and_shrinks_at_once(
     flying, most = law(kp=gain), share * DT_S * np.array(limits)
 
     def asked(metres: float, *, replaced: bool = False) -> Array:
-        states, rule = in_formation(), np.zeros((COUNT, 3), dtype=bool)
-        rule[2, channel] = replaced
+        states, rule = in_formation(), [[False] * 3 for _ in range(COUNT)]
+        rule[2][channel] = replaced
         here = situation(with_rows(states, channel, states.table[channel, FOLLOWERS] - metres))
         return sent(flying.decide(replace(here, replaced=rule), DT_S))[:, channel] - (SPEED_MPS, 0.0)[channel]
 
@@ -199,9 +198,9 @@ def test_a_change_of_wind_within_what_is_not_known_of_it_is_no_gust() -> None:
     """Beyond three standard deviations it counts, less their square."""
 
     def led(gust_mps: float) -> float:
-        flying, unknown = law(), np.array((0.06, 0.08, 0.0))  # 0.1 m/s of the pair 0, 1
-        flying.decide(replace(situation(carried((0.0, 0.0))), wind_sigma_mps=unknown), DT_S)
-        here = replace(situation(carried((gust_mps, 0.0))), wind_sigma_mps=unknown)
+        flying, unknown = law(), [0.06**2, 0.08**2, 0.0]  # 0.1 m/s of the pair 0, 1
+        flying.decide(replace(situation(carried((0.0, 0.0))), wind_variance=unknown), DT_S)
+        here = replace(situation(carried((gust_mps, 0.0))), wind_variance=unknown)
         return float(SPEED_MPS - gust_mps - sent(flying.decide(here, DT_S))[0, 0])
 
     assert led(0.29) == pytest.approx(0.0, abs=1e-12)
@@ -210,7 +209,7 @@ def test_a_change_of_wind_within_what_is_not_known_of_it_is_no_gust() -> None:
 
 def test_a_share_of_the_bandwidth_is_that_of_the_gains_and_its_square_of_the_integral() -> None:
     gains, share = (np.array((3.0, 0.5, 2.0)), np.array((0.8, 0.1, 0.2)), np.array((6.5, 1.0, 0.5))), 0.5
-    here = replace(behind(0.0), bandwidth=np.full((COUNT, 3), share))
+    here = replace(behind(0.0), bandwidth=[[share] * 3] * COUNT)
     shown = law(*gains).decide(here, DT_S).gains[0]
     np.testing.assert_allclose(shown, np.concatenate((share * gains[0], share**2 * gains[1], share * gains[2])))
 
@@ -252,7 +251,7 @@ def test_setpoints_held_from_tick_to_tick_keep_a_turning_slot() -> None:
 def test_who_was_not_commanded_meets_no_gust_and_no_slew_afterwards() -> None:
     flying, still = law(kp=np.array((3.0, 0.0, 0.0))), situation(carried((0.0, 0.0)))
     flying.decide(still, DT_S)
-    flying.decide(replace(still, active=np.array((True, False, True))), DT_S)
+    flying.decide(replace(still, active=[True, False, True]), DT_S)
     states = carried((0.4, 0.0))
     here = situation(with_rows(states, 0, states.table[0, FOLLOWERS] - 4.0))
     begun, going_on = sent(flying.decide(here, DT_S))[:, 0]

@@ -38,8 +38,8 @@ def test_what_a_heading_sweeps_a_slot_is_no_error_and_damps_as_30_m_behind() -> 
     decided = law(frame="follower_heading").decide(here, DT_S)
     off = np.sin(np.array((0.12, -0.08)))
     swept_m, swung_m = near[FOLLOWERS, 1] * off, np.array((1.36 * SPEED_MPS - 10.0, 0.0)) * off
-    follower = here.states.of(np.arange(1, 3), np.arange(1, 3))
-    along = 0.1 * (SPEED_MPS - follower.airspeed_mps) + 1.0 * (decided.error_m[:, 0] + swept_m)
+    airspeed_mps = np.array([here.states.of(each, each).airspeed_mps for each in (1, 2)])
+    along = 0.1 * (SPEED_MPS - airspeed_mps) + 1.0 * (decided.error_m[:, 0] + swept_m)
     aside = 0.3 * -np.array((0.12, -0.08)) + 0.05 * (decided.error_m[:, 1] - swung_m)
     np.testing.assert_allclose(decided.mixed[:, :2].T, (along, aside))
 

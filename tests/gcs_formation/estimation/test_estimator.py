@@ -15,11 +15,12 @@ from gcs_formation.estimation.noise import RESOLUTION, ROWS, Declared, VehicleNo
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.parameters import declared_noise
 from tests.flights.conftest import scenario
+from tests.gcs_formation import tables
 from tests.gcs_formation.estimation import filter_on_arrays
 from tests.gcs_formation.estimation.filter_on_arrays import HEADING, WIND_NORTH
 
 QUANTITY_OF = np.array(ROWS)
-RATE_HZ, STEP_NS, COLUMN, TOLD = 10.0, 100_000_000, np.array([0]), np.ones(1, dtype=bool)
+RATE_HZ, STEP_NS = 10.0, 100_000_000
 GNSS = np.array((0.3, 0.3, 0.1, 0.1, 0.2, math.radians(0.5)))
 MODEL = AutopilotModels(*(np.array([value]) for value in (4.0, 1.5, 1.0, 3.0, 16.0, 28.0, 1.5, 0.25, 3.0)))
 START = np.array((0.0, 0.0, 100.0, 0.0, 22.0, 0.3, 1.0, -2.0))
@@ -42,24 +43,27 @@ class Flight:
     def see(self, off: float | Array = 0.0):
         exact = filter_on_arrays.expected(FlightStates(*self.true[:, None]))[:, 0]
         seen = exact + self.sigma[QUANTITY_OF] * self.random.standard_normal(8) + off
-        self.filter.take({0: Sample(Instant(self.now), *seen)}, MODEL, TOLD)
+        self.filter.take({0: Sample(Instant(self.now), *seen)}, tables.models(MODEL), [True])
 
     def fly(self, heading_rad=0.5, yanked_rad=0.0, gust_mps=0.0, off: float | Array = 0.0):
         told = Setpoints(*(np.array([value]) for value in (22.0, heading_rad, 110.0)))
         since = np.array([self.now])
-        self.history.begin(since)
-        self.history.note(told)
+        tables.send(self.history, since, told)
         self.now += STEP_NS
         until = np.array([self.now])
-        self.true = self.history.predict(FlightStates(*self.true[:, None]), since, until, COLUMN, MODEL).table[:, 0]
+        self.true = tables.predict(self.history, FlightStates(*self.true[:, None]), since, until, MODEL).table[:, 0]
         walk = np.array((0, 0, 0, *UNMODELLED, WIND_WALK, WIND_WALK))
         self.true = self.true + walk * math.sqrt(0.1) * self.random.standard_normal(8)
         self.true[HEADING] += yanked_rad
         self.true[WIND_NORTH:] += gust_mps
         self.see(off)
 
+    @property
+    def state(self):
+        return self.filter.filters[0].state
+
     def error(self):
-        error = self.filter.state.table[:, 0] - self.true
+        error = np.array(self.state.values()) - self.true
         error[HEADING] = math.remainder(error[HEADING], math.tau)
         return error
 
@@ -116,8 +120,7 @@ def test_a_take_off_that_climbs_faster_than_the_model_may_is_followed():
         flight.see()
         errors_m.append(flight.error()[2])
         told = Setpoints(*(np.array([value]) for value in (22.0, 0.0, height_m + 8.0)))
-        flight.history.begin(np.array([flight.now]))
-        flight.history.note(told)
+        tables.send(flight.history, np.array([flight.now]), told)
         flight.now += STEP_NS
         height_m += 0.1 * climb_mps
     assert np.abs(errors_m).max() < 1.0
@@ -184,18 +187,17 @@ def test_a_column_without_wind_keeps_none():
     flight.filter = StateEstimator(Declared(RESOLUTION[:, None], RESOLUTION[:, None]), flight.history, RATE_HZ, 0.0)
     for _ in range(100):
         flight.fly()
-    assert not flight.filter.state.wind_mps.any()
+    assert flight.state.wind_north_mps == flight.state.wind_east_mps == 0.0
     assert np.abs(flight.error()[:2]).max() < 0.05
 
 
 @pytest.mark.parametrize("elapsed_s", [0.02, 0.1])
 def test_the_transition_is_the_derivative_of_the_prediction(elapsed_s):
     flight, until = Flight(), np.array([round(elapsed_s * 1e9)])
-    flight.history.begin(np.array([0]))
-    flight.history.note(Setpoints(*(np.array([value]) for value in (22.5, 0.3, 101.0))))
+    tables.send(flight.history, np.array([0]), Setpoints(*(np.array([value]) for value in (22.5, 0.3, 101.0))))
 
     def predicted(state):
-        return flight.history.predict(FlightStates(*state[:, None]), np.array([0]), until, COLUMN, MODEL).table[:, 0]
+        return tables.predict(flight.history, FlightStates(*state[:, None]), np.array([0]), until, MODEL).table[:, 0]
 
     small = 1e-5 * np.eye(8)
     derivative = np.stack([(predicted(START + each) - predicted(START - each)) / 2e-5 for each in small], axis=1)
@@ -217,14 +219,13 @@ def test_a_step_is_the_extended_kalman_filters(told, off_m, monkeypatch):
         learnt.append(unexplained)
 
     monkeypatch.setattr(VehicleNoise, "learn", note)
-    flight.history.begin(np.array([0]))
-    flight.history.note(Setpoints(*(np.array([each]) for each in (22.0, 0.3, 100.0))))
-    before, until = flight.filter.state, np.array([STEP_NS])
+    tables.send(flight.history, np.array([0]), Setpoints(*(np.array([each]) for each in (22.0, 0.3, 100.0))))
+    before, until = FlightStates.from_each([flight.state]), np.array([STEP_NS])
     covariance, variance = flight.filter.covariance[0], fine[QUANTITY_OF] ** 2
-    state = flight.history.predict(before, np.array([0]), until, COLUMN, MODEL)
+    state = tables.predict(flight.history, before, np.array([0]), until, MODEL)
     off = np.array((off_m, -off_m, off_m, *0.3 * fine[QUANTITY_OF][3:]))
     flight.filter.take(
-        {0: Sample(Instant(STEP_NS), *(filter_on_arrays.expected(state)[:, 0] + off))}, MODEL, np.array([told])
+        {0: Sample(Instant(STEP_NS), *(filter_on_arrays.expected(state)[:, 0] + off))}, tables.models(MODEL), [told]
     )
     moved, rows = filter_on_arrays.transition(before, np.array([0.1]), MODEL)[0], filter_on_arrays.sensitivity(state)[0]
     strays = (0, 0, 0, 0.05, 0.05, 0.003) if told else (0, 0, 0, 1.0, 1.0, 0.3)
@@ -238,7 +239,7 @@ def test_a_step_is_the_extended_kalman_filters(told, off_m, monkeypatch):
     kept = np.eye(8) - gain @ rows
     corrected = kept @ predicted @ kept.T + gain @ np.diag(variance) @ gain.T
     np.testing.assert_allclose(flight.filter.covariance[0], corrected, rtol=1e-6, atol=1e-12)
-    np.testing.assert_allclose(flight.filter.state.table[:, 0], state.table[:, 0] + gain @ off, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(flight.state.values(), state.table[:, 0] + gain @ off, rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(learnt[0], off, rtol=1e-6, atol=1e-9)
 
 
@@ -256,7 +257,7 @@ def test_headings_stay_within_half_a_turn():
     flight = Flight()
     for step in range(200):
         flight.fly(heading_rad=0.3 + 0.02 * step)
-        assert -math.pi <= flight.filter.state.heading_rad[0] < math.pi
+        assert -math.pi <= flight.state.heading_rad < math.pi
     assert abs(flight.error()[HEADING]) < 0.05
 
 
@@ -273,13 +274,13 @@ def test_the_controller_filters_what_noisy_vehicles_tell():
     """The second of three flies straight on; its samples have the declared noise."""
     controller = FormationController(load_scenario(scenario(vehicles={"count": 3, "navigation": {"source": "noisy"}})))
     told = (np.full(3, value) for value in (22.0, 0.4, 100.0))
-    controller.history.begin(np.zeros(3, dtype=np.int64))
-    controller.history.note(Setpoints(*told))
+    tables.send(controller.history, np.zeros(3, dtype=np.int64), Setpoints(*told))
     random, errors = np.random.default_rng(1), []
     for tenth in range(300):
         at_s, over_ground_mps = 0.1 * tenth, (22.0 * math.cos(0.4), 22.0 * math.sin(0.4), 0.0)
         true = np.array((*(at_s * each for each in over_ground_mps[:2]), 100.0, 22.0))
         north, east, height, airspeed = true + np.array((0.3, 0.3, 0.3, 0.2)) * random.standard_normal(4)
         controller.take({1: Sample(after(Instant(0), at_s), north, east, height, *over_ground_mps, airspeed, 0.4)})
-        errors.append(controller.estimator.state.table[(0, 1, 2, 4), 1] - true)
+        found = controller.estimator.filters[1].state
+        errors.append(np.array((found.north_m, found.east_m, found.height_m, found.airspeed_mps)) - true)
     assert np.all(np.sqrt(np.square(errors[100:]).mean(axis=0)) < 0.6 * np.array((0.3, 0.3, 0.3, 0.2)))

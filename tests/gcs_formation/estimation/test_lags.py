@@ -8,6 +8,7 @@ from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates,
 from gcs_formation.estimation.lags import LagEstimator
 from gcs_formation.estimation.predictor import advance
 from gcs_formation.estimation.setpoint_history import SetpointHistory
+from tests.gcs_formation import tables
 
 TICK_S, DELAY_S = 0.1, 0.35
 LAGS = ("tau_v_s", "tau_psi_s", "tau_ha_s", "tau_hb_s")
@@ -38,7 +39,8 @@ def flown(
     """Return the estimator after a flight of vehicles whose lags are `ratios` times the believed ones."""
     true, count = true or models(ratios), len(ratios)
     history = SetpointHistory(1 / TICK_S)
-    lags = LagEstimator(models(np.ones((count, 4))), history, 1 / TICK_S, 1 / TICK_S, in_use=in_use)
+    believed = tables.models(models(np.ones((count, 4))))
+    lags = LagEstimator(believed, history, 1 / TICK_S, 1 / TICK_S, in_use=in_use)
     rows = np.array([0.0, 0.0, 100.0, 0.0, 22.0, 0.0, 0.0, 0.0])
     state, random = FlightStates.of(np.repeat(rows[:, None], count, axis=1)), np.random.default_rng(seed)
     tick_ns, acting = round(TICK_S * 1e9), []
@@ -51,9 +53,8 @@ def flown(
             errors = random.normal(size=3) * noise
             motion = table[4:6, column] + errors[:2], table[2, column] + errors[2], table[3, column]
             lags.hear(column, tick * tick_ns, (*motion[0].tolist(), float(motion[1]), float(motion[2])))
-        lags.learn(np.full(count, learning))
-        history.begin(acts)
-        history.note(Setpoints.of(told))
+        lags.learn([learning] * count)
+        tables.send(history, acts, Setpoints.of(told))
         # A setpoint acts 3.5 ticks after it was told.
         late = [acting[max(0, tick - 4)], acting[max(0, tick - 3)]]
         state = advance(state, np.array(late), np.full((2, count), TICK_S / 2), true)
@@ -72,8 +73,8 @@ def test_lags_30_percent_off_are_found_each_vehicle_its_own():
 
 def test_the_model_in_use_has_the_lags_that_were_found():
     lags = flown(CORNERS[:1])
-    assert lags.model.tau_v_s == pytest.approx(4.0 * 1.3, rel=0.02)
-    assert lags.model.tau_psi_s == pytest.approx(1.5 * 0.7, rel=0.02)
+    assert lags.models[0].tau_v_s == pytest.approx(4.0 * 1.3, rel=0.02)
+    assert lags.models[0].tau_psi_s == pytest.approx(1.5 * 0.7, rel=0.02)
 
 
 def test_white_noise_in_the_telemetry_does_not_bias_them():
@@ -90,7 +91,7 @@ def test_beyond_half_and_twice_the_believed_lags_nothing_is_taken_and_the_misfit
 
 def test_a_model_that_is_to_stay_stays_and_its_misfit_tells():
     lags = flown(CORNERS, in_use=False)
-    assert (lags.model.table == lags.model.table[:, :1]).all()
+    assert {each.values() for each in lags.models} == {lags.models[0].values()}
     assert lags.misfit[:2] == pytest.approx(0.3, abs=0.1)
 
 

@@ -12,6 +12,7 @@ from airlink.clock import NANOSECONDS
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
 from gcs_formation.estimation.predictor import advance
 from gcs_formation.estimation.setpoint_history import SetpointHistory
+from tests.gcs_formation import tables
 
 
 def column(*values: float) -> list[np.ndarray]:
@@ -79,19 +80,12 @@ def test_setpoints_act_when_they_arrive() -> None:
     told = [(22.0, 0.0, 100.0), (24.0, 0.1, 101.0), (20.0, 0.3, 99.0)]
     for k, values in enumerate(told):
         acts = np.array([round((0.1 * k + 0.3) * NANOSECONDS)])
-        history.begin(acts)
-        history.note(Setpoints(*column(*values)))
+        tables.send(history, acts, Setpoints(*column(*values)))
     state = FlightStates(*column(0, 0, 100, 0, 22, 0, 0, 0))
-    predicted = history.predict(
-        state,
-        np.array([round(0.25 * NANOSECONDS)]),
-        np.array([round(0.65 * NANOSECONDS)]),
-        np.array([0]),
-        MODEL,
-    )
+    since, until = np.array([round(0.25 * NANOSECONDS)]), np.array([round(0.65 * NANOSECONDS)])
+    predicted = tables.predict(history, state, since, until, MODEL)
     for instant_s, values in ((0.2, told[0]), (0.35, told[0]), (0.45, told[1]), (9.0, told[2])):
-        held = history.told(np.array([round(instant_s * NANOSECONDS)]), np.array([0]))
-        assert held.table[:, 0].tolist() == list(values)
+        assert history.commanded(round(instant_s * NANOSECONDS), 0) == values
     for values, duration_s in zip(told, (0.15, 0.1, 0.15), strict=True):
         state = advance(state, np.array(values)[None, :, None], np.array([[duration_s]]), MODEL)
     for name in ("north_m", "east_m", "height_m", "airspeed_mps", "heading_rad"):

@@ -8,14 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
-from gcs_formation.estimation.projection import AtOneStamp, Measured, Pairing, Prediction
+from gcs_formation.estimation.projection import AtOneStamp, Measured, Pairing, Prediction, States
 from gcs_formation.estimation.setpoint_history import SetpointHistory
+from tests.gcs_formation import tables
 
 Array = npt.NDArray[np.float64]
 Stamps = npt.NDArray[np.int64]
 
 COUNT = 3
-EVERYONE = np.arange(COUNT)
 RATE_HZ = 10.0
 MS = 1_000_000
 
@@ -30,7 +30,13 @@ def at(stamps: Stamps) -> FlightStates:
 
 
 def measured(stamps: Stamps, active: npt.NDArray[np.bool_] | None = None) -> Measured:
-    return Measured(at(stamps), stamps, np.ones(COUNT, bool) if active is None else active, stamps)
+    flying = [True] * COUNT if active is None else active.tolist()
+    return Measured(tables.states(at(stamps)), stamps.tolist(), flying, stamps.tolist())
+
+
+def table(states: States) -> FlightStates:
+    """Everybody's state when its own setpoint acts."""
+    return FlightStates.from_each(states.of(vehicle, vehicle) for vehicle in range(COUNT))
 
 
 periods = st.lists(st.integers(20, 400), min_size=COUNT, max_size=COUNT)
@@ -44,10 +50,10 @@ def test_pairs_are_exact_for_even_motion_whatever_rates_and_ages(period_ms: list
         states = pairing.take(measured(stamps))
         if now < 3000:
             continue
-        assert states.stamp == stamps.min()
-        expected = at(np.full(COUNT, states.stamp))
-        np.testing.assert_allclose(states.of(EVERYONE, EVERYONE).table[:5], expected.table[:5], atol=1e-9)
-        apart = states.of(EVERYONE, EVERYONE).heading_rad - expected.heading_rad
+        assert states.instant(0) == stamps.min()
+        expected, found = at(np.full(COUNT, stamps.min())), table(states)
+        np.testing.assert_allclose(found.table[:5], expected.table[:5], atol=1e-9)
+        apart = found.heading_rad - expected.heading_rad
         np.testing.assert_allclose(np.sin(apart / 2), 0.0, atol=1e-9)
 
 
@@ -57,36 +63,35 @@ def test_a_vehicle_that_is_not_active_holds_nobody_back() -> None:
         stamps = np.array([now, now, 300]) * MS
         states = pairing.take(measured(stamps, np.array([True, True, False])))
     assert isinstance(states, AtOneStamp)
-    assert states.stamp == 1200 * MS
+    assert states.instant(2) == 1200 * MS
 
 
 def test_a_vehicle_that_comes_back_is_not_mixed_with_what_stood_for_it() -> None:
     pairing = Pairing(RATE_HZ)
     stand_in = measured(np.array([1000, 1000, 1000]) * MS, np.array([True, True, False]))
-    stand_in.state.north_m[2] = 1e6
+    stand_in.states[2].north_m = 1e6
     pairing.take(stand_in)
     states = pairing.take(measured(np.array([1050, 1100, 1100]) * MS))
-    assert abs(states.of(EVERYONE, EVERYONE).north_m[2] - 24.0 * 1.1) < 2.0
+    assert abs(states.of(2, 2).north_m - 24.0 * 1.1) < 2.0
 
 
 def test_who_is_not_heard_is_taken_to_have_met_the_others_gust_when_the_other_met_it() -> None:
     """Both fly north at 20 m/s; a gust of 0.6 m/s comes at 1 s, and the second is heard no more after 0.8 s."""
     model = AutopilotModels.of(np.repeat([[4.0], [1.5], [1.0], [3.0], [16.0], [28.0], [1.5], [0.25], [3.0]], 2, axis=1))
-    history, both, one = SetpointHistory(RATE_HZ), np.arange(2), np.ones(2)
-    history.begin(np.zeros(2, np.int64))
-    history.note(Setpoints(20 * one, 0 * one, 100 * one))
-    prediction, states = Prediction(history, model, RATE_HZ), None
+    history, one = SetpointHistory(RATE_HZ), np.ones(2)
+    tables.send(history, np.zeros(2, np.int64), Setpoints(20 * one, 0 * one, 100 * one))
+    prediction, states = Prediction(history, tables.models(model), RATE_HZ), None
     for now_ms in range(0, 2100, 100):
         stamps = np.array([now_ms, min(now_ms, 800)]) * MS
         seen_s = stamps / 1e9
         gust_m, gust_mps = np.maximum(0.6 * (seen_s - 1.0), 0.0), np.where(seen_s > 1.0, 0.6, 0.0)
         level = 20 * seen_s + gust_m, -gust_m / 2, 100 * one
         state = FlightStates(*level, 0 * one, 20 * one, 0 * one, gust_mps, -gust_mps / 2)
-        states = prediction.take(Measured(state, stamps, one > 0, np.full(2, now_ms * MS)))
+        states = prediction.take(Measured(tables.states(state), stamps.tolist(), [True] * 2, [now_ms * MS] * 2))
     assert states is not None
-    found = states.of(both[1:], both[:1])
+    found = states.of(1, 0)
     np.testing.assert_allclose(found.north_m, 40.6, atol=0.6 * 0.051)
-    np.testing.assert_allclose(found.wind_mps, [[0.6], [-0.3]])
+    np.testing.assert_allclose((found.wind_north_mps, found.wind_east_mps), (0.6, -0.3))
     np.testing.assert_allclose(found.east_m, -0.3, atol=0.3 * 0.051)
 
 
@@ -94,10 +99,9 @@ def test_who_is_heard_is_predicted_from_its_newest_state_whatever_it_did_before(
     """It climbs, turns and speeds up against what it was told."""
     model = AutopilotModels.of(np.repeat([[4.0], [1.5], [1.0], [3.0], [16.0], [28.0], [1.5], [0.25], [3.0]], 3, axis=1))
     history, one = SetpointHistory(RATE_HZ), np.ones(COUNT)
-    history.begin(np.zeros(COUNT, np.int64))
-    history.note(Setpoints(20 * one, 0 * one, 100 * one))
-    prediction = Prediction(history, model, RATE_HZ)
+    tables.send(history, np.zeros(COUNT, np.int64), Setpoints(20 * one, 0 * one, 100 * one))
+    prediction = Prediction(history, tables.models(model), RATE_HZ)
     for now_ms in range(1000, 3000, 100):
-        seen = measured(np.full(COUNT, now_ms * MS))
-        states = prediction.take(seen)
-        np.testing.assert_allclose(states.of(EVERYONE, EVERYONE).table, seen.state.table, atol=1e-9)
+        stamps = np.full(COUNT, now_ms * MS)
+        states = prediction.take(measured(stamps))
+        np.testing.assert_allclose(table(states).table, at(stamps).table, atol=1e-9)

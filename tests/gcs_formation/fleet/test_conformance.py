@@ -7,16 +7,15 @@ from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 
 from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.endpoint import VehicleId
 from airlink.messages.system import Heartbeat
+from flight_model.autopilot import FlightState
 from flight_model.earth import GeodeticOrigin
 from formation_scenario import load_scenario
-from gcs_formation.estimation.flight_state import FlightStates, Setpoints
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.fleet.conformance import SETTLED_S, ConformanceMonitor
 from gcs_formation.link.connection import Connection
@@ -36,8 +35,7 @@ class Ground:
 
     def __init__(self) -> None:
         self.vehicles = {VehicleId(1, number): vehicle(number) for number in NUMBERS}
-        self.notes, self.state = Noted(), np.zeros((8, 3))
-        self.state[2], self.state[4] = 100.0, 22.0
+        self.notes, self.airspeed_mps = Noted(), 22.0
         self.controller: Any = SimpleNamespace(history=SetpointHistory(10.0), estimator=SimpleNamespace())
         columns = {identity: column for column, identity in enumerate(self.vehicles)}
         self.monitor = ConformanceMonitor(
@@ -57,17 +55,16 @@ class Ground:
         """Tell the second vehicle 27 m/s from the start and see its airspeed; return when it is reported."""
         for tenth in range(round(10 * seconds)):
             now, at_s = after(START, 0.1 * tenth), 0.1 * tenth
-            told = np.array((22.0, 27.0 if commanded(at_s) else 22.0, 22.0)), np.zeros(3), np.full(3, 100.0)
-            self.controller.history.begin(np.full(3, now))
-            self.controller.history.note(Setpoints(*told))
+            told_mps = (22.0, 27.0 if commanded(at_s) else 22.0, 22.0)
+            self.controller.history.begin([now] * 3)
+            self.controller.history.note([(each_mps, 0.0, 100.0) for each_mps in told_mps])
             for each in self.vehicles.values():
                 if acknowledges(at_s) or each is not self.second():
                     for run in each.setpoints_taken.values():
                         run.note(now)
-            self.state[4, 1] = airspeed_mps(at_s)
-            self.controller.estimator.stamps = np.full(3, now)
-            self.controller.estimator.state = FlightStates(*self.state.copy())
-            tick: Any = SimpleNamespace(active=np.array((True, commanded(at_s), True)))
+            flown = [FlightState(0.0, 0.0, 100.0, 0.0, mps, 0.0, 0.0, 0.0) for mps in (22.0, airspeed_mps(at_s), 22.0)]
+            self.controller.estimator.filters = [SimpleNamespace(state=each, stamp=now) for each in flown]
+            tick: Any = SimpleNamespace(active=[True, commanded(at_s), True])
             self.monitor.judge_motion(tick, now)
         return [each.at_s for each in self.notes if each.kind == "disobeys" and each.vehicle == 2]
 

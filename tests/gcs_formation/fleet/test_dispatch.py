@@ -6,13 +6,14 @@ import math
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 
 from airlink.clock import Instant, after
 from airlink.endpoint import VehicleId
+from flight_model.autopilot import FlightState
 from formation_scenario import load_scenario
 from gcs_formation.fleet.dispatch import HOLD_MAX_S, NEVER, Dispatch
+from gcs_formation.tick import Tick, VehicleLink
 from gcs_formation.vehicle.member import Member
 from tests.flights.conftest import scenario
 
@@ -41,15 +42,19 @@ def dispatch(*delays_s: float, **law: Any) -> Dispatch:
     return Dispatch(load_scenario(keys), vehicles, {each: column for column, each in enumerate(vehicles)})
 
 
-def links(served: Dispatch, leader: int = LEADER) -> Any:
-    return served.links(leader, np.zeros(3, dtype=bool), NOW)
+def links(served: Dispatch) -> list[VehicleLink]:
+    return served.links(LEADER, [False] * 3, NOW)[0]
 
 
-def tick(speed_mps: float = 22.0, active: tuple[bool, ...] = (True, True, True)) -> Any:
-    told = SimpleNamespace(table=np.array([[22.0, speed_mps, 22.0], [0.0] * 3, [100.0] * 3]))
-    return SimpleNamespace(
-        setpoints=told, state=SimpleNamespace(table=np.zeros((8, 3))), active=np.array(active), leader=LEADER
-    )
+def hold_s(served: Dispatch) -> float:
+    return served.links(LEADER, [False] * 3, NOW)[1]
+
+
+def tick(speed_mps: float = 22.0, active: tuple[bool, ...] = (True, True, True)) -> Tick:
+    made = Tick(NOW, 0.0, "flying", LEADER, [VehicleLink(NOW)] * 3, [0.0] * 3, [0.0] * 3, [*active])
+    made.setpoints = [(each_mps, 0.0, 100.0) for each_mps in (22.0, speed_mps, 22.0)]
+    made.state = [FlightState(0.0, 0.0, 100.0, 0.0, 22.0, 0.0, 0.0, 0.0)] * 3
+    return made
 
 
 def told(served: Dispatch, at_s: float) -> list[str]:
@@ -59,28 +64,29 @@ def told(served: Dispatch, at_s: float) -> list[str]:
 
 def test_the_leaders_setpoints_wait_until_the_slowest_followers_act():
     served = dispatch(0.05, 0.0, 0.3)
-    hold_s = links(served).hold_s
-    assert hold_s == pytest.approx(0.3 - 0.05)
-    served.take(tick(), hold_s, NOW)
+    held_s = hold_s(served)
+    assert held_s == pytest.approx(0.3 - 0.05)
+    served.take(tick(), held_s, NOW)
     assert sorted(told(served, 0.0)) == ["1", "2"]
-    assert told(served, hold_s - 1e-3) == []
-    assert told(served, hold_s) == ["0"]
+    assert told(served, held_s - 1e-3) == []
+    assert told(served, held_s) == ["0"]
 
 
 def test_what_is_held_back_counts_as_the_leaders_lag():
-    assert links(dispatch(0.0, 0.0, 0.3)).lag_s == pytest.approx([0.05 + 0.3, 0.05, 0.05])
+    lags_s = [link.lag_s for link in links(dispatch(0.0, 0.0, 0.3))]
+    assert lags_s == pytest.approx([0.05 + 0.3, 0.05, 0.05])
 
 
 @pytest.mark.parametrize(
-    ("delays_s", "law", "hold_s"),
+    ("delays_s", "law", "held_s"),
     [
         ((0.4, 0.0, 0.3), {}, 0.0),
         ((0.0, 0.0, 30.0), {}, HOLD_MAX_S),
         ((0.0, 0.0, 0.3), {"delay_compensation": False}, 0.0),
     ],
 )
-def test_nothing_is_held_back_for_quicker_followers_forever_or_without_compensation(delays_s, law, hold_s):
-    assert links(dispatch(*delays_s, **law)).hold_s == hold_s
+def test_nothing_is_held_back_for_quicker_followers_forever_or_without_compensation(delays_s, law, held_s):
+    assert hold_s(dispatch(*delays_s, **law)) == held_s
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
@@ -101,6 +107,6 @@ def test_who_is_not_commanded_is_sent_nothing_and_a_cleared_queue_sends_nothing(
 
 def test_setpoints_that_are_held_back_do_not_follow_a_leader_that_has_left():
     served = dispatch(0.0, 0.0, 0.3)
-    served.take(tick(), links(served).hold_s, NOW)
+    served.take(tick(), hold_s(served), NOW)
     served._vehicles[VehicleId(1, 1)].member = Member.PARTED
     assert sorted(told(served, 10.0)) == ["1", "2"]

@@ -15,6 +15,7 @@ from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.separation.manoeuvre import Traffic, sample_times
 from gcs_formation.separation.rule import Memory, resolve
 from gcs_formation.separation.traffic import Scene
+from tests.gcs_formation import tables
 
 DT_S = 0.1
 KEPT_M = 10.0
@@ -106,25 +107,25 @@ def wanted(vehicles: Vehicles, time_s: float) -> Setpoints:
 def encounter(vehicles: Vehicles, seconds: float = 40.0, *, rule: bool = True) -> Flown:
     """Fly; states are told with the link's delay, setpoints act after it, or never."""
     count, random = len(vehicles.rows), np.random.default_rng(vehicles.seed)
-    everyone, each = np.arange(count), model(count)
+    each = model(count)
     true, memory, flown = vehicles.state, Memory(np.zeros(count)), Flown()
     history = SetpointHistory(1 / DT_S)
     held = wanted(vehicles, 0.0).table
     reckoned = round(vehicles.delay_s * NANOSECONDS)
-    on_the_way, past = list[tuple[float, int, Array]](), [true]
+    on_the_way: list[tuple[float, int, Array]] = []
+    past = [true]
     for step in range(round(seconds / STEP_S)):
         now_s = step * STEP_S
         if step % round(DT_S / STEP_S) == 0:
             seen = past[max(0, len(past) - 1 - round(vehicles.delay_s / STEP_S))]
             now = Instant(round(now_s * NANOSECONDS))
             told = wanted(vehicles, now_s + vehicles.delay_s)
-            acts = np.full(count, now + reckoned)
-            history.begin(acts)
-            since = np.full(count, max(0, now - reckoned))
-            state = history.predict(seen, since, acts, everyone, each)
+            acts, since = np.full(count, now + reckoned), np.full(count, max(0, now - reckoned))
+            history.begin(acts.tolist())
+            state = tables.predict(history, seen, since, acts, each)
             if rule:
                 memory = _give_way(scene(vehicles, state, told), memory, told)
-            history.note(told)
+            history.note(tables.setpoints(told))
             flown.sides.append(memory.side)
             flown.told.append(told.table)
             late_s = np.maximum(0.0, vehicles.delay_s + vehicles.jitter_s * random.standard_normal(count))

@@ -11,12 +11,13 @@ from airlink.clock import Instant
 from formation_scenario import Scenario, load_scenario
 from formation_scenario.fence import Fence, inside_m
 from gcs_formation import parameters
-from gcs_formation.estimation.flight_state import FlightStates, Setpoints
+from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
 from gcs_formation.estimation.predictor import advance
-from gcs_formation.recorder import Tick
 from gcs_formation.separation.fence import FenceLimits
+from gcs_formation.tick import Tick, VehicleLink
 from tests.flights.conftest import scenario
 from tests.flights.in_memory import World
+from tests.gcs_formation import tables
 
 SQUARE = ((-600.0, -600.0), (600.0, -600.0), (600.0, 600.0), (-600.0, 600.0))
 BAY = ((-600.0, -600.0), (600.0, -600.0), (600.0, 100.0), (0.0, 100.0), (0.0, 600.0), (-600.0, 600.0))
@@ -32,11 +33,17 @@ def fenced(corners: Any = None, count: int = 3, **heights: float) -> Scenario:
 
 def tick(state: FlightStates, told: Setpoints) -> Tick:
     """Return a tick in which everybody is commanded."""
-    count = told.speed_mps.size
-    each, yes = np.full(count, np.nan), np.ones(count, dtype=bool)
-    link: Any = each, each, np.full((count, 2), np.nan), each, each, yes, yes, ~yes
-    law: Any = [np.full((count, columns), np.nan) for columns in (3, 3, 3, 9)]
-    return Tick(Instant(0), 0.0, "flying", 0, state, told, *link, *law)
+    now, count = Instant(0), told.speed_mps.size
+    made = Tick(now, 0.0, "flying", 0, [VehicleLink(now)] * count, [0.0] * count, [0.0] * count, [True] * count)
+    made.state, made.setpoints = tables.states(state), tables.setpoints(told)
+    return made
+
+
+def kept(limits: FenceLimits, now: Tick) -> Any:
+    """Hold a tick's setpoints inside; return which were replaced, (C, 3)."""
+    replaced = [[False] * 3 for _ in now.active]
+    limits.keep(now, replaced)
+    return np.array(replaced)
 
 
 def places(world: World) -> Any:
@@ -50,8 +57,8 @@ def test_whatever_heading_is_asked_for_nobody_leaves(corners: Any) -> None:
     """40 vehicles for 75 s in 4 m/s of wind, each asked for a heading of its own that changes now and then."""
     rng, count, polygon = np.random.default_rng(1), 40, np.array(corners)
     planned = fenced(corners, count)
-    model = parameters.autopilot_model(planned)
-    limits = FenceLimits(planned, model)
+    models = parameters.autopilot_models(planned)
+    limits, model = FenceLimits(planned, models), AutopilotModels.from_each(models)
     height, climb, speed, wind, still = (np.full(count, value) for value in (100.0, 0.0, 22.0, 4.0, 0.0))
     heading = rng.uniform(-np.pi, np.pi, count)
     state = FlightStates.of(np.array([*np.full((2, count), -300.0), height, climb, speed, heading, wind, still]))
@@ -59,30 +66,31 @@ def test_whatever_heading_is_asked_for_nobody_leaves(corners: Any) -> None:
     for step in range(500):
         if step % 100 == 0:
             wanted = rng.uniform(-np.pi, np.pi, count)
-        now = limits.keep(tick(state, Setpoints.of(np.array([speed, wanted, height]))))
-        turned |= limits.replaced[:, 1]
-        state = advance(state, now.setpoints.table[None], np.full((1, count), TICK_S), model)
+        now = tick(state, Setpoints.of(np.array([speed, wanted, height])))
+        turned |= kept(limits, now)[:, 1]
+        state = advance(state, Setpoints.from_each(now.setpoints).table[None], np.full((1, count), TICK_S), model)
         assert inside_m(polygon, state.place_m[:2].T).min() > 0.0, f"after {step * TICK_S:.2f} s"
     assert turned.sum() > count / 2
 
 
 def test_heights_are_held_between_the_limits_and_it_is_told_once() -> None:
-    limits = FenceLimits(fenced(height_min_m=60.0, height_max_m=120.0), parameters.autopilot_model(fenced()))
+    limits = FenceLimits(fenced(height_min_m=60.0, height_max_m=120.0), parameters.autopilot_models(fenced()))
     state = FlightStates.of(np.tile([[0.0], [0.0], [100.0], [0.0], [22.0], [0.0], [0.0], [0.0]], 3))
     words: list[str] = []
     for height_m in (150.0, 150.0, 100.0, 20.0):
-        now = limits.keep(tick(state, Setpoints.of(np.array([[22.0] * 3, [0.0] * 3, [height_m, 100.0, np.nan]]))))
+        now = tick(state, Setpoints.of(np.array([[22.0] * 3, [0.0] * 3, [height_m, 100.0, np.nan]])))
+        replaced = kept(limits, now)
         words += [held.text for held in limits.changes]
-        assert now.setpoints.height_m[0] == np.clip(height_m, 60.0, 120.0)
-        assert limits.replaced[:, 2].tolist() == [height_m != 100.0, False, False]
-        assert np.isnan(now.setpoints.height_m[2])
+        assert now.setpoints[0][2] == np.clip(height_m, 60.0, 120.0)
+        assert replaced[:, 2].tolist() == [height_m != 100.0, False, False]
+        assert np.isnan(now.setpoints[2][2])
     assert words == ["height held at 120 m", "height no longer held at 120 m", "height held at 60 m"]
 
 
 def test_a_formation_whose_path_leads_out_stays_inside_and_says_so() -> None:
     world = World()
     corners = ((-700.0, -400.0), (200.0, -400.0), (200.0, 400.0), (-700.0, 400.0))
-    world.station.controller.fence = FenceLimits(fenced(corners), world.station.controller.model)
+    world.station.controller.fence = FenceLimits(fenced(corners), world.station.controller.models)
     within_m, apart_m = np.inf, np.inf
     for _ in range(20):
         world.run(1.0)

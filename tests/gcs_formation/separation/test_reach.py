@@ -12,6 +12,7 @@ from gcs_formation.estimation.flight_state import FlightStates, Setpoints
 from gcs_formation.separation.first_look import Look, nobody_near
 from gcs_formation.separation.manoeuvre import approach, fly, fly_level, may_come_near
 from gcs_formation.separation.traffic import Scene, bound, possible_pairs
+from tests.gcs_formation import tables
 from tests.gcs_formation.separation.encounters import Vehicles, scene, wanted
 
 PI = np.pi
@@ -69,9 +70,9 @@ def test_the_first_look_on_plain_numbers_finds_a_pair_where_there_is_one(
     made = random_scene(seed, count, spread_m, unlike)
     made = replace(made, commanded=np.ones(count, dtype=bool), told=wanted_by_all(made))
     look = Look(
-        made.traffic.state.table.T.tolist(),
-        made.told.table.T.tolist(),
-        made.traffic.model.table.T.tolist(),
+        tables.states(made.traffic.state),
+        tables.setpoints(made.told),
+        tables.models(made.traffic.model),
         made.traffic.lead_s.tolist(),
         made.timing_s.tolist(),
         made.reference,

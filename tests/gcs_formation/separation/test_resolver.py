@@ -10,13 +10,14 @@ import pytest
 
 from airlink.clock import Instant, after
 from formation_scenario import load_scenario
-from gcs_formation.estimation.flight_state import FlightStates, Setpoints
+from gcs_formation.estimation.flight_state import FlightStates
 from gcs_formation.estimation.projection import Measured
 from gcs_formation.estimation.setpoint_history import SetpointHistory
-from gcs_formation.parameters import autopilot_model
-from gcs_formation.recorder import Tick
+from gcs_formation.parameters import autopilot_models
 from gcs_formation.separation.resolver import ConflictResolver, words
+from gcs_formation.tick import Tick, VehicleLink
 from tests.flights.conftest import scenario
+from tests.gcs_formation import tables
 
 WIDE, NARROW = {"shape": "line", "spacing_m": 30}, {"shape": "line", "spacing_m": 8}
 CASES: list[tuple[dict[str, Any], float]] = [
@@ -31,7 +32,7 @@ CASES: list[tuple[dict[str, Any], float]] = [
 def test_the_formation_is_not_fought_whoever_leads_it(formation: dict[str, Any], kept_m: float) -> None:
     """Else it's reckoned with the 10 m to be kept and 0.5 m more, for what isn't known exactly."""
     flown = load_scenario(scenario(formation=formation, safety={"separation_m": 5}))
-    resolver = ConflictResolver(flown, SetpointHistory(flown.law.rate_hz), autopilot_model(flown))
+    resolver = ConflictResolver(flown, SetpointHistory(flown.law.rate_hz), autopilot_models(flown))
     assert resolver.kept_m == pytest.approx(kept_m)
 
 
@@ -43,8 +44,8 @@ class Crossing:
 
     def __init__(self, behind_m: float = 6.0, **keys: Any) -> None:
         planned = load_scenario(scenario(vehicles={"count": 2}, **keys))
-        self.history, self.model = SetpointHistory(planned.law.rate_hz), autopilot_model(planned)
-        self.resolver = ConflictResolver(planned, self.history, self.model)
+        self.history, self.models = SetpointHistory(planned.law.rate_hz), autopilot_models(planned)
+        self.resolver = ConflictResolver(planned, self.history, self.models)
         self.north, self.east = np.array((-110.0, 0.0)), np.array((0.0, 110.0 + behind_m * math.sqrt(2.0)))
         self.speed, self.heading = np.full(2, 22.0), np.array((0.0, -math.pi / 2))
         self.wind_north, self.ours = np.zeros(2), np.array((True, False))
@@ -52,19 +53,19 @@ class Crossing:
         """Until when the second is known to have heard what it was told; None: now."""
 
     def keep(self, age_s: float = 0.0, at_s: float = 0.0) -> Tick:
-        height, none, ours = np.full(2, 100.0), np.zeros(2), self.ours
-        state = FlightStates(self.north, self.east, height, none, self.speed, self.heading, self.wind_north, none)
-        told = Setpoints(self.speed, self.heading, height)
-        now = np.full(2, after(Instant(0), at_s), dtype=np.int64)
-        self.history.begin(now)
-        self.history.note(told)
-        link: Any = np.full(2, age_s), none, np.zeros((2, 2)), none, none, ours, ours, ~ours & ours
-        abreast = np.array([[0.0, 0.0, 0.0], [0.0, 30.0, 0.0]])
-        law: Any = [abreast, *(np.zeros((2, columns)) for columns in (3, 3, 9))]
-        tick = Tick(Instant(int(now[0])), 0.0, "flying", 0, state, told, *link, *law)
-        heard = now.copy()
-        heard[1] = now[1] if self.heard_s is None else after(Instant(0), self.heard_s)
-        return self.resolver.keep(tick, Measured(state, now, ours, now), heard, ~ours & ours)
+        height, none, ours = np.full(2, 100.0), np.zeros(2), self.ours.tolist()
+        table = FlightStates(self.north, self.east, height, none, self.speed, self.heading, self.wind_north, none)
+        now = after(Instant(0), at_s)
+        links = [VehicleLink(now), VehicleLink(now)]
+        links[1].heard = now if self.heard_s is None else after(Instant(0), self.heard_s)
+        tick = Tick(now, 0.0, "flying", 0, links, [age_s] * 2, [0.0] * 2, ours)
+        tick.state = tables.states(table)
+        tick.setpoints = [(each.airspeed_mps, each.heading_rad, 100.0) for each in tick.state]
+        tick.slots_m = [(0.0, 0.0, 0.0), (0.0, 30.0, 0.0)]
+        self.history.begin([now] * 2)
+        self.history.note(tick.setpoints)
+        self.resolver.keep(tick, Measured(tick.state, [now] * 2, ours, [now] * 2))
+        return tick
 
     def gives_way(self, age_s: float = 0.0, at_s: float = 0.0) -> bool:
         return bool(self.keep(age_s, at_s).yielding[0])
@@ -87,7 +88,7 @@ def test_of_two_that_are_commanded_the_one_that_surely_hears_gives_way() -> None
         each.ours = np.array((True, True))
         each.north, each.east = np.array((0.0, 0.0)), np.array((0.0, 24.0))
         each.heading[:] = (0.0, -0.5)
-    assert heard.keep(at_s=10.0).yielding.tolist() == [False, True]
+    assert heard.keep(at_s=10.0).yielding == [False, True]
     unheard.heard_s = 2.0
     assert unheard.keep(at_s=10.0).yielding[0]
 
@@ -122,19 +123,17 @@ def test_how_those_turn_that_nobody_commands_is_learnt_from_their_headings() -> 
 def test_nobody_gives_way_to_a_virtual_leader_and_it_to_nobody() -> None:
     followers = [{"id": 1, "role": "follower"}, {"id": 2, "role": "follower"}]
     planned = load_scenario(scenario(vehicles=followers, formation={"shape": "line", "spacing_m": 30}))
-    history, model = SetpointHistory(planned.law.rate_hz), autopilot_model(planned)
-    resolver = ConflictResolver(planned, history, model)
-    now, none, ours = np.zeros(3, dtype=np.int64), np.zeros(3), np.ones(3, dtype=bool)
+    resolver = ConflictResolver(planned, SetpointHistory(planned.law.rate_hz), autopilot_models(planned))
+    now, none = Instant(0), np.zeros(3)
 
     def yielding(north_m: tuple[float, ...], east_m: tuple[float, ...], heading: tuple[float, ...]) -> list[bool]:
         level = np.array(north_m), np.array(east_m), none + 100.0, none
-        state = FlightStates(*level, none + 22.0, np.array(heading), none, none)
-        link: Any = none, none, np.zeros((3, 2)), none, none, ours, ours, ~ours
-        in_line = np.array([[0.0, 0.0, 0.0], [-30.0, 0.0, 0.0], [-60.0, 0.0, 0.0]])
-        law: Any = [in_line, *(np.zeros((3, columns)) for columns in (3, 3, 9))]
-        told = Setpoints(state.airspeed_mps, state.heading_rad, state.height_m)
-        tick = Tick(Instant(0), 0.0, "flying", 0, state, told, *link, *law)
-        return resolver.keep(tick, Measured(state, now, ours, now), now, ~ours).yielding.tolist()
+        tick = Tick(now, 0.0, "flying", 0, [VehicleLink(now)] * 3, [0.0] * 3, [0.0] * 3, [True] * 3)
+        tick.state = tables.states(FlightStates(*level, none + 22.0, np.array(heading), none, none))
+        tick.setpoints = [(each.airspeed_mps, each.heading_rad, each.height_m) for each in tick.state]
+        tick.slots_m = [(0.0, 0.0, 0.0), (-30.0, 0.0, 0.0), (-60.0, 0.0, 0.0)]
+        resolver.keep(tick, Measured(tick.state, [now] * 3, tick.active, [now] * 3))
+        return tick.yielding
 
     nearer = -0.5
     assert yielding((0.0, 0.0, 300.0), (0.0, 24.0, 0.0), (0.0, nearer, 0.0)) == [False, False, False]

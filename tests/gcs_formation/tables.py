@@ -1,0 +1,69 @@
+"""Tables of many vehicles, on which tests compute, to and from the lists of vehicles that the station has."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flight_model.arrays import Array, Instants
+from flight_model.autopilot import AutopilotModel, FlightState
+from flight_model.slot import Triple
+from gcs_formation.control.situation import Decided, Law, Situation
+from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
+from gcs_formation.estimation.setpoint_history import SetpointHistory
+
+
+def states(table: FlightStates) -> list[FlightState]:
+    return [FlightState(*values) for values in table.table.T.tolist()]
+
+
+def models(table: AutopilotModels) -> list[AutopilotModel]:
+    return [AutopilotModel(*values) for values in table.table.T.tolist()]
+
+
+def setpoints(table: Setpoints) -> list[Triple]:
+    return [(speed_mps, heading_rad, height_m) for speed_mps, heading_rad, height_m in table.table.T.tolist()]
+
+
+def send(history: SetpointHistory, acts: Instants, table: Setpoints) -> None:
+    """Add a tick's setpoints to a history."""
+    history.begin(acts.tolist())
+    history.note(setpoints(table))
+
+
+def predict(
+    history: SetpointHistory, state: FlightStates, since: Instants, until: Instants, model: AutopilotModels
+) -> FlightStates:
+    """Return the states of vehicles 0, 1, ... at `until`, from those at `since`."""
+    moved = states(state)
+    for vehicle, each in enumerate(zip(moved, since.tolist(), until.tolist(), models(model), strict=True)):
+        one, begin, end, its = each
+        history.carry(one, begin, end, vehicle, its)
+    return FlightStates.from_each(moved)
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What a law has decided, with a row for each vehicle."""
+
+    columns: list[int]
+    setpoints: Setpoints
+    error_m: Array
+    mixed: Array
+    gains: Array
+
+    @classmethod
+    def of(cls, decided: list[Decided]) -> Decision:
+        rows = [np.array([getattr(each, name) for each in decided]) for name in ("error_m", "mixed", "gains")]
+        return cls([each.column for each in decided], Setpoints.from_each(each.setpoint for each in decided), *rows)
+
+
+class TableLaw:
+    """A law whose decisions are tables."""
+
+    def __init__(self, law: Law) -> None:
+        self._law = law
+
+    def decide(self, situation: Situation, dt_s: float) -> Decision:
+        return Decision.of(self._law.decide(situation, dt_s))
