@@ -24,9 +24,7 @@ from unittest import mock
 import numpy as np
 
 import gcs_formation
-from benchmarks.disturbance_grid import PAPER, both_ways
-from benchmarks.noise_grid import NOISE
-from benchmarks.tables import markdown
+from benchmarks.gust_grid import PAPER, both_ways
 from flight_model.arrays import Array
 from flight_model.slot import Triple
 from formation_scenario import Scenario
@@ -37,7 +35,9 @@ from gcs_formation.estimation import estimator
 from gcs_formation.record.figures_of_merit import setpoint_steps
 from gcs_formation.record.run_directory import TIMESERIES
 from gcs_formation.record.timeseries import read_parquet
+from gcs_formation.studies.table import markdown
 
+NOISE = PAPER.with_name("noise.yaml")
 LAW_PARAMETERS = laws.law_parameters
 STEADY_S, DISTURBED_S, END_S = 30.0, 60.0, 80.0
 D1 = [{"at_s": DISTURBED_S, "vehicles": "all", "velocity_mps": [0.6, 0.6, 0.0]}]

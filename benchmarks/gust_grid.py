@@ -18,12 +18,17 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import gcs_formation
-from benchmarks.disturbance_grid import FRAMES, PAPER, both_ways
-from benchmarks.tables import markdown
 from formation_scenario import load_scenario
 from gcs_formation.report.gusts import GustError, gusts
 from gcs_formation.report.run_data import load_run
+from gcs_formation.studies.table import markdown
 
+PAPER = Path(__file__).parents[1] / "configs" / "paper.yaml"
+FRAMES = {
+    "leader_heading": {"kp": 1.2, "ki": 0.5, "kd": 1.8},
+    "follower_heading": {"kp": 1.0, "ki": 0.6, "kd": 0.1},
+}
+"""Frame of the slots -> gains of the heading channel, as configs/paper.yaml says."""
 DELAYS_MS = (20.0, 50.0, 100.0, 300.0)
 FOLLOWERS = (2, 3, 4)
 GUST_MPS = 0.6
@@ -39,6 +44,11 @@ class Case(NamedTuple):
     delay_ms: float
     telemetry_hz: float
     law_hz: float
+
+
+def both_ways(delay_ms: float) -> dict[str, Any]:
+    """Return links with one delay in each direction."""
+    return {"default": {"delay_ms": delay_ms}}
 
 
 def steps(frame: str) -> Iterator[dict[str, Any]]:

@@ -27,7 +27,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 import gcs_formation
 from benchmarks.scale import scenario
-from benchmarks.tables import markdown
+from gcs_formation.studies.table import markdown
 
 COUNTS = (4, 100)
 ROUNDS = 3

@@ -18,12 +18,12 @@ from airlink.clock import Instant, VirtualClock, seconds_between
 from airlink.engine import Datagram
 from airlink.memory import MemoryNetwork
 from airlink.messages.telemetry import GlobalPositionInt
-from benchmarks.tables import markdown
 from formation_scenario import load_scenario
 from gcs_formation.link.connection import Receiver
 from gcs_formation.phases import Phase
 from gcs_formation.recorder import Event
 from gcs_formation.station import Station
+from gcs_formation.studies.table import markdown
 from gcs_formation.tick import Tick
 from sim_vehicles.fleet import Fleet
 from sim_vehicles.from_scenario import fleet_config

@@ -11,7 +11,7 @@ from formation_scenario.gains import CLEAN, NOISE, filters, gain_groups
 from formation_scenario.model import Safety, Scenario
 from formation_scenario.navigation import GRADES, InertialNavigation, InertialSensorKeys
 from formation_scenario.source import Key, Plain, Source
-from formation_scenario.vehicle_file import with_models
+from formation_scenario.vehicle_file import MODELS, SUFFIXES, with_models
 from formation_scenario.vehicles import BASE_PORT
 
 DURATION_S: float = Scenario.model_fields["duration_s"].default
@@ -22,7 +22,7 @@ RUN_IN_AIR_S, RUN_IN_GROUND_S = 10.0, 60.0
 BUFFER_M = 5.0
 """By how much the distance that the separation rule keeps exceeds the least that is allowed."""
 FILES = {"links": "trace_file", "terrain": "file"}
-"""Groups of keys that name files, and by which key."""
+"""Groups of keys that name files, and by which key; beside them models of `vehicles`."""
 MAY_BE_EMPTY = ("origin", "telemetry", "links", "wind", "disturbances", "orders", "faults", "finish", "expect")
 """Keys that may be left empty: `expect:` with all of its items commented out is as good as absent."""
 
@@ -57,6 +57,18 @@ def standalone(source: Source) -> Source:
     """
     whole = with_models(source)
     return replace(whole, data=whole.data | _with_absolute_files(whole.data, source))
+
+
+def with_absolute_files(name: str, value: Plain, directory: Path) -> Plain:
+    """Return the value of a dotted key with the files that it names, relative to `directory`, as absolute paths."""
+    group, *below = name.split(".")
+    for key in reversed(below):
+        value = {key: value}
+    for names in (FILES.get(group), *(MODELS if group == "vehicles" else ())):
+        value = value if names is None else _with_absolute(value, names, directory)
+    for key in below:
+        value = value[key] if isinstance(value, dict) else value
+    return value
 
 
 def _with_absolute_files(data: dict[Key, Plain], source: Source) -> dict[Key, Plain]:
@@ -113,7 +125,9 @@ def _with_absolute(value: Plain, name: str, directory: Path) -> Plain:
         return value
     group = {key: _with_absolute(item, name, directory) for key, item in value.items()}
     file = group.get(name)
-    return group | {name: str((directory / file).absolute())} if isinstance(file, str) else group
+    if not isinstance(file, str) or (name in MODELS and not file.endswith(SUFFIXES)):
+        return group
+    return group | {name: str((directory / file).absolute())}
 
 
 def _formation(formation: Plain) -> Plain:

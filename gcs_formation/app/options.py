@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, get_args
 
+from formation_scenario.expectation import Expectation
+
 ClockName = Literal["real", "virtual"]
 Record = Literal["full", "series", "summary", "none"]
 """What is kept of a flight: everything, all but the frames, the summary alone, nothing."""
@@ -28,6 +30,8 @@ class RunOptions:
     """Whether an earlier run in `out` may be replaced."""
     record: Record = "full"
     """What is written to `out`; the summary is returned in any case."""
+    measure: tuple[Expectation, ...] = ()
+    """Figures over windows of time that the summary is to have besides; their bounds don't count."""
     confirm: bool = False
     """`fly` alone: whether somebody's word is awaited before anybody is commanded."""
     dry_run: bool = False

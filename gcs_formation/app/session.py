@@ -208,6 +208,7 @@ class Session:
                 simulated_s=seconds_between(self._began_at, self.clock.now()),
                 wall_s=wall_s,
                 cut_short=self.station.course.cut_short,
+                measure=self.options.measure,
             )
         )
         self.recorder.write_summary(summary.to_dict())

@@ -25,6 +25,8 @@ from gcs_formation.studies.progress import StudyProgress
 from gcs_formation.studies.workers import Cluster, Processes
 
 Row = dict[str, Any]
+MOST_LINES = 60
+"""Of a table that is shown."""
 
 
 class _FlyOrStudy(click.Group):
@@ -118,10 +120,13 @@ def _conclude(outcome: Outcome, out: Path, *, quiet: bool) -> Status:
         exits = figures["exits"]
         failed = exits["2"] + exits["3"]
         spent = f"{figures['wall_s']:.0f} s, {figures['flights_cpu_s']:.0f} s of processor time in flights"
-        click.echo(f"{figures['flights']} flights in {spent}; {failed or 'none'} couldn't be flown")
+        if outcome.told.count("\n") < MOST_LINES:
+            click.echo(outcome.told)
+        unflown = f"; {failed} couldn't be flown" if failed else ""
+        click.echo(f"{figures['flights']} flights in {spent}{unflown}")
         for verdict in outcome.verdicts:
             click.echo(str(verdict))
-        click.echo(f"flights.parquet and study.json are in {out}")
+        click.echo(f"flights.parquet, table.md and study.json are in {out}")
     for verdict in outcome.verdicts:
         if quiet and not verdict.held:
             click.echo(str(verdict), err=True)

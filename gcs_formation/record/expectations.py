@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -95,6 +95,8 @@ class Outcome:
     wall_s: float
     cut_short: bool
     """Whether the run was ended (`--until`, an order, Ctrl-C) before the path or the time was."""
+    measure: tuple[Expectation, ...] = ()
+    """Figures that are wanted besides, whatever their bounds."""
 
 
 @dataclass(frozen=True)
@@ -155,25 +157,26 @@ def judge(
     parts: Mapping[str, Any],
     links: Mapping[VehicleId, LinkFigures],
     cut_short: bool,
+    wanted: Sequence[Expectation] | None = None,
 ) -> Iterator[Verdict]:
-    """Yield a verdict for each expectation; where it concerns followers or links, one for each of them.
+    """Yield a verdict for each expectation, by default the scenario's; for followers or links, one for each of them.
 
     A window that wasn't flown to its end is broken, since what was promised of it wasn't shown. With `cut_short` it
     isn't judged: somebody wanted the run to end before its path or its time did.
     """
-    for wanted in scenario.expect:
-        judged = _Judged(wanted, scenario, float(parts["duration_s"]), cut_short)
-        if wanted.metric in FOLLOWER_METRICS:
-            chosen = {planned.vehicle_id for planned in scenario.selected(wanted.followers)}
-            for vehicle in (each for each in flight.followers(scenario) if each in chosen):
-                value = _follower_value(wanted, flight, vehicle, parts)
-                yield judged(vehicle, value, led=_leads_throughout(wanted, flight, vehicle))
-        elif wanted.metric in LINK_METRICS:
-            for planned in scenario.selected(wanted.followers):
-                value = _link_value(wanted, planned.vehicle_id, flight, parts, links)
+    for each in scenario.expect if wanted is None else wanted:
+        judged = _Judged(each, scenario, float(parts["duration_s"]), cut_short)
+        if each.metric in FOLLOWER_METRICS:
+            chosen = {planned.vehicle_id for planned in scenario.selected(each.followers)}
+            for vehicle in (one for one in flight.followers(scenario) if one in chosen):
+                value = _follower_value(each, flight, vehicle, parts)
+                yield judged(vehicle, value, led=_leads_throughout(each, flight, vehicle))
+        elif each.metric in LINK_METRICS:
+            for planned in scenario.selected(each.followers):
+                value = _link_value(each, planned.vehicle_id, flight, parts, links)
                 yield judged(planned.vehicle_id, value)
         else:
-            yield judged(None, _run_value(wanted, flight, parts))
+            yield judged(None, _run_value(each, flight, parts))
 
 
 class _Judged:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -29,6 +29,8 @@ class Summary:
     verdicts: tuple[Verdict, ...]
     breaches: tuple[str, ...]
     """Safety limits that were broken, in words."""
+    measured: tuple[Verdict, ...] = field(default=(), kw_only=True)
+    """Figures that the run's options ask for besides; whether their bounds held means nothing."""
 
     @property
     def held(self) -> bool:
@@ -67,9 +69,12 @@ def summarise(outcome: Outcome) -> Summary:
             "margin_used": outcome.margin_used,
         },
     }
-    verdicts = tuple(judge(scenario, flight, parts, outcome.links, outcome.cut_short))
+    verdicts, measured = (
+        tuple(judge(scenario, flight, parts, outcome.links, outcome.cut_short, wanted))
+        for wanted in (scenario.expect, outcome.measure)
+    )
     parts["expect"] = [verdict.to_dict() for verdict in verdicts]
-    return Summary(parts, verdicts, breaches)
+    return Summary(parts, verdicts, breaches, measured=measured)
 
 
 def _begun_s(flight: Flight) -> float | None:

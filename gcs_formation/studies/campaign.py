@@ -6,7 +6,7 @@ import json
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
@@ -14,13 +14,14 @@ import pyarrow as pa
 from scipy.stats import beta
 
 from airlink.clock import Stopwatch
-from formation_scenario import ScenarioError
-from formation_scenario.source import Plain
+from formation_scenario import Problem, ScenarioError
+from formation_scenario.source import KeyPath, Plain, Source
 from gcs_formation.errors import RecordingError
-from gcs_formation.studies.dataset import FLIGHTS, RESULT, Dataset
+from gcs_formation.studies.dataset import FLIGHTS, RESULT, TABLE_TEXT, Dataset
 from gcs_formation.studies.flight import VERSION, Task
 from gcs_formation.studies.keys import Study, Wanted, base_keys, load_study
-from gcs_formation.studies.plan import Plan, Planned, Row, at, count_flights, drawn, keeps, replayed
+from gcs_formation.studies.plan import Plan, Planned, Row, Sample, at, count_flights, drawn, keeps, replayed
+from gcs_formation.studies.table import sample_table
 from gcs_formation.studies.workers import Workers
 
 SCHEMA = 1
@@ -112,6 +113,8 @@ class Outcome:
     verdicts: tuple[Verdict, ...]
     figures: Mapping[str, Any]
     """study.json."""
+    told: str
+    """table.md."""
 
     @property
     def held(self) -> bool:
@@ -125,15 +128,16 @@ def prepare(source: Path | Mapping[str, Any]) -> tuple[Study, dict[Any, Plain]]:
     Raises:
         ScenarioError: the study is wrong, or no flight of it could be flown as the scenario is.
     """
-    study, home = load_study(source)
-    base = base_keys(study, home)
+    study, read = load_study(source)
+    base = base_keys(study, read)
     first = next(Plan(study).begin())
-    _task(study, base, None, first).scenario()
+    if (wrong := _problem(study, base, first, {})) is not None:
+        raise _placed(wrong, study, read)
     for name, parameter in study.parameters.items():
         tried = {str(at(parameter, share)): at(parameter, share) for share in EXTREMES}
-        problems = [_problem(study, base, first, name, value) for value in tried.values()]
+        problems = [_problem(study, base, first, {name: value}) for value in tried.values()]
         if all(problems):
-            raise problems[0] or ScenarioError([])
+            raise _placed(problems[0] or ScenarioError([]), study, read)
     return study, base
 
 
@@ -187,7 +191,7 @@ def flights(
 
 def refly_task(planned: Planned, study: Study, base: Mapping[Any, Plain], out: Path) -> Task:
     """Return a flight of a study as a task whose whole record is kept in `out`."""
-    return Task(planned, base, study.set, study.measured, "full", str(out), study.until_s, study.random)
+    return replace(_task(study, base, None, planned), record="full", directory=str(out))
 
 
 def planned_of(study: Study, row: Row) -> Planned:
@@ -199,11 +203,39 @@ def planned_of(study: Study, row: Row) -> Planned:
 def _task(study: Study, base: Mapping[Any, Plain], out: Path | None, planned: Planned) -> Task:
     kept = out is not None and study.record != "none"
     directory = str(out / FLIGHTS / f"{planned.flight:06d}") if out is not None and kept else None
-    return Task(planned, base, study.set, study.measured, study.record, directory, study.until_s, study.random)
+    window = study.from_s, study.to_s
+    return Task(
+        planned,
+        base,
+        study.set,
+        study.measured,
+        study.record,
+        directory,
+        study.until_s,
+        study.random,
+        study.cases,
+        window,
+    )
 
 
-def _problem(study: Study, base: Mapping[Any, Plain], first: Planned, name: str, value: object) -> ScenarioError | None:
-    sample: dict[str, Any] = {**drawn(study, 0), **first.parameters, name: value}
+def _placed(error: ScenarioError, study: Study, read: Source) -> ScenarioError:
+    """Return an error of the scenario with the places, in the study's file, of what set the keys that are wrong."""
+    set_by: dict[str, KeyPath] = {name: ("set", name) for name in study.set}
+    set_by |= {name: ("parameters", name) for name in study.parameters}
+    for name, cases in study.cases.items():
+        set_by |= {key: ("parameters", name, "cases", case) for case, keys in cases.items() for key in keys}
+    if study.bisect is not None:
+        set_by[study.bisect.parameter] = ("bisect", "parameter")
+
+    def placed(problem: Problem) -> Problem:
+        name = (problem.file or "").partition("=")[0]
+        return replace(problem, **read.place(set_by[name])._asdict()) if name in set_by else problem
+
+    return ScenarioError([placed(problem) for problem in error.problems])
+
+
+def _problem(study: Study, base: Mapping[Any, Plain], first: Planned, tried: Sample) -> ScenarioError | None:
+    sample: dict[str, Any] = {**drawn(study, 0), **first.parameters, **tried}
     try:
         _task(study, base, None, first._replace(parameters=sample)).scenario()
     except ScenarioError as error:
@@ -231,8 +263,10 @@ def _conclude(plan: Plan, data: Dataset, made: pa.Table, wall_s: float) -> Outco
             {"seed": first.seed, **first.parameters, study.bisect.parameter: None, **crossing._asdict()}
             for first, crossing in plan.crossings()
         ]
+    told = sample_table(study, rows, plan.crossings())
     try:
+        (data.path / TABLE_TEXT).write_text(told + "\n", encoding="utf-8")
         (data.path / RESULT).write_text(json.dumps(figures, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
     except OSError as error:
         raise RecordingError(f"cannot write {data.path / RESULT}: {error.strerror or error}") from error
-    return Outcome(made, verdicts, figures)
+    return Outcome(made, verdicts, figures, told)

@@ -28,6 +28,7 @@ STUDY = "study.yaml"
 JOURNAL = "flights.jsonl"
 TABLE = "flights.parquet"
 RESULT = "study.json"
+TABLE_TEXT = "table.md"
 FLIGHTS = "flights"
 
 
@@ -54,7 +55,7 @@ class Dataset:
                 raise RecordError(f"{refused}; or --resume, which flies what a study lacks")
             else:
                 path.mkdir(parents=True, exist_ok=True)
-                for name in (JOURNAL, TABLE, RESULT):
+                for name in (JOURNAL, TABLE, RESULT, TABLE_TEXT):
                     (path / name).unlink(missing_ok=True)
                 (path / STUDY).write_text(_text(plan), encoding="utf-8")
             self.rows = {int(row["flight"]): row for row in read_journal(path)}

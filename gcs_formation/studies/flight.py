@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import tempfile
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
 from airlink.clock import Stopwatch
 from formation_scenario import Scenario, ScenarioError, load_scenario
-from formation_scenario.expectation import FOLLOWER_METRICS, LINK_METRICS
+from formation_scenario.expectation import FOLLOWER_METRICS, LINK_METRICS, Expectation
 from formation_scenario.overrides import settings
 from gcs_formation.app.interrupt import Interrupts
 from gcs_formation.app.options import RunOptions
@@ -50,6 +51,10 @@ class Task:
     until_s: float | None = None
     random: str | None = None
     """The severity by which the scenario is drawn from the seed, instead of `base`."""
+    cases: Mapping[str, Mapping[str, Mapping[str, Any]]] = field(default_factory=dict[str, Any])
+    """What each case of a parameter sets."""
+    window: tuple[float | None, float | None] = (None, None)
+    """Mission times from which and up to which metrics count; None: the flight's begin, its end."""
 
     def scenario(self) -> Scenario:
         """Return the flight's scenario.
@@ -57,7 +62,9 @@ class Task:
         Raises:
             ScenarioError: it can't be flown with these parameters.
         """
-        seed, keys = self.planned.seed, {**self.set, **self.planned.parameters}
+        seed, keys = self.planned.seed, dict(self.set)
+        for name, value in self.planned.parameters.items():
+            keys |= self.cases[name][value] if name in self.cases else {name: value}
         base = self.base if self.random is None else draw(seed, SEVERITIES[self.random])
         if isinstance(base, Scenario) and base.seed == seed and not keys:
             return base
@@ -74,7 +81,7 @@ def fly(task: Task) -> dict[str, Any]:
     values: dict[str, Any] = dict.fromkeys(task.metrics)
     try:
         summary, wrong = _flown(task)
-        values = {metric: _measured(metric, summary, wrong) for metric in task.metrics}
+        values = {metric: _measured(metric, task, summary, wrong) for metric in task.metrics}
         said = [*wrong, *(str(each) for each in summary.verdicts if each.held is False), *summary.breaches]
         exit_status, words = int(not summary.held or bool(wrong)), "\n".join(said)
     except ScenarioError as error:
@@ -112,6 +119,11 @@ def figure(summary: Mapping[str, Any], metric: str) -> float | None:
     else:
         sections = [summary, *(summary[name] for name in SECTIONS)]
         each = [next((_at(one, metric) for one in sections if metric.partition(".")[0] in one), None)]
+    return worst(metric, each)
+
+
+def worst(metric: str, each: Sequence[Any]) -> float | None:
+    """Return the worst of several vehicles' figures; None if any has none."""
     known = [float(value) for value in each if value is not None]
     if not known or (len(known) < len(each) and metric != "left_at_s"):
         return None
@@ -125,8 +137,22 @@ def _at(figures: Mapping[str, Any], name: str) -> Any:  # noqa: ANN401 - a value
     return value
 
 
-def _measured(metric: str, summary: Summary, wrong: list[str]) -> float | None:
-    return float(len(wrong)) if metric == INVARIANTS else figure(summary.figures, metric)
+def _measured(metric: str, task: Task, summary: Summary, wrong: list[str]) -> float | None:
+    if metric == INVARIANTS:
+        return float(len(wrong))
+    if task.window == (None, None):
+        return figure(summary.figures, metric)
+    found = [each.value for each in summary.measured if each.expectation.metric == metric and each.reached]
+    return worst(metric, [value if value is not None and math.isfinite(value) else None for value in found])
+
+
+def _wanted(task: Task, scenario: Scenario) -> tuple[Expectation, ...]:
+    """Return the metrics that are asked of a part of the flight."""
+    if task.window == (None, None):
+        return ()
+    from_s, to_s = task.window[0] or 0.0, task.window[1] or (task.until_s or scenario.duration_s)
+    named = (metric for metric in task.metrics if metric != INVARIANTS)
+    return tuple(Expectation(metric=metric, from_s=from_s, to_s=to_s) for metric in named)
 
 
 def _uncompleted(task: Task) -> dict[str, Any]:
@@ -142,6 +168,7 @@ def _flown(task: Task) -> tuple[Summary, list[str]]:
         directory = kept if kept is not None and task.record in {"full", "series"} else Path(scratch) / "flight"
         record: Record = "full" if judged else task.record
         options = RunOptions(directory, "virtual", until_s=task.until_s, overwrite=True, record=record)
+        options = replace(options, measure=_wanted(task, scenario))
         summary = run(scenario, options, Silent(), Interrupts())
         wrong = broken(read_flown(directory, scenario)) if judged else []
         if judged and not wrong and scenario.seed % REPEATED_EVERY == 0:

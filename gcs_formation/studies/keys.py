@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeAlias
 
+import numpy as np
 from pydantic import BeforeValidator, Field, ValidationError, WithJsonSchema, model_validator
 from pydantic_core import PydanticCustomError
 
 from formation_scenario import Problem, ScenarioError
 from formation_scenario.describe import problems_of
+from formation_scenario.errors import did_you_mean
 from formation_scenario.expectation import METRICS
-from formation_scenario.fields import Allowed, Fraction, Keys, Name, Number, Positive
-from formation_scenario.resolve import standalone
+from formation_scenario.fields import Allowed, Fraction, Keys, Name, NonNegative, Number, Positive
+from formation_scenario.resolve import standalone, with_absolute_files
 from formation_scenario.source import Plain, Source, dotted, plain_mapping, read_file
 from gcs_formation.app.options import Record
 
@@ -77,13 +79,25 @@ class LogUniform(Keys):
         return _rising(self, *self.log_uniform)
 
 
+class Cases(Keys):
+    """Values that aren't numbers, or of several keys at once, by names that say what they are."""
+
+    cases: Annotated[
+        dict[str, dict[str, Any]], Field(min_length=1), Allowed("names, each with a mapping of dotted keys to values")
+    ] = Field(
+        description="name of each -> the scenario's keys that it sets",
+        examples=[{"5 % loss": {"links.default.loss": 0.05}}],
+    )
+
+
 Distribution = Uniform | Normal | LogUniform
 Values = Annotated[list[Any], Field(min_length=1, max_length=MOST_VALUES)]
 Parameter = Annotated[
-    Values | Range | Uniform | Normal | LogUniform,
+    Values | Range | Uniform | Normal | LogUniform | Cases,
     Allowed(
-        "a list of values that isn't empty, {range: [first, last, how many]}, {uniform: [least, most]}, "
-        "{normal: [mean, sigma]} or {log_uniform: [least, most]}"
+        f"a list of 1 to {MOST_VALUES:,} values, {{range: [first, last, how many: 1 or more]}}, "
+        "{uniform: [least, most: more than that]}, {normal: [mean, sigma: more than 0]}, "
+        "{log_uniform: [least: more than 0, most: more than that]} or {cases: {name: {dotted.key: value}}}"
     ),
 ]
 
@@ -151,7 +165,7 @@ class Study(Keys):
     )
     set: dict[str, Any] = Field(default={}, description="keys of the scenario that all flights have, as --set")
     parameters: Annotated[Mapping[str, Parameter], Allowed("a mapping of dotted keys to values")] = Field(
-        default={}, description="dotted keys of the scenario and their values"
+        default={}, description="dotted keys of the scenario, or names of `cases`, and their values"
     )
     design: Literal["grid", "one_at_a_time", "random", "latin_hypercube", "sobol"] = Field(
         default="grid",
@@ -164,10 +178,23 @@ class Study(Keys):
         default=("error_x_m.rms", "error_y_m.rms", "error_z_m.rms", "min_separation_m", "settled_at_s"),
         description="figures of each flight, as in the scenario's `expect`; of several vehicles the worst",
     )
+    from_s: NonNegative | None = Field(default=None, description="metrics count from this mission time on, s")
+    to_s: Positive | None = Field(default=None, description="… to this one, s; the flight's end by default")
     record: Record = Field(default="summary", description="what is kept of each flight")
     until_s: Positive | None = Field(default=None, description="end every flight at this mission time")
     bisect: Bisection | None = Field(default=None, description="search a bound's crossing instead of flying each once")
     expect: tuple[Wanted, ...] = Field(default=(), description="exit status 1 if one is broken")
+
+    @model_validator(mode="after")
+    def _window(self) -> Self:
+        if self.from_s is not None and self.to_s is not None:
+            _rising(self, self.from_s, self.to_s)
+        return self
+
+    @property
+    def cases(self) -> dict[str, dict[str, dict[str, Any]]]:
+        """What each case of a parameter sets, by the parameter's name and the case's."""
+        return {name: each.cases for name, each in self.parameters.items() if isinstance(each, Cases)}
 
     @property
     def measured(self) -> tuple[str, ...]:
@@ -186,16 +213,16 @@ def study_schema() -> dict[str, Any]:
     }
 
 
-def load_study(source: Path | Mapping[str, Any]) -> tuple[Study, Path]:
-    """Return a study, and the directory that its scenario's file is relative to.
+def load_study(source: Path | Mapping[str, Any]) -> tuple[Study, Source]:
+    """Return a study, and what it was read from; files that its keys name are as absolute paths.
 
     Raises:
         ScenarioError: it can't be read, or has values that aren't allowed.
     """
     if isinstance(source, Mapping):
-        read, home = Source(None, plain_mapping(source)), Path()
+        read = Source(None, plain_mapping(source))
     else:
-        read, home = read_file(source), source.parent
+        read = read_file(source)
         read.data.setdefault("name", source.stem)
     try:
         study = Study.model_validate(read.data)
@@ -204,7 +231,52 @@ def load_study(source: Path | Mapping[str, Any]) -> tuple[Study, Path]:
     if (study.random is None) == (not study.base):
         found = "found `random` beside it" if study.random else "not found"
         raise ScenarioError([read.problem(("base",), found, "a scenario's file or its keys, or `random` instead")])
-    return study, home
+    if wrong := list(_nowhere(study, read)):
+        raise ScenarioError(wrong)
+    home = Path(read.file).parent if read.file else Path()
+    return study.model_copy(update=_with_absolute_files(study, home)), read
+
+
+def _nowhere(study: Study, read: Source) -> Iterator[Problem]:
+    """Yield what an expectation asks of flights that there are none of."""
+    known = {name: levels for name, each in study.parameters.items() if (levels := levels_of(each))}
+    searched = [study.bisect.parameter] if study.bisect else []
+    for i, wanted in enumerate(study.expect):
+        for name, value in wanted.where.items():
+            names = [*study.parameters, *searched]
+            if name not in names:
+                allowed = f"a parameter of the study: {', '.join(names)}{did_you_mean(name, names)}"
+                yield read.problem(("expect", i, "where"), f"found '{name}'", allowed)
+            elif name in known and value not in known[name]:
+                found, allowed = f"found {name} = {value}", f"one that is flown: {', '.join(map(str, known[name]))}"
+                yield read.problem(("expect", i, "where"), found, allowed)
+
+
+def levels_of(parameter: Parameter) -> Sequence[Value] | None:
+    """Return a parameter's values, None for a distribution."""
+    match parameter:
+        case Range(range=(first, last, count)):
+            return np.linspace(first, last, count).tolist()
+        case Cases(cases=cases):
+            return list(cases)
+        case list():
+            return parameter
+        case _:
+            return None
+
+
+def _with_absolute_files(study: Study, home: Path) -> dict[str, Any]:
+    """Return `set` and `parameters` with the files that they name, relative to the study's own, as absolute paths."""
+
+    def whole(keys: Mapping[str, Any]) -> dict[str, Any]:
+        return {name: with_absolute_files(name, value, home) for name, value in keys.items()}
+
+    def anywhere(name: str, each: Parameter) -> Parameter:
+        if isinstance(each, Cases):
+            return Cases(cases={case: whole(keys) for case, keys in each.cases.items()})
+        return [with_absolute_files(name, value, home) for value in each] if isinstance(each, list) else each
+
+    return {"set": whole(study.set), "parameters": {name: anywhere(name, p) for name, p in study.parameters.items()}}
 
 
 def _problems(error: ValidationError, read: Source) -> list[Problem]:
@@ -216,16 +288,17 @@ def _problems(error: ValidationError, read: Source) -> list[Problem]:
     return bounds + [each for each in others if each.allowed and each.key not in keys]
 
 
-def base_keys(study: Study, home: Path) -> dict[Any, Plain]:
-    """Return the keys of the study's scenario, with what its file reads from others beside it.
+def base_keys(study: Study, read: Source) -> dict[Any, Plain]:
+    """Return the keys of the study's scenario, with what they name in other files, relative to where they stand.
 
     Raises:
         ScenarioError: its file, or one that it names, can't be read.
     """
     if isinstance(study.base, str):
+        home = Path(read.file).parent if read.file else Path()
         found = standalone(read_file(home / study.base)).data
         return {"name": Path(study.base).stem} | found
-    return plain_mapping(study.base)
+    return standalone(Source(read.file, plain_mapping(study.base))).data
 
 
 def _rising(made: Any, low: float, high: float) -> Any:  # noqa: ANN401 - any of the groups
@@ -243,6 +316,7 @@ def _one_bound(made: Any, below: float | None, above: float | None) -> Any:  # n
 __all__ = [
     "INVARIANTS",
     "Bisection",
+    "Cases",
     "Distribution",
     "Range",
     "Record",
@@ -250,5 +324,6 @@ __all__ = [
     "Value",
     "Wanted",
     "base_keys",
+    "levels_of",
     "load_study",
 ]

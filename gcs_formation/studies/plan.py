@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import product
 from typing import Any, NamedTuple, TypeAlias
@@ -19,10 +19,10 @@ from gcs_formation.studies.keys import (
     LogUniform,
     Normal,
     Parameter,
-    Range,
     Study,
     Uniform,
     Value,
+    levels_of,
 )
 
 Sample: TypeAlias = Mapping[str, Value]
@@ -35,7 +35,7 @@ Row: TypeAlias = Mapping[str, Any]
 
 def count_samples(study: Study) -> int:
     """Return how many samples a study has, without making them."""
-    sizes = [len(levels) for each in study.parameters.values() if (levels := _levels(each)) is not None]
+    sizes = [len(levels) for each in study.parameters.values() if (levels := levels_of(each)) is not None]
     match study.design:
         case "grid":
             return math.prod(sizes)
@@ -50,7 +50,7 @@ def samples(study: Study) -> list[Sample]:
     names = list(study.parameters)
     match study.design:
         case "grid":
-            listed = {name: levels for name in names if (levels := _levels(study.parameters[name])) is not None}
+            listed = {name: levels for name in names if (levels := levels_of(study.parameters[name])) is not None}
             return [dict(zip(listed, values, strict=True)) for values in product(*listed.values())]
         case "one_at_a_time":
             return _one_at_a_time(study)
@@ -65,7 +65,7 @@ def drawn(study: Study, flight: int) -> Sample:
     """Return the values that a flight draws by itself: those of distributions in designs of lists."""
     if study.design not in {"grid", "one_at_a_time"}:
         return {}
-    open_ones = {name: each for name, each in study.parameters.items() if _levels(each) is None}
+    open_ones = {name: each for name, each in study.parameters.items() if levels_of(each) is None}
     random = np.random.Generator(np.random.Philox(random_stream(study.seeds.first, "study", flight)))
     return {name: at(each, float(random.random())) for name, each in open_ones.items()}
 
@@ -80,23 +80,12 @@ def at(parameter: Parameter, share: float) -> Value:
         case Normal(normal=(mean, sigma)):
             return mean + sigma * float(norm.ppf(min(max(share, INSIDE), 1.0 - INSIDE)))
         case _:
-            levels = _levels(parameter) or [None]
+            levels = levels_of(parameter) or [None]
             return levels[min(int(share * len(levels)), len(levels) - 1)]
 
 
-def _levels(parameter: Parameter) -> Sequence[Value] | None:
-    """Return a parameter's values, None for a distribution."""
-    match parameter:
-        case Range(range=(first, last, count)):
-            return np.linspace(first, last, count).tolist()
-        case list():
-            return parameter
-        case _:
-            return None
-
-
 def _one_at_a_time(study: Study) -> list[Sample]:
-    listed = {name: levels for name, each in study.parameters.items() if (levels := _levels(each)) is not None}
+    listed = {name: levels for name, each in study.parameters.items() if (levels := levels_of(each)) is not None}
     first = {name: levels[0] for name, levels in listed.items()}
     return [first, *({**first, name: value} for name, levels in listed.items() for value in levels[1:])]
 

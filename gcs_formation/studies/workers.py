@@ -12,9 +12,11 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing import forkserver, resource_tracker
+from time import sleep
 from types import TracebackType
 from typing import Any, Protocol, Self
 
+from airlink.clock import Stopwatch
 from gcs_formation.errors import RunAbortedError
 from gcs_formation.studies.flight import VERSION, Task, fly, lost
 
@@ -25,6 +27,9 @@ AHEAD = 2
 ENDING = (signal.SIGINT, signal.SIGTERM)
 ANSWER_S = 10.0
 """In which a scheduler must answer."""
+GONE_S = 60.0
+"""For which a scheduler may be without workers."""
+ASKED_EVERY_S, POLL_S = 1.0, 0.01
 
 
 class Workers(Protocol):
@@ -159,6 +164,9 @@ class Cluster:
     def __init__(self, address: str) -> None:
         """Use those of the scheduler at `address`, tcp://HOST:PORT."""
         self._address = address
+        self._flown_at_a_time = 0
+        self._asked: Stopwatch | None = None
+        self._seen = Stopwatch()
 
     def __enter__(self) -> Self:
         """Connect.
@@ -174,6 +182,7 @@ class Cluster:
             self._client: Any = Client(self._address, timeout=ANSWER_S)
         except (OSError, TimeoutError, ValueError) as error:
             raise RunAbortedError(f"no Dask scheduler answers at {self._address}: {error}") from error
+        self._client._timeout = GONE_S  # for which it tries to connect again
         return self
 
     def __exit__(
@@ -188,7 +197,11 @@ class Cluster:
         return f"Dask's dashboard: {self._client.dashboard_link}"
 
     def rows(self, tasks: deque[Task]) -> Iterator[dict[str, Any]]:
-        """Yield the rows. Dask flies a flight again whose worker died; one that a restarted scheduler forgot, we do."""
+        """Yield the rows. Dask flies a flight again whose worker died; one that a restarted scheduler forgot, we do.
+
+        Raises:
+            RunAbortedError: workers of another version; or the scheduler, or its last worker, is gone for good.
+        """
         from distributed import as_completed  # noqa: PLC0415 - an extra
         from distributed.client import FutureCancelledError  # noqa: PLC0415
         from distributed.scheduler import KilledWorker  # noqa: PLC0415
@@ -197,20 +210,42 @@ class Cluster:
         flying, deaths = dict[Any, Task](), Counter[int]()
         ended: Any = as_completed(with_results=False, raise_errors=False)
         while tasks or flying:
-            while tasks and len(flying) < AHEAD * max(1, self._threads()):
+            while tasks and len(flying) < AHEAD * self._threads():
                 task = tasks.popleft()
                 future = self._client.submit(fly, task, pure=False, retries=TRIES)
                 flying[future] = task
                 ended.add(future)
+            if not ended.has_ready():
+                self._wait_a_little()
+                continue
             future: Any = next(ended)
             task = flying.pop(future)
             try:
                 yield future.result()
-            except (FutureCancelledError, KilledWorker):
+            except FutureCancelledError:
+                tasks.appendleft(task)
+            except KilledWorker:
                 yield from _again([task], deaths, tasks)
 
+    def _wait_a_little(self) -> None:
+        """Wait for whatever comes next.
+
+        Raises:
+            RunAbortedError: nobody has been there to fly anything for too long.
+        """
+        if self._client.status == "closed" or (not self._threads() and self._seen.wall_s > GONE_S):
+            raise RunAbortedError(f"the Dask scheduler at {self._address}, or its last worker, is gone")
+        sleep(POLL_S)
+
     def _threads(self) -> int:
-        return sum(self._client.nthreads().values())
+        """Return how many flights the workers fly at a time, as of a second ago; 0 while there is no scheduler."""
+        if self._client.status != "running":
+            return 0
+        if self._asked is None or self._asked.wall_s > ASKED_EVERY_S:
+            self._flown_at_a_time, self._asked = sum(self._client.nthreads().values()), Stopwatch()
+        if self._flown_at_a_time:
+            self._seen = Stopwatch()
+        return self._flown_at_a_time
 
     def _check_versions(self) -> None:
         """Refuse workers of another version, whose flights would be other flights.

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.tables import markdown
 from flight_model.arrays import Array
+from gcs_formation.studies.table import markdown
 from tests.fuzz.siege import End, Siege, check, fly, worst_error_m
 
 DURATION_S = 60.0

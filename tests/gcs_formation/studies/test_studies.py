@@ -2,12 +2,15 @@
 
 import json
 import os
+import re
 import resource
 import signal
 import subprocess
 import sys
 from collections import Counter, deque
 from contextlib import contextmanager
+from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -19,13 +22,14 @@ from scipy.stats import binom
 
 from formation_scenario import ScenarioError
 from gcs_formation.cli import main
-from gcs_formation.errors import RecordingError
-from gcs_formation.studies.campaign import clopper_pearson, judge, prepare
+from gcs_formation.errors import RecordingError, RunAbortedError
+from gcs_formation.studies.campaign import clopper_pearson, judge, prepare, refly_task
 from gcs_formation.studies.dataset import Dataset, read_journal
 from gcs_formation.studies.flight import Task, figure, fly
 from gcs_formation.studies.keys import Study, load_study, study_schema
 from gcs_formation.studies.plan import Plan, Planned, count_flights, count_samples, drawn, replayed, samples
 from gcs_formation.studies.report import Flights, heat_map
+from gcs_formation.studies.table import sample_table
 from gcs_formation.studies.workers import Cluster, Processes
 from tests.processes import wait_for
 
@@ -68,6 +72,67 @@ def test_a_base_brings_along_what_its_file_reads_from_others_beside_it(tmp_path,
     found = Task(first, keys, planned.set, planned.measured, "none", None).scenario()
     assert [each.model.tau_v_s for each in found.vehicles] == [2.5, 2.5]
     assert found.links.default.trace_file == str(tmp_path / "files" / "late.txt")
+
+
+def test_files_that_a_study_names_itself_are_beside_it(tmp_path, monkeypatch):
+    """In what all flights have, in a parameter's values and in cases; its base is elsewhere."""
+    (tmp_path / "base").mkdir()
+    (tmp_path / "mine.yaml").write_text("model: {tau_v_s: 2.5}")
+    (tmp_path / "late.txt").write_text("40\n60\n")
+    (tmp_path / "base" / "base.yaml").write_text(json.dumps(SCENARIO))
+    models = {"cases": {"shipped": {"vehicles.model": "arduplane"}, "mine": {"vehicles.model": "mine.yaml"}}}
+    parameters = {"model": models, "links.default.trace_file": ["late.txt"]}
+    keys = {"base": "base/base.yaml", "set": {"links.uplink": {"trace_file": "late.txt"}}, "parameters": parameters}
+    (tmp_path / "study.yaml").write_text(json.dumps(keys))
+    monkeypatch.chdir("/")
+    planned, base = prepare(tmp_path / "study.yaml")
+    flown = [refly_task(each, planned, base, tmp_path).scenario() for each in Plan(planned).begin()]
+    assert flown[1].vehicles[0].model.tau_v_s == 2.5 != flown[0].vehicles[0].model.tau_v_s
+    late = str(tmp_path / "late.txt")
+    assert (flown[0].links.default.trace_file, flown[0].links.uplink.trace_file) == (late, late)
+
+
+def test_cases_set_several_keys_by_a_name():
+    frames = {"cases": {"own": {"formation.frame": "follower_heading", "law.speed.kp": 2.0}, "as it is": {}}}
+    planned = study(parameters={"slots turn with": frames, DELAY: [0, 100]})
+    flights = list(Plan(planned).begin())
+    assert [tuple(each.parameters.values()) for each in flights] == list(product(["own", "as it is"], [0, 100]))
+    flown = refly_task(flights[1], planned, SCENARIO, Path("x")).scenario()
+    assert (flown.formation.frame, flown.law.speed.kp, flown.links.default.delay_ms) == ("follower_heading", 2.0, 100)
+    assert refly_task(flights[2], planned, SCENARIO, Path("x")).scenario().formation.frame == "leader_heading"
+
+
+def test_metrics_count_in_their_window_of_time(tmp_path):
+    task = Task(Planned(0, 1, {}), SCENARIO | {"start": {"in_air": True, "offset_m": [8, 0, 0]}}, {},
+                ("error_x_m.max", "settled_at_s"), "series", str(tmp_path), window=(1.0, 2.0))  # fmt: skip
+    found = fly(task)
+    rows = pq.read_table(tmp_path / "timeseries.parquet").to_pydict()
+    within = [abs(error) for error, at_s, vehicle in zip(rows["error_x_m"], rows["mission_time_s"], rows["vehicle"],
+              strict=True) if vehicle == 2 and 1.0 - 1e-9 <= at_s <= 2.0 + 1e-9]  # fmt: skip
+    assert found["exit"] == 0
+    assert found["error_x_m.max"] == pytest.approx(max(within))
+    assert max(within) < max(map(abs, filter(np.isfinite, rows["error_x_m"])))
+
+
+def test_a_table_has_a_row_for_each_sample_and_of_several_seeds_median_and_worst():
+    planned = study(parameters={DELAY: [0, 100]}, seeds={"count": 3}, metrics=["error_x_m.max", "min_separation_m"])
+    rows = [
+        row(each, **{"error_x_m.max": 0.1 * each.flight, "min_separation_m": 20.0 - each.flight})
+        for each in Plan(planned).begin()
+    ]
+    rows[5]["min_separation_m"] = None
+    assert sample_table(planned, rows, []).splitlines() == [
+        "| links.default.delay_ms | error_x_m.max | min_separation_m |",
+        "| --- | ---: | ---: |",
+        "| 0 | 0.1 (0.2) | 19 (18) |",
+        "| 100 | 0.4 (0.5) | 16.5 (–) |",
+    ]
+
+
+def test_a_search_s_row_has_both_flights_between_which_the_bound_is_crossed():
+    plan = Plan(study(bisect=SEARCH, metrics=["margin_used"]))
+    flown = [{**each, "margin_used": each[DELAY] / 500} for each in searched(plan, breaks_at={1: 437.0})]
+    assert sample_table(plan.study, flown, plan.crossings()).splitlines()[2] == "| 1 | 430 | 438 | 0.859 to 0.875 |"
 
 
 def test_one_at_a_time_varies_each_parameter_around_the_first_values():
@@ -153,7 +218,8 @@ def test_shares_are_judged_with_clopper_and_pearson_s_interval():
     assert binom.sf(94, 100, low) == pytest.approx(0.025)
     assert binom.cdf(95, 100, high) == pytest.approx(0.025)
     assert clopper_pearson(10, 10, 0.95)[0] == pytest.approx(0.025**0.1)
-    wanted = study(expect=[{"metric": "min_separation_m", "above": 10, "share": 0.75, "where": {DELAY: 300}}]).expect[0]
+    far_enough = {"metric": "min_separation_m", "above": 10, "share": 0.75, "where": {DELAY: 300}}
+    wanted = study(parameters={DELAY: {"range": [0, 300, 2]}}, expect=[far_enough]).expect[0]
     rows = [{DELAY: delay, "min_separation_m": s, "exit": e} for delay, s, e in
             [(300, 11, 0), (300, 12, 1), (300, 13, 0), (300, 14, 3), (0, 1, 0)]]  # fmt: skip
     verdict = judge(wanted, rows)
@@ -177,17 +243,42 @@ def test_of_several_vehicles_the_worst_counts_and_one_that_never_settles_has_no_
     ("keys", "words"),
     [
         ({"parameters": {"links.default.dely_ms": [1]}}, "did you mean 'delay_ms'?"),
-        ({"parameters": {DELAY: []}}, "a list of values that isn't empty"),
+        ({"parameters": {DELAY: []}}, "found []; allowed: a list of 1 to"),
         ({"parameters": {LOSS: [2.0, 3.0]}}, "a number from 0 to 1"),
         ({"metrics": ["error_q_m.max"]}, "error_x_m.max"),
         ({"design": "grd"}, "grid, one_at_a_time"),
         ({"bases": "x"}, "unknown key"),
         ({"base": "nowhere.yaml"}, "No such file"),
+        (
+            {"parameters": {DELAY: [0]}, "expect": [{"metric": "violations", "below": 1, "where": {"delay": 0}}]},
+            "found 'delay'; allowed: a parameter of the study",
+        ),
+        (
+            {"parameters": {DELAY: [0]}, "expect": [{"metric": "violations", "below": 1, "where": {DELAY: 5}}]},
+            "found links.default.delay_ms = 5; allowed: one that is flown: 0",
+        ),
     ],
 )
 def test_a_wrong_study_is_refused_in_words(keys, words):
-    with pytest.raises(ScenarioError, match="(?s)" + words.replace("(", r"\(").replace("?", r"\?")):
+    with pytest.raises(ScenarioError, match="(?s)" + re.escape(words)):
         prepare({"base": SCENARIO, **keys})
+
+
+@pytest.mark.parametrize(
+    ("lines", "at"),
+    [
+        ("parameters:\n  links.default.dely_ms: [1]", "3:3"),
+        ("set:\n  law.tipe: pid", "3:3"),
+        ("parameters:\n  links:\n    cases:\n      a: {links.default.dely_ms: 1}", "5:7"),
+        ("bisect:\n  {parameter: law.x, low: 0, high: 1, tolerance: 0.5, metric: violations, below: 1}", "3:4"),
+    ],
+)
+def test_a_wrong_key_is_named_with_its_place_in_the_study(tmp_path, lines, at):
+    path = tmp_path / "study.yaml"
+    path.write_text(f"base: {json.dumps(SCENARIO)}\n{lines}\n")
+    with pytest.raises(ScenarioError) as refused:
+        prepare(path)
+    assert str(refused.value).startswith(f"{path}:{at}: ")
 
 
 def test_the_schema_allows_what_the_loader_allows():
@@ -319,6 +410,27 @@ def test_a_cluster_flies_the_same_as_processes_do_and_survives_a_killed_worker(t
     assert sorted(each["flight"] for each in flown) == [0, 1, 2, 3]
     found = {each["flight"]: each["error_x_m.max"] for each in flown}
     assert found == {each["flight"]: each["error_x_m.max"] for each in values_of(here)}
+
+
+@pytest.mark.slow
+def test_a_restarted_scheduler_costs_no_flight_and_one_that_is_gone_ends_the_study(two, monkeypatch):
+    distributed = pytest.importorskip("distributed")
+    monkeypatch.setattr("gcs_formation.studies.workers.GONE_S", 10.0)
+    planned, base = prepare(two)
+    tasks = deque(Task(each, base, {}, ("error_x_m.max",), "none", None) for each in Plan(planned).begin())
+    small = {"n_workers": 1, "threads_per_worker": 1, "dashboard_address": None}
+    before = distributed.LocalCluster(**small)
+    port = int(before.scheduler_address.rpartition(":")[2])
+    with Cluster(before.scheduler_address) as workers:
+        rows = workers.rows(tasks)
+        flown = [next(rows)]
+        before.close()
+        with distributed.LocalCluster(**small, scheduler_port=port):
+            flown += [next(rows), next(rows)]
+        with pytest.raises(RunAbortedError, match="is gone"):
+            flown += rows
+    assert len({each["flight"] for each in flown}) == len(flown) >= 3
+    assert all(each["exit"] == 0 for each in flown)
 
 
 @pytest.mark.slow
