@@ -15,8 +15,8 @@ PACKAGES = ("airlink", "formation_scenario", "sim_vehicles", "gcs_formation", "t
 FOLDER = rf"`((?:{'|'.join(PACKAGES)})/[\w/]*)`"
 FILES = {path.name for package in PACKAGES for path in (ROOT / package).rglob("*.*")}
 """Names that may stand alone, where a document has said before which folder is meant."""
-OUTPUTS = {"run.yaml"}
-"""Of a run, not of the tree."""
+OUTPUTS = {"run.yaml", "table.md"}
+"""Of a run or a study, not of the tree."""
 TO_COME = "## Where to add things"
 
 
