@@ -20,11 +20,16 @@ DEAD_CYCLES: Final = 5
 """Cycles of the main loop from a velocity's arrival until it acts: 0.1 s."""
 JERK_MPS3: Final = 5.0
 """PSC_JERK_XY."""
-CLIMB_ACCEL_MPS2: Final = 1.0
-"""WPNAV_ACCEL_Z."""
-YAW_LAG_S: Final = 0.4
-YAW_RATE_RPS: Final = 1.05
-"""Of the nose; ATC_SLEW_YAW."""
+CLIMB_DEAD_CYCLES: Final = 7
+CLIMB_ACCEL_MPS2: Final = 1.2
+"""WPNAV_ACCEL_Z, 1.0, as flown."""
+CLIMB_LAG_S: Final = 0.15
+"""Of the vertical speed behind one that accelerates so."""
+YAW_DEAD_CYCLES: Final = 10
+YAW_LAG_S: Final = 0.12
+"""Each of two, of the nose behind a direction that comes round at `YAW_RATE_RPS`."""
+YAW_RATE_RPS: Final = 1.1
+"""ATC_SLEW_YAW, 60 degrees/s, as flown."""
 AXIS_MPS: Final = 0.3
 """Ground speed whose course counts as much as the nose for the direction that it is said to fly in."""
 LEAST_LAG_S: Final = 0.05
@@ -36,7 +41,20 @@ AT_REST: Velocity = (0.0, 0.0, 0.0)
 class HoveringBody(Body):
     """A multirotor; its state's airspeed is that over ground, its heading its course, or its nose where it stands."""
 
-    __slots__ = ("_accel", "_air_mps", "_climb_lag_s", "_lag_s", "_told", "velocity_mps", "yaw_rad")
+    __slots__ = (
+        "_accel",
+        "_air_mps",
+        "_climb_lag_s",
+        "_lag_s",
+        "_nose_aimed_rad",
+        "_nose_between_rad",
+        "_noses",
+        "_sink_aimed_mps",
+        "_sinks",
+        "_told",
+        "velocity_mps",
+        "yaw_rad",
+    )
 
     def __init__(self, config: VehicleConfig, wind_mps: Velocity, seed: int) -> None:
         """Start as configured."""
@@ -44,13 +62,19 @@ class HoveringBody(Body):
         model, start = config.model, config.start
         self._lag_s: float = max(model.tau_v_s - DEAD_CYCLES * LOOP_S, LEAST_LAG_S)
         both_s2, sum_s = model.tau_ha_s * model.tau_hb_s, model.tau_ha_s + model.tau_hb_s
-        self._climb_lag_s: float = max(both_s2 / sum_s, LEAST_LAG_S)
+        reaction_s = CLIMB_DEAD_CYCLES * LOOP_S + CLIMB_LAG_S
+        self._climb_lag_s: float = max(both_s2 / sum_s - reaction_s, LEAST_LAG_S)
         north_mps, east_mps = (start.airspeed_mps * f(start.heading_rad) for f in (math.cos, math.sin))
         self.velocity_mps: Velocity = (north_mps, east_mps, 0.0)
         self.yaw_rad: float = start.heading_rad
         self._accel: tuple[float, float] = (0.0, 0.0)
         self._air_mps: Velocity = AT_REST
         self._told: deque[Velocity] = deque([self.velocity_mps] * DEAD_CYCLES)
+        self._sinks: deque[float] = deque([0.0] * CLIMB_DEAD_CYCLES)
+        self._sink_aimed_mps: float = 0.0
+        self._noses: deque[float] = deque([math.nan] * YAW_DEAD_CYCLES)
+        self._nose_aimed_rad: float = start.heading_rad
+        self._nose_between_rad: float = start.heading_rad
 
     def ground_velocity(self) -> Velocity:
         """Return north, east and down, m/s."""
@@ -59,7 +83,7 @@ class HoveringBody(Body):
     def ground(self) -> None:
         """Put it on the ground, at rest."""
         super().ground()
-        self.velocity_mps, self._accel = AT_REST, (0.0, 0.0)
+        self.velocity_mps, self._accel, self._sink_aimed_mps = AT_REST, (0.0, 0.0), 0.0
 
     def shown(self) -> Motion:
         """Return its motion as its sensors show it: no airspeed but its own speed, and where its nose points."""
@@ -69,20 +93,22 @@ class HoveringBody(Body):
         """Move on by a cycle of the main loop; what stands on the ground stays there."""
         self._motion = None
         self._told.append(self.steering.velocity_mps)
-        told = self._told.popleft()
+        self._sinks.append(self.steering.velocity_mps[2])
+        self._noses.append(self.steering.yaw_rad)
+        told, sink_mps, nose_rad = self._told.popleft(), self._sinks.popleft(), self._noses.popleft()
         if not self.steering.airborne:
             self.ground()
             return
         before = self.velocity_mps
-        self._accelerate(told)
-        self._turn_nose()
+        self._accelerate(told, sink_mps)
+        self._turn_nose(nose_rad)
         north, east, down = self.velocity_mps
         state = self.state
         state.north_m += LOOP_S * (north + before[0]) / 2.0
         state.east_m += LOOP_S * (east + before[1]) / 2.0
         state.height_m -= LOOP_S * (down + before[2]) / 2.0
         if state.height_m < 0.0:
-            state.height_m, self.velocity_mps = 0.0, (north, east, 0.0)
+            state.height_m, self.velocity_mps, self._sink_aimed_mps = 0.0, (north, east, 0.0), 0.0
         state.climb_mps, state.airspeed_mps = -self.velocity_mps[2], math.hypot(north, east)
         course_rad = math.atan2(east + AXIS_MPS * math.sin(self.yaw_rad), north + AXIS_MPS * math.cos(self.yaw_rad))
         turned_rad = wrap(course_rad - state.heading_rad)
@@ -91,24 +117,30 @@ class HoveringBody(Body):
         self.speed_told_mps, self.heading_told_rad = math.hypot(told[0], told[1]), math.atan2(told[1], told[0])
         self.height_told_m = state.height_m
 
-    def _accelerate(self, told: Velocity) -> None:
-        """Change the velocity by a cycle: towards what is told, and by what the air pushes."""
+    def _accelerate(self, told: Velocity, sink_mps: float) -> None:
+        """Change the velocity by a cycle: towards what is told, level and downwards, and by what the air pushes."""
         before, air = self.velocity_mps, (self.air_north_mps, self.air_east_mps, self.air_down_mps)
         wanted = _no_longer(
             (told[0] - before[0]) / self._lag_s, (told[1] - before[1]) / self._lag_s, self.model.accel_max_mps2
         )
         change = _no_longer(wanted[0] - self._accel[0], wanted[1] - self._accel[1], JERK_MPS3 * LOOP_S)
         self._accel = self._accel[0] + change[0], self._accel[1] + change[1]
-        sink = within((told[2] - before[2]) / self._climb_lag_s, -CLIMB_ACCEL_MPS2, CLIMB_ACCEL_MPS2)
-        each = zip(before, (*self._accel, sink), air, self._air_mps, strict=True)
+        sink = within((sink_mps - self._sink_aimed_mps) / self._climb_lag_s, -CLIMB_ACCEL_MPS2, CLIMB_ACCEL_MPS2)
+        self._sink_aimed_mps += sink * LOOP_S
+        each = zip(
+            before, (*self._accel, (self._sink_aimed_mps - before[2]) / CLIMB_LAG_S), air, self._air_mps, strict=True
+        )
         north, east, down = (v + LOOP_S * a + now - then for v, a, now, then in each)
         self.velocity_mps, self._air_mps = (north, east, down), air
 
-    def _turn_nose(self) -> None:
-        told_rad = self.steering.yaw_rad
+    def _turn_nose(self, told_rad: float) -> None:
+        """Turn the nose behind a direction that comes round to the one told at a constant rate."""
         if not math.isnan(told_rad):
-            rate = wrap(told_rad - self.yaw_rad) / YAW_LAG_S
-            self.yaw_rad += within(rate, -YAW_RATE_RPS, YAW_RATE_RPS) * LOOP_S
+            most_rad = YAW_RATE_RPS * LOOP_S
+            self._nose_aimed_rad += within(wrap(told_rad - self._nose_aimed_rad), -most_rad, most_rad)
+        share = LOOP_S / YAW_LAG_S
+        self._nose_between_rad += share * (self._nose_aimed_rad - self._nose_between_rad)
+        self.yaw_rad += share * (self._nose_between_rad - self.yaw_rad)
 
 
 def _no_longer(north: float, east: float, most: float) -> tuple[float, float]:

@@ -84,6 +84,36 @@ def test_steps_of_velocity_take_as_long_as_measured(standing, before, after, t63
     assert reached(north, 0.9) == pytest.approx(t90_s, rel=0.25)
 
 
+@pytest.mark.parametrize(
+    ("climb_mps", "t63_s", "t90_s"), [(1.0, 0.79, 1.04), (-1.0, 0.8, 1.04), (0.3, 0.41, 0.6), (-0.3, 0.42, 0.61)]
+)
+def test_steps_of_climb_take_as_long_as_measured(standing, climb_mps, t63_s, t90_s):
+    """To a climb, and back to none."""
+    for told in (climb_mps, 0.0):
+        climbs = []
+        for _ in range(25):
+            standing.tell(0.0, 0.0, -told)
+            for _ in range(5):
+                standing.air.run(0.02)
+                climbs.append(standing.motion.climb_mps)
+        assert reached(climbs, 0.63) == pytest.approx(t63_s, rel=0.15)
+        assert reached(climbs, 0.9) == pytest.approx(t90_s, rel=0.15)
+
+
+@pytest.mark.parametrize(("turn_rad", "t63_s", "t90_s"), [(math.pi / 2, 1.26, 1.65), (0.35, 0.6, 0.78)])
+def test_steps_of_the_nose_take_as_long_as_measured(standing, turn_rad, t63_s, t90_s):
+    standing.fly(5.0, 0.0)
+    for told in (turn_rad, 0.0):
+        noses = []
+        for _ in range(30):
+            standing.tell(0.0, yaw=told)
+            for _ in range(5):
+                standing.air.run(0.02)
+                noses.append(math.remainder(standing.shown.heading_rad, math.tau))
+        assert reached(noses, 0.63) == pytest.approx(t63_s, rel=0.15)
+        assert reached(noses, 0.9) == pytest.approx(t90_s, rel=0.15)
+
+
 def test_it_flies_in_any_direction(standing):
     north, east = standing.fly(6.0, -1.0, 2.0)[-1]
     assert (north, east) == pytest.approx((-1.0, 2.0), abs=0.02)
