@@ -82,16 +82,16 @@ class Dispatch:
         """Take a tick's setpoints; one that isn't finite is never sent."""
         self._guided.clear()
         for identity, vehicle, column in self._each:
-            setpoint, state = tick.setpoints[column], tick.state[column]
-            place = state.north_m, state.east_m, state.height_m, state.wind_north_mps, state.wind_east_mps
-            usable = tick.active[column] and math.isfinite(sum(setpoint) + sum(place))
+            state, setpoint = tick.state[column], Setpoint(*tick.setpoints[column])
+            place = Whereabouts(state.north_m, state.east_m, state.height_m, state.wind_north_mps, state.wind_east_mps)
+            usable = tick.active[column] and all(map(math.isfinite, setpoint)) and all(map(math.isfinite, place))
             if usable or vehicle.member is not Member.FLYING:
                 self._without.pop(identity, None)
             else:
                 self._without.setdefault(identity, now)
             if usable:
                 self._guided.add(identity)
-                messages = vehicle.autopilot.setpoint(Setpoint(*setpoint), Whereabouts(*place))
+                messages = vehicle.autopilot.setpoint(setpoint, place)
                 self._send(vehicle, messages, after(now, hold_s) if column == tick.leader else now, now)
 
     def _send(self, vehicle: Vehicle, messages: tuple[Message, ...], due: Instant, now: Instant) -> None:
