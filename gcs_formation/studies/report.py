@@ -48,7 +48,7 @@ REPORT, FIGURES = "report.html", "figures"
 WORST = 3
 MOST_FAILED = 50
 CAPTIONS = {
-    "distributions": "Cumulative distributions; flights without the figure count as beyond its end.",
+    "distributions": "Cumulative distributions; flights without the figure count as beyond its end. Counts as bars.",
     "marginals": "Over each parameter, whatever the others are.",
     "map": "Median of the flights in each cell. Beyond the line, drawn where `margin_used` is a metric and both "
     "sides of it were flown, delays are longer than the margin computed for the loops.",
@@ -72,6 +72,10 @@ def distributions(flights: Flights) -> Figure:
     figure, panels = _panels(len(names))
     for axes, name in zip(panels, names, strict=False):
         values = np.sort(flights.metrics[name][np.isfinite(flights.metrics[name])])
+        axes.set_xlabel(name)
+        if np.unique(values).size <= LEVELS_UP_TO and not np.mod(values, 1.0).any():
+            _counts(axes, values)
+            continue
         total = flights.metrics[name].size
         shares = np.arange(1, values.size + 1) / max(total, 1)
         half = np.sqrt(np.log(2.0 / (1.0 - CONFIDENCE)) / (2.0 * max(total, 1)))
@@ -81,9 +85,17 @@ def distributions(flights: Flights) -> Figure:
         _bounds(axes, flights.study, name, vertical=True)
         axes.set_ylim(0.0, 1.02)
         _scale(axes, values, "x")
-        axes.set_xlabel(name)
     legend_below(figure)
     return figure
+
+
+def _counts(axes: Axes, values: Array) -> None:
+    """Draw how many flights have each of a few whole values: a share of few among many wouldn't be seen."""
+    levels, counts = np.unique(values, return_counts=True)
+    bars = axes.bar(levels, counts, width=0.5, color=BAND, label="flights with this value")
+    axes.bar_label(bars, [str(count) for count in counts])
+    axes.set_xticks(levels, labels=[f"{level:g}" for level in levels])
+    axes.set(yscale="log", ylim=(0.5, 3.0 * counts.max()))
 
 
 def marginals(flights: Flights, metric: str) -> Figure:
@@ -305,7 +317,7 @@ def _expectations(result: Mapping[str, Any]) -> str:
         ]
         for entry in result.get("expect", [])
     ]
-    heads = ["Figure", "Bound", "Of flights with", "MinimumDistance", "Confidence interval", "Expected", ""]
+    heads = ["Figure", "Bound", "Of flights with", "Kept", "Confidence interval", "Expected", ""]
     return table(heads, rows, (0, 1, 2, 6)) if rows else '<p class="note">None, or the study has not ended.</p>'
 
 

@@ -28,7 +28,7 @@ from gcs_formation.studies.dataset import Dataset, read_journal
 from gcs_formation.studies.flight import Task, figure, fly
 from gcs_formation.studies.keys import Study, load_study, study_schema
 from gcs_formation.studies.plan import Plan, Planned, count_flights, count_samples, drawn, replayed, samples
-from gcs_formation.studies.report import Flights, heat_map
+from gcs_formation.studies.report import Flights, distributions, heat_map
 from gcs_formation.studies.table import sample_table
 from gcs_formation.studies.workers import Cluster, Processes
 from tests.processes import wait_for
@@ -338,6 +338,16 @@ def test_a_heat_map_shows_where_delays_reach_the_computed_margin():
     assert line.allsegs[0][0][:, 0] == pytest.approx([150.0, 150.0])
     (axes, _) = heat_map(delayed(margin_s=0.5), "error_x_m.max", DELAY, LOSS).axes
     assert not [each for each in axes.collections if isinstance(each, ContourSet)]
+
+
+def test_a_count_that_few_flights_have_is_seen_among_a_thousand():
+    broken = np.zeros(1000)
+    broken[[97, 231]] = 1.0
+    figure = distributions(Flights(study(), {}, {"broken_invariants": broken, "error_x_m.max": broken + 0.5}))
+    counted, curve = figure.axes[:2]
+    assert [text.get_text() for text in counted.texts] == ["998", "2"]
+    assert all(bar.get_height() > counted.get_ylim()[0] for bar in counted.patches)
+    assert not curve.patches
 
 
 @pytest.mark.slow
