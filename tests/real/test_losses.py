@@ -1,0 +1,124 @@
+"""Four real autopilots of which a follower's, then the leader's, then the ground station are killed in flight."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from gcs_formation.record.timeseries import read_parquet
+from tests.flights.test_resume import armings_us
+from tests.processes import STATION, events_of, free_ports, started, wait_for_event
+from tests.real.simulators import (
+    ARDUCOPTER,
+    ARDUPLANE,
+    LIMIT_S,
+    ROOT,
+    ArduPilot,
+    at_ports,
+    command_to_fly,
+)
+
+SPEEDUP = 2
+SLOT_M = 1.0
+PLANES = {
+    "start": {"timeout_s": 900},
+    "formation": {"shape": "diamond", "spacing_m": 40},
+    "path": {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [1500, 0, 100], [3000, 300, 110], [6000, 600, 110]]},
+    "duration_s": 150,
+}
+COPTERS = {
+    "start": {"run_in_s": 15, "tolerance_m": 1, "timeout_s": 600},
+    "formation": {"shape": "diamond", "spacing_m": 12},
+    "path": {"speed_mps": 5, "waypoints_m": [[0, 0, 30], [400, 0, 30], [800, 60, 30]]},
+    "safety": {"separation_m": 3, "clearance_m": 5},
+    "duration_s": 130,
+}
+pytestmark = pytest.mark.slow
+
+
+class Losses(NamedTuple):
+    """When what was killed, s of the record, and the record."""
+
+    follower_s: float
+    leader_s: float
+    run: Path
+
+    def first_s(self, after_s: float, **fields: str) -> float:
+        """Return how long after an instant an event of these fields came."""
+        those = [each for each in events_of(self.run) if each["t_s"] > after_s and fields.items() <= each.items()]
+        return those[0]["t_s"] - after_s
+
+
+def lost(kind: ArduPilot, family: str, directory: Path, keys: dict[str, Any]) -> Losses:
+    """Fly, kill vehicle 3, then its leader, then the station, and have the flight resumed to its end."""
+    vehicles = [{"id": i, "autopilot": family, "role": "leader" if i == 1 else "follower"} for i in range(1, 5)]
+    ports, run = free_ports(4), directory / "run"
+    with kind.several(ports, directory, SPEEDUP) as processes:
+        command = command_to_fly(directory, at_ports(keys | {"vehicles": vehicles}, ports), "--speedup", str(SPEEDUP))
+        with started(command) as station:
+            now_s = clock(wait_for_event(run, "flying", within_s=LIMIT_S)["t_s"])
+            time.sleep(10.0 / SPEEDUP)
+            processes[2].kill()
+            follower_s = now_s()
+            time.sleep(15.0 / SPEEDUP)
+            processes[0].kill()
+            leader_s = now_s()
+            time.sleep(20.0 / SPEEDUP)
+            os.kill(station.pid, signal.SIGKILL)
+            station.wait(30)
+        time.sleep(2.0 / SPEEDUP)
+        # A busy machine may need more than the 5 s of the autopilots' failsafe until the station is back.
+        again = [*STATION, "fly", "--resume", str(run), "--retake", "--speedup", str(SPEEDUP), "--json"]
+        done = subprocess.run(again, cwd=ROOT, capture_output=True, text=True, timeout=LIMIT_S, check=False)
+    (directory / "resumed.txt").write_text(done.stderr)
+    assert json.loads(done.stdout)["followers"], done.stderr
+    return Losses(follower_s, leader_s, run)
+
+
+def clock(begun_s: float) -> Callable[[], float]:
+    """Return what tells the record's time, which was `begun_s` just now."""
+    seen = time.monotonic()
+    return lambda: begun_s + (time.monotonic() - seen) * SPEEDUP
+
+
+@pytest.fixture(scope="module", params=["arduplane", "arducopter"])
+def losses(request, tmp_path_factory) -> Losses:
+    kind, keys = (ARDUPLANE, PLANES) if request.param == "arduplane" else (ARDUCOPTER, COPTERS)
+    if not os.environ.get(kind.variable):
+        pytest.skip(f"{kind.variable} isn't set to the path of a SITL binary")
+    return lost(kind, request.param, tmp_path_factory.mktemp(request.param), keys)
+
+
+def test_a_lost_follower_is_said_within_3_s(losses):
+    assert losses.first_s(losses.follower_s, kind="link", vehicle="3") < 3.0
+
+
+def test_a_lost_leader_is_said_within_3_s_and_succeeded_within_5_s(losses):
+    assert losses.first_s(losses.leader_s, kind="link", vehicle="1") < 3.0
+    assert losses.first_s(losses.leader_s, kind="leader") < 5.5  # told every tenth of a second, of the emulators 5.0
+
+
+def test_the_formation_is_regained_within_60_s_after_the_station_was_killed(losses):
+    (resumed,) = [each for each in events_of(losses.run) if each["text"] == "goes on"]
+    columns = read_parquet(losses.run / "timeseries.parquet")
+    errors_m = np.max([np.abs(columns[f"error_{axis}_m"]) for axis in "xyz"], axis=0)
+    mine = np.isfinite(errors_m) & (columns["t_s"] > resumed["t_s"]) & np.isin(columns["vehicle"], (2, 4))
+    off_s = columns["t_s"][mine & (errors_m > SLOT_M)]
+    assert columns["t_s"][mine].max() > resumed["t_s"] + 20.0
+    assert (off_s.max() if off_s.size else resumed["t_s"]) - resumed["t_s"] < 60.0
+
+
+def test_nobody_is_armed_twice(losses):
+    (resumed,) = [each for each in events_of(losses.run) if each["text"] == "goes on"]
+    armed_s = [(at_us - resumed["epoch_us"]) * 1e-6 for at_us in armings_us(losses.run)]
+    assert len(armed_s) == 4
+    assert max(armed_s) < losses.follower_s
