@@ -250,7 +250,11 @@ class Vehicle(VehicleCommon, VehicleIdentity):
 
 def family_of(vehicle: VehicleCommon) -> Family:
     """Return the autopilot family that a vehicle speaks as; an emulator's is that of its model."""
-    named, model = vehicle.autopilot, vehicle.model
+    return spoken(vehicle.autopilot, vehicle.model)
+
+
+def spoken(named: Autopilot, model: VehicleModel) -> Family:
+    """Return the family of an autopilot as the scenario names it, on a vehicle with this model."""
     if named == "px4" or (named == "emulator" and model.firmware == "px4"):
         return "px4_copter" if model.hovers else "px4_plane"
     if named == "emulator":

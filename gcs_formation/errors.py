@@ -13,10 +13,6 @@ class RecordingError(RunAbortedError):
     """The record can't be written any more: the disk is full, as a rule."""
 
 
-class NoEmulatorError(StationError):
-    """A vehicle of an autopilot family that can't be emulated."""
-
-
 class NothingRunningError(StationError):
     """No flight answers in a run directory."""
 

@@ -1,4 +1,4 @@
-"""The configuration of a fleet; which autopilot families there are emulators of."""
+"""The configuration of a fleet."""
 
 from __future__ import annotations
 
@@ -7,14 +7,11 @@ from dataclasses import dataclass, field
 from airlink.endpoint import Endpoint, VehicleId
 from formation_scenario import Scenario, Vehicle
 from formation_scenario.environment import DEFAULT_MODE, FaultKind
-from formation_scenario.vehicles import VehicleModel
+from formation_scenario.vehicles import Family, VehicleModel
 from sim_vehicles.airframe.disturbances import Disturbance, Turbulence
 from sim_vehicles.inertial.config import InertialConfig
 
 EPOCH_2020_US = 1_577_836_800_000_000
-EMULATED = ("emulator", "arduplane", "arducopter")
-"""The scenario's `autopilot` of vehicles that can be emulated; what hovers speaks as ArduCopter, others as
-ArduPlane."""
 
 
 class SimVehiclesError(Exception):
@@ -64,6 +61,8 @@ class VehicleConfig:
     """The vehicle's own end: `udpout` to where a ground station listens, or `udpin`."""
     start: Start
     model: VehicleModel = field(default_factory=VehicleModel)
+    family: Family | None = None
+    """As which autopilot it speaks; None: as an emulator of its model."""
     clock_offset_s: float = 0.0
     clock_drift: float = 0.0
     """Relative rate by which its clock runs faster than true time."""
@@ -104,12 +103,6 @@ class FleetConfig:
     """Seed of every random stream."""
     ready_s: float = 3.0
     """Time from boot until a vehicle may be armed; a real one's estimator takes 23 s."""
-
-
-def without_emulator(scenario: Scenario) -> str:
-    """Return which vehicles' autopilot families have no emulator, in words; "" if all have one."""
-    told = [_named(vehicle) for vehicle in scenario.vehicles if vehicle.autopilot not in EMULATED]
-    return f"{', '.join(told)}: there is no emulator of that; allowed here: {', '.join(EMULATED)}" if told else ""
 
 
 def stand_ins(scenario: Scenario) -> str:

@@ -19,6 +19,7 @@ from sim_vehicles.autopilot.copter_modes import FAILSAFE, KINDS, initial_values
 from sim_vehicles.autopilot.copter_pilot import CopterPilot
 from sim_vehicles.autopilot.modes import CopterMode, FlightMode, select
 from sim_vehicles.autopilot.parameters import ParameterServer
+from sim_vehicles.autopilot.telemetry import UNASKED_NS
 from sim_vehicles.config import VehicleConfig
 from sim_vehicles.vehicle import NOTICE, WARNING, Vehicle
 
@@ -29,6 +30,7 @@ VELOCITY = (
     m.POSITION_TARGET_TYPEMASK_VX_IGNORE | m.POSITION_TARGET_TYPEMASK_VY_IGNORE | m.POSITION_TARGET_TYPEMASK_VZ_IGNORE
 )
 YAW, YAW_RATE = m.POSITION_TARGET_TYPEMASK_YAW_IGNORE, m.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE
+HEARTBEAT_ALONE = {m.MAVLINK_MSG_ID_HEARTBEAT: UNASKED_NS}
 LIKE_PLANES = (
     m.MAV_CMD_DO_SET_MODE,
     m.MAV_CMD_COMPONENT_ARM_DISARM,
@@ -63,7 +65,7 @@ class Copter(Vehicle):
     """An emulated ArduCopter; a position as a target isn't emulated."""
 
     mav_type = m.MAV_TYPE_QUADROTOR
-    unasked = (m.MAVLINK_MSG_ID_HEARTBEAT,)
+    unasked = HEARTBEAT_ALONE
     guided_mode = CopterMode.GUIDED
     ground_mode = CopterMode.STABILIZE
     boot_mode = CopterMode.STABILIZE

@@ -8,14 +8,23 @@ from airlink.clock import Instant, after
 from airlink.endpoint import Endpoint
 from airlink.engine import Datagram
 from flight_model.earth import GeodeticOrigin
+from formation_scenario.vehicles import Family, spoken
 from sim_vehicles.airframe.body import Body
 from sim_vehicles.airframe.environment import Environment
 from sim_vehicles.airframe.hovering import HoveringBody
 from sim_vehicles.autopilot.clock import LOOP_S
-from sim_vehicles.config import FleetConfig
+from sim_vehicles.config import FleetConfig, VehicleConfig
 from sim_vehicles.copter import Copter
 from sim_vehicles.plane import Plane
+from sim_vehicles.px4 import Px4Copter, Px4Plane
+from sim_vehicles.vehicle import Vehicle
 
+KINDS: dict[Family, Callable[[int, VehicleConfig, Fleet, Instant], Vehicle]] = {
+    "arduplane": Plane,
+    "arducopter": Copter,
+    "px4_plane": Px4Plane,
+    "px4_copter": Px4Copter,
+}
 TruthListener = Callable[[Instant, "Fleet"], None]
 
 
@@ -39,7 +48,7 @@ class Fleet:
         self.outbox: list[Datagram] = []
         self._next_turn = after(now, LOOP_S)
         self.vehicles = [
-            (Copter if vehicle.model.hovers else Plane)(i, vehicle, self, now)
+            KINDS[vehicle.family or spoken("emulator", vehicle.model)](i, vehicle, self, now)
             for i, vehicle in enumerate(config.vehicles)
         ]
 

@@ -11,6 +11,7 @@ from formation_scenario import environment as fault_keys
 from formation_scenario import environment as keys
 from formation_scenario.fields import VehicleSelection
 from formation_scenario.navigation import InertialNavigation, TrueNavigation
+from formation_scenario.vehicles import family_of
 from sim_vehicles.airframe.disturbances import Disturbance, Intensity, Ramp, Sine, Turbulence
 from sim_vehicles.config import Fault, FleetConfig, SensorErrors, Start, VehicleConfig
 from sim_vehicles.inertial.config import InertialConfig, aid, inertial_sensors
@@ -32,6 +33,7 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
                 in_air=states.in_air,
             ),
             model=vehicle.true_model or vehicle.model,
+            family=family_of(vehicle),
             clock_offset_s=vehicle.clock.offset_s,
             clock_drift=vehicle.clock.drift_ppm * 1e-6,
             utc_error_s=vehicle.clock.utc_error_s if vehicle.clock.utc else None,

@@ -27,8 +27,12 @@ class Link:
     each peer, so that a gap in the numbers is a loss on that peer's link.
     """
 
-    def __init__(self, socket: int, config: VehicleConfig, outbox: list[Datagram]) -> None:
-        """Send on socket number `socket` of the engine, by appending datagrams to its outbox."""
+    def __init__(self, socket: int, config: VehicleConfig, outbox: list[Datagram], *, locks: bool = False) -> None:
+        """Send on socket number `socket` of the engine, by appending datagrams to its outbox.
+
+        `locks`: only the first who sends is heard, until it restarts.
+        """
+        self._locks = locks
         self._socket = socket
         self._outbox = outbox
         self._system = config.identity.system
@@ -69,6 +73,8 @@ class Link:
         found: list[tuple[Address, Frame]] = []
         while self._inbox and self._inbox[0][0] <= now:
             _, peer, data = self._inbox.popleft()
+            if self._locks and self._heard and peer not in self._heard:
+                continue
             parser = self._parser(peer)
             before = parser.counts.bad
             frames = parser.feed(data)

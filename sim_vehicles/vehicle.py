@@ -24,7 +24,7 @@ from sim_vehicles.autopilot.modes import FailsafeKeys, FlightMode, GroundStation
 from sim_vehicles.autopilot.parameters import ParameterServer
 from sim_vehicles.autopilot.pilot import Pilot
 from sim_vehicles.autopilot.storage import Storage
-from sim_vehicles.autopilot.telemetry import BUILDERS, Streams
+from sim_vehicles.autopilot.telemetry import BUILDERS, Builders, Streams
 from sim_vehicles.config import Fault, VehicleConfig
 from sim_vehicles.link import Link
 from sim_vehicles.sensing import sensors_of
@@ -43,8 +43,14 @@ class Vehicle(ABC):
     """An emulated autopilot: its link, modes and messages; its body flies."""
 
     mav_type: ClassVar[int]
-    unasked: ClassVar[tuple[int, ...]]
-    """Messages that it sends without a request."""
+    unasked: ClassVar[Mapping[int, int]]
+    """Messages that it sends without a request, and every how many ns."""
+    builders: ClassVar[Builders] = BUILDERS
+    """All that it can send."""
+    asks_time: ClassVar[bool] = True
+    """Whether it asks others for their time (TIMESYNC)."""
+    locks: ClassVar[bool] = False
+    """Whether its link hears the first sender alone, until it restarts."""
     guided_mode: ClassVar[FlightMode]
     ground_mode: ClassVar[FlightMode]
     """On the ground, once it is up."""
@@ -73,7 +79,7 @@ class Vehicle(ABC):
         """When its next cycle has something to do."""
         self.parameters = self.parameters_of(config)
         self.pilot = self.pilot_of(config, self.body.steering)
-        self.link = Link(index, config, fleet.outbox)
+        self.link = Link(index, config, fleet.outbox, locks=self.locks)
         self.missions = Missions(lambda: home_of(config.start, fleet.origin))
         self._storage = Storage(self.parameters, self.missions)
         self._sensors = sensors_of(config, fleet.origin, fleet.config.seed)
@@ -183,7 +189,7 @@ class Vehicle(ABC):
             return False
         self.say(NOTICE, "Throttle armed")
         self.tell_heartbeat()
-        self.broadcast(BUILDERS[m.MAVLINK_MSG_ID_HOME_POSITION](self))
+        self.broadcast(self.builders[m.MAVLINK_MSG_ID_HOME_POSITION](self))
         return True
 
     def disarm(self, *, force: bool) -> bool:
@@ -239,6 +245,20 @@ class Vehicle(ABC):
     def fly_to(self, item: MissionItem | MissionItemInt) -> int:
         """Fly at once to a position or a height that came as a mission item; return the MAV_MISSION_RESULT."""
 
+    def failsafe_of(self) -> GroundStationFailsafe:
+        """Return its failsafe for the end of the ground station's heartbeats."""
+        return GroundStationFailsafe(self.parameters, self.failsafe_keys)
+
+    def heed(self, system: int, message: Heartbeat) -> None:  # noqa: ARG002 - the sender alone counts
+        """Take a heartbeat of another system."""
+        self.failsafe.heartbeat(system, self.now)
+
+    def obey(self, message: CommandInt | CommandLong) -> tuple[int, ...]:
+        """Carry out a command; return each MAV_RESULT to acknowledge it with."""
+        given = commands.order(message)
+        ignored = self.ignores and given.command in commands.ORDERS
+        return (commands.ACCEPTED if ignored else commands.execute(self, given),)
+
     def take_other(self, frame: Frame) -> bool:  # noqa: ARG002 - of the family's own there is none
         """Take a message of the family's own; return whether it is one."""
         return False
@@ -249,11 +269,11 @@ class Vehicle(ABC):
         self._clock = VehicleClock(now, clock_offset_s, self.config.clock_drift)
         self._utc = UtcClock(self._clock, self.fleet.config.utc_at_0_us, self.config.utc_error_s)
         self._up = after(now, INITIALISING_S)
-        self._next_timesync = after(now, TIMESYNC_S)
+        self._next_timesync = after(now, TIMESYNC_S) if self.asks_time else NEVER
         self.disarm_at = NEVER
         self.pilot.landing_rad = None
-        self.streams = Streams(now, self.unasked)
-        self.failsafe = GroundStationFailsafe(self.parameters, self.failsafe_keys)
+        self.streams = Streams(now, self.unasked, self.builders)
+        self.failsafe = self.failsafe_of()
         self.link.restart()
         self.missions.restart()
         self.pilot.mode = self.boot_mode
@@ -276,14 +296,12 @@ class Vehicle(ABC):
             return  # what comes from our own id is our own, back from a loop in the network
         match message:
             case CommandInt() | CommandLong():
-                given = commands.order(message)
-                ignored = self.ignores and given.command in commands.ORDERS
-                result = commands.ACCEPTED if ignored else commands.execute(self, given)
-                self.answer(CommandAck(message.command, result, 0, 0, frame.system, frame.component))
+                for result in self.obey(message):
+                    self.answer(CommandAck(message.command, result, 0, 0, frame.system, frame.component))
             case Timesync(tc1_ns=0):
                 self.answer(Timesync(self.time_ns, message.ts1_ns))
             case Heartbeat():
-                self.failsafe.heartbeat(frame.system, self.now)
+                self.heed(frame.system, message)
             case RequestDataStream():
                 rate_hz = message.req_message_rate if message.start_stop else 0
                 self.streams.set_group(message.req_stream_id, rate_hz, self.now)
@@ -323,7 +341,7 @@ class Vehicle(ABC):
             for message in reminder[1]:
                 self.link.answer(reminder[0], message)
         for message_id in self.streams.take_due(self.now):
-            self.broadcast(BUILDERS[message_id](self))
+            self.broadcast(self.builders[message_id](self))
 
     def _plan(self) -> None:
         """Set when there is next something to do other than to read frames."""
@@ -336,7 +354,7 @@ class Vehicle(ABC):
 
     def tell_heartbeat(self) -> None:
         """Send a HEARTBEAT now, to all peers."""
-        self.broadcast(BUILDERS[m.MAVLINK_MSG_ID_HEARTBEAT](self))
+        self.broadcast(self.builders[m.MAVLINK_MSG_ID_HEARTBEAT](self))
 
     def say(self, severity: int, text: str) -> None:
         """Send a text for the operator to all peers."""

@@ -71,8 +71,29 @@ def check_text(scenario: Scenario) -> str:
         lines.append(f"# by how much every lag may be off its model's there: {_listed(off.lag_margin, '.0%')}")
     lines.extend(_design_text(scenario))
     lines.append(f"# {assembly(scenario)}")
+    lines.extend(f"# {bounds}" for bounds in common_limits(scenario))
     lines.extend(f"# warning: {warning}" for warning in warnings(scenario, law_margins(scenario)))
     return "\n".join(lines)
+
+
+def common_limits(scenario: Scenario) -> Iterator[str]:
+    """Yield within which limits a formation of several kinds flies, and whose each of them is."""
+    if len({vehicle.model for vehicle in scenario.vehicles}) > 1:
+        slowest, fastest, climbs, turns = (
+            pick(scenario.vehicles, key=lambda vehicle: getattr(vehicle.model, name))
+            for pick, name in (
+                (max, "speed_min_mps"),
+                (min, "speed_max_mps"),
+                (min, "climb_max_mps"),
+                (min, "turn_rate_max_rps"),
+            )
+        )
+        yield (
+            f"what all vehicles can fly: {slowest.model.speed_min_mps:g} m/s (vehicle {slowest.vehicle_id}) to "
+            f"{fastest.model.speed_max_mps:g} m/s (vehicle {fastest.vehicle_id}), climbs of "
+            f"{climbs.model.climb_max_mps:g} m/s (vehicle {climbs.vehicle_id}), turns of "
+            f"{turns.model.turn_rate_max_rps:g} rad/s (vehicle {turns.vehicle_id})"
+        )
 
 
 def configured_loop_delay_s(scenario: Scenario) -> float:

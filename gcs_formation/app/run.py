@@ -21,12 +21,12 @@ from gcs_formation.app.interrupt import Interrupts
 from gcs_formation.app.options import RunOptions
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.session import Session, open_session
-from gcs_formation.errors import NoEmulatorError, RunAbortedError
+from gcs_formation.errors import RunAbortedError
 from gcs_formation.record.run_directory import SCENARIO, TRUTH
 from gcs_formation.record.summary import Summary
 from gcs_formation.record.timeseries import GroundTruth
 from gcs_formation.recorder import Event
-from sim_vehicles.config import TruthError, stand_ins, without_emulator
+from sim_vehicles.config import TruthError, stand_ins
 from sim_vehicles.fleet import Fleet
 from sim_vehicles.from_scenario import fleet_config
 from sim_vehicles.truth import TruthWriter, read_truth
@@ -42,11 +42,7 @@ def run(scenario: Scenario, options: RunOptions, progress: Progress, interrupts:
     Raises:
         RunAbortedError: a port is taken, a vehicle refused, the emulators ended.
         RecordError: the run directory can't be written.
-        NoEmulatorError: a vehicle can't be emulated; nothing was started.
     """
-    refused = without_emulator(scenario)
-    if refused:
-        raise NoEmulatorError(refused)
     flown = _run_virtual if options.clock == "virtual" else _run_real
     return flown(scenario, options, progress, interrupts)
 

@@ -24,7 +24,7 @@ from gcs_formation.app.result_text import result_line, summary_text
 from gcs_formation.app.run import run as run_scenario
 from gcs_formation.cli import usage
 from gcs_formation.cli.scenario import load
-from gcs_formation.errors import NoEmulatorError, RecordError, RunAbortedError
+from gcs_formation.errors import RecordError, RunAbortedError
 from gcs_formation.record.run_directory import SCENARIO
 from gcs_formation.record.summary import Summary
 
@@ -152,7 +152,7 @@ def _done(
         shown = Silent() if given.quiet else progress_on(sys.stderr)
         try:
             result = flown(loaded, options, shown, interrupts)
-        except (RecordError, NoEmulatorError) as error:
+        except RecordError as error:
             return say(str(error), Status.BAD_USAGE)
         except RunAbortedError as error:
             return _interrupted(options) if interrupts.count else say(str(error), Status.COULD_NOT_GO_ON)

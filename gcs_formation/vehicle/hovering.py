@@ -44,9 +44,15 @@ VELOCITY_ALONE: Final = NO_PLACE | NO_PUSH | m.POSITION_TARGET_TYPEMASK_YAW_IGNO
 """With a yaw rate of 0: where both are to be ignored, ArduCopter's nose turns by WP_YAW_BEHAVIOR."""
 
 
-def velocity_setpoint(system: int, setpoint: Setpoint, where: Whereabouts) -> SetPositionTargetLocalNed:
-    """Return a setpoint of the law as a velocity over ground, and the course as yaw where it moves."""
-    turns = setpoint.speed_mps >= TURNS_FROM_MPS
+def velocity_setpoint(
+    system: int, setpoint: Setpoint, where: Whereabouts, nose_rad: float = math.nan
+) -> SetPositionTargetLocalNed:
+    """Return a setpoint of the law as a velocity over ground, and the course as yaw where it moves.
+
+    Where it stands its nose is told to be at `nose_rad`, NaN: to turn no further.
+    """
+    yaw_rad = setpoint.heading_rad if setpoint.speed_mps >= TURNS_FROM_MPS else nose_rad
+    turns = math.isfinite(yaw_rad)
     return SetPositionTargetLocalNed(
         0.0,
         system,
@@ -56,7 +62,7 @@ def velocity_setpoint(system: int, setpoint: Setpoint, where: Whereabouts) -> Se
         vx_mps=setpoint.speed_mps * math.cos(setpoint.heading_rad),
         vy_mps=setpoint.speed_mps * math.sin(setpoint.heading_rad),
         vz_mps=(where.height_m - setpoint.height_m) / HEIGHT_S,
-        yaw_rad=math.remainder(setpoint.heading_rad, math.tau) if turns else 0.0,
+        yaw_rad=math.remainder(yaw_rad, math.tau) if turns else 0.0,
     )
 
 

@@ -9,6 +9,7 @@ its acceptance and refusals as its simulator (SIH) showed them.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 from airlink import mavlink as m
@@ -18,7 +19,7 @@ from flight_model.earth import GeodeticOrigin
 from gcs_formation.estimation.flight_state import Setpoint, Whereabouts
 from gcs_formation.vehicle.autopilot import Command, Step
 from gcs_formation.vehicle.checks import Check, Demands
-from gcs_formation.vehicle.hovering import TYPES, ground_motion, velocity_setpoint
+from gcs_formation.vehicle.hovering import TURNS_FROM_MPS, TYPES, ground_motion, velocity_setpoint
 from gcs_formation.vehicle.px4 import LOITER, OFFBOARD, RTL, Px4, heartbeats_lost
 from gcs_formation.vehicle.telemetry import Telemetry
 
@@ -76,6 +77,7 @@ class Px4Copter(Px4):
     def __init__(self, system: int, origin: GeodeticOrigin, turn_rate_max_rps: float) -> None:
         """Address `system`; between setpoints it is told to stand."""
         super().__init__(system, origin, turn_rate_max_rps)
+        self._nose_rad = math.nan
         self.stand_in = self.setpoint(STAND, ANYWHERE)
 
     def speaks(self, heartbeat: Heartbeat) -> bool:
@@ -108,10 +110,13 @@ class Px4Copter(Px4):
     def setpoint(self, setpoint: Setpoint, where: Whereabouts) -> tuple[Message, ...]:
         """Return one message: velocity over ground, and the course as yaw where it moves.
 
-        It is repeated at every tick: COM_OF_LOSS_T after the last one PX4 leaves OFFBOARD by its failsafe; when they
-        come again, it returns by itself.
+        Standing it is told where its nose was told to be last: with a yaw rate of 0 alone it drifts by tens of degrees.
+        A setpoint is repeated at every tick: COM_OF_LOSS_T after the last one PX4 leaves OFFBOARD by its failsafe; when
+        they come again, it returns by itself.
         """
-        return (velocity_setpoint(self.system, setpoint, where),)
+        if setpoint.speed_mps >= TURNS_FROM_MPS:
+            self._nose_rad = setpoint.heading_rad
+        return (velocity_setpoint(self.system, setpoint, where, self._nose_rad),)
 
     def loiter(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:  # noqa: ARG002 - it stands where it is
         """Return HOLD."""

@@ -16,7 +16,6 @@ from airlink.messages.command import CommandInt, CommandLong, MessageInterval
 from airlink.messages.mission import MissionItem, MissionItemInt
 from sim_vehicles.autopilot.missions import from_message
 from sim_vehicles.autopilot.modes import Mode
-from sim_vehicles.autopilot.telemetry import BUILDERS
 
 if TYPE_CHECKING:
     from sim_vehicles.plane import Plane
@@ -204,7 +203,7 @@ def _choose_item(vehicle: Vehicle, given: Order) -> int:
 
 def _set_interval(vehicle: Vehicle, given: Order) -> int:
     message_id, interval_us = given.params[0], given.params[1]
-    known = message_id in BUILDERS and math.isfinite(interval_us)
+    known = message_id in vehicle.builders and math.isfinite(interval_us)
     taken = known and vehicle.streams.set_interval(int(message_id), interval_us, vehicle.now)
     return ACCEPTED if taken else DENIED
 
@@ -222,9 +221,9 @@ def _request_message(vehicle: Vehicle, given: Order) -> int:
 
 
 def _send(vehicle: Vehicle, message_id: float) -> int:
-    if message_id not in BUILDERS:
+    if message_id not in vehicle.builders:
         return FAILED
-    vehicle.answer(BUILDERS[int(message_id)](vehicle))
+    vehicle.answer(vehicle.builders[int(message_id)](vehicle))
     return ACCEPTED
 
 

@@ -46,7 +46,21 @@ class CopterMode(IntEnum):
     BRAKE = 17
 
 
-FlightMode = Mode | CopterMode
+class Px4Mode(IntEnum):
+    """The PX4 modes that are emulated, by HEARTBEAT's custom_mode: the main mode's number, above it the sub mode's."""
+
+    MANUAL = 0x00010000
+    ALTITUDE = 0x00020000
+    POSITION = 0x00030000
+    OFFBOARD = 0x00060000
+    STABILIZED = 0x00070000
+    TAKEOFF = 0x02040000
+    HOLD = 0x03040000
+    RTL = 0x05040000
+    LAND = 0x06040000
+
+
+FlightMode = Mode | CopterMode | Px4Mode
 
 
 class Condition(Enum):

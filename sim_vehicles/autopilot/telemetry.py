@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Final
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, Final
 
 from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, Instant
@@ -75,9 +75,9 @@ GROUPS: dict[int, tuple[int, ...]] = {
 }
 """What REQUEST_DATA_STREAM's groups consist of (ArduPilot documentation, "SRn_ parameters")."""
 STREAMED = tuple(message_id for group in GROUPS.values() for message_id in group)
-UNASKED: Final = (m.MAVLINK_MSG_ID_HEARTBEAT, *STREAMED)
-"""Messages that are streamed without a request, every `UNASKED_NS`."""
 UNASKED_NS: Final = NANOSECONDS
+UNASKED: Final = dict.fromkeys((m.MAVLINK_MSG_ID_HEARTBEAT, *STREAMED), UNASKED_NS)
+"""Messages that are streamed without a request, and every how many ns."""
 
 
 def heartbeat(v: Vehicle) -> Message:
@@ -213,7 +213,9 @@ def _bank(motion: Motion) -> float:
     return math.atan(motion.turn_rate_radps * motion.airspeed_mps / G_MPS2)
 
 
-BUILDERS: dict[int, Callable[[Vehicle], Message]] = {
+Builders = Mapping[int, Callable[[Any], Message]]
+"""Messages that a kind of vehicle can send, and what makes each."""
+BUILDERS: Builders = {
     m.MAVLINK_MSG_ID_HEARTBEAT: heartbeat,
     m.MAVLINK_MSG_ID_SYS_STATUS: sys_status,
     m.MAVLINK_MSG_ID_SYSTEM_TIME: system_time,
@@ -236,10 +238,10 @@ BUILDERS: dict[int, Callable[[Vehicle], Message]] = {
 class Streams:
     """One vehicle's message intervals. A message is sent in the first cycle of the main loop at or after its time."""
 
-    def __init__(self, now: Instant, unasked: tuple[int, ...] = UNASKED) -> None:
-        """Start with the messages that need no request."""
-        self._unasked = unasked
-        self._interval_ns = dict.fromkeys(unasked, UNASKED_NS)
+    def __init__(self, now: Instant, unasked: Mapping[int, int] = UNASKED, known: Builders = BUILDERS) -> None:
+        """Start with the messages that need no request, of those that are `known`."""
+        self._unasked, self._known = unasked, known
+        self._interval_ns = dict(unasked)
         self._due = dict.fromkeys(unasked, now)
         self.next_due = now
         """When the next message is due; `NEVER` when none is."""
@@ -250,7 +252,7 @@ class Streams:
         Source: MAVLink, MAV_CMD_SET_MESSAGE_INTERVAL.
         """
         if interval_us == DEFAULT:
-            self._set(message_id, UNASKED_NS if message_id in self._unasked else None, now)
+            self._set(message_id, self._unasked.get(message_id), now)
         elif interval_us == STOP:
             self._set(message_id, None, now)
         elif interval_us >= SHORTEST_US:
@@ -289,7 +291,7 @@ class Streams:
         if interval_ns is None:
             self._interval_ns.pop(message_id, None)
             self._due.pop(message_id, None)
-        elif message_id in BUILDERS:
+        elif message_id in self._known:
             self._interval_ns[message_id] = interval_ns
             self._due[message_id] = now
         self._plan()

@@ -26,7 +26,7 @@ from formation_scenario.fields import MAX_SYSTEM_ID
 from formation_scenario.model import Origin
 from formation_scenario.vehicles import BASE_PORT
 from sim_vehicles.cli.usage import EXAMPLES
-from sim_vehicles.config import FleetConfig, Start, VehicleConfig, without_emulator
+from sim_vehicles.config import FleetConfig, Start, VehicleConfig
 from sim_vehicles.fleet import Fleet
 from sim_vehicles.from_scenario import fleet_config
 from sim_vehicles.truth import TruthWriter
@@ -137,9 +137,6 @@ def _of(scenario: Path, overrides: tuple[str, ...]) -> FleetConfig:
         planned = load_scenario(scenario, overrides)
     except ScenarioError as error:
         fail(str(error))
-    refused = without_emulator(planned)
-    if refused:
-        fail(refused)
     return fleet_config(planned)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from formation_scenario import Scenario, load_scenario
-from sim_vehicles.config import stand_ins, without_emulator
+from sim_vehicles.config import stand_ins
 from tests.flights.conftest import scenario
 
 
@@ -22,10 +22,3 @@ def test_it_is_said_which_real_vehicles_are_emulated() -> None:
     assert stand_ins(of_families("emulator", "arduplane", "emulator")) == "vehicle 2 (arduplane) is emulated"
     told = "vehicle 1 (arduplane), vehicle 3 (arduplane) are emulated"
     assert stand_ins(of_families("arduplane", "emulator", "arduplane")) == told
-
-
-def test_a_family_without_an_emulator_is_refused_by_its_name() -> None:
-    told = ": there is no emulator of that; allowed here: emulator, arduplane, arducopter"
-    assert without_emulator(of_families("arduplane", "px4", "emulator")) == f"vehicle 2 (px4){told}"
-    assert without_emulator(of_families("px4", "px4", "emulator")) == f"vehicle 1 (px4), vehicle 2 (px4){told}"
-    assert without_emulator(of_families("arduplane", "emulator", "emulator")) == ""

@@ -1,0 +1,257 @@
+"""An emulated PX4's tables: how its modes are flown, its streams, its parameters and its failsafes.
+
+Source: PX4 user guide, "Flight Modes", "Parameter Reference" and "Safety Configuration (Failsafes)"; its simulator's
+answers and defaults (version 1.17, development).
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from typing import TYPE_CHECKING, Final
+
+from airlink import mavlink as m
+from airlink.clock import NANOSECONDS, Instant, after
+from airlink.messages import Message
+from airlink.messages.parameter import ParamSet, ParamValue
+from airlink.messages.system import CurrentMode, Heartbeat
+from airlink.messages.telemetry import GpsRawInt, VfrHud
+from sim_vehicles.autopilot import telemetry
+from sim_vehicles.autopilot.clock import NEVER
+from sim_vehicles.autopilot.modes import CopterMode, FailsafeKeys, FlightMode, GroundStationFailsafe, Mode, Px4Mode
+from sim_vehicles.autopilot.parameters import FIXED, LOITER_RADIUS_M, Kind, ParameterServer
+from sim_vehicles.config import VehicleConfig
+
+if TYPE_CHECKING:
+    from sim_vehicles.px4 import Px4
+    from sim_vehicles.vehicle import Vehicle
+
+AS_PLANE: Final[dict[Px4Mode, FlightMode]] = {
+    Px4Mode.MANUAL: Mode.MANUAL,
+    Px4Mode.ALTITUDE: Mode.FBWB,
+    Px4Mode.POSITION: Mode.CRUISE,
+    Px4Mode.STABILIZED: Mode.STABILIZE,
+    Px4Mode.OFFBOARD: Mode.GUIDED,
+    Px4Mode.TAKEOFF: Mode.TAKEOFF,
+    Px4Mode.HOLD: Mode.LOITER,
+    Px4Mode.RTL: Mode.RTL,
+}
+"""A fixed wing's modes, and ArduPlane's that are flown alike. Its landings aren't emulated."""
+AS_COPTER: Final[dict[Px4Mode, FlightMode]] = {
+    Px4Mode.ALTITUDE: CopterMode.BRAKE,
+    Px4Mode.POSITION: CopterMode.BRAKE,
+    Px4Mode.OFFBOARD: CopterMode.GUIDED,
+    Px4Mode.TAKEOFF: CopterMode.GUIDED,
+    Px4Mode.HOLD: CopterMode.BRAKE,
+    Px4Mode.RTL: CopterMode.RTL,
+    Px4Mode.LAND: CopterMode.LAND,
+}
+"""A multirotor's modes, and ArduCopter's: sticks that nobody touches have it stand."""
+NOT_ARMABLE: Final = frozenset({Px4Mode.RTL, Px4Mode.LAND})
+LOST_LINK: Final = {2: Px4Mode.RTL, 3: Px4Mode.LAND}
+"""NAV_DLL_ACT, after a while in HOLD; 1 is HOLD, 0 does nothing."""
+LOST_STREAM: Final = {0: Px4Mode.RTL, 3: Px4Mode.RTL, 4: Px4Mode.LAND, 5: Px4Mode.HOLD}
+"""COM_OBL_RC_ACT; 0 is POSITION with a transmitter, and there is none."""
+LINK_LOSS: Final = FailsafeKeys("NAV_DLL_ACT", "COM_DL_LOSS_T", "NAV_DLL_ACT", LOST_LINK)
+SPEED, SOON, SLOW = NANOSECONDS // 50, NANOSECONDS // 4, NANOSECONDS
+STREAMS: Final = {
+    m.MAVLINK_MSG_ID_HEARTBEAT: SLOW,
+    m.MAVLINK_MSG_ID_SYS_STATUS: SLOW,
+    m.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: SLOW,
+    m.MAVLINK_MSG_ID_GPS_RAW_INT: SLOW,
+    m.MAVLINK_MSG_ID_HOME_POSITION: 2 * SLOW,
+    m.MAVLINK_MSG_ID_VFR_HUD: SOON,
+    m.MAVLINK_MSG_ID_ATTITUDE: SPEED,
+    m.MAVLINK_MSG_ID_LOCAL_POSITION_NED: SPEED,
+    m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: SPEED,
+}
+"""What a ground station's link carries without a request, and every how many ns."""
+
+
+def heartbeat(v: Px4) -> Message:
+    """Return HEARTBEAT: ACTIVE as soon as it is armed."""
+    armed = v.pilot.condition.armed
+    flags = m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | (m.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0)
+    up = m.MAV_STATE_STANDBY if v.ready else m.MAV_STATE_UNINIT
+    state = m.MAV_STATE_CRITICAL if armed and v.failsafe.active else m.MAV_STATE_ACTIVE if armed else up
+    return Heartbeat(v.mav_type, m.MAV_AUTOPILOT_PX4, flags, int(v.mode), state)
+
+
+def current_mode(v: Px4) -> Message:
+    """Return CURRENT_MODE."""
+    return CurrentMode(0, int(v.mode), int(v.intended))
+
+
+def gps_raw_int(v: Vehicle) -> Message:
+    """Return GPS_RAW_INT; it has no time stamp."""
+    told = telemetry.gps_raw_int(v)
+    assert isinstance(told, GpsRawInt)
+    return told._replace(time_usec=0)
+
+
+def vfr_hud(v: Px4) -> Message:
+    """Return VFR_HUD; a multirotor measures no airspeed."""
+    told = telemetry.vfr_hud(v)
+    assert isinstance(told, VfrHud)
+    return told._replace(airspeed_mps=math.nan) if v.config.model.hovers else told
+
+
+BUILDERS: Final[telemetry.Builders] = {
+    each: telemetry.BUILDERS[each]
+    for each in (
+        m.MAVLINK_MSG_ID_SYS_STATUS,
+        m.MAVLINK_MSG_ID_SYSTEM_TIME,
+        m.MAVLINK_MSG_ID_ATTITUDE,
+        m.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
+        m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
+        m.MAVLINK_MSG_ID_MISSION_CURRENT,
+        m.MAVLINK_MSG_ID_BATTERY_STATUS,
+        m.MAVLINK_MSG_ID_HOME_POSITION,
+        m.MAVLINK_MSG_ID_EXTENDED_SYS_STATE,
+    )
+} | {
+    m.MAVLINK_MSG_ID_HEARTBEAT: heartbeat,
+    m.MAVLINK_MSG_ID_CURRENT_MODE: current_mode,
+    m.MAVLINK_MSG_ID_GPS_RAW_INT: gps_raw_int,
+    m.MAVLINK_MSG_ID_VFR_HUD: vfr_hud,
+}
+
+
+def _floating(least: float, most: float) -> Kind:
+    return Kind(m.MAV_PARAM_TYPE_REAL32, least, most)
+
+
+def _whole(least: float, most: float) -> Kind:
+    return Kind(m.MAV_PARAM_TYPE_INT32, least, most)
+
+
+KINDS: Final[dict[str, Kind]] = {
+    "COM_DISARM_LAND": _floating(-1, 20),
+    "COM_DISARM_PRFLT": _floating(-1, 30),
+    "COM_DL_LOSS_T": _whole(5, 300),
+    "COM_FAIL_ACT_T": _floating(0, 25),
+    "COM_OBL_RC_ACT": _whole(0, 7),
+    "COM_OF_LOSS_T": _floating(0, 60),
+    "MAV_SYS_ID": _whole(1, 250),
+    "MIS_TAKEOFF_ALT": _floating(0, 1000),
+    "NAV_DLL_ACT": _whole(0, 6),
+    "RTL_RETURN_ALT": _floating(0, 1000),
+}
+PLANES_KINDS: Final = KINDS | {
+    "FW_AIRSPD_MAX": _floating(0.5, 40),
+    "FW_AIRSPD_MIN": _floating(0.5, 40),
+    "FW_AIRSPD_TRIM": _floating(0.5, 40),
+    "FW_R_LIM": _floating(35, 65),
+    "NAV_LOITER_RAD": _floating(-1000, 1000),
+}
+COPTERS_KINDS: Final = KINDS | {
+    "MPC_LAND_SPEED": _floating(0.6, 4),
+    "MPC_XY_VEL_MAX": _floating(0, 20),
+    "MPC_Z_VEL_MAX_DN": _floating(0.5, 4),
+    "MPC_Z_VEL_MAX_UP": _floating(0.5, 8),
+}
+CM: Final = 100.0
+ALSO_NAMED: Final = {
+    "AIRSPEED_CRUISE": ("FW_AIRSPD_TRIM", 1.0),
+    "AIRSPEED_MAX": ("FW_AIRSPD_MAX", 1.0),
+    "AIRSPEED_MIN": ("FW_AIRSPD_MIN", 1.0),
+    "GUID_TIMEOUT": ("COM_OF_LOSS_T", 1.0),
+    "LAND_SPEED": ("MPC_LAND_SPEED", CM),
+    "RTL_ALT": ("RTL_RETURN_ALT", CM),
+    "RTL_ALTITUDE": ("RTL_RETURN_ALT", 1.0),
+    "TKOFF_ALT": ("MIS_TAKEOFF_ALT", 1.0),
+    "WPNAV_SPEED": ("MPC_XY_VEL_MAX", CM),
+    "WPNAV_SPEED_DN": ("MPC_Z_VEL_MAX_DN", CM),
+    "WPNAV_SPEED_UP": ("MPC_Z_VEL_MAX_UP", CM),
+    "WP_LOITER_RAD": ("NAV_LOITER_RAD", 1.0),
+}
+"""What ArduPilot's pilots, who fly its modes, call a parameter, and what a unit of it is there."""
+
+
+def initial_values(config: VehicleConfig, cruise_mps: float) -> dict[str, float]:
+    """Return the initial parameters of a vehicle: PX4's defaults, wide enough for its model."""
+    model = config.model
+    common: dict[str, float] = {
+        "COM_DISARM_LAND": 2.0,
+        "COM_DISARM_PRFLT": 10.0,
+        "COM_DL_LOSS_T": 10,
+        "COM_FAIL_ACT_T": 5.0,
+        "COM_OBL_RC_ACT": 0,
+        "COM_OF_LOSS_T": 1.0,
+        "MAV_SYS_ID": config.identity.system,
+        "MIS_TAKEOFF_ALT": 2.5 if model.hovers else 30.0,
+        "NAV_DLL_ACT": 0,
+        "RTL_RETURN_ALT": 30.0 if model.hovers else 100.0,
+    }
+    if model.hovers:
+        return common | {
+            "MPC_LAND_SPEED": 0.7,
+            "MPC_XY_VEL_MAX": max(12.0, model.speed_max_mps),
+            "MPC_Z_VEL_MAX_DN": 1.5,
+            "MPC_Z_VEL_MAX_UP": 3.0,
+        }
+    return common | {
+        "FW_AIRSPD_MAX": math.ceil(model.speed_max_mps),
+        "FW_AIRSPD_MIN": math.floor(model.speed_min_mps),
+        "FW_AIRSPD_TRIM": cruise_mps,
+        "FW_R_LIM": 50.0,
+        "NAV_LOITER_RAD": max(80.0, LOITER_RADIUS_M),
+    }
+
+
+class Px4Parameters(ParameterServer):
+    """Parameters told as PX4 does: an integer's four bytes in the place of a float's."""
+
+    def __getitem__(self, name: str) -> float:
+        """Return a value, also by the name that ArduPilot's pilots have for it."""
+        own, unit = ALSO_NAMED.get(name, (name, 1.0))
+        return unit * self._values[own]
+
+    def set(self, request: ParamSet) -> ParamValue | None:
+        """Change a value that is sent as PX4 takes it, and return the new one."""
+        name, value = request.param_id, request.param_value
+        kind = self._kinds.get(name)
+        if kind is None:
+            return None
+        if kind.type == m.MAV_PARAM_TYPE_INT32:
+            value = float(struct.unpack("<i", struct.pack("<f", value))[0])
+        if math.isfinite(value) and name not in FIXED and name != "MAV_SYS_ID":
+            self._values[name] = min(max(value, kind.least), kind.most)
+        return self._told(name, self._names.index(name))
+
+    def _told(self, name: str, index: int) -> ParamValue:  # noqa: ARG002 - always its own
+        kind, value = self._kinds[name].type, self._values[name]
+        if kind == m.MAV_PARAM_TYPE_INT32:
+            value = float(struct.unpack("<f", struct.pack("<i", round(value)))[0])
+        return ParamValue(name, value, kind, len(self._names), self._names.index(name))
+
+
+class LinkLoss(GroundStationFailsafe):
+    """Acts when the heartbeats of ground stations stop: HOLD, a while later what NAV_DLL_ACT says, if that is more."""
+
+    def __init__(self, parameters: ParameterServer) -> None:
+        """Wait for a first heartbeat."""
+        super().__init__(parameters, LINK_LOSS)
+        self._holds = False
+
+    def heartbeat(self, system: int, now: Instant) -> None:  # noqa: ARG002 - any ground station's counts
+        """Take a ground station's heartbeat."""
+        self._heard, self.active, self._holds = now, False, False
+
+    def deadline(self) -> Instant:
+        """Return when it acts next, `NEVER` while it can't."""
+        action = int(self._parameters["NAV_DLL_ACT"])
+        if self._heard is None or not action or (self.active and not (self._holds and action in LOST_LINK)):
+            return NEVER
+        wait_s = self._parameters["COM_DL_LOSS_T"] + (self._parameters["COM_FAIL_ACT_T"] if self._holds else 0.0)
+        return after(self._heard, wait_s)
+
+    def strike(self, now: Instant) -> FlightMode | None:
+        """Return the mode to change to if it acts now."""
+        if now < self.deadline():
+            return None
+        if self._holds:
+            self._holds = False
+            return LOST_LINK[int(self._parameters["NAV_DLL_ACT"])]
+        self.active = self._holds = True
+        return Px4Mode.HOLD

@@ -1,0 +1,377 @@
+"""Emulated PX4s, multirotor and fixed wing: what they answer otherwise than emulated ones of ArduPilot's."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar, Final
+
+from airlink import mavlink as m
+from airlink.clock import Instant, after
+from airlink.frame import Frame
+from airlink.messages.command import CommandInt, CommandLong, SetPositionTargetLocalNed
+from airlink.messages.mission import MissionItem, MissionItemInt
+from airlink.messages.system import Heartbeat, Statustext
+from sim_vehicles.airframe.steering import Steering
+from sim_vehicles.autopilot import commands, px4
+from sim_vehicles.autopilot.clock import NEVER
+from sim_vehicles.autopilot.commands import ACCEPTED, DENIED, FAILED, UNSUPPORTED, Order
+from sim_vehicles.autopilot.copter_pilot import CopterPilot
+from sim_vehicles.autopilot.modes import (
+    CopterMode,
+    FlightMode,
+    GroundStationFailsafe,
+    Mode,
+    Px4Mode,
+    Request,
+    select,
+)
+from sim_vehicles.autopilot.parameters import ParameterServer
+from sim_vehicles.autopilot.pilot import Pilot
+from sim_vehicles.config import VehicleConfig
+from sim_vehicles.copter import PLACE, VELOCITY, YAW
+from sim_vehicles.vehicle import CRITICAL, NOTICE, Vehicle
+
+REJECTED: Final = m.MAV_RESULT_TEMPORARILY_REJECTED
+WRONG_FRAME: Final = 9
+"""MAV_RESULT_COMMAND_UNSUPPORTED_MAV_FRAME, which not every dialect names yet."""
+TEXT_BYTES: Final = 50
+KEPT_TEXTS: Final = 16
+"""Texts that wait for a ground station."""
+LEAST_CHANGES_US: Final = 500_000
+"""CURRENT_MODE comes with each change, and this often otherwise, however often it is asked for."""
+FRAMES_TAKEN: Final = (m.MAV_FRAME_LOCAL_NED, m.MAV_FRAME_BODY_NED)
+REFERENCE_CLIMB_MPS: Final = 3.0
+"""A fixed wing's height reference begins at sea level at boot and rises this fast."""
+
+
+def _set_mode(vehicle: Px4, given: Order) -> int:
+    main, sub = given.params[1], given.params[2]
+    if not int(given.params[0]) & m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED or not (main % 1 == 0.0 and sub % 1 == 0.0):
+        return REJECTED
+    return ACCEPTED if vehicle.switch(int(main) << 16 | int(sub) << 24) else REJECTED
+
+
+def _arm_disarm(vehicle: Px4, given: Order) -> int:
+    force = given.params[1] == commands.FORCE
+    granted = vehicle.arm(force=force) if given.params[0] == 1.0 else vehicle.disarm(force=force)
+    return ACCEPTED if granted else REJECTED
+
+
+def _take_off(vehicle: Px4, given: Order) -> int:
+    height_m = given.z - vehicle.fleet.origin.alt_m if math.isfinite(given.z) else vehicle.parameters["MIS_TAKEOFF_ALT"]
+    return ACCEPTED if vehicle.prepare(height_m) else REJECTED
+
+
+def _to_mode(mode: Px4Mode) -> Callable[[Any, Order], int]:
+    return lambda vehicle, _given: ACCEPTED if vehicle.switch(mode) else REJECTED
+
+
+def _reposition(vehicle: Px4, given: Order) -> int:
+    if given.params[1] != m.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE:
+        return UNSUPPORTED
+    if not vehicle.switch(Px4Mode.HOLD):
+        return REJECTED
+    vehicle.go_to(given)
+    return ACCEPTED
+
+
+def _change_speed(vehicle: Px4, given: Order) -> int:
+    """Change the airspeed; in OFFBOARD that is accepted and has no effect."""
+    if vehicle.mode is Px4Mode.HOLD and given.params[1] > 0.0:
+        vehicle.pilot.change_speed(vehicle.airspeed(given.params[1]), math.inf)
+    return ACCEPTED
+
+
+def _change_altitude(vehicle: Px4, given: Order) -> int:
+    if not math.isfinite(given.params[0]) or not vehicle.switch(Px4Mode.HOLD):
+        return REJECTED
+    vehicle.pilot.change_height(given.params[0] - vehicle.fleet.origin.alt_m)
+    return ACCEPTED
+
+
+def _set_interval(vehicle: Px4, given: Order) -> int:
+    """Set a message's interval; HEARTBEAT's is fixed, and FAILED is also the answer for what isn't known."""
+    message_id, interval_us = given.params[0], given.params[1]
+    if message_id == m.MAVLINK_MSG_ID_HEARTBEAT or message_id not in px4.BUILDERS or not math.isfinite(interval_us):
+        return FAILED
+    if message_id == m.MAVLINK_MSG_ID_CURRENT_MODE and interval_us > 0.0:
+        interval_us = max(interval_us, LEAST_CHANGES_US)
+    return ACCEPTED if vehicle.streams.set_interval(int(message_id), interval_us, vehicle.now) else DENIED
+
+
+HANDLERS: dict[int, Callable[[Any, Order], int]] = {
+    m.MAV_CMD_DO_SET_MODE: _set_mode,
+    m.MAV_CMD_COMPONENT_ARM_DISARM: _arm_disarm,
+    m.MAV_CMD_NAV_TAKEOFF: _take_off,
+    m.MAV_CMD_NAV_RETURN_TO_LAUNCH: _to_mode(Px4Mode.RTL),
+    m.MAV_CMD_NAV_LAND: _to_mode(Px4Mode.LAND),
+    m.MAV_CMD_NAV_LOITER_UNLIM: _to_mode(Px4Mode.HOLD),
+    m.MAV_CMD_SET_MESSAGE_INTERVAL: _set_interval,
+    m.MAV_CMD_GET_MESSAGE_INTERVAL: commands.HANDLERS[m.MAV_CMD_GET_MESSAGE_INTERVAL],
+    m.MAV_CMD_REQUEST_MESSAGE: commands.HANDLERS[m.MAV_CMD_REQUEST_MESSAGE],
+}
+PLANES_HANDLERS: dict[int, Callable[[Any, Order], int]] = HANDLERS | {
+    m.MAV_CMD_DO_REPOSITION: _reposition,
+    m.MAV_CMD_DO_CHANGE_SPEED: _change_speed,
+    m.MAV_CMD_DO_CHANGE_ALTITUDE: _change_altitude,
+}
+"""All others are UNSUPPORTED; a multirotor's positions as targets aren't emulated."""
+
+
+class Px4(Vehicle):
+    """What emulated PX4s have in common."""
+
+    unasked = px4.STREAMS
+    builders = px4.BUILDERS
+    asks_time = False
+    locks = True
+    guided_mode = Px4Mode.HOLD
+    ground_mode = boot_mode = Px4Mode.HOLD
+    failsafe_keys = px4.LINK_LOSS
+    handlers = HANDLERS
+    flown: ClassVar[Mapping[Px4Mode, FlightMode]]
+    """Its modes, and the pilot's that are flown alike."""
+    mode: Px4Mode
+    intended: Px4Mode
+    """What was last asked for; a failsafe flies another."""
+    _rise_m: float
+    _lost: bool
+    _greeted: bool
+    _unsaid: list[Statustext]
+    _texts: int
+    _fresh_until: Instant
+
+    @abstractmethod
+    def lift_off(self, height_m: float) -> None:
+        """Begin to climb to a height above home."""
+
+    @abstractmethod
+    def follow(self, message: SetPositionTargetLocalNed) -> None:
+        """Fly a setpoint of OFFBOARD."""
+
+    @property
+    def fresh(self) -> bool:
+        """Whether setpoints come."""
+        return self.now < self._fresh_until
+
+    def enter(self, mode: FlightMode) -> None:
+        """Change to a mode, unless it is in it already; heartbeats tell it later."""
+        if mode is not self.mode:
+            self.mode = Px4Mode(mode)
+            self.pilot.enter(self.flown[self.mode], self.motion)
+            if self.mode is Px4Mode.OFFBOARD:
+                self.pilot.silent_at = self._fresh_until
+            self.tell_heartbeat()
+
+    def switch(self, number: float) -> bool:
+        """Change to a mode by its number; return whether that was allowed: OFFBOARD needs setpoints, once armed."""
+        number = select(self.pilot.condition, number, frozenset(self.flown)) or 0
+        if not number or (number == Px4Mode.OFFBOARD and self.pilot.condition.armed and not self.fresh):
+            self.say(CRITICAL, "Switching to this mode is currently not available")
+            return False
+        self.intended, self._lost = Px4Mode(number), False
+        self.enter(self.intended)
+        return True
+
+    def arm(self, *, force: bool) -> bool:
+        """Arm, and take off if that is its mode; refused before it is ready and in modes that end a flight."""
+        stale = self.mode is Px4Mode.OFFBOARD and not self.fresh
+        if not force and (not self.ready or stale or self.mode in px4.NOT_ARMABLE):
+            self.say(CRITICAL, "Arming denied: Resolve system health failures first")
+            return False
+        if self.pilot.airborne:
+            return True
+        self._set_utc()
+        if not self.pilot.request(Request.ARM):
+            return False
+        self.say(NOTICE, "Armed by external command")
+        self.disarm_at = after(self.now, self.parameters["COM_DISARM_PRFLT"])
+        if self.mode is Px4Mode.TAKEOFF:
+            self.disarm_at = NEVER
+            self.lift_off(self._rise_m)
+        self.tell_heartbeat()
+        return True
+
+    def prepare(self, height_m: float) -> bool:
+        """Change to TAKEOFF on the ground, to a height; return whether that was allowed."""
+        self._rise_m = height_m
+        return not self.pilot.airborne and self.switch(Px4Mode.TAKEOFF)
+
+    def failsafe_of(self) -> GroundStationFailsafe:
+        """Return its failsafe for the end of the ground station's heartbeats."""
+        return px4.LinkLoss(self.parameters)
+
+    def heed(self, system: int, message: Heartbeat) -> None:
+        """Take a ground station's heartbeat; only then it says what it has to say."""
+        if message.type == m.MAV_TYPE_GCS:
+            self.failsafe.heartbeat(system, self.now)
+            self._greeted = True
+            for text in self._unsaid:
+                self.broadcast(text)
+            self._unsaid.clear()
+
+    def obey(self, message: CommandInt | CommandLong) -> tuple[int, ...]:
+        """Carry out a command; a change of mode is acknowledged twice, the first time before it is decided on."""
+        if isinstance(message, CommandInt) and message.frame != m.MAV_FRAME_GLOBAL_INT:
+            return (WRONG_FRAME,)
+        results = super().obey(message)
+        return (ACCEPTED, *results) if message.command == m.MAV_CMD_DO_SET_MODE else results
+
+    def mode_named(self, name: str) -> FlightMode:
+        """Return a mode by its name; one that PX4 doesn't have becomes HOLD."""
+        named = Px4Mode.__members__.get(name, Px4Mode.HOLD)
+        return named if named in self.flown else Px4Mode.HOLD
+
+    def landed(self) -> None:
+        """Disarm a while after it has touched down."""
+        self.disarm_at = after(self.now, self.parameters["COM_DISARM_LAND"])
+
+    def take_other(self, frame: Frame) -> bool:
+        """Take a setpoint; return whether the frame is one."""
+        message = frame.message
+        if not isinstance(message, SetPositionTargetLocalNed):
+            return False
+        if not self.ignores and message.coordinate_frame not in FRAMES_TAKEN:
+            self.say(CRITICAL, f"SET_POSITION_TARGET_LOCAL_NED coordinate frame {message.coordinate_frame} unsupported")
+        elif not self.ignores:
+            self._fresh_until = after(self.now, self.parameters["COM_OF_LOSS_T"])
+            if self._lost:
+                self._lost = False
+                self.enter(Px4Mode.OFFBOARD)
+            if self.mode is Px4Mode.OFFBOARD:
+                self.follow(message)
+                self.pilot.silent_at = self._fresh_until
+        return True
+
+    def fly_to(self, item: MissionItem | MissionItemInt) -> int:  # noqa: ARG002 - none is followed
+        """Refuse: PX4 knows no item that is flown at once."""
+        return m.MAV_MISSION_ERROR
+
+    def follow_time(self) -> None:
+        """Leave OFFBOARD once setpoints are too old, and TAKEOFF once it is complete."""
+        if self.mode is Px4Mode.OFFBOARD and not self.fresh and self.pilot.airborne:
+            self._lost = True
+            self.say(CRITICAL, "Offboard control signal lost")
+            self.enter(px4.LOST_STREAM.get(int(self.parameters["COM_OBL_RC_ACT"]), Px4Mode.RTL))
+        elif self.mode is Px4Mode.TAKEOFF and self.pilot.airborne and self.pilot.takeoff_m is None:
+            self.intended = Px4Mode.HOLD
+            self.enter(Px4Mode.HOLD)
+
+    def go_to(self, given: Order) -> None:
+        """Fly to a place; only a fixed wing does."""
+
+    def airspeed(self, speed_mps: float) -> float:
+        """Return an airspeed within its limits, beyond which it is cut off, unsaid."""
+        return min(max(speed_mps, self.parameters["FW_AIRSPD_MIN"]), self.parameters["FW_AIRSPD_MAX"])
+
+    def tell_heartbeat(self) -> None:
+        """Tell a change at once by CURRENT_MODE, if that was asked for; heartbeats come once a second."""
+        if self.streams.interval_us(m.MAVLINK_MSG_ID_CURRENT_MODE) > 0:
+            self.broadcast(px4.current_mode(self))
+
+    def say(self, severity: int, text: str) -> None:
+        """Send a text, in chunks if it is long; before a ground station has shown itself, keep it."""
+        self._texts = self._texts % 255 + 1
+        long = len(text) >= TEXT_BYTES
+        for number in range(0, len(text) + 1 if long else 1, TEXT_BYTES):
+            part = Statustext(
+                severity, text[number : number + TEXT_BYTES], self._texts if long else 0, number // TEXT_BYTES
+            )
+            if self._greeted:
+                self.broadcast(part)
+            elif len(self._unsaid) < KEPT_TEXTS:
+                self._unsaid.append(part)
+
+    def _boot(self, now: Instant, clock_offset_s: float) -> None:
+        self.mode = self.intended = Px4Mode.HOLD
+        self._rise_m, self._lost, self._greeted, self._texts = 0.0, False, False, 0
+        self._unsaid, self._fresh_until = [], now
+        super()._boot(now, clock_offset_s)
+        self.pilot.mode = self.flown[Px4Mode.HOLD]
+
+    def _come_up(self, mode: FlightMode) -> None:  # noqa: ARG002 - always in HOLD
+        super()._come_up(self.flown[Px4Mode.HOLD])
+
+
+class Px4Copter(Px4):
+    """An emulated PX4 multirotor."""
+
+    mav_type = m.MAV_TYPE_QUADROTOR
+    guided_mode = Px4Mode.OFFBOARD
+    flown = px4.AS_COPTER
+    flier: CopterPilot
+    """Its pilot, as what that is."""
+
+    def parameters_of(self, config: VehicleConfig) -> ParameterServer:
+        """Return a multirotor's parameters."""
+        return px4.Px4Parameters(px4.initial_values(config, self.fleet.config.cruise_mps), px4.COPTERS_KINDS)
+
+    def pilot_of(self, config: VehicleConfig, steering: Steering) -> CopterPilot:
+        """Return who flies a multirotor."""
+        self.flier = CopterPilot(config, steering, self.parameters)
+        return self.flier
+
+    def lift_off(self, height_m: float) -> None:
+        """Climb straight up."""
+        self.flier.mode = CopterMode.GUIDED
+        self.flier.rise(height_m)
+
+    def follow(self, message: SetPositionTargetLocalNed) -> None:
+        """Fly a velocity; whatever else is asked has it stand."""
+        velocity_mps, mask = (message.vx_mps, message.vy_mps, message.vz_mps), message.type_mask
+        if mask & PLACE != PLACE or mask & VELOCITY or not all(map(math.isfinite, velocity_mps)):
+            self.flier.stop()
+            return
+        if message.coordinate_frame == m.MAV_FRAME_BODY_NED:
+            cos, sin = math.cos(self.body.shown().heading_rad), math.sin(self.body.shown().heading_rad)
+            ahead, right, down = velocity_mps
+            velocity_mps = ahead * cos - right * sin, ahead * sin + right * cos, down
+        self.flier.obey(velocity_mps, None if mask & YAW else message.yaw_rad, self.now)
+
+
+class Px4Plane(Px4):
+    """An emulated fixed-wing PX4."""
+
+    mav_type = m.MAV_TYPE_FIXED_WING
+    flown = px4.AS_PLANE
+    handlers = PLANES_HANDLERS
+
+    def parameters_of(self, config: VehicleConfig) -> ParameterServer:
+        """Return a fixed wing's parameters."""
+        return px4.Px4Parameters(px4.initial_values(config, self.fleet.config.cruise_mps), px4.PLANES_KINDS)
+
+    def pilot_of(self, config: VehicleConfig, steering: Steering) -> Pilot:
+        """Return who flies a fixed wing."""
+        return Pilot(config, steering, self.parameters)
+
+    def lift_off(self, height_m: float) -> None:
+        """Roll and climb."""
+        self.pilot.enter(Mode.TAKEOFF, self.motion)
+        self.pilot.take_off(height_m, self.motion)
+
+    def follow(self, message: SetPositionTargetLocalNed) -> None:
+        """Fly to a place, at its trim speed whatever is asked; a velocity alone is ignored, unsaid."""
+        place_m = message.x_m, message.y_m, message.z_m
+        if not message.type_mask & PLACE and all(map(math.isfinite, place_m)):
+            start = self.config.start
+            self.pilot.change_speed(self.parameters["FW_AIRSPD_TRIM"], math.inf)
+            self.pilot.circle(start.north_m + message.x_m, start.east_m + message.y_m, -message.z_m)
+
+    def follow_time(self) -> None:
+        """Dive into the ground if it has left it before its height reference came up to the field."""
+        super().follow_time()
+        climbs = self.mode is Px4Mode.TAKEOFF and self.pilot.airborne
+        if climbs and REFERENCE_CLIMB_MPS * self.time_s < self.fleet.origin.alt_m:
+            self._crash(Request.CRASH)
+
+    def go_to(self, given: Order) -> None:
+        """Fly straight to a place far away, and circle it; altitudes are above sea level."""
+        speed_mps = given.params[0]
+        if speed_mps > 0.0:
+            self.pilot.change_speed(self.airspeed(speed_mps), math.inf)
+        height_m = given.z - self.fleet.origin.alt_m
+        if math.isfinite(height_m):
+            north_m, east_m, _ = self.fleet.origin.to_ned(given.lat_rad, given.lon_rad, self.fleet.origin.alt_m)
+            self.pilot.circle(north_m, east_m, height_m)

@@ -1,0 +1,115 @@
+"""Emulated PX4s in formation, alone and among others: what their ways of being commanded ask of the station."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from airlink import mavlink as m
+from airlink.clock import Instant
+from airlink.engine import Datagram
+from airlink.frame import StreamParser
+from formation_scenario import load_scenario
+from gcs_formation.app.check import check_text
+from sim_vehicles.autopilot.modes import Px4Mode
+from tests.flights.conftest import scenario
+from tests.flights.in_memory import Between, World
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+PX4_COPTER = {"autopilot": "emulator", "model": "px4_copter"}
+HOVERS: dict[str, Any] = {
+    "vehicles": {"count": 3} | PX4_COPTER,
+    "formation": {"shape": "arrow", "spacing_m": 12},
+    "path": {"speed_mps": 5, "waypoints_m": [[0, 0, 50], [300, 0, 50]]},
+    "safety": {"separation_m": 3, "clearance_m": 5},
+}
+SLOW_PATH = {"speed_mps": 17, "waypoints_m": [[0, 0, 100], [2000, 0, 100]]}
+MIXED: list[dict[str, Any]] = [
+    {"id": 1, "role": "leader", "autopilot": "arduplane"},
+    {"id": 2, "autopilot": "px4"},
+    {"id": 3},
+]
+
+
+class Listener(Between):
+    """Keeps the ids of all messages that vehicles are sent."""
+
+    def __init__(self, fleet: Any) -> None:
+        super().__init__(fleet)
+        self.parser, self.ids = StreamParser(), list[int]()
+
+    def receive(self, datagram: Datagram, now: Instant) -> None:
+        self.ids += [frame.message_id for frame in self.parser.feed(datagram.data)]
+        super().receive(datagram, now)
+
+
+@pytest.mark.parametrize(("config", "model"), [("px4", "px4"), ("px4_copter", "px4_copter")])
+def test_emulated_and_real_differ_in_a_word_and_in_nothing_else(config, model):
+    keys = yaml.safe_load((CONFIGS / f"{config}.yaml").read_text())
+    real = load_scenario(keys)
+    for vehicle in keys["vehicles"]:
+        vehicle |= {"autopilot": "emulator", "model": model}
+    emulated = load_scenario(keys)
+    same = [each.model_copy(update={"autopilot": "px4"}) for each in emulated.vehicles]
+    assert emulated.model_copy(update={"vehicles": tuple(same)}).vehicles == real.vehicles
+
+
+@pytest.mark.slow
+def test_multirotors_follow_in_offboard_with_clocks_that_are_late_by_14_ms_a_second():
+    """PX4's simulator keeps such a time. No SYSTEM_TIME is sent: PX4 would set its host's clock by it."""
+    late: dict[str, Any] = {"vehicles": {"count": 3, "clock": {"drift_ppm": -14000}} | PX4_COPTER}
+    world = World(Listener, **(HOVERS | late))
+    world.fly_to(25.0)
+    assert world.worst_m(from_s=8.0) < 0.15
+    assert {world.vehicle(number).mode for number in (1, 2, 3)} == {Px4Mode.OFFBOARD}
+    heard = world.between
+    assert isinstance(heard, Listener)
+    assert m.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED in heard.ids
+    assert m.MAVLINK_MSG_ID_SYSTEM_TIME not in heard.ids
+
+
+@pytest.mark.slow
+def test_a_stream_that_stops_for_two_seconds_is_taken_up_again_by_everybody():
+    """Setpoints missing for longer than COM_OF_LOSS_T send a PX4 home; when they come again it is in OFFBOARD again."""
+    world = World(**HOVERS)
+    world.fly_to(10.0)
+    world.process.stop(world.clock.now(), 2.0)
+    world.run(1.9)
+    assert {world.vehicle(number).mode for number in (1, 2, 3)} == {Px4Mode.RTL}
+    world.run(3.0)
+    assert {world.vehicle(number).mode for number in (1, 2, 3)} == {Px4Mode.OFFBOARD}
+    begun_s = world.station.flight.mission_time_s(world.clock.now())
+    world.run(15.0)
+    assert world.worst_m(from_s=begun_s + 12.0) < 0.3
+
+
+@pytest.mark.slow
+def test_fixed_wings_of_three_families_fly_in_one_formation():
+    world = World(vehicles=MIXED, path=SLOW_PATH)
+    world.run(40.0)
+    assert world.vehicle(2).mode is Px4Mode.HOLD
+    assert world.worst_m(from_s=15.0) < 0.5
+    assert world.words("disobeys") == []
+
+
+@pytest.mark.slow
+def test_multirotors_of_two_firmwares_fly_in_one_formation():
+    families: list[dict[str, Any]] = [
+        {"id": 1, "role": "leader", "autopilot": "arducopter"},
+        {"id": 2} | PX4_COPTER,
+        {"id": 3, "model": "arducopter"},
+    ]
+    world = World(**(HOVERS | {"vehicles": families}))
+    world.fly_to(25.0)
+    assert [vehicle.mav_type for vehicle in world.fleet.vehicles] == [m.MAV_TYPE_QUADROTOR] * 3
+    assert world.vehicle(2).mode is Px4Mode.OFFBOARD
+    assert world.worst_m(from_s=8.0) < 0.15
+
+
+def test_check_says_whose_limits_bound_a_formation_of_several_kinds():
+    mixed = check_text(load_scenario(scenario(vehicles=MIXED, path=SLOW_PATH)))
+    assert "what all vehicles can fly: 16 m/s (vehicle 3) to 20 m/s (vehicle 2), climbs of 2 m/s (vehicle 2)" in mixed
+    assert "what all vehicles can fly" not in check_text(load_scenario(scenario()))

@@ -1,0 +1,354 @@
+"""Emulated PX4s, asked by pymavlink: acceptance, refusals and failsafes as the simulator of PX4 1.17 showed."""
+
+from __future__ import annotations
+
+import math
+import struct
+
+import pytest
+
+from airlink import mavlink as m
+from airlink.endpoint import Address
+from formation_scenario import load_scenario
+from sim_vehicles.autopilot.modes import Condition
+from tests.sim_vehicles.conftest import mavlink
+
+ACCEPTED, REJECTED, UNSUPPORTED, FAILED, WRONG_FRAME = 0, 1, 3, 4, 9
+HOLD, TAKEOFF, RTL, LAND = 0x03040000, 0x02040000, 0x05040000, 0x06040000
+OFFBOARD, POSITION = 0x00060000, 0x00030000
+VELOCITY_AND_YAW, VELOCITY_ALONE, PLACE_ALONE = 0x9C7, 0x5C7, 0xDF8
+LOCAL, BODY_OFFSET, BODY = 1, 9, 8
+PATH = {"speed_mps": 14, "waypoints_m": [[0, 0, 100], [900, 0, 100]]}
+
+
+def model_of(name, speed_mps):
+    keys = {"vehicles": {"count": 1, "autopilot": "px4", "model": name}, "path": PATH | {"speed_mps": speed_mps}}
+    return load_scenario(keys).vehicles[0].model
+
+
+COPTER, PLANE = model_of("px4_copter", 5), model_of("px4", 14)
+
+
+class Px4:
+    """Speaks to one emulated PX4 as a ground station."""
+
+    def __init__(self, air):
+        self.air, self.vehicle = air, air.fleet.vehicles[0]
+        self.beats = 0
+
+    def greet(self):
+        self.air.ground.send(mavlink.MAVLink_heartbeat_message(m.MAV_TYPE_GCS, m.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3))
+
+    def wait(self, seconds, *, greeting=True, every=None):
+        """Let time pass: with heartbeats, and a setpoint (`every`) ten times a second."""
+        for number in range(round(seconds * 10)):
+            if greeting and number % 10 == 0:
+                self.greet()
+            if every is not None:
+                every()
+            self.air.run(0.1)
+
+    def tell(self, *velocity, mask=VELOCITY_AND_YAW, frame=LOCAL, place=(0.0, 0.0, 0.0), yaw=0.0):
+        fields = (0, 1, 1, frame, mask, *place, *velocity, 0, 0, 0, yaw, 0)
+        self.air.ground.send(mavlink.MAVLink_set_position_target_local_ned_message(*fields))
+
+    def stand(self):
+        self.tell(0.0, 0.0, 0.0, mask=VELOCITY_ALONE)
+
+    def results(self, command, *params):
+        """Return all acknowledgements of a command."""
+        before = len(self.air.ground.of("COMMAND_ACK"))
+        values = (*params, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)[:7]
+        self.air.ground.send(mavlink.MAVLink_command_long_message(1, 1, command, 0, *values))
+        self.air.run(0.02)
+        return [each.result for each in self.air.ground.of("COMMAND_ACK")[before:] if each.command == command]
+
+    def set_mode(self, mode):
+        """Return the second acknowledgement."""
+        first, second = self.results(m.MAV_CMD_DO_SET_MODE, 1, mode >> 16 & 0xFF, mode >> 24)
+        assert first == ACCEPTED
+        return second
+
+    def reposition(self, north_m, east_m, alt_m, speed_mps=-1.0, change=1.0, frame=5):
+        lat, lon, _ = self.air.fleet.origin.from_ned(north_m, east_m, 0.0)
+        place = round(math.degrees(lat) * 1e7), round(math.degrees(lon) * 1e7)
+        params = speed_mps, change, 0.0, math.nan
+        return self.air.command_int(m.MAV_CMD_DO_REPOSITION, *params, frame=frame, x=place[0], y=place[1], z=alt_m)
+
+    def offboard(self):
+        self.wait(0.5, every=self.stand)
+        assert self.set_mode(OFFBOARD) == ACCEPTED
+
+    @property
+    def mode(self):
+        return self.vehicle.mode
+
+    @property
+    def shown(self):
+        return self.air.ground.of("HEARTBEAT")[-1].custom_mode
+
+    @property
+    def motion(self):
+        return self.air.fleet.bodies[0].motion
+
+    @property
+    def texts(self):
+        return [each.text for each in self.air.ground.of("STATUSTEXT")]
+
+
+@pytest.fixture
+def px4(make_air):
+    """What makes a PX4 that is up and has heard its ground station."""
+
+    def make(model=COPTER, *, wait_s=3.5, **keys):
+        vehicle = Px4(make_air(model=model, **keys))
+        vehicle.wait(wait_s)
+        return vehicle
+
+    return make
+
+
+def test_it_says_what_it_is_and_boots_into_hold_disarmed(px4):
+    for model, kind in ((COPTER, m.MAV_TYPE_QUADROTOR), (PLANE, m.MAV_TYPE_FIXED_WING)):
+        beats = px4(model, in_air=False).air.ground.of("HEARTBEAT")
+        assert {(each.autopilot, each.type, each.custom_mode) for each in beats} == {(12, kind, HOLD)}
+        assert [each.system_status for each in (beats[0], beats[-1])] == [m.MAV_STATE_UNINIT, m.MAV_STATE_STANDBY]
+
+
+def test_a_change_of_mode_is_acknowledged_twice_and_heartbeats_show_it_up_to_a_second_later(px4):
+    copter = px4()
+    assert copter.results(m.MAV_CMD_DO_SET_MODE, 1, 6, 0) == [ACCEPTED, REJECTED]
+    assert copter.mode == HOLD
+    copter.air.command_long(m.MAV_CMD_SET_MESSAGE_INTERVAL, m.MAVLINK_MSG_ID_CURRENT_MODE, 20_000)
+    before = len(copter.air.ground.of("HEARTBEAT"))
+    assert copter.results(m.MAV_CMD_DO_SET_MODE, 1, 4, 5) == [ACCEPTED, ACCEPTED]
+    assert copter.mode == RTL
+    assert len(copter.air.ground.of("HEARTBEAT")) == before
+    copter.wait(1.0)
+    assert copter.shown == RTL
+
+
+def test_a_change_is_told_at_once_to_who_asked_for_current_mode(px4):
+    copter = px4()
+    told = []
+    copter.air.command_long(m.MAV_CMD_SET_MESSAGE_INTERVAL, m.MAVLINK_MSG_ID_CURRENT_MODE, 20_000)
+    copter.vehicle.broadcast = lambda message: told.append(type(message).__name__)
+    copter.vehicle.switch(RTL)
+    assert told == ["CurrentMode"]
+
+
+def test_offboard_needs_setpoints_before_it(px4):
+    copter = px4()
+    assert copter.set_mode(OFFBOARD) == REJECTED
+    copter.wait(0.3, every=copter.stand)
+    assert copter.set_mode(OFFBOARD) == ACCEPTED
+    copter.wait(14.0, every=lambda: copter.tell(3.0, -2.0, 0.0))
+    velocity = copter.motion.velocity_north_mps, copter.motion.velocity_east_mps
+    assert velocity == pytest.approx((3.0, -2.0), abs=0.2)
+
+
+def test_when_setpoints_stop_it_returns_after_a_second_and_comes_back_by_itself_when_they_do(px4):
+    copter = px4()
+    copter.offboard()
+    copter.wait(0.8)
+    assert copter.mode == OFFBOARD
+    copter.wait(0.2)
+    assert copter.mode == RTL
+    copter.wait(1.0)
+    copter.wait(0.2, every=copter.stand)
+    assert copter.mode == OFFBOARD
+
+
+def test_who_was_told_another_mode_meanwhile_doesnt_come_back(px4):
+    copter = px4()
+    copter.offboard()
+    copter.wait(2.0)
+    assert copter.set_mode(HOLD) == ACCEPTED
+    copter.wait(1.0, every=copter.stand)
+    assert copter.mode == HOLD
+
+
+@pytest.mark.parametrize(("action", "mode"), [(0, RTL), (3, RTL), (4, LAND), (5, HOLD)])
+def test_what_it_does_without_setpoints_is_a_parameter(px4, action, mode):
+    copter = px4()
+    copter.vehicle.parameters._values["COM_OBL_RC_ACT"] = action
+    copter.offboard()
+    copter.wait(1.3)
+    assert copter.mode == mode
+
+
+def test_velocities_of_the_nose_are_taken_and_those_of_a_moving_frame_are_not(px4):
+    copter = px4()
+    copter.offboard()
+    copter.wait(3.0, every=lambda: copter.tell(0.0, 2.0, 0.0, yaw=math.pi / 2))
+    copter.wait(3.0, every=lambda: copter.tell(2.0, 0.0, 0.0, frame=BODY, mask=VELOCITY_ALONE))
+    assert (copter.motion.velocity_north_mps, copter.motion.velocity_east_mps) == pytest.approx((0.0, 2.0), abs=0.1)
+    copter.wait(1.3, every=lambda: copter.tell(1.0, 0.0, 0.0, frame=BODY_OFFSET))
+    assert copter.mode == RTL
+    assert "coordinate frame 9 unsupported" in "".join(copter.texts)
+
+
+def test_when_heartbeats_stop_it_holds_and_returns_even_while_setpoints_come(px4):
+    copter = px4()
+    copter.vehicle.parameters._values["NAV_DLL_ACT"] = 2
+    copter.offboard()
+    copter.wait(9.0, greeting=False, every=copter.stand)
+    assert copter.mode == OFFBOARD
+    copter.wait(1.5, greeting=False, every=copter.stand)
+    assert copter.mode == HOLD
+    copter.wait(5.0, greeting=False, every=copter.stand)
+    assert copter.mode == RTL
+    copter.wait(2.0, every=copter.stand)
+    assert copter.mode == RTL
+
+
+def test_without_an_action_the_end_of_heartbeats_changes_nothing(px4):
+    copter = px4()
+    copter.offboard()
+    copter.wait(20.0, greeting=False, every=copter.stand)
+    assert copter.mode == OFFBOARD
+
+
+def test_disarmed_it_takes_any_mode_and_then_isnt_armed(px4):
+    copter = px4(in_air=False)
+    for mode in (OFFBOARD, RTL, LAND):
+        assert copter.set_mode(mode) == ACCEPTED
+        assert copter.results(m.MAV_CMD_COMPONENT_ARM_DISARM, 1) == [REJECTED]
+    assert copter.set_mode(HOLD) == ACCEPTED
+    assert copter.results(m.MAV_CMD_COMPONENT_ARM_DISARM, 1) == [ACCEPTED]
+    copter.wait(10.5)
+    assert not copter.vehicle.pilot.condition.armed
+
+
+@pytest.mark.parametrize(("model", "limit_s"), [(COPTER, 40), (PLANE, 60)])
+def test_take_off_is_to_an_altitude_above_sea_level_and_ends_in_hold(px4, model, limit_s):
+    vehicle = px4(model, in_air=False, origin_alt_m=5.0)
+    up = math.nan, math.nan, 5.0 + 20.0
+    assert vehicle.results(m.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, math.nan, *up) == [ACCEPTED]
+    assert vehicle.mode == TAKEOFF
+    assert vehicle.results(m.MAV_CMD_COMPONENT_ARM_DISARM, 1) == [ACCEPTED]
+    vehicle.wait(limit_s)
+    assert vehicle.mode == HOLD
+    assert vehicle.motion.height_m == pytest.approx(20.0, abs=2.5)
+
+
+def test_a_fixed_wing_that_leaves_a_high_field_soon_after_boot_dives_into_the_ground(px4):
+    plane = px4(PLANE, in_air=False, origin_alt_m=489.0)
+    plane.results(m.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, math.nan, math.nan, math.nan, 489.0 + 50.0)
+    plane.results(m.MAV_CMD_COMPONENT_ARM_DISARM, 1)
+    plane.wait(30.0)
+    assert plane.vehicle.pilot.condition is Condition.CRASHED
+
+
+def test_a_fixed_wing_flies_straight_to_a_place_far_ahead_at_the_speed_told_within_its_limits(px4):
+    plane, results = px4(PLANE), []
+    for _ in range(200):
+        here = plane.motion
+        results.append(plane.reposition(here.north_m + 300.0, here.east_m + 300.0, 90.0, 15.0))
+        plane.air.run(0.08)
+    course = math.atan2(plane.motion.velocity_east_mps, plane.motion.velocity_north_mps)
+    assert course == pytest.approx(math.pi / 4, abs=0.02)
+    assert plane.motion.airspeed_mps == pytest.approx(15.0, abs=0.3)
+    assert plane.motion.height_m == pytest.approx(90.0, abs=1.0)
+    assert set(results) == {ACCEPTED}
+    plane.reposition(9000.0, 9000.0, 90.0, 30.0)
+    plane.air.run(0.1)
+    assert plane.motion.airspeed_setpoint_mps == 20.0
+
+
+def test_a_place_is_taken_in_one_frame_and_with_its_change_of_mode_alone(px4):
+    plane = px4(PLANE)
+    assert plane.reposition(500.0, 0.0, 80.0, frame=3) == WRONG_FRAME
+    assert plane.reposition(500.0, 0.0, 80.0, change=0.0) == UNSUPPORTED
+    for command in (43000, 43001, 43002):
+        assert plane.results(command) == [UNSUPPORTED]
+
+
+def test_a_place_undoes_a_pilots_choice(px4):
+    plane = px4(PLANE)
+    plane.set_mode(RTL)
+    assert plane.reposition(500.0, 0.0, 80.0) == ACCEPTED
+    assert plane.mode == HOLD
+
+
+def test_in_offboard_a_fixed_wing_ignores_velocities_and_speeds_unsaid_and_flies_to_places(px4):
+    plane = px4(PLANE)
+    plane.wait(0.5, every=lambda: plane.tell(0.0, 18.0, 0.0, mask=0xDC7))
+    assert plane.set_mode(OFFBOARD) == ACCEPTED
+    told = len(plane.texts)
+    trim_mps = plane.vehicle.parameters["FW_AIRSPD_TRIM"]
+    assert plane.results(m.MAV_CMD_DO_CHANGE_SPEED, 0, 12.0, -1) == [ACCEPTED]
+    place = plane.motion.north_m, plane.motion.east_m + 900.0, -60.0
+    plane.wait(20.0, every=lambda: plane.tell(0.0, 12.0, 0.0, mask=PLACE_ALONE, place=place))
+    assert plane.motion.velocity_east_mps == pytest.approx(min(trim_mps, 20.0), abs=0.6)
+    assert plane.motion.height_m < 75.0
+    assert len(plane.texts) == told
+
+
+def test_in_hold_speed_and_altitude_above_sea_level_are_taken(px4):
+    plane = px4(PLANE, origin_alt_m=30.0)
+    assert plane.results(m.MAV_CMD_DO_CHANGE_SPEED, 0, 12.0, -1) == [ACCEPTED]
+    assert plane.results(m.MAV_CMD_DO_CHANGE_ALTITUDE, 140.0, 0) == [ACCEPTED]
+    plane.wait(30.0)
+    assert plane.motion.airspeed_mps == pytest.approx(12.0, abs=0.2)
+    assert plane.motion.height_m == pytest.approx(110.0, abs=1.0)
+
+
+def test_its_streams_are_fast_unasked_and_zero_restores_that(px4):
+    copter = px4()
+
+    def rates():
+        before = {name: len(copter.air.ground.of(name)) for name in ("ATTITUDE", "VFR_HUD", "SYS_STATUS", "HEARTBEAT")}
+        copter.wait(2.0)
+        return {name: (len(copter.air.ground.of(name)) - count) / 2 for name, count in before.items()}
+
+    usual = {"ATTITUDE": 50, "VFR_HUD": 4, "SYS_STATUS": 1, "HEARTBEAT": 1}
+    assert rates() == usual
+    assert copter.air.command_long(m.MAV_CMD_SET_MESSAGE_INTERVAL, m.MAVLINK_MSG_ID_ATTITUDE, 100_000) == ACCEPTED
+    assert rates() == usual | {"ATTITUDE": 10}
+    assert copter.air.command_long(m.MAV_CMD_SET_MESSAGE_INTERVAL, m.MAVLINK_MSG_ID_ATTITUDE, 0) == ACCEPTED
+    assert rates() == usual
+    for message_id in (m.MAVLINK_MSG_ID_HEARTBEAT, 65000):
+        assert copter.air.command_long(m.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, 100_000) == FAILED
+
+
+def test_a_multirotor_measures_no_airspeed_and_the_receiver_has_no_time(px4):
+    copter, plane = px4(), px4(PLANE)
+    assert all(math.isnan(each.airspeed) for each in copter.air.ground.of("VFR_HUD"))
+    assert not any(math.isnan(each.airspeed) for each in plane.air.ground.of("VFR_HUD"))
+    assert {each.time_usec for each in copter.air.ground.of("GPS_RAW_INT")} == {0}
+
+
+def test_texts_wait_for_a_ground_station_and_long_ones_come_in_chunks(make_air):
+    copter = Px4(make_air(model=COPTER))
+    copter.wait(1.0, greeting=False)
+    copter.vehicle.say(4, "short")
+    copter.vehicle.say(4, "x" * 70)
+    copter.wait(1.0, greeting=False)
+    assert copter.texts == []
+    copter.greet()
+    copter.air.run(0.1)
+    assert copter.texts == ["short", "x" * 50, "x" * 20]
+    long = copter.air.ground.of("STATUSTEXT")[1:]
+    assert long[0].id == long[1].id > 0
+    assert [each.chunk_seq for each in long] == [0, 1]
+
+
+def test_its_link_hears_the_first_port_alone(make_air):
+    copter = Px4(make_air(model=COPTER, endpoint="udpin:127.0.0.1:14550"))
+    other = copter.air.peer(Address("127.0.0.1", 40000))
+    copter.wait(1.0)
+    assert copter.air.command_long(m.MAV_CMD_REQUEST_MESSAGE, 0, peer=other) is None
+    copter.wait(1.0)
+    assert other.heard == []
+    assert copter.air.command_long(m.MAV_CMD_REQUEST_MESSAGE, 0) == ACCEPTED
+
+
+def test_an_integer_parameter_is_the_bytes_of_one(px4):
+    copter = px4()
+    two = struct.unpack("<f", struct.pack("<i", 2))[0]
+    copter.air.ground.send(mavlink.MAVLink_param_set_message(1, 1, b"NAV_DLL_ACT", two, m.MAV_PARAM_TYPE_INT32))
+    copter.air.run(0.1)
+    (told,) = copter.air.ground.of("PARAM_VALUE")
+    assert (told.param_id, told.param_type, told.param_value) == ("NAV_DLL_ACT", m.MAV_PARAM_TYPE_INT32, two)
+    assert copter.vehicle.parameters["NAV_DLL_ACT"] == 2
