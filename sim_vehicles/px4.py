@@ -128,7 +128,8 @@ class Px4(Vehicle):
     asks_time = False
     locks = True
     guided_mode = Px4Mode.HOLD
-    ground_mode = boot_mode = Px4Mode.HOLD
+    ground_mode = Px4Mode.HOLD
+    boot_mode = Px4Mode.HOLD
     failsafe_keys = px4.LINK_LOSS
     handlers = HANDLERS
     flown: ClassVar[Mapping[Px4Mode, FlightMode]]
@@ -167,11 +168,11 @@ class Px4(Vehicle):
 
     def switch(self, number: float) -> bool:
         """Change to a mode by its number; return whether that was allowed: OFFBOARD needs setpoints, once armed."""
-        number = select(self.pilot.condition, number, frozenset(self.flown)) or 0
-        if not number or (number == Px4Mode.OFFBOARD and self.pilot.condition.armed and not self.fresh):
+        chosen = select(self.pilot.condition, number, frozenset(self.flown))
+        if chosen is None or (chosen == Px4Mode.OFFBOARD and self.pilot.condition.armed and not self.fresh):
             self.say(CRITICAL, "Switching to this mode is currently not available")
             return False
-        self.intended, self._lost = Px4Mode(number), False
+        self.intended, self._lost = Px4Mode(chosen), False
         self.enter(self.intended)
         return True
 

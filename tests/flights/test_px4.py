@@ -102,7 +102,8 @@ def test_multirotors_of_two_firmwares_fly_in_one_formation():
         {"id": 2} | PX4_COPTER,
         {"id": 3, "model": "arducopter"},
     ]
-    world = World(**(HOVERS | {"vehicles": families}))
+    keys: dict[str, Any] = HOVERS | {"vehicles": families}
+    world = World(**keys)
     world.fly_to(25.0)
     assert [vehicle.mav_type for vehicle in world.fleet.vehicles] == [m.MAV_TYPE_QUADROTOR] * 3
     assert world.vehicle(2).mode is Px4Mode.OFFBOARD

@@ -126,12 +126,3 @@ def test_it_speaks_over_udp_and_ends_on_a_signal_without_a_word(number, status):
             _, said = process.communicate(timeout=LIMIT_S)
     assert first[0] == 0xFD
     assert (process.returncode, said) == (status, b"")
-
-
-def test_a_family_without_an_emulator_is_refused_by_its_name():
-    answer = call(ROOT / "configs" / "px4.yaml")
-    assert answer.exit_code == 2
-    assert (
-        "vehicle 1 (px4), vehicle 2 (px4), vehicle 3 (px4), vehicle 4 (px4): there is no emulator of that"
-        in answer.output
-    )
