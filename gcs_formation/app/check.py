@@ -78,7 +78,8 @@ def check_text(scenario: Scenario) -> str:
 
 def common_limits(scenario: Scenario) -> Iterator[str]:
     """Yield within which limits a formation of several kinds flies, and whose each of them is."""
-    if len({vehicle.model for vehicle in scenario.vehicles}) > 1:
+    first = scenario.vehicles[0].model
+    if any(vehicle.model != first for vehicle in scenario.vehicles):
         slowest, fastest, climbs, turns = (
             pick(scenario.vehicles, key=lambda vehicle: getattr(vehicle.model, name))
             for pick, name in (

@@ -1,6 +1,6 @@
-"""The ground station against the real autopilot: four fixed-wing PX4s, flown by the built-in simulator (SIH).
+"""The ground station against the real autopilot: four PX4s, fixed wings and multirotors, flown by its simulator (SIH).
 
-Set PX4_SITL to the path of PX4's binary for SITL, `build/px4_sitl_default/bin/px4`, to run it. Real time: 6 minutes.
+Set PX4_SITL to the path of PX4's binary for SITL, `build/px4_sitl_default/bin/px4`, to run it. Real time: 15 minutes.
 """
 
 from __future__ import annotations
@@ -27,33 +27,37 @@ pytestmark = needs("PX4_SITL", "a PX4 SITL binary")
 FIRST_INSTANCE = 40
 """Instance n is system n + 1 and listens at UDP port 18570 + n: away from a simulation that somebody else runs."""
 GCS_PORT, PILOT_PORT = 18570, 14580
-APART_DEG = 0.0006
+APART_DEG, COPTERS_APART_DEG = 0.0006, 0.0001
 BOOT_S = 8.0
 PARAMETERS = {"SIH_T_MAX": 10, "FW_AIRSPD_MAX": 22, "FW_AIRSPD_TRIM": 14, "SDLOG_MODE": -1}
 """The simulator's aircraft hardly flies faster than 14 m/s with its stock 6 N."""
+
+
+COPTERS_PARAMETERS = {"NAV_DLL_ACT": 2, "SDLOG_MODE": -1}
 
 
 @contextmanager
 def simulated(instance: int, directory: Path, airframe: int = 10041, model: str = "airplane") -> Generator[None]:
     """Run one PX4, some way east of the others; the field is at 10 m."""
     directory.mkdir()
+    flies = model == "airplane"
     binary = Path(os.environ["PX4_SITL"]).resolve()
     variables = {
         "PX4_SYS_AUTOSTART": str(airframe),
         "PX4_SIM_MODEL": f"sihsim_{model}",
         "PX4_HOME_LAT": "35.0",
-        "PX4_HOME_LON": str(125.0 + (instance - FIRST_INSTANCE) * APART_DEG),
+        "PX4_HOME_LON": str(125.0 + (instance - FIRST_INSTANCE) * (APART_DEG if flies else COPTERS_APART_DEG)),
         "PX4_HOME_ALT": "10",
-        **{f"PX4_PARAM_{name}": str(value) for name, value in PARAMETERS.items()},
+        **{f"PX4_PARAM_{name}": str(value) for name, value in (PARAMETERS if flies else COPTERS_PARAMETERS).items()},
     }
     command = [str(binary), "-i", str(instance), "-d", str(binary.parents[1] / "etc")]
     with running(command, directory, variables):
         yield
 
 
-def scenario(count: int) -> dict[str, object]:
+def scenario(count: int, config: str = "px4") -> dict[str, object]:
     """Return the shipped scenario with each vehicle at the port of its own simulation."""
-    keys = yaml.safe_load((ROOT / "configs" / "px4.yaml").read_text())
+    keys = yaml.safe_load((ROOT / "configs" / f"{config}.yaml").read_text())
     keys["vehicles"] = [
         each | {"id": 1 + instance, "endpoint": f"udpout:127.0.0.1:{GCS_PORT + instance}"}
         for instance, each in enumerate(keys["vehicles"][:count], start=FIRST_INSTANCE)
@@ -118,6 +122,20 @@ def test_a_pilot_takes_over_with_another_mode_and_gives_back_with_hold(tmp_path)
             modes = [each["text"] for each in events_of(run) if each["kind"] == "mode"]
             assert modes[-1] == mode
         pilot.close()
+
+
+def test_four_multirotors_keep_their_slots_through_stops_and_changes(tmp_path):
+    with ExitStack() as stack:
+        for instance in range(FIRST_INSTANCE, FIRST_INSTANCE + 4):
+            stack.enter_context(simulated(instance, tmp_path / f"copter{instance}", 10040, "quadx"))
+        time.sleep(BOOT_S)
+        done = fly(tmp_path, scenario(4, "px4_copter"))
+    assert done.returncode == 0, done.stderr
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    assert len(summary["followers"]) == 3
+    for follower in summary["followers"].values():
+        assert max(follower[axis]["rms"] for axis in ("error_x_m", "error_y_m", "error_z_m")) <= 0.8
+    assert summary["safety"]["violations"] == 0
 
 
 def test_a_px4_multicopter_is_refused_before_anything_is_armed(tmp_path):
