@@ -10,7 +10,7 @@ import numpy as np
 
 from airlink.clock import NANOSECONDS, Instant, after, seconds_between
 from airlink.endpoint import VehicleId
-from flight_model.arrays import Mask, any_of
+from flight_model.arrays import Mask
 from flight_model.autopilot import FlightState
 from flight_model.displacement import DisplacedPath, Rise
 from flight_model.path import PathPoint
@@ -133,7 +133,7 @@ class Reconfiguration:
         plan = self._controller.plan
         if plan.scheduled and mission_time_s >= plan.scheduled[0].at_s:
             self._want((self._wanted or plan.arrangement).changed(plan.scheduled.popleft(), self._scenario), now)
-        if self._wanted is None and any_of(self._returned()):
+        if self._wanted is None and self._somebody_returned():
             self._want(plan.arrangement, now)
         if self._wanted is None or now < self._next_try:
             return
@@ -271,6 +271,13 @@ class Reconfiguration:
         slots, places_m = self._controller.plan.at(now / NANOSECONDS, begun=True), self._controller.places_m(now)
         amid = np.hypot(places_m[:, 0], places_m[:, 1]) <= AMID * slots.reach_m
         return slots.standing(self._returned() & amid, places_m)
+
+    def _somebody_returned(self) -> bool:
+        """Return whether anybody is present who wasn't when the transition was planned."""
+        return any(
+            not self._planned_for[column] and (vehicle.member is Member.FLYING or vehicle is self.leader)
+            for column, vehicle in self._by_column.items()
+        )
 
     def _returned(self) -> Mask:
         """Return which vehicles are present, but weren't when the transition was planned, (C,)."""

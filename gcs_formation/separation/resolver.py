@@ -273,6 +273,8 @@ class ConflictResolver:
     def _watch_slots(self, slots_m: list[Triple]) -> None:
         """Take note of slots that stand nearer to each other than any of the scenario's."""
         places = [place for place in slots_m if not math.isnan(place[0])]
+        if not places:
+            return  # slots are left: at the end of a flight
         if places != self._slots:
             self._slots, self._slots_moved = places, True
         elif self._slots_moved:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from airlink.clock import Instant, after
+from flight_model.slot import NOTHING, Triple
 from formation_scenario import load_scenario
 from gcs_formation.estimation.flight_state import FlightStates
 from gcs_formation.estimation.projection import Measured
@@ -49,6 +50,7 @@ class Crossing:
         self.north, self.east = np.array((-110.0, 0.0)), np.array((0.0, 110.0 + behind_m * math.sqrt(2.0)))
         self.speed, self.heading = np.full(2, 22.0), np.array((0.0, -math.pi / 2))
         self.wind_north, self.ours = np.zeros(2), np.array((True, False))
+        self.slots_m: list[Triple] = [(0.0, 0.0, 0.0), (0.0, 30.0, 0.0)]
         self.heard_s: float | None = None
         """Until when the second is known to have heard what it was told; None: now."""
 
@@ -61,7 +63,7 @@ class Crossing:
         tick = Tick(now, 0.0, "flying", 0, links, [age_s] * 2, [0.0] * 2, ours)
         tick.state = tables.states(table)
         tick.setpoints = [(each.airspeed_mps, each.heading_rad, 100.0) for each in tick.state]
-        tick.slots_m = [(0.0, 0.0, 0.0), (0.0, 30.0, 0.0)]
+        tick.slots_m = self.slots_m
         self.history.begin([now] * 2)
         self.history.note(tick.setpoints)
         self.resolver.keep(tick, Measured(tick.state, [now] * 2, ours, [now] * 2))
@@ -162,3 +164,11 @@ def test_an_encounter_is_told_when_it_begins_and_when_it_ends() -> None:
     assert figures["lasted_s"] == pytest.approx(20.0)
     crossing.keep(at_s=20.1)
     assert crossing.resolver.changes == []
+
+
+def test_where_slots_are_left_at_the_end_the_distance_is_kept_on() -> None:
+    crossing = Crossing()
+    crossing.slots_m = [NOTHING, NOTHING]
+    for tenth in range(3):
+        crossing.keep(at_s=0.1 * tenth)
+    assert crossing.resolver.kept_m == 10.5
