@@ -91,12 +91,12 @@ class SplinePath:
         waypoints = np.asarray(waypoints_m, dtype=np.float64)
         chords = np.hypot(*np.diff(waypoints[:, :2], axis=0).T)
         _refuse_short_legs(chords)
-        values = _spline_values(waypoints, chords)
-        lengths = _piece_lengths(values.spline, values.parameters)
+        spline, parameters, derivatives = _spline_values(waypoints, chords)
+        lengths = _piece_lengths(spline, parameters)
         self.nodes_m: Array = np.concatenate(([0.0], np.cumsum(lengths)))
         self.length_m = float(self.nodes_m[-1])
         self.waypoints_at_m: Array = self.nodes_m[::PIECES_PER_LEG]
-        self._coefficients = _hermite_pieces(*_by_arc_length(values.derivatives), lengths)
+        self._coefficients = _hermite_pieces(*_by_arc_length(derivatives), lengths)
         # For scalars, plain floats are faster than numpy, and the guidance asks for scalars.
         self._starts: list[float] = self.nodes_m[:-1].tolist()
         self._pieces = cast("list[list[list[float]]]", self._coefficients.tolist())
@@ -148,14 +148,6 @@ class SplinePath:
         )
 
 
-class _SplineValues(NamedTuple):
-    """The spline over its parameter: the ends of the pieces (m + 1,), and derivatives 0 to 2 there (3, m + 1, 3)."""
-
-    spline: CubicSpline
-    parameters: Array
-    derivatives: Array
-
-
 def _refuse_short_legs(chords: Array) -> None:
     short = np.flatnonzero(chords < MIN_LEG_M)
     if short.size:
@@ -163,7 +155,11 @@ def _refuse_short_legs(chords: Array) -> None:
         raise PathError(f"found a waypoint {chords[index - 1]:.3g} m from the one before it", index)
 
 
-def _spline_values(waypoints: Array, chords: Array) -> _SplineValues:
+def _spline_values(waypoints: Array, chords: Array) -> tuple[CubicSpline, Array, Array]:
+    """Return the spline over its parameter, the ends of the pieces (m + 1,), and derivatives 0 to 2 there.
+
+    These are (3, m + 1, 3).
+    """
     knots = np.concatenate(([0.0], np.cumsum(chords)))
     spline = spline_through(knots, waypoints)
     whole_legs = np.linspace(knots[:-1], knots[1:], PIECES_PER_LEG, endpoint=False, axis=1)
@@ -173,7 +169,7 @@ def _spline_values(waypoints: Array, chords: Array) -> _SplineValues:
     if tangents.min() < MIN_TANGENT:
         waypoint = int(np.argmin(np.abs(knots - parameters[np.argmin(tangents)])))
         raise PathError("found a path that turns straight back", waypoint)
-    return _SplineValues(spline, parameters, derivatives)
+    return spline, parameters, derivatives
 
 
 def _piece_lengths(spline: CubicSpline, parameters: Array) -> Array:

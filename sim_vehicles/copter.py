@@ -15,10 +15,9 @@ from sim_vehicles.airframe.steering import Steering
 from sim_vehicles.autopilot import commands
 from sim_vehicles.autopilot.clock import NEVER
 from sim_vehicles.autopilot.commands import ACCEPTED, FAILED, Order
-from sim_vehicles.autopilot.copter_modes import FAILSAFE, KINDS, initial_values
 from sim_vehicles.autopilot.copter_pilot import CopterPilot
-from sim_vehicles.autopilot.modes import CopterMode, FlightMode, select
-from sim_vehicles.autopilot.parameters import ParameterServer
+from sim_vehicles.autopilot.modes import COPTER_FAILSAFE, CopterMode, FlightMode, select
+from sim_vehicles.autopilot.parameters import Kind, ParameterServer
 from sim_vehicles.autopilot.telemetry import UNASKED_NS
 from sim_vehicles.config import VehicleConfig
 from sim_vehicles.vehicle import NOTICE, WARNING, Vehicle
@@ -61,6 +60,47 @@ HANDLERS: dict[int, Callable[[Any, Order], int]] = {
 """All others are UNSUPPORTED, as MAV_CMD_GUIDED_CHANGE_SPEED and its like are by a real one."""
 
 
+def _floating(least: float, most: float) -> Kind:
+    return Kind(m.MAV_PARAM_TYPE_REAL32, least, most)
+
+
+KINDS: dict[str, Kind] = {
+    "ARMING_CHECK": Kind(m.MAV_PARAM_TYPE_INT32, 0, 2**24),
+    "DISARM_DELAY": Kind(m.MAV_PARAM_TYPE_INT8, 0, 127),
+    "FS_GCS_ENABLE": Kind(m.MAV_PARAM_TYPE_INT8, 0, 7),
+    "FS_GCS_TIMEOUT": _floating(2, 120),
+    "GUID_TIMEOUT": _floating(0.1, 5),
+    "LAND_SPEED": Kind(m.MAV_PARAM_TYPE_INT16, 30, 200),
+    "MAV_GCS_SYSID": Kind(m.MAV_PARAM_TYPE_INT16, 1, 255),
+    "MAV_SYSID": Kind(m.MAV_PARAM_TYPE_INT16, 1, 255),
+    "RTL_ALT": Kind(m.MAV_PARAM_TYPE_INT32, 30, 300000),
+    "WPNAV_ACCEL": _floating(50, 500),
+    "WPNAV_SPEED": _floating(10, 2000),
+    "WPNAV_SPEED_DN": _floating(10, 500),
+    "WPNAV_SPEED_UP": _floating(10, 1000),
+}
+
+
+def initial_values(config: VehicleConfig) -> dict[str, float]:
+    """Return the initial parameters of a multirotor, in ArduCopter's cm."""
+    model = config.model
+    return {
+        "ARMING_CHECK": 1,
+        "DISARM_DELAY": 10,
+        "FS_GCS_ENABLE": 0,
+        "FS_GCS_TIMEOUT": 5,
+        "GUID_TIMEOUT": 3,
+        "LAND_SPEED": 50,
+        "MAV_GCS_SYSID": 255,
+        "MAV_SYSID": config.identity.system,
+        "RTL_ALT": 1500,
+        "WPNAV_ACCEL": math.ceil(100 * model.accel_max_mps2),
+        "WPNAV_SPEED": max(1000, math.ceil(100 * model.speed_max_mps)),
+        "WPNAV_SPEED_DN": 150,
+        "WPNAV_SPEED_UP": 250,
+    }
+
+
 class Copter(Vehicle):
     """An emulated ArduCopter; a position as a target isn't emulated."""
 
@@ -69,7 +109,7 @@ class Copter(Vehicle):
     guided_mode = CopterMode.GUIDED
     ground_mode = CopterMode.STABILIZE
     boot_mode = CopterMode.STABILIZE
-    failsafe_keys = FAILSAFE
+    failsafe_keys = COPTER_FAILSAFE
     handlers = HANDLERS
     flier: CopterPilot
     """Its pilot, as what that is."""

@@ -16,6 +16,7 @@ from airlink.messages.command import CommandAck, CommandInt, CommandLong, Reques
 from airlink.messages.mission import MissionAck, MissionItem, MissionItemInt
 from airlink.messages.system import MISSION_TIME, Heartbeat, NamedValueFloat, Statustext, Timesync
 from sim_vehicles.airframe.motion import Estimate, Motion
+from sim_vehicles.airframe.sensors import sensors_of
 from sim_vehicles.airframe.steering import Steering
 from sim_vehicles.autopilot import commands
 from sim_vehicles.autopilot.clock import NEVER, UtcClock, VehicleClock
@@ -27,7 +28,6 @@ from sim_vehicles.autopilot.storage import Storage
 from sim_vehicles.autopilot.telemetry import BUILDERS, Builders, Streams
 from sim_vehicles.config import Fault, VehicleConfig
 from sim_vehicles.link import Link
-from sim_vehicles.sensing import sensors_of
 
 if TYPE_CHECKING:
     from sim_vehicles.autopilot.commands import Order

@@ -136,7 +136,7 @@ def rehearse(scenario: Scenario, options: RunOptions, progress: Progress, interr
     session.recorder.close()
     failure = session.station.course.failure
     if failure is not None or not session.station.preflight.rehearsed:
-        raise RunAbortedError(failure.text if failure else "interrupted before every vehicle was ready")
+        raise RunAbortedError(failure or "interrupted before every vehicle was ready")
     return rehearsed(session.station)
 
 

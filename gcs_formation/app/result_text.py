@@ -15,8 +15,7 @@ from flight_model.slot import NOTHING
 from gcs_formation.link.connection import LinkState
 from gcs_formation.record.summary import Summary
 from gcs_formation.station import Station
-from gcs_formation.vehicle.member import Member
-from gcs_formation.vehicle.vehicle import Vehicle
+from gcs_formation.vehicle.vehicle import Member, Vehicle
 
 GAP = "  "
 WIDE = 10**6
@@ -190,7 +189,7 @@ def _where(station: Station, now: Instant) -> str:
     flight, scenario = station.flight, station.scenario
     mission_s = flight.mission_time_s(now)
     since = "" if math.isnan(mission_s) else f", t = {mission_s:.1f} of {scenario.duration_s:g} s"
-    failure = f"; {station.course.failure.text}" if station.course.failure else ""
+    failure = f"; {station.course.failure}" if station.course.failure else ""
     return f"{scenario.name}: {flight.phase.value}{since}, {now / NANOSECONDS:.1f} s after the start{failure}"
 
 

@@ -166,7 +166,7 @@ class Session:
         wall_s = self._spent.wall_s
         self.recorder.close()
         if self.station.course.failure is not None:
-            text = self.station.course.failure.text
+            text = self.station.course.failure
             raise RecordingError(text) if text == self.recorder.failure else RunAbortedError(text)
         if self.recorder.failure is not None:
             raise RecordingError(self.recorder.failure)

@@ -11,8 +11,7 @@ from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
 from formation_scenario import Scenario
 from gcs_formation.recorder import Note
-from gcs_formation.vehicle.member import Member
-from gcs_formation.vehicle.vehicle import Vehicle
+from gcs_formation.vehicle.vehicle import Member, Vehicle
 
 SLACK_S = 5e-3
 """How far UTC may be beyond what causality allows: the errors of stamps and of round trips."""

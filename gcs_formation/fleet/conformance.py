@@ -19,8 +19,7 @@ from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.parameters import autopilot_models
 from gcs_formation.recorder import Detail, Note
 from gcs_formation.tick import Tick, unknown_state
-from gcs_formation.vehicle.member import Member
-from gcs_formation.vehicle.vehicle import UNANSWERED_S, Vehicle
+from gcs_formation.vehicle.vehicle import UNANSWERED_S, Member, Vehicle
 
 CHECK_S = 0.4
 WINDOW_S = 3.2

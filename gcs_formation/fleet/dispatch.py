@@ -17,8 +17,7 @@ from gcs_formation.estimation.flight_state import Setpoint, Whereabouts
 from gcs_formation.link.connection import LinkState
 from gcs_formation.recorder import Note
 from gcs_formation.tick import Tick, VehicleLink
-from gcs_formation.vehicle.member import Member
-from gcs_formation.vehicle.vehicle import Vehicle
+from gcs_formation.vehicle.vehicle import Member, Vehicle
 
 HOLD_MAX_S = 1.0
 """Longest time for which the leader's setpoints are held back."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Set
+from typing import NamedTuple
 
 from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import VehicleId
@@ -14,8 +15,7 @@ from gcs_formation.link.connection import TALKING, LinkState
 from gcs_formation.recorder import Note
 from gcs_formation.separation.resolver import FORGOTTEN_AFTER_S
 from gcs_formation.vehicle.commands import Outcome
-from gcs_formation.vehicle.member import Member, Sight, following
-from gcs_formation.vehicle.vehicle import UNANSWERED_S, Vehicle
+from gcs_formation.vehicle.vehicle import UNANSWERED_S, Member, Vehicle
 
 SUCCESSION_S = 3.0
 """Silence of a leader, or time without answers from it, after which another vehicle takes over, if one can."""
@@ -26,6 +26,48 @@ ORDER_COMES_S = 5.0
 """For how long after it was last sent a command to loiter may still reach a vehicle."""
 BACK_S = 3.0
 """Largest age of telemetry with which a vehicle returns to the formation."""
+UNTOLD = (Member.FLYING, Member.UNHEARD)
+"""Those that haven't been told to loiter."""
+
+
+class Sight(NamedTuple):
+    """What the membership depends on, at one tick."""
+
+    started: bool
+    """Whether its start-up is finished."""
+    guided: bool
+    """Whether it's in the mode in which it follows setpoints."""
+    loiters: bool
+    """Whether it is in the mode for loitering."""
+    fresh: bool
+    """Whether its telemetry is recent enough for prediction, and there is a leader to follow."""
+    loiter_may_be_told: bool = True
+    """Whether it is heard, or has been unheard for so long that the others no longer keep clear of it."""
+    order_may_come: bool = False
+    """Whether a command to loiter was sent so recently that it may still reach the vehicle."""
+
+
+def following(member: Member, sight: Sight) -> Member:
+    """Return the next membership. A pilot's change of mode is respected until the pilot reverts it.
+
+    A vehicle that is not heard is told nothing at first. Whether it hears or not, it then flies on as it was told last,
+    and the others keep clear of that way.
+    """
+    if not sight.started:
+        return Member.STARTING
+    back = Member.FLYING if sight.guided else Member.RETURNING if sight.loiters else Member.PARTED
+    match member:
+        case Member.STARTING:
+            return Member.FLYING
+        case Member.PARTED:
+            return Member.FLYING if sight.guided else Member.PARTED
+        case _ if not sight.fresh:
+            untold = member in UNTOLD and not sight.loiter_may_be_told
+            return Member.UNHEARD if untold else Member.HOLDING
+        case Member.FLYING | Member.UNHEARD if not sight.order_may_come:
+            return Member.FLYING if sight.guided else Member.PARTED
+        case _:
+            return back
 
 
 class Membership:

@@ -34,14 +34,6 @@ KEPT_M = 40.0
 """Distance around the present position within which a lift isn't changed, since setpoints act at different times."""
 
 
-@dataclass(frozen=True)
-class Proposal:
-    """A change that can be flown and hasn't been adopted yet."""
-
-    arrangement: Arrangement
-    way: Transition
-
-
 class FormationPlan:
     """The slots of all columns, (C, 3); before the path begins they are displaced by `start.offset_m`."""
 
@@ -97,9 +89,9 @@ class FormationPlan:
         self.arrangement = self.arrangement._replace(leader=leader)
         self._offset_m -= self._offset_m[leader]
 
-    def adopt(self, proposal: Proposal) -> None:
+    def adopt(self, arrangement: Arrangement, way: Transition) -> None:
         """Fly a change."""
-        self.arrangement, self._way = proposal.arrangement, proposal.way
+        self.arrangement, self._way = arrangement, way
 
 
 @dataclass(frozen=True)

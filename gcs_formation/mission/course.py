@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
 from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
@@ -18,13 +17,6 @@ from gcs_formation.mission.landing import why_not
 from gcs_formation.phases import BEFORE_COMMANDS, OVER, Cause, Flight, Phase
 from gcs_formation.recorder import Note
 from gcs_formation.vehicle.vehicle import Vehicle
-
-
-@dataclass
-class Failure:
-    """Why a run couldn't go on."""
-
-    text: str
 
 
 class Course:
@@ -54,7 +46,8 @@ class Course:
             may_command: whether vehicles may be commanded yet; before that a run ends without a command.
         """
         self.flight = Flight()
-        self.failure: Failure | None = None
+        self.failure: str | None = None
+        """Why the run couldn't go on."""
         self.cut_short = False
         """Whether the flight was ended before its path or time was."""
         self._scenario, self._controller = scenario, controller
@@ -93,7 +86,7 @@ class Course:
 
     def fail(self, text: str, now: Instant) -> None:
         """End the run because it can't go on; vehicles loiter."""
-        self.failure = Failure(text)
+        self.failure = text
         self._note(now, "failure", text)
         self.move(Cause.FAILURE, now)
 

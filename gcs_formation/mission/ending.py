@@ -20,9 +20,8 @@ from gcs_formation.link.connection import TALKING
 from gcs_formation.mission.landing import Landings, lowest_circle_m, why_not
 from gcs_formation.tick import VehicleLink
 from gcs_formation.vehicle.commands import Outcome
-from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.telemetry import Motion
-from gcs_formation.vehicle.vehicle import UNANSWERED_S, Vehicle
+from gcs_formation.vehicle.vehicle import UNANSWERED_S, Member, Vehicle
 
 OPENING_LIMIT_S = 30.0
 """Longest time for which vehicles are kept from circling: three levels are climbed in half of it."""

@@ -15,9 +15,8 @@ from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
 from gcs_formation.fleet.circling import CIRCLES_MEET_M, STACK_M, GroundFloor
 from gcs_formation.vehicle.commands import Outcome
-from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.telemetry import Motion
-from gcs_formation.vehicle.vehicle import Vehicle
+from gcs_formation.vehicle.vehicle import Member, Vehicle
 
 BEFORE_M, BEYOND_M, ASIDE_M = 150.0, 60.0, 25.0
 """Distances before, beyond and beside its home within which a landing aircraft is low, or rolls."""

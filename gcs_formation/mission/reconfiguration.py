@@ -22,13 +22,11 @@ from formation_scenario.reconfiguration import ahead, column_names, plan_change,
 from formation_scenario.slot_motion import SlotMotion
 from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.controller import FormationController
-from gcs_formation.guidance.slots import Proposal
 from gcs_formation.guidance.tracking import project
 from gcs_formation.mission.takeover import Resumption
 from gcs_formation.recorder import Note
 from gcs_formation.tick import Tick
-from gcs_formation.vehicle.member import Member
-from gcs_formation.vehicle.vehicle import Vehicle
+from gcs_formation.vehicle.vehicle import Member, Vehicle
 
 DELAY_STEP_S, LOSS_STEP, JITTER_STEP_S = 0.02, 0.02, 0.005
 """Links that differ by less than about this are equally good: so much is chance in what was measured."""
@@ -166,7 +164,7 @@ class Reconfiguration:
         way = plan_change(self._scenario, start, wanted, now_s, course, present)
         if wanted.leader != plan.leader:
             self._hand_over(wanted.leader, now)
-        plan.adopt(Proposal(wanted, way))
+        plan.adopt(wanted, way)
         self._wanted, self._planned_for = None, present
         self._note(now, "formation", self._in_words(wanted), None, {"duration_s": way.duration_s})
 

@@ -18,8 +18,7 @@ from gcs_formation.mission.takeover import Takeover
 from gcs_formation.phases import OVER, Flight, Phase
 from gcs_formation.recorder import GiveUp, Note
 from gcs_formation.vehicle.checks import ParameterReader, demands
-from gcs_formation.vehicle.member import Member
-from gcs_formation.vehicle.vehicle import Vehicle
+from gcs_formation.vehicle.vehicle import Member, Vehicle
 
 IN_ORDER = "in order"
 CONNECT_LIMIT_S = 30.0

@@ -14,8 +14,7 @@ from flight_model.arrays import Array
 from formation_scenario.arrangement import Arrangement
 from gcs_formation.link.connection import LinkState
 from gcs_formation.recorder import Note
-from gcs_formation.vehicle.member import Member
-from gcs_formation.vehicle.vehicle import Vehicle
+from gcs_formation.vehicle.vehicle import Member, Vehicle
 
 WAIT_S = 5.0
 """Longest wait for somebody who flew when the record ended; then the others begin without."""

@@ -22,7 +22,7 @@ from gcs_formation.mission.takeover import Known, Resumption
 from gcs_formation.phases import Phase
 from gcs_formation.record.run_directory import EVENTS, RECORDING, SCENARIO, SPOOL, SUMMARY
 from gcs_formation.record.timeseries import PHASES, SLOT, read_spool
-from gcs_formation.vehicle.member import Member
+from gcs_formation.vehicle.vehicle import Member
 
 ACCEPTED = ": accepted"
 EVERY_S = 1.0

@@ -10,9 +10,9 @@ import scipy
 
 from flight_model.arrays import Array
 from formation_scenario.graph import as_adjacency
-from gcs_formation.stability.delay_equation import rightmost_root
 from gcs_formation.stability.graphs import Component, laplacian, spanning_components
 from gcs_formation.stability.loops import Loop, PidGains, Plant, delay_margin
+from gcs_formation.stability.roots import rightmost_root
 
 Complex = npt.NDArray[np.complex128]
 

@@ -6,6 +6,7 @@ import math
 from array import array
 from collections import Counter
 from collections.abc import Callable
+from enum import Enum
 from typing import Any
 
 from airlink import mavlink as m
@@ -25,7 +26,6 @@ from gcs_formation.link.quality import JitterMeter, SequenceTracker
 from gcs_formation.link.source_binding import EARLY_S, LONGEST_DELAY_S, SourceBinding
 from gcs_formation.vehicle.autopilot import Autopilot, EffectWatch, Step
 from gcs_formation.vehicle.commands import CommandQueue, PilotsChoice
-from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.startup import StartUp, TakeOff, UnbrokenRun
 from gcs_formation.vehicle.telemetry import Telemetry
 
@@ -38,6 +38,17 @@ MAX_PROBES = 256
 CLOCK_LIMIT_NS = 2**62
 APART_LIMIT_S = 2.0
 """Largest difference of stamps between a position and the attitude and airspeed that are paired with it."""
+
+
+class Member(Enum):
+    """A vehicle's membership in the formation."""
+
+    STARTING = "starting"
+    FLYING = "flying in formation"
+    PARTED = "parted by its pilot"
+    UNHEARD = "not heard: told nothing until it is"
+    HOLDING = "told to loiter"
+    RETURNING = "told to come back"
 
 
 class Vehicle:

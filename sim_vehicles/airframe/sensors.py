@@ -1,4 +1,4 @@
-"""Sensor errors of position, velocity, airspeed and heading."""
+"""What a vehicle measures: sensor errors of position, velocity, airspeed and heading, or inertial navigation."""
 
 from __future__ import annotations
 
@@ -11,8 +11,11 @@ from airlink.clock import NANOSECONDS, Instant
 from airlink.endpoint import VehicleId
 from airlink.random_streams import random_stream
 from flight_model.arrays import Array
+from flight_model.earth import GeodeticOrigin
 from sim_vehicles.airframe.motion import Estimate, Motion, with_drift
-from sim_vehicles.config import SensorErrors
+from sim_vehicles.config import SensorErrors, VehicleConfig
+from sim_vehicles.inertial.config import InertialConfig
+from sim_vehicles.inertial.navigator import InertialNavigator
 
 SIZES: Final = (3, 3, 1, 1)
 """Number of components of position, velocity, airspeed and heading, each with a random stream of its own."""
@@ -77,3 +80,15 @@ class Sensors:
             self._block = np.concatenate([each.standard_normal((BLOCK, size)) for each, size in sizes], axis=1)
         self._number += 1
         return self._block[index]
+
+
+def sensors_of(config: VehicleConfig, origin: GeodeticOrigin, seed: int) -> Sensors | InertialNavigator | None:
+    """Return what measures a vehicle's motion for its telemetry; None where that carries the exact state."""
+    errors, own = config.sensors, (config.identity, seed)
+    match errors:
+        case SensorErrors():
+            return Sensors(errors, *own)
+        case InertialConfig():
+            return InertialNavigator(errors, origin, config.start.heading_rad, *own)
+        case None:
+            return None

@@ -11,8 +11,7 @@ from airlink.clock import Instant, after
 from sim_vehicles.airframe.motion import Motion
 from sim_vehicles.airframe.steering import Steering
 from sim_vehicles.autopilot.clock import NEVER
-from sim_vehicles.autopilot.copter_modes import BY_THROTTLE, NOT_ARMABLE
-from sim_vehicles.autopilot.modes import Condition, CopterMode, FlightMode, Request
+from sim_vehicles.autopilot.modes import BY_THROTTLE, NOT_ARMABLE, Condition, CopterMode, FlightMode, Request
 from sim_vehicles.autopilot.parameters import ParameterServer
 from sim_vehicles.autopilot.pilot import Pilot
 from sim_vehicles.config import VehicleConfig

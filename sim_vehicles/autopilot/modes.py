@@ -1,6 +1,6 @@
-"""An emulated ArduPlane's conditions and modes with a table of all transitions, and its ground-station failsafe.
+"""An emulated vehicle's conditions and modes with a table of all transitions, and its ground-station failsafe.
 
-Source: ArduPilot documentation, "Plane Failsafe Function".
+Source: ArduPilot documentation, "Plane Failsafe Function"; "Flight Modes" and "GCS Failsafe" of ArduCopter.
 """
 
 from __future__ import annotations
@@ -157,6 +157,12 @@ class FailsafeKeys(NamedTuple):
 
 
 LONG_FAILSAFE = FailsafeKeys("FS_GCS_ENABL", "FS_LONG_TIMEOUT", "FS_LONG_ACTN", ACTIONS)
+BY_THROTTLE = frozenset({CopterMode.STABILIZE, CopterMode.ALT_HOLD, CopterMode.LOITER, CopterMode.POSHOLD})
+"""ArduCopter's modes in which a transmitter's throttle sets the climb; there is none, and without it they sink."""
+NOT_ARMABLE = frozenset({CopterMode.RTL, CopterMode.LAND, CopterMode.BRAKE, CopterMode.AUTO})
+COPTER_ACTIONS = dict.fromkeys((1, 2, 3, 4, 6), CopterMode.RTL) | {5: CopterMode.LAND, 7: CopterMode.BRAKE}
+"""FS_GCS_ENABLE: RTL, also for SmartRTL and AUTO, which have nothing to go by; LAND; BRAKE."""
+COPTER_FAILSAFE = FailsafeKeys("FS_GCS_ENABLE", "FS_GCS_TIMEOUT", "FS_GCS_ENABLE", COPTER_ACTIONS)
 
 
 class GroundStationFailsafe:

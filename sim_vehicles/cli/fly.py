@@ -25,7 +25,7 @@ from formation_scenario import ScenarioError, load_scenario
 from formation_scenario.fields import MAX_SYSTEM_ID
 from formation_scenario.model import Origin
 from formation_scenario.vehicles import BASE_PORT
-from sim_vehicles.cli.usage import EXAMPLES
+from sim_vehicles.cli import EXAMPLES
 from sim_vehicles.config import FleetConfig, Start, VehicleConfig
 from sim_vehicles.fleet import Fleet
 from sim_vehicles.from_scenario import fleet_config

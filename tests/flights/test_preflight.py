@@ -63,7 +63,7 @@ def test_a_parameter_with_which_nobody_can_fly_keeps_everybody_as_they_are() -> 
     world.run(30.0)
     assert world.station.flight.phase is Phase.FAILED
     assert world.station.course.failure
-    assert world.station.course.failure.text.startswith("vehicle 2: AIRSPEED_MAX: found 20; allowed: 28 m/s or more")
+    assert world.station.course.failure.startswith("vehicle 2: AIRSPEED_MAX: found 20; allowed: 28 m/s or more")
     assert commands_to(world) == {m.MAV_CMD_SET_MESSAGE_INTERVAL}
 
 

@@ -86,7 +86,7 @@ def test_two_vehicles_with_one_id_are_not_taken_off() -> None:
     assert world.now_s < 5.0
     assert world.station.course.failure
     assert "vehicle 2: another sender has its system id, from 127.0.0.1:49155, beside 127.0.0.1:49153" in (
-        world.station.course.failure.text
+        world.station.course.failure
     )
     assert all(vehicle.pilot.condition is Condition.DISARMED for vehicle in world.fleet.vehicles)
 

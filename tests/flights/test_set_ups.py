@@ -166,6 +166,6 @@ def test_an_autopilot_of_another_family_is_refused_in_words_before_anybody_takes
     world = World(another(autopilot, kind), start={"in_air": False})
     world.run()
     assert world.station.course.failure is not None
-    assert world.station.course.failure.text == f"vehicle 3 says that it is a {words}; allowed: ArduPlane"
+    assert world.station.course.failure == f"vehicle 3 says that it is a {words}; allowed: ArduPlane"
     assert [each.pilot.condition.armed for each in world.fleet.vehicles] == [False] * 3
     assert world.now_s < 5.0

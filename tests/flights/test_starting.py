@@ -118,8 +118,8 @@ def test_a_vehicle_that_can_not_be_started_ends_the_run_with_nobody_left_flying_
     trouble(world)
     world.run()
     assert world.station.course.failure
-    assert world.station.course.failure.text.startswith(f"vehicle {LAST}: not done within")
-    assert words in world.station.course.failure.text
+    assert world.station.course.failure.startswith(f"vehicle {LAST}: not done within")
+    assert words in world.station.course.failure
     (failed_s,) = world.times_s("failure")
     begun_s = world.times_s(begins[0], LAST, begins[1])[0]
     assert failed_s - begun_s == pytest.approx(limit_s, abs=1.0)
@@ -135,7 +135,7 @@ def test_nobody_takes_off_for_a_formation_of_which_one_never_answers() -> None:
     world = World(Mute, **ON_THE_GROUND)
     world.run()
     assert world.station.course.failure
-    assert world.station.course.failure.text == "no vehicle 3 answered at udpin:127.0.0.1:14550 in 30 s"
+    assert world.station.course.failure == "no vehicle 3 answered at udpin:127.0.0.1:14550 in 30 s"
     assert world.times_s("failure") == [pytest.approx(30.0, abs=LAG_S)]
     assert all(each.pilot.condition is Condition.DISARMED for each in world.fleet.vehicles)
 
@@ -186,7 +186,7 @@ def test_without_anybody_to_follow_the_run_ends_when_the_time_for_assembly_is_ov
         world.strike(number, "pilot")
     world.run()
     assert world.station.course.failure
-    assert world.station.course.failure.text == "the leader was not there to follow within 30 s"
+    assert world.station.course.failure == "the leader was not there to follow within 30 s"
     (assembling_s,), (failed_s,) = world.times_s("phase", text="assembling"), world.times_s("failure")
     assert failed_s - assembling_s == pytest.approx(30.0, abs=LAG_S)
     assert all(each.pilot.mode is Mode.LOITER for each in world.fleet.vehicles)

@@ -20,8 +20,7 @@ from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.fleet.conformance import SETTLED_S, ConformanceMonitor
 from gcs_formation.link.connection import Connection
 from gcs_formation.vehicle.arduplane import ArduPlane
-from gcs_formation.vehicle.member import Member
-from gcs_formation.vehicle.vehicle import UNANSWERED_S, Vehicle
+from gcs_formation.vehicle.vehicle import UNANSWERED_S, Member, Vehicle
 from tests.flights.conftest import scenario
 from tests.gcs_formation.noted import Noted
 

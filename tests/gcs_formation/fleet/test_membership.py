@@ -19,9 +19,8 @@ from gcs_formation.fleet.membership import BACK_S, MUTE_S, SUCCESSION_S, Members
 from gcs_formation.link.connection import Connection, LinkState
 from gcs_formation.separation.resolver import FORGOTTEN_AFTER_S
 from gcs_formation.vehicle.arduplane import ArduPlane
-from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.startup import StartUp
-from gcs_formation.vehicle.vehicle import Vehicle
+from gcs_formation.vehicle.vehicle import Member, Vehicle
 from tests.flights.conftest import scenario
 from tests.gcs_formation.noted import Noted
 

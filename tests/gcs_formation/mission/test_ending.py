@@ -21,8 +21,7 @@ from gcs_formation.fleet.circling import GroundFloor
 from gcs_formation.link.connection import Connection, LinkState
 from gcs_formation.mission.ending import Ending
 from gcs_formation.vehicle.arduplane import ArduPlane
-from gcs_formation.vehicle.member import Member
-from gcs_formation.vehicle.vehicle import Vehicle
+from gcs_formation.vehicle.vehicle import Member, Vehicle
 from tests.flights.conftest import scenario
 
 ORIGIN = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 0.0)

@@ -19,10 +19,9 @@ from gcs_formation.mission.takeover import Takeover
 from gcs_formation.phases import Flight, Phase
 from gcs_formation.vehicle.arduplane import ArduPlane
 from gcs_formation.vehicle.autopilot import Command, Step
-from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.startup import StartUp
 from gcs_formation.vehicle.telemetry import Telemetry
-from gcs_formation.vehicle.vehicle import Vehicle
+from gcs_formation.vehicle.vehicle import Member, Vehicle
 from tests.gcs_formation.noted import GivenUp, Noted
 
 ORIGIN = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 0.0)

@@ -14,8 +14,8 @@ from gcs_formation.stability import (
     graph_adjacency,
     ground_consensus_delay_margin,
 )
-from gcs_formation.stability.delay_equation import rightmost_root
 from gcs_formation.stability.graphs import laplacian
+from gcs_formation.stability.roots import rightmost_root
 
 DIRECTED_RING = np.roll(np.eye(5), 1, axis=1)
 

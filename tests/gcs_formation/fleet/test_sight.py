@@ -1,10 +1,9 @@
 """Who flies in the formation."""
 
-from dataclasses import replace
-
 import pytest
 
-from gcs_formation.vehicle.member import Member, Sight, following
+from gcs_formation.fleet.membership import Sight, following
+from gcs_formation.vehicle.vehicle import Member
 
 GUIDED = Sight(started=True, guided=True, loiters=False, fresh=True)
 LOITERS = Sight(started=True, guided=False, loiters=True, fresh=True)
@@ -27,7 +26,7 @@ def test_silence_leads_to_loitering_and_back() -> None:
 
 
 def test_one_that_is_not_seen_is_told_nothing_until_it_is_told_blindly() -> None:
-    unseen = replace(SILENT, loiter_may_be_told=False)
+    unseen = SILENT._replace(loiter_may_be_told=False)
     unheard = following(Member.FLYING, unseen)
     assert unheard is following(unheard, unseen) is Member.UNHEARD
     assert following(unheard, SILENT) is Member.HOLDING
@@ -50,8 +49,8 @@ def test_a_pilots_choice_is_respected_until_the_pilot_gives_it_back(member: Memb
 
 def test_an_order_to_loiter_that_comes_late_is_taken_back_and_isnt_a_pilots_choice() -> None:
     """After an outage the vehicle flies in formation again before the order sent meanwhile reaches it."""
-    late = replace(LOITERS, order_may_come=True)
+    late = LOITERS._replace(order_may_come=True)
     for member in (Member.FLYING, Member.UNHEARD):
         assert following(member, late) is Member.RETURNING
         assert following(member, LOITERS) is Member.PARTED
-        assert following(member, replace(ELSEWHERE, order_may_come=True)) is Member.PARTED
+        assert following(member, ELSEWHERE._replace(order_may_come=True)) is Member.PARTED
