@@ -60,7 +60,9 @@ class Flight:
 
     @property
     def state(self):
-        return self.filter.filters[0].state
+        state = self.filter.filters[0].state
+        assert state is not None
+        return state
 
     def error(self):
         error = np.array(self.state.values()) - self.true
@@ -283,5 +285,6 @@ def test_the_controller_filters_what_noisy_vehicles_tell():
         north, east, height, airspeed = true + np.array((0.3, 0.3, 0.3, 0.2)) * random.standard_normal(4)
         controller.take({1: Sample(after(Instant(0), at_s), north, east, height, *over_ground_mps, airspeed, 0.4)})
         found = controller.estimator.filters[1].state
+        assert found is not None
         errors.append(np.array((found.north_m, found.east_m, found.height_m, found.airspeed_mps)) - true)
     assert np.all(np.sqrt(np.square(errors[100:]).mean(axis=0)) < 0.6 * np.array((0.3, 0.3, 0.3, 0.2)))
