@@ -20,7 +20,7 @@ from gcs_formation.estimation.flight_state import Setpoint, Whereabouts
 from gcs_formation.vehicle.ardupilot import OUR_HEARTBEATS, ArduPilot, patience
 from gcs_formation.vehicle.autopilot import Command, Step
 from gcs_formation.vehicle.checks import Check, Demands
-from gcs_formation.vehicle.hovering import TYPES, ground_motion, velocity_setpoint
+from gcs_formation.vehicle.hovering import TYPES, Hovering, velocity_setpoint
 from gcs_formation.vehicle.telemetry import Telemetry
 
 LEADS_AWAY = (1, 2, 3, 4, 5, 6, 7)
@@ -59,7 +59,7 @@ def arducopter_checks(asked: Demands) -> tuple[Check, ...]:
     )
 
 
-class ArduCopter(ArduPilot):
+class ArduCopter(Hovering, ArduPilot):
     """A multirotor or helicopter of ArduPilot's, commanded in GUIDED by velocities."""
 
     family = "ArduCopter"
@@ -101,14 +101,6 @@ class ArduCopter(ArduPilot):
     def checks(self, asked: Demands) -> tuple[Check, ...]:
         """Return failsafe, limits and whose heartbeats count."""
         return arducopter_checks(asked)
-
-    def climbs_out(self, telemetry: Telemetry) -> bool:  # noqa: ARG002 - it may be stopped at any height
-        """Return False."""
-        return False
-
-    def air_motion(self, airspeed_mps: float, yaw_rad: float, north_mps: float, east_mps: float) -> tuple[float, float]:  # noqa: ARG002 - an airspeed says nothing of what it obeys
-        """Return ground speed and course."""
-        return ground_motion(yaw_rad, north_mps, east_mps)
 
     def setpoint(self, setpoint: Setpoint, where: Whereabouts) -> tuple[Message, ...]:
         """Return one message: velocity over ground, and the course as yaw where it moves.

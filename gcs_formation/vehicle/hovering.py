@@ -14,6 +14,7 @@ from typing import Final
 from airlink import mavlink as m
 from airlink.messages.command import SetPositionTargetLocalNed
 from gcs_formation.estimation.flight_state import Setpoint, Whereabouts
+from gcs_formation.vehicle.telemetry import Telemetry
 
 TYPES: Final = frozenset(
     {
@@ -70,3 +71,15 @@ def ground_motion(yaw_rad: float, north_mps: float, east_mps: float) -> tuple[fl
     """Return ground speed and course; the slower it flies, the more its nose counts for a course."""
     course_rad = math.atan2(east_mps + STANDS_MPS * math.sin(yaw_rad), north_mps + STANDS_MPS * math.cos(yaw_rad))
     return math.hypot(north_mps, east_mps), course_rad
+
+
+class Hovering:
+    """What holds for every family of vehicles that hover."""
+
+    def climbs_out(self, telemetry: Telemetry) -> bool:  # noqa: ARG002 - it may be stopped at any height
+        """Return False."""
+        return False
+
+    def air_motion(self, airspeed_mps: float, yaw_rad: float, north_mps: float, east_mps: float) -> tuple[float, float]:  # noqa: ARG002 - an airspeed says nothing of what it obeys
+        """Return ground speed and course."""
+        return ground_motion(yaw_rad, north_mps, east_mps)

@@ -19,7 +19,7 @@ from flight_model.earth import GeodeticOrigin
 from gcs_formation.estimation.flight_state import Setpoint, Whereabouts
 from gcs_formation.vehicle.autopilot import Command, Step
 from gcs_formation.vehicle.checks import Check, Demands
-from gcs_formation.vehicle.hovering import TURNS_FROM_MPS, TYPES, ground_motion, velocity_setpoint
+from gcs_formation.vehicle.hovering import TURNS_FROM_MPS, TYPES, Hovering, velocity_setpoint
 from gcs_formation.vehicle.px4 import LOITER, OFFBOARD, RTL, Px4, heartbeats_lost
 from gcs_formation.vehicle.telemetry import Telemetry
 
@@ -63,7 +63,7 @@ def px4_copter_checks(asked: Demands) -> tuple[Check, ...]:
     )
 
 
-class Px4Copter(Px4):
+class Px4Copter(Hovering, Px4):
     """A PX4 multirotor or helicopter, commanded in OFFBOARD by velocities."""
 
     family = "PX4 multirotor"
@@ -98,14 +98,6 @@ class Px4Copter(Px4):
     def checks(self, asked: Demands) -> tuple[Check, ...]:
         """Return failsafes and limits."""
         return px4_copter_checks(asked)
-
-    def climbs_out(self, telemetry: Telemetry) -> bool:  # noqa: ARG002 - it may be stopped at any height
-        """Return False."""
-        return False
-
-    def air_motion(self, airspeed_mps: float, yaw_rad: float, north_mps: float, east_mps: float) -> tuple[float, float]:  # noqa: ARG002 - an airspeed says nothing of what it obeys
-        """Return ground speed and course."""
-        return ground_motion(yaw_rad, north_mps, east_mps)
 
     def setpoint(self, setpoint: Setpoint, where: Whereabouts) -> tuple[Message, ...]:
         """Return one message: velocity over ground, and the course as yaw where it moves.

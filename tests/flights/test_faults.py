@@ -289,7 +289,7 @@ def test_a_full_disk_ends_the_run_with_vehicles_loitering(tmp_path: Path, monkey
         if frames == 2000:
             assert self._tlog is not None
             self._tlog._file.close()
-            self._tlog._file = Full()  # type: ignore[assignment]
+            self._tlog._file = Full()  # type: ignore[assignment] - a file that is full, which no type of file is
         frame(self, now, raw)
 
     monkeypatch.setattr(RunDirectory, "frame", full)

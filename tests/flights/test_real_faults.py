@@ -73,7 +73,7 @@ def test_a_station_that_was_stopped_for_a_while_hears_what_came_before_it_judges
     with started([*STATION, "run", str(path), "--set", "duration_s=14", "--out", str(out)]) as station:
         wait_for_event(out, "flying")
         station.send_signal(signal.SIGSTOP)
-        time.sleep(8.0)
+        time.sleep(8.0)  # the fault itself: so long is it stopped, by the clock that everybody goes by
         station.send_signal(signal.SIGCONT)
         _, said = station.communicate(timeout=LIMIT_S)
         assert station.returncode == 0, said
@@ -105,7 +105,7 @@ def test_interrupted_at_any_moment_of_its_start_up_it_ends_with_130(path: Path, 
     on_the_ground = ["--set", "start.in_air=false", "--out", str(out)]
     with started([*STATION, "run", str(path), *on_the_ground]) as station:
         wait_for(lambda: _imports(station.pid), every_s=0.005)
-        time.sleep(after_s)
+        time.sleep(after_s)  # the moment is what is tried; nothing in a start-up tells of it
         station.send_signal(signal.SIGINT)
         _, said = station.communicate(timeout=LIMIT_S)
     assert station.returncode == 130, said

@@ -260,7 +260,7 @@ def test_killed_over_udp_and_resumed_the_formation_is_regained_within_60_s(tmp_p
         emulators.stdout.readline()
         with started([*STATION, "fly", str(path), "--speedup", "2", "--out", str(out)]) as station:
             wait_for_event(out, "flying")
-            time.sleep(5.0)
+            time.sleep(5.0)  # killed in flight, not as it begins
             station.send_signal(signal.SIGKILL)
             station.wait(LIMIT_S)
         command = [*STATION, "fly", "--resume", str(out), "--speedup", "2", "--json"]
