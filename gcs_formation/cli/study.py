@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,18 +16,25 @@ from airlink.cli.process import Status, fail, raised, say
 from formation_scenario import ScenarioError
 from gcs_formation.cli import usage
 from gcs_formation.errors import RecordError, RunAbortedError
-from gcs_formation.studies.campaign import MANY, Outcome, flights, fly_study, planned_of, prepare, refly_task
+from gcs_formation.studies.campaign import Outcome, flights, fly_study
 from gcs_formation.studies.compare import Compared, CompareOptions, compare_laws
 from gcs_formation.studies.dataset import read_journal, read_plan
 from gcs_formation.studies.flight import fly
 from gcs_formation.studies.keys import INVARIANTS, Study
-from gcs_formation.studies.plan import Plan, count_flights
+from gcs_formation.studies.plan import Plan
+from gcs_formation.studies.preparation import MANY, planned_of, prepare, refly_task
 from gcs_formation.studies.progress import StudyProgress
 from gcs_formation.studies.workers import Cluster, Processes
 
 Row = dict[str, Any]
 MOST_LINES = 60
 """Of a table that is shown."""
+
+
+def _address(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
+    if value is not None and re.fullmatch(r"(\w+://)?[^/\s]+:\d+", value) is None:
+        raise click.BadParameter(f"found '{value}'; allowed: tcp://HOST:PORT", ctx, param)
+    return value
 
 
 class _FlyOrStudy(click.Group):
@@ -48,7 +56,7 @@ def study() -> None:
 @click.argument("study", type=click.Path(path_type=Path))
 @click.option("--out", type=OUT, required=True, help="The study's directory.")
 @click.option("--workers", type=WholeNumber(1), default=os.cpu_count() or 1, help="Local processes; default: cores.")
-@click.option("--scheduler", metavar="tcp://HOST:PORT", help="Fly on the cluster of this Dask scheduler instead.")
+@click.option("--scheduler", callback=_address, metavar="tcp://HOST:PORT", help="Fly on this Dask cluster instead.")
 @click.option("--resume", is_flag=True, help="Fly what an interrupted study in --out lacks.")
 @click.option("--overwrite", is_flag=True, help="Replace an earlier study in --out.")
 @click.option("--yes", is_flag=True, help=f"More than {MANY:,} flights are meant.")
@@ -56,10 +64,9 @@ def study() -> None:
 def run(study: Path, **given: Any) -> None:
     """Fly STUDY, a YAML file (docs/studies.md); write flights.parquet and study.json to --out."""
     try:
-        planned, base = prepare(study)
+        planned, base = prepare(study, many=given["yes"])
     except ScenarioError as error:
         fail(str(error))
-    _refuse_too_many(planned, yes=given["yes"])
     sys.exit(_fly(planned, base, **given))
 
 
@@ -90,12 +97,6 @@ def fly_again(directory: Path, flight: int, out: Path | None) -> None:
     sys.exit(row["exit"])
 
 
-def _refuse_too_many(planned: Study, *, yes: bool) -> None:
-    count = count_flights(planned)
-    if count > MANY and not yes:
-        fail(f"found {count:,} flights; allowed: up to {MANY:,}, or --yes if that many are meant")
-
-
 def _fly(planned: Study, base: dict[Any, Any], **given: Any) -> Status:
     workers = Cluster(given["scheduler"]) if given["scheduler"] else Processes(given["workers"])
     out, again = given["out"], "--resume goes on with it"
@@ -110,27 +111,45 @@ def _fly(planned: Study, base: dict[Any, Any], **given: Any) -> Status:
     except RecordError as error:
         return say(str(error), Status.BAD_USAGE)
     except RunAbortedError as error:
-        return say(f"{error}; what was flown is in {out}; {again}", Status.COULD_NOT_GO_ON)
+        kept = f"what was flown is in {out}; {again}" if next(read_journal(out), None) else "nothing was flown"
+        return say(f"{error}; {kept}", Status.COULD_NOT_GO_ON)
     return _conclude(outcome, out, quiet=given["quiet"])
 
 
 def _conclude(outcome: Outcome, out: Path, *, quiet: bool) -> Status:
-    figures = outcome.figures
-    if not quiet:
-        exits = figures["exits"]
-        failed = exits["2"] + exits["3"]
-        spent = f"{figures['wall_s']:.0f} s, {figures['flights_cpu_s']:.0f} s of processor time in flights"
-        if outcome.told.count("\n") < MOST_LINES:
-            click.echo(outcome.told)
-        unflown = f"; {failed} couldn't be flown" if failed else ""
-        click.echo(f"{figures['flights']} flights in {spent}{unflown}")
-        for verdict in outcome.verdicts:
-            click.echo(str(verdict))
-        click.echo(f"flights.parquet, table.md and study.json are in {out}")
+    for text in () if quiet else _said(outcome, out):
+        click.echo(text)
     for verdict in outcome.verdicts:
         if quiet and not verdict.held:
             click.echo(str(verdict), err=True)
+    unflown, count = outcome.unflown, outcome.figures["flights"]
+    if unflown:
+        first = unflown[0]
+        why = f"flight {first['flight']}: {first['words']}"
+        click.echo(f"{len(unflown)} of {count} flights couldn't be flown to their end; the first, {why}", err=True)
+    if len(unflown) == count:
+        return Status.COULD_NOT_GO_ON
     return Status.FINE if outcome.held else Status.EXPECTATION_BROKEN
+
+
+def _said(outcome: Outcome, out: Path) -> Iterator[str]:
+    """Yield what is said at a study's end: its table, what it took, and what came of it."""
+    figures = outcome.figures
+    if outcome.told.count("\n") < MOST_LINES:
+        yield outcome.told
+    spent = f"{figures['wall_s']:.0f} s, {figures['flights_cpu_s']:.0f} s of processor time in flights"
+    broke = figures["exits"]["1"]
+    own = f"; {broke} broke an expectation or a safety limit of the scenario" if broke else ""
+    yield f"{_count(figures['flights'], 'flight')} in {spent}{own}"
+    if outcome.uncrossed:
+        searches = _count(len(figures["bisect"]), "search", "es")
+        yield f"{outcome.uncrossed} of {searches} found no crossing: broken at the low end, or kept at the high one"
+    yield from map(str, outcome.verdicts)
+    yield f"flights.parquet, table.md and study.json are in {out}; figures: gcs-formation report {out}"
+
+
+def _count(number: int, what: str, plural: str = "s") -> str:
+    return f"{number:,} {what}{plural * (number != 1)}"
 
 
 @click.command(epilog=usage.COMPARE)

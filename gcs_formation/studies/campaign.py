@@ -6,7 +6,7 @@ import json
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
@@ -14,21 +14,18 @@ import pyarrow as pa
 from scipy.stats import beta
 
 from airlink.clock import Stopwatch
-from formation_scenario import Problem, ScenarioError
-from formation_scenario.source import KeyPath, Plain, Source
+from formation_scenario.source import Plain
 from gcs_formation.errors import RecordingError
 from gcs_formation.studies.dataset import FLIGHTS, RESULT, TABLE_TEXT, Dataset
 from gcs_formation.studies.flight import VERSION, Task
-from gcs_formation.studies.keys import Study, Wanted, base_keys, load_study
-from gcs_formation.studies.plan import Plan, Planned, Row, Sample, at, count_flights, drawn, keeps, replayed
+from gcs_formation.studies.keys import Study, Wanted
+from gcs_formation.studies.plan import Plan, Planned, Row, count_flights, keeps, replayed
+from gcs_formation.studies.preparation import task_of
 from gcs_formation.studies.table import sample_table
 from gcs_formation.studies.workers import Workers
 
 SCHEMA = 1
-MANY = 100_000
-"""Flights beyond which a study asks whether that many are meant."""
 TABLE_EVERY_S = 10.0
-EXTREMES = (0.0, 0.5, 1.0 - 1e-9)
 
 
 class Verdict(NamedTuple):
@@ -118,27 +115,19 @@ class Outcome:
 
     @property
     def held(self) -> bool:
-        """Whether every expectation was kept."""
-        return all(verdict.held for verdict in self.verdicts)
+        """Whether every flight was flown, and every expectation kept."""
+        return not self.unflown and all(verdict.held for verdict in self.verdicts)
 
+    @property
+    def unflown(self) -> Sequence[Row]:
+        """The flights that couldn't be flown, or not to their end."""
+        rows: Sequence[Row] = self.table.select(["flight", "exit", "words"]).to_pylist()
+        return [row for row in rows if row["exit"] > 1]
 
-def prepare(source: Path | Mapping[str, Any]) -> tuple[Study, dict[Any, Plain]]:
-    """Return a study and its scenario's keys, after trying every parameter's values by themselves.
-
-    Raises:
-        ScenarioError: the study is wrong, or no flight of it could be flown as the scenario is.
-    """
-    study, read = load_study(source)
-    base = base_keys(study, read)
-    first = next(Plan(study).begin())
-    if (wrong := _problem(study, base, first, {})) is not None:
-        raise _placed(wrong, study, read)
-    for name, parameter in study.parameters.items():
-        tried = {str(at(parameter, share)): at(parameter, share) for share in EXTREMES}
-        problems = [_problem(study, base, first, {name: value}) for value in tried.values()]
-        if all(problems):
-            raise _placed(problems[0] or ScenarioError([]), study, read)
-    return study, base
+    @property
+    def uncrossed(self) -> int:
+        """How many searches found their bound broken at the low end, or kept at the high end."""
+        return sum(None in (entry["kept"], entry["broken"]) for entry in self.figures.get("bisect", ()))
 
 
 def fly_study(
@@ -175,72 +164,22 @@ def flights(
         RunAbortedError: no flight can be flown any more.
     """
     study, done = plan.study, set(flown)
-    tasks = deque(_task(study, base, out, planned) for planned in replayed(plan, flown.values()))
+
+    def task(planned: Planned) -> Task:
+        return task_of(study, base, planned, out / FLIGHTS / f"{planned.flight:06d}" if out is not None else None)
+
+    tasks = deque(task(planned) for planned in replayed(plan, flown.values()))
     failed = sum(row["exit"] > 1 for row in flown.values())
     with workers:
         shown.say(workers.where)
         for row in workers.rows(tasks):
             following = plan.after(row)
             if following is not None:
-                tasks.append(_task(study, base, out, following))
+                tasks.append(task(following))
             done.add(int(row["flight"]))
             failed += row["exit"] > 1
             shown.show(len(done), count_flights(study), failed)
             yield row
-
-
-def refly_task(planned: Planned, study: Study, base: Mapping[Any, Plain], out: Path) -> Task:
-    """Return a flight of a study as a task whose whole record is kept in `out`."""
-    return replace(_task(study, base, None, planned), record="full", directory=str(out))
-
-
-def planned_of(study: Study, row: Row) -> Planned:
-    """Return the flight that a row is of."""
-    names = [*study.parameters, *([study.bisect.parameter] if study.bisect else [])]
-    return Planned(int(row["flight"]), int(row["seed"]), {name: row[name] for name in names if name in row})
-
-
-def _task(study: Study, base: Mapping[Any, Plain], out: Path | None, planned: Planned) -> Task:
-    kept = out is not None and study.record != "none"
-    directory = str(out / FLIGHTS / f"{planned.flight:06d}") if out is not None and kept else None
-    window = study.from_s, study.to_s
-    return Task(
-        planned,
-        base,
-        study.set,
-        study.measured,
-        study.record,
-        directory,
-        study.until_s,
-        study.random,
-        study.cases,
-        window,
-    )
-
-
-def _placed(error: ScenarioError, study: Study, read: Source) -> ScenarioError:
-    """Return an error of the scenario with the places, in the study's file, of what set the keys that are wrong."""
-    set_by: dict[str, KeyPath] = {name: ("set", name) for name in study.set}
-    set_by |= {name: ("parameters", name) for name in study.parameters}
-    for name, cases in study.cases.items():
-        set_by |= {key: ("parameters", name, "cases", case) for case, keys in cases.items() for key in keys}
-    if study.bisect is not None:
-        set_by[study.bisect.parameter] = ("bisect", "parameter")
-
-    def placed(problem: Problem) -> Problem:
-        name = (problem.file or "").partition("=")[0]
-        return replace(problem, **read.place(set_by[name])._asdict()) if name in set_by else problem
-
-    return ScenarioError([placed(problem) for problem in error.problems])
-
-
-def _problem(study: Study, base: Mapping[Any, Plain], first: Planned, tried: Sample) -> ScenarioError | None:
-    sample: dict[str, Any] = {**drawn(study, 0), **first.parameters, **tried}
-    try:
-        _task(study, base, None, first._replace(parameters=sample)).scenario()
-    except ScenarioError as error:
-        return error
-    return None
 
 
 def _conclude(plan: Plan, data: Dataset, made: pa.Table, wall_s: float) -> Outcome:

@@ -252,11 +252,17 @@ def _nowhere(study: Study, read: Source) -> Iterator[Problem]:
                 yield read.problem(("expect", i, "where"), found, allowed)
 
 
+LISTED = (list, Range, Cases)
+"""The kinds of parameters that have levels, which aren't drawn."""
+
+
 def levels_of(parameter: Parameter) -> Sequence[Value] | None:
     """Return a parameter's values, None for a distribution."""
     match parameter:
         case Range(range=(first, last, count)):
-            return np.linspace(first, last, count).tolist()
+            levels: list[float] = np.linspace(first, last, count).tolist()
+            whole = all(level.is_integer() for level in levels)  # for keys that count something
+            return [int(level) for level in levels] if whole else levels
         case Cases(cases=cases):
             return list(cases)
         case list():
@@ -315,9 +321,11 @@ def _one_bound(made: Any, below: float | None, above: float | None) -> Any:  # n
 
 __all__ = [
     "INVARIANTS",
+    "LISTED",
     "Bisection",
     "Cases",
     "Distribution",
+    "Parameter",
     "Range",
     "Record",
     "Study",

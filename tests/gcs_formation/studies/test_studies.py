@@ -25,11 +25,12 @@ from scipy.stats import binom
 from formation_scenario import ScenarioError
 from gcs_formation.cli import main
 from gcs_formation.errors import RecordingError, RunAbortedError
-from gcs_formation.studies.campaign import clopper_pearson, judge, prepare, refly_task
+from gcs_formation.studies.campaign import clopper_pearson, judge
 from gcs_formation.studies.dataset import Dataset, read_journal
 from gcs_formation.studies.flight import Task, figure, fly
 from gcs_formation.studies.keys import Study, load_study, study_schema
 from gcs_formation.studies.plan import Plan, Planned, count_flights, count_samples, drawn, replayed, samples
+from gcs_formation.studies.preparation import prepare, refly_task
 from gcs_formation.studies.report import Flights, distributions, heat_map
 from gcs_formation.studies.table import sample_table
 from gcs_formation.studies.workers import Cluster, Processes
@@ -42,6 +43,7 @@ SCENARIO: Any = {
     "path": {"waypoints_m": [[0, 0, 100], [4000, 0, 100]]},
 }
 DELAY, LOSS = "links.default.delay_ms", "links.default.loss"
+SEARCH = {"parameter": DELAY, "low": 0, "high": 1000, "tolerance": 10, "metric": "error_x_m.max", "below": 1.0}
 
 
 def study(**keys):
@@ -169,9 +171,6 @@ def test_counts_are_known_without_planning():
     assert (count_samples(huge), count_flights(huge)) == (10**7, 10**8)
 
 
-SEARCH = {"parameter": DELAY, "low": 0, "high": 1000, "tolerance": 10, "metric": "error_x_m.max", "below": 1.0}
-
-
 def searched(plan, breaks_at):
     """Fly a search whose error is below 1 m up to a delay."""
     flown, waiting = [], deque(plan.begin())
@@ -268,8 +267,56 @@ def test_a_wrong_study_is_refused_in_words(keys, words):
 
 
 @pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({"parameters": {"law.type": ["fuzzy_pid", "nonsense"]}}, ["law.type: found 'nonsense'; allowed: fuzzy_pid"]),
+        ({"parameters": {DELAY: [0, -5], LOSS: [0.1, 2]}}, [f"{DELAY}: found -5;", f"{LOSS}: found 2;"]),
+        ({"parameters": {DELAY: {"range": [100, -50, 4]}}}, [f"{DELAY}: found -50; allowed: a number from 0"]),
+        ({"parameters": {DELAY: [0, -5], LOSS: {"uniform": [0, 0.1]}}, "design": "sobol"}, [f"{DELAY}: found -5;"]),
+        ({"parameters": {LOSS: {"uniform": [1.5, 2.0]}}}, [f"{LOSS}: found 1.75;"]),
+        ({"bisect": {**SEARCH, "low": -5}}, [f"{DELAY}: found -5.0; allowed: a number from 0"]),
+        ({"bisect": {**SEARCH, "high": 1e6}}, [f"{DELAY}: found 1000000.0; allowed: a number from 0 to 600000"]),
+        (
+            {"parameters": {"law": {"cases": {"a": {"law.rate_hz": 5}, "b": {"law.rate_hz": -5}}}}},
+            ["law.rate_hz: found -5;"],
+        ),
+        (
+            {"parameters": {"vehicles.model.speed_max_mps": [28, 18]}},
+            ["path.speed_mps: found 22 m/s (with vehicles.model.speed_max_mps = 18); allowed: 16 to 18 m/s"],
+        ),
+    ],
+)
+def test_a_value_that_cannot_be_is_found_before_the_first_flight(keys, words):
+    """Of every parameter the first one, wherever it stands in a list, a range, cases or a search."""
+    with pytest.raises(ScenarioError) as refused:
+        prepare({"base": SCENARIO, **keys})
+    lines = str(refused.value).splitlines()
+    assert len(lines) == len(words)
+    assert all(word in line for line, word in zip(lines, words, strict=True))
+
+
+def test_a_value_that_is_drawn_with_others_only_with_which_it_can_be_is_flown():
+    """40 m/s can't be with the first of the vehicles' limits, but with those that some samples have."""
+    limits = {"cases": {"slow": {}, "fast": {"vehicles.model.speed_max_mps": 60}}}
+    either = {"parameters": {"path.speed_mps": [22, 40], "limits": limits}, "samples": 4}
+    planned, _ = prepare({"base": SCENARIO, **either, "design": "latin_hypercube"})
+    assert {40, 22} == {sample["path.speed_mps"] for sample in samples(planned)}
+    with pytest.raises(ScenarioError, match=r"path\.speed_mps"):
+        prepare({"base": SCENARIO, **either, "design": "one_at_a_time"})
+
+
+def test_a_distribution_may_have_draws_that_cannot_be():
+    prepare({"base": SCENARIO, "parameters": {LOSS: {"uniform": [0.5, 1.5]}, DELAY: {"normal": [-1, 10]}}})
+
+
+def test_a_range_of_whole_numbers_may_count_something():
+    prepare({"base": SCENARIO, "parameters": {"vehicles.count": {"range": [2, 4, 3]}}})
+
+
+@pytest.mark.parametrize(
     ("lines", "at"),
     [
+        ("parameters:\n  law:\n    cases:\n      a: {law.rate_hz: -1}\n      b: {law.rate_hz: 5}", "5:7"),
         ("parameters:\n  links.default.dely_ms: [1]", "3:3"),
         ("set:\n  law.tipe: pid", "3:3"),
         ("parameters:\n  links:\n    cases:\n      a: {links.default.dely_ms: 1}", "5:7"),
@@ -474,9 +521,12 @@ def test_a_row_counts_once(two, tmp_path):
 
 
 class Instant:
-    """Workers whose flights take no time."""
+    """Workers whose flights take no time; `unflown` of them couldn't be flown."""
 
     where = ""
+
+    def __init__(self, unflown=()):
+        self.unflown = unflown
 
     def __enter__(self):
         return self
@@ -488,7 +538,9 @@ class Instant:
         while tasks:
             task = tasks.popleft()
             head = {"flight": task.planned.flight, "seed": task.planned.seed, **task.planned.parameters}
-            yield {**head, "error_x_m.max": 0.1, "exit": 0, "wall_s": 1.0, "cpu_s": 1.0, "version": "x", "words": ""}
+            lost = task.planned.flight in self.unflown
+            ended = {"error_x_m.max": None, "exit": 3, "words": "bad air"} if lost else {"exit": 0, "words": ""}
+            yield {**head, "error_x_m.max": 0.1, "wall_s": 1.0, "cpu_s": 1.0, "version": "x", **ended}
 
 
 @contextmanager
@@ -541,12 +593,49 @@ def test_ten_million_flights_are_asked_about(two, tmp_path):
     assert "1,000,000 flights" in refused.output
 
 
+@pytest.mark.parametrize(("unflown", "status"), [((), 0), ((1, 3), 1), (range(4), 3)])
+def test_a_study_with_flights_that_could_not_be_flown_says_so_and_is_no_success(
+    two, tmp_path, monkeypatch, unflown, status
+):
+    monkeypatch.setattr("gcs_formation.cli.study.Processes", lambda _count: Instant(unflown))
+    done = command("study", two, "--out", tmp_path / "out", "--quiet")
+    assert done.exit_code == status
+    first = f"the first, flight {min(unflown, default=0)}: bad air"
+    said = f"{len(unflown)} of 4 flights couldn't be flown to their end; {first}\n"
+    assert done.output == (said if unflown else "")
+
+
+def test_a_search_that_finds_no_crossing_says_so(two, tmp_path, monkeypatch):
+    monkeypatch.setattr("gcs_formation.cli.study.Processes", lambda _count: Instant())
+    two.write_text(
+        json.dumps({"base": SCENARIO, "bisect": SEARCH, "seeds": {"count": 2}, "metrics": ["error_x_m.max"]})
+    )
+    done = command("study", two, "--out", tmp_path / "out")
+    assert "2 of 2 searches found no crossing" in done.output
+
+
+def test_ten_million_samples_are_counted_and_not_made(two, tmp_path, monkeypatch):
+    monkeypatch.setattr("gcs_formation.studies.plan.samples", None)
+    keys = {"base": SCENARIO, "parameters": {LOSS: {"uniform": [0, 0.1]}}, "design": "sobol", "samples": 10**7}
+    two.write_text(json.dumps(keys))
+    refused = command("study", two, "--out", tmp_path / "out")
+    assert refused.exit_code == 2
+    assert "found 10,000,000 flights; allowed: up to 100,000, or --yes" in refused.output
+
+
+def test_a_scheduler_s_address_is_looked_at_before_anything(two, tmp_path):
+    refused = command("study", two, "--out", tmp_path / "out", "--scheduler", "here")
+    assert refused.exit_code == 2
+    assert "found 'here'; allowed: tcp://HOST:PORT" in refused.output
+
+
 def test_a_scheduler_that_does_not_answer_is_said_so(two, tmp_path, monkeypatch):
     pytest.importorskip("distributed")
     monkeypatch.setattr("gcs_formation.studies.workers.ANSWER_S", 0.3)
     done = command("study", two, "--out", tmp_path / "out", "--scheduler", "tcp://127.0.0.1:9")
     assert done.exit_code == 3
     assert "no Dask scheduler answers at tcp://127.0.0.1:9" in done.output
+    assert "; nothing was flown" in done.output
 
 
 def test_study_models_and_keys_agree():

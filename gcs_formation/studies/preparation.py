@@ -1,0 +1,168 @@
+"""From a study to its flights as tasks; every value that a flight will have is tried before the first flies."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import islice
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from formation_scenario import Problem, ScenarioError
+from formation_scenario.source import KeyPath, Plain, Source
+from gcs_formation.studies.flight import Task
+from gcs_formation.studies.keys import LISTED, Parameter, Range, Study, Value, base_keys, levels_of, load_study
+from gcs_formation.studies.plan import Planned, Row, Sample, at, count_flights, samples
+
+MANY = 100_000
+"""Flights beyond which a study asks whether that many are meant."""
+EXTREMES = (0.5, 0.0, 1.0 - 1e-9)
+"""Shares of a distribution at which it is tried: its median, and its ends."""
+TRIED_WITH = 3
+"""Drawn samples with which a value is tried that can't be with the others' first values."""
+
+
+def prepare(source: Path | Mapping[str, Any], *, many: bool = True) -> tuple[Study, dict[Any, Plain]]:
+    """Return a study and its scenario's keys, after trying what every parameter will be.
+
+    These are all values of a list, all cases and the ends of a range, each with the first values of the others; of a
+    distribution, whether any of it can be flown. `many`: more than `MANY` flights are allowed.
+
+    Raises:
+        ScenarioError: the study is wrong, or a value of it can't be flown, or there are too many flights.
+    """
+    study, read = load_study(source)
+    if not many and (count := count_flights(study)) > MANY:
+        found, allowed = f"found {count:,} flights", f"up to {MANY:,}, or --yes if that many are meant"
+        raise ScenarioError([Problem(read.file, None, None, "", found, allowed)])
+    base = base_keys(study, read)
+    trial = _Trial(study, base)
+    if (wrong := trial.first_wrong()) is not None:
+        raise _placed(wrong, study, read)
+    problems = [problem for each in trial.wrong_values() for problem in _placed(each, study, read).problems]
+    if problems:
+        raise ScenarioError(problems)
+    return study, base
+
+
+def planned_of(study: Study, row: Row) -> Planned:
+    """Return the flight that a row is of."""
+    names = [*study.parameters, *([study.bisect.parameter] if study.bisect else [])]
+    return Planned(int(row["flight"]), int(row["seed"]), {name: row[name] for name in names if name in row})
+
+
+def task_of(study: Study, base: Mapping[Any, Plain], planned: Planned, directory: Path | None) -> Task:
+    """Return a flight of a study as a task; what its `record` asks for is kept in `directory`."""
+    return Task(
+        planned,
+        base,
+        study.set,
+        study.measured,
+        study.record,
+        str(directory) if directory is not None and study.record != "none" else None,
+        study.until_s,
+        study.random,
+        study.cases,
+        (study.from_s, study.to_s),
+    )
+
+
+def refly_task(planned: Planned, study: Study, base: Mapping[Any, Plain], out: Path) -> Task:
+    """Return a flight of a study as a task whose whole record is kept in `out`."""
+    return replace(task_of(study, base, planned, None), record="full", directory=str(out))
+
+
+class _Wrong(NamedTuple):
+    """Why flights can't be flown."""
+
+    error: ScenarioError
+    usual: Sample
+    """With what they were tried."""
+    tried: Sample
+    """The value of which this is so; empty where it is so of the first values of all parameters."""
+
+
+class _Trial:
+    """Resolves scenarios of a study without flying them."""
+
+    def __init__(self, study: Study, base: Mapping[Any, Plain]) -> None:
+        """Take the study, and the keys of its scenario."""
+        self._study, self._base = study, base
+        self._usual: Sample = {}
+        search = study.bisect
+        self._searched: Mapping[str, Sequence[Value]] = {search.parameter: (search.low, search.high)} if search else {}
+
+    def first_wrong(self) -> _Wrong | None:
+        """Return what is wrong where every parameter has its first value, None if nothing is.
+
+        One that is drawn has the scenario's own value, or where there is none that can be, its median.
+        """
+        levels = {name: each for name, each in self._study.parameters.items() if isinstance(each, LISTED)}
+        drawn = {name: each for name, each in self._study.parameters.items() if name not in levels}
+        self._usual = {name: at(each, 0.0) for name, each in levels.items()}
+        self._usual |= {name: values[0] for name, values in self._searched.items()}
+        if (wrong := self._wrong({})) is None:
+            return None
+        self._usual |= {name: at(each, EXTREMES[0]) for name, each in drawn.items()}
+        return wrong if not drawn else self._wrong({})
+
+    def wrong_values(self) -> Iterator[_Wrong]:
+        """Yield what is wrong with the first value of each parameter that can't be flown."""
+        for name, parameter in self._study.parameters.items():
+            if isinstance(parameter, LISTED):
+                problems = (self._wrong_level(name, value) for value in _distinct(parameter))
+                yield from islice(filter(None, problems), 1)
+            else:
+                tried = [self._wrong({name: at(parameter, share)}) for share in EXTREMES]
+                yield from [each for each in tried[:1] if each is not None and all(tried)]
+        for name, values in self._searched.items():
+            yield from islice(filter(None, (self._wrong({name: value}) for value in values)), 1)
+
+    def _wrong_level(self, name: str, value: Value) -> _Wrong | None:
+        """Return why a value can't be flown: with the others' first values, and with those that it is drawn with."""
+        wrong = self._wrong({name: value})
+        if wrong is None or self._study.design in {"grid", "one_at_a_time"}:
+            return wrong
+        drawn = islice((sample for sample in samples(self._study) if sample[name] == value), TRIED_WITH)
+        return wrong if all(self._wrong(sample) for sample in drawn) else None
+
+    def _wrong(self, sample: Sample) -> _Wrong | None:
+        planned = Planned(0, self._study.seeds.first, {**self._usual, **sample})
+        try:
+            task_of(self._study, self._base, planned, None).scenario()
+        except ScenarioError as error:
+            return _Wrong(error, self._usual, sample)
+        return None
+
+
+def _distinct(parameter: Parameter) -> list[Value]:
+    """Return the different values of a list, and the ends of a range: what is between them can be if they can."""
+    levels = levels_of(parameter) or []
+    ends = [levels[0], levels[-1]] if isinstance(parameter, Range) else levels
+    return list({repr(value): value for value in ends}.values())
+
+
+def _placed(wrong: _Wrong, study: Study, read: Source) -> ScenarioError:
+    """Return an error of the scenario with the places, in the study's file, of what set the keys that are wrong.
+
+    What follows from a value in places that the study doesn't set is said of that value.
+    """
+    set_by: dict[str, KeyPath] = {name: ("set", name) for name in study.set}
+    set_by |= {name: ("parameters", name) for name in study.parameters}
+    if study.bisect is not None:
+        set_by[study.bisect.parameter] = ("bisect", "parameter")
+    for name, cases in study.cases.items():
+        case = {**wrong.usual, **wrong.tried}[name]
+        set_by |= dict.fromkeys(cases[case], ("parameters", name, "cases", case))
+    with_it = ", ".join(f"{name} = {value}" for name, value in wrong.tried.items())
+
+    def placed(problem: Problem) -> Problem:
+        name = (problem.file or "").partition("=")[0]
+        if name in set_by:
+            return replace(problem, **read.place(set_by[name])._asdict())
+        if not wrong.tried:
+            return problem
+        place = read.place(set_by[next(iter(wrong.tried))])
+        return replace(problem, **place._asdict(), found=f"{problem.found} (with {with_it})")
+
+    return ScenarioError([placed(problem) for problem in wrong.error.problems])
