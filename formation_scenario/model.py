@@ -68,6 +68,12 @@ class Start(Keys):
         description="where each follower starts, from its slot: forward, right, up, m",
         examples=[[8, 6, 4]],
     )
+    row_m: Positive | None = Field(
+        default=None,
+        description="emulators only: on the ground they stand in a row, this far apart to the leader's right, "
+        "in the scenario's order; by default at their slots, m",
+        examples=[9],
+    )
     run_in_s: Annotated[NonNegative, Field(le=3600.0)] = Field(
         description="how long the leader flies straight to the path's start before t = 0, s",
         json_schema_extra=derived("10 in the air, 60 from the ground"),

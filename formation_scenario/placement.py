@@ -27,13 +27,14 @@ def start_states(scenario: Scenario) -> StartStates:
     """Return the start states: the leader `run_in_s` before the path's start, the followers at their slots.
 
     In the air each follower is `start.offset_m` from its slot, and higher where the terrain's clearance requires it. On
-    the ground, followers that would be nearer to others than `safety.separation_m` are placed farther back.
+    the ground they stand in a row if the scenario says so; otherwise those that would be nearer to others than
+    `safety.separation_m` are placed farther back.
     """
     path = scenario.path.written
     leader = path.at(-scenario.start.run_in_s * scenario.path.speed_mps)
     in_air = scenario.start.in_air
     slots = slot_table(scenario)
-    slots = slots + np.array(scenario.start.offset_m) if in_air else _spread(slots, scenario.safety.separation_m)
+    slots = slots + np.array(scenario.start.offset_m) if in_air else _on_ground(scenario, slots)
     places = _with_leader(scenario, slots)
     cosine, sine = np.cos(leader.course_rad), np.sin(leader.course_rad)
     count = len(scenario.vehicles)
@@ -47,6 +48,13 @@ def start_states(scenario: Scenario) -> StartStates:
         airspeed_mps=np.full(count, scenario.path.speed_mps if in_air else 0.0),
         in_air=in_air,
     )
+
+
+def _on_ground(scenario: Scenario, slots: Array) -> Array:
+    if scenario.start.row_m is None:
+        return _spread(slots, scenario.safety.separation_m)
+    aside_m = scenario.start.row_m * np.arange(1.0, len(slots) + 1.0)
+    return np.column_stack((np.zeros(len(slots)), aside_m, np.zeros(len(slots))))
 
 
 def _clear(scenario: Scenario, north_m: Array, east_m: Array, height_m: Array) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from math import cbrt, ceil, sqrt
 from typing import Protocol
 
@@ -24,7 +25,15 @@ from formation_scenario.arrangement import Arrangement, assigned, columns
 from formation_scenario.ground import LEADER_SHARE, Ground
 from formation_scenario.model import Scenario
 from formation_scenario.slot_motion import Course, SlotMotion, Transition
-from formation_scenario.transition_plan import MEAN_SPEED_MPS, Conditions, Limits, plan_transition
+from formation_scenario.transition_plan import (
+    MARGIN_M,
+    MEAN_SPEED_MPS,
+    Conditions,
+    Limits,
+    NotFlyableError,
+    plan_transition,
+    ways_meet,
+)
 from formation_scenario.vehicles import VehicleModel
 
 TURN_SHARE = 0.5
@@ -35,6 +44,10 @@ difference of speed to even out as well."""
 CLIMB_SHARE = 0.3
 """Share of the climb limit that a new leader uses on its way up or down to the path."""
 LEAST_S, LEAST_MPS = 10.0, 1.0
+WORTH_WAITING = 1.5
+"""What gathers this many times as fast once the leader flies straight and level waits for that."""
+NEAR_M = 20.0
+"""Within this of its slot a vehicle needs no way planned for it, unless it would meet another on it."""
 LEVEL_OUT_STEPS = 50
 """Steps of a lift beyond the end of that way: a kilometre to descend in."""
 
@@ -72,16 +85,63 @@ def plan_change(
     """
     there = np.ones(len(start.position_m), dtype=np.bool_) if present is None else present
     goal_m = assigned(scenario, arrangement, start.position_m, there)
-    conditions = Conditions(
+    conditions = _conditions(scenario, arrangement.leader, course, there)
+    return plan_transition(start.standing(~there, goal_m), goal_m, at_s, conditions)
+
+
+def plan_gathering(
+    scenario: Scenario,
+    start: SlotMotion,
+    goal_m: Array,
+    leader: int,
+    at_s: float,
+    course: Callable[[Array], Course],
+    present: Mask,
+) -> Transition | None:
+    """Return the transition of vehicles from where they are to their slots; None if all are near.
+
+    Near is who is within `NEAR_M` of its slot and whose way there comes no nearer to another's than the separation rule
+    keeps. Arguments as of `plan_change`, but `goal_m`: (C, 3) the slots.
+
+    Raises:
+        NotFlyableError: it can't be flown there, or would last far longer than on a straight and level course.
+    """
+    kept_m = max(scenario.safety.separation_m, scenario.safety.avoidance.distance_m)
+    conditions = _conditions(scenario, leader, course, present)
+    conditions = replace(conditions, separation_m=kept_m, spacing_share=0.0, lift_m=kept_m + MARGIN_M)
+    begin = start.standing(~present, goal_m)
+    farthest_m = float(np.linalg.norm(begin.position_m - goal_m, axis=1).max())
+    if farthest_m < NEAR_M and not ways_meet(begin.position_m, goal_m, conditions):
+        return None
+    level = plan_transition(begin, goal_m, at_s, replace(conditions, course=_level(course)))
+    way = plan_transition(begin, goal_m, at_s, conditions)
+    if way.duration_s > WORTH_WAITING * level.duration_s:
+        raise NotFlyableError(
+            f"{way.duration_s:.0f} s to gather", f"up to {WORTH_WAITING * level.duration_s:.0f} s", 0.0
+        )
+    return way
+
+
+def _level(course: Callable[[Array], Course]) -> Callable[[Array], Course]:
+    """Return a straight and level flight at a leader's speed."""
+
+    def level(elapsed_s: Array) -> Course:
+        still = np.zeros_like(elapsed_s)
+        return Course(course(elapsed_s[:1]).speed_mps, still, still, still, still)
+
+    return level
+
+
+def _conditions(scenario: Scenario, leader: int, course: Callable[[Array], Course], present: Mask) -> Conditions:
+    return Conditions(
         course=course,
         frame=scenario.formation.frame,
         limits=Limits.of(column_models(scenario)),
         separation_m=scenario.safety.separation_m,
-        leader=arrangement.leader,
-        present=there,
+        leader=leader,
+        present=present,
         names=column_names(scenario),
     )
-    return plan_transition(start.standing(~there, goal_m), goal_m, at_s, conditions)
 
 
 def take_over(

@@ -33,6 +33,8 @@ MARGIN_M = 2.0
 """Added to the least separation, for formation errors."""
 RESERVE = 0.9
 """Share of acceleration, turn rate and climb that a transition may use; the rest is left to the law."""
+TINY = 1e-9
+"""Ways whose squares are shorter than this, m², or as parallel, have no place of their own where they are nearest."""
 
 
 class NotFlyableError(Exception):
@@ -81,6 +83,16 @@ class Conditions:
     present: Mask
     """(N,) which vehicles are present, and so must be kept apart."""
     names: tuple[str, ...]
+    spacing_share: float = SPACING_SHARE
+    lift_m: float = 0.0
+    """By how much those that would meet are lifted, at least."""
+
+
+def ways_meet(start_m: Array, goal_m: Array, conditions: Conditions) -> bool:
+    """Return whether straight ways from `start_m` to `goal_m` (N, 3) come too near, whoever is where on them when."""
+    begin, way = start_m[conditions.present], (goal_m - start_m)[conditions.present]
+    apart_m = _apart_m(start_m, goal_m, conditions)
+    return bool((segment_distances_m(begin, way) < apart_m).any())
 
 
 def plan_transition(start: SlotMotion, goal_m: Array, at_s: float, conditions: Conditions) -> Transition:
@@ -91,7 +103,7 @@ def plan_transition(start: SlotMotion, goal_m: Array, at_s: float, conditions: C
     """
     farthest_m = float(np.linalg.norm(goal_m - start.position_m, axis=1)[conditions.present].max(initial=0.0))
     duration_s = min(max(farthest_m / MEAN_SPEED_MPS, LEAST_S), USUAL_S)
-    apart_m = _apart_m(start, goal_m, conditions)
+    apart_m = _apart_m(start.position_m, goal_m, conditions)
     while True:
         level = Transition(at_s, duration_s, start, goal_m, np.zeros(len(goal_m)), 0.0)
         try:
@@ -102,12 +114,13 @@ def plan_transition(start: SlotMotion, goal_m: Array, at_s: float, conditions: C
                 raise
 
 
-def _apart_m(start: SlotMotion, goal_m: Array, conditions: Conditions) -> float:
+def _apart_m(start_m: Array, goal_m: Array, conditions: Conditions) -> float:
     """Return the distance to keep during the transition: no more than there is at its beginning and its end."""
     if conditions.present.sum() < 2:
         return 0.0
-    begin, end = (float(_pair_distances_m(places[conditions.present]).min()) for places in (start.position_m, goal_m))
-    return min(max(conditions.separation_m + MARGIN_M, SPACING_SHARE * end), begin * 0.99, end * 0.99)
+    begin, end = (float(_pair_distances_m(places[conditions.present]).min()) for places in (start_m, goal_m))
+    wanted_m = max(conditions.separation_m + MARGIN_M, conditions.spacing_share * end)
+    return min(wanted_m, begin * 0.99, end * 0.99)
 
 
 def _checked(level: Transition, apart_m: float, conditions: Conditions) -> Transition:
@@ -123,7 +136,9 @@ def _checked(level: Transition, apart_m: float, conditions: Conditions) -> Trans
     near = np.flatnonzero(distances.min(axis=0) < apart_m)
     if not near.size:
         return level
-    lifted = _lift(level, _lifts_m(level, _levels(near, conditions), apart_m), course, conditions)
+    lifted = _lift(
+        level, _lifts_m(level, _levels(near, conditions), max(apart_m, conditions.lift_m)), course, conditions
+    )
     slots = lifted.sample(moments_s)
     needs = _within_limits(lifted, slots, course, moments_s, conditions)
     _refuse_near(_distances_m(slots, needs, conditions), apart_m, moments_s, conditions)
@@ -193,6 +208,23 @@ def _pair_distances_m(places_m: Array) -> Array:
     """Return the distance of each pair (..., pairs) of places (..., N, 3)."""
     one, other = np.triu_indices(places_m.shape[-2], 1)
     return np.linalg.norm(places_m[..., one, :] - places_m[..., other, :], axis=-1)
+
+
+def segment_distances_m(begin_m: Array, way_m: Array) -> Array:
+    """Return the least distance (pairs,) of each two of N segments, each from `begin_m` along `way_m` (N, 3)."""
+    one, other = np.triu_indices(len(begin_m), 1)
+    d, e, apart = way_m[one], way_m[other], begin_m[one] - begin_m[other]
+    dd, ee, de = (np.einsum("pi,pi->p", *pair) for pair in ((d, d), (e, e), (d, e)))
+    da, ea = (np.einsum("pi,pi->p", each, apart) for each in (d, e))
+    # Along the one where the lines are nearest, then along the other from there, then along the one once more.
+    along = np.clip(_ratio(de * ea - ee * da, dd * ee - de * de), 0.0, 1.0)
+    aside = np.clip(_ratio(de * along + ea, ee), 0.0, 1.0)
+    along = np.clip(_ratio(de * aside - da, dd), 0.0, 1.0)
+    return np.linalg.norm(apart + along[:, None] * d - aside[:, None] * e, axis=1)
+
+
+def _ratio(over: Array, under: Array) -> Array:
+    return np.divide(over, under, out=np.zeros_like(over), where=under > TINY)
 
 
 def _pairs(conditions: Conditions) -> npt.NDArray[np.intp]:

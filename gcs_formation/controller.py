@@ -301,6 +301,9 @@ class FormationController:
 
     def _judge_assembly(self, tick: Tick) -> None:
         most_m = self._scenario.start.tolerance_m
+        if not self.plan.settled(tick.now / NANOSECONDS):
+            self._in_slots_s = 0.0
+            return
         for column, (x_m, y_m, z_m) in enumerate(tick.error_m):
             if column != tick.leader and not (abs(x_m) < most_m and abs(y_m) < most_m and abs(z_m) < most_m):
                 self._in_slots_s = 0.0

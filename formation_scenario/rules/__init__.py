@@ -22,6 +22,7 @@ RULES = (
     vehicles.changes,
     vehicles.orders,
     vehicles.consensus,
+    surroundings.row,
     surroundings.path,
     surroundings.places,
     surroundings.wind,

@@ -38,6 +38,19 @@ def places(scenario: Scenario, source: Source) -> Iterator[Problem]:
             return
 
 
+def row(scenario: Scenario, source: Source) -> Iterator[Problem]:
+    """Yield a row in the air, or one in which vehicles stand nearer than they may fly."""
+    row_m, least_m = scenario.start.row_m, scenario.safety.separation_m
+    if row_m is None:
+        return
+    if scenario.start.in_air:
+        yield source.problem(
+            ("start", "row_m"), "found a row of vehicles that begin in the air", "none with in_air: true"
+        )
+    elif row_m < least_m:
+        yield source.problem(("start", "row_m"), f"found {row_m:g} m", f"safety.separation_m, {least_m:g} m, or more")
+
+
 def fence(scenario: Scenario, source: Source) -> Iterator[Problem]:
     """Yield a fence whose lowest height is above its highest."""
     lowest_m, highest_m = scenario.safety.fence.heights_m if scenario.safety.fence else (0.0, 1.0)

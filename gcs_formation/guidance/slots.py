@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flight_model.arrays import Array
+from flight_model.arrays import Array, Mask
 from flight_model.autopilot import FlightState
 from flight_model.displacement import SAMPLES, STEP_M, Bounds, blend, least_lift, sample_places
 from formation_scenario import Ground, PathPoint, Scenario, slot_schedule
@@ -44,15 +44,18 @@ class FormationPlan:
         self.scheduled: deque[FormationChange] = deque(sorted(scenario.formation.changes, key=lambda each: each.at_s))
         """The scenario's changes that haven't begun yet."""
         self._way = Transition.standing(first.places_m)
-        self._offset_m = np.tile(scenario.start.offset_m, (len(first.places_m), 1))
-        self._offset_m[0] = 0.0
+        self.goal_m = first.places_m
+        """(C, 3) the slots of the arrangement, where all come to rest."""
+        self.offset_m = np.tile(scenario.start.offset_m, (len(first.places_m), 1))
+        self.offset_m[0] = 0.0
 
     def resume(self, scenario: Scenario, arrangement: Arrangement, slots_m: Array, mission_s: float) -> None:
         """Begin with an arrangement, assigned nearest to `slots_m` (C, 3), and the changes due after a mission time."""
         self.arrangement = arrangement
         everyone = np.ones(len(slots_m), dtype=np.bool_)
-        self._way = Transition.standing(assigned(scenario, arrangement, slots_m, everyone))
-        self._offset_m -= self._offset_m[arrangement.leader]
+        self.goal_m = assigned(scenario, arrangement, slots_m, everyone)
+        self._way = Transition.standing(self.goal_m)
+        self.offset_m = self.offset_m - self.offset_m[arrangement.leader]
         while self.scheduled and self.scheduled[0].at_s <= mission_s:
             self.scheduled.popleft()
 
@@ -64,7 +67,9 @@ class FormationPlan:
     def at(self, now_s: float, *, begun: bool) -> SlotMotion:
         """Return the slots at a time of the station's clock, s; `begun`: whether the path has begun."""
         slots = self._way.at(now_s)
-        return slots if begun or not self._offset_m.any() else SlotMotion.at_rest(slots.position_m + self._offset_m)
+        if begun or not self.offset_m.any():
+            return slots
+        return SlotMotion(slots.position_m + self.offset_m, slots.velocity_mps, slots.acceleration_mps2)
 
     def at_each(self, each_s: list[float], *, begun: bool) -> SlotMotion:
         """Return every slot at a time of its own, (C,)."""
@@ -86,12 +91,22 @@ class FormationPlan:
     def hand_over(self, leader: int, swing_rad: float) -> None:
         """Make another column the leader; all positions stay the same."""
         self._way = self._way.seen_from(leader, swing_rad)
+        self.goal_m = SlotMotion.at_rest(self.goal_m).seen_from(leader, swing_rad).position_m
         self.arrangement = self.arrangement._replace(leader=leader)
-        self._offset_m -= self._offset_m[leader]
+        self.offset_m = self.offset_m - self.offset_m[leader]
 
     def adopt(self, arrangement: Arrangement, way: Transition) -> None:
         """Fly a change."""
-        self.arrangement, self._way = arrangement, way
+        self.arrangement, self._way, self.goal_m = arrangement, way, way.goal_m
+
+    def hold(self, which: Mask, place_m: Array) -> None:
+        """Let those in a mask (C,) stay at places (C, 3) until a change is flown."""
+        goal_m = np.where(which[:, None], place_m, self._way.goal_m)
+        self._way = replace(self._way, start=self._way.start.standing(which, place_m), goal_m=goal_m)
+
+    def settled(self, now_s: float) -> bool:
+        """Return whether all slots are at rest where they belong."""
+        return self._way.over(now_s) and np.array_equal(self._way.goal_m, self.goal_m)
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from formation_scenario import Scenario
 from formation_scenario.arrangement import Arrangement, SlotStep, assigned
 from formation_scenario.feasibility import check_ahead
 from formation_scenario.formation import FormationChange
-from formation_scenario.reconfiguration import ahead, column_names, plan_change, take_over
+from formation_scenario.reconfiguration import ahead, column_names, plan_change, plan_gathering, take_over
 from formation_scenario.slot_motion import SlotMotion
 from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.controller import FormationController
@@ -34,6 +34,8 @@ RETRY_S = 1.0
 """Interval between attempts at a change that can't be flown at the formation's present position."""
 AMID = 2.0
 """Vehicles up to this many times the farthest slot's distance from the leader count as amid the formation."""
+GATHERED_M = 300.0
+"""Vehicles this near the leader count as having taken off with it; the law brings others to their slots."""
 HEARD_S = 1.0
 """Largest age of a successor's telemetry, and of the newest sign that it hears."""
 
@@ -93,8 +95,11 @@ class Reconfiguration:
         self._wanted: Arrangement | None = None
         self._next_try = Instant(0)
         self._postponed: Arrangement | None = None
-        self._planned_for = np.ones(len(self._names), dtype=np.bool_)
+        self._planned_for = np.zeros(len(self._names), dtype=np.bool_)
         """(C,) which vehicles the present transition was planned for."""
+        self._planned_for[controller.plan.leader] = True
+        self._held = np.zeros(len(self._names), dtype=np.bool_)
+        """(C,) who keeps its place before the path begins, until a way to its slot is found."""
 
     @property
     def leader(self) -> Vehicle | None:
@@ -109,10 +114,10 @@ class Reconfiguration:
             path = self._scenario.path.model_copy(update={"speed_mps": resumed.speed_mps})
             self._scenario = self._scenario.model_copy(update={"path": path})
             guidance.speed_mps = resumed.speed_mps
+        self._planned_for[:] = False
+        self._planned_for[resumed.arrangement.leader] = True
         if resumed.path_began is not None:
             guidance.amid_m = resumed.reach_m
-            self._planned_for[:] = False
-            self._planned_for[resumed.arrangement.leader] = True
 
     def lead(self, vehicle: VehicleId, now: Instant) -> None:
         """Let a vehicle lead from the beginning on."""
@@ -126,12 +131,16 @@ class Reconfiguration:
     def advance(self, now: Instant, mission_time_s: float) -> None:
         """Begin the planned change that is due; if it can't be flown, try again later.
 
-        A transition that was planned without an absent vehicle is planned again when that vehicle is back.
+        A transition that was planned without an absent vehicle is planned again when that vehicle is back. Before the
+        path begins, vehicles come one after another.
         """
         plan = self._controller.plan
         if plan.scheduled and mission_time_s >= plan.scheduled[0].at_s:
             self._want((self._wanted or plan.arrangement).changed(plan.scheduled.popleft(), self._scenario), now)
         if self._wanted is None and self._somebody_returned():
+            if math.isnan(mission_time_s):
+                self._gather(now)
+                return
             self._want(plan.arrangement, now)
         if self._wanted is None or now < self._next_try:
             return
@@ -142,6 +151,32 @@ class Reconfiguration:
             if self._postponed != self._wanted:
                 self._postponed = self._wanted
                 self._note(now, "postponed", f"the change is tried again: {error}")
+
+    def _gather(self, now: Instant) -> None:
+        """Lead those that have come to their slots, clear of each other and of those that came before.
+
+        Where no way meets another, the law brings them there. Until a way is found they keep their places.
+        """
+        controller, plan = self._controller, self._controller.plan
+        route, guidance = controller.guidance.route, controller.guidance
+        if route is None or now < self._next_try:
+            return
+        self._next_try = after(now, RETRY_S)
+        present, places_m = self._present(), controller.places_m(now) - plan.offset_m
+        come = self._returned() & ~self._held & (np.hypot(places_m[:, 0], places_m[:, 1]) <= GATHERED_M)
+        start = plan.at(now / NANOSECONDS, begun=True).standing(come, places_m)
+        course = ahead(route, guidance.speed_mps, guidance.distance_m)
+        try:
+            way = plan_gathering(self._scenario, start, plan.goal_m, plan.leader, now / NANOSECONDS, course, present)
+        except NotFlyableError:
+            plan.hold(come, places_m)
+            self._held |= come
+            return
+        self._planned_for, self._held = present, np.zeros_like(present)
+        if way is not None:
+            plan.adopt(plan.arrangement, way)
+            text = "gathers clear of each other's ways"
+            self._note(now, "gathering", text, None, {"duration_s": way.duration_s})
 
     def change(self, wanted: Arrangement, now: Instant) -> None:
         """Begin a change.

@@ -28,6 +28,12 @@ def test_on_the_ground_followers_stand_at_their_slots(load):
     assert not start.in_air
 
 
+def test_on_the_ground_they_stand_in_a_row_to_the_leaders_right(load):
+    start = start_states(load(EAST, "start.row_m=9"))
+    np.testing.assert_allclose(start.east_m, [-1320] * 4, atol=1e-9)
+    np.testing.assert_allclose(start.north_m, [0, -9, -18, -27], atol=1e-9)
+
+
 def test_a_virtual_leader_takes_no_place(load):
     start = start_states(load(EAST, "vehicles=[{id: 2}, {id: 3}]", "formation.shape=follower"))
     np.testing.assert_allclose(start.east_m, [-1350, -1380], atol=1e-9)

@@ -30,6 +30,8 @@ import pytest
         (["expect=[{metric: settled_at_s, below: 1, from_s: 120}]"], "found a window from 120 to 120 s"),
         (["expect=[{metric: violations, followers: [2], below: 1}]"], "a figure of the whole run; all"),
         (["expect=[{metric: violations, above: 2, below: 1}]"], "found above 2 and below 1; more than above"),
+        (["start.row_m=4"], "start.row_m: found 4 m; safety.separation_m, 5 m, or more"),
+        (["start={in_air: true, row_m: 9}"], "start.row_m: found a row of vehicles that begin in the air"),
         (["formation.shape=custom"], "formation.slots_m: found no slot for follower 2, 3, 4"),
         (
             ["formation.changes=[{at_s: 1, shape: custom, slots_m: {2: [-9, 0, 0]}}]"],

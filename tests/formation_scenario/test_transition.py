@@ -18,9 +18,11 @@ from formation_scenario.reconfiguration import (
     ahead,
     keepable_turn_rps,
     plan_change,
+    plan_gathering,
     take_over,
 )
 from formation_scenario.slot_motion import Course, SlotMotion, Transition, slot_needs
+from formation_scenario.transition_plan import NotFlyableError, segment_distances_m
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 SPEED = 22.0
@@ -129,6 +131,72 @@ def test_who_is_up_already_is_lifted_over_the_others_not_over_itself(load):
         for up_m in (0.0, 12.0)
     ]
     assert [way.lift_m[1] for way in lifts] == pytest.approx([18.0, 18.0])
+
+
+EVERYONE = np.ones(4, dtype=np.bool_)
+ROW = np.array([[0.0, 0.0, 0.0], [0.0, 12.0, 0.0], [0.0, 24.0, 0.0], [0.0, 36.0, 0.0]])
+
+
+def gathered(scenario, start_m, course=None):
+    """Plan the way of vehicles from where they are to the slots of a diamond."""
+    goal_m = slot_schedule(scenario)[0].places_m
+    course = course or ahead(SplinePath(scenario.path.waypoints_m), SPEED, 0.0)
+    return plan_gathering(scenario, SlotMotion.at_rest(start_m), goal_m, 0, 0.0, course, EVERYONE)
+
+
+def test_who_stood_in_a_row_gathers_farther_apart_than_the_separation_rule_keeps(load):
+    way = gathered(load("safety.separation_m=3"), ROW)
+    assert way is not None
+    places = way.sample(np.linspace(0.0, way.duration_s, 600)).position_m
+    assert way.lift_m.max() >= 10.0
+    assert min(pdist(each).min() for each in places) > 8.0 + 1.99
+    np.testing.assert_allclose(places[-1], slot_schedule(load())[0].places_m)
+
+
+def test_who_is_near_its_slot_and_in_nobodys_way_needs_none_planned(load):
+    slots = slot_schedule(load())[0].places_m
+    assert gathered(load(), slots + np.array([[0, 0, 0], [8, 6, 4], [8, 6, 4], [8, 6, 4]])) is None
+    assert gathered(load(), slots + np.array([[0, 0, 0], [0, 0, 0], [0, 0, 0], [-21, 0, 0]])) is not None
+
+
+def test_two_within_metres_of_their_slots_whose_ways_cross_have_them_planned(load):
+    """Whoever is first: 4 leaves where their ways cross as 3 sets out, and would be in its way if it came later."""
+    slots = "formation={shape: custom, slots_m: {2: [-60, 0, 0], 3: [8, 40, 0], 4: [7, 23, 0]}}"
+    scenario = load(slots, "safety.separation_m=3")
+    goal_m = slot_schedule(scenario)[0].places_m
+    start_m = goal_m + np.array([[0, 0, 0], [0, 0, 0], [-18, 0, 0], [0, 18, 0]])
+    level = Transition(0.0, 20.0, SlotMotion.at_rest(start_m), goal_m, np.zeros(4), 0.0)
+    assert min(pdist(each).min() for each in level.sample(np.linspace(0, 20, 200)).position_m) > 11.0
+    assert gathered(scenario, start_m) is not None
+
+
+def test_gathering_waits_for_a_leader_that_climbs(load):
+    """A climb leaves little for those that are to pass over others; once it's over they take a third of the time."""
+
+    def climbing(elapsed_s):
+        still = np.zeros_like(elapsed_s)
+        return Course(SPEED, still, still, np.where(elapsed_s < 30.0, 2.0, 0.0), still)
+
+    scenario = load("safety.separation_m=3")
+    with pytest.raises(NotFlyableError, match="to gather; allowed: up to"):
+        gathered(scenario, ROW, climbing)
+    way = gathered(scenario, ROW, lambda elapsed_s: climbing(elapsed_s + 30.0))
+    assert way is not None
+    assert way.duration_s < 60.0
+
+
+@given(st.integers(0, 10_000))
+def test_the_least_distance_of_two_straight_ways_is_that_of_their_nearest_points(seed):
+    random = np.random.default_rng(seed)
+    begin, way = random.uniform(-30, 30, (2, 3, 3)).round()
+    shares = np.linspace(0.0, 1.0, 201)
+    points = begin[:, None] + shares[:, None] * way[:, None]
+    pairs = ((0, 1), (0, 2), (1, 2))
+    sampled = [np.linalg.norm(points[a][:, None] - points[b], axis=-1).min() for a, b in pairs]
+    step_m = np.linalg.norm(way, axis=1).max() / 200.0
+    found = segment_distances_m(begin, way)
+    assert (found <= np.array(sampled) + 1e-9).all()
+    assert (found >= np.array(sampled) - step_m).all()
 
 
 def test_a_change_is_planned_amid_another_leaders_way_over_hills():

@@ -1,0 +1,59 @@
+"""Vehicles that took off in a row gather: clear of each other's ways, before the path begins."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+import gcs_formation
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+WIND: dict[str, Any] = {
+    "wind": {"velocity_mps": [-4.2, 4.2, 0]},
+    "disturbances": [{"at_s": 0, "kind": "dryden", "wind_6m_mps": 6}],
+}
+PLANES: dict[str, Any] = {
+    "vehicles": {"count": 4, "model": "arduplane"},
+    "start": {"timeout_s": 900, "row_m": 55, "run_in_s": 0},
+    "formation": {"shape": "line", "spacing_m": 40},
+    "path": {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [3000, 0, 100]]},
+}
+COPTERS = yaml.safe_load((CONFIGS / "arducopter.yaml").read_text()) | {"expect": [], "orders": []}
+COPTERS["start"] = COPTERS["start"] | {"row_m": 9, "run_in_s": 0}
+
+
+def gathers(keys: dict[str, Any], directory: Path) -> tuple[float, dict[str, Any]]:
+    """Return the least separation of a flight to its path's first second, and the event of its gathering."""
+    keys = keys | {"schema": 1, "duration_s": 1, "finish": {"loiter_s": 0}}
+    flown = gcs_formation.run(keys, clock="virtual", out=directory)
+    events = [json.loads(line) for line in (directory / "events.jsonl").read_text().splitlines()]
+    assert not [each for each in events if each["kind"] == "separation"]
+    phases = {each["text"]: each["t_s"] for each in events if each["kind"] == "phase"}
+    (event,) = [each for each in events if each["kind"] == "gathering"]
+    assert event["t_s"] + event["duration_s"] < phases["flying"]
+    assert event["t_s"] + event["duration_s"] < phases["assembling"] + 120.0
+    assert "unassembled" not in {each["kind"] for each in events}
+    return flown.to_dict()["safety"]["min_separation_m"], event
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("shape", ["line", "diamond", "follower"])
+@pytest.mark.parametrize("air", [{}, WIND], ids=["calm", "windy"])
+def test_planes_that_took_off_in_a_row_keep_the_rules_distance_without_it(shape, air, tmp_path):
+    """By the law alone, without ways planned, the line came within 5.1 m in the wind."""
+    keys = PLANES | {"formation": {"shape": shape, "spacing_m": 40}}
+    nearest_m, _ = gathers(keys | air, tmp_path / "run")
+    assert nearest_m > 10.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("shape", ["line", "diamond"])
+@pytest.mark.parametrize("air", [{}, WIND], ids=["calm", "windy"])
+def test_copters_that_took_off_9_m_apart_gather_without_the_rule(shape, air, tmp_path):
+    keys = COPTERS | {"formation": {"shape": shape, "spacing_m": 12, "frame": "leader_heading"}}
+    nearest_m, _ = gathers(keys | air, tmp_path / "run")
+    assert nearest_m > 8.0
