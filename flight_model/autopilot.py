@@ -237,7 +237,7 @@ def advance(
     state.east_m += (east_mps + state.wind_east_mps) * time_s
     state.airspeed_mps = goal_mps - remaining(faster_mps, time_s, model.tau_v_s, accel_max_mps2)
     state.heading_rad = goal_rad - remaining(turn_rad, time_s, model.tau_psi_s, turn_rate_max_rps)
-    _climb(state, model, height_m, time_s)
+    climb(state, model, height_m, time_s)
 
 
 def respond(
@@ -252,10 +252,10 @@ def respond(
         turn_rad = wrap(heading_rad - state.heading_rad)
         left_rad = remaining(turn_rad, time_s, model.tau_psi_s, model.turn_rate_max_rps)
         state.heading_rad = state.heading_rad + turn_rad - left_rad
-    _climb(state, model, height_m, time_s)
+    climb(state, model, height_m, time_s)
 
 
-def _climb(state: FlightState, model: AutopilotModel, height_m: float, time_s: float) -> None:
+def climb(state: FlightState, model: AutopilotModel, height_m: float, time_s: float) -> None:
     """Move height and climb rate on, the climb within its limit; one beyond it comes down to it by the faster lag.
 
     With equal time constants the limit of (e^x - 1) / x gives the solution for a double pole.

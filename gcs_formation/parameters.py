@@ -45,7 +45,8 @@ def lag_estimator(scenario: Scenario, history: SetpointHistory, models: list[Aut
     """Return what learns the vehicles' lags; `models` are given them unless the scenario wants them as they are."""
     rates_hz = scenario.telemetry.rate_hz, scenario.law.rate_hz
     estimator = LagEstimator(models, history, *rates_hz, in_use=scenario.law.lag_estimation)
-    estimator.lagging = np.array([each.airframe is None and not each.hovers for each in column_models(scenario)])
+    for lags, model in zip(estimator.vehicles, column_models(scenario), strict=True):
+        lags.lagging = model.airframe is None and not model.hovers
     return estimator
 
 

@@ -10,178 +10,79 @@ the simulation, so white noise in the telemetry doesn't bias it; a constant diff
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import NamedTuple
-
-import numpy as np
+from typing import Final
 
 from airlink.clock import NANOSECONDS
-from flight_model.arrays import Array, Instants, Mask, within, wrap
 from flight_model.autopilot import AutopilotModel
-from gcs_formation.estimation.flight_state import AutopilotModels
-from gcs_formation.estimation.lag_bank import Bank
-from gcs_formation.estimation.setpoint_history import SetpointHistory
+from flight_model.slot import Triple
+from gcs_formation.estimation.lag_bank import Bank, Motion, Tracks
+from gcs_formation.estimation.lag_fit import BATCH_S, Channel, Nodes
+from gcs_formation.estimation.setpoint_history import SentSetpoints, SetpointHistory
 
-RATIO_MAX = 2.0
-"""A lag is found between the believed one divided and multiplied by this."""
-BOUND = math.log(RATIO_MAX)
-BELIEVED_SPREAD = 0.35
-"""Standard deviation of the logarithm of a lag's ratio before anything is learnt: 40 %."""
-CORRELATED_S = 1.0
-"""Residuals this far apart count as independent."""
-BATCH_S = 1.0
-"""How often lags are fitted."""
-STEP_MAX = 0.1
-"""Largest change of a ratio's logarithm at a fit."""
-LEAST_SPREAD = 0.02
-"""What was seen first is forgotten once the ratio is known better than this: lags may change. Without excitation
-nothing is learnt, and nothing forgotten."""
-RECENT_S = 20.0
-"""Memory of the misfit."""
-SIGNIFICANT = 2.0
-"""Standard deviations of the misfit that don't count."""
-RESOLUTION = np.array((0.02, 0.002, 0.05))
+RESOLUTION: Final = (0.02, 0.002, 0.05)
 """Residuals of airspeed (m/s), heading (rad) and height (m) count as no smaller: telemetry's digits, and the instant at
 which a setpoint acts, aren't known better."""
-GAP_S = 3.0
+GAP_S: Final = 3.0
 """A longer gap in the telemetry starts the simulation anew."""
-Motion = tuple[float, ...]
-"""Airspeed, heading, height and climb, m/s, rad, m."""
 
 
-class Nodes(NamedTuple):
-    """Interpolation between simulations: logarithms of their ratios, (K, P), and the polynomials' coefficients."""
+class VehicleLags:
+    """A vehicle's batch of samples, and its simulations."""
 
-    at: Array
-    inverse: Array
-    """(n, n) of one parameter's Vandermonde matrix, n to the power of P being K."""
+    def __init__(self, model: AutopilotModel, air: Nodes, height: Nodes) -> None:
+        """Start with the lags that `model` has."""
+        self.lagging = True
+        """Whether it flies by (7); of others, whose model only comes near them, no lags are learnt."""
+        self.model = model
+        self.stamps: list[int] = []
+        """Of the samples, ns; the first ended the batch before."""
+        self._lags_s = model.tau_v_s, model.tau_psi_s, model.tau_ha_s, model.tau_hb_s
+        self._bank = Bank(model, air.at, height.at)
+        self._motion: Motion = (math.nan, math.nan, math.nan, math.nan)
+        self._stamp = 0
+        self._seen: list[Motion] = []
+        self._learning = True
+        self._learnt = [False, False, False]
 
-    @classmethod
-    def of(cls, count: int, parameters: int) -> Nodes:
-        """Return `count` Chebyshev points of [-BOUND, BOUND] for each of 1 or 2 parameters."""
-        points = BOUND * np.cos((2 * np.arange(count) + 1) * np.pi / (2 * count))
-        at = np.stack(np.meshgrid(*[points] * parameters, indexing="ij"), axis=-1).reshape(-1, parameters)
-        return cls(at, np.linalg.inv(np.vander(points, increasing=True)).astype(np.float64))
+    def hear(self, stamp: int, motion: Motion) -> None:
+        """Take its motion as measured at `stamp`."""
+        self._stamp, self._motion = max(stamp, self._stamp), motion
 
-    def weights(self, log_ratio: Array) -> tuple[Array, Array]:
-        """Return the weights (C, K) of the simulations at `log_ratio` (C, P), and their derivatives (C, P, K)."""
-        powers = np.arange(len(self.inverse))
-        each = log_ratio[..., None] ** powers @ self.inverse
-        slopes = powers * log_ratio[..., None] ** np.maximum(powers - 1, 0) @ self.inverse
-        if log_ratio.shape[1] == 1:
-            return each[:, 0], slopes
-        (first, second), (first_slope, second_slope) = each.swapaxes(0, 1), slopes.swapaxes(0, 1)
-        pairs = (first, second), (first_slope, second), (first, second_slope)
-        weights, by_first, by_second = (np.einsum("ci,cj->cij", a, b).reshape(len(a), -1) for a, b in pairs)
-        return weights, np.stack((by_first, by_second), axis=1)
+    def note(self, *, learning: bool) -> None:
+        """Add the newest sample; `learning`: it flies as it was told."""
+        self._learning = self._learning and learning and not math.isnan(self._motion[0])
+        self.stamps.append(self._stamp)
+        self._seen.append(self._motion)
 
+    def learns(self, told: list[Triple]) -> bool:
+        """Return whether a batch in which it was `told` this shows its lags."""
+        if not (self._learning and self.lagging and self._bank.flying):
+            return False
+        if (self.stamps[-1] - self.stamps[0]) / NANOSECONDS > GAP_S + BATCH_S:
+            return False
+        return all(math.isfinite(speed_mps + heading_rad + height_m) for speed_mps, heading_rad, height_m in told)
 
-@dataclass
-class Sums:
-    """Sums over samples of the differences between K simulations and the telemetry."""
+    def fly(self, acts: list[int], told: list[Triple]) -> Tracks:
+        """Return the simulations minus telemetry; (R) setpoints `told` act at `acts`, ns, in order. None: no sample."""
+        unseen = self._bank.unseen(len(self.stamps) - 1)
+        if not told:
+            return unseen
+        tracks = self._bank.fly(self.stamps, self._seen, acts, told)
+        self._learnt = self._bank.free()
+        return [tracks[place] if free else unseen[place] for place, free in enumerate(self._learnt)]
 
-    count: Array
-    """(C,)."""
-    first: Array
-    """(C, K)."""
-    second: Array
-    """(C, K, K)."""
+    def begin(self) -> None:
+        """Begin a batch with the newest sample; the simulations that didn't teach begin anew from it."""
+        self._bank.begin(self._learnt, self._seen[-1])
+        self.stamps, self._seen = self.stamps[-1:], self._seen[-1:]
+        self._learning, self._learnt = True, [False, False, False]
 
-    @classmethod
-    def none(cls, columns: int, nodes: int) -> Sums:
-        """Return the sums over no samples."""
-        return cls(np.zeros(columns), np.zeros((columns, nodes)), np.zeros((columns, nodes, nodes)))
-
-    def add(self, differences: Array, counted: Mask) -> None:
-        """Add samples (B, C, K) where `counted` (B, C)."""
-        kept = np.where(counted[..., None], differences, 0.0)
-        self.count += counted.sum(axis=0)
-        self.first += kept.sum(axis=0)
-        by_column = kept.swapaxes(0, 1)
-        self.second += by_column.swapaxes(1, 2) @ by_column
-
-    def keep(self, share: Array | float) -> None:
-        """Forget all but a share, a number or (C,)."""
-        share = np.broadcast_to(share, self.count.shape)
-        self.count *= share
-        self.first *= share[:, None]
-        self.second *= share[:, None, None]
-
-    def scatter(self) -> Array:
-        """Return the sums of products about the mean, (C, K, K)."""
-        mean = self.first / np.maximum(self.count, 1.0)[:, None]
-        return self.second - mean[:, :, None] * self.first[:, None, :]
-
-
-class Fit(NamedTuple):
-    """What samples say about logarithms of ratios near some values, without the prior."""
-
-    pull: Array
-    """(C, P) gradient of the log-likelihood."""
-    information: Array
-    """(C, P, P)."""
-
-    @classmethod
-    def of(cls, sums: Sums, weights: Array, slopes: Array, resolution: float, rate_hz: float) -> Fit:
-        """Return the fit at the simulations' `weights` (C, K), whose derivatives are `slopes` (C, P, K)."""
-        scatter = sums.scatter()
-        misfit = (scatter @ weights[..., None])[..., 0]
-        variance = (weights * misfit).sum(axis=1) / np.maximum(sums.count, 1.0) + resolution**2
-        worth = 1.0 / (variance * max(1.0, CORRELATED_S * rate_hz))
-        pull = -(slopes @ misfit[..., None])[..., 0] * worth[:, None]
-        return cls(pull, slopes @ scatter @ slopes.swapaxes(1, 2) * worth[:, None, None])
-
-
-class Channel:
-    """Airspeed, heading or height of all vehicles: what was seen, and the P lags that fit it."""
-
-    def __init__(self, nodes: Nodes, columns: int, resolution: float, rate_hz: float, *, in_use: bool) -> None:
-        """Start with the believed lags.
-
-        `rate_hz` is that of the telemetry; `in_use`: whether the lags found are, not the believed ones.
-        """
-        self.nodes = nodes
-        self.log_ratio: Array = np.zeros((columns, nodes.at.shape[1]))
-        """(C, P) of the lags to the believed ones."""
-        self.spread: Array = np.full_like(self.log_ratio, BELIEVED_SPREAD)
-        """(C, P) standard deviations of these."""
-        self.misfit: Array = np.zeros(columns)
-        """(C,) share by which lags seem to differ from those in use, beyond chance, in what was flown last."""
-        self._resolution, self._rate_hz, self._in_use = resolution, rate_hz, in_use
-        self._all, self._recent = (Sums.none(columns, len(nodes.at)) for _ in range(2))
-
-    def learn(self, differences: Array, counted: Mask) -> None:
-        """Take a batch of simulations minus telemetry, (B, C, K), where `counted` (B, C), and fit the lags anew."""
-        apart = np.where(counted, np.abs(differences[..., 0] - differences[..., -1]), 0.0)
-        excited = apart.max(axis=0, initial=0.0) > self._resolution
-        self._recent.keep(math.exp(-BATCH_S / RECENT_S))
-        self._recent.add(differences, counted)
-        self._all.add(differences, counted & excited)
-        weights, slopes = self.nodes.weights(self.log_ratio)
-        self._judge(*((weights, slopes) if self._in_use else self.nodes.weights(np.zeros_like(self.log_ratio))))
-        self._fit(weights, slopes)
-
-    def _fit(self, weights: Array, slopes: Array) -> None:
-        """Make a Gauss-Newton step towards the most likely lags, and forget what is more than enough."""
-        fit = Fit.of(self._all, weights, slopes, self._resolution, self._rate_hz)
-        believed = np.eye(slopes.shape[1]) / BELIEVED_SPREAD**2
-        covariance = np.linalg.inv(fit.information + believed)
-        wanted = (covariance @ (fit.pull - self.log_ratio / BELIEVED_SPREAD**2)[..., None])[..., 0]
-        self.log_ratio = within(self.log_ratio + within(wanted, -STEP_MAX, STEP_MAX), -BOUND, BOUND)
-        self.spread = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-        most = np.diagonal(fit.information, axis1=1, axis2=2).max(axis=1)
-        self._all.keep(np.minimum(1.0, 1.0 / (LEAST_SPREAD**2 * np.maximum(most, 1.0))))
-
-    def _judge(self, weights: Array, slopes: Array) -> None:
-        """Find by what common share the lags in use, those of `weights`, differ from those of the last flight."""
-        sums, slope = self._recent, slopes.sum(axis=1)
-        scatter = sums.scatter()
-        by_slope = (scatter @ slope[..., None])[..., 0]
-        excitation = np.maximum((slope * by_slope).sum(axis=1), 1e-12)
-        shown, misfit = (weights * by_slope).sum(axis=1), np.einsum("ck,ckl,cl->c", weights, scatter, weights)
-        left = np.maximum(misfit - shown**2 / excitation, 0.0) / np.maximum(sums.count, 1.0)
-        chance = np.sqrt((left + self._resolution**2) * max(1.0, CORRELATED_S * self._rate_hz) / excitation)
-        self.misfit = np.maximum(0.0, np.abs(shown) / excitation - SIGNIFICANT * chance)
+    def use(self, log_ratios: list[float]) -> None:
+        """Give its model lags by their ratios to the believed ones: of airspeed and heading, and both of height."""
+        speed, heading, slow, fast = log_ratios
+        model, (speed_s, heading_s, slow_s, fast_s) = self.model, self._lags_s
+        model.tau_v_s, model.tau_psi_s = speed_s * math.exp(speed), heading_s * math.exp(heading)
+        model.tau_ha_s, model.tau_hb_s = slow_s * math.exp(slow), fast_s * math.exp(fast)
 
 
 class LagEstimator:
@@ -203,42 +104,28 @@ class LagEstimator:
 
         Not `in_use`, the models stay as they are, and only their misfit is watched.
         """
-        self.models = models
-        self.lagging: Mask = np.ones(len(models), dtype=bool)
-        """(C,) which vehicles fly by (7); of others, whose model only comes near them, no lags are learnt."""
-        self._in_use = in_use
-        self._believed = AutopilotModels.from_each(models)
-        self._history = history
-        columns = len(models)
-        air, height = Nodes.of(5, 1), Nodes.of(4, 2)
-        each = zip((air, air, height), RESOLUTION.tolist(), strict=True)
-        self.channels = tuple(Channel(nodes, columns, finest, telemetry_hz, in_use=in_use) for nodes, finest in each)
+        air, height = Nodes(5, 1), Nodes(4, 2)
+        self.vehicles = [VehicleLags(model, air, height) for model in models]
+        each = zip((air, air, height), RESOLUTION, strict=True)
+        self.channels = [Channel(nodes, len(models), finest, telemetry_hz, in_use=in_use) for nodes, finest in each]
         """Airspeed, heading, height."""
-        self._bank = Bank(self._believed, air.at[:, 0], height.at)
+        self._in_use = in_use
+        self._history = history
         self._ticks = max(2, round(BATCH_S * law_hz))
-        self._seen: list[Motion] = [(math.nan,) * 4] * columns
-        self._stamps = [0] * columns
-        self._samples: list[tuple[list[int], list[Motion]]] = []
-        self._learning = [True] * columns
+        self._noted = 0
 
     @property
-    def misfit(self) -> Array:
+    def misfit(self) -> list[list[float]]:
         """(3, C) by what share the lags of airspeed, heading and height seem to differ from those in use."""
-        return np.array([channel.misfit for channel in self.channels])
+        return [channel.misfit for channel in self.channels]
 
-    @property
-    def ratios(self) -> Array:
-        """(4, C) of the lags of airspeed, heading and height (two) to the believed ones."""
-        return np.exp(np.concatenate([channel.log_ratio.T for channel in self.channels]))
-
-    @property
-    def spreads(self) -> Array:
-        """(4, C) standard deviations of the logarithms of those."""
-        return np.concatenate([channel.spread.T for channel in self.channels])
+    def log_ratios(self, column: int) -> list[float]:
+        """Return those of a vehicle's lags of airspeed, heading and height (two) to the believed ones."""
+        return [each for channel in self.channels for each in channel.log_ratio[column]]
 
     def hear(self, column: int, stamp: int, motion: Motion) -> None:
         """Take a vehicle's airspeed, heading, height and climb as measured at `stamp`, m/s, rad, m."""
-        self._stamps[column], self._seen[column] = max(stamp, self._stamps[column]), motion
+        self.vehicles[column].hear(stamp, motion)
 
     def learn(self, learning: list[bool]) -> None:
         """Take the newest samples at a tick; `learning` (C,): vehicles that fly as they were told.
@@ -246,33 +133,40 @@ class LagEstimator:
         Once in `BATCH_S` the models' lags are fitted.
         """
         for column, flies in enumerate(learning):
-            self._learning[column] = self._learning[column] and flies and not math.isnan(self._seen[column][0])
-        self._samples.append((self._stamps.copy(), self._seen.copy()))
-        if len(self._samples) <= self._ticks:
+            self.vehicles[column].note(learning=flies)
+        self._noted += 1
+        if self._noted <= self._ticks:
             return
-        stamps = np.array([each for each, _ in self._samples], dtype=np.int64)
-        self._take(stamps, np.array([each for _, each in self._samples]).transpose(0, 2, 1))
-        self._samples, self._learning = self._samples[-1:], [True] * len(learning)
+        ticks = self._history.between(
+            [each.stamps[0] for each in self.vehicles], [each.stamps[-1] for each in self.vehicles]
+        )
+        self._fit(ticks)
+        for each in self.vehicles:
+            each.begin()
+        self._noted = 1
 
-    def _take(self, stamps: Instants, seen: Array) -> None:
-        """Fit the lags to a batch of samples (B + 1, 4, C) at `stamps` (B + 1, C); its first ended the one before."""
-        ticks = self._history.between(stamps[0].tolist(), stamps[-1].tolist())
-        acts = np.maximum.accumulate(np.array([tick.acts for tick in ticks], dtype=np.int64))
-        told = np.array([tick.setpoints for tick in ticks]).transpose(0, 2, 1)
-        gaps = (stamps[-1] - stamps[0]) / NANOSECONDS > GAP_S + BATCH_S
-        learning: Mask = self._learning & self.lagging & self._bank.flying
-        learning &= np.isfinite(told).all(axis=(0, 1)) & ~gaps
-        if learning.any():
-            simulated, free = self._bank.fly(stamps, acts, np.where(learning, told, 0.0))
-            learning = learning & free
-            newer = stamps[1:] > stamps[:-1]
-            for row, (channel, motion) in enumerate(zip(self.channels, simulated, strict=True)):
-                differences = motion - seen[1:, row, :, None]
-                channel.learn(wrap(differences) if row == 1 else differences, newer & learning[row])
-            if self._in_use:
-                self._apply((self._believed.table[:4] * self.ratios).T.tolist())
-        self._bank.begin(~np.broadcast_to(learning, (len(self.channels), gaps.size)), seen[-1])
+    def _fit(self, ticks: list[SentSetpoints]) -> None:
+        """Fit the lags to a batch, in which the setpoints of `ticks` acted."""
+        told = [[tick.setpoints[column] for tick in ticks] for column in range(len(self.vehicles))]
+        learns = [each.learns(told[column]) for column, each in enumerate(self.vehicles)]
+        if not any(learns):
+            return
+        flown = [
+            each.fly(_in_order(ticks, column), told[column] if learns[column] else [])
+            for column, each in enumerate(self.vehicles)
+        ]
+        for place, channel in enumerate(self.channels):
+            channel.learn([tracks[place] for tracks in flown])
+        if self._in_use:
+            for column, each in enumerate(self.vehicles):
+                each.use(self.log_ratios(column))
 
-    def _apply(self, lags_s: list[list[float]]) -> None:
-        for model, (tau_v_s, tau_psi_s, tau_ha_s, tau_hb_s) in zip(self.models, lags_s, strict=True):
-            model.tau_v_s, model.tau_psi_s, model.tau_ha_s, model.tau_hb_s = tau_v_s, tau_psi_s, tau_ha_s, tau_hb_s
+
+def _in_order(ticks: list[SentSetpoints], column: int) -> list[int]:
+    """Return when a vehicle's setpoints act, none before the one before it."""
+    acts: list[int] = []
+    latest = 0
+    for tick in ticks:
+        latest = max(latest, tick.acts[column])
+        acts.append(latest)
+    return acts

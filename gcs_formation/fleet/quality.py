@@ -10,7 +10,6 @@ import numpy as np
 
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
-from flight_model.arrays import Array
 from formation_scenario import Scenario
 from gcs_formation.control.laws import law_kind
 from gcs_formation.estimation.noise import QUANTITIES, NoiseEstimate
@@ -59,7 +58,7 @@ class MarginWatch:
         self.beyond: set[VehicleId] = set()
         """Those whose loop's delay is beyond what keeps it stable."""
         self._near: set[VehicleId] = set()
-        self._lags_off: Array = np.zeros((len(CHANNELS), len(self.used)))
+        self._lags_off = [[0.0] * len(self.used) for _ in CHANNELS]
         self._calm = Counter[tuple[VehicleId, str]]()
         predicted, shared = scenario.law.delay_compensation, dict[object, Usage]()
         self._axes = {
@@ -69,7 +68,7 @@ class MarginWatch:
             for vehicle, of_axes in law_loops(scenario, succession=True).items()
         }
 
-    def watch(self, now: Instant, leader: Vehicle | None, lags_off: Array) -> None:
+    def watch(self, now: Instant, leader: Vehicle | None, lags_off: list[list[float]]) -> None:
         """Check every loop: report when it comes near its margin, and lower gains if the scenario asks for that.
 
         Only a mutual law closes a loop around the vehicle that leads.
@@ -104,9 +103,11 @@ class MarginWatch:
 
     def _by_lags(self, column: int, delay: LoopDelay, axes: Mapping[str, Usage]) -> tuple[float, int]:
         """Return the most that any loop uses of its margin against wrong lags, and the channel whose lags they are."""
-        off = self._lags_off[:, column].tolist()
+        off = self._lags_off
         return max(
-            (usage.of_lags(delay, off[channel]), channel) for axis, usage in axes.items() for channel in _channels(axis)
+            (usage.of_lags(delay, off[channel][column]), channel)
+            for axis, usage in axes.items()
+            for channel in _channels(axis)
         )
 
     def _let_go(self, leader: Vehicle) -> None:
@@ -152,7 +153,7 @@ class MarginWatch:
             self._near.add(vehicle.identity)
             text, details = f"uses {used:.0%} of its delay margin", dict[str, Detail](used=used)
             if channel is not None:
-                off = float(self._lags_off[channel, self._columns[vehicle.identity]])
+                off = self._lags_off[channel][self._columns[vehicle.identity]]
                 text += f": {list(CHANNELS.values())[channel]} doesn't follow as its model says, lags are {off:.0%} off"
                 details["lags_off"] = off
             self._note(now, "delay_margin", text, vehicle, details)

@@ -1,5 +1,7 @@
 """Lags learnt from what simulated vehicles of known lags fly."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from gcs_formation.estimation.lags import LagEstimator
 from gcs_formation.estimation.predictor import advance
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from tests.gcs_formation import tables
+from tests.gcs_formation.estimation.lags_on_arrays import LagsOnArrays
 
 TICK_S, DELAY_S = 0.1, 0.35
 LAGS = ("tau_v_s", "tau_psi_s", "tau_ha_s", "tau_hb_s")
@@ -34,13 +37,23 @@ def wander(time_s):
 
 
 def flown(
-    ratios, seconds=30, tell=wander, *, learning=True, noise=(0, 0, 0), seed=1, true=None, in_use=True, silent_s=(0, 0)
+    ratios,
+    seconds=30,
+    tell=wander,
+    *,
+    learning=True,
+    noise=(0, 0, 0),
+    seed=1,
+    true=None,
+    in_use=True,
+    silent_s=(0, 0),
+    kind: Any = LagEstimator,
 ):
-    """Return the estimator after a flight of vehicles whose lags are `ratios` times the believed ones."""
+    """Return the estimator, of a `kind`, after a flight of vehicles whose lags are `ratios` times the believed ones."""
     true, count = true or models(ratios), len(ratios)
     history = SetpointHistory(1 / TICK_S)
     believed = tables.models(models(np.ones((count, 4))))
-    lags = LagEstimator(believed, history, 1 / TICK_S, 1 / TICK_S, in_use=in_use)
+    lags = kind(believed, history, 1 / TICK_S, 1 / TICK_S, in_use=in_use)
     rows = np.array([0.0, 0.0, 100.0, 0.0, 22.0, 0.0, 0.0, 0.0])
     state, random = FlightStates.of(np.repeat(rows[:, None], count, axis=1)), np.random.default_rng(seed)
     tick_ns, acting = round(TICK_S * 1e9), []
@@ -61,11 +74,16 @@ def flown(
     return lags
 
 
+def ratios_of(lags):
+    """Return the ratios of the lags that were found to the believed ones, (4, C)."""
+    return np.exp([lags.log_ratios(column) for column in range(len(lags.vehicles))]).T
+
+
 CORNERS = ((1.3, 0.7, 1.3, 0.7), (0.7, 1.3, 0.7, 1.3), (1.3, 1.3, 1.3, 1.3), (0.7, 0.7, 0.7, 0.7))
 
 
 def test_lags_30_percent_off_are_found_each_vehicle_its_own():
-    found = flown(CORNERS).ratios
+    found = ratios_of(flown(CORNERS))
     assert found[:2] == pytest.approx(np.array(CORNERS).T[:2], rel=0.02)
     true_m, found_m = (np.array((1.0, 3.0)) @ ratios for ratios in (np.array(CORNERS).T[2:], found[2:]))
     assert found_m == pytest.approx(true_m, rel=0.05)  # their sum; which of the two it is shows less
@@ -73,42 +91,42 @@ def test_lags_30_percent_off_are_found_each_vehicle_its_own():
 
 def test_the_model_in_use_has_the_lags_that_were_found():
     lags = flown(CORNERS[:1])
-    assert lags.models[0].tau_v_s == pytest.approx(4.0 * 1.3, rel=0.02)
-    assert lags.models[0].tau_psi_s == pytest.approx(1.5 * 0.7, rel=0.02)
+    assert lags.vehicles[0].model.tau_v_s == pytest.approx(4.0 * 1.3, rel=0.02)
+    assert lags.vehicles[0].model.tau_psi_s == pytest.approx(1.5 * 0.7, rel=0.02)
 
 
 def test_white_noise_in_the_telemetry_does_not_bias_them():
-    found = np.mean([flown(CORNERS[2:], 60, noise=(0.2, 0.01, 0.3), seed=seed).ratios for seed in range(3)], axis=0)
+    found = np.mean([ratios_of(flown(CORNERS[2:], 60, noise=(0.2, 0.01, 0.3), seed=seed)) for seed in range(3)], axis=0)
     assert found[:2] == pytest.approx(np.array(CORNERS[2:]).T[:2], rel=0.05)
 
 
 def test_beyond_half_and_twice_the_believed_lags_nothing_is_taken_and_the_misfit_tells():
     lags = flown(((3.0, 3.0, 1.0, 1.0), (0.3, 0.3, 1.0, 1.0)))
-    assert lags.ratios[:2] == pytest.approx(np.array(((2.0, 0.5), (2.0, 0.5))))
-    assert (lags.misfit[:2] > 0.1).all()
-    assert (flown(CORNERS).misfit < 0.02).all()
+    assert ratios_of(lags)[:2] == pytest.approx(np.array(((2.0, 0.5), (2.0, 0.5))))
+    assert (np.array(lags.misfit)[:2] > 0.1).all()
+    assert (np.array(flown(CORNERS).misfit) < 0.02).all()
 
 
 def test_a_model_that_is_to_stay_stays_and_its_misfit_tells():
     lags = flown(CORNERS, in_use=False)
-    assert {each.values() for each in lags.models} == {lags.models[0].values()}
-    assert lags.misfit[:2] == pytest.approx(0.3, abs=0.1)
+    assert {each.model.values() for each in lags.vehicles} == {lags.vehicles[0].model.values()}
+    assert np.array(lags.misfit)[:2] == pytest.approx(0.3, abs=0.1)
 
 
 def test_straight_flight_teaches_nothing():
     lags = flown(((1.3, 1.3, 1.3, 1.3),), tell=lambda _: (22.0, 0.0, 100.0), noise=(0.02, 0.001, 0.03))
-    assert lags.ratios == pytest.approx(1.0, abs=0.05)
+    assert ratios_of(lags) == pytest.approx(1.0, abs=0.05)
 
 
 def test_what_was_learnt_stays_in_straight_flight():
     def tell(time_s):
         return wander(time_s) if time_s < 60 else (22.0, 0.0, 100.0)
 
-    assert flown(CORNERS, 120, tell).ratios[:2] == pytest.approx(np.array(CORNERS).T[:2], rel=0.02)
+    assert ratios_of(flown(CORNERS, 120, tell))[:2] == pytest.approx(np.array(CORNERS).T[:2], rel=0.02)
 
 
 def test_a_vehicle_that_does_not_fly_as_told_teaches_nothing():
-    assert (flown(CORNERS, learning=False).ratios == 1.0).all()
+    assert (ratios_of(flown(CORNERS, learning=False)) == 1.0).all()
 
 
 def test_flight_at_a_rate_limit_teaches_nothing():
@@ -117,7 +135,7 @@ def test_flight_at_a_rate_limit_teaches_nothing():
     slow = models(right)
     slow.turn_rate_max_rps[:] = 0.17
     lags = flown(right, tell=lambda time_s: (22.0, 0.6 * np.sign(np.sin(0.5 * time_s)), 100.0), true=slow)
-    assert lags.ratios[1] == pytest.approx(1.0, abs=0.05)
+    assert ratios_of(lags)[1] == pytest.approx(1.0, abs=0.05)
 
 
 def test_nothing_is_learnt_from_the_change_over_a_gap_in_the_telemetry():
@@ -128,4 +146,24 @@ def test_nothing_is_learnt_from_the_change_over_a_gap_in_the_telemetry():
 
     right = np.ones((1, 4))
     slow = models(right * (2.5, 1, 1, 1))
-    assert flown(right, 14, tell, true=slow, silent_s=(8.0, 13.5)).ratios == pytest.approx(1.0, abs=1e-3)
+    assert ratios_of(flown(right, 14, tell, true=slow, silent_s=(8.0, 13.5))) == pytest.approx(1.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("in_use", [True, False])
+@pytest.mark.parametrize("noise", [(0, 0, 0), (0.2, 0.01, 0.3)])
+def test_the_same_is_found_as_on_arrays(noise, in_use):
+    def tell(time_s):
+        """Return setpoints that reach the rate limits now and then, and straight flight between them."""
+        north, heading, height = wander(time_s)
+        return (22.0, 1.5 * heading, 100.0) if time_s % 20 > 15 else (north, 4 * heading * (time_s > 12), height)
+
+    lags, same = (
+        flown(CORNERS, 40, tell, noise=noise, in_use=in_use, silent_s=(24.0, 29.0), kind=kind)
+        for kind in (LagEstimator, LagsOnArrays)
+    )
+    assert ratios_of(lags) == pytest.approx(same.ratios, rel=1e-9)
+    misfit = np.array(lags.misfit)
+    assert misfit == pytest.approx(same.misfit, rel=1e-6, abs=1e-9)
+    spreads = np.concatenate([np.array(channel.spread).T for channel in lags.channels])
+    assert spreads == pytest.approx(same.spreads, rel=1e-9)
+    assert [each.model.values() for each in lags.vehicles] == [pytest.approx(each.values()) for each in same.models]

@@ -17,7 +17,7 @@ from tests.flights.conftest import scenario
 from tests.gcs_formation.noted import Noted
 
 NOW = Instant(0)
-NONE_OFF = np.zeros((3, 2))
+NONE_OFF = [[0.0] * 2] * 3
 
 
 class Formation:
@@ -39,7 +39,7 @@ class Formation:
 
     def look(self, leader: Any = None) -> float:
         """Look once; return the share of the margin that the follower uses."""
-        lags_off = np.zeros((3, len(self.vehicles)))
+        lags_off = [[0.0] * len(self.vehicles)] * 3
         self.watch.watch(NOW, self.leader if leader is None else leader, lags_off)
         return float(self.watch.used[1])
 
@@ -193,9 +193,7 @@ def test_with_prediction_scatter_uses_the_margin_and_delay_does_not_and_wrong_la
     assert formation.look() == 0.0
     formation.delay(formation.follower, 0.2, scatter_s=0.02)
     assert formation.look() > 0.0
-    off = NONE_OFF.copy()
-    off[1, 1] = 3.0
-    formation.watch.watch(NOW, formation.leader, off)
+    formation.watch.watch(NOW, formation.leader, [[0.0, 0.0], [0.0, 3.0], [0.0, 0.0]])
     (said,) = formation.notes
     assert said.text.endswith("of its delay margin: heading doesn't follow as its model says, lags are 300% off")
     assert said.details["lags_off"] == 3.0

@@ -1,0 +1,177 @@
+"""The lags that fit one quantity of a vehicle, from simulations by several lags: `lags` says how and why."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from flight_model.arrays import Array
+from flight_model.autopilot import within
+
+RATIO_MAX: Final = 2.0
+"""A lag is found between the believed one divided and multiplied by this."""
+BOUND: Final = math.log(RATIO_MAX)
+BELIEVED_SPREAD: Final = 0.35
+"""Standard deviation of the logarithm of a lag's ratio before anything is learnt: 40 %."""
+BELIEF: Final = 1.0 / BELIEVED_SPREAD**2
+CORRELATED_S: Final = 1.0
+"""Residuals this far apart count as independent."""
+BATCH_S: Final = 1.0
+"""How often lags are fitted."""
+STEP_MAX: Final = 0.1
+"""Largest change of a ratio's logarithm at a fit."""
+LEAST_SPREAD: Final = 0.02
+"""What was seen first is forgotten once the ratio is known better than this: lags may change. Without excitation
+nothing is learnt, and nothing forgotten."""
+RECENT_S: Final = 20.0
+"""Memory of the misfit."""
+SIGNIFICANT: Final = 2.0
+"""Standard deviations of the misfit that don't count."""
+
+
+class Nodes:
+    """Interpolation between simulations: n Chebyshev points of [-BOUND, BOUND] for each of P parameters, 1 or 2."""
+
+    def __init__(self, count: int, parameters: int) -> None:
+        """Take n and P."""
+        points = [BOUND * math.cos((2 * place + 1) * math.pi / (2 * count)) for place in range(count)]
+        self.parameters = parameters
+        self.at = [[one] for one in points] if parameters == 1 else [[one, two] for one in points for two in points]
+        """(K, P) logarithms of the simulations' ratios; K is n to the power of P."""
+        self._terms: list[list[float]] = np.linalg.inv(np.vander(points)).T.tolist()
+        """(n, n) coefficients, the highest power's first, of the polynomials that are 1 at one point, 0 at the rest."""
+
+    def weights(self, log_ratio: list[float]) -> list[list[float]]:
+        """Return (P + 2, K + 1): weights of the simulations, and of 1, at `log_ratio` (P), their derivatives, and 1."""
+        alone = [0.0] * len(self.at) + [1.0]
+        first, by_first = self._of_one(log_ratio[0])
+        if self.parameters == 1:
+            return [[*first, 0.0], [*by_first, 0.0], alone]
+        second, by_second = self._of_one(log_ratio[1])
+        return [_products(first, second), _products(by_first, second), _products(first, by_second), alone]
+
+    def _of_one(self, log_ratio: float) -> tuple[list[float], list[float]]:
+        """Return the weights (n) for one parameter, and their derivatives."""
+        weights: list[float] = []
+        slopes: list[float] = []
+        for terms in self._terms:
+            weight = slope = 0.0
+            for term in terms:
+                slope = slope * log_ratio + weight
+                weight = weight * log_ratio + term
+            weights.append(weight)
+            slopes.append(slope)
+        return weights, slopes
+
+
+class Channel:
+    """Airspeed, heading or height of all vehicles: what was seen, and the P lags that fit it."""
+
+    def __init__(self, nodes: Nodes, columns: int, resolution: float, rate_hz: float, *, in_use: bool) -> None:
+        """Start with the believed lags.
+
+        `rate_hz` is that of the telemetry; `in_use`: whether the lags found are, not the believed ones.
+        """
+        self.nodes = nodes
+        self.log_ratio = [[0.0] * nodes.parameters for _ in range(columns)]
+        """(C, P) of the lags to the believed ones."""
+        self.spread = [[BELIEVED_SPREAD] * nodes.parameters for _ in range(columns)]
+        """(C, P) standard deviations of these."""
+        self.misfit = [0.0] * columns
+        """(C) share by which lags seem to differ from those in use, beyond chance, in what was flown last."""
+        self._resolution, self._in_use = resolution, in_use
+        self._least_variance = resolution**2
+        self._alike = max(1.0, CORRELATED_S * rate_hz)
+        self._kept = [1.0] * columns
+        """Share of what was seen that counts from now on."""
+        size = len(nodes.at) + 1
+        self._all: Array = np.zeros((columns, size, size))
+        self._recent: Array = np.zeros((columns, size, size))
+        """(C, K + 1, K + 1) sums of products over samples, of K simulations minus telemetry, and of 1."""
+
+    def learn(self, tracks: list[list[list[float]]]) -> None:
+        """Take a batch and fit the lags anew: (C, K + 1, B), simulations minus telemetry, and 1; all 0: no sample."""
+        batch = np.array(tracks)
+        products = batch @ batch.transpose(0, 2, 1)
+        self._recent *= math.exp(-BATCH_S / RECENT_S)
+        self._recent += products
+        self._all *= np.array(self._kept)[:, None, None]
+        self._all += products * np.array([self._excites(each) for each in tracks])[:, None, None]
+        weights = np.array([self.nodes.weights(each) for each in self.log_ratio])
+        in_use = weights
+        if not self._in_use:
+            in_use = np.array([self.nodes.weights([0.0] * len(each)) for each in self.log_ratio])
+        each = zip(_forms(self._all, weights), _forms(self._recent, in_use), strict=True)
+        for column, (seen, seen_lately) in enumerate(each):
+            self._fit(column, seen)
+            self._judge(column, seen_lately)
+
+    def _excites(self, track: list[list[float]]) -> float:
+        """Return 1 if the simulations of a vehicle differ by more than the resolution, else 0."""
+        last = track[-2]
+        for sample, each in enumerate(track[0]):
+            if abs(each - last[sample]) > self._resolution:
+                return 1.0
+        return 0.0
+
+    def _fit(self, column: int, seen: list[list[float]]) -> None:
+        """Make a Gauss-Newton step towards the most likely lags, and forget what is more than enough.
+
+        `seen`: the sums of products (P + 2, P + 2) of the simulation with these lags, of its derivatives, and of 1.
+        """
+        log_ratio, slopes = self.log_ratio[column], range(1, len(seen) - 1)
+        variance = scatter(seen, 0, 0) / max(seen[-1][-1], 1.0) + self._least_variance
+        worth = 1.0 / (variance * self._alike)
+        information = [[scatter(seen, one, other) * worth for other in slopes] for one in slopes]
+        covariance = _inverse_with(information, BELIEF)
+        pull = [-scatter(seen, slope, 0) * worth - log_ratio[slope - 1] * BELIEF for slope in slopes]
+        most = 1.0
+        for place, row in enumerate(covariance):
+            wanted = 0.0
+            for other, each in enumerate(row):
+                wanted += each * pull[other]
+            log_ratio[place] = within(log_ratio[place] + within(wanted, -STEP_MAX, STEP_MAX), -BOUND, BOUND)
+            self.spread[column][place] = math.sqrt(row[place])
+            most = max(most, information[place][place])
+        self._kept[column] = min(1.0, 1.0 / (LEAST_SPREAD**2 * most))
+
+    def _judge(self, column: int, seen: list[list[float]]) -> None:
+        """Find by what common share the lags in use, those of `seen` as above, differ from those of the last flight."""
+        excitation, shown, slopes = 1e-12, 0.0, range(1, len(seen) - 1)
+        by_all = 0.0
+        for one in slopes:
+            shown += scatter(seen, one, 0)
+            for other in slopes:
+                by_all += scatter(seen, one, other)
+        excitation = max(by_all, 1e-12)
+        left = max(scatter(seen, 0, 0) - shown**2 / excitation, 0.0) / max(seen[-1][-1], 1.0)
+        chance = math.sqrt((left + self._least_variance) * self._alike / excitation)
+        self.misfit[column] = max(0.0, abs(shown) / excitation - SIGNIFICANT * chance)
+
+
+def _forms(products: Array, weights: Array) -> list[list[list[float]]]:
+    """Return the sums of products (C, Q, Q) of combinations by `weights` (C, Q, K + 1), from those of each."""
+    forms: list[list[list[float]]] = (weights @ products @ weights.transpose(0, 2, 1)).tolist()
+    return forms
+
+
+def scatter(seen: list[list[float]], one: int, other: int) -> float:
+    """Return the sum of two quantities' products about their means; `seen`: their sums of products, the last with 1."""
+    return seen[one][other] - seen[one][-1] * seen[other][-1] / max(seen[-1][-1], 1.0)
+
+
+def _products(rows: list[float], columns: list[float]) -> list[float]:
+    """Return all products of two lists' numbers, those of the first number of `rows` first, and 0."""
+    return [*[row * column for row in rows for column in columns], 0.0]
+
+
+def _inverse_with(matrix: list[list[float]], diagonal: float) -> list[list[float]]:
+    """Return the inverse of a symmetric matrix, 1 by 1 or 2 by 2, with `diagonal` added to its diagonal."""
+    first = matrix[0][0] + diagonal
+    if len(matrix) == 1:
+        return [[1.0 / first]]
+    second, cross = matrix[1][1] + diagonal, matrix[0][1]
+    determinant = first * second - cross * cross
+    return [[second / determinant, -cross / determinant], [-cross / determinant, first / determinant]]

@@ -1,0 +1,338 @@
+"""The lags of many vehicles learnt on arrays, all vehicles' and all simulations' at once: an oracle of `lags`."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from airlink.clock import NANOSECONDS
+from flight_model.arrays import Array, Instants, Mask, within, wrap
+from flight_model.autopilot import AutopilotModel
+from gcs_formation.estimation.flight_state import AutopilotModels
+from gcs_formation.estimation.lag_bank import FREE, Motion
+from gcs_formation.estimation.lag_fit import (
+    BATCH_S,
+    BELIEVED_SPREAD,
+    BOUND,
+    CORRELATED_S,
+    LEAST_SPREAD,
+    RECENT_S,
+    SIGNIFICANT,
+    STEP_MAX,
+)
+from gcs_formation.estimation.lags import GAP_S, RESOLUTION
+from gcs_formation.estimation.predictor import AirLags, Height, HeightSteps
+from gcs_formation.estimation.setpoint_history import SetpointHistory
+
+
+class Bank:
+    """All vehicles' simulations from their setpoints alone, K each: airspeed and heading by one lag, height by two."""
+
+    def __init__(self, believed: AutopilotModels, air: Array, height: Array) -> None:
+        """Simulate lags that are the believed ones times e to the power of `air` (K,) and `height` (K', 2)."""
+        self._columns = columns = believed.tau_v_s.size
+        self.flying: Mask = np.zeros(columns, dtype=bool)
+        """(C,) whether a vehicle's simulations have begun."""
+        none = np.zeros_like
+        self._believed = believed
+        self._air_model = _spanned(believed, np.array((air, air, none(air), none(air))))
+        self._height_model = _spanned(believed, np.array((*none(height.T), *height.T)))
+        self._air: Array = np.zeros((2, columns * len(air)))
+        self._height = Height(np.zeros(columns * len(height)), np.zeros(columns * len(height)))
+
+    def begin(self, which: Mask, seen: Array) -> None:
+        """Begin some simulations, (3, C) of airspeed, heading and height, from what was measured.
+
+        `seen`, (4, C), is airspeed, heading, height and climb.
+        """
+        self.flying = np.isfinite(seen[0])
+        air_k, height_k = self._air.shape[1] // self._columns, self._height.height_m.size // self._columns
+        seen = np.where(self.flying, seen, 0.0)
+        of_air, of_height = np.repeat(seen[:2], air_k, axis=1), np.repeat(seen[2:], height_k, axis=1)
+        self._air = np.where(np.repeat(which[:2], air_k, axis=1), of_air, self._air)
+        self._height = Height(*np.where(np.repeat(which[2], height_k), of_height, self._height))
+
+    def fly(self, stamps: Instants, acts: Instants, told: Array) -> tuple[tuple[Array, Array, Array], Mask]:
+        """Return airspeed, heading and height at all stamps but the first, (B, C, K) each.
+
+        Also which of them, (3, C), kept clear of the rate limits.
+
+        Args:
+            stamps: (B + 1, C), in order; the simulations are at the first.
+            acts: (R, C) in order, when the setpoints act.
+            told: (R, 3, C).
+        """
+        borders = np.sort(np.concatenate((stamps, np.minimum(np.maximum(acts, stamps[0]), stamps[-1]))), axis=0)
+        duration_s = np.diff(borders, axis=0) / NANOSECONDS
+        newest = np.maximum((acts[:, None] <= borders[None, :-1]).sum(axis=0) - 1, 0)
+        every = np.arange(self._columns)
+        segments = told[newest, :, every].transpose(0, 2, 1)
+        at = (borders[:, None] < stamps[None, 1:]).sum(axis=0)
+        air, air_free = self._through_air(segments[:, :2], duration_s)
+        height, height_free = self._through_heights(segments[:, 2], duration_s)
+        return (air[at, 0, every], air[at, 1, every], height[at, every]), np.concatenate((air_free, height_free[None]))
+
+    def _through_air(self, told: Array, duration_s: Array) -> tuple[Array, Mask]:
+        """Return airspeeds and headings at the borders of S segments, (S + 1, 2, C, K), and which were free, (2, C)."""
+        model, count = self._air_model, self._air.shape[1] // self._columns
+        told = np.repeat(told, count, axis=2)
+        told[:, 0] = within(told[:, 0], model.speed_min_mps, model.speed_max_mps)
+        lags, each_s = AirLags.of(model), np.repeat(duration_s, count, axis=1)[:, None]
+        values, errors = lags.through(self._air, told, each_s)
+        self._air = values[-1]
+        error = np.abs(errors).reshape(-1, 2, self._columns, count).mean(axis=3).max(axis=0)
+        free: Mask = error < FREE * AirLags.of(self._believed).unlimited
+        return values.reshape(-1, 2, self._columns, count), free
+
+    def _through_heights(self, told_m: Array, duration_s: Array) -> tuple[Array, Mask]:
+        """Return heights at the borders of S segments, (S + 1, C, K), and which were free, (C,)."""
+        count = self._height.height_m.size // self._columns
+        told_m = np.repeat(told_m, count, axis=1)
+        steps = HeightSteps.of(self._height_model, np.repeat(duration_s, count, axis=1))
+        height, heights = self._height, [self._height.height_m]
+        for step, target_m in enumerate(told_m):
+            height = steps.after(step, height, target_m)
+            heights.append(height.height_m)
+        self._height, table = height, np.array(heights)
+        error_m = np.abs(told_m - table[:-1]).reshape(-1, self._columns, count).mean(axis=2).max(axis=0)
+        free: Mask = error_m < FREE * self._believed.climb_max_mps * (self._believed.tau_ha_s + self._believed.tau_hb_s)
+        return table.reshape(-1, self._columns, count), free
+
+
+def _spanned(believed: AutopilotModels, logs: Array) -> AutopilotModels:
+    """Return (C K,) models whose lags are the believed ones (C,) times e to the power of each of `logs` (4, K)."""
+    table = np.repeat(believed.table, logs.shape[1], axis=1)
+    table[:4] *= np.tile(np.exp(logs), believed.tau_v_s.size)
+    return AutopilotModels.of(table)
+
+
+class Nodes(NamedTuple):
+    """Interpolation between simulations: logarithms of their ratios, (K, P), and the polynomials' coefficients."""
+
+    at: Array
+    inverse: Array
+    """(n, n) of one parameter's Vandermonde matrix, n to the power of P being K."""
+
+    @classmethod
+    def of(cls, count: int, parameters: int) -> Nodes:
+        """Return `count` Chebyshev points of [-BOUND, BOUND] for each of 1 or 2 parameters."""
+        points = BOUND * np.cos((2 * np.arange(count) + 1) * np.pi / (2 * count))
+        at = np.stack(np.meshgrid(*[points] * parameters, indexing="ij"), axis=-1).reshape(-1, parameters)
+        return cls(at, np.linalg.inv(np.vander(points, increasing=True)).astype(np.float64))
+
+    def weights(self, log_ratio: Array) -> tuple[Array, Array]:
+        """Return the weights (C, K) of the simulations at `log_ratio` (C, P), and their derivatives (C, P, K)."""
+        powers = np.arange(len(self.inverse))
+        each = log_ratio[..., None] ** powers @ self.inverse
+        slopes = powers * log_ratio[..., None] ** np.maximum(powers - 1, 0) @ self.inverse
+        if log_ratio.shape[1] == 1:
+            return each[:, 0], slopes
+        (first, second), (first_slope, second_slope) = each.swapaxes(0, 1), slopes.swapaxes(0, 1)
+        pairs = (first, second), (first_slope, second), (first, second_slope)
+        weights, by_first, by_second = (np.einsum("ci,cj->cij", a, b).reshape(len(a), -1) for a, b in pairs)
+        return weights, np.stack((by_first, by_second), axis=1)
+
+
+@dataclass
+class Sums:
+    """Sums over samples of the differences between K simulations and the telemetry."""
+
+    count: Array
+    """(C,)."""
+    first: Array
+    """(C, K)."""
+    second: Array
+    """(C, K, K)."""
+
+    @classmethod
+    def none(cls, columns: int, nodes: int) -> Sums:
+        """Return the sums over no samples."""
+        return cls(np.zeros(columns), np.zeros((columns, nodes)), np.zeros((columns, nodes, nodes)))
+
+    def add(self, differences: Array, counted: Mask) -> None:
+        """Add samples (B, C, K) where `counted` (B, C)."""
+        kept = np.where(counted[..., None], differences, 0.0)
+        self.count += counted.sum(axis=0)
+        self.first += kept.sum(axis=0)
+        by_column = kept.swapaxes(0, 1)
+        self.second += by_column.swapaxes(1, 2) @ by_column
+
+    def keep(self, share: Array | float) -> None:
+        """Forget all but a share, a number or (C,)."""
+        share = np.broadcast_to(share, self.count.shape)
+        self.count *= share
+        self.first *= share[:, None]
+        self.second *= share[:, None, None]
+
+    def scatter(self) -> Array:
+        """Return the sums of products about the mean, (C, K, K)."""
+        mean = self.first / np.maximum(self.count, 1.0)[:, None]
+        return self.second - mean[:, :, None] * self.first[:, None, :]
+
+
+class Fit(NamedTuple):
+    """What samples say about logarithms of ratios near some values, without the prior."""
+
+    pull: Array
+    """(C, P) gradient of the log-likelihood."""
+    information: Array
+    """(C, P, P)."""
+
+    @classmethod
+    def of(cls, sums: Sums, weights: Array, slopes: Array, resolution: float, rate_hz: float) -> Fit:
+        """Return the fit at the simulations' `weights` (C, K), whose derivatives are `slopes` (C, P, K)."""
+        scatter = sums.scatter()
+        misfit = (scatter @ weights[..., None])[..., 0]
+        variance = (weights * misfit).sum(axis=1) / np.maximum(sums.count, 1.0) + resolution**2
+        worth = 1.0 / (variance * max(1.0, CORRELATED_S * rate_hz))
+        pull = -(slopes @ misfit[..., None])[..., 0] * worth[:, None]
+        return cls(pull, slopes @ scatter @ slopes.swapaxes(1, 2) * worth[:, None, None])
+
+
+class Channel:
+    """Airspeed, heading or height of all vehicles: what was seen, and the P lags that fit it."""
+
+    def __init__(self, nodes: Nodes, columns: int, resolution: float, rate_hz: float, *, in_use: bool) -> None:
+        """Start with the believed lags.
+
+        `rate_hz` is that of the telemetry; `in_use`: whether the lags found are, not the believed ones.
+        """
+        self.nodes = nodes
+        self.log_ratio: Array = np.zeros((columns, nodes.at.shape[1]))
+        """(C, P) of the lags to the believed ones."""
+        self.spread: Array = np.full_like(self.log_ratio, BELIEVED_SPREAD)
+        """(C, P) standard deviations of these."""
+        self.misfit: Array = np.zeros(columns)
+        """(C,) share by which lags seem to differ from those in use, beyond chance, in what was flown last."""
+        self._resolution, self._rate_hz, self._in_use = resolution, rate_hz, in_use
+        self._all, self._recent = (Sums.none(columns, len(nodes.at)) for _ in range(2))
+
+    def learn(self, differences: Array, counted: Mask) -> None:
+        """Take a batch of simulations minus telemetry, (B, C, K), where `counted` (B, C), and fit the lags anew."""
+        apart = np.where(counted, np.abs(differences[..., 0] - differences[..., -1]), 0.0)
+        excited = apart.max(axis=0, initial=0.0) > self._resolution
+        self._recent.keep(math.exp(-BATCH_S / RECENT_S))
+        self._recent.add(differences, counted)
+        self._all.add(differences, counted & excited)
+        weights, slopes = self.nodes.weights(self.log_ratio)
+        self._judge(*((weights, slopes) if self._in_use else self.nodes.weights(np.zeros_like(self.log_ratio))))
+        self._fit(weights, slopes)
+
+    def _fit(self, weights: Array, slopes: Array) -> None:
+        """Make a Gauss-Newton step towards the most likely lags, and forget what is more than enough."""
+        fit = Fit.of(self._all, weights, slopes, self._resolution, self._rate_hz)
+        believed = np.eye(slopes.shape[1]) / BELIEVED_SPREAD**2
+        covariance = np.linalg.inv(fit.information + believed)
+        wanted = (covariance @ (fit.pull - self.log_ratio / BELIEVED_SPREAD**2)[..., None])[..., 0]
+        self.log_ratio = within(self.log_ratio + within(wanted, -STEP_MAX, STEP_MAX), -BOUND, BOUND)
+        self.spread = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+        most = np.diagonal(fit.information, axis1=1, axis2=2).max(axis=1)
+        self._all.keep(np.minimum(1.0, 1.0 / (LEAST_SPREAD**2 * np.maximum(most, 1.0))))
+
+    def _judge(self, weights: Array, slopes: Array) -> None:
+        """Find by what common share the lags in use, those of `weights`, differ from those of the last flight."""
+        sums, slope = self._recent, slopes.sum(axis=1)
+        scatter = sums.scatter()
+        by_slope = (scatter @ slope[..., None])[..., 0]
+        excitation = np.maximum((slope * by_slope).sum(axis=1), 1e-12)
+        shown, misfit = (weights * by_slope).sum(axis=1), np.einsum("ck,ckl,cl->c", weights, scatter, weights)
+        left = np.maximum(misfit - shown**2 / excitation, 0.0) / np.maximum(sums.count, 1.0)
+        chance = np.sqrt((left + self._resolution**2) * max(1.0, CORRELATED_S * self._rate_hz) / excitation)
+        self.misfit = np.maximum(0.0, np.abs(shown) / excitation - SIGNIFICANT * chance)
+
+
+class LagsOnArrays:
+    """Keeps the lags of the models of all vehicles, (C,), as they fly; they are changed in place.
+
+    Everyone who predicts or steers by those models reads them anew each tick.
+    """
+
+    def __init__(
+        self,
+        models: list[AutopilotModel],
+        history: SetpointHistory,
+        telemetry_hz: float,
+        law_hz: float,
+        *,
+        in_use: bool,
+    ) -> None:
+        """Start with the lags that `models` have; `history` holds what was told.
+
+        Not `in_use`, the models stay as they are, and only their misfit is watched.
+        """
+        self.models = models
+        self.lagging: Mask = np.ones(len(models), dtype=bool)
+        """(C,) which vehicles fly by (7); of others, whose model only comes near them, no lags are learnt."""
+        self._in_use = in_use
+        self._believed = AutopilotModels.from_each(models)
+        self._history = history
+        columns = len(models)
+        air, height = Nodes.of(5, 1), Nodes.of(4, 2)
+        each = zip((air, air, height), RESOLUTION, strict=True)
+        self.channels = tuple(Channel(nodes, columns, finest, telemetry_hz, in_use=in_use) for nodes, finest in each)
+        """Airspeed, heading, height."""
+        self._bank = Bank(self._believed, air.at[:, 0], height.at)
+        self._ticks = max(2, round(BATCH_S * law_hz))
+        self._seen: list[Motion] = [(math.nan, math.nan, math.nan, math.nan)] * columns
+        self._stamps = [0] * columns
+        self._samples: list[tuple[list[int], list[Motion]]] = []
+        self._learning = [True] * columns
+
+    @property
+    def misfit(self) -> Array:
+        """(3, C) by what share the lags of airspeed, heading and height seem to differ from those in use."""
+        return np.array([channel.misfit for channel in self.channels])
+
+    @property
+    def ratios(self) -> Array:
+        """(4, C) of the lags of airspeed, heading and height (two) to the believed ones."""
+        return np.exp(np.concatenate([channel.log_ratio.T for channel in self.channels]))
+
+    @property
+    def spreads(self) -> Array:
+        """(4, C) standard deviations of the logarithms of those."""
+        return np.concatenate([channel.spread.T for channel in self.channels])
+
+    def hear(self, column: int, stamp: int, motion: Motion) -> None:
+        """Take a vehicle's airspeed, heading, height and climb as measured at `stamp`, m/s, rad, m."""
+        self._stamps[column], self._seen[column] = max(stamp, self._stamps[column]), motion
+
+    def learn(self, learning: list[bool]) -> None:
+        """Take the newest samples at a tick; `learning` (C,): vehicles that fly as they were told.
+
+        Once in `BATCH_S` the models' lags are fitted.
+        """
+        for column, flies in enumerate(learning):
+            self._learning[column] = self._learning[column] and flies and not math.isnan(self._seen[column][0])
+        self._samples.append((self._stamps.copy(), self._seen.copy()))
+        if len(self._samples) <= self._ticks:
+            return
+        stamps = np.array([each for each, _ in self._samples], dtype=np.int64)
+        self._take(stamps, np.array([each for _, each in self._samples]).transpose(0, 2, 1))
+        self._samples, self._learning = self._samples[-1:], [True] * len(learning)
+
+    def _take(self, stamps: Instants, seen: Array) -> None:
+        """Fit the lags to a batch of samples (B + 1, 4, C) at `stamps` (B + 1, C); its first ended the one before."""
+        ticks = self._history.between(stamps[0].tolist(), stamps[-1].tolist())
+        acts = np.maximum.accumulate(np.array([tick.acts for tick in ticks], dtype=np.int64))
+        told = np.array([tick.setpoints for tick in ticks]).transpose(0, 2, 1)
+        gaps = (stamps[-1] - stamps[0]) / NANOSECONDS > GAP_S + BATCH_S
+        learning: Mask = self._learning & self.lagging & self._bank.flying
+        learning &= np.isfinite(told).all(axis=(0, 1)) & ~gaps
+        if learning.any():
+            simulated, free = self._bank.fly(stamps, acts, np.where(learning, told, 0.0))
+            learning = learning & free
+            newer = stamps[1:] > stamps[:-1]
+            for row, (channel, motion) in enumerate(zip(self.channels, simulated, strict=True)):
+                differences = motion - seen[1:, row, :, None]
+                channel.learn(wrap(differences) if row == 1 else differences, newer & learning[row])
+            if self._in_use:
+                self._apply((self._believed.table[:4] * self.ratios).T.tolist())
+        self._bank.begin(~np.broadcast_to(learning, (len(self.channels), gaps.size)), seen[-1])
+
+    def _apply(self, lags_s: list[list[float]]) -> None:
+        for model, (tau_v_s, tau_psi_s, tau_ha_s, tau_hb_s) in zip(self.models, lags_s, strict=True):
+            model.tau_v_s, model.tau_psi_s, model.tau_ha_s, model.tau_hb_s = tau_v_s, tau_psi_s, tau_ha_s, tau_hb_s
