@@ -16,6 +16,7 @@ import pyarrow.parquet as pq
 from airlink.clock import NANOSECONDS
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Mask
+from gcs_formation.errors import RecordError
 from gcs_formation.tick import Tick
 
 CHANNELS = ("speed", "heading", "height")
@@ -61,8 +62,8 @@ SPOOLED = ("phase", *MEASURED)
 class TickSpool:
     """Appends ticks to a file that can be read up to its last whole tick, also after a crash.
 
-    A line of JSON names the vehicles; what follows are 64-bit floats, tick after tick: for each vehicle a number for
-    each of `SPOOLED`.
+    A line of JSON names the vehicles and `SPOOLED`; what follows are 64-bit floats, tick after tick: for each vehicle a
+    number for each of those.
     """
 
     def __init__(self, path: Path, columns: Sequence[VehicleId | None]) -> None:
@@ -74,7 +75,7 @@ class TickSpool:
         self._waiting, self._count = array("d"), 0
         self._file = path.with_name(f"{path.name}{_suffix(len(spools(path)))}").open("wb")
         vehicles = [[each.network, each.system] for each in columns if each is not None]
-        self._file.write(json.dumps({"vehicles": vehicles}).encode() + b"\n")
+        self._file.write(json.dumps({"vehicles": vehicles, "values": SPOOLED}).encode() + b"\n")
         self._file.flush()
 
     def add(self, tick: Tick) -> None:
@@ -113,14 +114,21 @@ def _suffix(resumed: int) -> str:
 
 
 def read_spool(path: Path) -> dict[str, Array]:
-    """Return the columns of a spool, each of its files up to its last whole tick: a row for each vehicle and tick."""
+    """Return the columns of a spool, each of its files up to its last whole tick: a row for each vehicle and tick.
+
+    Raises:
+        RecordError: another version wrote it, with other values.
+    """
     parts = [_read_part(part) for part in spools(path) or [path]]
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
 def _read_part(path: Path) -> dict[str, Array]:
     head, _, data = path.read_bytes().partition(b"\n")
-    vehicles = np.array(json.loads(head)["vehicles"] if data else [], dtype=np.int32).reshape(-1, 2)
+    named: dict[str, Any] = json.loads(head) if data else {"vehicles": [], "values": SPOOLED}
+    if tuple(named.get("values", ())) != SPOOLED:
+        raise RecordError(f"found other values than this version's in {path}; allowed: a record of this version")
+    vehicles = np.array(named["vehicles"], dtype=np.int32).reshape(-1, 2)
     ticks = len(data) // max(1, 8 * len(SPOOLED) * len(vehicles))
     numbers = np.frombuffer(data, count=ticks * len(SPOOLED) * len(vehicles))
     rows = numbers.reshape(ticks * len(vehicles), len(SPOOLED)).T.copy()

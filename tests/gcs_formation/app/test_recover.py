@@ -6,9 +6,11 @@ import json
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
 import gcs_formation
-from gcs_formation.record.run_directory import RunDirectory
+from gcs_formation.cli import main
+from gcs_formation.record.run_directory import SPOOL, RunDirectory
 from gcs_formation.report.run_data import load_run
 from tests.flights.conftest import scenario
 
@@ -71,3 +73,17 @@ def test_without_ground_truth_errors_are_from_telemetry_and_that_is_said(killed:
 def test_a_run_that_never_flew_is_refused_with_its_last_phase(killed: Path, tmp_path: Path, share: float) -> None:
     with pytest.raises(gcs_formation.RecordError, match=r"found no control tick in .*: the last phase"):
         load_run(cut(killed, tmp_path / "cut", timeseries=share * 0.2))
+
+
+@pytest.mark.parametrize("command", [["report"], ["fly", "--resume"]])
+def test_a_record_of_a_version_with_other_values_is_refused_in_a_line(
+    killed: Path, tmp_path: Path, command: list[str]
+) -> None:
+    older = cut(killed, tmp_path / "older")
+    head, _, ticks = (older / SPOOL).read_bytes().partition(b"\n")
+    (older / SPOOL).write_bytes(json.dumps({"vehicles": json.loads(head)["vehicles"]}).encode() + b"\n" + ticks)
+    done = CliRunner().invoke(main, [*command, str(older)])
+    assert done.exit_code == 2
+    assert done.stdout == ""
+    (line,) = done.stderr.splitlines()
+    assert f"found other values than this version's in {older / SPOOL}" in line
