@@ -16,24 +16,21 @@ from airlink.clock import NANOSECONDS, Instant, seconds_between
 from flight_model.arrays import Array
 from flight_model.autopilot import AutopilotModel, FlightState, wrap
 from gcs_formation.estimation.kalman import (
-    LEVEL_STATES,
     WIND_EAST,
     WIND_NORTH,
+    Along,
     HeightCovariance,
     LevelCovariance,
-    Sensitivity,
     correct_height,
     correct_level,
     innovation,
-    level_sensitivities,
+    spreads,
 )
 from gcs_formation.estimation.noise import ROWS, VALUES, Declared, NoiseEstimate, VehicleNoise
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 
 STATES: Final = 8
 """Quantities of a state: north, east, height, climb, airspeed, heading, wind north and east."""
-LEVEL_VALUES: Final[tuple[int, ...]] = (0, 1, 3, 4, 6, 7)
-"""Values of a sample that tell of the motion over ground."""
 HEIGHT_VALUE: Final = 2
 CLIMB_VALUE: Final = 5
 LEAST_AIRSPEED_MPS: Final = 1.0
@@ -87,7 +84,7 @@ class VehicleFilter:
         self.state: FlightState | None = None
         self.stamp = 0
         """Of the state, ns."""
-        self.level = LevelCovariance([0.0] * LEVEL_STATES)
+        self.level = LevelCovariance((0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
         self.height = HeightCovariance(0.0, 0.0)
         self._wind_radps = wind_radps
         self._root_hz = math.sqrt(telemetry_hz)
@@ -108,7 +105,7 @@ class VehicleFilter:
         self.state = FlightState(
             values[0], values[1], values[2], values[5], airspeed_mps, heading_rad, wind_north, wind_east
         )
-        self.level = LevelCovariance([noise[0], noise[1], noise[6], noise[7], *variances])
+        self.level = LevelCovariance((noise[0], noise[1], noise[6], noise[7], variances[0], variances[1]))
         self.height = HeightCovariance(noise[2], noise[5])
         self._residual = [0.0] * VALUES
         self._implausible = 0
@@ -128,34 +125,29 @@ class VehicleFilter:
         """
         assert self.state is not None
         elapsed_s = (stamp - self.stamp) / NANOSECONDS
-        variances, level, height = self.noise.values, self.level, self.height
+        variances = self.noise.values
         self._carry(elapsed_s, model, walk)
-        difference, sensitivities = innovation(values, predicted), level_sensitivities(predicted)
+        difference, along = innovation(values, predicted), Along(predicted)
         if self._wind_radps >= GUST_RADPS:
             self._believe_gust(values, predicted, elapsed_s)
-        spread = [sensitivity.of(level.seen(sensitivity)) for sensitivity in sensitivities]
-        spread.insert(HEIGHT_VALUE, height.height)
-        spread.insert(CLIMB_VALUE, height.climb)
+        spread = spreads(self.level, self.height, along)
         own = [each + variance for each, variance in zip(spread, variances, strict=True)]
         unexplained = [off - left for off, left in zip(difference, self._residual, strict=True)]
         self.noise.learn(unexplained, own)
         weighed, implausible = _weighed(difference, own, variances, elapsed_s)
-        self._move(predicted, sensitivities, difference, weighed)
+        self._move(predicted, along, difference, weighed)
         predicted.airspeed_mps = max(predicted.airspeed_mps, _least_mps(model))
         self.state, self.stamp = predicted, stamp
         self._residual = innovation(values, predicted)
         self._implausible = self._implausible + 1 if implausible else 0
         if self._implausible >= IMPLAUSIBLE_SAMPLES:
             # Whoever flies the vehicle, the wind is what it was.
-            rows, winds = self.level.rows, (predicted.wind_north_mps, predicted.wind_east_mps)
-            self._begin(values, stamp, winds, (rows[WIND_NORTH][WIND_NORTH], rows[WIND_EAST][WIND_EAST]))
+            level, winds = self.level, (predicted.wind_north_mps, predicted.wind_east_mps)
+            self._begin(values, stamp, winds, (level.wind_north[WIND_NORTH], level.wind_east[WIND_EAST]))
 
-    def _move(
-        self, state: FlightState, sensitivities: list[Sensitivity], difference: list[float], variances: list[float]
-    ) -> None:
+    def _move(self, state: FlightState, along: Along, difference: list[float], variances: list[float]) -> None:
         """Move a predicted state to where a sample's values, of such noise, have it; the covariances shrink."""
-        of_level = [difference[value] for value in LEVEL_VALUES], [variances[value] for value in LEVEL_VALUES]
-        north, east, speed, heading, wind_north, wind_east = correct_level(self.level, sensitivities, *of_level)
+        north, east, speed, heading, wind_north, wind_east = correct_level(self.level, along, difference, variances)
         seen, noise = [(each[HEIGHT_VALUE], each[CLIMB_VALUE]) for each in (difference, variances)]
         up, climb = correct_height(self.height, seen, noise)
         state.north_m += north
@@ -171,7 +163,7 @@ class VehicleFilter:
         """Return the covariance of a state's errors, (8, 8)."""
         places = 0, 1, 4, 5, 6, 7
         whole = [[0.0] * STATES for _ in range(STATES)]
-        for row, of_row in zip(places, self.level.rows, strict=True):
+        for row, of_row in zip(places, self.level.rows(), strict=True):
             for column, value in zip(places, of_row, strict=True):
                 whole[row][column] = value
         whole[2][2], whole[3][3] = self.height.height, self.height.climb
@@ -181,8 +173,7 @@ class VehicleFilter:
     @property
     def wind_variance(self) -> float:
         """Of each component of the wind, (m/s)²."""
-        rows = self.level.rows
-        return (rows[WIND_NORTH][WIND_NORTH] + rows[WIND_EAST][WIND_EAST]) / 2
+        return (self.level.wind_north[WIND_NORTH] + self.level.wind_east[WIND_EAST]) / 2
 
     def _carry(self, elapsed_s: float, model: AutopilotModel, walk: tuple[float, float, float]) -> None:
         """Carry the covariances on to the time of a sample."""
@@ -194,7 +185,7 @@ class VehicleFilter:
         if self._wind_radps > 0.0:
             place, noise_mps = 0.0, math.sqrt(variances[3] + variances[6])
             wind = min(WIND_WALK, self._wind_radps * noise_mps / self._root_hz)
-        self.level.grow([place**2, place**2, speed**2, heading**2, wind**2, wind**2], elapsed_s)
+        self.level.grow((place**2, place**2, speed**2, heading**2, wind**2, wind**2), elapsed_s)
         self.height.climb += climb**2 * elapsed_s
 
     def _wind_of(self, values: list[float]) -> tuple[float, float]:
@@ -213,7 +204,7 @@ class VehicleFilter:
         """Let the wind be uncertain where a sample tells of one that has changed at once."""
         north_mps, east_mps = self._wind_of(values)
         size = ((north_mps - predicted.wind_north_mps) ** 2 + (east_mps - predicted.wind_east_mps) ** 2) / 2
-        known = self._wind_noise(values[6]) + self.level.rows[WIND_NORTH][WIND_NORTH]
+        known = self._wind_noise(values[6]) + self.level.wind_north[WIND_NORTH]
         if GUST_SIGMAS**2 * known < size < (IMPLAUSIBLE_SIGMAS * STRAY[2]) ** 2:
             self.level.gust(size, elapsed_s)
 

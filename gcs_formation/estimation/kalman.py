@@ -19,21 +19,28 @@ SPEED: Final = 2
 HEADING: Final = 3
 WIND_NORTH: Final = 4
 WIND_EAST: Final = 5
-LEVEL_STATES: Final = 6
-"""States of the motion over ground, in the order of their covariances."""
-EVERY: Final = range(LEVEL_STATES)
+Level = tuple[float, float, float, float, float, float]
+"""Of north, east, airspeed, heading, and the wind north and east. Compiled, it is six numbers side by side."""
 
 
 class LevelCovariance:
     """Covariance of north, east, airspeed, heading, and the wind north and east: m, m/s and rad."""
 
-    __slots__ = ("rows",)
+    __slots__ = ("east", "heading", "north", "speed", "wind_east", "wind_north")
 
-    def __init__(self, variances: list[float]) -> None:
+    def __init__(self, variances: Level) -> None:
         """Begin with `variances` and no correlation."""
-        self.rows = [
-            [0.0] * place + [value] + [0.0] * (LEVEL_STATES - 1 - place) for place, value in enumerate(variances)
-        ]
+        self.north: Level = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        self.east: Level = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        self.speed: Level = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        self.heading: Level = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        self.wind_north: Level = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        self.wind_east: Level = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        self.grow(variances, 1.0)
+
+    def rows(self) -> list[Level]:
+        """Return it row by row."""
+        return [self.north, self.east, self.speed, self.heading, self.wind_north, self.wind_east]
 
     def carry(self, state: FlightState, elapsed_s: float, model: AutopilotModel) -> None:
         """Carry it on by the derivative F of the states `elapsed_s` after `state` by that state: F P F^T.
@@ -45,72 +52,77 @@ class LevelCovariance:
         speed_s, across_m = model.tau_v_s * (1.0 - speed_left), model.tau_psi_s * (1.0 - heading_left)
         across_m *= state.airspeed_mps
         north_v, north_psi, east_v, east_psi = cos * speed_s, -sin * across_m, sin * speed_s, cos * across_m
-        north, east, speed, heading, wind_north, wind_east = self.rows
-        moved = [
-            [north[j] + north_v * speed[j] + north_psi * heading[j] + elapsed_s * wind_north[j] for j in EVERY],
-            [east[j] + east_v * speed[j] + east_psi * heading[j] + elapsed_s * wind_east[j] for j in EVERY],
-            [speed_left * speed[j] for j in EVERY],
-            [heading_left * heading[j] for j in EVERY],
-            wind_north,
-            wind_east,
-        ]
-        self.rows = [
-            [
-                row[NORTH] + north_v * row[SPEED] + north_psi * row[HEADING] + elapsed_s * row[WIND_NORTH],
-                row[EAST] + east_v * row[SPEED] + east_psi * row[HEADING] + elapsed_s * row[WIND_EAST],
-                speed_left * row[SPEED],
-                heading_left * row[HEADING],
-                row[WIND_NORTH],
-                row[WIND_EAST],
-            ]
-            for row in moved
-        ]
+        speed, heading = self.speed, self.heading
+        north = plus(plus(plus(self.north, north_v, speed), north_psi, heading), elapsed_s, self.wind_north)
+        east = plus(plus(plus(self.east, east_v, speed), east_psi, heading), elapsed_s, self.wind_east)
+        by_speed, by_heading = (north_v, east_v, speed_left), (north_psi, east_psi, heading_left)
+        self.north = _across(north, by_speed, by_heading, elapsed_s)
+        self.east = _across(east, by_speed, by_heading, elapsed_s)
+        self.speed = _across(plus(speed, speed_left - 1.0, speed), by_speed, by_heading, elapsed_s)
+        self.heading = _across(plus(heading, heading_left - 1.0, heading), by_speed, by_heading, elapsed_s)
+        self.wind_north = _across(self.wind_north, by_speed, by_heading, elapsed_s)
+        self.wind_east = _across(self.wind_east, by_speed, by_heading, elapsed_s)
 
-    def grow(self, variances: list[float], share: float) -> None:
+    def grow(self, variances: Level, share: float) -> None:
         """Add `share` times `variances`."""
-        for place, variance in enumerate(variances):
-            self.rows[place][place] += share * variance
+        a, b, c, d, e, f = variances
+        self.north = plus(self.north, share, (a, 0.0, 0.0, 0.0, 0.0, 0.0))
+        self.east = plus(self.east, share, (0.0, b, 0.0, 0.0, 0.0, 0.0))
+        self.speed = plus(self.speed, share, (0.0, 0.0, c, 0.0, 0.0, 0.0))
+        self.heading = plus(self.heading, share, (0.0, 0.0, 0.0, d, 0.0, 0.0))
+        self.wind_north = plus(self.wind_north, share, (0.0, 0.0, 0.0, 0.0, e, 0.0))
+        self.wind_east = plus(self.wind_east, share, (0.0, 0.0, 0.0, 0.0, 0.0, f))
 
     def gust(self, variance: float, elapsed_s: float) -> None:
         """Add a change of the wind, of `variance` north and east, that came at any time of the last `elapsed_s`."""
-        for place, wind in ((NORTH, WIND_NORTH), (EAST, WIND_EAST)):
-            self.rows[wind][wind] += variance
-            self.rows[wind][place] += variance * elapsed_s / 2
-            self.rows[place][wind] += variance * elapsed_s / 2
-            self.rows[place][place] += variance * elapsed_s**2 / 3
+        place, both = variance * elapsed_s**2 / 3, variance * elapsed_s / 2
+        self.north = plus(self.north, 1.0, (place, 0.0, 0.0, 0.0, both, 0.0))
+        self.east = plus(self.east, 1.0, (0.0, place, 0.0, 0.0, 0.0, both))
+        self.wind_north = plus(self.wind_north, 1.0, (both, 0.0, 0.0, 0.0, variance, 0.0))
+        self.wind_east = plus(self.wind_east, 1.0, (0.0, both, 0.0, 0.0, 0.0, variance))
 
-    def seen(self, sensitivity: Sensitivity) -> list[float]:
-        """Return the covariances of the states with a measured value."""
-        first, wind = sensitivity.first, sensitivity.wind
-        if wind < 0:
-            return [row[first] for row in self.rows]
-        by_speed, by_heading = sensitivity.by_speed, sensitivity.by_heading
-        return [by_speed * row[SPEED] + by_heading * row[HEADING] + row[wind] for row in self.rows]
+    def of_north_mps(self, along: Along) -> Level:
+        """Return the covariances of the states with the velocity over ground to the north."""
+        return plus(plus(self.wind_north, along.north_by_speed, self.speed), along.north_by_heading, self.heading)
 
-    def take(self, seen: list[float], gain: list[float]) -> None:
-        """Take away what a value tells: `gain` times its covariances with the states."""
-        for place, row in enumerate(self.rows):
-            share = gain[place]
-            self.rows[place] = [row[j] - share * seen[j] for j in EVERY]
+    def of_east_mps(self, along: Along) -> Level:
+        """Return those with the velocity to the east."""
+        return plus(plus(self.wind_east, along.east_by_speed, self.speed), along.east_by_heading, self.heading)
+
+    def take(self, seen: Level, spread: float, off: float) -> Level:
+        """Return by how much a value that is `off` corrects the states, and take away what it tells.
+
+        `seen`: its covariances with the states; `spread`: the variance of its innovation.
+        """
+        a, b, c, d, e, f = seen
+        self.north = plus(self.north, -a / spread, seen)
+        self.east = plus(self.east, -b / spread, seen)
+        self.speed = plus(self.speed, -c / spread, seen)
+        self.heading = plus(self.heading, -d / spread, seen)
+        self.wind_north = plus(self.wind_north, -e / spread, seen)
+        self.wind_east = plus(self.wind_east, -f / spread, seen)
+        share = off / spread
+        return a * share, b * share, c * share, d * share, e * share, f * share
 
 
-class Sensitivity:
-    """The derivative of a measured value by the states: one of them, or a ground velocity by three."""
+class Along:
+    """The derivatives of the velocity over ground, north and east, by airspeed and heading."""
 
-    __slots__ = ("by_heading", "by_speed", "first", "wind")
+    __slots__ = ("east_by_heading", "east_by_speed", "north_by_heading", "north_by_speed")
 
-    def __init__(self, first: int, wind: int = -1, by_speed: float = 0.0, by_heading: float = 0.0) -> None:
-        """Measure state `first`; or, with a `wind`, that plus the given shares of airspeed and heading."""
-        self.first = first
-        self.wind = wind
-        self.by_speed = by_speed
-        self.by_heading = by_heading
+    def __init__(self, state: FlightState) -> None:
+        """Take those in `state`."""
+        cos, sin = math.cos(state.heading_rad), math.sin(state.heading_rad)
+        self.north_by_speed, self.north_by_heading = cos, -state.airspeed_mps * sin
+        self.east_by_speed, self.east_by_heading = sin, state.airspeed_mps * cos
 
-    def of(self, states: list[float]) -> float:
-        """Return what a change of the states changes the value by; or a value's variance from its covariances."""
-        if self.wind < 0:
-            return states[self.first]
-        return self.by_speed * states[SPEED] + self.by_heading * states[HEADING] + states[self.wind]
+    def north_mps(self, states: Level) -> float:
+        """Return what a change of the states changes the velocity to the north by; or its variance by covariances."""
+        return self.north_by_speed * states[SPEED] + self.north_by_heading * states[HEADING] + states[WIND_NORTH]
+
+    def east_mps(self, states: Level) -> float:
+        """Return the same of the velocity to the east."""
+        return self.east_by_speed * states[SPEED] + self.east_by_heading * states[HEADING] + states[WIND_EAST]
 
 
 class HeightCovariance:
@@ -153,32 +165,32 @@ def innovation(sample: list[float], state: FlightState) -> list[float]:
     return difference
 
 
-def level_sensitivities(state: FlightState) -> list[Sensitivity]:
-    """Return those of north and east, their rates, airspeed and heading."""
-    cos, sin, speed = math.cos(state.heading_rad), math.sin(state.heading_rad), state.airspeed_mps
-    return [
-        Sensitivity(NORTH),
-        Sensitivity(EAST),
-        Sensitivity(NORTH, WIND_NORTH, cos, -speed * sin),
-        Sensitivity(EAST, WIND_EAST, sin, speed * cos),
-        Sensitivity(SPEED),
-        Sensitivity(HEADING),
-    ]
+def spreads(level: LevelCovariance, height: HeightCovariance, along: Along) -> list[float]:
+    """Return the variances of a sample's values that come from the state's."""
+    north, east = along.north_mps(level.of_north_mps(along)), along.east_mps(level.of_east_mps(along))
+    place = [level.north[NORTH], level.east[EAST], height.height]
+    return [*place, north, east, height.climb, level.speed[SPEED], level.heading[HEADING]]
 
 
-def correct_level(
-    covariance: LevelCovariance, sensitivities: list[Sensitivity], difference: list[float], variances: list[float]
-) -> list[float]:
-    """Return by how much a sample's values correct the states, and take what they tell from the covariance."""
-    correction = [0.0] * LEVEL_STATES
-    for sensitivity, off, variance in zip(sensitivities, difference, variances, strict=True):
-        seen = covariance.seen(sensitivity)
-        spread = sensitivity.of(seen) + variance
-        gain = [each / spread for each in seen]
-        left = off - sensitivity.of(correction)
-        correction = [correction[j] + left * gain[j] for j in EVERY]
-        covariance.take(seen, gain)
-    return correction
+def correct_level(covariance: LevelCovariance, along: Along, off: list[float], noise: list[float]) -> Level:
+    """Return by how much a sample's values correct the states, and take what they tell from the covariance.
+
+    `off` and `noise` are the innovations and variances of all eight values.
+    """
+    seen = covariance.north
+    found = covariance.take(seen, seen[NORTH] + noise[0], off[0])
+    seen = covariance.east
+    found = plus(found, 1.0, covariance.take(seen, seen[EAST] + noise[1], off[1] - found[EAST]))
+    seen = covariance.of_north_mps(along)
+    left = off[3] - along.north_mps(found)
+    found = plus(found, 1.0, covariance.take(seen, along.north_mps(seen) + noise[3], left))
+    seen = covariance.of_east_mps(along)
+    left = off[4] - along.east_mps(found)
+    found = plus(found, 1.0, covariance.take(seen, along.east_mps(seen) + noise[4], left))
+    seen = covariance.speed
+    found = plus(found, 1.0, covariance.take(seen, seen[SPEED] + noise[6], off[6] - found[SPEED]))
+    seen = covariance.heading
+    return plus(found, 1.0, covariance.take(seen, seen[HEADING] + noise[7], off[7] - found[HEADING]))
 
 
 def correct_height(
@@ -198,3 +210,27 @@ def correct_height(
     covariance.cross = cross - first * climb
     covariance.climb = climb - second * climb
     return height_m + first * left, climb_mps + second * left
+
+
+def plus(row: Level, share: float, other: Level) -> Level:
+    """Return a row plus a share of another."""
+    a, b, c, d, e, f = row
+    u, v, w, x, y, z = other
+    return a + share * u, b + share * v, c + share * w, d + share * x, e + share * y, f + share * z
+
+
+def _across(
+    row: Level, by_speed: tuple[float, float, float], by_heading: tuple[float, float, float], elapsed_s: float
+) -> Level:
+    """Return a row's covariances with the states `elapsed_s` later: P F^T of a row of P.
+
+    Args:
+        row: covariances with the states now.
+        by_speed: derivatives of north, east and airspeed by the airspeed.
+        by_heading: those of north, east and heading by the heading.
+        elapsed_s: the time.
+    """
+    north, east, speed, heading, wind_north, wind_east = row
+    north += by_speed[0] * speed + by_heading[0] * heading + elapsed_s * wind_north
+    east += by_speed[1] * speed + by_heading[1] * heading + elapsed_s * wind_east
+    return north, east, by_speed[2] * speed, by_heading[2] * heading, wind_north, wind_east
