@@ -3,220 +3,46 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import math
+import shlex
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from html import escape
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from flight_model.arrays import Array
 from gcs_formation.errors import RecordError
 from gcs_formation.report import html
-from gcs_formation.report.geometry import Indices
-from gcs_formation.report.html import badge, number, table
-from gcs_formation.report.style import (
-    BAND,
-    GREY,
-    INK,
-    LIMIT,
-    THIN,
-    axes_grid,
-    legend_below,
-    new_figure,
-    print_style,
-    save,
-)
+from gcs_formation.report.html import NONE, badge, table
+from gcs_formation.report.style import print_style, save
+from gcs_formation.studies.columns import Flights, flights_of
+from gcs_formation.studies.curves import by_level, distributions, exceedances, has_tail, split_by
 from gcs_formation.studies.dataset import RESULT, STUDY, read_journal, read_plan
+from gcs_formation.studies.figures import heat_maps, marginals, pairs, searched
 from gcs_formation.studies.flight import LEAST_IS_WORST
 from gcs_formation.studies.keys import Study
 from gcs_formation.studies.plan import columns_of
 
-LEVELS_UP_TO = 12
-"""Different values of a parameter up to which each is a level of its own; more are put into bins."""
-CONFIDENCE = 0.95
-COLUMNS = 3
-MARGIN = "margin_used"
-CELL_CM = 4.6
-WIDE = 30.0
-"""Largest by median from which a scale is logarithmic."""
 REPORT, FIGURES = "report.html", "figures"
 WORST = 3
 MOST_FAILED = 50
 CAPTIONS = {
-    "distributions": "Cumulative distributions; flights without the figure count as beyond its end. Counts as bars.",
+    "searched": "Between which two values the bound is crossed, search by search. Where `worst_loop_delay_s` and "
+    "`delay_margin_s` are metrics: the loop's delay in those two flights, beside the margin computed for it.",
+    "distributions": "Cumulative, with the band that holds the whole curve (Dvoretzky, Kiefer, Wolfowitz, Massart); "
+    "flights without the figure count as beyond its end. Counts as bars.",
+    "exceedances": "How rare what is worse is, to the right; with Clopper's and Pearson's interval at each value. "
+    "A cross is what an expectation allows: the curve should pass below it.",
+    "levels": "Distribution and exceedance for each value of the parameters that have few, whatever the others are.",
     "marginals": "Over each parameter, whatever the others are.",
-    "map": "Median of the flights in each cell. Beyond the line, drawn where `margin_used` is a metric and both "
-    "sides of it were flown, delays are longer than the margin computed for the loops.",
+    "maps": "Median of the flights in each cell. Red, where `margin_used` (or both `worst_loop_delay_s` and "
+    "`delay_margin_s`) are metrics: where delays reach the margin computed for the loops. Purple: an expected bound.",
 }
 Rows = list[dict[str, Any]]
-
-
-class Flights(NamedTuple):
-    """A study's flights that came to an end, as columns."""
-
-    study: Study
-    parameters: Mapping[str, Array]
-    """(N,) values of those that are numbers."""
-    metrics: Mapping[str, Array]
-    """(N,), NaN where a flight has none."""
-
-
-def distributions(flights: Flights) -> Figure:
-    """Draw each metric's cumulative distribution with its confidence band (Dvoretzky, Kiefer, Wolfowitz, Massart)."""
-    names = list(flights.metrics)
-    figure, panels = _panels(len(names))
-    for axes, name in zip(panels, names, strict=False):
-        values = np.sort(flights.metrics[name][np.isfinite(flights.metrics[name])])
-        axes.set_xlabel(name)
-        if np.unique(values).size <= LEVELS_UP_TO and not np.mod(values, 1.0).any():
-            _counts(axes, values)
-            continue
-        total = flights.metrics[name].size
-        shares = np.arange(1, values.size + 1) / max(total, 1)
-        half = np.sqrt(np.log(2.0 / (1.0 - CONFIDENCE)) / (2.0 * max(total, 1)))
-        low, high = np.clip(shares - half, 0.0, 1.0), np.clip(shares + half, 0.0, 1.0)
-        axes.fill_between(values, low, high, step="post", color=BAND, alpha=0.2, lw=0, label="95 % confidence")
-        axes.step(values, shares, where="post", color=BAND, label="share of flights up to this value")
-        _bounds(axes, flights.study, name, vertical=True)
-        axes.set_ylim(0.0, 1.02)
-        _scale(axes, values, "x")
-    legend_below(figure)
-    return figure
-
-
-def _counts(axes: Axes, values: Array) -> None:
-    """Draw how many flights have each of a few whole values: a share of few among many wouldn't be seen."""
-    levels, counts = np.unique(values, return_counts=True)
-    bars = axes.bar(levels, counts, width=0.5, color=BAND, label="flights with this value")
-    axes.bar_label(bars, [str(count) for count in counts])
-    axes.set_xticks(levels, labels=[f"{level:g}" for level in levels])
-    axes.set(yscale="log", ylim=(0.5, 3.0 * counts.max()))
-
-
-def marginals(flights: Flights, metric: str) -> Figure:
-    """Draw a metric over each parameter: all flights, and their median and 5th to 95th percentile."""
-    figure, panels = _panels(len(flights.parameters))
-    values = flights.metrics[metric]
-    known = np.isfinite(values)
-    for axes, (name, parameter) in zip(panels, flights.parameters.items(), strict=False):
-        axes.plot(parameter[known], values[known], ls="", marker=".", ms=4, color=GREY, label="flights")
-        middles, low, middle, high = _by_level(parameter[known], values[known])
-        axes.fill_between(middles, low, high, color=BAND, alpha=0.2, lw=0, label="5th to 95th percentile")
-        axes.plot(middles, middle, color=INK, lw=1.2, marker="o", ms=2.5, label="median")
-        _bounds(axes, flights.study, metric, vertical=False)
-        _scale(axes, values[known], "y")
-        axes.set_xlabel(name)
-    panels[0].set_ylabel(metric)
-    legend_below(figure)
-    return figure
-
-
-def heat_map(flights: Flights, metric: str, across: str, up: str) -> Figure:
-    """Draw the median of a metric over two parameters, and where delays reach the computed margin, if that is known."""
-    figure = new_figure(9.0)
-    axes = figure.add_subplot()
-    columns, rows = _edges(flights.parameters[across]), _edges(flights.parameters[up])
-    cells = _cell(flights.parameters[up], rows), _cell(flights.parameters[across], columns)
-    shape = len(rows) - 1, len(columns) - 1
-    table = _medians(flights.metrics[metric], cells, shape)
-    if MARGIN in flights.metrics:
-        _margin(axes, columns, rows, _medians(flights.metrics[MARGIN], cells, shape))
-    drawn = axes.pcolormesh(columns, rows, np.ma.masked_invalid(table), cmap="cividis")
-    figure.colorbar(drawn, ax=axes, label=f"{metric}, median")
-    for row, column in np.argwhere(np.isfinite(table)):
-        middle = float(columns[column : column + 2].mean()), float(rows[row : row + 2].mean())
-        _write(axes, middle, float(table[row, column]), table)
-    axes.set_xlabel(across)
-    axes.set_ylabel(up)
-    for axis, name in ((axes.xaxis, across), (axes.yaxis, up)):
-        levels = np.unique(flights.parameters[name])
-        if levels.size <= LEVELS_UP_TO:
-            axis.set_ticks(levels, labels=[f"{level:g}" for level in levels])
-    axes.grid(visible=False)
-    legend_below(figure)
-    return figure
-
-
-def _medians(values: Array, cells: tuple[Indices, Indices], shape: tuple[int, int]) -> Array:
-    """Return the median of the values in each cell of a table, NaN where there are none."""
-    table: Array = np.full(shape, np.nan)
-    for row, column in np.ndindex(shape):
-        inside = values[(cells[0] == row) & (cells[1] == column)]
-        known = inside[np.isfinite(inside)]
-        table[row, column] = np.median(known) if known.size else np.nan
-    return table
-
-
-def _margin(axes: Axes, columns: Array, rows: Array, used: Array) -> None:
-    """Draw where delays use the whole of the margin that theory gives the loops, between the cells' middles."""
-    if min(used.shape) < 2 or not np.nanmin(used) < 1.0 < np.nanmax(used):
-        return
-    middles = [(edges[1:] + edges[:-1]) / 2.0 for edges in (columns, rows)]
-    axes.contour(*middles, np.ma.masked_invalid(used), levels=[1.0], colors=[LIMIT], linewidths=1.6)
-    axes.plot([], [], color=LIMIT, lw=1.6, label="computed delay margin")
-
-
-def _write(axes: Axes, place: tuple[float, float], value: float, table: Array) -> None:
-    if table.size <= LEVELS_UP_TO**2 / 2:
-        dark = value < (np.nanmin(table) + np.nanmax(table)) / 2.0
-        axes.text(*place, f"{value:.3g}", ha="center", va="center", color="white" if dark else "black")
-
-
-def _panels(count: int) -> tuple[Figure, list[Axes]]:
-    columns = min(max(count, 1), COLUMNS)
-    rows = -(-max(count, 1) // columns)
-    figure = new_figure(CELL_CM * rows + 1.6)
-    panels = [axes for row in axes_grid(figure, rows, columns) for axes in row]
-    for spare in panels[count:]:
-        spare.set_axis_off()
-    return figure, panels
-
-
-def _bounds(axes: Axes, study: Study, metric: str, *, vertical: bool) -> None:
-    for wanted in (each for each in study.expect if each.metric == metric):
-        for bound in (each for each in (wanted.below, wanted.above) if each is not None):
-            (axes.axvline if vertical else axes.axhline)(bound, color=LIMIT, lw=THIN, ls=(0, (5, 2)), label="expected")
-
-
-def _scale(axes: Axes, values: Array, which: str) -> None:
-    if values.size and values.min() > 0.0 and values.max() > WIDE * np.median(values):
-        (axes.set_xscale if which == "x" else axes.set_yscale)("log")
-
-
-def _edges(values: Array) -> Array:
-    """Return the borders of a parameter's levels, halfway between them, or of equal bins where there are many."""
-    levels: Array = np.unique(values)
-    if levels.size > LEVELS_UP_TO:
-        return np.linspace(float(levels[0]), float(levels[-1]), LEVELS_UP_TO + 1)
-    if levels.size == 1:
-        return np.array([levels[0] - 0.5, levels[0] + 0.5])
-    between = (levels[1:] + levels[:-1]) / 2.0
-    return np.concatenate(([levels[0] - (between[0] - levels[0])], between, [levels[-1] + levels[-1] - between[-1]]))
-
-
-def _cell(values: Array, edges: Array) -> Indices:
-    return np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
-
-
-def _by_level(parameter: Array, values: Array) -> tuple[Array, Array, Array, Array]:
-    """Return each level's mean of the parameter, and the values' 5th, 50th and 95th percentile there."""
-    if not parameter.size:
-        none: Array = np.zeros(0)
-        return none, none, none, none
-    cell = _cell(parameter, _edges(parameter))
-    inside = [cell == i for i in np.unique(cell)]
-    low, middle, high = np.array([np.percentile(values[each], (5, 50, 95)) for each in inside]).T
-    return np.array([parameter[each].mean() for each in inside]), low, middle, high
-
-
-def pairs(names: Sequence[str]) -> list[tuple[str, str]]:
-    """Return the pairs of parameters that have a heat map: each with the first."""
-    return [(names[0], other) for other in names[1:]]
 
 
 def is_study(directory: Path) -> bool:
@@ -234,47 +60,51 @@ def write_study_report(directory: Path) -> Path:
     rows = sorted(read_journal(directory), key=lambda row: row["flight"])
     if not rows:
         raise RecordError(f"found no flight in {directory}; expected: a study of which something was flown")
-    flights, result = _flights(study, rows), _result(directory)
+    flights, result = flights_of(study, rows), _result(directory)
     target = directory / REPORT
     try:
         (directory / FIGURES).mkdir(exist_ok=True)
-        gallery = "".join(_gallery(flights, directory / FIGURES))
+        gallery = "".join(_gallery(_plates(flights, result, rows), directory / FIGURES))
         target.write_text(_page(study, rows, result, gallery, directory), encoding="utf-8")
     except OSError as error:
         raise RecordError(f"cannot write the report into {directory}: {error.strerror or error}") from error
     return target
 
 
-def _flights(study: Study, rows: Rows) -> Flights:
-    ended = [row for row in rows if row["exit"] <= 1]
-    names = [name for name in columns_of(study) if all(_is_number(row.get(name)) for row in ended)]
-    columns = {name: np.array([float(row[name]) for row in ended]) for name in names}
-    varied = {name: values for name, values in columns.items() if np.unique(values).size > 1}
-    metrics = {name: np.array([row[name] for row in ended], dtype=np.float64) for name in study.measured}
-    return Flights(study, varied, {name: v for name, v in metrics.items() if np.isfinite(v).any()})
+Plate = tuple[str, str, Callable[[], Figure]]
+"""A figure's name, its title, and what draws it."""
 
 
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _gallery(flights: Flights, directory: Path) -> Iterator[str]:
-    for name, title, draw in _plates(flights):
+def _gallery(plates: Iterator[Plate], directory: Path) -> Iterator[str]:
+    for name, title, draw in plates:
         path = directory / f"{name}.png"
         with print_style():
             save(draw(), path)
         yield html.figure(name, title, CAPTIONS[name.partition("-")[0]], path)
 
 
-def _plates(flights: Flights) -> Iterator[tuple[str, str, Callable[[], Figure]]]:
+def _plates(flights: Flights, result: Mapping[str, Any], rows: Rows) -> Iterator[Plate]:
+    search = flights.study.bisect
+    if search is not None:
+        if result.get("bisect"):
+            title = f"{search.parameter} at which {search.metric} breaks its bound"
+            yield "searched", title, partial(searched, flights, search, result["bisect"], rows)
+        return
     if flights.metrics:
         yield "distributions", "Distributions", partial(distributions, flights)
-    varied = [name for name, values in flights.metrics.items() if np.unique(values[np.isfinite(values)]).size > 1]
-    for metric in varied if flights.parameters else ():
-        yield f"marginals-{metric}", metric, partial(marginals, flights, metric)
-        for across, up in pairs(list(flights.parameters)):
-            title = f"{metric} over {across} and {up}"
-            yield f"map-{metric}-{up}", title, partial(heat_map, flights, metric, across, up)
+    known = {name: values[np.isfinite(values)] for name, values in flights.metrics.items()}
+    if any(map(has_tail, known.values())):
+        yield "exceedances", "Exceedance", partial(exceedances, flights)
+    for metric in (name for name, values in known.items() if np.unique(values).size > 1 and flights.parameters):
+        yield from _over_parameters(flights, metric)
+
+
+def _over_parameters(flights: Flights, metric: str) -> Iterator[Plate]:
+    if split_by(flights) and has_tail(flights.metrics[metric]):
+        yield f"levels-{metric}", f"{metric} by parameters' values", partial(by_level, flights, metric)
+    yield f"marginals-{metric}", metric, partial(marginals, flights, metric)
+    if pairs(flights):
+        yield f"maps-{metric}", f"{metric} over two parameters", partial(heat_maps, flights, metric)
 
 
 def _page(study: Study, rows: Rows, result: Mapping[str, Any], gallery: str, directory: Path) -> str:
@@ -327,7 +157,12 @@ def _crossings(study: Study, result: Mapping[str, Any]) -> str:
         return ""
     names = [name for name in study.parameters if name != search.parameter]
     rows = [
-        [str(entry["seed"]), *(str(entry.get(name)) for name in names), number(entry["kept"]), number(entry["broken"])]
+        [
+            str(entry["seed"]),
+            *(str(entry.get(name)) for name in names),
+            _figure(entry["kept"]),
+            _figure(entry["broken"]),
+        ]
         for entry in result["bisect"]
     ]
     heads = ["Seed", *names, "kept up to", "broken from"]
@@ -337,14 +172,28 @@ def _crossings(study: Study, result: Mapping[str, Any]) -> str:
 
 
 def _worst(study: Study, rows: Rows, directory: Path) -> str:
-    names = columns_of(study)
+    names, again = columns_of(study), f"gcs-formation study fly {shlex.quote(str(directory))}"
     found: list[list[str]] = []
+    ended = [row for row in rows if row["exit"] <= 1]
     for metric in study.measured:
-        known = [row for row in rows if row[metric] is not None]
-        ordered = sorted(known, key=lambda row: row[metric], reverse=metric not in LEAST_IS_WORST)
+        ordered = sorted(ended, key=lambda row: _badness(metric, row[metric]), reverse=True)
+        if not ordered or ordered[0][metric] == ordered[-1][metric]:
+            continue
         found += [
-            [metric, number(row[metric]), str(row["flight"]), str(row["seed"]), *(f"{row.get(name)}" for name in names),
-             f"gcs-formation study fly {directory} {row['flight']}"]
+            [metric, _figure(row[metric])]
+            + [str(row.get(name)) for name in ("flight", "seed", *names)]
+            + [f"{again} {row['flight']}"]
             for row in ordered[:WORST]
-        ]  # fmt: skip
+        ]
     return table(["Figure", "Value", "Flight", "Seed", *names, "Again"], found, (0, 4 + len(names)))
+
+
+def _badness(metric: str, value: float | None) -> float:
+    """Return how bad a figure is: none, as of a flight that never settled, is worst."""
+    if value is None:
+        return math.inf
+    return -value if metric in LEAST_IS_WORST else value
+
+
+def _figure(value: float | None) -> str:
+    return NONE if value is None else f"{value:.4g}".replace("-", "−")

@@ -18,8 +18,6 @@ import pyarrow.parquet as pq
 import pytest
 from click.testing import CliRunner
 from jsonschema import Draft202012Validator
-from matplotlib.contour import ContourSet
-from matplotlib.patches import Rectangle
 from scipy.stats import binom
 
 from formation_scenario import ScenarioError
@@ -31,7 +29,6 @@ from gcs_formation.studies.flight import Task, figure, fly
 from gcs_formation.studies.keys import Study, load_study, study_schema
 from gcs_formation.studies.plan import Plan, Planned, count_flights, count_samples, drawn, replayed, samples
 from gcs_formation.studies.preparation import prepare, refly_task
-from gcs_formation.studies.report import Flights, distributions, heat_map
 from gcs_formation.studies.table import sample_table
 from gcs_formation.studies.workers import Cluster, Processes
 from tests.processes import wait_for
@@ -372,34 +369,6 @@ def test_what_is_wrong_in_a_study_is_said_once(keys, said):
         study(**keys)
     (line,) = str(refused.value).splitlines()
     assert line.startswith(said)
-
-
-def delayed(*, margin_s):
-    """Flights at 0, 100, 200, 300 ms, each over links with and without loss, whose loops have a margin."""
-    delay, loss = (values.ravel() for values in np.meshgrid([0.0, 100.0, 200.0, 300.0], [0.0, 0.1]))
-    metrics = {"error_x_m.max": delay / 100, "margin_used": delay / 1e3 / margin_s}
-    return Flights(study(parameters={DELAY: [0]}), {DELAY: delay, LOSS: loss}, metrics)
-
-
-def test_a_heat_map_shows_where_delays_reach_the_computed_margin():
-    """Used linearly up to the margin of 150 ms, halfway between two levels."""
-    (axes, _) = heat_map(delayed(margin_s=0.15), "error_x_m.max", DELAY, LOSS).axes
-    (line,) = [each for each in axes.collections if isinstance(each, ContourSet)]
-    assert line.allsegs[0][0][:, 0] == pytest.approx([150.0, 150.0])
-    (axes, _) = heat_map(delayed(margin_s=0.5), "error_x_m.max", DELAY, LOSS).axes
-    assert not [each for each in axes.collections if isinstance(each, ContourSet)]
-
-
-def test_a_count_that_few_flights_have_is_seen_among_a_thousand():
-    broken = np.zeros(1000)
-    broken[[97, 231]] = 1.0
-    figure = distributions(Flights(study(), {}, {"broken_invariants": broken, "error_x_m.max": broken + 0.5}))
-    counted, curve = figure.axes[:2]
-    assert [text.get_text() for text in counted.texts] == ["998", "2"]
-    bars = [bar for bar in counted.patches if isinstance(bar, Rectangle)]
-    assert len(bars) == len(counted.patches)
-    assert all(bar.get_height() > counted.get_ylim()[0] for bar in bars)
-    assert not curve.patches
 
 
 @pytest.mark.slow

@@ -1,0 +1,225 @@
+"""Distributions of a study's figures: shares of flights up to a value, or worse than it, with confidence bands."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
+from scipy.stats import beta
+
+from flight_model.arrays import Array
+from gcs_formation.report.style import BAND, FOLLOWERS, LIMIT, THIN, axes_grid, legend_below, new_figure
+from gcs_formation.studies.columns import LEVELS_UP_TO, Flights, Mask, is_wide, scale
+from gcs_formation.studies.flight import LEAST_IS_WORST
+from gcs_formation.studies.keys import Study
+
+CONFIDENCE = 0.95
+PANELS = 3
+"""Beside each other."""
+CELL_CM = 4.6
+SERIES = 6
+"""Values of a parameter up to which each has a curve of its own."""
+LEAST = 4
+"""Flights from which a value of a parameter has one: a band of fewer says nothing."""
+FEW = 2
+"""Different values up to which flights with each are counted."""
+FAINT, CLEAR = 0.1, 0.2
+
+
+class Curve(NamedTuple):
+    """A share of flights over a figure's values, and the band in which it lies."""
+
+    values: Array
+    share: Array
+    low: Array
+    high: Array
+
+
+def up_to(values: Array) -> Curve:
+    """Return the shares of flights with no more than each value; one that has none (NaN) is beyond all.
+
+    The band is that of Dvoretzky, Kiefer and Wolfowitz with Massart's constant: it holds the whole curve at once.
+    """
+    known, count = np.sort(values[np.isfinite(values)]), max(values.size, 1)
+    share = np.arange(1, known.size + 1) / count
+    half = np.sqrt(np.log(2.0 / (1.0 - CONFIDENCE)) / (2.0 * count))
+    return Curve(known, share, np.clip(share - half, 0.0, 1.0), np.clip(share + half, 0.0, 1.0))
+
+
+def worse_than(values: Array, *, least_is_worst: bool) -> Curve:
+    """Return the shares of flights that are worse than each value, the worst value last; one that has none is.
+
+    The band is Clopper's and Pearson's, at each value by itself: it is narrow where few flights are.
+    """
+    known, count = np.sort(values[np.isfinite(values)]), max(values.size, 1)
+    if least_is_worst:
+        known = known[::-1]
+    worse = count - np.arange(1, known.size + 1)
+    outside = (1.0 - CONFIDENCE) / 2.0
+    # beta.ppf is NaN where no flight is worse, or every one: the ends are 0 and 1 there.
+    low = np.where(worse > 0, beta.ppf(outside, np.maximum(worse, 1), count - worse + 1), 0.0)
+    high = np.where(worse < count, beta.ppf(1.0 - outside, worse + 1, np.maximum(count - worse, 1)), 1.0)
+    return Curve(known, worse / count, low, high)
+
+
+def distributions(flights: Flights) -> Figure:
+    """Draw the share of flights up to each value of each figure."""
+    figure, panels = panels_of(len(flights.metrics))
+    for axes, (name, values) in zip(panels, flights.metrics.items(), strict=False):
+        axes.set_xlabel(name)
+        if counted(values[np.isfinite(values)]):
+            _counts(axes, values)
+            continue
+        _draw(axes, up_to(values), BAND, "share of flights up to this value", CLEAR)
+        axes.set_ylim(0.0, 1.02)
+        _finish(axes, flights, name)
+    legend_below(figure)
+    return figure
+
+
+def exceedances(flights: Flights) -> Figure:
+    """Draw the share of flights that are worse than each value of each figure that has a tail."""
+    named = {name: values for name, values in flights.metrics.items() if has_tail(values)}
+    figure, panels = panels_of(len(named))
+    for axes, (name, values) in zip(panels, named.items(), strict=False):
+        everyone = np.ones(values.size, dtype=np.bool_)
+        _tail(axes, flights, name, everyone, BAND, "share of flights that are worse than this value", CLEAR)
+        _finish_tail(axes, flights, name, values.size)
+    legend_below(figure)
+    return figure
+
+
+def by_level(flights: Flights, metric: str) -> Figure:
+    """Draw both for each value of the parameters that have few: a row of two panels for each parameter."""
+    names = split_by(flights)
+    figure = new_figure(5.4 * len(names) + 0.4)
+    values = flights.metrics[metric]
+    for (left, right), name in zip(axes_grid(figure, len(names), 2), names, strict=True):
+        groups = flights.groups(name)
+        for colour, (level, inside) in zip(FOLLOWERS, groups.items(), strict=False):
+            _draw(left, up_to(values[inside]), colour, level, FAINT)
+            _tail(right, flights, metric, inside, colour, level, FAINT)
+        left.set(xlabel=metric, ylabel="share up to", ylim=(0.0, 1.02))
+        _finish(left, flights, metric)
+        _finish_tail(right, flights, metric, min(int(inside.sum()) for inside in groups.values()))
+        right.set_ylabel("share worse than")
+        handles, labels = left.get_legend_handles_labels()
+        kept = [(handle, label) for handle, label in zip(handles, labels, strict=True) if label in groups]
+        right.legend(*zip(*kept, strict=True), title=name, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return figure
+
+
+def split_by(flights: Flights) -> list[str]:
+    """Return the parameters with few values that enough flights have each."""
+    sizes = {name: [inside.sum() for inside in flights.groups(name).values()] for name in flights.parameters}
+    return [name for name, each in sizes.items() if 2 <= len(each) <= SERIES and min(each) >= LEAST]
+
+
+def has_tail(values: Array) -> bool:
+    """Whether a figure has enough different values for its tail to be drawn."""
+    known = values[np.isfinite(values)]
+    return not counted(known)
+
+
+def counted(known: Array) -> bool:
+    """Whether values are counted: a few whole numbers, or hardly any different ones."""
+    levels = np.unique(known)
+    return levels.size <= FEW or (levels.size <= LEVELS_UP_TO and not np.mod(levels, 1.0).any())
+
+
+def panels_of(count: int, cell_cm: float = CELL_CM) -> tuple[Figure, list[Axes]]:
+    """Return a figure with so many panels, in rows of a few."""
+    columns = min(max(count, 1), PANELS)
+    rows = -(-max(count, 1) // columns)
+    figure = new_figure(cell_cm * rows + 1.6)
+    panels = [axes for row in axes_grid(figure, rows, columns) for axes in row]
+    for spare in panels[count:]:
+        spare.set_axis_off()
+    return figure, panels[: max(count, 1)]
+
+
+def bounds(axes: Axes, study: Study, metric: str, *, vertical: bool) -> None:
+    """Draw what the study expects of a figure."""
+    for bound in bounds_of(study, metric):
+        (axes.axvline if vertical else axes.axhline)(bound, color=LIMIT, lw=THIN, ls=(0, (5, 2)), label="expected")
+
+
+def bounds_of(study: Study, metric: str) -> list[float]:
+    """Return the bounds that the study expects of a figure."""
+    wanted = [each for each in study.expect if each.metric == metric]
+    return [bound for each in wanted for bound in (each.below, each.above) if bound is not None]
+
+
+def _counts(axes: Axes, values: Array) -> None:
+    """Draw how many flights have each of a few values, and none: a share of few among many wouldn't be seen."""
+    levels, counts = np.unique(values[np.isfinite(values)], return_counts=True)
+    named = {f"{level:g}": count for level, count in zip(levels.tolist(), counts.tolist(), strict=True)}
+    if (without := int(np.isnan(values).sum())) > 0:
+        named["none"] = without
+    bars = axes.bar(list(named), list(named.values()), width=0.5, color=BAND, label="flights with this value")
+    axes.bar_label(bars, [str(count) for count in named.values()])
+    axes.set(yscale="log", ylim=(0.5, 3.0 * max(named.values())))
+    axes.margins(x=0.2)
+
+
+def _draw(axes: Axes, curve: Curve, colour: str, label: str, alpha: float) -> None:
+    band = f"{100.0 * CONFIDENCE:g} % confidence" if alpha == CLEAR else None
+    axes.fill_between(curve.values, curve.low, curve.high, step="post", color=colour, alpha=alpha, lw=0, label=band)
+    axes.step(curve.values, curve.share, where="post", color=colour, label=label)
+
+
+def _tail(axes: Axes, flights: Flights, metric: str, inside: Mask, colour: str, label: str, alpha: float) -> None:
+    """Draw the share of some flights that is worse; where none is, the band goes on as far as the panel."""
+    curve = worse_than(flights.metrics[metric][inside], least_is_worst=metric in LEAST_IS_WORST)
+    if curve.values.size:
+        end = _end(_known(flights, metric), metric in LEAST_IS_WORST)
+        curve = Curve(np.append(curve.values, end), *(np.append(each, each[-1]) for each in curve[1:]))
+    floor = _floor(inside.sum()) / 2.0
+    above = curve._replace(share=np.maximum(curve.share, floor), low=np.maximum(curve.low, floor))
+    _draw(axes, above, colour, label, alpha)
+
+
+def _end(values: Array, least_is_worst: bool) -> float:
+    """Return a value a little worse than all."""
+    low, high = float(values.min()), float(values.max())
+    beyond = 0.05 * (high - low)
+    if is_wide(values):
+        beyond = 0.2 * (low if least_is_worst else high)
+    return low - beyond if least_is_worst else high + beyond
+
+
+def _finish(axes: Axes, flights: Flights, metric: str) -> None:
+    """Scale a panel's values, and draw what is expected of them."""
+    scale(axes, _known(flights, metric), "x")
+    bounds(axes, flights.study, metric, vertical=True)
+
+
+def _finish_tail(axes: Axes, flights: Flights, metric: str, fewest: int) -> None:
+    """Scale a panel of tails; where an expectation allows a share of the flights, mark it: curves should be below."""
+    axes.set_xlabel(metric)
+    axes.set(yscale="log", ylim=(_floor(fewest), 1.1))
+    axes.yaxis.set_major_formatter(FuncFormatter(_percent))
+    _finish(axes, flights, metric)
+    if metric in LEAST_IS_WORST:
+        axes.xaxis.set_inverted(True)
+    for wanted in flights.study.expect:
+        bound = wanted.above if wanted.below is None else wanted.below
+        if wanted.metric == metric and wanted.share < 1.0 and bound is not None:
+            axes.plot(bound, 1.0 - wanted.share, ls="", marker="x", color=LIMIT, label="at most so many beyond it")
+
+
+def _known(flights: Flights, metric: str) -> Array:
+    """Return the values that a panel has to show: the flights' and what is expected."""
+    values = flights.metrics[metric]
+    return np.append(values[np.isfinite(values)], bounds_of(flights.study, metric))
+
+
+def _floor(count: int) -> float:
+    return 0.4 / max(count, 1)
+
+
+def _percent(share: float, _: object) -> str:
+    return f"{100.0 * share:g} %"

@@ -1,0 +1,218 @@
+"""A study's figures over its parameters: one at a time, two at a time, and where a search found its bound."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+from typing import Any, NamedTuple
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LogNorm, Normalize
+from matplotlib.figure import Figure
+
+from flight_model.arrays import Array
+from gcs_formation.report.style import BAND, GREY, INK, LIMIT, axes_grid, legend_below, new_figure
+from gcs_formation.studies.columns import IN_A_BIN, Flights, cells_of, edges_of, is_wide, scale, tick
+from gcs_formation.studies.curves import CELL_CM, bounds, bounds_of, panels_of
+from gcs_formation.studies.keys import Bisection
+from gcs_formation.studies.plan import Row
+
+MARGIN, LOOP_DELAY, MARGIN_S = "margin_used", "worst_loop_delay_s", "delay_margin_s"
+CELLS = mpl.colormaps["cividis"]
+MAPPED = 4
+"""Parameters that have maps with each other."""
+PURPLE = "#CC79A7"
+"""Seen on a map's dark cells and on its light ones."""
+SAID = 12
+"""Cells beside each other up to which each says its value."""
+MAPS, MAP_CM = 2, 6.5
+"""Maps beside each other, and how high one is."""
+
+
+def marginals(flights: Flights, metric: str) -> Figure:
+    """Draw a metric over each parameter: all flights, and their median and 5th to 95th percentile."""
+    named = any(name in flights.levels for name in flights.parameters)
+    figure, panels = panels_of(len(flights.parameters), CELL_CM + (1.2 if named else 0.0))
+    values = flights.metrics[metric]
+    known = np.isfinite(values)
+    for axes, (name, parameter) in zip(panels, flights.parameters.items(), strict=False):
+        axes.plot(parameter[known], values[known], ls="", marker=".", ms=4, color=GREY, label="flights")
+        cell = cells_of(parameter, edges_of(flights, name, parameter.size // IN_A_BIN))
+        inside = [known & (cell == i) for i in np.unique(cell[known])]
+        low, middle, high = np.array([np.percentile(values[each], (5, 50, 95)) for each in inside]).T
+        _along(axes, np.array([parameter[each].mean() for each in inside]), (low, middle, high), name in flights.levels)
+        bounds(axes, flights.study, metric, vertical=False)
+        scale(axes, np.append(values[known], bounds_of(flights.study, metric)), "y")
+        axes.set_xlabel(name)
+        tick(flights, axes.xaxis, name, slant=True)
+    for axes in panels[::3]:
+        axes.set_ylabel(metric)
+    legend_below(figure)
+    return figure
+
+
+def _along(axes: Axes, middles: Array, spread: tuple[Array, Array, Array], named: bool) -> None:
+    """Draw median and spread; what lies between the values of a parameter that is no number is nothing."""
+    low, middle, high = spread
+    words = "5th to 95th percentile"
+    if named:
+        axes.margins(x=0.25)
+        axes.vlines(middles, low, high, color=BAND, alpha=0.4, lw=5.0, label=words)
+    else:
+        axes.fill_between(middles, low, high, color=BAND, alpha=0.2, lw=0, label=words)
+    axes.plot(middles, middle, color=INK, lw=1.2, ls="" if named else "-", marker="o", ms=2.5, label="median")
+
+
+def pairs(flights: Flights) -> list[tuple[str, str]]:
+    """Return the parameters that have a map: across and up, numbers across. One at a time leaves maps empty."""
+    if flights.study.design == "one_at_a_time":
+        return []
+    names = sorted(list(flights.parameters)[:MAPPED], key=lambda name: name in flights.levels)
+    return list(combinations(names, 2))
+
+
+def heat_maps(flights: Flights, metric: str) -> Figure:
+    """Draw the median of a metric over two parameters, pair by pair; where it crosses its bound, and delays theirs."""
+    found = pairs(flights)
+    columns = min(len(found), MAPS)
+    figure = new_figure(1.6 + MAP_CM * -(-len(found) // columns))
+    panels = [axes for row in axes_grid(figure, -(-len(found) // columns), columns) for axes in row]
+    tables = [_table(flights, flights.metrics[metric], pair) for pair in found]
+    known = np.concatenate([table.cells[np.isfinite(table.cells)] for table in tables])
+    norm = (LogNorm if is_wide(known) else Normalize)(float(known.min()), float(known.max()))
+    for axes, pair, table in zip(panels, found, tables, strict=False):
+        axes.pcolormesh(table.columns, table.rows, np.ma.masked_invalid(table.cells), cmap=CELLS, norm=norm)
+        if table.cells.shape[1] * columns <= SAID:
+            _write(axes, table, norm, digits=4 - columns)
+        if pair[0] not in flights.levels:
+            _boundaries(axes, flights, metric, pair, table)
+        for axis, name in ((axes.xaxis, pair[0]), (axes.yaxis, pair[1])):
+            tick(flights, axis, name, slant=axis is axes.xaxis)
+            axis.set_label_text(name)
+        axes.grid(visible=False)
+    for spare in panels[len(found) :]:
+        spare.set_axis_off()
+    figure.colorbar(
+        ScalarMappable(norm, CELLS), ax=panels, label=f"{metric}, median", shrink=0.6 if len(found) > columns else 1.0
+    )
+    legend_below(figure)
+    return figure
+
+
+class _Table(NamedTuple):
+    """Medians of the flights in the cells between edges, NaN where there are none."""
+
+    columns: Array
+    rows: Array
+    cells: Array
+
+
+def _table(flights: Flights, values: Array, pair: tuple[str, str]) -> _Table:
+    most = int(np.sqrt(values.size / IN_A_BIN))
+    columns, rows = (edges_of(flights, name, most) for name in pair)
+    column, row = (cells_of(flights.parameters[name], edges) for name, edges in zip(pair, (columns, rows), strict=True))
+    cells: Array = np.full((len(rows) - 1, len(columns) - 1), np.nan)
+    for place in np.ndindex(*cells.shape):
+        inside = values[(row == place[0]) & (column == place[1])]
+        known = inside[np.isfinite(inside)]
+        cells[place] = np.median(known) if known.size else np.nan
+    return _Table(columns, rows, cells)
+
+
+def _boundaries(axes: Axes, flights: Flights, metric: str, pair: tuple[str, str], table: _Table) -> None:
+    used = margin_used(flights)
+    if used is not None:
+        _boundary(axes, _table(flights, used, pair), 1.0, LIMIT, "computed delay margin")
+    for bound in bounds_of(flights.study, metric):
+        _boundary(axes, table, bound, PURPLE, f"{metric} = {bound:g}, as expected")
+
+
+def margin_used(flights: Flights) -> Array | None:
+    """Return which share of the computed delay margin each flight's loops used, None where it wasn't measured."""
+    if {LOOP_DELAY, MARGIN_S} <= flights.metrics.keys():
+        return flights.metrics[LOOP_DELAY] / flights.metrics[MARGIN_S]
+    return flights.metrics.get(MARGIN)
+
+
+def _boundary(axes: Axes, table: _Table, level: float, colour: str, label: str) -> None:
+    """Draw where a table crosses a level, row by row between its columns' middles."""
+    middles = (table.columns[1:] + table.columns[:-1]) / 2.0
+    for row, values in enumerate(table.cells):
+        for at in crossings_of(middles, values, level):
+            axes.plot([at, at], table.rows[row : row + 2], color=colour, lw=1.8, label=label)
+
+
+def crossings_of(places: Array, values: Array, level: float) -> list[float]:
+    """Return the places at which values cross a level, between neighbours that are known."""
+    off = values - level
+    found = [
+        i for i in range(len(off) - 1) if np.isfinite(off[i : i + 2]).all() and (off[i] < 0.0) != (off[i + 1] < 0.0)
+    ]
+    return [float(places[i] + (places[i + 1] - places[i]) * off[i] / (off[i] - off[i + 1])) for i in found]
+
+
+def _write(axes: Axes, table: _Table, norm: Normalize, digits: int) -> None:
+    """Write each cell's value into it."""
+    for row, column in np.argwhere(np.isfinite(table.cells)):
+        place = float(table.columns[column : column + 2].mean()), float(table.rows[row : row + 2].mean())
+        value = float(table.cells[row, column])
+        ink = "white" if norm(value) < 0.5 else "black"
+        behind = {"facecolor": CELLS(norm(value)), "edgecolor": "none", "pad": 1.0}  # a boundary may run there
+        axes.text(*place, f"{value:.{digits}g}", ha="center", va="center", color=ink, bbox=behind)
+
+
+def searched(flights: Flights, search: Bisection, found: Sequence[Mapping[str, Any]], rows: Sequence[Row]) -> Figure:
+    """Draw where each search found its bound crossed, and, where they were measured, the loops' delays there.
+
+    The loop's delay of the two flights between which it is crossed stands beside the margin computed for the loops.
+    """
+    names = [name for name in flights.study.parameters if name != search.parameter]
+    words = [_sample(entry, names, flights.study.seeds.count) for entry in found]
+    measured = {LOOP_DELAY, MARGIN_S} <= flights.metrics.keys()
+    figure = new_figure(2.6 + 0.75 * len(found))
+    (panels,) = axes_grid(figure, 1, 1 + measured, sharey=True)
+    _ends(panels[0], [(entry["kept"], entry["broken"]) for entry in found])
+    panels[0].set_xlabel(search.parameter)
+    panels[0].set_yticks(range(len(found)), labels=words)
+    panels[0].set_ylim(len(found) - 0.5, -0.5)
+    if measured:
+        ends = [
+            [_row_at(rows, entry, names, search.parameter, entry[key]) for key in ("kept", "broken")] for entry in found
+        ]
+        _ends(panels[1], [tuple(row.get(LOOP_DELAY) for row in each) for each in ends])
+        for place, (kept, broken) in enumerate(ends):
+            margin_s = kept.get(MARGIN_S, broken.get(MARGIN_S))
+            if margin_s is not None:
+                panels[1].plot(margin_s, place, ls="", marker="D", ms=4, color=LIMIT, label="computed delay margin")
+        panels[1].set_xlabel("loop's delay there, s")
+    legend_below(figure)
+    return figure
+
+
+def _ends(axes: Axes, ends: Sequence[tuple[Any, ...]]) -> None:
+    for place, (kept, broken) in enumerate(ends):
+        if kept is not None and broken is not None:
+            axes.plot([kept, broken], [place, place], color=BAND, lw=2.5, label="kept to broken")
+        else:
+            (at, marker, label) = (
+                (kept, ">", "kept up to the high end") if broken is None else (broken, "<", "broken at the low end")
+            )
+            if at is not None:
+                axes.plot(at, place, ls="", marker=marker, color=BAND, label=label)
+
+
+def _sample(entry: Mapping[str, Any], names: Sequence[str], seeds: int) -> str:
+    words = [str(entry.get(name)) for name in names]
+    return ", ".join([*words, *([f"seed {entry['seed']}"] if seeds > 1 or not words else [])])
+
+
+def _row_at(
+    rows: Sequence[Row], entry: Mapping[str, Any], names: Sequence[str], searched: str, value: float | None
+) -> Row:
+    """Return the flight of a search at a value, empty where there is none."""
+    same = (row for row in rows if row["seed"] == entry["seed"] and row.get(searched) == value)
+    none: Row = {}
+    return next((row for row in same if all(row.get(name) == entry.get(name) for name in names)), none)

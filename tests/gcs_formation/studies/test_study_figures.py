@@ -1,0 +1,177 @@
+"""Figures of a study: distributions and their bands, parameters that are no numbers, margins against theory."""
+
+import re
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.lines import Line2D
+from matplotlib.patches import Rectangle
+
+from gcs_formation.studies.campaign import clopper_pearson
+from gcs_formation.studies.columns import Flights, flights_of
+from gcs_formation.studies.curves import by_level, distributions, exceedances, up_to, worse_than
+from gcs_formation.studies.dataset import Dataset
+from gcs_formation.studies.figures import crossings_of, heat_maps, marginals, pairs, searched
+from gcs_formation.studies.keys import load_study
+from gcs_formation.studies.report import write_study_report
+
+SCENARIO: Any = {"vehicles": {"count": 2}, "path": {"waypoints_m": [[0, 0, 100], [4000, 0, 100]]}}
+DELAY, LOSS, LAW = "links.default.delay_ms", "links.default.loss", "law.type"
+ERROR, NEAREST = "error_x_m.max", "min_separation_m"
+SEARCH = {"parameter": DELAY, "low": 0, "high": 1000, "tolerance": 10, "metric": ERROR, "below": 1.0}
+
+
+def study(**keys):
+    return load_study({"base": SCENARIO, **keys})[0]
+
+
+def lines_of(axes, label):
+    return [line for line in axes.lines if isinstance(line, Line2D) and line.get_label() == label]
+
+
+def places_of(axes, label):
+    return [np.asarray(line.get_xdata()).tolist() for line in lines_of(axes, label)]
+
+
+def test_a_distribution_s_band_holds_the_whole_curve_and_flights_without_the_figure_are_beyond_it():
+    """Massart's constant: half the band is sqrt(ln(2 / 0.05) / 2 n)."""
+    curve = up_to(np.array([*range(80), *[np.nan] * 20], dtype=float))
+    assert curve.share[[0, -1]] == pytest.approx([0.01, 0.8])
+    half = np.sqrt(np.log(40.0) / 200.0)
+    assert curve.high[40] - curve.share[40] == pytest.approx(half)
+    assert curve.share[40] - curve.low[40] == pytest.approx(half)
+    assert (curve.low[0], curve.high[-1]) == pytest.approx((0.0, 0.8 + half))
+
+
+def test_a_tail_s_band_is_clopper_and_pearson_s_of_the_flights_that_are_worse():
+    values = np.array([3.0, 1.0, 4.0, 2.0, np.nan])
+    curve = worse_than(values, least_is_worst=False)
+    assert curve.values.tolist() == [1, 2, 3, 4]
+    assert curve.share == pytest.approx([0.8, 0.6, 0.4, 0.2])
+    least = worse_than(values, least_is_worst=True)
+    assert least.values.tolist() == [4, 3, 2, 1]
+    for each in (curve, least):
+        expected = [clopper_pearson(worse, 5, 0.95) for worse in (4, 3, 2, 1)]
+        assert np.stack((each.low, each.high), axis=1) == pytest.approx(np.array(expected))
+    none_worse = worse_than(np.arange(10.0), least_is_worst=False)
+    assert (none_worse.low[-1], none_worse.high[-1]) == pytest.approx(clopper_pearson(0, 10, 0.95))
+
+
+def test_a_tail_goes_on_beyond_its_worst_flight_to_what_is_expected():
+    """Of 100 flights none is worse than 4 m, so up to 3.6 % may be; the mark allows 1 %."""
+    wanted = study(metrics=[ERROR, NEAREST], expect=[{"metric": NEAREST, "above": 2, "share": 0.99}])
+    (axes,) = exceedances(Flights(wanted, {}, {NEAREST: np.linspace(4.0, 40.0, 100)})).axes
+    (tail,) = lines_of(axes, "share of flights that are worse than this value")
+    assert np.asarray(tail.get_xdata())[-1] < 2.0
+    (mark,) = lines_of(axes, "at most so many beyond it")
+    assert np.asarray(mark.get_xydata()) == pytest.approx(np.array([[2.0, 0.01]]))
+    assert axes.xaxis_inverted()
+
+
+def test_a_count_that_few_flights_have_is_seen_among_a_thousand():
+    broken = np.zeros(1000)
+    broken[[97, 231]] = 1.0
+    figure = distributions(Flights(study(), {}, {"broken_invariants": broken, ERROR: np.arange(1000.0) / 8}))
+    counted, curve = figure.axes[:2]
+    assert [text.get_text() for text in counted.texts] == ["998", "2"]
+    assert [label.get_text() for label in counted.get_xticklabels()] == ["0", "1"]
+    bars = [bar for bar in counted.patches if isinstance(bar, Rectangle)]
+    assert len(bars) == len(counted.patches)
+    assert all(bar.get_height() > counted.get_ylim()[0] for bar in bars)
+    assert not curve.patches
+
+
+def delayed(*, margin_s, **keys):
+    """Flights at 0, 100, 200, 300 ms, each over links with and without loss, whose loops have a margin."""
+    delay, loss = (values.ravel() for values in np.meshgrid([0.0, 100.0, 200.0, 300.0], [0.0, 0.1]))
+    metrics = {ERROR: delay / 100, "margin_used": delay / 1e3 / margin_s}
+    return Flights(study(parameters={DELAY: [0]}, **keys), {DELAY: delay, LOSS: loss}, metrics)
+
+
+def test_a_heat_map_shows_where_delays_reach_the_computed_margin_and_a_figure_its_bound():
+    """The margin of 150 ms lies halfway between two levels; 1.25 m are reached at 125 ms."""
+    wanted = [{"metric": ERROR, "below": 1.25}]
+    (axes, _) = heat_maps(delayed(margin_s=0.15, expect=wanted), ERROR).axes
+    for label, at in (("computed delay margin", 150.0), (f"{ERROR} = 1.25, as expected", 125.0)):
+        assert places_of(axes, label) == [pytest.approx([at, at])] * 2
+    (axes, _) = heat_maps(delayed(margin_s=0.5), ERROR).axes
+    assert not axes.lines
+
+
+def test_a_boundary_is_found_between_neighbours_that_are_known():
+    assert crossings_of(np.arange(4.0), np.array([0.0, 2.0, np.nan, 0.0]), 1.0) == [0.5]
+    assert crossings_of(np.arange(3.0), np.array([4.0, 2.0, 4.0]), 3.0) == [0.5, 1.5]
+
+
+def by_law(**keys):
+    """Rows of 5 seeds by each of two laws at two delays; pid flies 1 m worse."""
+    planned = study(parameters={LAW: ["pid", "fuzzy_pid"], DELAY: [0, 100]}, metrics=[ERROR], **keys)
+    flown = enumerate(product(["pid", "fuzzy_pid"], [0, 100], range(1, 6)))
+    rows: list[dict[str, Any]] = [
+        {"flight": i, "seed": seed, LAW: law, DELAY: delay, ERROR: 0.1 * seed + (law == "pid"), "exit": 0,
+         "wall_s": 1.0, "cpu_s": 1.0, "version": "x", "words": ""}
+        for i, (law, delay, seed) in flown
+    ]  # fmt: skip
+    return planned, rows
+
+
+def test_parameters_that_are_no_numbers_have_their_values_on_the_axes():
+    flights = flights_of(*by_law())
+    assert {name: mask.sum() for name, mask in flights.groups(LAW).items()} == {"pid": 10, "fuzzy_pid": 10}
+    axes = marginals(flights, ERROR).axes[0]
+    assert [label.get_text() for label in axes.get_xticklabels()] == ["pid", "fuzzy_pid"]
+    (medians,) = lines_of(axes, "median")
+    assert np.asarray(medians.get_ydata()) == pytest.approx([1.3, 0.3])
+    assert pairs(flights) == [(DELAY, LAW)]
+    assert pairs(flights_of(*by_law(design="one_at_a_time"))) == []
+    (axes, _) = heat_maps(flights, ERROR).axes
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["pid", "fuzzy_pid"]
+
+
+def test_each_value_of_a_parameter_has_a_curve_of_its_own():
+    figure = by_level(flights_of(*by_law()), ERROR)
+    left, right = figure.axes[:2]
+    for axes, least, ends in ((left, 0.0, (1.5, 0.5)), (right, 0.15, (1.4, 0.4))):
+        for law, end in zip(("pid", "fuzzy_pid"), ends, strict=True):
+            places, shares = lines_of(axes, law)[0].get_data()
+            assert np.asarray(places)[np.asarray(shares) > least][-1] == pytest.approx(end)
+
+
+def test_searches_stand_beside_the_margin_computed_for_their_loops():
+    metrics = ["worst_loop_delay_s", "delay_margin_s"]
+    planned = study(parameters={LAW: ["pid", "consensus"]}, bisect=SEARCH, metrics=metrics)
+    rows = [
+        {"flight": i, "seed": 1, LAW: law, DELAY: delay, ERROR: 0.5, "worst_loop_delay_s": delay / 500 + 0.1,
+         "delay_margin_s": 0.9, "exit": 0}
+        for i, (law, delay) in enumerate(product(["pid", "consensus"], [0.0, 400.0, 410.0, 1000.0]))
+    ]  # fmt: skip
+    found = [
+        {"seed": 1, LAW: "pid", DELAY: None, "kept": 400.0, "broken": 410.0},
+        {"seed": 1, LAW: "consensus", DELAY: None, "kept": 1000.0, "broken": None},
+    ]
+    assert planned.bisect is not None
+    ends, loops = searched(flights_of(planned, rows), planned.bisect, found, rows).axes
+    assert [label.get_text() for label in ends.get_yticklabels()] == ["pid", "consensus"]
+    assert places_of(ends, "kept to broken") == [[400.0, 410.0]]
+    assert places_of(ends, "kept up to the high end") == [[1000.0]]
+    assert places_of(loops, "kept to broken") == [pytest.approx([0.9, 0.92])]
+    assert places_of(loops, "computed delay margin") == [[0.9], [0.9]]
+
+
+@pytest.mark.slow
+def test_a_report_has_its_figures_as_files_and_in_the_page(tmp_path):
+    planned, rows = by_law()
+    rows[7][ERROR] = None
+    with Dataset(tmp_path / "a study", planned, SCENARIO, resume=False, overwrite=False) as data:
+        for row in rows:
+            data.add(row)
+    page = write_study_report(tmp_path / "a study").read_text(encoding="utf-8")
+    names = {path.stem for path in (tmp_path / "a study" / "figures").glob("*.png")}
+    assert names == {
+        "distributions", "exceedances", f"levels-{ERROR}", f"marginals-{ERROR}", f"maps-{ERROR}",
+    }  # fmt: skip
+    assert all(f'id="figure-{name}"' in page for name in names)
+    worst = re.findall(r"gcs-formation study fly &#x27;(.*)&#x27; (\d+)<", page)
+    assert worst == [(f"{tmp_path}/a study", flight) for flight in ("7", "4", "9")]
