@@ -109,7 +109,7 @@ def study(
         RecordError: `out` holds other files or another study, or it can't be written.
         RunAbortedError: no flight can be flown any more; `resume` goes on with what was flown.
     """
-    from gcs_formation.studies.campaign import fly_study  # noqa: PLC0415 - scipy.stats takes a second
+    from gcs_formation.studies.campaign import fly_study  # noqa: PLC0415 - what `run` needn't import
     from gcs_formation.studies.preparation import prepare  # noqa: PLC0415
     from gcs_formation.studies.progress import StudyProgress  # noqa: PLC0415
     from gcs_formation.studies.workers import Cluster, Processes  # noqa: PLC0415

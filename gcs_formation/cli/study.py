@@ -1,4 +1,4 @@
-"""`gcs-formation study`, `compare` and `stress`: many flights."""
+"""`gcs-formation study` and `stress`: many flights."""
 
 from __future__ import annotations
 
@@ -11,13 +11,12 @@ from typing import Any
 
 import click
 
-from airlink.cli.commands import OUT, SECONDS, SEED, WholeNumber, default_directory, refusal
+from airlink.cli.commands import OUT, SEED, WholeNumber, refusal
 from airlink.cli.process import Status, fail, raised, say
 from formation_scenario import ScenarioError
 from gcs_formation.cli import usage
 from gcs_formation.errors import RecordError, RunAbortedError
 from gcs_formation.studies.campaign import Outcome, flights, fly_study
-from gcs_formation.studies.compare import Compared, CompareOptions, compare_laws
 from gcs_formation.studies.dataset import read_journal, read_plan
 from gcs_formation.studies.flight import fly
 from gcs_formation.studies.keys import INVARIANTS, Study
@@ -150,51 +149,6 @@ def _said(outcome: Outcome, out: Path) -> Iterator[str]:
 
 def _count(number: int, what: str, plural: str = "s") -> str:
     return f"{number:,} {what}{plural * (number != 1)}"
-
-
-@click.command(epilog=usage.COMPARE)
-@click.argument("scenario", type=click.Path(path_type=Path))
-@click.option("--laws", default="pid,fuzzy_pid,consensus", show_default=True, help="Names, with commas between.")
-@click.option("--from", "from_s", type=SECONDS, default=0.0, metavar="SECONDS", help="Errors count from…")
-@click.option("--to", "to_s", type=SECONDS, metavar="SECONDS", help="… to; default: the end.")
-@click.option("--until", "until_s", type=SECONDS, metavar="SECONDS", help="End the flights at this time.")
-@click.option("--seed", type=SEED, help="Instead of the scenario's.")
-@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key (repeatable).")
-@click.option("--jobs", type=WholeNumber(1), default=1, show_default=True, help="Flights at a time.")
-@click.option("--out", type=OUT, help="Directory of it all; default: runs/NAME-TIME.")
-@click.option("--overwrite", is_flag=True, help="Replace an earlier comparison in --out.")
-@click.option("--json", "as_json", is_flag=True, help="The figures alone on standard output, as JSON.")
-def compare(
-    seed: int | None, overrides: tuple[str, ...], out: Path | None, jobs: int, as_json: bool, **given: Any
-) -> None:
-    """Fly SCENARIO by each of several laws, on one seed under the virtual clock, and set them side by side.
-
-    Laws: pid, fuzzy_pid (tables as printed), fuzzy_pid_symmetric and consensus, each also as NAME_uncompensated,
-    without prediction over the delay. --out gets a run directory for each law, comparison.json, .png and .html.
-    """
-    given["overrides"] = (*overrides, *(() if seed is None else (f"seed={seed}",)))
-    given["out"] = out or default_directory(f"{Path(given['scenario']).stem}-laws")
-    try:
-        compared = compare_laws(CompareOptions(**given), Processes(jobs))
-    except (ScenarioError, RecordError) as error:
-        fail(str(error))
-    except RunAbortedError as error:
-        fail(str(error), Status.COULD_NOT_GO_ON)
-    if as_json:
-        click.echo(compared.json)
-    click.echo(compared.text, err=as_json)
-    sys.exit(_status(compared))
-
-
-def _status(compared: Compared) -> Status:
-    """Say what each law broke and which could not go on; return the gravest status."""
-    for text in (*compared.broken(), *compared.stopped()):
-        click.echo(text, err=True)
-    if compared.interrupted:
-        return say("interrupted; the laws whose flights were over are compared", Status.INTERRUPTED)
-    if compared.stopped():
-        return Status.COULD_NOT_GO_ON
-    return Status.EXPECTATION_BROKEN if compared.broken() else Status.FINE
 
 
 @click.command(epilog=usage.STRESS)

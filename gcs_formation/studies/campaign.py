@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 import pyarrow as pa
-from scipy.stats import beta
+from scipy.special import betaincinv
 
 from airlink.clock import Stopwatch
 from formation_scenario.source import Plain
@@ -81,8 +81,8 @@ def clopper_pearson(kept: int, flights: int, confidence: float) -> tuple[float, 
     if flights == 0:
         return 0.0, 1.0
     outside = (1.0 - confidence) / 2.0
-    low = float(beta.ppf(outside, kept, flights - kept + 1)) if kept else 0.0
-    high = float(beta.ppf(1.0 - outside, kept + 1, flights - kept)) if kept < flights else 1.0
+    low = float(betaincinv(kept, flights - kept + 1, outside)) if kept else 0.0
+    high = float(betaincinv(kept + 1, flights - kept, 1.0 - outside)) if kept < flights else 1.0
     return low, high
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
-from scipy.stats import beta
+from scipy.special import betaincinv
 
 from flight_model.arrays import Array
 from gcs_formation.report.style import BAND, FOLLOWERS, LIMIT, THIN, axes_grid, legend_below, new_figure
@@ -59,9 +59,9 @@ def worse_than(values: Array, *, least_is_worst: bool) -> Curve:
         known = known[::-1]
     worse = count - np.arange(1, known.size + 1)
     outside = (1.0 - CONFIDENCE) / 2.0
-    # beta.ppf is NaN where no flight is worse, or every one: the ends are 0 and 1 there.
-    low = np.where(worse > 0, beta.ppf(outside, np.maximum(worse, 1), count - worse + 1), 0.0)
-    high = np.where(worse < count, beta.ppf(1.0 - outside, worse + 1, np.maximum(count - worse, 1)), 1.0)
+    # It isn't defined where no flight is worse, or every one: the ends are 0 and 1 there.
+    low = np.where(worse > 0, betaincinv(np.maximum(worse, 1), count - worse + 1, outside), 0.0)
+    high = np.where(worse < count, betaincinv(worse + 1, np.maximum(count - worse, 1), 1.0 - outside), 1.0)
     return Curve(known, worse / count, low, high)
 
 

@@ -9,7 +9,7 @@ from itertools import product
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-from scipy.stats import norm, qmc
+from scipy.special import ndtri
 
 from airlink.random_streams import random_stream
 from flight_model.arrays import Array
@@ -78,7 +78,7 @@ def at(parameter: Parameter, share: float) -> Value:
         case LogUniform(log_uniform=(low, high)):
             return low * (high / low) ** share
         case Normal(normal=(mean, sigma)):
-            return mean + sigma * float(norm.ppf(min(max(share, INSIDE), 1.0 - INSIDE)))
+            return mean + sigma * float(ndtri(min(max(share, INSIDE), 1.0 - INSIDE)))
         case _:
             levels = levels_of(parameter) or [None]
             return levels[min(int(share * len(levels)), len(levels) - 1)]
@@ -95,14 +95,16 @@ def _shares(study: Study, dimensions: int) -> Array:
     count, random = study.samples, np.random.Generator(np.random.Philox(random_stream(study.seeds.first, "design")))
     if dimensions == 0:
         return np.zeros((count, 0))
+    if study.design == "random":
+        return random.random((count, dimensions))
+    from scipy.stats import qmc  # noqa: PLC0415 - half a second, which flights needn't spend
+
     match study.design:
         case "latin_hypercube":
             return qmc.LatinHypercube(dimensions, rng=random).random(count)
-        case "sobol":
+        case _:
             # The first 2^m points are balanced; a study of another size takes a part of them.
             return qmc.Sobol(dimensions, rng=random).random_base2(max(0, math.ceil(math.log2(count))))[:count]
-        case _:
-            return random.random((count, dimensions))
 
 
 class Planned(NamedTuple):

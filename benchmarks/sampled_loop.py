@@ -1,0 +1,129 @@
+"""Delay margins of the laws as they are flown, in ticks, beside those that are computed in continuous time.
+
+The linear loop along the path around one follower, exactly sampled: plant (7) between ticks in closed form, setpoints
+held, a delay between the state that a tick takes and when its setpoint acts. It is lost at the delay at which an
+eigenvalue of the step from tick to tick leaves the unit circle; half a tick is added, as `loop_delay_s` counts it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import expm
+from scipy.optimize import brentq
+
+from flight_model.arrays import Array
+from formation_scenario import Scenario, load_scenario
+from formation_scenario.graph import scenario_adjacency
+from gcs_formation.control.laws import fuzzy_range, nominal_gains
+from gcs_formation.stability import (
+    SMALL_SIGNAL,
+    Mixer,
+    PidGains,
+    consensus_delay_margin,
+    forward_plant,
+    loop_margin,
+)
+from gcs_formation.studies.table import markdown
+
+RATES_HZ = (2.5, 5.0, 5.1, 10.0, 20.0, 50.0)
+LONGEST_S = 2.0
+KEYS = {"vehicles": {"count": 3}, "path": {"waypoints_m": [[0, 0, 100], [4000, 0, 100]]}}
+
+
+class SampledLaw(NamedTuple):
+    """A law's step at a tick, for w = (forward error, airspeed, setpoint that acts), the latter two off the leader's.
+
+    It says u = says_kept . m + says . w, and keeps m' = kept m + takes w, with a memory m of some size.
+    """
+
+    kept: Array
+    takes: Array
+    says_kept: Array
+    says: Array
+
+
+def pid(gains: PidGains, mixer: Mixer, tau_s: float, tick_s: float, filter_keeps: float) -> SampledLaw:
+    """Return the law of `control.follower`, at frozen gains; m = (filtered rate, integral)."""
+    error = np.array((mixer.k_x, -mixer.k_v, 0.0))
+    # The rate with which (7) goes on as the tick ends, from the setpoint that acts.
+    lag_s = -tick_s / math.expm1(-tick_s / tau_s) - tick_s
+    slope = np.array((0.0, mixer.k_v / lag_s - mixer.k_x, -mixer.k_v / lag_s))
+    new = (1.0 - filter_keeps) * slope
+    return SampledLaw(
+        np.diag((filter_keeps, 1.0)),
+        np.stack((new, gains.ki * tick_s * error)),
+        np.array((gains.kd * filter_keeps, 1.0)),
+        gains.kp * error + gains.kd * new,
+    )
+
+
+def consensus(scenario: Scenario, tau_s: float) -> SampledLaw:
+    """Return protocol (3) in the mode of its largest eigenvalue; it remembers nothing."""
+    law, weights = scenario.law.consensus, scenario_adjacency(scenario)
+    most = float(np.linalg.eigvals(np.diag(weights.sum(axis=1)) - weights).real.max())
+    says = tau_s * np.array((most * law.k1, 1.0 / tau_s - law.k3 - most * law.k2, 0.0))
+    return SampledLaw(np.zeros((0, 0)), np.zeros((0, 3)), np.zeros(0), says)
+
+
+def radius(law: SampledLaw, tau_s: float, tick_s: float, delay_s: float) -> float:
+    """Return the largest eigenvalue of the step from tick to tick, of plant, memory and the setpoints on their way."""
+    whole = int(delay_s // tick_s)
+    memory, waiting = len(law.kept), whole + 1
+    size = 2 + memory + waiting
+    each = np.eye(size)
+    plant, kept, sent = each[:2], each[2 : 2 + memory], each[2 + memory :]  # the last setpoint first
+    acts = sent[whole]
+    seen = np.stack((*plant, acts))
+    says = law.says_kept @ kept + law.says @ seen
+    late_s = delay_s - whole * tick_s
+    fresh = says if whole == 0 else sent[whole - 1]
+    moved = _fly(_fly(plant, acts, tau_s, late_s), fresh, tau_s, tick_s - late_s)
+    step = np.concatenate((moved, law.kept @ kept + law.takes @ seen, says[None], sent[:-1]))
+    return float(np.abs(np.linalg.eigvals(step)).max())
+
+
+def _fly(state: Array, setpoint: Array, tau_s: float, time_s: float) -> Array:
+    """Return forward error and airspeed, as combinations of the loop's states, after a setpoint is held for a time."""
+    rates = np.array(((0.0, -1.0, 0.0), (0.0, -1.0 / tau_s, 1.0 / tau_s), (0.0, 0.0, 0.0)))
+    return expm(rates * time_s)[:2] @ np.stack((*state, setpoint))
+
+
+def margin(law: SampledLaw, tau_s: float, tick_s: float) -> float:
+    """Return the delay at which the loop is lost, as the station counts it."""
+    beyond: Callable[[float], float] = lambda delay_s: radius(law, tau_s, tick_s, delay_s) - 1.0  # noqa: E731
+    tried = np.arange(0.0, LONGEST_S, 0.02)
+    first = next(i for i, delay_s in enumerate(tried) if beyond(float(delay_s)) > 0.0)
+    return float(brentq(beyond, tried[first - 1], tried[first])) + tick_s / 2.0
+
+
+def main() -> None:
+    """Print the table."""
+    fuzzy = load_scenario(KEYS)
+    mutual = load_scenario(KEYS, ("law.type=consensus",))
+    model, mixer = fuzzy.vehicles[0].model, Mixer(**fuzzy.law.mixer.model_dump())
+    nominal = nominal_gains(fuzzy.law)[0]
+    gains = fuzzy_range(fuzzy.law).gains(nominal, SMALL_SIGNAL)
+    computed = loop_margin(nominal, forward_plant(mixer, model), fuzzy_range(fuzzy.law))
+    protocol = mutual.law.consensus
+    agreed = consensus_delay_margin(scenario_adjacency(mutual), protocol.k1, protocol.k2, protocol.k3)
+    rows: list[list[str]] = []
+    for rate_hz in RATES_HZ:
+        tick_s = 1.0 / rate_hz
+        flown = math.exp(-tick_s / gains.filter_s)
+        lagging = gains.filter_s / (gains.filter_s + tick_s)
+        laws = [pid(gains, mixer, model.tau_v_s, tick_s, keeps) for keeps in (flown, lagging)]
+        found = [margin(law, model.tau_v_s, tick_s) for law in (*laws, consensus(mutual, model.tau_v_s))]
+        rows.append([f"{rate_hz:g}", *(f"{each:.3f}" for each in (computed, *found[:2], agreed, found[2]))])
+    heads = [
+        "law, Hz", "fuzzy PID: computed, s", "in ticks, s", "and its filter lagging as continuous, s",
+        "consensus, star of three: computed, s", "in ticks, s",
+    ]  # fmt: skip
+    print(markdown(heads, rows))
+
+
+if __name__ == "__main__":
+    main()
