@@ -50,7 +50,7 @@ def with_models(source: Source) -> Source:
         whole = _whole(vehicles, directory, source, ("vehicles",), read)
     law, models = source.data.get("law") or {}, _models(whole)
     changed: dict[Key, Plain] = {"vehicles": whole}
-    other = models != _models(vehicles) or any(isinstance(each, dict) and "airframe" in each for each in models)
+    other = models != _models(vehicles) or any(isinstance(each, dict) and _is_other(each) for each in models)
     if other and isinstance(law, dict):
         changed["law"] = law | {"gains": law.get("gains") or AUTO}
     return Source(source.file, source.data | changed, source.places)
@@ -67,6 +67,11 @@ def _whole(vehicle: Plain, directory: Path, source: Source, path: KeyPath, read:
         if name not in read:
             read[name] = read_model(name, directory, source, (*path, key))
     return vehicle | {key: read[name] for key, name in names.items()}
+
+
+def _is_other(model: dict[Key, Plain]) -> bool:
+    """Return whether the gains for the keys' own model don't suit one that is written out."""
+    return "airframe" in model or model.get("hovers") is True
 
 
 def _models(vehicles: Plain) -> list[Plain]:

@@ -162,6 +162,13 @@ class VehicleModel(Keys):
         "direction; tau_v_s is its lag in each, and airspeeds above are ground speeds",
         examples=[True],
     )
+    prompt_share: Annotated[Positive, Field(ge=0.2, le=1.0)] = Field(
+        default=1.0,
+        description="of what hovers: share of a change of the velocity told that it flies with tau_v_s; the rest comes "
+        "as its integrator makes up for drag",
+        examples=[0.7],
+    )
+    rest_s: Lag = Field(default=5.0, description="time constant of that rest, s", examples=[9])
     firmware: Literal["ardupilot", "px4"] = Field(
         default="ardupilot", description="emulators: as whose autopilot it speaks", examples=["px4"]
     )

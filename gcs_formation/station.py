@@ -271,7 +271,11 @@ class Station:
         """Take new samples before vehicles are judged by their age, in case the station itself was held up."""
         if self.flight.phase not in COMMANDED:
             return
-        newest = ((column, self.vehicles[identity].new_sample(now)) for identity, column in self.columns.items())
+        leader, vehicles = self.controller.plan.leader, self.vehicles
+        newest = (
+            (column, vehicles[identity].new_sample(now, leads=column == leader))
+            for identity, column in self.columns.items()
+        )
         self.controller.take({column: sample for column, sample in newest if sample is not None})
 
     def _fly(self, now: Instant) -> None:

@@ -75,6 +75,9 @@ def hovering(scenario: Scenario, source: Source) -> Iterator[Problem]:
             yield source.problem((*at, "model", "hovers"), f"found true of {vehicle.autopilot}", "false")
         elif not model.hovers and vehicle.autopilot == "arducopter":
             yield source.problem((*at, "model", "hovers"), "found false of arducopter", "true")
+        elif not model.hovers and model.prompt_share < 1.0:
+            found = f"found {model.prompt_share:g} of a vehicle that doesn't hover"
+            yield source.problem((*at, "model", "prompt_share"), found, "1")
         elif not model.hovers and model.speed_min_mps < LEAST_FLYING_MPS:
             found = f"found {model.speed_min_mps:g} of a vehicle that doesn't hover"
             yield source.problem((*at, "model", "speed_min_mps"), found, f"{LEAST_FLYING_MPS:g} m/s or more")

@@ -21,7 +21,7 @@ from gcs_formation.guidance.leader import ASSEMBLED_S, DECISION_S, SETTLE_S
 from gcs_formation.guidance.tracking import Pose, join
 from gcs_formation.parameters import hold_radius_m
 from gcs_formation.vehicle.commands import RETRY_S
-from gcs_formation.vehicle.families import autopilot_for, origin_of
+from gcs_formation.vehicle.families import autopilot_for
 
 LEAST_M = 0.05
 """Smallest error that is worth a warning."""
@@ -135,7 +135,7 @@ def least_run_in_s(scenario: Scenario) -> float:
     40 flown with four vehicles at 20 % loss and 100 ms, 5 did.
     """
     tick_s, steps = 1.0 / scenario.law.rate_hz, [scenario.link_steps(vehicle)[0] for vehicle in scenario.vehicles]
-    loop_s = max(autopilot_for(vehicle, origin_of(scenario)).loop_s for vehicle in scenario.vehicles)
+    loop_s = max(autopilot_for(vehicle, scenario).loop_s for vehicle in scenario.vehicles)
     requests = max(_requests(scenario, vehicle) for vehicle in scenario.vehicles)
     way_s = max(sum(ways_s(step)) / 2 for step in steps)
     heard_s, answered_s = (math.ceil(round((way + loop_s) / tick_s, 6)) * tick_s for way in (way_s, 2 * way_s))
@@ -145,7 +145,7 @@ def least_run_in_s(scenario: Scenario) -> float:
 
 def _requests(scenario: Scenario, vehicle: Vehicle) -> int:
     """Return how many requests for telemetry a vehicle answers, one after another."""
-    autopilot, telemetry = autopilot_for(vehicle, origin_of(scenario)), scenario.telemetry
+    autopilot, telemetry = autopilot_for(vehicle, scenario), scenario.telemetry
     return len(autopilot.requests(autopilot.rates_hz(telemetry.rate_hz, utc=telemetry.by_utc)))
 
 

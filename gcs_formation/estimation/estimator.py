@@ -34,7 +34,7 @@ STATES: Final = 8
 HEIGHT_VALUE: Final = 2
 CLIMB_VALUE: Final = 5
 LEAST_AIRSPEED_MPS: Final = 1.0
-"""What an airspeed below it is taken as: equations divide by it, and what can't hover has more."""
+"""What a smaller airspeed is taken as: equations divide by it, and what can't hover has more."""
 UNMODELLED: Final[tuple[float, float, float]] = (0.05, 0.05, 0.003)
 """How far climb, airspeed (m/s) and heading (rad) stray from model (7) in a square root of a second."""
 UNCOMMANDED: Final[tuple[float, float, float]] = (1.0, 1.0, 0.3)
@@ -270,8 +270,8 @@ class StateEstimator:
 
 
 def _least_mps(model: AutopilotModel) -> float:
-    """Return what a smaller airspeed is taken as: 0 of what can stand."""
-    return min(LEAST_AIRSPEED_MPS, model.speed_min_mps)
+    """Return what a smaller airspeed is taken as; what can stand may drift backwards."""
+    return LEAST_AIRSPEED_MPS if model.speed_min_mps > 0.0 else -model.speed_max_mps
 
 
 def _weighed(

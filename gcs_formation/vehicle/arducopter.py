@@ -107,7 +107,7 @@ class ArduCopter(Hovering, ArduPilot):
 
         It is repeated at every tick: ArduCopter stands 3 s (GUID_TIMEOUT) after the last one.
         """
-        return (velocity_setpoint(self.system, setpoint, where),)
+        return (velocity_setpoint(self.system, setpoint, where, lead=self.velocity_lead),)
 
     def loiter(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:  # noqa: ARG002 - it stands where it is
         """Return BRAKE."""

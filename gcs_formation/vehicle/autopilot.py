@@ -132,8 +132,11 @@ class Autopilot(ABC):
         self.system = system
         self.origin = origin
         self.turn_rate_max_rps = turn_rate_max_rps
-        self.stand_in: tuple[Message, ...] = ()
+
+    @property
+    def stand_in(self) -> tuple[Message, ...]:
         """What is sent in place of setpoints while there are none, to a family that must hear some to be commanded."""
+        return ()
 
     def mode_name(self, telemetry: Telemetry) -> str:
         """Return the vehicle's mode in words."""
@@ -207,7 +210,15 @@ class Autopilot(ABC):
     def climbs_out(self, telemetry: Telemetry) -> bool:
         """Return whether the vehicle is taking off and still too low to do anything else."""
 
-    def air_motion(self, airspeed_mps: float, yaw_rad: float, north_mps: float, east_mps: float) -> tuple[float, float]:  # noqa: ARG002 - of others
+    def air_motion(
+        self,
+        airspeed_mps: float,
+        yaw_rad: float,
+        north_mps: float,  # noqa: ARG002 - of others
+        east_mps: float,  # noqa: ARG002 - of others
+        *,
+        leads: bool,  # noqa: ARG002 - of others
+    ) -> tuple[float, float]:
         """Return the speed (m/s) and the direction (rad) of which setpoints tell it, from telemetry.
 
         Args:
@@ -215,6 +226,7 @@ class Autopilot(ABC):
             yaw_rad: where the nose points.
             north_mps: its velocity over ground.
             east_mps: likewise.
+            leads: whether others' slots go by the direction.
         """
         return airspeed_mps, yaw_rad
 

@@ -16,6 +16,7 @@ from gcs_formation.link.connection import Connection
 from gcs_formation.vehicle.arducopter import ArduCopter
 from gcs_formation.vehicle.arduplane import ArduPlane
 from gcs_formation.vehicle.autopilot import Autopilot
+from gcs_formation.vehicle.hovering import Hovering, VelocityLead
 from gcs_formation.vehicle.px4_copter import Px4Copter
 from gcs_formation.vehicle.px4_plane import Px4Plane
 from gcs_formation.vehicle.vehicle import Vehicle
@@ -28,9 +29,14 @@ FAMILIES: dict[Family, type[Autopilot]] = {
 }
 
 
-def autopilot_for(vehicle: PlannedVehicle, origin: GeodeticOrigin) -> Autopilot:
+def autopilot_for(vehicle: PlannedVehicle, scenario: Scenario) -> Autopilot:
     """Return the family's class for a vehicle of the scenario."""
-    return FAMILIES[family_of(vehicle)](vehicle.id, origin, vehicle.model.turn_rate_max_rps)
+    model = vehicle.model
+    autopilot = FAMILIES[family_of(vehicle)](vehicle.id, origin_of(scenario), model.turn_rate_max_rps)
+    if isinstance(autopilot, Hovering) and model.prompt_share < 1.0:
+        period_s = 1.0 / scenario.law.rate_hz
+        autopilot.velocity_lead = VelocityLead(model.prompt_share, model.rest_s, model.speed_max_mps, period_s)
+    return autopilot
 
 
 class Planned(NamedTuple):
@@ -63,5 +69,5 @@ def origin_of(scenario: Scenario) -> GeodeticOrigin:
 def _vehicle(planned: PlannedVehicle, socket: int, endpoints: tuple[Endpoint, ...], scenario: Scenario) -> Vehicle:
     endpoint, origin, telemetry = endpoints[socket], origin_of(scenario), scenario.telemetry
     connection = Connection(socket, endpoint.address if endpoint.kind == "udpout" else None)
-    autopilot = autopilot_for(planned, origin)
+    autopilot = autopilot_for(planned, scenario)
     return Vehicle(planned.vehicle_id, autopilot, connection, origin, telemetry.rate_hz, by_utc=telemetry.by_utc)

@@ -13,6 +13,7 @@ from typing import Final
 
 from airlink import mavlink as m
 from airlink.messages.command import SetPositionTargetLocalNed
+from flight_model.hovering import axis, course
 from gcs_formation.estimation.flight_state import Setpoint, Whereabouts
 from gcs_formation.vehicle.telemetry import Telemetry
 
@@ -32,8 +33,6 @@ HEIGHT_S: Final = 1.5
 """Time in which an error of height would be flown off: (7)'s two lags of height add up to it."""
 TURNS_FROM_MPS: Final = 1.0
 """Ground speed from which the nose turns to where it flies; slower, and standing, it keeps its heading."""
-STANDS_MPS: Final = 0.3
-"""A ground speed whose course counts as much as the nose's direction."""
 NO_PLACE: Final = (
     m.POSITION_TARGET_TYPEMASK_X_IGNORE | m.POSITION_TARGET_TYPEMASK_Y_IGNORE | m.POSITION_TARGET_TYPEMASK_Z_IGNORE
 )
@@ -46,7 +45,11 @@ VELOCITY_ALONE: Final = NO_PLACE | NO_PUSH | m.POSITION_TARGET_TYPEMASK_YAW_IGNO
 
 
 def velocity_setpoint(
-    system: int, setpoint: Setpoint, where: Whereabouts, nose_rad: float = math.nan
+    system: int,
+    setpoint: Setpoint,
+    where: Whereabouts,
+    nose_rad: float = math.nan,
+    lead: VelocityLead | None = None,
 ) -> SetPositionTargetLocalNed:
     """Return a setpoint of the law as a velocity over ground, and the course as yaw where it moves.
 
@@ -54,32 +57,75 @@ def velocity_setpoint(
     """
     yaw_rad = setpoint.heading_rad if setpoint.speed_mps >= TURNS_FROM_MPS else nose_rad
     turns = math.isfinite(yaw_rad)
+    velocity_mps = (
+        setpoint.speed_mps * math.cos(setpoint.heading_rad),
+        setpoint.speed_mps * math.sin(setpoint.heading_rad),
+    )
+    north_mps, east_mps = velocity_mps if lead is None else lead.lead(*velocity_mps)
     return SetPositionTargetLocalNed(
         0.0,
         system,
         m.MAV_COMP_ID_AUTOPILOT1,
         m.MAV_FRAME_LOCAL_NED,
         VELOCITY_AND_YAW if turns else VELOCITY_ALONE,
-        vx_mps=setpoint.speed_mps * math.cos(setpoint.heading_rad),
-        vy_mps=setpoint.speed_mps * math.sin(setpoint.heading_rad),
+        vx_mps=north_mps,
+        vy_mps=east_mps,
         vz_mps=(where.height_m - setpoint.height_m) / HEIGHT_S,
         yaw_rad=math.remainder(yaw_rad, math.tau) if turns else 0.0,
     )
 
 
-def ground_motion(yaw_rad: float, north_mps: float, east_mps: float) -> tuple[float, float]:
-    """Return ground speed and course; the slower it flies, the more its nose counts for a course."""
-    course_rad = math.atan2(east_mps + STANDS_MPS * math.sin(yaw_rad), north_mps + STANDS_MPS * math.cos(yaw_rad))
-    return math.hypot(north_mps, east_mps), course_rad
+def ground_motion(yaw_rad: float, north_mps: float, east_mps: float, *, leads: bool) -> tuple[float, float]:
+    """Return ground speed and course; of a leader, its slots' axis and its speed along that, backwards negative."""
+    if not leads:
+        return math.hypot(north_mps, east_mps), course(yaw_rad, north_mps, east_mps)
+    axis_rad = axis(yaw_rad, north_mps, east_mps)
+    return north_mps * math.cos(axis_rad) + east_mps * math.sin(axis_rad), axis_rad
+
+
+class VelocityLead:
+    """Leads velocities, so that an autopilot flies them as if it left no part of a change to its integrator.
+
+    Of a velocity told w it flies prompt_share w + (1 - prompt_share) m, and m follows w with the time constant rest_s;
+    so w = (u - (1 - prompt_share) m) / prompt_share has it fly u.
+    """
+
+    def __init__(self, prompt_share: float, rest_s: float, most_mps: float, period_s: float) -> None:
+        """Begin at rest; a velocity is told every `period_s`, none faster than `most_mps`."""
+        self._prompt, self._most_mps = prompt_share, most_mps
+        self._filled = -math.expm1(-period_s / rest_s)
+        self._north_mps = self._east_mps = 0.0
+
+    def lead(self, north_mps: float, east_mps: float) -> tuple[float, float]:
+        """Return the velocity to tell now for one to be flown."""
+        rest = 1.0 - self._prompt
+        north_mps = (north_mps - rest * self._north_mps) / self._prompt
+        east_mps = (east_mps - rest * self._east_mps) / self._prompt
+        share = min(1.0, self._most_mps / max(math.hypot(north_mps, east_mps), 1e-9))
+        north_mps, east_mps = share * north_mps, share * east_mps
+        self._north_mps += self._filled * (north_mps - self._north_mps)
+        self._east_mps += self._filled * (east_mps - self._east_mps)
+        return north_mps, east_mps
 
 
 class Hovering:
     """What holds for every family of vehicles that hover."""
 
+    velocity_lead: VelocityLead | None = None
+    """For one whose model leaves part of a change of velocity to its integrator."""
+
     def climbs_out(self, telemetry: Telemetry) -> bool:  # noqa: ARG002 - it may be stopped at any height
         """Return False."""
         return False
 
-    def air_motion(self, airspeed_mps: float, yaw_rad: float, north_mps: float, east_mps: float) -> tuple[float, float]:  # noqa: ARG002 - an airspeed says nothing of what it obeys
+    def air_motion(
+        self,
+        airspeed_mps: float,  # noqa: ARG002 - it says nothing of what it obeys
+        yaw_rad: float,
+        north_mps: float,
+        east_mps: float,
+        *,
+        leads: bool,
+    ) -> tuple[float, float]:
         """Return ground speed and course."""
-        return ground_motion(yaw_rad, north_mps, east_mps)
+        return ground_motion(yaw_rad, north_mps, east_mps, leads=leads)

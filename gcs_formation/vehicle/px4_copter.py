@@ -75,10 +75,14 @@ class Px4Copter(Hovering, Px4):
     """DO_SET_MODE is acknowledged twice, the first time always with ACCEPTED."""
 
     def __init__(self, system: int, origin: GeodeticOrigin, turn_rate_max_rps: float) -> None:
-        """Address `system`; between setpoints it is told to stand."""
+        """Address `system`."""
         super().__init__(system, origin, turn_rate_max_rps)
         self._nose_rad = math.nan
-        self.stand_in = self.setpoint(STAND, ANYWHERE)
+
+    @property
+    def stand_in(self) -> tuple[Message, ...]:
+        """A setpoint that has it stand."""
+        return self.setpoint(STAND, ANYWHERE)
 
     def speaks(self, heartbeat: Heartbeat) -> bool:
         """Return whether a heartbeat is that of a multirotor or helicopter of PX4's."""
@@ -108,7 +112,7 @@ class Px4Copter(Hovering, Px4):
         """
         if setpoint.speed_mps >= TURNS_FROM_MPS:
             self._nose_rad = setpoint.heading_rad
-        return (velocity_setpoint(self.system, setpoint, where, self._nose_rad),)
+        return (velocity_setpoint(self.system, setpoint, where, self._nose_rad, self.velocity_lead),)
 
     def loiter(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:  # noqa: ARG002 - it stands where it is
         """Return HOLD."""

@@ -186,7 +186,7 @@ class Vehicle:
         """Frames whose values were dropped because they can't be an aircraft's."""
         return self.telemetry.implausible
 
-    def new_sample(self, now: Instant) -> Sample | None:
+    def new_sample(self, now: Instant, *, leads: bool = False) -> Sample | None:
         """Return the newest sample, once; None before the vehicle's clock is known.
 
         The heading is carried over from its own message's stamp to the position's.
@@ -205,7 +205,8 @@ class Vehicle:
             self.telemetry.implausible += 1
             return None
         yaw_rad = attitude.yaw_rad + attitude.yawspeed_radps * apart_s
-        air_motion = self.autopilot.air_motion(seen.airspeed_mps, yaw_rad, motion.north_mps, motion.east_mps)
+        level_mps = motion.north_mps, motion.east_mps
+        air_motion = self.autopilot.air_motion(seen.airspeed_mps, yaw_rad, *level_mps, leads=leads)
         place_m, velocity_mps = motion[1:4], motion[4:7]
         return Sample(stamp, *place_m, *velocity_mps, *air_motion)
 

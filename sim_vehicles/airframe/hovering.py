@@ -1,7 +1,8 @@
 """How a multirotor moves: it obeys velocities over ground with a lag and limited acceleration and jerk.
 
-Fitted to steps of ArduCopter's simulator (docs/real-autopilots.md). Wind doesn't carry a multirotor away, since what it
-holds is its velocity over ground: a change of the wind pushes it at once, and it corrects that.
+Part of a change of velocity may come only as its integrator makes up for drag. Fitted to steps of ArduCopter's and
+PX4's simulators (docs/real-autopilots.md). Wind doesn't carry a multirotor away, since what it holds is its velocity
+over ground: a change of the wind pushes it at once, and it corrects that.
 """
 
 from __future__ import annotations
@@ -11,15 +12,16 @@ from collections import deque
 from typing import Final
 
 from flight_model.autopilot import within, wrap
+from flight_model.hovering import axis
 from sim_vehicles.airframe.body import Body
 from sim_vehicles.airframe.motion import Motion
 from sim_vehicles.autopilot.clock import LOOP_S
 from sim_vehicles.config import VehicleConfig
 
-DEAD_CYCLES: Final = 5
-"""Cycles of the main loop from a velocity's arrival until it acts: 0.1 s."""
-JERK_MPS3: Final = 5.0
-"""PSC_JERK_XY."""
+DEAD_CYCLES: Final = {"ardupilot": 5, "px4": 1}
+"""Cycles of the main loop from a velocity's arrival until it acts, of 0.02 s, by firmware."""
+JERKS_MPS3: Final = {"ardupilot": 5.0, "px4": 15.0}
+"""PSC_JERK_XY; as flown, by a PX4."""
 CLIMB_DEAD_CYCLES: Final = 7
 CLIMB_ACCEL_MPS2: Final = 1.2
 """WPNAV_ACCEL_Z, 1.0, as flown."""
@@ -30,8 +32,6 @@ YAW_LAG_S: Final = 0.12
 """Each of two, of the nose behind a direction that comes round at `YAW_RATE_RPS`."""
 YAW_RATE_RPS: Final = 1.1
 """ATC_SLEW_YAW, 60 degrees/s, as flown."""
-AXIS_MPS: Final = 0.3
-"""Ground speed whose course counts as much as the nose for the direction that it is said to fly in."""
 LEAST_LAG_S: Final = 0.05
 Velocity = tuple[float, float, float]
 """Over ground: north, east, down, m/s."""
@@ -39,16 +39,20 @@ AT_REST: Velocity = (0.0, 0.0, 0.0)
 
 
 class HoveringBody(Body):
-    """A multirotor; its state's airspeed is that over ground, its heading its course, or its nose where it stands."""
+    """A multirotor; its state's airspeed is that over ground, its heading the axis of slots behind it."""
 
     __slots__ = (
         "_accel",
         "_air_mps",
         "_climb_lag_s",
+        "_filled",
+        "_integrated_mps",
+        "_jerk_mps3",
         "_lag_s",
         "_nose_aimed_rad",
         "_nose_between_rad",
         "_noses",
+        "_prompt",
         "_sink_aimed_mps",
         "_sinks",
         "_told",
@@ -60,16 +64,20 @@ class HoveringBody(Body):
         """Start as configured."""
         super().__init__(config, wind_mps, seed)
         model, start = config.model, config.start
-        self._lag_s: float = max(model.tau_v_s - DEAD_CYCLES * LOOP_S, LEAST_LAG_S)
+        self._lag_s: float = max(model.tau_v_s - DEAD_CYCLES[model.firmware] * LOOP_S, LEAST_LAG_S)
         both_s2, sum_s = model.tau_ha_s * model.tau_hb_s, model.tau_ha_s + model.tau_hb_s
         reaction_s = CLIMB_DEAD_CYCLES * LOOP_S + CLIMB_LAG_S
         self._climb_lag_s: float = max(both_s2 / sum_s - reaction_s, LEAST_LAG_S)
         north_mps, east_mps = (start.airspeed_mps * f(start.heading_rad) for f in (math.cos, math.sin))
         self.velocity_mps: Velocity = (north_mps, east_mps, 0.0)
         self.yaw_rad: float = start.heading_rad
+        self._jerk_mps3: float = JERKS_MPS3[model.firmware]
+        self._prompt: float = model.prompt_share
+        self._filled: float = LOOP_S / model.rest_s
+        self._integrated_mps: tuple[float, float] = (north_mps, east_mps)
         self._accel: tuple[float, float] = (0.0, 0.0)
         self._air_mps: Velocity = AT_REST
-        self._told: deque[Velocity] = deque([self.velocity_mps] * DEAD_CYCLES)
+        self._told: deque[Velocity] = deque([self.velocity_mps] * DEAD_CYCLES[model.firmware])
         self._sinks: deque[float] = deque([0.0] * CLIMB_DEAD_CYCLES)
         self._sink_aimed_mps: float = 0.0
         self._noses: deque[float] = deque([math.nan] * YAW_DEAD_CYCLES)
@@ -84,6 +92,7 @@ class HoveringBody(Body):
         """Put it on the ground, at rest."""
         super().ground()
         self.velocity_mps, self._accel, self._sink_aimed_mps = AT_REST, (0.0, 0.0), 0.0
+        self._integrated_mps = 0.0, 0.0
 
     def shown(self) -> Motion:
         """Return its motion as its sensors show it: no airspeed but its own speed, and where its nose points."""
@@ -110,8 +119,7 @@ class HoveringBody(Body):
         if state.height_m < 0.0:
             state.height_m, self.velocity_mps, self._sink_aimed_mps = 0.0, (north, east, 0.0), 0.0
         state.climb_mps, state.airspeed_mps = -self.velocity_mps[2], math.hypot(north, east)
-        course_rad = math.atan2(east + AXIS_MPS * math.sin(self.yaw_rad), north + AXIS_MPS * math.cos(self.yaw_rad))
-        turned_rad = wrap(course_rad - state.heading_rad)
+        turned_rad = wrap(axis(self.yaw_rad, north, east) - state.heading_rad)
         state.heading_rad += turned_rad
         self.turn_rate_radps = turned_rad / LOOP_S
         self.speed_told_mps, self.heading_told_rad = math.hypot(told[0], told[1]), math.atan2(told[1], told[0])
@@ -120,10 +128,11 @@ class HoveringBody(Body):
     def _accelerate(self, told: Velocity, sink_mps: float) -> None:
         """Change the velocity by a cycle: towards what is told, level and downwards, and by what the air pushes."""
         before, air = self.velocity_mps, (self.air_north_mps, self.air_east_mps, self.air_down_mps)
+        north_mps, east_mps = self._aimed(told)
         wanted = _no_longer(
-            (told[0] - before[0]) / self._lag_s, (told[1] - before[1]) / self._lag_s, self.model.accel_max_mps2
+            (north_mps - before[0]) / self._lag_s, (east_mps - before[1]) / self._lag_s, self.model.accel_max_mps2
         )
-        change = _no_longer(wanted[0] - self._accel[0], wanted[1] - self._accel[1], JERK_MPS3 * LOOP_S)
+        change = _no_longer(wanted[0] - self._accel[0], wanted[1] - self._accel[1], self._jerk_mps3 * LOOP_S)
         self._accel = self._accel[0] + change[0], self._accel[1] + change[1]
         sink = within((sink_mps - self._sink_aimed_mps) / self._climb_lag_s, -CLIMB_ACCEL_MPS2, CLIMB_ACCEL_MPS2)
         self._sink_aimed_mps += sink * LOOP_S
@@ -132,6 +141,12 @@ class HoveringBody(Body):
         )
         north, east, down = (v + LOOP_S * a + now - then for v, a, now, then in each)
         self.velocity_mps, self._air_mps = (north, east, down), air
+
+    def _aimed(self, told: Velocity) -> tuple[float, float]:
+        """Return the velocity that it comes to for now: the prompt share of what is told, and what is integrated."""
+        prompt, share, done = self._prompt, self._filled, self._integrated_mps
+        self._integrated_mps = done[0] + share * (told[0] - done[0]), done[1] + share * (told[1] - done[1])
+        return prompt * told[0] + (1.0 - prompt) * done[0], prompt * told[1] + (1.0 - prompt) * done[1]
 
     def _turn_nose(self, told_rad: float) -> None:
         """Turn the nose behind a direction that comes round to the one told at a constant rate."""

@@ -53,6 +53,23 @@ def test_they_stand_through_gusts_while_they_stand(tmp_path):
     assert all(each["held"] for each in flown["expect"])
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("north_mps", "east_mps"), [(-1.5, 0.0), (0.0, 1.5)])
+def test_a_gust_that_pushes_a_standing_leader_doesnt_swing_the_formation_round(north_mps, east_mps, tmp_path):
+    """By its course it would: followers flew up to 48 m away from where they stood."""
+    keys = yaml.safe_load(CONFIG.read_text()) | {
+        "start": {"in_air": True, "run_in_s": 6, "offset_m": [0, 0, 0]},
+        "duration_s": 40,
+        "orders": [{"at_s": 10, "order": "speed 0"}],
+        "disturbances": [{"at_s": 25, "velocity_mps": [north_mps, east_mps, 0.0], "vehicles": [1]}],
+        "expect": [],
+    }
+    flown = gcs_formation.run(keys, clock="virtual", out=tmp_path / "run").to_dict()
+    for follower in flown["followers"].values():
+        assert follower["error_x_m"]["max"] < 4.0
+        assert follower["error_y_m"]["max"] < 6.5
+
+
 def test_the_families_differ_in_a_word_and_in_nothing_else():
     keys = yaml.safe_load(CONFIG.read_text())
     real = load_scenario(keys)

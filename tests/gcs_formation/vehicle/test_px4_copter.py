@@ -57,10 +57,11 @@ def sent(setpoint: Setpoint) -> SetPositionTargetLocalNed:
 
 def test_a_model_that_hovers_makes_a_px4_a_multirotor():
     keys = {"vehicles": {"count": 1, "autopilot": "px4", "model": "px4_copter"}, "path": PATH}
-    (planned,) = load_scenario(keys).vehicles
-    assert isinstance(autopilot_for(planned, ORIGIN), Px4Copter)
+    scenario = load_scenario(keys)
+    (planned,) = scenario.vehicles
+    assert isinstance(autopilot_for(planned, scenario), Px4Copter)
     emulated = planned.model_copy(update={"autopilot": "emulator"})
-    assert isinstance(autopilot_for(emulated, ORIGIN), Px4Copter)
+    assert isinstance(autopilot_for(emulated, scenario), Px4Copter)
 
 
 def test_it_is_known_by_its_heartbeat():
@@ -89,7 +90,7 @@ def test_standing_its_nose_is_held_where_it_was_told_to_be_last():
 
 def test_before_and_between_setpoints_it_is_told_to_stand():
     """PX4 takes OFFBOARD only while such messages come."""
-    (told,) = COPTER.stand_in
+    (told,) = Px4Copter(7, ORIGIN, 0.4).stand_in
     assert isinstance(told, SetPositionTargetLocalNed)
     assert told.type_mask == VELOCITY_ALONE
     assert (told.vx_mps, told.vy_mps, told.vz_mps, told.yaw_rate_radps) == (0.0, 0.0, 0.0, 0.0)

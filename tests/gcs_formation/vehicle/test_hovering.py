@@ -1,0 +1,43 @@
+"""What multirotors are told so that they fly what the law asks."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gcs_formation.vehicle.hovering import VelocityLead
+
+PROMPT, REST_S, PERIOD_S = 0.72, 8.9, 0.1
+speeds = st.floats(-3.0, 3.0)
+
+
+class Integrator:
+    """An autopilot that flies a share of the velocity told at once, and the rest with a lag."""
+
+    def __init__(self) -> None:
+        self.filled_mps = 0.0
+
+    def flies(self, told_mps: float) -> float:
+        flown_mps = PROMPT * told_mps + (1.0 - PROMPT) * self.filled_mps
+        self.filled_mps -= math.expm1(-PERIOD_S / REST_S) * (told_mps - self.filled_mps)
+        return flown_mps
+
+
+@given(st.lists(st.tuples(speeds, speeds), min_size=1, max_size=60))
+def test_what_is_led_is_flown_as_asked(asked):
+    lead, north, east = VelocityLead(PROMPT, REST_S, 100.0, PERIOD_S), Integrator(), Integrator()
+    for north_mps, east_mps in asked:
+        told = lead.lead(north_mps, east_mps)
+        assert (north.flies(told[0]), east.flies(told[1])) == pytest.approx((north_mps, east_mps), abs=1e-9)
+
+
+def test_nobody_is_told_more_than_the_fastest_and_the_rest_is_made_up_for_later():
+    lead, flown = VelocityLead(PROMPT, REST_S, 6.0, PERIOD_S), Integrator()
+    speeds_mps = []
+    for _ in range(300):
+        told = lead.lead(4.0, 4.0)
+        assert math.hypot(*told) <= 6.0 + 1e-9
+        speeds_mps.append(flown.flies(told[0]))
+    assert speeds_mps[0] == pytest.approx(PROMPT * 6.0 / math.sqrt(2.0))
+    assert speeds_mps[-1] == pytest.approx(4.0)
