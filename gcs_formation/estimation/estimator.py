@@ -93,7 +93,7 @@ class VehicleFilter:
 
     def begin(self, values: list[float], stamp: int) -> None:
         """Start from a single sample."""
-        wind = 0.0 if self._wind_radps <= 0.0 else self._wind_noise(values[6])
+        wind = self._first_wind_variance(values[6])
         self._begin(values, stamp, self._wind_of(values), (wind, wind))
 
     def _begin(
@@ -194,6 +194,20 @@ class VehicleFilter:
             return 0.0, 0.0
         airspeed_mps, heading_rad = values[6], values[7]
         return values[3] - airspeed_mps * math.cos(heading_rad), values[4] - airspeed_mps * math.sin(heading_rad)
+
+    def _first_wind_variance(self, airspeed_mps: float) -> float:
+        """Return the variance of the wind that a first sample tells: its own, or that of an estimate as slow as asked.
+
+        An estimate that begins with a sample's own follows the next ones at once: for its first seconds it would be as
+        fast as those asked not to have that lag.
+        """
+        if self._wind_radps <= 0.0:
+            return 0.0
+        sample = self._wind_noise(airspeed_mps)
+        if self._wind_radps >= GUST_RADPS:
+            return sample
+        variances = self.noise.values
+        return min(sample, self._wind_radps * (variances[3] + variances[6]) / self._root_hz**2)
 
     def _wind_noise(self, airspeed_mps: float) -> float:
         """Return the variance of that."""
