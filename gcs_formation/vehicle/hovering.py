@@ -94,7 +94,7 @@ class VelocityLead:
         """Begin at rest; a velocity is told every `period_s`, none faster than `most_mps`."""
         self._prompt, self._most_mps = prompt_share, most_mps
         self._filled = -math.expm1(-period_s / rest_s)
-        self._north_mps = self._east_mps = 0.0
+        self._north_mps, self._east_mps = 0.0, 0.0
 
     def lead(self, north_mps: float, east_mps: float) -> tuple[float, float]:
         """Return the velocity to tell now for one to be flown."""

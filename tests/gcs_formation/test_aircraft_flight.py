@@ -58,3 +58,17 @@ def test_compensated_delay_that_the_design_knows_nothing_of_drives_no_aircraft_i
     follower, rows = flown(tmp_path, **aircraft, law=known, links={"default": {"delay_ms": 300}}, path=path)
     assert np.nanstd(np.diff(of_follower(rows, "setpoint_speed_mps", from_s=30.0))) < 0.01
     assert follower["error_x_m"]["rms"] < 0.05
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_the_wind_is_estimated_slowly_from_the_first_sample_on(seed, tmp_path):
+    """300 ms each way, as configured: a follower swung by 1.3 m along and in height, its first 20 s long."""
+    keys = {"vehicles": {"count": 4, "model": "arduplane"}, "formation": {"shape": "diamond", "spacing_m": 40}}
+    path = {"waypoints_m": [[0, 0, 100], [800, 0, 100], [1550, 250, 110]]}
+    links = {"default": {"delay_ms": 300}}
+    flight = run(SCENARIO | keys | {"path": path, "links": links, "duration_s": 40, "seed": seed}, clock="virtual")
+    for follower in flight.to_dict()["followers"].values():
+        assert follower["error_x_m"]["max"] < 0.3
+        assert follower["error_z_m"]["max"] < 0.3
+        assert follower["effort"]["speed"]["step_p95"] < 0.01
