@@ -94,18 +94,20 @@ class VelocityLead:
         """Begin at rest; a velocity is told every `period_s`, none faster than `most_mps`."""
         self._prompt, self._most_mps = prompt_share, most_mps
         self._filled = -math.expm1(-period_s / rest_s)
-        self._north_mps, self._east_mps = 0.0, 0.0
+        self._integrated_mps: tuple[float, float] = (0.0, 0.0)
 
     def lead(self, north_mps: float, east_mps: float) -> tuple[float, float]:
         """Return the velocity to tell now for one to be flown."""
-        rest = 1.0 - self._prompt
-        north_mps = (north_mps - rest * self._north_mps) / self._prompt
-        east_mps = (east_mps - rest * self._east_mps) / self._prompt
-        share = min(1.0, self._most_mps / max(math.hypot(north_mps, east_mps), 1e-9))
-        north_mps, east_mps = share * north_mps, share * east_mps
-        self._north_mps += self._filled * (north_mps - self._north_mps)
-        self._east_mps += self._filled * (east_mps - self._east_mps)
-        return north_mps, east_mps
+        rest, done = 1.0 - self._prompt, self._integrated_mps
+        north = (north_mps - rest * done[0]) / self._prompt
+        east = (east_mps - rest * done[1]) / self._prompt
+        share = min(1.0, self._most_mps / max(math.hypot(north, east), 1e-9))
+        told = share * north, share * east
+        self._integrated_mps = (
+            done[0] + self._filled * (told[0] - done[0]),
+            done[1] + self._filled * (told[1] - done[1]),
+        )
+        return told
 
 
 class Hovering:
