@@ -1,23 +1,17 @@
-"""Keys of a study file, and loading them."""
+"""Keys of a study file."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal, Self, TypeAlias
 
 import numpy as np
-from pydantic import BeforeValidator, Field, ValidationError, WithJsonSchema, model_validator
+from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 from pydantic_core import PydanticCustomError
 
-from formation_scenario import Problem, ScenarioError
-from formation_scenario.describe import problems_of
-from formation_scenario.errors import did_you_mean
 from formation_scenario.expectation import METRICS
 from formation_scenario.fields import Allowed, Fraction, Keys, Name, NonNegative, Number, Positive
-from formation_scenario.resolve import standalone, with_absolute_files
-from formation_scenario.source import Plain, Source, dotted, plain_mapping, read_file
 from gcs_formation.app.options import Record
 
 MOST_VALUES = 10_000
@@ -185,12 +179,6 @@ class Study(Keys):
     bisect: Bisection | None = Field(default=None, description="search a bound's crossing instead of flying each once")
     expect: tuple[Wanted, ...] = Field(default=(), description="exit status 1 if one is broken")
 
-    @model_validator(mode="after")
-    def _window(self) -> Self:
-        if self.from_s is not None and self.to_s is not None:
-            _rising(self, self.from_s, self.to_s)
-        return self
-
     @property
     def cases(self) -> dict[str, dict[str, dict[str, Any]]]:
         """What each case of a parameter sets, by the parameter's name and the case's."""
@@ -213,45 +201,6 @@ def study_schema() -> dict[str, Any]:
     }
 
 
-def load_study(source: Path | Mapping[str, Any]) -> tuple[Study, Source]:
-    """Return a study, and what it was read from; files that its keys name are as absolute paths.
-
-    Raises:
-        ScenarioError: it can't be read, or has values that aren't allowed.
-    """
-    if isinstance(source, Mapping):
-        read = Source(None, plain_mapping(source))
-    else:
-        read = read_file(source)
-        read.data.setdefault("name", source.stem)
-    try:
-        study = Study.model_validate(read.data)
-    except ValidationError as error:
-        raise ScenarioError(_problems(error, read)) from error
-    if (study.random is None) == (not study.base):
-        found = "found `random` beside it" if study.random else "not found"
-        raise ScenarioError([read.problem(("base",), found, "a scenario's file or its keys, or `random` instead")])
-    if wrong := list(_nowhere(study, read)):
-        raise ScenarioError(wrong)
-    home = Path(read.file).parent if read.file else Path()
-    return study.model_copy(update=_with_absolute_files(study, home)), read
-
-
-def _nowhere(study: Study, read: Source) -> Iterator[Problem]:
-    """Yield what an expectation asks of flights that there are none of."""
-    known = {name: levels for name, each in study.parameters.items() if (levels := levels_of(each))}
-    searched = [study.bisect.parameter] if study.bisect else []
-    for i, wanted in enumerate(study.expect):
-        for name, value in wanted.where.items():
-            names = [*study.parameters, *searched]
-            if name not in names:
-                allowed = f"a parameter of the study: {', '.join(names)}{did_you_mean(name, names)}"
-                yield read.problem(("expect", i, "where"), f"found '{name}'", allowed)
-            elif name in known and value not in known[name]:
-                found, allowed = f"found {name} = {value}", f"one that is flown: {', '.join(map(str, known[name]))}"
-                yield read.problem(("expect", i, "where"), found, allowed)
-
-
 LISTED = (list, Range, Cases)
 """The kinds of parameters that have levels, which aren't drawn."""
 
@@ -269,42 +218,6 @@ def levels_of(parameter: Parameter) -> Sequence[Value] | None:
             return parameter
         case _:
             return None
-
-
-def _with_absolute_files(study: Study, home: Path) -> dict[str, Any]:
-    """Return `set` and `parameters` with the files that they name, relative to the study's own, as absolute paths."""
-
-    def whole(keys: Mapping[str, Any]) -> dict[str, Any]:
-        return {name: with_absolute_files(name, value, home) for name, value in keys.items()}
-
-    def anywhere(name: str, each: Parameter) -> Parameter:
-        if isinstance(each, Cases):
-            return Cases(cases={case: whole(keys) for case, keys in each.cases.items()})
-        return [with_absolute_files(name, value, home) for value in each] if isinstance(each, list) else each
-
-    return {"set": whole(study.set), "parameters": {name: anywhere(name, p) for name, p in study.parameters.items()}}
-
-
-def _problems(error: ValidationError, read: Source) -> list[Problem]:
-    """Return what is wrong; of a parameter's value what is allowed, not what each kind of value lacks."""
-    unbounded = [each["loc"] for each in error.errors() if each["type"] == "bound"]
-    bounds = [read.problem(path, "found no bound", "below, above or both") for path in unbounded]
-    keys = {dotted(path) for path in unbounded}
-    others = problems_of(error, Study, read)
-    return bounds + [each for each in others if each.allowed and each.key not in keys]
-
-
-def base_keys(study: Study, read: Source) -> dict[Any, Plain]:
-    """Return the keys of the study's scenario, with what they name in other files, relative to where they stand.
-
-    Raises:
-        ScenarioError: its file, or one that it names, can't be read.
-    """
-    if isinstance(study.base, str):
-        home = Path(read.file).parent if read.file else Path()
-        found = standalone(read_file(home / study.base)).data
-        return {"name": Path(study.base).stem} | found
-    return standalone(Source(read.file, plain_mapping(study.base))).data
 
 
 def _rising(made: Any, low: float, high: float) -> Any:  # noqa: ANN401 - any of the groups
@@ -331,7 +244,5 @@ __all__ = [
     "Study",
     "Value",
     "Wanted",
-    "base_keys",
     "levels_of",
-    "load_study",
 ]

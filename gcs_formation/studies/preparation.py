@@ -11,7 +11,8 @@ from typing import Any, NamedTuple
 from formation_scenario import Problem, ScenarioError
 from formation_scenario.source import KeyPath, Plain, Source
 from gcs_formation.studies.flight import Task
-from gcs_formation.studies.keys import LISTED, Parameter, Range, Study, Value, base_keys, levels_of, load_study
+from gcs_formation.studies.keys import LISTED, Parameter, Range, Study, Value, levels_of
+from gcs_formation.studies.load import base_keys, load_study
 from gcs_formation.studies.plan import Planned, Row, Sample, at, count_flights, samples
 
 MANY = 100_000
@@ -39,7 +40,8 @@ def prepare(source: Path | Mapping[str, Any], *, many: bool = True) -> tuple[Stu
     trial = _Trial(study, base)
     if (wrong := trial.first_wrong()) is not None:
         raise _placed(wrong, study, read)
-    problems = [problem for each in trial.wrong_values() for problem in _placed(each, study, read).problems]
+    problems = list(_never(study, read, trial))
+    problems += [problem for each in trial.wrong_values() for problem in _placed(each, study, read).problems]
     if problems:
         raise ScenarioError(problems)
     return study, base
@@ -106,6 +108,13 @@ class _Trial:
         self._usual |= {name: at(each, EXTREMES[0]) for name, each in drawn.items()}
         return wrong if not drawn else self._wrong({})
 
+    @property
+    def end_s(self) -> float:
+        """When flights end at the latest, of those tried first."""
+        planned = Planned(0, self._study.seeds.first, self._usual)
+        duration_s = task_of(self._study, self._base, planned, None).scenario().duration_s
+        return min(duration_s, self._study.until_s or duration_s)
+
     def wrong_values(self) -> Iterator[_Wrong]:
         """Yield what is wrong with the first value of each parameter that can't be flown."""
         for name, parameter in self._study.parameters.items():
@@ -133,6 +142,17 @@ class _Trial:
         except ScenarioError as error:
             return _Wrong(error, self._usual, sample)
         return None
+
+
+def _never(study: Study, read: Source, trial: _Trial) -> Iterator[Problem]:
+    """Yield times from which and to which metrics count, but which flights don't have."""
+    if study.random is not None or "duration_s" in study.parameters:
+        return
+    end_s = trial.end_s
+    for name, allowed in (("from_s", "less than"), ("to_s", "up to")):
+        found_s = getattr(study, name)
+        if found_s is not None and (found_s > end_s or (name == "from_s" and found_s == end_s)):
+            yield read.problem((name,), f"found {found_s:g} s", f"{allowed} {end_s:g} s, where flights end")
 
 
 def _distinct(parameter: Parameter) -> list[Value]:

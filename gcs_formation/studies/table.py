@@ -45,11 +45,11 @@ def _searches(
         each = 1 if search is None else search.most_flights
         for first, crossing in crossings:
             flown = {row[name]: row for row in rows if row["flight"] // each == first.flight // each}
-            ends = [flown.get(value, {}) for value in crossing]
+            ends = [flown[value] for value in crossing if value is not None]
             figures = [" to ".join(dict.fromkeys(_shown(end.get(metric)) for end in ends)) for metric in others]
             yield [*_parameters(study, first.parameters), str(first.seed), *map(_shown, crossing), *figures]
 
-    return [*study.parameters, "seed", f"{name} up to", "not from", *others], cells()
+    return [*study.parameters, "seed", f"{name} kept up to", "broken from", *others], cells()
 
 
 def _parameters(study: Study, row: Mapping[str, Any]) -> list[str]:

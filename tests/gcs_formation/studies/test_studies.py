@@ -26,7 +26,8 @@ from gcs_formation.errors import RecordingError, RunAbortedError
 from gcs_formation.studies.campaign import clopper_pearson, judge
 from gcs_formation.studies.dataset import Dataset, read_journal
 from gcs_formation.studies.flight import Task, figure, fly
-from gcs_formation.studies.keys import Study, load_study, study_schema
+from gcs_formation.studies.keys import Study, study_schema
+from gcs_formation.studies.load import load_study
 from gcs_formation.studies.plan import Plan, Planned, count_flights, count_samples, drawn, replayed, samples
 from gcs_formation.studies.preparation import prepare, refly_task
 from gcs_formation.studies.table import sample_table
@@ -246,6 +247,21 @@ def test_of_several_vehicles_the_worst_counts_and_one_that_never_settles_has_no_
         ({"parameters": {LOSS: [2.0, 3.0]}}, "a number from 0 to 1"),
         ({"metrics": ["error_q_m.max"]}, "error_x_m.max"),
         ({"design": "grd"}, "grid, one_at_a_time"),
+        ({"samples": 50}, "samples: found 50 for design: grid; allowed: for random, latin_hypercube, sobol"),
+        ({"parameters": {"seed": [1, 2]}}, "parameters.seed: found 'seed'; allowed: seeds"),
+        ({"parameters": {"flight": {"cases": {"a": {}}}}}, "parameters.flight: found 'flight'; allowed: another name"),
+        (
+            {"parameters": {"violations": {"cases": {"a": {}}}}, "metrics": ["violations"]},
+            "found 'violations'; allowed: another name",
+        ),
+        ({"set": {"seed": 5}}, "set.seed: found 'seed'; allowed: seeds: {first"),
+        (
+            {"parameters": {DELAY: [0]}, "bisect": SEARCH},
+            f"bisect.parameter: found '{DELAY}'; allowed: a parameter that",
+        ),
+        ({"from_s": 2, "to_s": 1}, "to_s: found 2 to 1 s; allowed: a time after from_s"),
+        ({"from_s": 3}, "from_s: found 3 s; allowed: less than 3 s, where flights end"),
+        ({"to_s": 2.5, "until_s": 2}, "to_s: found 2.5 s; allowed: up to 2 s, where flights end"),
         ({"bases": "x"}, "unknown key"),
         ({"base": "nowhere.yaml"}, "No such file"),
         (
@@ -295,8 +311,8 @@ def test_a_value_that_cannot_be_is_found_before_the_first_flight(keys, words):
 def test_a_value_that_is_drawn_with_others_only_with_which_it_can_be_is_flown():
     """40 m/s can't be with the first of the vehicles' limits, but with those that some samples have."""
     limits = {"cases": {"slow": {}, "fast": {"vehicles.model.speed_max_mps": 60}}}
-    either = {"parameters": {"path.speed_mps": [22, 40], "limits": limits}, "samples": 4}
-    planned, _ = prepare({"base": SCENARIO, **either, "design": "latin_hypercube"})
+    either = {"parameters": {"path.speed_mps": [22, 40], "limits": limits}}
+    planned, _ = prepare({"base": SCENARIO, **either, "design": "latin_hypercube", "samples": 4})
     assert {40, 22} == {sample["path.speed_mps"] for sample in samples(planned)}
     with pytest.raises(ScenarioError, match=r"path\.speed_mps"):
         prepare({"base": SCENARIO, **either, "design": "one_at_a_time"})
