@@ -12,7 +12,7 @@ import struct
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from operator import itemgetter
-from typing import Any, TypeVar, get_args
+from typing import Any, Final, TypeVar, cast, get_args
 
 from airlink.mavlink import Layout, layout
 from airlink.messages import Message
@@ -50,7 +50,7 @@ _FLOAT32_MAX: float = struct.unpack("<f", b"\xff\xff\x7f\x7f")[0]
 
 T = TypeVar("T")
 Convert = Callable[[Any], Any]
-Scatter = Callable[[list[Any]], Sequence[Any]]
+Scatter = Callable[[Sequence[Any]], Sequence[Any]]
 
 
 def wire_name(message_class: type[Any]) -> str:
@@ -65,11 +65,14 @@ class PayloadCodec:
         """Work out from the dialect's layout how each field of `message_class` is converted."""
         self.layout = layout(wire_name(message_class))
         self.message_id = self.layout.message_id
+        self.extra = bytes([self.layout.crc_extra])
+        """What its checksum covers besides the frame."""
         self._make: Callable[[Any], Message] = partial(tuple.__new__, message_class)
         count = len(message_class._fields)
         self._pick = _pick(self.layout, count)
         self._scales = _only_some(_plain_scale(self.layout, place) for place in range(count))
         self._decoders = _only_some(_decoder(self.layout, place) for place in range(count))
+        self._as_sent = not self._scales and not self._decoders
         self._fits = tuple(_fit(self.layout, place) for place in range(count))
         self._units_in_si = _units_in_si(self.layout, count)
         self._unpack = self.layout.packer.unpack
@@ -81,7 +84,10 @@ class PayloadCodec:
         """Return the message; missing bytes count as zeros, surplus ones (newer extensions) are left out."""
         if len(payload) != self._length:
             payload = payload[: self._length].ljust(self._length, b"\0")
-        values = list(self._pick(self._unpack(payload)))
+        picked = self._pick(self._unpack(payload))
+        if self._as_sent:
+            return self._make(picked)
+        values = list(picked)
         for place, scale in self._scales:
             values[place] *= scale
         for place, convert in self._decoders:
@@ -94,8 +100,10 @@ class PayloadCodec:
         A value outside its field's range is sent as the nearest that fits, NaN in an integer as unknown.
         """
         if self._units_in_si is not None:
-            row = list(message)
             try:
+                if not self._units_in_si:
+                    return self._pack(*self._scatter(message))
+                row = list(message)
                 for place, units in self._units_in_si:
                     row[place] = round(row[place] * units)
                 return self._pack(*self._scatter(row))
@@ -145,6 +153,8 @@ def _pick(source: Layout, count: int) -> Callable[[Sequence[Any]], Sequence[Any]
     """Return what picks the first fields, in the XML's order, out of the unpacked values."""
     starts = _starts(source)
     lengths = [0 if kind == "char" else length for kind, length in zip(source.types, source.array_lengths, strict=True)]
+    if not any(lengths) and [starts[i] for i in range(len(source.fields))] == list(range(count)):
+        return tuple
     places = [slice(starts[i], starts[i] + lengths[i]) if lengths[i] else starts[i] for i in range(count)]
     return itemgetter(*places) if count > 1 else lambda values: [values[places[0]]]
 
@@ -222,10 +232,8 @@ def _scatter(source: Layout, count: int) -> Scatter:
     if any(_values(source, place) > 1 for place in packed):
         arrays = [place for place in packed if _values(source, place) > 1]
         return lambda row: _flat([*row, *blanks], packed, arrays)
-    if packed == sorted(packed):
-        return lambda row: row + blanks
-    reorder = itemgetter(*packed)
-    return (lambda row: reorder(row + blanks)) if blanks else reorder
+    reorder = cast("Scatter", tuple) if packed == sorted(packed) else itemgetter(*packed)
+    return (lambda row: reorder((*row, *blanks))) if blanks else reorder
 
 
 def _blank(source: Layout, place: int) -> Any:
@@ -242,5 +250,5 @@ def _flat(row: list[Any], packed: list[int], arrays: list[int]) -> list[Any]:
     return flat
 
 
-CODECS: dict[type[Any], PayloadCodec] = {kind: PayloadCodec(kind) for kind in get_args(Message)}
-CODEC_OF_ID: dict[int, PayloadCodec] = {codec.layout.message_id: codec for codec in CODECS.values()}
+CODECS: Final[dict[type[Any], PayloadCodec]] = {kind: PayloadCodec(kind) for kind in get_args(Message)}
+CODEC_OF_ID: Final[dict[int, PayloadCodec]] = {codec.layout.message_id: codec for codec in CODECS.values()}

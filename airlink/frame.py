@@ -25,14 +25,12 @@ SIGNATURE: Final = 13
 SIGNED_FLAG: Final = 0x01
 
 _MARKERS: Final = {1: bytes([MARKER_V1]), 2: bytes([MARKER_V2])}
-_find_marker = re.compile(rb"[\xfd\xfe]").search
-_pack_header_v1 = struct.Struct("<BBBBB").pack
-_pack_header_v2 = struct.Struct("<BBBBBBHB").pack
-_pack_checksum = struct.Struct("<H").pack
-_unpack_header_v1 = struct.Struct("<xBBBBB").unpack_from
-_unpack_header_v2 = struct.Struct("<xBBxBBBHB").unpack_from
-_EXTRA_BYTE = {message_id: bytes([extra]) for message_id, extra in crc_extras().items()}
-_checksum = crc16.mcrf4xx
+_find_marker: Final = re.compile(rb"[\xfd\xfe]").search
+_pack_header_v1: Final = struct.Struct("<BBBBB").pack
+_pack_header_v2: Final = struct.Struct("<BBBBBBHB").pack
+_pack_checksum: Final = struct.Struct("<H").pack
+_EXTRA_BYTE: Final = {message_id: bytes([extra]) for message_id, extra in crc_extras().items()}
+_checksum: Final = crc16.mcrf4xx
 
 
 class Frame:
@@ -82,7 +80,7 @@ class FrameWriter:
         else:
             payload = payload[: codec.layout.base_length]
             body = _pack_header_v1(len(payload), sequence, self.system, self.component, number) + payload
-        return _MARKERS[version] + body + _pack_checksum(_checksum(body + _EXTRA_BYTE[number]))
+        return _MARKERS[version] + body + _pack_checksum(_checksum(body + codec.extra))
 
 
 @dataclass
@@ -158,12 +156,13 @@ class StreamParser:
     def _accept(self, raw: bytes, *, counted: bool) -> Frame | None:
         """Return the frame, None when it's refused; `counted` unless that lies inside another candidate."""
         if raw[0] == MARKER_V2:
-            length, flags, sequence, system, component, low, high = _unpack_header_v2(raw)
-            header, message_id = HEADER_V2, low | high << 16
+            length, flags, sequence, system, component = raw[1], raw[2], raw[4], raw[5], raw[6]
+            header, message_id = HEADER_V2, raw[7] | raw[8] << 8 | raw[9] << 16
         else:
-            length, sequence, system, component, message_id = _unpack_header_v1(raw)
-            header, flags = HEADER_V1, 0
-        extra = _EXTRA_BYTE.get(message_id)
+            length, flags, sequence, system, component = raw[1], 0, raw[2], raw[3], raw[4]
+            header, message_id = HEADER_V1, raw[5]
+        codec = CODEC_OF_ID.get(message_id)
+        extra = _EXTRA_BYTE.get(message_id) if codec is None else codec.extra
         end = header + length
         if extra is None:
             self.counts.unknown_messages += counted
@@ -172,8 +171,7 @@ class StreamParser:
         elif flags & ~SIGNED_FLAG:
             self.counts.incompatible += counted
         else:
-            codec = CODEC_OF_ID.get(message_id)
-            message = codec.decode(raw[header:end]) if codec else None
+            message = None if codec is None else codec.decode(raw[header:end])
             return Frame(system, component, sequence, message_id, 2 if header == HEADER_V2 else 1, message, raw)
         return None
 

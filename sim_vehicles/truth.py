@@ -1,8 +1,9 @@
-"""Ground truth of a fleet: a file of rows of little-endian float64 that can be read while it is being written."""
+"""Ground truth of a fleet: a file of rows of float64 that can be read while it is being written."""
 
 from __future__ import annotations
 
 import struct
+from array import array
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +20,7 @@ from sim_vehicles.config import TruthError
 if TYPE_CHECKING:
     from sim_vehicles.fleet import Fleet
 
-MAGIC = b"truth\x00\x00\x02"
+MAGIC = b"truth\x00\x00\x03"
 HEADER = struct.Struct("<8sQ")
 QUANTITIES = 12
 
@@ -54,7 +55,7 @@ class TruthWriter:
         self._file.write(HEADER.pack(MAGIC, vehicles))
         self._turns = max(1, round(LOOP_HZ / rate_hz))
         self._turn, self._full = 0, False
-        self._packer = struct.Struct(f"<{1 + QUANTITIES * vehicles}d")
+        self._waiting = array("d")
 
     def __enter__(self) -> Self:
         """Return the writer."""
@@ -63,7 +64,8 @@ class TruthWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Close the file."""
+        """Write what is waiting and close the file."""
+        self._write()
         with suppress(OSError):
             self._file.close()
 
@@ -72,14 +74,22 @@ class TruthWriter:
         self._turn += 1
         if self._full or self._turn % self._turns:
             return
-        columns = [body.truth() for body in fleet.bodies]
-        row = [value for quantity in zip(*columns, strict=True) for value in quantity]
+        self._waiting.append(now / NANOSECONDS)
+        for body in fleet.bodies:
+            self._waiting.extend(body.truth())
+        if self._turn % LOOP_HZ == 0:
+            self._write()
+
+    def _write(self) -> None:
+        """Write what is waiting; a full disk ends the record, not the flight."""
+        if self._full:
+            return
         try:
-            self._file.write(self._packer.pack(now / NANOSECONDS, *row))
-            if self._turn % LOOP_HZ == 0:
-                self._file.flush()
-        except OSError:  # a full disk ends the record, not the flight
+            self._file.write(self._waiting.tobytes())
+            self._file.flush()
+        except OSError:
             self._full = True
+        self._waiting = array("d")
 
 
 def read_truth(path: Path) -> Truth:
@@ -93,7 +103,7 @@ def read_truth(path: Path) -> Truth:
         raise TruthError(f"{path} is not a record of ground truth")
     vehicles = HEADER.unpack_from(data)[1]
     width = 1 + QUANTITIES * vehicles
-    values = np.frombuffer(data, dtype="<f8", offset=HEADER.size, count=(len(data) - HEADER.size) // 8)
+    values = np.frombuffer(data, offset=HEADER.size, count=(len(data) - HEADER.size) // 8)
     rows = values[: len(values) // width * width].reshape(-1, width)
-    columns = rows[:, 1:].reshape(len(rows), QUANTITIES, vehicles)
-    return Truth(rows[:, 0], *(columns[:, i] for i in range(QUANTITIES)))
+    columns = rows[:, 1:].reshape(len(rows), vehicles, QUANTITIES)
+    return Truth(rows[:, 0], *(columns[:, :, i] for i in range(QUANTITIES)))

@@ -106,7 +106,8 @@ class FormationPlan:
 
     def settled(self, now_s: float) -> bool:
         """Return whether all slots are at rest where they belong."""
-        return self._way.over(now_s) and np.array_equal(self._way.goal_m, self.goal_m)
+        there = self._way.goal_m is self.goal_m or np.array_equal(self._way.goal_m, self.goal_m)
+        return there and self._way.over(now_s)
 
 
 @dataclass(frozen=True)

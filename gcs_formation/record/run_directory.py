@@ -8,7 +8,7 @@ import math
 import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple, TextIO
+from typing import Any, BinaryIO, Final, NamedTuple, TextIO
 
 from airlink.cli.commands import RUN, refusal
 from airlink.clock import NANOSECONDS, Instant
@@ -20,8 +20,8 @@ from gcs_formation.record.timeseries import TickSpool, spools
 from gcs_formation.recorder import Event
 from gcs_formation.tick import Tick
 
-_STAMP = struct.Struct(">Q")
-_pack = _STAMP.pack
+_STAMP: Final = struct.Struct(">Q")
+_pack: Final = _STAMP.pack
 SCENARIO = RUN
 TLOG = "flight.tlog"
 EVENTS = "events.jsonl"
