@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Callable, Mapping
-from typing import Any, ClassVar, Final
+from collections.abc import Mapping
+from typing import ClassVar, Final
 
 from airlink import mavlink as m
 from airlink.clock import Instant, after
@@ -14,9 +14,9 @@ from airlink.messages.command import CommandInt, CommandLong, SetPositionTargetL
 from airlink.messages.mission import MissionItem, MissionItemInt
 from airlink.messages.system import Heartbeat, Statustext
 from sim_vehicles.airframe.steering import Steering
-from sim_vehicles.autopilot import commands, px4
+from sim_vehicles.autopilot import px4, px4_commands
 from sim_vehicles.autopilot.clock import NEVER
-from sim_vehicles.autopilot.commands import ACCEPTED, DENIED, FAILED, UNSUPPORTED, Order
+from sim_vehicles.autopilot.commands import ACCEPTED, Order
 from sim_vehicles.autopilot.copter_pilot import CopterPilot
 from sim_vehicles.autopilot.modes import (
     CopterMode,
@@ -33,91 +33,14 @@ from sim_vehicles.config import VehicleConfig
 from sim_vehicles.copter import PLACE, VELOCITY, YAW
 from sim_vehicles.vehicle import CRITICAL, NOTICE, Vehicle
 
-REJECTED: Final = m.MAV_RESULT_TEMPORARILY_REJECTED
 WRONG_FRAME: Final = 9
 """MAV_RESULT_COMMAND_UNSUPPORTED_MAV_FRAME, which not every dialect names yet."""
 TEXT_BYTES: Final = 50
 KEPT_TEXTS: Final = 16
 """Texts that wait for a ground station."""
-LEAST_CHANGES_US: Final = 500_000
-"""CURRENT_MODE comes with each change, and this often otherwise, however often it is asked for."""
 FRAMES_TAKEN: Final = (m.MAV_FRAME_LOCAL_NED, m.MAV_FRAME_BODY_NED)
 REFERENCE_CLIMB_MPS: Final = 3.0
 """A fixed wing's height reference begins at sea level at boot and rises this fast."""
-
-
-def _set_mode(vehicle: Px4, given: Order) -> int:
-    main, sub = given.params[1], given.params[2]
-    if not int(given.params[0]) & m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED or not (main % 1 == 0.0 and sub % 1 == 0.0):
-        return REJECTED
-    return ACCEPTED if vehicle.switch(int(main) << 16 | int(sub) << 24) else REJECTED
-
-
-def _arm_disarm(vehicle: Px4, given: Order) -> int:
-    force = given.params[1] == commands.FORCE
-    granted = vehicle.arm(force=force) if given.params[0] == 1.0 else vehicle.disarm(force=force)
-    return ACCEPTED if granted else REJECTED
-
-
-def _take_off(vehicle: Px4, given: Order) -> int:
-    height_m = given.z - vehicle.fleet.origin.alt_m if math.isfinite(given.z) else vehicle.parameters["MIS_TAKEOFF_ALT"]
-    return ACCEPTED if vehicle.prepare(height_m) else REJECTED
-
-
-def _to_mode(mode: Px4Mode) -> Callable[[Any, Order], int]:
-    return lambda vehicle, _given: ACCEPTED if vehicle.switch(mode) else REJECTED
-
-
-def _reposition(vehicle: Px4, given: Order) -> int:
-    if given.params[1] != m.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE:
-        return UNSUPPORTED
-    if not vehicle.switch(Px4Mode.HOLD):
-        return REJECTED
-    vehicle.go_to(given)
-    return ACCEPTED
-
-
-def _change_speed(vehicle: Px4, given: Order) -> int:
-    """Change the airspeed; in OFFBOARD that is accepted and has no effect."""
-    if vehicle.mode is Px4Mode.HOLD and given.params[1] > 0.0:
-        vehicle.pilot.change_speed(vehicle.airspeed(given.params[1]), math.inf)
-    return ACCEPTED
-
-
-def _change_altitude(vehicle: Px4, given: Order) -> int:
-    if not math.isfinite(given.params[0]) or not vehicle.switch(Px4Mode.HOLD):
-        return REJECTED
-    vehicle.pilot.change_height(given.params[0] - vehicle.fleet.origin.alt_m)
-    return ACCEPTED
-
-
-def _set_interval(vehicle: Px4, given: Order) -> int:
-    """Set a message's interval; HEARTBEAT's is fixed, and FAILED is also the answer for what isn't known."""
-    message_id, interval_us = given.params[0], given.params[1]
-    if message_id == m.MAVLINK_MSG_ID_HEARTBEAT or message_id not in px4.BUILDERS or not math.isfinite(interval_us):
-        return FAILED
-    if message_id == m.MAVLINK_MSG_ID_CURRENT_MODE and interval_us > 0.0:
-        interval_us = max(interval_us, LEAST_CHANGES_US)
-    return ACCEPTED if vehicle.streams.set_interval(int(message_id), interval_us, vehicle.now) else DENIED
-
-
-HANDLERS: dict[int, Callable[[Any, Order], int]] = {
-    m.MAV_CMD_DO_SET_MODE: _set_mode,
-    m.MAV_CMD_COMPONENT_ARM_DISARM: _arm_disarm,
-    m.MAV_CMD_NAV_TAKEOFF: _take_off,
-    m.MAV_CMD_NAV_RETURN_TO_LAUNCH: _to_mode(Px4Mode.RTL),
-    m.MAV_CMD_NAV_LAND: _to_mode(Px4Mode.LAND),
-    m.MAV_CMD_NAV_LOITER_UNLIM: _to_mode(Px4Mode.HOLD),
-    m.MAV_CMD_SET_MESSAGE_INTERVAL: _set_interval,
-    m.MAV_CMD_GET_MESSAGE_INTERVAL: commands.HANDLERS[m.MAV_CMD_GET_MESSAGE_INTERVAL],
-    m.MAV_CMD_REQUEST_MESSAGE: commands.HANDLERS[m.MAV_CMD_REQUEST_MESSAGE],
-}
-PLANES_HANDLERS: dict[int, Callable[[Any, Order], int]] = HANDLERS | {
-    m.MAV_CMD_DO_REPOSITION: _reposition,
-    m.MAV_CMD_DO_CHANGE_SPEED: _change_speed,
-    m.MAV_CMD_DO_CHANGE_ALTITUDE: _change_altitude,
-}
-"""All others are UNSUPPORTED; a multirotor's positions as targets aren't emulated."""
 
 
 class Px4(Vehicle):
@@ -131,7 +54,7 @@ class Px4(Vehicle):
     ground_mode = Px4Mode.HOLD
     boot_mode = Px4Mode.HOLD
     failsafe_keys = px4.LINK_LOSS
-    handlers = HANDLERS
+    handlers = px4_commands.HANDLERS
     flown: ClassVar[Mapping[Px4Mode, FlightMode]]
     """Its modes, and the pilot's that are flown alike."""
     mode: Px4Mode
@@ -337,7 +260,7 @@ class Px4Plane(Px4):
 
     mav_type = m.MAV_TYPE_FIXED_WING
     flown = px4.AS_PLANE
-    handlers = PLANES_HANDLERS
+    handlers = px4_commands.PLANES_HANDLERS
 
     def parameters_of(self, config: VehicleConfig) -> ParameterServer:
         """Return a fixed wing's parameters."""
