@@ -72,8 +72,9 @@ def run(study: Path, **given: Any) -> None:
 @study.command(name="fly", epilog=usage.STUDY)
 @click.argument("directory", type=click.Path(path_type=Path))
 @click.argument("flight", type=WholeNumber(0))
-@click.option("--out", type=OUT, help="Run directory; default: DIRECTORY/again/FLIGHT.")
-def fly_again(directory: Path, flight: int, out: Path | None) -> None:
+@click.option("--out", type=OUT, help="Run directory; default: DIRECTORY/again/FLIGHT, replaced.")
+@click.option("--overwrite", is_flag=True, help="Replace an earlier run in --out.")
+def fly_again(directory: Path, flight: int, out: Path | None, overwrite: bool) -> None:
     """Fly one FLIGHT of the study in DIRECTORY again, with its whole record."""
     try:
         plan = read_plan(directory)
@@ -82,6 +83,8 @@ def fly_again(directory: Path, flight: int, out: Path | None) -> None:
         fail(str(error))
     if flight not in rows:
         fail(f"found no flight {flight} in {directory}; allowed: {min(rows, default=0)} to {max(rows, default=0)}")
+    if out is not None and (refused := refusal(out, overwrite=overwrite)) is not None:
+        fail(refused)
     study = Study.model_validate(plan["study"])
     kept = out or directory / "again" / f"{flight:06d}"
     try:

@@ -402,6 +402,9 @@ def test_a_study_flies_resumes_and_flies_one_again_to_the_same_figures(two, tmp_
     assert again.exit_code == 0
     assert f"error_x_m.max: {whole[2]['error_x_m.max']}" in again.output
     assert (out / "again" / "000002" / "flight.tlog").stat().st_size > 1000
+    refused = command("study", "fly", out, 2, "--out", out / "again" / "000002")
+    assert refused.exit_code == 2
+    assert "earlier run" in refused.output
     two.write_text(two.read_text(encoding="utf-8").replace("50", "60"), encoding="utf-8")
     changed = command("study", two, "--out", out, "--resume")
     assert changed.exit_code == 2
