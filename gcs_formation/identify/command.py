@@ -185,7 +185,8 @@ def report(found: Identified) -> str:
     whose = ", ".join(f"{each.system} ({each.duration_s:.0f} s)" for each in found.recordings)
     lines = [f"vehicles {whose}", "equation (7), as the law predicts and feeds forward by it:"]
     for name, each in found.fit.estimates.items():
-        lines.append(f"  {name:<10} {each.value:6.2f} s  ± {each.sigma:.2f}")
+        unit = "" if name == "prompt_share" else "s"
+        lines.append(f"  {name:<12} {each.value:6.2f} {unit:<2} ± {each.sigma:.2f}")
     lines.append("errors of its predictions, and what they explain of the change:")
     for name, unit in zip(CHANNELS, UNITS, strict=True):
         lines.append(f"  {name:<13} {found.fit.residual_rms[name]:.3f} {unit:<4} {found.fit.explained[name]:.0%}")

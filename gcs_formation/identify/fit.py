@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -37,6 +37,9 @@ UNKNOWN = 0.5
 LEAST_MOVED = {"speed": (0.5, "m/s"), "heading": (0.05, "rad"), "height": (2.0, "m")}
 """By how much each setpoint must have changed for its channel to be learnt."""
 LAGS = ("tau_v_s", "tau_psi_s", "tau_ha_s", "tau_hb_s")
+REST = ("prompt_share", "rest_s")
+"""Fitted too of multirotors that are believed to leave part of a change of velocity to an integrator."""
+LEAST_SHARE = 0.2
 AIRFRAME_KEYS = ("thrust_mps2", "drag_mps2", "heading_gain", "bank_lag_s", "airspeed_lag_s", "time_constant_s")
 SPREADS = np.array([0.3, 0.3, 0.3, 0.3, 0.3, 0.1])
 """Standard deviations of these parameters' logarithms before anything was flown."""
@@ -78,27 +81,50 @@ def fit(recordings: Sequence[Recording], begin: VehicleModel) -> Fit:
         RecordError: a channel was hardly moved in the recordings.
     """
     _require_movement(recordings)
+    names_fitted = LAGS if begin.prompt_share == 1.0 else (*LAGS, *REST)
+    start = np.log([getattr(begin, name) for name in names_fitted])
     windows = [_Windows.of(each) for each in recordings]
-    start = np.log([getattr(begin, name) for name in LAGS])
+
+    def errors_by(values: Array) -> Array:
+        cut = windows if names_fitted == LAGS else [_Windows.of(_aimed(each, *values[4:])) for each in recordings]
+        return np.concatenate([each.errors(values[:4], begin) for each in cut], axis=2)
 
     def errors_of(tried: Sequence[Array]) -> Array:
-        return np.stack(
-            [_weighed(np.concatenate([w.errors(np.exp(t), begin) for w in windows], axis=2)) for t in tried]
-        )
+        return np.stack([_weighed(errors_by(np.exp(each))) for each in tried])
 
     repeated = HORIZON_S / STEP_S * CORRELATED_S / (STRIDE * STEP_S)
-    logs, covariance = _nearest(start, errors_of, np.full(len(LAGS), UNKNOWN), repeated)
+    logs, covariance = _nearest(start, errors_of, np.full(start.size, UNKNOWN), repeated)
     lags = np.exp(logs)
-    lags[2:] = np.sort(lags[2:])
-    errors = np.concatenate([each.errors(lags, begin) for each in windows], axis=2)
+    lags[2:4] = np.sort(lags[2:4])
+    lags[4:5] = np.clip(lags[4:5], LEAST_SHARE, 1.0)
+    errors = errors_by(lags)
     changes = np.concatenate([each.changes() for each in windows], axis=2)
     names = ("airspeed_mps", "heading_rad", "height_m")
     rms = dict[str, float](zip(names, np.sqrt((errors**2).mean(axis=(1, 2))).tolist(), strict=True))
     explained = 1.0 - (errors**2).mean(axis=(1, 2)) / np.maximum((changes**2).mean(axis=(1, 2)), 1e-12)
     sigmas = np.sqrt(np.diag(covariance)) * lags
-    estimates = {name: Estimate(*each) for name, *each in zip(LAGS, lags.tolist(), sigmas.tolist(), strict=True)}
+    estimates = {
+        name: Estimate(*each) for name, *each in zip(names_fitted, lags.tolist(), sigmas.tolist(), strict=True)
+    }
     model = begin.model_copy(update={name: round(each.value, 3) for name, each in estimates.items()})
     return Fit(model, estimates, rms, dict[str, float](zip(names, explained.tolist(), strict=True)))
+
+
+def _aimed(recording: Recording, prompt_share: float, rest_s: float) -> Recording:
+    """Return a recording as if the multirotor had been told at once what its integrator comes to slowly.
+
+    Of a velocity told w it aims at prompt_share w + (1 - prompt_share) m, and m follows w with the lag rest_s.
+    """
+    share = min(max(float(prompt_share), LEAST_SHARE), 1.0)
+    speed, heading, height = recording.told
+    told = speed * np.exp(1j * heading)
+    filled, kept, m = np.empty_like(told), math.exp(-STEP_S / float(rest_s)), told[0]
+    for point, each in enumerate(told.tolist()):
+        filled[point] = m
+        m = kept * m + (1.0 - kept) * each
+    aimed = share * told + (1.0 - share) * filled
+    turned = wrap(np.angle(aimed) - heading)
+    return replace(recording, told=np.stack((np.abs(aimed), heading + turned, height)))
 
 
 def _require_movement(recordings: Sequence[Recording]) -> None:
@@ -193,6 +219,8 @@ def _nearest(
 
 def flown_by_lags(recording: Recording, model: VehicleModel) -> Array:
     """Return airspeed, heading and height (3, K) of a vehicle of equation (7) that is told what was told."""
+    if model.prompt_share < 1.0:
+        recording = _aimed(recording, model.prompt_share, model.rest_s)
     columns = _columns(np.array([getattr(model, name) for name in LAGS]), model, 1)
     airspeed, heading, height, climb = recording.seen[:, :1]
     none, step_s, late = np.zeros(1), np.full((1, 1), STEP_S), round(recording.delay_s / STEP_S)

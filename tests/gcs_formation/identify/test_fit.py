@@ -86,3 +86,21 @@ def test_an_aircraft_is_found_again_and_answers_slow_changes_sooner_than_steps()
     assert model.tau_v_s < 1.5
     assert model.tau_psi_s == pytest.approx(22.0 / (energy.GRAVITY_MPS2 * 0.6), rel=0.15)
     assert math.isclose(model.tau_ha_s + model.tau_hb_s, 3.25, rel_tol=0.1)
+
+
+def test_the_part_that_waits_for_an_integrator_is_found_again():
+    true = VehicleModel(
+        hovers=True, tau_v_s=0.5, tau_psi_s=0.5, speed_min_mps=0.0, speed_max_mps=9.0, prompt_share=0.6, rest_s=6.0
+    )
+    told = stepped()
+    told[0] -= 17.0
+    begin = np.array([[5.0], [0.3], [100.0], [0.0]])
+    motion = flown_by_lags(recording(np.repeat(begin, POINTS, axis=1), told), true)
+    seen = recording(np.vstack((motion, np.gradient(motion[2], STEP_S)[None])), told)
+    found = fit([seen], true.model_copy(update={"prompt_share": 0.75, "rest_s": 9.0, "tau_v_s": 0.7}))
+    assert found.estimates["prompt_share"].value == pytest.approx(0.6, rel=0.1)
+    assert found.estimates["rest_s"].value == pytest.approx(6.0, rel=0.25)
+    assert found.estimates["tau_v_s"].value == pytest.approx(0.5, rel=0.15)
+    assert fit([seen], true.model_copy(update={"prompt_share": 1.0})).residual_rms["airspeed_mps"] > (
+        3 * found.residual_rms["airspeed_mps"]
+    )
