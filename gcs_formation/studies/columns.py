@@ -14,6 +14,7 @@ from matplotlib.axis import Axis
 
 from flight_model.arrays import Array
 from gcs_formation.studies.keys import LISTED, Study
+from gcs_formation.studies.load import DRAWN
 from gcs_formation.studies.plan import Row, columns_of
 
 LEVELS_UP_TO = 12
@@ -24,10 +25,10 @@ IN_A_BIN = 5
 """Flights that a bin should have at least, on average."""
 WIDE = 30.0
 """Largest by median from which a scale is logarithmic."""
-LABEL = 18
-"""Characters of a level's name in a line."""
-SLANTED = 8
-"""Characters beyond which names stand slanted."""
+LABEL = 24
+"""Characters of a name."""
+IN_A_ROW = 24
+"""Characters of all names that have room below an axis."""
 Mask = npt.NDArray[np.bool_]
 
 
@@ -41,6 +42,12 @@ class Flights(NamedTuple):
     """(N,), NaN where a flight has none."""
     levels: Mapping[str, Sequence[str]] = MappingProxyType({})
     """The values of parameters that are no numbers, in words."""
+
+    @property
+    def by_chance(self) -> bool:
+        """Whether chance is in the flights, by seeds or draws: else shares of them are the design's, and sure."""
+        drawn = [each for each in self.study.parameters.values() if not isinstance(each, LISTED)]
+        return self.study.seeds.count > 1 or self.study.design in DRAWN or bool(drawn)
 
     def groups(self, name: str) -> dict[str, Mask]:
         """Return which flights have each value of a parameter, by the value in words."""
@@ -88,16 +95,24 @@ def cells_of(values: Array, edges: Array) -> npt.NDArray[np.intp]:
     return np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
 
 
-def tick(flights: Flights, axis: Axis, name: str, *, slant: bool) -> None:
-    """Put a parameter's levels on an axis, where there are few."""
+def tick(flights: Flights, axis: Axis, name: str, *, below: bool) -> None:
+    """Name a parameter at its axis, and its levels where there are few: upright below an axis with no room for them."""
+    axis.set_label_text(name if len(name) <= LABEL or "." not in name else ".\n".join(name.rsplit(".", 1)))
     levels = np.unique(flights.parameters[name])
-    if levels.size > LEVELS_UP_TO:
-        return
-    words = [textwrap.fill(flights.word(name, level), LABEL) for level in levels.tolist()]
-    axis.set_ticks(levels, labels=words)
-    if slant and max(map(len, words)) * len(words) > SLANTED * 3:
-        for label in axis.get_ticklabels():
-            label.set(rotation=35, ha="right", rotation_mode="anchor")
+    if levels.size <= LEVELS_UP_TO:
+        words = words_of(flights, name)
+        axis.set_ticks(levels, labels=words, rotation=90 if below and is_crowded(words) else 0)
+
+
+def words_of(flights: Flights, name: str) -> list[str]:
+    """Return a parameter's values in words that aren't long."""
+    levels: list[float] = np.unique(flights.parameters[name]).tolist()
+    return [textwrap.shorten(flights.word(name, level), LABEL, placeholder=" …") for level in levels]
+
+
+def is_crowded(words: Sequence[str]) -> bool:
+    """Whether words have no room below an axis."""
+    return max(map(len, words)) * len(words) > IN_A_ROW
 
 
 def scale(axes: Axes, values: Array, which: str) -> None:

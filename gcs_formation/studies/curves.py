@@ -26,7 +26,8 @@ LEAST = 4
 """Flights from which a value of a parameter has one: a band of fewer says nothing."""
 FEW = 2
 """Different values up to which flights with each are counted."""
-FAINT, CLEAR = 0.1, 0.2
+FAINT, CLEAR, NONE = 0.1, 0.2, 0.0
+"""How a band looks."""
 
 
 class Curve(NamedTuple):
@@ -73,7 +74,7 @@ def distributions(flights: Flights) -> Figure:
         if counted(values[np.isfinite(values)]):
             _counts(axes, values)
             continue
-        _draw(axes, up_to(values), BAND, "share of flights up to this value", CLEAR)
+        _draw(axes, up_to(values), BAND, "share of flights up to this value", CLEAR if flights.by_chance else NONE)
         axes.set_ylim(0.0, 1.02)
         _finish(axes, flights, name)
     legend_below(figure)
@@ -86,7 +87,15 @@ def exceedances(flights: Flights) -> Figure:
     figure, panels = panels_of(len(named))
     for axes, (name, values) in zip(panels, named.items(), strict=False):
         everyone = np.ones(values.size, dtype=np.bool_)
-        _tail(axes, flights, name, everyone, BAND, "share of flights that are worse than this value", CLEAR)
+        _tail(
+            axes,
+            flights,
+            name,
+            everyone,
+            BAND,
+            "share of flights that are worse than this value",
+            CLEAR if flights.by_chance else NONE,
+        )
         _finish_tail(axes, flights, name, values.size)
     legend_below(figure)
     return figure
@@ -113,7 +122,9 @@ def by_level(flights: Flights, metric: str) -> Figure:
 
 
 def split_by(flights: Flights) -> list[str]:
-    """Return the parameters with few values that enough flights have each."""
+    """Return the parameters with few values that enough flights have each, by chance."""
+    if not flights.by_chance:
+        return []
     sizes = {name: [inside.sum() for inside in flights.groups(name).values()] for name in flights.parameters}
     return [name for name, each in sizes.items() if 2 <= len(each) <= SERIES and min(each) >= LEAST]
 
@@ -167,7 +178,8 @@ def _counts(axes: Axes, values: Array) -> None:
 
 def _draw(axes: Axes, curve: Curve, colour: str, label: str, alpha: float) -> None:
     band = f"{100.0 * CONFIDENCE:g} % confidence" if alpha == CLEAR else None
-    axes.fill_between(curve.values, curve.low, curve.high, step="post", color=colour, alpha=alpha, lw=0, label=band)
+    if alpha != NONE:
+        axes.fill_between(curve.values, curve.low, curve.high, step="post", color=colour, alpha=alpha, lw=0, label=band)
     axes.step(curve.values, curve.share, where="post", color=colour, label=label)
 
 

@@ -15,30 +15,45 @@ from matplotlib.figure import Figure
 
 from flight_model.arrays import Array
 from gcs_formation.report.style import BAND, GREY, INK, LIMIT, axes_grid, legend_below, new_figure
-from gcs_formation.studies.columns import IN_A_BIN, Flights, cells_of, edges_of, is_wide, scale, tick
+from gcs_formation.studies.columns import (
+    IN_A_BIN,
+    Flights,
+    cells_of,
+    edges_of,
+    is_crowded,
+    is_wide,
+    scale,
+    tick,
+    words_of,
+)
 from gcs_formation.studies.curves import CELL_CM, bounds, bounds_of, panels_of
 from gcs_formation.studies.keys import Bisection
 from gcs_formation.studies.plan import Row
 
 MARGIN, LOOP_DELAY, MARGIN_S = "margin_used", "worst_loop_delay_s", "delay_margin_s"
 CELLS = mpl.colormaps["cividis"]
-MAPPED = 4
-"""Parameters that have maps with each other."""
+PANELS, MAPPED = 9, 4
+"""Parameters that a figure is drawn over, and those that have maps with each other: of more, the most telling."""
+UPRIGHT_CM = 0.17
+"""A character of a name that stands upright."""
 PURPLE = "#CC79A7"
 """Seen on a map's dark cells and on its light ones."""
-SAID = 12
-"""Cells beside each other up to which each says its value."""
+ROOM = ((9.0, 3), (12.0, 2))
+"""Cells beside each other up to which each says its value, and in how many digits."""
 MAPS, MAP_CM = 2, 6.5
 """Maps beside each other, and how high one is."""
 
 
 def marginals(flights: Flights, metric: str) -> Figure:
     """Draw a metric over each parameter: all flights, and their median and 5th to 95th percentile."""
-    named = any(name in flights.levels for name in flights.parameters)
-    figure, panels = panels_of(len(flights.parameters), CELL_CM + (1.2 if named else 0.0))
+    names = telling(flights, metric, PANELS)
+    words = [words_of(flights, name) for name in names if name in flights.levels]
+    upright = max((len(word) for each in words if is_crowded(each) for word in each), default=0)
+    figure, panels = panels_of(len(names), CELL_CM + UPRIGHT_CM * upright)
     values = flights.metrics[metric]
     known = np.isfinite(values)
-    for axes, (name, parameter) in zip(panels, flights.parameters.items(), strict=False):
+    for axes, name in zip(panels, names, strict=False):
+        parameter = flights.parameters[name]
         axes.plot(parameter[known], values[known], ls="", marker=".", ms=4, color=GREY, label="flights")
         cell = cells_of(parameter, edges_of(flights, name, parameter.size // IN_A_BIN))
         inside = [known & (cell == i) for i in np.unique(cell[known])]
@@ -46,8 +61,7 @@ def marginals(flights: Flights, metric: str) -> Figure:
         _along(axes, np.array([parameter[each].mean() for each in inside]), (low, middle, high), name in flights.levels)
         bounds(axes, flights.study, metric, vertical=False)
         scale(axes, np.append(values[known], bounds_of(flights.study, metric)), "y")
-        axes.set_xlabel(name)
-        tick(flights, axes.xaxis, name, slant=True)
+        tick(flights, axes.xaxis, name, below=True)
     for axes in panels[::3]:
         axes.set_ylabel(metric)
     legend_below(figure)
@@ -66,17 +80,35 @@ def _along(axes: Axes, middles: Array, spread: tuple[Array, Array, Array], named
     axes.plot(middles, middle, color=INK, lw=1.2, ls="" if named else "-", marker="o", ms=2.5, label="median")
 
 
-def pairs(flights: Flights) -> list[tuple[str, str]]:
-    """Return the parameters that have a map: across and up, numbers across. One at a time leaves maps empty."""
+def telling(flights: Flights, metric: str, most: int) -> list[str]:
+    """Return the parameters, in their order; of many those by which a metric differs most.
+
+    That is by the share of its ranks' variance that lies between a parameter's levels, or bins.
+    """
+    values = flights.metrics[metric]
+    ranks = np.argsort(np.argsort(np.where(np.isnan(values), np.inf, values))).astype(np.float64)
+
+    def between(name: str) -> float:
+        parameter = flights.parameters[name]
+        cell = cells_of(parameter, edges_of(flights, name, parameter.size // IN_A_BIN))
+        means = {i: ranks[cell == i].mean() for i in np.unique(cell).tolist()}
+        return float(np.var([means[i] for i in cell.tolist()]))
+
+    best = sorted(flights.parameters, key=between, reverse=True)[:most]
+    return [name for name in flights.parameters if name in best]
+
+
+def pairs(flights: Flights, metric: str) -> list[tuple[str, str]]:
+    """Return the parameters that have a map: across and up, many names up. One at a time leaves maps empty."""
     if flights.study.design == "one_at_a_time":
         return []
-    names = sorted(list(flights.parameters)[:MAPPED], key=lambda name: name in flights.levels)
-    return list(combinations(names, 2))
+    names = telling(flights, metric, MAPPED)
+    return list(combinations(sorted(names, key=lambda name: len(flights.levels.get(name, ()))), 2))
 
 
 def heat_maps(flights: Flights, metric: str) -> Figure:
     """Draw the median of a metric over two parameters, pair by pair; where it crosses its bound, and delays theirs."""
-    found = pairs(flights)
+    found = pairs(flights, metric)
     columns = min(len(found), MAPS)
     figure = new_figure(1.6 + MAP_CM * -(-len(found) // columns))
     panels = [axes for row in axes_grid(figure, -(-len(found) // columns), columns) for axes in row]
@@ -85,13 +117,12 @@ def heat_maps(flights: Flights, metric: str) -> Figure:
     norm = (LogNorm if is_wide(known) else Normalize)(float(known.min()), float(known.max()))
     for axes, pair, table in zip(panels, found, tables, strict=False):
         axes.pcolormesh(table.columns, table.rows, np.ma.masked_invalid(table.cells), cmap=CELLS, norm=norm)
-        if table.cells.shape[1] * columns <= SAID:
-            _write(axes, table, norm, digits=4 - columns)
+        if (digits := _room(table, columns)) > 0:
+            _write(axes, table, norm, digits)
         if pair[0] not in flights.levels:
             _boundaries(axes, flights, metric, pair, table)
         for axis, name in ((axes.xaxis, pair[0]), (axes.yaxis, pair[1])):
-            tick(flights, axis, name, slant=axis is axes.xaxis)
-            axis.set_label_text(name)
+            tick(flights, axis, name, below=axis is axes.xaxis)
         axes.grid(visible=False)
     for spare in panels[len(found) :]:
         spare.set_axis_off()
@@ -152,6 +183,13 @@ def crossings_of(places: Array, values: Array, level: float) -> list[float]:
         i for i in range(len(off) - 1) if np.isfinite(off[i : i + 2]).all() and (off[i] < 0.0) != (off[i + 1] < 0.0)
     ]
     return [float(places[i] + (places[i + 1] - places[i]) * off[i] / (off[i] - off[i + 1])) for i in found]
+
+
+def _room(table: _Table, maps: int) -> int:
+    """Return in how many digits the narrowest cell says its value, with so many maps beside each other; 0: it can't."""
+    widths = np.diff(table.columns)
+    beside = maps * float(widths.sum() / widths.min())
+    return next((digits for most, digits in ROOM if beside <= most + 1e-9), 0)
 
 
 def _write(axes: Axes, table: _Table, norm: Normalize, digits: int) -> None:

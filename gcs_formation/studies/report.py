@@ -38,9 +38,10 @@ CAPTIONS = {
     "exceedances": "How rare what is worse is, to the right; with Clopper's and Pearson's interval at each value. "
     "A cross is what an expectation allows: the curve should pass below it.",
     "levels": "Distribution and exceedance for each value of the parameters that have few, whatever the others are.",
-    "marginals": "Over each parameter, whatever the others are.",
-    "maps": "Median of the flights in each cell. Red, where `margin_used` (or both `worst_loop_delay_s` and "
-    "`delay_margin_s`) are metrics: where delays reach the margin computed for the loops. Purple: an expected bound.",
+    "marginals": "Over each parameter, whatever the others are; of many, over those by which it differs most.",
+    "maps": "Median of the flights in each cell; of many parameters, those by which it differs most. Red, where "
+    "`margin_used` (or both `worst_loop_delay_s` and `delay_margin_s`) are metrics: where delays reach the margin "
+    "computed for the loops. Purple: an expected bound.",
 }
 Rows = list[dict[str, Any]]
 
@@ -103,7 +104,7 @@ def _over_parameters(flights: Flights, metric: str) -> Iterator[Plate]:
     if split_by(flights) and has_tail(flights.metrics[metric]):
         yield f"levels-{metric}", f"{metric} by parameters' values", partial(by_level, flights, metric)
     yield f"marginals-{metric}", metric, partial(marginals, flights, metric)
-    if pairs(flights):
+    if pairs(flights, metric):
         yield f"maps-{metric}", f"{metric} over two parameters", partial(heat_maps, flights, metric)
 
 

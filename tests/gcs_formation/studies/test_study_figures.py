@@ -11,9 +11,9 @@ from matplotlib.patches import Rectangle
 
 from gcs_formation.studies.campaign import clopper_pearson
 from gcs_formation.studies.columns import Flights, flights_of
-from gcs_formation.studies.curves import by_level, distributions, exceedances, up_to, worse_than
+from gcs_formation.studies.curves import by_level, distributions, exceedances, split_by, up_to, worse_than
 from gcs_formation.studies.dataset import Dataset
-from gcs_formation.studies.figures import crossings_of, heat_maps, marginals, pairs, searched
+from gcs_formation.studies.figures import crossings_of, heat_maps, marginals, pairs, searched, telling
 from gcs_formation.studies.load import load_study
 from gcs_formation.studies.report import write_study_report
 
@@ -107,7 +107,8 @@ def test_a_boundary_is_found_between_neighbours_that_are_known():
 
 def by_law(**keys):
     """Rows of 5 seeds by each of two laws at two delays; pid flies 1 m worse."""
-    planned = study(parameters={LAW: ["pid", "fuzzy_pid"], DELAY: [0, 100]}, metrics=[ERROR], **keys)
+    keys = {"parameters": {LAW: ["pid", "fuzzy_pid"], DELAY: [0, 100]}, "seeds": {"count": 5}, **keys}
+    planned = study(metrics=[ERROR], **keys)
     flown = enumerate(product(["pid", "fuzzy_pid"], [0, 100], range(1, 6)))
     rows: list[dict[str, Any]] = [
         {"flight": i, "seed": seed, LAW: law, DELAY: delay, ERROR: 0.1 * seed + (law == "pid"), "exit": 0,
@@ -124,10 +125,33 @@ def test_parameters_that_are_no_numbers_have_their_values_on_the_axes():
     assert [label.get_text() for label in axes.get_xticklabels()] == ["pid", "fuzzy_pid"]
     (medians,) = lines_of(axes, "median")
     assert np.asarray(medians.get_ydata()) == pytest.approx([1.3, 0.3])
-    assert pairs(flights) == [(DELAY, LAW)]
-    assert pairs(flights_of(*by_law(design="one_at_a_time"))) == []
+    assert pairs(flights, ERROR) == [(DELAY, LAW)]
+    assert pairs(flights_of(*by_law(design="one_at_a_time")), ERROR) == []
     (axes, _) = heat_maps(flights, ERROR).axes
     assert [label.get_text() for label in axes.get_yticklabels()] == ["pid", "fuzzy_pid"]
+
+
+def test_of_many_parameters_those_are_drawn_by_which_a_figure_differs_most():
+    """The law makes 1 m, the seed's tenth of a metre is in each; the delay makes nothing."""
+    flights = flights_of(*by_law())
+    assert telling(flights, ERROR, 2) == [LAW, DELAY]
+    assert telling(flights, ERROR, 1) == [LAW]
+    again = flights._replace(metrics={ERROR: flights.parameters[DELAY] + 0.01 * flights.metrics[ERROR]})
+    assert telling(again, ERROR, 1) == [DELAY]
+
+
+def test_names_of_values_stand_upright_where_they_have_no_room():
+    planned, rows = by_law()
+    axes = marginals(flights_of(planned, rows), ERROR).axes[0]
+    assert {label.get_rotation() for label in axes.get_xticklabels()} == {0.0}
+    for row in rows:
+        row[LAW] += ", as it was told by the station"
+    axes = marginals(flights_of(planned, rows), ERROR).axes[0]
+    assert [label.get_text() for label in axes.get_xticklabels()] == [
+        "pid, as it was told by …",
+        "fuzzy_pid, as it was …",
+    ]
+    assert {label.get_rotation() for label in axes.get_xticklabels()} == {90.0}
 
 
 def test_each_value_of_a_parameter_has_a_curve_of_its_own():
@@ -137,6 +161,14 @@ def test_each_value_of_a_parameter_has_a_curve_of_its_own():
         for law, end in zip(("pid", "fuzzy_pid"), ends, strict=True):
             places, shares = lines_of(axes, law)[0].get_data()
             assert np.asarray(places)[np.asarray(shares) > least][-1] == pytest.approx(end)
+
+
+def test_where_nothing_is_left_to_chance_there_is_no_confidence_to_state():
+    for keys, by_chance in (({}, True), ({"seeds": {"count": 1}}, False), ({"design": "random"}, True)):
+        flights = flights_of(*by_law(**keys))
+        bands = [*distributions(flights).axes[0].collections, *exceedances(flights).axes[0].collections]
+        assert len(bands) == 2 * by_chance
+        assert bool(split_by(flights)) is by_chance
 
 
 def test_searches_stand_beside_the_margin_computed_for_their_loops():
