@@ -38,7 +38,7 @@ class Flown(NamedTuple):
     def along(cls, path: SplinePath, from_m: float = 0.0) -> Flown:
         """Sample a path from `from_m` to its end."""
         uniform = np.linspace(from_m, path.length_m, int((path.length_m - from_m) / SAMPLE_M) + 2)
-        places = np.unique(np.concatenate((uniform, path.nodes_m[path.nodes_m >= from_m])))
+        places = np.array(sorted({*uniform.tolist(), *path.nodes_m[path.nodes_m >= from_m].tolist()}))
         middles = (path.waypoints_at_m[1:] + path.waypoints_at_m[:-1]) / 2.0
         return cls(places, path.at(places), np.searchsorted(middles, places).astype(np.float64))
 

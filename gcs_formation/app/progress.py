@@ -6,12 +6,10 @@ import math
 import os
 from collections.abc import Sequence
 from contextlib import suppress
+from functools import partial
 from typing import Protocol, TextIO
 
 import numpy as np
-from rich.console import Console
-from rich.live import Live
-from rich.text import Text
 
 from airlink.clock import NANOSECONDS
 from airlink.endpoint import VehicleId
@@ -119,6 +117,11 @@ class StatusLine:
 
     def __init__(self, stream: TextIO) -> None:
         """Write to the terminal behind `stream`."""
+        from rich.console import Console  # noqa: PLC0415 - rich takes 5 % of a short flight to import
+        from rich.live import Live  # noqa: PLC0415
+        from rich.text import Text  # noqa: PLC0415
+
+        self._text = partial(Text, no_wrap=True, overflow="crop")
         self._console = Console(file=stream, highlight=False)
         self._live = Live(console=self._console, transient=True, auto_refresh=False)
         self._narration = Narration()
@@ -129,7 +132,7 @@ class StatusLine:
         with suppress(OSError):  # the terminal was closed while the vehicles still fly
             # A line as wide as the terminal would move the cursor to the next one.
             text = result_text.line(progress_parts(station), self._console.width - 1)
-            self._live.update(Text(text, no_wrap=True, overflow="crop"), refresh=True)
+            self._live.update(self._text(text), refresh=True)
 
     def note(self, event: Event, mission_s: float) -> None:
         """Write a line above the status line, if the event is of weight."""
@@ -137,7 +140,7 @@ class StatusLine:
         if told is not None:
             with suppress(OSError):
                 for part in result_text.wrapped(told, self._console.width - 1):
-                    self._console.print(Text(part, no_wrap=True, overflow="crop"))
+                    self._console.print(self._text(part))
 
     def close(self) -> None:
         """Remove the status line."""
