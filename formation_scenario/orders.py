@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal, NamedTuple, get_args
 
 from pydantic import BeforeValidator, Field, WithJsonSchema
@@ -15,8 +16,8 @@ End = Literal["loiter", "rtl", "land"]
 
 ENDS: tuple[End, ...] = get_args(End)
 SHAPES: tuple[Shape, ...] = get_args(Shape)
-ALLOWED = "shape NAME [SPACING_M], spacing SPACING_M, speed MPS, leader ID, loiter, rtl, land"
-EXAMPLES = (*(f"shape {shape}" for shape in SHAPES), "spacing 40", "speed 24", "leader 2", *ENDS)
+ALLOWED = "shape NAME [SPACING_M], spacing SPACING_M, speed MPS, heading DEG, leader ID, loiter, rtl, land"
+EXAMPLES = (*(f"shape {shape}" for shape in SHAPES), "spacing 40", "speed 24", "heading 90", "leader 2", *ENDS)
 MOST_LETTERS = 100
 
 
@@ -25,11 +26,13 @@ class OrderError(ValueError):
 
 
 class Order(NamedTuple):
-    """One of: a change of the formation, a new speed in m/s, or how to end the flight."""
+    """One of: a change of the formation, a new speed, where to face while standing, or how to end the flight."""
 
     text: str
     change: FormationChange | None = None
     speed_mps: float | None = None
+    heading_rad: float | None = None
+    """Clockwise from north."""
     end: End | None = None
 
 
@@ -50,10 +53,12 @@ def parse_order(text: str) -> Order:
             return Order(said, FormationChange(at_s=0.0, spacing_m=_spacing(rest)))
         case "speed", [number]:
             return Order(said, speed_mps=0.0 if _is_nought(number) else _positive(number, "m/s"))
+        case "heading", [number]:
+            return Order(said, heading_rad=math.radians(_degrees(number)))
         case "leader", [ref]:
             return Order(said, FormationChange(at_s=0.0, leader=_vehicle(ref)))
         case _:
-            words = ("shape", "spacing", "speed", "leader", *ENDS)
+            words = ("shape", "spacing", "speed", "heading", "leader", *ENDS)
             near = "" if word in words else did_you_mean(word, words)
             raise OrderError(f"found '{said}'; allowed: {ALLOWED}{near}")
 
@@ -75,6 +80,16 @@ def _positive(text: str, unit: str, most: float = 1000.0) -> float:
         value = -1.0
     if not 0.0 < value <= most:
         raise OrderError(f"found '{text}'; allowed: a number of {unit}, up to {most:g}")
+    return value
+
+
+def _degrees(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not -360.0 <= value <= 360.0:
+        raise OrderError(f"found '{text}'; allowed: degrees clockwise from north, -360 to 360")
     return value
 
 

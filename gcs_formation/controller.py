@@ -256,11 +256,17 @@ class FormationController:
         if self._scenario.path.steps:
             steps = added(self._scenario.path.steps, tick.mission_time_s)
             wanted = Setpoint(*(each + step for each, step in zip(wanted, steps, strict=True)))
+        turn_rps, turn = 0.0, self.guidance.turn
+        if turn is not None:
+            heading_rad, turn_rps = turn.setpoint(at, model.tau_psi_s)
+            wanted = wanted._replace(heading_rad=heading_rad)
         commanded = Envelope(wanted.heading_rad, state, model).limit(*wanted)
         tick.setpoints[tick.leader] = commanded
         short_rad, held = wrap(commanded[1] - state.heading_rad), model.held(self._dt_s)
         rates = rates._replace(turn_rps=rate(short_rad, held.tau_psi_s, held.turn_rate_max_rps))
-        self._leader_commands.add(at, LeaderCommand(*commanded, self.guidance.turn_rps(guided, model, rates)))
+        if turn is None:
+            turn_rps = self.guidance.turn_rps(guided, model, rates)
+        self._leader_commands.add(at, LeaderCommand(*commanded, turn_rps))
         followed = [states.instant(column) if self._compensates else at for column in range(self._columns)]
         commands = [self._leader_commands.at(instant) for instant in followed]
         return Lead(tick.leader, at, commands, self.guidance.heading(guided))

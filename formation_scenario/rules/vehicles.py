@@ -160,9 +160,12 @@ def changes(scenario: Scenario, source: Source) -> Iterator[Problem]:
 
 
 def orders(scenario: Scenario, source: Source) -> Iterator[Problem]:
-    """Yield planned orders that name vehicles which don't exist."""
+    """Yield planned orders that name vehicles which don't exist, or have those turn on the spot that can't stand."""
     for index, planned in enumerate(scenario.orders):
-        change = parse_order(planned.order).change
+        order = parse_order(planned.order)
+        change = order.change
+        if order.heading_rad is not None and not scenario.hovers:
+            yield source.problem(("orders", index, "order"), f"found '{planned.order}'", "only of vehicles that hover")
         if change is not None and change.leader is not None:
             yield from one_vehicle(change.leader, scenario.vehicles, ("orders", index, "order"), source)
 

@@ -49,6 +49,7 @@ Orders:
   shape NAME [SPACING_M]   fly another shape
   spacing SPACING_M        fly the same shape wider or closer
   speed MPS                fly the path at another speed
+  heading DEG              multirotors that stand: turn on the spot
   leader ID                let another vehicle lead
   loiter | rtl | land      end the flight: circle here, at home, or land there
 

@@ -26,6 +26,7 @@ from gcs_formation.guidance.tracking import (
     track,
     track_turn,
 )
+from gcs_formation.guidance.turn import TurnOnSpot
 
 DECISION_S = 2.0
 """How long before the path's start to decide whether to begin it or to go around again."""
@@ -173,6 +174,8 @@ class LeaderGuidance:
     """Where along the path the leader is when it is first steered: between these distances; None: before its start."""
     joins_m: float | None = None
     """Where along the path the way ends that returns to it."""
+    turn: TurnOnSpot | None = None
+    """What a leader that stands turns its nose by, and then holds; None: it faces along its route."""
     _point: PathPoint | None = None
     """Of the route, where the leader was steered last."""
 
@@ -212,6 +215,10 @@ class LeaderGuidance:
     def heading(self, state: FlightState) -> RouteHeading:
         """Return the route's own heading, turn and climb at the leader, without corrections towards the route."""
         return route_heading(self._here(), state)
+
+    def facing_rad(self, state: FlightState) -> float:
+        """Return the direction that the leader faces or, after a turn that has begun, will face."""
+        return self.heading(state).heading_rad if self.turn is None else self.turn.goal_rad
 
     def turn_rps(self, state: FlightState, model: AutopilotModel, rates: MotionRates) -> float:
         """Return how fast the setpoint of `steer` turns while the leader's state changes at `rates`."""

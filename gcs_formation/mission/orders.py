@@ -64,4 +64,6 @@ class Orders:
             return f"the run is {self._flight.phase.value}; allowed: assembling, flying"
         if order.speed_mps is not None:
             return self._reconfiguration.order_speed(order.speed_mps, now)
+        if order.heading_rad is not None:
+            return self._reconfiguration.order_heading(order.heading_rad, now)
         return None if order.change is None else self._reconfiguration.order_change(order.change, now)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
-from typing import NamedTuple
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -23,55 +22,23 @@ from formation_scenario.slot_motion import SlotMotion
 from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.controller import FormationController
 from gcs_formation.guidance.tracking import project
+from gcs_formation.guidance.turn import TurnOnSpot
+from gcs_formation.mission.succession import Candidate, heir
 from gcs_formation.mission.takeover import Resumption
 from gcs_formation.recorder import Note
 from gcs_formation.tick import Tick
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 
-DELAY_STEP_S, LOSS_STEP, JITTER_STEP_S = 0.02, 0.02, 0.005
-"""Links that differ by less than about this are equally good: so much is chance in what was measured."""
 RETRY_S = 1.0
 """Interval between attempts at a change that can't be flown at the formation's present position."""
 AMID = 2.0
 """Vehicles up to this many times the farthest slot's distance from the leader count as amid the formation."""
 GATHERED_M = 300.0
 """Vehicles this near the leader count as having taken off with it; the law brings others to their slots."""
+FACES_RAD = math.radians(15.0)
+"""How far off its path a formation that stands may face as it sets out."""
 HEARD_S = 1.0
 """Largest age of a successor's telemetry, and of the newest sign that it hears."""
-
-
-class Candidate(NamedTuple):
-    """A follower that could lead."""
-
-    column: int
-    distance_m: float
-    """From the leader's place."""
-    delay_s: float
-    """One way; NaN where it isn't known. The same for `jitter_s`."""
-    loss: float
-    jitter_s: float
-
-
-def heir(candidates: Iterable[Candidate], spacing_m: float) -> int | None:
-    """Return the column of the best successor, None if there is no candidate.
-
-    The leader's place suits whoever is at most `spacing_m` farther from it than the nearest. Among those the least
-    delay decides, then the least loss, the least jitter, the least distance to a metre, and the first column.
-    """
-    known = tuple(candidates)
-    nearest_m = min((each.distance_m for each in known), default=0.0)
-    suited = (each for each in known if each.distance_m <= nearest_m + spacing_m)
-    best = min(suited, key=_rank, default=None)
-    return None if best is None else best.column
-
-
-def _rank(each: Candidate) -> tuple[float, ...]:
-    link = (each.delay_s, DELAY_STEP_S), (each.loss, LOSS_STEP), (each.jitter_s, JITTER_STEP_S)
-    return *(_steps(*figure) for figure in link), round(each.distance_m), each.column
-
-
-def _steps(value: float, step: float) -> float:
-    return math.inf if math.isnan(value) else round(value / step)
 
 
 class Reconfiguration:
@@ -114,6 +81,8 @@ class Reconfiguration:
             path = self._scenario.path.model_copy(update={"speed_mps": resumed.speed_mps})
             self._scenario = self._scenario.model_copy(update={"path": path})
             guidance.speed_mps = resumed.speed_mps
+        if resumed.heading_rad is not None:
+            guidance.turn = TurnOnSpot.done(resumed.heading_rad, resumed.at)
         self._planned_for[:] = False
         self._planned_for[resumed.arrangement.leader] = True
         if resumed.path_began is not None:
@@ -222,10 +191,45 @@ class Reconfiguration:
         """Fly at another speed; return why it can't be flown, None when it is."""
         path = self._scenario.path.model_copy(update={"speed_mps": speed_mps})
         scenario = self._scenario.model_copy(update={"path": path})
+        guidance = self._controller.guidance
+        off_rad = 0.0 if guidance.turn is None else self._off_path_rad()
+        if speed_mps > 0.0 and off_rad > FACES_RAD:
+            found = f"the formation faces {math.degrees(off_rad):.0f}° off its path"
+            return f"{found}; allowed: up to {math.degrees(FACES_RAD):.0f}°, by `heading {self._path_deg():.0f}` first"
         refusal = self._unflyable(scenario, self._wanted or self._controller.plan.arrangement, now)
         if refusal is None:
-            self._scenario, self._controller.guidance.speed_mps = scenario, speed_mps
+            self._scenario, guidance.speed_mps = scenario, speed_mps
+            guidance.turn = guidance.turn if speed_mps == 0.0 else None
         return refusal
+
+    def order_heading(self, heading_rad: float, now: Instant) -> str | None:
+        """Turn on the spot to a heading; return why that can't be done, None when it is."""
+        controller, scenario = self._controller, self._scenario
+        guidance, tick = controller.guidance, controller.last_tick
+        if not scenario.hovers:
+            return "found vehicles that can't stand; allowed: of vehicles that hover"
+        if guidance.speed_mps > 0.0 or tick is None or guidance.route is None:
+            return f"found a formation that flies at {guidance.speed_mps:g} m/s; allowed: after `speed 0`"
+        models, reach_m = controller.models, controller.plan.at(now / NANOSECONDS, begun=True).reach_m
+        guidance.turn = TurnOnSpot.to(
+            heading_rad,
+            guidance.facing_rad(tick.state[controller.plan.leader]),
+            now,
+            reach_m,
+            min(each.speed_max_mps for each in models),
+            min(each.accel_max_mps2 for each in models),
+        )
+        return None
+
+    def _path_deg(self) -> float:
+        guidance = self._controller.guidance
+        course_rad = 0.0 if guidance.route is None else guidance.route.at(guidance.distance_m).course_rad
+        return math.degrees(course_rad) % 360.0
+
+    def _off_path_rad(self) -> float:
+        turn = self._controller.guidance.turn
+        assert turn is not None
+        return abs(math.remainder(turn.goal_rad - math.radians(self._path_deg()), math.tau))
 
     def successor(self, now: Instant) -> int | None:
         """Return the column of the follower that is to take over from the leader, None if none can."""

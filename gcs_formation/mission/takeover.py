@@ -47,6 +47,8 @@ class Resumption:
     distance_m: float
     """How far along the path the leader had come."""
     speed_mps: float
+    heading_rad: float | None
+    """Where multirotors that stand had been ordered to face."""
     """At which the path was flown."""
     arrangement: Arrangement
     slots_m: Array

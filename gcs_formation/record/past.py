@@ -73,7 +73,7 @@ def read_past(directory: Path, scenario: Scenario, now: Instant, *, retake: bool
     last = {name: values[rows["t_s"] == rows["t_s"][-1]] for name, values in rows.items()}
     mission_s, flying = float(last["mission_time_s"][0]), _began(events)
     leading = _identity(last, int(np.argmax(last["leads"] > 0))) if (last["leads"] > 0).any() else None
-    arrangement, speed_mps = _formation(scenario, events, mission_s)
+    arrangement, speed_mps, heading_rad = _formation(scenario, events, mission_s)
     order = [None if each is None else each.vehicle_id for each in columns(scenario)]
     return Resumption(
         at=now,
@@ -82,6 +82,7 @@ def read_past(directory: Path, scenario: Scenario, now: Instant, *, retake: bool
         path_began=flying,
         distance_m=_distance_m(scenario, rows),
         speed_mps=speed_mps,
+        heading_rad=heading_rad,
         arrangement=arrangement._replace(leader=order.index(leading)),
         slots_m=_slots_m(last, order),
         near=() if leading is None else _near(last, leading),
@@ -104,6 +105,7 @@ def _before_take_off(directory: Path, scenario: Scenario, events: Events, now: I
         path_began=None,
         distance_m=0.0,
         speed_mps=scenario.path.speed_mps,
+        heading_rad=None,
         arrangement=arrangement,
         slots_m=np.zeros((1 + len(scenario.followers), 3)),
         near=tuple(order) if scenario.leader else (),
@@ -153,8 +155,8 @@ def _known(identity: VehicleId, last: Mapping[str, Any], events: Events) -> Know
     )
 
 
-def _formation(scenario: Scenario, events: Events, mission_s: float) -> tuple[Arrangement, float]:
-    """Return the arrangement and the speed that changes and accepted orders had led to, in their order."""
+def _formation(scenario: Scenario, events: Events, mission_s: float) -> tuple[Arrangement, float, float | None]:
+    """Return the arrangement, the speed and where it faces standing that changes and accepted orders had led to."""
     begun = _began(events)
     zero_s = math.inf if begun is None else begun / NANOSECONDS
     planned = [(change.at_s, Order("", change)) for change in scenario.formation.changes if change.at_s <= mission_s]
@@ -163,12 +165,13 @@ def _formation(scenario: Scenario, events: Events, mission_s: float) -> tuple[Ar
         for event in events
         if event["kind"] == "order" and event.get("accepted")
     ]
-    arrangement, speed_mps = first_arrangement(scenario), scenario.path.speed_mps
+    arrangement, speed_mps, heading_rad = first_arrangement(scenario), scenario.path.speed_mps, None
     for _, order in sorted([*planned, *given], key=lambda each: each[0]):
         if order.change is not None:
             arrangement = arrangement.changed(order.change, scenario)
-        speed_mps = order.speed_mps or speed_mps
-    return arrangement, speed_mps
+        speed_mps = speed_mps if order.speed_mps is None else order.speed_mps
+        heading_rad = heading_rad if order.heading_rad is None else order.heading_rad
+    return arrangement, speed_mps, heading_rad if speed_mps == 0.0 else None
 
 
 def _distance_m(scenario: Scenario, rows: Mapping[str, Any]) -> float:

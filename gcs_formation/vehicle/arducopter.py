@@ -9,6 +9,7 @@ acceptance and refusals as its simulator showed them.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import ClassVar
 
@@ -20,7 +21,7 @@ from gcs_formation.estimation.flight_state import Setpoint, Whereabouts
 from gcs_formation.vehicle.ardupilot import OUR_HEARTBEATS, ArduPilot, patience
 from gcs_formation.vehicle.autopilot import Command, Step
 from gcs_formation.vehicle.checks import Check, Demands
-from gcs_formation.vehicle.hovering import TYPES, Hovering, velocity_setpoint
+from gcs_formation.vehicle.hovering import TYPES, Hovering, stands, velocity_setpoint
 from gcs_formation.vehicle.telemetry import Telemetry
 
 LEADS_AWAY = (1, 2, 3, 4, 5, 6, 7)
@@ -107,7 +108,8 @@ class ArduCopter(Hovering, ArduPilot):
 
         It is repeated at every tick: ArduCopter stands 3 s (GUID_TIMEOUT) after the last one.
         """
-        return (velocity_setpoint(self.system, setpoint, where, lead=self.velocity_lead),)
+        nose_rad = setpoint.heading_rad if stands(setpoint) else math.nan
+        return (velocity_setpoint(self.system, setpoint, where, nose_rad, self.velocity_lead),)
 
     def loiter(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:  # noqa: ARG002 - it stands where it is
         """Return BRAKE."""

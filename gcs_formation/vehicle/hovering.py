@@ -44,6 +44,11 @@ VELOCITY_ALONE: Final = NO_PLACE | NO_PUSH | m.POSITION_TARGET_TYPEMASK_YAW_IGNO
 """With a yaw rate of 0: where both are to be ignored, ArduCopter's nose turns by WP_YAW_BEHAVIOR."""
 
 
+def stands(setpoint: Setpoint) -> bool:
+    """Return whether it is to stand: a leader, whose heading is then its nose's."""
+    return setpoint.speed_mps == 0.0
+
+
 def velocity_setpoint(
     system: int,
     setpoint: Setpoint,

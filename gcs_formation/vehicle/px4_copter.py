@@ -19,7 +19,7 @@ from flight_model.earth import GeodeticOrigin
 from gcs_formation.estimation.flight_state import Setpoint, Whereabouts
 from gcs_formation.vehicle.autopilot import Command, Step
 from gcs_formation.vehicle.checks import Check, Demands
-from gcs_formation.vehicle.hovering import TURNS_FROM_MPS, TYPES, Hovering, velocity_setpoint
+from gcs_formation.vehicle.hovering import TURNS_FROM_MPS, TYPES, Hovering, stands, velocity_setpoint
 from gcs_formation.vehicle.px4 import LOITER, OFFBOARD, RTL, Px4, heartbeats_lost
 from gcs_formation.vehicle.telemetry import Telemetry
 
@@ -82,7 +82,7 @@ class Px4Copter(Hovering, Px4):
     @property
     def stand_in(self) -> tuple[Message, ...]:
         """A setpoint that has it stand."""
-        return self.setpoint(STAND, ANYWHERE)
+        return (velocity_setpoint(self.system, STAND, ANYWHERE, self._nose_rad, self.velocity_lead),)
 
     def speaks(self, heartbeat: Heartbeat) -> bool:
         """Return whether a heartbeat is that of a multirotor or helicopter of PX4's."""
@@ -110,7 +110,7 @@ class Px4Copter(Hovering, Px4):
         A setpoint is repeated at every tick: COM_OF_LOSS_T after the last one PX4 leaves OFFBOARD by its failsafe; when
         they come again, it returns by itself.
         """
-        if setpoint.speed_mps >= TURNS_FROM_MPS:
+        if setpoint.speed_mps >= TURNS_FROM_MPS or stands(setpoint):
             self._nose_rad = setpoint.heading_rad
         return (velocity_setpoint(self.system, setpoint, where, self._nose_rad, self.velocity_lead),)
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
+import pyarrow.parquet as pq
 import pytest
 import yaml
 
@@ -51,6 +53,43 @@ def test_they_stand_through_gusts_while_they_stand(tmp_path):
     }
     flown = gcs_formation.run(keys, clock="virtual", out=tmp_path / "run").to_dict()
     assert all(each["held"] for each in flown["expect"])
+
+
+@pytest.mark.slow
+def test_they_turn_on_the_spot_and_are_let_go_along_their_path_alone(tmp_path):
+    keys = yaml.safe_load(CONFIG.read_text()) | {
+        "start": {"in_air": True, "run_in_s": 6},
+        "duration_s": 80,
+        "orders": [
+            {"at_s": 10, "order": "heading 90"},
+            {"at_s": 10, "order": "speed 0"},
+            {"at_s": 18, "order": "heading 180"},
+            {"at_s": 48, "order": "speed 5"},
+            {"at_s": 49, "order": "heading 0"},
+            {"at_s": 75, "order": "speed 5"},
+        ],
+        "expect": [],
+    }
+    flown = gcs_formation.run(keys, clock="virtual", out=tmp_path / "run").to_dict()
+    for follower in flown["followers"].values():
+        assert follower["error_x_m"]["max"] < 1.5
+        assert follower["error_y_m"]["max"] < 2.0
+    answers = [each["text"] for each in events(tmp_path / "run") if each["kind"] == "order"]
+    assert answers == [
+        "heading 90: refused: found a formation that flies at 5 m/s; allowed: after `speed 0`",
+        "speed 0: accepted",
+        "heading 180: accepted",
+        answers[3],
+        "heading 0: accepted",
+        "speed 5: accepted",
+    ]
+    assert str(answers[3]).startswith("speed 5: refused: the formation faces 17")
+    rows = pq.read_table(tmp_path / "run" / "timeseries.parquet").to_pylist()
+    faces = [row["heading_rad"] for row in rows if row["vehicle"] == 1 and 47.0 < (row["mission_time_s"] or 0.0) < 48.0]
+    assert math.cos(faces[0] - math.pi) > 0.999
+    behind = [row for row in rows if row["vehicle"] == 4 and 47.0 < (row["mission_time_s"] or 0.0) < 48.0]
+    leader = [row for row in rows if row["vehicle"] == 1 and 47.0 < (row["mission_time_s"] or 0.0) < 48.0]
+    assert behind[0]["north_m"] - leader[0]["north_m"] == pytest.approx(24.0, abs=0.5)
 
 
 @pytest.mark.slow

@@ -1,3 +1,5 @@
+import math
+
 import pytest
 
 from formation_scenario.orders import OrderError, parse_order
@@ -16,6 +18,7 @@ def test_orders_are_words():
     assert leader is not None
     assert (leader.shape, leader.leader) == (None, "2:3")
     assert parse_order("speed 24").speed_mps == 24.0
+    assert parse_order("heading -90").heading_rad == pytest.approx(-math.pi / 2)
     assert [parse_order(word).end for word in ("loiter", "rtl", "land")] == ["loiter", "rtl", "land"]
 
 
@@ -23,12 +26,17 @@ def test_orders_are_words():
     ("text", "found"),
     [
         ("", "found ''; allowed: shape NAME"),
-        ("shap line", "found 'shap line'; allowed: shape NAME [SPACING_M], spacing SPACING_M, speed MPS, leader ID"),
+        (
+            "shap line",
+            "found 'shap line'; allowed: shape NAME [SPACING_M], spacing SPACING_M, speed MPS, heading DEG, ",
+        ),
         ("shape blob", "found shape 'blob'; allowed: follower, diamond"),
         ("shape diamon", "(did you mean 'diamond'?)"),
         ("shape line 0", "found '0'; allowed: a number of m, up to 10000"),
         ("speed nan", "found 'nan'; allowed: a number of m/s, up to 1000"),
         ("speed", "found 'speed'"),
+        ("heading north", "found 'north'; allowed: degrees clockwise from north, -360 to 360"),
+        ("heading nan", "found 'nan'; allowed: degrees"),
         ("loiter now", "found 'loiter now'"),
         ("leader ²", "found vehicle '²'; allowed: a vehicle's id, or network:id"),
         ("leader 1:2:3", "found vehicle '1:2:3'"),
@@ -45,6 +53,8 @@ def test_planned_orders_are_checked_before_the_flight(refusal, load):
     (line,) = refusal("orders=[{at_s: 5, order: shape blob}]")
     assert line.startswith("orders.0.order: found 'shape blob'; shape NAME")
     assert refusal("orders=[{at_s: 5, order: leader 9}]") == ["orders.0.order: found 9; 1, 2, 3, 4"]
+    (line,) = refusal("orders=[{at_s: 5, order: heading 90}]")
+    assert line == "orders.0.order: found 'heading 90'; only of vehicles that hover"
 
 
 def test_a_word_that_is_right_is_not_offered_again():

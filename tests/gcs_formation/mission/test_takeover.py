@@ -19,6 +19,7 @@ def resumed(*, ending: bool = False, retake: bool = False) -> Resumption:
         mission_s=40.0,
         path_began=Instant(20_000_000_000),
         distance_m=880.0,
+        heading_rad=None,
         speed_mps=22.0,
         arrangement=first_arrangement(load_scenario(scenario())),
         slots_m=np.zeros((3, 3)),

@@ -1,0 +1,44 @@
+"""Who succeeds a lost leader."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import NamedTuple
+
+DELAY_STEP_S, LOSS_STEP, JITTER_STEP_S = 0.02, 0.02, 0.005
+"""Links that differ by less than about this are equally good: so much is chance in what was measured."""
+
+
+class Candidate(NamedTuple):
+    """A follower that could lead."""
+
+    column: int
+    distance_m: float
+    """From the leader's place."""
+    delay_s: float
+    """One way; NaN where it isn't known. The same for `jitter_s`."""
+    loss: float
+    jitter_s: float
+
+
+def heir(candidates: Iterable[Candidate], spacing_m: float) -> int | None:
+    """Return the column of the best successor, None if there is no candidate.
+
+    The leader's place suits whoever is at most `spacing_m` farther from it than the nearest. Among those the least
+    delay decides, then the least loss, the least jitter, the least distance to a metre, and the first column.
+    """
+    known = tuple(candidates)
+    nearest_m = min((each.distance_m for each in known), default=0.0)
+    suited = (each for each in known if each.distance_m <= nearest_m + spacing_m)
+    best = min(suited, key=_rank, default=None)
+    return None if best is None else best.column
+
+
+def _rank(each: Candidate) -> tuple[float, ...]:
+    link = (each.delay_s, DELAY_STEP_S), (each.loss, LOSS_STEP), (each.jitter_s, JITTER_STEP_S)
+    return *(_steps(*figure) for figure in link), round(each.distance_m), each.column
+
+
+def _steps(value: float, step: float) -> float:
+    return math.inf if math.isnan(value) else round(value / step)

@@ -1,0 +1,50 @@
+"""Turns on the spot: the shorter way round, smooth, and no faster than the farthest slot can follow."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from airlink.clock import NANOSECONDS, Instant
+from gcs_formation.guidance.turn import SHARE, TurnOnSpot
+
+BEGUN = Instant(7 * NANOSECONDS)
+SPEED_MPS, ACCEL_MPS2 = 9.0, 2.5
+angles = st.floats(-6.0, 6.0)
+reaches = st.floats(0.0, 60.0)
+
+
+def at(turn, share, lag_s=0.0):
+    return turn.setpoint(BEGUN + round(share * turn.duration_s * NANOSECONDS), lag_s)
+
+
+@given(angles, angles, reaches)
+def test_it_ends_where_it_is_told_to_by_the_shorter_way(goal, begin, reach):
+    turn = TurnOnSpot.to(goal, begin, BEGUN, reach, SPEED_MPS, ACCEL_MPS2)
+    assert math.remainder(turn.goal_rad - goal, math.tau) == pytest.approx(0.0, abs=1e-9)
+    assert abs(turn.by_rad) <= math.pi + 1e-9
+    assert at(turn, -1.0) == pytest.approx((begin, 0.0))
+    assert at(turn, 2.0) == pytest.approx((turn.goal_rad, 0.0))
+
+
+@given(angles, angles, reaches)
+def test_slots_follow_within_half_of_what_vehicles_can_do(goal, begin, reach):
+    turn = TurnOnSpot.to(goal, begin, BEGUN, reach, SPEED_MPS, ACCEL_MPS2)
+    step = 1e-3
+    for share in (0.1, 0.21, 0.35, 0.5, 0.79, 0.9):
+        rate = at(turn, share)[1]
+        change = (at(turn, share + step)[1] - at(turn, share - step)[1]) / (2 * step * turn.duration_s)
+        assert reach * abs(rate) <= SHARE * SPEED_MPS * 1.001
+        assert reach * rate**2 <= SHARE * ACCEL_MPS2 * 1.001
+        assert reach * abs(change) <= SHARE * ACCEL_MPS2 * 1.01
+
+
+def test_what_follows_with_a_lag_is_led_by_it():
+    """A first-order lag that is told the setpoint flies the turn itself."""
+    turn, lag_s, step_s = TurnOnSpot.to(1.5, 0.0, BEGUN, 24.0, SPEED_MPS, ACCEL_MPS2), 0.6, 1e-3
+    heading = 0.0
+    for step in range(round(turn.duration_s / step_s)):
+        instant = BEGUN + round(step * step_s * NANOSECONDS)
+        assert heading == pytest.approx(turn.setpoint(instant, 0.0)[0], abs=2e-3)
+        heading += step_s * (turn.setpoint(instant, lag_s)[0] - heading) / lag_s
