@@ -73,7 +73,7 @@ def read_past(directory: Path, scenario: Scenario, now: Instant, *, retake: bool
     last = {name: values[rows["t_s"] == rows["t_s"][-1]] for name, values in rows.items()}
     mission_s, flying = float(last["mission_time_s"][0]), _began(events)
     leading = _identity(last, int(np.argmax(last["leads"] > 0))) if (last["leads"] > 0).any() else None
-    arrangement, speed_mps, heading_rad = _formation(scenario, events, mission_s)
+    arrangement, speed_mps, heading_rad = formation_of(scenario, events, mission_s)
     order = [None if each is None else each.vehicle_id for each in columns(scenario)]
     return Resumption(
         at=now,
@@ -155,7 +155,7 @@ def _known(identity: VehicleId, last: Mapping[str, Any], events: Events) -> Know
     )
 
 
-def _formation(scenario: Scenario, events: Events, mission_s: float) -> tuple[Arrangement, float, float | None]:
+def formation_of(scenario: Scenario, events: Events, mission_s: float) -> tuple[Arrangement, float, float | None]:
     """Return the arrangement, the speed and where it faces standing that changes and accepted orders had led to."""
     begun = _began(events)
     zero_s = math.inf if begun is None else begun / NANOSECONDS

@@ -1,0 +1,37 @@
+"""What orders had led to when a record ended."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+
+from formation_scenario import load_scenario
+from gcs_formation.record.past import formation_of
+
+HOVERS = {
+    "vehicles": {"count": 3, "autopilot": "arducopter"},
+    "path": {"speed_mps": 5, "waypoints_m": [[0, 0, 30], [500, 0, 30]]},
+}
+
+
+def ordered(*texts: str, accepted: bool = True) -> list[dict[str, Any]]:
+    begun = {"kind": "phase", "text": "flying", "t_s": 20.0}
+    orders = [
+        {"kind": "order", "text": f"{text}: accepted", "t_s": 30.0 + place, "accepted": accepted}
+        for place, text in enumerate(texts)
+    ]
+    return [begun, *orders]
+
+
+def test_a_formation_that_was_told_to_stand_stands_and_faces_where_it_was_told_to():
+    scenario = load_scenario(HOVERS)
+    assert formation_of(scenario, ordered("speed 0", "heading 90"), 40.0)[1:] == (0.0, pytest.approx(math.pi / 2))
+    assert formation_of(scenario, ordered("speed 0", "heading 90", "speed 4"), 40.0)[1:] == (4.0, None)
+    assert formation_of(scenario, ordered("speed 0", accepted=False), 40.0)[1:] == (5.0, None)
+
+
+def test_shapes_and_leaders_are_those_that_were_ordered_last():
+    arrangement, *_ = formation_of(load_scenario(HOVERS), ordered("shape line 20", "leader 2", "spacing 25"), 40.0)
+    assert (arrangement.shape, arrangement.spacing_m, arrangement.leader) == ("line", 25.0, 1)
