@@ -30,7 +30,7 @@ EVERY_S = 1.0
 GAP_S, REACH = 3.0, 2.0
 """A longer gap is one in which nobody was there; in it the leader came this many times as far as planned at most."""
 AT_END = (Phase.ENDING, Phase.LOITERING, Phase.DONE, Phase.FAILED)
-Events = list[Mapping[str, Any]]
+Events = Sequence[Mapping[str, Any]]
 
 
 class Past(NamedTuple):
