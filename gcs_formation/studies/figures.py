@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from itertools import combinations
 from typing import Any, NamedTuple
@@ -120,7 +121,7 @@ def heat_maps(flights: Flights, metric: str) -> Figure:
         if (digits := _room(table, columns)) > 0:
             _write(axes, table, norm, digits)
         if pair[0] not in flights.levels:
-            _boundaries(axes, flights, metric, pair, table)
+            _boundaries(axes, flights, metric, pair, table, logarithmic=isinstance(norm, LogNorm))
         for axis, name in ((axes.xaxis, pair[0]), (axes.yaxis, pair[1])):
             tick(flights, axis, name, below=axis is axes.xaxis)
         axes.grid(visible=False)
@@ -153,12 +154,17 @@ def _table(flights: Flights, values: Array, pair: tuple[str, str]) -> _Table:
     return _Table(columns, rows, cells)
 
 
-def _boundaries(axes: Axes, flights: Flights, metric: str, pair: tuple[str, str], table: _Table) -> None:
+def _boundaries(
+    axes: Axes, flights: Flights, metric: str, pair: tuple[str, str], table: _Table, *, logarithmic: bool
+) -> None:
     used = margin_used(flights)
     if used is not None:
         _boundary(axes, _table(flights, used, pair), 1.0, LIMIT, "computed delay margin")
     for bound in bounds_of(flights.study, metric):
-        _boundary(axes, table, bound, PURPLE, f"{metric} = {bound:g}, as expected")
+        label, cells, level = f"{metric} = {bound:g}, as expected", table.cells, bound
+        if logarithmic and bound > 0.0:
+            cells, level = np.log(cells), math.log(bound)
+        _boundary(axes, table._replace(cells=cells), level, PURPLE, label)
 
 
 def margin_used(flights: Flights) -> Array | None:

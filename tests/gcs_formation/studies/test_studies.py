@@ -138,6 +138,12 @@ def test_a_search_s_row_has_both_flights_between_which_the_bound_is_crossed():
     assert sample_table(plan.study, flown, plan.crossings()).splitlines()[2] == "| 1 | 430 | 438 | 0.859 to 0.875 |"
 
 
+def test_a_search_that_breaks_at_once_has_the_figures_of_its_one_flight():
+    plan = Plan(study(bisect=SEARCH, metrics=["margin_used"]))
+    flown = [{**each, "margin_used": 0.4} for each in searched(plan, breaks_at={1: -1.0})]
+    assert sample_table(plan.study, flown, plan.crossings()).splitlines()[2] == "| 1 | – | 0 | 0.4 |"
+
+
 def test_one_at_a_time_varies_each_parameter_around_the_first_values():
     each = samples(study(parameters={DELAY: [0, 100, 300], LOSS: [0.0, 0.1]}, design="one_at_a_time"))
     assert [tuple(sample.values()) for sample in each] == [(0, 0.0), (100, 0.0), (300, 0.0), (0, 0.1)]

@@ -98,6 +98,10 @@ def test_a_heat_map_shows_where_delays_reach_the_computed_margin_and_a_figure_it
         assert places_of(axes, label) == [pytest.approx([at, at])] * 2
     (axes, _) = heat_maps(delayed(margin_s=0.5), ERROR).axes
     assert not axes.lines
+    wide = delayed(margin_s=0.5, expect=[{"metric": ERROR, "below": 0.1}])
+    wide = wide._replace(metrics={ERROR: 10.0 ** (wide.parameters[DELAY] / 50 - 3)})
+    (axes, _) = heat_maps(wide, ERROR).axes
+    assert places_of(axes, f"{ERROR} = 0.1, as expected") == [pytest.approx([100.0, 100.0])] * 2
 
 
 def test_a_boundary_is_found_between_neighbours_that_are_known():
