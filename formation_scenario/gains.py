@@ -117,18 +117,23 @@ def _weights(mixer: Mapping[str, float]) -> Weights:
 
 
 def _telemetry(scenario: Scenario) -> Telemetry:
-    """Return the longest loop delay that the links are configured to have, and the noise of the worst sensors."""
+    """Return the longest loop delay that is designed for, and the noise of the worst sensors."""
     dt_s, sample_s = 1.0 / scenario.law.rate_hz, 1.0 / scenario.telemetry.rate_hz
-    round_trip_s = max(
-        (step.uplink.delay_ms + step.downlink.delay_ms) / 1e3
-        for vehicle in scenario.vehicles
-        for step in scenario.link_steps(vehicle)
-    )
-    known = Telemetry(dt_s, round_trip_s + dt_s / 2.0 + sample_s / 2.0, *SENSORS)
+    known = Telemetry(dt_s, 2.0 * design_delay_s(scenario) + dt_s / 2.0 + sample_s / 2.0, *SENSORS)
     for each in scenario.vehicles:
         if isinstance(each.navigation, NoisyNavigation):
             known = _noisier(known, each.navigation)
     return known
+
+
+def design_delay_s(scenario: Scenario) -> float:
+    """Return the links' delay each way that gains are designed for, s: half the longest configured round trip."""
+    round_trips_ms = (
+        step.uplink.delay_ms + step.downlink.delay_ms
+        for vehicle in scenario.vehicles
+        for step in scenario.link_steps(vehicle)
+    )
+    return max(*round_trips_ms, 2.0 * scenario.law.design_delay_ms) / 2e3
 
 
 def _noisier(known: Telemetry, keys: NoisyNavigation) -> Telemetry:

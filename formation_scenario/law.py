@@ -113,6 +113,12 @@ class Law(Keys):
         ),
         examples=["noise"],
     )
+    design_delay_ms: Annotated[NonNegative, Field(le=5000.0)] = Field(
+        default=0.0,
+        description="delay of the links each way that gains: auto are designed for where `links`, which emulates "
+        "links, has less: that of real ones, ms",
+        examples=[300],
+    )
     derivative_filter_s: NonNegative = Field(
         description="time constant of the derivative's filter, s", json_schema_extra=OF_THE_SET, examples=[0.5]
     )

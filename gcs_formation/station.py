@@ -16,12 +16,13 @@ from formation_scenario import Scenario
 from formation_scenario.arrangement import columns
 from gcs_formation.answer import Answer
 from gcs_formation.controller import FormationController
+from gcs_formation.estimation.estimator import Sample
 from gcs_formation.fleet.common_clock import CommonClock
 from gcs_formation.fleet.conformance import ConformanceMonitor
 from gcs_formation.fleet.dispatch import Dispatch, HeartbeatScheduler
 from gcs_formation.fleet.membership import Membership
 from gcs_formation.fleet.message_intervals import MessageIntervals
-from gcs_formation.fleet.quality import MarginWatch, NoiseWatch
+from gcs_formation.fleet.quality import MarginWatch, NoiseWatch, undesigned
 from gcs_formation.fleet.senders import Senders
 from gcs_formation.link.connection import Receiver
 from gcs_formation.mission.course import Course
@@ -253,8 +254,9 @@ class Station:
             self.course.fail(reason, now)
         elif resumed is not None and resumed.ending and takeover.settled(now):
             self.course.stop(now)
-        elif leads:
-            self.course.move(Cause.LEADER_READY, now)
+        elif leads and self.course.move(Cause.LEADER_READY, now):
+            for slow in undesigned(self.scenario, self.vehicles.values()):
+                self._reporter.event(now, "design", slow)
 
     def _begin_anew(self, vehicle: Vehicle, now: Instant) -> None:
         self._restarts[vehicle.identity] = vehicle.clock.restarts
@@ -271,12 +273,12 @@ class Station:
         """Take new samples before vehicles are judged by their age, in case the station itself was held up."""
         if self.flight.phase not in COMMANDED:
             return
-        leader, vehicles = self.controller.plan.leader, self.vehicles
-        newest = (
-            (column, vehicles[identity].new_sample(now, leads=column == leader))
-            for identity, column in self.columns.items()
-        )
-        self.controller.take({column: sample for column, sample in newest if sample is not None})
+        leader, samples = self.controller.plan.leader, dict[int, Sample]()
+        for identity, column in self.columns.items():
+            sample = self.vehicles[identity].new_sample(now, leads=column == leader)
+            if sample is not None:
+                samples[column] = sample
+        self.controller.take(samples)
 
     def _fly(self, now: Instant) -> None:
         controller = self.controller

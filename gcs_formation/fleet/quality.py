@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
 from formation_scenario import Scenario
+from formation_scenario.gains import AUTO, design_delay_s
 from gcs_formation.control.laws import law_kind
 from gcs_formation.estimation.noise import QUANTITIES, NoiseEstimate
 from gcs_formation.recorder import Detail, Note
@@ -34,7 +35,18 @@ OFF = 1.8
 """Ratio to the declared noise, or its inverse, from which it isn't as declared."""
 BACK = 1.4
 """Ratio below which it is again."""
+UNDESIGNED_S = 0.05
+"""By how much links may be slower than gains by design are for before that is said."""
 UNITS = ("m", "m", "m/s", "m/s", "m/s", "rad")
+
+
+def undesigned(scenario: Scenario, vehicles: Iterable[Vehicle]) -> Iterator[str]:
+    """Yield what to say if links are slower than the gains by design are for."""
+    delays_s = [each.clock.one_way_s for each in vehicles if not math.isnan(each.clock.one_way_s)]
+    longest_s, known_s = max(delays_s, default=0.0), design_delay_s(scenario)
+    if scenario.law.gains == AUTO and longest_s > known_s + UNDESIGNED_S:
+        found = f"links take {longest_s * 1e3:.0f} ms each way, gains are designed for {known_s * 1e3:.0f} ms"
+        yield f"{found}; for these: law.design_delay_ms: {math.ceil(longest_s * 100.0) * 10}"
 
 
 class MarginWatch:

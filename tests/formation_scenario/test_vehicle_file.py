@@ -52,6 +52,16 @@ def test_what_only_the_emulator_flies_doesnt_change_the_law(tmp_path):
     assert true.airframe is not None
 
 
+def test_gains_are_designed_for_the_delay_of_real_links_as_for_that_of_emulated_ones(tmp_path):
+    path = written(tmp_path, model="arduplane")
+    none, real, emulated = (
+        load_scenario(path, overrides).law.speed
+        for overrides in ([], ["law.design_delay_ms=300"], ["links.default.delay_ms=300"])
+    )
+    assert real == emulated
+    assert real.kp < 0.8 * none.kp
+
+
 def test_every_shipped_file_flies():
     for name in shipped_names():
         model: Any = read_model(name, Path(), Source(None, {}), ())

@@ -12,7 +12,7 @@ import pytest
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
 from formation_scenario import load_scenario
-from gcs_formation.fleet.quality import CALM_LOOKS, CLEAR, DEGRADE, NEAR, RESTORE, MarginWatch
+from gcs_formation.fleet.quality import CALM_LOOKS, CLEAR, DEGRADE, NEAR, RESTORE, MarginWatch, undesigned
 from tests.flights.conftest import scenario
 from tests.gcs_formation.noted import Noted
 
@@ -197,3 +197,13 @@ def test_with_prediction_scatter_uses_the_margin_and_delay_does_not_and_wrong_la
     (said,) = formation.notes
     assert said.text.endswith("of its delay margin: heading doesn't follow as its model says, lags are 300% off")
     assert said.details["lags_off"] == 3.0
+
+
+def test_links_slower_than_gains_by_design_are_for_are_said():
+    vehicles: list[Any] = [SimpleNamespace(clock=SimpleNamespace(one_way_s=each)) for each in (0.02, math.nan, 0.296)]
+    keys = scenario(vehicles={"count": 3, "model": "arduplane"})
+    (text,) = undesigned(load_scenario(keys), vehicles)
+    assert text == "links take 296 ms each way, gains are designed for 0 ms; for these: law.design_delay_ms: 300"
+    assert not list(undesigned(load_scenario(keys, ["law.design_delay_ms=250"]), vehicles))
+    assert not list(undesigned(load_scenario(keys, ["links.default.delay_ms=300"]), vehicles))
+    assert not list(undesigned(load_scenario(scenario()), vehicles)), "gains aren't by design"
