@@ -39,11 +39,16 @@ def test_wind_is_not_its_business():
     assert sent(Setpoint(5.0, 1.0, 30.0), windy) == sent(Setpoint(5.0, 1.0, 30.0))
 
 
-@pytest.mark.parametrize("speed_mps", [0.0, 0.5])
+@pytest.mark.parametrize("speed_mps", [0.001, 0.5])
 def test_what_hardly_moves_keeps_its_nose_where_it_is(speed_mps):
     told = sent(Setpoint(speed_mps, 2.0, 30.0))
     assert (told.type_mask, told.yaw_rate_radps) == (VELOCITY_ALONE, 0.0)
     assert math.hypot(told.vx_mps, told.vy_mps) == pytest.approx(speed_mps)
+
+
+def test_a_leader_that_is_to_stand_turns_its_nose_where_it_is_told_to():
+    told = sent(Setpoint(0.0, 2.0, 30.0))
+    assert (told.type_mask, told.yaw_rad, told.vx_mps, told.vy_mps) == (VELOCITY_AND_YAW, 2.0, 0.0, 0.0)
 
 
 def test_an_error_of_height_is_flown_off_by_the_vertical_velocity():

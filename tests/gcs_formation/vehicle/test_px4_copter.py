@@ -79,11 +79,11 @@ def test_a_setpoint_is_a_velocity_over_ground_in_the_local_frame_and_the_nose_tu
     assert told.yaw_rad == pytest.approx(math.pi / 2)
 
 
-def test_standing_its_nose_is_held_where_it_was_told_to_be_last():
+def test_hardly_moving_its_nose_is_held_where_it_was_told_to_be_last_and_a_leader_that_stands_turns():
     """A yaw rate of 0 alone lets it drift, and a leader's nose is the direction of the formation."""
     copter = Px4Copter(7, ORIGIN, 0.4)
-    for setpoint, yaw_rad in ((Setpoint(5.0, 0.7, 30.0), 0.7), (Setpoint(0.0, 2.0, 30.0), 0.7)):
-        (told,) = copter.setpoint(setpoint, HERE)
+    for speed_mps, heading_rad, yaw_rad in ((5.0, 0.7, 0.7), (0.3, 2.0, 0.7), (0.0, 1.2, 1.2), (0.3, 2.0, 1.2)):
+        (told,) = copter.setpoint(Setpoint(speed_mps, heading_rad, 30.0), HERE)
         assert isinstance(told, SetPositionTargetLocalNed)
         assert (told.type_mask, told.yaw_rad) == (VELOCITY_AND_YAW, yaw_rad)
 
