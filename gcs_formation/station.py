@@ -46,8 +46,6 @@ SAYS = frozenset({m.MAVLINK_MSG_ID_HEARTBEAT, m.MAVLINK_MSG_ID_TIMESYNC, m.MAVLI
 class Station:
     """Flies one scenario. Reads no clock and opens no socket; its record goes to the recorder."""
 
-    _late = False  # whether the time in which followers were to be in their slots is over
-
     def __init__(
         self,
         scenario: Scenario,
@@ -282,7 +280,7 @@ class Station:
 
     def _fly(self, now: Instant) -> None:
         controller = self.controller
-        late = self._waited_long_enough(now)
+        late = self.course.waited_long_enough(self.last_tick, now)
         mission_s = self.flight.mission_time_s(now)
         opening = self.course.opening
         if opening is None:
@@ -317,16 +315,6 @@ class Station:
     def _record(self, tick: Tick) -> None:
         self._recorder.tick(tick)
         self.recorded_ticks += 1
-
-    def _waited_long_enough(self, now: Instant) -> bool:
-        assembling = self.flight.phase is Phase.ASSEMBLING
-        late = assembling and seconds_between(self.flight.since, now) > self.scenario.start.timeout_s
-        if late and self.last_tick is not None and not self.last_tick.active[self.last_tick.leader]:
-            self.course.fail(f"the leader was not there to follow within {self.scenario.start.timeout_s:g} s", now)
-        elif late and not self._late:
-            self._reporter.event(now, "unassembled", "not every follower is in its slot, but the time for that is over")
-        self._late = late
-        return late
 
     # What happens, and what is said about it.
 

@@ -16,6 +16,7 @@ from gcs_formation.mission.ending import OPENING_LIMIT_S, Ending, Opening
 from gcs_formation.mission.landing import why_not
 from gcs_formation.phases import BEFORE_COMMANDS, OVER, Cause, Flight, Phase
 from gcs_formation.recorder import Note
+from gcs_formation.tick import Tick
 from gcs_formation.vehicle.vehicle import Vehicle
 
 
@@ -54,7 +55,7 @@ class Course:
         self._membership, self._dispatch = membership, dispatch
         self._vehicles, self._columns = vehicles, columns
         self._note, self._may_command = note, may_command
-        self._ending, self._ground = Ending({}), GroundFloor(scenario)
+        self._ending, self._ground, self._late = Ending({}), GroundFloor(scenario), False
 
     @property
     def opening(self) -> Opening | None:
@@ -73,6 +74,17 @@ class Course:
             self._dispatch.clear()
             self._ending.leave(now)
         return True
+
+    def waited_long_enough(self, tick: Tick | None, now: Instant) -> bool:
+        """Return whether the time to assemble is over; if the leader wasn't there to follow by then, the run fails."""
+        limit_s = self._scenario.start.timeout_s
+        late = self.flight.phase is Phase.ASSEMBLING and seconds_between(self.flight.since, now) > limit_s
+        if late and tick is not None and not tick.active[tick.leader]:
+            self.fail(f"the leader was not there to follow within {limit_s:g} s", now)
+        elif late and not self._late:
+            self._note(now, "unassembled", "not every follower is in its slot, but the time for that is over")
+        self._late = late
+        return late
 
     def stop(self, now: Instant) -> None:
         """End the flight: the formation opens, all vehicles loiter, and no further landing begins."""
