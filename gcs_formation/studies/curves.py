@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter
+from matplotlib.ticker import FuncFormatter, MaxNLocator
 from scipy.special import betaincinv
 
 from flight_model.arrays import Array
@@ -26,6 +26,8 @@ LEAST = 4
 """Flights from which a value of a parameter has one: a band of fewer says nothing."""
 FEW = 2
 """Different values up to which flights with each are counted."""
+TICKS = 4
+"""Intervals between values on an axis: a panel is a third of a page wide, and values have up to six digits."""
 FAINT, CLEAR, NONE = 0.1, 0.2, 0.0
 """How a band looks."""
 
@@ -206,6 +208,8 @@ def _end(values: Array, least_is_worst: bool) -> float:
 def _finish(axes: Axes, flights: Flights, metric: str) -> None:
     """Scale a panel's values, and draw what is expected of them."""
     scale(axes, _known(flights, metric), "x")
+    if axes.get_xscale() == "linear":
+        axes.xaxis.set_major_locator(MaxNLocator(TICKS, steps=[1, 2, 5, 10]))
     bounds(axes, flights.study, metric, vertical=True)
 
 
