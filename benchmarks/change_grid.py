@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import gcs_formation
 from benchmarks.gust_grid import FRAMES, PAPER, both_ways
 from gcs_formation.record.run_directory import EVENTS
-from gcs_formation.studies.table import markdown
+from gcs_formation.studies.dataset import markdown
 
 FIRST_S, APART_S = 10.0, 70.0
 ANYWHERE = ("line", "circle", "square")

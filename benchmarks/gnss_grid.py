@@ -13,7 +13,7 @@ from concurrent.futures import ProcessPoolExecutor
 from typing import Any, NamedTuple
 
 import gcs_formation
-from gcs_formation.studies.table import markdown
+from gcs_formation.studies.dataset import markdown
 
 Split = tuple[float, float]
 EQUAL: dict[int, Split] = {2: (240.0, 240.0), 3: (240.0, 240.0)}

@@ -21,7 +21,7 @@ import gcs_formation
 from formation_scenario import load_scenario
 from gcs_formation.report.gusts import GustError, gusts
 from gcs_formation.report.run_data import load_run
-from gcs_formation.studies.table import markdown
+from gcs_formation.studies.dataset import markdown
 
 PAPER = Path(__file__).parents[1] / "configs" / "paper.yaml"
 FRAMES = {

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import gcs_formation
-from gcs_formation.studies.table import markdown
+from gcs_formation.studies.dataset import markdown
 
 DURATION_S = 300.0
 SPEED_MPS = 22.0

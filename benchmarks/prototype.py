@@ -27,7 +27,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 import gcs_formation
 from benchmarks.scale import scenario
-from gcs_formation.studies.table import markdown
+from gcs_formation.studies.dataset import markdown
 
 COUNTS = (4, 100)
 ROUNDS = 3

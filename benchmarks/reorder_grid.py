@@ -6,7 +6,7 @@ import numpy as np
 
 from airlink.clock import Instant, after
 from airlink.impairment import Channel, Impairment
-from gcs_formation.studies.table import markdown
+from gcs_formation.studies.dataset import markdown
 
 DELAY_S = 0.150
 JITTERS_S = (0.005, 0.020, 0.050)

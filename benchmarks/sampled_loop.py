@@ -27,7 +27,7 @@ from gcs_formation.stability import (
     forward_plant,
     loop_margin,
 )
-from gcs_formation.studies.table import markdown
+from gcs_formation.studies.dataset import markdown
 
 RATES_HZ = (2.5, 5.0, 5.1, 10.0, 20.0, 50.0)
 LONGEST_S = 2.0

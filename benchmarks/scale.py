@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import gcs_formation
-from gcs_formation.app.options import ClockName
-from gcs_formation.studies.table import markdown
+from gcs_formation.app.operator import ClockName
+from gcs_formation.studies.dataset import markdown
 
 COUNTS = (4, 16, 64, 128, 254, 500)
 FULL_NETWORK = 254

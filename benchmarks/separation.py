@@ -8,7 +8,7 @@ from time import process_time
 import numpy as np
 
 from gcs_formation.separation.rule import Memory, resolve
-from gcs_formation.studies.table import markdown
+from gcs_formation.studies.dataset import markdown
 from tests.gcs_formation.separation.encounters import Vehicles, scene, wanted
 
 COUNTS = (4, 100, 254)

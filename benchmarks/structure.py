@@ -23,7 +23,7 @@ from gcs_formation.link.connection import Receiver
 from gcs_formation.phases import Phase
 from gcs_formation.recorder import Event
 from gcs_formation.station import Station
-from gcs_formation.studies.table import markdown
+from gcs_formation.studies.dataset import markdown
 from gcs_formation.tick import Tick
 from sim_vehicles.fleet import Fleet
 from sim_vehicles.from_scenario import fleet_config

@@ -15,8 +15,7 @@ from formation_scenario import Scenario, load_scenario
 from formation_scenario.orders import parse_order
 from formation_scenario.overrides import settings
 from gcs_formation.answer import Answer
-from gcs_formation.app.interrupt import Interrupts
-from gcs_formation.app.options import ClockName, RunOptions
+from gcs_formation.app.operator import ClockName, Interrupts, RunOptions
 from gcs_formation.app.order_socket import STATUS
 from gcs_formation.app.order_socket import tell as give_order
 from gcs_formation.app.progress import Silent
@@ -109,9 +108,8 @@ def study(
         RecordError: `out` holds other files or another study, or it can't be written.
         RunAbortedError: no flight can be flown any more; `resume` goes on with what was flown.
     """
-    from gcs_formation.studies.campaign import fly_study  # noqa: PLC0415 - what `run` needn't import
+    from gcs_formation.studies.campaign import StudyProgress, fly_study  # noqa: PLC0415 - what `run` needn't import
     from gcs_formation.studies.preparation import prepare  # noqa: PLC0415
-    from gcs_formation.studies.progress import StudyProgress  # noqa: PLC0415
     from gcs_formation.studies.workers import Cluster, Processes  # noqa: PLC0415
 
     planned, base = prepare(Path(source) if isinstance(source, str) else source)

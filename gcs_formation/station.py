@@ -25,8 +25,7 @@ from gcs_formation.fleet.message_intervals import MessageIntervals
 from gcs_formation.fleet.quality import MarginWatch, NoiseWatch, undesigned
 from gcs_formation.fleet.senders import Senders
 from gcs_formation.link.connection import Receiver
-from gcs_formation.mission.course import Course
-from gcs_formation.mission.orders import Orders
+from gcs_formation.mission.course import Course, Orders
 from gcs_formation.mission.reconfiguration import Reconfiguration
 from gcs_formation.mission.starting import CARELESS, Caution, PreFlight, Starting
 from gcs_formation.mission.takeover import Resumption, Takeover

@@ -15,8 +15,7 @@ from airlink.messages.command import CommandInt, CommandLong
 from airlink.udp import UdpDriver
 from formation_scenario import Scenario, slot_schedule
 from formation_scenario.arrangement import columns
-from gcs_formation.app.interrupt import Interrupts
-from gcs_formation.app.options import RunOptions
+from gcs_formation.app.operator import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.session import Session, open_session
 from gcs_formation.errors import RunAbortedError

@@ -17,8 +17,7 @@ from airlink.errors import PortError
 from airlink.memory import MemoryNetwork
 from airlink.udp import UdpDriver
 from formation_scenario import Scenario
-from gcs_formation.app.interrupt import Interrupts
-from gcs_formation.app.options import RunOptions
+from gcs_formation.app.operator import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.session import Session, open_session
 from gcs_formation.errors import RunAbortedError

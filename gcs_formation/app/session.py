@@ -15,8 +15,7 @@ from airlink.engine import Datagram, Engine
 from formation_scenario import Scenario
 from gcs_formation.answer import Answer
 from gcs_formation.app.injection import InjectedDelays, InjectedFaults, impair, injected
-from gcs_formation.app.interrupt import Confirmation, Interrupts
-from gcs_formation.app.options import RunOptions
+from gcs_formation.app.operator import Confirmation, Interrupts, RunOptions
 from gcs_formation.app.order_socket import STATUS, OrderSocket
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.result_text import status_page

@@ -17,8 +17,7 @@ from airlink.cli.process import Status, fail, say
 from formation_scenario import Scenario
 from gcs_formation.app.fly import fly as fly_scenario
 from gcs_formation.app.fly import rehearsal_text, rehearse
-from gcs_formation.app.interrupt import Interrupts
-from gcs_formation.app.options import ClockName, RunOptions
+from gcs_formation.app.operator import ClockName, Interrupts, RunOptions
 from gcs_formation.app.progress import Progress, Silent, progress_on
 from gcs_formation.app.result_text import result_line, summary_text
 from gcs_formation.app.run import run as run_scenario

@@ -14,8 +14,7 @@ from airlink.cli.commands import OUT, Number, WholeNumber, default_directory
 from airlink.cli.process import Status, fail, say
 from formation_scenario import Scenario, ScenarioError
 from gcs_formation.app.fly import fly
-from gcs_formation.app.interrupt import Interrupts
-from gcs_formation.app.options import ClockName, RunOptions
+from gcs_formation.app.operator import ClockName, Interrupts, RunOptions
 from gcs_formation.app.progress import Silent, progress_on
 from gcs_formation.app.run import run
 from gcs_formation.cli import usage

@@ -16,13 +16,12 @@ from airlink.cli.process import Status, fail, raised, say
 from formation_scenario import ScenarioError
 from gcs_formation.cli import usage
 from gcs_formation.errors import RecordError, RunAbortedError
-from gcs_formation.studies.campaign import Outcome, flights, fly_study
+from gcs_formation.studies.campaign import Outcome, StudyProgress, flights, fly_study
 from gcs_formation.studies.dataset import read_journal, read_plan
 from gcs_formation.studies.flight import fly
 from gcs_formation.studies.keys import INVARIANTS, Study
 from gcs_formation.studies.plan import Plan
 from gcs_formation.studies.preparation import MANY, planned_of, prepare, refly_task
-from gcs_formation.studies.progress import StudyProgress
 from gcs_formation.studies.workers import Cluster, Processes
 
 Row = dict[str, Any]

@@ -21,9 +21,9 @@ from formation_scenario.reconfiguration import ahead, column_names, plan_change,
 from formation_scenario.slot_motion import SlotMotion
 from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.controller import FormationController
+from gcs_formation.fleet.membership import Candidate, heir
 from gcs_formation.guidance.tracking import project
 from gcs_formation.guidance.turn import TurnOnSpot
-from gcs_formation.mission.succession import Candidate, heir
 from gcs_formation.mission.takeover import Resumption
 from gcs_formation.recorder import Note
 from gcs_formation.tick import Tick

@@ -14,9 +14,8 @@ from airlink.frame import ParserCounts
 from flight_model.arrays import Array
 from formation_scenario import Scenario
 from formation_scenario.expectation import EFFORT_METRICS, FOLLOWER_METRICS, LINK_METRICS, Expectation
-from gcs_formation.record import figures_of_merit as figures
-from gcs_formation.record.figures_of_merit import effort
-from gcs_formation.record.flight import Flight
+from gcs_formation.record import flight as figures
+from gcs_formation.record.flight import Flight, effort
 
 LATE_S = 0.010
 """A tick that begins later than this after it was due is late."""

@@ -11,10 +11,9 @@ import numpy as np
 from airlink.endpoint import VehicleId
 from airlink.frame import ParserCounts
 from flight_model.arrays import Array, Mask
-from gcs_formation.record import figures_of_merit as figures
+from gcs_formation.record import flight as figures
 from gcs_formation.record.expectations import Injected, LinkFigures, Outcome, Verdict, judge
-from gcs_formation.record.figures_of_merit import effort
-from gcs_formation.record.flight import Flight
+from gcs_formation.record.flight import Flight, effort
 from gcs_formation.record.timeseries import PHASES
 
 SCHEMA = 1

@@ -8,9 +8,8 @@ from typing import NamedTuple
 
 from matplotlib.figure import Figure
 
-from gcs_formation.report.control_figures import gains, has_gains, setpoints, steps
 from gcs_formation.report.error_figures import assembled_first, assembly, disturbance, disturbed, errors, has_followers
-from gcs_formation.report.link_figures import latency, separation
+from gcs_formation.report.loop_figures import gains, has_gains, latency, separation, setpoints, steps
 from gcs_formation.report.plan_figures import plan, trajectory
 from gcs_formation.report.run_data import RunData
 from gcs_formation.report.style import print_style, save

@@ -24,9 +24,8 @@ from gcs_formation.report.figures import Plate, write_figures
 from gcs_formation.report.geometry import Indices, evenly, extremes, heading_rad, path_m
 from gcs_formation.report.gusts import gusts
 from gcs_formation.report.html import AXES, asset, badge, document, figure, number, table
-from gcs_formation.report.marks import marks
 from gcs_formation.report.run_data import RunData, load_run
-from gcs_formation.report.style import FOLLOWERS
+from gcs_formation.report.style import FOLLOWERS, marks
 from gcs_formation.report.time_axes import Group, everyone
 
 ERROR_POINTS = 80_000

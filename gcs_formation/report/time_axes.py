@@ -13,7 +13,6 @@ from matplotlib.figure import Figure
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
 from gcs_formation.report.geometry import extremes
-from gcs_formation.report.marks import Mark, marks
 from gcs_formation.report.run_data import RunData
 from gcs_formation.report.style import (
     BAND,
@@ -26,8 +25,10 @@ from gcs_formation.report.style import (
     LINE,
     THIN,
     WORST,
+    Mark,
     column_of,
     legend_below,
+    marks,
 )
 
 LEVEL_PT = 10.0

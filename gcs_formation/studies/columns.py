@@ -14,8 +14,8 @@ from matplotlib.axis import Axis
 
 from flight_model.arrays import Array
 from gcs_formation.studies.keys import LISTED, Study
-from gcs_formation.studies.load import DRAWN
 from gcs_formation.studies.plan import Row, columns_of
+from gcs_formation.studies.preparation import DRAWN
 
 LEVELS_UP_TO = 12
 """Different values up to which each is named; drawn ones beyond that are put into bins, and so many at most."""

@@ -1,22 +1,239 @@
-"""The command `compare`, from its options to its exit status."""
+"""Flies a scenario by several laws, and sets them side by side as table, figure and page."""
 
 from __future__ import annotations
 
 import json
 from collections import deque
 from dataclasses import dataclass
+from html import escape
+from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
 
 from airlink.cli.commands import refusal
 from airlink.cli.process import raised
 from formation_scenario import Problem, Scenario, ScenarioError, load_scenario
+from formation_scenario.errors import did_you_mean
+from gcs_formation.control import laws
 from gcs_formation.errors import RecordError
-from gcs_formation.studies.comparison import Comparison, Flown, Window, compare_flights
-from gcs_formation.studies.comparison_page import LAWS, NAME, comparison_text, named_laws, write_comparison
+from gcs_formation.record.flight import SETTLED_M
+from gcs_formation.report.geometry import extremes
+from gcs_formation.report.html import document, figure, number, table
+from gcs_formation.report.style import (
+    GREY,
+    LINE,
+    THIN,
+    axes_grid,
+    column_of,
+    legend_below,
+    new_figure,
+    note,
+    print_style,
+    save,
+)
+from gcs_formation.report.time_axes import BUCKETS, draw_marks, span
+from gcs_formation.studies.comparison import Comparison, Flown, Line, Row, Window, compare_flights
 from gcs_formation.studies.flight import COULD_NOT_GO_ON, EXPECTED, Task
 from gcs_formation.studies.plan import Planned
 from gcs_formation.studies.workers import Workers
+
+WAYS = (("", "law.delay_compensation=true"), ("_uncompensated", "law.delay_compensation=false"))
+LAWS: dict[str, tuple[str, ...]] = {
+    f"{law}{variant}{way}": (f"law.type={law}", *overrides, compensated)
+    for law, kind in laws.LAWS.items()
+    for variant, overrides in kind.variants
+    for way, compensated in WAYS
+}
+"""Overrides in the manner of `--set`; gains stay the scenario's, and the consensus law has its own."""
+LABELS = ("forward |error| $x$, m", "right |error| $y$, m", "height |error| $z$, m")
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8C6D31")
+DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1)), (0, (5, 1, 1, 1)))
+LEAST_M = 1e-3
+SETTLING_S = 60.0
+"""What the left column shows, where the window begins later."""
+HEADS = {"rms": "rms x / y / z, m", "max": "max x / y / z, m", "steady_max": "steady x / y / z, m"}
+NAME = "comparison"
+TITLE = "Largest error of any follower over time"
+CAPTION = (
+    "Drawn is the largest within a second before and after, so that errors that pass through zero are no dips; "
+    "what is below 1 mm is drawn there."
+)
+TWO_SPANS = "Left: how each law settles; right: the window of the table. "
+
+
+def named_laws(names: str) -> tuple[str, ...]:
+    """Return the laws of a list like "pid,fuzzy_pid", each once.
+
+    Raises:
+        ScenarioError: a name isn't one of `LAWS`.
+    """
+    found = tuple(dict.fromkeys(name.strip() for name in names.split(",")))
+    unknown = [name for name in found if name not in LAWS]
+    if unknown:
+        allowed = ", ".join(LAWS)
+        problems = [
+            Problem("--laws", None, None, "", f"found '{name}'{did_you_mean(name, LAWS)}", allowed) for name in unknown
+        ]
+        raise ScenarioError(problems)
+    return found
+
+
+def comparison_figure(comparison: Comparison) -> Figure:
+    """Draw |error| by axis over the window; where that begins later, how the laws settle on the left of it."""
+    figure = new_figure(13.5)
+    if not comparison.lines:
+        note(figure.add_subplot(), "no law flew any follower")
+        return figure
+    columns = spans(comparison.window)
+    ratios = (0.6, 1.0)[-len(columns) :]
+    grid = axes_grid(figure, 3, len(columns), sharex="col", sharey="row", width_ratios=ratios)
+    for index, (begin, end) in enumerate(columns):
+        for axis, axes in enumerate(column_of(grid, index)):
+            _panel(axes, comparison.lines, axis, begin, end)
+        grid[-1][index].set_xlabel("mission time, s")
+    draw_marks([column_of(grid, index) for index in range(len(columns))], comparison.marks)
+    for axis, (row, label) in enumerate(zip(grid, LABELS, strict=True)):
+        row[0].set_ylabel(label)
+        most = max(float(np.nanmax(line.error_m[:, axis], initial=SETTLED_M)) for line in comparison.lines)
+        row[0].set_ylim(LEAST_M, 2.0 * most)
+    figure.align_ylabels(column_of(grid, 0))
+    legend_below(figure)
+    return figure
+
+
+def spans(window: Window) -> list[tuple[float, float]]:
+    """Return the spans of time that are drawn beside each other: one, where it shows how laws settle as well."""
+    if window.from_s > 0.0 and window.to_s > SETTLING_S:
+        return [(0.0, SETTLING_S), (window.from_s, window.to_s)]
+    return [(0.0, window.to_s)]
+
+
+def _panel(axes: Axes, lines: tuple[Line, ...], axis: int, begin: float, end: float) -> None:
+    axes.set_yscale("log")
+    highest_m = LEAST_M
+    axes.yaxis.set_major_formatter(FuncFormatter(_plain))
+    for index, line in enumerate(lines):
+        kept = (line.time_s >= begin) & (line.time_s <= end)
+        time_s, error_m = line.time_s[kept], np.maximum(line.error_m[kept, axis], LEAST_M)
+        shown = extremes(error_m, BUCKETS)
+        colour, dash = COLOURS[index % len(COLOURS)], DASHES[index % len(DASHES)]
+        axes.plot(time_s[shown], error_m[shown], color=colour, ls=dash, lw=LINE, label=line.law)
+        highest_m = max(highest_m, float(error_m.max(initial=LEAST_M)))
+    if highest_m <= LEAST_M:
+        note(axes, "all below 1 mm")
+    axes.axhline(SETTLED_M, color=GREY, lw=THIN, ls=(0, (4, 2)), label="settled: within 0.5 m")
+    span(axes, begin, end)
+
+
+def _plain(value: float, _: int | None) -> str:
+    return f"{value:g}"
+
+
+class Cell(NamedTuple):
+    """A figure of a row: its column's head and its text."""
+
+    head: str
+    text: str
+    width: int
+    """Characters of its column in a terminal."""
+
+
+def comparison_text(comparison: Comparison) -> str:
+    """Return the table for a terminal, what its figures are, and what is said of each law."""
+    names = [row.law for row in comparison.rows]
+    width = max(map(len, ("law", *names)))
+    lines = [_about(comparison)]
+    shown = [row for row in comparison.rows if not row.aborted]
+    if shown:
+        heads = [f"{cell.head:>{cell.width}}" for cell in _cells(shown[0])]
+        lines.append("  ".join((f"{'law':<{width}}", *heads)))
+    for row in shown:
+        cells = (f"{cell.text:>{cell.width}}" for cell in _cells(row))
+        lines.append("  ".join((f"{row.law:<{width}}", *cells)))
+    return "\n".join([*lines, *(f"{law}: {text}" for law, text in _notes(comparison))])
+
+
+def comparison_table(comparison: Comparison) -> str:
+    """Return the table as HTML."""
+    shown = [row for row in comparison.rows if not row.aborted]
+    heads = [cell.head for cell in _cells(shown[0])] if shown else []
+    rows = [[row.law, *(cell.text for cell in _cells(row))] for row in shown]
+    notes = _notes(comparison)
+    return (table(["Law", *heads], rows) if rows else "") + (table(["Law", "note"], notes, (0, 1)) if notes else "")
+
+
+def _about(comparison: Comparison) -> str:
+    window = comparison.window
+    return (
+        f"{comparison.name}, seed {comparison.seed}: errors of the worst follower, frame {comparison.frame}, "
+        f"{window.from_s:g} to {window.to_s:g} s; settled: all within 0.5 m for 10 s; steady: max from 30 s "
+        "after that on; steps: of the setpoints from tick to tick, 95th percentile"
+    )
+
+
+def _notes(comparison: Comparison) -> list[tuple[str, str]]:
+    """Return what is said of each law beside its figures."""
+    return [
+        (row.law, text)
+        for row in comparison.rows
+        for text in (*row.warnings, *((f"could not go on: {row.aborted}",) if row.aborted else ()))
+    ]
+
+
+def _cells(row: Row) -> list[Cell]:
+    errors = row.error_x_m, row.error_y_m, row.error_z_m
+    used = None if row.margin_used is None else 100.0 * row.margin_used
+    return [
+        Cell("settled, s", number(row.settled_at_s, 1), 10),
+        *(Cell(head, " / ".join(number(axis[figure]) for axis in errors), 21) for figure, head in HEADS.items()),
+        Cell("steps, m/s / rad / m", " / ".join(number(row.effort[each]["step_p95"]) for each in row.effort), 21),
+        Cell("separation, m", number(row.min_separation_m, 1), 13),
+        Cell("margin, s", number(row.delay_margin_s, 2), 9),
+        Cell("used, %", number(used, 0), 7),
+    ]
+
+
+def write_comparison(comparison: Comparison, out: Path) -> Path:
+    """Write a comparison's three files into a directory; return the page's path.
+
+    Raises:
+        RecordError: the directory can't be written.
+    """
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        (out / f"{NAME}.json").write_text(json.dumps(comparison.to_dict(), indent=2), encoding="utf-8")
+        picture, target = out / f"{NAME}.png", out / f"{NAME}.html"
+        with print_style():
+            save(comparison_figure(comparison), picture)
+        target.write_text(_page(comparison, picture), encoding="utf-8")
+    except OSError as error:
+        raise RecordError(f"cannot write the comparison into {out}: {error.strerror}") from error
+    return target
+
+
+def _page(comparison: Comparison, picture: Path) -> str:
+    body = files("gcs_formation.studies") / "comparison.html"
+    caption = TWO_SPANS + CAPTION if len(spans(comparison.window)) > 1 else CAPTION
+    return document(
+        f"{comparison.name}: laws side by side",
+        body.read_text(encoding="utf-8"),
+        seed=str(comparison.seed),
+        frame=escape(comparison.frame.replace("_heading", "")),
+        from_s=f"{comparison.window.from_s:g}",
+        to_s=f"{comparison.window.to_s:g}",
+        table=comparison_table(comparison),
+        figure=figure(NAME, TITLE, caption, picture),
+        laws=table(
+            ["Law", "What it sets in the scenario"],
+            [[row.law, ", ".join(LAWS[row.law])] for row in comparison.rows],
+            (0, 1),
+        ),
+    )
 
 
 @dataclass(frozen=True)

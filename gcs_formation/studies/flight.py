@@ -16,8 +16,7 @@ from airlink.clock import Stopwatch
 from formation_scenario import Scenario, ScenarioError, load_scenario
 from formation_scenario.expectation import FOLLOWER_METRICS, LINK_METRICS, Expectation
 from formation_scenario.overrides import settings
-from gcs_formation.app.interrupt import Interrupts
-from gcs_formation.app.options import RunOptions
+from gcs_formation.app.operator import Interrupts, RunOptions
 from gcs_formation.app.progress import Silent
 from gcs_formation.app.run import run
 from gcs_formation.errors import RecordError, RecordingError, RunAbortedError

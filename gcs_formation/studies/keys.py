@@ -12,7 +12,7 @@ from pydantic_core import PydanticCustomError
 
 from formation_scenario.expectation import METRICS
 from formation_scenario.fields import Allowed, Fraction, Keys, Name, NonNegative, Number, Positive
-from gcs_formation.app.options import Record
+from gcs_formation.app.operator import Record
 
 MOST_VALUES = 10_000
 INVARIANTS = "broken_invariants"

@@ -1,29 +1,196 @@
-"""Plans of flights, built step by step; nothing is flown before `fly`."""
+"""Plans of flights, built step by step and flown by `fly`; what a test can say of the flown flight."""
 
 from __future__ import annotations
 
+import math
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple, Self
 
-from formation_scenario import Scenario, load_scenario
+import numpy as np
+
+from airlink.endpoint import VehicleId
+from flight_model.arrays import Array, Mask
+from formation_scenario import Scenario, Vehicle, load_scenario
 from formation_scenario.overrides import settings
 from gcs_formation.app.fly import fly
-from gcs_formation.app.interrupt import Interrupts
-from gcs_formation.app.options import ClockName, RunOptions
+from gcs_formation.app.operator import ClockName, Interrupts, RunOptions
 from gcs_formation.app.progress import Silent
 from gcs_formation.app.run import run
-from gcs_formation.record.run_directory import SCENARIO
-from gcs_formation.testing.flown import Flown
+from gcs_formation.phases import COMMANDED
+from gcs_formation.record.run_directory import SCENARIO, TIMESERIES
+from gcs_formation.record.summary import Summary
+from gcs_formation.record.timeseries import PHASES, read_parquet
 
+Followers = int | str | Sequence[int | str]
+"""One follower's id (or "network:id"), several, or "all"."""
+AXES = "xyz"
+MOST_NAMED = 8
 Against = Literal["emulators", "real endpoints"]
 Way = Literal["both", "uplink", "downlink"]
 VehicleName = int | str
 """A vehicle's id, or "network:id"."""
 Vehicles = VehicleName | Sequence[VehicleName]
 """One or several vehicles, or "all"."""
+
+
+class Violation(NamedTuple):
+    """Where a follower was furthest from its slot along one axis."""
+
+    size_m: float
+    at_s: float
+    axis: str
+    vehicle: VehicleId
+
+    def __str__(self) -> str:
+        """Return it in words."""
+        if math.isnan(self.size_m):
+            return f"vehicle {self.vehicle}: error_{self.axis} unknown at {self.at_s:.1f} s"
+        return f"vehicle {self.vehicle}: |error_{self.axis}| = {self.size_m:.3f} m at {self.at_s:.1f} s"
+
+
+@dataclass(frozen=True)
+class Flown:
+    """A flown flight. Claims raise AssertionError where they don't hold; each returns the flight for the next one."""
+
+    scenario: Scenario
+    summary: Summary
+    directory: Path
+    """The run's directory: run.yaml, flight.tlog, timeseries.parquet, events.jsonl, summary.json."""
+    command: str
+    """The command that flies the same once more."""
+
+    @property
+    def figures(self) -> Mapping[str, Any]:
+        """What summary.json holds."""
+        return self.summary.figures
+
+    def link(self, vehicle: int | str) -> Mapping[str, Any]:
+        """Return a vehicle's part of `links` in summary.json: delay and loss, injected and measured."""
+        (identity,) = (str(each.vehicle_id) for each in self._chosen(vehicle, self.scenario.vehicles))
+        return self.figures["links"][identity]
+
+    def series(self, vehicle: int | str) -> Mapping[str, Array]:
+        """Return a vehicle's columns of timeseries.parquet, a row for each tick of the formation under command."""
+        (chosen,) = self._chosen(vehicle, self.scenario.vehicles)
+        return self._series_of(chosen.vehicle_id)
+
+    def stays_within(
+        self,
+        limit_m: float,
+        *,
+        axes: str = AXES,
+        followers: Followers = "all",
+        from_s: float = 0.0,
+        to_s: float | None = None,
+    ) -> Self:
+        """Claim that followers are within `limit_m` of their slots along each axis, at every tick of a window.
+
+        Args:
+            limit_m: the largest |error| allowed, m.
+            axes: of x (forward), y (right) and z (up), in the scenario's slot frame.
+            followers: one, several or "all".
+            from_s: mission time at which the window begins, s.
+            to_s: where it ends; None: where the flight does.
+        """
+        __tracebackhide__ = True
+        if not axes or not set(axes) <= set(AXES):
+            raise ValueError(f"found axes {axes!r}; allowed: one or more of x, y, z")
+        end_s = self.figures["duration_s"] if to_s is None else to_s
+        window = f"from {from_s:g} s to {end_s:g} s"
+        chosen = self._chosen(followers, self.scenario.followers)
+        reached_s = self.figures["duration_s"]
+        within = from_s <= end_s <= reached_s + 1.0 / self.scenario.law.rate_hz
+        self._require(within, f"the flight went to {reached_s:.1f} s, not through {window}")
+        worst = [each for vehicle in chosen for each in self._worst(vehicle.vehicle_id, axes, from_s, end_s)]
+        broken = sorted((each for each in worst if not each.size_m <= limit_m), key=_unknown_first, reverse=True)
+        on = ", ".join(axes)
+        self._require(not broken, f"more than {limit_m:g} m from the slot along {on} {window}", broken)
+        return self
+
+    def settles(self, *, before_s: float, followers: Followers = "all") -> Self:
+        """Claim that followers come within 0.5 m of their slots, and stay there for 10 s, before a mission time."""
+        __tracebackhide__ = True
+        chosen = [str(vehicle.vehicle_id) for vehicle in self._chosen(followers, self.scenario.followers)]
+        times = {who: self.figures["followers"][who]["settled_at_s"] for who in chosen}
+        late = [
+            f"vehicle {who}: " + ("never" if at_s is None else f"at {at_s:.1f} s")
+            for who, at_s in times.items()
+            if at_s is None or at_s >= before_s
+        ]
+        self._require(not late, f"not settled before {before_s:g} s", late)
+        return self
+
+    def keeps_apart(self, least_m: float) -> Self:
+        """Claim that no two vehicles come nearer to each other than `least_m`."""
+        __tracebackhide__ = True
+        nearest_m = self.figures["safety"]["min_separation_m"]
+        seen = nearest_m is not None
+        self._require(seen and nearest_m >= least_m, f"vehicles {nearest_m} m apart; expected: {least_m:g} m or more")
+        return self
+
+    def meets_its_expectations(self) -> Self:
+        """Claim what exit status 0 says: every `expect` that was judged holds, no safety limit is broken."""
+        __tracebackhide__ = True
+        broken = [str(verdict) for verdict in self.summary.verdicts if verdict.held is False]
+        self._require(not broken and not self.summary.breaches, "not as expected", [*broken, *self.summary.breaches])
+        return self
+
+    @cached_property
+    def _columns(self) -> Mapping[str, Array]:
+        return read_parquet(self.directory / TIMESERIES)
+
+    def _series_of(self, vehicle: VehicleId) -> Mapping[str, Array]:
+        columns = self._columns
+        mine: Mask = (columns["network"] == vehicle.network) & (columns["vehicle"] == vehicle.system)
+        mine &= np.isin(columns["phase"], [PHASES.index(phase.value) for phase in COMMANDED])
+        return {name: values[mine] for name, values in columns.items()}
+
+    def _worst(self, vehicle: VehicleId, axes: str, from_s: float, to_s: float) -> Iterator[Violation]:
+        """Yield the largest |error| along each axis; a tick whose error isn't known counts as NaN, the worst of all."""
+        series = self._series_of(vehicle)
+        time_s = series["mission_time_s"]
+        window = (time_s >= from_s - 1e-9) & (time_s <= to_s + 1e-9)
+        for axis in axes:
+            if not window.any():
+                yield Violation(math.nan, from_s, axis, vehicle)
+                continue
+            size_m = np.abs(series[f"error_{axis}_m"][window])
+            index = int(np.argmax(size_m))
+            yield Violation(float(size_m[index]), float(time_s[window][index]), axis, vehicle)
+
+    def _chosen(self, names: Followers, among: Sequence[Vehicle]) -> list[Vehicle]:
+        if names == "all":
+            return list(among)
+        wanted = [names] if isinstance(names, int | str) else list(names)
+        known = {name: each for each in among for name in (each.id, str(each.vehicle_id), f"{each.network}:{each.id}")}
+        missing = [name for name in wanted if name not in known]
+        if missing:
+            allowed = ", ".join(str(each.vehicle_id) for each in among)
+            raise ValueError(f"found vehicle {missing[0]}; allowed: {allowed}")
+        return [known[name] for name in wanted]
+
+    def _require(self, holds: bool, claim: str, broken: Sequence[object] = ()) -> None:
+        __tracebackhide__ = True
+        if holds:
+            return
+        lines = [claim, *(f"  {each}" for each in broken[:MOST_NAMED])]
+        if len(broken) > MOST_NAMED:
+            lines.append(f"  … and {len(broken) - MOST_NAMED} more")
+        source = "ground truth" if self.figures["truth"] else "telemetry"
+        lines += [
+            f"seed {self.scenario.seed}, errors by {source}, recorded in {self.directory}",
+            f"again: {self.command}",
+        ]
+        raise AssertionError("\n".join(lines))
+
+
+def _unknown_first(violation: Violation) -> tuple[bool, float]:
+    unknown = math.isnan(violation.size_m)
+    return unknown, 0.0 if unknown else violation.size_m
 
 
 @dataclass(frozen=True)

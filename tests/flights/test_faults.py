@@ -15,8 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from formation_scenario import load_scenario
-from gcs_formation.app.interrupt import Interrupts
-from gcs_formation.app.options import RunOptions
+from gcs_formation.app.operator import Interrupts, RunOptions
 from gcs_formation.app.progress import Silent
 from gcs_formation.app.run import run
 from gcs_formation.cli import main

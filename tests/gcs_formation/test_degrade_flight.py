@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gcs_formation.testing.flown import Flown
-from gcs_formation.testing.plan import Formation
+from gcs_formation.testing.plan import Flown, Formation
 
 Fly = Callable[..., Flown]
 PAPER = Path(__file__).parents[2] / "configs" / "paper.yaml"

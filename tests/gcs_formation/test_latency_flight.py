@@ -11,8 +11,7 @@ import pytest
 
 from gcs_formation.app.assembly import split_errors
 from gcs_formation.record.timeseries import flying
-from gcs_formation.testing.flown import Flown
-from gcs_formation.testing.plan import Formation, Plan
+from gcs_formation.testing.plan import Flown, Formation, Plan
 from tests.processes import free_port
 
 DELAYS_MS = (0, 50, 150, 300, 600)

@@ -7,7 +7,7 @@ import os
 import pytest
 
 from airlink.clock import Instant
-from gcs_formation.app.interrupt import DECLINED, Confirmation
+from gcs_formation.app.operator import DECLINED, Confirmation
 from tests.flights.in_memory import Notes
 
 NOW = Instant(0)

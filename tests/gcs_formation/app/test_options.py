@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from gcs_formation.app.options import RunOptions
+from gcs_formation.app.operator import RunOptions
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,7 @@ import pytest
 from airlink.clock import VirtualClock
 from airlink.memory import MemoryNetwork
 from formation_scenario import load_scenario
-from gcs_formation.app.interrupt import Interrupts
-from gcs_formation.app.options import RunOptions
+from gcs_formation.app.operator import Interrupts, RunOptions
 from gcs_formation.app.progress import Silent
 from gcs_formation.app.session import open_session
 from gcs_formation.record.run_directory import TIMESERIES

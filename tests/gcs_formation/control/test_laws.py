@@ -7,17 +7,17 @@ import pytest
 from formation_scenario import load_scenario
 from formation_scenario.law import LawType
 from gcs_formation.control.laws import LAWS, law_kind
-from gcs_formation.studies import comparison_page
+from gcs_formation.studies import compare
 from tests.flights.conftest import scenario
 
 
 def test_it_has_every_law_that_a_scenario_can_name_and_compare_flies_each() -> None:
     assert set(LAWS) == set(get_args(LawType))
-    assert set(LAWS) <= set(comparison_page.LAWS)
+    assert set(LAWS) <= set(compare.LAWS)
 
 
 def test_names_of_compared_laws_are_those_that_were_always_there() -> None:
-    assert list(comparison_page.LAWS) == [
+    assert list(compare.LAWS) == [
         "pid",
         "pid_uncompensated",
         "fuzzy_pid",
@@ -28,7 +28,7 @@ def test_names_of_compared_laws_are_those_that_were_always_there() -> None:
         "consensus_uncompensated",
     ]
     fuzzy = ("law.type=fuzzy_pid", "law.fuzzy.tables=symmetric", "law.delay_compensation=false")
-    assert comparison_page.LAWS["fuzzy_pid_symmetric_uncompensated"] == fuzzy
+    assert compare.LAWS["fuzzy_pid_symmetric_uncompensated"] == fuzzy
 
 
 @pytest.mark.parametrize(("law", "span"), [("pid", 0.0), ("fuzzy_pid", 0.6)])

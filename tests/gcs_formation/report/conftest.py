@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from formation_scenario import Scenario, SplinePath, dump_scenario, load_scenario, slot_schedule
-from gcs_formation.record.figures_of_merit import (
+from gcs_formation.record.flight import (
+    Flight,
     axis_figures,
     effort,
     in_slot_share,
@@ -19,7 +20,6 @@ from gcs_formation.record.figures_of_merit import (
     separation_m,
     settled_at_s,
 )
-from gcs_formation.record.flight import Flight
 from gcs_formation.record.timeseries import DISTURBANCE, ERROR, GAINS, LAW_ERROR, MIXED, STATE, TRUTH, write_parquet
 
 CONFIGS = Path(__file__).parents[3] / "configs"

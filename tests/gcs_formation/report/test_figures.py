@@ -12,15 +12,13 @@ from PIL import Image
 from airlink.endpoint import VehicleId
 from formation_scenario import load_scenario, slot_schedule
 from gcs_formation.record.flight import Flight
-from gcs_formation.report.control_figures import followed, gains
 from gcs_formation.report.error_figures import WIDTHS, errors, transient_end_s
 from gcs_formation.report.figures import PLATES, write_figures
 from gcs_formation.report.geometry import snapshot, snapshot_ticks
-from gcs_formation.report.link_figures import latency
-from gcs_formation.report.marks import Mark, marks
+from gcs_formation.report.loop_figures import followed, gains, latency
 from gcs_formation.report.page import embedded
 from gcs_formation.report.run_data import load_run
-from gcs_formation.report.style import FOLLOWERS, INK, axes_grid, column_of, new_figure, print_style
+from gcs_formation.report.style import FOLLOWERS, INK, Mark, axes_grid, column_of, marks, new_figure, print_style
 from gcs_formation.report.time_axes import Group, draw_marks, everyone, span
 
 QUICKSTART = Path(__file__).parents[3] / "configs" / "quickstart.yaml"

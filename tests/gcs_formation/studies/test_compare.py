@@ -11,8 +11,8 @@ from click.testing import CliRunner
 
 from gcs_formation.cli import main
 from gcs_formation.report.run_data import load_run
+from gcs_formation.studies.compare import LAWS
 from gcs_formation.studies.comparison import Flown, Window, compare_flights
-from gcs_formation.studies.comparison_page import LAWS
 
 SHORT = {
     "schema": 1,

@@ -14,7 +14,7 @@ from gcs_formation.studies.columns import Flights, flights_of
 from gcs_formation.studies.curves import by_level, distributions, exceedances, split_by, up_to, worse_than
 from gcs_formation.studies.dataset import Dataset
 from gcs_formation.studies.figures import crossings_of, heat_maps, marginals, pairs, searched, telling
-from gcs_formation.studies.load import load_study
+from gcs_formation.studies.preparation import load_study
 from gcs_formation.studies.report import write_study_report
 
 SCENARIO: Any = {"vehicles": {"count": 2}, "path": {"waypoints_m": [[0, 0, 100], [4000, 0, 100]]}}

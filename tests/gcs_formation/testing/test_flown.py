@@ -10,7 +10,7 @@ from formation_scenario import load_scenario
 from gcs_formation.record.run_directory import TIMESERIES
 from gcs_formation.record.summary import Summary
 from gcs_formation.record.timeseries import write_parquet
-from gcs_formation.testing.flown import Flown, Violation
+from gcs_formation.testing.plan import Flown, Violation
 
 TIME_S = np.arange(-20, 301) / 10.0
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gcs_formation.record.figures_of_merit import (
+from gcs_formation.record.flight import (
     PAIRWISE_UP_TO,
     axis_figures,
     effort,
