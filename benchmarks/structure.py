@@ -25,8 +25,8 @@ from gcs_formation.recorder import Event
 from gcs_formation.station import Station
 from gcs_formation.studies.dataset import markdown
 from gcs_formation.tick import Tick
+from sim_vehicles.config import fleet_config
 from sim_vehicles.fleet import Fleet
-from sim_vehicles.from_scenario import fleet_config
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("airlink", "flight_model", "formation_scenario", "sim_vehicles", "gcs_formation")

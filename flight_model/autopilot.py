@@ -19,6 +19,12 @@ NODES: Final[tuple[tuple[float, float], ...]] = (
 )
 """Gauss's points of a stretch of time, as shares of it, and their weights: exact for polynomials of degree 5."""
 NO_LIMIT: Final = math.inf
+STANDS_MPS: Final = 0.3
+"""A ground speed whose course counts as much as the nose's direction."""
+LEADS_FROM_MPS: Final = 2.0
+"""Ground speed from which a leader's slots go by its course; slower ones more and more by its nose."""
+NOSE_SHARE: Final = 10.0
+"""By how much more the nose counts for each m/s that a leader is slower than that."""
 
 
 class AutopilotModel:
@@ -276,3 +282,17 @@ def climb(state: FlightState, model: AutopilotModel, height_m: float, time_s: fl
         most_m += beyond_mps * fast_s * (1.0 - fast_left)
     state.height_m += within(left_m - error_m, -most_m, most_m)
     state.climb_mps = within(climb_mps, -most_mps, most_mps)
+
+
+def hovering_course(yaw_rad: float, north_mps: float, east_mps: float, nose_mps: float = STANDS_MPS) -> float:
+    """Return the direction that it flies in; a slow one's nose counts too, as much as a ground speed of `nose_mps`."""
+    return math.atan2(east_mps + nose_mps * math.sin(yaw_rad), north_mps + nose_mps * math.cos(yaw_rad))
+
+
+def slot_axis(yaw_rad: float, north_mps: float, east_mps: float) -> float:
+    """Return the direction of the axis that a leader's slots are counted from.
+
+    It is the course of one that flies; a gust or a stop that moves one that stands backwards doesn't turn it round.
+    """
+    slow_mps = max(0.0, LEADS_FROM_MPS - math.hypot(north_mps, east_mps))
+    return hovering_course(yaw_rad, north_mps, east_mps, STANDS_MPS + NOSE_SHARE * slow_mps)

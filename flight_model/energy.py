@@ -1,4 +1,4 @@
-"""An aircraft under total-energy control, as ArduPlane flies one: one aircraft's state, and how it moves on.
+"""An aircraft under total-energy control, as ArduPlane flies one: what it is made of, its state, its motion.
 
 Throttle governs the sum of kinetic and potential energy, pitch their balance, so speed and height are coupled; a bank
 turns. Sources: A. A. Lambregts, "Vertical Flight Path and Speed Control Autopilot Design Using Total Energy
@@ -9,12 +9,20 @@ parameters that `AirframeParameters` names.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, Self
 
-from flight_model.airframe import GRAVITY_MPS2, REFERENCE_MPS, AirframeParameters
 from flight_model.autopilot import within, wrap
 
+GRAVITY_MPS2: Final = 9.80665
+REFERENCE_MPS: Final = 22.0
+"""Airspeed at which drag and lift are given."""
+PHYSICAL = (
+    "thrust_mps2", "drag_mps2", "induced_drag_mps2", "lift_mps2_per_rad", "bank_lag_s", "pitch_lag_s", "rate_lag_s",
+    "airspeed_lag_s",
+)  # fmt: skip
+"""What differs from one aircraft of a kind to the next; the rest is set in their autopilots."""
 CYCLE_S: Final = 0.02
 """Period of attitude and motion."""
 CYCLES: Final = 5
@@ -32,6 +40,50 @@ OVERSHOOT: Final = 0.1
 PITCH_OVERSHOOT_RAD: Final = math.radians(5.0)
 LEAST_MPS: Final = 5.0
 """Lower bound of airspeeds in divisions."""
+
+
+@dataclass(frozen=True)
+class AirframeParameters:
+    """One aircraft's, SI; `formation_scenario.vehicles.EnergyAirframe` describes them."""
+
+    thrust_mps2: float
+    drag_mps2: float
+    induced_drag_mps2: float
+    lift_mps2_per_rad: float
+    throttle_slew_per_s: float
+    bank_lag_s: float
+    pitch_lag_s: float
+    rate_lag_s: float
+    bank_max_rad: float
+    heading_gain: float
+    pitch_max_rad: float
+    pitch_min_rad: float
+    throttle_cruise: float
+    airspeed_min_mps: float
+    airspeed_cruise_mps: float
+    airspeed_max_mps: float
+    climb_max_mps: float
+    sink_min_mps: float
+    sink_max_mps: float
+    time_constant_s: float
+    height_lag_s: float
+    throttle_damping: float
+    pitch_damping: float
+    integral_gain: float
+    speed_weight: float
+    bank_to_throttle: float
+    vertical_accel_max_mps2: float
+    speed_filter_radps: float
+    airspeed_lag_s: float
+    dead_time_s: float
+
+    @classmethod
+    def of(cls, values: Mapping[str, float]) -> Self:
+        """Return the parameters by their names; other names are left out."""
+        return cls(**{name: values[name] for name in NAMES})
+
+
+NAMES = tuple(each.name for each in fields(AirframeParameters))
 
 
 class Told(NamedTuple):

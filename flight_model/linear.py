@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from flight_model import energy
-from flight_model.airframe import AirframeParameters
 from flight_model.arrays import Array
+from flight_model.energy import AirframeParameters
 
 Complex = npt.NDArray[np.complex128]
 HEIGHT, SPEED, HEADING = (energy.QUANTITIES.index(name) for name in ("height_m", "speed_mps", "heading_rad"))

@@ -9,12 +9,12 @@ if TYPE_CHECKING:
     from flight_model.path import PathError, PathPoint, PathPoints, SplinePath
     from flight_model.shapes import slots
     from formation_scenario.arrangement import SlotStep, slot_schedule, slot_table
+    from formation_scenario.begin_and_end import StartStates, start_states
     from formation_scenario.errors import Problem, ScenarioError
     from formation_scenario.ground import Ground
     from formation_scenario.links import Impairment, LinkStep
     from formation_scenario.load import dump_scenario, load_scenario
     from formation_scenario.model import Scenario
-    from formation_scenario.placement import StartStates, start_states
     from formation_scenario.vehicles import Vehicle, VehicleModel
 
 _HOME = {
@@ -29,7 +29,7 @@ _HOME = {
     "ScenarioError": "formation_scenario.errors",
     "SlotStep": "formation_scenario.arrangement",
     "SplinePath": "flight_model.path",
-    "StartStates": "formation_scenario.placement",
+    "StartStates": "formation_scenario.begin_and_end",
     "Vehicle": "formation_scenario.vehicles",
     "VehicleModel": "formation_scenario.vehicles",
     "dump_scenario": "formation_scenario.load",
@@ -37,7 +37,7 @@ _HOME = {
     "slot_schedule": "formation_scenario.arrangement",
     "slot_table": "formation_scenario.arrangement",
     "slots": "flight_model.shapes",
-    "start_states": "formation_scenario.placement",
+    "start_states": "formation_scenario.begin_and_end",
 }
 
 

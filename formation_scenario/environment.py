@@ -1,12 +1,14 @@
-"""Keys of what surrounds and happens to vehicles: disturbances, terrain, faults."""
+"""Keys of what surrounds and happens to vehicles: disturbances, terrain, fence, faults."""
 
 from __future__ import annotations
 
 import math
 from typing import Annotated, Literal, TypeAlias
 
+import numpy as np
 from pydantic import Field, Tag
 
+from flight_model.arrays import Array
 from formation_scenario.fields import (
     Allowed,
     Keys,
@@ -21,9 +23,22 @@ from formation_scenario.fields import (
     one_of,
 )
 
+REACT_S = 2.0
+"""How long a vehicle flies straight on before a turn away from the fence shows."""
+TURN_SHARE = 0.7
+"""Share of the highest turn rate on which that turn counts."""
+HELD_M = 10.0
+"""Room beyond that turn below which a vehicle is turned away."""
+CHECKED_M = 25.0
+"""Room that paths and slots must leave; a vehicle that has been turned away is free again with as much."""
+
+Corner: TypeAlias = Annotated[tuple[Number, Number], Allowed("a list of 2 numbers: north, east")]
+Corners = Annotated[
+    tuple[Corner, ...],
+    Field(min_length=3, max_length=200),
+    Allowed("a list of 3 to 200 corners [north, east]"),
+]
 Positives: TypeAlias = Annotated[tuple[Positive, Positive, Positive], Allowed("a list of 3 numbers > 0")]
-
-
 KIND = "how the velocity goes with time"
 HillShape = Literal["gaussian", "cosine"]
 FaultKind = Literal["crash", "freeze", "restart", "ignore", "pilot"]
@@ -31,6 +46,59 @@ PilotsMode = Literal["MANUAL", "FBWA", "CRUISE", "LOITER", "RTL"]
 PASSING: tuple[FaultKind, ...] = ("freeze", "ignore", "pilot")
 """Kinds that may end."""
 DEFAULT_MODE: PilotsMode = "LOITER"
+
+
+class Fence(Keys):
+    """Where vehicles must stay; none of its sides is needed."""
+
+    corners_m: Corners | None = Field(
+        default=None,
+        description="corners of a polygon, one after another: north and east of the origin, m",
+        examples=[[[-1000, -800], [4000, -800], [4000, 2000], [-1000, 2000]]],
+    )
+    height_min_m: Number | None = Field(default=None, description="lowest height above the origin, m", examples=[40])
+    height_max_m: Number | None = Field(default=None, description="highest height above the origin, m", examples=[120])
+
+    @property
+    def heights_m(self) -> tuple[float, float]:
+        """The lowest and the highest height; infinite where there is no limit."""
+        lowest = -np.inf if self.height_min_m is None else self.height_min_m
+        return lowest, np.inf if self.height_max_m is None else self.height_max_m
+
+
+def inside_m(corners_m: Array, place_m: Array) -> Array:
+    """Return how far inside a polygon (K, 2) places (…, 2) are: the distance to its edge, m; negative outside.
+
+    Inside is where a ray crosses the edge an odd number of times.
+    """
+    begin, end = corners_m, np.roll(corners_m, -1, axis=0)
+    edge, reach = end - begin, place_m[..., None, :] - begin
+    along = np.clip((reach * edge).sum(axis=-1) / np.maximum((edge * edge).sum(axis=-1), 1e-12), 0.0, 1.0)
+    distance = np.linalg.norm(reach - along[..., None] * edge, axis=-1).min(axis=-1)
+    north, east = place_m[..., 0, None], place_m[..., 1, None]
+    spans = (begin[:, 1] > east) != (end[:, 1] > east)
+    rise = np.where(edge[:, 1] == 0.0, np.inf, edge[:, 1])
+    crossed = spans & (north < begin[:, 0] + (east - begin[:, 1]) / rise * edge[:, 0])
+    sign: Array = np.where(crossed.sum(axis=-1) % 2 == 1, 1.0, -1.0)
+    return sign * distance
+
+
+def room_m(corners_m: Array, place_m: Array, velocity_mps: Array, through_air_mps: Array, turn_rps: Array) -> Array:
+    """Return how much room circles to the left and to the right leave to the fence, (…, 2) m; negative: none.
+
+    Args:
+        corners_m: (K, 2) of the fence, north and east.
+        place_m: (…, 2) of the vehicles.
+        velocity_mps: (…, 2) over ground.
+        through_air_mps: (…,) airspeed and wind together, which bound the circles.
+        turn_rps: (…,) the highest turn rates.
+    """
+    radius_m = through_air_mps / (TURN_SHARE * turn_rps)
+    speed = np.maximum(np.linalg.norm(velocity_mps, axis=-1), 1e-9)
+    right = np.stack((-velocity_mps[..., 1], velocity_mps[..., 0]), axis=-1) / speed[..., None]
+    ahead = place_m + REACT_S * velocity_mps
+    centres = np.stack([ahead + side * radius_m[..., None] * right for side in (-1.0, 1.0)], axis=-2)
+    return inside_m(corners_m, centres) - radius_m[..., None]
 
 
 class Passing(Timed):

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from flight_model.airframe import AirframeParameters
 from flight_model.design import FREQUENCIES, Channel, Telemetry, Weights, design, judged_channels
+from flight_model.energy import AirframeParameters
 from flight_model.linear import Responses, airframe_responses, lag_responses
 from formation_scenario.model import Scenario
 from formation_scenario.navigation import NoisyNavigation

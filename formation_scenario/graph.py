@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
+import scipy
 
-from flight_model.arrays import Array
+from flight_model.arrays import Array, Indices
 from formation_scenario.model import Scenario
 
 Graph = str | npt.ArrayLike
@@ -71,3 +74,46 @@ def as_adjacency(graph: Graph, count: int | None = None) -> Array:
 def scenario_adjacency(scenario: Scenario) -> Array:
     """Return the weights of the consensus graph, (N, N) in the order of the scenario's vehicles."""
     return as_adjacency(scenario.law.consensus.graph, len(scenario.vehicles))
+
+
+class Component(NamedTuple):
+    """A strongly connected part of a graph."""
+
+    members: Indices
+    hears_nobody_outside: bool
+
+
+def laplacian(adjacency: Array) -> Array:
+    """Graph Laplacian: row sums on the diagonal less the adjacency (own loops cancel)."""
+    return np.diag(adjacency.sum(axis=1)) - adjacency
+
+
+def components(adjacency: Array) -> list[Component]:
+    """Strongly connected components: the Laplacian is block triangular over them.
+
+    Its spectrum, and that of the consensus protocol, is the union over the components, also where the
+    whole matrix is defective (a leader-follower chain) and its computed eigenvalues would be far off.
+    """
+    linked = adjacency > 0
+    count, labels = scipy.sparse.csgraph.connected_components(adjacency, directed=True, connection="strong")
+    parts: list[Component] = []
+    for label in range(int(count)):
+        inside = labels == label
+        parts.append(Component(np.flatnonzero(inside), not bool(linked[np.ix_(inside, ~inside)].any())))
+    return parts
+
+
+def spanning_components(adjacency: Array) -> list[Component]:
+    """`components` of a graph with a spanning tree: exactly one of them hears nobody outside.
+
+    Raises:
+        ValueError: no spanning tree; the message names a vehicle of each group that hears nobody outside.
+    """
+    parts = components(adjacency)
+    roots = [int(part.members[0]) for part in parts if part.hears_nobody_outside]
+    if len(roots) > 1:
+        raise ValueError(
+            "the graph has no spanning tree: one vehicle must be heard, directly or through others, by all, "
+            f"but the vehicles at rows {', '.join(map(str, roots))} hear nobody outside their own groups"
+        )
+    return parts

@@ -1,8 +1,10 @@
-"""Loads a scenario from a file or a mapping, and writes it as YAML."""
+"""Loads a scenario from a file or a mapping, with overrides of its keys, and writes it as YAML."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,14 +16,120 @@ from formation_scenario.errors import Problem, ScenarioError
 from formation_scenario.feasibility import check
 from formation_scenario.gains import AUTO, designed
 from formation_scenario.model import Scenario
-from formation_scenario.overrides import OPTION, apply_overrides
 from formation_scenario.resolve import resolve
 from formation_scenario.rules import inconsistencies
-from formation_scenario.source import Dumper, Key, Plain, Source, plain_mapping, read_file
+from formation_scenario.source import (
+    MOST_DIGITS,
+    Dumper,
+    Key,
+    KeyPath,
+    Place,
+    Plain,
+    Source,
+    dotted,
+    kind,
+    plain_mapping,
+    read_file,
+    read_value,
+    show,
+)
 from formation_scenario.vehicle_file import with_models
 from formation_scenario.vehicles import VehicleGroup
 
+LONGEST = 10**6
+OPTION = "--set "
+"""What stands before an override on a command line, and so in messages about it."""
 ONE_VEHICLE: dict[Key, Plain] = {"id": 1, "role": "leader"}
+
+
+def settings(keys: Mapping[str, object]) -> tuple[str, ...]:
+    """Return Python arguments as overrides; in their names `__` stands for a dot: `law__rate_hz=5`.
+
+    Raises:
+        ScenarioError: a value that is neither number, text, list nor mapping.
+    """
+    named = plain_mapping({name.replace("__", "."): value for name, value in keys.items()})
+    return tuple(f"{name}={show(value, LONGEST)}" for name, value in named.items())
+
+
+def apply_overrides(source: Source, overrides: Sequence[str], option: str = OPTION) -> Source:
+    """Return the scenario with all overrides applied, in order.
+
+    Values are YAML (`links.default={delay_ms: 300}`), list items are named by their index from 0
+    (`vehicles.1.model.tau_v_s=5`), and mappings along the key's path that don't exist yet are created. Messages name
+    an override with `option` before it.
+
+    Raises:
+        ScenarioError: an override without `=`, with broken YAML, or of an item that doesn't exist.
+    """
+    data, places = deepcopy(source.data), dict(source.places)
+    problems: list[Problem] = []
+    for override in overrides:
+        try:
+            made = _apply(data, override)
+        except ScenarioError as error:
+            problems.extend(replace(each, file=f"{option}{override}") for each in error.problems)
+            continue
+        path = made[-1]
+        places = {known: place for known, place in places.items() if known[: len(path)] != path}
+        places |= dict.fromkeys(made, Place(f"{option}{override}"))
+    if problems:
+        raise ScenarioError(problems)
+    return Source(source.file, data, places)
+
+
+def _apply(data: dict[Key, Plain], override: str) -> list[KeyPath]:
+    """Set a value; return the key paths of the mappings that this created, and its own as the last."""
+    name, equals, text = override.partition("=")
+    path: KeyPath = tuple(_key(key) for key in name.strip().split("."))
+    if not equals or "" in path:
+        raise _refused("", f"found '{override}'", "dotted.key=value")
+    try:
+        value = read_value(text)
+    except ScenarioError as error:
+        first = error.problems[0]
+        raise _refused(dotted(path), first.found, first.allowed) from error
+    parent: Plain = data
+    made: list[KeyPath] = []
+    for depth, key in enumerate(path[:-1]):
+        if isinstance(parent, dict) and parent.get(key) is None:
+            made.append(path[: depth + 1])
+        parent = _step(parent, key, path[:depth])
+    _assign(parent, path, value)
+    return [*made, path]
+
+
+def _key(text: str) -> Key:
+    return int(text) if text.isdecimal() and len(text) <= MOST_DIGITS else text
+
+
+def _step(parent: Plain, key: Key, above: KeyPath) -> Plain:
+    if isinstance(parent, dict):
+        if parent.get(key) is None:
+            parent[key] = {}
+        return parent[key]
+    return _items(parent, key, above)[int(key)]
+
+
+def _assign(parent: Plain, path: KeyPath, value: Plain) -> None:
+    if isinstance(parent, dict):
+        parent[path[-1]] = value
+    else:
+        _items(parent, path[-1], path[:-1])[int(path[-1])] = value
+
+
+def _items(parent: Plain, key: Key, above: KeyPath) -> list[Plain]:
+    if not isinstance(parent, list):
+        found = f"found {kind(parent)}, which has no '{key}' in it"
+        raise _refused(dotted(above), found, "a mapping or a list")
+    if not isinstance(key, int) or key >= len(parent):
+        allowed = f"0 to {len(parent) - 1}" if parent else "nothing, the list is empty"
+        raise _refused(dotted(above), f"found index '{key}'", allowed)
+    return parent
+
+
+def _refused(key: str, found: str, allowed: str = "") -> ScenarioError:
+    return ScenarioError([Problem(None, None, None, key, found, allowed)])
 
 
 def load_scenario(

@@ -11,9 +11,8 @@ from pydantic import Field
 
 from flight_model.displacement import Bounds
 from flight_model.path import SplinePath
-from formation_scenario.environment import Disturbance, Fault, Terrain
+from formation_scenario.environment import Disturbance, Fault, Fence, Terrain
 from formation_scenario.expectation import Expectation
-from formation_scenario.fence import Fence
 from formation_scenario.fields import (
     Allowed,
     Distance,

@@ -133,7 +133,7 @@ class EnergyAirframe(Keys):
     )
 
     def parameters(self) -> dict[str, float]:
-        """Return the constants of motion and autopilot by the names of `flight_model.airframe`, SI."""
+        """Return the constants of motion and autopilot by the names of `flight_model.energy`, SI."""
         keys: dict[str, float] = self.model_dump()
         return {_si(name): math.radians(value) if name.endswith("_deg") else value for name, value in keys.items()}
 

@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from flight_model import energy
-from flight_model.airframe import AirframeParameters
 from flight_model.arrays import Array, wrap
+from flight_model.energy import AirframeParameters
 from flight_model.linear import airframe_responses
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
 from gcs_formation.errors import RecordError

@@ -9,8 +9,7 @@ import numpy.typing as npt
 import scipy
 
 from flight_model.arrays import Array
-from formation_scenario.graph import as_adjacency
-from gcs_formation.stability.graphs import Component, laplacian, spanning_components
+from formation_scenario.graph import Component, as_adjacency, laplacian, spanning_components
 from gcs_formation.stability.loops import Loop, PidGains, Plant, delay_margin
 from gcs_formation.stability.roots import rightmost_root
 

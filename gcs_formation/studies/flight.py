@@ -15,7 +15,7 @@ from typing import Any, Final
 from airlink.clock import Stopwatch
 from formation_scenario import Scenario, ScenarioError, load_scenario
 from formation_scenario.expectation import FOLLOWER_METRICS, LINK_METRICS, Expectation
-from formation_scenario.overrides import settings
+from formation_scenario.load import settings
 from gcs_formation.app.operator import Interrupts, RunOptions
 from gcs_formation.app.progress import Silent
 from gcs_formation.app.run import run

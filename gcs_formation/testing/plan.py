@@ -15,7 +15,7 @@ import numpy as np
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Mask
 from formation_scenario import Scenario, Vehicle, load_scenario
-from formation_scenario.overrides import settings
+from formation_scenario.load import settings
 from gcs_formation.app.fly import fly
 from gcs_formation.app.operator import ClockName, Interrupts, RunOptions
 from gcs_formation.app.progress import Silent

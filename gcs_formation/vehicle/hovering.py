@@ -13,7 +13,7 @@ from typing import Final
 
 from airlink import mavlink as m
 from airlink.messages.command import SetPositionTargetLocalNed
-from flight_model.hovering import axis, course
+from flight_model.autopilot import hovering_course, slot_axis
 from gcs_formation.estimation.flight_state import Setpoint, Whereabouts
 from gcs_formation.vehicle.telemetry import Telemetry
 
@@ -83,8 +83,8 @@ def velocity_setpoint(
 def ground_motion(yaw_rad: float, north_mps: float, east_mps: float, *, leads: bool) -> tuple[float, float]:
     """Return ground speed and course; of a leader, its slots' axis and its speed along that, backwards negative."""
     if not leads:
-        return math.hypot(north_mps, east_mps), course(yaw_rad, north_mps, east_mps)
-    axis_rad = axis(yaw_rad, north_mps, east_mps)
+        return math.hypot(north_mps, east_mps), hovering_course(yaw_rad, north_mps, east_mps)
+    axis_rad = slot_axis(yaw_rad, north_mps, east_mps)
     return north_mps * math.cos(axis_rad) + east_mps * math.sin(axis_rad), axis_rad
 
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from airlink.random_streams import random_stream
 from flight_model import energy
-from flight_model.airframe import GRAVITY_MPS2, PHYSICAL, AirframeParameters
 from flight_model.autopilot import FlightState
+from flight_model.energy import GRAVITY_MPS2, PHYSICAL, AirframeParameters
 from formation_scenario.vehicles import EnergyAirframe
 from sim_vehicles.autopilot.clock import LOOP_S
 from sim_vehicles.config import VehicleConfig

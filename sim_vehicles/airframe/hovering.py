@@ -11,8 +11,7 @@ import math
 from collections import deque
 from typing import Final
 
-from flight_model.autopilot import within, wrap
-from flight_model.hovering import axis
+from flight_model.autopilot import slot_axis, within, wrap
 from sim_vehicles.airframe.body import Body
 from sim_vehicles.airframe.motion import Motion
 from sim_vehicles.autopilot.clock import LOOP_S
@@ -119,7 +118,7 @@ class HoveringBody(Body):
         if state.height_m < 0.0:
             state.height_m, self.velocity_mps, self._sink_aimed_mps = 0.0, (north, east, 0.0), 0.0
         state.climb_mps, state.airspeed_mps = -self.velocity_mps[2], math.hypot(north, east)
-        turned_rad = wrap(axis(self.yaw_rad, north, east) - state.heading_rad)
+        turned_rad = wrap(slot_axis(self.yaw_rad, north, east) - state.heading_rad)
         state.heading_rad += turned_rad
         self.turn_rate_radps = turned_rad / LOOP_S
         self.speed_told_mps, self.heading_told_rad = math.hypot(told[0], told[1]), math.atan2(told[1], told[0])

@@ -26,9 +26,8 @@ from formation_scenario.fields import MAX_SYSTEM_ID
 from formation_scenario.model import Origin
 from formation_scenario.vehicles import BASE_PORT
 from sim_vehicles.cli import EXAMPLES
-from sim_vehicles.config import FleetConfig, Start, VehicleConfig
+from sim_vehicles.config import FleetConfig, Start, VehicleConfig, fleet_config
 from sim_vehicles.fleet import Fleet
-from sim_vehicles.from_scenario import fleet_config
 from sim_vehicles.truth import TruthWriter
 
 APART_M = 20.0

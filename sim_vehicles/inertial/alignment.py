@@ -29,10 +29,9 @@ from sim_vehicles.inertial.error_model import (
     dynamics,
     noise_density,
 )
-from sim_vehicles.inertial.imu import InertialSensors, measured
+from sim_vehicles.inertial.imu import Increments, InertialSensors, NavigationState, Trajectory, measured
 from sim_vehicles.inertial.rotation import misalignment
 from sim_vehicles.inertial.strapdown import Strapdown
-from sim_vehicles.inertial.trajectory import Increments, NavigationState, Trajectory
 
 COARSE_S: Final = 60.0
 """Averaging time of the coarse alignment; the fine filter then starts with the same samples again."""

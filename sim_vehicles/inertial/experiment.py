@@ -1,24 +1,42 @@
-"""The navigation experiment of a scenario: a vehicle stands and aligns, then navigates along the leader's path."""
+"""The navigation experiment of a scenario: a vehicle stands and aligns, then navigates, free or aided."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 
 from flight_model.arrays import Array
-from flight_model.earth import GeodeticOrigin
+from flight_model.earth import GeodeticOrigin, radii_m
 from formation_scenario import Scenario, Vehicle
 from formation_scenario.navigation import InertialNavigation
 from sim_vehicles.inertial.alignment import Alignment, FineAlignment, align, limits
-from sim_vehicles.inertial.config import aid, inertial_sensors
-from sim_vehicles.inertial.flight import NavigationRecord, Start, exact_start, navigate
-from sim_vehicles.inertial.imu import sensor_random
-from sim_vehicles.inertial.rotation import displaced
-from sim_vehicles.inertial.trajectory import Trajectory
+from sim_vehicles.inertial.config import Aid, aid, inertial_sensors
+from sim_vehicles.inertial.error_model import (
+    ACCEL_BIAS,
+    GYRO_BIAS,
+    PLACE,
+    SIZE,
+    TILT,
+    VELOCITY,
+    ErrorFilter,
+    dynamics,
+    noise_density,
+)
+from sim_vehicles.inertial.imu import Increments, InertialSensors, NavigationState, Trajectory, measured, sensor_random
+from sim_vehicles.inertial.rotation import displaced, misalignment
+from sim_vehicles.inertial.strapdown import Strapdown
 
+STEP_S: Final = 0.1
+"""Step of the covariance propagation, and of the grid on which aids measure."""
+EACH: Final = 10
+"""Steps between two rows of the record."""
+BLOCK_STEPS: Final = 200
+FARTHEST_M: Final = 1e6
+"""Gravity has no meaning at heights beyond."""
 SCHEMA: Final = 1
 LEAST_S: Final = 1.0
 RATE_HZ: Final = 100.0
@@ -26,6 +44,145 @@ RATE_HZ: Final = 100.0
 AXES: Final = ("east", "north", "up")
 ANGLES: Final = ("east_arcsec", "north_arcsec", "heading_arcmin")
 UNITS: Final = np.radians((1.0 / 3600.0, 1.0 / 3600.0, 1.0 / 60.0))
+
+
+@dataclass(frozen=True)
+class Start:
+    """The start of a flight: a state, and what is known of its errors."""
+
+    state: NavigationState
+    bias: Array
+    """(6,) estimated biases, accelerometers' and gyroscopes', body components."""
+    covariance: Array
+    """(15, 15)"""
+
+
+@dataclass(frozen=True)
+class NavigationRecord:
+    """Errors of a flight, once a second."""
+
+    times_s: Array
+    """(K,)"""
+    errors: Array
+    """(K, 9) computed minus true: place east, north and up in m, velocity in m/s, misalignment in rad."""
+    sigmas: Array
+    """(K, 9) standard deviations by the filter's covariance."""
+    place: Array
+    """(K, 3) true latitude and longitude in rad, height in m."""
+
+
+def exact_start(trajectory: Trajectory, sensors: InertialSensors) -> Start:
+    """Return the true state at the start of a flight, with unknown biases."""
+    sigmas = np.zeros(SIZE)
+    sigmas[ACCEL_BIAS], sigmas[GYRO_BIAS] = sensors.accel_bias_sigma, sensors.gyro_bias_sigma
+    return Start(trajectory.state(np.array(0.0)), np.zeros(6), np.diag(sigmas**2))
+
+
+def navigate(
+    trajectory: Trajectory,
+    start: Start,
+    sensors: InertialSensors,
+    aid: Aid | None,
+    rate_hz: float,
+    random: np.random.Generator,
+) -> NavigationRecord:
+    """Navigate along a trajectory, with sensors that give `rate_hz` increments a second, an even number per step.
+
+    The trajectory must last a second or more.
+
+    Raises:
+        DivergedError: the computed height is beyond `FARTHEST_M`.
+    """
+    steps = math.floor(trajectory.duration_s / STEP_S + 1e-9)
+    times_s = STEP_S * np.arange(1, steps + 1, dtype=np.float64)
+    truth = trajectory.state(times_s)
+    computer = _Computer(start, sensors, aid, random)
+    rows: list[Array] = []
+    for step, samples in enumerate(_samples(trajectory, sensors, steps, rate_hz, random)):
+        now = NavigationState(*(part[step] for part in truth))
+        computer.go_on(samples, 1.0 / rate_hz, now)
+        if (step + 1) % EACH == 0:
+            if abs(computer.height_m) > FARTHEST_M:
+                raise DivergedError(float(times_s[step]), computer.height_m)
+            rows.append(np.concatenate((computer.errors(now), computer.sigmas)))
+    table, kept = np.array(rows).reshape(-1, 2, 9), slice(EACH - 1, None, EACH)
+    place = np.stack((truth.lat_rad, truth.lon_rad, truth.height_m), axis=1)
+    return NavigationRecord(times_s[kept], table[:, 0], table[:, 1], place[kept])
+
+
+def _samples(
+    trajectory: Trajectory, sensors: InertialSensors, steps: int, rate_hz: float, random: np.random.Generator
+) -> Iterator[Increments]:
+    """Yield each step's samples, computed in blocks to limit memory."""
+    period_s, each = 1.0 / rate_hz, round(rate_hz * STEP_S)
+    for first in range(0, steps, BLOCK_STEPS):
+        end = min(first + BLOCK_STEPS, steps)
+        block = measured(trajectory.increments(period_s, first * each, end * each), sensors, period_s, random)
+        for step in range(end - first):
+            yield block.part(step * each, (step + 1) * each)
+
+
+class DivergedError(Exception):
+    """The computed height diverged: inertial navigation is unstable in the vertical."""
+
+    def __init__(self, time_s: float, height_m: float) -> None:
+        """Take the time and the computed height."""
+        super().__init__(
+            f"by inertia the computed height diverges: {height_m:.3g} m after {time_s:.0f} s; "
+            "allowed: a shorter flight, or aiding: baro or gnss"
+        )
+
+
+class _Computer:
+    """A strap-down navigator with the filter of its errors."""
+
+    def __init__(self, start: Start, sensors: InertialSensors, aid: Aid | None, random: np.random.Generator) -> None:
+        self._navigator = Strapdown.at(start.state)
+        self._navigator.set_biases(start.bias[:3], start.bias[3:])
+        self._bias = start.bias.copy()
+        self._filter = ErrorFilter(start.covariance)
+        self._density = noise_density(sensors)
+        self._aid, self._random = aid, random
+        self._steps = self._measurements = 0
+
+    @property
+    def height_m(self) -> float:
+        return self._navigator.height_m
+
+    @property
+    def sigmas(self) -> Array:
+        return np.sqrt(np.maximum(np.diag(self._filter.covariance)[:9], 0.0))
+
+    def errors(self, true: NavigationState) -> Array:
+        found = self._navigator.state()
+        meridian_m, across_m = (radius + float(true.height_m) for radius in radii_m(float(true.lat_rad)))
+        east = (found.lon_rad - true.lon_rad) * across_m * np.cos(true.lat_rad)
+        place = np.stack((east, (found.lat_rad - true.lat_rad) * meridian_m, found.height_m - true.height_m))
+        return np.concatenate(
+            (place, found.velocity_mps - true.velocity_mps, misalignment(found.attitude, true.attitude))
+        )
+
+    def go_on(self, samples: Increments, period_s: float, true: NavigationState) -> None:
+        """Process a step's samples, and the aid's measurement at its end if one is due."""
+        navigator = self._navigator
+        navigator.run(samples, period_s)
+        state = navigator.state()
+        force = state.attitude @ samples.velocity_mps.sum(axis=0) / STEP_S
+        model = dynamics(navigator.lat_rad, navigator.height_m, state.velocity_mps, force, state.attitude)
+        self._filter.predict(model, self._density, STEP_S)
+        self._steps += 1
+        if self._aid is not None and self._steps * STEP_S * self._aid.rate_hz >= self._measurements + 1 - 1e-9:
+            self._measurements += 1
+            self._measure(self._aid, true)
+
+    def _measure(self, aid: Aid, true: NavigationState) -> None:
+        errors = np.zeros(SIZE)
+        errors[:9] = self.errors(true)
+        noise = aid.sigmas * self._random.standard_normal(aid.sigmas.size)
+        estimate = self._filter.update(aid.seen, aid.seen @ errors - noise, aid.sigmas).errors
+        self._navigator.correct(estimate[PLACE], estimate[VELOCITY], estimate[TILT])
+        self._bias += np.concatenate((estimate[ACCEL_BIAS], estimate[GYRO_BIAS]))
+        self._navigator.set_biases(self._bias[:3], self._bias[3:])
 
 
 @dataclass(frozen=True)

@@ -1,15 +1,179 @@
-"""Inertial sensors: their errors, applied to ideal increments."""
+"""Inertial sensors: what ideal ones measure along a true motion, and the errors of real ones.
+
+Source: Groves (2013), sections 2.2 and 5.3 to 5.5, inverted: specific force and angular rate from the derivatives of
+position and attitude.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple, Self, cast
 
 import numpy as np
+import scipy
 
 from airlink.endpoint import VehicleId
 from airlink.random_streams import random_stream
-from sim_vehicles.inertial.trajectory import Increments
+from flight_model.arrays import Array
+from flight_model.earth import ECCENTRICITY_SQUARED, RATE_RADPS, GeodeticOrigin, gravity_mps2, radii_m
+from formation_scenario import SplinePath
+from sim_vehicles.inertial.rotation import attitude
+
+KNOT_S = 1.0
+"""Spacing of the splines' knots. They have degree 5, so that rates and forces are smooth enough to integrate."""
+DEGREE = 5
+GAUSS_POINTS = 4
+LAT, LON, HEIGHT, HEADING, PITCH, BANK = range(6)
+
+
+class NavigationState(NamedTuple):
+    """Position and motion over the ellipsoid at one instant or several, (...): rad, m, m/s."""
+
+    lat_rad: Array
+    lon_rad: Array
+    height_m: Array
+    velocity_mps: Array
+    """East, north and up, (..., 3)."""
+    attitude: Array
+    """Body to navigation matrices, (..., 3, 3)."""
+
+
+class Increments(NamedTuple):
+    """Measurements of inertial sensors: integrals over N successive intervals, body components, (N, 3)."""
+
+    angle_rad: Array
+    velocity_mps: Array
+
+    def part(self, first: int, end: int) -> Increments:
+        """Return the increments of intervals `first` to `end` - 1."""
+        return Increments(self.angle_rad[first:end], self.velocity_mps[first:end])
+
+
+class Trajectory:
+    """Latitude, longitude, height, heading, pitch and bank as splines of time."""
+
+    def __init__(self, times_s: Array, rows: Array, duration_s: float) -> None:
+        """Take the six values (N, 6) at N >= 6 equidistant times from 0 on, and the duration that is flown."""
+        self.duration_s = duration_s
+        self._first = rows[0].copy()
+        # Differences from the start keep the digits that the Earth's radius would cost.
+        self._spline = cast(
+            "Callable[..., Array]", scipy.interpolate.make_interp_spline(times_s, rows - self._first, k=DEGREE)
+        )
+
+    @classmethod
+    def at_rest(cls, origin: GeodeticOrigin, heading_rad: float, duration_s: float) -> Self:
+        """Return a level vehicle at rest at an origin."""
+        times_s = _knots(duration_s)
+        row = (origin.lat_rad, origin.lon_rad, origin.alt_m, heading_rad, 0.0, 0.0)
+        return cls(times_s, np.tile(row, (times_s.size, 1)), duration_s)
+
+    @classmethod
+    def along(cls, path: SplinePath, speed_mps: float, origin: GeodeticOrigin, duration_s: float) -> Self:
+        """Return the flight along a path at a horizontal speed, heading along the path in coordinated turns."""
+        times_s = _knots(duration_s)
+        points = path.at(speed_mps * times_s)
+        lat_rad, lon_rad = origin.places(points.north_m, points.east_m)
+        gravity = gravity_mps2(lat_rad, points.height_m)
+        bank_rad = np.arctan(speed_mps**2 * points.curvature_1pm / gravity)
+        height_m, heading_rad = origin.alt_m + points.height_m, np.unwrap(points.course_rad)
+        columns = lat_rad, lon_rad, height_m, heading_rad, np.arctan(points.slope), bank_rad
+        return cls(times_s, np.stack(columns, axis=1), duration_s)
+
+    def state(self, times_s: Array) -> NavigationState:
+        """Return the truth at times (...)."""
+        values, rates = self._values(times_s), self._spline(times_s, 1)
+        north_m, east_m, _ = _metres_per_radian(values)
+        velocity = np.stack((east_m * rates[..., LON], north_m * rates[..., LAT], rates[..., HEIGHT]), axis=-1)
+        matrices = attitude(values[..., HEADING], values[..., PITCH], values[..., BANK])
+        return NavigationState(values[..., LAT], values[..., LON], values[..., HEIGHT], velocity, matrices)
+
+    def increments(self, period_s: float, first: int, end: int) -> Increments:
+        """Return increments of ideal sensors over intervals `first` to `end` - 1 of `period_s`, by Gauss quadrature."""
+        nodes, weights = np.polynomial.legendre.leggauss(GAUSS_POINTS)
+        times_s = (np.arange(first, end)[:, None] + (1.0 + nodes) / 2.0) * period_s
+        rate, force = self._sensed(times_s)
+        shares = weights * period_s / 2.0
+        return Increments(np.einsum("ijk,j->ik", rate, shares), np.einsum("ijk,j->ik", force, shares))
+
+    def _values(self, times_s: Array) -> Array:
+        return self._spline(times_s) + self._first
+
+    def _sensed(self, times_s: Array) -> tuple[Array, Array]:
+        """Return the angular rate against inertial space and the specific force, body components (..., 3)."""
+        values, rates, changes = self._values(times_s), self._spline(times_s, 1), self._spline(times_s, 2)
+        to_body = np.swapaxes(attitude(values[..., HEADING], values[..., PITCH], values[..., BANK]), -1, -2)
+        velocity, acceleration = _motion(values, rates, changes)
+        earth, transport = _earth_rate(values[..., LAT]), _transport_rate(values, velocity)
+        rate = _body_rate(values, rates) + _apply(to_body, earth + transport)
+        force = acceleration + np.cross(2.0 * earth + transport, velocity)
+        force[..., 2] += gravity_mps2(values[..., LAT], values[..., HEIGHT])
+        return rate, _apply(to_body, force)
+
+
+def _knots(duration_s: float) -> Array:
+    return KNOT_S * np.arange(max(DEGREE, math.ceil(duration_s / KNOT_S)) + 1, dtype=np.float64)
+
+
+def _apply(matrices: Array, vectors: Array) -> Array:
+    return np.einsum("...ij,...j->...i", matrices, vectors)
+
+
+def _metres_per_radian(values: Array) -> tuple[Array, Array, Array]:
+    """Return metres a radian of latitude and of longitude, and the cosine of the latitude."""
+    meridian_m, across_m = radii_m(values[..., LAT])
+    cosine = np.cos(values[..., LAT])
+    return meridian_m + values[..., HEIGHT], (across_m + values[..., HEIGHT]) * cosine, cosine
+
+
+def _motion(values: Array, rates: Array, changes: Array) -> tuple[Array, Array]:
+    """Return velocity and its rate of change, east, north and up (..., 3)."""
+    north_m, east_m, cosine = _metres_per_radian(values)
+    sine = np.sin(values[..., LAT])
+    squeeze = 1.0 - ECCENTRICITY_SQUARED * sine**2
+    meridian_m, across_m = radii_m(values[..., LAT])
+    bend = ECCENTRICITY_SQUARED * sine * cosine / squeeze * rates[..., LAT]
+    north_rate = 3.0 * meridian_m * bend + rates[..., HEIGHT]
+    east_rate = (across_m * bend + rates[..., HEIGHT]) * cosine - (across_m + values[..., HEIGHT]) * sine * rates[
+        ..., LAT
+    ]
+    velocity = np.stack((east_m * rates[..., LON], north_m * rates[..., LAT], rates[..., HEIGHT]), axis=-1)
+    acceleration = np.stack(
+        (
+            east_m * changes[..., LON] + east_rate * rates[..., LON],
+            north_m * changes[..., LAT] + north_rate * rates[..., LAT],
+            changes[..., HEIGHT],
+        ),
+        axis=-1,
+    )
+    return velocity, acceleration
+
+
+def _earth_rate(lat_rad: Array) -> Array:
+    return RATE_RADPS * np.stack((np.zeros_like(lat_rad), np.cos(lat_rad), np.sin(lat_rad)), axis=-1)
+
+
+def _transport_rate(values: Array, velocity: Array) -> Array:
+    north_m, east_m, cosine = _metres_per_radian(values)
+    eastward = velocity[..., 0] / (east_m / cosine)
+    return np.stack((-velocity[..., 1] / north_m, eastward, eastward * np.tan(values[..., LAT])), axis=-1)
+
+
+def _body_rate(values: Array, rates: Array) -> Array:
+    """Return the body's rate against east, north and up, body components (..., 3)."""
+    sin_p, cos_p = np.sin(values[..., PITCH]), np.cos(values[..., PITCH])
+    sin_b, cos_b = np.sin(values[..., BANK]), np.cos(values[..., BANK])
+    heading, pitch, bank = rates[..., HEADING], rates[..., PITCH], rates[..., BANK]
+    return np.stack(
+        (
+            pitch * cos_b + heading * cos_p * sin_b,
+            bank - heading * sin_p,
+            pitch * sin_b - heading * cos_p * cos_b,
+        ),
+        axis=-1,
+    )
 
 
 @dataclass(frozen=True)

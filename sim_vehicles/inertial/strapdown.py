@@ -13,6 +13,7 @@ import numpy as np
 
 from flight_model.arrays import Array
 from flight_model.earth import RATE_RADPS, gravity_mps2, radii_m
+from sim_vehicles.inertial.imu import Increments, NavigationState
 from sim_vehicles.inertial.rotation import (
     Quaternion,
     Vector,
@@ -24,7 +25,6 @@ from sim_vehicles.inertial.rotation import (
     to_quaternion,
     turned,
 )
-from sim_vehicles.inertial.trajectory import Increments, NavigationState
 
 TWO_THIRDS = 2.0 / 3.0
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from flight_model import energy
-from flight_model.airframe import AirframeParameters
 from flight_model.design import BOUNDS, FREQUENCIES, Telemetry, Weights, design, judged_channels
+from flight_model.energy import AirframeParameters
 from flight_model.linear import airframe_responses, lag_responses
 from formation_scenario import load_scenario
 from formation_scenario.gains import figures

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flight_model import energy
-from flight_model.airframe import GRAVITY_MPS2, AirframeParameters
+from flight_model.energy import GRAVITY_MPS2, AirframeParameters
 from formation_scenario.source import Source
 from formation_scenario.vehicle_file import read_model
 from formation_scenario.vehicles import EnergyAirframe

@@ -18,9 +18,8 @@ from gcs_formation.mission.starting import CARELESS, Caution
 from gcs_formation.recorder import Event
 from gcs_formation.station import Station
 from gcs_formation.tick import Tick
-from sim_vehicles.config import Fault, FaultKind
+from sim_vehicles.config import Fault, FaultKind, fleet_config
 from sim_vehicles.fleet import Fleet
-from sim_vehicles.from_scenario import fleet_config
 from tests.flights.conftest import scenario
 
 

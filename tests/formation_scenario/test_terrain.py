@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from formation_scenario import SplinePath, load_scenario
-from formation_scenario.placement import start_states
+from formation_scenario.begin_and_end import start_states
 from formation_scenario.source import read_text
 
 HILL = "terrain={clearance_m: 60, hills: [{north_m: 2000, east_m: 0, height_m: 60, radius_m: 300}]}"

@@ -9,8 +9,8 @@ from airlink.endpoint import LOOPBACK, Address, VehicleId
 from airlink.engine import Datagram
 from airlink.memory import FIRST_EPHEMERAL_PORT, MemoryNetwork
 from gcs_formation.station import Station
+from sim_vehicles.config import fleet_config
 from sim_vehicles.fleet import Fleet
-from sim_vehicles.from_scenario import fleet_config
 from tests.fuzz.siege import Flown, Notes, check, planned
 
 FOLLOWER = VehicleId(1, 2)

@@ -28,8 +28,8 @@ from gcs_formation.recorder import Event
 from gcs_formation.station import Station
 from gcs_formation.tick import Tick
 from gcs_formation.vehicle.vehicle import STATION_SYSTEM
+from sim_vehicles.config import fleet_config
 from sim_vehicles.fleet import Fleet
-from sim_vehicles.from_scenario import fleet_config
 from tests.flights.conftest import scenario
 from tests.fuzz.datagrams import FOREIGN_TARGET, Hostile, Names
 

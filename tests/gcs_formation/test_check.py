@@ -12,8 +12,8 @@ import yaml
 from click.testing import CliRunner
 
 from formation_scenario import ScenarioError, load_scenario
+from formation_scenario.begin_and_end import path_end_s
 from formation_scenario.feasibility import refused_orders
-from formation_scenario.flight_time import path_end_s
 from gcs_formation.app.assembly import Assembly, assembly, goes_round, split_errors
 from gcs_formation.app.check import check_report, never_reached
 from gcs_formation.cli import main

@@ -15,6 +15,7 @@ from scipy.optimize import brentq
 
 import gcs_formation
 from formation_scenario import SplinePath, load_scenario
+from formation_scenario.graph import laplacian
 from gcs_formation import Summary
 from gcs_formation.guidance.tracking import project
 from gcs_formation.record.timeseries import flying, read_parquet
@@ -24,7 +25,6 @@ from gcs_formation.stability import (
     graph_adjacency,
     scenario_delay_margin,
 )
-from gcs_formation.stability.graphs import laplacian
 
 Array = npt.NDArray[np.float64]
 Fly = Callable[..., tuple[Summary, dict[str, Array]]]

@@ -7,9 +7,8 @@ import pytest
 from airlink.endpoint import VehicleId
 from formation_scenario import load_scenario
 from formation_scenario.navigation import NoisyNavigation
-from sim_vehicles.config import SensorErrors
+from sim_vehicles.config import SensorErrors, fleet_config
 from sim_vehicles.fleet import Fleet
-from sim_vehicles.from_scenario import fleet_config
 
 SCENARIO = """
 schema: 1

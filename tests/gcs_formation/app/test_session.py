@@ -15,8 +15,8 @@ from gcs_formation.app.progress import Silent
 from gcs_formation.app.session import open_session
 from gcs_formation.record.run_directory import TIMESERIES
 from gcs_formation.record.timeseries import read_parquet
+from sim_vehicles.config import fleet_config
 from sim_vehicles.fleet import Fleet
-from sim_vehicles.from_scenario import fleet_config
 from tests.flights.conftest import scenario
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from airlink.clock import Instant
 from formation_scenario import Scenario, load_scenario
-from formation_scenario.fence import Fence, inside_m
+from formation_scenario.environment import Fence, inside_m
 from gcs_formation import parameters
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
 from gcs_formation.estimation.predictor import advance

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from formation_scenario.graph import laplacian
 from gcs_formation.stability import (
     as_adjacency,
     consensus_delay_margin,
@@ -14,7 +15,6 @@ from gcs_formation.stability import (
     graph_adjacency,
     ground_consensus_delay_margin,
 )
-from gcs_formation.stability.graphs import laplacian
 from gcs_formation.stability.roots import rightmost_root
 
 DIRECTED_RING = np.roll(np.eye(5), 1, axis=1)

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from formation_scenario import load_scenario
+from formation_scenario.graph import spanning_components
 from formation_scenario.model import Scenario
-from formation_scenario.rules.vehicles import has_spanning_tree
+from formation_scenario.vehicle_rules import has_spanning_tree
 from gcs_formation.stability import (
     consensus_delay_margin,
     consensus_margins,
@@ -22,7 +23,6 @@ from gcs_formation.stability import (
     scenario_delay_margin,
     scenario_margins,
 )
-from gcs_formation.stability.graphs import spanning_components
 
 STRAIGHT = {"waypoints_m": [[0, 0, 100], [3000, 0, 100]]}
 

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from formation_scenario import VehicleModel, load_scenario
+from formation_scenario.graph import laplacian
 from gcs_formation.stability import (
     Loop,
     LoopDelay,
@@ -26,7 +27,6 @@ from gcs_formation.stability import (
     right_plant,
     scenario_delay_margin,
 )
-from gcs_formation.stability.graphs import laplacian
 from gcs_formation.stability.mismatch import BANDWIDTHS
 
 MIXER = Mixer(k_v=0.1, k_x=1.0, k_psi=0.1, k_y=0.05, k_z=1.0)

@@ -18,11 +18,10 @@ from sim_vehicles.airframe.motion import Motion
 from sim_vehicles.inertial.alignment import limits
 from sim_vehicles.inertial.config import InertialConfig, gnss, inertial_sensors
 from sim_vehicles.inertial.error_model import TILT
-from sim_vehicles.inertial.flight import exact_start, navigate
-from sim_vehicles.inertial.imu import InertialSensors, sensor_random
+from sim_vehicles.inertial.experiment import exact_start, navigate
+from sim_vehicles.inertial.imu import InertialSensors, Trajectory, sensor_random
 from sim_vehicles.inertial.navigator import InertialNavigator
 from sim_vehicles.inertial.rotation import angles, attitude, displaced
-from sim_vehicles.inertial.trajectory import Trajectory
 
 ORIGIN = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 0.0)
 PATH, SPEED_MPS = SplinePath([[0, 0, 200], [700, 0, 200], [1400, 300, 220], [2000, 900, 190], [2100, 3000, 200]]), 22.0

@@ -10,11 +10,10 @@ import pytest
 from flight_model.earth import RATE_RADPS, GeodeticOrigin, gravity_mps2, radii_m
 from formation_scenario import SplinePath
 from sim_vehicles.inertial.error_model import NORTH, TILT, VELOCITY, dynamics
-from sim_vehicles.inertial.flight import Array, Start, exact_start, navigate
-from sim_vehicles.inertial.imu import InertialSensors
+from sim_vehicles.inertial.experiment import Array, Start, exact_start, navigate
+from sim_vehicles.inertial.imu import Increments, InertialSensors, Trajectory
 from sim_vehicles.inertial.rotation import angles, attitude, displaced, misalignment, to_matrix, to_quaternion
 from sim_vehicles.inertial.strapdown import Strapdown
-from sim_vehicles.inertial.trajectory import Increments, Trajectory
 
 PLACE = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 1.0)
 MICRO_G, DEGREE_PER_HOUR = 9.797336e-6, math.radians(1.0) / 3600.0
