@@ -1,4 +1,4 @@
-"""Orders to a formation in flight, as an operator writes them: `shape line`, `speed 24`, `leader 3`, `loiter`."""
+"""Orders to a formation in flight, as an operator writes them: `shape line`, `speed 24`, `leader 2`; and the answer."""
 
 from __future__ import annotations
 
@@ -120,3 +120,10 @@ class PlannedOrder(Keys):
     order: Annotated[
         str, BeforeValidator(_known_order), WithJsonSchema({"type": "string"}), Allowed(ALLOWED, EXAMPLES)
     ] = Field(description="the order", examples=["shape line 40"])
+
+
+class Answer(NamedTuple):
+    """Whether an order is accepted, and the answer in words."""
+
+    accepted: bool
+    text: str

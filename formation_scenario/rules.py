@@ -7,8 +7,6 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from flight_model.earth import SEMI_MAJOR_M
-from flight_model.elevation import ALLOWED as ELEVATION_FILES
-from flight_model.elevation import ElevationError
 from flight_model.path import PathError
 from formation_scenario import vehicle_rules
 from formation_scenario.begin_and_end import latest_end_s
@@ -16,6 +14,8 @@ from formation_scenario.environment import PASSING, DrydenTurbulence
 from formation_scenario.errors import Problem
 from formation_scenario.expectation import RUN_METRICS
 from formation_scenario.fields import VehicleSelection
+from formation_scenario.ground import ALLOWED as ELEVATION_FILES
+from formation_scenario.ground import ElevationError
 from formation_scenario.links import (
     ALLOWED,
     DefaultLink,

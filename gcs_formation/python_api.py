@@ -13,8 +13,7 @@ import pyarrow as pa
 from airlink.cli.commands import default_directory
 from formation_scenario import Scenario, load_scenario
 from formation_scenario.load import settings
-from formation_scenario.orders import parse_order
-from gcs_formation.answer import Answer
+from formation_scenario.orders import Answer, parse_order
 from gcs_formation.app.operator import ClockName, Interrupts, RunOptions
 from gcs_formation.app.order_socket import STATUS
 from gcs_formation.app.order_socket import tell as give_order

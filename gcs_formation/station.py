@@ -14,7 +14,7 @@ from airlink.messages import Message
 from airlink.messages.parameter import ParamValue
 from formation_scenario import Scenario
 from formation_scenario.arrangement import columns
-from gcs_formation.answer import Answer
+from formation_scenario.orders import Answer
 from gcs_formation.controller import FormationController
 from gcs_formation.estimation.estimator import Sample
 from gcs_formation.fleet.common_clock import CommonClock

@@ -20,14 +20,6 @@ from sim_vehicles.inertial.config import InertialConfig, aid, inertial_sensors
 EPOCH_2020_US = 1_577_836_800_000_000
 
 
-class SimVehiclesError(Exception):
-    """Root of what the emulated vehicles raise."""
-
-
-class TruthError(SimVehiclesError):
-    """A file that isn't a record of ground truth."""
-
-
 @dataclass(frozen=True)
 class Start:
     """State at boot: NED from the fleet's origin, height upwards, heading clockwise from north."""

@@ -15,7 +15,6 @@ import numpy as np
 from airlink.clock import NANOSECONDS, Instant
 from flight_model.arrays import Array
 from sim_vehicles.autopilot.clock import LOOP_HZ
-from sim_vehicles.config import TruthError
 
 if TYPE_CHECKING:
     from sim_vehicles.fleet import Fleet
@@ -23,6 +22,10 @@ if TYPE_CHECKING:
 MAGIC = b"truth\x00\x00\x03"
 HEADER = struct.Struct("<8sQ")
 QUANTITIES = 12
+
+
+class TruthError(Exception):
+    """A file that isn't a record of ground truth."""
 
 
 @dataclass(frozen=True)

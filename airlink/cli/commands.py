@@ -23,6 +23,11 @@ VERSION = f"%(prog)s, version %(version)s, {'compiled' if COMPILED else 'not com
 """What `--version` prints."""
 
 
+def examples(*lines: str) -> str:
+    """Return the end of a command's help."""
+    return "\b\nExamples:\n" + "\n".join(f"  {line}" for line in lines)
+
+
 class Entry(NamedTuple):
     """The module that defines a command, and the command's line in the list of commands."""
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from gcs_formation.answer import Answer
+from formation_scenario.orders import Answer
 from gcs_formation.errors import NothingRunningError
 
 SOCKET = "orders.sock"

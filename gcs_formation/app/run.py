@@ -25,9 +25,9 @@ from gcs_formation.record.run_directory import SCENARIO, TRUTH
 from gcs_formation.record.summary import Summary
 from gcs_formation.record.timeseries import GroundTruth
 from gcs_formation.recorder import Event
-from sim_vehicles.config import TruthError, fleet_config, stand_ins
+from sim_vehicles.config import fleet_config, stand_ins
 from sim_vehicles.fleet import Fleet
-from sim_vehicles.truth import TruthWriter, read_truth
+from sim_vehicles.truth import TruthError, TruthWriter, read_truth
 
 TRUTH_RATE_HZ = 25.0
 END_S = 5.0

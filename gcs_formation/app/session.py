@@ -13,7 +13,7 @@ from airlink.clock import MICROSECONDS, NANOSECONDS, Clock, Instant, Stopwatch, 
 from airlink.endpoint import Endpoint, VehicleId
 from airlink.engine import Datagram, Engine
 from formation_scenario import Scenario
-from gcs_formation.answer import Answer
+from formation_scenario.orders import Answer
 from gcs_formation.app.injection import InjectedDelays, InjectedFaults, impair, injected
 from gcs_formation.app.operator import Confirmation, Interrupts, RunOptions
 from gcs_formation.app.order_socket import STATUS, OrderSocket

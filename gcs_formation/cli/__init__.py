@@ -4,8 +4,17 @@ from __future__ import annotations
 
 import click
 
-from airlink.cli.commands import VERSION, Entry, ImportedWhenChosen
-from gcs_formation.cli import usage
+from airlink.cli.commands import VERSION, Entry, ImportedWhenChosen, examples
+
+EXAMPLES = examples(
+    "gcs-formation init                                           writes quickstart.yaml",
+    "gcs-formation check quickstart.yaml",
+    "gcs-formation run quickstart.yaml --speedup 5 --out runs/quickstart",
+    "gcs-formation run quickstart.yaml --clock virtual --set links.default.delay_ms=300",
+    "gcs-formation tell runs/quickstart shape line                to a flight under way",
+    "gcs-formation report runs/quickstart",
+    "gcs-formation compare quickstart.yaml --laws pid,fuzzy_pid   on one seed, side by side",
+)
 
 COMMANDS = {
     "check": Entry("gcs_formation.cli.scenario", "Validate a scenario; print its graph and its delay margins."),
@@ -25,7 +34,7 @@ COMMANDS = {
 
 
 @click.group(
-    cls=ImportedWhenChosen, entries=COMMANDS, context_settings={"help_option_names": ["-h", "--help"]}, epilog=usage.ALL
+    cls=ImportedWhenChosen, entries=COMMANDS, context_settings={"help_option_names": ["-h", "--help"]}, epilog=EXAMPLES
 )
 @click.version_option(package_name="gcs-formation", message=VERSION)
 def main() -> None:

@@ -8,16 +8,20 @@ from typing import Any
 
 import click
 
-from airlink.cli.commands import OUT, SECONDS, SEED, WholeNumber, default_directory
+from airlink.cli.commands import OUT, SECONDS, SEED, WholeNumber, default_directory, examples
 from airlink.cli.process import Status, fail, say
 from formation_scenario import ScenarioError
-from gcs_formation.cli import usage
 from gcs_formation.errors import RecordError, RunAbortedError
 from gcs_formation.studies.compare import Compared, CompareOptions, compare_laws
 from gcs_formation.studies.workers import Processes
 
+EXAMPLES = examples(
+    "gcs-formation compare paper.yaml --laws pid,fuzzy_pid,consensus --from 500 --jobs 2 --out runs/laws",
+    "gcs-formation compare quickstart.yaml --laws fuzzy_pid,fuzzy_pid_uncompensated --set links.default.delay_ms=300",
+)
 
-@click.command(epilog=usage.COMPARE)
+
+@click.command(epilog=EXAMPLES)
 @click.argument("scenario", type=click.Path(path_type=Path))
 @click.option("--laws", default="pid,fuzzy_pid,consensus", show_default=True, help="Names, with commas between.")
 @click.option("--from", "from_s", type=SECONDS, default=0.0, metavar="SECONDS", help="Errors count from…")

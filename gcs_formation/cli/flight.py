@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 import click
 
-from airlink.cli.commands import OUT, SECONDS, SEED, Number, default_directory
+from airlink.cli.commands import OUT, SECONDS, SEED, Number, default_directory, examples
 from airlink.cli.process import Status, fail, say
 from formation_scenario import Scenario
 from gcs_formation.app.fly import fly as fly_scenario
@@ -21,11 +21,23 @@ from gcs_formation.app.operator import ClockName, Interrupts, RunOptions
 from gcs_formation.app.progress import Progress, Silent, progress_on
 from gcs_formation.app.result_text import result_line, summary_text
 from gcs_formation.app.run import run as run_scenario
-from gcs_formation.cli import usage
 from gcs_formation.cli.scenario import load
 from gcs_formation.errors import RecordError, RunAbortedError
 from gcs_formation.record.run_directory import SCENARIO
 from gcs_formation.record.summary import Summary
+
+RUN_EXAMPLES = examples(
+    "gcs-formation run quickstart.yaml --speedup 5 --out runs/quickstart",
+    "gcs-formation run quickstart.yaml --clock virtual --until 60 --json",
+    'gcs-formation run quickstart.yaml --clock virtual --set formation.shape=arrow --set "wind.velocity_mps=[3, 0, 0]"',
+)
+FLY_EXAMPLES = examples(
+    "sim-vehicles quickstart.yaml                              vehicles, in another terminal",
+    "gcs-formation fly quickstart.yaml --out runs/flown",
+    "gcs-formation fly arduplane.yaml --dry-run                says what it would send, and arms nobody",
+    "gcs-formation fly --resume runs/flown                     takes over what flies of a run that was killed",
+    "gcs-formation fly arduplane.yaml --confirm                asks before anybody is armed",
+)
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 Result = TypeVar("Result")
@@ -55,7 +67,7 @@ def _options(command: Command) -> Command:
     return command
 
 
-@click.command(epilog=usage.RUN)
+@click.command(epilog=RUN_EXAMPLES)
 @click.argument("scenario", type=click.Path(path_type=Path))
 @_options
 @click.option(
@@ -69,7 +81,7 @@ def run(clock: ClockName, **given: Any) -> None:
     sys.exit(_fly(run_scenario, clock, _Given(**given)))
 
 
-@click.command(epilog=usage.FLY)
+@click.command(epilog=FLY_EXAMPLES)
 @click.argument("scenario", type=click.Path(path_type=Path), required=False)
 @_options
 @click.option("--dry-run", is_flag=True, help="Everything but commands: say what vehicles would be sent.")

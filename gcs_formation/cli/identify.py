@@ -10,25 +10,30 @@ from typing import Any
 
 import click
 
-from airlink.cli.commands import OUT, Number, WholeNumber, default_directory
+from airlink.cli.commands import OUT, Number, WholeNumber, default_directory, examples
 from airlink.cli.process import Status, fail, say
 from formation_scenario import Scenario, ScenarioError
 from gcs_formation.app.fly import fly
 from gcs_formation.app.operator import ClockName, Interrupts, RunOptions
 from gcs_formation.app.progress import Silent, progress_on
 from gcs_formation.app.run import run
-from gcs_formation.cli import usage
 from gcs_formation.cli.scenario import load
 from gcs_formation.errors import RecordError, RunAbortedError
 from gcs_formation.identify import command
 from gcs_formation.identify.command import identification_scenario
+
+EXAMPLES = examples(
+    "gcs-formation identify arduplane.yaml --out skywalker.yaml   flies steps, then fits",
+    "gcs-formation identify runs/flown --vehicle 2                from what was recorded",
+    "gcs-formation identify 00000042.BIN --out skywalker.yaml     an ArduPilot log, or a .tlog",
+)
 
 EMULATOR = "emulator"
 VEHICLE_FILE = "vehicle.yaml"
 LOGS = (".tlog", ".bin")
 
 
-@click.command(epilog=usage.IDENTIFY)
+@click.command(epilog=EXAMPLES)
 @click.argument("source", type=click.Path(path_type=Path, exists=True))
 @click.option("--out", type=click.Path(path_type=Path), help=f"Vehicle file; default: {VEHICLE_FILE} in the run.")
 @click.option("--run-dir", type=OUT, help="Where the flight is recorded; default: runs/NAME-TIME.")

@@ -6,14 +6,16 @@ from pathlib import Path
 
 import click
 
+from airlink.cli.commands import examples
 from airlink.cli.process import fail
-from gcs_formation.cli import usage
 from gcs_formation.errors import RecordError
 from gcs_formation.report import write_report
 from gcs_formation.studies.report import is_study, write_study_report
 
+EXAMPLES = examples("gcs-formation report runs/quickstart      writes runs/quickstart/report.html")
 
-@click.command(epilog=usage.REPORT)
+
+@click.command(epilog=EXAMPLES)
 @click.argument("run_dir", type=click.Path(path_type=Path))
 def report(run_dir: Path) -> None:
     """Draw the figures of a run or a study, and one self-contained report.html; of a killed one, what there is."""

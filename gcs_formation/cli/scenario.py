@@ -8,12 +8,25 @@ from pathlib import Path
 
 import click
 
+from airlink.cli.commands import examples
 from airlink.cli.process import fail
 from formation_scenario import Scenario, ScenarioError, load_scenario
 from formation_scenario.schema import scenario_reference, scenario_schema
 from gcs_formation.app.check import check_report, check_text, refusal_report
-from gcs_formation.cli import usage
 from gcs_formation.errors import ExampleError
+
+INIT_EXAMPLES = examples(
+    "gcs-formation init                      quickstart.yaml, here",
+    "gcs-formation init try --example paper  try/paper.yaml",
+)
+CHECK_EXAMPLES = examples(
+    "gcs-formation check quickstart.yaml",
+    "gcs-formation check quickstart.yaml --set law.rate_hz=5 --json",
+)
+SCHEMA_EXAMPLES = examples(
+    "gcs-formation schema > scenario.schema.json",
+    "gcs-formation schema --markdown | less",
+)
 
 SUFFIX = ".yaml"
 IN_THE_TREE = "configs"
@@ -59,7 +72,7 @@ def _directory() -> Path:
     return packaged if packaged.is_dir() else package.parent / IN_THE_TREE
 
 
-@click.command(epilog=usage.INIT)
+@click.command(epilog=INIT_EXAMPLES)
 @click.argument("directory", type=click.Path(path_type=Path), default=Path())
 @click.option("--example", type=click.Choice(example_names()), default="quickstart", show_default=True)
 def init(directory: Path, example: str) -> None:
@@ -74,7 +87,7 @@ def init(directory: Path, example: str) -> None:
     )
 
 
-@click.command(epilog=usage.CHECK)
+@click.command(epilog=CHECK_EXAMPLES)
 @click.argument("scenario", type=click.Path(path_type=Path))
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key (repeatable).")
 @click.option("--json", "as_json", is_flag=True, help="Margins and warnings, or what is wrong, as JSON.")
@@ -89,7 +102,7 @@ def check(scenario: Path, overrides: tuple[str, ...], as_json: bool) -> None:
     click.echo(json.dumps(check_report(loaded), indent=2) if as_json else check_text(loaded))
 
 
-@click.command(epilog=usage.SCHEMA)
+@click.command(epilog=SCHEMA_EXAMPLES)
 @click.option("--study", is_flag=True, help="Of study files instead.")
 @click.option("--markdown", is_flag=True, help="The reference of all keys instead, for people.")
 def schema(study: bool, markdown: bool) -> None:

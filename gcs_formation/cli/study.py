@@ -11,10 +11,9 @@ from typing import Any
 
 import click
 
-from airlink.cli.commands import OUT, SEED, WholeNumber, refusal
+from airlink.cli.commands import OUT, SEED, WholeNumber, examples, refusal
 from airlink.cli.process import Status, fail, raised, say
 from formation_scenario import ScenarioError
-from gcs_formation.cli import usage
 from gcs_formation.errors import RecordError, RunAbortedError
 from gcs_formation.studies.campaign import Outcome, StudyProgress, flights, fly_study
 from gcs_formation.studies.dataset import read_journal, read_plan
@@ -23,6 +22,18 @@ from gcs_formation.studies.keys import INVARIANTS, Study
 from gcs_formation.studies.plan import Plan
 from gcs_formation.studies.preparation import MANY, planned_of, prepare, refly_task
 from gcs_formation.studies.workers import Cluster, Processes
+
+STUDY_EXAMPLES = examples(
+    "gcs-formation study delay-by-loss.yaml --out studies/delay-by-loss",
+    "gcs-formation study delay-by-loss.yaml --out studies/delay-by-loss --resume",
+    "gcs-formation study delay-by-loss.yaml --out studies/cluster --scheduler tcp://10.0.0.1:8786",
+    "gcs-formation study fly studies/delay-by-loss 17      that flight again, with its whole record",
+)
+STRESS_EXAMPLES = examples(
+    "gcs-formation stress --count 100",
+    "gcs-formation stress --hard --count 200",
+    "gcs-formation stress --count 1 --seed 17 --out runs/seed-17",
+)
 
 Row = dict[str, Any]
 MOST_LINES = 60
@@ -45,12 +56,12 @@ class _FlyOrStudy(click.Group):
         return super().resolve_command(ctx, args if args[0] in self.commands else ["run", *args])
 
 
-@click.group(cls=_FlyOrStudy, epilog=usage.STUDY, subcommand_metavar="STUDY --out DIR | fly DIR FLIGHT")
+@click.group(cls=_FlyOrStudy, epilog=STUDY_EXAMPLES, subcommand_metavar="STUDY --out DIR | fly DIR FLIGHT")
 def study() -> None:
     """Fly one scenario many times, over parameters and seeds. `study STUDY --help` lists the options."""
 
 
-@study.command(hidden=True, epilog=usage.STUDY)
+@study.command(hidden=True, epilog=STUDY_EXAMPLES)
 @click.argument("study", type=click.Path(path_type=Path))
 @click.option("--out", type=OUT, required=True, help="The study's directory.")
 @click.option("--workers", type=WholeNumber(1), default=os.cpu_count() or 1, help="Local processes; default: cores.")
@@ -68,7 +79,7 @@ def run(study: Path, **given: Any) -> None:
     sys.exit(_fly(planned, base, **given))
 
 
-@study.command(name="fly", epilog=usage.STUDY)
+@study.command(name="fly", epilog=STUDY_EXAMPLES)
 @click.argument("directory", type=click.Path(path_type=Path))
 @click.argument("flight", type=WholeNumber(0))
 @click.option("--out", type=OUT, help="Run directory; default: DIRECTORY/again/FLIGHT, replaced.")
@@ -153,7 +164,7 @@ def _count(number: int, what: str, plural: str = "s") -> str:
     return f"{number:,} {what}{plural * (number != 1)}"
 
 
-@click.command(epilog=usage.STRESS)
+@click.command(epilog=STRESS_EXAMPLES)
 @click.option("--count", type=WholeNumber(1), default=100, show_default=True, help="How many flights.")
 @click.option("--seed", type=SEED, default=1, show_default=True, help="Seed of the first; then one more.")
 @click.option("--jobs", type=WholeNumber(1), default=os.cpu_count() or 1, help="Flights at a time; default: cores.")

@@ -8,15 +8,40 @@ from pathlib import Path
 
 import click
 
+from airlink.cli.commands import examples
 from airlink.cli.process import Status, fail
 from formation_scenario.orders import OrderError, parse_order
 from gcs_formation.app.order_socket import STATUS
 from gcs_formation.app.order_socket import tell as give_order
-from gcs_formation.cli import usage
 from gcs_formation.errors import NothingRunningError
 
+USAGE = (
+    examples(
+        "gcs-formation tell runs/quickstart status",
+        "gcs-formation tell runs/quickstart shape line",
+        "gcs-formation tell runs/quickstart leader 2",
+    )
+    + """
 
-@click.command(epilog=usage.TELL)
+\b
+Orders:
+  shape NAME [SPACING_M]   fly another shape
+  spacing SPACING_M        fly the same shape wider or closer
+  speed MPS                fly the path at another speed
+  heading DEG              multirotors that stand: turn on the spot
+  leader ID                let another vehicle lead
+  loiter | rtl | land      end the flight: circle here, at home, or land there
+
+\b
+Or:
+  status                   a page on phase, vehicles, errors, delays and margins
+
+Exit status 1: refused, with the reason. 3: no flight answers there.
+"""
+)
+
+
+@click.command(epilog=USAGE)
 @click.argument("run_dir", type=click.Path(path_type=Path))
 @click.argument("order", nargs=-1, required=True)
 def tell(run_dir: Path, order: tuple[str, ...]) -> None:

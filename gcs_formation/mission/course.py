@@ -9,9 +9,8 @@ from typing import Protocol
 from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
 from formation_scenario import Scenario
-from formation_scenario.orders import End, Order, OrderError, parse_order
+from formation_scenario.orders import Answer, End, Order, OrderError, parse_order
 from formation_scenario.transition_plan import NotFlyableError
-from gcs_formation.answer import Answer
 from gcs_formation.controller import FormationController
 from gcs_formation.fleet.circling import GroundFloor
 from gcs_formation.fleet.dispatch import Dispatch

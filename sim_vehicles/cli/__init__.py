@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import click
 
-from airlink.cli.commands import VERSION, Entry, ImportedWhenChosen
+from airlink.cli.commands import VERSION, Entry, ImportedWhenChosen, examples
 
-EXAMPLES = """\b
-Examples:
-  sim-vehicles configs/quickstart.yaml        the vehicles of a scenario, at its endpoints
-  sim-vehicles --count 4 --base-port 14551    vehicle i has system id i and sends to port 14550 + i
-  sim-vehicles --count 20 --one-port          all of them to port 14550
-  sim-vehicles sins configs/sins.yaml         inertial navigation: alignment, then flight
-  sim-vehicles fly --help                     every option
-"""
+EXAMPLES = examples(
+    "sim-vehicles configs/quickstart.yaml        the vehicles of a scenario, at its endpoints",
+    "sim-vehicles --count 4 --base-port 14551    vehicle i has system id i and sends to port 14550 + i",
+    "sim-vehicles --count 20 --one-port          all of them to port 14550",
+    "sim-vehicles sins configs/sins.yaml         inertial navigation: alignment, then flight",
+    "sim-vehicles fly --help                     every option",
+)
 COMMANDS = {
     "fly": Entry("sim_vehicles.cli.fly", "Fly emulated vehicles: those of a scenario, or a number of them."),
     "sins": Entry("sim_vehicles.inertial.command", "Align and navigate by inertial sensors alone."),

@@ -6,8 +6,7 @@ from typing import Any
 
 import pytest
 
-from formation_scenario.orders import End
-from gcs_formation.answer import Answer
+from formation_scenario.orders import Answer, End
 from gcs_formation.phases import Phase
 from sim_vehicles.autopilot.modes import Condition, FlightMode, Mode
 from tests.flights.in_memory import World

@@ -5,9 +5,8 @@ import numpy as np
 import pytest
 
 from flight_model.earth import GeodeticOrigin
-from flight_model.elevation import ElevationError, ElevationGrid, Raster, read_elevation
 from formation_scenario.environment import Hill
-from formation_scenario.ground import Hills
+from formation_scenario.ground import ElevationError, ElevationGrid, Hills, Raster, read_elevation
 
 ORIGIN = GeodeticOrigin(math.radians(35.5), math.radians(125.5), 20.0)
 NEAR = np.array([[0.0, 0.0], [500.0, 500.0]])

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from sim_vehicles.config import TruthError
-from sim_vehicles.truth import HEADER, TruthWriter, read_truth
+from sim_vehicles.truth import HEADER, TruthError, TruthWriter, read_truth
 
 LOOP_S = 0.02
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from gcs_formation.answer import Answer
+from formation_scenario.orders import Answer
 from gcs_formation.app.order_socket import MOST_BYTES, OrderSocket, tell
 from gcs_formation.errors import NothingRunningError
 
