@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -24,11 +24,11 @@ from gcs_formation.stability import (
     LawMargins,
     Usage,
     consensus_margins,
+    follower_margins,
     law_loops,
     law_margins,
     loop_delay_s,
     scenario_adjacency,
-    scenario_margins,
 )
 from gcs_formation.stability.mismatch import LAGS_OFF, STEP_S, lag_margin, mismatch_margin_with_lags_off
 
@@ -40,12 +40,14 @@ NEAR = 0.8
 def check_report(scenario: Scenario) -> dict[str, Any]:
     """Return what `check --json` prints: margins in seconds at the small-signal gains and over the fuzzy range."""
     margins = law_margins(scenario)
+    lags_off, mismatch_lags_off_s = lag_margins(scenario)
     return {
         "valid": True,
         "delay_margin_s": _finite(margins.small_signal),
         "delay_margin_worst_s": _finite(margins.worst),
         "mismatch_margin_s": _finite(mismatch_margins_s(scenario)),
-        **{name: _finite(each) for name, each in asdict(lag_margins(scenario)).items()},
+        "lag_margin": _finite(lags_off),
+        "mismatch_margin_lags_off_s": _finite(mismatch_lags_off_s),
         **_design(scenario),
         "loop_delay_s": configured_loop_delay_s(scenario),
         "assembly": assembly(scenario)._asdict(),
@@ -65,10 +67,10 @@ def check_text(scenario: Scenario) -> str:
     lines.append(f"# loop delay as configured: {configured_loop_delay_s(scenario):.3f} s (sampling and hold included)")
     stood = ", ".join(f"{loop} {margin_s:.3f}" for loop, margin_s in mismatch_margins_s(scenario).items())
     if stood:
-        off, lags = lag_margins(scenario), f"with every lag up to {LAGS_OFF:.0%} off"
+        lags_off, mismatch_lags_off_s = lag_margins(scenario)
         lines.append(f"# mismatch of delay that the predicted loops stand there, s: {stood}")
-        lines.append(f"# {lags}: {_listed(off.mismatch_margin_lags_off_s, '.3f')}")
-        lines.append(f"# by how much every lag may be off its model's there: {_listed(off.lag_margin, '.0%')}")
+        lines.append(f"# with every lag up to {LAGS_OFF:.0%} off: {_listed(mismatch_lags_off_s, '.3f')}")
+        lines.append(f"# by how much every lag may be off its model's there: {_listed(lags_off, '.0%')}")
     lines.extend(_design_text(scenario))
     lines.append(f"# {assembly(scenario)}")
     lines.extend(f"# {bounds}" for bounds in common_limits(scenario))
@@ -124,29 +126,20 @@ def mismatch_margins_s(scenario: Scenario) -> dict[str, float]:
     return dict(sorted(found.items()))
 
 
-@dataclass(frozen=True)
-class LagMargins:
-    """What the predicted loops stand where lags aren't the model's, about the longest configured delay."""
+def lag_margins(scenario: Scenario) -> tuple[dict[str, float], dict[str, float]]:
+    """Return what each predicted loop stands where lags aren't the model's, about the longest configured delay.
 
-    lag_margin: dict[str, float]
-    """Share of itself by which every lag of a loop may be off."""
-    mismatch_margin_lags_off_s: dict[str, float]
-    """Mismatch of the delay with every lag up to `LAGS_OFF` off, s."""
-
-
-def lag_margins(scenario: Scenario) -> LagMargins:
-    """Return the margins against wrong lags of each predicted loop; none without prediction."""
-    found = LagMargins({}, {})
-    if not scenario.law.delay_compensation:
-        return found
+    The first is the share of itself by which every lag may be off, the second the mismatch of the delay with every lag
+    up to `LAGS_OFF` off, s. Without prediction there is none.
+    """
+    off, mismatch_s = dict[str, float](), dict[str, float]()
     delay_s = round(configured_loop_delay_s(scenario) / STEP_S) * STEP_S
-    for axis, loops in {each for axes in law_loops(scenario).values() for each in axes.items()}:
+    predicted = law_loops(scenario).values() if scenario.law.delay_compensation else ()
+    for axis, loops in {each for axes in predicted for each in axes.items()}:
         for loop in loops:
-            margin, stood_s = lag_margin(loop, delay_s), mismatch_margin_with_lags_off(loop, delay_s)
-            found.lag_margin[axis] = min(margin, found.lag_margin.get(axis, margin))
-            most_s = found.mismatch_margin_lags_off_s.get(axis, stood_s)
-            found.mismatch_margin_lags_off_s[axis] = min(stood_s, most_s)
-    return LagMargins(dict(sorted(found.lag_margin.items())), dict(sorted(found.mismatch_margin_lags_off_s.items())))
+            off[axis] = min(lag_margin(loop, delay_s), off.get(axis, np.inf))
+            mismatch_s[axis] = min(mismatch_margin_with_lags_off(loop, delay_s), mismatch_s.get(axis, np.inf))
+    return dict(sorted(off.items())), dict(sorted(mismatch_s.items()))
 
 
 def warnings(scenario: Scenario, margins: LawMargins) -> Iterator[str]:
@@ -215,11 +208,8 @@ def _followers_text(scenario: Scenario) -> Iterator[str]:
     leader = f"vehicle {scenario.leader.vehicle_id}" if scenario.leader else "the virtual leader"
     yield f"# communication graph: star; {leader} is heard by {followers}"
     yield "# delay margins without prediction, s (small signal / worst over the fuzzy range):"
-    for vehicle, each in scenario_margins(scenario).followers.items():
-        axes = ", ".join(
-            f"{axis} {getattr(each.small_signal, f'{axis}_s'):.3f} / {getattr(each.worst, f'{axis}_s'):.3f}"
-            for axis in "xyz"
-        )
+    for vehicle, each in follower_margins(scenario).items():
+        axes = ", ".join(f"{axis} {each.small_signal[axis]:.3f} / {each.worst[axis]:.3f}" for axis in "xyz")
         yield f"#   vehicle {vehicle}: {axes}"
 
 
@@ -229,9 +219,9 @@ def _consensus_text(scenario: Scenario) -> Iterator[str]:
     for vehicle, row in zip(scenario.vehicles, scenario_adjacency(scenario), strict=True):
         heard = [f"{scenario.vehicles[q].vehicle_id} ({row[q]:g})" for q in np.flatnonzero(row)]
         yield f"#   vehicle {vehicle.vehicle_id} hears {', '.join(heard) or 'nobody'}"
-    margins = consensus_margins(scenario)
+    along_s, across_s = consensus_margins(scenario)
     yield "# delay margin of the consensus without prediction, s:"
-    yield f"#   {margins.least():.3f}: along {margins.along_s:.3f}, across {margins.across_s:.3f}"
+    yield f"#   {min(along_s, across_s):.3f}: along {along_s:.3f}, across {across_s:.3f}"
 
 
 def _design(scenario: Scenario) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -18,7 +18,6 @@ from gcs_formation.stability.consensus import ground_consensus_loops
 from gcs_formation.stability.loops import (
     SMALL_SIGNAL,
     Loop,
-    LoopMargins,
     Mixer,
     PidGains,
     Plant,
@@ -32,26 +31,18 @@ from gcs_formation.stability.loops import (
 
 
 @dataclass(frozen=True, slots=True)
-class FollowerMargins:
-    """Margins at the small-signal gains (no error), and the least over the scheduler's whole range."""
+class LawMargins:
+    """Margin of each loop by its name, s: at zero error, and the least over all gains that the law can schedule.
 
-    small_signal: LoopMargins
-    worst: LoopMargins
-
-
-@dataclass(frozen=True, slots=True)
-class ScenarioMargins:
-    """Margins of every vehicle that follows at some time, and the least over them for each axis.
-
-    They hold for the loops without prediction and without disturbance observer.
+    They hold for the loops without prediction and without disturbance observer; 0 or less is unstable without delay.
     """
 
-    followers: Mapping[VehicleId, FollowerMargins]
-    least: FollowerMargins
+    small_signal: Mapping[str, float]
+    worst: Mapping[str, float]
 
 
-def scenario_margins(scenario: Scenario) -> ScenarioMargins:
-    """Delay margins of the loops that a scenario's law closes around each follower.
+def follower_margins(scenario: Scenario) -> dict[VehicleId, LawMargins]:
+    """Return the delay margins of the loops x, y and z around every vehicle that follows at some time.
 
     A follower's margin is the least over the slots that it has during the run, at the speed along the path. The
     scenario's leader counts as a follower where another vehicle is to lead.
@@ -63,17 +54,15 @@ def scenario_margins(scenario: Scenario) -> ScenarioMargins:
     def axis(nominal: PidGains, plant: Plant) -> tuple[float, float]:
         return loop_margin(nominal, plant, gain_range), worst_loop_margin(nominal, plant, gain_range)
 
-    def margins(model: VehicleModel, x_rc_m: float) -> FollowerMargins:
+    def margins(model: VehicleModel, x_rc_m: float) -> LawMargins:
         plants = _plants(scenario, model, x_rc_m)
-        axes = [axis(nominal, plant) for nominal, plant in zip(nominal_gains, plants, strict=True)]
-        small_signal, worst = zip(*axes, strict=True)
-        return FollowerMargins(LoopMargins(*small_signal), LoopMargins(*worst))
+        axes = {name: axis(*loop) for name, *loop in zip("xyz", nominal_gains, plants, strict=True)}
+        return LawMargins(*({name: each[which] for name, each in axes.items()} for which in (0, 1)))
 
-    followers = {
+    return {
         identity: _least([margins(model, x_rc_m) for x_rc_m in places_m])
         for identity, model, places_m in _planned(scenario)
     }
-    return ScenarioMargins(followers, _least(list(followers.values())))
 
 
 def follower_loops(scenario: Scenario) -> dict[VehicleId, dict[str, tuple[Loop, ...]]]:
@@ -107,20 +96,11 @@ def _loops(scenario: Scenario, model: VehicleModel, places_m: Sequence[float]) -
     }
 
 
-def _least(margins: Sequence[FollowerMargins]) -> FollowerMargins:
-    return FollowerMargins(
-        _least_of_axes([margin.small_signal for margin in margins]),
-        _least_of_axes([margin.worst for margin in margins]),
-    )
+def _least(margins: Collection[LawMargins]) -> LawMargins:
+    def least(each: Collection[Mapping[str, float]]) -> dict[str, float]:
+        return {axis: min((margin[axis] for margin in each), default=math.inf) for axis in "xyz"}
 
-
-def _least_of_axes(margins: Sequence[LoopMargins]) -> LoopMargins:
-    none = float("inf")
-    return LoopMargins(
-        min((margin.x_s for margin in margins), default=none),
-        min((margin.y_s for margin in margins), default=none),
-        min((margin.z_s for margin in margins), default=none),
-    )
+    return LawMargins(least([each.small_signal for each in margins]), least([each.worst for each in margins]))
 
 
 def _plants(scenario: Scenario, model: VehicleModel, x_rc_m: float) -> tuple[Plant, Plant, Plant]:
@@ -132,33 +112,12 @@ def _plants(scenario: Scenario, model: VehicleModel, x_rc_m: float) -> tuple[Pla
     return forward, forward if model.hovers else right, height_plant(mixer, model)
 
 
-@dataclass(frozen=True, slots=True)
-class LawMargins:
-    """Margin of each loop by its name, s: at zero error, and the least over all gains that the law can schedule."""
-
-    small_signal: Mapping[str, float]
-    worst: Mapping[str, float]
-
-
-@dataclass(frozen=True, slots=True)
-class ConsensusMargins:
-    """Delay margins of the consensus law along and across the formation's heading, s."""
-
-    along_s: float
-    across_s: float
-
-    def least(self) -> float:
-        """The law's margin."""
-        return min(self.along_s, self.across_s)
-
-
 def law_margins(scenario: Scenario) -> LawMargins:
     """Return the margins of the loops that the scenario's law closes: `consensus`, or x, y and z."""
     if law_kind(scenario).mutual:
-        margin = {"consensus": consensus_margins(scenario).least()}
+        margin = {"consensus": min(consensus_margins(scenario))}
         return LawMargins(margin, margin)
-    least = scenario_margins(scenario).least
-    return LawMargins(_axes(least.small_signal), _axes(least.worst))
+    return _least(follower_margins(scenario).values())
 
 
 def scenario_delay_margin(scenario: Scenario) -> float:
@@ -179,8 +138,8 @@ def law_loops(scenario: Scenario, *, succession: bool = False) -> Mapping[Vehicl
     return {vehicle.vehicle_id: {"consensus": loops} for vehicle in scenario.vehicles}
 
 
-def consensus_margins(scenario: Scenario) -> ConsensusMargins:
-    """Delay margins of protocol (3) closed through the ground station, on each axis.
+def consensus_margins(scenario: Scenario) -> tuple[float, float]:
+    """Return the delay margins, s, of protocol (3) closed through the ground station: along the heading, and across.
 
     The autopilot's lag is the undelayed damping, 1/tau_v along and 1/tau_psi across; the part of k3 beyond
     it is delayed. Where the vehicles' time constants differ, this is the least margin over them: a lower bound on
@@ -190,7 +149,7 @@ def consensus_margins(scenario: Scenario) -> ConsensusMargins:
         min((delay_margin(loop.open_loop()) for loop in _axis_loops(scenario, lag)), default=math.inf)
         for lag in ("tau_v_s", "tau_psi_s")
     )
-    return ConsensusMargins(along, across)
+    return along, across
 
 
 def _axis_loops(scenario: Scenario, lag: str) -> list[Loop]:
@@ -198,7 +157,3 @@ def _axis_loops(scenario: Scenario, lag: str) -> list[Loop]:
     keys, weights = scenario.law.consensus, scenario_adjacency(scenario)
     dampings = sorted({1.0 / float(getattr(vehicle.model, lag)) for vehicle in scenario.vehicles})
     return [loop for c in dampings for loop in ground_consensus_loops(weights, keys.k1, keys.k2, c, keys.k3 - c)]
-
-
-def _axes(margins: LoopMargins) -> dict[str, float]:
-    return {"x": margins.x_s, "y": margins.y_s, "z": margins.z_s}

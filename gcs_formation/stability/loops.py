@@ -110,19 +110,6 @@ class Loop:
         return Rational(_product(pid_zeros, zeros), _product(pid_poles, poles))
 
 
-@dataclass(frozen=True, slots=True)
-class LoopMargins:
-    """Delay margin of each axis, s; negative or 0 when unstable without delay."""
-
-    x_s: float
-    y_s: float
-    z_s: float
-
-    def least(self) -> float:
-        """The least margin of the three axes."""
-        return min(self.x_s, self.y_s, self.z_s)
-
-
 def forward_plant(mixer: Mixer, model: VehicleModel) -> Plant:
     """Speed setpoint to mixed speed error: (k_v + k_x/s)/(tau_v s + 1)."""
     return _lag_and_integral(model.tau_v_s, mixer.k_v, mixer.k_x)

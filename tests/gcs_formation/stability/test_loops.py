@@ -15,7 +15,6 @@ from gcs_formation.stability import (
     SMALL_SIGNAL,
     GainRange,
     Loop,
-    LoopMargins,
     Mixer,
     PidGains,
     delay_margin,
@@ -118,10 +117,6 @@ def test_unfiltered_derivative_of_a_proper_loop():
 
 def test_loop_delay_counts_sampling_and_hold():
     assert loop_delay_s(0.3, 0.3, 0.01, 10.0, 10.0) == pytest.approx(0.71)
-
-
-def test_least_margin_is_that_of_the_weakest_axis():
-    assert LoopMargins(0.9, 0.7, 2.3).least() == 0.7
 
 
 def simulate(loop: Loop, delay_s: float, predicted_s: float, duration_s: float = 120.0) -> float:

@@ -6,12 +6,12 @@ import pytest
 
 from airlink.endpoint import VehicleId
 from formation_scenario import load_scenario
-from gcs_formation.stability import scenario_margins
+from gcs_formation.stability import follower_margins, law_margins
 from gcs_formation.stability.law import leader_loops
 from tests.flights.conftest import scenario
 
 
-def margins(frame="follower_heading", law="fuzzy_pid", model=None):
+def flown(frame="follower_heading", law="fuzzy_pid", model=None):
     slots = {2: [-30, -30, 0], 3: [-30, 30, 0], 4: [-60, 0, 0]}
     path = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [3000, 0, 100]]}
     vehicles = [
@@ -21,26 +21,26 @@ def margins(frame="follower_heading", law="fuzzy_pid", model=None):
         {"id": 4, **({"model": model} if model else {})},
     ]
     formation = {"shape": "custom", "frame": frame, "slots_m": slots}
-    return scenario_margins(
-        load_scenario({"schema": 1, "vehicles": vehicles, "path": path, "formation": formation, "law": {"type": law}})
+    return load_scenario(
+        {"schema": 1, "vehicles": vehicles, "path": path, "formation": formation, "law": {"type": law}}
     )
 
 
 def test_golden_margins_in_the_followers_frame():
-    found = margins().least
-    assert (found.small_signal.x_s, found.small_signal.y_s) == pytest.approx((0.8688, 0.7349), abs=5e-5)
-    assert (found.worst.x_s, found.worst.y_s) == pytest.approx((0.669424, 0.584744), abs=5e-7)
+    found = law_margins(flown())
+    assert (found.small_signal["x"], found.small_signal["y"]) == pytest.approx((0.8688, 0.7349), abs=5e-5)
+    assert (found.worst["x"], found.worst["y"]) == pytest.approx((0.669424, 0.584744), abs=5e-7)
 
 
 def test_golden_margins_in_the_leaders_frame_with_its_own_heading_gains():
-    found = margins(frame="leader_heading").least
-    assert (found.small_signal.y_s, found.worst.y_s) == pytest.approx((1.252, 0.892), abs=5e-4)
+    found = law_margins(flown(frame="leader_heading"))
+    assert (found.small_signal["y"], found.worst["y"]) == pytest.approx((1.252, 0.892), abs=5e-4)
 
 
 def test_fixed_gains_are_the_nominal_ones():
-    found = margins(law="pid").least
+    found = law_margins(flown(law="pid"))
     assert found.worst == found.small_signal
-    assert (found.worst.x_s, found.worst.y_s, found.worst.z_s) == pytest.approx(
+    assert (found.worst["x"], found.worst["y"], found.worst["z"]) == pytest.approx(
         (0.862581, 0.779763, 2.326183), abs=5e-7
     )
 
@@ -52,7 +52,7 @@ def test_slots_of_the_whole_run_count():
     formation = {"shape": "follower", "frame": "follower_heading", "spacing_m": 30}
     changes = [{"at_s": 40, "shape": "follower", "spacing_m": 90}]
     near, far, both = (
-        scenario_margins(load_scenario(scenario | {"formation": formation | more})).least.worst.y_s
+        law_margins(load_scenario(scenario | {"formation": formation | more})).worst["y"]
         for more in ({}, {"spacing_m": 90}, {"changes": changes})
     )
     assert both == far < near
@@ -68,20 +68,21 @@ def test_a_leader_that_is_to_follow_counts():
     leading = keys | {"vehicles": [{"id": 1, "role": "leader", "model": slow}, {"id": 2}]}
     behind = keys | {"vehicles": [{"id": 1, "role": "leader"}, {"id": 2, "model": slow}]}
     first, second = VehicleId(1, 1), VehicleId(1, 2)
-    assert set(scenario_margins(load_scenario(leading)).followers) == {second}
-    found = scenario_margins(load_scenario(leading, changes)).followers
-    assert found[first] == scenario_margins(load_scenario(behind)).followers[second]
-    assert found[first].worst.y_s < found[second].worst.y_s
+    assert set(follower_margins(load_scenario(leading))) == {second}
+    found = follower_margins(load_scenario(leading, changes))
+    assert found[first] == follower_margins(load_scenario(behind))[second]
+    assert found[first].worst["y"] < found[second].worst["y"]
 
 
 def test_weakest_follower_decides():
     """A slot farther behind has less margin in y (follower's frame); another autopilot, another one in x."""
-    found = margins(model={"tau_v_s": 2.0})
-    y = [found.followers[VehicleId(1, number)].worst.y_s for number in (2, 3, 4)]
-    assert y[0] == y[1] > y[2] == found.least.worst.y_s
-    x = [found.followers[VehicleId(1, number)].worst.x_s for number in (2, 3, 4)]
+    scenario = flown(model={"tau_v_s": 2.0})
+    found, least = follower_margins(scenario), law_margins(scenario)
+    y = [found[VehicleId(1, number)].worst["y"] for number in (2, 3, 4)]
+    assert y[0] == y[1] > y[2] == least.worst["y"]
+    x = [found[VehicleId(1, number)].worst["x"] for number in (2, 3, 4)]
     assert x[0] == x[1] != x[2]
-    assert min(x) == found.least.worst.x_s
+    assert min(x) == least.worst["x"]
 
 
 def test_only_a_real_leader_has_loops_for_when_another_leads():
