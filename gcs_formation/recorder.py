@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -12,6 +12,8 @@ from gcs_formation.tick import Tick
 from gcs_formation.vehicle.vehicle import Vehicle
 
 Detail = str | int | float | bool | None
+GiveUp = Callable[[str, Instant], None]
+"""Ends a run that can't go on, with the reason."""
 
 
 @dataclass(frozen=True)
@@ -53,12 +55,4 @@ class Note(Protocol):
         details: Mapping[str, Detail] | None = None,
     ) -> None:
         """Record it."""
-        ...
-
-
-class GiveUp(Protocol):
-    """Ends a run that can't go on, with the reason."""
-
-    def __call__(self, text: str, now: Instant) -> None:
-        """End the run."""
         ...

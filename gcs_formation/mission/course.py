@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping
-from typing import Protocol
 
 from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
@@ -24,21 +23,18 @@ from gcs_formation.tick import Tick
 from gcs_formation.vehicle.vehicle import Vehicle
 
 
-class EndFlight(Protocol):
-    """Ends a flight."""
-
-    def __call__(self, manner: End, now: Instant) -> str | None:
-        """End the flight; return why that isn't possible, None if it is."""
-        ...
-
-
 class Orders:
     """Takes orders from the operator and those that the scenario plans."""
 
     def __init__(
-        self, scenario: Scenario, flight: Flight, reconfiguration: Reconfiguration, end: EndFlight, note: Note
+        self,
+        scenario: Scenario,
+        flight: Flight,
+        reconfiguration: Reconfiguration,
+        end: Callable[[End, Instant], str | None],
+        note: Note,
     ) -> None:
-        """Carry out changes by `reconfiguration`, and the flight's end by `end`."""
+        """Carry out changes by `reconfiguration`, the flight's end by `end`, which returns why that isn't possible."""
         self._flight = flight
         self._reconfiguration = reconfiguration
         self._end = end

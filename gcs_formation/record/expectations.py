@@ -164,32 +164,24 @@ def judge(
     isn't judged: somebody wanted the run to end before its path or its time did.
     """
     for each in scenario.expect if wanted is None else wanted:
-        judged = _Judged(each, scenario, float(parts["duration_s"]), cut_short)
+        flown_s = float(parts["duration_s"])
+        reached = flown_s + 1.5 / scenario.law.rate_hz >= each.to_s
+        why = "" if reached else f"flown to {flown_s:.1f} s of {each.to_s:g} s"
+        judged = reached or not cut_short
         if each.metric in FOLLOWER_METRICS:
             chosen = {planned.vehicle_id for planned in scenario.selected(each.followers)}
             for vehicle in (one for one in flight.followers(scenario) if one in chosen):
                 value = _follower_value(each, flight, vehicle, parts)
-                yield judged(vehicle, value, led=_leads_throughout(each, flight, vehicle))
+                if _leads_throughout(each, flight, vehicle):
+                    yield Verdict(each, vehicle, value, reached, judged=False, reason="led all the time")
+                else:
+                    yield Verdict(each, vehicle, value, reached, judged, why)
         elif each.metric in LINK_METRICS:
             for planned in scenario.selected(each.followers):
                 value = _link_value(each, planned.vehicle_id, flight, parts, links)
-                yield judged(planned.vehicle_id, value)
+                yield Verdict(each, planned.vehicle_id, value, reached, judged, why)
         else:
-            yield judged(None, _run_value(each, flight, parts))
-
-
-class _Judged:
-    """An expectation's verdicts: what is the same for all vehicles."""
-
-    def __init__(self, wanted: Expectation, scenario: Scenario, flown_s: float, cut_short: bool) -> None:
-        self._wanted = wanted
-        self._reached = flown_s + 1.5 / scenario.law.rate_hz >= wanted.to_s
-        self._judged = self._reached or not cut_short
-        self._reason = "" if self._reached else f"flown to {flown_s:.1f} s of {wanted.to_s:g} s"
-
-    def __call__(self, vehicle: VehicleId | None, value: float | None, *, led: bool = False) -> Verdict:
-        reason = "led all the time" if led else self._reason
-        return Verdict(self._wanted, vehicle, value, self._reached, self._judged and not led, reason)
+            yield Verdict(each, None, _run_value(each, flight, parts), reached, judged, why)
 
 
 def _leads_throughout(wanted: Expectation, flight: Flight, vehicle: VehicleId) -> bool:

@@ -10,7 +10,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NamedTuple, Protocol, Self
+from typing import Any, NamedTuple, Self
 
 import click
 import pyarrow as pa
@@ -160,18 +160,6 @@ def _matches(where: Mapping[str, Any], row: Row) -> bool:
     return all(row.get(name) == value for name, value in where.items())
 
 
-class Shown(Protocol):
-    """Shows how far a study is."""
-
-    def say(self, text: str) -> None:
-        """Show a line that stays, unless it is empty."""
-        ...
-
-    def show(self, done: int, total: int, failed: int) -> None:
-        """Show flights done, of how many at most, and how many couldn't be flown."""
-        ...
-
-
 @dataclass(frozen=True)
 class Outcome:
     """What came of a study."""
@@ -201,7 +189,14 @@ class Outcome:
 
 
 def fly_study(
-    study: Study, base: Mapping[Any, Plain], out: Path, workers: Workers, shown: Shown, *, resume: bool, overwrite: bool
+    study: Study,
+    base: Mapping[Any, Plain],
+    out: Path,
+    workers: Workers,
+    shown: StudyProgress,
+    *,
+    resume: bool,
+    overwrite: bool,
 ) -> Outcome:
     """Fly what a study lacks, and judge it.
 
@@ -226,7 +221,12 @@ def fly_study(
 
 
 def flights(
-    plan: Plan, base: Mapping[Any, Plain], out: Path | None, workers: Workers, shown: Shown, flown: Mapping[int, Row]
+    plan: Plan,
+    base: Mapping[Any, Plain],
+    out: Path | None,
+    workers: Workers,
+    shown: StudyProgress,
+    flown: Mapping[int, Row],
 ) -> Iterator[dict[str, Any]]:
     """Yield the rows of a study's flights as they end, without those of `flown`; `out` keeps their records.
 

@@ -8,9 +8,8 @@ import signal
 import sys
 from collections.abc import Callable
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from types import FrameType
 from typing import Any
 
 import click
@@ -34,53 +33,48 @@ APART_M = 20.0
 ORIGIN = Origin()
 
 
-@dataclass(frozen=True)
-class RunnerOptions:
-    """How a fleet is run."""
+def run(
+    config: FleetConfig,
+    started: Callable[[Fleet], None],
+    *,
+    speedup: float = 1.0,
+    until_s: float | None = None,
+    clock_origin_ns: int | None = None,
+    truth: Path | None = None,
+    truth_rate_hz: float = 25.0,
+    parent_pid: int | None = None,
+) -> int:
+    """Fly until told to stop; return the exit status.
 
-    speedup: float = 1.0
-    until_s: float | None = None
-    clock_origin_ns: int | None = None
-    """Instant 0 on the machine's monotonic clock, to share instants with another process."""
-    truth: Path | None = None
-    truth_rate_hz: float = 25.0
-    parent_pid: int | None = None
-    """The process that started us: we end when it does."""
-
-
-def run(config: FleetConfig, options: RunnerOptions, started: Callable[[Fleet], None]) -> int:
-    """Fly until told to stop; return the exit status. `started` is called once the sockets are open.
+    Args:
+        config: the vehicles.
+        started: called once the sockets are open.
+        speedup: how much faster than real time.
+        until_s: when to end.
+        clock_origin_ns: instant 0 on the machine's monotonic clock, to share instants with another process.
+        truth: the file of ground truth.
+        truth_rate_hz: how often that is recorded.
+        parent_pid: the process that started us: we end when it does.
 
     Raises:
         PortError: a vehicle's own port can't be opened.
     """
-    clock = RealClock(options.speedup, options.clock_origin_ns)
-    recording = TruthWriter(options.truth, len(config.vehicles), options.truth_rate_hz) if options.truth else None
+    clock, signals = RealClock(speedup, clock_origin_ns), list[int]()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda number, _frame: signals.append(number))
+    recording = TruthWriter(truth, len(config.vehicles), truth_rate_hz) if truth else None
     with recording or nullcontext():
         begun = clock.now()
         fleet = Fleet(replace(config, utc_at_0_us=clock.utc_at_0_us), begun, recording)
-        stop = _Stop()
 
         def over() -> bool:
-            late = options.until_s is not None and clock.now() - begun > options.until_s * NANOSECONDS
-            return stop.signal is not None or late or options.parent_pid not in (None, os.getppid())
+            late = until_s is not None and clock.now() - begun > until_s * NANOSECONDS
+            return bool(signals) or late or parent_pid not in (None, os.getppid())
 
         with UdpDriver(fleet, clock) as driver:
             started(fleet)
             driver.run(over)
-    return Status.INTERRUPTED if stop.signal == signal.SIGINT else Status.FINE
-
-
-class _Stop:
-    """The signal that asked us to end."""
-
-    def __init__(self) -> None:
-        self.signal: int | None = None
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._note)
-
-    def _note(self, number: int, _frame: FrameType | None) -> None:
-        self.signal = number
+    return Status.INTERRUPTED if signals and signals[-1] == signal.SIGINT else Status.FINE
 
 
 @click.command(epilog=EXAMPLES)
@@ -126,7 +120,7 @@ def fly(
             click.echo("\n".join(_line(vehicle) for vehicle in fleet.config.vehicles))
 
     try:
-        sys.exit(run(config, RunnerOptions(**options), started))
+        sys.exit(run(config, started, **options))
     except (PortError, OSError) as error:
         fail(str(error), Status.COULD_NOT_GO_ON)
 
