@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from flight_model.path import PathError, PathPoint, PathPoints, SplinePath
-    from flight_model.shapes import slots
-    from formation_scenario.arrangement import SlotStep, slot_schedule, slot_table
+    from formation_scenario.arrangement import SlotStep, slot_schedule, slot_table, slots
     from formation_scenario.begin_and_end import StartStates, start_states
     from formation_scenario.errors import Problem, ScenarioError
     from formation_scenario.ground import Ground
@@ -36,7 +35,7 @@ _HOME = {
     "load_scenario": "formation_scenario.load",
     "slot_schedule": "formation_scenario.arrangement",
     "slot_table": "formation_scenario.arrangement",
-    "slots": "flight_model.shapes",
+    "slots": "formation_scenario.arrangement",
     "start_states": "formation_scenario.begin_and_end",
 }
 
