@@ -158,7 +158,7 @@ def _flown(scenario: Scenario, options: RunOptions, progress: Progress, interrup
     session = open_session(scenario, options, clock, progress, interrupts, emulated=False, begun=begun)
     try:
         with UdpDriver(session.engine, clock) as driver, session.listening():
-            driver.run(session.over)
+            driver.run(session.attend)
     except PortError as error:
         session.recorder.close()
         raise RunAbortedError(str(error)) from error

@@ -57,7 +57,7 @@ def _run_virtual(scenario: Scenario, options: RunOptions, progress: Progress, in
             network.attach(session.engine)
         except PortError as error:
             raise RunAbortedError(str(error)) from error
-        network.run(session.over)
+        network.run(session.attend)
     return _conclude(session)
 
 
@@ -121,7 +121,7 @@ def _watch(session: Session, emulators: _Emulators) -> Callable[[], bool]:
         said = emulators.ended()
         if said is not None and not session.station.flight.ended:
             session.station.course.fail(f"the emulated vehicles' process has ended: {said}", session.clock.now())
-        return session.over()
+        return session.attend()
 
     return over
 

@@ -108,7 +108,7 @@ class Session:
         self._orders: OrderSocket | None = None
         self._confirmation = self._confirming() if self.options.confirm else None
         self._heeded, self._left = 0, False
-        self.recorder.listener = self._heard
+        self.recorder.tell_events_to(self._heard)
         self._heard(
             Event(self._began_at, "phase", f"{Phase.CONNECTING.value} to {len(self.station.vehicles)} vehicles")
         )
@@ -118,8 +118,8 @@ class Session:
         self._orders = OrderSocket(self.options.out, self._answer)
         return self._orders
 
-    def over(self) -> bool:
-        """Return whether the flight has ended; the driver calls it after every event."""
+    def attend(self) -> bool:
+        """Heed the operator and show progress, after every event; return whether the flight has ended."""
         if self.recorder.failure is not None and self.station.course.failure is None:
             self.station.course.fail(self.recorder.failure, self.clock.now())
         left = self._heed_interrupts()

@@ -118,8 +118,7 @@ class Membership:
         self._columns = columns
         self._note = note
         self._ground = GroundFloor(scenario)
-        self.ending_m: Mapping[VehicleId, float] | None = None
-        """At the end of the flight, the height of everyone's circle: nobody who loiters is told to come back."""
+        self._circles_m: Mapping[VehicleId, float] | None = None
         self._floor_at, self._floor_m = Instant(-1), -math.inf
         self._commanded_to_loiter = dict[VehicleId, Instant]()
         """Until when each has been."""
@@ -199,7 +198,7 @@ class Membership:
     ) -> bool:
         if self._law.on_delay == "hold" and vehicle.identity in beyond:
             return False
-        if vehicle.member is Member.HOLDING and self.ending_m is not None:
+        if vehicle.member is Member.HOLDING and self._circles_m is not None:
             return False
         out, link = vehicle.member is not Member.FLYING, vehicle.connection
         if link.state in WITHOUT_HEARTBEATS and (out or link.mute_s(vehicle.sequence.loss) > MUTE_S):
@@ -209,6 +208,10 @@ class Membership:
             return False
         age_s = estimator.age_s(self._columns[vehicle.identity], now)
         return math.isnan(age_s) or age_s <= limit_s
+
+    def end(self, circles_m: Mapping[VehicleId, float]) -> None:
+        """Let nobody who loiters come back at the end of the flight; take the heights of everyone's circle."""
+        self._circles_m = circles_m
 
     def _tell(self, vehicle: Vehicle, now: Instant) -> None:
         autopilot = vehicle.autopilot
@@ -224,8 +227,8 @@ class Membership:
 
     def _holding_height_m(self, vehicle: Vehicle, now: Instant) -> float:
         """Return the height at which a vehicle loiters clear of all others, m."""
-        if self.ending_m is not None and vehicle.identity in self.ending_m:
-            return self.ending_m[vehicle.identity]
+        if self._circles_m is not None and vehicle.identity in self._circles_m:
+            return self._circles_m[vehicle.identity]
         places = {i: v.telemetry.motion for i, v in self._vehicles.items() if v.telemetry.motion}
         if now != self._floor_at:
             tops = [self._ground.top(place.north_m, place.east_m).height_m for place in places.values()]

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from airlink.clock import Instant
+from airlink.clock import Instant, seconds_between
 from flight_model.autopilot import AutopilotModel, FlightState, rotated
-from flight_model.displacement import DisplacedPath
+from flight_model.displacement import PEAK_CHANGE, PEAK_RATE, DisplacedPath, minimum_jerk
 from flight_model.path import PathPoint, SplinePath
 from flight_model.slot import Slot
 from gcs_formation.estimation.flight_state import Setpoint
@@ -26,8 +26,12 @@ from gcs_formation.guidance.tracking import (
     track,
     track_turn,
 )
-from gcs_formation.guidance.turn import TurnOnSpot
 
+SHARE = 0.5
+"""Of speed and acceleration, that slots use in a turn; the rest is left to the law."""
+NOSE_RADPS = 0.5
+"""Fastest turn: noses come round at 1 rad/s."""
+LEAST_S = 2.0
 DECISION_S = 2.0
 """How long before the path's start to decide whether to begin it or to go around again."""
 ASSEMBLED_S = 2.0
@@ -44,6 +48,42 @@ RETURNS = 8
 """How many places are tried to return to, each a turn's radius farther along the path than the one before."""
 CLIMB_SHARE = 0.7
 """Share of the climb limit that the route to the start uses; followers need the rest."""
+
+
+@dataclass(frozen=True)
+class TurnOnSpot:
+    """A direction that comes round from one to another, at rest at both ends, with the least jerk."""
+
+    begin_rad: float
+    by_rad: float
+    """Clockwise positive."""
+    begun: Instant
+    duration_s: float
+
+    @classmethod
+    def to(
+        cls, heading_rad: float, from_rad: float, now: Instant, reach_m: float, speed_mps: float, accel_mps2: float
+    ) -> TurnOnSpot:
+        """Return the shorter way round, no faster than slots up to `reach_m` away can follow within these limits."""
+        by_rad = math.remainder(heading_rad - from_rad, math.tau)
+        size_rad, reach_m = abs(by_rad), max(reach_m, 1.0)
+        most_radps = min(NOSE_RADPS, SHARE * speed_mps / reach_m, math.sqrt(SHARE * accel_mps2 / reach_m))
+        duration_s = max(
+            LEAST_S, PEAK_RATE * size_rad / most_radps, math.sqrt(PEAK_CHANGE * size_rad * reach_m / SHARE / accel_mps2)
+        )
+        return cls(from_rad, by_rad, now, duration_s)
+
+    @property
+    def goal_rad(self) -> float:
+        """Where it ends."""
+        return self.begin_rad + self.by_rad
+
+    def setpoint(self, at: int, lag_s: float) -> tuple[float, float]:
+        """Return the heading to tell at an instant (ns) to what follows with a lag, and how fast that turns, rad/s."""
+        elapsed_s = seconds_between(self.begun, Instant(at))
+        share, rate, change = minimum_jerk(min(max(elapsed_s / self.duration_s, 0.0), 1.0))
+        rate, change = rate * self.by_rad / self.duration_s, change * self.by_rad / self.duration_s**2
+        return self.begin_rad + share * self.by_rad + lag_s * rate, rate + lag_s * change
 
 
 def amid(followers: list[FlightState], slots: list[Slot], speed_mps: float) -> FlightState:
@@ -211,6 +251,21 @@ class LeaderGuidance:
     def take_over(self, route: DisplacedPath | None, distance_m: float) -> None:
         """Guide another vehicle from now on, along `route` from `distance_m`; without one, to the path's start."""
         self.route, self.distance_m = route, distance_m
+
+    def resume(
+        self, speed_mps: float, at: Instant, heading_rad: float | None, amid_m: tuple[float, float] | None
+    ) -> None:
+        """Go on where a flight stood: its speed, where those that stood faced, how far along the path it may be."""
+        self.speed_mps, self.amid_m = speed_mps, amid_m
+        self.turn = None if heading_rad is None else TurnOnSpot(heading_rad, 0.0, at, LEAST_S)
+
+    def fly_at(self, speed_mps: float) -> None:
+        """Fly at another speed from now on; one that stands goes on facing where it does."""
+        self.speed_mps, self.turn = speed_mps, self.turn if speed_mps == 0.0 else None
+
+    def face(self, turn: TurnOnSpot) -> None:
+        """Turn the nose of a leader that stands."""
+        self.turn = turn
 
     def heading(self, state: FlightState) -> RouteHeading:
         """Return the route's own heading, turn and climb at the leader, without corrections towards the route."""

@@ -110,11 +110,12 @@ class Course:
         self._vehicles, self._columns = vehicles, columns
         self._note, self._may_command = note, may_command
         self._ending, self._ground, self._late = Ending({}), GroundFloor(scenario), False
+        self._opening: Opening | None = None
 
     @property
     def opening(self) -> Opening | None:
         """The opening of the formation at its end, while it lasts."""
-        return self._ending.opening
+        return self._opening
 
     def move(self, cause: Cause, now: Instant, manner: End = "loiter") -> bool:
         """Go to the phase that `cause` leads to; return whether it leads anywhere. `manner`: if that is the end."""
@@ -190,8 +191,8 @@ class Course:
         ahead_m = self._controller.ahead_m(OPENING_LIMIT_S if opens else 0.0)
         gap_m = self._scenario.safety.avoidance.distance_m
         self._ending = Ending(self._vehicles, manner, self._ground, landings, ahead_m, gap_m)
-        self._ending.begin(now)
-        self._ending.loiter_s = self._scenario.finish.loiter_s if cause in (Cause.PATH_ENDED, Cause.ORDERED) else 0.0
+        self._ending.begin(now, self._scenario.finish.loiter_s if cause in (Cause.PATH_ENDED, Cause.ORDERED) else 0.0)
+        self._opening = None
         if opens:
-            self._ending.opening = Opening(self._ending.stack, self._controller, self._vehicles, self._columns, now)
-            self._membership.ending_m = self._ending.stack.heights_m
+            self._opening = Opening(self._ending.stack, self._controller, self._vehicles, self._columns, now)
+            self._membership.end(self._ending.stack.heights_m)

@@ -241,16 +241,14 @@ class Ending:
             floor_m = max(floor_m, lowest_circle_m(vehicles))
         stand = manner == "loiter" and all(each.autopilot.stands for each in self._ours.values())
         self.stack = Stack(gap_m, floor_m, together=manner != "loiter", stand=stand)
-        self.loiter_s = 0.0
-        """For how long vehicles loiter before the run is over."""
-        self.opening: Opening | None = None
-        """Has the formation opened first, if there is one."""
+        self._loiter_s = 0.0
         self._manner: End = manner
         self._vehicles = vehicles
         self._left: dict[VehicleId, Vehicle] = {}
 
-    def begin(self, now: Instant) -> None:
-        """Keep vehicles on the ground there, whatever they were about to do."""
+    def begin(self, now: Instant, loiter_s: float = 0.0) -> None:
+        """Keep vehicles on the ground there, whatever they were about to do; others loiter so long at the end."""
+        self._loiter_s = loiter_s
         for vehicle in self._ours.values():
             if not vehicle.autopilot.is_airborne(vehicle.telemetry):
                 _keep_down(vehicle, now)
@@ -280,13 +278,13 @@ class Ending:
 
     def hasten(self) -> None:
         """Begin no further landing, and wait for nothing but acknowledgements."""
-        self.loiter_s = 0.0
+        self._loiter_s = 0.0
         self.landings.called_off()
 
     def over(self, waited_s: float) -> bool:
         """Return whether the run is over, this long after vehicles were told to leave."""
-        late = waited_s > self.loiter_s + LOITER_LIMIT_S and not self.landings.under_way
-        return late or (waited_s >= self.loiter_s and not self.pending())
+        late = waited_s > self._loiter_s + LOITER_LIMIT_S and not self.landings.under_way
+        return late or (waited_s >= self._loiter_s and not self.pending())
 
     def pending(self) -> list[Vehicle]:
         """Return the vehicles that can be reached and may not be left alone yet."""

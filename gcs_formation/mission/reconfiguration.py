@@ -22,8 +22,8 @@ from formation_scenario.slot_motion import SlotMotion
 from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.controller import FormationController
 from gcs_formation.fleet.membership import Candidate, heir
+from gcs_formation.guidance.leader import TurnOnSpot
 from gcs_formation.guidance.tracking import project
-from gcs_formation.guidance.turn import TurnOnSpot
 from gcs_formation.mission.takeover import Resumption
 from gcs_formation.recorder import Note
 from gcs_formation.tick import Tick
@@ -80,13 +80,10 @@ class Reconfiguration:
         if resumed.speed_mps != guidance.speed_mps:
             path = self._scenario.path.model_copy(update={"speed_mps": resumed.speed_mps})
             self._scenario = self._scenario.model_copy(update={"path": path})
-            guidance.speed_mps = resumed.speed_mps
-        if resumed.heading_rad is not None:
-            guidance.turn = TurnOnSpot.done(resumed.heading_rad, resumed.at)
+        amid_m = None if resumed.path_began is None else resumed.reach_m
+        guidance.resume(resumed.speed_mps, resumed.at, resumed.heading_rad, amid_m)
         self._planned_for[:] = False
         self._planned_for[resumed.arrangement.leader] = True
-        if resumed.path_began is not None:
-            guidance.amid_m = resumed.reach_m
 
     def lead(self, vehicle: VehicleId, now: Instant) -> None:
         """Let a vehicle lead from the beginning on."""
@@ -198,8 +195,8 @@ class Reconfiguration:
             return f"{found}; allowed: up to {math.degrees(FACES_RAD):.0f}°, by `heading {self._path_deg():.0f}` first"
         refusal = self._unflyable(scenario, self._wanted or self._controller.plan.arrangement, now)
         if refusal is None:
-            self._scenario, guidance.speed_mps = scenario, speed_mps
-            guidance.turn = guidance.turn if speed_mps == 0.0 else None
+            self._scenario = scenario
+            guidance.fly_at(speed_mps)
         return refusal
 
     def order_heading(self, heading_rad: float, now: Instant) -> str | None:
@@ -211,14 +208,9 @@ class Reconfiguration:
         if guidance.speed_mps > 0.0 or tick is None or guidance.route is None:
             return f"found a formation that flies at {guidance.speed_mps:g} m/s; allowed: after `speed 0`"
         models, reach_m = controller.models, controller.plan.at(now / NANOSECONDS, begun=True).reach_m
-        guidance.turn = TurnOnSpot.to(
-            heading_rad,
-            guidance.facing_rad(tick.state[controller.plan.leader]),
-            now,
-            reach_m,
-            min(each.speed_max_mps for each in models),
-            min(each.accel_max_mps2 for each in models),
-        )
+        limits = min(each.speed_max_mps for each in models), min(each.accel_max_mps2 for each in models)
+        facing_rad = guidance.facing_rad(tick.state[controller.plan.leader])
+        guidance.face(TurnOnSpot.to(heading_rad, facing_rad, now, reach_m, *limits))
         return None
 
     def _path_deg(self) -> float:

@@ -126,14 +126,17 @@ class RunDirectory:
             raise RecordError(
                 f"cannot write the run directory {path}: {error.strerror}; allowed: a directory that can be written"
             ) from error
-        self.listener: Callable[[Event], None] | None = None
-        """Hears every event."""
+        self._listener: Callable[[Event], None] | None = None
         self._files = [file for file in (self._tlog, self._spool) if file is not None]
         self.failure: str | None = None
         """Why what comes now isn't recorded any more: the disk is full, as a rule."""
         self._next_flush = Instant(0)
         if not resume:
             self.event(Event(Instant(0), RECORDING, "begins", None, {"epoch_us": epoch_us}))
+
+    def tell_events_to(self, listener: Callable[[Event], None]) -> None:
+        """Let a function hear every event from now on."""
+        self._listener = listener
 
     def frame(self, now: Instant, raw: bytes) -> None:
         """Record a frame."""
@@ -156,8 +159,8 @@ class RunDirectory:
 
     def event(self, event: Event) -> None:
         """Record an event as a line of JSON; where other files can no longer be written, this is still tried."""
-        if self.listener is not None:
-            self.listener(event)
+        if self._listener is not None:
+            self._listener(event)
         try:
             self._events.write(json.dumps(event_line(event), ensure_ascii=False) + "\n")
             self._events.flush()

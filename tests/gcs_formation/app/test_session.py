@@ -33,7 +33,7 @@ def test_where_nothing_is_injected_here_the_delay_of_others_links_is_unknown(
     )
     network.attach(Fleet(fleet_config(planned)))
     network.attach(session.engine)
-    network.run(session.over)
+    network.run(session.attend)
     link = session.conclude(None).to_dict()["links"]["2"]
     assert (link["injected_delay_ms"], link["injected_loss"]) == (delay, delay)
     injected_s = read_parquet(tmp_path / TIMESERIES)["injected_delay_s"]

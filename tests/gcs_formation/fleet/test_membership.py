@@ -203,7 +203,7 @@ def test_one_that_a_loop_delay_makes_unstable_loiters_where_that_is_asked_for_on
 
 def test_at_the_end_nobody_who_circles_is_told_to_come_back_and_each_has_the_height_of_its_circle() -> None:
     formation = Formation()
-    formation.membership.ending_m = {FOLLOWER: 130.0}
+    formation.membership.end({FOLLOWER: 130.0})
     formation.silent(FORGOTTEN_AFTER_S + 1.0)
     assert formation.follower.holds_at_m == 130.0
     formation.reports(LOITER)
