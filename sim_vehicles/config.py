@@ -105,8 +105,8 @@ class FleetConfig:
 
 def stand_ins(scenario: Scenario) -> str:
     """Return which vehicles of a real autopilot family are emulated, in words; "" if none is."""
-    told = [_named(vehicle) for vehicle in scenario.vehicles if vehicle.autopilot != "emulator"]
-    return f"{', '.join(told)} {'is' if len(told) == 1 else 'are'} emulated" if told else ""
+    named = [_named(vehicle) for vehicle in scenario.vehicles if vehicle.autopilot != "emulator"]
+    return f"{', '.join(named)} {'is' if len(named) == 1 else 'are'} emulated" if named else ""
 
 
 def _named(vehicle: Vehicle) -> str:

@@ -159,8 +159,8 @@ def warnings(scenario: Scenario, margins: LawMargins) -> Iterator[str]:
     yield from never_reached(scenario)
     for index, reason in refused_orders(scenario):
         yield f"orders.{index}: '{scenario.orders[index].order}' will be refused: {reason}"
-    if told := goes_round(scenario):
-        yield told
+    if text := goes_round(scenario):
+        yield text
 
 
 def never_reached(scenario: Scenario) -> Iterator[str]:

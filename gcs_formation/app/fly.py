@@ -75,8 +75,8 @@ def first_setpoints(scenario: Scenario) -> dict[str, tuple[Setpoint, Whereabouts
         north_m = start.north_m + forward_m * ahead - right_m * aside
         east_m = start.east_m + forward_m * aside + right_m * ahead
         if vehicle is not None:
-            told = Setpoint(scenario.path.speed_mps, start.course_rad, start.height_m + up_m)
-            found[str(vehicle.vehicle_id)] = told, Whereabouts(north_m, east_m, told.height_m, 0.0, 0.0)
+            commanded = Setpoint(scenario.path.speed_mps, start.course_rad, start.height_m + up_m)
+            found[str(vehicle.vehicle_id)] = commanded, Whereabouts(north_m, east_m, commanded.height_m, 0.0, 0.0)
     return found
 
 
@@ -84,14 +84,14 @@ def _messages(vehicle: Vehicle, setpoint: Setpoint, where: Whereabouts) -> Itera
     autopilot, seen = vehicle.autopilot, vehicle.telemetry
     for step in autopilot.start_up(vehicle.rates_hz):
         if step.acts(seen) and not step.done(seen):
-            yield from (_told("start", command, autopilot) for command in step.commands(seen))
+            yield from (_commanded("start", command, autopilot) for command in step.commands(seen))
     for message in autopilot.setpoint(setpoint, where):
         command = isinstance(message, CommandLong | CommandInt)
-        yield _told(SETPOINTS, message, autopilot) if command else _sent(SETPOINTS, message)
-    yield from (_told("end", command, autopilot) for command in autopilot.loiter(setpoint.height_m, seen))
+        yield _commanded(SETPOINTS, message, autopilot) if command else _sent(SETPOINTS, message)
+    yield from (_commanded("end", command, autopilot) for command in autopilot.loiter(setpoint.height_m, seen))
 
 
-def _told(when: str, command: Command, autopilot: Autopilot) -> dict[str, Any]:
+def _commanded(when: str, command: Command, autopilot: Autopilot) -> dict[str, Any]:
     places = ("x", "y", "z", "frame") if isinstance(command, CommandInt) else ("param5", "param6", "param7")
     given = [name for name in (*PARAMETERS, *places) if getattr(command, name)]
     shown = max((PARAMETERS.index(name) + 1 for name in given if name in PARAMETERS), default=0)
@@ -110,8 +110,8 @@ def _told(when: str, command: Command, autopilot: Autopilot) -> dict[str, Any]:
 def _sent(when: str, message: Message) -> dict[str, Any]:
     """Return a message that is no command: its values in SI units, without those that are 0."""
     values: dict[str, float] = message._asdict()
-    told = {name: _rounded(value) for name, value in values.items() if value and not name.startswith("target")}
-    return {"when": when, "message": wire_name(type(message)), "command": "", "values": told}
+    fields = {name: _rounded(value) for name, value in values.items() if value and not name.startswith("target")}
+    return {"when": when, "message": wire_name(type(message)), "command": "", "values": fields}
 
 
 def _rounded(value: float) -> float | None:

@@ -102,10 +102,10 @@ class Lines:
 
     def note(self, event: Event, mission_s: float) -> None:
         """Write a line, if the event is of weight."""
-        told = self._narration.line(event, mission_s)
-        if told is not None:
+        line = self._narration.line(event, mission_s)
+        if line is not None:
             with suppress(OSError, ValueError):  # nobody reads on while the vehicles still fly
-                self._stream.write(f"{told}\n")
+                self._stream.write(f"{line}\n")
                 self._stream.flush()
 
     def close(self) -> None:
@@ -136,10 +136,10 @@ class StatusLine:
 
     def note(self, event: Event, mission_s: float) -> None:
         """Write a line above the status line, if the event is of weight."""
-        told = self._narration.line(event, mission_s)
-        if told is not None:
+        line = self._narration.line(event, mission_s)
+        if line is not None:
             with suppress(OSError):
-                for part in result_text.wrapped(told, self._console.width - 1):
+                for part in result_text.wrapped(line, self._console.width - 1):
                     self._console.print(self._text(part))
 
     def close(self) -> None:

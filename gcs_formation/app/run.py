@@ -77,9 +77,9 @@ def _run_real(scenario: Scenario, options: RunOptions, progress: Progress, inter
 def _open(scenario: Scenario, options: RunOptions, clock: Clock, progress: Progress, interrupts: Interrupts) -> Session:
     """Return a session with emulated vehicles, that says which of them stand for real ones."""
     session = open_session(scenario, options, clock, progress, interrupts, emulated=True)
-    told = stand_ins(scenario)
-    if told:
-        session.recorder.event(Event(Instant(0), "emulation", told))
+    text = stand_ins(scenario)
+    if text:
+        session.recorder.event(Event(Instant(0), "emulation", text))
     return session
 
 

@@ -147,8 +147,8 @@ def _conclude(outcome: Outcome, out: Path, *, quiet: bool) -> Status:
 def _said(outcome: Outcome, out: Path) -> Iterator[str]:
     """Yield what is said at a study's end: its table, what it took, and what came of it."""
     figures = outcome.figures
-    if outcome.told.count("\n") < MOST_LINES:
-        yield outcome.told
+    if outcome.text.count("\n") < MOST_LINES:
+        yield outcome.text
     spent = f"{figures['wall_s']:.0f} s, {figures['flights_cpu_s']:.0f} s of processor time in flights"
     broke = figures["exits"]["1"]
     own = f"; {broke} broke an expectation or a safety limit of the scenario" if broke else ""
@@ -184,7 +184,7 @@ def stress(count: int, seed: int, jobs: int, hard: bool, out: Path | None, overw
     try:
         with raised(), StudyProgress(quiet=not sys.stderr.isatty()) as progress:
             rows = flights(plan, {}, None, Processes(min(jobs, count)), progress, {})
-            wrong = _told(_alone(plan, out) if out else rows, "stress --hard" if hard else "stress")
+            wrong = _name_broken(_alone(plan, out) if out else rows, "stress --hard" if hard else "stress")
     except RunAbortedError as error:
         fail(str(error), Status.COULD_NOT_GO_ON)
     except KeyboardInterrupt:
@@ -203,7 +203,7 @@ def _alone(plan: Plan, out: Path) -> Iterable[Row]:
     yield fly(refly_task(next(plan.begin()), plan.study, {}, out))
 
 
-def _told(rows: Iterable[Row], command: str) -> int:
+def _name_broken(rows: Iterable[Row], command: str) -> int:
     """Name what each flight broke; return how many broke something.
 
     Raises:

@@ -1,1 +1,1 @@
-"""Identification: the model of a vehicle's autopilot from what it was told and how it flew."""
+"""Identification: the model of a vehicle's autopilot from what it was commanded and how it flew."""

@@ -99,7 +99,7 @@ def draw(recording: Recording, flown: dict[str, Array], file: Path) -> None:
         axes = [figure.add_subplot(3, 1, 1)]
         axes += [figure.add_subplot(3, 1, row, sharex=axes[0]) for row in (2, 3)]
         for row, (axis, label, scale) in enumerate(zip(axes, LABELS, scales, strict=True)):
-            axis.step(at_s, recording.told[row] * scale, where="post", color=GREY, linewidth=0.6, label="setpoint")
+            axis.step(at_s, recording.commanded[row] * scale, where="post", color=GREY, linewidth=0.6, label="setpoint")
             axis.plot(at_s, recording.seen[row] * scale, color=INK, label="measured")
             for (name, values), colour in zip(flown.items(), FOLLOWERS, strict=False):
                 axis.plot(at_s, values[row] * scale, color=colour, label=name)

@@ -1,7 +1,7 @@
 """Fits a vehicle's model to recordings by the error of its predictions (Ljung, "System Identification", 2nd ed., 7.2).
 
 Equation (7), which the law predicts and feeds forward by: from every point of the recording the model flies on from
-what was measured, by what was told since, for as long as `HORIZON_S`. The airframe, which emulators fly: one flight
+what was measured, by the setpoints since, for as long as `HORIZON_S`. The airframe, which emulators fly: one flight
 from the recording's first point to its last by the setpoints alone, with all perturbed aircraft side by side.
 """
 
@@ -111,24 +111,24 @@ def fit(recordings: Sequence[Recording], begin: VehicleModel) -> Fit:
 
 
 def _aimed(recording: Recording, prompt_share: float, rest_s: float) -> Recording:
-    """Return a recording as if the multirotor had been told at once what its integrator comes to slowly.
+    """Return a recording as if the multirotor had been commanded at once what its integrator comes to slowly.
 
-    Of a velocity told w it aims at prompt_share w + (1 - prompt_share) m, and m follows w with the lag rest_s.
+    Of a velocity w commanded it aims at prompt_share w + (1 - prompt_share) m, and m follows w with the lag rest_s.
     """
     share = min(max(float(prompt_share), LEAST_SHARE), 1.0)
-    speed, heading, height = recording.told
-    told = speed * np.exp(1j * heading)
-    filled, kept, m = np.empty_like(told), math.exp(-STEP_S / float(rest_s)), told[0]
-    for point, each in enumerate(told.tolist()):
+    speed, heading, height = recording.commanded
+    commanded = speed * np.exp(1j * heading)
+    filled, kept, m = np.empty_like(commanded), math.exp(-STEP_S / float(rest_s)), commanded[0]
+    for point, each in enumerate(commanded.tolist()):
         filled[point] = m
         m = kept * m + (1.0 - kept) * each
-    aimed = share * told + (1.0 - share) * filled
+    aimed = share * commanded + (1.0 - share) * filled
     turned = wrap(np.angle(aimed) - heading)
-    return replace(recording, told=np.stack((np.abs(aimed), heading + turned, height)))
+    return replace(recording, commanded=np.stack((np.abs(aimed), heading + turned, height)))
 
 
 def _require_movement(recordings: Sequence[Recording]) -> None:
-    moved = np.max([np.ptp(each.told, axis=1) for each in recordings], axis=0)
+    moved = np.max([np.ptp(each.commanded, axis=1) for each in recordings], axis=0)
     for (channel, (least, unit)), each in zip(LEAST_MOVED.items(), moved.tolist(), strict=True):
         if each < least:
             found = f"the {channel} setpoint changed by no more than {each:.2g} {unit}: found too little to learn from"
@@ -141,7 +141,7 @@ class _Windows:
 
     state: FlightStates
     """(W,) as measured at their beginnings."""
-    told: Array
+    commanded: Array
     """(P, 3, W) setpoints of each step."""
     seen: Array
     """(3, P, W) as measured at the end of each."""
@@ -155,15 +155,15 @@ class _Windows:
         airspeed, heading, height, climb = recording.seen[:, begins]
         none = np.zeros_like(airspeed)
         state = FlightStates(none, none, height, climb, np.maximum(airspeed, 1.0), heading, none, none)
-        told = recording.told[:, begins + steps - late].transpose(1, 0, 2)
-        return cls(state, told, recording.seen[:3, begins + steps + 1])
+        commanded = recording.commanded[:, begins + steps - late].transpose(1, 0, 2)
+        return cls(state, commanded, recording.seen[:3, begins + steps + 1])
 
     def errors(self, lags: Array, limits: VehicleModel) -> Array:
         """Return (3, P, W): predicted less measured, by equation (7) with these lags."""
-        model = _columns(lags, limits, self.told.shape[2])
-        state, step_s, ends = self.state, np.full((1, self.told.shape[2]), STEP_S), list[Array]()
-        for told in self.told:
-            state = advance(state, told[None], step_s, model)
+        model = _columns(lags, limits, self.commanded.shape[2])
+        state, step_s, ends = self.state, np.full((1, self.commanded.shape[2]), STEP_S), list[Array]()
+        for commanded in self.commanded:
+            state = advance(state, commanded[None], step_s, model)
             ends.append(np.array((state.airspeed_mps, state.heading_rad, state.height_m)))
         error = np.stack(ends, axis=1) - self.seen
         error[1] = wrap(error[1])
@@ -218,7 +218,7 @@ def _nearest(
 
 
 def flown_by_lags(recording: Recording, model: VehicleModel) -> Array:
-    """Return airspeed, heading and height (3, K) of a vehicle of equation (7) that is told what was told."""
+    """Return airspeed, heading and height (3, K) of a vehicle of equation (7) under the recorded setpoints."""
     if model.prompt_share < 1.0:
         recording = _aimed(recording, model.prompt_share, model.rest_s)
     columns = _columns(np.array([getattr(model, name) for name in LAGS]), model, 1)
@@ -227,7 +227,7 @@ def flown_by_lags(recording: Recording, model: VehicleModel) -> Array:
     state, flown = FlightStates(none, none, height, climb, airspeed, heading, none, none), list[Array]()
     for point in range(recording.seen.shape[1]):
         flown.append(np.array((state.airspeed_mps, state.heading_rad, state.height_m))[:, 0])
-        state = advance(state, recording.told[None, :, max(point - late, 0), None], step_s, columns)
+        state = advance(state, recording.commanded[None, :, max(point - late, 0), None], step_s, columns)
     return np.array(flown).T
 
 
@@ -266,7 +266,7 @@ def _with(begin: EnergyAirframe, logs: Array) -> EnergyAirframe:
 
 
 def _flown(recording: Recording, airframes: Sequence[EnergyAirframe], turn_rate_max_rps: float) -> Array:
-    """Return airspeed as sensed, heading and height, (3, K, N), of N aircraft that are told what was told."""
+    """Return airspeed as sensed, heading and height, (3, K, N), of N aircraft under the recorded setpoints."""
     return np.stack([_flown_by(recording, each, turn_rate_max_rps) for each in airframes], axis=-1)
 
 
@@ -279,13 +279,13 @@ def _flown_by(recording: Recording, airframe: EnergyAirframe, turn_rate_max_rps:
         round((recording.delay_s + p.dead_time_s) / STEP_S),
     )
     energy.trim(aircraft, p)
-    setpoints, flown = recording.told.T.tolist(), list[tuple[float, float, float]]()
+    setpoints, flown = recording.commanded.T.tolist(), list[tuple[float, float, float]]()
     for point in range(len(setpoints)):
         flown.append((aircraft.sensed, aircraft.heading_rad, aircraft.height_m))
         speed, direction, up = setpoints[max(point - late, 0)]
         bank = math.atan(turn_rate_max_rps * aircraft.speed_mps / energy.GRAVITY_MPS2)
-        told = energy.Told(speed, math.inf, direction, bank, up)
-        energy.control(aircraft, told, p)
+        commanded = energy.Told(speed, math.inf, direction, bank, up)
+        energy.control(aircraft, commanded, p)
         for _ in range(energy.CYCLES):
-            energy.cycle(aircraft, told, p)
+            energy.cycle(aircraft, commanded, p)
     return np.array(flown).T

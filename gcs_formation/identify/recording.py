@@ -1,4 +1,4 @@
-"""What a vehicle was told and how it flew, out of a telemetry log, on one grid of time."""
+"""What a vehicle was commanded and how it flew, out of a telemetry log, on one grid of time."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ MOVES_MPS = 1.0
 """What flies more slowly has no course to learn from."""
 LEAST_S = 30.0
 """Shorter stretches under setpoints tell too little."""
-TOLD = {
+COMMANDS = {
     m.MAV_CMD_GUIDED_CHANGE_SPEED: "speed",
     m.MAV_CMD_GUIDED_CHANGE_HEADING: "heading",
     m.MAV_CMD_GUIDED_CHANGE_ALTITUDE: "height",
@@ -53,7 +53,7 @@ class Recording:
     system: int
     seen: Array
     """(4, K) airspeed (m/s), heading (rad, not wrapped), height (m above sea level) and climb (m/s)."""
-    told: Array
+    commanded: Array
     """(3, K) setpoints of speed, heading and height that had been sent by then."""
     delay_s: float = 0.0
     """Of the link, both ways: that much of what is late isn't the vehicle's."""
@@ -69,7 +69,7 @@ class _Samples:
     """A vehicle's values with the time at which each passed the ground station, s."""
 
     hovers: bool = False
-    """Whether it is told velocities: what it flies by is its speed over ground, and its course."""
+    """Whether it is commanded by velocities: what it flies by is its speed over ground, and its course."""
     of: dict[str, list[tuple[float, float]]] = field(default_factory=dict[str, list[tuple[float, float]]])
 
     def add(self, name: str, at_s: float, value: float) -> None:
@@ -113,7 +113,7 @@ def _of_telemetry(log: Path) -> dict[int, _Samples]:
 
 
 def _of_dataflash(log: Path) -> dict[int, _Samples]:
-    """Return what ArduPlane wrote down itself: what it was told as it took it (OFG), and how it flew."""
+    """Return what ArduPlane wrote down itself: what it was commanded as it took it (OFG), and how it flew."""
     samples, system = _Samples(), 1
     for kind, fields in m.dataflash_messages(str(log), ("PARM", *DATAFLASH_FIELDS)):
         if kind == "PARM":
@@ -134,11 +134,11 @@ def _frames(log: Path) -> Iterator[tuple[float, Frame]]:
 
 def _take(vehicles: dict[int, _Samples], at_s: float, frame: Frame) -> None:
     match frame.message:
-        case CommandInt(command=command) as told if command in TOLD:
-            values = {"speed": told.param2, "heading": math.radians(told.param2), "height": told.z}
-            vehicles.setdefault(told.target_system, _Samples()).add(TOLD[command], at_s, values[TOLD[command]])
-        case SetPositionTargetLocalNed() as told:
-            _take_velocity(vehicles.setdefault(told.target_system, _Samples()), at_s, told)
+        case CommandInt(target_system=system, command=command, param2=value, z=height_m) if command in COMMANDS:
+            values = {"speed": value, "heading": math.radians(value), "height": height_m}
+            vehicles.setdefault(system, _Samples()).add(COMMANDS[command], at_s, values[COMMANDS[command]])
+        case SetPositionTargetLocalNed() as velocity:
+            _take_velocity(vehicles.setdefault(velocity.target_system, _Samples()), at_s, velocity)
         case VfrHud(airspeed_mps=airspeed):
             vehicles.setdefault(frame.system, _Samples()).add("airspeed", at_s, airspeed)
         case Attitude(yaw_rad=yaw):
@@ -152,12 +152,12 @@ def _take(vehicles: dict[int, _Samples], at_s: float, frame: Frame) -> None:
             pass
 
 
-def _take_velocity(samples: _Samples, at_s: float, told: SetPositionTargetLocalNed) -> None:
-    """Take the velocity that a multirotor is told; its height setpoint is what the vertical velocity leads to."""
+def _take_velocity(samples: _Samples, at_s: float, velocity: SetPositionTargetLocalNed) -> None:
+    """Take the velocity that a multirotor is commanded; its height setpoint is what the vertical velocity leads to."""
     samples.hovers = True
     if "alt" in samples.of:
-        height_m = samples.of["alt"][-1][1] - HEIGHT_S * told.vz_mps
-        values = math.hypot(told.vx_mps, told.vy_mps), math.atan2(told.vy_mps, told.vx_mps), height_m
+        height_m = samples.of["alt"][-1][1] - HEIGHT_S * velocity.vz_mps
+        values = math.hypot(velocity.vx_mps, velocity.vy_mps), math.atan2(velocity.vy_mps, velocity.vx_mps), height_m
         for name, value in zip(CHANNELS, values, strict=True):
             samples.add(name, at_s, value)
 
@@ -178,18 +178,18 @@ def _gridded(system: int, samples: _Samples, delay_s: float) -> Recording | None
         return None
     for angle in ("heading", names[1]):
         every[angle][:, 1] = np.unwrap(every[angle][:, 1])
-    told = np.array([_held(every[name], at_s) for name in CHANNELS])
+    commanded = np.array([_held(every[name], at_s) for name in CHANNELS])
     seen: Array = np.array([np.interp(at_s, every[name][:, 0], every[name][:, 1]) for name in names])
     fresh = np.all([_age_s(each, at_s) < SILENT_S for each in every.values()], axis=0)
     fresh[: round(SETTLING_S / STEP_S)] = False
     if samples.hovers:
-        fresh &= np.minimum(told[0], seen[0]) > MOVES_MPS
+        fresh &= np.minimum(commanded[0], seen[0]) > MOVES_MPS
     stretch = _longest(fresh)
     if (stretch.stop - stretch.start) * STEP_S < LEAST_S:
         return None
-    told, seen = told[:, stretch], seen[:, stretch]
-    told[1] += 2 * np.pi * np.round(np.median(seen[1] - told[1]) / (2 * np.pi))
-    return Recording(system, seen, told, delay_s)
+    commanded, seen = commanded[:, stretch], seen[:, stretch]
+    commanded[1] += 2 * np.pi * np.round(np.median(seen[1] - commanded[1]) / (2 * np.pi))
+    return Recording(system, seen, commanded, delay_s)
 
 
 def _held(samples: Array, at_s: Array) -> Array:

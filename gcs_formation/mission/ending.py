@@ -27,7 +27,7 @@ OPENING_LIMIT_S = 30.0
 """Longest time for which vehicles are kept from circling: three levels are climbed in half of it."""
 FORGOTTEN_AFTER_S = 30.0
 """For how long one that isn't heard is kept clear of."""
-TOLD_M = 0.5
+COMMANDED_M = 0.5
 """How near its own height one must be told to fly."""
 BESIDE_M = 5.0
 """What circles are farther apart than vehicles must be."""
@@ -40,7 +40,7 @@ class Flier:
     """A vehicle in the air, at the end of a flight."""
 
     place: Place
-    told_m: float
+    commanded_m: float
     """The height that it was told last, or is left at."""
     band: Band | None = None
     """Where its height may come to, of one that can't be moved: it doesn't answer or obey, or isn't ours to command."""
@@ -76,7 +76,7 @@ class Stack:
             elif identity in self._taken:
                 self._taken[identity] = _hull(self._taken[identity], flier.band)
             else:
-                self._taken[identity], self.heights_m[identity] = flier.band, flier.told_m
+                self._taken[identity], self.heights_m[identity] = flier.band, flier.commanded_m
         free = {identity: flier.place for identity, flier in fliers.items() if flier.band is None}
         taken = [self._taken[identity] for identity in fliers if identity in self._taken]
         if any(identity not in self.heights_m or self._in_way(identity, taken) for identity in free):
@@ -91,7 +91,10 @@ class Stack:
     def apart(self, fliers: Mapping[VehicleId, Flier]) -> bool:
         """Return whether those that are steered are clear of all others in height, and fly to their own heights."""
         steered = {identity for identity, flier in fliers.items() if flier.steered}
-        if any(abs(fliers[each].told_m - self.heights_m[each]) > TOLD_M for each in steered) and len(fliers) > 1:
+        if (
+            any(abs(fliers[each].commanded_m - self.heights_m[each]) > COMMANDED_M for each in steered)
+            and len(fliers) > 1
+        ):
             return False
         pairs = (pair for pair in combinations(fliers, 2) if not steered.isdisjoint(pair))
         return all(self._gap(*pair, fliers) >= self._gap_m for pair in pairs)
@@ -170,7 +173,7 @@ class Opening:
         answers = seconds_between(vehicle.heard_at(now), now) <= UNANSWERED_S
         led = links[column].ready and links[self._controller.plan.leader].ready
         if led and answers and not links[column].disobeying:
-            return Flier(place, self._told_m(column), steered=True)
+            return Flier(place, self._commanded_m(column), steered=True)
         orders_m = self._orders_m(vehicle, column, links, answers=answers)
         heights_m = [place.height_m, *(height_m for height_m in orders_m if math.isfinite(height_m))]
         return Flier(place, heights_m[-1], Band(min(heights_m), max(heights_m)))
@@ -179,14 +182,14 @@ class Opening:
         """Return the heights that one may be on its way to, the last order last; NaN where there was none."""
         if vehicle.member in (Member.HOLDING, Member.RETURNING):
             return self._heard_m(column, links), vehicle.holds_at_m
-        return () if answers else (self._heard_m(column, links), self._told_m(column))
+        return () if answers else (self._heard_m(column, links), self._commanded_m(column))
 
     def _heard_m(self, column: int, links: list[VehicleLink]) -> float:
         """Return the height that a vehicle was told when it was last known to hear."""
         _, _, height_m = self._controller.history.commanded(links[column].heard, column)
         return height_m
 
-    def _told_m(self, column: int) -> float:
+    def _commanded_m(self, column: int) -> float:
         tick = self._controller.last_tick
         return math.nan if tick is None else tick.setpoints[column][2]
 

@@ -112,11 +112,11 @@ class PreFlight:
         """Record what was found. What refuses a take-off only warns of a vehicle that flies already."""
         findings, flies = reader.findings(), vehicle.airborne
         refused = [finding.text for finding in findings if finding.refuses and not flies]
-        told = tuple(finding.text for finding in findings if finding.text not in refused)
+        text = tuple(finding.text for finding in findings if finding.text not in refused)
         self._judged.add(vehicle.identity)
-        self.warnings[vehicle.identity] = told
-        if told or not refused:
-            self._note(now, "parameters", "; ".join(told) or IN_ORDER, vehicle)
+        self.warnings[vehicle.identity] = text
+        if text or not refused:
+            self._note(now, "parameters", "; ".join(text) or IN_ORDER, vehicle)
         if refused:
             self._refused = True
             self._give_up(f"vehicle {vehicle.identity}: {'; '.join(refused)}", now)

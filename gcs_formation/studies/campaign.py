@@ -168,7 +168,7 @@ class Outcome:
     verdicts: tuple[Verdict, ...]
     figures: Mapping[str, Any]
     """study.json."""
-    told: str
+    text: str
     """table.md."""
 
     @property
@@ -272,10 +272,10 @@ def _conclude(plan: Plan, data: Dataset, made: pa.Table, wall_s: float) -> Outco
             {"seed": first.seed, **first.parameters, study.bisect.parameter: None, **crossing._asdict()}
             for first, crossing in plan.crossings()
         ]
-    told = sample_table(study, rows, plan.crossings())
+    text = sample_table(study, rows, plan.crossings())
     try:
-        (data.path / TABLE_TEXT).write_text(told + "\n", encoding="utf-8")
+        (data.path / TABLE_TEXT).write_text(text + "\n", encoding="utf-8")
         (data.path / RESULT).write_text(json.dumps(figures, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
     except OSError as error:
         raise RecordingError(f"cannot write {data.path / RESULT}: {error.strerror or error}") from error
-    return Outcome(made, verdicts, figures, told)
+    return Outcome(made, verdicts, figures, text)

@@ -19,22 +19,22 @@ POINTS = 900
 def stepped():
     """(3, K) setpoints with a step of each channel in turn."""
     at_s = np.arange(POINTS) * STEP_S
-    told = np.repeat(np.array([[22.0], [0.3], [100.0]]), POINTS, axis=1)
+    commanded = np.repeat(np.array([[22.0], [0.3], [100.0]]), POINTS, axis=1)
     for row, size, begin_s in ((0, 2.0, 5), (0, -2.0, 20), (1, 0.25, 35), (1, -0.25, 45), (2, 6.0, 55), (2, -6.0, 70)):
-        told[row, (at_s >= begin_s) & (at_s < begin_s + 10)] += size
-    return told
+        commanded[row, (at_s >= begin_s) & (at_s < begin_s + 10)] += size
+    return commanded
 
 
-def recording(seen, told, delay_s=0.0):
-    return Recording(1, seen, told, delay_s)
+def recording(seen, commanded, delay_s=0.0):
+    return Recording(1, seen, commanded, delay_s)
 
 
-def flown(model, told, noise=0.0):
+def flown(model, commanded, noise=0.0):
     begin = np.array([[22.0], [0.3], [100.0], [0.0]])
-    motion = flown_by_lags(recording(np.repeat(begin, told.shape[1], axis=1), told), model)
+    motion = flown_by_lags(recording(np.repeat(begin, commanded.shape[1], axis=1), commanded), model)
     motion = motion + noise * np.random.default_rng(1).standard_normal(motion.shape) * [[1.0], [0.1], [1.0]]
-    climb = np.gradient(motion[2], STEP_S) if noise == 0 else np.zeros(told.shape[1])
-    return recording(np.vstack((motion, climb[None])), told)
+    climb = np.gradient(motion[2], STEP_S) if noise == 0 else np.zeros(commanded.shape[1])
+    return recording(np.vstack((motion, climb[None])), commanded)
 
 
 @pytest.fixture(scope="module")
@@ -57,27 +57,27 @@ def test_a_models_own_flight_is_predicted_and_its_limits_stay(found):
 
 def test_the_links_delay_isnt_taken_for_the_vehicles():
     true = flown(TRUE, stepped())
-    late = recording(np.roll(true.seen, 5, axis=1), true.told, 0.5)
+    late = recording(np.roll(true.seen, 5, axis=1), true.commanded, 0.5)
     late.seen[:, :5] = true.seen[:, :1]
     assert fit([late], VehicleModel()).estimates["tau_v_s"].value == pytest.approx(TRUE.tau_v_s, rel=0.1)
 
 
 def test_what_was_hardly_moved_is_said():
-    told = stepped()
-    told[0] = 22.0
+    commanded = stepped()
+    commanded[0] = 22.0
     with pytest.raises(RecordError, match=r"speed setpoint changed by no more than 0 m/s: found too little"):
-        fit([flown(TRUE, told, noise=0.05)], VehicleModel())
+        fit([flown(TRUE, commanded, noise=0.05)], VehicleModel())
 
 
 @pytest.mark.slow
 def test_an_aircraft_is_found_again_and_answers_slow_changes_sooner_than_steps():
     true = EnergyAirframe(thrust_mps2=11.0, drag_mps2=5.4, heading_gain=0.6, spread=0.0, airspeed_noise_mps=0.0)
-    told, begin = stepped()[:, 300:700], np.array([[22.0], [0.3], [100.0], [0.0]])
-    told[0, 250:350] += 2.0
-    blank = recording(np.repeat(begin, told.shape[1], axis=1), told)
+    commanded, begin = stepped()[:, 300:700], np.array([[22.0], [0.3], [100.0], [0.0]])
+    commanded[0, 250:350] += 2.0
+    blank = recording(np.repeat(begin, commanded.shape[1], axis=1), commanded)
     seen = flown_by_airframes(blank, [true], 0.25)[:, :, 0]
     airframe, again = fit_airframe(
-        recording(np.vstack((seen, np.zeros((1, told.shape[1])))), told), EnergyAirframe(), 0.25
+        recording(np.vstack((seen, np.zeros((1, commanded.shape[1])))), commanded), EnergyAirframe(), 0.25
     )
     assert (np.abs(again - seen).max(axis=1) < [0.2, 0.02, 0.5]).all()
     assert airframe.heading_gain == pytest.approx(0.6, rel=0.05)
@@ -92,11 +92,11 @@ def test_the_part_that_waits_for_an_integrator_is_found_again():
     true = VehicleModel(
         hovers=True, tau_v_s=0.5, tau_psi_s=0.5, speed_min_mps=0.0, speed_max_mps=9.0, prompt_share=0.6, rest_s=6.0
     )
-    told = stepped()
-    told[0] -= 17.0
+    commanded = stepped()
+    commanded[0] -= 17.0
     begin = np.array([[5.0], [0.3], [100.0], [0.0]])
-    motion = flown_by_lags(recording(np.repeat(begin, POINTS, axis=1), told), true)
-    seen = recording(np.vstack((motion, np.gradient(motion[2], STEP_S)[None])), told)
+    motion = flown_by_lags(recording(np.repeat(begin, POINTS, axis=1), commanded), true)
+    seen = recording(np.vstack((motion, np.gradient(motion[2], STEP_S)[None])), commanded)
     found = fit([seen], true.model_copy(update={"prompt_share": 0.75, "rest_s": 9.0, "tau_v_s": 0.7}))
     assert found.estimates["prompt_share"].value == pytest.approx(0.6, rel=0.1)
     assert found.estimates["rest_s"].value == pytest.approx(6.0, rel=0.25)

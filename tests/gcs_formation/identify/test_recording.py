@@ -44,11 +44,11 @@ def test_a_log_gives_what_was_told_and_seen(tmp_path):
     (found,) = recordings(logged(tmp_path / "flight.tlog"), {3: 0.2})
     assert (found.system, found.delay_s) == (3, 0.2)
     assert found.duration_s == pytest.approx(60.0 - SETTLING_S, abs=0.5)
-    assert found.told[[0, 2], 0] == pytest.approx([23.0, 250.0])
+    assert found.commanded[[0, 2], 0] == pytest.approx([23.0, 250.0])
     assert found.seen[[0, 2, 3], 0] == pytest.approx([22.5, 251.0, 0.5], abs=1e-3)
     assert np.ptp(np.diff(found.seen[1])) < 1e-3
     assert found.seen[1, -1] - found.seen[1, 0] == pytest.approx(0.1 * (found.duration_s - STEP_S), abs=0.02)
-    assert np.abs(found.told[1] - found.seen[1]).max() < 0.03
+    assert np.abs(found.commanded[1] - found.seen[1]).max() < 0.03
 
 
 def test_the_longest_stretch_without_a_gap_counts(tmp_path):
@@ -141,9 +141,9 @@ def test_a_vehicles_own_log_gives_the_same(tmp_path):
     (by_station,) = recordings(logged(tmp_path / "flight.tlog", system=7))
     (by_itself,) = recordings(dataflash(tmp_path / "00000001.BIN"))
     assert by_itself.system == by_station.system
-    assert by_itself.told[[0, 2], 50] == pytest.approx(by_station.told[[0, 2], 50])
+    assert by_itself.commanded[[0, 2], 50] == pytest.approx(by_station.commanded[[0, 2], 50])
     assert by_itself.seen[[0, 2, 3], 50] == pytest.approx(by_station.seen[[0, 2, 3], 50], abs=1e-3)
-    assert np.abs(by_itself.told[1] - by_itself.seen[1]).max() < 0.03
+    assert np.abs(by_itself.commanded[1] - by_itself.seen[1]).max() < 0.03
 
 
 def test_the_command_says_what_is_missing(tmp_path):

@@ -20,12 +20,12 @@ def at(height_m: float, north_m: float = 0.0) -> Motion:
     return Motion(0.0, north_m, 0.0, height_m, 22.0, 0.0, 0.0, height_m)
 
 
-def obeys(height_m: float, told_m: float = 100.0, north_m: float = 0.0) -> Flier:
-    return Flier(at(height_m, north_m), told_m, steered=True)
+def obeys(height_m: float, commanded_m: float = 100.0, north_m: float = 0.0) -> Flier:
+    return Flier(at(height_m, north_m), commanded_m, steered=True)
 
 
-def deaf(height_m: float, told_m: float) -> Flier:
-    return Flier(at(height_m), told_m, Band(min(height_m, told_m), max(height_m, told_m)))
+def deaf(height_m: float, commanded_m: float) -> Flier:
+    return Flier(at(height_m), commanded_m, Band(min(height_m, commanded_m), max(height_m, commanded_m)))
 
 
 def named(*fliers: Flier) -> dict[VehicleId, Flier]:
