@@ -5,6 +5,7 @@ The leader doesn't react in them: its motion is an input, and the feed-forward i
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import product
@@ -70,19 +71,19 @@ class Plant(NamedTuple):
 
 
 class Rational(NamedTuple):
-    """Ratio of polynomials in s, coefficients from the highest power down, the first not zero."""
+    """Ratio of polynomials in s, coefficients from the highest power down, the first not zero; or a row for each."""
 
     numerator: Coefficients
     denominator: Coefficients
 
     def at(self, frequency: npt.ArrayLike) -> npt.NDArray[np.complex128]:
         """Frequency response at w, rad/s."""
-        s = 1j * np.asarray(frequency, dtype=np.float64)
-        return np.asarray(np.polyval(self.numerator, s) / np.polyval(self.denominator, s))
+        s = np.asarray(1j * np.asarray(frequency, dtype=np.float64), dtype=np.complex128)
+        return np.asarray(_values(self.numerator, s) / _values(self.denominator, s))
 
     def closed_loop_poles(self) -> npt.NDArray[np.complex128]:
         """Poles with unit negative feedback."""
-        return np.roots(np.polyadd(self.numerator, self.denominator)).astype(np.complex128)
+        return _roots(_sum(self.denominator, self.numerator))
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,18 +148,48 @@ def delay_margin(open_loop: Rational) -> float:
         Seconds; negative or 0 when unstable without delay; infinite without a crossover. 0 also when
         |L| >= 1 at high frequency (an unfiltered derivative): the least delay then destabilises.
     """
-    numerator, denominator = open_loop
-    if len(numerator) == len(denominator) and abs(numerator[0]) >= abs(denominator[0]):
-        return 0.0
-    roots = np.roots(np.polysub(_squared_modulus(denominator), _squared_modulus(numerator)))
-    w = roots.real[(roots.real > 0.0) & (np.abs(roots.imag) < 1e-7 * np.abs(roots))]
-    unstable = bool(np.max(open_loop.closed_loop_poles().real) >= 0.0)
-    if not len(w):
-        return 0.0 if unstable else float("inf")
-    phase = np.angle(-open_loop.at(w))
-    if unstable:
-        return min(float(np.min(phase / w)), 0.0)
-    return float(np.min(np.mod(phase, 2.0 * np.pi) / w))
+    return delay_margins([open_loop])[0]
+
+
+def delay_margins(open_loops: Sequence[Rational]) -> list[float]:
+    """Return the delay margin of each loop, s: many at once take little more time than a few."""
+    of_degrees: dict[tuple[int, int], list[int]] = {}
+    found = [0.0] * len(open_loops)
+    for place, (numerator, denominator) in enumerate(open_loops):
+        if (len(numerator), abs(numerator[0])) < (len(denominator), abs(denominator[0])):
+            of_degrees.setdefault((len(numerator), len(denominator)), []).append(place)
+    for places in of_degrees.values():
+        for place, margin_s in zip(places, _margins_s(stacked([open_loops[i] for i in places])), strict=True):
+            found[place] = margin_s
+    return found
+
+
+def stacked(open_loops: Sequence[Rational]) -> Rational:
+    """Return ratios with a row for each; shorter polynomials begin with zeros."""
+    numerators, denominators = zip(*open_loops, strict=True)
+    return Rational(_rows(numerators), _rows(denominators))
+
+
+def _rows(polynomials: Sequence[Coefficients]) -> Coefficients:
+    longest = max(map(len, polynomials))
+    rows: Coefficients = np.zeros((len(polynomials), longest), dtype=np.result_type(*polynomials))
+    for row, polynomial in zip(rows, polynomials, strict=True):
+        row[longest - len(polynomial) :] = polynomial
+    return rows
+
+
+def _margins_s(open_loops: Rational) -> list[float]:
+    """Return the margins of loops whose coefficients are the rows (n, m); none has |L| >= 1 at high frequency."""
+    numerators, denominators = (_squared_moduli(each) for each in open_loops)
+    roots = _roots(_sum(denominators, -numerators))
+    crossing = (roots.real > 0.0) & (np.abs(roots.imag) < 1e-7 * np.abs(roots))
+    w = np.where(crossing, roots.real, 1.0)
+    unstable = np.max(open_loops.closed_loop_poles().real, axis=-1, keepdims=True) >= 0.0
+    phase = np.angle(-open_loops.at(w))
+    margins_s = np.where(unstable, np.minimum(phase, 0.0), np.mod(phase, 2.0 * np.pi)) / w
+    least_s: Array = np.min(margins_s, axis=-1, where=crossing, initial=np.inf)
+    found_s: Array = np.where(unstable[:, 0], np.minimum(least_s, 0.0), least_s)
+    return found_s.tolist()
 
 
 def loop_margin(
@@ -175,21 +206,21 @@ def worst_loop_margin(nominal: PidGains, plant: Plant, gain_range: GainRange) ->
     It holds for frozen gains; it says nothing about how fast they may change. The least lies at a corner, as a rule.
     """
 
-    @cache
-    def margin(outputs: Triple) -> float:
-        return loop_margin(nominal, plant, gain_range, outputs)
+    def least(of: Sequence[Triple]) -> tuple[float, Triple]:
+        loops = [Loop(gain_range.gains(nominal, outputs), plant).open_loop() for outputs in of]
+        return min(zip(delay_margins(loops), of, strict=True))
 
     if gain_range.span == 0.0:
-        return margin(MID_RANGE)
-    least = min(product(np.linspace(0.0, 1.0, _LEVELS).tolist(), repeat=3), key=margin)
+        return loop_margin(nominal, plant, gain_range, MID_RANGE)
+    margin_s, outputs = least(list(product(np.linspace(0.0, 1.0, _LEVELS).tolist(), repeat=3)))
     for step in _FINER:
-        least = min(_around(least, step), key=margin)
-    return margin(least)
+        margin_s, outputs = min((margin_s, outputs), least(_around(outputs, step)))
+    return margin_s
 
 
 def _around(outputs: Triple, step: float) -> list[Triple]:
-    """Return outputs, and those a step away from them in one direction inside [0, 1]^3."""
-    near = [outputs]
+    """Return the outputs a step away from these in one direction, inside [0, 1]^3."""
+    near = list[Triple]()
     for axis, change in product(range(3), (-step, step)):
         moved = list(outputs)
         moved[axis] = min(max(moved[axis] + change, 0.0), 1.0)
@@ -219,11 +250,37 @@ def real_if_exact(values: Coefficients) -> Coefficients:
 
 def _product(polynomial: Coefficients, other: Coefficients) -> Coefficients:
     product = real_if_exact(np.convolve(polynomial, other))
+    if product[0]:
+        return product
     powers = np.flatnonzero(product)
     return product[powers[0] :] if powers.size else np.zeros(1)
 
 
-def _squared_modulus(polynomial: Coefficients) -> Array:
-    """|p(iw)|^2 as a polynomial in w."""
-    along_axis = polynomial * 1j ** np.arange(len(polynomial) - 1, -1, -1)
-    return np.convolve(along_axis, along_axis.conj()).real.astype(np.float64)
+def _sum(longer: Coefficients, shorter: Coefficients) -> Coefficients:
+    total = np.array(longer, dtype=np.result_type(longer, shorter))
+    total[..., longer.shape[-1] - shorter.shape[-1] :] += shorter
+    return total
+
+
+def _values(polynomials: Coefficients, s: npt.NDArray[np.complex128]) -> npt.NDArray[np.complex128]:
+    """Values of each row's polynomial at the same row of s, by Horner's rule."""
+    values = np.zeros_like(s)
+    for power in range(polynomials.shape[-1]):
+        values = values * s + polynomials[..., power, None]
+    return values
+
+
+def _roots(polynomials: Coefficients) -> npt.NDArray[np.complex128]:
+    """Return the roots (n, m - 1) of each row's polynomial (n, m): the eigenvalues of its companion matrix."""
+    degree = polynomials.shape[-1] - 1
+    companions = np.zeros((*polynomials.shape[:-1], degree, degree), dtype=polynomials.dtype)
+    companions[..., range(1, degree), range(degree - 1)] = 1.0
+    companions[..., 0, :] = -polynomials[..., 1:] / polynomials[..., :1]
+    return np.linalg.eigvals(companions).astype(np.complex128)
+
+
+def _squared_moduli(polynomials: Coefficients) -> Array:
+    """|p(iw)|^2 of each row's polynomial (n, m), as polynomials in w (n, 2 m - 1)."""
+    turns = np.asarray(1j ** np.arange(polynomials.shape[-1] - 1, -1, -1), dtype=np.complex128)
+    along_axis: list[npt.NDArray[np.complex128]] = list(polynomials * turns)
+    return np.array([np.convolve(row, row.conj()).real for row in along_axis])

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flight_model.arrays import Array
-from gcs_formation.stability.loops import Loop, Plant, Rational, delay_margin
+from gcs_formation.stability.loops import Loop, Plant, Rational, delay_margin, stacked
 from gcs_formation.stability.roots import roots_between
 
 Response = npt.NDArray[np.complex128]
@@ -122,24 +122,21 @@ def lag_margin(loop: Loop, delay_s: float) -> float:
     The prediction bridges `delay_s` with the loop's own plant. Every combination of longer and shorter lags is
     tried, at a share that rises from 0 until one of them is unstable.
     """
-    signs = _signs(loop)
 
-    def stands(share: float) -> bool:
-        return all(
-            predicted_is_stable(loop, loop.with_lags(*(1.0 + share * sign for sign in way)), delay_s) for way in signs
-        )
+    def stood(shares: Sequence[float]) -> list[bool]:
+        off = [each for share in shares for each in _lags_off(loop, share)]
+        ways = len(off) // len(shares)
+        stable = predicted_are_stable(loop, off, delay_s)
+        return [all(stable[i : i + ways]) for i in range(0, len(stable), ways)]
 
-    if not stands(0.0):
-        return 0.0
-    low, high = 0.0, MOST
-    for share in np.linspace(0.0, MOST, _STEPS + 1)[1:].tolist():
-        if not stands(share):
-            high = share
-            break
-        low = share
-    for _ in range(_HALVINGS if high > low else 0):
+    shares = np.linspace(0.0, MOST, _STEPS + 1).tolist()
+    most = (*stood(shares), False).index(False)
+    if most in {0, len(shares)}:
+        return (0.0, *shares)[most]
+    low, high = shares[most - 1], shares[most]
+    for _ in range(_HALVINGS):
         middle = (low + high) / 2
-        low, high = (middle, high) if stands(middle) else (low, middle)
+        low, high = (middle, high) if stood([middle])[0] else (low, middle)
     return low
 
 
@@ -149,17 +146,14 @@ def mismatch_margin_with_lags_off(loop: Loop, delay_s: float, share: float = LAG
 
     The least over all combinations; 0 where one of them is unstable without any mismatch of the delay.
     """
-    least = np.inf
-    for way in _signs(loop):
-        true = loop.with_lags(*(1.0 + share * sign for sign in way))
-        if not predicted_is_stable(loop, true, delay_s):
-            return 0.0
-        least = min(least, MismatchMargin.of(mismatch_crossings(loop, delay_s, true), delay_s).least())
-    return least
+    off = _lags_off(loop, share)
+    if not all(predicted_are_stable(loop, off, delay_s)):
+        return 0.0
+    return min(MismatchMargin.of(mismatch_crossings(loop, delay_s, true), delay_s).least() for true in off)
 
 
-def predicted_is_stable(loop: Loop, true: Loop, delay_s: float) -> bool:
-    """Return whether a loop with prediction is stable around an autopilot that isn't its model's, by Nyquist's count.
+def predicted_are_stable(loop: Loop, true: Sequence[Loop], delay_s: float) -> list[bool]:
+    """Return whether a loop with prediction is stable around autopilots that aren't its model's, by Nyquist's count.
 
     With P the model's states per setpoint and P' the true ones, the prediction is
     P u + exp(A T) exp(-sT) (P' - P) u, so the characteristic equation is 1 + L + (M' - M) exp(-sT) = 0: L the open loop
@@ -168,14 +162,15 @@ def predicted_is_stable(loop: Loop, true: Loop, delay_s: float) -> bool:
 
     Args:
         loop: with the model's plant.
-        true: with the autopilot's.
+        true: with each of the autopilots'.
         delay_s: T.
     """
     model = _on_grid(loop, delay_s)
-    true_late = true.with_output(carried(loop.plant, delay_s)).open_loop()
+    row = carried(loop.plant, delay_s)
+    true_late = stacked([each.with_output(row).open_loop() for each in true])
     curve = model.returned + (true_late.at(model.w) - model.late) * model.delay
     turned = np.unwrap(np.angle(curve * model.origin))
-    return bool(abs(turned[-1] - turned[0]) < np.pi / 2)
+    return (np.abs(turned[:, -1] - turned[:, 0]) < np.pi / 2).tolist()
 
 
 class _OnGrid(NamedTuple):
@@ -202,8 +197,9 @@ def _on_grid(loop: Loop, delay_s: float) -> _OnGrid:
     return _OnGrid(w, 1.0 + exact.at(w), late.at(w), np.exp(-s * delay_s), origin)
 
 
-def _signs(loop: Loop) -> list[tuple[int, ...]]:
-    return list(product((-1, 1), repeat=loop.plant.lags))
+def _lags_off(loop: Loop, share: float) -> list[Loop]:
+    """Return the loop around autopilots with every lag off by a share of itself, in all combinations of the signs."""
+    return [loop.with_lags(*lags) for lags in product((1.0 - share, 1.0 + share), repeat=loop.plant.lags)]
 
 
 def _poles_at_origin(open_loop: Rational) -> int:

@@ -14,7 +14,7 @@ from gcs_formation.stability.mismatch import (
     Usage,
     lag_margin,
     mismatch_margin_with_lags_off,
-    predicted_is_stable,
+    predicted_are_stable,
     predicted_mismatch_margin,
 )
 
@@ -67,8 +67,8 @@ def test_at_the_margin_no_mismatch_of_the_delay_is_left(loop):
 
 def test_with_the_right_lags_the_predicted_loop_is_stable_at_any_delay_and_an_unstable_one_never():
     unstable = Loop(PidGains(-1.0, 0.0, 0.0), X.plant)
-    assert predicted_is_stable(X, X, 2.0)
-    assert not predicted_is_stable(unstable, unstable, 0.0)
+    assert predicted_are_stable(X, [X], 2.0) == [True]
+    assert predicted_are_stable(unstable, [unstable], 0.0) == [False]
     assert lag_margin(unstable, 0.5) == 0.0
 
 

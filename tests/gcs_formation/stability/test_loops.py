@@ -26,7 +26,7 @@ from gcs_formation.stability import (
     right_plant,
     worst_loop_margin,
 )
-from gcs_formation.stability.loops import Plant, Rational
+from gcs_formation.stability.loops import Plant, Rational, delay_margins
 from gcs_formation.stability.mismatch import carried
 
 MIXER = Mixer(k_v=0.1, k_x=1.0, k_psi=0.1, k_y=0.05, k_z=1.0)
@@ -113,6 +113,14 @@ def test_unfiltered_derivative_of_a_proper_loop():
     limit = MODEL.tau_v_s / MIXER.k_v
     assert loop_margin(PidGains(3.0, 0.8, 0.9 * limit, filter_s=0.0), plant) > 0.0
     assert loop_margin(PidGains(3.0, 0.8, 1.1 * limit, filter_s=0.0), plant) == 0.0
+
+
+def test_margins_of_many_loops_are_those_of_each():
+    """Of every degree, in an order that mixes them: the last is no filter's, whose margin is 0 at high frequency."""
+    pids = PidGains(3.0, 0.8, 6.5), PidGains(3.0, 0.0, 6.5), PidGains(0.0, 0.0, 0.0), PidGains(3.0, 0.8, 99.0, 0.0)
+    loops = [Loop(pid, plant).open_loop() for pid in pids for _, plant in CHANNELS.values()]
+    assert delay_margins(loops) == [delay_margin(loop) for loop in loops]
+    assert len(set(delay_margins(loops))) > len(pids)
 
 
 def test_loop_delay_counts_sampling_and_hold():
