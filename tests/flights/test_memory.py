@@ -20,7 +20,7 @@ RATE_HZ = 10.0
 def test_no_object_is_kept_of_a_tick(delay_ms: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """One object for each vehicle and tick would be three a tick."""
     kept: dict[int, int] = {}
-    ends = Session.over
+    ends = Session.attend
 
     def over(session: Session) -> bool:
         flown_s = session.station.flight.mission_time_s(session.clock.now())
@@ -30,7 +30,7 @@ def test_no_object_is_kept_of_a_tick(delay_ms: int, tmp_path: Path, monkeypatch:
                 kept[at_s] = sys.getallocatedblocks()
         return ends(session)
 
-    monkeypatch.setattr(Session, "over", over)
+    monkeypatch.setattr(Session, "attend", over)
     keys = scenario(duration_s=21, links={"default": {"delay_ms": delay_ms}}, start={"in_air": True, "run_in_s": 8})
     gcs_formation.run(keys, clock="virtual", out=tmp_path / "run")
     assert (kept[20] - kept[8]) / (12 * RATE_HZ) < 2.0
