@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+import matplotlib as mpl
 import numpy as np
 import pytest
 
@@ -21,11 +22,20 @@ from gcs_formation.record.flight import (
     settled_at_s,
 )
 from gcs_formation.record.timeseries import DISTURBANCE, ERROR, GAINS, LAW_ERROR, MIXED, STATE, TRUTH, write_parquet
+from gcs_formation.report import write_report
+from gcs_formation.report.run_data import RunData, load_run
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 ASSEMBLY_S = 10.0
 
 MakeRun = Callable[..., Path]
+EVENTFUL = (
+    "name=<three> & $more",
+    "formation.changes=[{at_s: 60, shape: square}]",
+    "disturbances=[{at_s: 80, until_s: 85, velocity_mps: [0.6, 0.6, 0]}]",
+    "faults=[{at_s: 90, vehicles: [3], kind: crash}]",
+    "links.changes=[{at_s: 40, vehicles: [2], delay_ms: 300}, {at_s: 70, vehicles: [3], uplink: {delay_ms: 200}}]",
+)
 
 
 @pytest.fixture(scope="session")
@@ -38,6 +48,25 @@ def make_run(tmp_path_factory: pytest.TempPathFactory) -> MakeRun:
         return directory
 
     return make
+
+
+class Reported(NamedTuple):
+    """A flight with events of every kind, reported: drawing its figures takes seconds."""
+
+    directory: Path
+    run: RunData
+    page: str
+    settings_kept: bool
+    """Whether Matplotlib's settings are as they were."""
+
+
+@pytest.fixture(scope="session")
+def reported(make_run: MakeRun) -> Reported:
+    """Return the report of an eventful flight."""
+    directory = make_run(load_scenario(CONFIGS / "quickstart.yaml", EVENTFUL))
+    before = dict(mpl.rcParams)
+    page = write_report(directory)
+    return Reported(directory, load_run(directory), page.read_text(encoding="utf-8"), dict(mpl.rcParams) == before)
 
 
 def write_run(

@@ -3,7 +3,6 @@ from io import BytesIO
 from itertools import combinations
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.text import Text
@@ -29,17 +28,9 @@ def straight(vehicles, **keys):
     return load_scenario({**STRAIGHT, "vehicles": vehicles, **keys})
 
 
-EVENTFUL = (
-    "formation.changes=[{at_s: 60, shape: square}]",
-    "disturbances=[{at_s: 80, until_s: 85, velocity_mps: [0.6, 0.6, 0]}]",
-    "faults=[{at_s: 90, vehicles: [3], kind: crash}]",
-    "links.changes=[{at_s: 40, vehicles: [2], delay_ms: 300}, {at_s: 70, vehicles: [3], uplink: {delay_ms: 200}}]",
-)
-
-
-@pytest.fixture(scope="module")
-def eventful(make_run):
-    return load_run(make_run(load_scenario(QUICKSTART, EVENTFUL)))
+@pytest.fixture
+def eventful(reported):
+    return reported.run
 
 
 @pytest.mark.slow
@@ -134,19 +125,13 @@ def test_twenty_followers_have_a_line_each_that_no_other_has():
     assert len({tuple(group.look(vehicle).values()) for vehicle in vehicles}) == len(vehicles)
 
 
-@pytest.fixture(scope="module")
-def written(eventful, tmp_path_factory):
-    before = dict(mpl.rcParams)
-    paths = dict(write_figures(eventful, tmp_path_factory.mktemp("report") / "figures"))
-    assert dict(mpl.rcParams) == before, "Matplotlib's settings are left as they were"
-    return paths
+def test_matplotlibs_settings_are_left_as_they_were(reported):
+    assert reported.settings_kept
 
 
 @pytest.mark.parametrize("plate", PLATES, ids=[plate.name for plate in PLATES])
-def test_every_figure_is_a_png_for_print(written, plate):
-    path = written[plate]
-    assert path.name == f"{plate.name}.png"
-    with Image.open(path) as image:
+def test_every_figure_is_a_png_for_print(reported, plate):
+    with Image.open(reported.directory / "figures" / f"{plate.name}.png") as image:
         assert image.format == "PNG"
         assert image.width == pytest.approx(16.0 / 2.54 * 200, abs=1)
         assert 300 < image.height < 1800

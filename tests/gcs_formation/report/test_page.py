@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from formation_scenario import load_scenario
-from gcs_formation.report import write_report
+from gcs_formation.report.figures import PLATES
 from gcs_formation.report.html import cards, table, verdict
 from gcs_formation.report.page import as_script, beside_the_paper, embedded
 from gcs_formation.report.run_data import load_run
@@ -47,12 +47,9 @@ def straight(count, duration_s, **keys):
     return load_scenario({"vehicles": {"count": count}, "duration_s": duration_s, "path": path, **keys})
 
 
-@pytest.fixture(scope="module")
-def report(make_run):
-    directory = make_run(straight(3, 60, name="<three> & $more"))
-    path = write_report(directory)
-    assert path == directory / "report.html"
-    return directory, load_run(directory), path.read_text(encoding="utf-8")
+@pytest.fixture
+def report(reported):
+    return reported.directory, reported.run, reported.page
 
 
 def test_the_page_is_well_formed_and_needs_nothing_else(report):
@@ -73,7 +70,7 @@ def test_whatever_a_vehicle_says_stays_text(report):
 
 def test_every_figure_is_in_the_page_and_in_its_directory(report):
     directory, _, text = report
-    names = {"assembly", "plan", "errors", "setpoints", "steps", "trajectory", "gains", "separation", "latency"}
+    names = {plate.name for plate in PLATES}
     assert {path.stem for path in (directory / "figures").glob("*.png")} == names
     assert {f"figure-{name}" for name in names} <= Outline(text).ids
     assert text.count('src="data:image/png;base64,iVBOR') == len(names)
