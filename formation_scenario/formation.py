@@ -219,7 +219,7 @@ class Law(Keys):
     design_delay_ms: Annotated[NonNegative, Field(le=5000.0)] = Field(
         default=0.0,
         description="delay of the links each way that gains: auto are designed for where `links`, which emulates "
-        "links, has less: that of real ones, ms",
+        "links, has less, ms; where longer ones are measured, they are designed anew",
         examples=[300],
     )
     derivative_filter_s: NonNegative = Field(

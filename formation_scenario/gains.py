@@ -12,7 +12,7 @@ from flight_model.energy import AirframeParameters
 from flight_model.linear import Responses, airframe_responses, lag_responses
 from formation_scenario.model import Scenario
 from formation_scenario.navigation import NoisyNavigation
-from formation_scenario.source import Key, Plain
+from formation_scenario.source import Key, Plain, plain_mapping
 from formation_scenario.vehicles import VehicleModel
 
 Group = dict[Key, Plain]
@@ -48,6 +48,7 @@ FILTERS: dict[str, Group] = {
     NOISE: {"derivative_filter_s": 1.0, "disturbance_observer_radps": 0.3},
 }
 CHANNELS = ("speed", "heading", "height")
+DESIGNED_FILTERS = ("derivative_filter_s", "disturbance_observer_radps", "anti_windup_s")
 SCALES = {"speed": 1.0, "heading": 0.1, "height": 2.0}
 """Mixed errors, and rates of them, that count as 1 for the fuzzy scheduler."""
 WEIGHTS = {"k_v": 0.0, "k_x": 1.0, "k_psi": 0.1, "k_y": 0.05, "k_z": 1.0}
@@ -73,18 +74,34 @@ def designed(scenario: Scenario, given: Plain) -> Scenario:
     written = given if isinstance(given, dict) else {}
     weights = WEIGHTS | _written(written, "mixer")
     found = design(*_known(scenario), _weights(weights), _telemetry(scenario))
-    filters = {
-        "derivative_filter_s": found.derivative_filter_s,
-        "disturbance_observer_radps": found.observer_radps,
-        "anti_windup_s": found.anti_windup_s,
-    }
-    keys: dict[str, Any] = {name: value for name, value in filters.items() if written.get(name) is None}
+    filters = found.derivative_filter_s, found.observer_radps, found.anti_windup_s
+    filled = zip(DESIGNED_FILTERS, filters, strict=True)
+    keys: dict[str, Any] = {name: value for name, value in filled if written.get(name) is None}
     keys["mixer"] = scenario.law.mixer.model_copy(update=weights)
     for name, channel in found.channels.items():
         scales = {"error_scale": SCALES[name], "rate_scale": SCALES[name]}
         gains = {"kp": channel.kp, "ki": channel.ki, "kd": channel.kd} | scales | _written(written, name)
         keys[name] = getattr(scenario.law, name).model_copy(update=gains)
     return scenario.model_copy(update={"law": scenario.law.model_copy(update=keys)})
+
+
+def redesigned(scenario: Scenario, delay_s: float) -> Scenario:
+    """Return a scenario with its gains by design for links that take `delay_s` each way.
+
+    What isn't as the design makes it for the delay known so far was given, and stays.
+    """
+    law, mixer = scenario.law, plain_mapping(scenario.law.mixer.model_dump())
+    before, given = designed(scenario, {"mixer": mixer}).law, Group({"mixer": mixer})
+    for channel in CHANNELS:
+        found, by_design = getattr(law, channel).model_dump(), getattr(before, channel).model_dump()
+        given[channel] = Group({key: value for key, value in found.items() if not _same(value, by_design[key])})
+    given |= {key: value for key in DESIGNED_FILTERS if not _same(value := getattr(law, key), getattr(before, key))}
+    slower = law.model_copy(update={"design_delay_ms": 1e3 * delay_s})
+    return designed(scenario.model_copy(update={"law": slower}), given)
+
+
+def _same(one: float, other: float) -> bool:
+    return math.isclose(one, other, rel_tol=1e-6, abs_tol=1e-12)
 
 
 def figures(scenario: Scenario) -> Mapping[str, Channel]:

@@ -20,7 +20,7 @@ from formation_scenario.formation import added
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation import parameters
 from gcs_formation.control.envelope import Envelope
-from gcs_formation.control.laws import law_kind
+from gcs_formation.control.laws import law_kind, law_parameters
 from gcs_formation.control.situation import Lead, Situation
 from gcs_formation.estimation.estimator import Sample, StateEstimator, VehicleFilter
 from gcs_formation.estimation.flight_state import Setpoint
@@ -84,6 +84,12 @@ class FormationController:
         """Make another column the leader; it heads `swing_rad` clockwise of the present one."""
         self.plan.hand_over(leader, swing_rad)
         self._leader_commands.forget()
+
+    def retune(self, scenario: Scenario) -> None:
+        """Go on with another scenario's gains and filters."""
+        self._law.retune(law_parameters(scenario))
+        if not scenario.hovers:
+            self.estimator.observe_wind(scenario.law.disturbance_observer_radps)
 
     def places_m(self, now: Instant) -> Array:
         """Return all positions, (C, 3) forward, right and up of the leader, without the lifts over terrain."""

@@ -22,7 +22,7 @@ from gcs_formation.fleet.conformance import ConformanceMonitor
 from gcs_formation.fleet.dispatch import Dispatch, HeartbeatScheduler
 from gcs_formation.fleet.membership import Membership
 from gcs_formation.fleet.message_intervals import MessageIntervals
-from gcs_formation.fleet.quality import MarginWatch, NoiseWatch, undesigned
+from gcs_formation.fleet.quality import DesignWatch, MarginWatch, NoiseWatch
 from gcs_formation.fleet.senders import Senders
 from gcs_formation.link.connection import Receiver
 from gcs_formation.mission.course import Course, Orders
@@ -59,8 +59,7 @@ class Station:
         `utc_at_0_s` is UTC at instant 0 by the machine's clock, s since 1970; `caution`: what is done before anybody is
         commanded; `resumed`: the flight to take over, which stood there.
         """
-        self.scenario = scenario
-        self.controller = FormationController(scenario)
+        self.scenario, self.controller = scenario, FormationController(scenario)
         self.controlled_ticks = self.recorded_ticks = 0
         """Ticks at which the formation was commanded; with them, all others from the first take-off on."""
         self.frames_refused = 0
@@ -79,6 +78,7 @@ class Station:
         self.flight, self._membership = self.course.flight, membership
         self._senders = Senders(self.vehicles, self.networks, self.flight, self._reporter.event, self.course.fail)
         self.margins, self._noise = MarginWatch(scenario, *fleet), NoiseWatch(*fleet)
+        self.design = DesignWatch(scenario, self.vehicles, (self.controller, self.margins), self._reporter.event)
         self._common_clock = CommonClock(scenario, self.vehicles, utc_at_0_s, self._reporter.event)
         self.preflight = PreFlight(scenario, self.vehicles, caution, self._reporter.event, self.course.fail)
         self._takeover = Takeover(resumed, self.vehicles, self._reporter.event)
@@ -157,6 +157,8 @@ class Station:
         """Run one tick: links, start-up, membership, setpoints, record."""
         self._schedule_tick(now)
         if self._heartbeats.greets(now):
+            if self.flight.phase in COMMANDED:
+                self.design.watch(now)
             self.margins.watch(now, self._reconfiguration.leader, self.controller.lags.misfit)
             self._noise.watch(now, self.controller.estimator.noise)
             unguided = self._dispatch.unguided(now)
@@ -252,8 +254,7 @@ class Station:
         elif resumed is not None and resumed.ending and takeover.settled(now):
             self.course.stop(now)
         elif leads and self.course.move(Cause.LEADER_READY, now):
-            for slow in undesigned(self.scenario, self.vehicles.values()):
-                self._reporter.event(now, "design", slow)
+            self.design.watch(now, begins=True)
 
     def _begin_anew(self, vehicle: Vehicle, now: Instant) -> None:
         self._restarts[vehicle.identity] = vehicle.clock.restarts

@@ -199,7 +199,7 @@ class Session:
                 flight=flight,
                 links={identity: self._link(identity) for identity in self.station.vehicles},
                 control=self.timed.figures(self.scenario.law.rate_hz),
-                delay_margin_s=_finite(scenario_delay_margin(self.scenario)),
+                delay_margin_s=_finite(scenario_delay_margin(self.station.design.scenario)),
                 worst_loop_delay_s=self._worst_loop_delay_s(),
                 margin_used=self.station.margins.most_used,
                 received=self.station.received(),

@@ -24,6 +24,7 @@ from flight_model.slot import NOTHING, Slot, Triple
 from formation_scenario.formation import Frame
 from gcs_formation.control.envelope import Envelope
 from gcs_formation.control.feed_forward import Axes, LeaderMotion, feed_forward
+from gcs_formation.control.follower import LawParameters
 from gcs_formation.control.mixer import Target, formation_error, slot_target
 from gcs_formation.control.situation import Decided, Lead, Situation
 from gcs_formation.estimation.estimator import LEAST_AIRSPEED_MPS
@@ -91,6 +92,9 @@ class ConsensusLaw:
         receivers, senders = np.nonzero(weights)
         each: list[float] = weights[receivers, senders].tolist()
         self._edges = list(zip(receivers.tolist(), senders.tolist(), each, strict=True))
+
+    def retune(self, parameters: LawParameters) -> None:
+        """Keep the gains: none of them is by design."""
 
     def decide(self, situation: Situation, dt_s: float) -> list[Decided]:  # noqa: ARG002 - no memory, no rates
         """Return the setpoints of all vehicles; those that aren't active are left out of the sums."""

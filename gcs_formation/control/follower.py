@@ -113,6 +113,13 @@ class FollowerController:
         proportional, integral = (speed.kp, heading.kp, height.kp), (speed.ki, heading.ki, height.ki)
         return (*proportional, *integral, speed.kd, heading.kd, height.kd)
 
+    def retune(self, parameters: LawParameters) -> None:
+        """Go on with other gains and filters."""
+        self._parameters = parameters
+        self._speed.retune(parameters.speed)
+        self._heading.retune(parameters.heading)
+        self._height.retune(parameters.height)
+
     def forget(self) -> None:
         """Start again: it isn't commanded, or follows another leader."""
         self._speed.forget()

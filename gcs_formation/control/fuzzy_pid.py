@@ -172,6 +172,10 @@ class Pid:
         """Start again."""
         self.integral = self.rate = 0.0
 
+    def retune(self, channel: Channel) -> None:
+        """Go on with other constants; what is integrated and filtered stays."""
+        self._channel = channel
+
     def filter_rate(self, slope: float, dt_s: float) -> None:
         """Put the error's rate through the filter 1/(T s + 1), exact for a `slope` that holds for `dt_s`."""
         kept = math.exp(-dt_s / self._channel.nominal.filter_s)

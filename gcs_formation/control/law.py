@@ -29,6 +29,10 @@ class Controller(Protocol):
         """Compute the setpoint of this tick, which is `dt_s` after the last one."""
         ...
 
+    def retune(self, parameters: LawParameters) -> None:
+        """Go on with other gains."""
+        ...
+
     def forget(self) -> None:
         """Start again: it isn't commanded, or follows another leader."""
         ...
@@ -57,6 +61,11 @@ class FormationLaw:
         self._followers = [column for column in range(len(self._controllers)) if column != leader]
         for controller in self._controllers:
             controller.forget()
+
+    def retune(self, parameters: LawParameters) -> None:
+        """Go on with other gains; integrators keep what they hold."""
+        for controller in self._controllers:
+            controller.retune(parameters)
 
     def decide(self, situation: Situation, dt_s: float) -> list[Decided]:
         """Return the followers' setpoints; the controllers of those that aren't active are kept at rest."""

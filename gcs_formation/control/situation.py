@@ -8,6 +8,7 @@ from typing import Protocol
 from airlink.clock import Instant
 from flight_model.autopilot import FlightState
 from flight_model.slot import Slot, Triple
+from gcs_formation.control.follower import LawParameters
 from gcs_formation.estimation.projection import States
 from gcs_formation.guidance.leader import LeaderCommand
 from gcs_formation.guidance.tracking import RouteHeading
@@ -68,4 +69,8 @@ class Law(Protocol):
 
     def decide(self, situation: Situation, dt_s: float) -> list[Decided]:
         """Return what the vehicles that it commands are told at this tick, which is `dt_s` after the last one."""
+        ...
+
+    def retune(self, parameters: LawParameters) -> None:
+        """Go on with other gains; a law without those of `LawParameters` keeps its own."""
         ...

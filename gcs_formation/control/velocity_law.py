@@ -42,6 +42,12 @@ class VelocityController:
         along, across, height = self._along, self._across, self._height
         return along.kp, across.kp, height.kp, along.ki, across.ki, height.ki, along.kd, across.kd, height.kd
 
+    def retune(self, parameters: LawParameters) -> None:
+        """Go on with other gains."""
+        self._along.retune(parameters.speed)
+        self._across.retune(parameters.speed)
+        self._height.retune(parameters.height)
+
     def forget(self) -> None:
         """Start again: it isn't commanded, or follows another leader."""
         self._along.forget()

@@ -86,7 +86,8 @@ class VehicleFilter:
         """Of the state, ns."""
         self.level = LevelCovariance((0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
         self.height = HeightCovariance(0.0, 0.0)
-        self._wind_radps = wind_radps
+        self.wind_radps = wind_radps
+        """The most that the wind's estimate follows anything but gusts."""
         self._root_hz = math.sqrt(telemetry_hz)
         self._residual = [0.0] * VALUES
         self._implausible = 0
@@ -128,7 +129,7 @@ class VehicleFilter:
         variances = self.noise.values
         self._carry(elapsed_s, model, walk)
         difference, along = innovation(values, predicted), Along(predicted)
-        if self._wind_radps >= GUST_RADPS:
+        if self.wind_radps >= GUST_RADPS:
             self._believe_gust(values, predicted, elapsed_s)
         spread = spreads(self.level, self.height, along)
         own = [each + variance for each, variance in zip(spread, variances, strict=True)]
@@ -182,15 +183,15 @@ class VehicleFilter:
         self.level.carry(self.state, elapsed_s, model)
         self.height.carry(elapsed_s, model)
         place, wind = WITHOUT_WIND, 0.0
-        if self._wind_radps > 0.0:
+        if self.wind_radps > 0.0:
             place, noise_mps = 0.0, math.sqrt(variances[3] + variances[6])
-            wind = min(WIND_WALK, self._wind_radps * noise_mps / self._root_hz)
+            wind = min(WIND_WALK, self.wind_radps * noise_mps / self._root_hz)
         self.level.grow((place**2, place**2, speed**2, heading**2, wind**2, wind**2), elapsed_s)
         self.height.climb += climb**2 * elapsed_s
 
     def _wind_of(self, values: list[float]) -> tuple[float, float]:
         """Return the wind that a sample tells by itself."""
-        if self._wind_radps <= 0.0:
+        if self.wind_radps <= 0.0:
             return 0.0, 0.0
         airspeed_mps, heading_rad = values[6], values[7]
         return values[3] - airspeed_mps * math.cos(heading_rad), values[4] - airspeed_mps * math.sin(heading_rad)
@@ -201,13 +202,13 @@ class VehicleFilter:
         An estimate that begins with a sample's own follows the next ones at once: for its first seconds it would be as
         fast as those asked not to have that lag.
         """
-        if self._wind_radps <= 0.0:
+        if self.wind_radps <= 0.0:
             return 0.0
         sample = self._wind_noise(airspeed_mps)
-        if self._wind_radps >= GUST_RADPS:
+        if self.wind_radps >= GUST_RADPS:
             return sample
         variances = self.noise.values
-        return min(sample, self._wind_radps * (variances[3] + variances[6]) / self._root_hz**2)
+        return min(sample, self.wind_radps * (variances[3] + variances[6]) / self._root_hz**2)
 
     def _wind_noise(self, airspeed_mps: float) -> float:
         """Return the variance of that."""
@@ -240,6 +241,11 @@ class StateEstimator:
         self.filters = [VehicleFilter(noise, wind_radps, telemetry_hz) for noise in self.noise.each]
         """Every column's, with its newest state."""
         self._history = history
+
+    def observe_wind(self, wind_radps: float) -> None:
+        """Follow the wind at most so fast from now on."""
+        for each in self.filters:
+            each.wind_radps = wind_radps
 
     @property
     def covariance(self) -> Array:

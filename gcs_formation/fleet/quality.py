@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping, Sequence
+from typing import Protocol
 
 import numpy as np
 
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
 from formation_scenario import Scenario
-from formation_scenario.gains import AUTO, design_delay_s
+from formation_scenario.gains import AUTO, design_delay_s, redesigned
 from gcs_formation.control.laws import law_kind
 from gcs_formation.estimation.noise import QUANTITIES, NoiseEstimate
 from gcs_formation.recorder import Detail, Note
@@ -36,17 +37,63 @@ OFF = 1.8
 BACK = 1.4
 """Ratio below which it is again."""
 UNDESIGNED_S = 0.05
-"""By how much links may be slower than gains by design are for before that is said."""
+"""By how much links may be slower than gains by design are for before these are designed anew."""
+SLOW_LOOKS = 5
+"""Consecutive looks, one a second, for which they must have been slower in flight: a machine may be held up."""
+DESIGN_STEP_S = 0.01
 UNITS = ("m", "m", "m/s", "m/s", "m/s", "rad")
 
 
-def undesigned(scenario: Scenario, vehicles: Iterable[Vehicle]) -> Iterator[str]:
-    """Yield what to say if links are slower than the gains by design are for."""
-    delays_s = [each.clock.one_way_s for each in vehicles if not math.isnan(each.clock.one_way_s)]
-    longest_s, known_s = max(delays_s, default=0.0), design_delay_s(scenario)
-    if scenario.law.gains == AUTO and longest_s > known_s + UNDESIGNED_S:
-        found = f"links take {longest_s * 1e3:.0f} ms each way, gains are designed for {known_s * 1e3:.0f} ms"
-        yield f"{found}; for these: law.design_delay_ms: {math.ceil(longest_s * 100.0) * 10}"
+class Tuned(Protocol):
+    """What goes by the law's gains."""
+
+    def retune(self, scenario: Scenario) -> None:
+        """Go on with another scenario's gains."""
+        ...
+
+
+class DesignWatch:
+    """Has gains by design follow the links' delay as it is measured: they become slower, and never faster again."""
+
+    def __init__(
+        self, scenario: Scenario, vehicles: Mapping[VehicleId, Vehicle], tuned: Sequence[Tuned], note: Note
+    ) -> None:
+        """Watch the links of `vehicles`; `tuned` is told of new gains."""
+        self.scenario = scenario
+        """With the gains in force."""
+        self._vehicles, self._tuned, self._note = vehicles, tuned, note
+        self._designs = scenario.law.gains == AUTO and not law_kind(scenario).mutual
+        self._slow_looks = 0
+
+    def watch(self, now: Instant, *, begins: bool = False) -> None:
+        """Look once a second: design slower gains if links have been slower than those in force are for, for a while.
+
+        `begins`: nobody is commanded yet, and what is measured now counts.
+        """
+        if not self._designs:
+            return
+        delays_s = [each.clock.one_way_s for each in self._vehicles.values()]
+        longest_s = max((each for each in delays_s if not math.isnan(each)), default=0.0)
+        known_s = design_delay_s(self.scenario)
+        self._slow_looks = self._slow_looks + 1 if longest_s > known_s + UNDESIGNED_S else 0
+        if not self._slow_looks or not (begins or self._slow_looks >= SLOW_LOOKS):
+            return
+        self._slow_looks, delay_s = 0, round(longest_s / DESIGN_STEP_S) * DESIGN_STEP_S
+        self.scenario = redesigned(self.scenario, delay_s)
+        text = f"links take {longest_s * 1e3:.0f} ms each way: gains are designed for {delay_s * 1e3:.0f} ms"
+        self._note(now, "design", f"{text}, instead of {known_s * 1e3:.0f} ms", None, self._details(delay_s))
+        for each in self._tuned:
+            each.retune(self.scenario)
+
+    def _details(self, delay_s: float) -> dict[str, Detail]:
+        law = self.scenario.law
+        gains = {
+            f"{channel}_{gain}": float(getattr(getattr(law, channel), gain))
+            for channel in CHANNELS.values()
+            for gain in ("kp", "ki", "kd")
+        }
+        wind = law.disturbance_observer_radps
+        return {"design_delay_s": delay_s, "disturbance_observer_radps": wind, **gains}
 
 
 class MarginWatch:
@@ -72,6 +119,11 @@ class MarginWatch:
         self._near: set[VehicleId] = set()
         self._lags_off = [[0.0] * len(self.used) for _ in CHANNELS]
         self._calm = Counter[tuple[VehicleId, str]]()
+        self._axes = dict[VehicleId, dict[str, Usage]]()
+        self.retune(scenario)
+
+    def retune(self, scenario: Scenario) -> None:
+        """Watch the loops that a scenario's gains close."""
         predicted, shared = scenario.law.delay_compensation, dict[object, Usage]()
         self._axes = {
             vehicle: {

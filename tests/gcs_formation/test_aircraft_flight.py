@@ -1,5 +1,6 @@
 """Formations of aircraft that fly as ArduPlane does."""
 
+import json
 from typing import Any
 
 import numpy as np
@@ -8,6 +9,8 @@ import pytest
 
 from formation_scenario import load_scenario
 from gcs_formation import run
+from gcs_formation.app import session
+from gcs_formation.app.injection import impair
 
 SCENARIO: dict[str, Any] = {
     "name": "aircraft",
@@ -46,6 +49,21 @@ def test_gains_by_design_fly_aircraft_quietly(tmp_path):
     assert follower["error_y_m"]["rms"] < 0.05
     assert follower["error_z_m"]["rms"] < 0.2
     assert follower["effort"]["speed"]["step_p95"] < 0.1
+
+
+def test_links_that_nobody_knew_to_be_slow_have_the_gains_that_are_designed_for_them(tmp_path, monkeypatch):
+    """300 ms each way that the scenario doesn't name, as behind a proxy: the law of one that names them, for good."""
+    slow = {"default": {"delay_ms": 300}}
+    with monkeypatch.context() as changed:
+        changed.setattr(
+            session, "impair", lambda named, *rest: impair(load_scenario(named, ["links.default.delay_ms=300"]), *rest)
+        )
+        unnamed, _ = flown(tmp_path / "unnamed", vehicles={"count": 2, "model": "arduplane"})
+    named, _ = flown(tmp_path / "named", vehicles={"count": 2, "model": "arduplane"}, links=slow)
+    assert unnamed["error_x_m"] == named["error_x_m"]
+    events = [json.loads(line) for line in (tmp_path / "unnamed" / "events.jsonl").read_text().splitlines()]
+    (design,) = (each for each in events if each["kind"] == "design")
+    assert design["text"].endswith("gains are designed for 300 ms, instead of 0 ms")
 
 
 @pytest.mark.slow

@@ -62,11 +62,21 @@ def law(
     scales: tuple[float, float] = (1.0, 1.0),
 ) -> TableLaw:
     """A law whose derivatives are unfiltered; `scales` of errors and rates are those of every channel."""
+    return TableLaw(FormationLaw(parameters(kp, ki, kd, frame, scheduler, scales), tables.models(MODEL)))
+
+
+def parameters(
+    kp: Array = NONE,
+    ki: Array = NONE,
+    kd: Array = NONE,
+    frame: Frame = "leader_heading",
+    scheduler: FuzzyGainScheduler | None = None,
+    scales: tuple[float, float] = (1.0, 1.0),
+) -> LawParameters:
+    """Return the constants of that law."""
     each = zip(kp.tolist(), ki.tolist(), kd.tolist(), strict=True)
     speed, heading, height = (Channel(PidGains(p, i, d, 1e-9), *scales, 2.0) for p, i, d in each)
-    gain_range = GainRange(0.7, 0.6)
-    parameters = LawParameters(MIXER, frame, speed, heading, height, gain_range, scheduler, 2.0)
-    return TableLaw(FormationLaw(parameters, tables.models(MODEL)))
+    return LawParameters(MIXER, frame, speed, heading, height, GainRange(0.7, 0.6), scheduler, 2.0)
 
 
 def state(rows: Array) -> FlightStates:

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from formation_scenario.slot_motion import SlotMotion
+from gcs_formation.control.follower import FollowerController, LawParameters
 from gcs_formation.control.fuzzy_pid import FuzzyGainScheduler
+from gcs_formation.control.law import Controller, FormationLaw
 from gcs_formation.control.situation import Situation
+from gcs_formation.control.velocity_law import VelocityController
 from gcs_formation.estimation.flight_state import FlightStates, Setpoints
+from tests.gcs_formation import tables
 from tests.gcs_formation.control.law_ticks import (
     AT_ONCE_S,
     COUNT,
@@ -26,6 +31,7 @@ from tests.gcs_formation.control.law_ticks import (
     flown,
     in_formation,
     law,
+    parameters,
     sent,
     situation,
     with_rows,
@@ -131,6 +137,18 @@ def test_nothing_is_learnt_of_a_setpoint_that_was_replaced_nor_kept_of_one_that_
     flying.decide(replace(here, active=[True, False, True]), DT_S)
     asked = sent(flying.decide(here, DT_S))[:, 0] - SPEED_MPS
     np.testing.assert_allclose(asked, (0.0, 0.20), atol=1e-12)
+
+
+@pytest.mark.parametrize("controller", [FollowerController, VelocityController])
+def test_other_gains_act_at_once_and_keep_what_is_integrated(controller: Callable[[LawParameters], Controller]) -> None:
+    fast, slow = np.array((0.5, 0.2, 0.3)), np.array((0.1, 0.05, 0.2))
+    plain = FormationLaw(parameters(kp=fast, ki=fast), tables.models(MODEL), controller)
+    flying = tables.TableLaw(plain)
+    before = [sent(flying.decide(behind(1.0), DT_S))[0, 0] for _ in range(4)][-1] - SPEED_MPS
+    plain.retune(parameters(kp=slow, ki=slow))
+    after, then = (sent(flying.decide(behind(1.0), DT_S))[0, 0] - SPEED_MPS for _ in range(2))
+    integral = before - fast[0] + fast[0] * DT_S
+    assert (after, then) == pytest.approx((slow[0] + integral, slow[0] + integral + slow[0] * DT_S))
 
 
 def test_behind_a_new_leader_everything_begins_again() -> None:

@@ -12,7 +12,7 @@ import pytest
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
 from formation_scenario import load_scenario
-from gcs_formation.fleet.quality import CALM_LOOKS, CLEAR, DEGRADE, NEAR, RESTORE, MarginWatch, undesigned
+from gcs_formation.fleet.quality import CALM_LOOKS, CLEAR, DEGRADE, NEAR, RESTORE, SLOW_LOOKS, DesignWatch, MarginWatch
 from tests.flights.conftest import scenario
 from tests.gcs_formation.noted import Noted
 
@@ -199,11 +199,56 @@ def test_with_prediction_scatter_uses_the_margin_and_delay_does_not_and_wrong_la
     assert said.details["lags_off"] == 3.0
 
 
-def test_links_slower_than_gains_by_design_are_for_are_said():
-    vehicles: list[Any] = [SimpleNamespace(clock=SimpleNamespace(one_way_s=each)) for each in (0.02, math.nan, 0.296)]
-    keys = scenario(vehicles={"count": 3, "model": "arduplane"})
-    (text,) = undesigned(load_scenario(keys), vehicles)
-    assert text == "links take 296 ms each way, gains are designed for 0 ms; for these: law.design_delay_ms: 300"
-    assert not list(undesigned(load_scenario(keys, ["law.design_delay_ms=250"]), vehicles))
-    assert not list(undesigned(load_scenario(keys, ["links.default.delay_ms=300"]), vehicles))
-    assert not list(undesigned(load_scenario(scenario()), vehicles)), "gains aren't by design"
+class Slow:
+    """Links of the same delay, none known before, around gains by design."""
+
+    def __init__(self, *overrides: str) -> None:
+        loaded = load_scenario(scenario(vehicles={"count": 3, "model": "arduplane"}), overrides)
+        self.clocks = [SimpleNamespace(one_way_s=math.nan) for _ in loaded.vehicles]
+        identified = {VehicleId(1, i): SimpleNamespace(clock=clock) for i, clock in enumerate(self.clocks, 1)}
+        vehicles: dict[VehicleId, Any] = {**identified}
+        self.given, self.notes = loaded.law, Noted()
+        self.watch = DesignWatch(loaded, vehicles, [self], self.notes)
+        self._retuned: Any = None
+
+    def retune(self, scenario: Any) -> None:
+        """Take new gains, as controller and margins do."""
+        self._retuned = scenario
+
+    def look(self, delay_s: float, *, begins: bool = False) -> Any:
+        """Look once, with a link that takes so long each way; return the law that is to be flown then."""
+        self.clocks[1].one_way_s, self._retuned = delay_s, None
+        self.watch.watch(NOW, begins=begins)
+        assert self._retuned in (None, self.watch.scenario)
+        return self._retuned and self._retuned.law
+
+
+def test_gains_by_design_are_for_the_delay_that_is_measured_before_anybody_is_commanded() -> None:
+    slow, known = Slow(), Slow("law.design_delay_ms=300").given
+    assert slow.look(0.298, begins=True) == known
+    (said,) = slow.notes
+    assert said.text == "links take 298 ms each way: gains are designed for 300 ms, instead of 0 ms"
+    assert said.details["speed_kp"] == known.speed.kp < slow.given.speed.kp
+    assert slow.look(0.34, begins=True) is None, "known well enough"
+
+
+def test_in_flight_links_must_stay_slow_for_a_while_and_gains_do_not_become_faster_again() -> None:
+    slow = Slow()
+    looks = [0.3] * (SLOW_LOOKS - 1) + [0.02] + [0.3] * (SLOW_LOOKS - 1)
+    assert [slow.look(each) for each in looks] == [None] * len(looks)
+    law = slow.look(0.3)
+    assert law.design_delay_ms == pytest.approx(300.0)
+    assert [slow.look(0.0) for _ in range(2 * SLOW_LOOKS)] == [None] * 2 * SLOW_LOOKS
+
+
+def test_what_a_scenario_gives_of_gains_by_design_stays_as_it_is_given() -> None:
+    slow = Slow("law.speed.kp=0.123", "law.disturbance_observer_radps=0.2", "law.mixer.k_y=0.04")
+    law = slow.look(0.3, begins=True)
+    assert (law.speed.kp, law.disturbance_observer_radps, law.mixer.k_y) == (0.123, 0.2, 0.04)
+    assert law.heading.kp < slow.given.heading.kp
+    assert law.speed.ki < slow.given.speed.ki
+
+
+@pytest.mark.parametrize("given", ["links.default.delay_ms=300", "law.design_delay_ms=260", "law.gains=clean"])
+def test_delay_that_is_known_and_gains_that_are_not_by_design_change_nothing(given: str) -> None:
+    assert Slow(given).look(0.3, begins=True) is None
