@@ -3,8 +3,6 @@
 Source: MAVLink guide, "Command Protocol" and "Requesting Data From Vehicles".
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 

@@ -4,8 +4,6 @@ The dialect declares no unit for an item's x, y and z, since they depend on the 
 they are on the wire. Source: MAVLink guide, "Mission Protocol".
 """
 
-from __future__ import annotations
-
 from typing import Generic, NamedTuple, TypeVar
 
 Coordinate = TypeVar("Coordinate", int, float)

@@ -3,8 +3,6 @@
 Source: MAVLink guide, "Parameter Protocol" and "File Transfer Protocol (FTP)".
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 

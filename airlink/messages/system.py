@@ -1,7 +1,5 @@
 """Messages by which systems show that they are there, compare their clocks and exchange text."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 MISSION_TIME = "MISSION_T"

@@ -1,7 +1,5 @@
 """Messages in which a vehicle reports its state."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
