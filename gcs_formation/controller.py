@@ -26,7 +26,7 @@ from gcs_formation.estimation.estimator import Sample, StateEstimator, VehicleFi
 from gcs_formation.estimation.flight_state import Setpoint
 from gcs_formation.estimation.projection import Measured, States
 from gcs_formation.estimation.setpoint_history import SetpointHistory
-from gcs_formation.guidance.leader import ASSEMBLED_S, LeaderCommand, LeaderCommands, LeaderWind, amid
+from gcs_formation.guidance.leader import AHEAD_POINTS, ASSEMBLED_S, LeaderCommand, LeaderCommands, LeaderWind, amid
 from gcs_formation.guidance.slots import UP, FormationPlan, Outlook
 from gcs_formation.separation.fence import FenceLimits
 from gcs_formation.separation.resolver import ConflictResolver
@@ -35,8 +35,6 @@ from gcs_formation.tick import Tick, VehicleLink, unknown_state
 VIRTUAL = 0
 """The column of a virtual leader."""
 CHANNELS = 3
-AHEAD_POINTS = 5
-"""Places along the leader's way at which the ground is looked at."""
 GAINS_CHANGE_S = 1.0
 """Time constant with which gains follow a change of the bandwidth, so that no setpoint jumps."""
 

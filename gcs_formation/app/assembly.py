@@ -20,8 +20,6 @@ from formation_scenario.links import Impairment, LinkStep, read_trace_ms
 from gcs_formation.guidance.leader import ASSEMBLED_S, DECISION_S, SETTLE_S
 from gcs_formation.guidance.tracking import Pose, join
 from gcs_formation.parameters import hold_radius_m
-from gcs_formation.vehicle.commands import RETRY_S
-from gcs_formation.vehicle.families import autopilot_for
 
 LEAST_M = 0.05
 """Smallest error that is worth a warning."""
@@ -134,25 +132,27 @@ def least_run_in_s(scenario: Scenario) -> float:
     is lost costs a second, a request or its answer `RETRY_S`. By these alone one start of twenty would take longer; of
     40 flown with four vehicles at 20 % loss and 100 ms, 5 did.
     """
-    tick_s, steps = 1.0 / scenario.law.rate_hz, [scenario.link_steps(vehicle)[0] for vehicle in scenario.vehicles]
-    loop_s = max(autopilot_for(vehicle, scenario).loop_s for vehicle in scenario.vehicles)
-    requests = max(_requests(scenario, vehicle) for vehicle in scenario.vehicles)
+    from gcs_formation.vehicle.commands import RETRY_S  # noqa: PLC0415 - a start from the ground needs no messages
+    from gcs_formation.vehicle.families import autopilot_for  # noqa: PLC0415
+
+    telemetry, tick_s = scenario.telemetry, 1.0 / scenario.law.rate_hz
+    autopilots = [autopilot_for(vehicle, scenario) for vehicle in scenario.vehicles]
+    asked = [len(each.requests(each.rates_hz(telemetry.rate_hz, utc=telemetry.by_utc))) for each in autopilots]
+    loop_s, steps = (
+        max(each.loop_s for each in autopilots),
+        [scenario.link_steps(each)[0] for each in scenario.vehicles],
+    )
     way_s = max(sum(ways_s(step)) / 2 for step in steps)
     heard_s, answered_s = (math.ceil(round((way + loop_s) / tick_s, 6)) * tick_s for way in (way_s, 2 * way_s))
-    lost_s = _lost_s([(_requests(scenario, vehicle), scenario.link_steps(vehicle)[0]) for vehicle in scenario.vehicles])
-    return heard_s + requests * answered_s + lost_s + tick_s + ASSEMBLED_S + DECISION_S + way_s
+    lost_s = _lost_s(list(zip(asked, steps, strict=True)), RETRY_S)
+    return heard_s + max(asked) * answered_s + lost_s + tick_s + ASSEMBLED_S + DECISION_S + way_s
 
 
-def _requests(scenario: Scenario, vehicle: Vehicle) -> int:
-    """Return how many requests for telemetry a vehicle answers, one after another."""
-    autopilot, telemetry = autopilot_for(vehicle, scenario), scenario.telemetry
-    return len(autopilot.requests(autopilot.rates_hz(telemetry.rate_hz, utc=telemetry.by_utc)))
-
-
-def _lost_s(starts: list[tuple[int, LinkStep]]) -> float:
+def _lost_s(starts: list[tuple[int, LinkStep]], retry_s: float) -> float:
     """Return the time that losses add until the last vehicle is ready, s, in all but the worst of the starts.
 
-    Requests begin when everybody has been heard, so the slowest heartbeat and the slowest answers add up.
+    Each has its number of requests. They begin when everybody has been heard, so the slowest heartbeat and the slowest
+    answers add up.
     """
     losses = np.arange(round(MOST_S / CELL_S), dtype=np.float64)
     heard, answered = np.ones(losses.size), np.ones(losses.size)
@@ -161,7 +161,7 @@ def _lost_s(starts: list[tuple[int, LinkStep]]) -> float:
         if both <= 0.0:
             return MOST_S
         heard *= np.cumsum(_spaced(_chance(losses, 1, down), HEARTBEAT_S))
-        answered *= np.cumsum(_spaced(_chance(losses, requests, both), RETRY_S))
+        answered *= np.cumsum(_spaced(_chance(losses, requests, both), retry_s))
     ready = np.cumsum(np.convolve(np.diff(heard, prepend=0.0), np.diff(answered, prepend=0.0))[: losses.size])
     return CELL_S * float(np.argmax(np.append(ready, 1.0) >= SURE))
 

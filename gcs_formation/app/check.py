@@ -17,9 +17,8 @@ from formation_scenario.feasibility import refused_orders
 from formation_scenario.gains import AUTO, by_design, figures
 from gcs_formation.app.assembly import assembly, goes_round, split_errors, ways_s
 from gcs_formation.control.laws import law_kind
-from gcs_formation.controller import AHEAD_POINTS
-from gcs_formation.fleet.circling import GroundFloor
-from gcs_formation.mission.ending import OPENING_LIMIT_S
+from gcs_formation.fleet.circling import OPENING_LIMIT_S, GroundFloor
+from gcs_formation.guidance.leader import AHEAD_POINTS
 from gcs_formation.stability import (
     LawMargins,
     Usage,

@@ -15,6 +15,8 @@ STACK_M = 15.0
 """Vertical distance of circles that may meet."""
 CIRCLES_MEET_M = 400.0
 """Circles whose vehicles start this far apart don't meet: twice the diameter of a circle of 100 m radius."""
+OPENING_LIMIT_S = 30.0
+"""Longest time for which vehicles are kept from circling: three levels are climbed in half of it."""
 
 AROUND_M = CIRCLES_MEET_M / 2
 """Largest distance of a circle from where it was commanded."""

@@ -46,6 +46,8 @@ QUICK_RADPS, SLOW_RADPS = 1.0, 0.5
 """Bandwidths of the wind estimate for the leader's guidance: followers' slots can't keep up with quicker turns."""
 RETURNS = 8
 """How many places are tried to return to, each a turn's radius farther along the path than the one before."""
+AHEAD_POINTS = 5
+"""Places along the leader's way at which the ground is looked at."""
 CLIMB_SHARE = 0.7
 """Share of the climb limit that the route to the start uses; followers need the rest."""
 

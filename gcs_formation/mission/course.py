@@ -11,10 +11,10 @@ from formation_scenario import Scenario
 from formation_scenario.orders import Answer, End, Order, OrderError, parse_order
 from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.controller import FormationController
-from gcs_formation.fleet.circling import GroundFloor
+from gcs_formation.fleet.circling import OPENING_LIMIT_S, GroundFloor
 from gcs_formation.fleet.dispatch import Dispatch
 from gcs_formation.fleet.membership import Membership
-from gcs_formation.mission.ending import OPENING_LIMIT_S, Ending, Opening
+from gcs_formation.mission.ending import Ending, Opening
 from gcs_formation.mission.landing import why_not
 from gcs_formation.mission.reconfiguration import Reconfiguration
 from gcs_formation.phases import BEFORE_COMMANDS, OVER, Cause, Flight, Phase

@@ -15,7 +15,7 @@ from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
 from formation_scenario.orders import End
 from gcs_formation.controller import FormationController
-from gcs_formation.fleet.circling import STACK_M, Band, GroundFloor, Place, loiter_heights, may_meet
+from gcs_formation.fleet.circling import OPENING_LIMIT_S, STACK_M, Band, GroundFloor, Place, loiter_heights, may_meet
 from gcs_formation.link.connection import TALKING
 from gcs_formation.mission.landing import Landings, lowest_circle_m, why_not
 from gcs_formation.tick import VehicleLink
@@ -23,8 +23,6 @@ from gcs_formation.vehicle.commands import Outcome
 from gcs_formation.vehicle.telemetry import Motion
 from gcs_formation.vehicle.vehicle import UNANSWERED_S, Member, Vehicle
 
-OPENING_LIMIT_S = 30.0
-"""Longest time for which vehicles are kept from circling: three levels are climbed in half of it."""
 FORGOTTEN_AFTER_S = 30.0
 """For how long one that isn't heard is kept clear of."""
 COMMANDED_M = 0.5
