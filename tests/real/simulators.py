@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import subprocess
+import sys
 from collections import Counter
 from collections.abc import Generator, Iterable, Mapping
 from contextlib import ExitStack, contextmanager
@@ -19,6 +20,7 @@ from tests.processes import STATION, free_ports
 
 ROOT = Path(__file__).parents[2]
 LIMIT_S = 1200
+PROXY = [sys.executable, "-m", "airlink"]
 ORIGIN_DEG = 35.0, 125.0
 SENSORS = {
     f"INS_ACC{which}{what}_{axis}": value
@@ -148,11 +150,27 @@ def fly(directory: Path, keys: Mapping[str, Any], *options: str) -> subprocess.C
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=LIMIT_S, check=False)
 
 
-def flown(kind: ArduPilot, directory: Path, keys: Mapping[str, Any], speedup: float = 1.0, **parameters: float) -> Path:
-    """Simulate a scenario's vehicles, have it flown to its end, and return the run directory."""
-    ports = free_ports(len(keys["vehicles"]))
-    with kind.several(ports, directory, speedup, **parameters):
-        done = fly(directory, at_ports(keys, ports), "--speedup", str(speedup))
+def flown(
+    kind: ArduPilot,
+    directory: Path,
+    keys: Mapping[str, Any],
+    speedup: float = 1.0,
+    delay_ms: float = 0.0,
+    **parameters: float,
+) -> Path:
+    """Simulate a scenario's vehicles, have it flown to its end, and return the run directory.
+
+    With a delay each way, simulated like all time, each vehicle is behind a proxy of its own.
+    """
+    ports = free_ports(2 * len(keys["vehicles"]))
+    heard, sent_to = ports[::2], ports[1::2] if delay_ms else ports[::2]
+    with ExitStack() as stack:
+        for number, (listen, to) in enumerate(zip(sent_to, heard, strict=True) if delay_ms else (), 1):
+            proxy = [*PROXY, "--listen", f"udpin:127.0.0.1:{listen}", "--to", f"udpout:127.0.0.1:{to}"]
+            (place := directory / f"proxy{number}").mkdir()
+            stack.enter_context(running([*proxy, "--delay-ms", str(delay_ms / speedup)], place))
+        stack.enter_context(kind.several(sent_to, directory, speedup, **parameters))
+        done = fly(directory, at_ports(keys, heard), "--speedup", str(speedup))
     assert done.returncode == 0, done.stderr
     return directory / "run"
 

@@ -37,7 +37,9 @@ COPTERS_PARAMETERS = {"NAV_DLL_ACT": 2, "SDLOG_MODE": -1}
 
 
 @contextmanager
-def simulated(instance: int, directory: Path, airframe: int = 10041, model: str = "airplane") -> Generator[None]:
+def simulated(
+    instance: int, directory: Path, airframe: int = 10041, model: str = "airplane"
+) -> Generator[subprocess.Popen[bytes]]:
     """Run one PX4, some way east of the others; the field is at 10 m."""
     directory.mkdir()
     flies = model == "airplane"
@@ -51,8 +53,8 @@ def simulated(instance: int, directory: Path, airframe: int = 10041, model: str 
         **{f"PX4_PARAM_{name}": str(value) for name, value in (PARAMETERS if flies else COPTERS_PARAMETERS).items()},
     }
     command = [str(binary), "-i", str(instance), "-d", str(binary.parents[1] / "etc")]
-    with running(command, directory, variables):
-        yield
+    with running(command, directory, variables) as process:
+        yield process
 
 
 def scenario(count: int, config: str = "px4") -> dict[str, object]:
@@ -124,11 +126,19 @@ def test_a_pilot_takes_over_with_another_mode_and_gives_back_with_hold(tmp_path)
         pilot.close()
 
 
-def test_four_multirotors_keep_their_slots_through_stops_and_changes(tmp_path):
+@contextmanager
+def multirotors(directory: Path) -> Generator[list[subprocess.Popen[bytes]]]:
+    """Run four."""
+    instances = range(FIRST_INSTANCE, FIRST_INSTANCE + 4)
     with ExitStack() as stack:
-        for instance in range(FIRST_INSTANCE, FIRST_INSTANCE + 4):
-            stack.enter_context(simulated(instance, tmp_path / f"copter{instance}", 10040, "quadx"))
+        places = {each: directory / f"copter{each}" for each in instances}
+        started = [stack.enter_context(simulated(each, places[each], 10040, "quadx")) for each in instances]
         time.sleep(BOOT_S)
+        yield started
+
+
+def test_four_multirotors_keep_their_slots_through_stops_and_changes(tmp_path):
+    with multirotors(tmp_path):
         done = fly(tmp_path, scenario(4, "px4_copter"))
     assert done.returncode == 0, done.stderr
     summary = json.loads((tmp_path / "run" / "summary.json").read_text())
