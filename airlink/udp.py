@@ -6,7 +6,7 @@ import errno
 import selectors
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from types import TracebackType
 from typing import Final, Self
 
@@ -24,8 +24,8 @@ IDLE_WAIT_S: Final = 0.1
 SELECTOR_RESOLUTION_S: Final = 1e-3
 
 
-def open_socket(endpoint: Endpoint) -> socket.socket:
-    """Return a non-blocking UDP socket: bound for `udpin`, on a port of the system's choice for `udpout`.
+def open_socket(endpoint: Endpoint, from_port: int = 0) -> socket.socket:
+    """Return a non-blocking UDP socket: bound for `udpin`; for `udpout` on `from_port`, if nobody has it, or on any.
 
     Raises:
         PortError: the address is taken or isn't this machine's.
@@ -34,12 +34,22 @@ def open_socket(endpoint: Endpoint) -> socket.socket:
     try:
         opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
         opened.setblocking(False)
-        opened.bind(endpoint.address if endpoint.kind == "udpin" else ("", 0))
+        if endpoint.kind == "udpin":
+            opened.bind(endpoint.address)
+        else:
+            _bind(opened, from_port)
     except OSError as error:
         opened.close()
         cause = "is taken by another program" if error.errno == errno.EADDRINUSE else error.strerror
         raise PortError(f"cannot listen at {endpoint}: {endpoint.address} {cause}") from error
     return opened
+
+
+def _bind(opened: socket.socket, port: int) -> None:
+    try:
+        opened.bind(("", port))
+    except OSError:
+        opened.bind(("", 0))
 
 
 def select_for(selector: selectors.BaseSelector, wait_s: float) -> list[tuple[selectors.SelectorKey, int]]:
@@ -60,8 +70,8 @@ def select_for(selector: selectors.BaseSelector, wait_s: float) -> list[tuple[se
 class UdpDriver:
     """Moves an engine's datagrams through sockets and calls its timer, in the calling thread."""
 
-    def __init__(self, engine: Engine, clock: RealClock) -> None:
-        """Open the engine's sockets.
+    def __init__(self, engine: Engine, clock: RealClock, from_ports: Mapping[str, int] | None = None) -> None:
+        """Open the engine's sockets; `from_ports`: where those of `udpout` endpoints sent from in an earlier process.
 
         Raises:
             PortError: one of them can't be opened; none is left open.
@@ -72,12 +82,18 @@ class UdpDriver:
         self._sockets: list[socket.socket] = []
         try:
             for index, endpoint in enumerate(engine.endpoints()):
-                opened = open_socket(endpoint)
+                opened = open_socket(endpoint, (from_ports or {}).get(str(endpoint), 0))
                 self._sockets.append(opened)
                 self._selector.register(opened, selectors.EVENT_READ, index)
         except PortError:
             self.close()
             raise
+
+    @property
+    def from_ports(self) -> dict[str, int]:
+        """Our own port of each `udpout` endpoint, to which its peer answers."""
+        each = zip(self._engine.endpoints(), self._sockets, strict=True)
+        return {str(endpoint): opened.getsockname()[1] for endpoint, opened in each if endpoint.kind == "udpout"}
 
     def __enter__(self) -> Self:
         """Return the driver."""

@@ -20,8 +20,9 @@ from gcs_formation.app.progress import Progress
 from gcs_formation.app.session import Session, open_session
 from gcs_formation.errors import RunAbortedError
 from gcs_formation.estimation.flight_state import Setpoint, Whereabouts
-from gcs_formation.record.past import Past, epoch_us, read_past
+from gcs_formation.record.past import PORT, Past, epoch_us, from_ports, read_past
 from gcs_formation.record.summary import Summary
+from gcs_formation.recorder import Event
 from gcs_formation.station import Station
 from gcs_formation.vehicle.autopilot import Autopilot, Command
 from gcs_formation.vehicle.vehicle import Vehicle
@@ -150,14 +151,18 @@ def fly(scenario: Scenario, options: RunOptions, progress: Progress, interrupts:
 
 
 def _flown(scenario: Scenario, options: RunOptions, progress: Progress, interrupts: Interrupts) -> Session:
-    clock, begun = RealClock(options.speedup), None
+    clock, begun, ports = RealClock(options.speedup), None, dict[str, int]()
     if options.resume:
         began_us = epoch_us(options.out)
         clock = RealClock.from_utc(began_us, options.speedup)
         begun = Past(began_us, read_past(options.out, scenario, clock.now(), retake=options.retake))
+        ports = from_ports(options.out)
     session = open_session(scenario, options, clock, progress, interrupts, emulated=False, begun=begun)
     try:
-        with UdpDriver(session.engine, clock) as driver, session.listening():
+        with UdpDriver(session.engine, clock, ports) as driver, session.listening():
+            for endpoint, port in driver.from_ports.items():
+                details = {"endpoint": endpoint, "port": port}
+                session.recorder.event(Event(clock.now(), PORT, f"{endpoint} from port {port}", None, details))
             driver.run(session.attend)
     except PortError as error:
         session.recorder.close()

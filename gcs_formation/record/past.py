@@ -25,6 +25,8 @@ from gcs_formation.record.timeseries import PHASES, SLOT, read_spool
 from gcs_formation.vehicle.vehicle import Member
 
 ACCEPTED = ": accepted"
+PORT = "port"
+"""The event that says which port of ours a vehicle hears."""
 EVERY_S = 1.0
 """Interval of the places along which the leader's way is followed."""
 GAP_S, REACH = 3.0, 2.0
@@ -55,6 +57,12 @@ def epoch_us(directory: Path) -> int:
     if begins is None or not isinstance(begins.get("epoch_us"), int):
         raise RecordError(f"found no beginning in {directory / EVENTS}: nothing was recorded that can be resumed")
     return int(begins["epoch_us"])
+
+
+def from_ports(directory: Path) -> dict[str, int]:
+    """Return the ports that the flight sent from to each `udpout` endpoint: a PX4 answers no other."""
+    those = (event for event in _events(directory) if event.get("kind") == PORT)
+    return {str(event["endpoint"]): int(event["port"]) for event in those}
 
 
 def read_past(directory: Path, scenario: Scenario, now: Instant, *, retake: bool) -> Resumption:

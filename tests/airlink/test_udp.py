@@ -58,6 +58,17 @@ def test_an_address_of_another_machine_cannot_be_listened_at(port):
         open_socket(parse_endpoint(f"udpin:192.0.2.1:{port}"))
 
 
+def test_who_is_sent_to_hears_the_port_of_before_unless_somebody_has_it(port):
+    to = "udpout:127.0.0.1:9"
+    with UdpDriver(Echo(to, f"udpin:127.0.0.1:{port}"), RealClock()) as first:
+        before = first.from_ports
+        with UdpDriver(Echo(to), RealClock(), before) as beside:
+            assert beside.from_ports != before
+    assert list(before) == [to]
+    with UdpDriver(Echo(to), RealClock(), before) as again:
+        assert again.from_ports == before
+
+
 def test_who_cannot_be_reached_is_no_error(port):
     engine = Echo(f"udpout:127.0.0.1:{port}")
     engine.outbox.append(Datagram(0, Address("127.0.0.1", port), b"x"))

@@ -32,7 +32,7 @@ from sim_vehicles.autopilot.modes import Condition, Mode
 from sim_vehicles.fleet import Fleet
 from tests.flights.conftest import scenario
 from tests.flights.in_memory import Between, Notes, World
-from tests.processes import LIMIT_S, STATION, VEHICLES, events_of, free_port, started, wait_for_event
+from tests.processes import LIMIT_S, STATION, VEHICLES, events_of, free_ports, started, wait_for_event
 
 EPOCH_US = 1_700_000_000_000_000
 REGAINED_S = 60.0
@@ -248,11 +248,17 @@ def test_killed_at_its_end_the_flight_is_brought_to_it(killed: Callable[..., Kil
 
 
 @pytest.mark.slow
-def test_killed_over_udp_and_resumed_the_formation_is_regained_within_60_s(tmp_path: Path) -> None:
-    """SIGKILL in flight; the vehicles are a process of their own. The record is of both stations."""
+@pytest.mark.parametrize("kind", ["udpin", "udpout"])
+def test_killed_over_udp_and_resumed_the_formation_is_regained_within_60_s(kind: str, tmp_path: Path) -> None:
+    """SIGKILL in flight; the vehicles are a process of their own. The record is of both stations.
+
+    Where the station sends to the vehicles first, it sends from the same port again: a PX4 answers no other.
+    """
     path, out = tmp_path / "flight.yaml", tmp_path / "run"
     low = {"speed_mps": 22, "waypoints_m": [[0, 0, 50], [900, 0, 50], [1600, 500, 50], [6000, 2500, 50]]}
-    vehicles = {"count": 3, "endpoint": f"udpin:127.0.0.1:{free_port()}"}
+    ports = free_ports(3)
+    vehicles = [{"id": i, "endpoint": f"{kind}:127.0.0.1:{port}"} for i, port in enumerate(ports, 1)]
+    vehicles[0]["role"] = "leader"
     keys = scenario(start={"in_air": False}, duration_s=120, path=low, vehicles=vehicles)
     path.write_text(yaml.safe_dump(keys))
     with started([*VEHICLES, str(path), "--speedup", "2"]) as emulators:
@@ -272,6 +278,8 @@ def test_killed_over_udp_and_resumed_the_formation_is_regained_within_60_s(tmp_p
     assert 0.0 < regained_s(out) - resumed["t_s"] < REGAINED_S
     armed_s = [(at_us - resumed["epoch_us"]) * 1e-6 for at_us in armings_us(out)]
     assert 0.0 < max(armed_s) < resumed["t_s"]
+    sent_from = [event["port"] for event in events if event["kind"] == "port"]
+    assert (len(sent_from), len(set(sent_from))) == ((6, 3) if kind == "udpout" else (0, 0))
     assert CliRunner().invoke(main, ["report", str(out)]).exit_code == 0
 
 
