@@ -13,7 +13,6 @@ from math import cos, pi, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Mask
@@ -223,6 +222,8 @@ def assigned(scenario: Scenario, arrangement: Arrangement, now_m: Array, present
     following = np.flatnonzero(np.arange(len(places)) != arrangement.leader)
     there, away = following[present[following]], following[~present[following]]
     free = places[following]
+    import scipy  # noqa: PLC0415 - only changes of the formation assign places anew
+
     cost = np.square(now_m[there, None] - free[None, : there.size]).sum(axis=2)
     _, chosen = scipy.optimize.linear_sum_assignment(cost)
     given = np.zeros_like(places)

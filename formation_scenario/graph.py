@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-import scipy
 
 from flight_model.arrays import Array, Indices
 from formation_scenario.model import Scenario
@@ -94,6 +93,8 @@ def components(adjacency: Array) -> list[Component]:
     Its spectrum, and that of the consensus protocol, is the union over the components, also where the
     whole matrix is defective (a leader-follower chain) and its computed eigenvalues would be far off.
     """
+    import scipy  # noqa: PLC0415 - only mutual laws have such a graph
+
     linked = adjacency > 0
     count, labels = scipy.sparse.csgraph.connected_components(adjacency, directed=True, connection="strong")
     parts: list[Component] = []

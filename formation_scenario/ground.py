@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, Protocol, overload
 import numpy as np
 
 from flight_model.arrays import Array
-from flight_model.displacement import STEP_M, Bounds, Lift, blend, least_lift, sample_places
+from flight_model.displacement import STEP_M, Bounds, Lift, blend, sample_places
 from flight_model.earth import GeodeticOrigin
 from flight_model.path import PathPoint, PathPoints, SplinePath
 from formation_scenario.environment import Hill, Terrain
@@ -225,6 +225,8 @@ class LiftedPath(SplinePath):
 
 def lifted(written: SplinePath, ground: Ground, clearance_m: float, bounds: Bounds) -> LiftedPath:
     """Return a path lifted to `clearance_m` above the ground, as far as `bounds` allow."""
+    from flight_model.lift import least_lift  # noqa: PLC0415 - scipy is for those with ground to clear
+
     places = sample_places(0.0, max(1, int(np.ceil(written.length_m / STEP_M))))
     points = written.at(places)
     needed = ground.height(points.north_m, points.east_m) + clearance_m - points.height_m

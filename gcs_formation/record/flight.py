@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-import scipy
 
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Mask, wrap
@@ -258,6 +257,8 @@ def separation_m(flight: Flight, window: Mask) -> Array:
 
 
 def _nearest_pair_m(places: Array) -> float:
+    import scipy  # noqa: PLC0415 - only a crowd is worth a tree
+
     if len(places) < 2:
         return float("inf")
     distances, _ = scipy.spatial.cKDTree(places).query(places, k=2)

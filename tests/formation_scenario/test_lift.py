@@ -3,7 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flight_model.displacement import Bounds, least_lift, sample_places
+from flight_model.displacement import Bounds, sample_places
+from flight_model.lift import least_lift
 from formation_scenario.environment import Hill
 from formation_scenario.ground import Hills
 
