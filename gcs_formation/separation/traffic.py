@@ -8,7 +8,6 @@ from functools import cache, cached_property
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 
 from flight_model.arrays import Array, Mask, all_of, within, wrap
 from gcs_formation.estimation.flight_state import FlightStates, Indices, Setpoints
@@ -210,6 +209,8 @@ def _farthest_m(scene: Scene, reach: Reach) -> float:
 
 def _pairs_within(most_m: float, place_m: Array) -> tuple[Indices, Indices]:
     """Return the pairs (one < other), in order, of places (2, N) no farther apart."""
+    import scipy  # noqa: PLC0415 - only a crowd is worth a tree
+
     near = scipy.spatial.cKDTree(place_m.T).query_pairs(most_m, output_type="ndarray")
     one, other = near.min(axis=1), near.max(axis=1)
     order = np.lexsort((other, one))
