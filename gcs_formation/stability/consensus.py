@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-import scipy
 
 from flight_model.arrays import Array
 from formation_scenario.graph import Component, as_adjacency, laplacian, spanning_components
@@ -247,6 +246,7 @@ def _locus_crossings(matrix: Array, part: Component, gains: _Gains) -> Array:
     The graph turns a locus by less than a quarter turn from the channels' phase lead, which is in (0, pi)
     (Gershgorin): w tau is taken in (-pi/2, 3 pi/2), negative where the graph turns it by more than the lead.
     """
+    import scipy  # noqa: PLC0415 - only for consensus where vehicles' lags differ
 
     def excess(w: float, locus: int) -> float:
         return float(np.abs(_loci(w, matrix, gains)[locus])) - 1.0

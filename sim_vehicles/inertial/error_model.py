@@ -12,7 +12,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 
 from flight_model.arrays import Array
 from flight_model.earth import RATE_RADPS, gravity_mps2, radii_m
@@ -101,6 +100,8 @@ class ErrorFilter:
 
     def update(self, seen: Array, measured: Array, sigmas: Array) -> Estimate:
         """Process a measurement (M,) of `seen` (M, N) @ errors, with independent standard deviations (M,)."""
+        import scipy  # noqa: PLC0415 - only aided navigation by inertia solves for a gain
+
         across = self.covariance @ seen.T
         total = seen @ across + np.diag(sigmas**2)
         root = scipy.linalg.cholesky(total, lower=True)

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import NamedTuple, Self, cast
 
 import numpy as np
-import scipy
 
 from airlink.endpoint import VehicleId
 from airlink.random_streams import random_stream
@@ -56,6 +55,8 @@ class Trajectory:
 
     def __init__(self, times_s: Array, rows: Array, duration_s: float) -> None:
         """Take the six values (N, 6) at N >= 6 equidistant times from 0 on, and the duration that is flown."""
+        import scipy  # noqa: PLC0415 - only navigation by inertia has splines of its motion
+
         self.duration_s = duration_s
         self._first = rows[0].copy()
         # Differences from the start keep the digits that the Earth's radius would cost.
