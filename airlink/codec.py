@@ -46,6 +46,9 @@ _RANGES = {
     "uint64_t": (0, 2**64 - 1),
 }
 _UNKNOWN_UINT16 = 2**16 - 1
+_ZEROS: Final = [bytes(count) for count in range(256)]
+_round: Final[Callable[[float], int]] = round
+"""Compiled, this name is looked up once; that of a built-in function each time."""
 _FLOAT32_MAX: float = struct.unpack("<f", b"\xff\xff\x7f\x7f")[0]
 
 T = TypeVar("T")
@@ -65,6 +68,7 @@ class PayloadCodec:
         """Work out from the dialect's layout how each field of `message_class` is converted."""
         self.layout = layout(wire_name(message_class))
         self.message_id = self.layout.message_id
+        self.id_bytes = self.message_id.to_bytes(3, "little")
         self.extra = bytes([self.layout.crc_extra])
         """What its checksum covers besides the frame."""
         self._make: Callable[[Any], Message] = partial(tuple.__new__, message_class)
@@ -82,8 +86,11 @@ class PayloadCodec:
 
     def decode(self, payload: bytes) -> Message:
         """Return the message; missing bytes count as zeros, surplus ones (newer extensions) are left out."""
-        if len(payload) != self._length:
-            payload = payload[: self._length].ljust(self._length, b"\0")
+        missing = self._length - len(payload)
+        if missing > 0:
+            payload = payload + _ZEROS[missing]
+        elif missing < 0:
+            payload = payload[: self._length]
         picked = self._pick(self._unpack(payload))
         if self._as_sent:
             return self._make(picked)
@@ -99,17 +106,18 @@ class PayloadCodec:
 
         A value outside its field's range is sent as the nearest that fits, NaN in an integer as unknown.
         """
+        pack = self._pack
         if self._units_in_si is not None:
             try:
                 if not self._units_in_si:
-                    return self._pack(*self._scatter(message))
+                    return pack(*self._scatter(message))
                 row = list(message)
                 for place, units in self._units_in_si:
-                    row[place] = round(row[place] * units)
-                return self._pack(*self._scatter(row))
+                    row[place] = _round(row[place] * units)
+                return pack(*self._scatter(row))
             except (struct.error, ValueError, OverflowError):
                 pass  # a value is NaN or doesn't fit
-        return self._pack(*self._scatter([fit(v) for fit, v in zip(self._fits, message, strict=True)]))
+        return pack(*self._scatter([fit(v) for fit, v in zip(self._fits, message, strict=True)]))
 
 
 def _starts(source: Layout) -> dict[int, int]:

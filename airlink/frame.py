@@ -24,11 +24,11 @@ CHECKSUM: Final = 2
 SIGNATURE: Final = 13
 SIGNED_FLAG: Final = 0x01
 
-_MARKERS: Final = {1: bytes([MARKER_V1]), 2: bytes([MARKER_V2])}
 _find_marker: Final = re.compile(rb"[\xfd\xfe]").search
 _pack_header_v1: Final = struct.Struct("<BBBBB").pack
-_pack_header_v2: Final = struct.Struct("<BBBBBBHB").pack
-_pack_checksum: Final = struct.Struct("<H").pack
+_BYTES: Final = [bytes([value]) for value in range(256)]
+_BEGINS: Final = [bytes([length, 0, 0]) for length in range(256)]
+"""Of a header of MAVLink 2, by the payload's length: that, and no flags."""
 _EXTRA_BYTE: Final = {message_id: bytes([extra]) for message_id, extra in crc_extras().items()}
 _checksum: Final = crc16.mcrf4xx
 
@@ -66,21 +66,24 @@ class FrameWriter:
         self.system = system
         self.component = component
         self._sequence = 0
+        self._sender = bytes([system, component])
 
     def encode(self, message: Message, version: Literal[1, 2] = 2) -> bytes:
         """Return the frame of `message`, with the next sequence number."""
         codec = CODECS[type(message)]
         payload = codec.encode(message)
-        number, sequence = codec.message_id, self._sequence
+        sequence = self._sequence
         self._sequence = (sequence + 1) & 0xFF
         if version == 2:
-            payload = payload.rstrip(b"\0") or b"\0"
-            low, high = number & 0xFFFF, number >> 16
-            body = _pack_header_v2(len(payload), 0, 0, sequence, self.system, self.component, low, high) + payload
+            if payload[-1] == 0:
+                payload = payload.rstrip(b"\0") or b"\0"
+            body = b"".join([_BEGINS[len(payload)], _BYTES[sequence], self._sender, codec.id_bytes, payload])
         else:
             payload = payload[: codec.layout.base_length]
-            body = _pack_header_v1(len(payload), sequence, self.system, self.component, number) + payload
-        return _MARKERS[version] + body + _pack_checksum(_checksum(body + codec.extra))
+            body = _pack_header_v1(len(payload), sequence, self.system, self.component, codec.message_id) + payload
+        checksum = _checksum(body + codec.extra)
+        marker = MARKER_V2 if version == 2 else MARKER_V1
+        return b"".join([_BYTES[marker], body, _BYTES[checksum & 0xFF], _BYTES[checksum >> 8]])
 
 
 @dataclass

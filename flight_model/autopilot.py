@@ -10,6 +10,7 @@ Plain numbers, vehicle by vehicle: a formation has few vehicles, for which array
 from __future__ import annotations
 
 import math
+from math import expm1
 from typing import Final
 
 NODES: Final[tuple[tuple[float, float], ...]] = (
@@ -86,8 +87,8 @@ class AutopilotModel:
         the rate limits.
         """
         return AutopilotModel(
-            -time_s / math.expm1(-time_s / self.tau_v_s),
-            -time_s / math.expm1(-time_s / self.tau_psi_s),
+            -time_s / expm1(-time_s / self.tau_v_s),
+            -time_s / expm1(-time_s / self.tau_psi_s),
             self.tau_ha_s,
             self.tau_hb_s,
             self.speed_min_mps,
@@ -182,6 +183,11 @@ def rotated(axis_rad: float, north: float, east: float) -> tuple[float, float]:
     return north * cos + east * sin, east * cos - north * sin
 
 
+def squared(value: float) -> float:
+    """Return value ** 2: compiled, that itself would be a call of Python's own."""
+    return math.pow(value, 2.0)
+
+
 def within(value: float, low: float, high: float) -> float:
     """Return a value clipped to two limits."""
     return low if value < low else min(value, high)
@@ -270,7 +276,7 @@ def climb(state: FlightState, model: AutopilotModel, height_m: float, time_s: fl
     error_m = -(slow_s + fast_s) * state.climb_mps if math.isnan(height_m) else state.height_m - height_m
     push_mps = state.climb_mps + error_m / slow_s
     slow_left, apart = math.exp(-time_s / slow_s), time_s / slow_s - time_s / fast_s
-    between_s = time_s * slow_left * (math.expm1(apart) / apart if apart != 0.0 else 1.0)
+    between_s = time_s * slow_left * (expm1(apart) / apart if apart != 0.0 else 1.0)
     left_m = slow_left * error_m + between_s * push_mps
     climb_mps = math.exp(-time_s / fast_s) * push_mps - left_m / slow_s
     most_mps = model.climb_max_mps

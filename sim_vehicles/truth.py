@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import struct
-from array import array
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Final, Self
 
 import numpy as np
 
@@ -22,6 +21,8 @@ if TYPE_CHECKING:
 MAGIC = b"truth\x00\x00\x03"
 HEADER = struct.Struct("<8sQ")
 QUANTITIES = 12
+_TIME: Final = struct.Struct("d").pack
+_ROW: Final = struct.Struct(f"{QUANTITIES}d").pack
 
 
 class TruthError(Exception):
@@ -58,7 +59,7 @@ class TruthWriter:
         self._file.write(HEADER.pack(MAGIC, vehicles))
         self._turns = max(1, round(LOOP_HZ / rate_hz))
         self._turn, self._full = 0, False
-        self._waiting = array("d")
+        self._waiting: list[bytes] = []
 
     def __enter__(self) -> Self:
         """Return the writer."""
@@ -77,9 +78,9 @@ class TruthWriter:
         self._turn += 1
         if self._full or self._turn % self._turns:
             return
-        self._waiting.append(now / NANOSECONDS)
+        self._waiting.append(_TIME(now / NANOSECONDS))
         for body in fleet.bodies:
-            self._waiting.extend(body.truth())
+            self._waiting.append(_ROW(*body.truth()))
         if self._turn % LOOP_HZ == 0:
             self._write()
 
@@ -88,11 +89,11 @@ class TruthWriter:
         if self._full:
             return
         try:
-            self._file.write(self._waiting.tobytes())
+            self._file.write(b"".join(self._waiting))
             self._file.flush()
         except OSError:
             self._full = True
-        self._waiting = array("d")
+        self._waiting = []
 
 
 def read_truth(path: Path) -> Truth:

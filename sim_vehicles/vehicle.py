@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, ClassVar, Final, assert_never
+from typing import TYPE_CHECKING, Any, ClassVar, Final, assert_never, get_args
 
 from airlink import mavlink as m
 from airlink.clock import Instant, after, seconds_between
@@ -33,6 +33,8 @@ if TYPE_CHECKING:
     from sim_vehicles.autopilot.commands import Order
     from sim_vehicles.fleet import Fleet
 
+ADDRESSED: Final = frozenset(kind for kind in get_args(Message) if "target_system" in kind._fields)
+"""Messages that may name whom they are for."""
 INITIALISING_S: Final = 1.0
 TIMESYNC_S: Final = 10.0
 MICROSECOND_NS: Final = 1000
@@ -321,7 +323,8 @@ class Vehicle(ABC):
 
     def _is_for_us(self, message: Message | None) -> bool:
         """Return whether a message is for everyone or names us."""
-        return getattr(message, "target_system", 0) in (0, self.config.identity.system)
+        target: int = getattr(message, "target_system") if type(message) in ADDRESSED else 0  # noqa: B009
+        return target in {0, self.config.identity.system}
 
     def _watch_ground_station(self) -> None:
         mode = self.failsafe.strike(self.now)

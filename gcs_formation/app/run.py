@@ -10,6 +10,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import fields
 from pathlib import Path
 
 from airlink.clock import Clock, Instant, RealClock, VirtualClock
@@ -141,4 +142,5 @@ def recorded_truth(directory: Path, scenario: Scenario) -> GroundTruth | None:
         return None
     if len(rows.time_s) < 2:
         return None
-    return GroundTruth(vehicles=tuple(vehicle.vehicle_id for vehicle in scenario.vehicles), **vars(rows))
+    columns = {each.name: getattr(rows, each.name) for each in fields(rows)}
+    return GroundTruth(vehicles=tuple(vehicle.vehicle_id for vehicle in scenario.vehicles), **columns)

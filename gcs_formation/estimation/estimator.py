@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
 from airlink.clock import NANOSECONDS, Instant, seconds_between
 from flight_model.arrays import Array
-from flight_model.autopilot import AutopilotModel, FlightState, wrap
+from flight_model.autopilot import AutopilotModel, FlightState, squared, wrap
 from gcs_formation.estimation.kalman import (
     WIND_EAST,
     WIND_NORTH,
@@ -61,18 +61,56 @@ FORGOTTEN_S: Final = 5.0
 """A state that is so old says nothing about the present one."""
 
 
-class Sample(NamedTuple):
+class Sample:
     """What a vehicle measured at one instant: ground velocity, and position north, east and up from the origin."""
 
-    stamp: Instant
-    north_m: float
-    east_m: float
-    height_m: float
-    north_mps: float
-    east_mps: float
-    climb_mps: float
-    airspeed_mps: float
-    heading_rad: float
+    __slots__ = (
+        "airspeed_mps",
+        "climb_mps",
+        "east_m",
+        "east_mps",
+        "heading_rad",
+        "height_m",
+        "north_m",
+        "north_mps",
+        "stamp",
+    )
+
+    def __init__(  # noqa: PLR0913, PLR0917 - a sample's values
+        self,
+        stamp: Instant,
+        north_m: float,
+        east_m: float,
+        height_m: float,
+        north_mps: float,
+        east_mps: float,
+        climb_mps: float,
+        airspeed_mps: float,
+        heading_rad: float,
+    ) -> None:
+        """Take the instant, the place, the velocity over ground, and the motion in the air."""
+        self.stamp = stamp
+        self.north_m = north_m
+        self.east_m = east_m
+        self.height_m = height_m
+        self.north_mps = north_mps
+        self.east_mps = east_mps
+        self.climb_mps = climb_mps
+        self.airspeed_mps = airspeed_mps
+        self.heading_rad = heading_rad
+
+    def values(self) -> list[float]:
+        """Return what was measured, in the order of the constructor's arguments."""
+        return [
+            self.north_m,
+            self.east_m,
+            self.height_m,
+            self.north_mps,
+            self.east_mps,
+            self.climb_mps,
+            self.airspeed_mps,
+            self.heading_rad,
+        ]
 
 
 class VehicleFilter:
@@ -132,8 +170,8 @@ class VehicleFilter:
         if self.wind_radps >= GUST_RADPS:
             self._believe_gust(values, predicted, elapsed_s)
         spread = spreads(self.level, self.height, along)
-        own = [each + variance for each, variance in zip(spread, variances, strict=True)]
-        unexplained = [off - left for off, left in zip(difference, self._residual, strict=True)]
+        own = [spread[value] + variances[value] for value in range(VALUES)]
+        unexplained = [difference[value] - self._residual[value] for value in range(VALUES)]
         self.noise.learn(unexplained, own)
         weighed, implausible = _weighed(difference, own, variances, elapsed_s)
         self._move(predicted, along, difference, weighed)
@@ -186,8 +224,9 @@ class VehicleFilter:
         if self.wind_radps > 0.0:
             place, noise_mps = 0.0, math.sqrt(variances[3] + variances[6])
             wind = min(WIND_WALK, self.wind_radps * noise_mps / self._root_hz)
-        self.level.grow((place**2, place**2, speed**2, heading**2, wind**2, wind**2), elapsed_s)
-        self.height.climb += climb**2 * elapsed_s
+        of_place, of_wind = squared(place), squared(wind)
+        self.level.grow((of_place, of_place, squared(speed), squared(heading), of_wind, of_wind), elapsed_s)
+        self.height.climb += squared(climb) * elapsed_s
 
     def _wind_of(self, values: list[float]) -> tuple[float, float]:
         """Return the wind that a sample tells by itself."""
@@ -213,12 +252,12 @@ class VehicleFilter:
     def _wind_noise(self, airspeed_mps: float) -> float:
         """Return the variance of that."""
         variances = self.noise.values
-        return variances[3] + variances[6] + airspeed_mps**2 * variances[7]
+        return variances[3] + variances[6] + squared(airspeed_mps) * variances[7]
 
     def _believe_gust(self, values: list[float], predicted: FlightState, elapsed_s: float) -> None:
         """Let the wind be uncertain where a sample tells of one that has changed at once."""
         north_mps, east_mps = self._wind_of(values)
-        size = ((north_mps - predicted.wind_north_mps) ** 2 + (east_mps - predicted.wind_east_mps) ** 2) / 2
+        size = (squared(north_mps - predicted.wind_north_mps) + squared(east_mps - predicted.wind_east_mps)) / 2
         known = self._wind_noise(values[6]) + self.level.wind_north[WIND_NORTH]
         if GUST_SIGMAS**2 * known < size < (IMPLAUSIBLE_SIGMAS * STRAY[2]) ** 2:
             self.level.gust(size, elapsed_s)
@@ -277,7 +316,7 @@ class StateEstimator:
         """
         for column, sample in samples.items():
             each, stamp, model = self.filters[column], int(sample.stamp), models[column]
-            values: list[float] = [*sample[1:]]
+            values = sample.values()
             values[6] = max(values[6], _least_mps(model))
             if each.state is None or self._history.empty or (stamp - each.stamp) / NANOSECONDS > FORGOTTEN_S:
                 each.begin(values, stamp)
@@ -304,7 +343,8 @@ def _weighed(
     weighed, implausible = list(variances), False
     for value, quantity in enumerate(ROWS):
         allowance = STRAY[quantity] * elapsed_s if value <= HEIGHT_VALUE else STRAY[quantity]
-        excess = difference[value] ** 2 / (IMPLAUSIBLE_SIGMAS**2 * (own[value] + allowance**2))
+        most = IMPLAUSIBLE_SIGMAS**2 * (own[value] + squared(allowance))
+        excess = squared(difference[value]) / most
         if excess > 1.0:
             weighed[value] += own[value] * (excess - 1.0)
             implausible = True

@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from flight_model.arrays import Array, Mask
-from flight_model.autopilot import within
+from flight_model.autopilot import squared, within
 
 QUANTITIES: Final = ("position", "height", "velocity", "climb", "airspeed", "heading")
 """What has a noise of its own. North and east count as one quantity."""
@@ -84,7 +84,7 @@ class VehicleNoise:
         share = 1.0 / min(self.samples + FIRST_MEMORY, MEMORY)
         for quantity, known in enumerate(self.by_quantity):
             learnt = known + share * (products[quantity] / COUNTS[quantity] - known)
-            self.by_quantity[quantity] = within(learnt, self._least[quantity], MOST[quantity] ** 2)
+            self.by_quantity[quantity] = within(learnt, self._least[quantity], squared(MOST[quantity]))
         self.values = [self.by_quantity[quantity] for quantity in ROWS]
 
 

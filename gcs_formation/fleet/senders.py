@@ -6,6 +6,7 @@ Which of two remotes with a vehicle's system id is that vehicle is decided by `l
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Final
 
 from airlink import mavlink as m
 from airlink.clock import Instant
@@ -19,6 +20,8 @@ from gcs_formation.phases import Flight, Phase
 from gcs_formation.recorder import GiveUp, Note
 from gcs_formation.vehicle.vehicle import STATION_SYSTEM, Vehicle
 
+AUTOPILOT: Final = m.MAV_COMP_ID_AUTOPILOT1
+NO_AUTOPILOT: Final = m.MAV_AUTOPILOT_INVALID
 EVERYONE = 0
 """MAVLink's broadcast id, which no sender may have."""
 
@@ -53,7 +56,7 @@ class Senders:
         if vehicle is None:
             self._note_stranger(VehicleId(self._networks[socket], frame.system), frame, datagram, now)
             return None
-        if frame.component != m.MAV_COMP_ID_AUTOPILOT1 or _is_no_autopilots(message):
+        if frame.component != AUTOPILOT or _is_no_autopilots(message):
             return None
         ruling = vehicle.claims.judge(message, socket, datagram.peer, now)
         if ruling is ADMITTED:
@@ -85,4 +88,4 @@ class Senders:
 
 def _is_no_autopilots(message: Message | None) -> bool:
     """Return whether it is the heartbeat of a device that isn't an autopilot, such as a companion computer."""
-    return isinstance(message, Heartbeat) and message.autopilot == m.MAV_AUTOPILOT_INVALID
+    return isinstance(message, Heartbeat) and message.autopilot == NO_AUTOPILOT

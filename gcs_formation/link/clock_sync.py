@@ -11,6 +11,7 @@ from collections import deque
 from dataclasses import dataclass, field
 
 from airlink.clock import NANOSECONDS, Instant
+from flight_model.autopilot import squared
 
 WINDOW = 16
 """Number of round trips (4 s) over which the fastest is determined and the delay is averaged."""
@@ -58,7 +59,10 @@ class ClockSync:
         if count < 2:
             return 0.0
         mean_s = sum(self._recent) / count
-        return math.sqrt(sum((each - mean_s) ** 2 for each in self._recent) / (count - 1))
+        total = 0.0
+        for each in self._recent:
+            total += squared(each - mean_s)
+        return math.sqrt(total / (count - 1))
 
     def last_one_way_s(self) -> float:
         """Half of the last round trip, without the answering loop's mean share; can be below 0."""
@@ -138,4 +142,4 @@ class ClockSync:
         """
         excess_s = self.round_trip_s - min(self._recent)
         scatter_s = self.scatter_s if len(self._recent) >= FEW else UNKNOWN_SCATTER_S
-        return RESOLUTION_S**2 + (excess_s**2 + scatter_s**2) / 4
+        return RESOLUTION_S**2 + (squared(excess_s) + squared(scatter_s)) / 4

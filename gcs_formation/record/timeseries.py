@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-from array import array
+import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
@@ -57,6 +57,7 @@ WAITING_TICKS = 64
 """Most ticks that wait to be written."""
 SPOOLED = ("phase", *MEASURED)
 """What a spool has of each vehicle at a tick."""
+_pack_row: Final = struct.Struct(f"{len(SPOOLED)}d").pack
 
 
 class TickSpool:
@@ -72,7 +73,7 @@ class TickSpool:
         `columns` names the vehicle of each of a tick's columns, None for a virtual leader.
         """
         self._flying = [i for i, vehicle in enumerate(columns) if vehicle is not None]
-        self._waiting, self._count = array("d"), 0
+        self._waiting, self._count = list[bytes](), 0
         self._file = path.with_name(f"{path.name}{_suffix(len(spools(path)))}").open("wb")
         vehicles = [[each.network, each.system] for each in columns if each is not None]
         self._file.write(json.dumps({"vehicles": vehicles, "values": SPOOLED}).encode() + b"\n")
@@ -81,7 +82,7 @@ class TickSpool:
     def add(self, tick: Tick) -> None:
         """Append a tick."""
         for column in self._flying:
-            self._waiting.extend(_row(tick, column))
+            self._waiting.append(_pack_row(*_row(tick, column)))
         self._count += 1
         if self._count == WAITING_TICKS:
             self.flush()
@@ -89,8 +90,8 @@ class TickSpool:
     def flush(self) -> None:
         """Write what is waiting."""
         if self._count:
-            self._file.write(self._waiting.tobytes())
-            self._waiting, self._count = array("d"), 0
+            self._file.write(b"".join(self._waiting))
+            self._waiting, self._count = [], 0
             self._file.flush()
 
     def close(self) -> None:

@@ -21,7 +21,7 @@ from gcs_formation.estimation.flight_state import Setpoint, Whereabouts
 from gcs_formation.vehicle.ardupilot import OUR_HEARTBEATS, ArduPilot, patience
 from gcs_formation.vehicle.autopilot import Command, Step
 from gcs_formation.vehicle.checks import Check, Demands
-from gcs_formation.vehicle.hovering import TYPES, Hovering, stands, velocity_setpoint
+from gcs_formation.vehicle.hovering import TYPES, VelocityLead, ground_motion, stands, velocity_setpoint
 from gcs_formation.vehicle.telemetry import Telemetry
 
 LEADS_AWAY = (1, 2, 3, 4, 5, 6, 7)
@@ -60,7 +60,7 @@ def arducopter_checks(asked: Demands) -> tuple[Check, ...]:
     )
 
 
-class ArduCopter(Hovering, ArduPilot):
+class ArduCopter(ArduPilot):
     """A multirotor or helicopter of ArduPilot's, commanded in GUIDED by velocities."""
 
     family = "ArduCopter"
@@ -73,6 +73,8 @@ class ArduCopter(Hovering, ArduPilot):
     home_mode = m.COPTER_MODE_RTL
     setpoint_commands = ()
     stands = True
+    velocity_lead: VelocityLead | None = None
+    """For one whose model leaves part of a change of velocity to its integrator."""
     mode_names: ClassVar = {
         m.COPTER_MODE_STABILIZE: "STABILIZE",
         m.COPTER_MODE_ALT_HOLD: "ALT_HOLD",
@@ -102,6 +104,22 @@ class ArduCopter(Hovering, ArduPilot):
     def checks(self, asked: Demands) -> tuple[Check, ...]:
         """Return failsafe, limits and whose heartbeats count."""
         return arducopter_checks(asked)
+
+    def climbs_out(self, telemetry: Telemetry) -> bool:  # noqa: ARG002 - it may be stopped at any height
+        """Return False."""
+        return False
+
+    def air_motion(
+        self,
+        airspeed_mps: float,  # noqa: ARG002 - it says nothing of what it obeys
+        yaw_rad: float,
+        north_mps: float,
+        east_mps: float,
+        *,
+        leads: bool,
+    ) -> tuple[float, float]:
+        """Return ground speed and course."""
+        return ground_motion(yaw_rad, north_mps, east_mps, leads=leads)
 
     def setpoint(self, setpoint: Setpoint, where: Whereabouts) -> tuple[Message, ...]:
         """Return one message: velocity over ground, and the course as yaw where it moves.

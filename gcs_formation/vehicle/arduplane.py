@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import ClassVar, Final
 
 from airlink import mavlink as m
 from airlink.messages.command import CommandInt, CommandLong
@@ -24,11 +24,13 @@ LEAST_TAKE_OFF_M = 50
 FAILSAFE_BY_HEARTBEAT = (1, 2)
 LEADS_AWAY = (1, 4, 5)
 """FS_LONG_ACTN: RTL, AUTO, AUTOLAND; 0 flies on, 2 glides, 3 releases a parachute."""
-GUIDED_COMMANDS = (
-    m.MAV_CMD_GUIDED_CHANGE_SPEED,
-    m.MAV_CMD_GUIDED_CHANGE_HEADING,
-    m.MAV_CMD_GUIDED_CHANGE_ALTITUDE,
-)
+AUTOPILOT: Final = m.MAV_COMP_ID_AUTOPILOT1
+ABOVE_SEA: Final = m.MAV_FRAME_GLOBAL
+SPEED: Final = m.MAV_CMD_GUIDED_CHANGE_SPEED
+HEADING: Final = m.MAV_CMD_GUIDED_CHANGE_HEADING
+ALTITUDE: Final = m.MAV_CMD_GUIDED_CHANGE_ALTITUDE
+AIRSPEED: Final = m.SPEED_TYPE_AIRSPEED
+OF_THE_NOSE: Final = m.HEADING_TYPE_HEADING
 ALL_ROUND_DEG = 360.0 - 2.0**-16
 """The first heading that is 360 degrees as a 32-bit float."""
 AUTOPILOTS = frozenset({m.MAV_AUTOPILOT_GENERIC, m.MAV_AUTOPILOT_ARDUPILOTMEGA})
@@ -71,7 +73,7 @@ class ArduPlane(ArduPilot):
     take_off_m = 45.0
     """TKOFF_ALT is 50 m, and the climb ends softly."""
     guided_mode = m.PLANE_MODE_GUIDED
-    setpoint_commands = GUIDED_COMMANDS
+    setpoint_commands = (SPEED, HEADING, ALTITUDE)
     loiter_mode = m.PLANE_MODE_LOITER
     home_mode = m.PLANE_MODE_RTL
     approach_m = 55.0
@@ -122,14 +124,9 @@ class ArduPlane(ArduPilot):
         """
         lateral_mps2 = setpoint.speed_mps * self.turn_rate_max_rps
         return (
-            self._guided(m.MAV_CMD_GUIDED_CHANGE_SPEED, m.SPEED_TYPE_AIRSPEED, setpoint.speed_mps, 0.0),
-            self._guided(m.MAV_CMD_GUIDED_CHANGE_ALTITUDE, 0.0, 0.0, 0.0, setpoint.height_m + self.origin.alt_m),
-            self._guided(
-                m.MAV_CMD_GUIDED_CHANGE_HEADING,
-                m.HEADING_TYPE_HEADING,
-                _compass(setpoint.heading_rad),
-                lateral_mps2,
-            ),
+            self._guided(SPEED, AIRSPEED, setpoint.speed_mps, 0.0),
+            self._guided(ALTITUDE, 0.0, 0.0, 0.0, setpoint.height_m + self.origin.alt_m),
+            self._guided(HEADING, OF_THE_NOSE, _compass(setpoint.heading_rad), lateral_mps2),
         )
 
     def loiter(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:  # noqa: ARG002 - it circles where it is
@@ -154,21 +151,7 @@ class ArduPlane(ArduPilot):
         )
 
     def _guided(self, command: int, param1: float, param2: float, param3: float, z: float = 0.0) -> CommandInt:
-        return CommandInt(
-            self.system,
-            m.MAV_COMP_ID_AUTOPILOT1,
-            m.MAV_FRAME_GLOBAL,
-            command,
-            0,
-            0,
-            param1,
-            param2,
-            param3,
-            0.0,
-            0,
-            0,
-            z,
-        )
+        return CommandInt(self.system, AUTOPILOT, ABOVE_SEA, command, 0, 0, param1, param2, param3, 0.0, 0, 0, z)
 
     def _to_take_off(self, _: Telemetry) -> tuple[Command, ...]:
         return (self.set_mode(m.PLANE_MODE_TAKEOFF),)

@@ -29,9 +29,9 @@ class Effect(NamedTuple):
     """What heartbeats show once a vehicle has carried out a command."""
 
     description: str
-    shown: Callable[[Telemetry], object]
+    shown: Callable[[Telemetry], int | None]
     """Reads from telemetry what the command changes: the mode, or whether the vehicle is armed."""
-    expected: object
+    expected: int
 
 
 class MissingEffect(NamedTuple):
@@ -49,7 +49,7 @@ class EffectWatch:
         self.missing: MissingEffect | None = None
         self._effect: Effect | None = None
         self._since = Instant(0)
-        self._before: object = None
+        self._before: int | None = None
         self._heartbeats = 0
 
     @property

@@ -16,7 +16,7 @@ from gcs_formation.link.connection import Connection
 from gcs_formation.vehicle.arducopter import ArduCopter
 from gcs_formation.vehicle.arduplane import ArduPlane
 from gcs_formation.vehicle.autopilot import Autopilot
-from gcs_formation.vehicle.hovering import Hovering, VelocityLead
+from gcs_formation.vehicle.hovering import VelocityLead
 from gcs_formation.vehicle.px4_copter import Px4Copter
 from gcs_formation.vehicle.px4_plane import Px4Plane
 from gcs_formation.vehicle.vehicle import Vehicle
@@ -33,7 +33,7 @@ def autopilot_for(vehicle: PlannedVehicle, scenario: Scenario) -> Autopilot:
     """Return the family's class for a vehicle of the scenario."""
     model = vehicle.model
     autopilot = FAMILIES[family_of(vehicle)](vehicle.id, origin_of(scenario), model.turn_rate_max_rps)
-    if isinstance(autopilot, Hovering) and model.prompt_share < 1.0:
+    if isinstance(autopilot, ArduCopter | Px4Copter) and model.prompt_share < 1.0:
         period_s = 1.0 / scenario.law.rate_hz
         autopilot.velocity_lead = VelocityLead(model.prompt_share, model.rest_s, model.speed_max_mps, period_s)
     return autopilot

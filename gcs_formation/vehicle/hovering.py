@@ -15,7 +15,6 @@ from airlink import mavlink as m
 from airlink.messages.command import SetPositionTargetLocalNed
 from flight_model.autopilot import hovering_course, slot_axis
 from gcs_formation.estimation.flight_state import Setpoint, Whereabouts
-from gcs_formation.vehicle.telemetry import Telemetry
 
 TYPES: Final = frozenset(
     {
@@ -113,26 +112,3 @@ class VelocityLead:
             done[1] + self._filled * (told[1] - done[1]),
         )
         return told
-
-
-class Hovering:
-    """What holds for every family of vehicles that hover."""
-
-    velocity_lead: VelocityLead | None = None
-    """For one whose model leaves part of a change of velocity to its integrator."""
-
-    def climbs_out(self, telemetry: Telemetry) -> bool:  # noqa: ARG002 - it may be stopped at any height
-        """Return False."""
-        return False
-
-    def air_motion(
-        self,
-        airspeed_mps: float,  # noqa: ARG002 - it says nothing of what it obeys
-        yaw_rad: float,
-        north_mps: float,
-        east_mps: float,
-        *,
-        leads: bool,
-    ) -> tuple[float, float]:
-        """Return ground speed and course."""
-        return ground_motion(yaw_rad, north_mps, east_mps, leads=leads)

@@ -19,7 +19,14 @@ from flight_model.earth import GeodeticOrigin
 from gcs_formation.estimation.flight_state import Setpoint, Whereabouts
 from gcs_formation.vehicle.autopilot import Command, Step
 from gcs_formation.vehicle.checks import Check, Demands
-from gcs_formation.vehicle.hovering import TURNS_FROM_MPS, TYPES, Hovering, stands, velocity_setpoint
+from gcs_formation.vehicle.hovering import (
+    TURNS_FROM_MPS,
+    TYPES,
+    VelocityLead,
+    ground_motion,
+    stands,
+    velocity_setpoint,
+)
 from gcs_formation.vehicle.px4 import LOITER, OFFBOARD, RTL, Px4, heartbeats_lost
 from gcs_formation.vehicle.telemetry import Telemetry
 
@@ -63,16 +70,19 @@ def px4_copter_checks(asked: Demands) -> tuple[Check, ...]:
     )
 
 
-class Px4Copter(Hovering, Px4):
+class Px4Copter(Px4):
     """A PX4 multirotor or helicopter, commanded in OFFBOARD by velocities."""
 
     family = "PX4 multirotor"
-    take_off_m, take_off_to_m = 18.0, 20.0
+    take_off_m = 18.0
+    take_off_to_m = 20.0
     guided_mode = OFFBOARD
     setpoint_commands = ()
     stands = True
     acknowledges_early = True
     """DO_SET_MODE is acknowledged twice, the first time always with ACCEPTED."""
+    velocity_lead: VelocityLead | None = None
+    """For one whose model leaves part of a change of velocity to its integrator."""
 
     def __init__(self, system: int, origin: GeodeticOrigin, turn_rate_max_rps: float) -> None:
         """Address `system`."""
@@ -102,6 +112,22 @@ class Px4Copter(Hovering, Px4):
     def checks(self, asked: Demands) -> tuple[Check, ...]:
         """Return failsafes and limits."""
         return px4_copter_checks(asked)
+
+    def climbs_out(self, telemetry: Telemetry) -> bool:  # noqa: ARG002 - it may be stopped at any height
+        """Return False."""
+        return False
+
+    def air_motion(
+        self,
+        airspeed_mps: float,  # noqa: ARG002 - it says nothing of what it obeys
+        yaw_rad: float,
+        north_mps: float,
+        east_mps: float,
+        *,
+        leads: bool,
+    ) -> tuple[float, float]:
+        """Return ground speed and course."""
+        return ground_motion(yaw_rad, north_mps, east_mps, leads=leads)
 
     def setpoint(self, setpoint: Setpoint, where: Whereabouts) -> tuple[Message, ...]:
         """Return one message: velocity over ground, and the course as yaw where it moves.

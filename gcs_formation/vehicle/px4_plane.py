@@ -51,7 +51,8 @@ class Px4Plane(Px4):
     """A fixed-wing PX4, commanded in AUTO.LOITER by MAV_CMD_DO_REPOSITION."""
 
     family = "PX4 fixed wing"
-    take_off_m, take_off_to_m = 45.0, 50.0
+    take_off_m = 45.0
+    take_off_to_m = 50.0
     guided_mode = LOITER
     setpoint_commands = (m.MAV_CMD_DO_REPOSITION,) * 3
     setpoints_set_mode = True

@@ -6,7 +6,7 @@ import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 from airlink import mavlink as m
 from airlink.messages import Message
@@ -32,17 +32,31 @@ ALTITUDE_LIMIT_M = 100e3
 """Limits beyond which a state isn't an aircraft's, even if it is finite."""
 
 
-class Motion(NamedTuple):
+class Motion:
     """Position and motion at one stamp of the vehicle's clock: NED from the origin, height upwards."""
 
-    stamp_s: float
-    north_m: float
-    east_m: float
-    height_m: float
-    north_mps: float
-    east_mps: float
-    climb_mps: float
-    above_home_m: float
+    __slots__ = ("above_home_m", "climb_mps", "east_m", "east_mps", "height_m", "north_m", "north_mps", "stamp_s")
+
+    def __init__(
+        self,
+        stamp_s: float,
+        north_m: float,
+        east_m: float,
+        height_m: float,
+        north_mps: float,
+        east_mps: float,
+        climb_mps: float,
+        above_home_m: float,
+    ) -> None:
+        """Take the stamp, the place, how it changes, and the height above where it took off."""
+        self.stamp_s = stamp_s
+        self.north_m = north_m
+        self.east_m = east_m
+        self.height_m = height_m
+        self.north_mps = north_mps
+        self.east_mps = east_mps
+        self.climb_mps = climb_mps
+        self.above_home_m = above_home_m
 
 
 @dataclass

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 from array import array
-from collections import Counter
 from collections.abc import Callable
 from enum import Enum
-from typing import Any
+from typing import Any, Final
 
 from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, Instant, seconds_between
@@ -29,6 +28,7 @@ from gcs_formation.vehicle.commands import CommandQueue, PilotsChoice
 from gcs_formation.vehicle.startup import StartUp, TakeOff, UnbrokenRun
 from gcs_formation.vehicle.telemetry import Telemetry
 
+ACCEPTED: Final = m.MAV_RESULT_ACCEPTED
 STATION_SYSTEM = 255
 STATION_COMPONENT = m.MAV_COMP_ID_MISSIONPLANNER
 UNANSWERED_S = 1.5
@@ -75,7 +75,8 @@ class Vehicle:
         """Judges which sender with its system id is the vehicle."""
         self.jitter, self.sequence = JitterMeter(), SequenceTracker()
         self.commands = CommandQueue()
-        self.messages_in = Counter[int]()
+        self.messages_in: dict[int, int] = {}
+        """By message id, how many have come."""
         self.rates_hz = autopilot.rates_hz(telemetry_rate_hz, utc=by_utc)  # of each message that it should send
         self.start_up = StartUp(autopilot.start_up(self.rates_hz))
         # The height is the one at which it was last told to loiter while the others fly on.
@@ -113,7 +114,7 @@ class Vehicle:
             now: when it was read.
             timed: whether it also arrived then; a frame that waited for us says nothing about the link's delay.
         """
-        self.messages_in[frame.message_id] += 1
+        self.messages_in[frame.message_id] = self.messages_in.get(frame.message_id, 0) + 1
         self.sequence.observe(frame.sequence)
         message = frame.message
         if message is None:
@@ -130,7 +131,7 @@ class Vehicle:
     @property
     def frames_in(self) -> int:
         """Frames that have come from it."""
-        return self.messages_in.total()
+        return sum(self.messages_in.values())
 
     def leave_to_pilot(self, now: Instant) -> None:
         """Send nothing more until the vehicle flies in the guided mode, as set by its pilot."""
@@ -205,10 +206,20 @@ class Vehicle:
             self.telemetry.implausible += 1
             return None
         yaw_rad = attitude.yaw_rad + attitude.yawspeed_radps * apart_s
-        level_mps = motion.north_mps, motion.east_mps
-        air_motion = self.autopilot.air_motion(seen.airspeed_mps, yaw_rad, *level_mps, leads=leads)
-        place_m, velocity_mps = motion[1:4], motion[4:7]
-        return Sample(stamp, *place_m, *velocity_mps, *air_motion)
+        airspeed_mps, heading_rad = self.autopilot.air_motion(
+            seen.airspeed_mps, yaw_rad, motion.north_mps, motion.east_mps, leads=leads
+        )
+        return Sample(
+            stamp,
+            motion.north_m,
+            motion.east_m,
+            motion.height_m,
+            motion.north_mps,
+            motion.east_mps,
+            motion.climb_mps,
+            airspeed_mps,
+            heading_rad,
+        )
 
     def encode(self, message: Message) -> bytes:
         """Return the frame of a message to this vehicle."""
@@ -290,5 +301,5 @@ class Vehicle:
         if effect is not None:
             self.effects.acknowledged(effect, self.telemetry, now)
         setpoints = self.setpoints_taken.get(ack.command)
-        if setpoints is not None and ack.result == m.MAV_RESULT_ACCEPTED:
+        if setpoints is not None and ack.result == ACCEPTED:
             setpoints.note(now)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final
 
 from airlink import mavlink as m
 from airlink.messages.command import CommandInt, CommandLong, MessageInterval
@@ -34,6 +34,10 @@ ABOVE_HOME: Final = (
 """The ground is level, so heights above terrain are heights above home."""
 LEAST_LATERAL_MPS2: Final = 0.05
 """What a lateral acceleration of 0 becomes: the vehicle hardly turns."""
+AIRSPEED: Final = m.SPEED_TYPE_AIRSPEED
+AGAIN: Final = m.HEADING_TYPE_DEFAULT
+COURSE: Final = m.HEADING_TYPE_COURSE_OVER_GROUND
+HEADING: Final = m.HEADING_TYPE_HEADING
 FORCE: Final = 21196
 GUIDED: Final = Mode.GUIDED
 FULL_TURN_DEG, POLE_DEG = 360.0, 90.0
@@ -44,15 +48,27 @@ AT_ONCE = PLACE_NOW, HEIGHT_NOW = 2, 3
 """`current` of an item to be flown at once instead of being stored: a position, or a height alone."""
 
 
-class Order(NamedTuple):
-    """A command, whichever message brought it; latitude and longitude in radians."""
+class Order:
+    """A command, whichever message brought it."""
 
-    command: int
-    frame: int
-    params: tuple[float, float, float, float]
-    lat_rad: float
-    lon_rad: float
-    z: float
+    __slots__ = ("command", "frame", "lat_rad", "lon_rad", "params", "z")
+
+    def __init__(
+        self,
+        command: int,
+        frame: int,
+        params: tuple[float, float, float, float],
+        lat_rad: float,
+        lon_rad: float,
+        z: float,
+    ) -> None:
+        """Take MAV_CMD, MAV_FRAME, `param1` to `param4`, and a place, whose `z` is by the frame."""
+        self.command = command
+        self.frame = frame
+        self.params = params
+        self.lat_rad = lat_rad
+        self.lon_rad = lon_rad
+        self.z = z
 
 
 def order(message: CommandInt | CommandLong) -> Order:
@@ -60,9 +76,9 @@ def order(message: CommandInt | CommandLong) -> Order:
     params = (message.param1, message.param2, message.param3, message.param4)
     if isinstance(message, CommandInt):
         place = message.x * DEGREES_E7, message.y * DEGREES_E7
-        return Order(message.command, message.frame, params, *place, message.z)
+        return Order(message.command, message.frame, params, place[0], place[1], message.z)
     place = math.radians(message.param5), math.radians(message.param6)
-    return Order(message.command, m.MAV_FRAME_GLOBAL_RELATIVE_ALT, params, *place, message.param7)
+    return Order(message.command, m.MAV_FRAME_GLOBAL_RELATIVE_ALT, params, place[0], place[1], message.param7)
 
 
 def execute(vehicle: Vehicle, given: Order) -> int:
@@ -89,7 +105,7 @@ def _change_speed(vehicle: Vehicle, given: Order) -> int:
     kind, speed_mps, accel_mps2, _ = given.params
     if vehicle.pilot.mode is not GUIDED:
         return FAILED
-    if kind != m.SPEED_TYPE_AIRSPEED or not math.isfinite(speed_mps) or math.isnan(accel_mps2):
+    if kind != AIRSPEED or not math.isfinite(speed_mps) or math.isnan(accel_mps2):
         return DENIED
     if not vehicle.parameters.is_airspeed(speed_mps):
         return FAILED
@@ -113,12 +129,12 @@ def _change_heading(vehicle: Vehicle, given: Order) -> int:
         return FAILED
     if not 0.0 <= degrees < FULL_TURN_DEG or math.isnan(lateral_mps2):
         return DENIED
-    if kind == m.HEADING_TYPE_DEFAULT:
+    if kind == AGAIN:
         vehicle.pilot.circle_again()
         return ACCEPTED
-    if kind not in (m.HEADING_TYPE_COURSE_OVER_GROUND, m.HEADING_TYPE_HEADING):
+    course = kind == COURSE
+    if not course and kind != HEADING:
         return DENIED
-    course = kind == m.HEADING_TYPE_COURSE_OVER_GROUND
     vehicle.pilot.steer(math.radians(degrees), course=course, lateral_mps2=max(lateral_mps2, LEAST_LATERAL_MPS2))
     return ACCEPTED
 

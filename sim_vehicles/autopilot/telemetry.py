@@ -235,16 +235,29 @@ BUILDERS: Builders = {
 }
 
 
+class Stream:
+    """One message that is sent again and again."""
+
+    __slots__ = ("due", "interval_ns", "message_id")
+
+    def __init__(self, message_id: int, interval_ns: int, due: Instant) -> None:
+        """Take its id, its interval and when it is due next."""
+        self.message_id = message_id
+        self.interval_ns = interval_ns
+        self.due: int = due
+
+
 class Streams:
     """One vehicle's message intervals. A message is sent in the first cycle of the main loop at or after its time."""
 
     def __init__(self, now: Instant, unasked: Mapping[int, int] = UNASKED, known: Builders = BUILDERS) -> None:
         """Start with the messages that need no request, of those that are `known`."""
         self._unasked, self._known = unasked, known
-        self._interval_ns = dict(unasked)
-        self._due = dict.fromkeys(unasked, now)
+        self._streams = [Stream(message_id, unasked[message_id], now) for message_id in sorted(unasked)]
+        """In the order of their ids, in which those of a cycle are sent."""
         self.next_due = now
         """When the next message is due; `NEVER` when none is."""
+        self._plan()
 
     def set_interval(self, message_id: int, interval_us: float, now: Instant) -> bool:
         """Set an interval, 0 for the default one, -1 for never; return False for one shorter than the main loop's.
@@ -269,32 +282,43 @@ class Streams:
 
     def interval_us(self, message_id: int) -> int:
         """Return an interval, -1 for a message that isn't streamed."""
-        interval_ns = self._interval_ns.get(message_id)
-        return int(STOP) if interval_ns is None else interval_ns // 1000
+        for each in self._streams:
+            if each.message_id == message_id:
+                return each.interval_ns // 1000
+        return int(STOP)
 
     def leave_out(self, now: Instant) -> None:
         """Skip messages that were due before now."""
-        self._due = {message_id: max(instant, now) for message_id, instant in self._due.items()}
+        for each in self._streams:
+            each.due = max(each.due, now)
         self._plan()
 
     def take_due(self, now: Instant) -> list[int]:
         """Return the ids of the messages that are due, in order, and plan their next ones."""
+        due: list[int] = []
         if now < self.next_due:
-            return []
-        due = sorted(message_id for message_id, instant in self._due.items() if instant <= now)
-        for message_id in due:
-            self._due[message_id] = Instant(self._due[message_id] + self._interval_ns[message_id])
+            return due
+        for each in self._streams:
+            if each.due <= now:
+                due.append(each.message_id)
+                each.due += each.interval_ns
         self._plan()
         return due
 
     def _set(self, message_id: int, interval_ns: int | None, now: Instant) -> None:
-        if interval_ns is None:
-            self._interval_ns.pop(message_id, None)
-            self._due.pop(message_id, None)
-        elif message_id in self._known:
-            self._interval_ns[message_id] = interval_ns
-            self._due[message_id] = now
+        if interval_ns is None or message_id in self._known:
+            self._streams = [each for each in self._streams if each.message_id != message_id]
+        if interval_ns is not None and message_id in self._known:
+            self._streams.append(Stream(message_id, interval_ns, now))
+            self._streams.sort(key=_number)
         self._plan()
 
     def _plan(self) -> None:
-        self.next_due = min(self._due.values(), default=NEVER)
+        next_due: int = NEVER
+        for each in self._streams:
+            next_due = min(next_due, each.due)
+        self.next_due = Instant(next_due)
+
+
+def _number(stream: Stream) -> int:
+    return stream.message_id
