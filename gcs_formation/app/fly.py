@@ -13,13 +13,14 @@ from airlink.errors import PortError
 from airlink.messages import Message
 from airlink.messages.command import CommandInt, CommandLong
 from airlink.udp import UdpDriver
+from flight_model.autopilot import FlightState
 from formation_scenario import Scenario, slot_schedule
 from formation_scenario.arrangement import columns
 from gcs_formation.app.operator import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.session import Session, open_session
 from gcs_formation.errors import RunAbortedError
-from gcs_formation.estimation.flight_state import Setpoint, Whereabouts
+from gcs_formation.estimation.flight_state import Setpoint
 from gcs_formation.record.past import PORT, Past, epoch_us, from_ports, read_past
 from gcs_formation.record.summary import Summary
 from gcs_formation.recorder import Event
@@ -67,9 +68,9 @@ def rehearsal_text(report: dict[str, Any]) -> str:
     return "\n".join([*lines, "nobody was commanded; heartbeats and requests for telemetry and parameters were sent"])
 
 
-def first_setpoints(scenario: Scenario) -> dict[str, tuple[Setpoint, Whereabouts]]:
+def first_setpoints(scenario: Scenario) -> dict[str, tuple[Setpoint, FlightState]]:
     """Return each vehicle's setpoint in its slot when the leader is at the path's start, and where that is."""
-    start, found = scenario.leader_path.at(0.0), dict[str, tuple[Setpoint, Whereabouts]]()
+    start, found = scenario.leader_path.at(0.0), dict[str, tuple[Setpoint, FlightState]]()
     ahead, aside = math.cos(start.course_rad), math.sin(start.course_rad)
     for vehicle, place_m in zip(columns(scenario), slot_schedule(scenario)[0].places_m.tolist(), strict=True):
         forward_m, right_m, up_m = place_m
@@ -77,11 +78,12 @@ def first_setpoints(scenario: Scenario) -> dict[str, tuple[Setpoint, Whereabouts
         east_m = start.east_m + forward_m * aside + right_m * ahead
         if vehicle is not None:
             commanded = Setpoint(scenario.path.speed_mps, start.course_rad, start.height_m + up_m)
-            found[str(vehicle.vehicle_id)] = commanded, Whereabouts(north_m, east_m, commanded.height_m, 0.0, 0.0)
+            where = FlightState(north_m, east_m, commanded.height_m, 0.0, *commanded[:2], 0.0, 0.0)
+            found[str(vehicle.vehicle_id)] = commanded, where
     return found
 
 
-def _messages(vehicle: Vehicle, setpoint: Setpoint, where: Whereabouts) -> Iterator[dict[str, Any]]:
+def _messages(vehicle: Vehicle, setpoint: Setpoint, where: FlightState) -> Iterator[dict[str, Any]]:
     autopilot, seen = vehicle.autopilot, vehicle.telemetry
     for step in autopilot.start_up(vehicle.rates_hz):
         if step.acts(seen) and not step.done(seen):

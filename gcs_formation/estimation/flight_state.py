@@ -176,13 +176,3 @@ class Setpoint(NamedTuple):
     speed_mps: float
     heading_rad: float
     height_m: float
-
-
-class Whereabouts(NamedTuple):
-    """Where a vehicle is when a setpoint acts, from the scenario's origin, and the wind there."""
-
-    north_m: float
-    east_m: float
-    height_m: float
-    wind_north_mps: float
-    wind_east_mps: float

@@ -13,7 +13,7 @@ from airlink.engine import DelayQueue
 from airlink.messages import Message
 from airlink.messages.system import MISSION_TIME, Heartbeat, NamedValueFloat
 from formation_scenario import Scenario
-from gcs_formation.estimation.flight_state import Setpoint, Whereabouts
+from gcs_formation.estimation.flight_state import Setpoint
 from gcs_formation.link.connection import LinkState
 from gcs_formation.recorder import Note
 from gcs_formation.tick import Tick, VehicleLink
@@ -81,16 +81,16 @@ class Dispatch:
         """Take a tick's setpoints; one that isn't finite is never sent."""
         self._guided.clear()
         for identity, vehicle, column in self._each:
-            state, setpoint = tick.state[column], Setpoint(*tick.setpoints[column])
-            place = Whereabouts(state.north_m, state.east_m, state.height_m, state.wind_north_mps, state.wind_east_mps)
-            usable = tick.active[column] and all(map(math.isfinite, setpoint)) and all(map(math.isfinite, place))
+            state, (speed_mps, heading_rad, height_m) = tick.state[column], tick.setpoints[column]
+            known = state.north_m + state.east_m + state.height_m + state.wind_north_mps + state.wind_east_mps
+            usable = tick.active[column] and math.isfinite(speed_mps + heading_rad + height_m + known)
             if usable or vehicle.member is not Member.FLYING:
                 self._without.pop(identity, None)
             else:
                 self._without.setdefault(identity, now)
             if usable:
                 self._guided.add(identity)
-                messages = vehicle.autopilot.setpoint(setpoint, place)
+                messages = vehicle.autopilot.setpoint(Setpoint(speed_mps, heading_rad, height_m), state)
                 self._send(vehicle, messages, after(now, hold_s) if column == tick.leader else now, now)
 
     def _send(self, vehicle: Vehicle, messages: tuple[Message, ...], due: Instant, now: Instant) -> None:

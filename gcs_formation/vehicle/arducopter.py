@@ -17,7 +17,8 @@ from airlink import mavlink as m
 from airlink.messages import Message
 from airlink.messages.command import CommandLong
 from airlink.messages.system import Heartbeat
-from gcs_formation.estimation.flight_state import Setpoint, Whereabouts
+from flight_model.autopilot import FlightState
+from gcs_formation.estimation.flight_state import Setpoint
 from gcs_formation.vehicle.ardupilot import OUR_HEARTBEATS, ArduPilot, patience
 from gcs_formation.vehicle.autopilot import Command, Step
 from gcs_formation.vehicle.checks import Check, Demands
@@ -121,7 +122,7 @@ class ArduCopter(ArduPilot):
         """Return ground speed and course."""
         return ground_motion(yaw_rad, north_mps, east_mps, leads=leads)
 
-    def setpoint(self, setpoint: Setpoint, where: Whereabouts) -> tuple[Message, ...]:
+    def setpoint(self, setpoint: Setpoint, where: FlightState) -> tuple[Message, ...]:
         """Return one message: velocity over ground, and the course as yaw where it moves.
 
         It is repeated at every tick: ArduCopter stands 3 s (GUID_TIMEOUT) after the last one.

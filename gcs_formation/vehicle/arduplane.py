@@ -14,7 +14,8 @@ from typing import ClassVar, Final
 from airlink import mavlink as m
 from airlink.messages.command import CommandInt, CommandLong
 from airlink.messages.system import Heartbeat
-from gcs_formation.estimation.flight_state import Setpoint, Whereabouts
+from flight_model.autopilot import FlightState
+from gcs_formation.estimation.flight_state import Setpoint
 from gcs_formation.vehicle.ardupilot import OUR_HEARTBEATS, ArduPilot, patience
 from gcs_formation.vehicle.autopilot import Command, Step
 from gcs_formation.vehicle.checks import Check, Demands, envelope_checks
@@ -116,7 +117,7 @@ class ArduPlane(ArduPilot):
         motion, mode = telemetry.motion, telemetry.custom_mode
         return motion is not None and mode == m.PLANE_MODE_TAKEOFF and motion.above_home_m <= self.take_off_m
 
-    def setpoint(self, setpoint: Setpoint, where: Whereabouts) -> tuple[Command, ...]:  # noqa: ARG002 - no place is told
+    def setpoint(self, setpoint: Setpoint, where: FlightState) -> tuple[Command, ...]:  # noqa: ARG002 - no place is told
         """Return speed, altitude above sea level and heading, in this order.
 
         The altitude's own rate and the speed's acceleration are left to the autopilot (0). The heading's

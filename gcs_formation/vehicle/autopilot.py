@@ -13,9 +13,10 @@ from airlink.messages import Message
 from airlink.messages.command import CommandInt, CommandLong
 from airlink.messages.parameter import ParamValue
 from airlink.messages.system import Heartbeat
+from flight_model.autopilot import FlightState
 from flight_model.earth import GeodeticOrigin
 from formation_scenario.orders import End
-from gcs_formation.estimation.flight_state import Setpoint, Whereabouts
+from gcs_formation.estimation.flight_state import Setpoint
 from gcs_formation.vehicle.checks import Check, Demands
 from gcs_formation.vehicle.telemetry import Telemetry
 
@@ -231,8 +232,8 @@ class Autopilot(ABC):
         return airspeed_mps, yaw_rad
 
     @abstractmethod
-    def setpoint(self, setpoint: Setpoint, where: Whereabouts) -> tuple[Message, ...]:
-        """Return the messages that carry a setpoint, which acts when the vehicle is there."""
+    def setpoint(self, setpoint: Setpoint, where: FlightState) -> tuple[Message, ...]:
+        """Return the messages that carry a setpoint, which acts when the vehicle is in that state."""
 
     @abstractmethod
     def checks(self, asked: Demands) -> tuple[Check, ...]:

@@ -13,8 +13,8 @@ from typing import Final
 
 from airlink import mavlink as m
 from airlink.messages.command import SetPositionTargetLocalNed
-from flight_model.autopilot import hovering_course, slot_axis
-from gcs_formation.estimation.flight_state import Setpoint, Whereabouts
+from flight_model.autopilot import FlightState, hovering_course, slot_axis
+from gcs_formation.estimation.flight_state import Setpoint
 
 TYPES: Final = frozenset(
     {
@@ -51,7 +51,7 @@ def stands(setpoint: Setpoint) -> bool:
 def velocity_setpoint(
     system: int,
     setpoint: Setpoint,
-    where: Whereabouts,
+    where: FlightState,
     nose_rad: float = math.nan,
     lead: VelocityLead | None = None,
 ) -> SetPositionTargetLocalNed:

@@ -15,8 +15,9 @@ from collections.abc import Mapping
 from airlink import mavlink as m
 from airlink.messages import Message
 from airlink.messages.system import Heartbeat
+from flight_model.autopilot import FlightState
 from flight_model.earth import GeodeticOrigin
-from gcs_formation.estimation.flight_state import Setpoint, Whereabouts
+from gcs_formation.estimation.flight_state import Setpoint
 from gcs_formation.vehicle.autopilot import Command, Step
 from gcs_formation.vehicle.checks import Check, Demands
 from gcs_formation.vehicle.hovering import (
@@ -37,7 +38,7 @@ CUTS_MOTORS = (6, 7)
 WITHOUT_STICKS = (0, 3, 4, 5)
 """COM_OBL_RC_ACT: position (return, where no transmitter is heard), return, land, hold."""
 STAND = Setpoint(0.0, 0.0, 0.0)
-ANYWHERE = Whereabouts(0.0, 0.0, 0.0, 0.0, 0.0)
+ANYWHERE = FlightState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def px4_copter_checks(asked: Demands) -> tuple[Check, ...]:
@@ -129,7 +130,7 @@ class Px4Copter(Px4):
         """Return ground speed and course."""
         return ground_motion(yaw_rad, north_mps, east_mps, leads=leads)
 
-    def setpoint(self, setpoint: Setpoint, where: Whereabouts) -> tuple[Message, ...]:
+    def setpoint(self, setpoint: Setpoint, where: FlightState) -> tuple[Message, ...]:
         """Return one message: velocity over ground, and the course as yaw where it moves.
 
         Standing it is told where its nose was told to be last: with a yaw rate of 0 alone it drifts by tens of degrees.

@@ -15,7 +15,8 @@ from collections.abc import Mapping
 from airlink import mavlink as m
 from airlink.messages.command import CommandInt
 from airlink.messages.system import Heartbeat
-from gcs_formation.estimation.flight_state import Setpoint, Whereabouts
+from flight_model.autopilot import FlightState
+from gcs_formation.estimation.flight_state import Setpoint
 from gcs_formation.vehicle.autopilot import Command, Step
 from gcs_formation.vehicle.checks import Check, Demands, envelope_checks
 from gcs_formation.vehicle.px4 import LOITER, RTL, TAKEOFF, UNCHANGED, Px4, heartbeats_lost
@@ -83,7 +84,7 @@ class Px4Plane(Px4):
         motion = telemetry.motion
         return motion is not None and telemetry.custom_mode == TAKEOFF and motion.above_home_m <= self.take_off_m
 
-    def setpoint(self, setpoint: Setpoint, where: Whereabouts) -> tuple[Command, ...]:
+    def setpoint(self, setpoint: Setpoint, where: FlightState) -> tuple[Command, ...]:
         """Return one command: airspeed, altitude above sea level, and a place ahead.
 
         PX4 flies a course over ground: that of the airspeed along the heading, plus the wind as the station knows it.

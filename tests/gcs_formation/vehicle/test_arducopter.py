@@ -10,17 +10,18 @@ from airlink import mavlink as m
 from airlink.frame import FrameWriter, StreamParser
 from airlink.messages.command import CommandLong, SetPositionTargetLocalNed
 from airlink.messages.system import Heartbeat
-from gcs_formation.estimation.flight_state import Setpoint, Whereabouts
+from flight_model.autopilot import FlightState
+from gcs_formation.estimation.flight_state import Setpoint
 from gcs_formation.vehicle.arducopter import ArduCopter, arducopter_checks
 from gcs_formation.vehicle.checks import Demands
 from gcs_formation.vehicle.hovering import HEIGHT_S
 from tests.gcs_formation.vehicle.conftest import ORIGIN, heartbeat
 
-COPTER, HERE = ArduCopter(7, ORIGIN, 0.4), Whereabouts(0.0, 0.0, 30.0, 0.0, 0.0)
+COPTER, HERE = ArduCopter(7, ORIGIN, 0.4), FlightState(0.0, 0.0, 30.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 VELOCITY_AND_YAW, VELOCITY_ALONE = 0b100111000111, 0b010111000111
 
 
-def sent(setpoint: Setpoint, where: Whereabouts = HERE) -> SetPositionTargetLocalNed:
+def sent(setpoint: Setpoint, where: FlightState = HERE) -> SetPositionTargetLocalNed:
     (message,) = COPTER.setpoint(setpoint, where)
     (frame,) = StreamParser().feed(FrameWriter(255, 190).encode(message))
     assert isinstance(frame.message, SetPositionTargetLocalNed)
@@ -35,7 +36,7 @@ def test_a_setpoint_is_a_velocity_over_ground_and_the_nose_turns_to_it():
 
 
 def test_wind_is_not_its_business():
-    windy = HERE._replace(wind_north_mps=8.0, wind_east_mps=-3.0)
+    windy = FlightState(0.0, 0.0, 30.0, 0.0, 0.0, 0.0, 8.0, -3.0)
     assert sent(Setpoint(5.0, 1.0, 30.0), windy) == sent(Setpoint(5.0, 1.0, 30.0))
 
 

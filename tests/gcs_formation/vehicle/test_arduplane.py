@@ -12,12 +12,13 @@ from airlink import mavlink as m
 from airlink.frame import FrameWriter, StreamParser
 from airlink.messages.command import CommandInt
 from airlink.messages.telemetry import SysStatus
-from gcs_formation.estimation.flight_state import Setpoint, Whereabouts
+from flight_model.autopilot import FlightState
+from gcs_formation.estimation.flight_state import Setpoint
 from gcs_formation.vehicle.arduplane import ArduPlane
 from gcs_formation.vehicle.autopilot import Command
 from tests.gcs_formation.vehicle.conftest import ORIGIN, position
 
-PLANE, HERE = ArduPlane(7, ORIGIN, 0.25), Whereabouts(0.0, 0.0, 0.0, 0.0, 0.0)
+PLANE, HERE = ArduPlane(7, ORIGIN, 0.25), FlightState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def on_the_wire(command: Command) -> CommandInt:

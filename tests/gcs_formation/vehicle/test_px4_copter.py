@@ -12,8 +12,9 @@ from airlink.frame import FrameWriter, StreamParser
 from airlink.messages.command import CommandAck, SetPositionTargetLocalNed
 from airlink.messages.system import Heartbeat
 from airlink.messages.telemetry import Attitude, ExtendedSysState, SysStatus, VfrHud
+from flight_model.autopilot import FlightState
 from formation_scenario import load_scenario
-from gcs_formation.estimation.flight_state import Setpoint, Whereabouts
+from gcs_formation.estimation.flight_state import Setpoint
 from gcs_formation.vehicle.checks import Demands
 from gcs_formation.vehicle.commands import CommandQueue, Outcome
 from gcs_formation.vehicle.families import autopilot_for
@@ -23,7 +24,7 @@ from gcs_formation.vehicle.telemetry import Telemetry
 from tests.gcs_formation.vehicle.conftest import ORIGIN, position
 
 HOLD, TAKEOFF, RTL, OFFBOARD = 0x03040000, 0x02040000, 0x05040000, 0x00060000
-COPTER, HERE = Px4Copter(7, ORIGIN, 0.4), Whereabouts(0.0, 0.0, 30.0, 0.0, 0.0)
+COPTER, HERE = Px4Copter(7, ORIGIN, 0.4), FlightState(0.0, 0.0, 30.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 VELOCITY_AND_YAW, VELOCITY_ALONE = 0x9C7, 0x5C7
 NOW = Instant(0)
 PATH = {"speed_mps": 5, "waypoints_m": [[0, 0, 30], [200, 0, 30]]}

@@ -17,7 +17,8 @@ from airlink.messages.command import CommandAck, CommandInt, CommandLong
 from airlink.messages.parameter import ParamValue
 from airlink.messages.system import Heartbeat, Statustext
 from airlink.messages.telemetry import Attitude, ExtendedSysState, HomePosition, SysStatus, VfrHud
-from gcs_formation.estimation.flight_state import Setpoint, Whereabouts
+from flight_model.autopilot import FlightState
+from gcs_formation.estimation.flight_state import Setpoint
 from gcs_formation.vehicle.autopilot import Command, EffectWatch
 from gcs_formation.vehicle.checks import Demands, ParameterReader
 from gcs_formation.vehicle.commands import CommandQueue, Outcome
@@ -28,7 +29,7 @@ from gcs_formation.vehicle.telemetry import Telemetry
 from tests.gcs_formation.vehicle.conftest import ORIGIN, position
 
 HOLD, TAKEOFF, RTL = 0x03040000, 0x02040000, 0x05040000
-PLANE, HERE = Px4Plane(7, ORIGIN, 0.25), Whereabouts(300.0, -200.0, 0.0, 0.0, 0.0)
+PLANE, HERE = Px4Plane(7, ORIGIN, 0.25), FlightState(300.0, -200.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 NOW = Instant(0)
 
 
@@ -88,7 +89,7 @@ def test_a_setpoint_is_one_command_with_airspeed_altitude_above_sea_level_and_a_
 def test_the_place_lies_where_air_and_wind_carry_it_and_never_near(heading_rad, speed_mps, north_mps, east_mps):
     """By the wind triangle: across the course over ground the airspeed cancels the wind."""
     (told,) = PLANE.setpoint(
-        Setpoint(speed_mps, heading_rad, 100.0), HERE._replace(wind_north_mps=north_mps, wind_east_mps=east_mps)
+        Setpoint(speed_mps, heading_rad, 100.0), FlightState(300.0, -200.0, 0.0, 0.0, 0.0, 0.0, north_mps, east_mps)
     )
     assert isinstance(told, CommandInt)
     north_m, east_m, _ = ORIGIN.to_ned(math.radians(told.x / 1e7), math.radians(told.y / 1e7), told.z)
