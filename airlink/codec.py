@@ -47,8 +47,7 @@ _RANGES = {
 }
 _UNKNOWN_UINT16 = 2**16 - 1
 _ZEROS: Final = [bytes(count) for count in range(256)]
-_round: Final[Callable[[float], int]] = round
-"""Compiled, this name is looked up once; that of a built-in function each time."""
+HALF: Final = 0.5
 _FLOAT32_MAX: float = struct.unpack("<f", b"\xff\xff\x7f\x7f")[0]
 
 T = TypeVar("T")
@@ -113,7 +112,7 @@ class PayloadCodec:
                     return pack(*self._scatter(message))
                 row = list(message)
                 for place, units in self._units_in_si:
-                    row[place] = _round(row[place] * units)
+                    row[place] = _nearest(row[place] * units)
                 return pack(*self._scatter(row))
             except (struct.error, ValueError, OverflowError):
                 pass  # a value is NaN or doesn't fit
@@ -225,6 +224,20 @@ def _fit_one(source: Layout, place: int, scale: float | None) -> Convert:
         return lambda value: value if low <= value <= high else int(min(max(value, low), high))
     unknown = high if high == _UNKNOWN_UINT16 else 0
     return lambda value: unknown if math.isnan(value) else round(min(max(value / scale, low), high))
+
+
+def _nearest(value: float) -> int:
+    """Return what `round` does: compiled, that itself would be a call of Python's own.
+
+    Raises:
+        ValueError: it is NaN.
+        OverflowError: it is infinite.
+    """
+    low = math.floor(value)
+    above = value - low
+    if above < HALF or (above == HALF and low % 2 == 0):
+        return low
+    return low + 1
 
 
 def _nearest_float32(value: float) -> float:

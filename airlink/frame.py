@@ -81,7 +81,7 @@ class FrameWriter:
         else:
             payload = payload[: codec.layout.base_length]
             body = _pack_header_v1(len(payload), sequence, self.system, self.component, codec.message_id) + payload
-        checksum = _checksum(body + codec.extra)
+        checksum: int = _checksum(body + codec.extra)
         marker = MARKER_V2 if version == 2 else MARKER_V1
         return b"".join([_BYTES[marker], body, _BYTES[checksum & 0xFF], _BYTES[checksum >> 8]])
 

@@ -10,7 +10,6 @@ Plain numbers, vehicle by vehicle: a formation has few vehicles, for which array
 from __future__ import annotations
 
 import math
-from math import expm1
 from typing import Final
 
 NODES: Final[tuple[tuple[float, float], ...]] = (
@@ -20,6 +19,8 @@ NODES: Final[tuple[tuple[float, float], ...]] = (
 )
 """Gauss's points of a stretch of time, as shares of it, and their weights: exact for polynomials of degree 5."""
 NO_LIMIT: Final = math.inf
+expm1: Final = math.expm1
+"""Compiled, a name of this module's own is at hand; another's is looked up each time."""
 STANDS_MPS: Final = 0.3
 """A ground speed whose course counts as much as the nose's direction."""
 LEADS_FROM_MPS: Final = 2.0

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import Final
 
 import numpy as np
 
@@ -28,14 +29,15 @@ from gcs_formation.estimation.projection import Measured, States
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.guidance.leader import AHEAD_POINTS, ASSEMBLED_S, LeaderCommand, LeaderCommands, LeaderWind, amid
 from gcs_formation.guidance.slots import UP, FormationPlan, Outlook
+from gcs_formation.guidance.tracking import MotionRates
 from gcs_formation.separation.fence import FenceLimits
 from gcs_formation.separation.resolver import ConflictResolver
 from gcs_formation.tick import Tick, VehicleLink, unknown_state
 
-VIRTUAL = 0
+VIRTUAL: Final = 0
 """The column of a virtual leader."""
-CHANNELS = 3
-GAINS_CHANGE_S = 1.0
+CHANNELS: Final = 3
+GAINS_CHANGE_S: Final = 1.0
 """Time constant with which gains follow a change of the bandwidth, so that no setpoint jumps."""
 
 
@@ -267,9 +269,9 @@ class FormationController:
         commanded = Envelope(wanted.heading_rad, state, model).limit(*wanted)
         tick.setpoints[tick.leader] = commanded
         short_rad, held = wrap(commanded[1] - state.heading_rad), model.held(self._dt_s)
-        rates = rates._replace(turn_rps=rate(short_rad, held.tau_psi_s, held.turn_rate_max_rps))
+        told_rps = rate(short_rad, held.tau_psi_s, held.turn_rate_max_rps)
         if turn is None:
-            turn_rps = self.guidance.turn_rps(guided, model, rates)
+            turn_rps = self.guidance.turn_rps(guided, model, MotionRates(rates.place_mps, told_rps, rates.wind_mps2))
         self._leader_commands.add(at, LeaderCommand(*commanded, turn_rps))
         followed = [states.instant(column) if self._compensates else at for column in range(self._columns)]
         commands = [self._leader_commands.at(instant) for instant in followed]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from typing import Final
 
 from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, Instant, after, seconds_between
@@ -36,7 +37,7 @@ from gcs_formation.tick import Tick
 from gcs_formation.vehicle.families import planned
 from gcs_formation.vehicle.vehicle import Vehicle
 
-AWAY_NS = NANOSECONDS // 5
+AWAY_NS: Final = NANOSECONDS // 5
 """A timer that is overdue by more means that the station itself was held up, and datagrams have waited for it."""
 SAYS = frozenset({m.MAVLINK_MSG_ID_HEARTBEAT, m.MAVLINK_MSG_ID_TIMESYNC, m.MAVLINK_MSG_ID_STATUSTEXT})
 """Messages that may show a vehicle's mode or a text as changed; an answered probe may show that it has restarted."""

@@ -86,6 +86,7 @@ class Vehicle(ABC):
         self._storage = Storage(self.parameters, self.missions)
         self._sensors = sensors_of(config, fleet.origin, fleet.config.seed)
         self._asker = config.endpoint.address
+        self._system = config.identity.system
         self._boot(now, config.clock_offset_s)
         if config.start.in_air:
             self._come_up(self.guided_mode)
@@ -324,7 +325,7 @@ class Vehicle(ABC):
     def _is_for_us(self, message: Message | None) -> bool:
         """Return whether a message is for everyone or names us."""
         target: int = getattr(message, "target_system") if type(message) in ADDRESSED else 0  # noqa: B009
-        return target in {0, self.config.identity.system}
+        return not target or target == self._system
 
     def _watch_ground_station(self) -> None:
         mode = self.failsafe.strike(self.now)
@@ -352,8 +353,14 @@ class Vehicle(ABC):
             self.wake = self.now
             return
         up = self._up if self.pilot.booting else NEVER
-        waits = self.failsafe.deadline(), self.missions.next_due(), self.disarm_at, self.pilot.silent_at
-        self.wake = min(self.streams.next_due, self._next_timesync, up, self.link.next_arrival, *waits)
+        # Two by two: compiled, that is no call.
+        wake = min(self.streams.next_due, self._next_timesync)
+        wake = min(wake, up)
+        wake = min(wake, self.link.next_arrival)
+        wake = min(wake, self.failsafe.deadline())
+        wake = min(wake, self.missions.next_due())
+        wake = min(wake, self.disarm_at)
+        self.wake = min(wake, self.pilot.silent_at)
 
     def tell_heartbeat(self) -> None:
         """Send a HEARTBEAT now, to all peers."""

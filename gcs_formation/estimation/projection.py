@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections import deque
 from itertools import islice
-from typing import Protocol
+from typing import Final, Protocol
 
 from airlink.clock import NANOSECONDS
 from flight_model.autopilot import AutopilotModel, FlightState, wrap
 from gcs_formation.estimation.setpoint_history import HISTORY_S, SetpointHistory
 
-HEADING = 5
+HEADING: Final = 5
 """Which of a state's values is an angle."""
-MISSED = 2
+MISSED: Final = 2
 """Periods of telemetry after which something is missing."""
-LOST_S = 2.0
+LOST_S: Final = 2.0
 """Age from which a vehicle that isn't commanded is taken to be where it was last seen: it costs no prediction."""
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from airlink.clock import NANOSECONDS, Instant, after, seconds_between
 from airlink.endpoint import VehicleId
@@ -21,34 +21,34 @@ from gcs_formation.recorder import Detail, Note
 from gcs_formation.tick import Tick, unknown_state
 from gcs_formation.vehicle.vehicle import UNANSWERED_S, Member, Vehicle
 
-CHECK_S = 0.4
-WINDOW_S = 3.2
+CHECK_S: Final = 0.4
+WINDOW_S: Final = 3.2
 """Length of the window over which motion is compared."""
 WINDOW_CHECKS = round(WINDOW_S / CHECK_S)
-SETTLED_S = WINDOW_S + 1.0
+SETTLED_S: Final = WINDOW_S + 1.0
 """A vehicle is judged once it has been commanded, and has acknowledged setpoints, for this long."""
 CLIMBING_MPS, LEVELS_OUT_S = 1.0, 30.0
 """Airspeed and height of one that climbed, or sank, faster when it was taken over, after so long: an aircraft that
 levels out of its climb trades speed for height, and its throttle lags."""
 LEAST_CHANGE = (1.0, 0.04, 1.5)
 """Airspeed in m/s, heading in rad, height in m: smaller expected changes within the window aren't judged."""
-SIGMAS = 4.0
+SIGMAS: Final = 4.0
 """To that, this many standard deviations of the telemetry's noise are added."""
-FAST_SHARE = 0.9
+FAST_SHARE: Final = 0.9
 """Share of the highest airspeed above which climbs aren't judged: hardly any power is left for them."""
-RISING_AIR_MPS = 1.5
+RISING_AIR_MPS: Final = 1.5
 """Vertical air motion that may keep a vehicle from its height, and that telemetry doesn't show."""
 AIR_SIGMAS, AIR_MEMORY_S = 4.0, 60.0
 """If that is more, so many standard deviations of what a vehicle has shown of it within about that time."""
-MISSED_SHARE = 0.75
+MISSED_SHARE: Final = 0.75
 """A vehicle that falls short by more isn't following. One that does, as the model says, falls short by 0.3 at most, or
 overshoots; a real one, whose turns begin 0.6 s later than the model's, by 0.65 at the beginning of a bend."""
-STEP_LAG_S = 4.0
+STEP_LAG_S: Final = 4.0
 """Least time constant of an airspeed under total-energy control after a step, which its energy's rate limits."""
 CHECKS_DOUBTED, CHECKS_BROKEN, CHECKS_MENDED = 2, 4, 8
 CHANNELS = ("airspeed", "heading", "height")
 AIRSPEED, HEADING, HEIGHT = 0, 1, 2
-GAP_S = 0.5
+GAP_S: Final = 0.5
 """Longer gaps between acknowledgements of setpoints may mean that setpoints didn't arrive."""
 
 

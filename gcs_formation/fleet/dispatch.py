@@ -19,15 +19,15 @@ from gcs_formation.recorder import Note
 from gcs_formation.tick import Tick, VehicleLink
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 
-HOLD_MAX_S = 1.0
+HOLD_MAX_S: Final = 1.0
 """Longest time for which the leader's setpoints are held back."""
-UNGUIDED_S = 2.0
+UNGUIDED_S: Final = 2.0
 """For how long setpoints may be missing before a vehicle counts as left alone."""
 NEVER: Final = Instant(2**63 - 1)
-HEARTBEAT_S = 1.0
-PROBE_S = 0.25
-GOLDEN = (math.sqrt(5) - 1) / 2
-PROBE_DITHER_S = 0.02
+HEARTBEAT_S: Final = 1.0
+PROBE_S: Final = 0.25
+GOLDEN: Final = (math.sqrt(5) - 1) / 2
+PROBE_DITHER_S: Final = 0.02
 """Probes are spread over the period of a vehicle's main loop, so that the wait for it averages to half a period."""
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Set
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import VehicleId
@@ -19,14 +19,14 @@ from gcs_formation.vehicle.vehicle import UNANSWERED_S, Member, Vehicle
 
 DELAY_STEP_S, LOSS_STEP, JITTER_STEP_S = 0.02, 0.02, 0.005
 """Links that differ by less than about this are equally good: so much is chance in what was measured."""
-SUCCESSION_S = 3.0
+SUCCESSION_S: Final = 3.0
 """Silence of a leader, or time without answers from it, after which another vehicle takes over, if one can."""
-MUTE_S = 1.5
+MUTE_S: Final = 1.5
 """How long heartbeats of a vehicle that is heard may be missing; after that its mode counts as unknown."""
 WITHOUT_HEARTBEATS = (LinkState.MUTE, LinkState.LOST)
-ORDER_COMES_S = 5.0
+ORDER_COMES_S: Final = 5.0
 """For how long after it was last sent a command to loiter may still reach a vehicle."""
-BACK_S = 3.0
+BACK_S: Final = 3.0
 """Largest age of telemetry with which a vehicle returns to the formation."""
 UNTOLD = (Member.FLYING, Member.UNHEARD)
 """Those that haven't been told to loiter."""

@@ -10,7 +10,7 @@ import math
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from airlink import mavlink as m
 from airlink.clock import Instant, after, seconds_between
@@ -21,12 +21,12 @@ from gcs_formation.recorder import Note
 from gcs_formation.vehicle.commands import Outcome
 from gcs_formation.vehicle.vehicle import Vehicle
 
-LOOK_S = 0.5
-FEWEST = 16
+LOOK_S: Final = 0.5
+FEWEST: Final = 16
 """Messages expected within the time over which they are counted, 2 s or more."""
-WINDOW_S = 2.0
-LEAST_SHARE = 0.5
-SIGMAS = 4.0
+WINDOW_S: Final = 2.0
+LEAST_SHARE: Final = 0.5
+SIGMAS: Final = 4.0
 """Standard deviations of a binomial distribution beyond which the link's loss doesn't explain missing messages."""
 ASK_AGAIN_S, ASK_AGAIN_MAX_S = 2.5, 60.0
 """Interval between requests, doubled after each that changes nothing, up to the second value."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Final
 
 from airlink.clock import Instant, seconds_between
 from flight_model.autopilot import AutopilotModel, FlightState, rotated
@@ -27,28 +28,28 @@ from gcs_formation.guidance.tracking import (
     track_turn,
 )
 
-SHARE = 0.5
+SHARE: Final = 0.5
 """Of speed and acceleration, that slots use in a turn; the rest is left to the law."""
-NOSE_RADPS = 0.5
+NOSE_RADPS: Final = 0.5
 """Fastest turn: noses come round at 1 rad/s."""
-LEAST_S = 2.0
-DECISION_S = 2.0
+LEAST_S: Final = 2.0
+DECISION_S: Final = 2.0
 """How long before the path's start to decide whether to begin it or to go around again."""
-ASSEMBLED_S = 2.0
+ASSEMBLED_S: Final = 2.0
 """How long followers must stay in their slots to count as assembled."""
-SETTLE_S = 30.0
+SETTLE_S: Final = 30.0
 """Shortest straight flight between a turn and the path: followers are back in their slots 10 s after a turn's end."""
-ON_EXTENSION_M = 60.0
-ON_EXTENSION_RAD = math.radians(30.0)
+ON_EXTENSION_M: Final = 60.0
+ON_EXTENSION_RAD: Final = math.radians(30.0)
 ON_PATH_M, ON_PATH_RAD = 10.0, math.radians(10.0)
 """Within these the leader is on the path, and needs no way back."""
 QUICK_RADPS, SLOW_RADPS = 1.0, 0.5
 """Bandwidths of the wind estimate for the leader's guidance: followers' slots can't keep up with quicker turns."""
-RETURNS = 8
+RETURNS: Final = 8
 """How many places are tried to return to, each a turn's radius farther along the path than the one before."""
-AHEAD_POINTS = 5
+AHEAD_POINTS: Final = 5
 """Places along the leader's way at which the ground is looked at."""
-CLIMB_SHARE = 0.7
+CLIMB_SHARE: Final = 0.7
 """Share of the climb limit that the route to the start uses; followers need the rest."""
 
 

@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import Final, NamedTuple, Protocol
 
 from flight_model.autopilot import AutopilotModel, FlightState, rotated, within
 from flight_model.path import PathPoint
 from gcs_formation.estimation.flight_state import Setpoint
 
-BANDWIDTH_RADPS = 0.15
+BANDWIDTH_RADPS: Final = 0.15
 """Bandwidth of the cross-track loop, well below the heading hold's 1/tau_psi."""
-INTERCEPT_MAX_RAD = math.radians(60.0)
-LEAST_MPS = 1.0
+INTERCEPT_MAX_RAD: Final = math.radians(60.0)
+LEAST_MPS: Final = 1.0
 """What a lower speed along a route counts as, where it is divided by: what hovers may stand."""
-NEWTON_STEPS = 3
-NEAR_ENOUGH_M = 1e-9
-NEAREST_STEP_M = 10.0
-TURN = 2 * math.pi
+NEWTON_STEPS: Final = 3
+NEAR_ENOUGH_M: Final = 1e-9
+NEAREST_STEP_M: Final = 10.0
+TURN: Final = 2 * math.pi
 
 
 class Route(Protocol):

@@ -9,23 +9,24 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, field
+from typing import Final
 
 from airlink.clock import NANOSECONDS, Instant
 from flight_model.autopilot import squared
 
-WINDOW = 16
+WINDOW: Final = 16
 """Number of round trips (4 s) over which the fastest is determined and the delay is averaged."""
-RESOLUTION_S = 0.5e-3
+RESOLUTION_S: Final = 0.5e-3
 """Standard deviation of a sample that had no excess delay."""
-FEW = 8
-UNKNOWN_SCATTER_S = 0.02
+FEW: Final = 8
+UNKNOWN_SCATTER_S: Final = 0.02
 """Assumed standard deviation of round trips as long as there are fewer than `FEW`."""
-INITIAL_DRIFT = 0.02
+INITIAL_DRIFT: Final = 0.02
 """Standard deviation of an unknown clock's rate: a PX4 simulator's runs 1.5 % off."""
-OFFSET_NOISE = 1e-4
-DRIFT_NOISE = 2e-6
+OFFSET_NOISE: Final = 1e-4
+DRIFT_NOISE: Final = 2e-6
 """Random walk of offset (s) and drift per square root of a second."""
-STEP_S = 1.0
+STEP_S: Final = 1.0
 """A sample that is off by more than its uncertainty and this shows that the clock has stepped, or begun anew."""
 
 

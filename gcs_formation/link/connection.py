@@ -6,20 +6,21 @@ import math
 from collections import OrderedDict
 from dataclasses import dataclass
 from enum import Enum
+from typing import Final
 
 from airlink.clock import NANOSECONDS, Instant, seconds_between
 from airlink.endpoint import Address
 from airlink.engine import Datagram
 from airlink.frame import Frame, ParserCounts, StreamParser
 
-STALE_AFTER_S = 1.5
-LOST_AFTER_S = 5.0
-MUTE_AFTER_S = 3.5
+STALE_AFTER_S: Final = 1.5
+LOST_AFTER_S: Final = 5.0
+MUTE_AFTER_S: Final = 3.5
 """Three and a half heartbeats, as is usual in ground stations."""
 STALE_AFTER_NS, MUTE_AFTER_NS = round(STALE_AFTER_S * NANOSECONDS), round(MUTE_AFTER_S * NANOSECONDS)
-ALL_LOST = 1e-6
+ALL_LOST: Final = 1e-6
 """On a lossy link it takes longer: until losing all heartbeats that were due is less probable than this."""
-MAX_REMOTES = 1024
+MAX_REMOTES: Final = 1024
 """Parsers that are kept. The remote silent longest is forgotten first, so strangers can't fill the memory."""
 
 
@@ -36,7 +37,7 @@ class LinkState(Enum):
 TALKING = frozenset({LinkState.CONNECTED, LinkState.MUTE})
 """States in which frames are received."""
 
-SILENCE_LEADS_TO = (
+SILENCE_LEADS_TO: Final = (
     (LinkState.STALE, LOST_AFTER_S, LinkState.LOST),
     (LinkState.MUTE, LOST_AFTER_S, LinkState.LOST),
     (LinkState.MUTE, STALE_AFTER_S, LinkState.STALE),

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Final
 
 from airlink.clock import NANOSECONDS, Instant
 
-MODULUS = 256
-LATE = MODULUS // 2
+MODULUS: Final = 256
+LATE: Final = MODULUS // 2
 """A number at most this far behind the newest belongs to a late or repeated frame; any other is ahead of it."""
-SHARE = 1 / 16
+SHARE: Final = 1 / 16
 """Weight of each new difference."""
 
 

@@ -18,18 +18,18 @@ from airlink.messages.system import Heartbeat
 from gcs_formation.link.clock_sync import ClockSync
 from gcs_formation.link.connection import TALKING, Connection, LinkState
 
-LONGEST_DELAY_S = 10.0
+LONGEST_DELAY_S: Final = 10.0
 """Largest age of a time stamp on arrival."""
-EARLY_S = 2.0
+EARLY_S: Final = 2.0
 """How far a stamp may lie in the future: the clock mapping is off by half the difference of both delays."""
-BOOT_SLACK_S = 1.0
+BOOT_SLACK_S: Final = 1.0
 """How long before the old clock was last seen a new clock may seem to have started."""
-BOTH_TALK_S = 1.0
+BOTH_TALK_S: Final = 1.0
 """If a vehicle is still heard this long after another sender began, it hasn't moved there: there are two."""
-DISBELIEVED_S = 2.0
+DISBELIEVED_S: Final = 2.0
 """After this long without a stamp of the known clock, the answer of another clock is accepted."""
-FORGOTTEN_S = 60.0
-MAX_RIVALS = 8
+FORGOTTEN_S: Final = 60.0
+MAX_RIVALS: Final = 8
 
 STAMPED: Final = frozenset(kind for kind in get_args(Message) if "time_boot_s" in kind._fields)
 """Messages that tell the sender's time since boot."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -23,22 +24,22 @@ from gcs_formation.separation.traffic import Scene
 from gcs_formation.tick import Tick, VehicleLink
 from gcs_formation.vehicle.vehicle import UNANSWERED_S
 
-ROOM_M = 0.5
+ROOM_M: Final = 0.5
 """How much more than the distance that is kept is reckoned with. Whoever gives way does so at the last moment, with
 nothing to spare by the ways; those are known to centimetres where states are, and to decimetres where states are noisy
 and ways are curved between the samples."""
-SLOT_SHARE = 0.8
+SLOT_SHARE: Final = 0.8
 """Share of the distance of the two nearest slots that is kept at most: the rule doesn't fight the formation."""
-TIMING_SHARE = 0.1
+TIMING_SHARE: Final = 0.1
 """Share of a state's age and of the way back by which instants may be off."""
-RESERVE_S = 0.2
+RESERVE_S: Final = 0.2
 """How much longer than a tick a setpoint is reckoned to act: the next one may be lost."""
-FORGOTTEN_AFTER_S = 30.0
+FORGOTTEN_AFTER_S: Final = 30.0
 """Age of a state that nobody keeps away from any more."""
-FEWEST = 2
+FEWEST: Final = 2
 """Vehicles that can come near each other."""
-CHANNELS = 3
-STANDS_MPS = 3.0
+CHANNELS: Final = 3
+STANDS_MPS: Final = 3.0
 """Speed over ground and through the air below which a vehicle isn't flying."""
 
 

@@ -7,20 +7,21 @@ from __future__ import annotations
 
 from abc import ABC
 from collections.abc import Mapping
+from typing import Final
 
 from airlink import mavlink as m
 from gcs_formation.vehicle.autopilot import Autopilot, Step
 from gcs_formation.vehicle.checks import Check
 from gcs_formation.vehicle.telemetry import Telemetry
 
-STATION_SYSTEM = 255
-HEARTBEATS_S = 3.0
+STATION_SYSTEM: Final = 255
+HEARTBEATS_S: Final = 3.0
 """A failsafe that waits less takes a few lost heartbeats for the end of the link."""
-EKF_READY = 831
+EKF_READY: Final = 831
 """Attitude, velocities and positions, relative and absolute: all that flying in GUIDED needs."""
-SLOW_RATE_HZ = 2.0
-UTC_RATE_HZ = 1.0
-AIRBORNE_M = 10.0
+SLOW_RATE_HZ: Final = 2.0
+UTC_RATE_HZ: Final = 1.0
+AIRBORNE_M: Final = 10.0
 
 OUR_HEARTBEATS = Check(
     ("MAV_GCS_SYSID", "SYSID_MYGCS"),

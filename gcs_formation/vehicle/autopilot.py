@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, Final, NamedTuple
 
 from airlink import mavlink as m
 from airlink.clock import Instant, seconds_between
@@ -20,8 +20,8 @@ from gcs_formation.estimation.flight_state import Setpoint
 from gcs_formation.vehicle.checks import Check, Demands
 from gcs_formation.vehicle.telemetry import Telemetry
 
-SHOWN_WITHIN_S = 2.0
-SHOWN_IN_HEARTBEATS = 2
+SHOWN_WITHIN_S: Final = 2.0
+SHOWN_IN_HEARTBEATS: Final = 2
 """A command has no effect when both this time and so many heartbeats have passed since its acknowledgement."""
 Command = CommandLong | CommandInt
 

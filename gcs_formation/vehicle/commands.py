@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import Final
 
 from airlink import mavlink as m
 from airlink.clock import Instant, after
@@ -15,11 +16,11 @@ from airlink.messages.command import CommandAck, CommandLong
 from gcs_formation.vehicle.autopilot import SHOWN_IN_HEARTBEATS, Command
 from gcs_formation.vehicle.telemetry import Telemetry
 
-RETRY_S = 0.7
-MAX_CONFIRMATION = 255
+RETRY_S: Final = 0.7
+MAX_CONFIRMATION: Final = 255
 TRY_AGAIN = (m.MAV_RESULT_TEMPORARILY_REJECTED, m.MAV_RESULT_FAILED)
 """Results that may change without our doing: a vehicle that can't be armed yet answers FAILED."""
-UNDER_WAY = m.MAV_RESULT_IN_PROGRESS
+UNDER_WAY: Final = m.MAV_RESULT_IN_PROGRESS
 
 
 class Outcome(Enum):

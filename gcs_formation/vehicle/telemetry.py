@@ -22,13 +22,13 @@ from airlink.messages.telemetry import (
 )
 from flight_model.earth import GeodeticOrigin
 
-KEPT_TEXTS = 8
-TEXT_BYTES = 50
+KEPT_TEXTS: Final = 8
+TEXT_BYTES: Final = 50
 """Length of STATUSTEXT's field: a text that fills it goes on in another message with its id."""
-SPEED_LIMIT_MPS = 400.0
-ANGLE_LIMIT_RAD = 2 * math.pi
-TURN_LIMIT_RPS = 50.0
-ALTITUDE_LIMIT_M = 100e3
+SPEED_LIMIT_MPS: Final = 400.0
+ANGLE_LIMIT_RAD: Final = 2 * math.pi
+TURN_LIMIT_RPS: Final = 50.0
+ALTITUDE_LIMIT_M: Final = 100e3
 """Limits beyond which a state isn't an aircraft's, even if it is finite."""
 
 

@@ -29,14 +29,14 @@ from gcs_formation.vehicle.startup import StartUp, TakeOff, UnbrokenRun
 from gcs_formation.vehicle.telemetry import Telemetry
 
 ACCEPTED: Final = m.MAV_RESULT_ACCEPTED
-STATION_SYSTEM = 255
-STATION_COMPONENT = m.MAV_COMP_ID_MISSIONPLANNER
-UNANSWERED_S = 1.5
+STATION_SYSTEM: Final = 255
+STATION_COMPONENT: Final = m.MAV_COMP_ID_MISSIONPLANNER
+UNANSWERED_S: Final = 1.5
 """For how long answers may be missing from a vehicle that hears the ground station."""
-MAX_PROBES = 256
+MAX_PROBES: Final = 256
 """Unanswered probes that are kept: a minute of them."""
-CLOCK_LIMIT_NS = 2**62
-APART_LIMIT_S = 2.0
+CLOCK_LIMIT_NS: Final = 2**62
+APART_LIMIT_S: Final = 2.0
 """Largest difference of stamps between a position and the attitude and airspeed that are paired with it."""
 
 

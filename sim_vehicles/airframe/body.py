@@ -110,13 +110,15 @@ class Body:
         self._take_setpoints()
         before_rad = state.heading_rad
         turn_rate_max_rps = steering.lateral_mps2 / max(state.airspeed_mps, LEAST_SPEED_MPS)
-        setpoints = self.speed_told_mps, self.heading_told_rad, self.height_told_m
+        speed_mps, heading_rad, height_m = self.speed_told_mps, self.heading_told_rad, self.height_told_m
         if self._energy is not None and steering.airborne:
-            self._energy.fly(state, *setpoints, steering.accel_mps2, turn_rate_max_rps)
+            accel_mps2 = steering.accel_mps2
+            self._energy.fly(state, speed_mps, heading_rad, height_m, accel_mps2, turn_rate_max_rps)
         else:
-            advance(state, self.model, *setpoints, LOOP_S, steering.accel_mps2, turn_rate_max_rps)
+            model, accel_mps2 = self.model, steering.accel_mps2
+            advance(state, model, speed_mps, heading_rad, height_m, LOOP_S, accel_mps2, turn_rate_max_rps)
             if self._energy is not None:
-                self._energy.roll(state, *setpoints)
+                self._energy.roll(state, speed_mps, heading_rad, height_m)
         state.height_m -= self.drift_down_mps * LOOP_S
         if state.height_m < 0.0:
             state.height_m = state.climb_mps = 0.0
