@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Final
 
 from flight_model.autopilot import AutopilotModel, FlightState, advance, within
@@ -73,7 +74,7 @@ class Body:
     def shown(self) -> Motion:
         """Return its motion as its own sensors show it."""
         shown_mps = self.shown_mps
-        return self.motion if shown_mps is None else self.motion._replace(airspeed_mps=shown_mps)
+        return self.motion if shown_mps is None else replace(self.motion, airspeed_mps=shown_mps)
 
     def ground_velocity(self) -> tuple[float, float, float]:
         """Return north, east and down, m/s: through the air, and what carries it."""

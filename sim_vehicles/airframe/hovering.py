@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from dataclasses import replace
 from typing import Final
 
 from flight_model.autopilot import slot_axis, within, wrap
@@ -95,7 +96,7 @@ class HoveringBody(Body):
 
     def shown(self) -> Motion:
         """Return its motion as its sensors show it: no airspeed but its own speed, and where its nose points."""
-        return self.motion._replace(airspeed_mps=math.hypot(*self.velocity_mps), heading_rad=self.yaw_rad)
+        return replace(self.motion, airspeed_mps=math.hypot(*self.velocity_mps), heading_rad=self.yaw_rad)
 
     def fly(self) -> None:
         """Move on by a cycle of the main loop; what stands on the ground stays there."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 
@@ -15,7 +16,11 @@ class InnovationRatios(NamedTuple):
     compass: float = 0.01
 
 
-class Estimate(NamedTuple):
+USUAL = InnovationRatios()
+
+
+@dataclass
+class Estimate:
     """The estimate at one sample."""
 
     received: Motion | None
@@ -24,10 +29,11 @@ class Estimate(NamedTuple):
     bank_error_rad: float = 0.0
     unknown: int = 0
     """Bits of EKF_STATUS_FLAGS: which of its estimates are too uncertain to be called good."""
-    ratios: InnovationRatios = InnovationRatios()
+    ratios: InnovationRatios = USUAL
 
 
-class Motion(NamedTuple):
+@dataclass
+class Motion:
     """NED from the fleet's origin, heights upwards; airspeed and heading are air-relative; headings aren't wrapped."""
 
     north_m: float
@@ -52,4 +58,4 @@ def with_drift(sensed: Motion) -> Motion:
     """Return a motion with the drift as the vehicle estimates it: ground velocity minus airspeed along the heading."""
     north = sensed.velocity_north_mps - sensed.airspeed_mps * math.cos(sensed.heading_rad)
     east = sensed.velocity_east_mps - sensed.airspeed_mps * math.sin(sensed.heading_rad)
-    return sensed._replace(drift_north_mps=north, drift_east_mps=east)
+    return replace(sensed, drift_north_mps=north, drift_east_mps=east)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -48,7 +49,8 @@ class Sensors:
             self._off_m = self._stray()
         errors: list[float] = (self._sigmas * self._error).tolist()
         north, east, down, v_north, v_east, v_down, airspeed, heading = errors
-        sensed = true._replace(
+        sensed = replace(
+            true,
             north_m=true.north_m + north + self._off_m[0],
             east_m=true.east_m + east + self._off_m[1],
             height_m=true.height_m - down,

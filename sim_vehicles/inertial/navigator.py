@@ -7,6 +7,7 @@ themselves are propagated, and a filter with their covariance corrects them by t
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -61,7 +62,8 @@ class InertialNavigator:
     def sense(self, true: Motion, now: Instant) -> Motion:
         """Return the motion with the errors of the newest sample at `now`."""
         self._catch_up(true, now)
-        sensed = _displaced(true, self._errors)._replace(
+        sensed = replace(
+            _displaced(true, self._errors),
             heading_rad=true.heading_rad + float(self._errors[TILT.start + UP]),
             airspeed_mps=max(0.0, true.airspeed_mps + self._airspeed_error_mps),
         )
@@ -125,7 +127,8 @@ class InertialNavigator:
 def _displaced(true: Motion, errors: Array) -> Motion:
     """Return a motion with errors (6,) or more of place and velocity, east, north and up."""
     east, north, up, v_east, v_north, v_up = errors[:6].tolist()
-    return true._replace(
+    return replace(
+        true,
         north_m=true.north_m + north,
         east_m=true.east_m + east,
         height_m=true.height_m + up,

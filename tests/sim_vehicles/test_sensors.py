@@ -13,7 +13,7 @@ from sim_vehicles.airframe.sensors import Sensors
 from sim_vehicles.config import SensorErrors
 
 GNSS = SensorErrors(10.0, 0.3, 0.1, 0.2, math.radians(0.5))
-STILL = Motion._make([0.0] * 4 + [22.0] + [0.0] * 11)
+STILL = Motion(0.0, 0.0, 0.0, 0.0, 22.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 TOLD = (
     "north_m",
     "east_m",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -88,7 +89,7 @@ def test_random_biases_are_each_vehicle_s_own_and_the_filter_takes_them_for_what
 def test_telemetry_shows_the_attitude_that_the_navigator_computes() -> None:
     """The computed attitude is (I - [phi x]) times the true one: all three angles are read off that matrix."""
     navigator = InertialNavigator(InertialConfig(QUIET), ORIGIN, 0.0, VehicleId(1, 1), 1)
-    true = motion(60.0)._replace(turn_rate_radps=0.0, climb_mps=0.0)
+    true = replace(motion(60.0), turn_rate_radps=0.0, climb_mps=0.0)
     navigator.sense(true, Instant(0))
     navigator._errors[TILT] = (2e-3, -3e-3, 4e-3)
     level = attitude(*(np.array(angle) for angle in (true.heading_rad, 0.0, 0.0)))
