@@ -6,16 +6,17 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import atan2, cos, sin
-from typing import NamedTuple, cast, overload
+from typing import NamedTuple, TypeVar, cast, overload
 
 import numpy as np
 
 from flight_model.arrays import Array, Indices
 
 DEGREE = 3
+T = TypeVar("T", float, Array)
 MIN_LEG_M = 1.0
 MIN_TANGENT = 1e-3
 PIECES_PER_LEG = 64
@@ -213,9 +214,9 @@ class SplinePath:
         index = np.clip(np.searchsorted(self.nodes_m, inside, side="right") - 1, 0, len(self._starts) - 1)
         pieces = self._coefficients[index]
         t = inside - self.nodes_m[index]
-        n, n1, n2, n3 = _polynomials(pieces[..., 0, :], t)
-        e, e1, e2, e3 = _polynomials(pieces[..., 1, :], t)
-        h, h1, h2, _ = _polynomials(pieces[..., 2, :], t)
+        n, n1, n2, n3 = _polynomial(np.moveaxis(pieces[..., 0, :], -1, 0), t)
+        e, e1, e2, e3 = _polynomial(np.moveaxis(pieces[..., 1, :], -1, 0), t)
+        h, h1, h2, _ = _polynomial(np.moveaxis(pieces[..., 2, :], -1, 0), t)
         beyond = s - inside
         on_path = beyond == 0.0
         curves = (n1 * e2 - e1 * n2, n1 * e3 - e1 * n3, h1, h2)
@@ -285,18 +286,7 @@ def _hermite_pieces(values: Array, first: Array, second: Array, lengths: Array) 
     return np.asarray(ends @ _HERMITE.T / (scale[..., None] ** np.arange(6)))
 
 
-def _polynomials(c: Array, t: Array) -> tuple[Array, Array, Array, Array]:
-    """Return what `_polynomial` returns of many quintics, (..., 6)."""
-    c0, c1, c2, c3, c4, c5 = np.moveaxis(c, -1, 0)
-    return (
-        c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5)))),
-        c1 + t * (2.0 * c2 + t * (3.0 * c3 + t * (4.0 * c4 + t * 5.0 * c5))),
-        2.0 * c2 + t * (6.0 * c3 + t * (12.0 * c4 + t * 20.0 * c5)),
-        6.0 * c3 + t * (24.0 * c4 + t * 60.0 * c5),
-    )
-
-
-def _polynomial(c: list[float], t: float) -> tuple[float, float, float, float]:
+def _polynomial(c: Iterable[T], t: T) -> tuple[T, T, T, T]:
     """Return a quintic and its first three derivatives at t; c holds its coefficients, lowest power first."""
     c0, c1, c2, c3, c4, c5 = c
     return (
