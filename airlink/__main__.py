@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from airlink.cli.process import end_quietly
+from airlink.cli.commands import end_quietly
 
 
 def main() -> None:

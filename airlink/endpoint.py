@@ -1,4 +1,4 @@
-"""Who and where: connection strings in the syntax of pymavlink and MAVProxy, and the identities of vehicles."""
+"""Who and where: connection strings as of pymavlink and MAVProxy, and identities of vehicles; errors of the wire."""
 
 from __future__ import annotations
 
@@ -6,13 +6,27 @@ import re
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
-from airlink.errors import EndpointError
-
 MAX_PORT = 65535
 ANY_HOST = "0.0.0.0"
 LOOPBACK = "127.0.0.1"
 _HOST = re.compile(r"([A-Za-z0-9_-]{1,63}\.)*[A-Za-z0-9_-]{1,63}")
 SYNTAX = "udpin:HOST:PORT, udpout:HOST:PORT or udp:HOST:PORT"
+
+
+class AirlinkError(Exception):
+    """Root of every error that airlink raises."""
+
+
+class EndpointError(AirlinkError):
+    """A connection string that can't be used as written."""
+
+
+class PortError(AirlinkError):
+    """A local address that can't be opened: taken, forbidden or not of this machine."""
+
+
+class ImpairmentError(AirlinkError):
+    """A setting of an impaired link that isn't allowed."""
 
 
 class Address(NamedTuple):

@@ -1,17 +1,19 @@
-"""The interface between a protocol engine and the driver that moves its datagrams; a queue of what is in transit.
+"""The interface between a protocol engine and its driver; a network in memory, under a virtual clock.
 
 An engine never reads a clock, opens a socket or sleeps.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from heapq import heappop, heappush
 from typing import Generic, Protocol, TypeVar
 
-from airlink.clock import Instant
-from airlink.endpoint import Address, Endpoint
+from airlink.clock import Instant, VirtualClock
+from airlink.endpoint import ANY_HOST, LOOPBACK, Address, Endpoint, PortError
 
 T = TypeVar("T")
+FIRST_EPHEMERAL_PORT = 49152
 
 
 class Datagram:
@@ -89,3 +91,100 @@ class DelayQueue(Generic[T]):
     def next(self) -> Instant | None:
         """Return when the next item comes out, None if the queue is empty."""
         return self._items[0][0] if self._items else None
+
+
+class MemoryNetwork:
+    """Carries datagrams between attached engines without delay or loss, and runs their timers in order.
+
+    A run depends only on the engines and the order in which they were attached, so it repeats byte for byte.
+    """
+
+    def __init__(self, clock: VirtualClock) -> None:
+        """Run everything under `clock`."""
+        self.clock = clock
+        self._engines: list[Engine] = []
+        self._sources: list[list[Address]] = []
+        """Where the other end sees the datagrams of an engine's sockets come from."""
+        self._listeners: dict[Address, tuple[int, int]] = {}
+        self._listeners_anywhere: dict[int, tuple[int, int]] = {}
+        """By port: those that listen at every address of the machine."""
+        self._in_flight: list[tuple[int, Datagram]] = []
+        self._next_port = FIRST_EPHEMERAL_PORT
+
+    def attach(self, engine: Engine) -> None:
+        """Open the engine's sockets.
+
+        Raises:
+            PortError: two engines want the same address.
+        """
+        index = len(self._engines)
+        sources: list[Address] = []
+        for socket, endpoint in enumerate(engine.endpoints()):
+            address = endpoint.address if endpoint.kind == "udpin" else self._ephemeral()
+            if self._is_taken(address):
+                raise PortError(f"cannot listen at {endpoint}: {address} is taken by another engine")
+            self._listeners[address] = (index, socket)
+            if address.host == ANY_HOST:
+                self._listeners_anywhere[address.port] = (index, socket)
+            sources.append(_source(address))
+        self._engines.append(engine)
+        self._sources.append(sources)
+        self._collect(index)
+
+    def run(self, until: Callable[[], bool]) -> None:
+        """Run until `until` holds, or no engine has a timer left."""
+        self._deliver(self.clock.now())
+        while not until():
+            index = self._next_timer()
+            if index is None:
+                return
+            self._engines[index].handle_timer(self.clock.now())
+            self._collect(index)
+            self._deliver(self.clock.now())
+
+    def _next_timer(self) -> int | None:
+        """Move the clock to the earliest timer and return whose it is; None if there is none."""
+        first: Instant | None = None
+        owner: int | None = None
+        for index, engine in enumerate(self._engines):
+            timer = engine.next_timer()
+            if timer is not None and (first is None or timer < first):
+                first, owner = timer, index
+        if first is not None:
+            self.clock.move_to(first)
+        return owner
+
+    def _deliver(self, now: Instant) -> None:
+        """Deliver what is under way, then what was sent on receiving that, and so on."""
+        while self._in_flight:
+            arrived, self._in_flight = self._in_flight, []
+            for index, datagram in arrived:
+                self._engines[index].receive(datagram, now)
+            for index in range(len(self._engines)):
+                self._collect(index)
+
+    def _collect(self, sender: int) -> None:
+        sources = self._sources[sender]
+        for sent in self._engines[sender].datagrams_to_send():
+            target = self._listeners.get(sent.peer) or self._listeners_anywhere.get(sent.peer.port)
+            if target is not None:
+                index, socket = target
+                self._in_flight.append((index, Datagram(socket, sources[sent.socket], sent.data)))
+
+    def _is_taken(self, address: Address) -> bool:
+        """Return whether an address is in use; a socket on all interfaces uses its port on each of them."""
+        if address.host == ANY_HOST:
+            return any(port == address.port for _, port in self._listeners)
+        return address in self._listeners or Address(ANY_HOST, address.port) in self._listeners
+
+    def _ephemeral(self) -> Address:
+        address = Address(LOOPBACK, self._next_port)
+        while self._is_taken(address):
+            address = Address(LOOPBACK, address.port + 1)
+        self._next_port = address.port + 1
+        return address
+
+
+def _source(local: Address) -> Address:
+    """Return the address from which the other end sees a socket's datagrams come."""
+    return Address(LOOPBACK, local.port) if local.host == ANY_HOST else local

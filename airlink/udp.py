@@ -11,9 +11,8 @@ from types import TracebackType
 from typing import Final, Self
 
 from airlink.clock import RealClock
-from airlink.endpoint import Address, Endpoint
+from airlink.endpoint import Address, Endpoint, PortError
 from airlink.engine import Datagram, Engine
-from airlink.errors import PortError
 
 MAX_DATAGRAM: Final = 65535
 RECEIVE_BUFFER: Final = 4 * 1024 * 1024

@@ -78,7 +78,7 @@ class Point(NamedTuple):
             walk = tuple(self.walk * each for each in estimator.UNMODELLED)
             stack.enter_context(mock.patch.object(estimator, "UNMODELLED", walk))
             if self.differences:
-                stack.enter_context(mock.patch("gcs_formation.control.law.FollowerController", Differences))
+                stack.enter_context(mock.patch("gcs_formation.control.laws.FollowerController", Differences))
             yield
 
     def _law_parameters(self, scenario: Scenario) -> follower.LawParameters:

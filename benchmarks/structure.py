@@ -15,16 +15,14 @@ from statistics import median
 from types import FrameType
 
 from airlink.clock import Instant, VirtualClock, seconds_between
-from airlink.engine import Datagram
-from airlink.memory import MemoryNetwork
+from airlink.engine import Datagram, MemoryNetwork
 from airlink.messages.telemetry import GlobalPositionInt
 from formation_scenario import load_scenario
 from gcs_formation.link.connection import Receiver
 from gcs_formation.phases import Phase
-from gcs_formation.recorder import Event
+from gcs_formation.recorder import Event, Tick
 from gcs_formation.station import Station
 from gcs_formation.studies.dataset import markdown
-from gcs_formation.tick import Tick
 from sim_vehicles.config import fleet_config
 from sim_vehicles.fleet import Fleet
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from airlink.endpoint import parse_endpoint
-from airlink.errors import EndpointError
+from airlink.endpoint import EndpointError, parse_endpoint
 from formation_scenario.errors import Problem
 from formation_scenario.fields import VehicleRef
 from formation_scenario.formation import Shape, Slots

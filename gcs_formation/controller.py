@@ -20,19 +20,18 @@ from formation_scenario import Scenario
 from formation_scenario.formation import added
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation import parameters
-from gcs_formation.control.envelope import Envelope
+from gcs_formation.control.feed_forward import Envelope
 from gcs_formation.control.laws import law_kind, law_parameters
 from gcs_formation.control.situation import Lead, Situation
 from gcs_formation.estimation.estimator import Sample, StateEstimator, VehicleFilter
 from gcs_formation.estimation.flight_state import Setpoint
-from gcs_formation.estimation.projection import Measured, States
-from gcs_formation.estimation.setpoint_history import SetpointHistory
+from gcs_formation.estimation.projection import Measured, SetpointHistory, States
 from gcs_formation.guidance.leader import AHEAD_POINTS, ASSEMBLED_S, LeaderCommand, LeaderCommands, LeaderWind, amid
 from gcs_formation.guidance.slots import UP, FormationPlan, Outlook
 from gcs_formation.guidance.tracking import MotionRates
+from gcs_formation.recorder import Tick, VehicleLink, unknown_state
 from gcs_formation.separation.fence import FenceLimits
 from gcs_formation.separation.resolver import ConflictResolver
-from gcs_formation.tick import Tick, VehicleLink, unknown_state
 
 VIRTUAL: Final = 0
 """The column of a virtual leader."""

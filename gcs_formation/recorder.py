@@ -1,19 +1,141 @@
-"""The interface between the station and its recorder: the station reports, the recorder stores."""
+"""What the station reports at a control tick and otherwise, and the interface to what stores it."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Final, Protocol
 
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
-from gcs_formation.tick import Tick
+from flight_model.autopilot import FlightState
+from flight_model.slot import NOTHING, Triple
 from gcs_formation.vehicle.vehicle import Vehicle
 
+GAINS: Final = 9
+"""k_p, k_i, k_d of three channels."""
 Detail = str | int | float | bool | None
 GiveUp = Callable[[str, Instant], None]
 """Ends a run that can't go on, with the reason."""
+
+
+class VehicleLink:
+    """The link to one vehicle at a tick."""
+
+    __slots__ = (
+        "airborne",
+        "delay_s",
+        "disobeying",
+        "down_s",
+        "heard",
+        "jitter_s",
+        "lag_s",
+        "ready",
+        "up_s",
+    )
+
+    def __init__(self, now: Instant) -> None:
+        """Begin as that of a virtual leader: no delay, always heard."""
+        self.ready = False
+        """Whether it follows setpoints."""
+        self.delay_s = 0.0
+        """One-way delay as measured, half the round trip."""
+        self.up_s = math.nan
+        """Delay up; NaN where it isn't known how the round trip is split."""
+        self.down_s = math.nan
+        """The same down."""
+        self.jitter_s = math.nan
+        """Interarrival jitter of the telemetry, NaN where there is none yet."""
+        self.lag_s = 0.0
+        """Half a period of the vehicle's main loop, the mean wait of a setpoint that has arrived, and the time for
+        which the station holds it back."""
+        self.airborne = True
+        """Whether it flies, as far as it can be heard."""
+        self.heard: int = now
+        """Until when it is known to have heard what it was told."""
+        self.disobeying = False
+        """Whether it doesn't seem to fly as it was told, though it hears it."""
+
+    @property
+    def on_its_way_s(self) -> float:
+        """How long a setpoint is on its way: half the round trip where its split isn't known."""
+        return self.delay_s if math.isnan(self.up_s) else self.up_s
+
+
+def unknown_state() -> FlightState:
+    """Return the state of a vehicle that was never heard: NaN."""
+    return FlightState(math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan)
+
+
+class Tick:
+    """One control tick: lists with an entry for each of C columns; column 0 is the scenario's leader, real or virtual.
+
+    The controller fills it in; nobody does afterwards.
+    """
+
+    __slots__ = (
+        "active",
+        "age_s",
+        "error_m",
+        "gains",
+        "leader",
+        "links",
+        "margin_used",
+        "mission_time_s",
+        "mixed",
+        "now",
+        "phase",
+        "setpoints",
+        "slots_m",
+        "state",
+        "yielding",
+    )
+
+    def __init__(
+        self,
+        now: Instant,
+        mission_time_s: float,
+        phase: str,
+        leader: int,
+        links: list[VehicleLink],
+        age_s: list[float],
+        margin_used: list[float],
+        active: list[bool],
+    ) -> None:
+        """Begin with nothing commanded.
+
+        Args:
+            now: the tick's instant.
+            mission_time_s: NaN before the path has begun.
+            phase: of the flight.
+            leader: the column that leads.
+            links: as measured.
+            age_s: of the newest state, NaN where there is none.
+            margin_used: share of the delay margin that the loops use.
+            active: which columns are commanded.
+        """
+        self.now = now
+        self.mission_time_s = mission_time_s
+        self.phase = phase
+        self.leader = leader
+        self.links = links
+        self.age_s = age_s
+        self.margin_used = margin_used
+        self.active = active
+        count = len(links)
+        self.state: list[FlightState] = [unknown_state() for _ in range(count)]
+        """What the law acted on: predicted to when the setpoints act."""
+        self.setpoints: list[Triple] = [NOTHING] * count
+        """Airspeed in m/s, heading in rad and height in m; NaN where none is sent."""
+        self.yielding = [False] * count
+        """Which columns' setpoints are the separation rule's, not the law's."""
+        self.slots_m: list[Triple] = [NOTHING] * count
+        """Slots, errors and mixed errors, forward, right and up; NaN for the leader."""
+        self.error_m: list[Triple] = [NOTHING] * count
+        self.mixed: list[Triple] = [NOTHING] * count
+        self.gains: list[tuple[float, ...]] = [(math.nan,) * GAINS] * count
+        """k_p of the three channels, k_i, k_d; NaN for the leader."""
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,8 @@ from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
 from flight_model.autopilot import FlightState
 from gcs_formation.controller import FormationController
-from gcs_formation.recorder import Detail, Event, Recorder
+from gcs_formation.recorder import Detail, Event, Recorder, Tick
 from gcs_formation.separation.resolver import words
-from gcs_formation.tick import Tick
 from gcs_formation.vehicle.vehicle import Vehicle
 
 

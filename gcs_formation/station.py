@@ -12,7 +12,7 @@ from airlink.endpoint import Endpoint, VehicleId
 from airlink.engine import Datagram
 from airlink.frame import Frame, ParserCounts
 from airlink.messages import Message
-from airlink.messages.parameter import ParamValue
+from airlink.messages.command import ParamValue
 from formation_scenario import Scenario
 from formation_scenario.arrangement import columns
 from formation_scenario.orders import Answer
@@ -31,9 +31,8 @@ from gcs_formation.mission.reconfiguration import Reconfiguration
 from gcs_formation.mission.starting import CARELESS, Caution, PreFlight, Starting
 from gcs_formation.mission.takeover import Resumption, Takeover
 from gcs_formation.phases import COMMANDED, Cause, Phase
-from gcs_formation.recorder import Recorder
+from gcs_formation.recorder import Recorder, Tick
 from gcs_formation.reporting import Reporter, look_on
-from gcs_formation.tick import Tick
 from gcs_formation.vehicle.families import planned
 from gcs_formation.vehicle.vehicle import Vehicle
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from airlink.cli.process import end_quietly, look_seldom
+from airlink.cli.commands import end_quietly, look_seldom
 
 
 def main() -> None:

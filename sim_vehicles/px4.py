@@ -13,11 +13,10 @@ from airlink.frame import Frame
 from airlink.messages.command import CommandInt, CommandLong, SetPositionTargetLocalNed
 from airlink.messages.mission import MissionItem, MissionItemInt
 from airlink.messages.system import Heartbeat, Statustext
-from sim_vehicles.airframe.steering import Steering
-from sim_vehicles.autopilot import px4, px4_commands
+from sim_vehicles.airframe.motion import Steering
+from sim_vehicles.autopilot import px4
 from sim_vehicles.autopilot.clock import NEVER
 from sim_vehicles.autopilot.commands import ACCEPTED, Order
-from sim_vehicles.autopilot.copter_pilot import CopterPilot
 from sim_vehicles.autopilot.modes import (
     CopterMode,
     FlightMode,
@@ -30,7 +29,7 @@ from sim_vehicles.autopilot.modes import (
 from sim_vehicles.autopilot.parameters import ParameterServer
 from sim_vehicles.autopilot.pilot import Pilot
 from sim_vehicles.config import VehicleConfig
-from sim_vehicles.copter import PLACE, VELOCITY, YAW
+from sim_vehicles.copter import PLACE, VELOCITY, YAW, CopterPilot
 from sim_vehicles.vehicle import CRITICAL, NOTICE, Vehicle
 
 WRONG_FRAME: Final = 9
@@ -54,7 +53,7 @@ class Px4(Vehicle):
     ground_mode = Px4Mode.HOLD
     boot_mode = Px4Mode.HOLD
     failsafe_keys = px4.LINK_LOSS
-    handlers = px4_commands.HANDLERS
+    handlers = px4.HANDLERS
     flown: ClassVar[Mapping[Px4Mode, FlightMode]]
     """Its modes, and the pilot's that are flown alike."""
     mode: Px4Mode
@@ -260,7 +259,7 @@ class Px4Plane(Px4):
 
     mav_type = m.MAV_TYPE_FIXED_WING
     flown = px4.AS_PLANE
-    handlers = px4_commands.PLANES_HANDLERS
+    handlers = px4.PLANES_HANDLERS
 
     def parameters_of(self, config: VehicleConfig) -> ParameterServer:
         """Return a fixed wing's parameters."""

@@ -15,16 +15,14 @@ from airlink.messages import Message
 from airlink.messages.command import CommandAck, CommandInt, CommandLong, RequestDataStream, SetMode
 from airlink.messages.mission import MissionAck, MissionItem, MissionItemInt
 from airlink.messages.system import MISSION_TIME, Heartbeat, NamedValueFloat, Statustext, Timesync
-from sim_vehicles.airframe.motion import Estimate, Motion
+from sim_vehicles.airframe.motion import Estimate, Motion, Steering
 from sim_vehicles.airframe.sensors import sensors_of
-from sim_vehicles.airframe.steering import Steering
 from sim_vehicles.autopilot import commands
 from sim_vehicles.autopilot.clock import NEVER, UtcClock, VehicleClock
 from sim_vehicles.autopilot.missions import Missions, Sender, home_of
 from sim_vehicles.autopilot.modes import FailsafeKeys, FlightMode, GroundStationFailsafe, Request
-from sim_vehicles.autopilot.parameters import ParameterServer
+from sim_vehicles.autopilot.parameters import ParameterServer, Storage
 from sim_vehicles.autopilot.pilot import Pilot
-from sim_vehicles.autopilot.storage import Storage
 from sim_vehicles.autopilot.telemetry import BUILDERS, Builders, Streams
 from sim_vehicles.config import Fault, VehicleConfig
 from sim_vehicles.link import Link

@@ -1,26 +1,94 @@
-"""What the command lines of all packages share: commands imported when chosen, types of arguments, directories."""
+"""What the command lines of all packages share: commands imported when chosen, arguments, exit statuses, Ctrl-C."""
 
 from __future__ import annotations
 
+import atexit
+import gc
 import math
 import os
-from collections.abc import Mapping
+import signal
+import sys
+from collections.abc import Generator, Mapping
+from contextlib import contextmanager
 from datetime import datetime
 from difflib import get_close_matches
+from enum import IntEnum
 from importlib import import_module
 from pathlib import Path
-from typing import Any, NamedTuple
+from types import FrameType
+from typing import Any, NamedTuple, NoReturn
 
 import click
 
 from airlink import clock
 
+INTERRUPTED = 130
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+OBJECTS = 50_000
+"""That are made before the next look for garbage, instead of 700: start-up is a tenth quicker."""
 RUN = "run.yaml"
 """The file that makes a directory that of a run."""
 COMPILED = not str(clock.__file__).endswith(".py")
 """Whether this installation has its modules of plain numbers compiled."""
 VERSION = f"%(prog)s, version %(version)s, {'compiled' if COMPILED else 'not compiled: flights take longer'}"
 """What `--version` prints."""
+
+
+class Status(IntEnum):
+    """Exit statuses of all commands."""
+
+    FINE = 0
+    EXPECTATION_BROKEN = 1
+    BAD_USAGE = 2
+    COULD_NOT_GO_ON = 3
+    INTERRUPTED = 130
+
+
+def say(text: str, status: Status) -> Status:
+    """Print a message to standard error; return the status."""
+    click.echo(text, err=True)
+    return status
+
+
+def fail(text: str, status: Status = Status.BAD_USAGE) -> NoReturn:
+    """Print a message to standard error and exit."""
+    sys.exit(say(text, status))
+
+
+def end_quietly() -> None:
+    """End the process with status 130 on Ctrl-C, until the command installs a handler of its own."""
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _end)
+
+
+@contextmanager
+def raised() -> Generator[None]:
+    """Within, the first Ctrl-C or SIGTERM raises KeyboardInterrupt; the second ends the process at once."""
+    before = {number: signal.getsignal(number) for number in SIGNALS}
+    taken = [number for number, handler in before.items() if handler is not signal.SIG_IGN]
+    for number in taken:
+        signal.signal(number, _raise)
+    try:
+        yield
+    finally:
+        for number in taken:
+            signal.signal(number, before[number])
+
+
+def _raise(_number: int, _frame: FrameType | None) -> None:
+    for number in SIGNALS:
+        signal.signal(number, _end)
+    raise KeyboardInterrupt
+
+
+def _end(_number: int, _frame: FrameType | None) -> None:
+    os._exit(INTERRUPTED)
+
+
+def look_seldom() -> None:
+    """Have it look for garbage seldom from now on, and not as it ends, when the system takes all memory back."""
+    gc.set_threshold(OBJECTS)
+    atexit.register(gc.freeze)
 
 
 def examples(*lines: str) -> str:

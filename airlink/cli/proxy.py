@@ -10,10 +10,8 @@ from typing import Any, Final
 
 import click
 
-from airlink.cli.commands import SEED, VERSION
-from airlink.cli.process import Status, fail
-from airlink.endpoint import Endpoint, parse_endpoint
-from airlink.errors import EndpointError, ImpairmentError, PortError
+from airlink.cli.commands import SEED, VERSION, Status, fail
+from airlink.endpoint import Endpoint, EndpointError, ImpairmentError, PortError, parse_endpoint
 from airlink.impaired import Relay
 from airlink.impairment import Direction, Impairment
 from airlink.proxy import Proxy

@@ -6,9 +6,8 @@ intervals in microseconds stay integers, in the unit that their name says. Where
 with a unit means "unknown", the field is NaN. Trailing fields that nothing here needs are left out and sent as 0.
 """
 
-from airlink.messages.command import CommandMessage
+from airlink.messages.command import CommandMessage, ParameterMessage
 from airlink.messages.mission import MissionMessage
-from airlink.messages.parameter import ParameterMessage
 from airlink.messages.system import SystemMessage
 from airlink.messages.telemetry import TelemetryMessage
 

@@ -9,7 +9,7 @@ from typing import Any
 from airlink import mavlink as m
 from airlink.clock import RealClock
 from airlink.codec import wire_name
-from airlink.errors import PortError
+from airlink.endpoint import PortError
 from airlink.messages import Message
 from airlink.messages.command import CommandInt, CommandLong
 from airlink.udp import UdpDriver

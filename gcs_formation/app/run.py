@@ -14,8 +14,8 @@ from dataclasses import fields
 from pathlib import Path
 
 from airlink.clock import Clock, Instant, RealClock, VirtualClock
-from airlink.errors import PortError
-from airlink.memory import MemoryNetwork
+from airlink.endpoint import PortError
+from airlink.engine import MemoryNetwork
 from airlink.udp import UdpDriver
 from formation_scenario import Scenario
 from gcs_formation.app.operator import Interrupts, RunOptions

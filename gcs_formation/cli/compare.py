@@ -8,8 +8,7 @@ from typing import Any
 
 import click
 
-from airlink.cli.commands import OUT, SECONDS, SEED, WholeNumber, default_directory, examples
-from airlink.cli.process import Status, fail, say
+from airlink.cli.commands import OUT, SECONDS, SEED, Status, WholeNumber, default_directory, examples, fail, say
 from formation_scenario import ScenarioError
 from gcs_formation.errors import RecordError, RunAbortedError
 from gcs_formation.studies.compare import Compared, CompareOptions, compare_laws

@@ -12,8 +12,7 @@ from typing import Any, TypeVar
 
 import click
 
-from airlink.cli.commands import OUT, SECONDS, SEED, Number, default_directory, examples
-from airlink.cli.process import Status, fail, say
+from airlink.cli.commands import OUT, SECONDS, SEED, Number, Status, default_directory, examples, fail, say
 from formation_scenario import Scenario
 from gcs_formation.app.fly import fly as fly_scenario
 from gcs_formation.app.fly import rehearsal_text, rehearse

@@ -10,8 +10,7 @@ from typing import Any
 
 import click
 
-from airlink.cli.commands import OUT, Number, WholeNumber, default_directory, examples
-from airlink.cli.process import Status, fail, say
+from airlink.cli.commands import OUT, Number, Status, WholeNumber, default_directory, examples, fail, say
 from formation_scenario import Scenario, ScenarioError
 from gcs_formation.app.fly import fly
 from gcs_formation.app.operator import ClockName, Interrupts, RunOptions

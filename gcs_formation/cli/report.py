@@ -6,8 +6,7 @@ from pathlib import Path
 
 import click
 
-from airlink.cli.commands import examples
-from airlink.cli.process import fail
+from airlink.cli.commands import examples, fail
 from gcs_formation.errors import RecordError
 from gcs_formation.report import write_report
 from gcs_formation.studies.report import is_study, write_study_report

@@ -11,8 +11,7 @@ from typing import Any
 
 import click
 
-from airlink.cli.commands import OUT, SEED, WholeNumber, examples, refusal
-from airlink.cli.process import Status, fail, raised, say
+from airlink.cli.commands import OUT, SEED, Status, WholeNumber, examples, fail, raised, refusal, say
 from formation_scenario import ScenarioError
 from gcs_formation.errors import RecordError, RunAbortedError
 from gcs_formation.studies.campaign import Outcome, StudyProgress, flights, fly_study

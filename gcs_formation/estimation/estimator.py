@@ -16,18 +16,22 @@ from airlink.clock import NANOSECONDS, Instant, seconds_between
 from flight_model.arrays import Array
 from flight_model.autopilot import AutopilotModel, FlightState, squared, wrap
 from gcs_formation.estimation.kalman import (
+    ROWS,
+    VALUES,
     WIND_EAST,
     WIND_NORTH,
     Along,
+    Declared,
     HeightCovariance,
     LevelCovariance,
+    NoiseEstimate,
+    VehicleNoise,
     correct_height,
     correct_level,
     innovation,
     spreads,
 )
-from gcs_formation.estimation.noise import ROWS, VALUES, Declared, NoiseEstimate, VehicleNoise
-from gcs_formation.estimation.setpoint_history import SetpointHistory
+from gcs_formation.estimation.projection import SetpointHistory
 
 STATES: Final = 8
 """Quantities of a state: north, east, height, climb, airspeed, heading, wind north and east."""

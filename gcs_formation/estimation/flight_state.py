@@ -1,4 +1,4 @@
-"""States, setpoints and autopilot parameters of many vehicles, as arrays."""
+"""States, setpoints and autopilot parameters of many vehicles as arrays, and the autopilot model (7) on them."""
 
 from __future__ import annotations
 
@@ -8,11 +8,15 @@ from typing import NamedTuple, Self
 import numpy as np
 import numpy.typing as npt
 
-from flight_model.arrays import Array
+from flight_model.arrays import Array, all_of, any_of, within, wrap
 from flight_model.autopilot import AutopilotModel, FlightState
 from flight_model.slot import Triple
 
 Indices = npt.NDArray[np.intp]
+_GAUSS, _WEIGHTS = np.polynomial.legendre.leggauss(3)
+_NODES = ((_GAUSS + 1) / 2)[:, None, None]
+"""Gauss's points of a segment of time, as shares of it: where speed and heading are evaluated for the way made good."""
+_SHARES = (_WEIGHTS / 2)[:, None, None]
 
 
 class Row:
@@ -176,3 +180,153 @@ class Setpoint(NamedTuple):
     speed_mps: float
     heading_rad: float
     height_m: float
+
+
+def advance(state: FlightStates, told: Array, duration_s: Array, model: AutopilotModels) -> FlightStates:
+    """Return the state after K segments of constant setpoints, by the closed forms of equation (7).
+
+    Speed and heading errors decay exponentially, and linearly while a rate limit holds them. The distance flown is
+    their integral by Gauss quadrature. The height follows its two real poles. The wind is constant.
+
+    Args:
+        state: (N,) columns.
+        told: (K, 3, N) setpoints of speed, heading and height in m/s, rad and m; NaN means straight on.
+        duration_s: (K, N).
+        model: (N,) columns.
+    """
+    told = told.copy()
+    told[:, 0] = within(told[:, 0], model.speed_min_mps, model.speed_max_mps)
+    lags = AirLags.of(model)
+    values, errors = lags.through(state.air_motion, told[:, :2], duration_s[:, None])
+    height = _height_after(Height(state.height_m, state.climb_mps), told[:, 2], HeightSteps.of(model, duration_s))
+    time_s = _NODES * duration_s
+    along = values[:-1] + errors - lags.remaining(errors, time_s[:, :, None])
+    way_m, heading = _SHARES * duration_s * along[:, :, 0], along[:, :, 1]
+    north_m = np.add.reduce(way_m * np.cos(heading), axis=(0, 1))
+    east_m = np.add.reduce(way_m * np.sin(heading), axis=(0, 1))
+    total_s = np.add.reduce(duration_s)
+    return FlightStates(
+        north_m=state.north_m + north_m + state.wind_north_mps * total_s,
+        east_m=state.east_m + east_m + state.wind_east_mps * total_s,
+        height_m=height.height_m,
+        climb_mps=height.climb_mps,
+        airspeed_mps=values[-1, 0],
+        heading_rad=values[-1, 1],
+        wind_north_mps=state.wind_north_mps,
+        wind_east_mps=state.wind_east_mps,
+    )
+
+
+def _height_after(height: Height, told_m: Array, steps: HeightSteps) -> Height:
+    """Return a height after K steps with targets (K, N); NaN where there is none."""
+    silent = any_of(np.isnan(told_m))
+    for step, target_m in enumerate(told_m):
+        aim_m = np.where(np.isnan(target_m), steps.level_m(height), target_m) if silent else target_m
+        height = steps.after(step, height, aim_m)
+    return height
+
+
+class AirLags(NamedTuple):
+    """First-order lags with limited rates: (2, N) for speed and heading."""
+
+    rate_max: Array
+    tau_s: Array
+
+    @classmethod
+    def of(cls, model: AutopilotModels) -> AirLags:
+        """Return the lags of an autopilot model, (N,) columns."""
+        return cls(model.air_rates_max, model.air_lags_s)
+
+    def through(self, begin: Array, told: Array, duration_s: Array) -> tuple[Array, Array]:
+        """Return the values (K + 1, 2, N) at the borders of K segments, and the errors (K, 2, N) as each begins.
+
+        Args:
+            begin: (2, N).
+            told: (K, 2, N); NaN means straight on.
+            duration_s: (K, 1, N).
+        """
+        values, errors = np.empty((len(told) + 1, *begin.shape)), np.empty_like(told)
+        kept, unlimited = np.exp(-duration_s / self.tau_s), self.unlimited
+        silent = any_of(np.isnan(told))
+        values[0] = begin
+        for k, segment_s in enumerate(duration_s):
+            error = np.subtract(told[k], values[k], out=errors[k])
+            error[1] = wrap(error[1])
+            if silent:
+                error[np.isnan(error)] = 0.0
+            free = all_of(np.abs(error) <= unlimited)
+            left = error * kept[k] if free else self.remaining(error, segment_s)
+            np.subtract(values[k] + error, left, out=values[k + 1])
+        return values, errors
+
+    @property
+    def unlimited(self) -> Array:
+        """The largest errors that decay without reaching a rate limit, (2, N)."""
+        return self.rate_max * self.tau_s
+
+    def remaining(self, error: Array, time_s: Array) -> Array:
+        """Return what is left of `error` after `time_s`."""
+        size = np.abs(error)
+        if all_of(size <= self.unlimited):
+            return error * np.exp(-time_s / self.tau_s)
+        limited_s = np.minimum(np.maximum(size / self.rate_max - self.tau_s, 0.0), time_s)
+        left = (size - self.rate_max * limited_s) * np.exp((limited_s - time_s) / self.tau_s)
+        return np.copysign(left, error)
+
+
+class Height(NamedTuple):
+    """Height and climb rate, (N,)."""
+
+    height_m: Array
+    climb_mps: Array
+
+
+class HeightSteps(NamedTuple):
+    """The transition of heights over K steps of time, by the two poles of equation (7)."""
+
+    slow_s: Array
+    """The larger time constant, (N,)."""
+    carried_s: Array
+    """How far a climb rate of 1 m/s carries, (N,): both time constants together."""
+    climb_max_mps: Array
+    slow_left: Array
+    """What is left of the slow pole after each step, (K, N)."""
+    fast_left: Array
+    between_s: Array
+    """(K, N)."""
+    most_m: Array
+    """What the limit of climb rates allows in each step, (K, N)."""
+    least_m: Array
+    """The same downwards."""
+
+    @classmethod
+    def of(cls, model: AutopilotModels, time_s: Array) -> HeightSteps:
+        """Return the steps that take `time_s`, (K, N) or (K, 1), for `model` of (N,) columns.
+
+        With equal time constants, the limit of exprel gives the solution for a double pole.
+        """
+        slow, fast = np.maximum(model.tau_ha_s, model.tau_hb_s), np.minimum(model.tau_ha_s, model.tau_hb_s)
+        slow_left = np.exp(-time_s / slow)
+        between_s = time_s * slow_left * _exprel(time_s / slow - time_s / fast)
+        most_m = model.climb_max_mps * time_s
+        fast_left = np.exp(-time_s / fast)
+        return cls(slow, slow + fast, model.climb_max_mps, slow_left, fast_left, between_s, most_m, -most_m)
+
+    def level_m(self, height: Height) -> Array:
+        """Return the height at which vehicles that stop climbing level off, (N,) in m."""
+        return height.height_m + self.carried_s * height.climb_mps
+
+    def after(self, step: int, height: Height, target_m: Array) -> Height:
+        """Return the height after a step; a climb beyond the limit counts as the limit."""
+        error = height.height_m - target_m
+        push_mps = height.climb_mps + error / self.slow_s
+        left_m = self.slow_left[step] * error + self.between_s[step] * push_mps
+        climb_mps = self.fast_left[step] * push_mps - left_m / self.slow_s
+        climbed_m, most_mps = within(left_m - error, self.least_m[step], self.most_m[step]), self.climb_max_mps
+        return Height(height.height_m + climbed_m, within(climb_mps, -most_mps, most_mps))
+
+
+def _exprel(value: Array) -> Array:
+    """Return (e^x - 1) / x, 1 for 0. What scipy's does; importing it takes longer than a tick."""
+    none = value == 0.0
+    return np.where(none, 1.0, np.expm1(value) / np.where(none, 1.0, value))

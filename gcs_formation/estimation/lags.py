@@ -15,9 +15,8 @@ from typing import Final
 from airlink.clock import NANOSECONDS
 from flight_model.autopilot import AutopilotModel
 from flight_model.slot import Triple
-from gcs_formation.estimation.lag_bank import Bank, Motion, Tracks
-from gcs_formation.estimation.lag_fit import BATCH_S, Channel, Nodes
-from gcs_formation.estimation.setpoint_history import SentSetpoints, SetpointHistory
+from gcs_formation.estimation.lag_fit import BATCH_S, Bank, Channel, Motion, Nodes, Tracks
+from gcs_formation.estimation.projection import SentSetpoints, SetpointHistory
 
 RESOLUTION: Final = (0.02, 0.002, 0.05)
 """Residuals of airspeed (m/s), heading (rad) and height (m) count as no smaller: telemetry's digits, and the instant at

@@ -15,10 +15,9 @@ from formation_scenario.arrangement import columns
 from formation_scenario.navigation import NoisyNavigation
 from formation_scenario.reconfiguration import column_models
 from gcs_formation.controller import FormationController
-from gcs_formation.estimation.setpoint_history import SetpointHistory
+from gcs_formation.estimation.projection import SetpointHistory
 from gcs_formation.parameters import autopilot_models
-from gcs_formation.recorder import Detail, Note
-from gcs_formation.tick import Tick, unknown_state
+from gcs_formation.recorder import Detail, Note, Tick, unknown_state
 from gcs_formation.vehicle.vehicle import UNANSWERED_S, Member, Vehicle
 
 CHECK_S: Final = 0.4

@@ -15,8 +15,7 @@ from airlink.messages.system import MISSION_TIME, Heartbeat, NamedValueFloat
 from formation_scenario import Scenario
 from gcs_formation.estimation.flight_state import Setpoint
 from gcs_formation.link.connection import LinkState
-from gcs_formation.recorder import Note
-from gcs_formation.tick import Tick, VehicleLink
+from gcs_formation.recorder import Note, Tick, VehicleLink
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 
 HOLD_MAX_S: Final = 1.0

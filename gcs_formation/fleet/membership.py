@@ -14,7 +14,7 @@ from gcs_formation.fleet.circling import GroundFloor, loiter_heights
 from gcs_formation.link.connection import TALKING, LinkState
 from gcs_formation.recorder import Note
 from gcs_formation.separation.resolver import FORGOTTEN_AFTER_S
-from gcs_formation.vehicle.commands import Outcome
+from gcs_formation.vehicle.startup import Outcome
 from gcs_formation.vehicle.vehicle import UNANSWERED_S, Member, Vehicle
 
 DELAY_STEP_S, LOSS_STEP, JITTER_STEP_S = 0.02, 0.02, 0.005

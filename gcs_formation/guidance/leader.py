@@ -12,7 +12,7 @@ from flight_model.displacement import PEAK_CHANGE, PEAK_RATE, DisplacedPath, min
 from flight_model.path import PathPoint, SplinePath
 from flight_model.slot import Slot
 from gcs_formation.estimation.flight_state import Setpoint
-from gcs_formation.estimation.setpoint_history import HISTORY_S
+from gcs_formation.estimation.projection import HISTORY_S
 from gcs_formation.guidance.tracking import (
     LEAST_MPS,
     JoinRoute,

@@ -20,8 +20,7 @@ from flight_model.energy import AirframeParameters
 from flight_model.linear import airframe_responses
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
 from gcs_formation.errors import RecordError
-from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Indices
-from gcs_formation.estimation.predictor import advance
+from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Indices, advance
 from gcs_formation.identify.recording import STEP_S, Recording
 
 HORIZON_S = 6.0

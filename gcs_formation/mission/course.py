@@ -18,8 +18,7 @@ from gcs_formation.mission.ending import Ending, Opening
 from gcs_formation.mission.landing import why_not
 from gcs_formation.mission.reconfiguration import Reconfiguration
 from gcs_formation.phases import BEFORE_COMMANDS, OVER, Cause, Flight, Phase
-from gcs_formation.recorder import Note
-from gcs_formation.tick import Tick
+from gcs_formation.recorder import Note, Tick
 from gcs_formation.vehicle.vehicle import Vehicle
 
 

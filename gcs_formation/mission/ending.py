@@ -18,8 +18,8 @@ from gcs_formation.controller import FormationController
 from gcs_formation.fleet.circling import OPENING_LIMIT_S, STACK_M, Band, GroundFloor, Place, loiter_heights, may_meet
 from gcs_formation.link.connection import TALKING
 from gcs_formation.mission.landing import Landings, lowest_circle_m, why_not
-from gcs_formation.tick import VehicleLink
-from gcs_formation.vehicle.commands import Outcome
+from gcs_formation.recorder import VehicleLink
+from gcs_formation.vehicle.startup import Outcome
 from gcs_formation.vehicle.telemetry import Motion
 from gcs_formation.vehicle.vehicle import UNANSWERED_S, Member, Vehicle
 

@@ -25,8 +25,7 @@ from gcs_formation.fleet.membership import Candidate, heir
 from gcs_formation.guidance.leader import TurnOnSpot
 from gcs_formation.guidance.tracking import project
 from gcs_formation.mission.takeover import Resumption
-from gcs_formation.recorder import Note
-from gcs_formation.tick import Tick
+from gcs_formation.recorder import Note, Tick
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 
 RETRY_S = 1.0

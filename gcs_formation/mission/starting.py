@@ -9,7 +9,7 @@ from airlink import mavlink as m
 from airlink.clock import Instant, seconds_between
 from airlink.endpoint import Endpoint, VehicleId
 from airlink.messages import Message
-from airlink.messages.parameter import ParamValue
+from airlink.messages.command import ParamValue
 from airlink.messages.system import Heartbeat
 from formation_scenario import Scenario
 from formation_scenario import Vehicle as PlannedVehicle

@@ -17,8 +17,7 @@ from airlink.frame import frame_length
 from formation_scenario import Scenario, dump_scenario
 from gcs_formation.errors import RecordError
 from gcs_formation.record.timeseries import TickSpool, spools
-from gcs_formation.recorder import Event
-from gcs_formation.tick import Tick
+from gcs_formation.recorder import Event, Tick
 
 _STAMP: Final = struct.Struct(">Q")
 _pack: Final = _STAMP.pack

@@ -17,7 +17,7 @@ from airlink.clock import NANOSECONDS
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Mask
 from gcs_formation.errors import RecordError
-from gcs_formation.tick import Tick
+from gcs_formation.recorder import Tick
 
 CHANNELS = ("speed", "heading", "height")
 STATE = (

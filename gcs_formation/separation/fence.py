@@ -12,7 +12,7 @@ from formation_scenario import Scenario
 from formation_scenario.arrangement import columns
 from formation_scenario.environment import CHECKED_M, HELD_M, Fence, inside_m, room_m
 from gcs_formation.estimation.flight_state import FlightStates
-from gcs_formation.tick import Tick
+from gcs_formation.recorder import Tick
 
 TURN_RAD = np.pi / 2
 """How far beside its heading a vehicle is told to head that is turned away: more than its tightest turn takes."""

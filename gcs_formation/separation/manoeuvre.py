@@ -8,8 +8,18 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from flight_model.arrays import Array, Mask, within, wrap
-from gcs_formation.estimation.flight_state import AutopilotModels, Columns, FlightStates, Indices, Row, Setpoints
-from gcs_formation.estimation.predictor import AirLags, Height, HeightSteps, advance
+from gcs_formation.estimation.flight_state import (
+    AirLags,
+    AutopilotModels,
+    Columns,
+    FlightStates,
+    Height,
+    HeightSteps,
+    Indices,
+    Row,
+    Setpoints,
+    advance,
+)
 
 FINE_S, COARSE_S = 0.5, 1.0
 """Steps in which a manoeuvre is looked at, before and after `FINE_UNTIL_S`."""

@@ -15,13 +15,12 @@ from flight_model.autopilot import AutopilotModel, FlightState, advance, within,
 from flight_model.slot import NOTHING, Triple
 from formation_scenario import Scenario, slot_schedule
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Indices, Setpoints
-from gcs_formation.estimation.projection import Measured
-from gcs_formation.estimation.setpoint_history import SetpointHistory
+from gcs_formation.estimation.projection import Measured, SetpointHistory
+from gcs_formation.recorder import Tick, VehicleLink
 from gcs_formation.separation.first_look import Look, nobody_near
 from gcs_formation.separation.manoeuvre import Traffic, sample_times
 from gcs_formation.separation.rule import Conflict, Memory, Resolution, resolve
 from gcs_formation.separation.traffic import Scene
-from gcs_formation.tick import Tick, VehicleLink
 from gcs_formation.vehicle.vehicle import UNANSWERED_S
 
 ROOM_M: Final = 0.5

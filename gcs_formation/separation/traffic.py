@@ -10,8 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flight_model.arrays import Array, Mask, all_of, within, wrap
-from gcs_formation.estimation.flight_state import FlightStates, Indices, Setpoints
-from gcs_formation.estimation.predictor import AirLags
+from gcs_formation.estimation.flight_state import AirLags, FlightStates, Indices, Setpoints
 from gcs_formation.separation.manoeuvre import COARSE_S, Manoeuvre, MinimumDistance, Traffic, reach_m
 
 BESIDE_M = 1.0

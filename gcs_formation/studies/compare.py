@@ -15,8 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from airlink.cli.commands import refusal
-from airlink.cli.process import raised
+from airlink.cli.commands import raised, refusal
 from formation_scenario import Problem, Scenario, ScenarioError, load_scenario
 from formation_scenario.errors import did_you_mean
 from gcs_formation.control import laws

@@ -1,17 +1,34 @@
-"""What ArduPilot's families have in common: whose heartbeats count, which messages are needed, when one is ready.
+"""ArduPilot's families, ArduPlane and ArduCopter: how each is commanded, and the parameters on which a flight depends.
 
 Source: ArduPilot documentation, "Get and set message intervals" and "Complete Parameter List" (names since 4.6).
+
+Sources: ArduPilot documentation, "Plane: GUIDED mode", "AUTOLAND Mode", "Get and set message intervals", "Complete
+Parameter List" (names since 4.6) and "Plane Failsafe Function"; its acceptance and refusals as its simulator showed
+them.
+
+It is commanded in GUIDED by a stream of SET_POSITION_TARGET_LOCAL_NED with velocity and yaw. It flies the velocity over
+ground that it is told, whatever the wind: the wind that the station estimates is none.
+
+Sources: ArduPilot documentation, "Copter Commands in Guided Mode", "Complete Parameter List" and "GCS Failsafe"; its
+acceptance and refusals as its simulator showed them.
 """
 
 from __future__ import annotations
 
+import math
 from abc import ABC
 from collections.abc import Mapping
-from typing import Final
+from typing import ClassVar, Final
 
 from airlink import mavlink as m
-from gcs_formation.vehicle.autopilot import Autopilot, Step
-from gcs_formation.vehicle.checks import Check
+from airlink.messages import Message
+from airlink.messages.command import CommandInt, CommandLong
+from airlink.messages.system import Heartbeat
+from flight_model.autopilot import FlightState
+from gcs_formation.estimation.flight_state import Setpoint
+from gcs_formation.vehicle.autopilot import Autopilot, Command, Step
+from gcs_formation.vehicle.checks import Check, Demands, envelope_checks
+from gcs_formation.vehicle.hovering import MULTIROTOR_TYPES, VelocityLead, ground_motion, stands, velocity_setpoint
 from gcs_formation.vehicle.telemetry import Telemetry
 
 STATION_SYSTEM: Final = 255
@@ -29,6 +46,28 @@ OUR_HEARTBEATS = Check(
     lambda value: value == STATION_SYSTEM,
     lambda _: True,
 )
+LEAST_TAKE_OFF_M = 50
+FAILSAFE_BY_HEARTBEAT = (1, 2)
+PLANE_LEADS_AWAY = (1, 4, 5)
+"""FS_LONG_ACTN: RTL, AUTO, AUTOLAND; 0 flies on, 2 glides, 3 releases a parachute."""
+AUTOPILOT: Final = m.MAV_COMP_ID_AUTOPILOT1
+ABOVE_SEA: Final = m.MAV_FRAME_GLOBAL
+SPEED: Final = m.MAV_CMD_GUIDED_CHANGE_SPEED
+HEADING: Final = m.MAV_CMD_GUIDED_CHANGE_HEADING
+ALTITUDE: Final = m.MAV_CMD_GUIDED_CHANGE_ALTITUDE
+AIRSPEED: Final = m.SPEED_TYPE_AIRSPEED
+OF_THE_NOSE: Final = m.HEADING_TYPE_HEADING
+ALL_ROUND_DEG = 360.0 - 2.0**-16
+"""The first heading that is 360 degrees as a 32-bit float."""
+AUTOPILOTS = frozenset({m.MAV_AUTOPILOT_GENERIC, m.MAV_AUTOPILOT_ARDUPILOTMEGA})
+PLANE_TYPES = frozenset(
+    {m.MAV_TYPE_GENERIC, m.MAV_TYPE_FIXED_WING, *range(m.MAV_TYPE_VTOL_DUOROTOR, m.MAV_TYPE_GIMBAL)}
+)
+"""MAV_TYPE of ArduPlane's aircraft, and the one that says nothing."""
+COPTER_LEADS_AWAY = (1, 2, 3, 4, 5, 6, 7)
+"""FS_GCS_ENABLE: RTL, RTL or AUTO, SmartRTL, LAND, AUTO, BRAKE; 0 stands where setpoints stopped."""
+TAKE_OFF_TO_M = 20.0
+CM = 0.01
 
 
 def patience(name: str) -> Check:
@@ -70,3 +109,253 @@ class ArduPilot(Autopilot, ABC):
         healthy = bool(seen.sensors_healthy & m.MAV_SYS_STATUS_PREARM_CHECK)
         on_ground = seen.heartbeat is not None and seen.ekf_flags & EKF_READY == EKF_READY and healthy
         return on_ground or self.is_airborne(seen)
+
+
+def arduplane_checks(asked: Demands) -> tuple[Check, ...]:
+    """Return what to read from an ArduPlane of which a scenario asks this much."""
+    return (
+        OUR_HEARTBEATS,
+        Check(
+            ("FS_GCS_ENABL",),
+            "1 or 2; without it a plane whose setpoints stop flies straight on for ever",
+            lambda value: value in FAILSAFE_BY_HEARTBEAT,
+        ),
+        Check(
+            ("FS_LONG_ACTN",),
+            "1 (RTL), 4 (AUTO) or 5 (AUTOLAND) when our heartbeats stop",
+            lambda value: value in PLANE_LEADS_AWAY,
+        ),
+        patience("FS_LONG_TIMEOUT"),
+        Check(
+            ("TKOFF_ALT",),
+            f"{LEAST_TAKE_OFF_M} m or more; lower, the climb ends before the formation takes over",
+            lambda value: value >= LEAST_TAKE_OFF_M,
+            lambda _: True,
+        ),
+        *envelope_checks(
+            asked, "AIRSPEED_MIN", "AIRSPEED_MAX", "AIRSPEED_CRUISE", "ROLL_LIMIT_DEG", ("refused", "refused")
+        ),
+    )
+
+
+class ArduPlane(ArduPilot):
+    """A fixed-wing ArduPilot, commanded in GUIDED by MAV_CMD_GUIDED_CHANGE_SPEED, _ALTITUDE and _HEADING."""
+
+    family = "ArduPlane"
+    loop_s = 0.02
+    take_off_m = 45.0
+    """TKOFF_ALT is 50 m, and the climb ends softly."""
+    guided_mode = m.PLANE_MODE_GUIDED
+    setpoint_commands = (SPEED, HEADING, ALTITUDE)
+    loiter_mode = m.PLANE_MODE_LOITER
+    home_mode = m.PLANE_MODE_RTL
+    approach_m = 55.0
+    """AUTOLAND_WP_ALT's default."""
+    mode_names: ClassVar = {
+        m.PLANE_MODE_MANUAL: "MANUAL",
+        m.PLANE_MODE_AUTO: "AUTO",
+        m.PLANE_MODE_RTL: "RTL",
+        m.PLANE_MODE_LOITER: "LOITER",
+        m.PLANE_MODE_TAKEOFF: "TAKEOFF",
+        m.PLANE_MODE_GUIDED: "GUIDED",
+        m.PLANE_MODE_INITIALIZING: "INITIALISING",
+        m.PLANE_MODE_AUTOLAND: "AUTOLAND",
+    }
+
+    def speaks(self, heartbeat: Heartbeat) -> bool:
+        """Return whether a heartbeat is that of an ArduPilot fixed wing or VTOL, or leaves it open."""
+        return heartbeat.autopilot in AUTOPILOTS and heartbeat.type in PLANE_TYPES
+
+    def start_up(self, rates_hz: Mapping[int, float]) -> tuple[Step, ...]:
+        """Return the steps: streams, ready, take-off, GUIDED. In the air, unnecessary ones are done at once."""
+        return (
+            *self._asked_and_ready(rates_hz),
+            Step("set mode TAKEOFF", self._is_taking_off, self._to_take_off, takes_off=True),
+            Step("armed", lambda seen: seen.armed, self._to_arm, 30.0, takes_off=True),
+            Step("waited for it to climb", self._has_climbed, timeout_s=90.0),
+            Step(
+                "set mode GUIDED",
+                lambda seen: seen.custom_mode == self.guided_mode,
+                lambda _: (self.set_mode(self.guided_mode),),
+            ),
+        )
+
+    def checks(self, asked: Demands) -> tuple[Check, ...]:
+        """Return failsafes, limits and whose heartbeats count."""
+        return arduplane_checks(asked)
+
+    def climbs_out(self, telemetry: Telemetry) -> bool:
+        """Return whether it is in TAKEOFF, below the height at which that ends."""
+        motion, mode = telemetry.motion, telemetry.custom_mode
+        return motion is not None and mode == m.PLANE_MODE_TAKEOFF and motion.above_home_m <= self.take_off_m
+
+    def setpoint(self, setpoint: Setpoint, where: FlightState) -> tuple[Command, ...]:  # noqa: ARG002 - no place is told
+        """Return speed, altitude above sea level and heading, in this order.
+
+        The altitude's own rate and the speed's acceleration are left to the autopilot (0). The heading's
+        lateral acceleration is what the model's turn rate needs at this speed: 0 would hardly turn.
+        """
+        lateral_mps2 = setpoint.speed_mps * self.turn_rate_max_rps
+        return (
+            self._guided(SPEED, AIRSPEED, setpoint.speed_mps, 0.0),
+            self._guided(ALTITUDE, 0.0, 0.0, 0.0, setpoint.height_m + self.origin.alt_m),
+            self._guided(HEADING, OF_THE_NOSE, _compass(setpoint.heading_rad), lateral_mps2),
+        )
+
+    def loiter(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:  # noqa: ARG002 - it circles where it is
+        """Return LOITER, then the height, since a change of mode resets heights."""
+        return (self.set_mode(self.loiter_mode), self._altitude(height_m))
+
+    def go_home(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:  # noqa: ARG002 - it knows its home
+        """Return RTL, which circles over home, then a height to replace RTL_ALTITUDE, which is the same for all."""
+        return (self.set_mode(m.PLANE_MODE_RTL), self._altitude(height_m))
+
+    def land(self) -> tuple[Command, ...]:
+        """Return AUTOLAND, of version 4.7 on: at home, in the direction of the take-off."""
+        return (self.set_mode(m.PLANE_MODE_AUTOLAND),)
+
+    def _altitude(self, height_m: float) -> Command:
+        return CommandLong(
+            self.system,
+            m.MAV_COMP_ID_AUTOPILOT1,
+            m.MAV_CMD_DO_CHANGE_ALTITUDE,
+            param1=height_m + self.origin.alt_m,
+            param2=m.MAV_FRAME_GLOBAL,
+        )
+
+    def _guided(self, command: int, param1: float, param2: float, param3: float, z: float = 0.0) -> CommandInt:
+        return CommandInt(self.system, AUTOPILOT, ABOVE_SEA, command, 0, 0, param1, param2, param3, 0.0, 0, 0, z)
+
+    def _to_take_off(self, _: Telemetry) -> tuple[Command, ...]:
+        return (self.set_mode(m.PLANE_MODE_TAKEOFF),)
+
+    def _is_taking_off(self, seen: Telemetry) -> bool:
+        return self.is_airborne(seen) or seen.custom_mode == m.PLANE_MODE_TAKEOFF
+
+    def _has_climbed(self, seen: Telemetry) -> bool:
+        if seen.custom_mode != m.PLANE_MODE_TAKEOFF and self.is_airborne(seen):
+            return True
+        return seen.motion is not None and seen.motion.above_home_m > self.take_off_m
+
+
+def _compass(heading_rad: float) -> float:
+    """Return degrees in [0, 360) that stay there as a 32-bit float: 360 is refused."""
+    degrees = math.degrees(heading_rad) % 360.0
+    return degrees if degrees < ALL_ROUND_DEG else 0.0
+
+
+def arducopter_checks(asked: Demands) -> tuple[Check, ...]:
+    """Return what to read from an ArduCopter of which a scenario asks this much."""
+    fastest, speed = asked.speed_max_mps, asked.speed_mps
+    return (
+        OUR_HEARTBEATS,
+        Check(
+            ("FS_GCS_ENABLE",),
+            "1 (RTL) to 7; without it a copter whose setpoints stop stands where it is until its battery fails",
+            lambda value: value in COPTER_LEADS_AWAY,
+        ),
+        patience("FS_GCS_TIMEOUT"),
+        Check(
+            ("WPNAV_SPEED",),
+            f"{fastest / CM:g} cm/s or more, its model's speed_max_mps; it flies no faster",
+            lambda value: value * CM >= fastest,
+            lambda value: value * CM < speed,
+        ),
+        Check(
+            ("WPNAV_ACCEL",),
+            f"{asked.accel_max_mps2 / CM:g} cm/s² or more, its model's accel_max_mps2",
+            lambda value: value * CM >= asked.accel_max_mps2,
+        ),
+        Check(
+            ("RTL_ALT",),
+            "at most the lowest height of the path, in cm: lower than that, nobody climbs into others on the way home",
+            lambda value: value * CM <= asked.lowest_m,
+        ),
+    )
+
+
+class ArduCopter(ArduPilot):
+    """A multirotor or helicopter of ArduPilot's, commanded in GUIDED by velocities."""
+
+    family = "ArduCopter"
+    loop_s = 0.0025
+    take_off_m = 18.0
+    """`TAKE_OFF_TO_M`, whose climb ends softly."""
+    guided_mode = m.COPTER_MODE_GUIDED
+    loiter_mode = m.COPTER_MODE_BRAKE
+    """It stands there; in LOITER a transmitter's throttle, or the lack of one, moves it."""
+    home_mode = m.COPTER_MODE_RTL
+    setpoint_commands = ()
+    stands = True
+    velocity_lead: VelocityLead | None = None
+    """For one whose model leaves part of a change of velocity to its integrator."""
+    mode_names: ClassVar = {
+        m.COPTER_MODE_STABILIZE: "STABILIZE",
+        m.COPTER_MODE_ALT_HOLD: "ALT_HOLD",
+        m.COPTER_MODE_AUTO: "AUTO",
+        m.COPTER_MODE_GUIDED: "GUIDED",
+        m.COPTER_MODE_LOITER: "LOITER",
+        m.COPTER_MODE_RTL: "RTL",
+        m.COPTER_MODE_LAND: "LAND",
+        m.COPTER_MODE_POSHOLD: "POSHOLD",
+        m.COPTER_MODE_BRAKE: "BRAKE",
+    }
+
+    def speaks(self, heartbeat: Heartbeat) -> bool:
+        """Return whether a heartbeat is that of a multirotor or helicopter of ArduPilot's."""
+        return heartbeat.autopilot == m.MAV_AUTOPILOT_ARDUPILOTMEGA and heartbeat.type in MULTIROTOR_TYPES
+
+    def start_up(self, rates_hz: Mapping[int, float]) -> tuple[Step, ...]:
+        """Return the steps: streams, ready, GUIDED, take-off. In the air, unnecessary ones are done at once."""
+        return (
+            *self._asked_and_ready(rates_hz),
+            Step("set mode GUIDED", self._is_guided, lambda _: (self.set_mode(self.guided_mode),)),
+            Step("armed", lambda seen: seen.armed, self._to_arm, 30.0, takes_off=True),
+            Step("told it to take off", self.is_airborne, self._to_take_off, takes_off=True),
+            Step("waited for it to climb", self._has_climbed, timeout_s=60.0),
+        )
+
+    def checks(self, asked: Demands) -> tuple[Check, ...]:
+        """Return failsafe, limits and whose heartbeats count."""
+        return arducopter_checks(asked)
+
+    def climbs_out(self, telemetry: Telemetry) -> bool:  # noqa: ARG002 - it may be stopped at any height
+        """Return False."""
+        return False
+
+    def air_motion(
+        self,
+        airspeed_mps: float,  # noqa: ARG002 - it says nothing of what it obeys
+        yaw_rad: float,
+        north_mps: float,
+        east_mps: float,
+        *,
+        leads: bool,
+    ) -> tuple[float, float]:
+        """Return ground speed and course."""
+        return ground_motion(yaw_rad, north_mps, east_mps, leads=leads)
+
+    def setpoint(self, setpoint: Setpoint, where: FlightState) -> tuple[Message, ...]:
+        """Return one message: velocity over ground, and the course as yaw where it moves.
+
+        It is repeated at every tick: ArduCopter stands 3 s (GUID_TIMEOUT) after the last one.
+        """
+        nose_rad = setpoint.heading_rad if stands(setpoint) else math.nan
+        return (velocity_setpoint(self.system, setpoint, where, nose_rad, self.velocity_lead),)
+
+    def loiter(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:  # noqa: ARG002 - it stands where it is
+        """Return BRAKE."""
+        return (self.set_mode(self.loiter_mode),)
+
+    def go_home(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:  # noqa: ARG002 - at the height it has
+        """Return RTL: it flies home at its height, or at RTL_ALT if that is higher, and lands there."""
+        return (self.set_mode(self.home_mode),)
+
+    def _is_guided(self, seen: Telemetry) -> bool:
+        return seen.custom_mode == self.guided_mode
+
+    def _to_take_off(self, _: Telemetry) -> tuple[Command, ...]:
+        return (CommandLong(self.system, m.MAV_COMP_ID_AUTOPILOT1, m.MAV_CMD_NAV_TAKEOFF, param7=TAKE_OFF_TO_M),)
+
+    def _has_climbed(self, seen: Telemetry) -> bool:
+        return seen.motion is not None and seen.motion.above_home_m > self.take_off_m

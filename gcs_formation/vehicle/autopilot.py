@@ -10,8 +10,7 @@ from typing import ClassVar, Final, NamedTuple
 from airlink import mavlink as m
 from airlink.clock import Instant, seconds_between
 from airlink.messages import Message
-from airlink.messages.command import CommandInt, CommandLong
-from airlink.messages.parameter import ParamValue
+from airlink.messages.command import CommandInt, CommandLong, ParamValue
 from airlink.messages.system import Heartbeat
 from flight_model.autopilot import FlightState
 from flight_model.earth import GeodeticOrigin

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from airlink import mavlink as m
 from airlink.clock import Instant, after
-from airlink.messages.parameter import ParamRequestRead, ParamValue
+from airlink.messages.command import ParamRequestRead, ParamValue
 from flight_model.energy import GRAVITY_MPS2
 from formation_scenario import Scenario, Vehicle
 

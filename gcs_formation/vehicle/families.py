@@ -13,12 +13,10 @@ from formation_scenario import Vehicle as PlannedVehicle
 from formation_scenario.arrangement import columns
 from formation_scenario.vehicles import Family, family_of
 from gcs_formation.link.connection import Connection
-from gcs_formation.vehicle.arducopter import ArduCopter
-from gcs_formation.vehicle.arduplane import ArduPlane
+from gcs_formation.vehicle.ardupilot import ArduCopter, ArduPlane
 from gcs_formation.vehicle.autopilot import Autopilot
 from gcs_formation.vehicle.hovering import VelocityLead
-from gcs_formation.vehicle.px4_copter import Px4Copter
-from gcs_formation.vehicle.px4_plane import Px4Plane
+from gcs_formation.vehicle.px4 import Px4Copter, Px4Plane
 from gcs_formation.vehicle.vehicle import Vehicle
 
 FAMILIES: dict[Family, type[Autopilot]] = {

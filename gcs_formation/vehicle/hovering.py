@@ -16,7 +16,7 @@ from airlink.messages.command import SetPositionTargetLocalNed
 from flight_model.autopilot import FlightState, hovering_course, slot_axis
 from gcs_formation.estimation.flight_state import Setpoint
 
-TYPES: Final = frozenset(
+MULTIROTOR_TYPES: Final = frozenset(
     {
         m.MAV_TYPE_QUADROTOR,
         m.MAV_TYPE_COAXIAL,

@@ -19,13 +19,11 @@ from airlink.messages.telemetry import GlobalPositionInt
 from flight_model.earth import GeodeticOrigin
 from gcs_formation.estimation.estimator import Sample
 from gcs_formation.link.clock_sync import ClockSync
-from gcs_formation.link.connection import Connection, LinkState
+from gcs_formation.link.connection import Connection, JitterMeter, LinkState, SequenceTracker
 from gcs_formation.link.gnss_clock import GnssClock, StampMap
-from gcs_formation.link.quality import JitterMeter, SequenceTracker
 from gcs_formation.link.source_binding import EARLY_S, LONGEST_DELAY_S, SourceBinding
 from gcs_formation.vehicle.autopilot import Autopilot, EffectWatch, Step
-from gcs_formation.vehicle.commands import CommandQueue, PilotsChoice
-from gcs_formation.vehicle.startup import StartUp, TakeOff, UnbrokenRun
+from gcs_formation.vehicle.startup import CommandQueue, PilotsChoice, StartUp, TakeOff, UnbrokenRun
 from gcs_formation.vehicle.telemetry import Telemetry
 
 ACCEPTED: Final = m.MAV_RESULT_ACCEPTED

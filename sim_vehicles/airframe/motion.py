@@ -1,10 +1,22 @@
-"""One vehicle's motion as telemetry reports it, and what its state estimate says of itself."""
+"""One vehicle's motion as telemetry reports it, and the targets that its autopilot flies to."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Final, NamedTuple
+
+from flight_model.autopilot import FlightState, within
+
+HEADING: Final = 0
+COURSE: Final = 1
+CIRCLE: Final = 2
+CAPTURE: Final = 2.0
+"""Steepness of the approach to a circle: radians off the tangent per radius of distance from it."""
+ON_CIRCLE_RAD: Final = 1.0
+"""Closer to the tangent than this, the heading setpoint leads by the heading's lag in the turn."""
+LEAST_SPEED_MPS: Final = 1.0
+"""Lower bound of airspeeds in divisions, for vehicles that stand still."""
 
 
 class InnovationRatios(NamedTuple):
@@ -59,3 +71,66 @@ def with_drift(sensed: Motion) -> Motion:
     north = sensed.velocity_north_mps - sensed.airspeed_mps * math.cos(sensed.heading_rad)
     east = sensed.velocity_east_mps - sensed.airspeed_mps * math.sin(sensed.heading_rad)
     return replace(sensed, drift_north_mps=north, drift_east_mps=east)
+
+
+class Steering:
+    """One vehicle's targets. Its modes write them; every cycle of the main loop reads them."""
+
+    __slots__ = (
+        "accel_mps2",
+        "airborne",
+        "centre_east_m",
+        "centre_north_m",
+        "direction_rad",
+        "height_m",
+        "kind",
+        "lateral_mps2",
+        "radius_m",
+        "speed_mps",
+        "stopped",
+        "velocity_mps",
+        "yaw_rad",
+    )
+
+    def __init__(self) -> None:
+        """Start at rest."""
+        self.kind: int = HEADING
+        self.speed_mps: float = 0.0
+        self.accel_mps2: float = math.inf
+        self.direction_rad: float = 0.0
+        """Heading or course, as `kind` says."""
+        self.lateral_mps2: float = math.inf
+        self.height_m: float = 0.0
+        self.centre_north_m: float = 0.0
+        self.centre_east_m: float = 0.0
+        self.radius_m: float = 1.0
+        self.stopped: bool = True
+        """Throttle at 0."""
+        self.airborne: bool = False
+        self.velocity_mps: tuple[float, float, float] = (0.0, 0.0, 0.0)
+        """Over ground, north, east and down: what a multirotor is told."""
+        self.yaw_rad: float = math.nan
+        """Where its nose shall point; NaN: as it does."""
+
+    def heading_rad(self, state: FlightState, tau_psi_s: float) -> float:
+        """Return the heading to fly now, in the air that carries `state`; `tau_psi_s` is the heading's lag."""
+        if self.kind == HEADING:
+            return self.direction_rad
+        course_rad = self._round(state, tau_psi_s) if self.kind == CIRCLE else self.direction_rad
+        return course_rad - _crab(course_rad, state)
+
+    def _round(self, state: FlightState, tau_psi_s: float) -> float:
+        """Return the course that leads onto the clockwise circle and along it."""
+        north_m, east_m = state.north_m - self.centre_north_m, state.east_m - self.centre_east_m
+        off_rad = CAPTURE * (math.hypot(north_m, east_m) / self.radius_m - 1.0)
+        off_rad = within(off_rad, -math.pi / 2.0, math.pi / 2.0)
+        course_rad = math.atan2(east_m, north_m) + math.pi / 2.0 + off_rad
+        if abs(off_rad) < ON_CIRCLE_RAD:
+            course_rad += tau_psi_s * state.airspeed_mps / self.radius_m
+        return course_rad
+
+
+def _crab(course_rad: float, state: FlightState) -> float:
+    """Return the crab angle: how far left of the course the heading must point to cancel the drift across it."""
+    aside_mps = state.wind_east_mps * math.cos(course_rad) - state.wind_north_mps * math.sin(course_rad)
+    return math.asin(within(aside_mps / max(state.airspeed_mps, LEAST_SPEED_MPS), -1.0, 1.0))

@@ -10,8 +10,7 @@ import math
 from typing import Final, NamedTuple
 
 from airlink.clock import Instant
-from sim_vehicles.airframe.motion import Motion
-from sim_vehicles.airframe.steering import CIRCLE, COURSE, HEADING, Steering
+from sim_vehicles.airframe.motion import CIRCLE, COURSE, HEADING, Motion, Steering
 from sim_vehicles.autopilot.clock import NEVER
 from sim_vehicles.autopilot.modes import STRAIGHT_ON, Condition, FlightMode, Mode, Request, follow
 from sim_vehicles.autopilot.parameters import ParameterServer

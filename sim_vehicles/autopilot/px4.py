@@ -1,23 +1,27 @@
-"""An emulated PX4's tables: how its modes are flown, its streams, its parameters and its failsafes.
+"""An emulated PX4's tables: modes, streams, parameters, failsafe; and what it does with commands.
 
 Source: PX4 user guide, "Flight Modes", "Parameter Reference" and "Safety Configuration (Failsafes)"; its simulator's
 answers and defaults (version 1.17, development).
+
+Source: MAVLink common message set, "MAV_CMD"; PX4's acceptance and refusals as its simulator (SIH) showed them.
 """
 
 from __future__ import annotations
 
 import math
 import struct
-from typing import TYPE_CHECKING, Final
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Final
 
 from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, Instant, after
 from airlink.messages import Message
-from airlink.messages.parameter import ParamSet, ParamValue
+from airlink.messages.command import ParamSet, ParamValue
 from airlink.messages.system import CurrentMode, Heartbeat
 from airlink.messages.telemetry import GpsRawInt, VfrHud
-from sim_vehicles.autopilot import telemetry
+from sim_vehicles.autopilot import commands, telemetry
 from sim_vehicles.autopilot.clock import NEVER
+from sim_vehicles.autopilot.commands import ACCEPTED, DENIED, FAILED, UNSUPPORTED, Order
 from sim_vehicles.autopilot.modes import CopterMode, FailsafeKeys, FlightMode, GroundStationFailsafe, Mode, Px4Mode
 from sim_vehicles.autopilot.parameters import FIXED, LOITER_RADIUS_M, Kind, ParameterServer
 from sim_vehicles.config import VehicleConfig
@@ -66,6 +70,25 @@ STREAMS: Final = {
     m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: SPEED,
 }
 """What a ground station's link carries without a request, and every how many ns."""
+CM: Final = 100.0
+ALSO_NAMED: Final = {
+    "AIRSPEED_CRUISE": ("FW_AIRSPD_TRIM", 1.0),
+    "AIRSPEED_MAX": ("FW_AIRSPD_MAX", 1.0),
+    "AIRSPEED_MIN": ("FW_AIRSPD_MIN", 1.0),
+    "GUID_TIMEOUT": ("COM_OF_LOSS_T", 1.0),
+    "LAND_SPEED": ("MPC_LAND_SPEED", CM),
+    "RTL_ALT": ("RTL_RETURN_ALT", CM),
+    "RTL_ALTITUDE": ("RTL_RETURN_ALT", 1.0),
+    "TKOFF_ALT": ("MIS_TAKEOFF_ALT", 1.0),
+    "WPNAV_SPEED": ("MPC_XY_VEL_MAX", CM),
+    "WPNAV_SPEED_DN": ("MPC_Z_VEL_MAX_DN", CM),
+    "WPNAV_SPEED_UP": ("MPC_Z_VEL_MAX_UP", CM),
+    "WP_LOITER_RAD": ("NAV_LOITER_RAD", 1.0),
+}
+"""What ArduPilot's pilots, who fly its modes, call a parameter, and what a unit of it is there."""
+REJECTED: Final = m.MAV_RESULT_TEMPORARILY_REJECTED
+LEAST_CHANGES_US: Final = 500_000
+"""CURRENT_MODE comes with each change, and this often otherwise, however often it is asked for."""
 
 
 def heartbeat(v: Px4) -> Message:
@@ -150,22 +173,6 @@ COPTERS_KINDS: Final = KINDS | {
     "MPC_Z_VEL_MAX_DN": _floating(0.5, 4),
     "MPC_Z_VEL_MAX_UP": _floating(0.5, 8),
 }
-CM: Final = 100.0
-ALSO_NAMED: Final = {
-    "AIRSPEED_CRUISE": ("FW_AIRSPD_TRIM", 1.0),
-    "AIRSPEED_MAX": ("FW_AIRSPD_MAX", 1.0),
-    "AIRSPEED_MIN": ("FW_AIRSPD_MIN", 1.0),
-    "GUID_TIMEOUT": ("COM_OF_LOSS_T", 1.0),
-    "LAND_SPEED": ("MPC_LAND_SPEED", CM),
-    "RTL_ALT": ("RTL_RETURN_ALT", CM),
-    "RTL_ALTITUDE": ("RTL_RETURN_ALT", 1.0),
-    "TKOFF_ALT": ("MIS_TAKEOFF_ALT", 1.0),
-    "WPNAV_SPEED": ("MPC_XY_VEL_MAX", CM),
-    "WPNAV_SPEED_DN": ("MPC_Z_VEL_MAX_DN", CM),
-    "WPNAV_SPEED_UP": ("MPC_Z_VEL_MAX_UP", CM),
-    "WP_LOITER_RAD": ("NAV_LOITER_RAD", 1.0),
-}
-"""What ArduPilot's pilots, who fly its modes, call a parameter, and what a unit of it is there."""
 
 
 def initial_values(config: VehicleConfig, cruise_mps: float) -> dict[str, float]:
@@ -255,3 +262,77 @@ class LinkLoss(GroundStationFailsafe):
             return LOST_LINK[int(self._parameters["NAV_DLL_ACT"])]
         self.active = self._holds = True
         return Px4Mode.HOLD
+
+
+def _set_mode(vehicle: Px4, given: Order) -> int:
+    main, sub = given.params[1], given.params[2]
+    if not int(given.params[0]) & m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED or not (main % 1 == 0.0 and sub % 1 == 0.0):
+        return REJECTED
+    return ACCEPTED if vehicle.switch(int(main) << 16 | int(sub) << 24) else REJECTED
+
+
+def _arm_disarm(vehicle: Px4, given: Order) -> int:
+    force = given.params[1] == commands.FORCE
+    granted = vehicle.arm(force=force) if given.params[0] == 1.0 else vehicle.disarm(force=force)
+    return ACCEPTED if granted else REJECTED
+
+
+def _take_off(vehicle: Px4, given: Order) -> int:
+    height_m = given.z - vehicle.fleet.origin.alt_m if math.isfinite(given.z) else vehicle.parameters["MIS_TAKEOFF_ALT"]
+    return ACCEPTED if vehicle.prepare(height_m) else REJECTED
+
+
+def _to_mode(mode: Px4Mode) -> Callable[[Any, Order], int]:
+    return lambda vehicle, _given: ACCEPTED if vehicle.switch(mode) else REJECTED
+
+
+def _reposition(vehicle: Px4, given: Order) -> int:
+    if given.params[1] != m.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE:
+        return UNSUPPORTED
+    if not vehicle.switch(Px4Mode.HOLD):
+        return REJECTED
+    vehicle.go_to(given)
+    return ACCEPTED
+
+
+def _change_speed(vehicle: Px4, given: Order) -> int:
+    """Change the airspeed; in OFFBOARD that is accepted and has no effect."""
+    if vehicle.mode is Px4Mode.HOLD and given.params[1] > 0.0:
+        vehicle.pilot.change_speed(vehicle.airspeed(given.params[1]), math.inf)
+    return ACCEPTED
+
+
+def _change_altitude(vehicle: Px4, given: Order) -> int:
+    if not math.isfinite(given.params[0]) or not vehicle.switch(Px4Mode.HOLD):
+        return REJECTED
+    vehicle.pilot.change_height(given.params[0] - vehicle.fleet.origin.alt_m)
+    return ACCEPTED
+
+
+def _set_interval(vehicle: Px4, given: Order) -> int:
+    """Set a message's interval; HEARTBEAT's is fixed, and FAILED is also the answer for what isn't known."""
+    message_id, interval_us = given.params[0], given.params[1]
+    if message_id == m.MAVLINK_MSG_ID_HEARTBEAT or message_id not in BUILDERS or not math.isfinite(interval_us):
+        return FAILED
+    if message_id == m.MAVLINK_MSG_ID_CURRENT_MODE and interval_us > 0.0:
+        interval_us = max(interval_us, LEAST_CHANGES_US)
+    return ACCEPTED if vehicle.streams.set_interval(int(message_id), interval_us, vehicle.now) else DENIED
+
+
+HANDLERS: dict[int, Callable[[Any, Order], int]] = {
+    m.MAV_CMD_DO_SET_MODE: _set_mode,
+    m.MAV_CMD_COMPONENT_ARM_DISARM: _arm_disarm,
+    m.MAV_CMD_NAV_TAKEOFF: _take_off,
+    m.MAV_CMD_NAV_RETURN_TO_LAUNCH: _to_mode(Px4Mode.RTL),
+    m.MAV_CMD_NAV_LAND: _to_mode(Px4Mode.LAND),
+    m.MAV_CMD_NAV_LOITER_UNLIM: _to_mode(Px4Mode.HOLD),
+    m.MAV_CMD_SET_MESSAGE_INTERVAL: _set_interval,
+    m.MAV_CMD_GET_MESSAGE_INTERVAL: commands.HANDLERS[m.MAV_CMD_GET_MESSAGE_INTERVAL],
+    m.MAV_CMD_REQUEST_MESSAGE: commands.HANDLERS[m.MAV_CMD_REQUEST_MESSAGE],
+}
+PLANES_HANDLERS: dict[int, Callable[[Any, Order], int]] = HANDLERS | {
+    m.MAV_CMD_DO_REPOSITION: _reposition,
+    m.MAV_CMD_DO_CHANGE_SPEED: _change_speed,
+    m.MAV_CMD_DO_CHANGE_ALTITUDE: _change_altitude,
+}
+"""All others are UNSUPPORTED; a multirotor's positions as targets aren't emulated."""

@@ -14,11 +14,9 @@ from typing import Any
 
 import click
 
-from airlink.cli.commands import SECONDS, Number, WholeNumber
-from airlink.cli.process import Status, fail
+from airlink.cli.commands import SECONDS, Number, Status, WholeNumber, fail
 from airlink.clock import NANOSECONDS, RealClock
-from airlink.endpoint import LOOPBACK, MAX_PORT, Address, Endpoint, VehicleId
-from airlink.errors import PortError
+from airlink.endpoint import LOOPBACK, MAX_PORT, Address, Endpoint, PortError, VehicleId
 from airlink.udp import UdpDriver
 from formation_scenario import ScenarioError, load_scenario
 from formation_scenario.fields import MAX_SYSTEM_ID

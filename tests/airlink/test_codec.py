@@ -13,8 +13,7 @@ from airlink import mavlink as m
 from airlink.codec import CODECS, wire_name
 from airlink.frame import FrameWriter, StreamParser
 from airlink.messages import Message
-from airlink.messages.command import CommandAck, CommandInt, CommandLong
-from airlink.messages.parameter import ParamSet, ParamValue
+from airlink.messages.command import CommandAck, CommandInt, CommandLong, ParamSet, ParamValue
 from airlink.messages.system import CurrentMode, Heartbeat, Statustext
 from airlink.messages.telemetry import Attitude, GlobalPositionInt, HomePosition, VfrHud, Wind
 

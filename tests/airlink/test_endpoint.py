@@ -4,8 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from airlink.endpoint import Address, Endpoint, parse_endpoint
-from airlink.errors import AirlinkError, EndpointError
+from airlink.endpoint import Address, AirlinkError, Endpoint, EndpointError, parse_endpoint
 
 hosts = st.ip_addresses(v=4).map(str)
 

@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from airlink.frame import HEADER_V1, HEADER_V2, FrameWriter, StreamParser
-from airlink.messages.command import CommandAck
-from airlink.messages.parameter import ParamValue
+from airlink.messages.command import CommandAck, ParamValue
 from airlink.messages.system import Heartbeat, Statustext
 from airlink.messages.telemetry import Attitude
 

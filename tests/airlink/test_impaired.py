@@ -6,11 +6,10 @@ import pytest
 
 from airlink.clock import Instant, VirtualClock, after, seconds_between
 from airlink.endpoint import Address, VehicleId
-from airlink.engine import Datagram
+from airlink.engine import Datagram, MemoryNetwork
 from airlink.frame import FrameWriter, StreamParser
 from airlink.impaired import MAX_REMOTES, ImpairedEngine
 from airlink.impairment import UNIMPAIRED, Impairment
-from airlink.memory import MemoryNetwork
 from airlink.messages.system import Heartbeat, SystemTime
 from tests.airlink.engines import PlainEngine
 

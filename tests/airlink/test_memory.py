@@ -1,10 +1,8 @@
 import pytest
 
 from airlink.clock import Instant, VirtualClock, after
-from airlink.endpoint import Address
-from airlink.engine import Datagram
-from airlink.errors import PortError
-from airlink.memory import MemoryNetwork
+from airlink.endpoint import Address, PortError
+from airlink.engine import Datagram, MemoryNetwork
 from tests.airlink.engines import PlainEngine
 
 GROUND = Address("127.0.0.1", 14550)

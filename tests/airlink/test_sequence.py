@@ -4,7 +4,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from gcs_formation.link.quality import MODULUS, SequenceTracker
+from gcs_formation.link.connection import MODULUS, SequenceTracker
 
 
 def tracked(numbers):

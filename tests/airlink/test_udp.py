@@ -4,9 +4,8 @@ import socket
 import pytest
 
 from airlink.clock import RealClock, after
-from airlink.endpoint import Address, parse_endpoint
+from airlink.endpoint import Address, PortError, parse_endpoint
 from airlink.engine import Datagram
-from airlink.errors import PortError
 from airlink.udp import UdpDriver, open_socket, select_for
 from tests.airlink.engines import PlainEngine
 

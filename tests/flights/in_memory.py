@@ -10,14 +10,12 @@ import numpy as np
 
 from airlink.clock import NANOSECONDS, Instant, VirtualClock, after
 from airlink.endpoint import Endpoint, VehicleId
-from airlink.engine import Datagram, Engine
-from airlink.memory import MemoryNetwork
+from airlink.engine import Datagram, Engine, MemoryNetwork
 from formation_scenario import Scenario, load_scenario
 from gcs_formation.app.injection import impair
 from gcs_formation.mission.starting import CARELESS, Caution
-from gcs_formation.recorder import Event
+from gcs_formation.recorder import Event, Tick
 from gcs_formation.station import Station
-from gcs_formation.tick import Tick
 from sim_vehicles.config import Fault, FaultKind, fleet_config
 from sim_vehicles.fleet import Fleet
 from tests.flights.conftest import scenario

@@ -14,9 +14,9 @@ from airlink.engine import Datagram
 from airlink.messages.system import Heartbeat
 from flight_model.autopilot import FlightState
 from formation_scenario import load_scenario
-from gcs_formation.estimation.setpoint_history import SetpointHistory
+from gcs_formation.estimation.projection import SetpointHistory
 from gcs_formation.fleet.conformance import SETTLED_S, MotionConformance
-from gcs_formation.vehicle.arduplane import ArduPlane
+from gcs_formation.vehicle.ardupilot import ArduPlane
 from gcs_formation.vehicle.autopilot import EffectWatch
 from gcs_formation.vehicle.telemetry import Telemetry
 from tests.flights.conftest import scenario

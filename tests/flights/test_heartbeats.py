@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 
 from airlink import mavlink as m
-from airlink.messages.parameter import ParamSet
+from airlink.messages.command import ParamSet
 from gcs_formation.fleet.dispatch import UNGUIDED_S
-from gcs_formation.tick import Tick
+from gcs_formation.recorder import Tick
 from sim_vehicles.autopilot.modes import Mode
 from tests.flights.in_memory import World
 

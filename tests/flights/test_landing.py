@@ -19,7 +19,7 @@ from gcs_formation.fleet.circling import GroundFloor
 from gcs_formation.link.connection import Connection, LinkState
 from gcs_formation.mission.landing import Landings, why_not
 from gcs_formation.phases import Phase
-from gcs_formation.vehicle.arduplane import ArduPlane
+from gcs_formation.vehicle.ardupilot import ArduPlane
 from gcs_formation.vehicle.vehicle import Vehicle
 from sim_vehicles.airframe.body import Body
 from sim_vehicles.autopilot.modes import Condition, Mode

@@ -10,8 +10,7 @@ from airlink import mavlink as m
 from airlink.clock import Instant
 from airlink.engine import Datagram
 from airlink.frame import StreamParser
-from airlink.messages.command import CommandInt, CommandLong
-from airlink.messages.parameter import ParamSet
+from airlink.messages.command import CommandInt, CommandLong, ParamSet
 from gcs_formation.app.fly import rehearsal_text, rehearsed
 from gcs_formation.mission.starting import Caution
 from gcs_formation.phases import Phase

@@ -25,9 +25,8 @@ from gcs_formation.phases import Phase
 from gcs_formation.record.past import epoch_us, read_past
 from gcs_formation.record.run_directory import SPOOL, RunDirectory, read_tlog
 from gcs_formation.record.timeseries import read_parquet, read_spool
-from gcs_formation.recorder import Event
+from gcs_formation.recorder import Event, Tick
 from gcs_formation.station import Station
-from gcs_formation.tick import Tick
 from sim_vehicles.autopilot.modes import Condition, Mode
 from sim_vehicles.fleet import Fleet
 from tests.flights.conftest import scenario

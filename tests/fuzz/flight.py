@@ -6,8 +6,7 @@ import numpy as np
 
 from airlink.clock import NANOSECONDS, VirtualClock
 from airlink.endpoint import LOOPBACK, Address, VehicleId
-from airlink.engine import Datagram
-from airlink.memory import FIRST_EPHEMERAL_PORT, MemoryNetwork
+from airlink.engine import FIRST_EPHEMERAL_PORT, Datagram, MemoryNetwork
 from gcs_formation.station import Station
 from sim_vehicles.config import fleet_config
 from sim_vehicles.fleet import Fleet

@@ -15,10 +15,9 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 from airlink.endpoint import LOOPBACK, Address
-from airlink.engine import Datagram
+from airlink.engine import FIRST_EPHEMERAL_PORT, Datagram
 from airlink.frame import StreamParser
 from airlink.mavlink import Layout
-from airlink.memory import FIRST_EPHEMERAL_PORT
 from gcs_formation.vehicle.vehicle import STATION_COMPONENT, STATION_SYSTEM
 from sim_vehicles.autopilot.commands import HANDLERS
 from tests.fuzz.flight import FOLLOWER, USUAL, Flight

@@ -16,17 +16,15 @@ from airlink import mavlink as m
 from airlink.clock import Instant, VirtualClock, after
 from airlink.codec import CODECS
 from airlink.endpoint import LOOPBACK, Address, Endpoint
-from airlink.engine import Datagram, Engine
+from airlink.engine import FIRST_EPHEMERAL_PORT, Datagram, Engine, MemoryNetwork
 from airlink.frame import HEADER_V2, MARKER_V2
-from airlink.memory import FIRST_EPHEMERAL_PORT, MemoryNetwork
 from airlink.messages.command import CommandInt
 from flight_model.arrays import Array
 from formation_scenario import Scenario, load_scenario
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.app.injection import impair
-from gcs_formation.recorder import Event
+from gcs_formation.recorder import Event, Tick
 from gcs_formation.station import Station
-from gcs_formation.tick import Tick
 from gcs_formation.vehicle.vehicle import STATION_SYSTEM
 from sim_vehicles.config import fleet_config
 from sim_vehicles.fleet import Fleet

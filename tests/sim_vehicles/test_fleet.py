@@ -7,9 +7,8 @@ from hypothesis import strategies as st
 
 from airlink.clock import Instant, VirtualClock, after
 from airlink.endpoint import Address, parse_endpoint
-from airlink.engine import Datagram
+from airlink.engine import Datagram, MemoryNetwork
 from airlink.frame import FrameWriter, StreamParser
-from airlink.memory import MemoryNetwork
 from airlink.messages.command import CommandInt, CommandLong
 from airlink.messages.system import Heartbeat, Timesync
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from airlink.clock import VirtualClock
-from airlink.memory import MemoryNetwork
+from airlink.engine import MemoryNetwork
 from formation_scenario import load_scenario
 from gcs_formation.app.operator import Interrupts, RunOptions
 from gcs_formation.app.progress import Silent

@@ -11,7 +11,7 @@ import pytest
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.control.follower import FollowerController, LawParameters
 from gcs_formation.control.fuzzy_pid import FuzzyGainScheduler
-from gcs_formation.control.law import Controller, FormationLaw
+from gcs_formation.control.laws import Controller, FormationLaw
 from gcs_formation.control.situation import Situation
 from gcs_formation.control.velocity_law import VelocityController
 from gcs_formation.estimation.flight_state import FlightStates, Setpoints

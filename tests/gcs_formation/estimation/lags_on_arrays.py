@@ -11,21 +11,21 @@ import numpy as np
 from airlink.clock import NANOSECONDS
 from flight_model.arrays import Array, Instants, Mask, within, wrap
 from flight_model.autopilot import AutopilotModel
-from gcs_formation.estimation.flight_state import AutopilotModels
-from gcs_formation.estimation.lag_bank import FREE, Motion
+from gcs_formation.estimation.flight_state import AirLags, AutopilotModels, Height, HeightSteps
 from gcs_formation.estimation.lag_fit import (
     BATCH_S,
     BELIEVED_SPREAD,
     BOUND,
     CORRELATED_S,
+    FREE,
     LEAST_SPREAD,
     RECENT_S,
     SIGNIFICANT,
     STEP_MAX,
+    Motion,
 )
 from gcs_formation.estimation.lags import GAP_S, RESOLUTION
-from gcs_formation.estimation.predictor import AirLags, Height, HeightSteps
-from gcs_formation.estimation.setpoint_history import SetpointHistory
+from gcs_formation.estimation.projection import SetpointHistory
 
 
 class Bank:

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from formation_scenario.vehicles import VehicleModel
-from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
+from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints, advance
 from gcs_formation.estimation.lags import LagEstimator
-from gcs_formation.estimation.predictor import advance
-from gcs_formation.estimation.setpoint_history import SetpointHistory
+from gcs_formation.estimation.projection import SetpointHistory
 from tests.gcs_formation import tables
 from tests.gcs_formation.estimation.lags_on_arrays import LagsOnArrays
 

@@ -9,9 +9,8 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from airlink.clock import NANOSECONDS
-from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
-from gcs_formation.estimation.predictor import advance
-from gcs_formation.estimation.setpoint_history import SetpointHistory
+from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints, advance
+from gcs_formation.estimation.projection import SetpointHistory
 from tests.gcs_formation import tables
 
 

@@ -13,7 +13,7 @@ from airlink.endpoint import VehicleId
 from flight_model.autopilot import FlightState
 from formation_scenario import load_scenario
 from gcs_formation.fleet.dispatch import HOLD_MAX_S, NEVER, Dispatch
-from gcs_formation.tick import Tick, VehicleLink
+from gcs_formation.recorder import Tick, VehicleLink
 from gcs_formation.vehicle.vehicle import Member
 from tests.flights.conftest import scenario
 

@@ -18,7 +18,7 @@ from flight_model.earth import GeodeticOrigin
 from gcs_formation.fleet.senders import Senders
 from gcs_formation.link.connection import Connection
 from gcs_formation.phases import Flight, Phase
-from gcs_formation.vehicle.arduplane import ArduPlane
+from gcs_formation.vehicle.ardupilot import ArduPlane
 from gcs_formation.vehicle.vehicle import STATION_SYSTEM, Vehicle
 from tests.gcs_formation.noted import GivenUp, Noted
 

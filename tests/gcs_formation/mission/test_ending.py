@@ -20,7 +20,7 @@ from formation_scenario.orders import End
 from gcs_formation.fleet.circling import GroundFloor
 from gcs_formation.link.connection import Connection, LinkState
 from gcs_formation.mission.ending import Ending
-from gcs_formation.vehicle.arduplane import ArduPlane
+from gcs_formation.vehicle.ardupilot import ArduPlane
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 from tests.flights.conftest import scenario
 

@@ -17,7 +17,7 @@ from gcs_formation.link.connection import Connection
 from gcs_formation.mission.starting import CONNECT_LIMIT_S, Starting
 from gcs_formation.mission.takeover import Takeover
 from gcs_formation.phases import Flight, Phase
-from gcs_formation.vehicle.arduplane import ArduPlane
+from gcs_formation.vehicle.ardupilot import ArduPlane
 from gcs_formation.vehicle.autopilot import Command, Step
 from gcs_formation.vehicle.startup import StartUp
 from gcs_formation.vehicle.telemetry import Telemetry

@@ -9,9 +9,8 @@ import numpy as np
 
 from airlink.clock import NANOSECONDS, Instant
 from flight_model.arrays import Array, Mask
-from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
-from gcs_formation.estimation.predictor import advance
-from gcs_formation.estimation.setpoint_history import SetpointHistory
+from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints, advance
+from gcs_formation.estimation.projection import SetpointHistory
 from gcs_formation.separation.manoeuvre import Traffic, sample_times
 from gcs_formation.separation.rule import Memory, resolve
 from gcs_formation.separation.traffic import Scene

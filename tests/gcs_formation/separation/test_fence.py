@@ -11,10 +11,9 @@ from airlink.clock import Instant
 from formation_scenario import Scenario, load_scenario
 from formation_scenario.environment import Fence, inside_m
 from gcs_formation import parameters
-from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
-from gcs_formation.estimation.predictor import advance
+from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints, advance
+from gcs_formation.recorder import Tick, VehicleLink
 from gcs_formation.separation.fence import FenceLimits
-from gcs_formation.tick import Tick, VehicleLink
 from tests.flights.conftest import scenario
 from tests.flights.in_memory import World
 from tests.gcs_formation import tables

@@ -11,8 +11,7 @@ from airlink import mavlink as m
 from airlink.messages.system import Heartbeat
 from airlink.messages.telemetry import Attitude, EkfStatusReport, GlobalPositionInt, SysStatus, VfrHud
 from flight_model.earth import GeodeticOrigin
-from gcs_formation.vehicle.ardupilot import EKF_READY
-from gcs_formation.vehicle.arduplane import ArduPlane
+from gcs_formation.vehicle.ardupilot import EKF_READY, ArduPlane
 from gcs_formation.vehicle.telemetry import Telemetry
 
 ORIGIN = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 20.0)

@@ -6,8 +6,8 @@ import pytest
 
 from airlink import mavlink as m
 from airlink.clock import Instant, after
-from airlink.messages.parameter import ParamValue
-from gcs_formation.vehicle.arduplane import arduplane_checks
+from airlink.messages.command import ParamValue
+from gcs_formation.vehicle.ardupilot import arduplane_checks
 from gcs_formation.vehicle.checks import AT_ONCE, RETRY_S, TRIES, Demands, Finding, ParameterReader
 
 ASKED = Demands(

@@ -16,10 +16,9 @@ from flight_model.autopilot import FlightState
 from formation_scenario import load_scenario
 from gcs_formation.estimation.flight_state import Setpoint
 from gcs_formation.vehicle.checks import Demands
-from gcs_formation.vehicle.commands import CommandQueue, Outcome
 from gcs_formation.vehicle.families import autopilot_for
-from gcs_formation.vehicle.px4_copter import Px4Copter, px4_copter_checks
-from gcs_formation.vehicle.startup import StartUp
+from gcs_formation.vehicle.px4 import Px4Copter, px4_copter_checks
+from gcs_formation.vehicle.startup import CommandQueue, Outcome, StartUp
 from gcs_formation.vehicle.telemetry import Telemetry
 from tests.gcs_formation.vehicle.conftest import ORIGIN, position
 

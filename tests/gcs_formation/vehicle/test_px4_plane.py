@@ -13,18 +13,16 @@ from hypothesis import strategies as st
 from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.frame import FrameWriter, StreamParser
-from airlink.messages.command import CommandAck, CommandInt, CommandLong
-from airlink.messages.parameter import ParamValue
+from airlink.messages.command import CommandAck, CommandInt, CommandLong, ParamValue
 from airlink.messages.system import Heartbeat, Statustext
 from airlink.messages.telemetry import Attitude, ExtendedSysState, HomePosition, SysStatus, VfrHud
 from flight_model.autopilot import FlightState
 from gcs_formation.estimation.flight_state import Setpoint
 from gcs_formation.vehicle.autopilot import Command, EffectWatch
 from gcs_formation.vehicle.checks import Demands, ParameterReader
-from gcs_formation.vehicle.commands import CommandQueue, Outcome
 from gcs_formation.vehicle.families import FAMILIES
-from gcs_formation.vehicle.px4_plane import Px4Plane
-from gcs_formation.vehicle.startup import StartUp
+from gcs_formation.vehicle.px4 import Px4Plane
+from gcs_formation.vehicle.startup import CommandQueue, Outcome, StartUp
 from gcs_formation.vehicle.telemetry import Telemetry
 from tests.gcs_formation.vehicle.conftest import ORIGIN, position
 

@@ -10,7 +10,7 @@ from airlink.clock import NANOSECONDS, Instant, seconds_between
 from airlink.endpoint import VehicleId
 from airlink.messages.telemetry import Attitude
 from gcs_formation.link.connection import Connection
-from gcs_formation.vehicle.arduplane import ArduPlane
+from gcs_formation.vehicle.ardupilot import ArduPlane
 from gcs_formation.vehicle.vehicle import APART_LIMIT_S, Vehicle
 from tests.gcs_formation.vehicle.conftest import ORIGIN, position
 
