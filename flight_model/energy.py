@@ -86,7 +86,7 @@ class AirframeParameters:
 NAMES = tuple(each.name for each in fields(AirframeParameters))
 
 
-class Told(NamedTuple):
+class Commanded(NamedTuple):
     """Commands: airspeed, its rate's limit, heading, the bank's limit, height."""
 
     speed_mps: float
@@ -114,11 +114,11 @@ class Aircraft:
     estimate_trend: float = 0.0
     acceleration: float = 0.0
     slow_acceleration: float = 0.0
-    speed_told: float = 0.0
+    speed_demand: float = 0.0
     slow_speed_rate: float = 0.0
     height_before: float = 0.0
     height_limited: float = 0.0
-    height_told: float = 0.0
+    height_demand: float = 0.0
     power_error: float = 0.0
     throttle_integral: float = 0.0
     throttle_before: float = 0.0
@@ -149,19 +149,19 @@ def trim(a: Aircraft, p: AirframeParameters) -> None:
     a.slow_speed_rate = a.power_error = a.kinetic_integral = a.throttle_clip = a.balance_clip = 0.0
     a.throttle = a.throttle_wanted = _drag(speed, 1.0, p) / p.thrust_mps2
     a.pitch = a.pitch_before = a.pitch_wanted = a.pitch_free = _incidence(speed, 1.0, p)
-    a.sensed = a.estimate = a.speed_told = speed
-    a.height_before = a.height_limited = a.height_told = a.height_m
+    a.sensed = a.estimate = a.speed_demand = speed
+    a.height_before = a.height_limited = a.height_demand = a.height_m
     a.throttle_integral, a.throttle_before = a.throttle - p.throttle_cruise, p.throttle_cruise
     a.balance_integral = a.pitch * speed * GRAVITY_MPS2
     a.speed_max, a.climb_share, a.sink_share = p.airspeed_max_mps, 1.0, 1.0
 
 
-def cycle(a: Aircraft, told: Told, p: AirframeParameters, gust_mps: float = 0.0) -> None:
+def cycle(a: Aircraft, commanded: Commanded, p: AirframeParameters, gust_mps: float = 0.0) -> None:
     """Fly a cycle of `CYCLE_S`: attitude, then motion, then what is measured of it.
 
     `gust_mps` is the sensor's noise in airspeed.
     """
-    _attitude(a, told, p)
+    _attitude(a, commanded, p)
     speed = max(a.speed_mps, LEAST_MPS)
     load = 1.0 / math.cos(a.bank)
     sin_path = math.sin(a.pitch - _incidence(speed, load, p))
@@ -174,10 +174,10 @@ def cycle(a: Aircraft, told: Told, p: AirframeParameters, gust_mps: float = 0.0)
     _estimate_speed(a, a.speed_mps + gust_mps, p)
 
 
-def _attitude(a: Aircraft, told: Told, p: AirframeParameters) -> None:
+def _attitude(a: Aircraft, commanded: Commanded, p: AirframeParameters) -> None:
     """Turn towards the heading by a bank in proportion to the error, and towards the pitch that is wanted."""
-    most = min(told.bank_max_rad, p.bank_max_rad)
-    bank = within(p.heading_gain * wrap(told.heading_rad - a.heading_rad), -most, most)
+    most = min(commanded.bank_max_rad, p.bank_max_rad)
+    bank = within(p.heading_gain * wrap(commanded.heading_rad - a.heading_rad), -most, most)
     a.bank_rate += ((bank - a.bank) / p.bank_lag_s - a.bank_rate) * (CYCLE_S / p.rate_lag_s)
     a.bank += a.bank_rate * CYCLE_S
     a.pitch_rate += ((a.pitch_wanted - a.pitch) / p.pitch_lag_s - a.pitch_rate) * (CYCLE_S / p.rate_lag_s)
@@ -203,29 +203,29 @@ class _Demand(NamedTuple):
     kinetic_error: float
     potential_error: float
     kinetic_rate: float
-    kinetic_rate_told: float
-    climb_told_mps: float
+    kinetic_rate_demand: float
+    climb_demand_mps: float
 
 
-def control(a: Aircraft, told: Told, p: AirframeParameters) -> None:
+def control(a: Aircraft, commanded: Commanded, p: AirframeParameters) -> None:
     """Run the energy controller for `ENERGY_S`: demands, pitch by their balance, throttle by their sum."""
     speed_min = p.airspeed_min_mps / math.sqrt(math.cos(a.bank))
-    rate_told = _speed_demand(a, told, p, speed_min)
-    climb_told = _height_demand(a, told, p)
+    rate_demand = _speed_demand(a, commanded, p, speed_min)
+    climb_demand = _height_demand(a, commanded, p)
     speed = a.estimate
     demand = _Demand(
         kinetic=0.5 * speed * speed,
-        kinetic_error=0.5 * (a.speed_told * a.speed_told - speed * speed),
-        potential_error=GRAVITY_MPS2 * (a.height_told - a.height_m),
+        kinetic_error=0.5 * (a.speed_demand * a.speed_demand - speed * speed),
+        potential_error=GRAVITY_MPS2 * (a.height_demand - a.height_m),
         kinetic_rate=speed * (a.acceleration - a.slow_acceleration),
-        kinetic_rate_told=speed * (rate_told - a.slow_speed_rate),
-        climb_told_mps=climb_told,
+        kinetic_rate_demand=speed * (rate_demand - a.slow_speed_rate),
+        climb_demand_mps=climb_demand,
     )
     _pitch(a, demand, p)
     _throttle(a, demand, p, speed_min)
 
 
-def _speed_demand(a: Aircraft, told: Told, p: AirframeParameters, speed_min: float) -> float:
+def _speed_demand(a: Aircraft, commanded: Commanded, p: AirframeParameters, speed_min: float) -> float:
     """Let the airspeed demand follow as fast as energy can; return its rate, which is passed on to the throttle."""
     speed, most = a.estimate, a.speed_max
     full_mps2 = GRAVITY_MPS2 * p.climb_max_mps * a.climb_share / max(speed, p.airspeed_min_mps)
@@ -237,27 +237,27 @@ def _speed_demand(a: Aircraft, told: Told, p: AirframeParameters, speed_min: flo
     a.speed_max = most = max(min(most, p.airspeed_max_mps), speed_min)
     share = within((most - speed) / max(most - p.airspeed_cruise_mps, 0.1), 0.0, 1.0)
     sink = p.sink_max_mps / most + share * (p.sink_min_mps / p.airspeed_cruise_mps - p.sink_max_mps / most)
-    up = min(GAIN_SHARE * full_mps2, told.accel_mps2)
-    down = min(LOSS_SHARE * GRAVITY_MPS2 * sink, told.accel_mps2)
-    rate = within((within(told.speed_mps, speed_min, most) - a.speed_told) / ENERGY_S, -down, up)
-    a.speed_told = within(a.speed_told + rate * ENERGY_S, speed_min, most)
+    up = min(GAIN_SHARE * full_mps2, commanded.accel_mps2)
+    down = min(LOSS_SHARE * GRAVITY_MPS2 * sink, commanded.accel_mps2)
+    rate = within((within(commanded.speed_mps, speed_min, most) - a.speed_demand) / ENERGY_S, -down, up)
+    a.speed_demand = within(a.speed_demand + rate * ENERGY_S, speed_min, most)
     a.slow_speed_rate += (rate - a.slow_speed_rate) * (ENERGY_S / (ENERGY_S + p.time_constant_s))
     return rate
 
 
-def _height_demand(a: Aircraft, told: Told, p: AirframeParameters) -> float:
+def _height_demand(a: Aircraft, commanded: Commanded, p: AirframeParameters) -> float:
     """Let the height demand follow by its lag, no faster than it may climb and sink; return the climb demanded."""
-    before, wanted = a.height_before, told.height_m
+    before, wanted = a.height_before, commanded.height_m
     up_full = a.pitch_free > p.pitch_max_rad or a.throttle_clip > 0.0
     down_full = a.pitch_free < p.pitch_min_rad or a.throttle_clip < 0.0
     if (up_full and wanted > before) or (down_full and wanted < before):
         wanted = before
     climb, sink = p.climb_max_mps * a.climb_share, p.sink_max_mps * a.sink_share
     a.height_limited += within((wanted + before) / 2.0 - a.height_limited, -sink * ENERGY_S, climb * ENERGY_S)
-    a.height_before, last = wanted, a.height_told
+    a.height_before, last = wanted, a.height_demand
     share = ENERGY_S / (ENERGY_S + p.height_lag_s)
-    a.height_told += (a.height_limited - last) * share
-    rises = a.height_told > last
+    a.height_demand += (a.height_limited - last) * share
+    rises = a.height_demand > last
     up_full = rises and (up_full or a.balance_clip > 0.0)
     down_full = not rises and (down_full or a.balance_clip < 0.0)
     a.climb_share = a.climb_share * (1.0 - share) if up_full else a.climb_share + (1.0 - a.climb_share) * share
@@ -269,7 +269,7 @@ def _pitch(a: Aircraft, demand: _Demand, p: AirframeParameters) -> None:
     gain = a.estimate * GRAVITY_MPS2
     of_height, of_speed = min(2.0 - p.speed_weight, 1.0), min(p.speed_weight, 1.0)
     error = of_height * demand.potential_error - of_speed * demand.kinetic_error
-    wanted = demand.climb_told_mps * GRAVITY_MPS2 * of_height + error / p.time_constant_s
+    wanted = demand.climb_demand_mps * GRAVITY_MPS2 * of_height + error / p.time_constant_s
     low, high = -p.sink_max_mps * GRAVITY_MPS2, p.climb_max_mps * GRAVITY_MPS2
     a.balance_clip = _side(wanted, low, high)
     wanted = within(wanted, low, high)
@@ -299,7 +299,7 @@ def _throttle(a: Aircraft, demand: _Demand, p: AirframeParameters, speed_min: fl
     least = min(demand.kinetic - 0.5 * a.speed_max * a.speed_max, 0.0)
     error = within(demand.potential_error, least, most) + demand.kinetic_error
     high, low = GRAVITY_MPS2 * p.climb_max_mps * a.climb_share, -GRAVITY_MPS2 * p.sink_min_mps
-    power = within(demand.potential_error / p.time_constant_s + demand.kinetic_rate_told, low, high)
+    power = within(demand.potential_error / p.time_constant_s + demand.kinetic_rate_demand, low, high)
     power_error = power - a.climb_mps * GRAVITY_MPS2 - demand.kinetic_rate
     a.power_error += (power_error - a.power_error) * (ENERGY_S / THROTTLE_LAG_S)
     per_throttle = high - low

@@ -87,8 +87,8 @@ def _later(begin: Array, airframe: AirframeParameters) -> Array:
     """Return an aircraft's quantities `energy.ENERGY_S` later; `begin` has its setpoints behind them."""
     *quantities, speed_mps, heading_rad, height_m = begin.tolist()
     aircraft = energy.Aircraft(*quantities)
-    told = energy.Told(speed_mps, math.inf, heading_rad, STRAIGHT_RAD, height_m)
-    energy.control(aircraft, told, airframe)
+    commanded = energy.Commanded(speed_mps, math.inf, heading_rad, STRAIGHT_RAD, height_m)
+    energy.control(aircraft, commanded, airframe)
     for _ in range(energy.CYCLES):
-        energy.cycle(aircraft, told, airframe)
+        energy.cycle(aircraft, commanded, airframe)
     return np.array(aircraft.values())

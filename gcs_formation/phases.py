@@ -90,6 +90,10 @@ class Flight:
             self.path_began = now
         return True
 
+    def resume(self, at: Instant, path_began: Instant | None) -> None:
+        """Go on where a flight stood."""
+        self.since, self.path_began = at, path_began
+
     def mission_time_s(self, now: Instant) -> float:
         """Return seconds since the leader started along its path, NaN before."""
         return float("nan") if self.path_began is None else seconds_between(self.path_began, now)

@@ -53,9 +53,9 @@ class VehicleLink:
         self.airborne = True
         """Whether it flies, as far as it can be heard."""
         self.heard: int = now
-        """Until when it is known to have heard what it was told."""
+        """Until when it is known to have heard what it was commanded."""
         self.disobeying = False
-        """Whether it doesn't seem to fly as it was told, though it hears it."""
+        """Whether it doesn't seem to fly as it was commanded, though it hears it."""
 
     @property
     def on_its_way_s(self) -> float:

@@ -107,8 +107,9 @@ class Station:
 
     def _resume(self, resumed: Resumption) -> None:
         """Go on where a flight stood."""
-        self.flight.since, self.flight.path_began = resumed.at, resumed.path_began
-        self._next_tick = self._heartbeats.next_probe = resumed.at
+        self.flight.resume(resumed.at, resumed.path_began)
+        self._heartbeats.resume(resumed.at)
+        self._next_tick = resumed.at
         self._reconfiguration.resume(resumed)
         self._orders.resume(resumed.mission_s)
 
@@ -234,7 +235,7 @@ class Station:
         self._send_all(self.preflight.requests(now), now)
         self._starting.advance(now)
         if self.preflight.rehearsed:
-            self.course.cut_short = self.course.move(Cause.REHEARSED, now)
+            self.course.end_rehearsal(now)
         if self.flight.phase is Phase.CONNECTING:
             self._begin(now)
 
@@ -320,13 +321,13 @@ class Station:
 
     def _take(self, vehicle: Vehicle, frame: Frame, now: Instant, *, timed: bool) -> None:
         seen = vehicle.telemetry
-        mode, texts = seen.custom_mode, seen.texts_told
+        mode, texts = seen.custom_mode, seen.texts_reported
         if vehicle.take(frame, now, timed=timed):
             self._reporter.link(vehicle, now)
         if frame.message_id in SAYS:
             if seen.custom_mode != mode:
                 self._reporter.event(now, "mode", vehicle.autopilot.mode_name(seen), vehicle)
-            if seen.texts_told != texts:
+            if seen.texts_reported != texts:
                 self._reporter.event(now, "statustext", seen.texts[-1], vehicle)
         elif isinstance(frame.message, ParamValue):
             self.preflight.take(vehicle, frame.message, now)

@@ -82,7 +82,7 @@ class Fleet:
         for fault in self.environment.advance(now):
             for vehicle in self.vehicles:
                 if vehicle.config.identity in fault.vehicles:
-                    vehicle.strike(fault, now)
+                    vehicle.inject(fault, now)
         for body in self.bodies:
             body.fly()
         for vehicle in self.vehicles:

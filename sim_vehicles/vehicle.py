@@ -160,7 +160,7 @@ class Vehicle(ABC):
         self._tell()
         self._plan()
 
-    def strike(self, fault: Fault, now: Instant) -> None:
+    def inject(self, fault: Fault, now: Instant) -> None:
         """Begin or end a fault."""
         self.wake = self.now = now
         match fault.kind:
@@ -309,7 +309,7 @@ class Vehicle(ABC):
             case SetMode() if not self.ignores and message.base_mode & m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
                 self.switch(message.custom_mode)
             case NamedValueFloat(name=name, value=value) if name == MISSION_TIME and math.isfinite(value):
-                self.fleet.environment.mission_told(value, self.now)
+                self.fleet.environment.hear_mission_time(value, self.now)
             case MissionItem() | MissionItemInt() if message.current in commands.AT_ONCE:
                 result = m.MAV_MISSION_ACCEPTED if self.ignores else self.fly_to(message)
                 self.answer(MissionAck(frame.system, frame.component, result))
@@ -326,7 +326,7 @@ class Vehicle(ABC):
         return not target or target == self._system
 
     def _watch_ground_station(self) -> None:
-        mode = self.failsafe.strike(self.now)
+        mode = self.failsafe.due_mode(self.now)
         if mode is not None and self.pilot.airborne:
             self.say(CRITICAL, "Failsafe. Long event on: GCS")
             self.enter(mode)

@@ -182,7 +182,7 @@ class Setpoint(NamedTuple):
     height_m: float
 
 
-def advance(state: FlightStates, told: Array, duration_s: Array, model: AutopilotModels) -> FlightStates:
+def advance(state: FlightStates, setpoints: Array, duration_s: Array, model: AutopilotModels) -> FlightStates:
     """Return the state after K segments of constant setpoints, by the closed forms of equation (7).
 
     Speed and heading errors decay exponentially, and linearly while a rate limit holds them. The distance flown is
@@ -190,15 +190,15 @@ def advance(state: FlightStates, told: Array, duration_s: Array, model: Autopilo
 
     Args:
         state: (N,) columns.
-        told: (K, 3, N) setpoints of speed, heading and height in m/s, rad and m; NaN means straight on.
+        setpoints: (K, 3, N) setpoints of speed, heading and height in m/s, rad and m; NaN means straight on.
         duration_s: (K, N).
         model: (N,) columns.
     """
-    told = told.copy()
-    told[:, 0] = within(told[:, 0], model.speed_min_mps, model.speed_max_mps)
+    setpoints = setpoints.copy()
+    setpoints[:, 0] = within(setpoints[:, 0], model.speed_min_mps, model.speed_max_mps)
     lags = AirLags.of(model)
-    values, errors = lags.through(state.air_motion, told[:, :2], duration_s[:, None])
-    height = _height_after(Height(state.height_m, state.climb_mps), told[:, 2], HeightSteps.of(model, duration_s))
+    values, errors = lags.through(state.air_motion, setpoints[:, :2], duration_s[:, None])
+    height = _height_after(Height(state.height_m, state.climb_mps), setpoints[:, 2], HeightSteps.of(model, duration_s))
     time_s = _NODES * duration_s
     along = values[:-1] + errors - lags.remaining(errors, time_s[:, :, None])
     way_m, heading = _SHARES * duration_s * along[:, :, 0], along[:, :, 1]
@@ -217,10 +217,10 @@ def advance(state: FlightStates, told: Array, duration_s: Array, model: Autopilo
     )
 
 
-def _height_after(height: Height, told_m: Array, steps: HeightSteps) -> Height:
+def _height_after(height: Height, setpoints_m: Array, steps: HeightSteps) -> Height:
     """Return a height after K steps with targets (K, N); NaN where there is none."""
-    silent = any_of(np.isnan(told_m))
-    for step, target_m in enumerate(told_m):
+    silent = any_of(np.isnan(setpoints_m))
+    for step, target_m in enumerate(setpoints_m):
         aim_m = np.where(np.isnan(target_m), steps.level_m(height), target_m) if silent else target_m
         height = steps.after(step, height, aim_m)
     return height
@@ -237,20 +237,20 @@ class AirLags(NamedTuple):
         """Return the lags of an autopilot model, (N,) columns."""
         return cls(model.air_rates_max, model.air_lags_s)
 
-    def through(self, begin: Array, told: Array, duration_s: Array) -> tuple[Array, Array]:
+    def through(self, begin: Array, setpoints: Array, duration_s: Array) -> tuple[Array, Array]:
         """Return the values (K + 1, 2, N) at the borders of K segments, and the errors (K, 2, N) as each begins.
 
         Args:
             begin: (2, N).
-            told: (K, 2, N); NaN means straight on.
+            setpoints: (K, 2, N); NaN means straight on.
             duration_s: (K, 1, N).
         """
-        values, errors = np.empty((len(told) + 1, *begin.shape)), np.empty_like(told)
+        values, errors = np.empty((len(setpoints) + 1, *begin.shape)), np.empty_like(setpoints)
         kept, unlimited = np.exp(-duration_s / self.tau_s), self.unlimited
-        silent = any_of(np.isnan(told))
+        silent = any_of(np.isnan(setpoints))
         values[0] = begin
         for k, segment_s in enumerate(duration_s):
-            error = np.subtract(told[k], values[k], out=errors[k])
+            error = np.subtract(setpoints[k], values[k], out=errors[k])
             error[1] = wrap(error[1])
             if silent:
                 error[np.isnan(error)] = 0.0

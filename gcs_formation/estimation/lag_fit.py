@@ -82,14 +82,14 @@ class Bank:
             off[2] < FREE * model.climb_max_mps * (model.tau_ha_s + model.tau_hb_s),
         ]
 
-    def fly(self, stamps: list[int], seen: list[Motion], acts: list[int], told: list[Triple]) -> Tracks:
+    def fly(self, stamps: list[int], seen: list[Motion], acts: list[int], setpoints: list[Triple]) -> Tracks:
         """Return the simulations minus telemetry at the stamps after the first; one not newer than the last is none.
 
         Args:
             stamps: (B + 1), ns, in order; the simulations are at the first.
             seen: (B + 1) what was measured.
             acts: (R) when setpoints act, ns, in order.
-            told: (R) these.
+            setpoints: (R) these.
         """
         tracks, of_air = self.unseen(len(stamps) - 1), self._of_air
         self._off = [0.0, 0.0, 0.0]
@@ -101,7 +101,7 @@ class Bank:
                 while acting < last and acts[acting + 1] <= at:
                     acting += 1
                 end = stamp if acting == last else min(stamp, acts[acting + 1])
-                self._follow(told[acting], (end - at) / NANOSECONDS)
+                self._follow(setpoints[acting], (end - at) / NANOSECONDS)
                 at = end
             speed_mps, heading_rad, height_m, _ = seen[sample + 1]
             for node, state in enumerate(self._states):
@@ -118,9 +118,9 @@ class Bank:
         sizes = self._of_air + 1, self._of_air + 1, len(self._states) + 1
         return [[[0.0] * samples for _ in range(size)] for size in sizes]
 
-    def _follow(self, told: Triple, time_s: float) -> None:
+    def _follow(self, setpoints: Triple, time_s: float) -> None:
         """Move all simulations on by a time in which a setpoint acts, and note how far they are off."""
-        speed_mps, heading_rad, height_m = told
+        speed_mps, heading_rad, height_m = setpoints
         speed_mps = within(speed_mps, self._believed.speed_min_mps, self._believed.speed_max_mps)
         off_mps = off_rad = off_m = 0.0
         of_air = self._of_air

@@ -48,25 +48,25 @@ class VehicleLags:
         self._stamp, self._motion = max(stamp, self._stamp), motion
 
     def note(self, *, learning: bool) -> None:
-        """Add the newest sample; `learning`: it flies as it was told."""
+        """Add the newest sample; `learning`: it flies as it was commanded."""
         self._learning = self._learning and learning and not math.isnan(self._motion[0])
         self.stamps.append(self._stamp)
         self._seen.append(self._motion)
 
-    def learns(self, told: list[Triple]) -> bool:
-        """Return whether a batch in which it was `told` this shows its lags."""
+    def learns(self, setpoints: list[Triple]) -> bool:
+        """Return whether a batch with these `setpoints` shows its lags."""
         if not (self._learning and self.lagging and self._bank.flying):
             return False
         if (self.stamps[-1] - self.stamps[0]) / NANOSECONDS > GAP_S + BATCH_S:
             return False
-        return all(math.isfinite(speed_mps + heading_rad + height_m) for speed_mps, heading_rad, height_m in told)
+        return all(math.isfinite(speed_mps + heading_rad + height_m) for speed_mps, heading_rad, height_m in setpoints)
 
-    def fly(self, acts: list[int], told: list[Triple]) -> Tracks:
-        """Return the simulations minus telemetry; (R) setpoints `told` act at `acts`, ns, in order. None: no sample."""
+    def fly(self, acts: list[int], setpoints: list[Triple]) -> Tracks:
+        """Return the simulations minus telemetry; (R) `setpoints` act at `acts`, ns, in order. None: no sample."""
         unseen = self._bank.unseen(len(self.stamps) - 1)
-        if not told:
+        if not setpoints:
             return unseen
-        tracks = self._bank.fly(self.stamps, self._seen, acts, told)
+        tracks = self._bank.fly(self.stamps, self._seen, acts, setpoints)
         self._learnt = self._bank.free()
         return [tracks[place] if free else unseen[place] for place, free in enumerate(self._learnt)]
 
@@ -99,7 +99,7 @@ class LagEstimator:
         *,
         in_use: bool,
     ) -> None:
-        """Start with the lags that `models` have; `history` holds what was told.
+        """Start with the lags that `models` have; `history` holds what was commanded.
 
         Not `in_use`, the models stay as they are, and only their misfit is watched.
         """
@@ -127,7 +127,7 @@ class LagEstimator:
         self.vehicles[column].hear(stamp, motion)
 
     def learn(self, learning: list[bool]) -> None:
-        """Take the newest samples at a tick; `learning` (C,): vehicles that fly as they were told.
+        """Take the newest samples at a tick; `learning` (C,): vehicles that fly as they were commanded.
 
         Once in `BATCH_S` the models' lags are fitted.
         """
@@ -146,12 +146,12 @@ class LagEstimator:
 
     def _fit(self, ticks: list[SentSetpoints]) -> None:
         """Fit the lags to a batch, in which the setpoints of `ticks` acted."""
-        told = [[tick.setpoints[column] for tick in ticks] for column in range(len(self.vehicles))]
-        learns = [each.learns(told[column]) for column, each in enumerate(self.vehicles)]
+        setpoints = [[tick.setpoints[column] for tick in ticks] for column in range(len(self.vehicles))]
+        learns = [each.learns(setpoints[column]) for column, each in enumerate(self.vehicles)]
         if not any(learns):
             return
         flown = [
-            each.fly(_in_order(ticks, column), told[column] if learns[column] else [])
+            each.fly(_in_order(ticks, column), setpoints[column] if learns[column] else [])
             for column, each in enumerate(self.vehicles)
         ]
         for place, channel in enumerate(self.channels):

@@ -77,9 +77,9 @@ class CommonClock:
         elapsed_s = 0.0 if self._last is None else seconds_between(self._last, now)
         self._last = now
         bounds = {each.identity: _bounds(each) for each in self._vehicles}
-        told = [each for each in bounds.values() if each is not None]
+        known = [each for each in bounds.values() if each is not None]
         flying = any(each.member is Member.FLYING for each in self._vehicles)
-        found_s = self._known_s if self._known_s is not None else agreed_s(told, self._utc_s if flying else math.nan)
+        found_s = self._known_s if self._known_s is not None else agreed_s(known, self._utc_s if flying else math.nan)
         self._move(found_s, SLEW * elapsed_s if flying else math.inf)
         for vehicle in self._vehicles:
             self._judge(vehicle, bounds[vehicle.identity], now, SLEW * elapsed_s)

@@ -103,7 +103,7 @@ class MotionConformance:
     """Predicts every vehicle from an earlier state through the setpoints since then, and compares."""
 
     def __init__(self, scenario: Scenario, history: SetpointHistory) -> None:
-        """Take the model from the scenario; `history` holds what was told."""
+        """Take the model from the scenario; `history` holds what was commanded."""
         models = zip(_judged_by(scenario), _noise(scenario), strict=True)
         self._fliers = [_Flier(model, sigma) for model, sigma in models]
         self._history = history
@@ -229,7 +229,9 @@ class ConformanceMonitor:
         self._columns = columns
         self._note = note
         self._motion = MotionConformance(scenario, controller.history)
-        self._gap_s = max(GAP_S, 2.5 / scenario.law.rate_hz)
+        for vehicle in vehicles.values():
+            for run in vehicle.setpoints_taken.values():
+                run.allow(max(GAP_S, 2.5 / scenario.law.rate_hz))
         self._unanswered = set[VehicleId]()
         """Those that were commanded and answered nothing."""
         self._commanded: dict[int, Instant] = {}
@@ -306,7 +308,7 @@ class ConformanceMonitor:
         """Return which channels of a vehicle commanded `since` then have been acknowledged for long enough."""
         if not vehicle.autopilot.setpoint_commands:
             return _settled_unanswered(vehicle, since, now)
-        runs = [vehicle.setpoints_taken[i].since(now, self._gap_s) for i in vehicle.autopilot.setpoint_commands]
+        runs = [vehicle.setpoints_taken[i].since(now) for i in vehicle.autopilot.setpoint_commands]
         latest = after(now, -SETTLED_S)
         return [run is not None and max(since, run) <= latest for run in runs]
 

@@ -57,7 +57,7 @@ class Dispatch:
 
         Args:
             leader: the leading column.
-            disobeying: (C,) columns that don't seem to fly as they were told.
+            disobeying: (C,) columns that don't seem to fly as they were commanded.
             now: the tick's instant.
         """
         links = [VehicleLink(now) for _ in range(self._count)]
@@ -155,6 +155,10 @@ class HeartbeatScheduler:
         self._next_heartbeat = Instant(0)
         self._probes = 0
         self._note, self._withheld = note, frozenset[VehicleId]()
+
+    def resume(self, at: Instant) -> None:
+        """Send no probe before the instant at which a flight goes on."""
+        self.next_probe = at
 
     def hasten(self, now: Instant) -> None:
         """Make the next heartbeat, and the mission time with it, due at once."""

@@ -28,7 +28,7 @@ ORDER_COMES_S: Final = 5.0
 """For how long after it was last sent a command to loiter may still reach a vehicle."""
 BACK_S: Final = 3.0
 """Largest age of telemetry with which a vehicle returns to the formation."""
-UNTOLD = (Member.FLYING, Member.UNHEARD)
+UNCOMMANDED = (Member.FLYING, Member.UNHEARD)
 """Those that haven't been told to loiter."""
 
 
@@ -77,7 +77,7 @@ class Sight(NamedTuple):
     """Whether it is in the mode for loitering."""
     fresh: bool
     """Whether its telemetry is recent enough for prediction, and there is a leader to follow."""
-    loiter_may_be_told: bool = True
+    loiter_may_be_commanded: bool = True
     """Whether it is heard, or has been unheard for so long that the others no longer keep clear of it."""
     order_may_come: bool = False
     """Whether a command to loiter was sent so recently that it may still reach the vehicle."""
@@ -98,8 +98,8 @@ def following(member: Member, sight: Sight) -> Member:
         case Member.PARTED:
             return Member.FLYING if sight.guided else Member.PARTED
         case _ if not sight.fresh:
-            untold = member in UNTOLD and not sight.loiter_may_be_told
-            return Member.UNHEARD if untold else Member.HOLDING
+            uncommanded = member in UNCOMMANDED and not sight.loiter_may_be_commanded
+            return Member.UNHEARD if uncommanded else Member.HOLDING
         case Member.FLYING | Member.UNHEARD if not sight.order_may_come:
             return Member.FLYING if sight.guided else Member.PARTED
         case _:
@@ -173,7 +173,7 @@ class Membership:
         if member is not vehicle.member:
             vehicle.member = member
             self._note(now, "member", member.value, vehicle)
-            self._tell(vehicle, now)
+            self._command(vehicle, now)
 
     def _sight(self, vehicle: Vehicle, estimator: StateEstimator, now: Instant, *, fresh: bool) -> Sight:
         heard = vehicle.connection.state in TALKING
@@ -184,7 +184,7 @@ class Membership:
             guided=vehicle.follows_setpoints,
             loiters=vehicle.telemetry.custom_mode == vehicle.autopilot.loiter_mode,
             fresh=fresh,
-            loiter_may_be_told=heard or forgotten,
+            loiter_may_be_commanded=heard or forgotten,
             order_may_come=commanded is not None and now < after(commanded, ORDER_COMES_S),
         )
 
@@ -213,7 +213,7 @@ class Membership:
         """Let nobody who loiters come back at the end of the flight; take the heights of everyone's circle."""
         self._circles_m = circles_m
 
-    def _tell(self, vehicle: Vehicle, now: Instant) -> None:
+    def _command(self, vehicle: Vehicle, now: Instant) -> None:
         autopilot = vehicle.autopilot
         if vehicle.member is Member.HOLDING:
             vehicle.holds_at_m = self._holding_height_m(vehicle, now)

@@ -58,7 +58,7 @@ class Senders:
             return None
         if frame.component != AUTOPILOT or _is_no_autopilots(message):
             return None
-        ruling = vehicle.claims.judge(message, socket, datagram.peer, now)
+        ruling = vehicle.source_binding.judge(message, socket, datagram.peer, now)
         if ruling is ADMITTED:
             return vehicle
         if ruling.finding is not None:

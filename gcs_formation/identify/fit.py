@@ -283,7 +283,7 @@ def _flown_by(recording: Recording, airframe: EnergyAirframe, turn_rate_max_rps:
         flown.append((aircraft.sensed, aircraft.heading_rad, aircraft.height_m))
         speed, direction, up = setpoints[max(point - late, 0)]
         bank = math.atan(turn_rate_max_rps * aircraft.speed_mps / energy.GRAVITY_MPS2)
-        commanded = energy.Told(speed, math.inf, direction, bank, up)
+        commanded = energy.Commanded(speed, math.inf, direction, bank, up)
         energy.control(aircraft, commanded, p)
         for _ in range(energy.CYCLES):
             energy.cycle(aircraft, commanded, p)

@@ -85,7 +85,7 @@ class SourceBinding:
         self._clock = clock
         self._agreed = Instant(0)
         """When the vehicle's own clock was last seen."""
-        self._rivals: dict[Remote, DuplicateId] = {}
+        self._duplicates: dict[Remote, DuplicateId] = {}
 
     def judge(self, message: Message | None, socket: int, peer: Address, now: Instant) -> Ruling:
         """Decide on a frame, and bind the vehicle to its address if the evidence supports it."""
@@ -98,7 +98,7 @@ class SourceBinding:
         elif peer != connection.peer or socket != connection.socket:
             return self._judge_other((socket, peer), evidence, now, heartbeat=isinstance(message, Heartbeat))
         if evidence is Evidence.ANOTHERS:
-            return Ruling(False, self._rival((socket, peer), evidence, now))
+            return Ruling(False, self._another((socket, peer), evidence, now))
         if evidence is Evidence.GOES_ON or not self._clock.samples:
             self._agreed = now
         return ADMITTED
@@ -120,8 +120,8 @@ class SourceBinding:
         """Decide on a frame from another address than the vehicle's."""
         state = self._connection.state
         if state in TALKING or evidence is Evidence.ANOTHERS:
-            return Ruling(False, self._rival(remote, evidence, now))
-        refuted = remote in self._rivals and self._rivals[remote].refuted
+            return Ruling(False, self._another(remote, evidence, now))
+        refuted = remote in self._duplicates and self._duplicates[remote].refuted
         clockless = heartbeat and not refuted and (state is LinkState.LOST or not self._clock.samples)
         if evidence is Evidence.NONE and not clockless:
             return REFUSED
@@ -131,26 +131,28 @@ class SourceBinding:
         connection = self._connection
         silence_s = seconds_between(connection.last_heard, now)
         before, (connection.socket, connection.peer) = connection.peer, remote
-        self._rivals.pop(remote, None)
+        self._duplicates.pop(remote, None)
         text = f"is heard from {remote[1]}; {before} fell silent {silence_s:.1f} s ago, {evidence.value}"
         return Finding("address", text, remote[1])
 
-    def _rival(self, remote: Remote, evidence: Evidence, now: Instant) -> Finding | None:
+    def _another(self, remote: Remote, evidence: Evidence, now: Instant) -> Finding | None:
         """Record a frame of another sender; return a finding, once, when it is certain that there are two."""
-        self._rivals = {r: each for r, each in self._rivals.items() if seconds_between(each.last, now) < FORGOTTEN_S}
-        rival = self._rivals.get(remote)
-        if rival is None:
-            if len(self._rivals) >= MAX_RIVALS:
+        self._duplicates = {
+            r: each for r, each in self._duplicates.items() if seconds_between(each.last, now) < FORGOTTEN_S
+        }
+        duplicate = self._duplicates.get(remote)
+        if duplicate is None:
+            if len(self._duplicates) >= MAX_RIVALS:
                 return None
-            rival = self._rivals[remote] = DuplicateId(now, now)
-        rival.last = now
-        rival.refuted |= evidence is Evidence.ANOTHERS
+            duplicate = self._duplicates[remote] = DuplicateId(now, now)
+        duplicate.last = now
+        duplicate.refuted |= evidence is Evidence.ANOTHERS
         bound = self._connection.peer
-        both = self._last_word(remote) >= after(rival.since, BOTH_TALK_S)
+        both = self._last_word(remote) >= after(duplicate.since, BOTH_TALK_S)
         refused = evidence is Evidence.ANOTHERS and remote[1] != bound
-        if rival.reported or not (both or refused):
+        if duplicate.reported or not (both or refused):
             return None
-        rival.reported = True
+        duplicate.reported = True
         where = "from the same address" if remote[1] == bound else f"from {remote[1]}, beside {bound}"
         about = f", {evidence.value}" if evidence is not Evidence.NONE else ""
         return Finding("duplicate", f"another sender has its system id, {where}{about}; it is ignored", remote[1])

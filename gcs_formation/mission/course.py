@@ -140,6 +140,10 @@ class Course:
         self._late = late
         return late
 
+    def end_rehearsal(self, now: Instant) -> None:
+        """End a run that was to command nobody."""
+        self.cut_short = self.move(Cause.REHEARSED, now)
+
     def stop(self, now: Instant) -> None:
         """End the flight: the formation opens, all vehicles loiter, and no further landing begins."""
         if self.move(Cause.STOP, now):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -197,7 +198,9 @@ def place_of(vehicle: Vehicle) -> Motion | None:
     motion = vehicle.telemetry.motion
     if motion is None or not vehicle.autopilot.climbs_out(vehicle.telemetry):
         return motion
-    return motion._replace(height_m=motion.height_m - motion.above_home_m + vehicle.autopilot.take_off_m)
+    done = copy(motion)
+    done.height_m = motion.height_m - motion.above_home_m + vehicle.autopilot.take_off_m
+    return done
 
 
 def _hull(one: Band, other: Band) -> Band:

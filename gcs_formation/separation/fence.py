@@ -15,7 +15,7 @@ from gcs_formation.estimation.flight_state import FlightStates
 from gcs_formation.recorder import Tick
 
 TURN_RAD = np.pi / 2
-"""How far beside its heading a vehicle is told to head that is turned away: more than its tightest turn takes."""
+"""How far beside its heading a vehicle is commanded to head that is turned away: more than its tightest turn takes."""
 STEP_M = 1.0
 HEADING, HEIGHT = 1, 2
 """Channels of a setpoint."""

@@ -35,7 +35,7 @@ class Look(NamedTuple):
 
 
 def nobody_near(look: Look) -> bool:
-    """Return whether no two can come nearer to each other than they are to keep, as told and then along the reference.
+    """Return whether no two can come nearer than they are to keep, as commanded and then along the reference.
 
     Seen from a frame that moves on as the reference does. An error of speed or heading e that decays with a lag tau at
     a rate of r at most leads e tau + e^2 / (2 r) off; the trapezium rule, half a step more.

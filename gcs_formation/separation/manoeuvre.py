@@ -1,4 +1,4 @@
-"""Where vehicles get to by what they are told and by a manoeuvre kept up, and how near they come to each other."""
+"""Where vehicles get to by what they are commanded and by a manoeuvre kept up, and how near they come to each other."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class MinimumDistance(NamedTuple):
         return MinimumDistance(share * self.distance_m, share * self.off_s)
 
 
-def approach(one: Array, other: Array, kept: MinimumDistance, times_s: Array) -> Approach:
+def approach(one: Array, other: Array, minimum: MinimumDistance, times_s: Array) -> Approach:
     """Return how near pairs come; between the samples they move straight.
 
     The faster they move past each other, the farther may they be from where they're reckoned to be: the distance that
@@ -57,7 +57,7 @@ def approach(one: Array, other: Array, kept: MinimumDistance, times_s: Array) ->
     Args:
         one: (3, S, P) places of the one vehicle of each pair.
         other: (3, S, P), those of the other.
-        kept: what they are to keep.
+        minimum: what they are to keep.
         times_s: (S,) of the samples.
     """
     apart = other - one
@@ -66,9 +66,9 @@ def approach(one: Array, other: Array, kept: MinimumDistance, times_s: Array) ->
     share = within(-(begin * way).sum(axis=0) / squared, 0.0, 1.0)
     distance = np.sqrt(((begin + share * way) ** 2).sum(axis=0))
     steps_s = np.diff(times_s)[:, None]
-    needed_m = kept.distance_m + kept.off_s * np.sqrt(squared) / steps_s
+    needed_m = minimum.distance_m + minimum.off_s * np.sqrt(squared) / steps_s
     when = np.argmin(distance, axis=0)
-    pairs = np.arange(kept.distance_m.size, dtype=np.intp)
+    pairs = np.arange(minimum.distance_m.size, dtype=np.intp)
     return Approach(
         distance[when, pairs],
         (times_s[:-1, None] + share * steps_s)[when, pairs],
@@ -76,7 +76,7 @@ def approach(one: Array, other: Array, kept: MinimumDistance, times_s: Array) ->
     )
 
 
-def may_come_near(ours: Array, theirs: Array, kept: MinimumDistance, times_s: Array) -> Mask:
+def may_come_near(ours: Array, theirs: Array, minimum: MinimumDistance, times_s: Array) -> Mask:
     """Return whom (O,) any of one vehicle's ways may bring nearer than it's to keep, seen from above.
 
     From the boxes around ways between one sample and the next: nobody is left out that comes too near.
@@ -84,7 +84,7 @@ def may_come_near(ours: Array, theirs: Array, kept: MinimumDistance, times_s: Ar
     Args:
         ours: (2, S, M) north and east of the one vehicle's ways.
         theirs: (2, S, O), the way of each of the others.
-        kept: what each of them and the one are to keep, (O,).
+        minimum: what each of them and the one are to keep, (O,).
         times_s: (S,) of the samples.
     """
     steps_s = np.diff(times_s)
@@ -94,7 +94,7 @@ def may_come_near(ours: Array, theirs: Array, kept: MinimumDistance, times_s: Ar
     above = np.minimum(theirs[:, 1:], theirs[:, :-1]) - high[:, :, None]
     below = low[:, :, None] - np.maximum(theirs[:, 1:], theirs[:, :-1])
     apart_m = np.linalg.norm(np.maximum(np.maximum(above, below), 0.0), axis=0)
-    return (apart_m < kept.distance_m + kept.off_s * fast_mps).any(axis=0)
+    return (apart_m < minimum.distance_m + minimum.off_s * fast_mps).any(axis=0)
 
 
 class Manoeuvre(Columns):
@@ -129,7 +129,7 @@ class Manoeuvre(Columns):
 
 @dataclass(frozen=True)
 class Traffic:
-    """Vehicles when what they're told now acts, (N,) columns."""
+    """Vehicles when what they are commanded now acts, (N,) columns."""
 
     state: FlightStates
     lead_s: Array
@@ -162,8 +162,8 @@ def sample_times(first_s: float, horizon_s: float) -> Array:
 def fly(traffic: Traffic, manoeuvre: Manoeuvre, times_s: Array) -> Array:
     """Return the places (3, S, N), north, east and up, at `times_s` by model (7).
 
-    The first setpoint acts until `times_s[1]`. A height beyond what the envelope lets a vehicle be told at once is
-    approached as it will be told: by setpoints that run ahead of it.
+    The first setpoint acts until `times_s[1]`. A height beyond what the envelope lets a vehicle be commanded at once is
+    approached as it will be commanded: by setpoints that run ahead of it.
     """
     begin, turned = _begun(traffic, manoeuvre, times_s)
     heights = _heights(traffic.model, turned, manoeuvre.height_m, np.diff(times_s[1:]))

@@ -20,7 +20,7 @@ from gcs_formation.recorder import Tick, VehicleLink
 from gcs_formation.separation.first_look import Look, nobody_near
 from gcs_formation.separation.manoeuvre import Traffic, sample_times
 from gcs_formation.separation.rule import Conflict, Memory, Resolution, resolve
-from gcs_formation.separation.traffic import Scene
+from gcs_formation.separation.traffic import TrafficPicture
 from gcs_formation.vehicle.vehicle import UNANSWERED_S
 
 ROOM_M: Final = 0.5
@@ -152,11 +152,11 @@ class ConflictResolver:
         members = self._members(tick, measured)
         if len(members) < FEWEST:
             return
-        scene = self._scene(tick, measured, members, self._unresponsive.among(members))
-        side = np.array(self._side)[scene.vehicles]
-        resolution = resolve(scene, Memory(np.where(scene.commanded, side, 0.0)))
-        self._replace(tick, scene.vehicles, resolution)
-        self._note(tick.now, scene, resolution.conflicts)
+        picture = self._picture(tick, measured, members, self._unresponsive.among(members))
+        side = np.array(self._side)[picture.vehicles]
+        resolution = resolve(picture, Memory(np.where(picture.commanded, side, 0.0)))
+        self._replace(tick, picture.vehicles, resolution)
+        self._note(tick.now, picture, resolution.conflicts)
 
     def _nobody_near(self, tick: Tick, measured: Measured) -> bool:
         """Return whether all are commanded, respond and can't come near each other, and nobody gave way until now."""
@@ -187,7 +187,7 @@ class ConflictResolver:
         self._side = [0.0] * len(self._models)
         sides: list[float] = resolution.memory.side.tolist()
         columns: list[int] = vehicles.tolist()
-        commanded: list[list[float]] = resolution.told.table.T.tolist()
+        commanded: list[list[float]] = resolution.setpoints.table.T.tolist()
         for column, side, (speed_mps, heading_rad, height_m) in zip(columns, sides, commanded, strict=True):
             if side:
                 setpoint = speed_mps, heading_rad, height_m
@@ -209,7 +209,7 @@ class ConflictResolver:
             counted.insert(0, tick.leader)
         return counted
 
-    def _scene(self, tick: Tick, measured: Measured, members: list[int], unresponsive: list[int]) -> Scene:
+    def _picture(self, tick: Tick, measured: Measured, members: list[int], unresponsive: list[int]) -> TrafficPicture:
         """Return what the rule looks at; those that may be unresponsive come once more, where they then are."""
         acts = [measured.acts[each] for each in members]
         together = max((measured.acts[each] for each in members if tick.active[each]), default=min(acts))
@@ -223,9 +223,9 @@ class ConflictResolver:
             traffic = traffic.beside(self._unresponsive.traffic(unresponsive, measured, together))
         vehicles, timing_s = [*members, *unresponsive], _timing_s(tick)
         by_law = Setpoints.from_each(tick.setpoints[each] for each in vehicles).table
-        return Scene(
+        return TrafficPicture(
             traffic=traffic,
-            told=Setpoints.of(np.where(commanded, by_law, np.nan)),
+            setpoints=Setpoints.of(np.where(commanded, by_law, np.nan)),
             commanded=np.array(commanded),
             vehicles=np.array(vehicles, dtype=np.intp),
             kept_m=self.kept_m,
@@ -286,10 +286,10 @@ class ConflictResolver:
         solid = places_m[1:] if self._virtual else places_m
         return SLOT_SHARE * _nearest_m(solid)
 
-    def _note(self, now: Instant, scene: Scene, conflicts: tuple[Conflict, ...]) -> None:
+    def _note(self, now: Instant, picture: TrafficPicture, conflicts: tuple[Conflict, ...]) -> None:
         if not conflicts and not self._encounters:
             return
-        state, vehicles = scene.traffic.state, scene.vehicles
+        state, vehicles = picture.traffic.state, picture.vehicles
         where = dict(zip(reversed(vehicles.tolist()), state.place_m[:, ::-1].T, strict=True))
         for conflict in conflicts:
             pair = int(vehicles[conflict.vehicle]), int(vehicles[conflict.other])

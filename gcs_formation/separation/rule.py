@@ -21,7 +21,7 @@ from gcs_formation.separation.manoeuvre import (
     fly_level,
     may_come_near,
 )
-from gcs_formation.separation.traffic import Scene, free_heights, possible_pairs, take_height
+from gcs_formation.separation.traffic import TrafficPicture, free_heights, possible_pairs, take_height
 
 RELEASE = 1.1
 """Share of the kept distance that must stay free before a vehicle stops giving way."""
@@ -57,61 +57,61 @@ class Conflict:
 
 @dataclass(frozen=True)
 class Resolution:
-    """What is told instead."""
+    """What is commanded instead."""
 
-    told: Setpoints
+    setpoints: Setpoints
     memory: Memory
     conflicts: tuple[Conflict, ...]
 
 
-def resolve(scene: Scene, memory: Memory) -> Resolution:
+def resolve(picture: TrafficPicture, memory: Memory) -> Resolution:
     """Return the setpoints that keep the distances; exactly those that came in where nobody need give way."""
-    one, other = possible_pairs(scene)
-    if not any_of(memory.yielding) and not any_of(_near_level(scene, one, other)):
-        return Resolution(scene.told, memory, ())
-    return _Search(scene, memory, one, other).resolution()
+    one, other = possible_pairs(picture)
+    if not any_of(memory.yielding) and not any_of(_near_level(picture, one, other)):
+        return Resolution(picture.setpoints, memory, ())
+    return _Search(picture, memory, one, other).resolution()
 
 
-def _near_level(scene: Scene, one: Indices, other: Indices) -> Mask:
-    """Return which pairs come too near as told, seen from above: the others keep their distance at any heights."""
+def _near_level(picture: TrafficPicture, one: Indices, other: Indices) -> Mask:
+    """Return which pairs come too near as commanded, seen from above: the others keep their distance at any heights."""
     if not one.size:
         return np.zeros(0, dtype=bool)
     which, places = np.unique(np.concatenate((one, other)), return_inverse=True)
-    ways = fly_level(scene.traffic.take(which), scene.as_told().take(which), scene.times_s)
+    ways = fly_level(picture.traffic.take(which), picture.as_commanded().take(which), picture.times_s)
     first, second = ways[:, :, places[: one.size]], ways[:, :, places[one.size :]]
-    return approach(first, second, scene.kept(one, other), scene.times_s).deficit_ms > NEGLIGIBLE_MS
+    return approach(first, second, picture.minimum(one, other), picture.times_s).deficit_ms > NEGLIGIBLE_MS
 
 
 class _Search:
     """One tick's search, vehicle by vehicle."""
 
-    def __init__(self, scene: Scene, memory: Memory, one: Indices, other: Indices) -> None:
-        self._scene = scene
+    def __init__(self, picture: TrafficPicture, memory: Memory, one: Indices, other: Indices) -> None:
+        self._picture = picture
         self._side = memory.side.copy()
         self._before = memory.yielding
-        self._manoeuvre = scene.as_told()
-        self._ways = fly(scene.traffic, self._manoeuvre, scene.times_s)
+        self._manoeuvre = picture.as_commanded()
+        self._ways = fly(picture.traffic, self._manoeuvre, picture.times_s)
         self._conflicts: dict[int, tuple[Conflict, ...]] = {}
-        near = approach(self._ways[:, :, one], self._ways[:, :, other], scene.kept(one, other), scene.times_s)
+        near = approach(self._ways[:, :, one], self._ways[:, :, other], picture.minimum(one, other), picture.times_s)
         bad = near.deficit_ms > NEGLIGIBLE_MS
         self._waiting = {self._second(i, j) for i, j in zip(one[bad].tolist(), other[bad].tolist(), strict=True)}
-        self._waiting |= set(np.flatnonzero(memory.yielding & scene.commanded).tolist())
+        self._waiting |= set(np.flatnonzero(memory.yielding & picture.commanded).tolist())
 
     def resolution(self) -> Resolution:
-        self._side[~self._scene.commanded] = 0.0
+        self._side[~self._picture.commanded] = 0.0
         for _ in range(SWEEPS):
             if not self._sweep():
                 break
-        told, yielding = self._scene.told.table.copy(), self._side != 0
-        told[:, yielding] = self._manoeuvre.first.table[:, yielding]
+        setpoints, yielding = self._picture.setpoints.table.copy(), self._side != 0
+        setpoints[:, yielding] = self._manoeuvre.first.table[:, yielding]
         found = [
             conflict for vehicle, each in sorted(self._conflicts.items()) if yielding[vehicle] for conflict in each
         ]
-        return Resolution(Setpoints.of(told), Memory(self._side), tuple(found))
+        return Resolution(Setpoints.of(setpoints), Memory(self._side), tuple(found))
 
     def _second(self, i: int, j: int) -> int:
         """Return who of a pair gives way first: the later one, if it's commanded."""
-        return j if self._scene.commanded[j] else i
+        return j if self._picture.commanded[j] else i
 
     def _sweep(self) -> bool:
         """Choose for all that wait, the last one first; return whether somebody found no safe way."""
@@ -122,21 +122,21 @@ class _Search:
             done.add(vehicle)
             endangered = self._choose(vehicle)
             unsafe = unsafe or bool(endangered)
-            waiting |= {i for i in endangered if self._scene.commanded[i]} - done
+            waiting |= {i for i in endangered if self._picture.commanded[i]} - done
         self._waiting |= done
         return unsafe
 
     def _choose(self, vehicle: int) -> list[int]:
         """Choose a vehicle's way; return whom it still comes too near to."""
-        scene, others = self._scene, self._neighbours(vehicle)
+        picture, others = self._picture, self._neighbours(vehicle)
         plain = self._plain(vehicle)
         near = self._approach(vehicle, plain, others, RELEASE)
         conflicting = near.deficit_ms.max(axis=0, initial=0.0) > NEGLIGIBLE_MS
         self._conflicts[vehicle] = _conflicts(vehicle, others, near, conflicting)
         heights = free_heights(
-            scene, vehicle, others[conflicting], self._ways[2, -1, others[conflicting]], self._side[vehicle]
+            picture, vehicle, others[conflicting], self._ways[2, -1, others[conflicting]], self._side[vehicle]
         )[:HEIGHTS_MAX]
-        escapes = take_height(scene, vehicle, heights)
+        escapes = take_height(picture, vehicle, heights)
         waits = self._passing(vehicle, plain, escapes, heights)
         gives_way = self._giving_way(vehicle, escapes)
         options = _joined(waits, gives_way)
@@ -147,36 +147,36 @@ class _Search:
         safe = np.flatnonzero(total <= NEGLIGIBLE_MS)
         chosen = int(safe[0]) if safe.size else int(np.argmin(total))
         self._adopt(vehicle, options.take(np.array([chosen])), yielding=chosen >= waits.height_m.size)
-        return others[comes.nearest_m[chosen] < HELPED_BELOW * self._kept(vehicle, others).distance_m].tolist()
+        return others[comes.nearest_m[chosen] < HELPED_BELOW * self._minimum(vehicle, others).distance_m].tolist()
 
     def _released(self, near: Approach) -> bool:
-        """Whether a vehicle that gives way may stop: straight on and as told, it keeps well clear of everyone."""
+        """Whether a vehicle that gives way may stop: straight on and as commanded, it keeps well clear of everyone."""
         return not (near.deficit_ms[1] > NEGLIGIBLE_MS).any()
 
     def _plain(self, vehicle: int) -> Manoeuvre:
         """Return what a vehicle does if it doesn't give way at all: along the reference, and straight on."""
         which = np.array([vehicle])
-        told, (speed_mps, heading_rad) = self._scene.told.take(which), self._scene.lasting(vehicle)
-        along = Manoeuvre(told, np.array([speed_mps]), np.array([heading_rad]), told.height_m)
-        return _joined(along, self._scene.straight(which))
+        setpoints, (speed_mps, heading_rad) = self._picture.setpoints.take(which), self._picture.lasting(vehicle)
+        along = Manoeuvre(setpoints, np.array([speed_mps]), np.array([heading_rad]), setpoints.height_m)
+        return _joined(along, self._picture.straight(which))
 
     def _passing(self, vehicle: int, plain: Manoeuvre, escapes: Manoeuvre, heights: Array) -> Manoeuvre:
-        """Return the ways that begin as told: the plain ones, and those that give way afterwards."""
-        told = self._scene.told.table[:, [vehicle]]
+        """Return the ways that begin as commanded: the plain ones, and those that give way afterwards."""
+        setpoints = self._picture.setpoints.table[:, [vehicle]]
         later = escapes.table.reshape(6, heights.size, 4)[:, :, :2].reshape(6, -1)
-        later[:3] = told
+        later[:3] = setpoints
         return _joined(plain, Manoeuvre.of(later))
 
     def _giving_way(self, vehicle: int, escapes: Manoeuvre) -> Manoeuvre:
-        """Return the ways that give way at once; if no other height helps, at the height as told."""
-        level = take_height(self._scene, vehicle, self._scene.told.height_m[[vehicle]])
+        """Return the ways that give way at once; if no other height helps, at the height as commanded."""
+        level = take_height(self._picture, vehicle, self._picture.setpoints.height_m[[vehicle]])
         return _joined(escapes, level.take(np.array([2, 3])))
 
     def _adopt(self, vehicle: int, chosen: Manoeuvre, *, yielding: bool) -> None:
         which = np.array([vehicle])
         self._manoeuvre = self._manoeuvre.with_columns(which, chosen)
-        self._ways[:, :, which] = fly(self._scene.traffic.take(which), chosen, self._scene.times_s)
-        upwards = chosen.height_m[0] >= self._scene.told.height_m[vehicle]
+        self._ways[:, :, which] = fly(self._picture.traffic.take(which), chosen, self._picture.times_s)
+        upwards = chosen.height_m[0] >= self._picture.setpoints.height_m[vehicle]
         self._side[vehicle] = 0.0 if not yielding else (1.0 if upwards else -1.0)
 
     def _neighbours(self, vehicle: int) -> Indices:
@@ -185,25 +185,25 @@ class _Search:
         A way keeps to one of four courses; the others' ways are known. What holds for the boxes around all of them,
         step by step in a frame that moves on with the reference, holds for the ways.
         """
-        scene = self._scene
-        courses = take_height(scene, vehicle, scene.told.height_m[[vehicle]])
+        picture = self._picture
+        courses = take_height(picture, vehicle, picture.setpoints.height_m[[vehicle]])
         which = np.full(courses.height_m.size, vehicle, dtype=np.intp)
-        moved = scene.velocity_mps[:, scene.reference, None, None] * scene.times_s[:, None]
-        ours = fly_level(scene.traffic.take(which), courses, scene.times_s) - moved
-        others = np.delete(np.arange(scene.commanded.size, dtype=np.intp), vehicle)
+        moved = picture.velocity_mps[:, picture.reference, None, None] * picture.times_s[:, None]
+        ours = fly_level(picture.traffic.take(which), courses, picture.times_s) - moved
+        others = np.delete(np.arange(picture.commanded.size, dtype=np.intp), vehicle)
         theirs = self._ways[:2, :, others] - moved
-        return others[may_come_near(ours, theirs, self._kept(vehicle, others).times(RELEASE), scene.times_s)]
+        return others[may_come_near(ours, theirs, self._minimum(vehicle, others).times(RELEASE), picture.times_s)]
 
-    def _kept(self, vehicle: int, others: Indices) -> MinimumDistance:
-        return self._scene.kept(np.full(others.size, vehicle, dtype=np.intp), others)
+    def _minimum(self, vehicle: int, others: Indices) -> MinimumDistance:
+        return self._picture.minimum(np.full(others.size, vehicle, dtype=np.intp), others)
 
     def _approach(self, vehicle: int, options: Manoeuvre, others: Indices, share: float) -> Approach:
         """Return how near each of a vehicle's options (M,) comes to each of the others: (M, O) arrays."""
-        scene, count = self._scene, options.height_m.size
+        picture, count = self._picture, options.height_m.size
         which = np.full(count, vehicle, dtype=np.intp)
-        ways = np.repeat(fly(scene.traffic.take(which), options, scene.times_s), others.size, axis=2)
-        kept = MinimumDistance(*(np.tile(values, count) for values in self._kept(vehicle, others).times(share)))
-        near = approach(ways, np.tile(self._ways[:, :, others], count), kept, scene.times_s)
+        ways = np.repeat(fly(picture.traffic.take(which), options, picture.times_s), others.size, axis=2)
+        minimum = MinimumDistance(*(np.tile(values, count) for values in self._minimum(vehicle, others).times(share)))
+        near = approach(ways, np.tile(self._ways[:, :, others], count), minimum, picture.times_s)
         return Approach(*(values.reshape(count, others.size) for values in near))
 
 

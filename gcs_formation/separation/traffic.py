@@ -20,11 +20,11 @@ FEW = 32
 
 
 @dataclass(frozen=True)
-class Scene:
+class TrafficPicture:
     """Vehicles, (N,) columns, in the order in which they go first: the last one gives way first."""
 
     traffic: Traffic
-    told: Setpoints
+    setpoints: Setpoints
     """By the law; NaN for those that aren't commanded."""
     commanded: Mask
     vehicles: Indices
@@ -58,16 +58,16 @@ class Scene:
         return np.where(self.commanded, speed, np.nan), np.where(self.commanded, heading, np.nan)
 
     def lasting(self, vehicle: int) -> tuple[float, float]:
-        """Return airspeed and heading that a vehicle can go on with when it has flown as told: the reference's.
+        """Return airspeed and heading that a vehicle can go on with when it has flown as commanded: the reference's.
 
-        The reference itself flies on as it then does (NaN). In a bend it turns while it's told to, and straight on
+        The reference itself flies on as it then does (NaN). In a bend it turns while commanded to, and straight on
         isn't the heading of now any more: a way that begins so and turns back couldn't be flown on at the next tick.
         """
         speed, heading = self.along
         turns = vehicle == self.reference
         return (np.nan, np.nan) if turns else (float(speed[vehicle]), float(heading[vehicle]))
 
-    def kept(self, one: Indices, other: Indices) -> MinimumDistance:
+    def minimum(self, one: Indices, other: Indices) -> MinimumDistance:
         """Return what pairs are to keep (P,)."""
         both = self.commanded[one] & self.commanded[other]
         apart = self.vehicles[one] != self.vehicles[other]
@@ -79,56 +79,56 @@ class Scene:
         """The height that no vehicle is sent below, (N,)."""
         return self.floor(self.traffic.state)
 
-    def as_told(self) -> Manoeuvre:
-        """Return what everyone does if nothing gives way: as told, then along the reference at the told height.
+    def as_commanded(self) -> Manoeuvre:
+        """Return what everyone does if nothing gives way: as commanded, then along the reference, as high.
 
         Those that aren't commanded go on as they do.
         """
-        told = self.told
-        return Manoeuvre(told, *self.along, told.height_m)
+        setpoints = self.setpoints
+        return Manoeuvre(setpoints, *self.along, setpoints.height_m)
 
     def straight(self, which: Indices) -> Manoeuvre:
         """Return the same for some, but straight on instead of along the reference."""
-        told, on = self.told.take(which), np.full(which.size, np.nan)
-        return Manoeuvre(told, on, on, told.height_m)
+        setpoints, on = self.setpoints.take(which), np.full(which.size, np.nan)
+        return Manoeuvre(setpoints, on, on, setpoints.height_m)
 
     def within_reach(self, which: Indices, height_m: Array) -> Array:
-        """Return heights as near to the vehicles' own as they may be told (N,)."""
+        """Return heights as near to the vehicles' own as they may be commanded (N,)."""
         own_m, most_m = self.traffic.state.height_m[which], reach_m(self.traffic.model.take(which))
         return within(height_m, own_m - most_m, own_m + most_m)
 
 
-def take_height(scene: Scene, vehicle: int, height_m: Array) -> Manoeuvre:
+def take_height(picture: TrafficPicture, vehicle: int, height_m: Array) -> Manoeuvre:
     """Return the ways to get to each of some heights, (4 M,) columns, the mildest first.
 
-    The course as told, then along the reference or straight on; along the reference at once; straight on at once.
+    The course as commanded, then along the reference or straight on; along the reference at once; straight on at once.
     """
     which = np.full(height_m.size, vehicle, dtype=np.intp)
-    now, told = scene.traffic.state, scene.told
+    now, setpoints = picture.traffic.state, picture.setpoints
     on = np.full(height_m.size, np.nan)
-    along = [np.full(height_m.size, value[vehicle]) for value in scene.along]
-    lasting = [np.full(height_m.size, value) for value in scene.lasting(vehicle)]
-    first_m = scene.within_reach(which, height_m)
-    course = [np.full(height_m.size, value[vehicle]) for value in (told.speed_mps, told.heading_rad)]
-    kept = [np.full(height_m.size, value[vehicle]) for value in (now.airspeed_mps, now.heading_rad)]
-    ways = ((course, lasting), (course, [on, on]), (along, lasting), (kept, [on, on]))
+    along = [np.full(height_m.size, value[vehicle]) for value in picture.along]
+    lasting = [np.full(height_m.size, value) for value in picture.lasting(vehicle)]
+    first_m = picture.within_reach(which, height_m)
+    course = [np.full(height_m.size, value[vehicle]) for value in (setpoints.speed_mps, setpoints.heading_rad)]
+    minimum = [np.full(height_m.size, value[vehicle]) for value in (now.airspeed_mps, now.heading_rad)]
+    ways = ((course, lasting), (course, [on, on]), (along, lasting), (minimum, [on, on]))
     rows = [np.stack((*first, first_m, *then, height_m)) for first, then in ways]
     return Manoeuvre.of(np.stack(rows, axis=2).reshape(6, -1))
 
 
-def free_heights(scene: Scene, vehicle: int, others: Indices, ends_m: Array, side: float) -> Array:
+def free_heights(picture: TrafficPicture, vehicle: int, others: Indices, ends_m: Array, side: float) -> Array:
     """Return the heights at which a vehicle passes others that end at `ends_m`.
 
     Those on its side come first, then the nearest; upwards where it's the same.
     """
-    kept = scene.kept(np.full(others.size, vehicle, dtype=np.intp), others)
-    passing_mps = _length(scene.velocity_mps[:, others] - scene.velocity_mps[:, [vehicle]])
-    beside_m = kept.distance_m + kept.off_s * passing_mps + BESIDE_M
+    minimum = picture.minimum(np.full(others.size, vehicle, dtype=np.intp), others)
+    passing_mps = _length(picture.velocity_mps[:, others] - picture.velocity_mps[:, [vehicle]])
+    beside_m = minimum.distance_m + minimum.off_s * passing_mps + BESIDE_M
     heights = np.concatenate((ends_m + beside_m, ends_m - beside_m))
     sides = np.repeat((1.0, -1.0), others.size)
-    allowed = heights >= scene.floor_m[vehicle]
+    allowed = heights >= picture.floor_m[vehicle]
     heights, sides = heights[allowed], sides[allowed]
-    own_m = float(scene.traffic.state.height_m[vehicle])
+    own_m = float(picture.traffic.state.height_m[vehicle])
     other_side = (sides != side) & (side != 0)
     far_m = np.round(np.abs(heights - own_m), 6)
     return heights[np.lexsort((-sides, far_m, other_side))]
@@ -148,62 +148,62 @@ class Reach(NamedTuple):
     fast_mps: Array
 
 
-def possible_pairs(scene: Scene) -> tuple[Indices, Indices]:
-    """Return the pairs (one < other) that could come too near as told, one of them commanded at least.
+def possible_pairs(picture: TrafficPicture) -> tuple[Indices, Indices]:
+    """Return the pairs (one < other) that could come too near as commanded, one of them commanded at least.
 
-    Exact: no pair is left out whose ways as told come nearer than they are to keep.
+    Exact: no pair is left out whose ways as commanded come nearer than they are to keep.
     """
-    reach, count = bound(scene), scene.commanded.size
-    one, other = _all_pairs(count) if count <= FEW else _pairs_within(_farthest_m(scene, reach), reach.place_m)
+    reach, count = bound(picture), picture.commanded.size
+    one, other = _all_pairs(count) if count <= FEW else _pairs_within(_farthest_m(picture, reach), reach.place_m)
     apart_m = _length(reach.place_m[:, other] - reach.place_m[:, one])
-    kept = scene.kept(one, other)
-    needed_m = kept.distance_m + kept.off_s * (reach.fast_mps[one] + reach.fast_mps[other])
+    minimum = picture.minimum(one, other)
+    needed_m = minimum.distance_m + minimum.off_s * (reach.fast_mps[one] + reach.fast_mps[other])
     possible: Mask = apart_m < needed_m + reach.far_m[one] + reach.far_m[other]
-    possible &= scene.commanded[one] | scene.commanded[other]
+    possible &= picture.commanded[one] | picture.commanded[other]
     return one[possible], other[possible]
 
 
-def bound(scene: Scene) -> Reach:
-    """Return how far and how fast the ways as told lead at most in the frame of the reference, level.
+def bound(picture: TrafficPicture) -> Reach:
+    """Return how far and how fast the ways as commanded lead at most in the frame of the reference, level.
 
     An error of speed or heading e that decays with a lag tau at a rate of r at most leads e tau + e^2 / (2 r) off; the
     trapezium rule, half a step more.
     """
-    traffic, state, told = scene.traffic, scene.traffic.state, scene.told
+    traffic, state, setpoints = picture.traffic, picture.traffic.state, picture.setpoints
     lags, value = AirLags.of(traffic.model), state.air_motion
-    along = np.array(scene.along)
-    errors = np.abs(np.array((along, told.air_motion)) - value)
+    along = np.array(picture.along)
+    errors = np.abs(np.array((along, setpoints.air_motion)) - value)
     errors[:, 1] = np.abs(wrap(errors[:, 1]))
-    error, to_told = errors
-    first_s, horizon_s = traffic.lead_s + scene.times_s[1], traffic.lead_s + scene.times_s[-1]
-    error += np.minimum(to_told / lags.tau_s, lags.rate_max) * first_s
+    error, to_setpoint = errors
+    first_s, horizon_s = traffic.lead_s + picture.times_s[1], traffic.lead_s + picture.times_s[-1]
+    error += np.minimum(to_setpoint / lags.tau_s, lags.rate_max) * first_s
     off = error * (first_s + lags.tau_s + COARSE_S / 2) + error**2 / (2 * lags.rate_max)
-    reference = scene.reference
+    reference = picture.reference
     drift_mps = _length(state.wind_mps - state.wind_mps[:, [reference]]) + np.abs(
         along[0] - state.airspeed_mps[reference]
     )
     far_m = off[0] + along[0] * off[1] + drift_mps * horizon_s
     fast_mps = error[0] + along[0] * error[1] + drift_mps
-    frame_mps = scene.velocity_mps[:, [reference]]
+    frame_mps = picture.velocity_mps[:, [reference]]
     place_m = state.level_m + frame_mps * traffic.lead_s
-    if not all_of(scene.commanded):
-        _free(scene, frame_mps, far_m, fast_mps, horizon_s)
+    if not all_of(picture.commanded):
+        _free(picture, frame_mps, far_m, fast_mps, horizon_s)
     return Reach(place_m, far_m, fast_mps)
 
 
-def _free(scene: Scene, frame_mps: Array, far_m: Array, fast_mps: Array, horizon_s: Array) -> None:
+def _free(picture: TrafficPicture, frame_mps: Array, far_m: Array, fast_mps: Array, horizon_s: Array) -> None:
     """Fill in those that aren't commanded: they go on, straight or in a turn."""
-    state, free = scene.traffic.state, ~scene.commanded
+    state, free = picture.traffic.state, ~picture.commanded
     circling_mps = state.airspeed_mps + _length(state.wind_mps) + _length(frame_mps)
-    straight_mps = _length(scene.velocity_mps - frame_mps)
-    mps: Array = np.where(scene.traffic.turn_rps == 0, straight_mps, circling_mps)
+    straight_mps = _length(picture.velocity_mps - frame_mps)
+    mps: Array = np.where(picture.traffic.turn_rps == 0, straight_mps, circling_mps)
     fast_mps[free], far_m[free] = mps[free], (mps * horizon_s)[free]
 
 
-def _farthest_m(scene: Scene, reach: Reach) -> float:
+def _farthest_m(picture: TrafficPicture, reach: Reach) -> float:
     """Return a distance beyond which no two come too near."""
-    most_m = 2 * (reach.far_m.max() + 2 * scene.timing_s.max() * reach.fast_mps.max())
-    return float(most_m) + max(scene.kept_m, scene.kept_from_others_m)
+    most_m = 2 * (reach.far_m.max() + 2 * picture.timing_s.max() * reach.fast_mps.max())
+    return float(most_m) + max(picture.kept_m, picture.kept_from_others_m)
 
 
 def _pairs_within(most_m: float, place_m: Array) -> tuple[Indices, Indices]:

@@ -238,9 +238,9 @@ class Autopilot(ABC):
     def checks(self, asked: Demands) -> tuple[Check, ...]:
         """Return the parameters to read before a flight that asks this much of the vehicle."""
 
-    def parameter(self, told: ParamValue) -> float:
+    def parameter(self, reported: ParamValue) -> float:
         """Return a parameter's value from the message that tells it."""
-        return told.param_value
+        return reported.param_value
 
     def stand_down(self) -> tuple[Command, ...]:
         """Return the commands that keep a vehicle on the ground; one that flies refuses them."""

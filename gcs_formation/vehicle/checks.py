@@ -154,12 +154,12 @@ class ParameterReader:
     def findings(self) -> list[Finding]:
         """Return what isn't as it should be, and what could not be read."""
         found = [finding for check in self._checks if (finding := check.judge(self._values)) is not None]
-        unread = [" or ".join(check.names) for check in self._checks if not self._told(check)]
+        unread = [" or ".join(check.names) for check in self._checks if not self._reported(check)]
         return [*found, *([Finding(f"no answer for {', '.join(unread)}, not checked")] if unread else [])]
 
     def _missing(self) -> list[str]:
-        wanted = [name for check in self._checks if not self._told(check) for name in check.names]
+        wanted = [name for check in self._checks if not self._reported(check) for name in check.names]
         return [name for name in wanted if self._tries[name] < TRIES]
 
-    def _told(self, check: Check) -> bool:
+    def _reported(self, check: Check) -> bool:
         return any(name in self._values for name in check.names)

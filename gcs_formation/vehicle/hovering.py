@@ -1,7 +1,7 @@
-"""What all multirotors are told, whoever flies them: velocities over ground, and where the nose points.
+"""What all multirotors are commanded, whoever flies them: velocities over ground, and where the nose points.
 
 What the law calls airspeed and heading are ground speed and course here. Heights are held by the station: the vertical
-velocity told is the error of height by `HEIGHT_S`, for in the stream of velocities a height is taken only with a place.
+velocity is the error of height by `HEIGHT_S`, for in the stream of velocities a height is taken only with a place.
 
 Source: MAVLink guide, "SET_POSITION_TARGET_LOCAL_NED"; acceptance as the simulators of ArduCopter and PX4 showed it.
 """
@@ -90,12 +90,12 @@ def ground_motion(yaw_rad: float, north_mps: float, east_mps: float, *, leads: b
 class VelocityLead:
     """Leads velocities, so that an autopilot flies them as if it left no part of a change to its integrator.
 
-    Of a velocity told w it flies prompt_share w + (1 - prompt_share) m, and m follows w with the time constant rest_s;
+    Of a velocity w it flies prompt_share w + (1 - prompt_share) m, and m follows w with the time constant rest_s;
     so w = (u - (1 - prompt_share) m) / prompt_share has it fly u.
     """
 
     def __init__(self, prompt_share: float, rest_s: float, most_mps: float, period_s: float) -> None:
-        """Begin at rest; a velocity is told every `period_s`, none faster than `most_mps`."""
+        """Begin at rest; a velocity is commanded every `period_s`, none faster than `most_mps`."""
         self._prompt, self._most_mps = prompt_share, most_mps
         self._filled = -math.expm1(-period_s / rest_s)
         self._integrated_mps: tuple[float, float] = (0.0, 0.0)
@@ -106,9 +106,9 @@ class VelocityLead:
         north = (north_mps - rest * done[0]) / self._prompt
         east = (east_mps - rest * done[1]) / self._prompt
         share = min(1.0, self._most_mps / max(math.hypot(north, east), 1e-9))
-        told = share * north, share * east
+        commanded = share * north, share * east
         self._integrated_mps = (
-            done[0] + self._filled * (told[0] - done[0]),
-            done[1] + self._filled * (told[1] - done[1]),
+            done[0] + self._filled * (commanded[0] - done[0]),
+            done[1] + self._filled * (commanded[1] - done[1]),
         )
-        return told
+        return commanded

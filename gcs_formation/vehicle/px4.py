@@ -80,11 +80,11 @@ TAKEOFF, LOITER, RTL = mode_number(MAIN_AUTO, 2), mode_number(MAIN_AUTO, 3), mod
 OFFBOARD = mode_number(6)
 
 
-def px4_value(told: ParamValue) -> float:
+def px4_value(reported: ParamValue) -> float:
     """Return a parameter's value: PX4 sends the bytes of an integer in the place of a float's."""
-    if told.param_type != m.MAV_PARAM_TYPE_INT32:
-        return told.param_value
-    return float(struct.unpack("<i", struct.pack("<f", told.param_value))[0])
+    if reported.param_type != m.MAV_PARAM_TYPE_INT32:
+        return reported.param_value
+    return float(struct.unpack("<i", struct.pack("<f", reported.param_value))[0])
 
 
 def heartbeats_lost(otherwise: str) -> Check:
@@ -126,9 +126,9 @@ class Px4(Autopilot, ABC):
         rates_hz = dict.fromkeys(fast, telemetry_rate_hz) | dict.fromkeys(slow, SLOW_RATE_HZ) | self.unasked_hz
         return rates_hz | {m.MAVLINK_MSG_ID_SYSTEM_TIME: UTC_RATE_HZ} if utc else rates_hz
 
-    def parameter(self, told: ParamValue) -> float:
+    def parameter(self, reported: ParamValue) -> float:
         """Return a parameter's value, of an integer too."""
-        return px4_value(told)
+        return px4_value(reported)
 
     def is_airborne(self, telemetry: Telemetry) -> bool:
         """Return whether it is armed and says that it is in the air, or is well above home."""

@@ -116,7 +116,7 @@ class PilotsChoice:
 
 
 class UnbrokenRun:
-    """Since when something has come repeatedly, without a gap longer than a limit."""
+    """Since when something has come repeatedly, without a gap longer than `allow` does."""
 
     def __init__(self) -> None:
         """Start with nothing come."""
@@ -130,10 +130,13 @@ class UnbrokenRun:
             self._since = now
         self._last = now
 
-    def since(self, now: Instant, gap_s: float) -> Instant | None:
-        """Return when the run that goes on now began, or None. `gap_s`, the longest gap, applies from then on."""
+    def allow(self, gap_s: float) -> None:
+        """Let gaps up to this long not break the run."""
         self._gap_s = gap_s
-        return None if seconds_between(self._last, now) > gap_s else self._since
+
+    def since(self, now: Instant) -> Instant | None:
+        """Return when the run that goes on now began, None if there is none."""
+        return None if seconds_between(self._last, now) > self._gap_s else self._since
 
 
 @dataclass
@@ -170,6 +173,10 @@ class StartUp:
     held: bool = False
     """Whether it is ready for its first command, and that may not be given yet."""
     _began: Instant = Instant(0)
+
+    def abandon(self) -> None:
+        """Give up a vehicle that could not be started."""
+        self.abandoned = True
 
     @property
     def finished(self) -> bool:

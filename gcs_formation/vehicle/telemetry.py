@@ -86,7 +86,7 @@ class Telemetry:
     implausible: int = 0
     """Messages that were dropped because they can't be an aircraft's."""
     texts: deque[str] = field(default_factory=lambda: deque[str](maxlen=KEPT_TEXTS))
-    texts_told: int = 0
+    texts_reported: int = 0
     """Counts the texts that have come to their end."""
     _chunks: tuple[int, str] = (0, "")
     """Id and beginning of a text whose end is still to come."""
@@ -160,7 +160,7 @@ class Telemetry:
             return
         self._chunks = 0, ""
         self.texts.append(_printable(text.strip()))
-        self.texts_told += 1
+        self.texts_reported += 1
 
     def forget(self) -> None:
         """Forget everything that a restart makes untrue."""

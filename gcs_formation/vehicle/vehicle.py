@@ -69,7 +69,7 @@ class Vehicle:
         self.telemetry = Telemetry(origin, autopilot.stands)
         self.clock = ClockSync(loop_s=autopilot.loop_s)
         self.stamps = StampMap(self.clock, GnssClock(autopilot.loop_s) if by_utc else None)
-        self.claims = SourceBinding(connection, self.clock)
+        self.source_binding = SourceBinding(connection, self.clock)
         """Judges which sender with its system id is the vehicle."""
         self.jitter, self.sequence = JitterMeter(), SequenceTracker()
         self.commands = CommandQueue()
@@ -271,7 +271,7 @@ class Vehicle:
         if not 0 < answer.tc1_ns < CLOCK_LIMIT_NS:
             self.telemetry.implausible += 1
             return
-        if not self.claims.believes(answer.tc1_ns / NANOSECONDS, now):
+        if not self.source_binding.believes(answer.tc1_ns / NANOSECONDS, now):
             return
         if self.clock.observe(sent, answer.tc1_ns, now):
             self._restart()

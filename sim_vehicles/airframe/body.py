@@ -38,9 +38,9 @@ class EnergyFlight:
         self._cycle = 0
         self._noise_mps: list[float] = []
         self._period = max(1, round(1.0 / (keys.airspeed_rate_hz * LOOP_S)))
-        level = energy.Told(state.airspeed_mps, math.inf, state.heading_rad, math.inf, state.height_m)
+        level = energy.Commanded(state.airspeed_mps, math.inf, state.heading_rad, math.inf, state.height_m)
         wait = 1 + round(parameters.dead_time_s / LOOP_S)
-        self._told: deque[energy.Told] = deque([level] * wait, maxlen=wait)
+        self._commanded: deque[energy.Commanded] = deque([level] * wait, maxlen=wait)
         """Commands of the dead time, the oldest first."""
         self.shown_mps = state.airspeed_mps
         """Airspeed as telemetry tells it."""
@@ -58,12 +58,12 @@ class EnergyFlight:
         aircraft = self._aircraft
         self._load(state)
         bank_rad = math.atan(turn_rate_max_rps * max(state.airspeed_mps, energy.LEAST_MPS) / GRAVITY_MPS2)
-        self._told.append(energy.Told(speed_mps, accel_max_mps2, heading_rad, bank_rad, height_m))
-        told = self._told[0]
+        self._commanded.append(energy.Commanded(speed_mps, accel_max_mps2, heading_rad, bank_rad, height_m))
+        commanded = self._commanded[0]
         if self._cycle % energy.CYCLES == 0:
-            energy.control(aircraft, told, self._parameters)
+            energy.control(aircraft, commanded, self._parameters)
         north_mps, east_mps = _along(state)
-        energy.cycle(aircraft, told, self._parameters, self._noise())
+        energy.cycle(aircraft, commanded, self._parameters, self._noise())
         state.height_m, state.climb_mps = aircraft.height_m, aircraft.climb_mps
         state.airspeed_mps, state.heading_rad = aircraft.speed_mps, aircraft.heading_rad
         then_north_mps, then_east_mps = _along(state)
@@ -76,7 +76,7 @@ class EnergyFlight:
         self._load(state)
         energy.trim(self._aircraft, self._parameters)
         self._noise()  # the sensor's, which nothing reads here
-        self._told.append(energy.Told(speed_mps, math.inf, heading_rad, math.inf, height_m))
+        self._commanded.append(energy.Commanded(speed_mps, math.inf, heading_rad, math.inf, height_m))
         self._show()
 
     def _load(self, state: FlightState) -> None:
@@ -126,10 +126,10 @@ class Body:
         "air_north_mps",
         "disturbance_mps",
         "drift_down_mps",
-        "heading_told_rad",
-        "height_told_m",
+        "heading_commanded_rad",
+        "height_commanded_m",
         "model",
-        "speed_told_mps",
+        "speed_commanded_mps",
         "state",
         "steering",
         "turn_rate_radps",
@@ -148,9 +148,9 @@ class Body:
         """What of the air's velocity is no wind: north, east, down."""
         self.drift_down_mps: float = 0.0
         """What carries it, with `state.wind_*`: 0 on the ground."""
-        self.speed_told_mps: float = 0.0
-        self.heading_told_rad: float = start.heading_rad
-        self.height_told_m: float = start.height_m
+        self.speed_commanded_mps: float = 0.0
+        self.heading_commanded_rad: float = start.heading_rad
+        self.height_commanded_m: float = start.height_m
         self.turn_rate_radps: float = 0.0
         self._energy: EnergyFlight | None = energy_flight(config, self.state, seed)
         self._motion: Motion | None = None
@@ -208,7 +208,7 @@ class Body:
         self._take_setpoints()
         before_rad = state.heading_rad
         turn_rate_max_rps = steering.lateral_mps2 / max(state.airspeed_mps, LEAST_SPEED_MPS)
-        speed_mps, heading_rad, height_m = self.speed_told_mps, self.heading_told_rad, self.height_told_m
+        speed_mps, heading_rad, height_m = self.speed_commanded_mps, self.heading_commanded_rad, self.height_commanded_m
         if self._energy is not None and steering.airborne:
             accel_mps2 = steering.accel_mps2
             self._energy.fly(state, speed_mps, heading_rad, height_m, accel_mps2, turn_rate_max_rps)
@@ -235,11 +235,11 @@ class Body:
         """Take this cycle's setpoints from the steering; on the ground height stays, at rest heading too."""
         state, steering, model = self.state, self.steering, self.model
         if steering.stopped:
-            self.speed_told_mps, self.heading_told_rad = 0.0, state.heading_rad
+            self.speed_commanded_mps, self.heading_commanded_rad = 0.0, state.heading_rad
         else:
-            self.speed_told_mps = within(steering.speed_mps, model.speed_min_mps, model.speed_max_mps)
-            self.heading_told_rad = steering.heading_rad(state, model.tau_psi_s)
-        self.height_told_m = steering.height_m if steering.airborne else state.height_m
+            self.speed_commanded_mps = within(steering.speed_mps, model.speed_min_mps, model.speed_max_mps)
+            self.heading_commanded_rad = steering.heading_rad(state, model.tau_psi_s)
+        self.height_commanded_m = steering.height_m if steering.airborne else state.height_m
 
     def _made(self) -> Motion:
         state = self.state
@@ -255,9 +255,9 @@ class Body:
             state.wind_east_mps,
             self.drift_down_mps,
             self.turn_rate_radps,
-            self.speed_told_mps,
-            self.heading_told_rad,
-            self.height_told_m,
+            self.speed_commanded_mps,
+            self.heading_commanded_rad,
+            self.height_commanded_m,
         )
 
 

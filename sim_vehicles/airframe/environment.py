@@ -31,7 +31,7 @@ class Environment:
         self._acting: list[tuple[_Steady | _Turbulent, float]] = []
         """What acts now, with the share of it."""
 
-    def mission_told(self, mission_time_s: float, now: Instant) -> None:
+    def hear_mission_time(self, mission_time_s: float, now: Instant) -> None:
         """Take a mission time from a ground station; only the first one that isn't negative is used."""
         if self.mission_zero is None and mission_time_s >= 0:
             self.mission_zero = after(now, -mission_time_s)

@@ -45,6 +45,7 @@ class HoveringBody(Body):
         "_accel",
         "_air_mps",
         "_climb_lag_s",
+        "_commanded",
         "_filled",
         "_integrated_mps",
         "_jerk_mps3",
@@ -55,7 +56,6 @@ class HoveringBody(Body):
         "_prompt",
         "_sink_aimed_mps",
         "_sinks",
-        "_told",
         "velocity_mps",
         "yaw_rad",
     )
@@ -77,7 +77,7 @@ class HoveringBody(Body):
         self._integrated_mps: tuple[float, float] = (north_mps, east_mps)
         self._accel: tuple[float, float] = (0.0, 0.0)
         self._air_mps: Velocity = AT_REST
-        self._told: deque[Velocity] = deque([self.velocity_mps] * DEAD_CYCLES[model.firmware])
+        self._commanded: deque[Velocity] = deque([self.velocity_mps] * DEAD_CYCLES[model.firmware])
         self._sinks: deque[float] = deque([0.0] * CLIMB_DEAD_CYCLES)
         self._sink_aimed_mps: float = 0.0
         self._noses: deque[float] = deque([math.nan] * YAW_DEAD_CYCLES)
@@ -101,15 +101,15 @@ class HoveringBody(Body):
     def fly(self) -> None:
         """Move on by a cycle of the main loop; what stands on the ground stays there."""
         self._motion = None
-        self._told.append(self.steering.velocity_mps)
+        self._commanded.append(self.steering.velocity_mps)
         self._sinks.append(self.steering.velocity_mps[2])
         self._noses.append(self.steering.yaw_rad)
-        told, sink_mps, nose_rad = self._told.popleft(), self._sinks.popleft(), self._noses.popleft()
+        commanded, sink_mps, nose_rad = self._commanded.popleft(), self._sinks.popleft(), self._noses.popleft()
         if not self.steering.airborne:
             self.ground()
             return
         before = self.velocity_mps
-        self._accelerate(told, sink_mps)
+        self._accelerate(commanded, sink_mps)
         self._turn_nose(nose_rad)
         north, east, down = self.velocity_mps
         state = self.state
@@ -122,13 +122,16 @@ class HoveringBody(Body):
         turned_rad = wrap(slot_axis(self.yaw_rad, north, east) - state.heading_rad)
         state.heading_rad += turned_rad
         self.turn_rate_radps = turned_rad / LOOP_S
-        self.speed_told_mps, self.heading_told_rad = math.hypot(told[0], told[1]), math.atan2(told[1], told[0])
-        self.height_told_m = state.height_m
+        self.speed_commanded_mps, self.heading_commanded_rad = (
+            math.hypot(commanded[0], commanded[1]),
+            math.atan2(commanded[1], commanded[0]),
+        )
+        self.height_commanded_m = state.height_m
 
-    def _accelerate(self, told: Velocity, sink_mps: float) -> None:
-        """Change the velocity by a cycle: towards what is told, level and downwards, and by what the air pushes."""
+    def _accelerate(self, commanded: Velocity, sink_mps: float) -> None:
+        """Change the velocity by a cycle: towards the one commanded, and by what the air pushes."""
         before, air = self.velocity_mps, (self.air_north_mps, self.air_east_mps, self.air_down_mps)
-        north_mps, east_mps = self._aimed(told)
+        north_mps, east_mps = self._aimed(commanded)
         wanted = _no_longer(
             (north_mps - before[0]) / self._lag_s, (east_mps - before[1]) / self._lag_s, self.model.accel_max_mps2
         )
@@ -142,17 +145,17 @@ class HoveringBody(Body):
         north, east, down = (v + LOOP_S * a + now - then for v, a, now, then in each)
         self.velocity_mps, self._air_mps = (north, east, down), air
 
-    def _aimed(self, told: Velocity) -> tuple[float, float]:
-        """Return the velocity that it comes to for now: the prompt share of what is told, and what is integrated."""
+    def _aimed(self, commanded: Velocity) -> tuple[float, float]:
+        """Return the velocity that it comes to for now: the prompt share of the one commanded, and the integrated."""
         prompt, share, done = self._prompt, self._filled, self._integrated_mps
-        self._integrated_mps = done[0] + share * (told[0] - done[0]), done[1] + share * (told[1] - done[1])
-        return prompt * told[0] + (1.0 - prompt) * done[0], prompt * told[1] + (1.0 - prompt) * done[1]
+        self._integrated_mps = done[0] + share * (commanded[0] - done[0]), done[1] + share * (commanded[1] - done[1])
+        return prompt * commanded[0] + (1.0 - prompt) * done[0], prompt * commanded[1] + (1.0 - prompt) * done[1]
 
-    def _turn_nose(self, told_rad: float) -> None:
-        """Turn the nose behind a direction that comes round to the one told at a constant rate."""
-        if not math.isnan(told_rad):
+    def _turn_nose(self, commanded_rad: float) -> None:
+        """Turn the nose behind a direction that comes round to the one commanded at a constant rate."""
+        if not math.isnan(commanded_rad):
             most_rad = YAW_RATE_RPS * LOOP_S
-            self._nose_aimed_rad += within(wrap(told_rad - self._nose_aimed_rad), -most_rad, most_rad)
+            self._nose_aimed_rad += within(wrap(commanded_rad - self._nose_aimed_rad), -most_rad, most_rad)
         share = LOOP_S / YAW_LAG_S
         self._nose_between_rad += share * (self._nose_aimed_rad - self._nose_between_rad)
         self.yaw_rad += share * (self._nose_between_rad - self.yaw_rad)

@@ -108,7 +108,7 @@ class Steering:
         """Throttle at 0."""
         self.airborne: bool = False
         self.velocity_mps: tuple[float, float, float] = (0.0, 0.0, 0.0)
-        """Over ground, north, east and down: what a multirotor is told."""
+        """Over ground, north, east and down: what a multirotor is commanded."""
         self.yaw_rad: float = math.nan
         """Where its nose shall point; NaN: as it does."""
 

@@ -177,7 +177,7 @@ class Missions:
         """Whether there is more than home."""
         return len(self.items) > 1
 
-    def told(self) -> MissionCurrent:
+    def reported(self) -> MissionCurrent:
         """Return MISSION_CURRENT."""
         state = self.state if self.flyable else m.MISSION_STATE_NO_MISSION
         return MissionCurrent(self.current, max(0, len(self.items) - 1), state)
@@ -202,7 +202,7 @@ class Missions:
             case MissionItem() | MissionItemInt():
                 return self._write(message, sender, now)
             case MissionSetCurrent(seq=seq):
-                return [self.told()._replace(seq=seq)] if self.choose(seq) else []
+                return [self.reported()._replace(seq=seq)] if self.choose(seq) else []
             case _:
                 return []
 
@@ -231,8 +231,8 @@ class Missions:
             return [count, refusal] if integers else [refusal]
         item = self.items[request.seq] if request.seq else self._home()
         current = 0 < request.seq == self.current
-        told = to_message(item, request.seq, sender.system, sender.component, current=current)
-        return [told if integers else in_degrees(told)]
+        reported = to_message(item, request.seq, sender.system, sender.component, current=current)
+        return [reported if integers else in_degrees(reported)]
 
     def _begin(
         self, message: MissionCount | MissionClearAll | MissionWritePartialList, sender: Sender, now: Instant

@@ -186,7 +186,7 @@ class GroundStationFailsafe:
             return NEVER
         return after(self._heard, self._parameters[self._keys.timeout_s])
 
-    def strike(self, now: Instant) -> FlightMode | None:
+    def due_mode(self, now: Instant) -> FlightMode | None:
         """Return the mode to change to if it triggers now."""
         if now < self.deadline():
             return None

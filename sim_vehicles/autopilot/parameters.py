@@ -150,14 +150,14 @@ class ParameterServer:
         if not self._to_list:
             return None
         peer, index = self._to_list.popleft()
-        return peer, self._told(self._names[index], index)
+        return peer, self._reported(self._names[index], index)
 
     def read(self, request: ParamRequestRead) -> ParamValue | None:
         """Return the answer to a request by index, or by name if the index is negative; None if there is none."""
         if request.param_index >= 0:
             known = request.param_index < len(self._names)
-            return self._told(self._names[request.param_index], request.param_index) if known else None
-        return self._told(request.param_id, UNINDEXED) if request.param_id in self._kinds else None
+            return self._reported(self._names[request.param_index], request.param_index) if known else None
+        return self._reported(request.param_id, UNINDEXED) if request.param_id in self._kinds else None
 
     def set(self, request: ParamSet) -> ParamValue | None:
         """Change a value, whatever type it is sent as, and return the new one; None if there is no such parameter."""
@@ -168,9 +168,9 @@ class ParameterServer:
         if name not in FIXED:
             within = min(max(value, kind.least), kind.most)
             self._values[name] = within if kind.type == m.MAV_PARAM_TYPE_REAL32 else int(within)
-        return self._told(name, UNINDEXED)
+        return self._reported(name, UNINDEXED)
 
-    def _told(self, name: str, index: int) -> ParamValue:
+    def _reported(self, name: str, index: int) -> ParamValue:
         kind, value = self._kinds[name].type, self._values[name]
         return ParamValue(
             name, value if kind == m.MAV_PARAM_TYPE_REAL32 else round(value), kind, len(self._names), index

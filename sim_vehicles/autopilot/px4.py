@@ -107,16 +107,16 @@ def current_mode(v: Px4) -> Message:
 
 def gps_raw_int(v: Vehicle) -> Message:
     """Return GPS_RAW_INT; it has no time stamp."""
-    told = telemetry.gps_raw_int(v)
-    assert isinstance(told, GpsRawInt)
-    return told._replace(time_usec=0)
+    reported = telemetry.gps_raw_int(v)
+    assert isinstance(reported, GpsRawInt)
+    return reported._replace(time_usec=0)
 
 
 def vfr_hud(v: Px4) -> Message:
     """Return VFR_HUD; a multirotor measures no airspeed."""
-    told = telemetry.vfr_hud(v)
-    assert isinstance(told, VfrHud)
-    return told._replace(airspeed_mps=math.nan) if v.config.model.hovers else told
+    reported = telemetry.vfr_hud(v)
+    assert isinstance(reported, VfrHud)
+    return reported._replace(airspeed_mps=math.nan) if v.config.model.hovers else reported
 
 
 BUILDERS: Final[telemetry.Builders] = {
@@ -224,9 +224,9 @@ class Px4Parameters(ParameterServer):
             value = float(struct.unpack("<i", struct.pack("<f", value))[0])
         if math.isfinite(value) and name not in FIXED and name != "MAV_SYS_ID":
             self._values[name] = min(max(value, kind.least), kind.most)
-        return self._told(name, self._names.index(name))
+        return self._reported(name, self._names.index(name))
 
-    def _told(self, name: str, index: int) -> ParamValue:  # noqa: ARG002 - always its own
+    def _reported(self, name: str, index: int) -> ParamValue:  # noqa: ARG002 - always its own
         kind, value = self._kinds[name].type, self._values[name]
         if kind == m.MAV_PARAM_TYPE_INT32:
             value = float(struct.unpack("<f", struct.pack("<i", round(value)))[0])
@@ -253,7 +253,7 @@ class LinkLoss(GroundStationFailsafe):
         wait_s = self._parameters["COM_DL_LOSS_T"] + (self._parameters["COM_FAIL_ACT_T"] if self._holds else 0.0)
         return after(self._heard, wait_s)
 
-    def strike(self, now: Instant) -> FlightMode | None:
+    def due_mode(self, now: Instant) -> FlightMode | None:
         """Return the mode to change to if it acts now."""
         if now < self.deadline():
             return None

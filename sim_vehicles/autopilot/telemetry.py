@@ -189,7 +189,7 @@ def home_position(v: Vehicle) -> Message:
 
 def mission_current(v: Vehicle) -> Message:
     """Return MISSION_CURRENT."""
-    return v.missions.told()
+    return v.missions.reported()
 
 
 def extended_sys_state(v: Vehicle) -> Message:

@@ -34,10 +34,10 @@ def command(speed=22.0, heading=0.0, height=100.0, turn_rate=math.inf, accel=mat
     }
 
 
-def fly(begin, told, seconds, steps=1, of=None):
+def fly(begin, commanded, seconds, steps=1, of=None):
     end = begin.copy()
     for _ in range(steps):
-        advance(end, of or model(), time_s=seconds / steps, **told)
+        advance(end, of or model(), time_s=seconds / steps, **commanded)
     return end
 
 
@@ -95,8 +95,8 @@ def test_the_command_s_own_acceleration_counts_when_it_is_lower():
 )
 @settings(deadline=None, max_examples=100)
 def test_a_step_can_be_split_without_changing_the_model_s_answer(speed, heading, height, seconds):
-    told = command(speed, heading, height)
-    whole, split = fly(state(), told, seconds), fly(state(), told, seconds, 2)
+    commanded = command(speed, heading, height)
+    whole, split = fly(state(), commanded, seconds), fly(state(), commanded, seconds, 2)
     for name in ("airspeed_mps", "heading_rad", "height_m", "climb_mps"):
         assert getattr(whole, name) == pytest.approx(getattr(split, name), abs=1e-12)
 
@@ -104,8 +104,8 @@ def test_a_step_can_be_split_without_changing_the_model_s_answer(speed, heading,
 @given(speed=st.floats(16, 28), heading=st.floats(-3.1, 3.1), seconds=st.floats(0.01, 30.0))
 @settings(deadline=None, max_examples=100)
 def test_saturated_speed_and_heading_can_be_split_too(speed, heading, seconds):
-    told = command(speed, heading)
-    whole, split = fly(state(), told, seconds), fly(state(), told, seconds, 3)
+    commanded = command(speed, heading)
+    whole, split = fly(state(), commanded, seconds), fly(state(), commanded, seconds, 3)
     for name in ("airspeed_mps", "heading_rad"):
         assert getattr(whole, name) == pytest.approx(getattr(split, name), abs=1e-11)
 
@@ -113,9 +113,9 @@ def test_saturated_speed_and_heading_can_be_split_too(speed, heading, seconds):
 @given(speed=st.floats(16, 28), heading=st.floats(-3.1, 3.1), height=st.floats(-200, 400))
 @settings(deadline=None, max_examples=40)
 def test_no_limit_is_ever_passed(speed, heading, height):
-    told, now, dt = command(speed, heading, height), state(), 0.02
+    commanded, now, dt = command(speed, heading, height), state(), 0.02
     for _ in range(100):
-        before, now = now, fly(now, told, dt)
+        before, now = now, fly(now, commanded, dt)
         assert abs(now.airspeed_mps - before.airspeed_mps) <= ACCEL * dt + 1e-12
         assert abs(now.heading_rad - before.heading_rad) <= TURN * dt + 1e-12
         assert abs(now.climb_mps) <= CLIMB
@@ -131,10 +131,10 @@ def test_a_climb_beyond_its_limit_comes_down_to_it_by_the_faster_lag():
 
 
 def test_a_long_climb_goes_at_the_limit_and_ends_without_overshoot():
-    now, told = state(), command(height=160.0)
+    now, commanded = state(), command(height=160.0)
     heights = []
     for _ in range(2500):
-        now = fly(now, told, 0.02)
+        now = fly(now, commanded, 0.02)
         heights.append(now.height_m)
     rates = np.diff(heights) / 0.02
     assert rates.max() == pytest.approx(CLIMB, abs=1e-9)
@@ -143,7 +143,7 @@ def test_a_long_climb_goes_at_the_limit_and_ends_without_overshoot():
 
 
 def test_the_model_agrees_with_a_peer_s_integrator_limits_included():
-    told = command(speed=27.0, heading=2.0, height=103.0)
+    commanded = command(speed=27.0, heading=2.0, height=103.0)
 
     def slopes(_, y):
         _, _, height, climb, speed, heading = y
@@ -158,7 +158,7 @@ def test_the_model_agrees_with_a_peer_s_integrator_limits_included():
 
     begin = [0.0, 0.0, 100.0, 0.0, 22.0, 0.0]
     peer = solve_ivp(slopes, (0.0, 20.0), begin, rtol=1e-11, atol=1e-11, max_step=0.02).y[:, -1]
-    end = fly(state(wind_north_mps=0.6, wind_east_mps=-0.4), told, 20.0, 1000)
+    end = fly(state(wind_north_mps=0.6, wind_east_mps=-0.4), commanded, 20.0, 1000)
     assert [getattr(end, name) for name in FIELDS] == pytest.approx(list(peer), abs=1e-6)
 
 

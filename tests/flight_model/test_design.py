@@ -28,11 +28,11 @@ def answer_to_a_sine(radps, amplitude_mps=0.02):
     cycles = round(round(90.0 * radps / (2 * math.pi)) * 2 * math.pi / radps / energy.ENERGY_S) * energy.CYCLES
     for cycle in range(cycles):
         now_s = cycle // energy.CYCLES * energy.ENERGY_S
-        told = energy.Told(22.0 + amplitude_mps * math.sin(radps * now_s), math.inf, 0.0, 1.0, 100.0)
+        commanded = energy.Commanded(22.0 + amplitude_mps * math.sin(radps * now_s), math.inf, 0.0, 1.0, 100.0)
         if cycle % energy.CYCLES == 0:
-            energy.control(aircraft, told, AIRCRAFT)
+            energy.control(aircraft, commanded, AIRCRAFT)
             flown.append((now_s, aircraft.speed_mps - 22.0))
-        energy.cycle(aircraft, told, AIRCRAFT)
+        energy.cycle(aircraft, commanded, AIRCRAFT)
     at_s, speeds = np.array(flown[len(flown) // 2 :]).T
     columns = np.column_stack((np.sin(radps * at_s), np.cos(radps * at_s), np.ones_like(at_s)))
     (sine, cosine, _), *_ = np.linalg.lstsq(columns, speeds, rcond=None)

@@ -26,12 +26,12 @@ def aircraft(speed_mps=22.0):
 def fly(speed_mps, seconds, speed=None, heading=0.0, height=100.0):
     """Heights, airspeeds and headings (3, K) every 0.02 s of an aircraft that is told new setpoints at 0."""
     one, parameters = aircraft(speed_mps)
-    told = energy.Told(speed_mps if speed is None else speed, math.inf, heading, BANK_RAD, height)
+    commanded = energy.Commanded(speed_mps if speed is None else speed, math.inf, heading, BANK_RAD, height)
     flown = [(one.height_m, one.speed_mps, one.heading_rad)]
     for cycle in range(round(seconds / energy.CYCLE_S)):
         if cycle % energy.CYCLES == 0:
-            energy.control(one, told, parameters)
-        energy.cycle(one, told, parameters)
+            energy.control(one, commanded, parameters)
+        energy.cycle(one, commanded, parameters)
         flown.append((one.height_m, one.speed_mps, one.heading_rad))
     return np.array(flown).T
 
@@ -46,14 +46,14 @@ def test_trimmed_aircraft_fly_on_straight_and_level(speed_mps):
 def test_energy_changes_by_thrust_less_drag_and_nothing_else():
     one, parameters = aircraft()
     one.pitch += 0.2
-    told = energy.Told(22.0, math.inf, 0.0, 1.0, 100.0)
+    commanded = energy.Commanded(22.0, math.inf, 0.0, 1.0, 100.0)
     before = GRAVITY_MPS2 * one.height_m + 0.5 * one.speed_mps**2
     drag_mps2 = lift_mps = 0.0
     for _ in range(50):
         speed, thrust = one.speed_mps, one.throttle * KEYS.thrust_mps2
         drag_mps2 = KEYS.drag_mps2 * (speed / 22) ** 2 + KEYS.induced_drag_mps2 * (22 / speed) ** 2
         lift_mps += (thrust - drag_mps2) * speed * energy.CYCLE_S
-        energy.cycle(one, told, parameters)
+        energy.cycle(one, commanded, parameters)
     after = GRAVITY_MPS2 * one.height_m + 0.5 * one.speed_mps**2
     assert one.height_m > 101.5
     assert after - before == pytest.approx(lift_mps, abs=0.3)
@@ -104,9 +104,9 @@ def test_a_demand_that_is_swung_quickly_comes_back_larger():
     swung = []
     for cycle in range(3000):
         told_mps = 22.0 + 0.5 * math.sin(0.8 * cycle * energy.CYCLE_S)
-        told = energy.Told(told_mps, math.inf, 0.0, 1.0, 100.0)
+        commanded = energy.Commanded(told_mps, math.inf, 0.0, 1.0, 100.0)
         if cycle % energy.CYCLES == 0:
-            energy.control(one, told, parameters)
-        energy.cycle(one, told, parameters)
+            energy.control(one, commanded, parameters)
+        energy.cycle(one, commanded, parameters)
         swung.append(one.speed_mps)
     assert np.ptp(swung[1500:]) / 1.0 > 0.6

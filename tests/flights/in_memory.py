@@ -177,9 +177,9 @@ class World:
         """Return an emulated vehicle."""
         return self.fleet.vehicles[number - 1]
 
-    def strike(self, number: int, kind: FaultKind, **keys: Any) -> None:
+    def inject(self, number: int, kind: FaultKind, **keys: Any) -> None:
         """Let a fault happen now."""
-        self.vehicle(number).strike(Fault(0.0, frozenset(), kind, **keys), self.clock.now())
+        self.vehicle(number).inject(Fault(0.0, frozenset(), kind, **keys), self.clock.now())
 
     def times_s(self, kind: str, number: int | None = None, text: str = "") -> list[float]:
         """Return when events of a kind happened, to a vehicle, with words in them."""

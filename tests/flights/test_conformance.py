@@ -78,7 +78,7 @@ def test_a_follower_that_does_not_climb_with_the_path_is_reported() -> None:
     climb = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [300, 0, 100], [700, 0, 130], [1100, 0, 160]]}
     world = World(duration_s=40, path=climb)
     world.fly_to(6.0)
-    world.strike(2, "ignore")
+    world.inject(2, "ignore")
     began_m = world.fleet.bodies[1].state.height_m
     world.network.run(lambda: world.notes.ticks[-1].setpoints[1][2] - began_m > 5.0)
     told_s = world.now_s
@@ -92,11 +92,11 @@ def test_a_follower_that_does_not_climb_with_the_path_is_reported() -> None:
 def test_a_follower_that_ignores_a_change_of_formation_is_reported_and_so_is_its_end() -> None:
     world = World(duration_s=25, formation=CHANGE)
     world.fly_to(4.0)
-    world.strike(2, "ignore")
+    world.inject(2, "ignore")
     world.fly_to(5.0)
     changed_s = world.now_s
     world.fly_to(13.0)
-    world.strike(2, "ignore", ends=True)
+    world.inject(2, "ignore", ends=True)
     world.run()
     (reported_s,) = world.times_s("disobeys", 2)
     assert reported_s - changed_s < 5.0
@@ -110,7 +110,7 @@ def test_a_vehicle_that_flies_straight_on_where_the_path_bends_is_reported(numbe
     bend = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [300, 0, 100], [700, 100, 100], [1000, 400, 100]]}
     world = World(duration_s=40, path=bend)
     world.fly_to(6.0)
-    world.strike(number, "ignore")
+    world.inject(number, "ignore")
     began = world.fleet.bodies[number - 1].state.heading_rad
     world.network.run(lambda: abs(told(world, number) - began) > 0.05)
     bent_s = world.now_s
@@ -129,8 +129,8 @@ def told(world: World, number: int) -> float:
 def test_an_order_to_loiter_that_is_acknowledged_and_not_obeyed_is_reported() -> None:
     world = World(duration_s=60, formation={"shape": "arrow", "succession": "none"})
     world.fly_to(3.0)
-    world.strike(3, "ignore")
-    world.strike(1, "freeze")
+    world.inject(3, "ignore")
+    world.inject(1, "freeze")
     world.run(15.0)
     (told_s,) = world.times_s("member", 3, "told to loiter")
     (reported_s,) = world.times_s("disobeys", 3)

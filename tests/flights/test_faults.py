@@ -39,7 +39,7 @@ def flying(kind: FaultKind, number: int, at_s: float = 2.0, **keys: Any) -> tupl
     """Return a world in which a fault has just struck, and when it did."""
     world = World(duration_s=keys.pop("duration_s", 60), **keys)
     world.fly_to(at_s)
-    world.strike(number, kind)
+    world.inject(number, kind)
     return world, world.now_s
 
 
@@ -62,7 +62,7 @@ def test_a_silent_follower_is_given_up_step_by_step_and_the_others_fly_on(kind: 
 def test_a_follower_that_hangs_and_comes_back_flies_in_its_slot_again() -> None:
     world, _ = flying("freeze", 2, duration_s=25)
     world.run(6.0)
-    world.strike(2, "freeze", ends=True)
+    world.inject(2, "freeze", ends=True)
     back_s = world.now_s
     world.run()
     (again_s,) = [at_s for at_s in world.times_s("member", 2, "flying") if at_s > back_s]
@@ -104,7 +104,7 @@ def test_a_restart_on_the_ground_is_left_to_the_pilot_until_it_flies_and_is_give
     vehicle.pilot.condition = Condition.DISARMED
     vehicle.body.ground()
     vehicle.enter(Mode.MANUAL)
-    world.strike(number, "restart")
+    world.inject(number, "restart")
     world.run(25.0)
     assert len(world.times_s("abandoned", number, "left to its pilot")) == 1
     assert vehicle.pilot.condition is Condition.DISARMED
@@ -114,7 +114,7 @@ def test_a_restart_on_the_ground_is_left_to_the_pilot_until_it_flies_and_is_give
     world.run(10.0)
     assert vehicle.pilot.condition is Condition.FLYING
     assert vehicle.pilot.mode is Mode.TAKEOFF
-    world.strike(number, "pilot", ends=True)
+    world.inject(number, "pilot", ends=True)
     back_s = world.now_s
     world.run(5.0)
     (again_s,) = [at_s for at_s in world.times_s("ready", number) if at_s > back_s]
@@ -138,11 +138,11 @@ def test_followers_of_a_silent_leader_are_told_to_loiter_apart(kind: FaultKind) 
 def test_a_pilots_switch_is_respected_and_ends_when_the_pilot_gives_it_back(mode: str) -> None:
     world = World(duration_s=15)
     world.fly_to(2.0)
-    world.strike(2, "pilot", mode=mode)
+    world.inject(2, "pilot", mode=mode)
     taken_s = world.now_s
     world.run(6.0)
     assert world.vehicle(2).pilot.mode is Mode[mode]
-    world.strike(2, "pilot", ends=True)
+    world.inject(2, "pilot", ends=True)
     back_s = world.now_s
     world.run(None if mode == "FBWA" else 2.0)
     (parted_s,) = world.times_s("member", 2, "parted")
@@ -157,7 +157,7 @@ def test_a_pilots_switch_is_respected_and_ends_when_the_pilot_gives_it_back(mode
 def test_a_leader_that_can_not_lead_any_more_is_succeeded_at_once_and_follows_when_it_can(kind: FaultKind) -> None:
     world, struck_s = flying(kind, 1, duration_s=9)
     world.run(4.0)
-    world.strike(1, "pilot", ends=True)
+    world.inject(1, "pilot", ends=True)
     world.run()
     (leads_s,) = world.times_s("leader", 2)
     assert leads_s - struck_s < 0.25 + LAG_S
@@ -171,7 +171,7 @@ def test_a_leader_that_can_not_lead_any_more_is_succeeded_at_once_and_follows_wh
 def test_without_succession_followers_loiter_until_the_leader_is_back(kind: FaultKind) -> None:
     world, struck_s = flying(kind, 1, duration_s=12, formation={"shape": "arrow", "succession": "none"})
     world.run(5.0)
-    world.strike(1, "pilot", ends=True)
+    world.inject(1, "pilot", ends=True)
     world.run()
     (back_s,) = [at_s for at_s in world.times_s("member", 1, "flying") if at_s > struck_s]
     for number in (2, 3):

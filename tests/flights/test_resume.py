@@ -203,7 +203,7 @@ def test_where_the_leader_is_gone_the_nearest_to_its_place_leads(killed: Callabl
     world = flight.world
     world.fly_to(5.0)
     flight.kill(3.0)
-    world.strike(1, "crash")
+    world.inject(1, "crash")
     flight.resume()
     world.run()
     (leads_s,) = world.times_s("leader", 2)

@@ -143,7 +143,7 @@ def test_a_vehicle_that_restarts_at_another_port_is_taken_up_again() -> None:
     assert isinstance(world.between, Moving)
     world.between.moved = True
     for number in (1, 2, 3):
-        world.strike(number, "restart")
+        world.inject(number, "restart")
     world.run()
     assert all("its clock began after that" in text for text in world.words("address"))
     assert len(world.times_s("address")) == len(world.times_s("restarted")) == 3
@@ -154,7 +154,7 @@ def test_a_vehicle_that_restarts_at_another_port_is_taken_up_again() -> None:
 def test_the_place_of_a_silent_vehicle_is_not_taken_by_another_clock() -> None:
     world = World(duration_s=15)
     world.fly_to(3.0)
-    world.strike(2, "freeze")
+    world.inject(2, "freeze")
     impostor = world.another(2, clock_offset_s=500.0)
     world.attach(impostor)
     world.run()
@@ -181,7 +181,7 @@ class HeartbeatsOnly(Between):
 def test_the_place_of_a_lost_vehicle_is_taken_by_heartbeats_alone_and_their_clock_shown_by_a_probe() -> None:
     world = World(duration_s=14)
     world.fly_to(3.0)
-    world.strike(2, "freeze")
+    world.inject(2, "freeze")
     struck_s = world.now_s
     other = HeartbeatsOnly(world.another(2, clock_offset_s=500.0))
     world.attach(other)

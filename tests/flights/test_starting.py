@@ -55,7 +55,7 @@ def nothing(world: World) -> None:
 
 
 def ignores(world: World) -> None:
-    world.strike(LAST, "ignore")
+    world.inject(LAST, "ignore")
 
 
 def can_not_arm(world: World) -> None:
@@ -70,12 +70,12 @@ def can_not_arm(world: World) -> None:
 
 def stays_on_the_ground(world: World) -> None:
     world.network.run(lambda: world.vehicle(LAST).pilot.condition is Condition.ARMED)
-    world.strike(LAST, "pilot", mode="MANUAL")
+    world.inject(LAST, "pilot", mode="MANUAL")
 
 
 def ignores_in_the_air(world: World) -> None:
     world.network.run(lambda: world.vehicle(LAST).pilot.airborne)
-    world.strike(LAST, "ignore")
+    world.inject(LAST, "ignore")
 
 
 @pytest.mark.parametrize(
@@ -144,15 +144,15 @@ def test_nobody_takes_off_for_a_formation_of_which_one_never_answers() -> None:
 def test_after_the_path_has_begun_a_vehicle_that_can_not_be_started_again_is_abandoned_and_the_others_fly_on() -> None:
     world = World(duration_s=32)
     world.fly_to(2.0)
-    world.strike(2, "restart")
-    world.strike(2, "ignore")
+    world.inject(2, "restart")
+    world.inject(2, "ignore")
     world.run(28.0)
     (told_s,), (abandoned_s,) = world.times_s("disobeys", 2), world.times_s("abandoned", 2)
     assert abandoned_s - told_s == pytest.approx(18.0, abs=1.0)
     assert world.words("abandoned") == ["vehicle 2: not done within 20 s after we set mode GUIDED"]
     assert max(np.abs(tick.error_m[2]).max() for tick in world.notes.ticks if tick.mission_time_s > 2.0) < 0.05
-    world.strike(2, "ignore", ends=True)
-    world.strike(2, "pilot", ends=True)
+    world.inject(2, "ignore", ends=True)
+    world.inject(2, "pilot", ends=True)
     back_s = world.now_s
     world.run()
     (again_s,) = [at_s for at_s in world.times_s("ready", 2) if at_s > back_s]
@@ -164,7 +164,7 @@ def test_after_the_path_has_begun_a_vehicle_that_can_not_be_started_again_is_aba
 def test_when_the_time_for_assembly_is_over_the_path_begins_as_the_leader_comes_by_again() -> None:
     world = World(**ASSEMBLING)
     world.run(1.0)
-    world.strike(2, "pilot")
+    world.inject(2, "pilot")
     world.run()
     (assembling_s,) = world.times_s("phase", text="assembling")
     (unassembled_s,), (begun_s,) = world.times_s("unassembled"), world.times_s("phase", text="flying")
@@ -183,7 +183,7 @@ def test_without_anybody_to_follow_the_run_ends_when_the_time_for_assembly_is_ov
     world = World(**ASSEMBLING, formation={"shape": "arrow", "succession": "none" if taken == (1,) else "nearest"})
     world.run(3.0)
     for number in taken:
-        world.strike(number, "pilot")
+        world.inject(number, "pilot")
     world.run()
     assert world.station.course.failure
     assert world.station.course.failure == "the leader was not there to follow within 30 s"
@@ -197,7 +197,7 @@ def test_where_the_leader_turns_off_to_go_round_again_nobody_is_told_to_turn_abo
     """A straight line that becomes a circle is a step in what the leader is told, and a spike in its rate of change."""
     world = World(formation={"shape": "diamond", "spacing_m": 40}, **ASSEMBLING)
     world.run(1.0)
-    world.strike(LAST, "pilot")
+    world.inject(LAST, "pilot")
     world.run(30.0)
     assert world.station.controller.guidance.rounds > 0
     headings = np.array([[heading_rad for _, heading_rad, _ in tick.setpoints] for tick in world.notes.ticks])

@@ -26,7 +26,7 @@ def body(airframe=None, number=1, seed=1, wind_mps=(0.0, 0.0, 0.0)):
     return made
 
 
-def told(made, speed=22.0, heading=0.0, height=100.0):
+def reported(made, speed=22.0, heading=0.0, height=100.0):
     made.steering.speed_mps, made.steering.direction_rad, made.steering.height_m = speed, heading, height
     return made
 
@@ -41,7 +41,7 @@ def fly(made, seconds):
 
 
 def test_without_an_airframe_a_vehicle_flies_by_equation_7():
-    flown = fly(made := told(body(), speed=24.0, heading=1.0, height=110.0), 4.0)
+    flown = fly(made := reported(body(), speed=24.0, heading=1.0, height=110.0), 4.0)
     expected = body().state
     for values in flown[1:]:
         advance(expected, made.model, 24.0, 1.0, 110.0, LOOP_S)
@@ -49,7 +49,7 @@ def test_without_an_airframe_a_vehicle_flies_by_equation_7():
 
 
 def test_the_velocity_over_ground_is_through_the_air_plus_what_carries_it():
-    made = told(body(wind_mps=(1.0, 2.0, 0.5)), heading=math.radians(30), height=120.0)
+    made = reported(body(wind_mps=(1.0, 2.0, 0.5)), heading=math.radians(30), height=120.0)
     fly(made, 30.0)
     north, east, down = made.ground_velocity()
     cos, sin = math.cos(made.state.heading_rad), math.sin(made.state.heading_rad)
@@ -68,18 +68,18 @@ def test_what_stands_on_the_ground_stays_there_whatever_the_wind():
 
 
 def test_nothing_sinks_below_the_ground():
-    flown = fly(told(body(), height=-50.0), 60.0)
+    flown = fly(reported(body(), height=-50.0), 60.0)
     assert flown[:, 2].min() == 0.0
 
 
 def test_nothing_happens_before_the_dead_time_is_over():
-    flown = fly(told(body({"dead_time_s": 0.6, "spread": 0.0, "airspeed_noise_mps": 0.0}), heading=1.0), 1.0)
+    flown = fly(reported(body({"dead_time_s": 0.6, "spread": 0.0, "airspeed_noise_mps": 0.0}), heading=1.0), 1.0)
     moved = np.abs(flown[:, 5]) > 1e-9
     assert 0.6 <= np.argmax(moved) * LOOP_S <= 0.66
 
 
 def height_after_8_s(keys, number, seed=1):
-    return fly(told(body(keys, number, seed), height=110.0), 8.0)[-1, 2]
+    return fly(reported(body(keys, number, seed), height=110.0), 8.0)[-1, 2]
 
 
 def test_aircraft_of_a_kind_differ_as_the_seed_says():
@@ -91,7 +91,7 @@ def test_aircraft_of_a_kind_differ_as_the_seed_says():
 
 
 def test_airspeed_is_told_late_and_in_steps():
-    made = told(body({"airspeed_step_mps": 0.5, "airspeed_noise_mps": 0.0, "spread": 0.0}), speed=25.0)
+    made = reported(body({"airspeed_step_mps": 0.5, "airspeed_noise_mps": 0.0, "spread": 0.0}), speed=25.0)
     seen = []
     for _ in range(250):
         made.fly()
@@ -104,7 +104,7 @@ def test_airspeed_is_told_late_and_in_steps():
 
 def test_wind_carries_an_aircraft():
     state = (made := body({"airspeed_noise_mps": 0.0}, wind_mps=(3.0, -2.0, 0.0))).state
-    fly(told(made), 1.0)
+    fly(reported(made), 1.0)
     assert state.north_m == pytest.approx(25.0, abs=0.05)
     assert state.east_m == pytest.approx(-2.0, abs=0.05)
     assert math.isclose(state.height_m, 100.0, abs_tol=0.05)

@@ -297,8 +297,8 @@ def test_the_interval_of_a_message_is_told(flying):
         if message_id == 30:
             flying.command_long(INTERVAL, message_id, interval_us)
         assert flying.command_long(510, message_id) == ACCEPTED
-        told = flying.ground.of("MESSAGE_INTERVAL")[-1]
-        assert (told.message_id, told.interval_us) == (message_id, interval_us)
+        reported = flying.ground.of("MESSAGE_INTERVAL")[-1]
+        assert (reported.message_id, reported.interval_us) == (message_id, interval_us)
 
 
 @pytest.mark.parametrize("interval_us", [-2.0, -math.inf, math.inf, math.nan, 1.0])

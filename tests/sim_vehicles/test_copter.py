@@ -89,10 +89,10 @@ def test_steps_of_velocity_take_as_long_as_measured(standing, before, after, t63
 )
 def test_steps_of_climb_take_as_long_as_measured(standing, climb_mps, t63_s, t90_s):
     """To a climb, and back to none."""
-    for told in (climb_mps, 0.0):
+    for reported in (climb_mps, 0.0):
         climbs = []
         for _ in range(25):
-            standing.tell(0.0, 0.0, -told)
+            standing.tell(0.0, 0.0, -reported)
             for _ in range(5):
                 standing.air.run(0.02)
                 climbs.append(standing.motion.climb_mps)
@@ -103,10 +103,10 @@ def test_steps_of_climb_take_as_long_as_measured(standing, climb_mps, t63_s, t90
 @pytest.mark.parametrize(("turn_rad", "t63_s", "t90_s"), [(math.pi / 2, 1.26, 1.65), (0.35, 0.6, 0.78)])
 def test_steps_of_the_nose_take_as_long_as_measured(standing, turn_rad, t63_s, t90_s):
     standing.fly(5.0, 0.0)
-    for told in (turn_rad, 0.0):
+    for reported in (turn_rad, 0.0):
         noses = []
         for _ in range(30):
-            standing.tell(0.0, yaw=told)
+            standing.tell(0.0, yaw=reported)
             for _ in range(5):
                 standing.air.run(0.02)
                 noses.append(math.remainder(standing.shown.heading_rad, math.tau))

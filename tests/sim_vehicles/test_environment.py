@@ -126,8 +126,8 @@ def test_a_disturbance_shows_in_the_told_velocity_and_carries_the_vehicle(make_a
     air.tell_mission_time(0.0)
     air.run(10.0)
     assert air.state("east_m") - before == pytest.approx(6.0, abs=0.02)
-    told = air.ground.of("GLOBAL_POSITION_INT", system=1)[-1]
-    assert (told.vx, told.vy) == (2260, 60)
+    reported = air.ground.of("GLOBAL_POSITION_INT", system=1)[-1]
+    assert (reported.vx, reported.vy) == (2260, 60)
 
 
 def test_a_crashed_vehicle_falls_silent_to_the_ground_and_the_others_fly_on(make_air):

@@ -20,5 +20,5 @@ def of_families(*autopilots: str) -> Scenario:
 def test_it_is_said_which_real_vehicles_are_emulated() -> None:
     assert stand_ins(of_families("emulator", "emulator", "emulator")) == ""
     assert stand_ins(of_families("emulator", "arduplane", "emulator")) == "vehicle 2 (arduplane) is emulated"
-    told = "vehicle 1 (arduplane), vehicle 3 (arduplane) are emulated"
-    assert stand_ins(of_families("arduplane", "emulator", "arduplane")) == told
+    reported = "vehicle 1 (arduplane), vehicle 3 (arduplane) are emulated"
+    assert stand_ins(of_families("arduplane", "emulator", "arduplane")) == reported

@@ -65,14 +65,14 @@ def test_two_runs_send_the_same_bytes_at_the_same_instants(make_air):
 
 def test_a_late_timer_catches_up_turn_by_turn(make_air):
     prompt, late = make_air().fleet, make_air().fleet
-    told = []
+    reported = []
     for fleet, step_s in ((prompt, 0.02), (late, 1.0)):
         instant = Instant(0)
         while instant < after(Instant(0), 10.0):
             instant = after(instant, step_s)
             fleet.handle_timer(instant)
-        told.append(fleet.datagrams_to_send())
-    assert told[0] == told[1]
+        reported.append(fleet.datagrams_to_send())
+    assert reported[0] == reported[1]
     assert late.next_timer() == prompt.next_timer()
 
 
@@ -89,8 +89,8 @@ def test_vehicles_speak_with_their_own_system_ids_and_do_what_they_are_told_alon
     air.run(5.0)
     for vehicle in range(3):
         assert air.set_mode(15, target=vehicle + 1, vehicle=vehicle) == 0
-        told = air.command_int(HEADING, 1, 30.0 * vehicle, 10.0, target=vehicle + 1, vehicle=vehicle)
-        assert told == 0
+        reported = air.command_int(HEADING, 1, 30.0 * vehicle, 10.0, target=vehicle + 1, vehicle=vehicle)
+        assert reported == 0
     air.run(60.0)
     assert {message.get_srcSystem() for _, message in air.ground.heard} == {1, 2, 3}
     for vehicle in range(3):

@@ -36,10 +36,10 @@ def ask(air, message, seconds=0.1, peer=None):
     before = len(peer.heard)
     peer.send(message)
     air.run(seconds)
-    return [answer for _, each in peer.heard[before:] if (answer := told(each)) is not None]
+    return [answer for _, each in peer.heard[before:] if (answer := reported(each)) is not None]
 
 
-def told(message):
+def reported(message):
     fields = {"MISSION_REQUEST": "seq", "MISSION_ACK": "type", "MISSION_COUNT": "count"}
     name = message.get_type()
     return (name, getattr(message, fields[name])) if name in fields else None

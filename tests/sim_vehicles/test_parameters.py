@@ -17,28 +17,28 @@ ARM, SET_MODE, SPEED = 400, 176, 43000
 RTL, LOITER, TAKEOFF, GUIDED = 11, 12, 13, 15
 
 
-def told(air):
+def reported(air):
     return air.ground.of("PARAM_VALUE")
 
 
 def ask(air, name=b"", index=-1):
-    before = len(told(air))
+    before = len(reported(air))
     air.ground.send(air.ground.dialect.param_request_read_encode(1, 1, name, index))
     air.run(0.1)
-    return told(air)[before:]
+    return reported(air)[before:]
 
 
 def put(air, name, value, kind=9):
-    before = len(told(air))
+    before = len(reported(air))
     air.ground.send(air.ground.dialect.param_set_encode(1, 1, name, value, kind))
     air.run(0.1)
-    return told(air)[before:]
+    return reported(air)[before:]
 
 
 def test_the_list_has_every_index_once_at_one_a_turn(flying):
     flying.ground.send(flying.ground.dialect.param_request_list_encode(1, 1))
     flying.run(2.0)
-    values = told(flying)
+    values = reported(flying)
     assert [value.param_index for value in values] == list(range(values[0].param_count))
     assert {value.param_count for value in values} == {len(values)}
     assert TYPES.items() <= {value.param_id: value.param_type for value in values}.items()
@@ -51,8 +51,8 @@ def test_a_list_asked_for_again_begins_anew(flying):
         flying.ground.send(flying.ground.dialect.param_request_list_encode(1, 1))
         flying.run(0.06)
     flying.run(2.0)
-    indices = [value.param_index for value in told(flying)]
-    assert indices == [0, 1, 2, *range(told(flying)[0].param_count)]
+    indices = [value.param_index for value in reported(flying)]
+    assert indices == [0, 1, 2, *range(reported(flying)[0].param_count)]
 
 
 def test_one_is_read_by_name_or_by_index(flying):

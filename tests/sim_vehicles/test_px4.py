@@ -130,11 +130,11 @@ def test_a_change_of_mode_is_acknowledged_twice_and_heartbeats_show_it_up_to_a_s
 
 def test_a_change_is_told_at_once_to_who_asked_for_current_mode(px4):
     copter = px4()
-    told = []
+    reported = []
     copter.air.command_long(m.MAV_CMD_SET_MESSAGE_INTERVAL, m.MAVLINK_MSG_ID_CURRENT_MODE, 20_000)
-    copter.vehicle.broadcast = lambda message: told.append(type(message).__name__)
+    copter.vehicle.broadcast = lambda message: reported.append(type(message).__name__)
     copter.vehicle.switch(RTL)
-    assert told == ["CurrentMode"]
+    assert reported == ["CurrentMode"]
 
 
 def test_part_of_a_change_of_velocity_comes_slowly_as_measured(px4):
@@ -289,14 +289,14 @@ def test_in_offboard_a_fixed_wing_ignores_velocities_and_speeds_unsaid_and_flies
     plane = px4(PLANE)
     plane.wait(0.5, every=lambda: plane.tell(0.0, 18.0, 0.0, mask=0xDC7))
     assert plane.set_mode(OFFBOARD) == ACCEPTED
-    told = len(plane.texts)
+    reported = len(plane.texts)
     trim_mps = plane.vehicle.parameters["FW_AIRSPD_TRIM"]
     assert plane.results(m.MAV_CMD_DO_CHANGE_SPEED, 0, 12.0, -1) == [ACCEPTED]
     place = plane.motion.north_m, plane.motion.east_m + 900.0, -60.0
     plane.wait(20.0, every=lambda: plane.tell(0.0, 12.0, 0.0, mask=PLACE_ALONE, place=place))
     assert plane.motion.velocity_east_mps == pytest.approx(min(trim_mps, 20.0), abs=0.6)
     assert plane.motion.height_m < 75.0
-    assert len(plane.texts) == told
+    assert len(plane.texts) == reported
 
 
 def test_in_hold_speed_and_altitude_above_sea_level_are_taken(px4):
@@ -363,6 +363,10 @@ def test_an_integer_parameter_is_the_bytes_of_one(px4):
     two = struct.unpack("<f", struct.pack("<i", 2))[0]
     copter.air.ground.send(mavlink.MAVLink_param_set_message(1, 1, b"NAV_DLL_ACT", two, m.MAV_PARAM_TYPE_INT32))
     copter.air.run(0.1)
-    (told,) = copter.air.ground.of("PARAM_VALUE")
-    assert (told.param_id, told.param_type, told.param_value) == ("NAV_DLL_ACT", m.MAV_PARAM_TYPE_INT32, two)
+    (reported,) = copter.air.ground.of("PARAM_VALUE")
+    assert (reported.param_id, reported.param_type, reported.param_value) == (
+        "NAV_DLL_ACT",
+        m.MAV_PARAM_TYPE_INT32,
+        two,
+    )
     assert copter.vehicle.parameters["NAV_DLL_ACT"] == 2

@@ -30,8 +30,8 @@ SIGMAS = (0.3, 0.3, 0.3, 0.1, 0.1, 0.1, 0.2, math.radians(0.5))
 def errors(samples, vehicle=1, seed=1, keys=GNSS):
     """Return (samples, 8): told minus true, a sample every 0.1 s."""
     sensors = Sensors(keys, VehicleId(1, vehicle), seed)
-    told = [sensors.sense(STILL, Instant(n * 100_000_000)) for n in range(samples)]
-    return np.array([[getattr(each, name) - getattr(STILL, name) for name in TOLD] for each in told])
+    reported = [sensors.sense(STILL, Instant(n * 100_000_000)) for n in range(samples)]
+    return np.array([[getattr(each, name) - getattr(STILL, name) for name in TOLD] for each in reported])
 
 
 def test_errors_are_white_independent_and_of_the_stated_sigmas():

@@ -125,7 +125,7 @@ def test_every_stamp_is_the_vehicle_s_own_clock(make_air, offset_s, drift):
 def test_a_restarted_clock_begins_at_zero(make_air):
     air = make_air(clock_offset_s=100.0)
     air.run(10.0)
-    air.fleet.vehicles[0].strike(Fault(0.0, frozenset(), "restart"), air.fleet.next_timer())
+    air.fleet.vehicles[0].inject(Fault(0.0, frozenset(), "restart"), air.fleet.next_timer())
     air.run(5.0)
     assert air.ground.of("SYSTEM_TIME")[-1].time_boot_ms / 1e3 == pytest.approx(5.0, abs=1.1)
 
@@ -136,15 +136,15 @@ def test_positions_told_are_the_true_ones_to_their_resolution(flying):
     flying.command_long(INTERVAL, 33, 20_000)
     flying.command_long(INTERVAL, 32, 20_000)
     flying.run(0.1)
-    told, local = flying.ground.of("GLOBAL_POSITION_INT")[-1], flying.ground.of("LOCAL_POSITION_NED")[-1]
-    lat, lon = math.radians(told.lat / 1e7), math.radians(told.lon / 1e7)
-    north, east, down = flying.fleet.origin.to_ned(lat, lon, told.alt / 1e3)
+    reported, local = flying.ground.of("GLOBAL_POSITION_INT")[-1], flying.ground.of("LOCAL_POSITION_NED")[-1]
+    lat, lon = math.radians(reported.lat / 1e7), math.radians(reported.lon / 1e7)
+    north, east, down = flying.fleet.origin.to_ned(lat, lon, reported.alt / 1e3)
     true = [flying.state(name) for name in ("north_m", "east_m", "height_m")]
     assert [north, east] == pytest.approx(true[:2], abs=0.012)
     assert -down == pytest.approx(true[2], abs=6e-4)
     assert [local.x, local.y, -local.z] == pytest.approx(true, abs=1e-3)
-    assert told.hdg == pytest.approx(6000, abs=1)
-    assert (told.vx / 100, told.vy / 100) == pytest.approx((11.0, 22 * math.sin(math.pi / 3)), abs=0.011)
+    assert reported.hdg == pytest.approx(6000, abs=1)
+    assert (reported.vx / 100, reported.vy / 100) == pytest.approx((11.0, 22 * math.sin(math.pi / 3)), abs=0.011)
 
 
 def test_bank_and_pitch_are_those_of_the_flight(flying):
@@ -152,18 +152,18 @@ def test_bank_and_pitch_are_those_of_the_flight(flying):
     flying.command_int(43001, z=160.0)
     flying.command_long(INTERVAL, 30, 20_000)
     flying.run(6.0)
-    told = flying.ground.of("ATTITUDE")[-1]
-    assert told.roll == pytest.approx(math.atan(0.25 * 22 / 9.80665), rel=1e-3)
-    assert told.yawspeed == pytest.approx(0.25, rel=1e-3)
-    assert told.pitch == pytest.approx(math.asin(3 / 22), rel=1e-3)
+    reported = flying.ground.of("ATTITUDE")[-1]
+    assert reported.roll == pytest.approx(math.atan(0.25 * 22 / 9.80665), rel=1e-3)
+    assert reported.yawspeed == pytest.approx(0.25, rel=1e-3)
+    assert reported.pitch == pytest.approx(math.asin(3 / 22), rel=1e-3)
 
 
 def test_wind_is_told_as_where_it_comes_from(make_air):
     air = make_air(wind_mps=(0.0, 8.0, 0.0))
     air.run(3.0)
-    told = air.ground.of("WIND")[-1]
-    assert told.speed == pytest.approx(8.0)
-    assert told.direction % 360 == pytest.approx(270.0)
+    reported = air.ground.of("WIND")[-1]
+    assert reported.speed == pytest.approx(8.0)
+    assert reported.direction % 360 == pytest.approx(270.0)
     assert air.ground.of("VFR_HUD")[-1].airspeed == pytest.approx(22.0)
     assert air.ground.of("VFR_HUD")[-1].groundspeed == pytest.approx(math.hypot(22, 8), abs=1e-3)
 

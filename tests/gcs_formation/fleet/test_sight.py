@@ -26,7 +26,7 @@ def test_silence_leads_to_loitering_and_back() -> None:
 
 
 def test_one_that_is_not_seen_is_told_nothing_until_it_is_told_blindly() -> None:
-    unseen = SILENT._replace(loiter_may_be_told=False)
+    unseen = SILENT._replace(loiter_may_be_commanded=False)
     unheard = following(Member.FLYING, unseen)
     assert unheard is following(unheard, unseen) is Member.UNHEARD
     assert following(unheard, SILENT) is Member.HOLDING

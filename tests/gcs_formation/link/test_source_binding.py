@@ -24,7 +24,7 @@ class Ground:
 
     def __init__(self, *, clock_known: bool = True) -> None:
         self.connection, self.clock = Connection(0), ClockSync()
-        self.claims = SourceBinding(self.connection, self.clock)
+        self.source_binding = SourceBinding(self.connection, self.clock)
         self.now = Instant(0)
         self.hear()
         if clock_known:
@@ -35,7 +35,7 @@ class Ground:
         """Take a heartbeat, or telemetry with a stamp, as the station does."""
         self.now = self.now if at_s is None else after(Instant(0), at_s)
         message = BEAT if stamp_s is None else Attitude(stamp_s, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-        ruling = self.claims.judge(message, 0, peer, self.now)
+        ruling = self.source_binding.judge(message, 0, peer, self.now)
         if ruling.admitted:
             self.connection.heard(self.now, heartbeat=stamp_s is None)
         return ruling
@@ -48,12 +48,12 @@ class Ground:
 
 def test_before_it_is_heard_the_first_address_counts_and_a_heartbeat_s_more() -> None:
     connection = Connection(0)
-    claims = SourceBinding(connection, ClockSync())
-    assert claims.judge(None, 0, HERE, Instant(0)).admitted
+    source_binding = SourceBinding(connection, ClockSync())
+    assert source_binding.judge(None, 0, HERE, Instant(0)).admitted
     assert connection.peer == HERE
-    claims.judge(None, 0, THERE, Instant(0))
+    source_binding.judge(None, 0, THERE, Instant(0))
     assert connection.peer == HERE
-    claims.judge(BEAT, 1, THERE, Instant(0))
+    source_binding.judge(BEAT, 1, THERE, Instant(0))
     assert (connection.socket, connection.peer) == (1, THERE)
 
 
@@ -136,13 +136,13 @@ def test_two_behind_one_address_are_told_apart_by_their_clocks() -> None:
 
 def test_the_answer_of_another_clock_is_believed_only_once_its_own_has_not_been_seen_for_2_s() -> None:
     ground = Ground()
-    assert ground.claims.believes(BOOTED_S, ground.now)
-    assert not ground.claims.believes(7.0, after(ground.now, DISBELIEVED_S - 0.1))
-    assert ground.claims.believes(7.0, after(ground.now, DISBELIEVED_S + 0.1))
+    assert ground.source_binding.believes(BOOTED_S, ground.now)
+    assert not ground.source_binding.believes(7.0, after(ground.now, DISBELIEVED_S - 0.1))
+    assert ground.source_binding.believes(7.0, after(ground.now, DISBELIEVED_S + 0.1))
 
 
 def test_a_crowd_of_claimants_is_not_remembered_without_limit() -> None:
     ground = Ground()
     for port in range(1000):
         ground.hear(7.0, Address("127.0.0.1", 1024 + port))
-    assert len(ground.claims._rivals) == MAX_RIVALS
+    assert len(ground.source_binding._duplicates) == MAX_RIVALS

@@ -13,7 +13,7 @@ from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates,
 from gcs_formation.estimation.projection import SetpointHistory
 from gcs_formation.separation.manoeuvre import Traffic, sample_times
 from gcs_formation.separation.rule import Memory, resolve
-from gcs_formation.separation.traffic import Scene
+from gcs_formation.separation.traffic import TrafficPicture
 from tests.gcs_formation import tables
 
 DT_S = 0.1
@@ -68,7 +68,7 @@ class Vehicles:
 class Flown:
     least_m: float = math.inf
     sides: list[Array] = field(default_factory=list[Array])
-    told: list[Array] = field(default_factory=list[Array])
+    setpoints: list[Array] = field(default_factory=list[Array])
 
     @property
     def gave_way(self) -> Mask:
@@ -80,11 +80,11 @@ class Flown:
         return np.abs(np.diff(np.sign(self.sides), axis=0, prepend=0.0)).sum(axis=0)
 
 
-def scene(vehicles: Vehicles, state: FlightStates, told: Setpoints, age_s: float = 0.0) -> Scene:
+def picture(vehicles: Vehicles, state: FlightStates, setpoints: Setpoints, age_s: float = 0.0) -> TrafficPicture:
     count, ours = len(vehicles.rows), vehicles.flown_by_us
-    return Scene(
+    return TrafficPicture(
         traffic=Traffic(state, np.zeros(count), np.where(ours, 0.0, vehicles.turn_rps), model(count)),
-        told=Setpoints(*np.where(ours, told.table, np.nan)),
+        setpoints=Setpoints(*np.where(ours, setpoints.table, np.nan)),
         commanded=ours,
         vehicles=np.arange(count),
         kept_m=KEPT_M,
@@ -118,18 +118,18 @@ def encounter(vehicles: Vehicles, seconds: float = 40.0, *, rule: bool = True) -
         if step % round(DT_S / STEP_S) == 0:
             seen = past[max(0, len(past) - 1 - round(vehicles.delay_s / STEP_S))]
             now = Instant(round(now_s * NANOSECONDS))
-            told = wanted(vehicles, now_s + vehicles.delay_s)
+            setpoints = wanted(vehicles, now_s + vehicles.delay_s)
             acts, since = np.full(count, now + reckoned), np.full(count, max(0, now - reckoned))
             history.begin(acts.tolist())
             state = tables.predict(history, seen, since, acts, each)
             if rule:
-                memory = _give_way(scene(vehicles, state, told), memory, told)
-            history.note(tables.setpoints(told))
+                memory = _give_way(picture(vehicles, state, setpoints), memory, setpoints)
+            history.note(tables.setpoints(setpoints))
             flown.sides.append(memory.side)
-            flown.told.append(told.table)
+            flown.setpoints.append(setpoints.table)
             late_s = np.maximum(0.0, vehicles.delay_s + vehicles.jitter_s * random.standard_normal(count))
             arrives = np.flatnonzero(random.random(count) >= vehicles.loss).tolist()
-            on_the_way += [(now_s + float(late_s[i]), i, told.table[:, i]) for i in arrives]
+            on_the_way += [(now_s + float(late_s[i]), i, setpoints.table[:, i]) for i in arrives]
         on_the_way = _delivered(on_the_way, now_s, held)
         flies = np.where(vehicles.flown_by_us, held, wanted(vehicles, now_s).table)
         true = advance(true, flies[None], np.full((1, count), STEP_S), each)
@@ -138,9 +138,11 @@ def encounter(vehicles: Vehicles, seconds: float = 40.0, *, rule: bool = True) -
     return flown
 
 
-def _give_way(scene: Scene, memory: Memory, told: Setpoints) -> Memory:
-    decided = resolve(scene, memory)
-    for sent, instead in zip((told.speed_mps, told.heading_rad, told.height_m), decided.told.table, strict=True):
+def _give_way(picture: TrafficPicture, memory: Memory, setpoints: Setpoints) -> Memory:
+    decided = resolve(picture, memory)
+    for sent, instead in zip(
+        (setpoints.speed_mps, setpoints.heading_rad, setpoints.height_m), decided.setpoints.table, strict=True
+    ):
         sent[:] = instead
     return decided.memory
 

@@ -30,15 +30,15 @@ def fenced(corners: Any = None, count: int = 3, **heights: float) -> Scenario:
     return planned.model_copy(update={"safety": safety})
 
 
-def tick(state: FlightStates, told: Setpoints) -> Tick:
+def tick(state: FlightStates, setpoints: Setpoints) -> Tick:
     """Return a tick in which everybody is commanded."""
-    now, count = Instant(0), told.speed_mps.size
+    now, count = Instant(0), setpoints.speed_mps.size
     made = Tick(now, 0.0, "flying", 0, [VehicleLink(now)] * count, [0.0] * count, [0.0] * count, [True] * count)
-    made.state, made.setpoints = tables.states(state), tables.setpoints(told)
+    made.state, made.setpoints = tables.states(state), tables.setpoints(setpoints)
     return made
 
 
-def kept(limits: FenceLimits, now: Tick) -> Any:
+def minimum(limits: FenceLimits, now: Tick) -> Any:
     """Hold a tick's setpoints inside; return which were replaced, (C, 3)."""
     replaced = [[False] * 3 for _ in now.active]
     limits.keep(now, replaced)
@@ -66,7 +66,7 @@ def test_whatever_heading_is_asked_for_nobody_leaves(corners: Any) -> None:
         if step % 100 == 0:
             wanted = rng.uniform(-np.pi, np.pi, count)
         now = tick(state, Setpoints.of(np.array([speed, wanted, height])))
-        turned |= kept(limits, now)[:, 1]
+        turned |= minimum(limits, now)[:, 1]
         state = advance(state, Setpoints.from_each(now.setpoints).table[None], np.full((1, count), TICK_S), model)
         assert inside_m(polygon, state.place_m[:2].T).min() > 0.0, f"after {step * TICK_S:.2f} s"
     assert turned.sum() > count / 2
@@ -78,7 +78,7 @@ def test_heights_are_held_between_the_limits_and_it_is_told_once() -> None:
     words: list[str] = []
     for height_m in (150.0, 150.0, 100.0, 20.0):
         now = tick(state, Setpoints.of(np.array([[22.0] * 3, [0.0] * 3, [height_m, 100.0, np.nan]])))
-        replaced = kept(limits, now)
+        replaced = minimum(limits, now)
         words += [held.text for held in limits.changes]
         assert now.setpoints[0][2] == np.clip(height_m, 60.0, 120.0)
         assert replaced[:, 2].tolist() == [height_m != 100.0, False, False]

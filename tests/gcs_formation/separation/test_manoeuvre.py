@@ -9,7 +9,7 @@ import pytest
 
 from gcs_formation.separation.manoeuvre import sample_times
 from gcs_formation.separation.traffic import free_heights
-from tests.gcs_formation.separation.encounters import KEPT_M, Vehicles, scene, wanted
+from tests.gcs_formation.separation.encounters import KEPT_M, Vehicles, picture, wanted
 
 
 @pytest.mark.parametrize(
@@ -29,27 +29,27 @@ def test_the_wind_carries_those_who_go_on_as_they_are() -> None:
     vehicles = Vehicles([[0, 0, 100, 22, 0.5, 0]])
     state = vehicles.state
     state.wind_north_mps[:], state.wind_east_mps[:] = 3.0, -4.0
-    made = scene(vehicles, state, wanted(vehicles, 0.0))
+    made = picture(vehicles, state, wanted(vehicles, 0.0))
     expected = [[22 * np.cos(0.5) + 3.0], [22 * np.sin(0.5) - 4.0]]
     np.testing.assert_allclose(made.velocity_mps, expected)
 
 
 def test_two_that_are_commanded_keep_less_than_from_others_and_nothing_from_themselves() -> None:
     vehicles = Vehicles([[0, 0, 100, 22, 0, 0], [0, 50, 100, 22, 0, 0], [0, 90, 100, 22, 0, 0]], [True, True, False])
-    made = scene(vehicles, vehicles.state, wanted(vehicles, 0.0))
+    made = picture(vehicles, vehicles.state, wanted(vehicles, 0.0))
     made = replace(made, kept_m=6.0, timing_s=np.array((0.1, 0.2, 0.4)))
-    kept = made.kept(np.array((0, 0, 1)), np.array((1, 2, 2)))
-    np.testing.assert_allclose(kept.distance_m, (6.0, KEPT_M, KEPT_M))
-    np.testing.assert_allclose(kept.off_s, (0.3, 0.5, 0.6))
+    minimum = made.minimum(np.array((0, 0, 1)), np.array((1, 2, 2)))
+    np.testing.assert_allclose(minimum.distance_m, (6.0, KEPT_M, KEPT_M))
+    np.testing.assert_allclose(minimum.off_s, (0.3, 0.5, 0.6))
     twice = replace(made, vehicles=np.array((0, 1, 1)))
-    assert not np.any(twice.kept(np.array((1,)), np.array((2,))))
+    assert not np.any(twice.minimum(np.array((1,)), np.array((2,))))
 
 
 def test_the_heights_beside_others_are_taken_nearest_first_on_ones_own_side_and_never_below_the_floor() -> None:
     """1 m farther than the distance kept, and what passing speed by timing may take of it: 10 m/s times 0.2 s."""
     rows: list[list[float]] = [[0, 0, 100, 22, 0, 0], [0, 50, 98, 22, 0, 0], [0, 90, 21, 32, 0, 0]]
     vehicles = Vehicles(rows, delay_s=0.5)
-    made = scene(vehicles, vehicles.state, wanted(vehicles, 0.0))
+    made = picture(vehicles, vehicles.state, wanted(vehicles, 0.0))
     others, ends_m = np.array((1, 2)), np.array((98.0, 21.0))
     heights = [109.0, 87.0, 34.0]  # 21 - 13 is below the floor
     assert free_heights(made, 0, others, ends_m, 0.0).tolist() == pytest.approx(heights)

@@ -11,21 +11,21 @@ from hypothesis import strategies as st
 from gcs_formation.estimation.flight_state import FlightStates, Setpoints
 from gcs_formation.separation.first_look import Look, nobody_near
 from gcs_formation.separation.manoeuvre import approach, fly, fly_level, may_come_near
-from gcs_formation.separation.traffic import Scene, bound, possible_pairs
+from gcs_formation.separation.traffic import TrafficPicture, bound, possible_pairs
 from tests.gcs_formation import tables
-from tests.gcs_formation.separation.encounters import Vehicles, scene, wanted
+from tests.gcs_formation.separation.encounters import Vehicles, picture, wanted
 
 PI = np.pi
 
 
-def wanted_by_all(made: Scene) -> Setpoints:
+def wanted_by_all(made: TrafficPicture) -> Setpoints:
     """Return the setpoints of a scene; those that nobody commanded are told to go on."""
     state = made.traffic.state
     on = np.array((state.airspeed_mps, state.heading_rad, state.height_m))
-    return Setpoints.of(np.where(made.commanded, made.told.table, on))
+    return Setpoints.of(np.where(made.commanded, made.setpoints.table, on))
 
 
-def random_scene(seed: int, count: int, spread_m: float, unlike: float) -> Scene:
+def random_scene(seed: int, count: int, spread_m: float, unlike: float) -> TrafficPicture:
     """Return vehicles near each other; `unlike`: how far speeds, headings, winds and setpoints differ, 0 to 1."""
     random = np.random.default_rng(seed)
     commanded = [True, *(random.random(count - 1) < 0.8).tolist()]
@@ -35,13 +35,13 @@ def random_scene(seed: int, count: int, spread_m: float, unlike: float) -> Scene
     ]
     vehicles = Vehicles(rows, commanded=commanded, delay_s=random.uniform(0, 0.3))
     law = wanted(vehicles, 0.0)
-    told = Setpoints(
+    setpoints = Setpoints(
         np.clip(law.speed_mps + 6 * unlike * random.uniform(-1, 1, count), 16, 28),
         law.heading_rad + PI * unlike * random.uniform(-1, 1, count),
         law.height_m,
     )
     winds = FlightStates(*vehicles.state.table[:6], *(2 * unlike * random.uniform(-1, 1, (2, count))))
-    made = scene(vehicles, winds, told)
+    made = picture(vehicles, winds, setpoints)
     return replace(made, traffic=replace(made.traffic, lead_s=random.uniform(0, 0.3, count)))
 
 
@@ -52,14 +52,14 @@ def random_scene(seed: int, count: int, spread_m: float, unlike: float) -> Scene
 def test_no_pair_is_left_out_that_comes_too_near(seed: int, count: int, spread_m: float, unlike: float) -> None:
     made = random_scene(seed, count, spread_m, unlike)
     one, other = np.triu_indices(count, 1)
-    ways = fly(made.traffic, made.as_told(), made.times_s)
-    near = approach(ways[:, :, one], ways[:, :, other], made.kept(one, other), made.times_s)
+    ways = fly(made.traffic, made.as_commanded(), made.times_s)
+    near = approach(ways[:, :, one], ways[:, :, other], made.minimum(one, other), made.times_s)
     ours = made.commanded[one] | made.commanded[other]
     pairs = list(zip(one[ours].tolist(), other[ours].tolist(), strict=True))
     bad = {pair for pair, lack in zip(pairs, near.deficit_ms[ours].tolist(), strict=True) if lack > 1e-9}
     possible = set(zip(*(side.tolist() for side in possible_pairs(made)), strict=True))
     assert bad <= possible <= set(pairs)
-    assert np.allclose(fly_level(made.traffic, made.as_told(), made.times_s), ways[:2], rtol=0, atol=1e-9)
+    assert np.allclose(fly_level(made.traffic, made.as_commanded(), made.times_s), ways[:2], rtol=0, atol=1e-9)
 
 
 @settings(max_examples=200, deadline=None)
@@ -68,10 +68,10 @@ def test_the_first_look_on_plain_numbers_finds_a_pair_where_there_is_one(
     seed: int, count: int, spread_m: float, unlike: float
 ) -> None:
     made = random_scene(seed, count, spread_m, unlike)
-    made = replace(made, commanded=np.ones(count, dtype=bool), told=wanted_by_all(made))
+    made = replace(made, commanded=np.ones(count, dtype=bool), setpoints=wanted_by_all(made))
     look = Look(
         tables.states(made.traffic.state),
-        tables.setpoints(made.told),
+        tables.setpoints(made.setpoints),
         tables.models(made.traffic.model),
         made.traffic.lead_s.tolist(),
         made.timing_s.tolist(),
@@ -87,12 +87,12 @@ def test_the_first_look_on_plain_numbers_finds_a_pair_where_there_is_one(
 @given(st.integers(0, 2**32 - 1), st.floats(10, 300), st.floats(0, 1))
 def test_no_neighbour_is_left_out_that_any_way_comes_too_near(seed: int, spread_m: float, unlike: float) -> None:
     made = random_scene(seed, 12, spread_m, unlike)
-    ways = fly_level(made.traffic, made.as_told(), made.times_s)
+    ways = fly_level(made.traffic, made.as_commanded(), made.times_s)
     others = np.arange(3, 12)
-    kept = made.kept(np.full(others.size, 0), others)
-    near = may_come_near(ways[:, :, :3], ways[:, :, others], kept, made.times_s)
+    minimum = made.minimum(np.full(others.size, 0), others)
+    near = may_come_near(ways[:, :, :3], ways[:, :, others], minimum, made.times_s)
     for own in range(3):
-        come = approach(np.repeat(ways[:, :, [own]], others.size, axis=2), ways[:, :, others], kept, made.times_s)
+        come = approach(np.repeat(ways[:, :, [own]], others.size, axis=2), ways[:, :, others], minimum, made.times_s)
         assert near[come.deficit_ms > 1e-9].all()
 
 
@@ -101,7 +101,7 @@ def test_a_formation_in_its_slots_needs_no_ways() -> None:
         [30.0 * (i // 6), 30.0 * (i % 6), 100, 22 + 0.5 * (i % 3), 0.02 * (i % 2), 0] for i in range(100)
     ]
     vehicles = Vehicles(rows)
-    one, _ = possible_pairs(scene(vehicles, vehicles.state, wanted(vehicles, 0.0)))
+    one, _ = possible_pairs(picture(vehicles, vehicles.state, wanted(vehicles, 0.0)))
     assert one.size == 0
 
 
@@ -110,9 +110,9 @@ def test_among_many_the_search_for_pairs_that_are_near_finds_all_that_a_look_at_
     made = replace(random_scene(7, 40, 3000.0, 1.0), timing_s=np.full(40, 20.0))
     reach = bound(made)
     one, other = np.triu_indices(40, 1)
-    kept = made.kept(one, other)
+    minimum = made.minimum(one, other)
     apart_m = np.hypot(*(reach.place_m[:, other] - reach.place_m[:, one]))
-    needed_m = kept.distance_m + kept.off_s * (reach.fast_mps[one] + reach.fast_mps[other])
+    needed_m = minimum.distance_m + minimum.off_s * (reach.fast_mps[one] + reach.fast_mps[other])
     near = (apart_m < needed_m + reach.far_m[one] + reach.far_m[other]) & (made.commanded[one] | made.commanded[other])
     np.testing.assert_array_equal(possible_pairs(made), (one[near], other[near]))
     assert 0 < near.sum() < one.size

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gcs_formation.separation.rule import Memory, resolve
-from tests.gcs_formation.separation.encounters import KEPT_M, Vehicles, encounter, scene, wanted
+from tests.gcs_formation.separation.encounters import KEPT_M, Vehicles, encounter, picture, wanted
 
 LIMIT_M = 5.0
 PI = math.pi
@@ -61,10 +61,10 @@ def test_a_leader_in_its_bend_can_fly_on_as_it_reckoned(turn_rps: float, east_m:
 
 def test_nobody_is_sent_below_the_floor() -> None:
     vehicles = Vehicles([[0, 0, 100, 22, 0, 0], [600, 0, 99, 22, PI, 0]])
-    assert np.min([told[2] for told in encounter(vehicles, 15).told]) < 95
+    assert np.min([setpoints[2] for setpoints in encounter(vehicles, 15).setpoints]) < 95
     vehicles.floor_m = 95
     flown = encounter(vehicles, 15)
-    assert np.min([told[2] for told in flown.told]) >= 99
+    assert np.min([setpoints[2] for setpoints in flown.setpoints]) >= 99
     assert flown.least_m > 0.9 * KEPT_M
 
 
@@ -100,12 +100,12 @@ rows = st.lists(
 def test_what_is_told_stays_in_the_envelope_and_whoever_passes_is_told_the_same_bits(rows: list[list[float]]) -> None:
     vehicles = Vehicles(rows)
     law = wanted(vehicles, 0.0)
-    decided = resolve(scene(vehicles, vehicles.state, law), Memory(np.zeros(len(rows))))
-    told, yielding = decided.told, decided.memory.yielding
-    assert np.array_equal(told.table[:, ~yielding], law.table[:, ~yielding])
-    assert np.isfinite(told.table).all()
-    assert ((told.speed_mps >= 16) & (told.speed_mps <= 28)).all()
-    assert (np.abs(told.height_m - vehicles.state.height_m) <= 12 + 1e-9).all()
+    decided = resolve(picture(vehicles, vehicles.state, law), Memory(np.zeros(len(rows))))
+    setpoints, yielding = decided.setpoints, decided.memory.yielding
+    assert np.array_equal(setpoints.table[:, ~yielding], law.table[:, ~yielding])
+    assert np.isfinite(setpoints.table).all()
+    assert ((setpoints.speed_mps >= 16) & (setpoints.speed_mps <= 28)).all()
+    assert (np.abs(setpoints.height_m - vehicles.state.height_m) <= 12 + 1e-9).all()
     assert all(yielding[conflict.vehicle] for conflict in decided.conflicts)
 
 
@@ -120,6 +120,6 @@ def test_a_formation_is_left_alone(count: int, spacing_m: float, heading: float,
     ]
     vehicles = Vehicles(rows)
     law = wanted(vehicles, 0.0)
-    decided = resolve(scene(vehicles, vehicles.state, law), Memory(np.zeros(count)))
-    assert decided.told.table.tobytes() == law.table.tobytes()
+    decided = resolve(picture(vehicles, vehicles.state, law), Memory(np.zeros(count)))
+    assert decided.setpoints.table.tobytes() == law.table.tobytes()
     assert not decided.memory.yielding.any()

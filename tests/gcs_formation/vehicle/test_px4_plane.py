@@ -260,9 +260,9 @@ def test_a_parameter_that_bounds_what_is_asked_is_named(name, value, refuses):
 
 def test_a_long_text_comes_in_chunks_and_is_one(telemetry):
     telemetry.take(Statustext(4, "a" * 50, 3, 0))
-    assert telemetry.texts_told == 0
+    assert telemetry.texts_reported == 0
     telemetry.take(Statustext(4, "b" * 50, 3, 1))
     telemetry.take(Statustext(4, " done\t", 3, 2))
     telemetry.take(Statustext(4, "Ready\t"))
     assert list(telemetry.texts) == ["a" * 50 + "b" * 50 + " done", "Ready"]
-    assert telemetry.texts_told == 2
+    assert telemetry.texts_reported == 2
