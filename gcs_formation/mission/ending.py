@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from copy import copy
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -198,9 +197,9 @@ def place_of(vehicle: Vehicle) -> Motion | None:
     motion = vehicle.telemetry.motion
     if motion is None or not vehicle.autopilot.climbs_out(vehicle.telemetry):
         return motion
-    done = copy(motion)
-    done.height_m = motion.height_m - motion.above_home_m + vehicle.autopilot.take_off_m
-    return done
+    height_m = motion.height_m - motion.above_home_m + vehicle.autopilot.take_off_m
+    velocity = motion.north_mps, motion.east_mps, motion.climb_mps
+    return Motion(motion.stamp_s, motion.north_m, motion.east_m, height_m, *velocity, motion.above_home_m)
 
 
 def _hull(one: Band, other: Band) -> Band:
