@@ -19,7 +19,7 @@ from formation_scenario import load_scenario
 from formation_scenario.orders import End
 from gcs_formation.fleet.circling import GroundFloor
 from gcs_formation.link.connection import Connection, LinkState
-from gcs_formation.mission.ending import Ending
+from gcs_formation.mission.ending import Ending, place_of
 from gcs_formation.vehicle.ardupilot import ArduPlane
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 from tests.flights.conftest import scenario
@@ -103,6 +103,15 @@ def test_a_vehicle_that_takes_off_climbs_out_before_it_circles(place: Place):
     end.advance(NOW)
     assert told(low) == loiters_at(45.0)
     assert end.pending() == []
+
+
+def test_a_vehicle_that_takes_off_counts_as_there_where_it_will_be_done(place: Place):
+    climbing, flying = (place_of(place(1, mode, 12.0)) for mode in (m.PLANE_MODE_TAKEOFF, m.PLANE_MODE_GUIDED))
+    assert climbing is not None
+    assert flying is not None
+    assert flying.height_m == pytest.approx(12.0, abs=0.01)
+    assert climbing.height_m == pytest.approx(ArduPlane(1, ORIGIN, 0.25).take_off_m, abs=0.01)
+    assert climbing.north_m == flying.north_m == pytest.approx(50.0, abs=0.01)
 
 
 def test_a_vehicle_armed_on_the_ground_is_disarmed(place: Place):
