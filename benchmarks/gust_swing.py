@@ -46,7 +46,9 @@ def least_share(round_trip_s: float, x_rc_m: float, y_rc_m: float) -> float:
     settled = np.concatenate((np.full(STEPS, STEP_S), np.zeros(STEPS + 1)))[None]
     bounds = [(-ACCEL_MPS2, ACCEL_MPS2)] * STEPS + [(None, None)] * STEPS + [(0.0, None)]
     cost = np.append(np.zeros(2 * STEPS), 1.0)
-    return float(linprog(cost, rows, most, settled, [GUST_MPS], bounds, method="highs").fun)
+    least_m = linprog(cost, rows, most, settled, [GUST_MPS], bounds, method="highs").fun
+    assert least_m is not None
+    return float(least_m)
 
 
 def main() -> None:

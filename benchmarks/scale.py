@@ -35,7 +35,7 @@ RSS_UNIT = 1 if sys.platform == "darwin" else 1024
 class Cost(NamedTuple):
     """What a flight cost."""
 
-    count: int
+    vehicles: int
     simulated_s: float
     wall_s: float
     processor_s: float
@@ -49,7 +49,7 @@ class Cost(NamedTuple):
 def scenario(count: int, duration_s: float) -> dict[str, Any]:
     """Return `count` vehicles one behind the other on a straight path, 254 to a network."""
     places = [divmod(index, FULL_NETWORK) for index in range(count)]
-    vehicles = [{"id": place + 1, "network": network + 1} for network, place in places]
+    vehicles: list[dict[str, Any]] = [{"id": place + 1, "network": network + 1} for network, place in places]
     vehicles[0]["role"] = "leader"
     return {
         "name": f"scale-{count}",
@@ -70,7 +70,7 @@ def cost(count: int, clock: ClockName, duration_s: float) -> Cost:
         processor_s = time.process_time() - began
         recorded = sum(file.stat().st_size for file in Path(out).iterdir())
     return Cost(
-        count=count,
+        vehicles=count,
         simulated_s=figures["real_time_factor"] * figures["wall_s"],
         wall_s=figures["wall_s"],
         processor_s=processor_s,
@@ -100,12 +100,12 @@ def growth(costs: list[Cost]) -> str:
     )
     rows = [
         [
-            each.count,
+            each.vehicles,
             f"{each.wall_s / each.simulated_s:.3f}",
             f"{each.processor_s / each.simulated_s:.3f}",
-            f"{each.processor_s / each.simulated_s / each.count * 1e3:.1f}",
+            f"{each.processor_s / each.simulated_s / each.vehicles * 1e3:.1f}",
             f"{each.peak_mib:.0f}",
-            f"{each.recorded_mib * 1024 / each.count / each.simulated_s:.1f}",
+            f"{each.recorded_mib * 1024 / each.vehicles / each.simulated_s:.1f}",
             f"{each.worst_m:.3f}",
         ]
         for each in costs
@@ -118,7 +118,7 @@ def punctuality(costs: list[Cost]) -> str:
     head = ("vehicles", "ticks,", "late,", "compute p50, ms", "compute p99, ms", "period p99, ms", "longest, ms")
     rows = [
         [
-            each.count,
+            each.vehicles,
             each.control["ticks"],
             each.control["late_ticks"],
             f"{each.control['compute_ms']['p50']:.1f}",

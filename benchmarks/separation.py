@@ -9,7 +9,7 @@ import numpy as np
 
 from gcs_formation.separation.rule import Memory, resolve
 from gcs_formation.studies.dataset import markdown
-from tests.gcs_formation.separation.encounters import Vehicles, scene, wanted
+from tests.gcs_formation.separation.encounters import Vehicles, picture, wanted
 
 COUNTS = (4, 100, 254)
 SPACINGS_M = (30.0, 12.5)
@@ -41,10 +41,9 @@ def cost_ms(vehicles: Vehicles) -> tuple[float, int]:
     took_s: list[float] = []
     giving_way = 0
     for _ in range(TIMES):
-        told = wanted(vehicles, 0.0)
-        made = scene(vehicles, vehicles.state, told)
+        seen = picture(vehicles, vehicles.state, wanted(vehicles, 0.0))
         begun = process_time()
-        resolution = resolve(made, Memory(np.zeros(len(vehicles.rows))))
+        resolution = resolve(seen, Memory(np.zeros(len(vehicles.rows))))
         took_s.append(process_time() - begun)
         giving_way = int(resolution.memory.yielding.sum())
     return 1e3 * median(took_s), giving_way
