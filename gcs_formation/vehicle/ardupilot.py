@@ -28,7 +28,7 @@ from flight_model.autopilot import FlightState
 from gcs_formation.estimation.flight_state import Setpoint
 from gcs_formation.vehicle.autopilot import Autopilot, Command, Step
 from gcs_formation.vehicle.checks import Check, Demands, envelope_checks
-from gcs_formation.vehicle.hovering import MULTIROTOR_TYPES, VelocityLead, ground_motion, stands, velocity_setpoint
+from gcs_formation.vehicle.hovering import MULTIROTOR_TYPES, VelocityLead, stands, velocity_setpoint
 from gcs_formation.vehicle.telemetry import Telemetry
 
 STATION_SYSTEM: Final = 255
@@ -318,22 +318,6 @@ class ArduCopter(ArduPilot):
     def checks(self, asked: Demands) -> tuple[Check, ...]:
         """Return failsafe, limits and whose heartbeats count."""
         return arducopter_checks(asked)
-
-    def climbs_out(self, telemetry: Telemetry) -> bool:  # noqa: ARG002 - it may be stopped at any height
-        """Return False."""
-        return False
-
-    def air_motion(
-        self,
-        airspeed_mps: float,  # noqa: ARG002 - it says nothing of what it obeys
-        yaw_rad: float,
-        north_mps: float,
-        east_mps: float,
-        *,
-        leads: bool,
-    ) -> tuple[float, float]:
-        """Return ground speed and course."""
-        return ground_motion(yaw_rad, north_mps, east_mps, leads=leads)
 
     def setpoint(self, setpoint: Setpoint, where: FlightState) -> tuple[Message, ...]:
         """Return one message: velocity over ground, and the course as yaw where it moves.

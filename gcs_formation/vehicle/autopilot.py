@@ -17,6 +17,7 @@ from flight_model.earth import GeodeticOrigin
 from formation_scenario.orders import End
 from gcs_formation.estimation.flight_state import Setpoint
 from gcs_formation.vehicle.checks import Check, Demands
+from gcs_formation.vehicle.hovering import ground_motion
 from gcs_formation.vehicle.telemetry import Telemetry
 
 SHOWN_WITHIN_S: Final = 2.0
@@ -206,18 +207,18 @@ class Autopilot(ABC):
     def is_airborne(self, telemetry: Telemetry) -> bool:
         """Whether the vehicle flies, by its own account."""
 
-    @abstractmethod
-    def climbs_out(self, telemetry: Telemetry) -> bool:
-        """Return whether the vehicle is taking off and still too low to do anything else."""
+    def climbs_out(self, telemetry: Telemetry) -> bool:  # noqa: ARG002 - of fixed wings
+        """Return whether the vehicle is taking off and still too low to do anything else: never one that hovers."""
+        return False
 
     def air_motion(
         self,
         airspeed_mps: float,
         yaw_rad: float,
-        north_mps: float,  # noqa: ARG002 - of others
-        east_mps: float,  # noqa: ARG002 - of others
+        north_mps: float,
+        east_mps: float,
         *,
-        leads: bool,  # noqa: ARG002 - of others
+        leads: bool,
     ) -> tuple[float, float]:
         """Return the speed (m/s) and the direction (rad) of which setpoints tell it, from telemetry.
 
@@ -228,6 +229,8 @@ class Autopilot(ABC):
             east_mps: likewise.
             leads: whether others' slots go by the direction.
         """
+        if self.stands:
+            return ground_motion(yaw_rad, north_mps, east_mps, leads=leads)
         return airspeed_mps, yaw_rad
 
     @abstractmethod

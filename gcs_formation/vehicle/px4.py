@@ -37,7 +37,6 @@ from gcs_formation.vehicle.hovering import (
     MULTIROTOR_TYPES,
     TURNS_FROM_MPS,
     VelocityLead,
-    ground_motion,
     stands,
     velocity_setpoint,
 )
@@ -359,22 +358,6 @@ class Px4Copter(Px4):
     def checks(self, asked: Demands) -> tuple[Check, ...]:
         """Return failsafes and limits."""
         return px4_copter_checks(asked)
-
-    def climbs_out(self, telemetry: Telemetry) -> bool:  # noqa: ARG002 - it may be stopped at any height
-        """Return False."""
-        return False
-
-    def air_motion(
-        self,
-        airspeed_mps: float,  # noqa: ARG002 - it says nothing of what it obeys
-        yaw_rad: float,
-        north_mps: float,
-        east_mps: float,
-        *,
-        leads: bool,
-    ) -> tuple[float, float]:
-        """Return ground speed and course."""
-        return ground_motion(yaw_rad, north_mps, east_mps, leads=leads)
 
     def setpoint(self, setpoint: Setpoint, where: FlightState) -> tuple[Message, ...]:
         """Return one message: velocity over ground, and the course as yaw where it moves.

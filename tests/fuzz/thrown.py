@@ -28,6 +28,7 @@ def throw(datagrams: int, each_turn: int, seed: int) -> str:
 
 
 def _besiege(end: End, what: str, wanted: int, siege: Siege, peace: Array) -> list[str]:
+    # What is measured here, among other things: how long a datagram takes.
     began, thrown, dropped, worst_m, peaks_kib = time.perf_counter(), 0, 0, 0.0, list[int]()
     siege = replace(siege, end=end, forged=what == "forged", own_share=0.0 if what == "strangers" else 0.3)
     while thrown < wanted:
