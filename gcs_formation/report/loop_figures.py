@@ -158,7 +158,7 @@ def _follow(axes: Axes, run: RunData, pair: Followed) -> None:
 
 
 def _gain(axes: Axes, run: RunData, columns: Columns, gain: str, window: Mask) -> None:
-    law, time_s = run.scenario.law, run.time_s[window]
+    law, time_s = run.scenario_in_force.law, run.time_s[window]
     for channel, colour in zip(CHANNELS, FOLLOWERS, strict=False):
         nominal: PidGains = getattr(law, channel)
         values = columns[f"{gain}_{channel}"][window] / (getattr(nominal, gain) or np.nan)

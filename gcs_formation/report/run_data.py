@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
@@ -15,6 +15,7 @@ from airlink.endpoint import VehicleId
 from airlink.frame import ParserCounts
 from flight_model.arrays import Array
 from formation_scenario import Scenario, ScenarioError, load_scenario
+from formation_scenario.gains import redesigned
 from gcs_formation.errors import RecordError
 from gcs_formation.record.expectations import ControlFigures, LinkFigures, Outcome
 from gcs_formation.record.flight import Columns, Flight, join, split
@@ -70,6 +71,11 @@ class RunData:
     def time_s(self) -> Array:
         """(K,) mission times of the flown ticks."""
         return next(iter(self.flown.vehicles.values()))["t_s"] - self.zero_s
+
+    @property
+    def scenario_in_force(self) -> Scenario:
+        """The scenario with the gains that it was flown by at the end: slow links have them designed anew."""
+        return _in_force(self.scenario, self.events)
 
     @property
     def leader(self) -> VehicleId | None:
@@ -209,7 +215,7 @@ def _unfinished(directory: Path, scenario: Scenario) -> RunData:
         raise RecordError(f"found no control tick in {directory}: {_last_phase(events)}, and nothing was flown")
     unknown_s = np.full((columns["t_s"].size // len(scenario.vehicles), 2), np.nan)
     flight = split(columns, scenario, truth, {each.vehicle_id: unknown_s for each in scenario.vehicles})
-    summary = _without_unknown(summarise(_outcome(scenario, flight)).to_dict())
+    summary = _without_unknown(summarise(_outcome(_in_force(scenario, events), flight)).to_dict())
     words = _missing(scenario, flight, events, cut_off=cut_off)
     return replace(_run_data(directory, scenario, summary, events, in_words(join(flight))), missing=words)
 
@@ -228,6 +234,11 @@ def _parsed(line: bytes) -> Mapping[str, Any] | None:
         return json.loads(line)
     except ValueError:
         return None
+
+
+def _in_force(scenario: Scenario, events: Sequence[Mapping[str, Any]]) -> Scenario:
+    delays_s = [event["design_delay_s"] for event in events if event.get("kind") == "design"]
+    return redesigned(scenario, delays_s[-1]) if delays_s else scenario
 
 
 def _last_phase(events: tuple[Mapping[str, Any], ...]) -> str:

@@ -10,6 +10,7 @@ from PIL import Image
 
 from airlink.endpoint import VehicleId
 from formation_scenario import load_scenario, slot_schedule
+from formation_scenario.gains import redesigned
 from gcs_formation.record.flight import Flight
 from gcs_formation.report.error_figures import WIDTHS, errors, transient_end_s
 from gcs_formation.report.figures import PLATES, write_figures
@@ -235,6 +236,16 @@ def test_gains_are_of_a_follower_that_follows_to_the_end(make_run):
     relieved = replace(run, flown=Flight({**run.flown.vehicles, worst: led}, run.flown.truth))
     assert relieved.worst_first()[0] == worst
     assert all(np.isfinite(line.get_ydata()).all() for axes in gains(relieved).axes for line in axes.get_lines()[:3])
+
+
+def test_gains_designed_anew_in_flight_are_the_nominal_ones(make_run):
+    scenario = straight([{"id": 1, "role": "leader"}, {"id": 2}], law={"gains": "auto"})
+    run = load_run(make_run(scenario, flown_s=20.0))
+    slower = redesigned(run.scenario, 0.3).law.speed.kp
+    assert slower < 0.9 * run.scenario.law.speed.kp
+    late = replace(run, events=(*run.events, {"kind": "design", "design_delay_s": 0.3}))
+    before, after = (gains(each).axes[0].get_lines()[0].get_ydata() for each in (run, late))
+    np.testing.assert_allclose(after, before * run.scenario.law.speed.kp / slower)
 
 
 def test_a_snapshot_is_taken_before_the_shape_changes(eventful):
