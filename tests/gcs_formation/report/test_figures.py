@@ -244,7 +244,7 @@ def test_gains_designed_anew_in_flight_are_the_nominal_ones(make_run):
     slower = redesigned(run.scenario, 0.3).law.speed.kp
     assert slower < 0.9 * run.scenario.law.speed.kp
     late = replace(run, events=(*run.events, {"kind": "design", "design_delay_s": 0.3}))
-    before, after = (gains(each).axes[0].get_lines()[0].get_ydata() for each in (run, late))
+    before, after = (np.asarray(gains(each).axes[0].get_lines()[0].get_ydata(), dtype=float) for each in (run, late))
     np.testing.assert_allclose(after, before * run.scenario.law.speed.kp / slower)
 
 
