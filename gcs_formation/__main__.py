@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from airlink.cli.commands import end_quietly, look_seldom
+from airlink.cli.commands import calculate_in_one_thread, end_quietly, look_seldom
 
 
 def main() -> None:
     """Run the command line."""
     end_quietly()
     look_seldom()
+    calculate_in_one_thread()
     from gcs_formation.cli import main as cli  # noqa: PLC0415 - Ctrl-C ends its import too
 
     cli()

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
 
+from airlink.cli.commands import looking_seldom
 from airlink.clock import Clock, Instant, RealClock, VirtualClock
 from airlink.endpoint import PortError
 from airlink.engine import MemoryNetwork
@@ -43,7 +44,8 @@ def run(scenario: Scenario, options: RunOptions, progress: Progress, interrupts:
         RecordError: the run directory can't be written.
     """
     flown = _run_virtual if options.clock == "virtual" else _run_real
-    return flown(scenario, options, progress, interrupts)
+    with looking_seldom():
+        return flown(scenario, options, progress, interrupts)
 
 
 def _run_virtual(scenario: Scenario, options: RunOptions, progress: Progress, interrupts: Interrupts) -> Summary:

@@ -2,17 +2,35 @@
 
 from __future__ import annotations
 
+import gc
+import os
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any, NoReturn
 
 import pytest
+
+from airlink.cli.commands import OBJECTS
+from gcs_formation.app import run as run_module
+from gcs_formation.errors import RunAbortedError
 
 QUICKSTART = Path(__file__).parents[2] / "configs" / "quickstart.yaml"
 FLY = """
 import sys
 import gcs_formation.app.run, gcs_formation.cli.flight
 print(*sys.modules)
+"""
+THREADS = """
+import os, sys
+from {command}.__main__ import main
+sys.argv = ["{command}", "--help"]
+try:
+    main()
+except SystemExit:
+    import numpy
+    print(len(os.listdir("/proc/self/task")))
 """
 CHECK = f"""
 import sys
@@ -42,3 +60,37 @@ def test_check_imports_what_it_needs_alone() -> None:
 def test_a_flight_that_nobody_watches_needs_no_terminal_and_no_figures() -> None:
     modules = subprocess.run([sys.executable, "-c", FLY], capture_output=True, text=True, check=True).stdout.split()
     assert {"rich", "matplotlib", "gcs_formation.report", "gcs_formation.studies"} & set(modules) == set()
+
+
+@pytest.mark.parametrize("command", ["airlink", "gcs_formation", "sim_vehicles"])
+def test_a_command_has_numpy_start_no_threads(command: str) -> None:
+    environment = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
+    script = THREADS.format(command=command)
+    said = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, env=environment)
+    assert said.stdout.splitlines()[-1] == "1"
+
+
+@pytest.fixture
+def _thresholds() -> Iterator[None]:
+    before = gc.get_threshold()
+    yield
+    gc.set_threshold(*before)
+
+
+@pytest.mark.usefixtures("_thresholds")
+@pytest.mark.parametrize(("before", "within"), [(700, OBJECTS), (2 * OBJECTS, 2 * OBJECTS), (0, 0)])
+def test_a_flight_looks_for_garbage_seldom(before: int, within: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    gc.set_threshold(before, 11, 12)
+    options: Any = run_module.RunOptions(Path("unused"), "virtual")
+    nothing: Any = None
+    monkeypatch.setattr(run_module, "_run_virtual", lambda *_: gc.get_threshold())
+    assert run_module.run(nothing, options, nothing, nothing) == (within, 11, 12)
+    assert gc.get_threshold() == (before, 11, 12)
+
+    def refused(*_: object) -> NoReturn:
+        raise RunAbortedError("a port is taken")
+
+    monkeypatch.setattr(run_module, "_run_virtual", refused)
+    with pytest.raises(RunAbortedError):
+        run_module.run(nothing, options, nothing, nothing)
+    assert gc.get_threshold() == (before, 11, 12)
