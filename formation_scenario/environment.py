@@ -113,6 +113,10 @@ class Passing(Timed):
         """Its end, s; infinite if it has none."""
         return math.inf if self.until_s is None else self.until_s
 
+    def acts(self, mission_s: float) -> bool:
+        """Return whether it acts at a mission time."""
+        return self.at_s <= mission_s < self.end_s
+
 
 class StepDisturbance(Passing):
     """A velocity that acts at once."""

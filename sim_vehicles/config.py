@@ -5,19 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Final
 
 from airlink.endpoint import Endpoint, VehicleId, parse_endpoint
 from formation_scenario import Scenario, Vehicle, start_states
-from formation_scenario import environment as fault_keys
 from formation_scenario import environment as keys
-from formation_scenario.environment import DEFAULT_MODE, FaultKind
+from formation_scenario.environment import DEFAULT_MODE, Disturbance, FaultKind
 from formation_scenario.fields import VehicleSelection
-from formation_scenario.navigation import InertialNavigation, TrueNavigation
+from formation_scenario.navigation import InertialNavigation, InertialSensorKeys, NoisyNavigation, TrueNavigation
 from formation_scenario.vehicles import Family, VehicleModel, family_of
-from sim_vehicles.airframe.disturbances import Disturbance, Intensity, Ramp, Sine, Turbulence
-from sim_vehicles.inertial.config import InertialConfig, aid, inertial_sensors
+from sim_vehicles.inertial.error_model import Aid, barometer, gnss
+from sim_vehicles.inertial.imu import InertialSensors, sensor_random
 
 EPOCH_2020_US = 1_577_836_800_000_000
+STANDARD_GRAVITY_MPS2: Final = 9.80665
+DEGREE_PER_HOUR: Final = math.radians(1.0) / 3600.0
 
 
 @dataclass(frozen=True)
@@ -33,21 +35,15 @@ class Start:
 
 
 @dataclass(frozen=True)
-class SensorErrors:
-    """Standard deviations of the errors in telemetry, in SI units, and their correlation in time."""
+class InertialConfig:
+    """Inertial navigation: the sensors, the aid that bounds their drift, and the alignment before the flight."""
 
-    rate_hz: float
-    """New errors a second."""
-    position_m: float
-    """North, east and down each, as for the velocity."""
-    velocity_mps: float
-    airspeed_mps: float
-    heading_rad: float
-    correlation_s: float = 0.0
-    """Time constant of a first-order Gauss-Markov process; 0: each sample's error is independent."""
-    outlier_share: float = 0.0
-    """Share of the samples whose position is `outlier_m` off, to some side."""
-    outlier_m: float = 0.0
+    sensors: InertialSensors
+    aid: Aid | None = None
+    aligned_s: int | None = None
+    """Duration of the alignment, at rest, before the vehicle boots, s; None: it starts from its true state."""
+    airspeed_mps: float = 0.0
+    """Standard deviation of the airspeed as measured."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +62,7 @@ class VehicleConfig:
     """Relative rate by which its clock runs faster than true time."""
     utc_error_s: float | None = 0.0
     """Error of its receiver's UTC; None: it has none."""
-    sensors: SensorErrors | InertialConfig | None = None
+    sensors: NoisyNavigation | InertialConfig | None = None
     """None: telemetry carries the exact state."""
 
 
@@ -93,7 +89,8 @@ class FleetConfig:
     vehicles: tuple[VehicleConfig, ...]
     cruise_mps: float = 22.0
     wind_mps: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    disturbances: tuple[Disturbance | Turbulence, ...] = ()
+    disturbances: tuple[tuple[Disturbance, frozenset[VehicleId]], ...] = ()
+    """Each with the vehicles that it hits."""
     faults: tuple[Fault, ...] = ()
     utc_at_0_us: int = EPOCH_2020_US
     """UTC at instant 0, microseconds since 1970."""
@@ -145,7 +142,7 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
         vehicles=vehicles,
         cruise_mps=scenario.path.speed_mps,
         wind_mps=scenario.wind.velocity_mps,
-        disturbances=tuple(_disturbance(each, _selected(scenario, each.vehicles)) for each in scenario.disturbances),
+        disturbances=tuple((each, _selected(scenario, each.vehicles)) for each in scenario.disturbances),
         faults=tuple(part for each in scenario.faults for part in _fault(each, _selected(scenario, each.vehicles))),
         seed=scenario.seed,
     )
@@ -155,49 +152,53 @@ def _selected(scenario: Scenario, selection: VehicleSelection) -> frozenset[Vehi
     return frozenset(vehicle.vehicle_id for vehicle in scenario.selected(selection))
 
 
-def _sensors(vehicle: Vehicle, seed: int) -> SensorErrors | InertialConfig | None:
-    keys = vehicle.true_navigation or vehicle.navigation
-    if isinstance(keys, TrueNavigation):
-        return None
-    if isinstance(keys, InertialNavigation):
-        aligned_s = keys.alignment_s if keys.flight_start == "aligned" else None
-        sensors = inertial_sensors(keys, seed, vehicle.vehicle_id)
-        return InertialConfig(sensors, aid(keys), aligned_s, keys.airspeed_sigma_mps)
-    return SensorErrors(
-        rate_hz=keys.rate_hz,
-        position_m=keys.position_sigma_m,
-        velocity_mps=keys.velocity_sigma_mps,
-        airspeed_mps=keys.airspeed_sigma_mps,
-        heading_rad=math.radians(keys.heading_sigma_deg),
-        correlation_s=keys.correlation_s,
-        outlier_share=keys.outlier_share,
-        outlier_m=keys.outlier_m,
+def _sensors(vehicle: Vehicle, seed: int) -> NoisyNavigation | InertialConfig | None:
+    navigation = vehicle.true_navigation or vehicle.navigation
+    match navigation:
+        case TrueNavigation():
+            return None
+        case NoisyNavigation():
+            return navigation
+        case InertialNavigation():
+            aligned_s = navigation.alignment_s if navigation.flight_start == "aligned" else None
+            sensors = inertial_sensors(navigation, seed, vehicle.vehicle_id)
+            return InertialConfig(sensors, aid(navigation), aligned_s, navigation.airspeed_sigma_mps)
+
+
+def inertial_sensors(keys: InertialNavigation, seed: int, vehicle: VehicleId) -> InertialSensors:
+    """Return a vehicle's sensors in SI units; keys of the resolved scenario, none is missing."""
+    given = _given(keys.sensors)
+    return given.drawn(sensor_random(seed, vehicle, "biases")) if keys.biases == "random" else given
+
+
+def _given(keys: InertialSensorKeys) -> InertialSensors:
+    return InertialSensors(
+        accel_bias_mps2=_axes(keys.accel_bias_ug, 1e-6 * STANDARD_GRAVITY_MPS2),
+        gyro_bias_radps=_axes(keys.gyro_bias_deg_per_h, DEGREE_PER_HOUR),
+        accel_noise=1e-6 * STANDARD_GRAVITY_MPS2 * (keys.accel_noise_ug_per_rthz or 0.0),
+        gyro_noise=math.radians(keys.gyro_noise_deg_per_rth or 0.0) / 60.0,
     )
 
 
-def _disturbance(entry: keys.Disturbance, vehicles: frozenset[VehicleId]) -> Disturbance | Turbulence:
-    when = entry.at_s, entry.end_s, vehicles
-    match entry:
-        case keys.StepDisturbance():
-            return Disturbance(*when, entry.velocity_mps)
-        case keys.RampDisturbance():
-            return Ramp(*when, entry.velocity_mps, entry.duration_s)
-        case keys.SineDisturbance():
-            return Sine(*when, entry.velocity_mps, entry.period_s, math.radians(entry.phase_deg))
-        case keys.DrydenTurbulence():
-            return Turbulence(*when, _intensity(entry))
+def aid(keys: InertialNavigation) -> Aid | None:
+    """Return what aids the navigator, None for nothing."""
+    match keys.aiding:
+        case "gnss":
+            return gnss(**keys.gnss.model_dump())
+        case "baro":
+            return barometer(**keys.barometer.model_dump())
+        case _:
+            return None
 
 
-def _intensity(entry: keys.DrydenTurbulence) -> Intensity | float:
-    if entry.sigma_mps is not None and entry.length_m is not None:
-        return Intensity(entry.sigma_mps, entry.length_m)
-    assert entry.wind_6m_mps is not None
-    return entry.wind_6m_mps
+def _axes(value: float | tuple[float, float, float] | None, unit: float) -> tuple[float, float, float]:
+    x, y, z = value if isinstance(value, tuple) else (value or 0.0,) * 3
+    return x * unit, y * unit, z * unit
 
 
-def _fault(entry: fault_keys.Fault, vehicles: frozenset[VehicleId]) -> Iterator[Fault]:
+def _fault(entry: keys.Fault, vehicles: frozenset[VehicleId]) -> Iterator[Fault]:
     """Yield a fault's beginning, and its end if it has one."""
-    mode = entry.mode or fault_keys.DEFAULT_MODE
+    mode = entry.mode or DEFAULT_MODE
     yield Fault(entry.at_s, vehicles, entry.kind, mode=mode)
     if entry.until_s is not None:
         yield Fault(entry.until_s, vehicles, entry.kind, ends=True, mode=mode)

@@ -9,8 +9,14 @@ import numpy as np
 
 from airlink.clock import Instant, after, seconds_between
 from airlink.random_streams import random_stream
+from formation_scenario.environment import (
+    DrydenTurbulence,
+    RampDisturbance,
+    SineDisturbance,
+    StepDisturbance,
+)
 from sim_vehicles.airframe.body import Body
-from sim_vehicles.airframe.disturbances import Disturbance, DrydenGusts, Turbulence
+from sim_vehicles.airframe.turbulence import DrydenGusts
 from sim_vehicles.autopilot.clock import LOOP_S
 from sim_vehicles.config import Fault, FleetConfig
 
@@ -49,7 +55,7 @@ class Environment:
         return struck
 
     def _disturb(self, mission_s: float) -> None:
-        acting = [(each, each.share(mission_s)) for each in self._disturbances if each.passing.acts(mission_s)]
+        acting = [(each, each.share(mission_s)) for each in self._disturbances if each.keys.acts(mission_s)]
         if acting == self._acting:
             return
         self._acting = acting
@@ -67,14 +73,20 @@ class Environment:
 class _Steady:
     """A disturbance that depends on time only."""
 
-    def __init__(self, passing: Disturbance, hit: list[Body]) -> None:
-        self.passing, self._hit = passing, hit
+    def __init__(self, keys: StepDisturbance | RampDisturbance | SineDisturbance, hit: list[Body]) -> None:
+        self.keys, self._hit = keys, hit
 
     def share(self, mission_s: float) -> float:
-        return self.passing.share(mission_s - self.passing.at_s)
+        """Return the share of the velocity that acts: of a sine, -1 to 1."""
+        keys, age_s = self.keys, mission_s - self.keys.at_s
+        if isinstance(keys, RampDisturbance):
+            return min(age_s / keys.duration_s, 1.0)
+        if isinstance(keys, SineDisturbance):
+            return math.sin(math.tau * age_s / keys.period_s + math.radians(keys.phase_deg))
+        return 1.0
 
     def add(self, share: float) -> None:
-        north_mps, east_mps, down_mps = self.passing.velocity_mps
+        north_mps, east_mps, down_mps = self.keys.velocity_mps
         for body in self._hit:
             _add(body, share * north_mps, share * east_mps, share * down_mps)
 
@@ -82,9 +94,9 @@ class _Steady:
 class _Turbulent:
     """Gusts that depend on each vehicle's own flight through the air."""
 
-    def __init__(self, passing: Turbulence, hit: list[Body], streams: list[np.random.SeedSequence]) -> None:
-        self.passing, self._hit = passing, hit
-        self._gusts = DrydenGusts(streams, passing.intensity)
+    def __init__(self, keys: DrydenTurbulence, hit: list[Body], streams: list[np.random.SeedSequence]) -> None:
+        self.keys, self._hit = keys, hit
+        self._gusts = DrydenGusts(streams, keys)
 
     def share(self, mission_s: float) -> float:
         return mission_s  # each instant has gusts of its own
@@ -105,14 +117,14 @@ def _add(body: Body, north_mps: float, east_mps: float, down_mps: float) -> None
 
 def _acting(config: FleetConfig, index: int, bodies: Sequence[Body]) -> _Steady | _Turbulent:
     """Return the disturbance of the entry at `index`; each vehicle's gusts in each entry are independent."""
-    passing = config.disturbances[index]
+    keys, vehicles = config.disturbances[index]
     met_by = [
         (vehicle.identity, body)
         for vehicle, body in zip(config.vehicles, bodies, strict=True)
-        if vehicle.identity in passing.vehicles
+        if vehicle.identity in vehicles
     ]
     hit = [body for _, body in met_by]
-    if isinstance(passing, Disturbance):
-        return _Steady(passing, hit)
+    if not isinstance(keys, DrydenTurbulence):
+        return _Steady(keys, hit)
     streams = [random_stream(config.seed, "turbulence", index, *identity) for identity, _ in met_by]
-    return _Turbulent(passing, hit, streams)
+    return _Turbulent(keys, hit, streams)

@@ -13,9 +13,9 @@ from airlink.endpoint import VehicleId
 from airlink.random_streams import random_stream
 from flight_model.arrays import Array
 from flight_model.earth import GeodeticOrigin
+from formation_scenario.navigation import NoisyNavigation
 from sim_vehicles.airframe.motion import Estimate, Motion, with_drift
-from sim_vehicles.config import SensorErrors, VehicleConfig
-from sim_vehicles.inertial.config import InertialConfig
+from sim_vehicles.config import InertialConfig, VehicleConfig
 from sim_vehicles.inertial.navigator import InertialNavigator
 
 SIZES: Final = (3, 3, 1, 1)
@@ -26,12 +26,13 @@ BLOCK = 256
 class Sensors:
     """One vehicle's sensors. A sample's errors stay the same until the next sample, however often it is read."""
 
-    def __init__(self, errors: SensorErrors, vehicle: VehicleId, seed: int) -> None:
+    def __init__(self, errors: NoisyNavigation, vehicle: VehicleId, seed: int) -> None:
         """Draw from the vehicle's own random streams."""
         streams = [random_stream(seed, "sensors", *vehicle, sensor) for sensor in range(len(SIZES))]
         self._random = [np.random.Generator(np.random.Philox(stream)) for stream in streams]
         self._period_ns = round(NANOSECONDS / errors.rate_hz)
-        each = errors.position_m, errors.velocity_mps, errors.airspeed_mps, errors.heading_rad
+        heading_rad = math.radians(errors.heading_sigma_deg)
+        each = errors.position_sigma_m, errors.velocity_sigma_mps, errors.airspeed_sigma_mps, heading_rad
         self._sigmas: Array = np.repeat(each, SIZES)
         correlated = errors.correlation_s > 0
         self._kept = math.exp(-1.0 / (errors.rate_hz * errors.correlation_s)) if correlated else 0.0
@@ -88,7 +89,7 @@ def sensors_of(config: VehicleConfig, origin: GeodeticOrigin, seed: int) -> Sens
     """Return what measures a vehicle's motion for its telemetry; None where that carries the exact state."""
     errors, own = config.sensors, (config.identity, seed)
     match errors:
-        case SensorErrors():
+        case NoisyNavigation():
             return Sensors(errors, *own)
         case InertialConfig():
             return InertialNavigator(errors, origin, config.start.heading_rad, *own)

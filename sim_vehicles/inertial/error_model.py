@@ -1,4 +1,4 @@
-"""The linear model of an inertial navigator's errors, with 15 states, and a Kalman filter of them.
+"""The linear model of an inertial navigator's errors, with 15 states, what aids measure of them, and a Kalman filter.
 
 The errors are: position, east, north and up in m; velocity likewise in m/s; misalignment phi in rad, where the computed
 attitude is (I - [phi x]) times the true one; the accelerometers' biases and the gyroscopes', body components, in SI
@@ -15,11 +15,14 @@ import numpy as np
 
 from flight_model.arrays import Array
 from flight_model.earth import RATE_RADPS, gravity_mps2, radii_m
+from sim_vehicles.airframe.motion import InnovationRatios
 from sim_vehicles.inertial.imu import InertialSensors
 
 PLACE, VELOCITY, TILT, ACCEL_BIAS, GYRO_BIAS = (slice(3 * i, 3 * i + 3) for i in range(5))
 SIZE = 15
 EAST, NORTH, UP = range(3)
+RECEIVED = 6
+GATE = 5.0
 
 
 def dynamics(lat_rad: float, height_m: float, velocity_mps: Array, force_mps2: Array, attitude: Array) -> Array:
@@ -70,6 +73,40 @@ def noise_density(sensors: InertialSensors) -> Array:
 def _skew(v: Array) -> Array:
     """Return [v x]."""
     return np.array(((0.0, -v[2], v[1]), (v[2], 0.0, -v[0]), (-v[1], v[0], 0.0)))
+
+
+class Aid(NamedTuple):
+    """A sensor that measures part of the position and velocity, with independent white errors."""
+
+    rate_hz: float
+    seen: Array
+    """(M, 15) measurement matrix: which of the errors each measurement contains."""
+    sigmas: Array
+    """(M,) standard deviations, m and m/s."""
+
+    @property
+    def has_position(self) -> bool:
+        """Whether it is a receiver: it measures places and velocities east, north and up, in this order."""
+        return self.sigmas.size == RECEIVED
+
+    def test_ratios(self, innovation: Array) -> InnovationRatios:
+        """Return normalised innovations (M,) as shares of ArduPilot's gates, 5 standard deviations (EK3_POS_I_GATE)."""
+        shares: list[float] = (np.abs(innovation) / GATE).tolist()
+        if not self.has_position:
+            return InnovationRatios(0.0, 0.0, shares[0], 0.0)
+        east, north, up, *velocity = shares
+        return InnovationRatios(max(velocity), max(east, north), up, 0.0)
+
+
+def gnss(rate_hz: float, position_sigma_m: float, height_sigma_m: float, velocity_sigma_mps: float) -> Aid:
+    """Return a GNSS receiver: position and velocity, loosely coupled (Groves, 2013, section 14.1.2)."""
+    sigmas = (position_sigma_m, position_sigma_m, height_sigma_m, *(velocity_sigma_mps,) * 3)
+    return Aid(rate_hz, np.eye(6, SIZE), np.array(sigmas))
+
+
+def barometer(rate_hz: float, height_sigma_m: float) -> Aid:
+    """Return a barometric altimeter: the height alone."""
+    return Aid(rate_hz, np.eye(SIZE)[PLACE][[UP]], np.array((height_sigma_m,)))
 
 
 class Estimate(NamedTuple):

@@ -13,8 +13,8 @@ from flight_model.arrays import Array
 from flight_model.earth import GeodeticOrigin, radii_m
 from formation_scenario import Scenario, Vehicle
 from formation_scenario.navigation import InertialNavigation
+from sim_vehicles.config import aid, inertial_sensors
 from sim_vehicles.inertial.alignment import Alignment, FineAlignment, align, limits
-from sim_vehicles.inertial.config import Aid, aid, inertial_sensors
 from sim_vehicles.inertial.error_model import (
     ACCEL_BIAS,
     GYRO_BIAS,
@@ -22,6 +22,7 @@ from sim_vehicles.inertial.error_model import (
     SIZE,
     TILT,
     VELOCITY,
+    Aid,
     ErrorFilter,
     dynamics,
     noise_density,

@@ -18,8 +18,8 @@ from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
 from flight_model.earth import GeodeticOrigin, gravity_mps2
 from sim_vehicles.airframe.motion import Estimate, InnovationRatios, Motion, with_drift
+from sim_vehicles.config import InertialConfig
 from sim_vehicles.inertial.alignment import UPDATE_S, FineAlignment
-from sim_vehicles.inertial.config import InertialConfig
 from sim_vehicles.inertial.error_model import (
     ACCEL_BIAS,
     GYRO_BIAS,

@@ -8,7 +8,7 @@ import pytest
 
 from airlink.endpoint import VehicleId
 from formation_scenario import load_scenario
-from sim_vehicles.airframe.disturbances import Disturbance
+from formation_scenario.environment import StepDisturbance
 from tests.sim_vehicles.conftest import mavlink
 
 ACCEPTED, UNSUPPORTED, FAILED = 0, 3, 4
@@ -160,7 +160,7 @@ def test_the_airspeed_it_tells_is_its_speed(standing):
 
 
 def test_wind_pushes_it_once_and_doesnt_carry_it_away(make_air):
-    gust = Disturbance(0.0, math.inf, frozenset({VehicleId(1, 1)}), (2.0, 0.0, 0.0))
+    gust = StepDisturbance(at_s=0.0, velocity_mps=(2.0, 0.0, 0.0)), frozenset({VehicleId(1, 1)})
     copter = Pilot(make_air(model=MODEL, disturbances=(gust,)))
     copter.air.run(8.0)
     copter.air.tell_mission_time(0.0)

@@ -1,16 +1,19 @@
 """Wind, disturbances and faults by mission time, which the ground station tells."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 
 from airlink.endpoint import VehicleId
-from sim_vehicles.airframe.disturbances import Disturbance, Intensity, Ramp, Sine, Turbulence
+from formation_scenario.environment import DrydenTurbulence, RampDisturbance, SineDisturbance, StepDisturbance
 from sim_vehicles.config import Fault
 
 FIRST, SECOND = VehicleId(1, 1), VehicleId(1, 2)
 HEADING, GUIDED = 43002, 15
+NORTH = (0.6, 0.0, 0.0)
+FROM_1_S: dict[str, Any] = {"at_s": 1.0, "velocity_mps": NORTH}
 
 
 def velocity(air, vehicle=0):
@@ -29,7 +32,7 @@ def disturbed(make_air, *disturbances, count=2):
 
 
 def test_a_disturbance_strikes_at_its_mission_time_and_whom_it_names(make_air):
-    air = disturbed(make_air, Disturbance(10.0, math.inf, frozenset({SECOND}), (0.6, -0.4, 0.0)))
+    air = disturbed(make_air, (StepDisturbance(at_s=10.0, velocity_mps=(0.6, -0.4, 0.0)), frozenset({SECOND})))
     air.run(5.0)
     air.tell_mission_time(0.0)
     air.run(9.9)
@@ -45,8 +48,8 @@ def test_disturbances_add_up_with_the_wind(make_air):
         2,
         wind_mps=(1.0, 2.0, 0.0),
         disturbances=(
-            Disturbance(1.0, math.inf, both, (0.5, 0.0, 0.0)),
-            Disturbance(2.0, math.inf, both, (0.0, 0.25, 0.0)),
+            (StepDisturbance(at_s=1.0, velocity_mps=(0.5, 0.0, 0.0)), both),
+            (StepDisturbance(at_s=2.0, velocity_mps=(0.0, 0.25, 0.0)), both),
         ),
     )
     air.tell_mission_time(0.0)
@@ -68,28 +71,31 @@ def over_time(air, seconds):
 @pytest.mark.parametrize(
     ("disturbance", "expected"),
     [
-        (Disturbance(2.0, 4.0, frozenset({FIRST}), (0.6, 0.0, 0.0)), [0, 0.6, 0.6, 0, 0, 0]),
-        (Ramp(1.0, 5.0, frozenset({FIRST}), (0.6, 0.0, 0.0), 2.0), [0, 0.3, 0.6, 0.6, 0, 0]),
-        (Sine(1.0, math.inf, frozenset({FIRST}), (0.6, 0.0, 0.0), 4.0), [0, 0.6, 0, -0.6, 0, 0.6]),
-        (Sine(1.0, 4.5, frozenset({FIRST}), (0.6, 0.0, 0.0), 4.0, math.pi / 2), [0.6, 0, -0.6, 0, 0, 0]),
+        (StepDisturbance(at_s=2.0, until_s=4.0, velocity_mps=NORTH), [0, 0.6, 0.6, 0, 0, 0]),
+        (
+            RampDisturbance(kind="ramp", at_s=1.0, until_s=5.0, velocity_mps=NORTH, duration_s=2.0),
+            [0, 0.3, 0.6, 0.6, 0, 0],
+        ),
+        (SineDisturbance(kind="sine", period_s=4.0, **FROM_1_S), [0, 0.6, 0, -0.6, 0, 0.6]),
+        (
+            SineDisturbance(kind="sine", at_s=1.0, until_s=4.5, velocity_mps=NORTH, period_s=4.0, phase_deg=90.0),
+            [0.6, 0, -0.6, 0, 0, 0],
+        ),
     ],
 )
 def test_disturbances_go_on_in_time_as_their_kind_says_and_end(make_air, disturbance, expected):
-    assert over_time(disturbed(make_air, disturbance), 6) == pytest.approx(expected, abs=1e-6)
+    assert over_time(disturbed(make_air, (disturbance, frozenset({FIRST}))), 6) == pytest.approx(expected, abs=1e-6)
 
 
 def test_a_vehicle_s_turbulence_does_not_depend_on_who_else_meets_it(make_air):
-    intensity = Intensity((1.0, 1.0, 1.0), (50.0, 50.0, 50.0))
-    alone, together = (
-        over_time(disturbed(make_air, Turbulence(0.0, math.inf, frozenset(who), intensity)), 5)
-        for who in ({FIRST}, {SECOND, FIRST})
-    )
+    gusts = DrydenTurbulence(kind="dryden", at_s=0.0, sigma_mps=(1.0, 1.0, 1.0), length_m=(50.0, 50.0, 50.0))
+    alone, together = (over_time(disturbed(make_air, (gusts, frozenset(who))), 5) for who in ({FIRST}, {SECOND, FIRST}))
     assert alone == together
     assert np.std(alone) > 0
 
 
 def test_nothing_happens_before_the_mission_time_is_told(make_air):
-    air = disturbed(make_air, Disturbance(0.0, math.inf, frozenset({FIRST}), (5.0, 0.0, 0.0)))
+    air = disturbed(make_air, (StepDisturbance(at_s=0.0, velocity_mps=(5.0, 0.0, 0.0)), frozenset({FIRST})))
     air.run(30.0)
     air.tell_mission_time(-3.0)
     air.run(30.0)
@@ -97,7 +103,7 @@ def test_nothing_happens_before_the_mission_time_is_told(make_air):
 
 
 def test_the_first_mission_time_that_is_not_negative_counts_whoever_hears_it(make_air):
-    air = disturbed(make_air, Disturbance(10.0, math.inf, frozenset({FIRST}), (1.0, 0.0, 0.0)))
+    air = disturbed(make_air, (StepDisturbance(at_s=10.0, velocity_mps=(1.0, 0.0, 0.0)), frozenset({FIRST})))
     air.tell_mission_time(-1.0)
     air.run(1.0)
     air.tell_mission_time(4.0, vehicle=1)
@@ -111,14 +117,14 @@ def test_the_first_mission_time_that_is_not_negative_counts_whoever_hears_it(mak
 
 @pytest.mark.parametrize("value", [math.nan, math.inf])
 def test_a_mission_time_that_is_no_number_is_ignored(make_air, value):
-    air = disturbed(make_air, Disturbance(0.0, math.inf, frozenset({FIRST}), (1.0, 0.0, 0.0)))
+    air = disturbed(make_air, (StepDisturbance(at_s=0.0, velocity_mps=(1.0, 0.0, 0.0)), frozenset({FIRST})))
     air.tell_mission_time(value)
     air.run(5.0)
     assert air.fleet.environment.mission_zero is None
 
 
 def test_a_disturbance_shows_in_the_told_velocity_and_carries_the_vehicle(make_air):
-    air = disturbed(make_air, Disturbance(0.0, math.inf, frozenset({FIRST}), (0.6, 0.6, 0.0)))
+    air = disturbed(make_air, (StepDisturbance(at_s=0.0, velocity_mps=(0.6, 0.6, 0.0)), frozenset({FIRST})))
     air.run(2.0)
     assert air.set_mode(GUIDED) == 0
     air.command_int(HEADING, 1, 0.0, 10.0)

@@ -7,7 +7,7 @@ import pytest
 from airlink.endpoint import VehicleId
 from formation_scenario import load_scenario
 from formation_scenario.navigation import NoisyNavigation
-from sim_vehicles.config import SensorErrors, fleet_config
+from sim_vehicles.config import fleet_config
 from sim_vehicles.fleet import Fleet
 
 SCENARIO = """
@@ -54,8 +54,8 @@ def test_a_vehicles_sensors_are_its_true_ones_where_those_differ_from_what_the_s
     path = {"waypoints_m": [[0, 0, 100], [5000, 0, 100]]}
     planned = load_scenario({"vehicles": {"count": 2} | differing, "path": path})
     (sensors, _) = (each.sensors for each in fleet_config(planned).vehicles)
-    assert isinstance(sensors, SensorErrors)
-    assert (sensors.position_m, sensors.velocity_mps, sensors.outlier_share) == (1.0, 0.1, 0.05)
+    assert isinstance(sensors, NoisyNavigation)
+    assert (sensors.position_sigma_m, sensors.velocity_sigma_mps, sensors.outlier_share) == (1.0, 0.1, 0.05)
     believed = planned.vehicles[0].navigation
     assert isinstance(believed, NoisyNavigation)
     assert believed.position_sigma_m == 0.3
@@ -72,7 +72,7 @@ def test_a_vehicle_flies_by_its_true_model_where_that_differs_from_what_the_stat
 
 
 def test_all_means_every_vehicle(config):
-    assert config.disturbances[0].vehicles == {VehicleId(1, 1), VehicleId(1, 2)}
+    assert config.disturbances[0][1] == {VehicleId(1, 1), VehicleId(1, 2)}
     assert config.faults[0].vehicles == {VehicleId(1, 2)}
 
 

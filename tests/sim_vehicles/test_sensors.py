@@ -1,6 +1,5 @@
 """What noisy vehicles tell of themselves, as pymavlink reads it, beside what they really do."""
 
-import dataclasses
 import math
 
 import numpy as np
@@ -8,11 +7,11 @@ import pytest
 
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
+from formation_scenario.navigation import NoisyNavigation
 from sim_vehicles.airframe.motion import Motion
 from sim_vehicles.airframe.sensors import Sensors
-from sim_vehicles.config import SensorErrors
 
-GNSS = SensorErrors(10.0, 0.3, 0.1, 0.2, math.radians(0.5))
+GNSS = NoisyNavigation(source="noisy")
 STILL = Motion(0.0, 0.0, 0.0, 0.0, 22.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 TOLD = (
     "north_m",
@@ -43,7 +42,7 @@ def test_errors_are_white_independent_and_of_the_stated_sigmas():
 
 
 def test_gauss_markov_errors_keep_their_sigma_and_fade_exponentially():
-    found = errors(40_000, keys=SensorErrors(10.0, 0.3, 0.1, 0.2, math.radians(0.5), correlation_s=2.0)) / SIGMAS
+    found = errors(40_000, keys=NoisyNavigation(source="noisy", correlation_s=2.0)) / SIGMAS
     assert found.std(axis=0) == pytest.approx(1.0, rel=0.06)
     assert (found[20:] * found[:-20]).mean() == pytest.approx(math.exp(-1.0), abs=0.05)
 
@@ -68,7 +67,7 @@ def test_telemetry_is_noisy_and_the_vehicle_flies_as_if_it_were_not(make_air):
 
 
 def test_outliers_are_of_the_stated_share_and_distance_and_leave_the_other_errors_alone():
-    strays = dataclasses.replace(GNSS, outlier_share=0.05, outlier_m=20.0)
+    strays = NoisyNavigation(source="noisy", outlier_share=0.05, outlier_m=20.0)
     apart = errors(4000, keys=strays) - errors(4000)
     far_m = np.hypot(apart[:, 0], apart[:, 1])
     assert np.mean(far_m > 1.0) == pytest.approx(0.05, abs=0.01)

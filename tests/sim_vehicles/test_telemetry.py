@@ -7,8 +7,8 @@ from itertools import pairwise
 
 import pytest
 
-from sim_vehicles.config import Fault
-from sim_vehicles.inertial.config import InertialConfig, gnss
+from sim_vehicles.config import Fault, InertialConfig
+from sim_vehicles.inertial.error_model import gnss
 from sim_vehicles.inertial.imu import InertialSensors
 
 mavlink = importlib.import_module("pymavlink.dialects.v20.ardupilotmega")

@@ -8,10 +8,12 @@ import pytest
 from scipy.linalg import expm
 from scipy.signal import welch
 
-from sim_vehicles.airframe.disturbances import DrydenGusts, Intensity, discretised, low_altitude
+from formation_scenario.environment import DrydenTurbulence
+from sim_vehicles.airframe.turbulence import DrydenGusts, discretised, low_altitude
 
 AIRSPEED_MPS, DT_S, VEHICLES = 22.0, 0.1, 64
-GIVEN = Intensity((1.5, 1.0, 0.5), (60.0, 40.0, 20.0))
+SIGMA_MPS, LENGTH_M = (1.5, 1.0, 0.5), (60.0, 40.0, 20.0)
+GIVEN = DrydenTurbulence(kind="dryden", at_s=0.0, sigma_mps=SIGMA_MPS, length_m=LENGTH_M)
 
 
 def flown(steps, airspeed_mps: npt.ArrayLike = AIRSPEED_MPS, count=VEHICLES):
@@ -48,13 +50,13 @@ def test_the_lateral_filter_is_discretised_exactly(duration):
 def test_the_rms_values_are_those_asked_for_whatever_the_airspeed_does():
     airspeed_mps = np.where(np.arange(4000) % 600 < 300, 15.0, 30.0)
     gusts = flown(4000, airspeed_mps=airspeed_mps)
-    assert np.sqrt((gusts**2).mean(axis=(0, 2))) == pytest.approx(GIVEN.sigma_mps, rel=0.02)
-    assert np.sqrt((gusts[:20] ** 2).mean(axis=(0, 2))) == pytest.approx(GIVEN.sigma_mps, rel=0.25)
+    assert np.sqrt((gusts**2).mean(axis=(0, 2))) == pytest.approx(SIGMA_MPS, rel=0.02)
+    assert np.sqrt((gusts[:20] ** 2).mean(axis=(0, 2))) == pytest.approx(SIGMA_MPS, rel=0.25)
 
 
 def dryden(axis, wave_radpm):
     """Return Phi of MIL-F-8785C, section 3.7.1.2, whose integral over 0 to infinity rad/m is sigma^2."""
-    sigma, length = GIVEN.sigma_mps[axis], GIVEN.length_m[axis]
+    sigma, length = SIGMA_MPS[axis], LENGTH_M[axis]
     x2 = (length * wave_radpm) ** 2
     if axis == 0:
         return sigma**2 * 2 * length / math.pi / (1 + x2)

@@ -11,8 +11,7 @@ from scipy.stats import chi2
 from flight_model.earth import GeodeticOrigin
 from formation_scenario import SplinePath
 from sim_vehicles.inertial.alignment import STATES, TILTS, FineAlignment, align, coarse, limits
-from sim_vehicles.inertial.config import barometer, gnss
-from sim_vehicles.inertial.error_model import ACCEL_BIAS, GYRO_BIAS
+from sim_vehicles.inertial.error_model import ACCEL_BIAS, GYRO_BIAS, barometer, gnss
 from sim_vehicles.inertial.experiment import exact_start, navigate
 from sim_vehicles.inertial.imu import InertialSensors, Trajectory
 from sim_vehicles.inertial.rotation import attitude

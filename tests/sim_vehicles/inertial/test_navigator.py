@@ -16,9 +16,9 @@ from flight_model.earth import GeodeticOrigin
 from formation_scenario import SplinePath
 from formation_scenario.navigation import InertialNavigation, InertialSensorKeys
 from sim_vehicles.airframe.motion import Motion
+from sim_vehicles.config import InertialConfig, inertial_sensors
 from sim_vehicles.inertial.alignment import limits
-from sim_vehicles.inertial.config import InertialConfig, gnss, inertial_sensors
-from sim_vehicles.inertial.error_model import TILT
+from sim_vehicles.inertial.error_model import TILT, gnss
 from sim_vehicles.inertial.experiment import exact_start, navigate
 from sim_vehicles.inertial.imu import InertialSensors, Trajectory, sensor_random
 from sim_vehicles.inertial.navigator import InertialNavigator

@@ -1,4 +1,4 @@
-"""Velocities that the air adds to vehicles besides the constant wind: functions of time, and Dryden turbulence.
+"""Dryden's turbulence: the gusts that it adds to vehicles.
 
 Sources: MIL-F-8785C (1980), section 3.7.1.2 for the spectra, 3.7.3.4 for intensities and scale lengths at low altitude.
 There u points along the horizontal motion through the air and w downwards; v completes the axes.
@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
+from formation_scenario.environment import DrydenTurbulence
 
 FOOT_M = 0.3048
 LOWEST_FT, HIGHEST_FT = 10.0, 1000.0
@@ -23,69 +22,6 @@ LEAST_AIRSPEED_MPS = 1.0
 DRAWS_EACH = 5
 BLOCK = 256
 SQRT3 = math.sqrt(3.0)
-
-
-@dataclass(frozen=True)
-class Passing:
-    """A disturbance of some vehicles between two mission times."""
-
-    at_s: float
-    until_s: float
-    vehicles: frozenset[VehicleId]
-
-    def acts(self, mission_s: float) -> bool:
-        """Return whether it acts at a mission time."""
-        return self.at_s <= mission_s < self.until_s
-
-
-@dataclass(frozen=True)
-class Disturbance(Passing):
-    """A step: a velocity in m/s, north, east and down."""
-
-    velocity_mps: tuple[float, float, float]
-
-    def share(self, age_s: float) -> float:  # noqa: ARG002 - a step has no age
-        """Return the share of `velocity_mps` that acts `age_s` after the beginning."""
-        return 1.0
-
-
-@dataclass(frozen=True)
-class Ramp(Disturbance):
-    """A velocity that grows linearly over `duration_s`, then stays."""
-
-    duration_s: float
-
-    def share(self, age_s: float) -> float:
-        """Return the share of `velocity_mps` that acts."""
-        return min(age_s / self.duration_s, 1.0)
-
-
-@dataclass(frozen=True)
-class Sine(Disturbance):
-    """A sinusoidal velocity; `velocity_mps` is its amplitude."""
-
-    period_s: float
-    phase_rad: float = 0.0
-
-    def share(self, age_s: float) -> float:
-        """Return the share of the amplitude that acts, -1 to 1."""
-        return math.sin(math.tau * age_s / self.period_s + self.phase_rad)
-
-
-@dataclass(frozen=True)
-class Intensity:
-    """Intensity of turbulence: rms velocities in m/s and scale lengths in m, each forward, right and down."""
-
-    sigma_mps: tuple[float, float, float]
-    length_m: tuple[float, float, float]
-
-
-@dataclass(frozen=True)
-class Turbulence(Passing):
-    """Continuous random gusts with Dryden's spectra."""
-
-    intensity: Intensity | float
-    """Explicit, or the mean wind in m/s 6 m above ground, from which MIL-F-8785C derives it for low altitude."""
 
 
 def low_altitude(wind_6m_mps: float, height_m: Array) -> tuple[Array, Array]:
@@ -129,9 +65,9 @@ class DrydenGusts:
     and height change. They start in the stationary state.
     """
 
-    def __init__(self, streams: Sequence[np.random.SeedSequence], intensity: Intensity | float) -> None:
-        """Draw the gusts of vehicle i from `streams[i]`; `intensity` is explicit, or the wind 6 m above ground, m/s."""
-        self._intensity = intensity
+    def __init__(self, streams: Sequence[np.random.SeedSequence], keys: DrydenTurbulence) -> None:
+        """Draw the gusts of vehicle i from `streams[i]`, with the intensity of `keys`."""
+        self._keys = keys
         self._random = [np.random.Generator(np.random.Philox(stream)) for stream in streams]
         self._drawn: Array = np.zeros((0, DRAWS_EACH, len(streams)))
         self._next = 0
@@ -154,10 +90,11 @@ class DrydenGusts:
         return sigma_mps * np.concatenate((self._along[None], right_down))
 
     def _scales(self, height_m: Array) -> tuple[Array, Array]:
-        if isinstance(self._intensity, Intensity):
-            sigma_mps, length_m = self._intensity.sigma_mps, self._intensity.length_m
+        sigma_mps, length_m, wind_mps = self._keys.sigma_mps, self._keys.length_m, self._keys.wind_6m_mps
+        if sigma_mps is not None and length_m is not None:
             return np.array(sigma_mps)[:, None], np.array(length_m)[:, None]
-        return low_altitude(self._intensity, height_m)
+        assert wind_mps is not None
+        return low_altitude(wind_mps, height_m)
 
     def _draw(self) -> Array:
         """Return a step's normal variates, (5, N)."""
