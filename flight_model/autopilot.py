@@ -257,6 +257,14 @@ def respond(
     state: FlightState, model: AutopilotModel, speed_mps: float, heading_rad: float, height_m: float, time_s: float
 ) -> None:
     """Move airspeed, heading, height and climb rate on as `advance` does, and leave the place: a third of its cost."""
+    respond_in_air(state, model, speed_mps, heading_rad, time_s)
+    climb(state, model, height_m, time_s)
+
+
+def respond_in_air(
+    state: FlightState, model: AutopilotModel, speed_mps: float, heading_rad: float, time_s: float
+) -> None:
+    """Move airspeed and heading on alone."""
     if not math.isnan(speed_mps):
         faster_mps = speed_mps - state.airspeed_mps
         left_mps = remaining(faster_mps, time_s, model.tau_v_s, model.accel_max_mps2)
@@ -265,26 +273,37 @@ def respond(
         turn_rad = wrap(heading_rad - state.heading_rad)
         left_rad = remaining(turn_rad, time_s, model.tau_psi_s, model.turn_rate_max_rps)
         state.heading_rad = state.heading_rad + turn_rad - left_rad
-    climb(state, model, height_m, time_s)
 
 
 def climb(state: FlightState, model: AutopilotModel, height_m: float, time_s: float) -> None:
-    """Move height and climb rate on, the climb within its limit; one beyond it comes down to it by the faster lag.
-
-    With equal time constants the limit of (e^x - 1) / x gives the solution for a double pole.
-    """
+    """Move height and climb rate on, the climb within its limit; one beyond it comes down to it by the faster lag."""
     slow_s, fast_s = max(model.tau_ha_s, model.tau_hb_s), min(model.tau_ha_s, model.tau_hb_s)
+    slow_left, fast_left = math.exp(-time_s / slow_s), math.exp(-time_s / fast_s)
+    climb_by(state, model.climb_max_mps, height_m, time_s, slow_s, fast_s, slow_left, fast_left)
+
+
+def climb_by(
+    state: FlightState,
+    most_mps: float,
+    height_m: float,
+    time_s: float,
+    slow_s: float,
+    fast_s: float,
+    slow_left: float,
+    fast_left: float,
+) -> None:
+    """Move height and climb rate on by the slower and the faster lag, and what each leaves of 1 after the time.
+
+    With equal lags the limit of (e^x - 1) / x gives the solution for a double pole.
+    """
     error_m = -(slow_s + fast_s) * state.climb_mps if math.isnan(height_m) else state.height_m - height_m
-    push_mps = state.climb_mps + error_m / slow_s
-    slow_left, apart = math.exp(-time_s / slow_s), time_s / slow_s - time_s / fast_s
+    push_mps, apart = state.climb_mps + error_m / slow_s, time_s / slow_s - time_s / fast_s
     between_s = time_s * slow_left * (expm1(apart) / apart if apart != 0.0 else 1.0)
     left_m = slow_left * error_m + between_s * push_mps
-    climb_mps = math.exp(-time_s / fast_s) * push_mps - left_m / slow_s
-    most_mps = model.climb_max_mps
+    climb_mps = fast_left * push_mps - left_m / slow_s
     most_m = most_mps * time_s
     beyond_mps = abs(state.climb_mps) - most_mps
     if beyond_mps > 0.0:
-        fast_left = math.exp(-time_s / fast_s)
         most_mps += beyond_mps * fast_left
         most_m += beyond_mps * fast_s * (1.0 - fast_left)
     state.height_m += within(left_m - error_m, -most_m, most_m)

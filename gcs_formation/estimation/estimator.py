@@ -16,8 +16,6 @@ from airlink.clock import NANOSECONDS, Instant, seconds_between
 from flight_model.arrays import Array
 from flight_model.autopilot import AutopilotModel, FlightState, squared, wrap
 from gcs_formation.estimation.kalman import (
-    ROWS,
-    VALUES,
     WIND_EAST,
     WIND_NORTH,
     Along,
@@ -25,18 +23,18 @@ from gcs_formation.estimation.kalman import (
     HeightCovariance,
     LevelCovariance,
     NoiseEstimate,
+    Values,
     VehicleNoise,
     correct_height,
     correct_level,
     innovation,
+    minus,
     spreads,
 )
 from gcs_formation.estimation.projection import SetpointHistory
 
 STATES: Final = 8
 """Quantities of a state: north, east, height, climb, airspeed, heading, wind north and east."""
-HEIGHT_VALUE: Final = 2
-CLIMB_VALUE: Final = 5
 LEAST_AIRSPEED_MPS: Final = 1.0
 """What a smaller airspeed is taken as: equations divide by it, and what can't hover has more."""
 UNMODELLED: Final[tuple[float, float, float]] = (0.05, 0.05, 0.003)
@@ -56,9 +54,13 @@ GUST_SIGMAS: Final = 4.0
 """Standard deviations of the wind that a sample tells beyond which it is a gust: believed, at once."""
 IMPLAUSIBLE_SIGMAS: Final = 3.0
 """Standard deviations beyond which a value of a sample counts less, by the square of the excess."""
-STRAY: Final[tuple[float, ...]] = (1.0, 1.0, 1.0, 1.0, 1.0, 0.1)
-"""Added to them, m/s and rad: what a vehicle may do between two samples that the model doesn't know of. By quantity;
-that of positions and heights is by the time between them."""
+STRAYED: Final = 1.0
+"""Added to their square, (m/s)²: what a vehicle may do between two samples that the model doesn't know of; of positions
+and heights it is by the square of the time between them."""
+STRAYED_ROUND: Final = 0.1 * 0.1
+"""The same of headings, rad²."""
+PLAUSIBLE: Final[Values] = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
+"""What is off by no more than that."""
 IMPLAUSIBLE_SAMPLES: Final = 5
 """So many in a row aren't outliers: somebody else flies the vehicle. Its state begins anew from the newest."""
 FORGOTTEN_S: Final = 5.0
@@ -103,18 +105,10 @@ class Sample:
         self.airspeed_mps = airspeed_mps
         self.heading_rad = heading_rad
 
-    def values(self) -> list[float]:
-        """Return what was measured, in the order of the constructor's arguments."""
-        return [
-            self.north_m,
-            self.east_m,
-            self.height_m,
-            self.north_mps,
-            self.east_mps,
-            self.climb_mps,
-            self.airspeed_mps,
-            self.heading_rad,
-        ]
+    def values(self, least_mps: float) -> Values:
+        """Return what was measured, in the order of the constructor's arguments; the airspeed no less than a limit."""
+        over_ground = self.north_m, self.east_m, self.height_m, self.north_mps, self.east_mps, self.climb_mps
+        return (*over_ground, max(self.airspeed_mps, least_mps), self.heading_rad)
 
 
 class VehicleFilter:
@@ -131,17 +125,15 @@ class VehicleFilter:
         self.wind_radps = wind_radps
         """The most that the wind's estimate follows anything but gusts."""
         self._root_hz = math.sqrt(telemetry_hz)
-        self._residual = [0.0] * VALUES
+        self._residual: Values = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         self._implausible = 0
 
-    def begin(self, values: list[float], stamp: int) -> None:
+    def begin(self, values: Values, stamp: int) -> None:
         """Start from a single sample."""
         wind = self._first_wind_variance(values[6])
         self._begin(values, stamp, self._wind_of(values), (wind, wind))
 
-    def _begin(
-        self, values: list[float], stamp: int, winds: tuple[float, float], variances: tuple[float, float]
-    ) -> None:
+    def _begin(self, values: Values, stamp: int, winds: tuple[float, float], variances: tuple[float, float]) -> None:
         """Start from a single sample, with a wind north and east of these variances."""
         noise, airspeed_mps, heading_rad = self.noise.values, values[6], values[7]
         wind_north, wind_east = winds
@@ -150,13 +142,13 @@ class VehicleFilter:
         )
         self.level = LevelCovariance((noise[0], noise[1], noise[6], noise[7], variances[0], variances[1]))
         self.height = HeightCovariance(noise[2], noise[5])
-        self._residual = [0.0] * VALUES
+        self._residual = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         self._implausible = 0
         self.stamp = stamp
 
     def correct(
         self,
-        values: list[float],
+        values: Values,
         stamp: int,
         predicted: FlightState,
         model: AutopilotModel,
@@ -173,26 +165,23 @@ class VehicleFilter:
         difference, along = innovation(values, predicted), Along(predicted)
         if self.wind_radps >= GUST_RADPS:
             self._believe_gust(values, predicted, elapsed_s)
-        spread = spreads(self.level, self.height, along)
-        own = [spread[value] + variances[value] for value in range(VALUES)]
-        unexplained = [difference[value] - self._residual[value] for value in range(VALUES)]
-        self.noise.learn(unexplained, own)
-        weighed, implausible = _weighed(difference, own, variances, elapsed_s)
-        self._move(predicted, along, difference, weighed)
+        own = spreads(self.level, self.height, along, variances)
+        self.noise.learn(minus(difference, self._residual), own)
+        excess = _excesses(difference, own, elapsed_s)
+        self._move(predicted, along, difference, _weighed(variances, own, excess))
         predicted.airspeed_mps = max(predicted.airspeed_mps, _least_mps(model))
         self.state, self.stamp = predicted, stamp
         self._residual = innovation(values, predicted)
-        self._implausible = self._implausible + 1 if implausible else 0
+        self._implausible = self._implausible + 1 if excess != PLAUSIBLE else 0
         if self._implausible >= IMPLAUSIBLE_SAMPLES:
             # Whoever flies the vehicle, the wind is what it was.
             level, winds = self.level, (predicted.wind_north_mps, predicted.wind_east_mps)
             self._begin(values, stamp, winds, (level.wind_north[WIND_NORTH], level.wind_east[WIND_EAST]))
 
-    def _move(self, state: FlightState, along: Along, difference: list[float], variances: list[float]) -> None:
+    def _move(self, state: FlightState, along: Along, difference: Values, variances: Values) -> None:
         """Move a predicted state to where a sample's values, of such noise, have it; the covariances shrink."""
         north, east, speed, heading, wind_north, wind_east = correct_level(self.level, along, difference, variances)
-        seen, noise = [(each[HEIGHT_VALUE], each[CLIMB_VALUE]) for each in (difference, variances)]
-        up, climb = correct_height(self.height, seen, noise)
+        up, climb = correct_height(self.height, difference, variances)
         state.north_m += north
         state.east_m += east
         state.height_m += up
@@ -221,7 +210,8 @@ class VehicleFilter:
     def _carry(self, elapsed_s: float, model: AutopilotModel, walk: tuple[float, float, float]) -> None:
         """Carry the covariances on to the time of a sample."""
         assert self.state is not None
-        variances, (climb, speed, heading) = self.noise.values, walk
+        variances = self.noise.values
+        climb, speed, heading = walk
         self.level.carry(self.state, elapsed_s, model)
         self.height.carry(elapsed_s, model)
         place, wind = WITHOUT_WIND, 0.0
@@ -232,7 +222,7 @@ class VehicleFilter:
         self.level.grow((of_place, of_place, squared(speed), squared(heading), of_wind, of_wind), elapsed_s)
         self.height.climb += squared(climb) * elapsed_s
 
-    def _wind_of(self, values: list[float]) -> tuple[float, float]:
+    def _wind_of(self, values: Values) -> tuple[float, float]:
         """Return the wind that a sample tells by itself."""
         if self.wind_radps <= 0.0:
             return 0.0, 0.0
@@ -258,12 +248,12 @@ class VehicleFilter:
         variances = self.noise.values
         return variances[3] + variances[6] + squared(airspeed_mps) * variances[7]
 
-    def _believe_gust(self, values: list[float], predicted: FlightState, elapsed_s: float) -> None:
+    def _believe_gust(self, values: Values, predicted: FlightState, elapsed_s: float) -> None:
         """Let the wind be uncertain where a sample tells of one that has changed at once."""
         north_mps, east_mps = self._wind_of(values)
         size = (squared(north_mps - predicted.wind_north_mps) + squared(east_mps - predicted.wind_east_mps)) / 2
         known = self._wind_noise(values[6]) + self.level.wind_north[WIND_NORTH]
-        if GUST_SIGMAS**2 * known < size < (IMPLAUSIBLE_SIGMAS * STRAY[2]) ** 2:
+        if GUST_SIGMAS**2 * known < size < IMPLAUSIBLE_SIGMAS**2 * STRAYED:
             self.level.gust(size, elapsed_s)
 
 
@@ -320,8 +310,7 @@ class StateEstimator:
         """
         for column, sample in samples.items():
             each, stamp, model = self.filters[column], int(sample.stamp), models[column]
-            values = sample.values()
-            values[6] = max(values[6], _least_mps(model))
+            values = sample.values(_least_mps(model))
             if each.state is None or self._history.empty or (stamp - each.stamp) / NANOSECONDS > FORGOTTEN_S:
                 each.begin(values, stamp)
             else:
@@ -337,19 +326,41 @@ def _least_mps(model: AutopilotModel) -> float:
     return LEAST_AIRSPEED_MPS if model.speed_min_mps > 0.0 else -model.speed_max_mps
 
 
-def _weighed(
-    difference: list[float], own: list[float], variances: list[float], elapsed_s: float
-) -> tuple[list[float], bool]:
-    """Return the variances by which a sample's values are weighed, and whether any of them isn't plausible.
+def _excesses(difference: Values, own: Values, elapsed_s: float) -> Values:
+    """Return by how much a sample's values are off beyond what is plausible, squared; 1 for what is.
+
+    `difference`: from what is expected, of the variances `own`.
+    """
+    place = squared(elapsed_s)
+    return (
+        _excess(difference[0], own[0], place),
+        _excess(difference[1], own[1], place),
+        _excess(difference[2], own[2], place),
+        _excess(difference[3], own[3], STRAYED),
+        _excess(difference[4], own[4], STRAYED),
+        _excess(difference[5], own[5], STRAYED),
+        _excess(difference[6], own[6], STRAYED),
+        _excess(difference[7], own[7], STRAYED_ROUND),
+    )
+
+
+def _excess(difference: float, own: float, strayed: float) -> float:
+    excess = squared(difference) / (IMPLAUSIBLE_SIGMAS**2 * (own + strayed))
+    return excess if excess > 1.0 else 1.0
+
+
+def _weighed(variances: Values, own: Values, excess: Values) -> Values:
+    """Return the variances by which a sample's values are weighed.
 
     A value that is u times too far off is given a noise that makes its innovation's variance u² times as large.
     """
-    weighed, implausible = list(variances), False
-    for value, quantity in enumerate(ROWS):
-        allowance = STRAY[quantity] * elapsed_s if value <= HEIGHT_VALUE else STRAY[quantity]
-        most = IMPLAUSIBLE_SIGMAS**2 * (own[value] + squared(allowance))
-        excess = squared(difference[value]) / most
-        if excess > 1.0:
-            weighed[value] += own[value] * (excess - 1.0)
-            implausible = True
-    return weighed, implausible
+    return (
+        variances[0] + own[0] * (excess[0] - 1.0),
+        variances[1] + own[1] * (excess[1] - 1.0),
+        variances[2] + own[2] * (excess[2] - 1.0),
+        variances[3] + own[3] * (excess[3] - 1.0),
+        variances[4] + own[4] * (excess[4] - 1.0),
+        variances[5] + own[5] * (excess[5] - 1.0),
+        variances[6] + own[6] * (excess[6] - 1.0),
+        variances[7] + own[7] * (excess[7] - 1.0),
+    )

@@ -20,21 +20,22 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from flight_model.arrays import Array, Mask
-from flight_model.autopilot import AutopilotModel, FlightState, squared, within, wrap
+from flight_model.autopilot import AutopilotModel, FlightState, expm1, within, wrap
 
+Level = tuple[float, float, float, float, float, float]
+"""Of north, east, airspeed, heading, and the wind north and east. Compiled, it is six numbers side by side."""
+Values = tuple[float, float, float, float, float, float, float, float]
+"""Of a sample."""
+Quantities = tuple[float, float, float, float, float, float]
+"""Of `QUANTITIES`."""
 QUANTITIES: Final = ("position", "height", "velocity", "climb", "airspeed", "heading")
 """What has a noise of its own. North and east count as one quantity."""
-ROWS: Final[tuple[int, ...]] = (0, 0, 1, 2, 2, 3, 4, 5)
-"""The quantity of each value of a sample."""
-VALUES: Final = len(ROWS)
-COUNTS: Final[tuple[float, ...]] = (2.0, 1.0, 2.0, 1.0, 1.0, 1.0)
-"""Values of each quantity."""
 RESOLUTION = np.array((0.003, 0.001, 0.003, 0.003, 0.0001, 0.00002))
 """Least standard deviations, m, m/s and rad: rounding by 1e-7 degrees, 1 mm and 1 cm/s; the last two are floats."""
 UNDECLARED = np.array((0.3, 0.3, 0.1, 0.1, 0.3, 0.01))
 """Where nothing is declared: the noise that a real autopilot's estimates begin with here."""
-MOST: Final[tuple[float, ...]] = (30.0, 30.0, 5.0, 5.0, 10.0, 0.5)
-"""Largest standard deviations; what is noisier isn't telemetry of a flight in formation."""
+MOST: Final[Quantities] = (900.0, 900.0, 25.0, 25.0, 100.0, 0.25)
+"""Largest variances: of 30 m, 5 m/s, 10 m/s and 0.5 rad; what is noisier isn't telemetry of a flight in formation."""
 MEMORY: Final = 100.0
 """Samples over which the mean is taken."""
 FIRST_MEMORY: Final = 20.0
@@ -47,8 +48,6 @@ SPEED: Final = 2
 HEADING: Final = 3
 WIND_NORTH: Final = 4
 WIND_EAST: Final = 5
-Level = tuple[float, float, float, float, float, float]
-"""Of north, east, airspeed, heading, and the wind north and east. Compiled, it is six numbers side by side."""
 
 
 class Declared(NamedTuple):
@@ -66,39 +65,72 @@ class VehicleNoise:
 
     __slots__ = ("_before", "_declared", "_least", "by_quantity", "samples", "values")
 
-    def __init__(self, declared: list[float], least: list[float]) -> None:
-        """Start from what is declared; both are variances in the order of `QUANTITIES`."""
+    def __init__(self, declared: Quantities, least: Quantities) -> None:
+        """Start from what is declared; both are variances."""
         self._declared = declared
         self._least = least
         self.begin()
 
     def begin(self) -> None:
         """Start again from what is declared."""
-        self.by_quantity = list(self._declared)
-        self.values = [self.by_quantity[quantity] for quantity in ROWS]
+        self.by_quantity = self._declared
+        self.values: Values = _by_value(self._declared)
         """Of each value of a sample."""
-        self._before = [0.0] * VALUES
+        self._before: Values = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         self.samples = 0.0
 
-    def learn(self, increments: list[float], spread: list[float]) -> None:
+    def learn(self, increments: Values, spread: Values) -> None:
         """Take the increments of a sample's values that the model doesn't explain.
 
         Args:
             increments: innovation minus the residual of the sample before.
             spread: variances of the innovations.
         """
-        products = [0.0] * len(QUANTITIES)
-        for row in range(VALUES):
-            bound = CLIPPED_AT * math.sqrt(spread[row] + self.values[row])
-            clipped = within(increments[row], -bound, bound)
-            products[ROWS[row]] -= clipped * self._before[row]
-            self._before[row] = clipped
+        now, before, known, least = (
+            _clipped(increments, spread, self.values),
+            self._before,
+            self.by_quantity,
+            self._least,
+        )
+        self._before = now
         self.samples += 1.0
         share = 1.0 / min(self.samples + FIRST_MEMORY, MEMORY)
-        for quantity, known in enumerate(self.by_quantity):
-            learnt = known + share * (products[quantity] / COUNTS[quantity] - known)
-            self.by_quantity[quantity] = within(learnt, self._least[quantity], squared(MOST[quantity]))
-        self.values = [self.by_quantity[quantity] for quantity in ROWS]
+        place = (0.0 - now[0] * before[0] - now[1] * before[1]) / 2.0
+        velocity = (0.0 - now[3] * before[3] - now[4] * before[4]) / 2.0
+        self.by_quantity = (
+            within(known[0] + share * (place - known[0]), least[0], MOST[0]),
+            within(known[1] + share * (0.0 - now[2] * before[2] - known[1]), least[1], MOST[1]),
+            within(known[2] + share * (velocity - known[2]), least[2], MOST[2]),
+            within(known[3] + share * (0.0 - now[5] * before[5] - known[3]), least[3], MOST[3]),
+            within(known[4] + share * (0.0 - now[6] * before[6] - known[4]), least[4], MOST[4]),
+            within(known[5] + share * (0.0 - now[7] * before[7] - known[5]), least[5], MOST[5]),
+        )
+        self.values = _by_value(self.by_quantity)
+
+
+def _by_value(quantities: Quantities) -> Values:
+    """Return for each value of a sample what is known of its quantity."""
+    place, height, velocity, climb, airspeed, heading = quantities
+    return place, place, height, velocity, velocity, climb, airspeed, heading
+
+
+def _clipped(increments: Values, spread: Values, noise: Values) -> Values:
+    """Return increments within `CLIPPED_AT` standard deviations."""
+    return (
+        _within_sigmas(increments[0], spread[0] + noise[0]),
+        _within_sigmas(increments[1], spread[1] + noise[1]),
+        _within_sigmas(increments[2], spread[2] + noise[2]),
+        _within_sigmas(increments[3], spread[3] + noise[3]),
+        _within_sigmas(increments[4], spread[4] + noise[4]),
+        _within_sigmas(increments[5], spread[5] + noise[5]),
+        _within_sigmas(increments[6], spread[6] + noise[6]),
+        _within_sigmas(increments[7], spread[7] + noise[7]),
+    )
+
+
+def _within_sigmas(increment: float, variance: float) -> float:
+    bound = CLIPPED_AT * math.sqrt(variance)
+    return within(increment, -bound, bound)
 
 
 class NoiseEstimate:
@@ -108,7 +140,7 @@ class NoiseEstimate:
         """Start from what is declared."""
         self._declared = declared
         variances, least = (declared.sigma**2).T.tolist(), (declared.least**2).T.tolist()
-        self.each = [VehicleNoise(*both) for both in zip(variances, least, strict=True)]
+        self.each = [VehicleNoise(tuple(one), tuple(other)) for one, other in zip(variances, least, strict=True)]
 
     @property
     def sigma(self) -> Array:
@@ -241,7 +273,7 @@ class HeightCovariance:
         slow_s, fast_s = max(model.tau_ha_s, model.tau_hb_s), min(model.tau_ha_s, model.tau_hb_s)
         slow, fast = math.exp(-elapsed_s / slow_s), math.exp(-elapsed_s / fast_s)
         apart = elapsed_s / slow_s - elapsed_s / fast_s
-        between_s = elapsed_s * slow * (math.expm1(apart) / apart if apart != 0.0 else 1.0)
+        between_s = elapsed_s * slow * (expm1(apart) / apart if apart != 0.0 else 1.0)
         a, b, c, d = slow + between_s / slow_s, between_s, -between_s / (slow_s * fast_s), fast - between_s / slow_s
         height, cross, climb = self.height, self.cross, self.climb
         self.height = a * a * height + 2.0 * a * b * cross + b * b * climb
@@ -249,30 +281,42 @@ class HeightCovariance:
         self.climb = c * c * height + 2.0 * c * d * cross + d * d * climb
 
 
-def expected(state: FlightState) -> list[float]:
+def expected(state: FlightState) -> Values:
     """Return the sample that a vehicle in `state` would give: north, east, height, their rates, airspeed, heading."""
     north_mps = state.airspeed_mps * math.cos(state.heading_rad) + state.wind_north_mps
     east_mps = state.airspeed_mps * math.sin(state.heading_rad) + state.wind_east_mps
-    place = [state.north_m, state.east_m, state.height_m]
-    return [*place, north_mps, east_mps, state.climb_mps, state.airspeed_mps, state.heading_rad]
+    over_ground = state.north_m, state.east_m, state.height_m, north_mps, east_mps, state.climb_mps
+    return (*over_ground, state.airspeed_mps, state.heading_rad)
 
 
-def innovation(sample: list[float], state: FlightState) -> list[float]:
+def innovation(sample: Values, state: FlightState) -> Values:
     """Return the sample minus the expected one."""
-    values = expected(state)
-    difference = [seen - values[row] for row, seen in enumerate(sample)]
-    difference[-1] = wrap(difference[-1])
-    return difference
+    a, b, c, d, e, f, g, h = minus(sample, expected(state))
+    return a, b, c, d, e, f, g, wrap(h)
 
 
-def spreads(level: LevelCovariance, height: HeightCovariance, along: Along) -> list[float]:
-    """Return the variances of a sample's values that come from the state's."""
-    north, east = along.north_mps(level.of_north_mps(along)), along.east_mps(level.of_east_mps(along))
-    place = [level.north[NORTH], level.east[EAST], height.height]
-    return [*place, north, east, height.climb, level.speed[SPEED], level.heading[HEADING]]
+def minus(values: Values, others: Values) -> Values:
+    """Return the differences of two samples' values."""
+    a, b, c, d, e, f, g, h = values
+    s, t, u, v, w, x, y, z = others
+    return a - s, b - t, c - u, d - v, e - w, f - x, g - y, h - z
 
 
-def correct_level(covariance: LevelCovariance, along: Along, off: list[float], noise: list[float]) -> Level:
+def spreads(level: LevelCovariance, height: HeightCovariance, along: Along, noise: Values) -> Values:
+    """Return the variances of a sample's innovations: what comes from the state's, and its values' own `noise`."""
+    return (
+        level.north[NORTH] + noise[0],
+        level.east[EAST] + noise[1],
+        height.height + noise[2],
+        along.north_mps(level.of_north_mps(along)) + noise[3],
+        along.east_mps(level.of_east_mps(along)) + noise[4],
+        height.climb + noise[5],
+        level.speed[SPEED] + noise[6],
+        level.heading[HEADING] + noise[7],
+    )
+
+
+def correct_level(covariance: LevelCovariance, along: Along, off: Values, noise: Values) -> Level:
     """Return by how much a sample's values correct the states, and take what they tell from the covariance.
 
     `off` and `noise` are the innovations and variances of all eight values.
@@ -293,19 +337,17 @@ def correct_level(covariance: LevelCovariance, along: Along, off: list[float], n
     return plus(found, 1.0, covariance.take(seen, seen[HEADING] + noise[7], off[7] - found[HEADING]))
 
 
-def correct_height(
-    covariance: HeightCovariance, difference: tuple[float, float], variances: tuple[float, float]
-) -> tuple[float, float]:
-    """Return by how much a measured height and climb correct them, and take what they tell from the covariance."""
+def correct_height(covariance: HeightCovariance, off: Values, noise: Values) -> tuple[float, float]:
+    """Return by how much height and climb are corrected likewise."""
     height, cross, climb = covariance.height, covariance.cross, covariance.climb
-    by_height = height + variances[0]
+    by_height = height + noise[2]
     first, second = height / by_height, cross / by_height
-    height_m, climb_mps = first * difference[0], second * difference[0]
+    height_m, climb_mps = first * off[2], second * off[2]
     climb -= second * cross
     cross -= first * cross
     height -= first * height
-    by_climb = climb + variances[1]
-    left, first, second = difference[1] - climb_mps, cross / by_climb, climb / by_climb
+    by_climb = climb + noise[5]
+    left, first, second = off[5] - climb_mps, cross / by_climb, climb / by_climb
     covariance.height = height - first * cross
     covariance.cross = cross - first * climb
     covariance.climb = climb - second * climb

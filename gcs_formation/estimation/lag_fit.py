@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-import struct
 from typing import Final
 
 import numpy as np
+from librt.vecs import append, vec
 
 from airlink.clock import NANOSECONDS
 from flight_model.arrays import Array
-from flight_model.autopilot import AutopilotModel, FlightState, climb, respond, within, wrap
+from flight_model.autopilot import AutopilotModel, FlightState, climb_by, respond_in_air, within, wrap
 from flight_model.slot import Triple
 
 FREE: Final = 0.6
@@ -18,8 +18,6 @@ FREE: Final = 0.6
 may be lower than believed (an aircraft turns the slower, the faster it flies)."""
 Motion = tuple[float, float, float, float]
 """Airspeed, heading, height and climb, m/s, rad, m."""
-Tracks = list[list[list[float]]]
-"""Of airspeed, heading and height, (K + 1, B): K simulations minus telemetry, and 1; all 0 where there is no sample."""
 RATIO_MAX: Final = 2.0
 """A lag is found between the believed one divided and multiplied by this."""
 BOUND: Final = math.log(RATIO_MAX)
@@ -37,8 +35,44 @@ LEAST_SPREAD: Final = 0.02
 nothing is learnt, and nothing forgotten."""
 RECENT_S: Final = 20.0
 """Memory of the misfit."""
+RECENT_KEPT: Final = math.exp(-BATCH_S / RECENT_S)
+"""Share of it that counts at the next fit."""
 SIGNIFICANT: Final = 2.0
 """Standard deviations of the misfit that don't count."""
+
+
+class Tracks:
+    """A channel's batch of samples, (C, K + 1, B): K simulations minus telemetry, and 1; all 0: there is no sample."""
+
+    __slots__ = ("rows", "samples", "values")
+
+    def __init__(self, columns: int, simulations: int, samples: int) -> None:
+        """Take C, K and B, without a sample."""
+        self.rows = simulations + 1
+        self.samples = samples
+        self.values = vec[float]([0.0] * (columns * self.rows * samples))
+
+    def begin(self, column: int) -> int:
+        """Return the place of a vehicle's first value."""
+        return column * self.rows * self.samples
+
+    def clear(self, column: int) -> None:
+        """Take a vehicle's samples away."""
+        values = self.values
+        for place in range(self.begin(column), self.begin(column + 1)):
+            values[place] = 0.0
+
+    def excited(self, column: int, resolution: float) -> bool:
+        """Return whether a vehicle's simulations differ by more than a resolution: the first from the last."""
+        values, first, last = self.values, self.begin(column), self.begin(column + 1) - 2 * self.samples
+        most = 0.0
+        for sample in range(self.samples):
+            most = max(most, abs(values[first + sample] - values[last + sample]))
+        return most > resolution
+
+    def table(self) -> Array:
+        """Return them as an array."""
+        return _table(self.values, -1, self.rows, self.samples)
 
 
 class Bank:
@@ -49,16 +83,15 @@ class Bank:
         self.flying = False
         """Whether the simulations have begun."""
         self._believed = AutopilotModel(*believed.values())
-        self._of_air = len(air)
         self._states = [FlightState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0) for _ in height]
-        self._models = [AutopilotModel(*believed.values()) for _ in height]
-        for node, model in enumerate(self._models):
-            model.tau_ha_s *= math.exp(height[node][0])
-            model.tau_hb_s *= math.exp(height[node][1])
-            if node < self._of_air:
-                model.tau_v_s *= math.exp(air[node][0])
-                model.tau_psi_s *= math.exp(air[node][0])
-        self._off = [0.0, 0.0, 0.0]
+        self._air = [AutopilotModel(*believed.values()) for _ in air]
+        for place, model in enumerate(self._air):
+            model.tau_v_s *= math.exp(air[place][0])
+            model.tau_psi_s *= math.exp(air[place][0])
+        self._lags = HeightLags(
+            [(believed.tau_ha_s * math.exp(one), believed.tau_hb_s * math.exp(other)) for one, other in height]
+        )
+        self._off_mps = self._off_rad = self._off_m = 0.0
         """The largest errors that were simulated last: the mean of all simulations of airspeed, heading, height."""
 
     def begin(self, learnt: list[bool], seen: Motion) -> None:
@@ -75,69 +108,107 @@ class Bank:
 
     def free(self) -> list[bool]:
         """Return whether airspeed, heading and height kept clear of the rate limits in what was simulated last."""
-        model, off = self._believed, self._off
+        model = self._believed
         return [
-            off[0] < FREE * model.accel_max_mps2 * model.tau_v_s,
-            off[1] < FREE * model.turn_rate_max_rps * model.tau_psi_s,
-            off[2] < FREE * model.climb_max_mps * (model.tau_ha_s + model.tau_hb_s),
+            self._off_mps < FREE * model.accel_max_mps2 * model.tau_v_s,
+            self._off_rad < FREE * model.turn_rate_max_rps * model.tau_psi_s,
+            self._off_m < FREE * model.climb_max_mps * (model.tau_ha_s + model.tau_hb_s),
         ]
 
-    def fly(self, stamps: list[int], seen: list[Motion], acts: list[int], setpoints: list[Triple]) -> Tracks:
-        """Return the simulations minus telemetry at the stamps after the first; one not newer than the last is none.
+    def fly(
+        self,
+        stamps: list[int],
+        seen: list[Motion],
+        acts: list[int],
+        setpoints: list[Triple],
+        batch: list[Tracks],
+        column: int,
+    ) -> None:
+        """Put the simulations minus telemetry at the stamps after the first into a batch; none that isn't newer.
 
         Args:
             stamps: (B + 1), ns, in order; the simulations are at the first.
             seen: (B + 1) what was measured.
             acts: (R) when setpoints act, ns, in order.
-            setpoints: (R) these.
+            setpoints: (R) these, all finite.
+            batch: of airspeed, heading and height, without this vehicle's samples.
+            column: the vehicle's.
         """
-        tracks, of_air = self.unseen(len(stamps) - 1), self._of_air
-        self._off = [0.0, 0.0, 0.0]
+        self._off_mps = self._off_rad = self._off_m = 0.0
         at, acting, last = stamps[0], 0, len(acts) - 1
-        for sample, stamp in enumerate(stamps[1:]):
+        for sample in range(1, len(stamps)):
+            stamp = stamps[sample]
             if stamp <= at:
                 continue
             while at < stamp:
                 while acting < last and acts[acting + 1] <= at:
                     acting += 1
-                end = stamp if acting == last else min(stamp, acts[acting + 1])
+                end = stamp
+                if acting != last and acts[acting + 1] < stamp:
+                    end = acts[acting + 1]
                 self._follow(setpoints[acting], (end - at) / NANOSECONDS)
                 at = end
-            speed_mps, heading_rad, height_m, _ = seen[sample + 1]
-            for node, state in enumerate(self._states):
-                tracks[2][node][sample] = state.height_m - height_m
-                if node < of_air:
-                    tracks[0][node][sample] = state.airspeed_mps - speed_mps
-                    tracks[1][node][sample] = wrap(state.heading_rad - heading_rad)
-            for track in tracks:
-                track[-1][sample] = 1.0
-        return tracks
+            self._compare(seen[sample], batch, column, sample - 1)
 
-    def unseen(self, samples: int) -> Tracks:
-        """Return tracks without a sample."""
-        sizes = self._of_air + 1, self._of_air + 1, len(self._states) + 1
-        return [[[0.0] * samples for _ in range(size)] for size in sizes]
+    def _compare(self, seen: Motion, batch: list[Tracks], column: int, sample: int) -> None:
+        """Put what the simulations are off from what is `seen` into a batch."""
+        of_speed, of_heading, of_height = batch[0], batch[1], batch[2]
+        speeds, headings, heights = of_speed.values, of_heading.values, of_height.values
+        samples, states, speed_mps, heading_rad, height_m = of_height.samples, self._states, seen[0], seen[1], seen[2]
+        place = of_speed.begin(column) + sample
+        for node in range(len(self._air)):
+            state = states[node]
+            speeds[place] = state.airspeed_mps - speed_mps
+            headings[place] = wrap(state.heading_rad - heading_rad)
+            place += samples
+        speeds[place] = headings[place] = 1.0
+        place = of_height.begin(column) + sample
+        for state in states:
+            heights[place] = state.height_m - height_m
+            place += samples
+        heights[place] = 1.0
 
     def _follow(self, setpoints: Triple, time_s: float) -> None:
         """Move all simulations on by a time in which a setpoint acts, and note how far they are off."""
         speed_mps, heading_rad, height_m = setpoints
         speed_mps = within(speed_mps, self._believed.speed_min_mps, self._believed.speed_max_mps)
         off_mps = off_rad = off_m = 0.0
-        of_air = self._of_air
-        for node, state in enumerate(self._states):
+        states, lags, most_mps = self._states, self._lags, self._believed.climb_max_mps
+        for node, model in enumerate(self._air):
+            state = states[node]
+            off_mps += abs(speed_mps - state.airspeed_mps)
+            off_rad += abs(wrap(heading_rad - state.heading_rad))
+            respond_in_air(state, model, speed_mps, heading_rad, time_s)
+        lags.leave(time_s)
+        each_s, left = lags.each_s, lags.left
+        for node, state in enumerate(states):
             off_m += abs(height_m - state.height_m)
-            if node < of_air:
-                off_mps += abs(speed_mps - state.airspeed_mps)
-                off_rad += abs(wrap(heading_rad - state.heading_rad))
-                respond(state, self._models[node], speed_mps, heading_rad, height_m, time_s)
-            else:
-                climb(state, self._models[node], height_m, time_s)
-        off = self._off
-        self._off = [
-            max(off[0], off_mps / of_air),
-            max(off[1], off_rad / of_air),
-            max(off[2], off_m / len(self._states)),
-        ]
+            slow, fast = lags.slow[node], lags.fast[node]
+            climb_by(state, most_mps, height_m, time_s, each_s[slow], each_s[fast], left[slow], left[fast])
+        self._off_mps = max(self._off_mps, off_mps / len(self._air))
+        self._off_rad = max(self._off_rad, off_rad / len(self._air))
+        self._off_m = max(self._off_m, off_m / len(states))
+
+
+class HeightLags:
+    """The lags of K simulations of a height, of which several share each."""
+
+    __slots__ = ("each_s", "fast", "left", "slow")
+
+    def __init__(self, pairs: list[tuple[float, float]]) -> None:
+        """Take both lags of each simulation, s."""
+        each_s = sorted({lag_s for pair in pairs for lag_s in pair})
+        self.each_s = vec[float](each_s)
+        self.left = vec[float]([1.0] * len(each_s))
+        """What each leaves of 1 after a time."""
+        self.slow = [each_s.index(max(pair)) for pair in pairs]
+        self.fast = [each_s.index(min(pair)) for pair in pairs]
+        """The places of the slower and the faster lag of each simulation."""
+
+    def leave(self, time_s: float) -> None:
+        """Take the time after which `left` is asked for."""
+        for place in range(len(self.each_s)):
+            self.left[place] = math.exp(-time_s / self.each_s[place])
 
 
 class Nodes:
@@ -149,30 +220,50 @@ class Nodes:
         self.parameters = parameters
         self.at = [[one] for one in points] if parameters == 1 else [[one, two] for one in points for two in points]
         """(K, P) logarithms of the simulations' ratios; K is n to the power of P."""
-        self._terms: list[list[float]] = np.linalg.inv(np.vander(points)).T.tolist()
+        self._count = count
+        self._alone = vec[float]([1.0])
+        terms: list[float] = np.linalg.inv(np.vander(points)).T.ravel().tolist()
+        self._terms = vec[float](terms)
         """(n, n) coefficients, the highest power's first, of the polynomials that are 1 at one point, 0 at the rest."""
 
-    def weights(self, log_ratio: list[float]) -> list[list[float]]:
-        """Return (P + 2, K + 1): weights of the simulations, and of 1, at `log_ratio` (P), their derivatives, and 1."""
-        alone = [0.0] * len(self.at) + [1.0]
+    def weights(self, log_ratio: list[float], to: vec[float]) -> vec[float]:
+        """Return `to` with (P + 2, K + 1) more at its end.
+
+        These are weights of the simulations, and of 1, at `log_ratio` (P), their derivatives, and 1.
+        """
         first, by_first = self._of_one(log_ratio[0])
         if self.parameters == 1:
-            return [[*first, 0.0], [*by_first, 0.0], alone]
-        second, by_second = self._of_one(log_ratio[1])
-        return [_products(first, second), _products(by_first, second), _products(first, by_second), alone]
+            to = _with_products(to, first, self._alone)
+            to = _with_products(to, by_first, self._alone)
+        else:
+            second, by_second = self._of_one(log_ratio[1])
+            to = _with_products(to, first, second)
+            to = _with_products(to, by_first, second)
+            to = _with_products(to, first, by_second)
+        for _ in self.at:
+            to = append(to, 0.0)
+        return append(to, 1.0)
 
-    def _of_one(self, log_ratio: float) -> tuple[list[float], list[float]]:
+    def _of_one(self, log_ratio: float) -> tuple[vec[float], vec[float]]:
         """Return the weights (n) for one parameter, and their derivatives."""
-        weights: list[float] = []
-        slopes: list[float] = []
-        for terms in self._terms:
+        weights = vec[float]()
+        slopes = vec[float]()
+        for place in range(0, len(self._terms), self._count):
             weight = slope = 0.0
-            for term in terms:
+            for power in range(self._count):
                 slope = slope * log_ratio + weight
-                weight = weight * log_ratio + term
-            weights.append(weight)
-            slopes.append(slope)
+                weight = weight * log_ratio + self._terms[place + power]
+            weights = append(weights, weight)
+            slopes = append(slopes, slope)
         return weights, slopes
+
+
+def _with_products(to: vec[float], rows: vec[float], columns: vec[float]) -> vec[float]:
+    """Return `to` with all products of two lists' numbers at its end, those of the first of `rows` first, and 0."""
+    for row in rows:
+        for column in columns:
+            to = append(to, row * column)
+    return append(to, 0.0)
 
 
 class Channel:
@@ -195,35 +286,36 @@ class Channel:
         self._alike = max(1.0, CORRELATED_S * rate_hz)
         self._kept = [1.0] * columns
         """Share of what was seen that counts from now on."""
-        size = len(nodes.at) + 1
-        self._all: Array = np.zeros((columns, size, size))
-        self._recent: Array = np.zeros((columns, size, size))
-        """(C, K + 1, K + 1) sums of products over samples, of K simulations minus telemetry, and of 1."""
+        self._size = len(nodes.at) + 1
+        self._sums: Array = np.zeros((2, columns, self._size, self._size))
+        """(2, C, K + 1, K + 1) sums of products over all samples that count, and over recent ones: of K simulations
+        minus telemetry, and of 1."""
 
-    def learn(self, tracks: list[list[list[float]]]) -> None:
-        """Take a batch and fit the lags anew: (C, K + 1, B), simulations minus telemetry, and 1; all 0: no sample."""
-        batch = _table(tracks)
-        products = batch @ batch.transpose(0, 2, 1)
-        self._recent *= math.exp(-BATCH_S / RECENT_S)
-        self._recent += products
-        self._all *= np.array(self._kept)[:, None, None]
-        self._all += products * np.array([self._excites(each) for each in tracks])[:, None, None]
-        weights = _table([self.nodes.weights(each) for each in self.log_ratio])
-        in_use = weights
+    def learn(self, tracks: Tracks) -> None:
+        """Take a batch and fit the lags anew."""
+        batch, columns = tracks.table(), len(self.log_ratio)
+        kept = vec[float]([RECENT_KEPT] * (2 * columns))
+        counted = vec[float]([1.0] * (2 * columns))
+        for column in range(columns):
+            kept[column] = self._kept[column]
+            counted[column] = 1.0 if tracks.excited(column, self._resolution) else 0.0
+        self._sums *= _table(kept, 2, -1, 1, 1)
+        self._sums += batch @ batch.transpose(0, 2, 1) * _table(counted, 2, -1, 1, 1)
+        weights = self._weights()
+        forms: list[list[list[list[float]]]] = (weights @ self._sums @ weights.transpose(0, 1, 3, 2)).tolist()
+        for column in range(columns):
+            self._fit(column, forms[0][column])
+            self._judge(column, forms[1][column])
+
+    def _weights(self) -> Array:
+        """Return (1 or 2, C, P + 2, K + 1): weights at the lags found, and at those in use where they aren't these."""
+        weights = vec[float]()
+        for log_ratio in self.log_ratio:
+            weights = self.nodes.weights(log_ratio, weights)
         if not self._in_use:
-            in_use = _table([self.nodes.weights([0.0] * len(each)) for each in self.log_ratio])
-        each = zip(_forms(self._all, weights), _forms(self._recent, in_use), strict=True)
-        for column, (seen, seen_lately) in enumerate(each):
-            self._fit(column, seen)
-            self._judge(column, seen_lately)
-
-    def _excites(self, track: list[list[float]]) -> float:
-        """Return 1 if the simulations of a vehicle differ by more than the resolution, else 0."""
-        last = track[-2]
-        for sample, each in enumerate(track[0]):
-            if abs(each - last[sample]) > self._resolution:
-                return 1.0
-        return 0.0
+            for log_ratio in self.log_ratio:
+                weights = self.nodes.weights([0.0] * len(log_ratio), weights)
+        return _table(weights, -1, len(self.log_ratio), self.nodes.parameters + 2, self._size)
 
     def _fit(self, column: int, seen: list[list[float]]) -> None:
         """Make a Gauss-Newton step towards the most likely lags, and forget what is more than enough.
@@ -260,30 +352,14 @@ class Channel:
         self.misfit[column] = max(0.0, abs(shown) / excitation - SIGNIFICANT * chance)
 
 
-def _table(lists: list[list[list[float]]]) -> Array:
-    """Return equally long lists of lists as an array; by way of its bytes, a quarter of what numpy takes for them."""
-    flat: list[float] = []
-    for rows in lists:
-        for row in rows:
-            flat.extend(row)
-    shape = len(lists), len(lists[0]), len(lists[0][0])
-    return np.frombuffer(struct.pack(f"{len(flat)}d", *flat)).reshape(shape)
-
-
-def _forms(products: Array, weights: Array) -> list[list[list[float]]]:
-    """Return the sums of products (C, Q, Q) of combinations by `weights` (C, Q, K + 1), from those of each."""
-    forms: list[list[list[float]]] = (weights @ products @ weights.transpose(0, 2, 1)).tolist()
-    return forms
+def _table(values: vec[float], *shape: int) -> Array:
+    """Return numbers as an array, which shares their memory."""
+    return np.frombuffer(memoryview(values)).reshape(shape)
 
 
 def scatter(seen: list[list[float]], one: int, other: int) -> float:
     """Return the sum of two quantities' products about their means; `seen`: their sums of products, the last with 1."""
     return seen[one][other] - seen[one][-1] * seen[other][-1] / max(seen[-1][-1], 1.0)
-
-
-def _products(rows: list[float], columns: list[float]) -> list[float]:
-    """Return all products of two lists' numbers, those of the first number of `rows` first, and 0."""
-    return [*[row * column for row in rows for column in columns], 0.0]
 
 
 def _inverse_with(matrix: list[list[float]], diagonal: float) -> list[list[float]]:

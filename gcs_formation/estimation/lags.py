@@ -61,14 +61,13 @@ class VehicleLags:
             return False
         return all(math.isfinite(speed_mps + heading_rad + height_m) for speed_mps, heading_rad, height_m in setpoints)
 
-    def fly(self, acts: list[int], setpoints: list[Triple]) -> Tracks:
-        """Return the simulations minus telemetry; (R) `setpoints` act at `acts`, ns, in order. None: no sample."""
-        unseen = self._bank.unseen(len(self.stamps) - 1)
-        if not setpoints:
-            return unseen
-        tracks = self._bank.fly(self.stamps, self._seen, acts, setpoints)
+    def fly(self, acts: list[int], setpoints: list[Triple], batch: list[Tracks], column: int) -> None:
+        """Put the simulations minus telemetry into a batch; (R) `setpoints` act at `acts`, ns, in order."""
+        self._bank.fly(self.stamps, self._seen, acts, setpoints, batch, column)
         self._learnt = self._bank.free()
-        return [tracks[place] if free else unseen[place] for place, free in enumerate(self._learnt)]
+        for free, tracks in zip(self._learnt, batch, strict=True):
+            if not free:
+                tracks.clear(column)
 
     def begin(self) -> None:
         """Begin a batch with the newest sample; the simulations that didn't teach begin anew from it."""
@@ -150,12 +149,13 @@ class LagEstimator:
         learns = [each.learns(setpoints[column]) for column, each in enumerate(self.vehicles)]
         if not any(learns):
             return
-        flown = [
-            each.fly(_in_order(ticks, column), setpoints[column] if learns[column] else [])
-            for column, each in enumerate(self.vehicles)
-        ]
-        for place, channel in enumerate(self.channels):
-            channel.learn([tracks[place] for tracks in flown])
+        samples = len(self.vehicles[0].stamps) - 1
+        batch = [Tracks(len(self.vehicles), len(channel.nodes.at), samples) for channel in self.channels]
+        for column, each in enumerate(self.vehicles):
+            if learns[column]:
+                each.fly(_in_order(ticks, column), setpoints[column], batch, column)
+        for channel, tracks in zip(self.channels, batch, strict=True):
+            channel.learn(tracks)
         if self._in_use:
             for column, each in enumerate(self.vehicles):
                 each.use(self.log_ratios(column))

@@ -11,7 +11,7 @@ from formation_scenario import load_scenario
 from gcs_formation.controller import FormationController
 from gcs_formation.estimation.estimator import UNMODELLED, WIND_WALK, Sample, StateEstimator
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
-from gcs_formation.estimation.kalman import RESOLUTION, ROWS, Declared, VehicleNoise
+from gcs_formation.estimation.kalman import RESOLUTION, Declared, VehicleNoise
 from gcs_formation.estimation.projection import SetpointHistory
 from gcs_formation.parameters import declared_noise
 from tests.flights.conftest import scenario
@@ -19,7 +19,7 @@ from tests.gcs_formation import tables
 from tests.gcs_formation.estimation import filter_on_arrays
 from tests.gcs_formation.estimation.filter_on_arrays import HEADING, WIND_NORTH
 
-QUANTITY_OF = np.array(ROWS)
+QUANTITY_OF = np.array((0, 0, 1, 2, 2, 3, 4, 5))
 RATE_HZ, STEP_NS = 10.0, 100_000_000
 GNSS = np.array((0.3, 0.3, 0.1, 0.1, 0.2, math.radians(0.5)))
 MODEL = AutopilotModels(*(np.array([value]) for value in (4.0, 1.5, 1.0, 3.0, 16.0, 28.0, 1.5, 0.25, 3.0)))

@@ -26,7 +26,8 @@ def said(times, samples=400, stated=True):
         for _ in range(samples):
             white = sigma * random.standard_normal((8, 1))
             white[:2] *= scale
-            noise.each[0].learn((white - before)[:, 0].tolist(), (2.0 * (sigma * scale) ** 2)[:, 0].tolist())
+            spread = 2.0 * (sigma * scale) ** 2
+            noise.each[0].learn(tuple((white - before)[:, 0].tolist()), tuple(spread[:, 0].tolist()))
             before = white
             watch.watch(Instant(0), noise)
     return notes.of("noise")
