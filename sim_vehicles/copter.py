@@ -245,7 +245,7 @@ class Copter(Vehicle):
     def enter(self, mode: FlightMode) -> None:
         """Change to a mode, unless it is in it already, and report it at once."""
         if mode is not self.pilot.mode:
-            self.pilot.enter(mode, self.motion)
+            self.pilot.enter(mode, self.body.motion)
             self.tell_heartbeat()
 
     def switch(self, number: float) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import Final
+from typing import Final, get_args
 
 from airlink import mavlink as m
 from airlink.clock import Instant, seconds_between
@@ -14,6 +14,8 @@ from airlink.messages import Message
 from sim_vehicles.autopilot.clock import NEVER
 from sim_vehicles.config import VehicleConfig
 
+ADDRESSED: Final = frozenset(kind for kind in get_args(Message) if "target_system" in kind._fields)
+"""Messages that may name whom they are for."""
 PEER_FORGOTTEN_S: Final = 10.0
 MAX_PEERS: Final = 16
 MAX_INBOX: Final = 4096
@@ -66,7 +68,7 @@ class Link:
         self._inbox.clear()
 
     def frames(self, now: Instant) -> list[tuple[Address, Frame]]:
-        """Return the valid frames that have arrived by `now`, each with its peer.
+        """Return the valid frames for this vehicle that have arrived by `now`, each with its peer.
 
         A process that was held up makes up for its cycles: the earlier of them don't know what arrived afterwards.
         """
@@ -81,8 +83,15 @@ class Link:
             self.frames_bad += parser.counts.bad - before
             for frame in frames:
                 self._heard[peer] = now
-                found.append((peer, frame))
+                if self._is_for_us(frame):
+                    found.append((peer, frame))
         return found
+
+    def _is_for_us(self, frame: Frame) -> bool:
+        """Return whether a frame is for everyone or names us; what has our own id is our own, back from a loop."""
+        message = frame.message
+        target: int = getattr(message, "target_system") if type(message) in ADDRESSED else 0  # noqa: B009
+        return (not target or target == self._system) and frame.system != self._system
 
     def answer(self, peer: Address, message: Message) -> None:
         """Send to one peer, unless it has been forgotten meanwhile."""

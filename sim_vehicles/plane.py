@@ -186,7 +186,7 @@ class Plane(Vehicle):
         if mode is not self.pilot.mode:
             if self.pilot.mode is Mode.AUTO:
                 self._mission_flight.pause()
-            self.pilot.enter(mode, self.motion)
+            self.pilot.enter(mode, self.body.motion)
             self._begin_mission()
             self.tell_heartbeat()
 
@@ -234,7 +234,7 @@ class Plane(Vehicle):
     def follow_time(self) -> None:
         """Continue a mission."""
         if self.flies_mission:
-            for seq in self._mission_flight.turn(self.motion, self.now):
+            for seq in self._mission_flight.turn(self.body.motion, self.now):
                 self.broadcast(MissionItemReached(seq))
             if self._mission_flight.over:
                 self.enter(Mode.RTL)

@@ -83,7 +83,7 @@ class Px4(Vehicle):
         """Change to a mode, unless it is in it already; heartbeats tell it later."""
         if mode is not self.mode:
             self.mode = Px4Mode(mode)
-            self.pilot.enter(self.flown[self.mode], self.motion)
+            self.pilot.enter(self.flown[self.mode], self.body.motion)
             if self.mode is Px4Mode.OFFBOARD:
                 self.pilot.silent_at = self._fresh_until
             self.tell_heartbeat()
@@ -271,8 +271,8 @@ class Px4Plane(Px4):
 
     def lift_off(self, height_m: float) -> None:
         """Roll and climb."""
-        self.pilot.enter(Mode.TAKEOFF, self.motion)
-        self.pilot.take_off(height_m, self.motion)
+        self.pilot.enter(Mode.TAKEOFF, self.body.motion)
+        self.pilot.take_off(height_m, self.body.motion)
 
     def follow(self, message: SetPositionTargetLocalNed) -> None:
         """Fly to a place, at its trim speed whatever is asked; a velocity alone is ignored, unsaid."""

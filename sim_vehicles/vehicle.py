@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, ClassVar, Final, assert_never, get_args
+from typing import TYPE_CHECKING, Any, ClassVar, Final, assert_never
 
 from airlink import mavlink as m
 from airlink.clock import Instant, after, seconds_between
@@ -31,11 +31,8 @@ if TYPE_CHECKING:
     from sim_vehicles.autopilot.commands import Order
     from sim_vehicles.fleet import Fleet
 
-ADDRESSED: Final = frozenset(kind for kind in get_args(Message) if "target_system" in kind._fields)
-"""Messages that may name whom they are for."""
 INITIALISING_S: Final = 1.0
 TIMESYNC_S: Final = 10.0
-MICROSECOND_NS: Final = 1000
 NOTICE, WARNING, CRITICAL = m.MAV_SEVERITY_NOTICE, m.MAV_SEVERITY_WARNING, m.MAV_SEVERITY_CRITICAL
 
 
@@ -84,7 +81,6 @@ class Vehicle(ABC):
         self._storage = Storage(self.parameters, self.missions)
         self._sensors = sensors_of(config, fleet.origin, fleet.config.seed)
         self._asker = config.endpoint.address
-        self._system = config.identity.system
         self._boot(now, config.clock_offset_s)
         if config.start.in_air:
             self._come_up(self.guided_mode)
@@ -92,7 +88,7 @@ class Vehicle(ABC):
     @property
     def time_ns(self) -> int:
         """Nanoseconds since boot by the vehicle's own clock, which counts microseconds."""
-        return self._clock.nanoseconds(self.now) // MICROSECOND_NS * MICROSECOND_NS
+        return self._clock.nanoseconds(self.now) // 1000 * 1000
 
     @property
     def time_s(self) -> float:
@@ -116,11 +112,6 @@ class Vehicle(ABC):
         return not self.pilot.booting and (self.pilot.airborne or up_s >= self.fleet.config.ready_s)
 
     @property
-    def motion(self) -> Motion:
-        """How it moves."""
-        return self.body.motion
-
-    @property
     def sensed(self) -> Motion:
         """Its motion as its sensors measure it, for telemetry; its own control loops use the truth."""
         motion = self.body.shown()
@@ -129,7 +120,9 @@ class Vehicle(ABC):
     @property
     def estimate(self) -> Estimate:
         """What its state estimate and its receiver say, for telemetry."""
-        return Estimate(self.motion) if self._sensors is None else self._sensors.estimate(self.motion, self.now)
+        return (
+            Estimate(self.body.motion) if self._sensors is None else self._sensors.estimate(self.body.motion, self.now)
+        )
 
     def receive(self, peer: Address, data: bytes, now: Instant) -> None:
         """Keep a datagram for the next cycle of the main loop: not for one before `now` that is still to be made up."""
@@ -148,7 +141,7 @@ class Vehicle(ABC):
         for peer, frame in self.link.frames(now):
             self._asker = peer
             self._take(frame)
-        if (self.pilot.taking_off or self.pilot.landing) and self.pilot.progress(self.motion):
+        if (self.pilot.taking_off or self.pilot.landing) and self.pilot.progress(self.body.motion):
             self.tell_heartbeat()
             if not self.pilot.airborne:
                 self.landed()
@@ -186,7 +179,7 @@ class Vehicle(ABC):
             self.say(CRITICAL, "PreArm: AHRS: waiting for home")
             return False
         self._set_utc()
-        if not self.pilot.arm(self.motion):
+        if not self.pilot.arm(self.body.motion):
             return False
         self.say(NOTICE, "Throttle armed")
         self.tell_heartbeat()
@@ -281,9 +274,9 @@ class Vehicle(ABC):
 
     def _come_up(self, mode: FlightMode) -> None:
         self.pilot.request(Request.BOOTED)
-        self.pilot.enter(mode, self.motion)
+        self.pilot.enter(mode, self.body.motion)
         if self.pilot.airborne:
-            self.pilot.fly_straight(self.motion)
+            self.pilot.fly_straight(self.body.motion)
 
     def _crash(self, request: Request) -> bool:
         granted = self.pilot.request(request)
@@ -293,8 +286,6 @@ class Vehicle(ABC):
 
     def _take(self, frame: Frame) -> None:
         message = frame.message
-        if not self._is_for_us(message) or frame.system == self.config.identity.system:
-            return  # what comes from our own id is our own, back from a loop in the network
         match message:
             case CommandInt() | CommandLong():
                 for result in self.obey(message):
@@ -320,11 +311,6 @@ class Vehicle(ABC):
                 for answer in self._storage.answers(message, sender, self.now):
                     self.answer(answer)
 
-    def _is_for_us(self, message: Message | None) -> bool:
-        """Return whether a message is for everyone or names us."""
-        target: int = getattr(message, "target_system") if type(message) in ADDRESSED else 0  # noqa: B009
-        return not target or target == self._system
-
     def _watch_ground_station(self) -> None:
         mode = self.failsafe.due_mode(self.now)
         if mode is not None and self.pilot.airborne:
@@ -338,10 +324,8 @@ class Vehicle(ABC):
         listed = self.parameters.next_of_list()
         if listed is not None:
             self.link.answer(*listed)
-        reminder = self.missions.remind(self.now)
-        if reminder is not None:
-            for message in reminder[1]:
-                self.link.answer(reminder[0], message)
+        for peer, message in self.missions.reminders(self.now):
+            self.link.answer(peer, message)
         for message_id in self.streams.take_due(self.now):
             self.broadcast(self.builders[message_id](self))
 

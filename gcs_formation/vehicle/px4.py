@@ -1,19 +1,13 @@
 """PX4, fixed wing and multirotor: how each is commanded, and the parameters on which a flight depends.
 
-Sources: PX4 user guide, "Flight Modes", "Parameter Reference" and "Safety Configuration (Failsafes)"; its acceptance
-and refusals as its simulator (SIH) showed them.
+A fixed wing is commanded in AUTO.LOITER ("Hold") by a stream of MAV_CMD_DO_REPOSITION: outside of the circle around the
+place it is sent to it flies straight there, so a place far ahead is a course. In OFFBOARD it takes no airspeed.
 
-It is commanded in AUTO.LOITER ("Hold") by a stream of MAV_CMD_DO_REPOSITION: outside of the circle around the place
-it is sent to it flies straight there, so a place far ahead is a course. In OFFBOARD it takes no airspeed.
+A multirotor is commanded in OFFBOARD by a stream of SET_POSITION_TARGET_LOCAL_NED with velocity and yaw, which must
+come before the mode is set and never stop for longer than COM_OF_LOSS_T.
 
-Sources: PX4 user guide, "Hold Mode (Fixed-Wing)", "Takeoff Mode (Fixed-Wing)", "Parameter Reference" and "Safety
-Configuration (Failsafes)"; its acceptance and refusals as its simulator (SIH) showed them.
-
-It is commanded in OFFBOARD by a stream of SET_POSITION_TARGET_LOCAL_NED with velocity and yaw, which must come before
-the mode is set and never stop for longer than COM_OF_LOSS_T.
-
-Sources: PX4 user guide, "Offboard Mode", "Return Mode", "Parameter Reference" and "Safety Configuration (Failsafes)";
-its acceptance and refusals as its simulator (SIH) showed them.
+Sources: PX4 user guide, "Flight Modes" ("Hold" and "Takeoff" of fixed wings, "Offboard", "Return"), "Parameter
+Reference" and "Safety Configuration (Failsafes)"; its acceptance and refusals as its simulator (SIH) showed them.
 """
 
 from __future__ import annotations
@@ -33,13 +27,7 @@ from flight_model.earth import GeodeticOrigin
 from gcs_formation.estimation.flight_state import Setpoint
 from gcs_formation.vehicle.autopilot import Autopilot, Command, Step
 from gcs_formation.vehicle.checks import Check, Demands, envelope_checks
-from gcs_formation.vehicle.hovering import (
-    MULTIROTOR_TYPES,
-    TURNS_FROM_MPS,
-    VelocityLead,
-    stands,
-    velocity_setpoint,
-)
+from gcs_formation.vehicle.hovering import MULTIROTOR_TYPES, TURNS_FROM_MPS, VelocityLead, stands, velocity_setpoint
 from gcs_formation.vehicle.telemetry import Telemetry
 
 LEADS_AWAY = (1, 2, 3)
@@ -79,13 +67,6 @@ TAKEOFF, LOITER, RTL = mode_number(MAIN_AUTO, 2), mode_number(MAIN_AUTO, 3), mod
 OFFBOARD = mode_number(6)
 
 
-def px4_value(reported: ParamValue) -> float:
-    """Return a parameter's value: PX4 sends the bytes of an integer in the place of a float's."""
-    if reported.param_type != m.MAV_PARAM_TYPE_INT32:
-        return reported.param_value
-    return float(struct.unpack("<i", struct.pack("<f", reported.param_value))[0])
-
-
 def heartbeats_lost(otherwise: str) -> Check:
     """Return the check of what happens when our heartbeats stop; `otherwise`: what does with nothing set."""
     return Check(
@@ -102,6 +83,8 @@ class Px4(Autopilot, ABC):
     """It answers TIMESYNC and commands as they come."""
     loiter_mode = LOITER
     home_mode = RTL
+    types: ClassVar[frozenset[int]]
+    """MAV_TYPE of what flies by its commands."""
     take_off_to_m: ClassVar[float]
     """Height above home that it is told to take off to."""
     mode_names: ClassVar = {
@@ -118,6 +101,10 @@ class Px4(Autopilot, ABC):
         mode_number(MAIN_AUTO, 6): "LAND",
     }
 
+    def speaks(self, heartbeat: Heartbeat) -> bool:
+        """Return whether a heartbeat is that of a PX4 which flies by these commands."""
+        return heartbeat.autopilot == m.MAV_AUTOPILOT_PX4 and heartbeat.type in self.types
+
     def rates_hz(self, telemetry_rate_hz: float, *, utc: bool = False) -> Mapping[int, float]:
         """Return the rates of the messages that carry motion, readiness and, if wanted, UTC."""
         fast = (m.MAVLINK_MSG_ID_ATTITUDE, m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, m.MAVLINK_MSG_ID_VFR_HUD)
@@ -126,8 +113,27 @@ class Px4(Autopilot, ABC):
         return rates_hz | {m.MAVLINK_MSG_ID_SYSTEM_TIME: UTC_RATE_HZ} if utc else rates_hz
 
     def parameter(self, reported: ParamValue) -> float:
-        """Return a parameter's value, of an integer too."""
-        return px4_value(reported)
+        """Return a parameter's value: PX4 sends the bytes of an integer in the place of a float's."""
+        if reported.param_type != m.MAV_PARAM_TYPE_INT32:
+            return reported.param_value
+        return float(struct.unpack("<i", struct.pack("<f", reported.param_value))[0])
+
+    def start_up(self, rates_hz: Mapping[int, float]) -> tuple[Step, ...]:
+        """Return the steps: streams, ready, take-off, which ends in HOLD, guided mode; what is done is left out."""
+        guided, named = self.guided_mode, self.mode_names[self.guided_mode]
+        return (
+            Step("asked for telemetry", lambda seen: seen.complete, lambda _: self._questions(rates_hz), 20.0, True),
+            Step("waited for it to be ready to arm", self._is_ready, timeout_s=90.0),
+            *self._waits(),
+            Step("told it to take off", self._is_taking_off, self._to_take_off, takes_off=True),
+            Step("armed", lambda seen: seen.armed, self._to_arm, 30.0, takes_off=True),
+            Step("waited for it to climb", self._has_climbed, timeout_s=120.0),
+            Step(f"set mode {named}", self.takes_setpoints, lambda _: (self.set_mode(guided),)),
+        )
+
+    def _waits(self) -> tuple[Step, ...]:
+        """Return what else it waits for before it takes off."""
+        return ()
 
     def is_airborne(self, telemetry: Telemetry) -> bool:
         """Return whether it is armed and says that it is in the air, or is well above home."""
@@ -158,7 +164,6 @@ class Px4(Autopilot, ABC):
 
     def _to_take_off(self, seen: Telemetry) -> tuple[Command, ...]:
         """Return NAV_TAKEOFF from where it stands; its altitude is above sea level."""
-        ground_m = self._home_above_sea_m(seen)
         return (
             CommandLong(
                 self.system,
@@ -167,7 +172,7 @@ class Px4(Autopilot, ABC):
                 param4=UNCHANGED,
                 param5=UNCHANGED,
                 param6=UNCHANGED,
-                param7=ground_m + self.take_off_to_m,
+                param7=self._home_above_sea_m(seen) + self.take_off_to_m,
             ),
         )
 
@@ -187,25 +192,11 @@ class Px4(Autopilot, ABC):
         return self.is_airborne(seen) and seen.custom_mode != TAKEOFF
 
 
-def px4_plane_checks(asked: Demands) -> tuple[Check, ...]:
-    """Return what to read from a fixed-wing PX4 of which a scenario asks this much."""
-    return (
-        heartbeats_lost("circles where the last setpoint led"),
-        *envelope_checks(
-            asked, "FW_AIRSPD_MIN", "FW_AIRSPD_MAX", "FW_AIRSPD_TRIM", "FW_R_LIM", ("raised to it", "lowered to it")
-        ),
-        Check(
-            ("NAV_LOITER_RAD",),
-            f"up to {LARGEST_CIRCLE_M:g} m; wider circles may meet, and bend the course",
-            lambda value: abs(value) <= LARGEST_CIRCLE_M,
-        ),
-    )
-
-
 class Px4Plane(Px4):
     """A fixed-wing PX4, commanded in AUTO.LOITER by MAV_CMD_DO_REPOSITION."""
 
     family = "PX4 fixed wing"
+    types = frozenset({m.MAV_TYPE_FIXED_WING})
     take_off_m = 45.0
     take_off_to_m = 50.0
     guided_mode = LOITER
@@ -213,25 +204,18 @@ class Px4Plane(Px4):
     setpoints_set_mode = True
     """DO_REPOSITION without that (its second parameter) is UNSUPPORTED."""
 
-    def speaks(self, heartbeat: Heartbeat) -> bool:
-        """Return whether a heartbeat is that of a fixed-wing PX4; its others don't fly by these commands."""
-        return heartbeat.autopilot == m.MAV_AUTOPILOT_PX4 and heartbeat.type == m.MAV_TYPE_FIXED_WING
-
-    def start_up(self, rates_hz: Mapping[int, float]) -> tuple[Step, ...]:
-        """Return the steps: streams, ready, take-off, which ends in HOLD; what is done already is left out."""
-        return (
-            Step("asked for telemetry", lambda seen: seen.complete, lambda _: self._questions(rates_hz), 20.0, True),
-            Step("waited for it to be ready to arm", self._is_ready, timeout_s=90.0),
-            Step("waited for its height controller to come up to the field", self._reference_is_up, timeout_s=1200.0),
-            Step("told it to take off", self._is_taking_off, self._to_take_off, takes_off=True),
-            Step("armed", lambda seen: seen.armed, self._to_arm, 30.0, takes_off=True),
-            Step("waited for it to climb", self._has_climbed, timeout_s=120.0),
-            Step("set mode HOLD", self.takes_setpoints, lambda _: (self.set_mode(LOITER),)),
-        )
-
     def checks(self, asked: Demands) -> tuple[Check, ...]:
         """Return failsafe and limits."""
-        return px4_plane_checks(asked)
+        ways = "raised to it", "lowered to it"
+        return (
+            heartbeats_lost("circles where the last setpoint led"),
+            *envelope_checks(asked, "FW_AIRSPD_MIN", "FW_AIRSPD_MAX", "FW_AIRSPD_TRIM", "FW_R_LIM", ways),
+            Check(
+                ("NAV_LOITER_RAD",),
+                f"up to {LARGEST_CIRCLE_M:g} m; wider circles may meet, and bend the course",
+                lambda value: abs(value) <= LARGEST_CIRCLE_M,
+            ),
+        )
 
     def climbs_out(self, telemetry: Telemetry) -> bool:
         """Return whether it is in TAKEOFF, below the height at which that ends."""
@@ -280,46 +264,21 @@ class Px4Plane(Px4):
             z=alt_m,
         )
 
+    def _waits(self) -> tuple[Step, ...]:
+        reference = "waited for its height controller to come up to the field"
+        return (Step(reference, self._reference_is_up, timeout_s=1200.0),)
+
     def _reference_is_up(self, seen: Telemetry) -> bool:
         motion = seen.motion
         risen_m = REFERENCE_CLIMB_MPS * motion.stamp_s if motion else 0.0
         return self.is_airborne(seen) or risen_m >= self._home_above_sea_m(seen)
 
 
-def px4_copter_checks(asked: Demands) -> tuple[Check, ...]:
-    """Return what to read from a PX4 multirotor of which a scenario asks this much."""
-    fastest, speed = asked.speed_max_mps, asked.speed_mps
-    return (
-        heartbeats_lost("flies on as long as setpoints come"),
-        Check(
-            ("COM_OF_LOSS_T",),
-            f"{PATIENCE_S:g} s or more; setpoints come with every tick, and some are lost",
-            lambda value: value >= PATIENCE_S,
-        ),
-        Check(
-            ("COM_OBL_RC_ACT",),
-            "0 or 3 (return), 4 (land) or 5 (hold) when setpoints stop; 1 and 2 need a pilot, 6 and 7 stop the motors",
-            lambda value: value in WITHOUT_STICKS,
-            lambda value: value in CUTS_MOTORS,
-        ),
-        Check(
-            ("MPC_XY_VEL_MAX",),
-            f"{fastest:g} m/s or more, its model's speed_max_mps; it flies no faster",
-            lambda value: value >= fastest,
-            lambda value: value < speed,
-        ),
-        Check(
-            ("RTL_RETURN_ALT",),
-            "at most the lowest height of the path: lower than that, nobody climbs into others on the way home",
-            lambda value: value <= asked.lowest_m,
-        ),
-    )
-
-
 class Px4Copter(Px4):
     """A PX4 multirotor or helicopter, commanded in OFFBOARD by velocities."""
 
     family = "PX4 multirotor"
+    types = MULTIROTOR_TYPES
     take_off_m = 18.0
     take_off_to_m = 20.0
     guided_mode = OFFBOARD
@@ -340,24 +299,35 @@ class Px4Copter(Px4):
         """A setpoint that has it stand."""
         return (velocity_setpoint(self.system, STAND, ANYWHERE, self._nose_rad, self.velocity_lead),)
 
-    def speaks(self, heartbeat: Heartbeat) -> bool:
-        """Return whether a heartbeat is that of a multirotor or helicopter of PX4's."""
-        return heartbeat.autopilot == m.MAV_AUTOPILOT_PX4 and heartbeat.type in MULTIROTOR_TYPES
-
-    def start_up(self, rates_hz: Mapping[int, float]) -> tuple[Step, ...]:
-        """Return the steps: streams, ready, take-off, which ends in HOLD, OFFBOARD; what is done is left out."""
-        return (
-            Step("asked for telemetry", lambda seen: seen.complete, lambda _: self._questions(rates_hz), 20.0, True),
-            Step("waited for it to be ready to arm", self._is_ready, timeout_s=90.0),
-            Step("told it to take off", self._is_taking_off, self._to_take_off, takes_off=True),
-            Step("armed", lambda seen: seen.armed, self._to_arm, 30.0, takes_off=True),
-            Step("waited for it to climb", self._has_climbed, timeout_s=120.0),
-            Step("set mode OFFBOARD", self.takes_setpoints, lambda _: (self.set_mode(OFFBOARD),)),
-        )
-
     def checks(self, asked: Demands) -> tuple[Check, ...]:
         """Return failsafes and limits."""
-        return px4_copter_checks(asked)
+        fastest, speed = asked.speed_max_mps, asked.speed_mps
+        return (
+            heartbeats_lost("flies on as long as setpoints come"),
+            Check(
+                ("COM_OF_LOSS_T",),
+                f"{PATIENCE_S:g} s or more; setpoints come with every tick, and some are lost",
+                lambda value: value >= PATIENCE_S,
+            ),
+            Check(
+                ("COM_OBL_RC_ACT",),
+                "0 or 3 (return), 4 (land) or 5 (hold) when setpoints stop; 1 and 2 need a pilot, "
+                "6 and 7 stop the motors",
+                lambda value: value in WITHOUT_STICKS,
+                lambda value: value in CUTS_MOTORS,
+            ),
+            Check(
+                ("MPC_XY_VEL_MAX",),
+                f"{fastest:g} m/s or more, its model's speed_max_mps; it flies no faster",
+                lambda value: value >= fastest,
+                lambda value: value < speed,
+            ),
+            Check(
+                ("RTL_RETURN_ALT",),
+                "at most the lowest height of the path: lower than that, nobody climbs into others on the way home",
+                lambda value: value <= asked.lowest_m,
+            ),
+        )
 
     def setpoint(self, setpoint: Setpoint, where: FlightState) -> tuple[Message, ...]:
         """Return one message: velocity over ground, and the course as yaw where it moves.

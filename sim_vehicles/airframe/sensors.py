@@ -88,10 +88,8 @@ class Sensors:
 def sensors_of(config: VehicleConfig, origin: GeodeticOrigin, seed: int) -> Sensors | InertialNavigator | None:
     """Return what measures a vehicle's motion for its telemetry; None where that carries the exact state."""
     errors, own = config.sensors, (config.identity, seed)
-    match errors:
-        case NoisyNavigation():
-            return Sensors(errors, *own)
-        case InertialConfig():
-            return InertialNavigator(errors, origin, config.start.heading_rad, *own)
-        case None:
-            return None
+    if errors is None:
+        return None
+    if isinstance(errors, InertialConfig):
+        return InertialNavigator(errors, origin, config.start.heading_rad, *own)
+    return Sensors(errors, *own)

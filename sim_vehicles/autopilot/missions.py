@@ -210,15 +210,16 @@ class Missions:
         """Return when an upload in progress next needs attention."""
         return NEVER if self._upload is None else min(self._upload.ask_again, self._upload.give_up)
 
-    def remind(self, now: Instant) -> tuple[Address, list[Message]] | None:
-        """Return the messages to send because an item is missing, and their receiver."""
+    def reminders(self, now: Instant) -> list[tuple[Address, Message]]:
+        """Return the messages to send because an item is missing, each with its receiver."""
         upload = self._upload
         if upload is None or now < self.next_due():
-            return None
+            return []
+        peer = upload.sender.peer
         if now >= upload.give_up:
             self._upload = None
-            return upload.sender.peer, [_ack(upload.sender, m.MAV_MISSION_OPERATION_CANCELLED), GIVEN_UP]
-        return upload.sender.peer, [self._ask(upload, now)]
+            return [(peer, _ack(upload.sender, m.MAV_MISSION_OPERATION_CANCELLED)), (peer, GIVEN_UP)]
+        return [(peer, self._ask(upload, now))]
 
     def _read(self, request: MissionRequestList | MissionRequestInt | MissionRequest, sender: Sender) -> list[Message]:
         count, integers = self._count(sender), isinstance(request, MissionRequestInt)

@@ -17,7 +17,7 @@ from formation_scenario import load_scenario
 from gcs_formation.estimation.flight_state import Setpoint
 from gcs_formation.vehicle.checks import Demands
 from gcs_formation.vehicle.families import autopilot_for
-from gcs_formation.vehicle.px4 import Px4Copter, px4_copter_checks
+from gcs_formation.vehicle.px4 import Px4Copter
 from gcs_formation.vehicle.startup import CommandQueue, Outcome, StartUp
 from gcs_formation.vehicle.telemetry import Telemetry
 from tests.gcs_formation.vehicle.conftest import ORIGIN, position
@@ -186,7 +186,7 @@ IN_ORDER = {
     ],
 )
 def test_a_parameter_that_bounds_what_is_asked_is_named(name, value, refuses):
-    checks = px4_copter_checks(Demands(5.0, 0.0, 9.0, 0.4, 2.5, 30.0))
+    checks = COPTER.checks(Demands(5.0, 0.0, 9.0, 0.4, 2.5, 30.0))
     assert [found for check in checks if (found := check.judge(IN_ORDER))] == []
     (finding,) = [found for check in checks if (found := check.judge(IN_ORDER | {name: value}))]
     assert finding.text.startswith(f"{name}: found {value}")
