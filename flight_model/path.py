@@ -9,7 +9,7 @@ from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import atan2, cos, sin
-from typing import NamedTuple, TypeVar, cast, overload
+from typing import NamedTuple, Protocol, TypeVar, cast, overload
 
 import numpy as np
 
@@ -153,6 +153,19 @@ class PathPoints(NamedTuple):
     curvature_rate_1pm2: Array
     slope: Array
     slope_rate_1pm: Array
+
+
+class Route(Protocol):
+    """A curve to fly along, parametrised by horizontal arc length."""
+
+    @property
+    def length_m(self) -> float:
+        """Horizontal length, m."""
+        ...
+
+    def at(self, distance_m: float, /) -> PathPoint:
+        """Return the point at a distance from the start."""
+        ...
 
 
 class SplinePath:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from math import cbrt, ceil, sqrt
-from typing import Protocol
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from flight_model.displacement import (
     Rise,
     sample_places,
 )
-from flight_model.path import PathPoint, PathPoints, SplinePath
+from flight_model.path import PathPoints, Route, SplinePath
 from formation_scenario.arrangement import Arrangement, assigned, columns
 from formation_scenario.ground import LEADER_SHARE, Ground
 from formation_scenario.model import Scenario
@@ -49,14 +48,6 @@ NEAR_M = 20.0
 """Within this of its slot a vehicle needs no way planned for it, unless it would meet another on it."""
 LEVEL_OUT_STEPS = 50
 """Steps of a lift beyond the end of that way: a kilometre to descend in."""
-
-
-class Route(Protocol):
-    """A curve to fly along, by distance."""
-
-    def at(self, distance_m: float, /) -> PathPoint:
-        """Return the point at a distance from the start."""
-        ...
 
 
 def plan_change(

@@ -78,7 +78,9 @@ class Station:
         self.flight, self._membership = self.course.flight, membership
         self._senders = Senders(self.vehicles, self.networks, self.flight, self._reporter.event, self.course.fail)
         self.margins, self._noise = MarginWatch(scenario, *fleet), NoiseWatch(*fleet)
-        self.design = DesignWatch(scenario, self.vehicles, (self.controller, self.margins), self._reporter.event)
+        self.design = DesignWatch(
+            scenario, self.vehicles, (self.controller.retune, self.margins.retune), self._reporter.event
+        )
         self._common_clock = CommonClock(scenario, self.vehicles, utc_at_0_s, self._reporter.event)
         self.preflight = PreFlight(scenario, self.vehicles, caution, self._reporter.event, self.course.fail)
         self._takeover = Takeover(resumed, self.vehicles, self._reporter.event)

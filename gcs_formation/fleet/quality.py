@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from typing import Protocol
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -44,24 +43,20 @@ DESIGN_STEP_S = 0.01
 UNITS = ("m", "m", "m/s", "m/s", "m/s", "rad")
 
 
-class Tuned(Protocol):
-    """What goes by the law's gains."""
-
-    def retune(self, scenario: Scenario) -> None:
-        """Go on with another scenario's gains."""
-        ...
-
-
 class DesignWatch:
     """Has gains by design follow the links' delay as it is measured: they become slower, and never faster again."""
 
     def __init__(
-        self, scenario: Scenario, vehicles: Mapping[VehicleId, Vehicle], tuned: Sequence[Tuned], note: Note
+        self,
+        scenario: Scenario,
+        vehicles: Mapping[VehicleId, Vehicle],
+        retunes: Sequence[Callable[[Scenario], None]],
+        note: Note,
     ) -> None:
-        """Watch the links of `vehicles`; `tuned` is told of new gains."""
+        """Watch the links of `vehicles`; each of `retunes` is called with the scenario that has new gains."""
         self.scenario = scenario
         """With the gains in force."""
-        self._vehicles, self._tuned, self._note = vehicles, tuned, note
+        self._vehicles, self._retunes, self._note = vehicles, retunes, note
         self._designs = scenario.law.gains == AUTO and not law_kind(scenario).mutual
         self._slow_looks = 0
 
@@ -82,8 +77,8 @@ class DesignWatch:
         self.scenario = redesigned(self.scenario, delay_s)
         text = f"links take {longest_s * 1e3:.0f} ms each way: gains are designed for {delay_s * 1e3:.0f} ms"
         self._note(now, "design", f"{text}, instead of {known_s * 1e3:.0f} ms", None, self._details(delay_s))
-        for each in self._tuned:
-            each.retune(self.scenario)
+        for retune in self._retunes:
+            retune(self.scenario)
 
     def _details(self, delay_s: float) -> dict[str, Detail]:
         law = self.scenario.law

@@ -9,7 +9,7 @@ from typing import Final
 from airlink.clock import Instant, seconds_between
 from flight_model.autopilot import AutopilotModel, FlightState, rotated
 from flight_model.displacement import PEAK_CHANGE, PEAK_RATE, DisplacedPath, minimum_jerk
-from flight_model.path import PathPoint, SplinePath
+from flight_model.path import PathPoint, Route, SplinePath
 from flight_model.slot import Slot
 from gcs_formation.estimation.flight_state import Setpoint
 from gcs_formation.estimation.projection import HISTORY_S
@@ -18,7 +18,6 @@ from gcs_formation.guidance.tracking import (
     JoinRoute,
     MotionRates,
     Pose,
-    Route,
     RouteHeading,
     join,
     nearest,

@@ -17,11 +17,11 @@ import numpy as np
 from flight_model.arrays import Array, Mask
 from flight_model.autopilot import FlightState
 from flight_model.displacement import SAMPLES, STEP_M, Bounds, blend, sample_places
+from flight_model.path import Route
 from formation_scenario import Ground, PathPoint, Scenario, slot_schedule
 from formation_scenario.arrangement import Arrangement, assigned
 from formation_scenario.formation import FormationChange, Frame
 from formation_scenario.slot_motion import SlotMotion, Transition
-from gcs_formation.guidance.tracking import Route
 
 APART_S = 0.05
 """Interval of the moments at which slots are evaluated; between them they are extrapolated at constant acceleration."""

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final, NamedTuple, Protocol
+from typing import Final, NamedTuple
 
 from flight_model.autopilot import AutopilotModel, FlightState, rotated, within
-from flight_model.path import PathPoint
+from flight_model.path import PathPoint, Route
 from gcs_formation.estimation.flight_state import Setpoint
 
 BANDWIDTH_RADPS: Final = 0.15
@@ -19,19 +19,6 @@ NEWTON_STEPS: Final = 3
 NEAR_ENOUGH_M: Final = 1e-9
 NEAREST_STEP_M: Final = 10.0
 TURN: Final = 2 * math.pi
-
-
-class Route(Protocol):
-    """A curve to fly along, parametrised by horizontal arc length."""
-
-    @property
-    def length_m(self) -> float:
-        """Horizontal length, m."""
-        ...
-
-    def at(self, distance_m: float, /) -> PathPoint:
-        """Return the point at a distance from the start."""
-        ...
 
 
 class MotionRates(NamedTuple):

@@ -208,7 +208,7 @@ class Slow:
         identified = {VehicleId(1, i): SimpleNamespace(clock=clock) for i, clock in enumerate(self.clocks, 1)}
         vehicles: dict[VehicleId, Any] = {**identified}
         self.given, self.notes = loaded.law, Noted()
-        self.watch = DesignWatch(loaded, vehicles, [self], self.notes)
+        self.watch = DesignWatch(loaded, vehicles, [self.retune], self.notes)
         self._retuned: Any = None
 
     def retune(self, scenario: Any) -> None:
