@@ -166,6 +166,7 @@ def test_orders_are_carried_out_or_refused_with_the_reason(fly: Fly, tmp_path: P
         5: "shape line",
         8: "speed 24",
         9: "speed 40",
+        10: "speed 0",
         14: "spacing 3",
         18: "leader 3",
         19: "shape custom",
@@ -183,6 +184,7 @@ def test_orders_are_carried_out_or_refused_with_the_reason(fly: Fly, tmp_path: P
         (True, "shape line: accepted"),
         (True, "speed 24: accepted"),
         (False, "speed 40: refused: found 40 m/s; allowed: 16 to 28 m/s, leader 1's limits"),
+        (False, "speed 0: refused: found 0 m/s; allowed: 16 to 28 m/s, leader 1's limits"),
         (
             False,
             "spacing 3: refused: found slots of the leader and vehicle 2 3 m apart in line; "
