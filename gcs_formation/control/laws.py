@@ -136,10 +136,14 @@ def nominal_gains(law: keys.Law) -> Nominal:
     return speed, heading, height
 
 
-def both_ways(law: keys.Law) -> Nominal:
-    """Return those of a law of velocities: across as along."""
-    speed, _, height = nominal_gains(law)
-    return speed, speed, height
+def both_ways(nominal: Callable[[keys.Law], Nominal]) -> Callable[[keys.Law], Nominal]:
+    """Return a law's nominal gains where it commands velocities: across as along."""
+
+    def gains(law: keys.Law) -> Nominal:
+        speed, _, height = nominal(law)
+        return speed, speed, height
+
+    return gains
 
 
 def fuzzy_range(law: keys.Law) -> GainRange:
@@ -231,4 +235,6 @@ LAWS: dict[keys.LawType, LawKind] = {
 def law_kind(scenario: Scenario) -> LawKind:
     """Return what there is to know of the law that a scenario flies."""
     kind = LAWS[scenario.law.type]
-    return replace(kind, make=velocity_law, nominal=both_ways) if scenario.hovers and not kind.mutual else kind
+    if kind.mutual or not scenario.hovers:
+        return kind
+    return replace(kind, make=velocity_law, nominal=both_ways(kind.nominal))

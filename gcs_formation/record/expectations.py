@@ -13,13 +13,12 @@ from airlink.endpoint import VehicleId
 from airlink.frame import ParserCounts
 from flight_model.arrays import Array
 from formation_scenario import Scenario
-from formation_scenario.expectation import EFFORT_METRICS, FOLLOWER_METRICS, LINK_METRICS, Expectation
+from formation_scenario.expectation import FOLLOWER_METRICS, LINK_METRICS, Expectation
 from gcs_formation.record import flight as figures
-from gcs_formation.record.flight import Flight, effort
+from gcs_formation.record.flight import Flight
 
 LATE_S = 0.010
 """A tick that begins later than this after it was due is late."""
-AXES = {"error_x_m": 0, "error_y_m": 1, "error_z_m": 2}
 WORDS = {True: "held", False: "broken", None: "not judged"}
 SECTIONS = ("safety", "control", "stability")
 
@@ -192,19 +191,10 @@ def _leads_throughout(wanted: Expectation, flight: Flight, vehicle: VehicleId) -
 def _follower_value(wanted: Expectation, flight: Flight, vehicle: VehicleId, parts: Mapping[str, Any]) -> float | None:
     """Return a follower's figure over the window; when it settled is of the whole run, for `steady_max` too."""
     settled_s = parts["followers"][str(vehicle)]["settled_at_s"]
-    if wanted.metric == "settled_at_s":
-        return settled_s
-    window = flight.window(wanted.from_s, wanted.to_s)
-    if wanted.metric in EFFORT_METRICS:
-        _, channel, figure = wanted.metric.split(".")
-        return effort(flight.vehicles[vehicle], window)[channel][figure]
-    error_m = flight.error(vehicle)[window]
-    seen = np.isfinite(error_m).all(axis=1)
-    time_s, error_m = flight.mission_time_s[window][seen], error_m[seen]
-    if wanted.metric == "in_slot_share":
-        return figures.in_slot_share(error_m)
-    axis, figure = wanted.metric.split(".")
-    return figures.axis_figures(time_s, error_m[:, AXES[axis]], settled_s)[figure]
+    value: Any = figures.of_follower(flight, vehicle, flight.window(wanted.from_s, wanted.to_s), settled_s)
+    for name in wanted.metric.split("."):
+        value = value[name]
+    return value
 
 
 def _link_value(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 
@@ -96,6 +97,12 @@ class Flight:
     def error(self, vehicle: VehicleId) -> Array:
         """Return (T, 3) signed formation errors of a follower, x, y and z in m."""
         return np.column_stack([self.vehicles[vehicle][name] for name in ERROR])
+
+    def scored(self, vehicle: VehicleId, window: Mask) -> tuple[Array, Array]:
+        """Return mission times (N,) and errors (N, 3) of the ticks in a (T,) window at which a follower has errors."""
+        time_s, error_m = self.mission_time_s[window], self.error(vehicle)[window]
+        seen = np.isfinite(error_m).all(axis=1)
+        return time_s[seen], error_m[seen]
 
 
 def split(
@@ -198,6 +205,21 @@ def effort(columns: Mapping[str, Array], window: Mask) -> Effort:
             "step_p95": float(np.percentile(size[known], 95)) if known.any() else None,
         }
     return found
+
+
+def of_follower(flight: Flight, vehicle: VehicleId, window: Mask, settled_s: float | None) -> dict[str, Any]:
+    """Return a follower's figures over a (T,) window of ticks, by their names in summary.json.
+
+    `settled_s` is since when it is settled in the whole flight, None if it never is.
+    """
+    time_s, error_m = flight.scored(vehicle, window)
+    axes: dict[str, Any] = {name: axis_figures(time_s, error_m[:, i], settled_s) for i, name in enumerate(ERROR)}
+    return axes | {
+        "settled_at_s": settled_s,
+        "left_at_s": left_at_s(time_s, error_m, settled_s),
+        "in_slot_share": in_slot_share(error_m),
+        "effort": effort(flight.vehicles[vehicle], window),
+    }
 
 
 def settled_at_s(time_s: Array, error_m: Array) -> float | None:

@@ -13,11 +13,10 @@ from airlink.frame import ParserCounts
 from flight_model.arrays import Array, Mask
 from gcs_formation.record import flight as figures
 from gcs_formation.record.expectations import Injected, LinkFigures, Outcome, Verdict, judge
-from gcs_formation.record.flight import Flight, effort
+from gcs_formation.record.flight import Flight
 from gcs_formation.record.timeseries import PHASES
 
 SCHEMA = 1
-AXES = ("error_x_m", "error_y_m", "error_z_m")
 
 
 @dataclass(frozen=True)
@@ -84,17 +83,8 @@ def _begun_s(flight: Flight) -> float | None:
 
 
 def _follower(flight: Flight, vehicle: VehicleId, window: Mask) -> dict[str, Any]:
-    time_s, error_m = flight.mission_time_s[window], flight.error(vehicle)[window]
-    seen = np.isfinite(error_m).all(axis=1)
-    time_s, error_m = time_s[seen], error_m[seen]
-    settled_s = figures.settled_at_s(time_s, error_m)
-    axes: dict[str, Any] = {axis: figures.axis_figures(time_s, error_m[:, i], settled_s) for i, axis in enumerate(AXES)}
-    return axes | {
-        "settled_at_s": settled_s,
-        "left_at_s": figures.left_at_s(time_s, error_m, settled_s),
-        "in_slot_share": figures.in_slot_share(error_m),
-        "effort": effort(flight.vehicles[vehicle], window),
-    }
+    settled_s = figures.settled_at_s(*flight.scored(vehicle, window))
+    return figures.of_follower(flight, vehicle, window, settled_s)
 
 
 def _link(link: LinkFigures, jitter_s: Array) -> dict[str, Any]:

@@ -36,8 +36,6 @@ HEARTBEATS_S: Final = 3.0
 """A failsafe that waits less takes a few lost heartbeats for the end of the link."""
 EKF_READY: Final = 831
 """Attitude, velocities and positions, relative and absolute: all that flying in GUIDED needs."""
-SLOW_RATE_HZ: Final = 2.0
-UTC_RATE_HZ: Final = 1.0
 AIRBORNE_M: Final = 10.0
 
 OUR_HEARTBEATS = Check(
@@ -82,12 +80,7 @@ def patience(name: str) -> Check:
 class ArduPilot(Autopilot, ABC):
     """An autopilot of ArduPilot's."""
 
-    def rates_hz(self, telemetry_rate_hz: float, *, utc: bool = False) -> Mapping[int, float]:
-        """Return the rates of the messages that carry motion, readiness, mode and, if wanted, UTC."""
-        fast = (m.MAVLINK_MSG_ID_ATTITUDE, m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, m.MAVLINK_MSG_ID_VFR_HUD)
-        slow = (m.MAVLINK_MSG_ID_EKF_STATUS_REPORT, m.MAVLINK_MSG_ID_SYS_STATUS)
-        rates_hz = dict.fromkeys(fast, telemetry_rate_hz) | dict.fromkeys(slow, SLOW_RATE_HZ) | self.unasked_hz
-        return rates_hz | {m.MAVLINK_MSG_ID_SYSTEM_TIME: UTC_RATE_HZ} if utc else rates_hz
+    slow_messages = (m.MAVLINK_MSG_ID_EKF_STATUS_REPORT, *Autopilot.slow_messages)
 
     def is_airborne(self, telemetry: Telemetry) -> bool:
         """Return whether it is in flight by its heartbeat, or armed and above the ground."""

@@ -20,6 +20,8 @@ from gcs_formation.vehicle.checks import Check, Demands
 from gcs_formation.vehicle.hovering import ground_motion
 from gcs_formation.vehicle.telemetry import Telemetry
 
+SLOW_RATE_HZ: Final = 2.0
+UTC_RATE_HZ: Final = 1.0
 SHOWN_WITHIN_S: Final = 2.0
 SHOWN_IN_HEARTBEATS: Final = 2
 """A command has no effect when both this time and so many heartbeats have passed since its acknowledgement."""
@@ -117,6 +119,14 @@ class Autopilot(ABC):
     setpoint_commands: ClassVar[tuple[int, ...]]
     """Id of the command that carries airspeed, that of heading and that of height, each acknowledged; none where
     setpoints are other messages, which nobody acknowledges."""
+    fast_messages: ClassVar[tuple[int, ...]] = (
+        m.MAVLINK_MSG_ID_ATTITUDE,
+        m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
+        m.MAVLINK_MSG_ID_VFR_HUD,
+    )
+    """Those with its motion, asked for at the scenario's rate."""
+    slow_messages: ClassVar[tuple[int, ...]] = (m.MAVLINK_MSG_ID_SYS_STATUS,)
+    """What else is asked for, at `SLOW_RATE_HZ`: `vehicle.telemetry` keeps it."""
     unasked_hz: ClassVar[dict[int, float]] = {m.MAVLINK_MSG_ID_HEARTBEAT: 1.0}
     """Messages that are sent without a request, and their rates, Hz."""
     setpoints_set_mode: ClassVar[bool] = False
@@ -190,7 +200,6 @@ class Autopilot(ABC):
     def speaks(self, heartbeat: Heartbeat) -> bool:
         """Return whether a heartbeat is of this family; in others the same mode numbers mean other modes."""
 
-    @abstractmethod
     def rates_hz(self, telemetry_rate_hz: float, *, utc: bool = False) -> Mapping[int, float]:
         """Return the rate, Hz, of each message that we need, including those sent without a request.
 
@@ -198,6 +207,9 @@ class Autopilot(ABC):
             telemetry_rate_hz: of those that carry its motion.
             utc: whether its UTC is needed.
         """
+        fast, slow = self.fast_messages, self.slow_messages
+        rates_hz = dict.fromkeys(fast, telemetry_rate_hz) | dict.fromkeys(slow, SLOW_RATE_HZ) | self.unasked_hz
+        return rates_hz | {m.MAVLINK_MSG_ID_SYSTEM_TIME: UTC_RATE_HZ} if utc else rates_hz
 
     @abstractmethod
     def start_up(self, rates_hz: Mapping[int, float]) -> tuple[Step, ...]:

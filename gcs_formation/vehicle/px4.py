@@ -33,8 +33,6 @@ from gcs_formation.vehicle.telemetry import Telemetry
 LEADS_AWAY = (1, 2, 3)
 """NAV_DLL_ACT: hold, return, land; 0 does nothing, 5 and 6 stop the motor."""
 MAIN_AUTO = 4
-SLOW_RATE_HZ = 2.0
-UTC_RATE_HZ = 1.0
 CHANGES_HZ = 50.0
 """CURRENT_MODE is sent at this rate while there are changes: a mode must be seen before a setpoint undoes it."""
 AIRBORNE_M = 10.0
@@ -83,6 +81,7 @@ class Px4(Autopilot, ABC):
     """It answers TIMESYNC and commands as they come."""
     loiter_mode = LOITER
     home_mode = RTL
+    slow_messages = (*Autopilot.slow_messages, m.MAVLINK_MSG_ID_EXTENDED_SYS_STATE)
     types: ClassVar[frozenset[int]]
     """MAV_TYPE of what flies by its commands."""
     take_off_to_m: ClassVar[float]
@@ -104,13 +103,6 @@ class Px4(Autopilot, ABC):
     def speaks(self, heartbeat: Heartbeat) -> bool:
         """Return whether a heartbeat is that of a PX4 which flies by these commands."""
         return heartbeat.autopilot == m.MAV_AUTOPILOT_PX4 and heartbeat.type in self.types
-
-    def rates_hz(self, telemetry_rate_hz: float, *, utc: bool = False) -> Mapping[int, float]:
-        """Return the rates of the messages that carry motion, readiness and, if wanted, UTC."""
-        fast = (m.MAVLINK_MSG_ID_ATTITUDE, m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, m.MAVLINK_MSG_ID_VFR_HUD)
-        slow = (m.MAVLINK_MSG_ID_SYS_STATUS, m.MAVLINK_MSG_ID_EXTENDED_SYS_STATE)
-        rates_hz = dict.fromkeys(fast, telemetry_rate_hz) | dict.fromkeys(slow, SLOW_RATE_HZ) | self.unasked_hz
-        return rates_hz | {m.MAVLINK_MSG_ID_SYSTEM_TIME: UTC_RATE_HZ} if utc else rates_hz
 
     def parameter(self, reported: ParamValue) -> float:
         """Return a parameter's value: PX4 sends the bytes of an integer in the place of a float's."""
