@@ -173,6 +173,18 @@ class FlightState:
         )
 
 
+class Setpoint:
+    """Airspeed, heading (clockwise from north) and height above the scenario's origin."""
+
+    __slots__ = ("heading_rad", "height_m", "speed_mps")
+
+    def __init__(self, speed_mps: float, heading_rad: float, height_m: float) -> None:
+        """Take the three."""
+        self.speed_mps = speed_mps
+        self.heading_rad = heading_rad
+        self.height_m = height_m
+
+
 def wrap(angle_rad: float) -> float:
     """Return an angle's equal in [-pi, pi)."""
     return (angle_rad + math.pi) % math.tau - math.pi

@@ -16,7 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from flight_model.arrays import Array
-from flight_model.path import PathPoint, SplinePath
+from flight_model.curve import PathPoint
+from flight_model.path import SplinePath
 
 T = TypeVar("T", float, npt.NDArray[np.float64])
 
@@ -121,11 +122,7 @@ class DisplacedPath:
         steps = (distance_m - self._lift.start_m) / STEP_M
         index = int(min(max(steps, 0.0), len(self._control_m) - 4))
         lift_m, slope, curvature = blend(self._control_m[index : index + 4], min(max(steps - index, 0.0), 1.0))
-        return point._replace(
-            height_m=point.height_m + lift_m,
-            slope=point.slope + slope,
-            slope_rate_1pm=point.slope_rate_1pm + curvature,
-        )
+        return point.lifted(lift_m, slope, curvature)
 
     def _beside(self, distance_m: float) -> PathPoint:
         point = self.path.at(distance_m)

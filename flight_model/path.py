@@ -5,18 +5,16 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from math import atan2, cos, sin
-from typing import NamedTuple, Protocol, TypeVar, cast, overload
+from typing import NamedTuple, Protocol, cast, overload
 
 import numpy as np
 
 from flight_model.arrays import Array, Indices
+from flight_model.curve import Curve, PathPoint
 
 DEGREE = 3
-T = TypeVar("T", float, Array)
 MIN_LEG_M = 1.0
 MIN_TANGENT = 1e-3
 PIECES_PER_LEG = 64
@@ -121,27 +119,6 @@ class PathError(ValueError):
         self.waypoint = waypoint
 
 
-class PathPoint(NamedTuple):
-    """The path at one arc length: position in m, course in rad clockwise from north in (-pi, pi].
-
-    Curvature is positive in a right turn; `slope` is the rise per metre of horizontal distance.
-    """
-
-    north_m: float
-    east_m: float
-    height_m: float
-    course_rad: float
-    curvature_1pm: float
-    curvature_rate_1pm2: float
-    slope: float
-    slope_rate_1pm: float
-
-    def aside_m(self, north_m: float, east_m: float, height_m: float) -> tuple[float, float]:
-        """Return how far to the right of the path and above it a position abreast of this point is, m."""
-        north, east = north_m - self.north_m, east_m - self.east_m
-        return east * cos(self.course_rad) - north * sin(self.course_rad), height_m - self.height_m
-
-
 class PathPoints(NamedTuple):
     """`PathPoint` at many arc lengths: each field an array of their shape."""
 
@@ -192,9 +169,8 @@ class SplinePath:
         self.waypoints_at_m: Array = self.nodes_m[::PIECES_PER_LEG]
         self._coefficients = _hermite_pieces(*_by_arc_length(derivatives), lengths)
         # For scalars, plain floats are faster than numpy, and the guidance asks for scalars.
-        self._starts: list[float] = self.nodes_m[:-1].tolist()
-        self._pieces = cast("list[list[list[float]]]", self._coefficients.tolist())
-        self._ends = tuple(self._end(s) for s in (0.0, self.length_m))
+        self._curve = Curve(self.nodes_m[:-1].tolist(), cast("list[list[list[float]]]", self._coefficients.tolist()))
+        self._ends = self._curve.at(0.0), self._curve.at(self.length_m)
 
     @overload
     def at(self, s: float) -> PathPoint: ...
@@ -205,31 +181,19 @@ class SplinePath:
         if isinstance(s, np.ndarray):
             return self._many(s)
         if s < 0.0:
-            return _straight_on(self._ends[0], s)
+            return self._ends[0].straight_on(s)
         if s > self.length_m:
-            return _straight_on(self._ends[1], s - self.length_m)
-        return self._inside(s)
-
-    def _end(self, s: float) -> PathPoint:
-        return self._inside(s)._replace(curvature_1pm=0.0, curvature_rate_1pm2=0.0, slope=0.0, slope_rate_1pm=0.0)
-
-    def _inside(self, s: float) -> PathPoint:
-        index = max(bisect_right(self._starts, s) - 1, 0)
-        t = s - self._starts[index]
-        north, east, height = self._pieces[index]
-        n, n1, n2, n3 = _polynomial(north, t)
-        e, e1, e2, e3 = _polynomial(east, t)
-        h, h1, h2, _ = _polynomial(height, t)
-        return PathPoint(n, e, h, atan2(e1, n1), n1 * e2 - e1 * n2, n1 * e3 - e1 * n3, h1, h2)
+            return self._ends[1].straight_on(s - self.length_m)
+        return self._curve.at(s)
 
     def _many(self, s: Array) -> PathPoints:
         inside = np.clip(s, 0.0, self.length_m)
-        index = np.clip(np.searchsorted(self.nodes_m, inside, side="right") - 1, 0, len(self._starts) - 1)
+        index = np.clip(np.searchsorted(self.nodes_m, inside, side="right") - 1, 0, len(self._coefficients) - 1)
         pieces = self._coefficients[index]
         t = inside - self.nodes_m[index]
-        n, n1, n2, n3 = _polynomial(np.moveaxis(pieces[..., 0, :], -1, 0), t)
-        e, e1, e2, e3 = _polynomial(np.moveaxis(pieces[..., 1, :], -1, 0), t)
-        h, h1, h2, _ = _polynomial(np.moveaxis(pieces[..., 2, :], -1, 0), t)
+        n, n1, n2, n3 = _quintics(pieces[..., 0, :], t)
+        e, e1, e2, e3 = _quintics(pieces[..., 1, :], t)
+        h, h1, h2, _ = _quintics(pieces[..., 2, :], t)
         beyond = s - inside
         on_path = beyond == 0.0
         curves = (n1 * e2 - e1 * n2, n1 * e3 - e1 * n3, h1, h2)
@@ -299,19 +263,12 @@ def _hermite_pieces(values: Array, first: Array, second: Array, lengths: Array) 
     return np.asarray(ends @ _HERMITE.T / (scale[..., None] ** np.arange(6)))
 
 
-def _polynomial(c: Iterable[T], t: T) -> tuple[T, T, T, T]:
-    """Return a quintic and its first three derivatives at t; c holds its coefficients, lowest power first."""
-    c0, c1, c2, c3, c4, c5 = c
+def _quintics(c: Array, t: Array) -> tuple[Array, Array, Array, Array]:
+    """Return what `quintic` does, of the coefficients (..., 6) and the arguments of many."""
+    c0, c1, c2, c3, c4, c5 = np.moveaxis(c, -1, 0)
     return (
         c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5)))),
         c1 + t * (2.0 * c2 + t * (3.0 * c3 + t * (4.0 * c4 + t * 5.0 * c5))),
         2.0 * c2 + t * (6.0 * c3 + t * (12.0 * c4 + t * 20.0 * c5)),
         6.0 * c3 + t * (24.0 * c4 + t * 60.0 * c5),
-    )
-
-
-def _straight_on(end: PathPoint, beyond_m: float) -> PathPoint:
-    return end._replace(
-        north_m=end.north_m + beyond_m * cos(end.course_rad),
-        east_m=end.east_m + beyond_m * sin(end.course_rad),
     )

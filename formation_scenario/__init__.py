@@ -6,7 +6,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from flight_model.path import PathError, PathPoint, PathPoints, SplinePath
+    from flight_model.curve import PathPoint
+    from flight_model.path import PathError, PathPoints, SplinePath
     from formation_scenario.arrangement import SlotStep, slot_schedule, slot_table, slots
     from formation_scenario.begin_and_end import StartStates, start_states
     from formation_scenario.errors import Problem, ScenarioError
@@ -21,7 +22,7 @@ _HOME = {
     "Impairment": "formation_scenario.links",
     "LinkStep": "formation_scenario.links",
     "PathError": "flight_model.path",
-    "PathPoint": "flight_model.path",
+    "PathPoint": "flight_model.curve",
     "PathPoints": "flight_model.path",
     "Problem": "formation_scenario.errors",
     "Scenario": "formation_scenario.model",

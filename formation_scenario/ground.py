@@ -12,9 +12,10 @@ from typing import Any, NamedTuple, Protocol, overload
 import numpy as np
 
 from flight_model.arrays import Array
+from flight_model.curve import PathPoint
 from flight_model.displacement import STEP_M, Bounds, Lift, blend, sample_places
 from flight_model.earth import GeodeticOrigin
-from flight_model.path import PathPoint, PathPoints, SplinePath
+from flight_model.path import PathPoints, SplinePath
 from formation_scenario.environment import Hill, Terrain
 
 HGT_NAME = re.compile(r"^([NS])(\d{2})([EW])(\d{3})$", re.IGNORECASE)
@@ -205,12 +206,8 @@ class LiftedPath(SplinePath):
         index = min(int(steps), len(self._control_m) - 4)
         lift_m, slope, curvature = blend(self._control_m[index : index + 4], steps - index)
         if s < 0.0 or s > self.length_m:
-            return point._replace(height_m=point.height_m + lift_m)
-        return point._replace(
-            height_m=point.height_m + lift_m,
-            slope=point.slope + slope,
-            slope_rate_1pm=point.slope_rate_1pm + curvature,
-        )
+            return point.lifted(lift_m, 0.0, 0.0)
+        return point.lifted(lift_m, slope, curvature)
 
     def _raised(self, s: Array, points: PathPoints) -> PathPoints:
         inside = np.clip(s, 0.0, self.length_m)

@@ -165,7 +165,7 @@ def take_over(
     from flight_model.lift import least_lift  # noqa: PLC0415 - scipy is for those with ground to clear
 
     places = sample_places(from_m, ceil(over_s * speed / STEP_M) + LEVEL_OUT_STEPS)
-    points = PathPoints(*np.array([way.at(distance) for distance in places.tolist()]).T)
+    points = PathPoints(*np.array([way.at(distance).values() for distance in places.tolist()]).T)
     needed_m = ground.height(points.north_m, points.east_m) + scenario.terrain.clearance_m - points.height_m
     bounds = scenario.rise_bounds(LEADER_SHARE)
     return way.lifted(least_lift(from_m, needed_m, points.slope, bounds, np.zeros(3)))
@@ -183,7 +183,7 @@ def ahead(route: Route, speed_mps: float, from_m: float) -> Callable[[Array], Co
 
     def course(elapsed_s: Array) -> Course:
         points = [route.at(distance_m) for distance_m in (from_m + speed_mps * elapsed_s).tolist()]
-        return Course.along(PathPoints(*np.array(points).T), speed_mps)
+        return Course.along(PathPoints(*np.array([point.values() for point in points]).T), speed_mps)
 
     return course
 

@@ -24,7 +24,6 @@ from gcs_formation.control.feed_forward import Envelope
 from gcs_formation.control.laws import law_kind, law_parameters
 from gcs_formation.control.situation import Lead, Situation
 from gcs_formation.estimation.estimator import Sample, StateEstimator, VehicleFilter
-from gcs_formation.estimation.flight_state import Setpoint
 from gcs_formation.estimation.projection import Measured, SetpointHistory, States
 from gcs_formation.guidance.leader import AHEAD_POINTS, ASSEMBLED_S, LeaderCommand, LeaderCommands, LeaderWind, amid
 from gcs_formation.guidance.slots import UP, FormationPlan, Outlook
@@ -259,19 +258,21 @@ class FormationController:
         guided, rates = self._leader_wind.guided(state, ahead_s)
         wanted = self.guidance.steer(guided, model, assembled=assembled)
         if self._scenario.path.steps:
-            steps = added(self._scenario.path.steps, tick.mission_time_s)
-            wanted = Setpoint(*(each + step for each, step in zip(wanted, steps, strict=True)))
+            speed_mps, heading_rad, height_m = added(self._scenario.path.steps, tick.mission_time_s)
+            wanted.speed_mps += speed_mps
+            wanted.heading_rad += heading_rad
+            wanted.height_m += height_m
         turn_rps, turn = 0.0, self.guidance.turn
         if turn is not None:
-            heading_rad, turn_rps = turn.setpoint(at, model.tau_psi_s)
-            wanted = wanted._replace(heading_rad=heading_rad)
-        commanded = Envelope(wanted.heading_rad, state, model).limit(*wanted)
+            wanted.heading_rad, turn_rps = turn.setpoint(at, model.tau_psi_s)
+        bounds = Envelope(wanted.heading_rad, state, model)
+        commanded = bounds.limit(wanted.speed_mps, wanted.heading_rad, wanted.height_m)
         tick.setpoints[tick.leader] = commanded
         short_rad, held = wrap(commanded[1] - state.heading_rad), model.held(self._dt_s)
         told_rps = rate(short_rad, held.tau_psi_s, held.turn_rate_max_rps)
         if turn is None:
             turn_rps = self.guidance.turn_rps(guided, model, MotionRates(rates.place_mps, told_rps, rates.wind_mps2))
-        self._leader_commands.add(at, LeaderCommand(*commanded, turn_rps))
+        self._leader_commands.add(at, LeaderCommand(commanded[0], commanded[1], commanded[2], turn_rps))
         followed = [states.instant(column) if self._compensates else at for column in range(self._columns)]
         commands = [self._leader_commands.at(instant) for instant in followed]
         return Lead(tick.leader, at, commands, self.guidance.heading(guided))

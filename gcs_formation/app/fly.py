@@ -13,14 +13,13 @@ from airlink.endpoint import PortError
 from airlink.messages import Message
 from airlink.messages.command import CommandInt, CommandLong
 from airlink.udp import UdpDriver
-from flight_model.autopilot import FlightState
+from flight_model.autopilot import FlightState, Setpoint
 from formation_scenario import Scenario, slot_schedule
 from formation_scenario.arrangement import columns
 from gcs_formation.app.operator import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.session import Session, open_session
 from gcs_formation.errors import RunAbortedError
-from gcs_formation.estimation.flight_state import Setpoint
 from gcs_formation.record.past import PORT, Past, epoch_us, from_ports, read_past
 from gcs_formation.record.summary import Summary
 from gcs_formation.recorder import Event
@@ -78,7 +77,9 @@ def first_setpoints(scenario: Scenario) -> dict[str, tuple[Setpoint, FlightState
         east_m = start.east_m + forward_m * aside + right_m * ahead
         if vehicle is not None:
             commanded = Setpoint(scenario.path.speed_mps, start.course_rad, start.height_m + up_m)
-            where = FlightState(north_m, east_m, commanded.height_m, 0.0, *commanded[:2], 0.0, 0.0)
+            where = FlightState(
+                north_m, east_m, commanded.height_m, 0.0, commanded.speed_mps, commanded.heading_rad, 0.0, 0.0
+            )
             found[str(vehicle.vehicle_id)] = commanded, where
     return found
 

@@ -7,14 +7,15 @@ the slot's own speed and heading.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Final
 
-from flight_model.autopilot import AutopilotModel, FlightState, rate, rotated, within, wrap
+from flight_model.autopilot import AutopilotModel, FlightState, expm1, rate, rotated, within, wrap
 from flight_model.slot import NOTHING, Slot, Triple
 from formation_scenario.formation import Frame
 from gcs_formation.control.feed_forward import Axes, Envelope, LeaderMotion, TrailingSlot, feed_forward, lead
-from gcs_formation.control.fuzzy_pid import Channel, FuzzyGainScheduler, GainRange, Pid
+from gcs_formation.control.fuzzy_pid import Channel, FuzzyGainScheduler, GainRange, Gains, Pid
 from gcs_formation.control.mixer import (
     TRAIL_S,
     Mixer,
@@ -90,11 +91,37 @@ class Pair:
         self.replaced = replaced
 
 
-class FollowerController:
+class Controller(ABC):
     """The law of one follower, with the state it keeps between ticks and what it decided last."""
+
+    def __init__(self) -> None:
+        """Start with nothing decided."""
+        self.setpoint = self.error_m = self.mixed = NOTHING
+
+    @property
+    @abstractmethod
+    def gains(self) -> Gains:
+        """Those in force."""
+
+    @abstractmethod
+    def retune(self, parameters: LawParameters) -> None:
+        """Go on with other gains and filters."""
+
+    @abstractmethod
+    def forget(self) -> None:
+        """Start again: it isn't commanded, or follows another leader."""
+
+    @abstractmethod
+    def decide(self, pair: Pair, dt_s: float) -> None:
+        """Compute the setpoint of this tick, which is `dt_s` after the last one."""
+
+
+class FollowerController(Controller):
+    """The law of a follower that flies by speed and heading."""
 
     def __init__(self, parameters: LawParameters) -> None:
         """Start at rest."""
+        super().__init__()
         self._parameters = parameters
         gain_range, scheduler = parameters.gain_range, parameters.scheduler
         self._speed = Pid(parameters.speed, gain_range, scheduler)
@@ -103,14 +130,12 @@ class FollowerController:
         self._trailing = TrailingSlot() if parameters.frame == "follower_heading" else None
         self._drift_north_mps = self._drift_east_mps = math.nan
         self._correction: tuple[float, float] = (math.nan, math.nan)
-        self.setpoint = self.error_m = self.mixed = NOTHING
 
     @property
-    def gains(self) -> tuple[float, ...]:
-        """k_p of the three channels, k_i, k_d."""
-        speed, heading, height = self._speed, self._heading, self._height
-        proportional, integral = (speed.kp, heading.kp, height.kp), (speed.ki, heading.ki, height.ki)
-        return (*proportional, *integral, speed.kd, heading.kd, height.kd)
+    def gains(self) -> Gains:
+        """Those in force."""
+        one, two, three = self._speed, self._heading, self._height
+        return one.kp, two.kp, three.kp, one.ki, two.ki, three.ki, one.kd, two.kd, three.kd
 
     def retune(self, parameters: LawParameters) -> None:
         """Go on with other gains and filters."""
@@ -285,7 +310,7 @@ class FollowerController:
             self._drift_north_mps, self._drift_east_mps = north_mps, east_mps
         north_mps -= self._drift_north_mps
         east_mps -= self._drift_east_mps
-        share = -math.expm1(-gust_radps * dt_s)
+        share = -expm1(-gust_radps * dt_s)
         self._drift_north_mps += share * north_mps
         self._drift_east_mps += share * east_mps
         size = max(north_mps * north_mps + east_mps * east_mps, 1e-12)

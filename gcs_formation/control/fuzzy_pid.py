@@ -19,6 +19,8 @@ from flight_model.slot import Triple
 
 LEVELS = {"ZR": 0.0, "PL": 0.5, "PH": 1.0}
 SETS: Final = 5
+Gains = tuple[float, float, float, float, float, float, float, float, float]
+"""k_p of the three channels, k_i, k_d."""
 
 # Rows are the error's rate from NH to PH, columns the error from NH to PH.
 TABLE_P = """

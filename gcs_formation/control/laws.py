@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
 from flight_model.autopilot import AutopilotModel, FlightState, rate, within, wrap
-from flight_model.slot import Triple
 from formation_scenario import Scenario
 from formation_scenario import formation as keys
 from formation_scenario.graph import scenario_adjacency
 from gcs_formation.control.consensus import ConsensusLaw, ConsensusParameters
 from gcs_formation.control.feed_forward import LeaderMotion
-from gcs_formation.control.follower import FollowerController, LawParameters, Pair
+from gcs_formation.control.follower import Controller, FollowerController, LawParameters, Pair
 from gcs_formation.control.fuzzy_pid import FIXED_GAINS, Channel, FuzzyGainScheduler, GainRange, PidGains
 from gcs_formation.control.mixer import Mixer
 from gcs_formation.control.situation import Decided, Law, Situation
@@ -28,32 +26,7 @@ Nominal = tuple[PidGains, PidGains, PidGains]
 PRINTED, SYMMETRIC = "law.fuzzy.tables=printed", "law.fuzzy.tables=symmetric"
 
 
-class Controller(Protocol):
-    """The law of one follower, with the state it keeps between ticks and what it decided last."""
-
-    setpoint: Triple
-    error_m: Triple
-    mixed: Triple
-
-    @property
-    def gains(self) -> tuple[float, ...]:
-        """k_p of the three channels, k_i, k_d."""
-        ...
-
-    def decide(self, pair: Pair, dt_s: float) -> None:
-        """Compute the setpoint of this tick, which is `dt_s` after the last one."""
-        ...
-
-    def retune(self, parameters: LawParameters) -> None:
-        """Go on with other gains."""
-        ...
-
-    def forget(self) -> None:
-        """Start again: it isn't commanded, or follows another leader."""
-        ...
-
-
-class FormationLaw:
+class FormationLaw(Law):
     """The law of all followers, with the state it keeps between ticks."""
 
     def __init__(
@@ -93,8 +66,9 @@ class FormationLaw:
                 controller.decide(self._pair(situation, column, state, its_model, dt_s), dt_s)
             else:
                 controller.forget()
-            made = controller.setpoint, controller.error_m, controller.mixed, controller.gains
-            decided.append(Decided(column, state, *made))
+            decided.append(
+                Decided(column, state, controller.setpoint, controller.error_m, controller.mixed, controller.gains)
+            )
         return decided
 
     def _pair(

@@ -12,8 +12,8 @@ from typing import Final
 
 from flight_model.autopilot import within
 from flight_model.slot import NOTHING, Triple
-from gcs_formation.control.follower import LawParameters, Pair
-from gcs_formation.control.fuzzy_pid import Pid
+from gcs_formation.control.follower import Controller, LawParameters, Pair
+from gcs_formation.control.fuzzy_pid import Gains, Pid
 from gcs_formation.control.mixer import error_rate, formation_error
 
 STANDS_MPS: Final = 0.02
@@ -24,23 +24,23 @@ LEAST_CORRECTION_MPS: Final = 0.5
 """Corrections up to this are never limited by that."""
 
 
-class VelocityController:
-    """The law of one follower, with the state it keeps between ticks and what it decided last."""
+class VelocityController(Controller):
+    """The law of a follower that flies by its velocity."""
 
     def __init__(self, parameters: LawParameters) -> None:
         """Start at rest."""
+        super().__init__()
         gain_range, scheduler = parameters.gain_range, parameters.scheduler
         self._mixer = parameters.mixer
         self._along = Pid(parameters.speed, gain_range, scheduler)
         self._across = Pid(parameters.speed, gain_range, scheduler)
         self._height = Pid(parameters.height, gain_range, scheduler)
-        self.setpoint = self.error_m = self.mixed = NOTHING
 
     @property
-    def gains(self) -> tuple[float, ...]:
-        """k_p of the three channels, k_i, k_d."""
-        along, across, height = self._along, self._across, self._height
-        return along.kp, across.kp, height.kp, along.ki, across.ki, height.ki, along.kd, across.kd, height.kd
+    def gains(self) -> Gains:
+        """Those in force."""
+        one, two, three = self._along, self._across, self._height
+        return one.kp, two.kp, three.kp, one.ki, two.ki, three.ki, one.kd, two.kd, three.kd
 
     def retune(self, parameters: LawParameters) -> None:
         """Go on with other gains."""

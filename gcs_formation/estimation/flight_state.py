@@ -174,14 +174,6 @@ class AutopilotModels(Columns):
         return cls.of(np.array([model.values() for model in models]).T)
 
 
-class Setpoint(NamedTuple):
-    """Airspeed, heading (clockwise from north) and height above the scenario's origin."""
-
-    speed_mps: float
-    heading_rad: float
-    height_m: float
-
-
 def advance(state: FlightStates, setpoints: Array, duration_s: Array, model: AutopilotModels) -> FlightStates:
     """Return the state after K segments of constant setpoints, by the closed forms of equation (7).
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections import deque
 from itertools import islice
-from typing import Final, Protocol
+from typing import Final
 
 from airlink.clock import NANOSECONDS
 from flight_model.autopilot import AutopilotModel, FlightState, advance, respond, within, wrap
@@ -107,27 +108,27 @@ class Measured:
         self.acts = acts
 
 
-class States(Protocol):
+class States(ABC):
     """The states that a law acts on at one tick; they aren't to be changed."""
 
+    @abstractmethod
     def of(self, which: int, whose: int) -> FlightState:
         """Return the state of a vehicle at the instant that matters for the setpoint of another, or its own."""
-        ...
 
+    @abstractmethod
     def instant(self, whose: int) -> int:
         """Return that instant."""
-        ...
 
 
-class Projection(Protocol):
+class Projection(ABC):
     """Computes these from the measured states, tick by tick."""
 
+    @abstractmethod
     def take(self, measured: Measured) -> States:
         """Return the tick's states."""
-        ...
 
 
-class AtTheirStamps:
+class AtTheirStamps(States):
     """Every vehicle's newest state, each at its own time stamp."""
 
     def __init__(self, measured: Measured) -> None:
@@ -143,7 +144,7 @@ class AtTheirStamps:
         return self._measured.stamps[whose]
 
 
-class AtOneStamp:
+class AtOneStamp(States):
     """Every vehicle's state at one instant."""
 
     def __init__(self, states: list[FlightState], stamp: int) -> None:
@@ -181,7 +182,7 @@ class Sampled:
             self.carried_east_m[vehicle] = before.carried_east_m[vehicle] + east_m
 
 
-class WhenSetpointsAct:
+class WhenSetpointsAct(States):
     """Every vehicle's state at the instant at which a setpoint for it, or for another vehicle, acts."""
 
     def __init__(
@@ -254,7 +255,7 @@ class WhenSetpointsAct:
         return self._acts[whose]
 
 
-class AsMeasured:
+class AsMeasured(Projection):
     """No projection."""
 
     def take(self, measured: Measured) -> AtTheirStamps:
@@ -262,7 +263,7 @@ class AsMeasured:
         return AtTheirStamps(measured)
 
 
-class Prediction:
+class Prediction(Projection):
     """Model (7) run through the setpoints in flight."""
 
     def __init__(self, history: SetpointHistory, models: list[AutopilotModel], telemetry_hz: float) -> None:
@@ -285,7 +286,7 @@ class Prediction:
         return WhenSetpointsAct(measured.acts, self._samples, self._history, self._models, self._between_messages)
 
 
-class Pairing:
+class Pairing(Projection):
     """All states at the newest instant for which every active vehicle has one, interpolated where necessary."""
 
     def __init__(self, rate_hz: float) -> None:

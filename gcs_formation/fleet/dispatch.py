@@ -12,8 +12,8 @@ from airlink.endpoint import VehicleId
 from airlink.engine import DelayQueue
 from airlink.messages import Message
 from airlink.messages.system import MISSION_TIME, Heartbeat, NamedValueFloat
+from flight_model.autopilot import Setpoint
 from formation_scenario import Scenario
-from gcs_formation.estimation.flight_state import Setpoint
 from gcs_formation.link.connection import LinkState
 from gcs_formation.recorder import Note, Tick, VehicleLink
 from gcs_formation.vehicle.vehicle import Member, Vehicle

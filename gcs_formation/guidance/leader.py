@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import Final
 
 from airlink.clock import Instant, seconds_between
-from flight_model.autopilot import AutopilotModel, FlightState, rotated
+from flight_model.autopilot import AutopilotModel, FlightState, Setpoint, rotated
+from flight_model.curve import PathPoint
 from flight_model.displacement import PEAK_CHANGE, PEAK_RATE, DisplacedPath, minimum_jerk
-from flight_model.path import PathPoint, Route, SplinePath
+from flight_model.path import Route, SplinePath
 from flight_model.slot import Slot
-from gcs_formation.estimation.flight_state import Setpoint
 from gcs_formation.estimation.projection import HISTORY_S
 from gcs_formation.guidance.tracking import (
     LEAST_MPS,

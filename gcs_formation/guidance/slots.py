@@ -206,7 +206,7 @@ class SlotClearance:
 
     def _needed(self, outlook: Outlook, places: Array, points: list[PathPoint]) -> Array:
         """Return the required lifts (N, K) for the leader at distances `places` (K,)."""
-        north, east, height, course, curvature = np.array(points).T[:5]
+        north, east, height, course, curvature = np.array([point.values() for point in points]).T[:5]
         leader = outlook.leader
         aside_mps = leader.wind_east_mps * np.cos(course) - leader.wind_north_mps * np.sin(course)
         heading = course - np.arcsin(np.clip(aside_mps / max(leader.airspeed_mps, 1.0), -1.0, 1.0))

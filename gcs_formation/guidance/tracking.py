@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from flight_model.autopilot import AutopilotModel, FlightState, rotated, within
-from flight_model.path import PathPoint, Route
-from gcs_formation.estimation.flight_state import Setpoint
+from flight_model.autopilot import AutopilotModel, FlightState, Setpoint, rotated, squared, within
+from flight_model.curve import PathPoint
+from flight_model.path import Route
 
 BANDWIDTH_RADPS: Final = 0.15
 """Bandwidth of the cross-track loop, well below the heading hold's 1/tau_psi."""
@@ -19,37 +18,45 @@ NEWTON_STEPS: Final = 3
 NEAR_ENOUGH_M: Final = 1e-9
 NEAREST_STEP_M: Final = 10.0
 TURN: Final = 2 * math.pi
+asin: Final = math.asin
+atan: Final = math.atan
 
 
-class MotionRates(NamedTuple):
+class MotionRates:
     """How a vehicle's state changes: what is known of its place and wind needn't agree at once."""
 
-    place_mps: tuple[float, float]
-    """North and east."""
-    turn_rps: float
-    wind_mps2: tuple[float, float]
-    """North and east."""
+    __slots__ = ("place_mps", "turn_rps", "wind_mps2")
+
+    def __init__(self, place_mps: tuple[float, float], turn_rps: float, wind_mps2: tuple[float, float]) -> None:
+        """Take the changes of place, heading and wind; of place and wind north and east."""
+        self.place_mps = place_mps
+        self.turn_rps = turn_rps
+        self.wind_mps2 = wind_mps2
 
 
-class RouteHeading(NamedTuple):
+class RouteHeading:
     """Heading, turn rate and climb of a vehicle on a route, corrected for wind."""
 
-    heading_rad: float
-    turn_rps: float
-    bend_rps2: float
-    """Rate of change of the turn rate."""
-    climb_mps: float
-    along_mps: float
-    """Component of its ground velocity along the route."""
+    __slots__ = ("along_mps", "bend_rps2", "climb_mps", "heading_rad", "turn_rps")
+
+    def __init__(
+        self, heading_rad: float, turn_rps: float, bend_rps2: float, climb_mps: float, along_mps: float
+    ) -> None:
+        """Take the heading and its first two derivatives, the climb, and the velocity over ground along the route."""
+        self.heading_rad = heading_rad
+        self.turn_rps = turn_rps
+        self.bend_rps2 = bend_rps2
+        self.climb_mps = climb_mps
+        self.along_mps = along_mps
 
 
 def route_heading(point: PathPoint, state: FlightState) -> RouteHeading:
     """Return the heading along the route at the point where a vehicle is, for its speed over ground."""
-    along_mps, _ = rotated(point.course_rad, *state.ground_mps())
+    along_mps, _ = _along_and_aside(state, point.course_rad)
     return RouteHeading(
         point.course_rad - _crab(state, point.course_rad),
         point.curvature_1pm * along_mps,
-        point.curvature_rate_1pm2 * along_mps**2,
+        point.curvature_rate_1pm2 * squared(along_mps),
         point.slope * along_mps,
         along_mps,
     )
@@ -87,18 +94,18 @@ def track(point: PathPoint, state: FlightState, model: AutopilotModel, speed_mps
     turn and climb are fed forward through the lags of (7).
     """
     _, right_m = rotated(point.course_rad, state.north_m - point.north_m, state.east_m - point.east_m)
-    along_mps, aside_mps = rotated(point.course_rad, *state.ground_mps())
+    along_mps, aside_mps = _along_and_aside(state, point.course_rad)
     gain_1pm = BANDWIDTH_RADPS / max(speed_mps, LEAST_MPS)
-    intercept = math.atan(gain_1pm * right_m)
+    intercept = atan(gain_1pm * right_m)
     limited = within(intercept, -INTERCEPT_MAX_RAD, INTERCEPT_MAX_RAD)
     course = point.course_rad - limited
     turn_rps = point.curvature_1pm * along_mps
     if limited == intercept:
-        turn_rps -= gain_1pm * aside_mps / (1 + (gain_1pm * right_m) ** 2)
+        turn_rps -= gain_1pm * aside_mps / (1.0 + squared(gain_1pm * right_m))
     heading = course - _crab(state, course) + model.tau_psi_s * turn_rps
     rise_mps = point.slope * along_mps
     height_m = point.height_m + (model.tau_ha_s + model.tau_hb_s) * rise_mps
-    height_m += model.tau_ha_s * model.tau_hb_s * point.slope_rate_1pm * along_mps**2
+    height_m += model.tau_ha_s * model.tau_hb_s * point.slope_rate_1pm * squared(along_mps)
     return Setpoint(speed_mps, heading, height_m)
 
 
@@ -117,15 +124,15 @@ def track_turn(
         rates: how `state` changes.
     """
     _, right_m = rotated(point.course_rad, state.north_m - point.north_m, state.east_m - point.east_m)
-    along_mps, _ = rotated(point.course_rad, *state.ground_mps())
-    passed_mps, aside_mps = rotated(point.course_rad, *rates.place_mps)
-    along_mps2, wind_mps2 = rotated(point.course_rad, *rates.wind_mps2)
+    along_mps, _ = _along_and_aside(state, point.course_rad)
+    passed_mps, aside_mps = rotated(point.course_rad, rates.place_mps[0], rates.place_mps[1])
+    along_mps2, wind_mps2 = rotated(point.course_rad, rates.wind_mps2[0], rates.wind_mps2[1])
     carried_mps, _ = rotated(point.course_rad, state.wind_north_mps, state.wind_east_mps)
     path_rps, gain_1pm = point.curvature_1pm * passed_mps, BANDWIDTH_RADPS / max(speed_mps, LEAST_MPS)
     bend_rps2 = point.curvature_rate_1pm2 * passed_mps * along_mps + point.curvature_1pm * along_mps2
-    intercept = math.atan(gain_1pm * right_m)
+    intercept = atan(gain_1pm * right_m)
     limited = within(intercept, -INTERCEPT_MAX_RAD, INTERCEPT_MAX_RAD)
-    gain_1pm = gain_1pm / (1 + (gain_1pm * right_m) ** 2) if limited == intercept else 0.0
+    gain_1pm = gain_1pm / (1.0 + squared(gain_1pm * right_m)) if limited == intercept else 0.0
     course_rps = path_rps - gain_1pm * aside_mps
     # The axes turn under the wind, so its component across them changes even while it is constant.
     aside_mps2 = (along_mps - carried_mps) * rates.turn_rps - along_mps * path_rps + wind_mps2
@@ -133,17 +140,23 @@ def track_turn(
     return course_rps - crab_rps + model.tau_psi_s * (bend_rps2 - gain_1pm * aside_mps2)
 
 
+def _along_and_aside(state: FlightState, course_rad: float) -> tuple[float, float]:
+    """Return the velocity over ground along a course and to its right."""
+    north_mps, east_mps = state.ground_mps()
+    return rotated(course_rad, north_mps, east_mps)
+
+
 def _crab(state: FlightState, course_rad: float) -> float:
     """Return the crab angle: how far left of the course the heading must point to cancel the crosswind."""
     _, aside_mps = rotated(course_rad, state.wind_north_mps, state.wind_east_mps)
-    return math.asin(within(aside_mps / max(state.airspeed_mps, 1.0), -1.0, 1.0))
+    return asin(within(aside_mps / max(state.airspeed_mps, 1.0), -1.0, 1.0))
 
 
 def _crab_rate(state: FlightState, course_rad: float, course_rps: float, wind_mps2: tuple[float, float]) -> float:
     """Return how fast the crab angle changes, rad/s, while the course turns under a wind that changes."""
     along_mps, aside_mps = rotated(course_rad, state.wind_north_mps, state.wind_east_mps)
-    _, aside_mps2 = rotated(course_rad, *wind_mps2)
-    forward_mps2 = max(state.airspeed_mps**2 - aside_mps**2, 1.0)
+    _, aside_mps2 = rotated(course_rad, wind_mps2[0], wind_mps2[1])
+    forward_mps2 = max(squared(state.airspeed_mps) - squared(aside_mps), 1.0)
     return (aside_mps2 - along_mps * course_rps) / math.sqrt(forward_mps2)
 
 
@@ -177,19 +190,19 @@ class Leg(NamedTuple):
         )
 
 
-@dataclass(frozen=True)
 class JoinRoute:
-    """Three legs, and a height that changes from that of the first pose to that of the last at `slope`."""
+    """Legs, and a height that changes from that of the first pose to that of the last at `slope`."""
 
-    legs: tuple[Leg, ...]
-    begin_height_m: float
-    end_height_m: float
-    slope: float
-
-    @property
-    def length_m(self) -> float:
+    def __init__(self, legs: tuple[Leg, ...], begin_height_m: float, end_height_m: float, slope: float) -> None:
+        """Take three legs."""
+        self.legs = legs
+        self.begin_height_m = begin_height_m
+        self.end_height_m = end_height_m
+        self.slope = slope
+        self.length_m = 0.0
         """Horizontal length, m."""
-        return sum(leg.length_m for leg in self.legs)
+        for leg in legs:
+            self.length_m += leg.length_m
 
     def at(self, distance_m: float) -> PathPoint:
         """Return the point at a distance from the start; beyond its ends the route is straight."""

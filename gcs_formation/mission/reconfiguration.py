@@ -11,8 +11,8 @@ from airlink.clock import NANOSECONDS, Instant, after, seconds_between
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Mask
 from flight_model.autopilot import FlightState
+from flight_model.curve import PathPoint
 from flight_model.displacement import DisplacedPath, Rise
-from flight_model.path import PathPoint
 from formation_scenario import Scenario
 from formation_scenario.arrangement import Arrangement, SlotStep, assigned
 from formation_scenario.feasibility import check_ahead

@@ -7,31 +7,78 @@ commanded and responds; `traffic.possible_pairs` has the same bound for all othe
 from __future__ import annotations
 
 import math
-from operator import itemgetter
-from typing import NamedTuple
+from typing import Final
 
 from flight_model.autopilot import AutopilotModel, FlightState, within, wrap
 from flight_model.slot import Triple
 from gcs_formation.separation.manoeuvre import COARSE_S
 
+hypot: Final = math.hypot
 
-class Look(NamedTuple):
+
+class Look:
     """What is looked at: N vehicles when what they are commanded now acts."""
 
-    states: list[FlightState]
-    setpoints: list[Triple]
-    models: list[AutopilotModel]
-    lead_s: list[float]
-    """How long before the instant that counting begins at, the same for all, their setpoints act."""
-    timing_s: list[float]
-    """How much earlier or later than reckoned a vehicle may be where it's reckoned to be."""
-    reference: int
-    """The vehicle along whose velocity the others can always fly: the leader."""
-    kept_m: float
-    """Distance that two keep."""
-    first_s: float
-    """How long they fly as commanded now."""
-    horizon_s: float
+    __slots__ = (
+        "first_s",
+        "horizon_s",
+        "kept_m",
+        "lead_s",
+        "models",
+        "reference",
+        "setpoints",
+        "states",
+        "timing_s",
+    )
+
+    def __init__(  # noqa: PLR0913, PLR0917 - what there is to look at
+        self,
+        states: list[FlightState],
+        setpoints: list[Triple],
+        models: list[AutopilotModel],
+        lead_s: list[float],
+        timing_s: list[float],
+        reference: int,
+        kept_m: float,
+        first_s: float,
+        horizon_s: float,
+    ) -> None:
+        """Take what is known.
+
+        Args:
+            states: (N,).
+            setpoints: (N,).
+            models: (N,).
+            lead_s: how long before the instant that counting begins at, the same for all, their setpoints act.
+            timing_s: how much earlier or later than reckoned a vehicle may be where it's reckoned to be.
+            reference: the vehicle along whose velocity the others can always fly: the leader.
+            kept_m: distance that two keep.
+            first_s: how long they fly as commanded now.
+            horizon_s: how far ahead is looked.
+        """
+        self.states = states
+        self.setpoints = setpoints
+        self.models = models
+        self.lead_s = lead_s
+        self.timing_s = timing_s
+        self.reference = reference
+        self.kept_m = kept_m
+        self.first_s = first_s
+        self.horizon_s = horizon_s
+
+
+class Spot:
+    """Where a vehicle is, how far and how fast it may go from there, and how badly it is timed."""
+
+    __slots__ = ("east_m", "far_m", "fast_mps", "north_m", "off_s")
+
+    def __init__(self, north_m: float, east_m: float, far_m: float, fast_mps: float, off_s: float) -> None:
+        """Take these."""
+        self.north_m = north_m
+        self.east_m = east_m
+        self.far_m = far_m
+        self.fast_mps = fast_mps
+        self.off_s = off_s
 
 
 def nobody_near(look: Look) -> bool:
@@ -41,51 +88,51 @@ def nobody_near(look: Look) -> bool:
     a rate of r at most leads e tau + e^2 / (2 r) off; the trapezium rule, half a step more.
     """
     its = look.states[look.reference]
-    its_mps, its_rad = its.airspeed_mps, its.heading_rad
+    its_mps, its_rad, spots = its.airspeed_mps, its.heading_rad, list[Spot]()
     frame_north_mps, frame_east_mps = its.ground_mps()
-    spots: list[tuple[float, float, float, float, float]] = []
     far_most_m = fast_most_mps = off_most_s = 0.0
-    for state, setpoint, model, lead_s, off_s in zip(
-        look.states, look.setpoints, look.models, look.lead_s, look.timing_s, strict=True
-    ):
+    half_s: float = COARSE_S / 2
+    for place, state in enumerate(look.states):
+        model, lead_s, off_s = look.models[place], look.lead_s[place], look.timing_s[place]
+        speed_mps, heading_rad, _ = look.setpoints[place]
         accel_mps2, turn_rps = model.accel_max_mps2, model.turn_rate_max_rps
         first_s = lead_s + look.first_s
         along_mps = within(its_mps, model.speed_min_mps, model.speed_max_mps)
-        step_mps, turn_rad = setpoint[0] - state.airspeed_mps, wrap(setpoint[1] - state.heading_rad)
+        step_mps, turn_rad = speed_mps - state.airspeed_mps, wrap(heading_rad - state.heading_rad)
         slow_mps = abs(along_mps - state.airspeed_mps) + min(abs(step_mps) / model.tau_v_s, accel_mps2) * first_s
         off_rad = abs(wrap(its_rad - state.heading_rad)) + min(abs(turn_rad) / model.tau_psi_s, turn_rps) * first_s
-        along_m = slow_mps * (first_s + model.tau_v_s + COARSE_S / 2) + slow_mps * slow_mps / (2.0 * accel_mps2)
-        aside_s = off_rad * (first_s + model.tau_psi_s + COARSE_S / 2) + off_rad * off_rad / (2.0 * turn_rps)
-        wind_mps = math.hypot(state.wind_north_mps - its.wind_north_mps, state.wind_east_mps - its.wind_east_mps)
+        along_m = slow_mps * (first_s + model.tau_v_s + half_s) + slow_mps * slow_mps / (2.0 * accel_mps2)
+        aside_s = off_rad * (first_s + model.tau_psi_s + half_s) + off_rad * off_rad / (2.0 * turn_rps)
+        wind_mps = hypot(state.wind_north_mps - its.wind_north_mps, state.wind_east_mps - its.wind_east_mps)
         drift_mps = wind_mps + abs(along_mps - its_mps)
         far_m = along_m + along_mps * aside_s + drift_mps * (lead_s + look.horizon_s)
         fast_mps = slow_mps + along_mps * off_rad + drift_mps
         north_m, east_m = state.north_m + frame_north_mps * lead_s, state.east_m + frame_east_mps * lead_s
-        spots.append((north_m, east_m, far_m, fast_mps, off_s))
+        spots.append(Spot(north_m, east_m, far_m, fast_mps, off_s))
         far_most_m, fast_most_mps = max(far_most_m, far_m), max(fast_most_mps, fast_mps)
         off_most_s = max(off_most_s, off_s)
     return _all_apart(spots, look.kept_m, look.kept_m + 2.0 * far_most_m + 4.0 * off_most_s * fast_most_mps)
 
 
-def _all_apart(spots: list[tuple[float, float, float, float, float]], kept_m: float, most_m: float) -> bool:
-    """Return whether all keep their distance: along one axis, those beyond `most_m` need no look.
-
-    Args:
-        spots: north and east; how far, and how fast, vehicles may go from there; how badly they are timed.
-        kept_m: what all keep.
-        most_m: the most that any two need.
-    """
-    north, east = [spot[0] for spot in spots], [spot[1] for spot in spots]
-    axis = 0 if max(north) - min(north) >= max(east) - min(east) else 1
-    spots.sort(key=itemgetter(axis))
-    for i, (north_m, east_m, far_m, fast_mps, off_s) in enumerate(spots):
-        begin_m = spots[i][axis]
-        for j in range(i + 1, len(spots)):
-            other = spots[j]
-            if other[axis] - begin_m > most_m:
+def _all_apart(spots: list[Spot], kept_m: float, most_m: float) -> bool:
+    """Return whether all keep their distance, `kept_m`: along one axis, those beyond `most_m` need no look."""
+    along_m, order = _along_longer_side(spots)
+    for i, here in enumerate(order):
+        one = spots[here]
+        for j in range(i + 1, len(order)):
+            there = order[j]
+            other = spots[there]
+            if along_m[there] - along_m[here] > most_m:
                 break
-            needed_m = kept_m + (off_s + other[4]) * (fast_mps + other[3]) + far_m + other[2]
-            ahead_m, aside_m = other[0] - north_m, other[1] - east_m
+            needed_m = kept_m + (one.off_s + other.off_s) * (one.fast_mps + other.fast_mps) + one.far_m + other.far_m
+            ahead_m, aside_m = other.north_m - one.north_m, other.east_m - one.east_m
             if not ahead_m * ahead_m + aside_m * aside_m >= needed_m * needed_m:
                 return False
     return True
+
+
+def _along_longer_side(spots: list[Spot]) -> tuple[list[float], list[int]]:
+    """Return where spots are along the axis on which they are farther apart, and their order along it."""
+    north, east = [spot.north_m for spot in spots], [spot.east_m for spot in spots]
+    along = north if max(north) - min(north) >= max(east) - min(east) else east
+    return along, sorted(range(len(along)), key=along.__getitem__)

@@ -24,8 +24,7 @@ from airlink import mavlink as m
 from airlink.messages import Message
 from airlink.messages.command import CommandInt, CommandLong
 from airlink.messages.system import Heartbeat
-from flight_model.autopilot import FlightState
-from gcs_formation.estimation.flight_state import Setpoint
+from flight_model.autopilot import FlightState, Setpoint
 from gcs_formation.vehicle.autopilot import Autopilot, Command, Step
 from gcs_formation.vehicle.checks import Check, Demands, envelope_checks
 from gcs_formation.vehicle.hovering import MULTIROTOR_TYPES, VelocityLead, stands, velocity_setpoint

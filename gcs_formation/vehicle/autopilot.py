@@ -12,10 +12,9 @@ from airlink.clock import Instant, seconds_between
 from airlink.messages import Message
 from airlink.messages.command import CommandInt, CommandLong, ParamValue
 from airlink.messages.system import Heartbeat
-from flight_model.autopilot import FlightState
+from flight_model.autopilot import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
 from formation_scenario.orders import End
-from gcs_formation.estimation.flight_state import Setpoint
 from gcs_formation.vehicle.checks import Check, Demands
 from gcs_formation.vehicle.hovering import ground_motion
 from gcs_formation.vehicle.telemetry import Telemetry

@@ -13,8 +13,7 @@ from typing import Final
 
 from airlink import mavlink as m
 from airlink.messages.command import SetPositionTargetLocalNed
-from flight_model.autopilot import FlightState, hovering_course, slot_axis
-from gcs_formation.estimation.flight_state import Setpoint
+from flight_model.autopilot import FlightState, Setpoint, hovering_course, slot_axis
 
 MULTIROTOR_TYPES: Final = frozenset(
     {

@@ -22,9 +22,8 @@ from airlink import mavlink as m
 from airlink.messages import Message
 from airlink.messages.command import CommandInt, CommandLong, ParamValue
 from airlink.messages.system import Heartbeat
-from flight_model.autopilot import FlightState
+from flight_model.autopilot import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
-from gcs_formation.estimation.flight_state import Setpoint
 from gcs_formation.vehicle.autopilot import Autopilot, Command, Step
 from gcs_formation.vehicle.checks import Check, Demands, envelope_checks
 from gcs_formation.vehicle.hovering import MULTIROTOR_TYPES, TURNS_FROM_MPS, VelocityLead, stands, velocity_setpoint

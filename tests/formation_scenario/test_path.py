@@ -120,7 +120,7 @@ def test_beyond_its_ends_the_path_goes_straight_and_level(waypoints, beyond):
         expected = (end.north_m + ahead * np.cos(end.course_rad), end.east_m + ahead * np.sin(end.course_rad))
         np.testing.assert_allclose((point.north_m, point.east_m), expected, atol=1e-6)
         assert (point.height_m, point.course_rad) == (end.height_m, end.course_rad)
-        assert point[4:] == (0.0, 0.0, 0.0, 0.0)
+        assert point.values()[4:] == (0.0, 0.0, 0.0, 0.0)
 
 
 @given(waypoint_lists(), st.lists(st.floats(-0.5, 1.5), min_size=1, max_size=9))

@@ -26,7 +26,7 @@ def test_one_place_is_the_same_as_among_many(load):
     path = load(HILL, LOW).leader_path
     places = np.array([-10.0, 0.0, 1234.5, 2000.0, 3999.0, 5000.0])
     for i, s in enumerate(places.tolist()):
-        assert path.at(s) == pytest.approx([column[i] for column in path.at(places)])
+        assert path.at(s).values() == pytest.approx([column[i] for column in path.at(places)])
 
 
 def test_a_path_clear_of_the_ground_stays_as_written(load):

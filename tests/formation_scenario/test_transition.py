@@ -251,8 +251,8 @@ def test_a_displaced_path_is_a_curve_whose_course_and_curvature_are_its_own():
         made = np.hypot(north, east)
         assert (after.course_rad - before.course_rad) / made == pytest.approx(point.curvature_1pm, abs=1e-5)
         assert (after.height_m - before.height_m) / made == pytest.approx(point.slope, abs=1e-5)
-    assert way.at(1000.0) == path.at(1000.0)
-    assert way.at(400.0).aside_m(*path.at(400.0)[:3]) == pytest.approx((-40.0, -15.0))
+    assert way.at(1000.0).values() == path.at(1000.0).values()
+    assert way.at(400.0).aside_m(*path.at(400.0).values()[:3]) == pytest.approx((-40.0, -15.0))
 
 
 def test_a_displaced_path_goes_on_with_the_climb_that_it_begins_with():
@@ -260,7 +260,7 @@ def test_a_displaced_path_goes_on_with_the_climb_that_it_begins_with():
     way = DisplacedPath(path, 400.0, 600.0, 0.0, Rise(8.0, 0.06, -2e-4))
     begun, ended = way.at(400.0), way.at(1000.0 - 1e-6)
     assert (begun.height_m, begun.slope, begun.slope_rate_1pm) == pytest.approx((108.0, 0.06, -2e-4), abs=1e-3)
-    assert ended == pytest.approx(path.at(1000.0 - 1e-6), abs=1e-6)
+    assert ended.values() == pytest.approx(path.at(1000.0 - 1e-6).values(), abs=1e-6)
     for distance in np.linspace(401.0, 999.0, 9):
         before, point, after = (way.at(distance + d) for d in (-0.5, 0.0, 0.5))
         assert after.height_m - before.height_m == pytest.approx(point.slope, abs=1e-6)

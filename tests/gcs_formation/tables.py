@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -12,6 +14,8 @@ from flight_model.slot import Triple
 from gcs_formation.control.situation import Decided, Law, Situation
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
 from gcs_formation.estimation.projection import SetpointHistory
+
+Made = TypeVar("Made")
 
 
 def states(table: FlightStates) -> list[FlightState]:
@@ -41,6 +45,12 @@ def predict(
         one, begin, end, its = each
         history.carry(one, begin, end, vehicle, its)
     return FlightStates.from_each(moved)
+
+
+def changed(made: Made, **values: Any) -> Made:
+    """Return a plain object with some other values, as `dataclasses.replace` does for those that it knows."""
+    names = inspect.signature(type(made)).parameters
+    return type(made)(**{name: getattr(made, name) for name in names} | values)
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -113,7 +111,9 @@ def test_a_new_leader_takes_the_place_of_the_old_one_in_the_graph(offset: Array)
     matrix, here = laplacian(GRAPH[np.ix_(swapped, swapped)]), situation(0.0, offset)
     flying = law(1 / TAU_V_S)
     for leader, graph in ((2, matrix), (0, laplacian(GRAPH))):
-        asked = accelerations(flying.decide(replace(here, lead=replace(here.lead, leader=leader)), 0.1), 0.0)
+        asked = accelerations(
+            flying.decide(tables.changed(here, lead=tables.changed(here.lead, leader=leader)), 0.1), 0.0
+        )
         np.testing.assert_allclose(asked[0], -graph @ (K1 * offset[0] + K2 * offset[2]), atol=1e-9)
 
 

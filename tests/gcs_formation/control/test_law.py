@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -131,10 +130,10 @@ def test_nothing_is_learnt_of_a_setpoint_that_was_replaced_nor_kept_of_one_that_
     flying, here = law(ki=np.array((0.5, 0.0, 0.0))), behind(1.0)
     flying.decide(here, DT_S)
     replaced = [[False] * 3, [True, False, False], [False] * 3]
-    flying.decide(replace(here, replaced=replaced), DT_S)
+    flying.decide(tables.changed(here, replaced=replaced), DT_S)
     asked = sent(flying.decide(here, DT_S))[:, 0] - SPEED_MPS
     np.testing.assert_allclose(asked, (0.05, 0.10), atol=1e-12)
-    flying.decide(replace(here, active=[True, False, True]), DT_S)
+    flying.decide(tables.changed(here, active=[True, False, True]), DT_S)
     asked = sent(flying.decide(here, DT_S))[:, 0] - SPEED_MPS
     np.testing.assert_allclose(asked, (0.0, 0.20), atol=1e-12)
 
@@ -155,7 +154,7 @@ def test_behind_a_new_leader_everything_begins_again() -> None:
     flying, here = law(ki=np.array((0.5, 0.0, 0.0))), behind(1.0)
     for _ in range(5):
         flying.decide(here, DT_S)
-    decided = flying.decide(replace(here, lead=replace(here.lead, leader=1)), DT_S)
+    decided = flying.decide(tables.changed(here, lead=tables.changed(here.lead, leader=1)), DT_S)
     assert decided.columns == [0, 2]
     np.testing.assert_allclose(decided.gains[0, 3:6], (0.5, 0.0, 0.0))
     again = flying.decide(here, DT_S)
@@ -176,7 +175,7 @@ def test_a_correction_grows_as_fast_as_the_vehicle_follows_and_shrinks_at_once(
         states, rule = in_formation(), [[False] * 3 for _ in range(COUNT)]
         rule[2][channel] = replaced
         here = situation(with_rows(states, channel, states.table[channel, FOLLOWERS] - metres))
-        return sent(flying.decide(replace(here, replaced=rule), DT_S))[:, channel] - (SPEED_MPS, 0.0)[channel]
+        return sent(flying.decide(tables.changed(here, replaced=rule), DT_S))[:, channel] - (SPEED_MPS, 0.0)[channel]
 
     np.testing.assert_allclose(asked(0.0), 0.0, atol=1e-12)
     np.testing.assert_allclose(asked(4.0), most)
@@ -217,8 +216,8 @@ def test_a_change_of_wind_within_what_is_not_known_of_it_is_no_gust() -> None:
 
     def led(gust_mps: float) -> float:
         flying, unknown = law(), [0.06**2, 0.08**2, 0.0]  # 0.1 m/s of the pair 0, 1
-        flying.decide(replace(situation(carried((0.0, 0.0))), wind_variance=unknown), DT_S)
-        here = replace(situation(carried((gust_mps, 0.0))), wind_variance=unknown)
+        flying.decide(tables.changed(situation(carried((0.0, 0.0))), wind_variance=unknown), DT_S)
+        here = tables.changed(situation(carried((gust_mps, 0.0))), wind_variance=unknown)
         return float(SPEED_MPS - gust_mps - sent(flying.decide(here, DT_S))[0, 0])
 
     assert led(0.29) == pytest.approx(0.0, abs=1e-12)
@@ -227,7 +226,7 @@ def test_a_change_of_wind_within_what_is_not_known_of_it_is_no_gust() -> None:
 
 def test_a_share_of_the_bandwidth_is_that_of_the_gains_and_its_square_of_the_integral() -> None:
     gains, share = (np.array((3.0, 0.5, 2.0)), np.array((0.8, 0.1, 0.2)), np.array((6.5, 1.0, 0.5))), 0.5
-    here = replace(behind(0.0), bandwidth=[[share] * 3] * COUNT)
+    here = tables.changed(behind(0.0), bandwidth=[[share] * 3] * COUNT)
     shown = law(*gains).decide(here, DT_S).gains[0]
     np.testing.assert_allclose(shown, np.concatenate((share * gains[0], share**2 * gains[1], share * gains[2])))
 
@@ -269,7 +268,7 @@ def test_setpoints_held_from_tick_to_tick_keep_a_turning_slot() -> None:
 def test_who_was_not_commanded_meets_no_gust_and_no_slew_afterwards() -> None:
     flying, still = law(kp=np.array((3.0, 0.0, 0.0))), situation(carried((0.0, 0.0)))
     flying.decide(still, DT_S)
-    flying.decide(replace(still, active=[True, False, True]), DT_S)
+    flying.decide(tables.changed(still, active=[True, False, True]), DT_S)
     states = carried((0.4, 0.0))
     here = situation(with_rows(states, 0, states.table[0, FOLLOWERS] - 4.0))
     begun, going_on = sent(flying.decide(here, DT_S))[:, 0]

@@ -10,8 +10,7 @@ from airlink import mavlink as m
 from airlink.frame import FrameWriter, StreamParser
 from airlink.messages.command import CommandLong, SetPositionTargetLocalNed
 from airlink.messages.system import Heartbeat
-from flight_model.autopilot import FlightState
-from gcs_formation.estimation.flight_state import Setpoint
+from flight_model.autopilot import FlightState, Setpoint
 from gcs_formation.vehicle.ardupilot import ArduCopter, arducopter_checks
 from gcs_formation.vehicle.checks import Demands
 from gcs_formation.vehicle.hovering import HEIGHT_S

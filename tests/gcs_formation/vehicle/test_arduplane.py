@@ -12,8 +12,7 @@ from airlink import mavlink as m
 from airlink.frame import FrameWriter, StreamParser
 from airlink.messages.command import CommandInt
 from airlink.messages.telemetry import SysStatus
-from flight_model.autopilot import FlightState
-from gcs_formation.estimation.flight_state import Setpoint
+from flight_model.autopilot import FlightState, Setpoint
 from gcs_formation.vehicle.ardupilot import ArduPlane
 from gcs_formation.vehicle.autopilot import Command
 from tests.gcs_formation.vehicle.conftest import ORIGIN, position

@@ -12,9 +12,8 @@ from airlink.frame import FrameWriter, StreamParser
 from airlink.messages.command import CommandAck, SetPositionTargetLocalNed
 from airlink.messages.system import Heartbeat
 from airlink.messages.telemetry import Attitude, ExtendedSysState, SysStatus, VfrHud
-from flight_model.autopilot import FlightState
+from flight_model.autopilot import FlightState, Setpoint
 from formation_scenario import load_scenario
-from gcs_formation.estimation.flight_state import Setpoint
 from gcs_formation.vehicle.checks import Demands
 from gcs_formation.vehicle.families import autopilot_for
 from gcs_formation.vehicle.px4 import Px4Copter

@@ -16,8 +16,7 @@ from airlink.frame import FrameWriter, StreamParser
 from airlink.messages.command import CommandAck, CommandInt, CommandLong, ParamValue
 from airlink.messages.system import Heartbeat, Statustext
 from airlink.messages.telemetry import Attitude, ExtendedSysState, HomePosition, SysStatus, VfrHud
-from flight_model.autopilot import FlightState
-from gcs_formation.estimation.flight_state import Setpoint
+from flight_model.autopilot import FlightState, Setpoint
 from gcs_formation.vehicle.autopilot import Command, EffectWatch
 from gcs_formation.vehicle.checks import Demands, ParameterReader
 from gcs_formation.vehicle.families import FAMILIES

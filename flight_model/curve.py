@@ -1,0 +1,121 @@
+"""A curve over the ground on plain numbers, point by point: pieces of fifth degree by horizontal arc length."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from typing import Final
+
+atan2: Final = math.atan2
+
+
+class PathPoint:
+    """The path at one arc length: position in m, course in rad clockwise from north in (-pi, pi].
+
+    Curvature is positive in a right turn; `slope` is the rise per metre of horizontal distance.
+    """
+
+    __slots__ = (
+        "course_rad",
+        "curvature_1pm",
+        "curvature_rate_1pm2",
+        "east_m",
+        "height_m",
+        "north_m",
+        "slope",
+        "slope_rate_1pm",
+    )
+
+    def __init__(
+        self,
+        north_m: float,
+        east_m: float,
+        height_m: float,
+        course_rad: float,
+        curvature_1pm: float,
+        curvature_rate_1pm2: float,
+        slope: float,
+        slope_rate_1pm: float,
+    ) -> None:
+        """Take the place, the course, and how they change."""
+        self.north_m = north_m
+        self.east_m = east_m
+        self.height_m = height_m
+        self.course_rad = course_rad
+        self.curvature_1pm = curvature_1pm
+        self.curvature_rate_1pm2 = curvature_rate_1pm2
+        self.slope = slope
+        self.slope_rate_1pm = slope_rate_1pm
+
+    def values(self) -> tuple[float, float, float, float, float, float, float, float]:
+        """Return the quantities in the order of the constructor's arguments."""
+        return (
+            self.north_m,
+            self.east_m,
+            self.height_m,
+            self.course_rad,
+            self.curvature_1pm,
+            self.curvature_rate_1pm2,
+            self.slope,
+            self.slope_rate_1pm,
+        )
+
+    def aside_m(self, north_m: float, east_m: float, height_m: float) -> tuple[float, float]:
+        """Return how far to the right of the path and above it a position abreast of this point is, m."""
+        north, east = north_m - self.north_m, east_m - self.east_m
+        return east * math.cos(self.course_rad) - north * math.sin(self.course_rad), height_m - self.height_m
+
+    def straight_on(self, beyond_m: float) -> PathPoint:
+        """Return the point at a distance from this one, straight on and level."""
+        return PathPoint(
+            self.north_m + beyond_m * math.cos(self.course_rad),
+            self.east_m + beyond_m * math.sin(self.course_rad),
+            self.height_m,
+            self.course_rad,
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+        )
+
+    def lifted(self, height_m: float, slope: float, slope_rate_1pm: float) -> PathPoint:
+        """Return the point that is higher by `height_m`, by a lift that changes so."""
+        return PathPoint(
+            self.north_m,
+            self.east_m,
+            self.height_m + height_m,
+            self.course_rad,
+            self.curvature_1pm,
+            self.curvature_rate_1pm2,
+            self.slope + slope,
+            self.slope_rate_1pm + slope_rate_1pm,
+        )
+
+
+class Curve:
+    """Pieces one after another."""
+
+    def __init__(self, starts_m: list[float], pieces: list[list[list[float]]]) -> None:
+        """Take where each begins, m, and its coefficients: of north, east and height, the lowest power's first."""
+        self._starts_m = starts_m
+        self._pieces = pieces
+
+    def at(self, s: float) -> PathPoint:
+        """Return the point at an arc length."""
+        index = max(bisect_right(self._starts_m, s) - 1, 0)
+        t, piece = s - self._starts_m[index], self._pieces[index]
+        n, n1, n2, n3 = quintic(piece[0], t)
+        e, e1, e2, e3 = quintic(piece[1], t)
+        h, h1, h2, _ = quintic(piece[2], t)
+        return PathPoint(n, e, h, atan2(e1, n1), n1 * e2 - e1 * n2, n1 * e3 - e1 * n3, h1, h2)
+
+
+def quintic(c: list[float], t: float) -> tuple[float, float, float, float]:
+    """Return a quintic and its first three derivatives at t; c holds its coefficients, lowest power first."""
+    c0, c1, c2, c3, c4, c5 = c[0], c[1], c[2], c[3], c[4], c[5]
+    return (
+        c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5)))),
+        c1 + t * (2.0 * c2 + t * (3.0 * c3 + t * (4.0 * c4 + t * 5.0 * c5))),
+        2.0 * c2 + t * (6.0 * c3 + t * (12.0 * c4 + t * 20.0 * c5)),
+        6.0 * c3 + t * (24.0 * c4 + t * 60.0 * c5),
+    )
