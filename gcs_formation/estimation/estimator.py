@@ -59,8 +59,6 @@ STRAYED: Final = 1.0
 and heights it is by the square of the time between them."""
 STRAYED_ROUND: Final = 0.1 * 0.1
 """The same of headings, rad²."""
-PLAUSIBLE: Final[Values] = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
-"""What is off by no more than that."""
 IMPLAUSIBLE_SAMPLES: Final = 5
 """So many in a row aren't outliers: somebody else flies the vehicle. Its state begins anew from the newest."""
 FORGOTTEN_S: Final = 5.0
@@ -172,7 +170,7 @@ class VehicleFilter:
         predicted.airspeed_mps = max(predicted.airspeed_mps, _least_mps(model))
         self.state, self.stamp = predicted, stamp
         self._residual = innovation(values, predicted)
-        self._implausible = self._implausible + 1 if excess != PLAUSIBLE else 0
+        self._implausible = 0 if _plausible(excess) else self._implausible + 1
         if self._implausible >= IMPLAUSIBLE_SAMPLES:
             # Whoever flies the vehicle, the wind is what it was.
             level, winds = self.level, (predicted.wind_north_mps, predicted.wind_east_mps)
@@ -347,6 +345,11 @@ def _excesses(difference: Values, own: Values, elapsed_s: float) -> Values:
 def _excess(difference: float, own: float, strayed: float) -> float:
     excess = squared(difference) / (IMPLAUSIBLE_SIGMAS**2 * (own + strayed))
     return excess if excess > 1.0 else 1.0
+
+
+def _plausible(excess: Values) -> bool:
+    a, b, c, d, e, f, g, h = excess
+    return a == b == c == d == e == f == g == h == 1.0
 
 
 def _weighed(variances: Values, own: Values, excess: Values) -> Values:

@@ -34,8 +34,14 @@ RESOLUTION = np.array((0.003, 0.001, 0.003, 0.003, 0.0001, 0.00002))
 """Least standard deviations, m, m/s and rad: rounding by 1e-7 degrees, 1 mm and 1 cm/s; the last two are floats."""
 UNDECLARED = np.array((0.3, 0.3, 0.1, 0.1, 0.3, 0.01))
 """Where nothing is declared: the noise that a real autopilot's estimates begin with here."""
-MOST: Final[Quantities] = (900.0, 900.0, 25.0, 25.0, 100.0, 0.25)
-"""Largest variances: of 30 m, 5 m/s, 10 m/s and 0.5 rad; what is noisier isn't telemetry of a flight in formation."""
+MOST_M2: Final = 30.0 * 30.0
+"""Largest variance of positions and heights; what is noisier isn't telemetry of a flight in formation."""
+MOST_MPS2: Final = 5.0 * 5.0
+"""The same of velocities and climbs, (m/s)²."""
+MOST_AIR_MPS2: Final = 10.0 * 10.0
+"""The same of airspeeds."""
+MOST_RAD2: Final = 0.5 * 0.5
+"""The same of headings."""
 MEMORY: Final = 100.0
 """Samples over which the mean is taken."""
 FIRST_MEMORY: Final = 20.0
@@ -98,12 +104,12 @@ class VehicleNoise:
         place = (0.0 - now[0] * before[0] - now[1] * before[1]) / 2.0
         velocity = (0.0 - now[3] * before[3] - now[4] * before[4]) / 2.0
         self.by_quantity = (
-            within(known[0] + share * (place - known[0]), least[0], MOST[0]),
-            within(known[1] + share * (0.0 - now[2] * before[2] - known[1]), least[1], MOST[1]),
-            within(known[2] + share * (velocity - known[2]), least[2], MOST[2]),
-            within(known[3] + share * (0.0 - now[5] * before[5] - known[3]), least[3], MOST[3]),
-            within(known[4] + share * (0.0 - now[6] * before[6] - known[4]), least[4], MOST[4]),
-            within(known[5] + share * (0.0 - now[7] * before[7] - known[5]), least[5], MOST[5]),
+            within(known[0] + share * (place - known[0]), least[0], MOST_M2),
+            within(known[1] + share * (0.0 - now[2] * before[2] - known[1]), least[1], MOST_M2),
+            within(known[2] + share * (velocity - known[2]), least[2], MOST_MPS2),
+            within(known[3] + share * (0.0 - now[5] * before[5] - known[3]), least[3], MOST_MPS2),
+            within(known[4] + share * (0.0 - now[6] * before[6] - known[4]), least[4], MOST_AIR_MPS2),
+            within(known[5] + share * (0.0 - now[7] * before[7] - known[5]), least[5], MOST_RAD2),
         )
         self.values = _by_value(self.by_quantity)
 
