@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from flight_model.arrays import Array
-from formation_scenario.arrangement import slot_table
 from formation_scenario.model import Scenario
+from formation_scenario.shapes import slot_table
 
 POINTS = 1000
 """Of the path, at which the speed over the ground is taken."""

@@ -10,13 +10,13 @@ import numpy as np
 from flight_model.arrays import Array, Mask
 from flight_model.displacement import SAMPLE_M, STEP_M, sample_places
 from flight_model.path import PathPoints, SplinePath
-from formation_scenario.arrangement import SlotStep, columns, slot_schedule
 from formation_scenario.begin_and_end import start_states
 from formation_scenario.environment import Terrain
 from formation_scenario.errors import Problem
 from formation_scenario.ground import LEADER_SHARE, Ground, LiftedPath
 from formation_scenario.model import Scenario
 from formation_scenario.reconfiguration import column_names
+from formation_scenario.shapes import SlotStep, columns, slot_schedule
 from formation_scenario.slot_motion import Course, SlotMotion, slot_needs
 from formation_scenario.source import KeyPath, Source
 from formation_scenario.vehicles import Vehicle, VehicleModel

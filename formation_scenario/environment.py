@@ -27,8 +27,6 @@ REACT_S = 2.0
 """How long a vehicle flies straight on before a turn away from the fence shows."""
 TURN_SHARE = 0.7
 """Share of the highest turn rate on which that turn counts."""
-HELD_M = 10.0
-"""Room beyond that turn below which a vehicle is turned away."""
 CHECKED_M = 25.0
 """Room that paths and slots must leave; a vehicle that has been turned away is free again with as much."""
 
@@ -225,7 +223,7 @@ class Fault(Timed):
     kind: FaultKind = Field(description="the kind of fault", examples=["freeze"])
     until_s: Positive | None = Field(
         default=None,
-        description="freeze, ignore, pilot: when it ends, s",
+        description=f"{', '.join(PASSING)}: when it ends, s",
         json_schema_extra=derived("never"),
         examples=[50],
     )

@@ -10,13 +10,13 @@ import numpy as np
 from flight_model.arrays import Array
 from flight_model.displacement import Rise
 from flight_model.path import Route, SplinePath
-from formation_scenario.arrangement import SlotStep, assigned, columns, first_arrangement, slot_schedule
 from formation_scenario.demands import Flown, check_terrain, climbs, excesses
 from formation_scenario.environment import CHECKED_M, Fence, inside_m, room_m
 from formation_scenario.errors import Problem
 from formation_scenario.model import Scenario
 from formation_scenario.orders import Order, parse_order
 from formation_scenario.reconfiguration import ahead, column_names, plan_change, take_over
+from formation_scenario.shapes import SlotStep, assigned, columns, first_arrangement, slot_schedule
 from formation_scenario.slot_motion import Transition
 from formation_scenario.source import KeyPath, Source
 from formation_scenario.transition_plan import NotFlyableError

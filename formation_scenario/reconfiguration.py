@@ -19,9 +19,9 @@ from flight_model.displacement import (
     sample_places,
 )
 from flight_model.path import PathPoints, Route, SplinePath
-from formation_scenario.arrangement import Arrangement, assigned, columns
 from formation_scenario.ground import LEADER_SHARE, Ground
 from formation_scenario.model import Scenario
+from formation_scenario.shapes import Arrangement, assigned, columns
 from formation_scenario.slot_motion import Course, SlotMotion, Transition
 from formation_scenario.transition_plan import (
     MARGIN_M,

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import get_args
 
 from airlink.endpoint import EndpointError, parse_endpoint
 from formation_scenario.errors import Problem
 from formation_scenario.fields import VehicleRef
-from formation_scenario.formation import Shape, Slots
+from formation_scenario.formation import LawType, Shape, Slots
 from formation_scenario.model import Scenario, long_ref
 from formation_scenario.orders import parse_order
 from formation_scenario.source import KeyPath, Source
@@ -90,7 +91,8 @@ def hovering(scenario: Scenario, source: Source) -> Iterator[Problem]:
         found = f"found {scenario.formation.frame} of vehicles that hover"
         yield source.problem(("formation", "frame"), found, "leader_heading")
     if scenario.law.type == "consensus":
-        yield source.problem(("law", "type"), "found consensus of vehicles that hover", "fuzzy_pid, pid")
+        others = ", ".join(law for law in get_args(LawType) if law != "consensus")
+        yield source.problem(("law", "type"), "found consensus of vehicles that hover", others)
 
 
 def one_vehicle(ref: VehicleRef, vehicles: tuple[Vehicle, ...], path: KeyPath, source: Source) -> Iterator[Problem]:

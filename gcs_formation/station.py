@@ -14,8 +14,8 @@ from airlink.frame import Frame, ParserCounts
 from airlink.messages import Message
 from airlink.messages.command import ParamValue
 from formation_scenario import Scenario
-from formation_scenario.arrangement import columns
 from formation_scenario.orders import Answer
+from formation_scenario.shapes import columns
 from gcs_formation.controller import FormationController
 from gcs_formation.estimation.estimator import Sample
 from gcs_formation.fleet.common_clock import CommonClock

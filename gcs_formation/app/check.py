@@ -11,10 +11,10 @@ import numpy as np
 
 from flight_model.design import BOUNDS
 from formation_scenario import Scenario, ScenarioError, dump_scenario, slot_schedule
-from formation_scenario.arrangement import planned_slots
 from formation_scenario.begin_and_end import planned_end_s
 from formation_scenario.feasibility import refused_orders
 from formation_scenario.gains import AUTO, by_design, figures
+from formation_scenario.shapes import planned_slots
 from gcs_formation.app.assembly import assembly, goes_round, split_errors, ways_s
 from gcs_formation.control.laws import law_kind
 from gcs_formation.fleet.circling import OPENING_LIMIT_S, GroundFloor

@@ -11,9 +11,9 @@ from airlink.clock import NANOSECONDS, Instant, after, seconds_between
 from airlink.endpoint import VehicleId
 from flight_model.autopilot import AutopilotModel, FlightState, respond, wrap
 from formation_scenario import Scenario
-from formation_scenario.arrangement import columns
 from formation_scenario.navigation import NoisyNavigation
 from formation_scenario.reconfiguration import column_models
+from formation_scenario.shapes import columns
 from gcs_formation.controller import FormationController
 from gcs_formation.estimation.projection import SetpointHistory
 from gcs_formation.parameters import autopilot_models

@@ -19,8 +19,8 @@ from flight_model.autopilot import FlightState
 from flight_model.displacement import SAMPLES, STEP_M, Bounds, blend, sample_places
 from flight_model.path import Route
 from formation_scenario import Ground, PathPoint, Scenario, slot_schedule
-from formation_scenario.arrangement import Arrangement, assigned
 from formation_scenario.formation import FormationChange, Frame
+from formation_scenario.shapes import Arrangement, assigned
 from formation_scenario.slot_motion import SlotMotion, Transition
 
 APART_S = 0.05

@@ -14,10 +14,10 @@ from flight_model.autopilot import FlightState
 from flight_model.curve import PathPoint
 from flight_model.displacement import DisplacedPath, Rise
 from formation_scenario import Scenario
-from formation_scenario.arrangement import Arrangement, SlotStep, assigned
 from formation_scenario.feasibility import check_ahead
 from formation_scenario.formation import FormationChange
 from formation_scenario.reconfiguration import ahead, column_names, plan_change, plan_gathering, take_over
+from formation_scenario.shapes import Arrangement, SlotStep, assigned
 from formation_scenario.slot_motion import SlotMotion
 from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.controller import FormationController

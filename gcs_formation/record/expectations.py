@@ -7,8 +7,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from airlink.endpoint import VehicleId
 from airlink.frame import ParserCounts
 from flight_model.arrays import Array
@@ -17,8 +15,6 @@ from formation_scenario.expectation import FOLLOWER_METRICS, LINK_METRICS, Expec
 from gcs_formation.record import flight as figures
 from gcs_formation.record.flight import Flight
 
-LATE_S = 0.010
-"""A tick that begins later than this after it was due is late."""
 WORDS = {True: "held", False: "broken", None: "not judged"}
 SECTIONS = ("safety", "control", "stability")
 
@@ -58,18 +54,6 @@ class ControlFigures:
     due_s: Array
     begun_s: Array
     compute_s: Array
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the `control` part of the summary."""
-        period_ms = np.diff(self.begun_s) * 1e3
-        return {
-            "rate_hz": self.rate_hz,
-            "ticks": int(self.begun_s.size),
-            "late_ticks": int((self.begun_s - self.due_s > LATE_S).sum()),
-            "period_ms": figures.percentiles(period_ms, 50, 99)
-            | {"max": float(period_ms.max()) if period_ms.size else None},
-            "compute_ms": figures.percentiles(self.compute_s * 1e3, 50, 99),
-        }
 
 
 @dataclass(frozen=True)

@@ -12,11 +12,13 @@ from airlink.endpoint import VehicleId
 from airlink.frame import ParserCounts
 from flight_model.arrays import Array, Mask
 from gcs_formation.record import flight as figures
-from gcs_formation.record.expectations import Injected, LinkFigures, Outcome, Verdict, judge
+from gcs_formation.record.expectations import ControlFigures, Injected, LinkFigures, Outcome, Verdict, judge
 from gcs_formation.record.flight import Flight
 from gcs_formation.record.timeseries import PHASES
 
 SCHEMA = 1
+LATE_S = 0.010
+"""A tick that begins later than this after it was due is late."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,7 @@ def summarise(outcome: Outcome) -> Summary:
         "followers": {str(v): _follower(flight, v, window) for v in flight.followers(scenario)},
         "links": {str(i): _link(link, flight.vehicles[i]["jitter_s"]) for i, link in outcome.links.items()},
         "received": _received(outcome.received, outcome.frames_refused),
-        "control": outcome.control.to_dict(),
+        "control": _control(outcome.control),
         "safety": safety,
         "stability": {
             "delay_margin_s": outcome.delay_margin_s,
@@ -118,6 +120,18 @@ def _received(counts: ParserCounts, refused: int) -> dict[str, Any]:
         "frames_refused": refused,
         "frames_bad": counts.bad,
         "garbage_bytes": counts.garbage_bytes,
+    }
+
+
+def _control(control: ControlFigures) -> dict[str, Any]:
+    period_ms = np.diff(control.begun_s) * 1e3
+    return {
+        "rate_hz": control.rate_hz,
+        "ticks": int(control.begun_s.size),
+        "late_ticks": int((control.begun_s - control.due_s > LATE_S).sum()),
+        "period_ms": figures.percentiles(period_ms, 50, 99)
+        | {"max": float(period_ms.max()) if period_ms.size else None},
+        "compute_ms": figures.percentiles(control.compute_s * 1e3, 50, 99),
     }
 
 

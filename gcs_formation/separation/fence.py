@@ -9,11 +9,13 @@ import numpy as np
 from flight_model.arrays import Array, Indices, Mask, within, wrap
 from flight_model.autopilot import AutopilotModel
 from formation_scenario import Scenario
-from formation_scenario.arrangement import columns
-from formation_scenario.environment import CHECKED_M, HELD_M, Fence, inside_m, room_m
+from formation_scenario.environment import CHECKED_M, Fence, inside_m, room_m
+from formation_scenario.shapes import columns
 from gcs_formation.estimation.flight_state import FlightStates
 from gcs_formation.recorder import Tick
 
+HELD_M = 10.0
+"""Room beyond a turn away from the fence below which a vehicle is turned away."""
 TURN_RAD = np.pi / 2
 """How far beside its heading a vehicle is commanded to head that is turned away: more than its tightest turn takes."""
 STEP_M = 1.0

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from formation_scenario import slot_schedule, slot_table, slots
-from formation_scenario.arrangement import SHAPES
+from formation_scenario.shapes import SHAPES
 
 shapes = st.sampled_from(sorted(SHAPES))
 counts = st.integers(1, 60)

@@ -11,7 +11,6 @@ from scipy.spatial.distance import pdist
 from flight_model.displacement import DisplacedPath, Rise
 from flight_model.path import SplinePath
 from formation_scenario import load_scenario
-from formation_scenario.arrangement import assigned, slot_schedule
 from formation_scenario.reconfiguration import (
     ACCELERATION_SHARE,
     TURN_SHARE,
@@ -21,6 +20,7 @@ from formation_scenario.reconfiguration import (
     plan_gathering,
     take_over,
 )
+from formation_scenario.shapes import assigned, slot_schedule
 from formation_scenario.slot_motion import Course, SlotMotion, Transition, slot_needs
 from formation_scenario.transition_plan import NotFlyableError, segment_distances_m
 

@@ -1,4 +1,4 @@
-"""Arrangements: the slots of each shape, and which vehicle has which, after each change of the formation.
+"""The slots of each shape, and which vehicle has which, after each change of the formation.
 
 Arrays of vehicles have a column for each: first the scenario's leader, real or virtual, then its followers in the
 scenario's order.
