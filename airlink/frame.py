@@ -6,15 +6,14 @@ Source: MAVLink guide, "Packet Serialization" and "MAVLink 2".
 from __future__ import annotations
 
 import re
-import struct
 from dataclasses import dataclass
 from typing import Final, Literal
 
 from fastcrc import crc16
+from librt.strings import BytesWriter
 
-from airlink.codec import CODEC_OF_ID, CODECS
 from airlink.mavlink import crc_extras
-from airlink.messages import Message
+from airlink.messages import KINDS, Message
 
 MARKER_V1: Final = 0xFE
 MARKER_V2: Final = 0xFD
@@ -25,10 +24,9 @@ SIGNATURE: Final = 13
 SIGNED_FLAG: Final = 0x01
 
 _find_marker: Final = re.compile(rb"[\xfd\xfe]").search
-_pack_header_v1: Final = struct.Struct("<BBBBB").pack
-_BYTES: Final = [bytes([value]) for value in range(256)]
-_BEGINS: Final = [bytes([length, 0, 0]) for length in range(256)]
-"""Of a header of MAVLink 2, by the payload's length: that, and no flags."""
+_BEGIN_V1: Final = bytes([MARKER_V1, 0])
+_BEGIN_V2: Final = bytes([MARKER_V2, 0, 0, 0])
+"""Of a header: the payload's length, not known yet, and no flags."""
 _EXTRA_BYTE: Final = {message_id: bytes([extra]) for message_id, extra in crc_extras().items()}
 _checksum: Final = crc16.mcrf4xx
 
@@ -63,27 +61,31 @@ class FrameWriter:
 
     def __init__(self, system: int, component: int) -> None:
         """Speak as `component` of `system`."""
-        self.system = system
-        self.component = component
-        self._sequence = 0
         self._sender = bytes([system, component])
+        self._sequence = 0
 
     def encode(self, message: Message, version: Literal[1, 2] = 2) -> bytes:
         """Return the frame of `message`, with the next sequence number."""
-        codec = CODECS[type(message)]
-        payload = codec.encode(message)
+        kind = message.kind()
         sequence = self._sequence
         self._sequence = (sequence + 1) & 0xFF
-        if version == 2:
-            if payload[-1] == 0:
-                payload = payload.rstrip(b"\0") or b"\0"
-            body = b"".join([_BEGINS[len(payload)], _BYTES[sequence], self._sender, codec.id_bytes, payload])
-        else:
-            payload = payload[: codec.layout.base_length]
-            body = _pack_header_v1(len(payload), sequence, self.system, self.component, codec.message_id) + payload
-        checksum: int = _checksum(body + codec.extra)
-        marker = MARKER_V2 if version == 2 else MARKER_V1
-        return b"".join([_BYTES[marker], body, _BYTES[checksum & 0xFF], _BYTES[checksum >> 8]])
+        frame = BytesWriter()
+        frame.write(_BEGIN_V2 if version == 2 else _BEGIN_V1)
+        frame.append(sequence)
+        frame.write(self._sender)
+        frame.write(kind.id_bytes if version == 2 else kind.id_bytes[:1])
+        begin = len(frame)
+        message.write(frame)
+        end = len(frame) if version == 2 else begin + kind.base_length
+        while version == 2 and end > begin + 1 and frame[end - 1] == 0:
+            end -= 1
+        frame.truncate(end)
+        frame[1] = end - begin
+        frame.append(kind.crc_extra)
+        checksum: int = _checksum(frame.getvalue()[1:])
+        frame[end] = checksum & 0xFF
+        frame.append(checksum >> 8)
+        return frame.getvalue()
 
 
 @dataclass
@@ -164,17 +166,19 @@ class StreamParser:
         else:
             length, flags, sequence, system, component = raw[1], 0, raw[2], raw[3], raw[4]
             header, message_id = HEADER_V1, raw[5]
-        codec = CODEC_OF_ID.get(message_id)
-        extra = _EXTRA_BYTE.get(message_id) if codec is None else codec.extra
+        kind = KINDS.get(message_id)
+        extra = _EXTRA_BYTE.get(message_id) if kind is None else kind.extra
         end = header + length
         if extra is None:
             self.counts.unknown_messages += counted
-        elif _checksum(raw[1:end] + extra) != raw[end] | raw[end + 1] << 8:
+            return None
+        checksum: int = _checksum(raw[1:end] + extra)
+        if checksum != raw[end] | raw[end + 1] << 8:
             self.counts.bad_checksums += counted
         elif flags & ~SIGNED_FLAG:
             self.counts.incompatible += counted
         else:
-            message = None if codec is None else codec.decode(raw[header:end])
+            message = None if kind is None else kind.read(raw[header:end])
             return Frame(system, component, sequence, message_id, 2 if header == HEADER_V2 else 1, message, raw)
         return None
 

@@ -1,4 +1,4 @@
-"""The MAVLink dialect ardupilotmega: its constants, and its message layouts.
+"""The MAVLink dialect ardupilotmega: its constants, and its messages' ids and checksums.
 
 They are read from a table: pymavlink's generated module, which has them too, takes ten times as long to import.
 `tests/airlink/test_mavlink.py` writes the table from it and compares them; only logs are read by pymavlink itself.
@@ -10,17 +10,14 @@ import importlib
 import json
 import struct
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 TABLE = Path(__file__).with_name("ardupilotmega.json")
-"""The dialect: each enum's names and values; each message's id, CRC_EXTRA, packing (as `struct` has it), length without
-extension fields, and its fields in the XML's order: name, type, array length (0: no array), place as packed, unit.
-"""
+"""The dialect: each enum's names and values; each message's id and CRC_EXTRA."""
 _table: dict[str, dict[str, Any]] = json.loads(TABLE.read_bytes())
 _ENUMS: dict[str, dict[str, int]] = _table["enums"]
-_MESSAGES: dict[str, tuple[int, int, str, int, list[tuple[str, str, int, int, str]]]] = _table["messages"]
+_MESSAGES: dict[str, tuple[int, int]] = _table["messages"]
 _CONSTANTS = {name: value for values in _ENUMS.values() for name, value in values.items()}
 
 
@@ -39,69 +36,14 @@ def name_of(enum: str, value: int) -> str:
     return next((name.removeprefix(f"{enum}_") for name, its in _ENUMS[enum].items() if its == value), str(value))
 
 
-@dataclass(frozen=True)
-class Layout:
-    """How the fields of one message are laid out in its payload (MAVLink guide, "Packet Serialization").
-
-    `fields`, `types`, `units` and `array_lengths` are in the XML's order; `wire_order` gives the position of each field
-    among the fields as packed.
-    """
-
-    name: str
-    message_id: int
-    crc_extra: int
-    packer: struct.Struct
-    base_length: int
-    """Bytes of the payload without extension fields: all that MAVLink 1 carries."""
-    fields: tuple[str, ...]
-    types: tuple[str, ...]
-    units: tuple[str, ...]
-    array_lengths: tuple[int, ...]
-    wire_order: tuple[int, ...]
-
-
 MAVLINK_MSG_ID_CURRENT_MODE = 436
-LATER = {
-    "CURRENT_MODE": Layout(
-        "CURRENT_MODE",
-        MAVLINK_MSG_ID_CURRENT_MODE,
-        crc_extra=193,
-        packer=struct.Struct("<IIB"),
-        base_length=9,
-        fields=("standard_mode", "custom_mode", "intended_custom_mode"),
-        types=("uint8_t", "uint32_t", "uint32_t"),
-        units=("", "", ""),
-        array_lengths=(0, 0, 0),
-        wire_order=(2, 0, 1),
-    )
-}
-"""Messages of MAVLink's common set that the dialect doesn't have yet."""
-
-
-def layout(name: str) -> Layout:
-    """Return the layout of the message called `name`, as in GLOBAL_POSITION_INT."""
-    if name in LATER:
-        return LATER[name]
-    message_id, crc_extra, packing, base_length, fields = _MESSAGES[name]
-    names, types, array_lengths, wire_order, units = zip(*fields, strict=True)
-    return Layout(
-        name=name,
-        message_id=message_id,
-        crc_extra=crc_extra,
-        packer=struct.Struct(packing),
-        base_length=base_length,
-        fields=names,
-        types=types,
-        units=units,
-        array_lengths=array_lengths,
-        wire_order=wire_order,
-    )
+LATER = {"CURRENT_MODE": (MAVLINK_MSG_ID_CURRENT_MODE, 193)}
+"""Messages of MAVLink's common set that the dialect doesn't have yet: id and CRC_EXTRA."""
 
 
 def crc_extras() -> dict[int, int]:
     """Return CRC_EXTRA of every message, by message id."""
-    extras = {message_id: crc_extra for message_id, crc_extra, *_ in _MESSAGES.values()}
-    return extras | {each.message_id: each.crc_extra for each in LATER.values()}
+    return dict([*_MESSAGES.values(), *LATER.values()])
 
 
 def dataflash_messages(path: str, kinds: Sequence[str]) -> Iterator[tuple[str, dict[str, Any]]]:

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import Final, get_args
+from typing import Final
 
 from airlink import mavlink as m
 from airlink.clock import Instant, seconds_between
 from airlink.endpoint import Address
 from airlink.engine import Datagram
 from airlink.frame import Frame, FrameWriter, StreamParser
-from airlink.messages import Message
+from airlink.messages import KINDS, Message
 from sim_vehicles.autopilot.clock import NEVER
 from sim_vehicles.config import VehicleConfig
 
-ADDRESSED: Final = frozenset(kind for kind in get_args(Message) if "target_system" in kind._fields)
+ADDRESSED: Final = frozenset(each.message_type for each in KINDS.values() if "target_system" in each.fields)
 """Messages that may name whom they are for."""
 PEER_FORGOTTEN_S: Final = 10.0
 MAX_PEERS: Final = 16

@@ -11,10 +11,10 @@ from airlink import mavlink as m
 from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import Address
 from airlink.frame import Frame
-from airlink.messages import Message
+from airlink.messages import MISSION_TIME, Message
 from airlink.messages.command import CommandAck, CommandInt, CommandLong, RequestDataStream, SetMode
 from airlink.messages.mission import MissionAck, MissionItem, MissionItemInt
-from airlink.messages.system import MISSION_TIME, Heartbeat, NamedValueFloat, Statustext, Timesync
+from airlink.messages.system import Heartbeat, NamedValueFloat, Statustext, Timesync
 from sim_vehicles.airframe.motion import Estimate, Motion, Steering
 from sim_vehicles.airframe.sensors import sensors_of
 from sim_vehicles.autopilot import commands

@@ -6,11 +6,14 @@ intervals in microseconds stay integers, in the unit that their name says. Where
 with a unit means "unknown", the field is NaN. Trailing fields that nothing here needs are left out and sent as 0.
 """
 
-from airlink.messages.command import CommandMessage, ParameterMessage
-from airlink.messages.mission import MissionMessage
-from airlink.messages.system import SystemMessage
-from airlink.messages.telemetry import TelemetryMessage
+from typing import Final
 
-Message = SystemMessage | TelemetryMessage | CommandMessage | ParameterMessage | MissionMessage
+from airlink.messages import command, mission, system, telemetry
+from airlink.messages.payload import Kind, Message
 
-__all__ = ["Message"]
+KINDS: Final = {kind.message_id: kind for kind in (*system.KINDS, *telemetry.KINDS, *command.KINDS, *mission.KINDS)}
+"""All kinds of messages, by id."""
+MISSION_TIME: Final = "MISSION_T"
+"""Name of the NAMED_VALUE_FLOAT in which the ground station tells vehicles the mission time, s."""
+
+__all__ = ["KINDS", "MISSION_TIME", "Kind", "Message"]

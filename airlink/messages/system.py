@@ -1,69 +1,265 @@
 """Messages by which systems show that they are there, compare their clocks and exchange text."""
 
-from typing import NamedTuple
+# Written by: python -m tests.airlink.generate_messages
 
-MISSION_TIME = "MISSION_T"
-"""Name of the NAMED_VALUE_FLOAT in which the ground station tells vehicles the mission time, s."""
+from __future__ import annotations
+
+from typing import Final
+
+from librt.strings import BytesWriter
+
+from airlink.messages.payload import (
+    MILLI,
+    PER_MILLI,
+    U32_MAX,
+    Kind,
+    Message,
+    f32,
+    i64,
+    nearest,
+    put_f32,
+    put_i64,
+    put_text,
+    put_u8,
+    put_u16,
+    put_u32,
+    put_u64,
+    put_zeros,
+    text,
+    u16,
+    u32,
+    u64,
+)
 
 
-class Heartbeat(NamedTuple):
+class Heartbeat(Message):
     """HEARTBEAT (0): the presence of a system, with its type and mode."""
 
-    type: int
-    autopilot: int
-    base_mode: int = 0
-    custom_mode: int = 0
-    system_status: int = 0
-    mavlink_version: int = 3
+    def __init__(
+        self,
+        type: int,
+        autopilot: int,
+        base_mode: int = 0,
+        custom_mode: int = 0,
+        system_status: int = 0,
+        mavlink_version: int = 3,
+    ) -> None:
+        self.type = type
+        self.autopilot = autopilot
+        self.base_mode = base_mode
+        self.custom_mode = custom_mode
+        self.system_status = system_status
+        self.mavlink_version = mavlink_version
+
+    def kind(self) -> Kind:
+        return HEARTBEAT
+
+    def write(self, payload: BytesWriter) -> None:
+        put_u32(payload, self.custom_mode)
+        put_u8(payload, self.type)
+        put_u8(payload, self.autopilot)
+        put_u8(payload, self.base_mode)
+        put_u8(payload, self.system_status)
+        put_u8(payload, self.mavlink_version)
 
 
-class SystemTime(NamedTuple):
+def _read_heartbeat(payload: bytes) -> Message:
+    return Heartbeat(payload[4], payload[5], payload[6], u32(payload, 0), payload[7], payload[8])
+
+
+HEARTBEAT: Final = Kind(
+    "HEARTBEAT",
+    0,
+    50,
+    (9, 9),
+    ("type", "autopilot", "base_mode", "custom_mode", "system_status", "mavlink_version"),
+    Heartbeat,
+    _read_heartbeat,
+)
+
+
+class SystemTime(Message):
     """SYSTEM_TIME (2): the system's wall clock and its time since boot."""
 
-    time_unix_usec: int
-    time_boot_s: float
+    def __init__(self, time_unix_usec: int, time_boot_s: float) -> None:
+        self.time_unix_usec = time_unix_usec
+        self.time_boot_s = time_boot_s
+
+    def kind(self) -> Kind:
+        return SYSTEM_TIME
+
+    def write(self, payload: BytesWriter) -> None:
+        put_u64(payload, self.time_unix_usec)
+        put_u32(payload, nearest(self.time_boot_s * PER_MILLI, 0.0, U32_MAX))
 
 
-class Timesync(NamedTuple):
+def _read_system_time(payload: bytes) -> Message:
+    return SystemTime(u64(payload, 0), u32(payload, 8) * MILLI)
+
+
+SYSTEM_TIME: Final = Kind(
+    "SYSTEM_TIME", 2, 137, (12, 12), ("time_unix_usec", "time_boot_s"), SystemTime, _read_system_time
+)
+
+
+class Timesync(Message):
     """TIMESYNC (111): a request has tc1 = 0; the answer echoes ts1 and has the answering system's time in tc1."""
 
-    tc1_ns: int
-    ts1_ns: int
+    def __init__(self, tc1_ns: int, ts1_ns: int) -> None:
+        self.tc1_ns = tc1_ns
+        self.ts1_ns = ts1_ns
+
+    def kind(self) -> Kind:
+        return TIMESYNC
+
+    def write(self, payload: BytesWriter) -> None:
+        put_i64(payload, self.tc1_ns)
+        put_i64(payload, self.ts1_ns)
 
 
-class AutopilotVersion(NamedTuple):
+def _read_timesync(payload: bytes) -> Message:
+    return Timesync(i64(payload, 0), i64(payload, 8))
+
+
+TIMESYNC: Final = Kind("TIMESYNC", 111, 34, (16, 16), ("tc1_ns", "ts1_ns"), Timesync, _read_timesync)
+
+
+class AutopilotVersion(Message):
     """AUTOPILOT_VERSION (148): capabilities (bits of MAV_PROTOCOL_CAPABILITY) and firmware version."""
 
-    capabilities: int
-    flight_sw_version: int
-    middleware_sw_version: int = 0
-    os_sw_version: int = 0
-    board_version: int = 0
+    def __init__(
+        self,
+        capabilities: int,
+        flight_sw_version: int,
+        middleware_sw_version: int = 0,
+        os_sw_version: int = 0,
+        board_version: int = 0,
+    ) -> None:
+        self.capabilities = capabilities
+        self.flight_sw_version = flight_sw_version
+        self.middleware_sw_version = middleware_sw_version
+        self.os_sw_version = os_sw_version
+        self.board_version = board_version
+
+    def kind(self) -> Kind:
+        return AUTOPILOT_VERSION
+
+    def write(self, payload: BytesWriter) -> None:
+        put_u64(payload, self.capabilities)
+        put_zeros(payload, 8)
+        put_u32(payload, self.flight_sw_version)
+        put_u32(payload, self.middleware_sw_version)
+        put_u32(payload, self.os_sw_version)
+        put_u32(payload, self.board_version)
+        put_zeros(payload, 46)
 
 
-class NamedValueFloat(NamedTuple):
+def _read_autopilot_version(payload: bytes) -> Message:
+    return AutopilotVersion(u64(payload, 0), u32(payload, 16), u32(payload, 20), u32(payload, 24), u32(payload, 28))
+
+
+AUTOPILOT_VERSION: Final = Kind(
+    "AUTOPILOT_VERSION",
+    148,
+    178,
+    (60, 78),
+    ("capabilities", "flight_sw_version", "middleware_sw_version", "os_sw_version", "board_version"),
+    AutopilotVersion,
+    _read_autopilot_version,
+)
+
+
+class NamedValueFloat(Message):
     """NAMED_VALUE_FLOAT (251): a named value, which autopilots write to their logs."""
 
-    time_boot_s: float
-    name: str
-    value: float
+    def __init__(self, time_boot_s: float, name: str, value: float) -> None:
+        self.time_boot_s = time_boot_s
+        self.name = name
+        self.value = value
+
+    def kind(self) -> Kind:
+        return NAMED_VALUE_FLOAT
+
+    def write(self, payload: BytesWriter) -> None:
+        put_u32(payload, nearest(self.time_boot_s * PER_MILLI, 0.0, U32_MAX))
+        put_f32(payload, self.value)
+        put_text(payload, self.name, 10)
 
 
-class Statustext(NamedTuple):
+def _read_named_value_float(payload: bytes) -> Message:
+    return NamedValueFloat(u32(payload, 0) * MILLI, text(payload, 8, 10), f32(payload, 4))
+
+
+NAMED_VALUE_FLOAT: Final = Kind(
+    "NAMED_VALUE_FLOAT", 251, 170, (18, 18), ("time_boot_s", "name", "value"), NamedValueFloat, _read_named_value_float
+)
+
+
+class Statustext(Message):
     """STATUSTEXT (253): a text for the operator; the chunks of a longer one share a non-zero id."""
 
-    severity: int
-    text: str
-    id: int = 0
-    chunk_seq: int = 0
+    def __init__(self, severity: int, text: str, id: int = 0, chunk_seq: int = 0) -> None:
+        self.severity = severity
+        self.text = text
+        self.id = id
+        self.chunk_seq = chunk_seq
+
+    def kind(self) -> Kind:
+        return STATUSTEXT
+
+    def write(self, payload: BytesWriter) -> None:
+        put_u8(payload, self.severity)
+        put_text(payload, self.text, 50)
+        put_u16(payload, self.id)
+        put_u8(payload, self.chunk_seq)
 
 
-class CurrentMode(NamedTuple):
+def _read_statustext(payload: bytes) -> Message:
+    return Statustext(payload[0], text(payload, 1, 50), u16(payload, 51), payload[53])
+
+
+STATUSTEXT: Final = Kind(
+    "STATUSTEXT", 253, 83, (51, 54), ("severity", "text", "id", "chunk_seq"), Statustext, _read_statustext
+)
+
+
+class CurrentMode(Message):
     """CURRENT_MODE (436): the mode, told when it changes, and the one that was asked for."""
 
-    standard_mode: int
-    custom_mode: int
-    intended_custom_mode: int = 0
+    def __init__(self, standard_mode: int, custom_mode: int, intended_custom_mode: int = 0) -> None:
+        self.standard_mode = standard_mode
+        self.custom_mode = custom_mode
+        self.intended_custom_mode = intended_custom_mode
+
+    def kind(self) -> Kind:
+        return CURRENT_MODE
+
+    def write(self, payload: BytesWriter) -> None:
+        put_u32(payload, self.custom_mode)
+        put_u32(payload, self.intended_custom_mode)
+        put_u8(payload, self.standard_mode)
 
 
-SystemMessage = Heartbeat | SystemTime | Timesync | AutopilotVersion | NamedValueFloat | Statustext | CurrentMode
+def _read_current_mode(payload: bytes) -> Message:
+    return CurrentMode(payload[8], u32(payload, 0), u32(payload, 4))
+
+
+CURRENT_MODE: Final = Kind(
+    "CURRENT_MODE",
+    436,
+    193,
+    (9, 9),
+    ("standard_mode", "custom_mode", "intended_custom_mode"),
+    CurrentMode,
+    _read_current_mode,
+)
+
+KINDS: Final = (
+    HEARTBEAT,
+    SYSTEM_TIME,
+    TIMESYNC,
+    AUTOPILOT_VERSION,
+    NAMED_VALUE_FLOAT,
+    STATUSTEXT,
+    CURRENT_MODE,
+)

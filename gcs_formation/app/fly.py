@@ -8,7 +8,6 @@ from typing import Any
 
 from airlink import mavlink as m
 from airlink.clock import RealClock
-from airlink.codec import wire_name
 from airlink.endpoint import PortError
 from airlink.messages import Message
 from airlink.messages.command import CommandInt, CommandLong
@@ -113,9 +112,9 @@ def _commanded(when: str, command: Command, autopilot: Autopilot) -> dict[str, A
 
 def _sent(when: str, message: Message) -> dict[str, Any]:
     """Return a message that is no command: its values in SI units, without those that are 0."""
-    values: dict[str, float] = message._asdict()
+    values: dict[str, float] = message.values()
     fields = {name: _rounded(value) for name, value in values.items() if value and not name.startswith("target")}
-    return {"when": when, "message": wire_name(type(message)), "command": "", "values": fields}
+    return {"when": when, "message": message.kind().name, "command": "", "values": fields}
 
 
 def _rounded(value: float) -> float | None:

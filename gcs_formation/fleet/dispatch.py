@@ -10,8 +10,8 @@ from airlink import mavlink as m
 from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import VehicleId
 from airlink.engine import DelayQueue
-from airlink.messages import Message
-from airlink.messages.system import MISSION_TIME, Heartbeat, NamedValueFloat
+from airlink.messages import MISSION_TIME, Message
+from airlink.messages.system import Heartbeat, NamedValueFloat
 from flight_model.autopilot import Setpoint
 from formation_scenario import Scenario
 from gcs_formation.link.connection import LinkState

@@ -14,8 +14,8 @@ from typing import Final, NamedTuple
 
 from airlink import mavlink as m
 from airlink.clock import Instant, after, seconds_between
-from airlink.codec import CODEC_OF_ID
 from airlink.endpoint import VehicleId
+from airlink.messages import KINDS
 from gcs_formation.link.connection import TALKING, LinkState
 from gcs_formation.recorder import Note
 from gcs_formation.vehicle.startup import Outcome
@@ -153,4 +153,4 @@ def _refuses(vehicle: Vehicle) -> bool:
 
 
 def _names(message_ids: tuple[int, ...]) -> str:
-    return ", ".join(CODEC_OF_ID[message_id].layout.name for message_id in message_ids)
+    return ", ".join(KINDS[message_id].name for message_id in message_ids)

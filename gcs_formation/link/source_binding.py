@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import Final, NamedTuple, get_args
+from typing import Final, NamedTuple
 
 from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import Address
-from airlink.messages import Message
+from airlink.messages import KINDS, Message
 from airlink.messages.system import Heartbeat
 from gcs_formation.link.clock_sync import ClockSync
 from gcs_formation.link.connection import TALKING, Connection, LinkState
@@ -31,7 +31,7 @@ DISBELIEVED_S: Final = 2.0
 FORGOTTEN_S: Final = 60.0
 MAX_RIVALS: Final = 8
 
-STAMPED: Final = frozenset(kind for kind in get_args(Message) if "time_boot_s" in kind._fields)
+STAMPED: Final = frozenset(each.message_type for each in KINDS.values() if "time_boot_s" in each.fields)
 """Messages that tell the sender's time since boot."""
 
 Remote = tuple[int, Address]

@@ -57,7 +57,7 @@ class CommandQueue:
             return None
         command = self._waiting[0]
         if isinstance(command, CommandLong):
-            command = command._replace(confirmation=min(self._attempt, MAX_CONFIRMATION))
+            command = command.but(confirmation=min(self._attempt, MAX_CONFIRMATION))
         self._attempt += 1
         self._next_attempt = after(now, RETRY_S)
         return command

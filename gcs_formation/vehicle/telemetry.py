@@ -207,15 +207,14 @@ def _is_position(message: GlobalPositionInt) -> bool:
 
 
 def _is_attitude(message: Attitude) -> bool:
-    stamp_s, roll_rad, pitch_rad, yaw_rad, roll_radps, pitch_radps, yaw_radps = message
     return (
-        -ANGLE_LIMIT_RAD <= roll_rad <= ANGLE_LIMIT_RAD
-        and -ANGLE_LIMIT_RAD <= pitch_rad <= ANGLE_LIMIT_RAD
-        and -ANGLE_LIMIT_RAD <= yaw_rad <= ANGLE_LIMIT_RAD
-        and -TURN_LIMIT_RPS <= roll_radps <= TURN_LIMIT_RPS
-        and -TURN_LIMIT_RPS <= pitch_radps <= TURN_LIMIT_RPS
-        and -TURN_LIMIT_RPS <= yaw_radps <= TURN_LIMIT_RPS
-        and math.isfinite(stamp_s)
+        -ANGLE_LIMIT_RAD <= message.roll_rad <= ANGLE_LIMIT_RAD
+        and -ANGLE_LIMIT_RAD <= message.pitch_rad <= ANGLE_LIMIT_RAD
+        and -ANGLE_LIMIT_RAD <= message.yaw_rad <= ANGLE_LIMIT_RAD
+        and -TURN_LIMIT_RPS <= message.rollspeed_radps <= TURN_LIMIT_RPS
+        and -TURN_LIMIT_RPS <= message.pitchspeed_radps <= TURN_LIMIT_RPS
+        and -TURN_LIMIT_RPS <= message.yawspeed_radps <= TURN_LIMIT_RPS
+        and math.isfinite(message.time_boot_s)
     )
 
 

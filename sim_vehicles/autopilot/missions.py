@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from airlink import mavlink as m
 from airlink.clock import Instant, after
@@ -27,7 +27,6 @@ from airlink.messages.mission import (
     MissionCurrent,
     MissionItem,
     MissionItemInt,
-    MissionMessage,
     MissionRequest,
     MissionRequestInt,
     MissionRequestList,
@@ -109,7 +108,8 @@ def to_message(item: Item, seq: int, system: int, component: int, *, current: bo
 
 def in_degrees(message: MissionItemInt) -> MissionItem:
     """Return the older form of an item, with latitude and longitude as floats in degrees."""
-    return MissionItem(*message._replace(x=0, y=0))._replace(x=message.x / E7, y=message.y / E7)
+    fields: dict[str, Any] = message.values() | {"x": message.x / E7, "y": message.y / E7}
+    return MissionItem(**fields)
 
 
 def _place(message: MissionItem | MissionItemInt) -> tuple[int, int, float] | int:
@@ -189,7 +189,7 @@ class Missions:
         self.current = max(1, int(seq))
         return True
 
-    def take(self, message: MissionMessage, sender: Sender, now: Instant) -> list[Message]:
+    def take(self, message: Message, sender: Sender, now: Instant) -> list[Message]:
         """Return the answers to a message."""
         kind = getattr(message, "mission_type", PLAN)
         if kind != PLAN:
@@ -202,7 +202,7 @@ class Missions:
             case MissionItem() | MissionItemInt():
                 return self._write(message, sender, now)
             case MissionSetCurrent(seq=seq):
-                return [self.reported()._replace(seq=seq)] if self.choose(seq) else []
+                return [self.reported().but(seq=seq)] if self.choose(seq) else []
             case _:
                 return []
 
@@ -295,7 +295,7 @@ def _ack(sender: Sender, result: int, kind: int = PLAN) -> MissionAck:
     return MissionAck(sender.system, sender.component, result, kind)
 
 
-def _answer_of_empty_list(message: MissionMessage, kind: int, sender: Sender) -> list[Message]:
+def _answer_of_empty_list(message: Message, kind: int, sender: Sender) -> list[Message]:
     """Return the answers about a list other than the plan."""
     match message:
         case MissionAck():

@@ -17,9 +17,8 @@ from typing import NamedTuple
 from airlink import mavlink as m
 from airlink.clock import Instant
 from airlink.endpoint import Address
-from airlink.messages import Message
+from airlink.messages import Message, mission
 from airlink.messages.command import FileTransferProtocol, ParamRequestList, ParamRequestRead, ParamSet, ParamValue
-from airlink.messages.mission import MissionMessage
 from sim_vehicles.autopilot.missions import Missions, Sender
 from sim_vehicles.config import VehicleConfig
 
@@ -318,7 +317,7 @@ class Storage:
             case FileTransferProtocol():
                 payloads = self._files.answer(bytes(message.payload))
                 return [FileTransferProtocol(0, sender.system, sender.component, tuple(each)) for each in payloads]
-            case _ if isinstance(message, MissionMessage):
+            case Message() if message.kind() in mission.KINDS:
                 return self._missions.take(message, sender, now)
             case _:
                 return []

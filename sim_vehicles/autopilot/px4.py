@@ -109,14 +109,14 @@ def gps_raw_int(v: Vehicle) -> Message:
     """Return GPS_RAW_INT; it has no time stamp."""
     reported = telemetry.gps_raw_int(v)
     assert isinstance(reported, GpsRawInt)
-    return reported._replace(time_usec=0)
+    return reported.but(time_usec=0)
 
 
 def vfr_hud(v: Px4) -> Message:
     """Return VFR_HUD; a multirotor measures no airspeed."""
     reported = telemetry.vfr_hud(v)
     assert isinstance(reported, VfrHud)
-    return reported._replace(airspeed_mps=math.nan) if v.config.model.hovers else reported
+    return reported.but(airspeed_mps=math.nan) if v.config.model.hovers else reported
 
 
 BUILDERS: Final[telemetry.Builders] = {

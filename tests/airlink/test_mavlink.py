@@ -9,6 +9,7 @@ from typing import Any
 from fastcrc import crc16
 
 from airlink.mavlink import TABLE
+from tests.airlink.layouts import LAYOUTS
 
 dialect: Any = importlib.import_module("pymavlink.dialects.v20.ardupilotmega")
 WRITE = "python -m tests.airlink.test_mavlink"
@@ -20,20 +21,31 @@ def test_what_the_table_says_the_dialect_says_too() -> None:
     ours, theirs = json.loads(TABLE.read_bytes()), json.loads(table())
     for enum, values in ours["enums"].items():
         assert values.items() <= theirs["enums"][enum].items(), f"{enum} is stale; write the table again by: {WRITE}"
-    for name, (*said, _, base, fields) in ours["messages"].items():
-        *says, _, base_now, fields_now = theirs["messages"][name]
+    for name, said in ours["messages"].items():
+        assert said == theirs["messages"][name], f"{name} is stale: {WRITE}"
+
+
+def test_the_layouts_are_the_dialects():
+    now = json.loads(layouts())
+    for name, (*said, _, base, fields) in json.loads(LAYOUTS.read_bytes()).items():
+        *says, _, base_now, fields_now = now[name]
         assert (said, base, fields) == (says, base_now, fields_now[: len(fields)]), f"{name} is stale: {WRITE}"
 
 
 def table() -> str:
-    """Constants by enum, and messages by name, as `TABLE` says."""
+    """Return constants by enum, and messages by name, as `TABLE` says."""
     enums = {
         enum: {str(entry.name): value for value, entry in entries.items() if not entry.name.endswith(LAST)}
         for enum, entries in sorted(dialect.enums.items())
     }
-    messages = {source.msgname: message(source) for _, source in sorted(dialect.mavlink_map.items())}
+    messages = {source.msgname: [source.id, source.crc_extra] for _, source in sorted(dialect.mavlink_map.items())}
     parts = (f'"{name}": {{\n{lines(part)}\n}}' for name, part in (("enums", enums), ("messages", messages)))
     return "{\n" + ",\n".join(parts) + "\n}\n"
+
+
+def layouts() -> str:
+    """Return messages by name, as `LAYOUTS` says."""
+    return f"{{\n{lines({each.msgname: message(each) for _, each in sorted(dialect.mavlink_map.items())})}\n}}\n"
 
 
 def lines(part: dict[str, Any]) -> str:
@@ -77,3 +89,4 @@ SIZES = {
 
 if __name__ == "__main__":
     TABLE.write_text(table(), encoding="utf-8")
+    LAYOUTS.write_text(layouts(), encoding="utf-8")

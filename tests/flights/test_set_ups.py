@@ -147,7 +147,7 @@ def another(autopilot: int, kind: int) -> type[Between]:
             (frame,) = StreamParser().feed(data)
             if frame.system != 3 or not isinstance(frame.message, Heartbeat):
                 return data
-            return self._writers[3].encode(frame.message._replace(autopilot=autopilot, type=kind))
+            return self._writers[3].encode(frame.message.but(autopilot=autopilot, type=kind))
 
     return Foreign
 

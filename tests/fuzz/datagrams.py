@@ -6,7 +6,7 @@ import random
 from collections.abc import Callable
 from typing import NamedTuple
 
-from airlink.mavlink import Layout
+from tests.airlink.layouts import Layout
 from tests.fuzz.frames import EXTRAS, LAYOUTS, Header, extremes, framed, packed
 
 FOREIGN_SYSTEMS = (0, 42, 77, 200, 253, 254, 255)

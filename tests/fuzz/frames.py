@@ -9,11 +9,12 @@ from typing import Any, NamedTuple
 
 from fastcrc import crc16
 
-from airlink.codec import CODECS
-from airlink.mavlink import Layout, crc_extras
+from airlink.mavlink import crc_extras
+from airlink.messages import KINDS
+from tests.airlink.layouts import Layout, layout
 
 EXTRAS = crc_extras()
-LAYOUTS: tuple[Layout, ...] = tuple(codec.layout for codec in CODECS.values())
+LAYOUTS: tuple[Layout, ...] = tuple(layout(kind.name) for kind in KINDS.values())
 """Every message that either end has a type for: a new one is covered by itself."""
 SIGNED = 0x01
 LINK_STAMP_AND_SIGNATURE = bytes(13)

@@ -17,9 +17,9 @@ from typing import Any, Literal, NamedTuple
 from airlink.endpoint import LOOPBACK, Address
 from airlink.engine import FIRST_EPHEMERAL_PORT, Datagram
 from airlink.frame import StreamParser
-from airlink.mavlink import Layout
 from gcs_formation.vehicle.vehicle import STATION_COMPONENT, STATION_SYSTEM
 from sim_vehicles.autopilot.commands import HANDLERS
+from tests.airlink.layouts import Layout
 from tests.fuzz.flight import FOLLOWER, USUAL, Flight
 from tests.fuzz.frames import LAYOUTS, Header, framed, packed
 

@@ -14,10 +14,10 @@ import numpy as np
 
 from airlink import mavlink as m
 from airlink.clock import Instant, VirtualClock, after
-from airlink.codec import CODECS
 from airlink.endpoint import LOOPBACK, Address, Endpoint
 from airlink.engine import FIRST_EPHEMERAL_PORT, Datagram, Engine, MemoryNetwork
 from airlink.frame import HEADER_V2, MARKER_V2
+from airlink.messages import KINDS
 from airlink.messages.command import CommandInt
 from flight_model.arrays import Array
 from formation_scenario import Scenario, load_scenario
@@ -201,11 +201,11 @@ def check(flown: Flown) -> None:
     assert np.nanmin(told[..., 0], initial=np.inf) >= min(model.speed_min_mps for model in models)
     assert np.nanmax(told[..., 0], initial=-np.inf) <= max(model.speed_max_mps for model in models)
     for payload in flown.notes.commands:
-        fields = CODECS[CommandInt].decode(payload)
+        fields = KINDS[m.MAVLINK_MSG_ID_COMMAND_INT].read(payload)
         assert isinstance(fields, CommandInt)
         if fields.target_system == FOREIGN_TARGET:
             continue  # thrown at the station, which records what it hears
-        assert all(math.isfinite(value) for value in fields if isinstance(value, float)), fields
+        assert all(math.isfinite(value) for value in fields.values().values() if isinstance(value, float)), fields
     for state in (body.state for body in flown.fleet.bodies):
         assert all(map(math.isfinite, state.values()))
         assert state.airspeed_mps <= default.speed_max_mps + 1e-9

@@ -8,10 +8,10 @@ import pytest
 
 from airlink import mavlink as m
 from airlink.frame import FrameWriter
-from airlink.mavlink import Layout
 from airlink.messages.command import RequestDataStream, SetMode
 from gcs_formation.vehicle.vehicle import STATION_COMPONENT, STATION_SYSTEM
 from sim_vehicles.autopilot.commands import HANDLERS
+from tests.airlink.layouts import Layout
 from tests.fuzz.flight import FOLLOWER, USUAL, Flight
 from tests.fuzz.frames import LAYOUTS, Header, extreme_payloads, framed
 

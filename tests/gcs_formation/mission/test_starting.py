@@ -57,7 +57,7 @@ class Ground:
     def hear(self, *numbers: int, mode: int = m.PLANE_MODE_MANUAL, kind: Heartbeat = PLANE) -> None:
         for number in numbers:
             self.at(number).connection.heard(Instant(0), heartbeat=True)
-            self.at(number).telemetry.take(kind._replace(custom_mode=mode))
+            self.at(number).telemetry.take(kind.but(custom_mode=mode))
 
     def advance(self, at_s: float) -> None:
         self.starting.advance(after(Instant(0), at_s))
@@ -122,8 +122,8 @@ def test_one_that_falls_silent_again_in_flight_is_waited_for_without_an_end() ->
 @pytest.mark.parametrize(
     ("kind", "words"),
     [
-        (PLANE._replace(type=m.MAV_TYPE_QUADROTOR), "ARDUPILOTMEGA QUADROTOR"),
-        (PLANE._replace(autopilot=m.MAV_AUTOPILOT_PX4), "PX4 FIXED_WING"),
+        (PLANE.but(type=m.MAV_TYPE_QUADROTOR), "ARDUPILOTMEGA QUADROTOR"),
+        (PLANE.but(autopilot=m.MAV_AUTOPILOT_PX4), "PX4 FIXED_WING"),
     ],
 )
 def test_another_family_is_refused_before_anybody_takes_off_and_not_in_flight(kind: Heartbeat, words: str) -> None:

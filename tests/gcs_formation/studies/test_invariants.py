@@ -43,7 +43,7 @@ def collided(flown: Flown) -> Flown:
 def too_fast(flown: Flown) -> Flown:
     index = next(i for i, (_, c) in enumerate(flown.sent) if c.command == m.MAV_CMD_GUIDED_CHANGE_SPEED)
     system, command = flown.sent[index]
-    return replace(flown, sent=(*flown.sent[:index], (system, command._replace(param2=28.1))))
+    return replace(flown, sent=(*flown.sent[:index], (system, command.but(param2=28.1))))
 
 
 def without_a_tick(flown: Flown) -> Flown:

@@ -48,13 +48,13 @@ def test_latitude_and_longitude_0_are_an_autopilot_without_a_fix(telemetry):
 
 
 def test_an_unknown_heading_doesnt_cost_the_position(telemetry):
-    telemetry.take(position(30.0)._replace(hdg_rad=math.nan))
+    telemetry.take(position(30.0).but(hdg_rad=math.nan))
     assert telemetry.motion is not None
     assert telemetry.motion.height_m == pytest.approx(30.0, abs=1e-6)
 
 
 def test_velocity_down_becomes_climb_and_height_counts_from_the_origin(telemetry):
-    telemetry.take(position(100.0)._replace(vz_mps=-2.5, relative_alt_m=80.0))
+    telemetry.take(position(100.0).but(vz_mps=-2.5, relative_alt_m=80.0))
     assert telemetry.motion.climb_mps == 2.5
     assert telemetry.motion.height_m == pytest.approx(100.0, abs=1e-6)
     assert telemetry.motion.above_home_m == 80.0

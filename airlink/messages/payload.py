@@ -1,0 +1,285 @@
+"""What all messages share, and numbers to and from the bytes of a payload. Units change here and nowhere else.
+
+A value outside its field's range is sent as the nearest that fits, NaN in an integer as unknown.
+Source: MAVLink guide, "Serialization".
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, Final, Self
+
+from librt.strings import (
+    BytesWriter,
+    read_f32_le,
+    read_i16_le,
+    read_i32_le,
+    read_i64_le,
+    write_f32_le,
+    write_i16_le,
+    write_i32_le,
+    write_i64_le,
+)
+
+DEG: Final = math.pi / 180
+CDEG: Final = math.pi / 180e2
+DEGE7: Final = math.pi / 180e7
+MILLI: Final = 1e-3
+CENTI: Final = 1e-2
+"""What one unit of a field is in SI."""
+PER_DEG: Final = 1 / DEG
+PER_CDEG: Final = 1 / CDEG
+PER_DEGE7: Final = 1 / DEGE7
+PER_MILLI: Final = 1 / MILLI
+PER_CENTI: Final = 1 / CENTI
+I8_MIN: Final = -128.0
+I8_MAX: Final = 127.0
+I16_MIN: Final = -32768.0
+I16_MAX: Final = 32767.0
+U16_MAX: Final = 65535.0
+I32_MIN: Final = -2147483648.0
+I32_MAX: Final = 2147483647.0
+U32_MAX: Final = 4294967295.0
+UNKNOWN_U16: Final = 0xFFFF
+"""In a field with a unit."""
+HALF: Final = 0.5
+FLOAT32_MAX: Final = 3.4028234663852886e38
+
+
+class Kind:
+    """What all messages of one kind have in common."""
+
+    def __init__(
+        self,
+        name: str,
+        message_id: int,
+        crc_extra: int,
+        lengths: tuple[int, int],
+        fields: tuple[str, ...],
+        message_type: type[Message],
+        read: Callable[[bytes], Message],
+    ) -> None:
+        """Take MAVLink's name, the lengths of a payload without and with extension fields, and our fields' names."""
+        self.name = name
+        self.message_id = message_id
+        self.id_bytes = message_id.to_bytes(3, "little")
+        self.crc_extra = crc_extra
+        self.extra = bytes([crc_extra])
+        """What a checksum covers besides the frame."""
+        self.base_length, self.length = lengths
+        self.fields = fields
+        self.message_type = message_type
+        self._read = read
+
+    def read(self, payload: bytes) -> Message:
+        """Return the message; missing bytes count as zeros, surplus ones (newer extensions) are left out."""
+        missing = self.length - len(payload)
+        return self._read(payload + bytes(missing) if missing > 0 else payload)
+
+
+class Message:
+    """A MAVLink message in SI units; it isn't changed once it is made."""
+
+    def kind(self) -> Kind:
+        """Return what all messages of its kind have in common."""
+        raise NotImplementedError
+
+    def write(self, payload: BytesWriter) -> None:
+        """Append the whole payload, extension fields included and not yet truncated."""
+        raise NotImplementedError
+
+    def values(self) -> dict[str, Any]:
+        """Return the fields by name."""
+        return {name: getattr(self, name) for name in self.kind().fields}
+
+    def but(self, **changes: Any) -> Self:
+        """Return the same message with some fields changed."""
+        return type(self)(**self.values() | changes)
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether both are of one kind and have the same values; what is unknown in both is the same."""
+        if not isinstance(other, Message) or type(self) is not type(other):
+            return False
+        return all(_same(getattr(self, name), getattr(other, name)) for name in self.kind().fields)
+
+    def __hash__(self) -> int:
+        """Return a hash of all values."""
+        return hash((self.kind().name, *self.values().values()))
+
+    def __repr__(self) -> str:
+        """Return all values with their names."""
+        return f"{type(self).__name__}({', '.join(f'{name}={value!r}' for name, value in self.values().items())})"
+
+
+def _same(one: object, other: object) -> bool:
+    return one == other or (one != one and other != other)  # noqa: PLR0124 - NaN
+
+
+def i8(payload: bytes, at: int) -> int:
+    """Return the signed number of 8 bits at a place."""
+    value = payload[at]
+    return value - 0x100 if value >= 0x80 else value
+
+
+def u16(payload: bytes, at: int) -> int:
+    """Return the unsigned number of 16 bits at a place."""
+    return payload[at] | payload[at + 1] << 8
+
+
+def i16(payload: bytes, at: int) -> int:
+    """Return the signed number of 16 bits at a place."""
+    return read_i16_le(payload, at)
+
+
+def u32(payload: bytes, at: int) -> int:
+    """Return the unsigned number of 32 bits at a place."""
+    value: int = read_i32_le(payload, at)
+    return value + 0x1_0000_0000 if value < 0 else value
+
+
+def i32(payload: bytes, at: int) -> int:
+    """Return the signed number of 32 bits at a place."""
+    return read_i32_le(payload, at)
+
+
+def u64(payload: bytes, at: int) -> int:
+    """Return the unsigned number of 64 bits at a place."""
+    value: int = read_i64_le(payload, at)
+    return value + 0x1_0000_0000_0000_0000 if value < 0 else value
+
+
+def i64(payload: bytes, at: int) -> int:
+    """Return the signed number of 64 bits at a place."""
+    return read_i64_le(payload, at)
+
+
+def f32(payload: bytes, at: int) -> float:
+    """Return the float of 32 bits at a place."""
+    return read_f32_le(payload, at)
+
+
+def known(value: int) -> float:
+    """Return a 16-bit field with a unit, NaN for unknown."""
+    return math.nan if value == UNKNOWN_U16 else float(value)
+
+
+def text(payload: bytes, at: int, length: int) -> str:
+    """Return the text at a place, up to its first zero."""
+    return payload[at : at + length].split(b"\0", 1)[0].decode("utf-8", "replace")
+
+
+def octets(payload: bytes, at: int, length: int) -> tuple[int, ...]:
+    """Return the bytes at a place."""
+    return tuple(payload[at : at + length])
+
+
+def f32s(payload: bytes, at: int, length: int) -> tuple[float, ...]:
+    """Return the floats of 32 bits from a place on."""
+    return tuple([read_f32_le(payload, at + 4 * place) for place in range(length)])
+
+
+def knowns(payload: bytes, at: int, length: int, unit: float) -> tuple[float, ...]:
+    """Return the 16-bit fields with a unit from a place on, NaN for unknown."""
+    return tuple([known(u16(payload, at + 2 * place)) * unit for place in range(length)])
+
+
+def nearest(value: float, low: float, high: float, unknown: int = 0) -> int:
+    """Return the nearest whole number in a range, of two the even one."""
+    if low <= value <= high:
+        below = math.floor(value)
+        above = value - below
+        return below if above < HALF or (above == HALF and below % 2 == 0) else below + 1
+    return unknown if math.isnan(value) else int(low if value < low else high)
+
+
+def put_u8(payload: BytesWriter, value: int) -> None:
+    """Append an unsigned number of 8 bits."""
+    payload.append(value if 0 <= value <= 0xFF else (0 if value < 0 else 0xFF))
+
+
+def put_i8(payload: BytesWriter, value: int) -> None:
+    """Append a signed number of 8 bits."""
+    payload.append((value if -0x80 <= value <= 0x7F else (-0x80 if value < 0 else 0x7F)) & 0xFF)
+
+
+def put_u16(payload: BytesWriter, value: int) -> None:
+    """Append an unsigned number of 16 bits."""
+    if value < 0x8000:
+        write_i16_le(payload, value if value >= 0 else 0)
+    else:
+        write_i16_le(payload, value - 0x1_0000 if value <= 0xFFFF else -1)
+
+
+def put_i16(payload: BytesWriter, value: int) -> None:
+    """Append a signed number of 16 bits."""
+    write_i16_le(payload, value if -0x8000 <= value <= 0x7FFF else (-0x8000 if value < 0 else 0x7FFF))
+
+
+def put_u32(payload: BytesWriter, value: int) -> None:
+    """Append an unsigned number of 32 bits."""
+    if value < 0x8000_0000:
+        write_i32_le(payload, value if value >= 0 else 0)
+    else:
+        write_i32_le(payload, value - 0x1_0000_0000 if value <= 0xFFFF_FFFF else -1)
+
+
+def put_i32(payload: BytesWriter, value: int) -> None:
+    """Append a signed number of 32 bits."""
+    inside = -0x8000_0000 <= value <= 0x7FFF_FFFF
+    write_i32_le(payload, value if inside else (-0x8000_0000 if value < 0 else 0x7FFF_FFFF))
+
+
+def put_u64(payload: BytesWriter, value: int) -> None:
+    """Append an unsigned number of 64 bits."""
+    if value < 0x8000_0000_0000_0000:
+        write_i64_le(payload, value if value >= 0 else 0)
+    else:
+        write_i64_le(payload, value - 0x1_0000_0000_0000_0000 if value <= 0xFFFF_FFFF_FFFF_FFFF else -1)
+
+
+def put_i64(payload: BytesWriter, value: int) -> None:
+    """Append a signed number of 64 bits."""
+    inside = -0x8000_0000_0000_0000 <= value <= 0x7FFF_FFFF_FFFF_FFFF
+    write_i64_le(payload, value if inside else (-0x8000_0000_0000_0000 if value < 0 else 0x7FFF_FFFF_FFFF_FFFF))
+
+
+def put_f32(payload: BytesWriter, value: float) -> None:
+    """Append a float of 32 bits."""
+    if not -FLOAT32_MAX <= value <= FLOAT32_MAX and math.isfinite(value):
+        value = math.copysign(FLOAT32_MAX, value)
+    write_f32_le(payload, value)
+
+
+def put_text(payload: BytesWriter, value: str, length: int) -> None:
+    """Append a text, cut off or filled up with zeros."""
+    put_octets(payload, tuple(value.encode("utf-8", "replace")), length)
+
+
+def put_octets(payload: BytesWriter, values: tuple[int, ...], length: int) -> None:
+    """Append bytes, cut off or filled up with zeros."""
+    cut = values[:length]
+    for value in cut:
+        put_u8(payload, value)
+    put_zeros(payload, length - len(cut))
+
+
+def put_f32s(payload: BytesWriter, values: tuple[float, ...], length: int) -> None:
+    """Append floats of 32 bits, cut off or filled up with zeros."""
+    cut = values[:length]
+    for value in cut:
+        put_f32(payload, value)
+    put_zeros(payload, 4 * (length - len(cut)))
+
+
+def put_knowns(payload: BytesWriter, values: tuple[float, ...], length: int, per_unit: float) -> None:
+    """Append 16-bit fields with a unit, cut off or filled up with zeros."""
+    cut = values[:length]
+    for value in cut:
+        put_u16(payload, nearest(value * per_unit, 0.0, U16_MAX, UNKNOWN_U16))
+    put_zeros(payload, 2 * (length - len(cut)))
+
+
+def put_zeros(payload: BytesWriter, count: int) -> None:
+    """Append zeros: of fields that nothing here needs."""
+    payload.write(bytes(count))
