@@ -25,7 +25,7 @@ SHIPPED = "aircraft"
 
 
 class VehicleFile(Keys):
-    """A vehicle file."""
+    """What a vehicle file holds: the model of one kind of aircraft, and where it comes from."""
 
     schema_: Literal[1] = Field(default=1, alias="schema", description="version of these keys")
     name: Name = Field(default="vehicle", description="of the kind of aircraft", examples=["skywalker"])

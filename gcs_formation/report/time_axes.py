@@ -34,9 +34,9 @@ from gcs_formation.report.style import (
 LEVEL_PT = 10.0
 MOST_LEVELS = 5
 BETWEEN_PT = 25.0
-"""Between axes beside each other: what a name may take of it."""
+"""How far a line's name may reach into the gap to the axes on the right."""
 BESIDE_PT = 1.0
-"""From a line to its name."""
+"""Gap between a line's end and its name."""
 DARK = "#404040"
 UP = {"arrowstyle": "-", "shrinkA": 0, "shrinkB": 0, "color": GREY, "lw": THIN}
 BEHIND = {"facecolor": "white", "edgecolor": "none", "pad": 0.5}

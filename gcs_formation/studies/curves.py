@@ -18,7 +18,7 @@ from gcs_formation.studies.keys import Study
 
 CONFIDENCE = 0.95
 PANELS = 3
-"""Beside each other."""
+"""Plots beside each other in a row."""
 CELL_CM = 4.6
 SERIES = 6
 """Values of a parameter up to which each has a curve of its own."""

@@ -178,7 +178,7 @@ class Missions:
         return len(self.items) > 1
 
     def reported(self) -> MissionCurrent:
-        """Return MISSION_CURRENT."""
+        """Return MISSION_CURRENT: the item that it flies to, and how many there are."""
         state = self.state if self.flyable else m.MISSION_STATE_NO_MISSION
         return MissionCurrent(self.current, max(0, len(self.items) - 1), state)
 

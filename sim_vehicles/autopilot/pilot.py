@@ -113,7 +113,7 @@ class Pilot:
 
     @property
     def taking_off(self) -> bool:
-        """Whether it is taking off."""
+        """Whether it is armed and on its way up to `takeoff_m`."""
         return self.takeoff_m is not None and self.condition.armed
 
     @property
@@ -123,7 +123,7 @@ class Pilot:
 
     @property
     def landing(self) -> bool:
-        """Whether it is landing."""
+        """Whether it is in AUTOLAND and hasn't touched down."""
         return self.airborne and self.mode is AUTOLAND
 
     def request(self, request: Request) -> bool:

@@ -101,7 +101,7 @@ def heartbeat(v: Px4) -> Message:
 
 
 def current_mode(v: Px4) -> Message:
-    """Return CURRENT_MODE."""
+    """Return CURRENT_MODE, with the mode that was asked for last."""
     return CurrentMode(0, int(v.mode), int(v.intended))
 
 

@@ -81,7 +81,7 @@ UNASKED: Final = dict.fromkeys((m.MAVLINK_MSG_ID_HEARTBEAT, *STREAMED), UNASKED_
 
 
 def heartbeat(v: Vehicle) -> Message:
-    """Return HEARTBEAT."""
+    """Return HEARTBEAT: its kind, its mode, whether it is armed."""
     mode_flags = m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | m.MAV_MODE_FLAG_STABILIZE_ENABLED
     armed = m.MAV_MODE_FLAG_SAFETY_ARMED if v.pilot.condition.armed else 0
     return Heartbeat(
@@ -109,7 +109,7 @@ def battery_status(_: Vehicle) -> Message:
 
 
 def system_time(v: Vehicle) -> Message:
-    """Return SYSTEM_TIME."""
+    """Return SYSTEM_TIME: UTC as it knows it, and the time since boot."""
     return SystemTime(v.utc_us, v.time_s)
 
 
@@ -142,7 +142,7 @@ def local_position_ned(v: Vehicle) -> Message:
 
 
 def global_position_int(v: Vehicle) -> Message:
-    """Return GLOBAL_POSITION_INT."""
+    """Return GLOBAL_POSITION_INT: place, heights above sea level and home, ground velocity, as sensed."""
     motion = v.sensed
     heading = motion.heading_rad % math.tau
     place = v.fleet.origin.from_ned(motion.north_m, motion.east_m, -motion.height_m)
@@ -150,7 +150,7 @@ def global_position_int(v: Vehicle) -> Message:
 
 
 def nav_controller_output(v: Vehicle) -> Message:
-    """Return NAV_CONTROLLER_OUTPUT."""
+    """Return NAV_CONTROLLER_OUTPUT: what it steers for, and what it lacks of it."""
     motion = v.sensed
     bearings = math.remainder(motion.heading_rad, math.tau), math.remainder(motion.heading_setpoint_rad, math.tau)
     errors = motion.height_setpoint_m - motion.height_m, motion.airspeed_setpoint_mps - motion.airspeed_mps
@@ -158,7 +158,7 @@ def nav_controller_output(v: Vehicle) -> Message:
 
 
 def vfr_hud(v: Vehicle) -> Message:
-    """Return VFR_HUD."""
+    """Return VFR_HUD, which alone carries the airspeed."""
     motion = v.sensed
     north, east, down = _velocity(motion)
     altitude = v.fleet.origin.alt_m + motion.height_m
@@ -175,7 +175,7 @@ def wind(v: Vehicle) -> Message:
 
 
 def ekf_status_report(v: Vehicle) -> Message:
-    """Return EKF_STATUS_REPORT."""
+    """Return EKF_STATUS_REPORT: what its estimate is good for, and how well it agrees with the sensors."""
     estimate = v.estimate
     return EkfStatusReport(EKF_READY & ~estimate.unknown if v.ready else EKF_STARTING, *estimate.ratios, 0.0)
 
@@ -188,24 +188,24 @@ def home_position(v: Vehicle) -> Message:
 
 
 def mission_current(v: Vehicle) -> Message:
-    """Return MISSION_CURRENT."""
+    """Return MISSION_CURRENT, as its missions have it."""
     return v.missions.reported()
 
 
 def extended_sys_state(v: Vehicle) -> Message:
-    """Return EXTENDED_SYS_STATE."""
+    """Return EXTENDED_SYS_STATE: whether it is on the ground or in the air."""
     flying = v.pilot.condition is Condition.FLYING
     landed = m.MAV_LANDED_STATE_IN_AIR if flying else m.MAV_LANDED_STATE_ON_GROUND
     return ExtendedSysState(m.MAV_VTOL_STATE_UNDEFINED, landed)
 
 
 def autopilot_version(_: Vehicle) -> Message:
-    """Return AUTOPILOT_VERSION."""
+    """Return AUTOPILOT_VERSION, by which ground stations tell what it can do."""
     return AutopilotVersion(CAPABILITIES, VERSION_4_7)
 
 
 def _velocity(motion: Motion) -> tuple[float, float, float]:
-    """Return NED."""
+    """Return the ground velocity, north, east and down."""
     return motion.velocity_north_mps, motion.velocity_east_mps, motion.velocity_down_mps
 
 
