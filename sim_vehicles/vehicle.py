@@ -68,9 +68,7 @@ class Vehicle(ABC):
 
     def __init__(self, index: int, config: VehicleConfig, fleet: Fleet, now: Instant) -> None:
         """Boot at `now`; a vehicle that starts in the air has booted at once."""
-        self.index = index
-        self.config = config
-        self.fleet = fleet
+        self.index, self.config, self.fleet = index, config, fleet
         self.body = fleet.bodies[index]
         self.wake = now
         """When its next cycle has something to do."""
@@ -120,9 +118,8 @@ class Vehicle(ABC):
     @property
     def estimate(self) -> Estimate:
         """What its state estimate and its receiver say, for telemetry."""
-        return (
-            Estimate(self.body.motion) if self._sensors is None else self._sensors.estimate(self.body.motion, self.now)
-        )
+        true = self.body.motion
+        return Estimate(true) if self._sensors is None else self._sensors.estimate(true, self.now)
 
     def receive(self, peer: Address, data: bytes, now: Instant) -> None:
         """Keep a datagram for the next cycle of the main loop: not for one before `now` that is still to be made up."""
@@ -148,7 +145,10 @@ class Vehicle(ABC):
         if now >= self.disarm_at:
             self.disarm_at = NEVER
             self.disarm(force=False)
-        self._watch_ground_station()
+        safe_mode = self.failsafe.due_mode(now)
+        if safe_mode is not None and self.pilot.airborne:
+            self.say(CRITICAL, "Failsafe. Long event on: GCS")
+            self.enter(safe_mode)
         self.follow_time()
         self._tell()
         self._plan()
@@ -285,8 +285,7 @@ class Vehicle(ABC):
         return granted
 
     def _take(self, frame: Frame) -> None:
-        message = frame.message
-        match message:
+        match message := frame.message:
             case CommandInt() | CommandLong():
                 for result in self.obey(message):
                     self.answer(CommandAck(message.command, result, 0, 0, frame.system, frame.component))
@@ -304,18 +303,11 @@ class Vehicle(ABC):
             case MissionItem() | MissionItemInt() if message.current in commands.AT_ONCE:
                 result = m.MAV_MISSION_ACCEPTED if self.ignores else self.fly_to(message)
                 self.answer(MissionAck(frame.system, frame.component, result))
-            case _ if self.take_other(frame):
-                pass
             case _:
-                sender = Sender(self._asker, frame.system, frame.component)
-                for answer in self._storage.answers(message, sender, self.now):
-                    self.answer(answer)
-
-    def _watch_ground_station(self) -> None:
-        mode = self.failsafe.due_mode(self.now)
-        if mode is not None and self.pilot.airborne:
-            self.say(CRITICAL, "Failsafe. Long event on: GCS")
-            self.enter(mode)
+                if not self.take_other(frame):
+                    sender = Sender(self._asker, frame.system, frame.component)
+                    for answer in self._storage.answers(message, sender, self.now):
+                        self.answer(answer)
 
     def _tell(self) -> None:
         if self.now >= self._next_timesync:
@@ -334,10 +326,9 @@ class Vehicle(ABC):
         if self.parameters.listing or self.pilot.taking_off or self.pilot.landing or self.flies_mission:
             self.wake = self.now
             return
-        up = self._up if self.pilot.booting else NEVER
         # Two by two: compiled, that is no call.
         wake = min(self.streams.next_due, self._next_timesync)
-        wake = min(wake, up)
+        wake = min(wake, self._up if self.pilot.booting else NEVER)
         wake = min(wake, self.link.next_arrival)
         wake = min(wake, self.failsafe.deadline())
         wake = min(wake, self.missions.next_due())
