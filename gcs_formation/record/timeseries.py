@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.parquet as pq
 
@@ -147,7 +148,15 @@ def in_words(columns: Mapping[str, Array]) -> dict[str, Any]:
 
 def write_parquet(path: Path, columns: Mapping[str, Array]) -> None:
     """Write the time series of a spool's columns."""
-    pq.write_table(pa.table(in_words(columns)), path)
+    pq.write_table(pa.table({name: _arrow(column) for name, column in in_words(columns).items()}), path)
+
+
+def _arrow(column: npt.NDArray[Any]) -> pa.Array[Any]:
+    """Return numbers, flags or words; `pa.array` would import numpy.ma to ask whether an array is one of its own."""
+    if column.dtype == np.object_:
+        return pa.array(column.tolist(), pa.string())
+    data = np.packbits(column, bitorder="little") if column.dtype == np.bool_ else np.ascontiguousarray(column)
+    return pa.Array.from_buffers(pa.from_numpy_dtype(column.dtype), column.size, [None, pa.py_buffer(data.data)])
 
 
 def read_parquet(path: Path) -> dict[str, Array]:
