@@ -44,6 +44,7 @@ U32_MAX: Final = 4294967295.0
 UNKNOWN_U16: Final = 0xFFFF
 """In a field with a unit."""
 HALF: Final = 0.5
+_ZEROS: Final = bytes(255)
 FLOAT32_MAX: Final = 3.4028234663852886e38
 
 
@@ -75,7 +76,7 @@ class Kind:
     def read(self, payload: bytes) -> Message:
         """Return the message; missing bytes count as zeros, surplus ones (newer extensions) are left out."""
         missing = self.length - len(payload)
-        return self._read(payload + bytes(missing) if missing > 0 else payload)
+        return self._read(payload + _ZEROS[:missing] if missing > 0 else payload)
 
 
 class Message:
@@ -282,4 +283,4 @@ def put_knowns(payload: BytesWriter, values: tuple[float, ...], length: int, per
 
 def put_zeros(payload: BytesWriter, count: int) -> None:
     """Append zeros: of fields that nothing here needs."""
-    payload.write(bytes(count))
+    payload.write(_ZEROS[:count])

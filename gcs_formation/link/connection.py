@@ -27,6 +27,8 @@ ALL_LOST: Final = 1e-6
 """On a lossy link it takes longer: until losing all heartbeats that were due is less probable than this."""
 MAX_REMOTES: Final = 1024
 """Parsers that are kept. The remote silent longest is forgotten first, so strangers can't fill the memory."""
+MANY_REMOTES: Final = MAX_REMOTES // 2
+"""From here on they are kept in the order in which they were heard."""
 
 
 @dataclass
@@ -190,7 +192,7 @@ class Receiver:
             parser = self._parsers[remote] = StreamParser()
             if len(self._parsers) > MAX_REMOTES:
                 self._forgotten += self._parsers.popitem(last=False)[1].counts
-        else:
+        elif len(self._parsers) > MANY_REMOTES:
             self._parsers.move_to_end(remote)
         return parser.feed(datagram.data)
 

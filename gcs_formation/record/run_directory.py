@@ -5,10 +5,11 @@ from __future__ import annotations
 import fcntl
 import json
 import math
-import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO, Final, NamedTuple, TextIO
+
+from librt.strings import BytesWriter, read_i64_be, write_i64_be
 
 from airlink.cli.commands import RUN, refusal
 from airlink.clock import NANOSECONDS, Instant
@@ -19,8 +20,8 @@ from gcs_formation.errors import RecordError
 from gcs_formation.record.timeseries import TickSpool, spools
 from gcs_formation.recorder import Event, Tick
 
-_STAMP: Final = struct.Struct(">Q")
-_pack: Final = _STAMP.pack
+_STAMP_BYTES: Final = 8
+"""Before each frame: microseconds since 1970, of 64 bits, the highest byte first."""
 SCENARIO = RUN
 TLOG = "flight.tlog"
 EVENTS = "events.jsonl"
@@ -50,17 +51,18 @@ class TlogWriter:
     def __init__(self, path: Path, epoch_us: int) -> None:
         """Create the file, or go on after its last whole frame; `epoch_us`: instant 0, microseconds since 1970."""
         self._file: BinaryIO = path.open("ab")
-        self._file.truncate(sum(_STAMP.size + len(frame.raw) for frame in read_tlog(path)))
+        self._file.truncate(sum(_STAMP_BYTES + len(frame.raw) for frame in read_tlog(path)))
         self._epoch_us = epoch_us
-        self._waiting: list[bytes] = []
+        self._waiting = BytesWriter()
 
     def write(self, now: Instant, raw: bytes) -> None:
         """Append a frame; it waits for `flush`."""
-        self._waiting += (_pack(self._epoch_us + now // 1000), raw)
+        write_i64_be(self._waiting, self._epoch_us + now // 1000)
+        self._waiting.write(raw)
 
     def flush(self) -> None:
         """Write what is waiting to the operating system, so that a crash of this process loses nothing of it."""
-        data, self._waiting = b"".join(self._waiting), []
+        data, self._waiting = self._waiting.getvalue(), BytesWriter()
         self._file.write(data)
         self._file.flush()
 
@@ -76,12 +78,12 @@ def read_tlog(path: Path) -> Iterator[LoggedFrame]:
     """Yield a log's frames up to its end, or to where it was cut off."""
     data = path.read_bytes()
     begin = 0
-    while begin + _STAMP.size < len(data):
-        frame = begin + _STAMP.size
+    while begin + _STAMP_BYTES < len(data):
+        frame = begin + _STAMP_BYTES
         end = frame + frame_length(data, frame)
         if end == frame or end > len(data):
             return
-        yield LoggedFrame(_STAMP.unpack_from(data, begin)[0], data[frame:end])
+        yield LoggedFrame(read_i64_be(data, begin), data[frame:end])
         begin = end
 
 
