@@ -106,11 +106,6 @@ class FlightStates(Columns):
         """Velocity over ground, north and east, (2, N)."""
         return self.airspeed_mps * np.array((np.cos(self.heading_rad), np.sin(self.heading_rad))) + self.wind_mps
 
-    def places_after(self, seconds: Array) -> Array:
-        """Return where vehicles are after flying straight on for (N,) seconds: (N, 3) north, east, height in m."""
-        velocity_mps = np.array((*self.ground_mps, self.climb_mps))
-        return (self.place_m + seconds * velocity_mps).T
-
     def turned(self, turn_rps: Array, over_s: Array) -> FlightStates:
         """Return these states, reached by flying straight, as if the vehicles had turned at a constant rate instead.
 
