@@ -49,7 +49,8 @@ class FormationController:
         """Take law, model, path and slots from the scenario."""
         self.guidance = parameters.leader_guidance(scenario)
         self.plan = FormationPlan(scenario)
-        self._scenario = scenario
+        self._virtual = scenario.leader is None
+        self._steps, self._tolerance_m = scenario.path.steps, scenario.start.tolerance_m
         self._dt_s = 1.0 / scenario.law.rate_hz
         self._compensates = scenario.law.delay_compensation
         self._gains_change = 1.0 - math.exp(-self._dt_s / GAINS_CHANGE_S)
@@ -57,7 +58,7 @@ class FormationController:
         self.models = parameters.autopilot_models(scenario)
         """The autopilot model of every column; its lags follow what the vehicles fly."""
         self._law = law_kind(scenario).make(scenario, self.models)
-        self._leader_amid = scenario.leader is None and law_kind(scenario).mutual
+        self._leader_amid = self._virtual and law_kind(scenario).mutual
         self._clearance = parameters.slot_clearance(scenario)
         self.history = SetpointHistory(scenario.law.rate_hz)
         """The setpoints that were sent, and when each acts."""
@@ -141,11 +142,11 @@ class FormationController:
             heights_m: (C,) commanded instead of the law's at the end of a flight; NaN where there is none.
         """
         assembled = self._in_slots_s >= ASSEMBLED_S or begin_regardless
-        if self._scenario.leader is None:
+        if self._virtual:
             self._place_virtual_leader(now)
         acts = self._acts(now, links)
         tick = self.blank_tick(now, mission_time_s, phase, links, margin_used)
-        self.lags.learn([active and not link.disobeying for active, link in zip(tick.active, links, strict=True)])
+        self.lags.learn([tick.active[column] and not link.disobeying for column, link in enumerate(links)])
         self.history.begin(acts)
         if not tick.active[tick.leader]:
             tick.active = [False] * self._columns
@@ -173,7 +174,7 @@ class FormationController:
     ) -> Tick:
         """Return a tick at which nothing is commanded yet, as `step`'s begins."""
         age_s = [self.estimator.age_s(column, now) for column in range(self._columns)]
-        active = [link.ready and not math.isnan(age) for link, age in zip(links, age_s, strict=True)]
+        active = [link.ready and not math.isnan(age_s[column]) for column, link in enumerate(links)]
         return Tick(now, mission_time_s, phase, self.plan.leader, links, age_s, list(margin_used), active)
 
     def _acts(self, now: Instant, links: list[VehicleLink]) -> list[int]:
@@ -200,9 +201,12 @@ class FormationController:
 
     def _lead_bandwidth(self, wanted: list[list[float]]) -> None:
         """Lead the loops' bandwidth slowly to the one that is wanted."""
-        for shares, goals in zip(self._bandwidth, wanted, strict=True):
+        for column, shares in enumerate(self._bandwidth):
+            goals = wanted[column]
             for channel in range(CHANNELS):
-                shares[channel] += self._gains_change * (goals[channel] - shares[channel])
+                share = shares[channel]
+                if share != goals[channel]:
+                    shares[channel] = share + self._gains_change * (goals[channel] - share)
 
     def _by_law(self, tick: Tick, states: States, lead: Lead) -> None:
         """Put the law's setpoints into a tick, and what led to them."""
@@ -257,8 +261,8 @@ class FormationController:
         ahead_s = (at - self.estimator.filters[tick.leader].stamp) / NANOSECONDS
         guided, rates = self._leader_wind.guided(state, ahead_s)
         wanted = self.guidance.steer(guided, model, assembled=assembled)
-        if self._scenario.path.steps:
-            speed_mps, heading_rad, height_m = added(self._scenario.path.steps, tick.mission_time_s)
+        if self._steps:
+            speed_mps, heading_rad, height_m = added(self._steps, tick.mission_time_s)
             wanted.speed_mps += speed_mps
             wanted.heading_rad += heading_rad
             wanted.height_m += height_m
@@ -312,7 +316,7 @@ class FormationController:
         tick.error_m = [NOTHING] * self._columns
 
     def _judge_assembly(self, tick: Tick) -> None:
-        most_m = self._scenario.start.tolerance_m
+        most_m = self._tolerance_m
         if not self.plan.settled(tick.now / NANOSECONDS):
             self._in_slots_s = 0.0
             return

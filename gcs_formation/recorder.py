@@ -5,16 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Final, Protocol
+from typing import Protocol
 
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
 from flight_model.autopilot import FlightState
 from flight_model.slot import NOTHING, Triple
+from gcs_formation.control.fuzzy_pid import NO_GAINS, Gains
 from gcs_formation.vehicle.vehicle import Vehicle
 
-GAINS: Final = 9
-"""k_p, k_i, k_d of three channels."""
 Detail = str | int | float | bool | None
 GiveUp = Callable[[str, Instant], None]
 """Ends a run that can't go on, with the reason."""
@@ -134,7 +133,7 @@ class Tick:
         """Slots, errors and mixed errors, forward, right and up; NaN for the leader."""
         self.error_m: list[Triple] = [NOTHING] * count
         self.mixed: list[Triple] = [NOTHING] * count
-        self.gains: list[tuple[float, ...]] = [(math.nan,) * GAINS] * count
+        self.gains: list[Gains] = [NO_GAINS] * count
         """k_p of the three channels, k_i, k_d; NaN for the leader."""
 
 

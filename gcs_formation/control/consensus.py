@@ -24,12 +24,10 @@ from flight_model.slot import NOTHING, Slot, Triple
 from formation_scenario.formation import Frame
 from gcs_formation.control.feed_forward import Axes, Envelope, LeaderMotion, feed_forward
 from gcs_formation.control.follower import LawParameters
-from gcs_formation.control.fuzzy_pid import Gains
+from gcs_formation.control.fuzzy_pid import NO_GAINS
 from gcs_formation.control.mixer import Target, formation_error, slot_target
 from gcs_formation.control.situation import Decided, Law, Lead, Situation
 from gcs_formation.estimation.estimator import LEAST_AIRSPEED_MPS
-
-NO_GAINS: Gains = (*NOTHING, *NOTHING, *NOTHING)
 
 
 @dataclass(frozen=True)

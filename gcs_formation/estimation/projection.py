@@ -174,7 +174,8 @@ class Sampled:
         self.carried_east_m = [0.0] * len(stamps)
         if before is None:
             return
-        for vehicle, (then, now) in enumerate(zip(before.states, states, strict=True)):
+        for vehicle, now in enumerate(states):
+            then = before.states[vehicle]
             half_s = (stamps[vehicle] - before.stamps[vehicle]) / NANOSECONDS / 2.0
             north_m = half_s * (then.wind_north_mps + now.wind_north_mps)
             self.carried_north_m[vehicle] = before.carried_north_m[vehicle] + north_m

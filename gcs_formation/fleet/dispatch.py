@@ -22,7 +22,7 @@ HOLD_MAX_S: Final = 1.0
 """Longest time for which the leader's setpoints are held back."""
 UNGUIDED_S: Final = 2.0
 """For how long setpoints may be missing before a vehicle counts as left alone."""
-NEVER: Final = Instant(2**63 - 1)
+NEVER: Final = Instant(2**62 - 1)
 HEARTBEAT_S: Final = 1.0
 PROBE_S: Final = 0.25
 GOLDEN: Final = (math.sqrt(5) - 1) / 2

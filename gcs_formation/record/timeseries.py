@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import json
-import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.parquet as pq
+from librt.strings import BytesWriter, write_f64_le
 
 from airlink.clock import NANOSECONDS
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Mask
+from flight_model.slot import Triple
 from gcs_formation.errors import RecordError
 from gcs_formation.recorder import Tick
 
@@ -58,14 +59,13 @@ WAITING_TICKS = 64
 """Most ticks that wait to be written."""
 SPOOLED = ("phase", *MEASURED)
 """What a spool has of each vehicle at a tick."""
-_pack_row: Final = struct.Struct(f"{len(SPOOLED)}d").pack
 
 
 class TickSpool:
     """Appends ticks to a file that can be read up to its last whole tick, also after a crash.
 
-    A line of JSON names the vehicles and `SPOOLED`; what follows are 64-bit floats, tick after tick: for each vehicle a
-    number for each of those.
+    A line of JSON names the vehicles and `SPOOLED`; what follows are 64-bit floats, the lowest byte first, tick after
+    tick: for each vehicle a number for each of those.
     """
 
     def __init__(self, path: Path, columns: Sequence[VehicleId | None]) -> None:
@@ -74,7 +74,7 @@ class TickSpool:
         `columns` names the vehicle of each of a tick's columns, None for a virtual leader.
         """
         self._flying = [i for i, vehicle in enumerate(columns) if vehicle is not None]
-        self._waiting, self._count = list[bytes](), 0
+        self._waiting, self._count = BytesWriter(), 0
         self._file = path.with_name(f"{path.name}{_suffix(len(spools(path)))}").open("wb")
         vehicles = [[each.network, each.system] for each in columns if each is not None]
         self._file.write(json.dumps({"vehicles": vehicles, "values": SPOOLED}).encode() + b"\n")
@@ -83,7 +83,7 @@ class TickSpool:
     def add(self, tick: Tick) -> None:
         """Append a tick."""
         for column in self._flying:
-            self._waiting.append(_pack_row(*_row(tick, column)))
+            _write(self._waiting, tick, column)
         self._count += 1
         if self._count == WAITING_TICKS:
             self.flush()
@@ -91,8 +91,8 @@ class TickSpool:
     def flush(self) -> None:
         """Write what is waiting."""
         if self._count:
-            self._file.write(b"".join(self._waiting))
-            self._waiting, self._count = [], 0
+            self._file.write(self._waiting.getvalue())
+            self._waiting, self._count = BytesWriter(), 0
             self._file.flush()
 
     def close(self) -> None:
@@ -132,7 +132,7 @@ def _read_part(path: Path) -> dict[str, Array]:
         raise RecordError(f"found other values than this version's in {path}; allowed: a record of this version")
     vehicles = np.array(named["vehicles"], dtype=np.int32).reshape(-1, 2)
     ticks = len(data) // max(1, 8 * len(SPOOLED) * len(vehicles))
-    numbers = np.frombuffer(data, count=ticks * len(SPOOLED) * len(vehicles))
+    numbers = np.frombuffer(data, dtype="<f8", count=ticks * len(SPOOLED) * len(vehicles))
     rows = numbers.reshape(ticks * len(vehicles), len(SPOOLED)).T.copy()
     network, system = np.tile(vehicles, (ticks, 1)).T
     return {"network": network, "vehicle": system} | dict(zip(SPOOLED, rows, strict=True))
@@ -174,30 +174,42 @@ def flying(columns: Mapping[str, Array]) -> Mask:
     return columns["phase"] == PHASES.index("flying")
 
 
-def _row(tick: Tick, column: int) -> tuple[float, ...]:
-    """Return a vehicle's values of `SPOOLED` at a tick."""
+def _write(to: BytesWriter, tick: Tick, column: int) -> None:
+    """Write a vehicle's values of `SPOOLED` at a tick."""
+    write_f64_le(to, float(PHASES.index(tick.phase)))
+    write_f64_le(to, tick.now / NANOSECONDS)
+    write_f64_le(to, tick.mission_time_s)
+    state = tick.state[column]
+    _write_three(to, (state.north_m, state.east_m, state.height_m))
+    _write_three(to, (state.climb_mps, state.airspeed_mps, state.heading_rad))
+    write_f64_le(to, state.wind_north_mps)
+    write_f64_le(to, state.wind_east_mps)
+    _write_three(to, tick.setpoints[column])
+    _write_link(to, tick, column)
+    _write_three(to, tick.slots_m[column])
+    _write_three(to, tick.error_m[column])
+    _write_three(to, tick.mixed[column])
+    gains = tick.gains[column]
+    _write_three(to, (gains[0], gains[1], gains[2]))
+    _write_three(to, (gains[3], gains[4], gains[5]))
+    _write_three(to, (gains[6], gains[7], gains[8]))
+
+
+def _write_link(to: BytesWriter, tick: Tick, column: int) -> None:
     link = tick.links[column]
-    return (
-        PHASES.index(tick.phase),
-        tick.now / NANOSECONDS,
-        tick.mission_time_s,
-        *tick.state[column].values(),
-        *tick.setpoints[column],
-        tick.age_s[column],
-        link.delay_s,
-        link.up_s,
-        link.down_s,
-        link.jitter_s,
-        tick.margin_used[column],
-        tick.active[column],
-        column == tick.leader,
-        tick.yielding[column],
-        link.airborne,
-        *tick.slots_m[column],
-        *tick.error_m[column],
-        *tick.mixed[column],
-        *tick.gains[column],
-    )
+    write_f64_le(to, tick.age_s[column])
+    _write_three(to, (link.delay_s, link.up_s, link.down_s))
+    write_f64_le(to, link.jitter_s)
+    write_f64_le(to, tick.margin_used[column])
+    for flag in (tick.active[column], column == tick.leader, tick.yielding[column], link.airborne):
+        write_f64_le(to, 1.0 if flag else 0.0)
+
+
+def _write_three(to: BytesWriter, values: Triple) -> None:
+    first, second, third = values
+    write_f64_le(to, first)
+    write_f64_le(to, second)
+    write_f64_le(to, third)
 
 
 @dataclass(frozen=True)
