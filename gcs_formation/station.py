@@ -130,7 +130,8 @@ class Station:
         """Return the instant of the next tick, probe or delayed setpoint; None when the run has ended."""
         if self.flight.ended:
             return None
-        return min(min(self._next_tick, self._heartbeats.next_probe), self._dispatch.due)  # noqa: PLW3301 - compiled, two are compared at once
+        soonest = min(self._next_tick, self._heartbeats.next_probe)
+        return min(soonest, self._dispatch.due)
 
     def receive(self, datagram: Datagram, now: Instant) -> None:
         """Take a datagram: pass its frames to their vehicles, and count the rest."""

@@ -16,6 +16,9 @@ from formation_scenario.formation import Frame
 
 TRAIL_S: Final = 1.36
 """Least time behind the leader that the heading's gains are for in the follower's own frame: 30 m at 22 m/s."""
+asin: Final = math.asin
+atan2: Final = math.atan2
+hypot: Final = math.hypot
 
 
 @dataclass(frozen=True)
@@ -76,8 +79,8 @@ def slot_target(
     if frame == "leader_heading":
         forward_mps = v1 + turn_rps * y_rc - drift_x_mps + slot.forward_mps
         right_mps = -turn_rps * x_rc - drift_y_mps + slot.right_mps
-        return Target(math.hypot(forward_mps, right_mps), leader.heading_rad + math.atan2(right_mps, forward_mps))
-    off_rad = math.asin(within((turn_rps * x_rc + drift_y_mps - slot.right_mps) / v1, -1.0, 1.0))
+        return Target(hypot(forward_mps, right_mps), leader.heading_rad + atan2(right_mps, forward_mps))
+    off_rad = asin(within((turn_rps * x_rc + drift_y_mps - slot.right_mps) / v1, -1.0, 1.0))
     speed_mps = v1 * math.cos(off_rad) + turn_rps * y_rc - drift_x_mps + slot.forward_mps
     return Target(speed_mps, leader.heading_rad - off_rad)
 

@@ -105,8 +105,16 @@ class Sample:
 
     def values(self, least_mps: float) -> Values:
         """Return what was measured, in the order of the constructor's arguments; the airspeed no less than a limit."""
-        over_ground = self.north_m, self.east_m, self.height_m, self.north_mps, self.east_mps, self.climb_mps
-        return (*over_ground, max(self.airspeed_mps, least_mps), self.heading_rad)
+        return (
+            self.north_m,
+            self.east_m,
+            self.height_m,
+            self.north_mps,
+            self.east_mps,
+            self.climb_mps,
+            max(self.airspeed_mps, least_mps),
+            self.heading_rad,
+        )
 
 
 class VehicleFilter:

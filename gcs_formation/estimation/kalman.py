@@ -291,8 +291,16 @@ def expected(state: FlightState) -> Values:
     """Return the sample that a vehicle in `state` would give: north, east, height, their rates, airspeed, heading."""
     north_mps = state.airspeed_mps * math.cos(state.heading_rad) + state.wind_north_mps
     east_mps = state.airspeed_mps * math.sin(state.heading_rad) + state.wind_east_mps
-    over_ground = state.north_m, state.east_m, state.height_m, north_mps, east_mps, state.climb_mps
-    return (*over_ground, state.airspeed_mps, state.heading_rad)
+    return (
+        state.north_m,
+        state.east_m,
+        state.height_m,
+        north_mps,
+        east_mps,
+        state.climb_mps,
+        state.airspeed_mps,
+        state.heading_rad,
+    )
 
 
 def innovation(sample: Values, state: FlightState) -> Values:

@@ -6,11 +6,11 @@ import math
 from typing import Final
 
 import numpy as np
-from librt.vecs import append, vec
+from librt.vecs import vec
 
 from airlink.clock import NANOSECONDS
 from flight_model.arrays import Array
-from flight_model.autopilot import AutopilotModel, FlightState, climb_by, respond_in_air, within, wrap
+from flight_model.autopilot import AutopilotModel, FlightState, climb_by, respond_in_air, squared, within, wrap
 from flight_model.slot import Triple
 
 FREE: Final = 0.6
@@ -185,9 +185,10 @@ class Bank:
             off_m += abs(height_m - state.height_m)
             slow, fast = lags.slow[node], lags.fast[node]
             climb_by(state, most_mps, height_m, time_s, each_s[slow], each_s[fast], left[slow], left[fast])
-        self._off_mps = max(self._off_mps, off_mps / len(self._air))
-        self._off_rad = max(self._off_rad, off_rad / len(self._air))
-        self._off_m = max(self._off_m, off_m / len(states))
+        of_air, of_height = float(len(self._air)), float(len(states))
+        self._off_mps = max(self._off_mps, off_mps / of_air)
+        self._off_rad = max(self._off_rad, off_rad / of_air)
+        self._off_m = max(self._off_m, off_m / of_height)
 
 
 class HeightLags:
@@ -226,44 +227,42 @@ class Nodes:
         self._terms = vec[float](terms)
         """(n, n) coefficients, the highest power's first, of the polynomials that are 1 at one point, 0 at the rest."""
 
-    def weights(self, log_ratio: list[float], to: vec[float]) -> vec[float]:
-        """Return `to` with (P + 2, K + 1) more at its end.
+    def weigh(self, log_ratio: list[float], to: vec[float], place: int) -> None:
+        """Put (P + 2, K + 1) in a row of zeros from a place on.
 
         These are weights of the simulations, and of 1, at `log_ratio` (P), their derivatives, and 1.
         """
+        size = len(self.at) + 1
         first, by_first = self._of_one(log_ratio[0])
-        if self.parameters == 1:
-            to = _with_products(to, first, self._alone)
-            to = _with_products(to, by_first, self._alone)
-        else:
+        second, by_second = self._alone, self._alone
+        if self.parameters > 1:
             second, by_second = self._of_one(log_ratio[1])
-            to = _with_products(to, first, second)
-            to = _with_products(to, by_first, second)
-            to = _with_products(to, first, by_second)
-        for _ in self.at:
-            to = append(to, 0.0)
-        return append(to, 1.0)
+        _put_products(to, place, first, second)
+        _put_products(to, place + size, by_first, second)
+        if self.parameters > 1:
+            _put_products(to, place + 2 * size, first, by_second)
+        to[place + (self.parameters + 2) * size - 1] = 1.0
 
     def _of_one(self, log_ratio: float) -> tuple[vec[float], vec[float]]:
         """Return the weights (n) for one parameter, and their derivatives."""
-        weights = vec[float]()
-        slopes = vec[float]()
-        for place in range(0, len(self._terms), self._count):
+        weights, slopes, term = vec[float]([0.0] * self._count), vec[float]([0.0] * self._count), 0
+        for point in range(self._count):
             weight = slope = 0.0
-            for power in range(self._count):
+            for _ in range(self._count):
                 slope = slope * log_ratio + weight
-                weight = weight * log_ratio + self._terms[place + power]
-            weights = append(weights, weight)
-            slopes = append(slopes, slope)
+                weight = weight * log_ratio + self._terms[term]
+                term += 1
+            weights[point] = weight
+            slopes[point] = slope
         return weights, slopes
 
 
-def _with_products(to: vec[float], rows: vec[float], columns: vec[float]) -> vec[float]:
-    """Return `to` with all products of two lists' numbers at its end, those of the first of `rows` first, and 0."""
+def _put_products(to: vec[float], place: int, rows: vec[float], columns: vec[float]) -> None:
+    """Put all products of two lists' numbers in a row, those of the first of `rows` first."""
     for row in rows:
         for column in columns:
-            to = append(to, row * column)
-    return append(to, 0.0)
+            to[place] = row * column
+            place += 1
 
 
 class Channel:
@@ -309,25 +308,26 @@ class Channel:
 
     def _weights(self) -> Array:
         """Return (1 or 2, C, P + 2, K + 1): weights at the lags found, and at those in use where they aren't these."""
-        weights = vec[float]()
-        for log_ratio in self.log_ratio:
-            weights = self.nodes.weights(log_ratio, weights)
-        if not self._in_use:
-            for log_ratio in self.log_ratio:
-                weights = self.nodes.weights([0.0] * len(log_ratio), weights)
-        return _table(weights, -1, len(self.log_ratio), self.nodes.parameters + 2, self._size)
+        rows, columns = self.nodes.parameters + 2, len(self.log_ratio)
+        each = rows * self._size
+        weights = vec[float]([0.0] * ((1 if self._in_use else 2) * columns * each))
+        for column, log_ratio in enumerate(self.log_ratio):
+            self.nodes.weigh(log_ratio, weights, column * each)
+            if not self._in_use:
+                self.nodes.weigh([0.0] * self.nodes.parameters, weights, (columns + column) * each)
+        return _table(weights, -1, columns, rows, self._size)
 
     def _fit(self, column: int, seen: list[list[float]]) -> None:
         """Make a Gauss-Newton step towards the most likely lags, and forget what is more than enough.
 
         `seen`: the sums of products (P + 2, P + 2) of the simulation with these lags, of its derivatives, and of 1.
         """
-        log_ratio, slopes = self.log_ratio[column], range(1, len(seen) - 1)
+        log_ratio, end = self.log_ratio[column], len(seen) - 1
         variance = scatter(seen, 0, 0) / max(seen[-1][-1], 1.0) + self._least_variance
         worth = 1.0 / (variance * self._alike)
-        information = [[scatter(seen, one, other) * worth for other in slopes] for one in slopes]
+        information = [[scatter(seen, one, other) * worth for other in range(1, end)] for one in range(1, end)]
         covariance = _inverse_with(information, BELIEF)
-        pull = [-scatter(seen, slope, 0) * worth - log_ratio[slope - 1] * BELIEF for slope in slopes]
+        pull = [-scatter(seen, slope, 0) * worth - log_ratio[slope - 1] * BELIEF for slope in range(1, end)]
         most = 1.0
         for place, row in enumerate(covariance):
             wanted = 0.0
@@ -340,14 +340,13 @@ class Channel:
 
     def _judge(self, column: int, seen: list[list[float]]) -> None:
         """Find by what common share the lags in use, those of `seen` as above, differ from those of the last flight."""
-        excitation, shown, slopes = 1e-12, 0.0, range(1, len(seen) - 1)
-        by_all = 0.0
-        for one in slopes:
+        by_all, shown, end = 0.0, 0.0, len(seen) - 1
+        for one in range(1, end):
             shown += scatter(seen, one, 0)
-            for other in slopes:
+            for other in range(1, end):
                 by_all += scatter(seen, one, other)
         excitation = max(by_all, 1e-12)
-        left = max(scatter(seen, 0, 0) - shown**2 / excitation, 0.0) / max(seen[-1][-1], 1.0)
+        left = max(scatter(seen, 0, 0) - squared(shown) / excitation, 0.0) / max(seen[-1][-1], 1.0)
         chance = math.sqrt((left + self._least_variance) * self._alike / excitation)
         self.misfit[column] = max(0.0, abs(shown) / excitation - SIGNIFICANT * chance)
 

@@ -116,14 +116,14 @@ def nobody_near(look: Look) -> bool:
 
 def _all_apart(spots: list[Spot], kept_m: float, most_m: float) -> bool:
     """Return whether all keep their distance, `kept_m`: along one axis, those beyond `most_m` need no look."""
-    along_m, order = _along_longer_side(spots)
-    for i, here in enumerate(order):
+    order = _along_longer_side(spots)
+    for i, (begin_m, here) in enumerate(order):
         one = spots[here]
         for j in range(i + 1, len(order)):
-            there = order[j]
-            other = spots[there]
-            if along_m[there] - along_m[here] > most_m:
+            at_m, there = order[j]
+            if at_m - begin_m > most_m:
                 break
+            other = spots[there]
             needed_m = kept_m + (one.off_s + other.off_s) * (one.fast_mps + other.fast_mps) + one.far_m + other.far_m
             ahead_m, aside_m = other.north_m - one.north_m, other.east_m - one.east_m
             if not ahead_m * ahead_m + aside_m * aside_m >= needed_m * needed_m:
@@ -131,8 +131,14 @@ def _all_apart(spots: list[Spot], kept_m: float, most_m: float) -> bool:
     return True
 
 
-def _along_longer_side(spots: list[Spot]) -> tuple[list[float], list[int]]:
-    """Return where spots are along the axis on which they are farther apart, and their order along it."""
-    north, east = [spot.north_m for spot in spots], [spot.east_m for spot in spots]
-    along = north if max(north) - min(north) >= max(east) - min(east) else east
-    return along, sorted(range(len(along)), key=along.__getitem__)
+def _along_longer_side(spots: list[Spot]) -> list[tuple[float, int]]:
+    """Return where spots are along the axis on which they are farther apart, in order, and which they are."""
+    south = north = spots[0].north_m
+    west = east = spots[0].east_m
+    for spot in spots:
+        south, north = min(south, spot.north_m), max(north, spot.north_m)
+        west, east = min(west, spot.east_m), max(east, spot.east_m)
+    northwards = north - south >= east - west
+    order = [(spot.north_m if northwards else spot.east_m, place) for place, spot in enumerate(spots)]
+    order.sort()
+    return order
