@@ -23,10 +23,11 @@ from gcs_formation.vehicle.vehicle import UNANSWERED_S, Member, Vehicle
 CHECK_S: Final = 0.4
 WINDOW_S: Final = 3.2
 """Length of the window over which motion is compared."""
-WINDOW_CHECKS = round(WINDOW_S / CHECK_S)
+WINDOW_CHECKS: Final = round(WINDOW_S / CHECK_S)
 SETTLED_S: Final = WINDOW_S + 1.0
 """A vehicle is judged once it has been commanded, and has acknowledged setpoints, for this long."""
-CLIMBING_MPS, LEVELS_OUT_S = 1.0, 30.0
+CLIMBING_MPS: Final = 1.0
+LEVELS_OUT_S: Final = 30.0
 """Airspeed and height of one that climbed, or sank, faster when it was taken over, after so long: an aircraft that
 levels out of its climb trades speed for height, and its throttle lags."""
 LEAST_CHANGE = (1.0, 0.04, 1.5)
@@ -37,16 +38,21 @@ FAST_SHARE: Final = 0.9
 """Share of the highest airspeed above which climbs aren't judged: hardly any power is left for them."""
 RISING_AIR_MPS: Final = 1.5
 """Vertical air motion that may keep a vehicle from its height, and that telemetry doesn't show."""
-AIR_SIGMAS, AIR_MEMORY_S = 4.0, 60.0
+AIR_SIGMAS: Final = 4.0
+AIR_MEMORY_S: Final = 60.0
 """If that is more, so many standard deviations of what a vehicle has shown of it within about that time."""
 MISSED_SHARE: Final = 0.75
 """A vehicle that falls short by more isn't following. One that does, as the model says, falls short by 0.3 at most, or
 overshoots; a real one, whose turns begin 0.6 s later than the model's, by 0.65 at the beginning of a bend."""
 STEP_LAG_S: Final = 4.0
 """Least time constant of an airspeed under total-energy control after a step, which its energy's rate limits."""
-CHECKS_DOUBTED, CHECKS_BROKEN, CHECKS_MENDED = 2, 4, 8
+CHECKS_DOUBTED: Final = 2
+CHECKS_BROKEN: Final = 4
+CHECKS_MENDED: Final = 8
 CHANNELS = ("airspeed", "heading", "height")
-AIRSPEED, HEADING, HEIGHT = 0, 1, 2
+AIRSPEED: Final = 0
+HEADING: Final = 1
+HEIGHT: Final = 2
 GAP_S: Final = 0.5
 """Longer gaps between acknowledgements of setpoints may mean that setpoints didn't arrive."""
 
@@ -79,8 +85,9 @@ class _Flier:
 
     def judge(self, expected: list[float], flown: list[float], settled: list[bool]) -> int | None:
         """Take the changes of the window, of channels that are judged; return the channel that newly isn't followed."""
-        kept_up = all(settled)
-        for channel, (change, seen) in enumerate(zip(expected, flown, strict=True)):
+        kept_up = settled[AIRSPEED] and settled[HEADING] and settled[HEIGHT]
+        for channel, change in enumerate(expected):
+            seen = flown[channel]
             limit, short = MISSED_SHARE * abs(change), change - seen if change > 0.0 else seen - change
             if channel == HEIGHT:
                 limit = max(limit, max(RISING_AIR_MPS, AIR_SIGMAS * math.sqrt(self.air_variance)) * self.carried_m)
@@ -138,9 +145,8 @@ class MotionConformance:
             return []
         self._next_check = Instant(now + round(CHECK_S * NANOSECONDS))
         found: list[NonConformance] = []
-        table = zip(stamps, states, settled, commanded_s, strict=True)
-        for column, (stamp, seen, judged, its_s) in enumerate(table):
-            finding = self._look(column, stamp, seen, judged, its_s)
+        for column, stamp in enumerate(stamps):
+            finding = self._look(column, stamp, states[column], settled[column], commanded_s[column])
             if finding is not None:
                 found.append(finding)
         self.broken = [flier.broken for flier in self._fliers]

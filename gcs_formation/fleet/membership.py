@@ -113,7 +113,7 @@ class Membership:
         self, scenario: Scenario, vehicles: Mapping[VehicleId, Vehicle], columns: Mapping[VehicleId, int], note: Note
     ) -> None:
         """Judge `vehicles`, the leader first; `columns` are theirs in the estimator."""
-        self._law = scenario.law
+        self._holds_delayed, self._max_age_s = scenario.law.on_delay == "hold", scenario.law.max_age_s
         self._vehicles = vehicles
         self._columns = columns
         self._note = note
@@ -196,14 +196,14 @@ class Membership:
         now: Instant,
         limit_s: float = math.inf,
     ) -> bool:
-        if self._law.on_delay == "hold" and vehicle.identity in beyond:
+        if self._holds_delayed and vehicle.identity in beyond:
             return False
         if vehicle.member is Member.HOLDING and self._circles_m is not None:
             return False
         out, link = vehicle.member is not Member.FLYING, vehicle.connection
         if link.state in WITHOUT_HEARTBEATS and (out or link.mute_s(vehicle.sequence.loss) > MUTE_S):
             return False
-        limit_s = min(self._law.max_age_s, BACK_S if out else limit_s)
+        limit_s = min(self._max_age_s, BACK_S if out else limit_s)
         if seconds_between(vehicle.heard_at(now), now) > max(limit_s, UNANSWERED_S):
             return False
         age_s = estimator.age_s(self._columns[vehicle.identity], now)

@@ -122,7 +122,7 @@ class Outlook:
     along_mps: float
     slots: Callable[[float], Array]
     """Seconds from now -> slots (N, 3)."""
-    plan: object
+    plan: Arrangement
     """Identifies the plan of the slots: a different object if the plan has changed."""
 
 
@@ -134,7 +134,7 @@ class SlotClearance:
         self._ground, self._clearance_m = ground, clearance_m
         self._bounds, self._frame = bounds, frame
         self._route: Route | None = None
-        self._plan: object = None
+        self._plan: Arrangement | None = None
         self._first, self._made_at_m = 0, 0.0
         self._control_m = np.zeros((0, 4))
         self._held = np.zeros((3, 0))
