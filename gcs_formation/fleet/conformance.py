@@ -54,7 +54,7 @@ AIRSPEED: Final = 0
 HEADING: Final = 1
 HEIGHT: Final = 2
 GAP_S: Final = 0.5
-"""Longer gaps between acknowledgements of setpoints may mean that setpoints didn't arrive."""
+"""Acknowledgements of setpoints that come later than this may mean that setpoints didn't arrive."""
 
 
 class NonConformance(NamedTuple):
@@ -236,8 +236,8 @@ class ConformanceMonitor:
         self._note = note
         self._motion = MotionConformance(scenario, controller.history)
         for vehicle in vehicles.values():
-            for run in vehicle.setpoints_taken.values():
-                run.allow(max(GAP_S, 2.5 / scenario.law.rate_hz))
+            for channel in vehicle.setpoint_channels.values():
+                channel.allow(max(GAP_S, 2.5 / scenario.law.rate_hz))
         self._unanswered = set[VehicleId]()
         """Those that were commanded and answered nothing."""
         self._commanded: dict[int, Instant] = {}
@@ -314,7 +314,7 @@ class ConformanceMonitor:
         """Return which channels of a vehicle commanded `since` then have been acknowledged for long enough."""
         if not vehicle.autopilot.setpoint_commands:
             return _settled_unanswered(vehicle, since, now)
-        runs = [vehicle.setpoints_taken[i].since(now) for i in vehicle.autopilot.setpoint_commands]
+        runs = [vehicle.setpoint_channels[i].since(now) for i in vehicle.autopilot.setpoint_commands]
         latest = after(now, -SETTLED_S)
         return [run is not None and max(since, run) <= latest for run in runs]
 

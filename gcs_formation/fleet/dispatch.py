@@ -90,9 +90,12 @@ class Dispatch:
             if usable:
                 self._guided.add(identity)
                 messages = vehicle.autopilot.setpoint(Setpoint(speed_mps, heading_rad, height_m), state)
-                self._send(vehicle, messages, after(now, hold_s) if column == tick.leader else now, now)
+                due = after(now, hold_s) if column == tick.leader else now
+                self._send(vehicle, vehicle.new_setpoints(messages, due), due, now)
+            else:
+                vehicle.forget_setpoints()
 
-    def _send(self, vehicle: Vehicle, messages: tuple[Message, ...], due: Instant, now: Instant) -> None:
+    def _send(self, vehicle: Vehicle, messages: list[Message], due: Instant, now: Instant) -> None:
         if due <= now:
             self._at_once.extend((vehicle, message) for message in messages)
         else:
@@ -125,6 +128,8 @@ class Dispatch:
     def clear(self) -> None:
         """Drop all messages that are held back: no setpoint may follow an order to loiter."""
         self._held, self._at_once, self.due = DelayQueue[tuple[Vehicle, Message]](), [], NEVER
+        for _, vehicle, _ in self._each:
+            vehicle.forget_setpoints()
         self._without.clear()
 
     def _hold_s(self, leader: int, links: list[VehicleLink]) -> float:

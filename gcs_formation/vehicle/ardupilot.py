@@ -53,6 +53,8 @@ SPEED: Final = m.MAV_CMD_GUIDED_CHANGE_SPEED
 HEADING: Final = m.MAV_CMD_GUIDED_CHANGE_HEADING
 ALTITUDE: Final = m.MAV_CMD_GUIDED_CHANGE_ALTITUDE
 AIRSPEED: Final = m.SPEED_TYPE_AIRSPEED
+RESOLUTION: Final = 0.01
+"""In m/s, m, degrees and m/s2: ArduPlane keeps speeds and heights in centimetres."""
 OF_THE_NOSE: Final = m.HEADING_TYPE_HEADING
 ALL_ROUND_DEG = 360.0 - 2.0**-16
 """The first heading that is 360 degrees as a 32-bit float."""
@@ -193,6 +195,13 @@ class ArduPlane(ArduPilot):
             self._guided(ALTITUDE, 0.0, 0.0, 0.0, setpoint.height_m + self.origin.alt_m),
             self._guided(HEADING, OF_THE_NOSE, _compass(setpoint.heading_rad), lateral_mps2),
         )
+
+    def says_nothing_new(self, command: Command, known: Command) -> bool:
+        """Return whether speed, altitude or heading stay within its resolution."""
+        if not isinstance(command, CommandInt) or not isinstance(known, CommandInt):
+            return False
+        apart = max(abs(command.param2 - known.param2), abs(command.param3 - known.param3), abs(command.z - known.z))
+        return apart <= RESOLUTION
 
     def loiter(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:  # noqa: ARG002 - it circles where it is
         """Return LOITER, then the height, since a change of mode resets heights."""

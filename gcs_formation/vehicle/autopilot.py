@@ -167,6 +167,10 @@ class Autopilot(ABC):
             return Effect("arming" if arm else "disarming", _armed, arm)
         return None
 
+    def says_nothing_new(self, command: Command, known: Command) -> bool:  # noqa: ARG002 - most must hear it again
+        """Return whether a setpoint says no more than one that the vehicle knows, by what it can tell apart."""
+        return False
+
     def mode_asked(self, command: Command) -> int | None:
         """Return the mode, as heartbeats tell it, that a command asks for; None if it asks for none."""
         return int(command.param2) if command.command == m.MAV_CMD_DO_SET_MODE else None

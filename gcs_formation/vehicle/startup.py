@@ -1,4 +1,4 @@
-"""Commands to one vehicle, repeated until acknowledged, its pilot's choice against them, and its start-up in steps.
+"""Commands and setpoints to one vehicle and their acknowledgements, its pilot's choice, and its start-up in steps.
 
 Source: MAVLink guide, "Command Protocol".
 """
@@ -23,6 +23,10 @@ TRY_AGAIN = (m.MAV_RESULT_TEMPORARILY_REJECTED, m.MAV_RESULT_FAILED)
 """Results that may change without our doing: a vehicle that can't be armed yet answers FAILED."""
 UNDER_WAY: Final = m.MAV_RESULT_IN_PROGRESS
 UP_M = 5.0
+REPEAT_S: Final = 1.0
+"""After this long a setpoint is sent again, though nothing has changed."""
+QUICKEST: Final = 0.75
+"""Share of the usual round trip that the quickest answer takes."""
 
 
 class Outcome(Enum):
@@ -115,28 +119,52 @@ class PilotsChoice:
             self.mode = None
 
 
-class UnbrokenRun:
-    """Since when something has come repeatedly, without a gap longer than `allow` does."""
+class SetpointChannel:
+    """One of the setpoints of a vehicle that acknowledges them: what was sent last, and what has been acknowledged."""
 
     def __init__(self) -> None:
-        """Start with nothing come."""
+        """Start with nothing sent."""
+        self._command: Command | None = None
+        self._sent, self._acknowledged_to = Instant(0), Instant(0)
         self._since: Instant | None = None
-        self._last = Instant(0)
-        self._gap_s = 0.0
-
-    def note(self, now: Instant) -> None:
-        """Take one that has come now."""
-        if self._since is None or seconds_between(self._last, now) > self._gap_s:
-            self._since = now
-        self._last = now
+        self._waiting: Instant | None = None
+        """Since when an acknowledgement has been waited for."""
+        self._gap_s, self._round_trip_s = 0.0, 0.0
 
     def allow(self, gap_s: float) -> None:
-        """Let gaps up to this long not break the run."""
+        """Let acknowledgements that come up to this much later than they can not break their run."""
         self._gap_s = gap_s
 
+    def sent(self, command: Command, at: Instant) -> None:
+        """Take what is sent at an instant."""
+        self._command, self._sent = command, at
+        if self._waiting is None:
+            self._waiting = at
+
+    def forget(self) -> None:
+        """Repeat whatever comes next: the vehicle may have other setpoints meanwhile."""
+        self._command = None
+
+    def acknowledged(self, now: Instant, round_trip_s: float) -> None:
+        """Take an acknowledgement: it answers what was sent a round trip ago, if nothing was lost or quicker."""
+        if self._since is None or self._is_late(now):
+            self._since = now
+        self._acknowledged_to, self._round_trip_s = after(now, -QUICKEST * round_trip_s), round_trip_s
+        self._waiting = now if self._sent > self._acknowledged_to else None
+
+    def known(self, at: Instant) -> Command | None:
+        """Return what the vehicle has acknowledged last, None if it is to be sent again at an instant in any case."""
+        if self._sent > self._acknowledged_to or seconds_between(self._sent, at) >= REPEAT_S:
+            return None
+        return self._command
+
     def since(self, now: Instant) -> Instant | None:
-        """Return when the run that goes on now began, None if there is none."""
-        return None if seconds_between(self._last, now) > self._gap_s else self._since
+        """Return since when all that was sent has been acknowledged, None if it isn't any more."""
+        return None if self._is_late(now) else self._since
+
+    def _is_late(self, now: Instant) -> bool:
+        waiting = self._waiting
+        return waiting is not None and seconds_between(waiting, now) > self._gap_s + self._round_trip_s
 
 
 @dataclass

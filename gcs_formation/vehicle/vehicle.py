@@ -13,7 +13,7 @@ from airlink.clock import NANOSECONDS, Instant, seconds_between
 from airlink.endpoint import VehicleId
 from airlink.frame import Frame, FrameWriter
 from airlink.messages import Message
-from airlink.messages.command import CommandAck
+from airlink.messages.command import CommandAck, CommandInt
 from airlink.messages.system import CurrentMode, Heartbeat, SystemTime, Timesync
 from airlink.messages.telemetry import GlobalPositionInt
 from flight_model.earth import GeodeticOrigin
@@ -23,7 +23,7 @@ from gcs_formation.link.connection import Connection, JitterMeter, LinkState, Se
 from gcs_formation.link.gnss_clock import GnssClock, StampMap
 from gcs_formation.link.source_binding import EARLY_S, LONGEST_DELAY_S, SourceBinding
 from gcs_formation.vehicle.autopilot import Autopilot, EffectWatch, Step
-from gcs_formation.vehicle.startup import CommandQueue, PilotsChoice, StartUp, TakeOff, UnbrokenRun
+from gcs_formation.vehicle.startup import CommandQueue, PilotsChoice, SetpointChannel, StartUp, TakeOff
 from gcs_formation.vehicle.telemetry import Telemetry
 
 ACCEPTED: Final = m.MAV_RESULT_ACCEPTED
@@ -83,8 +83,8 @@ class Vehicle:
         """Delays: four numbers for each answered probe: when it came back, ns; half the round trip, the way up and the
         way down, s, NaN where it isn't known how the round trip is split."""
         self.effects, self.pilots_choice = EffectWatch(), PilotsChoice()
-        self.setpoints_taken = {command: UnbrokenRun() for command in autopilot.setpoint_commands}
-        """Acknowledgements of airspeed, heading and height setpoints."""
+        self.setpoint_channels = {command: SetpointChannel() for command in autopilot.setpoint_commands}
+        """By command: airspeed, heading and height; none where nobody acknowledges setpoints."""
         self._answered: Instant | None = None
         self.take_off = TakeOff()
         self._writer = FrameWriter(STATION_SYSTEM, STATION_COMPONENT)
@@ -219,6 +219,25 @@ class Vehicle:
             heading_rad,
         )
 
+    def new_setpoints(self, messages: tuple[Message, ...], at: Instant) -> list[Message]:
+        """Return those setpoints to be sent at an instant that say more than what the vehicle has acknowledged."""
+        found: list[Message] = []
+        for message in messages:
+            channel = self.setpoint_channels.get(message.command) if isinstance(message, CommandInt) else None
+            if channel is None or not isinstance(message, CommandInt):
+                found.append(message)
+                continue
+            known = channel.known(at)
+            if known is None or not self.autopilot.says_nothing_new(message, known):
+                channel.sent(message, at)
+                found.append(message)
+        return found
+
+    def forget_setpoints(self) -> None:
+        """Repeat all setpoints: the vehicle may have others meanwhile."""
+        for channel in self.setpoint_channels.values():
+            channel.forget()
+
     def encode(self, message: Message) -> bytes:
         """Return the frame of a message to this vehicle."""
         self.frames_out += 1
@@ -288,6 +307,7 @@ class Vehicle:
         self.effects = EffectWatch()
         self.take_off = TakeOff()
         self.jitter = JitterMeter()
+        self.forget_setpoints()
         self.start_up = StartUp(self.autopilot.start_up(self.rates_hz))
 
     def _acknowledged(self, ack: CommandAck, now: Instant, _timed: bool) -> None:
@@ -298,6 +318,7 @@ class Vehicle:
         effect = self.autopilot.effect(accepted) if accepted is not None else None
         if effect is not None:
             self.effects.acknowledged(effect, self.telemetry, now)
-        setpoints = self.setpoints_taken.get(ack.command)
-        if setpoints is not None and ack.result == ACCEPTED:
-            setpoints.note(now)
+        channel = self.setpoint_channels.get(ack.command)
+        if channel is not None and ack.result == ACCEPTED:
+            one_way_s = self.clock.one_way_s
+            channel.acknowledged(now, 0.0 if math.isnan(one_way_s) else 2.0 * one_way_s)

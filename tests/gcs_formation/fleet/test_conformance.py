@@ -12,6 +12,7 @@ import pytest
 from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.endpoint import VehicleId
+from airlink.messages.command import CommandInt
 from airlink.messages.system import Heartbeat
 from flight_model.autopilot import FlightState
 from flight_model.earth import GeodeticOrigin
@@ -58,9 +59,10 @@ class Ground:
             self.controller.history.begin([now] * 3)
             self.controller.history.note([(each_mps, 0.0, 100.0) for each_mps in told_mps])
             for each in self.vehicles.values():
-                if acknowledges(at_s) or each is not self.second():
-                    for run in each.setpoints_taken.values():
-                        run.note(now)
+                for channel in each.setpoint_channels.values():
+                    channel.sent(CommandInt(1, 1, 0, 0), now)
+                    if acknowledges(at_s) or each is not self.second():
+                        channel.acknowledged(now, 0.0)
             flown = [FlightState(0.0, 0.0, 100.0, 0.0, mps, 0.0, 0.0, 0.0) for mps in (22.0, airspeed_mps(at_s), 22.0)]
             self.controller.estimator.filters = [SimpleNamespace(state=each, stamp=now) for each in flown]
             tick: Any = SimpleNamespace(active=[True, commanded(at_s), True])

@@ -30,6 +30,8 @@ def vehicle(name: str, up_s: float) -> SimpleNamespace:
         jitter=SimpleNamespace(jitter_s=0.0),
         heard_at=lambda now: now,
         autopilot=SimpleNamespace(loop_s=0.1, setpoint=lambda setpoint, _: [(name, setpoint)]),
+        new_setpoints=lambda messages, _: messages,
+        forget_setpoints=lambda: None,
     )
 
 

@@ -1,0 +1,119 @@
+"""Which setpoints are sent: those that say more than what the vehicle has acknowledged."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from airlink import mavlink as m
+from airlink.clock import Instant, after
+from airlink.endpoint import VehicleId
+from airlink.frame import Frame
+from airlink.messages.command import CommandAck, CommandInt
+from flight_model.autopilot import FlightState, Setpoint
+from flight_model.earth import GeodeticOrigin
+from gcs_formation.link.connection import Connection
+from gcs_formation.vehicle.ardupilot import ALTITUDE, HEADING, RESOLUTION, SPEED, ArduCopter, ArduPlane
+from gcs_formation.vehicle.autopilot import Autopilot
+from gcs_formation.vehicle.px4 import Px4Plane
+from gcs_formation.vehicle.startup import REPEAT_S
+from gcs_formation.vehicle.vehicle import Vehicle
+
+ORIGIN = GeodeticOrigin(0.5, 2.0, 100.0)
+START = Instant(10**10)
+STEADY = Setpoint(22.0, 0.3, 200.0)
+SOMEWHERE = FlightState(0.0, 0.0, 200.0, 0.0, 22.0, 0.3, 0.0, 0.0)
+
+
+class Told:
+    """A vehicle that is given a setpoint every 0.1 s and acknowledges what is sent."""
+
+    def __init__(self, kind: type[Autopilot] = ArduPlane) -> None:
+        self.vehicle = Vehicle(VehicleId(1, 2), kind(2, ORIGIN, 0.25), Connection(0), ORIGIN, 10.0)
+        self.now = START
+
+    def tick(self, setpoint: Setpoint = STEADY, *, answers: bool = True, later_s: float = 0.1) -> list[int]:
+        """Return the ids of the commands that are sent."""
+        messages = self.vehicle.autopilot.setpoint(setpoint, SOMEWHERE)
+        sent = [each.command for each in self.vehicle.new_setpoints(messages, self.now) if isinstance(each, CommandInt)]
+        for command in sent if answers else ():
+            self.acknowledge(command)
+        self.now = after(self.now, later_s)
+        return sent
+
+    def acknowledge(self, command: int, result: int = m.MAV_RESULT_ACCEPTED) -> None:
+        answer = CommandAck(command, result, 0, 0, 255, 190)
+        self.vehicle.take(Frame(2, 1, 0, m.MAVLINK_MSG_ID_COMMAND_ACK, 2, answer, b""), self.now)
+
+
+def test_what_is_acknowledged_is_repeated_after_a_second():
+    told = Told()
+    assert sorted(told.tick()) == sorted((SPEED, HEADING, ALTITUDE))
+    between = [told.tick() for _ in range(round(10 * REPEAT_S) - 1)]
+    assert between == [[]] * len(between)
+    assert sorted(told.tick()) == sorted((SPEED, HEADING, ALTITUDE))
+
+
+@pytest.mark.parametrize(
+    ("changed", "command"),
+    [
+        (Setpoint(22.0 + 2 * RESOLUTION, 0.3, 200.0), SPEED),
+        (Setpoint(22.0, 0.3 + math.radians(2 * RESOLUTION), 200.0), HEADING),
+        (Setpoint(22.0, 0.3, 200.0 - 2 * RESOLUTION), ALTITUDE),
+    ],
+)
+def test_what_changes_beyond_the_resolution_is_sent(changed, command):
+    told = Told()
+    told.tick()
+    assert told.tick(changed) == [command]
+    assert told.tick(changed) == []
+
+
+def test_a_slow_change_is_sent_when_it_adds_up():
+    told = Told()
+    heights_m = [200.0 + 0.4 * RESOLUTION * tick for tick in range(6)]
+    sent = [ALTITUDE in told.tick(Setpoint(22.0, 0.3, height_m)) for height_m in heights_m]
+    assert sent == [True, False, False, True, False, False]
+
+
+def test_what_is_not_acknowledged_is_repeated_at_once():
+    told = Told()
+    assert told.tick(answers=False) == told.tick(answers=False) == told.tick()
+    assert told.tick() == []
+
+
+def test_what_is_refused_is_repeated_at_once():
+    told = Told()
+    for command in told.tick(answers=False):
+        told.acknowledge(command, m.MAV_RESULT_FAILED)
+    assert len(told.tick()) == 3
+
+
+def test_an_acknowledgement_that_is_too_early_answers_an_earlier_setpoint():
+    """Over a link of 150 ms each way an answer within 0.1 s is another's."""
+    told = Told()
+    for turn in range(3):
+        sent = after(told.now, turn - 30.0)
+        told.vehicle.clock.observe(sent, after(sent, 0.15), after(sent, 0.3))
+    assert told.vehicle.clock.one_way_s == pytest.approx(0.145)  # without a quarter of its loop of 20 ms
+    told.tick(answers=False)
+    told.acknowledge(SPEED)
+    assert SPEED in told.tick(answers=False, later_s=0.3)
+    told.acknowledge(SPEED)
+    assert SPEED not in told.tick(answers=False)
+
+
+def test_a_vehicle_that_may_have_other_setpoints_meanwhile_is_sent_all():
+    told = Told()
+    told.tick()
+    told.vehicle.forget_setpoints()
+    assert len(told.tick()) == 3
+
+
+def test_families_that_must_hear_setpoints_get_each():
+    told = Told(Px4Plane)
+    assert len(told.tick()) == len(told.tick()) == 1
+    copter = Vehicle(VehicleId(1, 2), ArduCopter(2, ORIGIN, 0.25), Connection(0), ORIGIN, 10.0)
+    messages = copter.autopilot.setpoint(STEADY, SOMEWHERE)
+    assert copter.new_setpoints(messages, START) == copter.new_setpoints(messages, START) == [*messages]
