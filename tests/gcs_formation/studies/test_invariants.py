@@ -64,8 +64,8 @@ def unacknowledged(flown: Flown) -> Flown:
 
 def test_a_sound_record_breaks_nothing(sound: Flown) -> None:
     assert broken(sound) == []
-    assert len(sound.sent) > 3 * 20 * 10
-    # Three vehicles, told speed, height and heading ten times a second for twenty seconds and more.
+    assert len(sound.sent) >= 3 * 20 * 3
+    # Three vehicles, told speed, height and heading once a second at least for twenty seconds and more.
 
 
 @pytest.mark.parametrize(
