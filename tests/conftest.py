@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 from hypothesis import settings
 
-from airlink.cli.commands import calculate_in_one_thread
+from airlink.cli.commands import OBJECTS, calculate_in_one_thread
 
 calculate_in_one_thread()  # as commands do; a third less processor time where eigenvalues are tested
 # How long an example takes says nothing on a busy machine; the same examples in every run do.
@@ -19,7 +19,7 @@ def pytest_collection_finish() -> None:
     """Look for garbage seldom, and not among what is there for good: a tenth of the time that the tests take."""
     gc.collect()
     gc.freeze()
-    gc.set_threshold(100_000)
+    gc.set_threshold(OBJECTS)
 
 
 @pytest.fixture

@@ -24,7 +24,7 @@ from airlink import clock
 
 INTERRUPTED = 130
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
-OBJECTS = 50_000
+OBJECTS = 100_000
 """Made before the next look for garbage, instead of 700: start-up, and a flight of a hundred, are a tenth quicker."""
 RUN = "run.yaml"
 """The file that makes a directory that of a run."""
