@@ -14,9 +14,9 @@ from formation_scenario.navigation import NoisyNavigation
 from formation_scenario.reconfiguration import column_models
 from formation_scenario.slot_motion import Course, SlotMotion, slot_needs
 from gcs_formation.control.laws import law_kind
-from gcs_formation.estimation import kalman
-from gcs_formation.estimation.kalman import Declared
+from gcs_formation.estimation import noise
 from gcs_formation.estimation.lags import LagEstimator
+from gcs_formation.estimation.noise import Declared
 from gcs_formation.estimation.projection import AsMeasured, Pairing, Prediction, Projection, SetpointHistory
 from gcs_formation.guidance.leader import LeaderGuidance
 from gcs_formation.guidance.slots import SlotClearance
@@ -54,16 +54,16 @@ def declared_noise(scenario: Scenario) -> Declared:
 
     Noise that several samples share can't be seen from one sample to the next, so what is declared of it is the least.
     """
-    sigma, least = np.tile(kalman.RESOLUTION, (2, 1 + len(scenario.followers), 1))
+    sigma, least = np.tile(noise.RESOLUTION, (2, 1 + len(scenario.followers), 1))
     first = 0 if scenario.leader else 1
     vehicles = [vehicle for vehicle in (scenario.leader, *scenario.followers) if vehicle is not None]
     for column, vehicle in enumerate(vehicles, first):
         if isinstance(vehicle.navigation, NoisyNavigation):
             white, shared = _noise(vehicle.navigation), _shared(vehicle.navigation, scenario.telemetry.rate_hz)
-            sigma[column] = np.maximum(shared * white, kalman.RESOLUTION)
-            least[column] = np.maximum(sigma[column] * (LEAST_OF_DECLARED if shared == 1.0 else 1.0), kalman.RESOLUTION)
+            sigma[column] = np.maximum(shared * white, noise.RESOLUTION)
+            least[column] = np.maximum(sigma[column] * (LEAST_OF_DECLARED if shared == 1.0 else 1.0), noise.RESOLUTION)
         elif vehicle.autopilot != "emulator":
-            sigma[column] = kalman.UNDECLARED
+            sigma[column] = noise.UNDECLARED
     stated = np.zeros(len(sigma), dtype=bool)
     stated[first:] = [isinstance(vehicle.navigation, NoisyNavigation) for vehicle in vehicles]
     return Declared(sigma.T.copy(), least.T.copy(), stated)

@@ -19,17 +19,24 @@ from gcs_formation.estimation.kalman import (
     WIND_EAST,
     WIND_NORTH,
     Along,
-    Declared,
     HeightCovariance,
     LevelCovariance,
-    NoiseEstimate,
-    Values,
-    VehicleNoise,
     correct_height,
     correct_level,
     innovation,
     minus,
     spreads,
+)
+from gcs_formation.estimation.noise import (
+    IMPLAUSIBLE_SIGMAS,
+    STRAYED,
+    Declared,
+    NoiseEstimate,
+    Values,
+    VehicleNoise,
+    excesses,
+    plausible,
+    weighed,
 )
 from gcs_formation.estimation.projection import SetpointHistory
 
@@ -52,13 +59,6 @@ GUST_RADPS: Final = 1.0
 lags or is off, and would show gusts that aren't there."""
 GUST_SIGMAS: Final = 4.0
 """Standard deviations of the wind that a sample tells beyond which it is a gust: believed, at once."""
-IMPLAUSIBLE_SIGMAS: Final = 3.0
-"""Standard deviations beyond which a value of a sample counts less, by the square of the excess."""
-STRAYED: Final = 1.0
-"""Added to their square, (m/s)²: what a vehicle may do between two samples that the model doesn't know of; of positions
-and heights it is by the square of the time between them."""
-STRAYED_ROUND: Final = 0.1 * 0.1
-"""The same of headings, rad²."""
 IMPLAUSIBLE_SAMPLES: Final = 5
 """So many in a row aren't outliers: somebody else flies the vehicle. Its state begins anew from the newest."""
 FORGOTTEN_S: Final = 5.0
@@ -173,12 +173,12 @@ class VehicleFilter:
             self._believe_gust(values, predicted, elapsed_s)
         own = spreads(self.level, self.height, along, variances)
         self.noise.learn(minus(difference, self._residual), own)
-        excess = _excesses(difference, own, elapsed_s)
-        self._move(predicted, along, difference, _weighed(variances, own, excess))
+        excess = excesses(difference, own, elapsed_s)
+        self._move(predicted, along, difference, weighed(variances, own, excess))
         predicted.airspeed_mps = max(predicted.airspeed_mps, _least_mps(model))
         self.state, self.stamp = predicted, stamp
         self._residual = innovation(values, predicted)
-        self._implausible = 0 if _plausible(excess) else self._implausible + 1
+        self._implausible = 0 if plausible(excess) else self._implausible + 1
         if self._implausible >= IMPLAUSIBLE_SAMPLES:
             # Whoever flies the vehicle, the wind is what it was.
             level, winds = self.level, (predicted.wind_north_mps, predicted.wind_east_mps)
@@ -330,48 +330,3 @@ class StateEstimator:
 def _least_mps(model: AutopilotModel) -> float:
     """Return what a smaller airspeed is taken as; what can stand may drift backwards."""
     return LEAST_AIRSPEED_MPS if model.speed_min_mps > 0.0 else -model.speed_max_mps
-
-
-def _excesses(difference: Values, own: Values, elapsed_s: float) -> Values:
-    """Return by how much a sample's values are off beyond what is plausible, squared; 1 for what is.
-
-    `difference`: from what is expected, of the variances `own`.
-    """
-    place = squared(elapsed_s)
-    return (
-        _excess(difference[0], own[0], place),
-        _excess(difference[1], own[1], place),
-        _excess(difference[2], own[2], place),
-        _excess(difference[3], own[3], STRAYED),
-        _excess(difference[4], own[4], STRAYED),
-        _excess(difference[5], own[5], STRAYED),
-        _excess(difference[6], own[6], STRAYED),
-        _excess(difference[7], own[7], STRAYED_ROUND),
-    )
-
-
-def _excess(difference: float, own: float, strayed: float) -> float:
-    excess = squared(difference) / (IMPLAUSIBLE_SIGMAS**2 * (own + strayed))
-    return excess if excess > 1.0 else 1.0
-
-
-def _plausible(excess: Values) -> bool:
-    a, b, c, d, e, f, g, h = excess
-    return a == b == c == d == e == f == g == h == 1.0
-
-
-def _weighed(variances: Values, own: Values, excess: Values) -> Values:
-    """Return the variances by which a sample's values are weighed.
-
-    A value that is u times too far off is given a noise that makes its innovation's variance u² times as large.
-    """
-    return (
-        variances[0] + own[0] * (excess[0] - 1.0),
-        variances[1] + own[1] * (excess[1] - 1.0),
-        variances[2] + own[2] * (excess[2] - 1.0),
-        variances[3] + own[3] * (excess[3] - 1.0),
-        variances[4] + own[4] * (excess[4] - 1.0),
-        variances[5] + own[5] * (excess[5] - 1.0),
-        variances[6] + own[6] * (excess[6] - 1.0),
-        variances[7] + own[7] * (excess[7] - 1.0),
-    )

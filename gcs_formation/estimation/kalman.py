@@ -1,10 +1,4 @@
-"""The extended Kalman filter of a vehicle's state through model (7), and how noisy its telemetry is seen to be.
-
-White noise of variance r in a sample makes the increments that the model doesn't explain alternate: successive ones
-have a covariance of -r. Gusts and lags that differ from the model's give increments that are uncorrelated or follow
-each other in sign, so they aren't taken for noise (autocovariance method: Bélanger, Automatica 10, 1974).
-
-A sample has eight values: north, east, height, their rates over ground, airspeed, heading.
+"""The extended Kalman filter of a vehicle's state through model (7).
 
 Height and climb are a filter of their own: nothing of them is in the motion over ground, nor the other way round. A
 sample's values have independent noise, so they are taken one after another, which is the same as all at once.
@@ -15,150 +9,19 @@ Source: Gelb, "Applied Optimal Estimation" (1974), chapter 6.
 from __future__ import annotations
 
 import math
-from typing import Final, NamedTuple
+from typing import Final
 
-import numpy as np
-
-from flight_model.arrays import Array, Mask
-from flight_model.autopilot import AutopilotModel, FlightState, expm1, within, wrap
+from flight_model.autopilot import AutopilotModel, FlightState, expm1, wrap
+from gcs_formation.estimation.noise import Values
 
 Level = tuple[float, float, float, float, float, float]
 """Of north, east, airspeed, heading, and the wind north and east. Compiled, it is six numbers side by side."""
-Values = tuple[float, float, float, float, float, float, float, float]
-"""Of a sample."""
-Quantities = tuple[float, float, float, float, float, float]
-"""Of `QUANTITIES`."""
-QUANTITIES: Final = ("position", "height", "velocity", "climb", "airspeed", "heading")
-"""What has a noise of its own. North and east count as one quantity."""
-RESOLUTION = np.array((0.003, 0.001, 0.003, 0.003, 0.0001, 0.00002))
-"""Least standard deviations, m, m/s and rad: rounding by 1e-7 degrees, 1 mm and 1 cm/s; the last two are floats."""
-UNDECLARED = np.array((0.3, 0.3, 0.1, 0.1, 0.3, 0.01))
-"""Where nothing is declared: the noise that a real autopilot's estimates begin with here."""
-MOST_M2: Final = 30.0 * 30.0
-"""Largest variance of positions and heights; what is noisier isn't telemetry of a flight in formation."""
-MOST_MPS2: Final = 5.0 * 5.0
-"""The same of velocities and climbs, (m/s)²."""
-MOST_AIR_MPS2: Final = 10.0 * 10.0
-"""The same of airspeeds."""
-MOST_RAD2: Final = 0.5 * 0.5
-"""The same of headings."""
-MEMORY: Final = 100.0
-"""Samples over which the mean is taken."""
-FIRST_MEMORY: Final = 20.0
-"""The same at the start, of a vehicle's first sample."""
-CLIPPED_AT: Final = 2.0
-"""Standard deviations at which an increment counts no more than that: an outlier isn't noise."""
 NORTH: Final = 0
 EAST: Final = 1
 SPEED: Final = 2
 HEADING: Final = 3
 WIND_NORTH: Final = 4
 WIND_EAST: Final = 5
-
-
-class Declared(NamedTuple):
-    """What the vehicles' noise is said to be: standard deviations (6, C) in the order of `QUANTITIES`."""
-
-    sigma: Array
-    least: Array
-    """Lower bounds of the estimates."""
-    stated: Mask | bool = True
-    """(C,) whether the scenario says so."""
-
-
-class VehicleNoise:
-    """The variances of one vehicle's telemetry."""
-
-    __slots__ = ("_before", "_declared", "_least", "by_quantity", "samples", "values")
-
-    def __init__(self, declared: Quantities, least: Quantities) -> None:
-        """Start from what is declared; both are variances."""
-        self._declared = declared
-        self._least = least
-        self.begin()
-
-    def begin(self) -> None:
-        """Start again from what is declared."""
-        self.by_quantity = self._declared
-        self.values: Values = _by_value(self._declared)
-        """Of each value of a sample."""
-        self._before: Values = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-        self.samples = 0.0
-
-    def learn(self, increments: Values, spread: Values) -> None:
-        """Take the increments of a sample's values that the model doesn't explain.
-
-        Args:
-            increments: innovation minus the residual of the sample before.
-            spread: variances of the innovations.
-        """
-        now, before, known, least = (
-            _clipped(increments, spread, self.values),
-            self._before,
-            self.by_quantity,
-            self._least,
-        )
-        self._before = now
-        self.samples += 1.0
-        share = 1.0 / min(self.samples + FIRST_MEMORY, MEMORY)
-        place = (0.0 - now[0] * before[0] - now[1] * before[1]) / 2.0
-        velocity = (0.0 - now[3] * before[3] - now[4] * before[4]) / 2.0
-        self.by_quantity = (
-            within(known[0] + share * (place - known[0]), least[0], MOST_M2),
-            within(known[1] + share * (0.0 - now[2] * before[2] - known[1]), least[1], MOST_M2),
-            within(known[2] + share * (velocity - known[2]), least[2], MOST_MPS2),
-            within(known[3] + share * (0.0 - now[5] * before[5] - known[3]), least[3], MOST_MPS2),
-            within(known[4] + share * (0.0 - now[6] * before[6] - known[4]), least[4], MOST_AIR_MPS2),
-            within(known[5] + share * (0.0 - now[7] * before[7] - known[5]), least[5], MOST_RAD2),
-        )
-        self.values = _by_value(self.by_quantity)
-
-
-def _by_value(quantities: Quantities) -> Values:
-    """Return for each value of a sample what is known of its quantity."""
-    place, height, velocity, climb, airspeed, heading = quantities
-    return place, place, height, velocity, velocity, climb, airspeed, heading
-
-
-def _clipped(increments: Values, spread: Values, noise: Values) -> Values:
-    """Return increments within `CLIPPED_AT` standard deviations."""
-    return (
-        _within_sigmas(increments[0], spread[0] + noise[0]),
-        _within_sigmas(increments[1], spread[1] + noise[1]),
-        _within_sigmas(increments[2], spread[2] + noise[2]),
-        _within_sigmas(increments[3], spread[3] + noise[3]),
-        _within_sigmas(increments[4], spread[4] + noise[4]),
-        _within_sigmas(increments[5], spread[5] + noise[5]),
-        _within_sigmas(increments[6], spread[6] + noise[6]),
-        _within_sigmas(increments[7], spread[7] + noise[7]),
-    )
-
-
-def _within_sigmas(increment: float, variance: float) -> float:
-    bound = CLIPPED_AT * math.sqrt(variance)
-    return within(increment, -bound, bound)
-
-
-class NoiseEstimate:
-    """The noise of C vehicles."""
-
-    def __init__(self, declared: Declared) -> None:
-        """Start from what is declared."""
-        self._declared = declared
-        variances, least = (declared.sigma**2).T.tolist(), (declared.least**2).T.tolist()
-        self.each = [VehicleNoise(tuple(one), tuple(other)) for one, other in zip(variances, least, strict=True)]
-
-    @property
-    def sigma(self) -> Array:
-        """Standard deviations, (6, C)."""
-        return np.sqrt(np.array([each.by_quantity for each in self.each]).T)
-
-    @property
-    def ratios(self) -> Array:
-        """Noise by what is declared, (6, C); 1 where nothing is declared, and before `MEMORY` samples."""
-        samples = np.array([each.samples for each in self.each])
-        judged = (self._declared.sigma > RESOLUTION[:, None]) & (samples >= MEMORY) & self._declared.stated
-        return np.where(judged, self.sigma / self._declared.sigma, 1.0)
 
 
 class LevelCovariance:

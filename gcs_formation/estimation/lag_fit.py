@@ -35,8 +35,6 @@ LEAST_SPREAD: Final = 0.02
 nothing is learnt, and nothing forgotten."""
 RECENT_S: Final = 20.0
 """Memory of the misfit."""
-RECENT_KEPT: Final = math.exp(-BATCH_S / RECENT_S)
-"""Share of it that counts at the next fit."""
 SIGNIFICANT: Final = 2.0
 """Standard deviations of the misfit that don't count."""
 
@@ -58,9 +56,8 @@ class Tracks:
 
     def clear(self, column: int) -> None:
         """Take a vehicle's samples away."""
-        values = self.values
         for place in range(self.begin(column), self.begin(column + 1)):
-            values[place] = 0.0
+            self.values[place] = 0.0
 
     def excited(self, column: int, resolution: float) -> bool:
         """Return whether a vehicle's simulations differ by more than a resolution: the first from the last."""
@@ -88,9 +85,15 @@ class Bank:
         for place, model in enumerate(self._air):
             model.tau_v_s *= math.exp(air[place][0])
             model.tau_psi_s *= math.exp(air[place][0])
-        self._lags = HeightLags(
-            [(believed.tau_ha_s * math.exp(one), believed.tau_hb_s * math.exp(other)) for one, other in height]
+        pairs = [(believed.tau_ha_s * math.exp(one), believed.tau_hb_s * math.exp(other)) for one, other in height]
+        lags_s = sorted({lag_s for pair in pairs for lag_s in pair})
+        self._lags_s, self._left = vec[float](lags_s), vec[float]([1.0] * len(lags_s))
+        """The heights' lags, several simulations share each, and what each leaves of 1 after the time that is flown."""
+        self._slow, self._fast = (
+            [lags_s.index(max(pair)) for pair in pairs],
+            [lags_s.index(min(pair)) for pair in pairs],
         )
+        """(K) places of the slower and the faster lag."""
         self._off_mps = self._off_rad = self._off_m = 0.0
         """The largest errors that were simulated last: the mean of all simulations of airspeed, heading, height."""
 
@@ -173,43 +176,22 @@ class Bank:
         speed_mps, heading_rad, height_m = setpoints
         speed_mps = within(speed_mps, self._believed.speed_min_mps, self._believed.speed_max_mps)
         off_mps = off_rad = off_m = 0.0
-        states, lags, most_mps = self._states, self._lags, self._believed.climb_max_mps
+        states, most_mps, lags_s, left = self._states, self._believed.climb_max_mps, self._lags_s, self._left
         for node, model in enumerate(self._air):
             state = states[node]
             off_mps += abs(speed_mps - state.airspeed_mps)
             off_rad += abs(wrap(heading_rad - state.heading_rad))
             respond_in_air(state, model, speed_mps, heading_rad, time_s)
-        lags.leave(time_s)
-        each_s, left = lags.each_s, lags.left
+        for place in range(len(lags_s)):
+            left[place] = math.exp(-time_s / lags_s[place])
         for node, state in enumerate(states):
             off_m += abs(height_m - state.height_m)
-            slow, fast = lags.slow[node], lags.fast[node]
-            climb_by(state, most_mps, height_m, time_s, each_s[slow], each_s[fast], left[slow], left[fast])
+            slow, fast = self._slow[node], self._fast[node]
+            climb_by(state, most_mps, height_m, time_s, lags_s[slow], lags_s[fast], left[slow], left[fast])
         of_air, of_height = float(len(self._air)), float(len(states))
         self._off_mps = max(self._off_mps, off_mps / of_air)
         self._off_rad = max(self._off_rad, off_rad / of_air)
         self._off_m = max(self._off_m, off_m / of_height)
-
-
-class HeightLags:
-    """The lags of K simulations of a height, of which several share each."""
-
-    __slots__ = ("each_s", "fast", "left", "slow")
-
-    def __init__(self, pairs: list[tuple[float, float]]) -> None:
-        """Take both lags of each simulation, s."""
-        each_s = sorted({lag_s for pair in pairs for lag_s in pair})
-        self.each_s = vec[float](each_s)
-        self.left = vec[float]([1.0] * len(each_s))
-        """What each leaves of 1 after a time."""
-        self.slow = [each_s.index(max(pair)) for pair in pairs]
-        self.fast = [each_s.index(min(pair)) for pair in pairs]
-        """The places of the slower and the faster lag of each simulation."""
-
-    def leave(self, time_s: float) -> None:
-        """Take the time after which `left` is asked for."""
-        for place in range(len(self.each_s)):
-            self.left[place] = math.exp(-time_s / self.each_s[place])
 
 
 class Nodes:
@@ -221,8 +203,7 @@ class Nodes:
         self.parameters = parameters
         self.at = [[one] for one in points] if parameters == 1 else [[one, two] for one in points for two in points]
         """(K, P) logarithms of the simulations' ratios; K is n to the power of P."""
-        self._count = count
-        self._alone = vec[float]([1.0])
+        self._count, self._alone = count, vec[float]([1.0])
         terms: list[float] = np.linalg.inv(np.vander(points)).T.ravel().tolist()
         self._terms = vec[float](terms)
         """(n, n) coefficients, the highest power's first, of the polynomials that are 1 at one point, 0 at the rest."""
@@ -232,15 +213,13 @@ class Nodes:
 
         These are weights of the simulations, and of 1, at `log_ratio` (P), their derivatives, and 1.
         """
-        size = len(self.at) + 1
+        size, second = len(self.at) + 1, self._alone
         first, by_first = self._of_one(log_ratio[0])
-        second, by_second = self._alone, self._alone
         if self.parameters > 1:
             second, by_second = self._of_one(log_ratio[1])
+            _put_products(to, place + 2 * size, first, by_second)
         _put_products(to, place, first, second)
         _put_products(to, place + size, by_first, second)
-        if self.parameters > 1:
-            _put_products(to, place + 2 * size, first, by_second)
         to[place + (self.parameters + 2) * size - 1] = 1.0
 
     def _of_one(self, log_ratio: float) -> tuple[vec[float], vec[float]]:
@@ -293,7 +272,7 @@ class Channel:
     def learn(self, tracks: Tracks) -> None:
         """Take a batch and fit the lags anew."""
         batch, columns = tracks.table(), len(self.log_ratio)
-        kept = vec[float]([RECENT_KEPT] * (2 * columns))
+        kept = vec[float]([math.exp(-BATCH_S / RECENT_S)] * (2 * columns))
         counted = vec[float]([1.0] * (2 * columns))
         for column in range(columns):
             kept[column] = self._kept[column]

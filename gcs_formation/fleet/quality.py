@@ -13,7 +13,7 @@ from airlink.endpoint import VehicleId
 from formation_scenario import Scenario
 from formation_scenario.gains import AUTO, design_delay_s, redesigned
 from gcs_formation.control.laws import law_kind
-from gcs_formation.estimation.kalman import QUANTITIES, NoiseEstimate
+from gcs_formation.estimation.noise import QUANTITIES, NoiseEstimate
 from gcs_formation.recorder import Detail, Note
 from gcs_formation.stability import LoopDelay, Usage, law_loops, loop_delay_s
 from gcs_formation.vehicle.vehicle import Vehicle

@@ -11,7 +11,7 @@ from formation_scenario import load_scenario
 from gcs_formation.controller import FormationController
 from gcs_formation.estimation.estimator import UNMODELLED, WIND_WALK, Sample, StateEstimator
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
-from gcs_formation.estimation.kalman import RESOLUTION, Declared, VehicleNoise
+from gcs_formation.estimation.noise import RESOLUTION, Declared, VehicleNoise
 from gcs_formation.estimation.projection import SetpointHistory
 from gcs_formation.parameters import declared_noise
 from tests.flights.conftest import scenario

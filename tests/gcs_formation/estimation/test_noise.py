@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gcs_formation.estimation.kalman import Declared, NoiseEstimate
+from gcs_formation.estimation.noise import Declared, NoiseEstimate
 
 SIGMA = np.array((0.3, 0.3, 0.1, 0.1, 0.3, 0.01))
 ROW_OF = (0, 0, 1, 2, 2, 3, 4, 5)

@@ -6,7 +6,7 @@ import numpy as np
 
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
-from gcs_formation.estimation.kalman import Declared, NoiseEstimate
+from gcs_formation.estimation.noise import Declared, NoiseEstimate
 from gcs_formation.fleet.quality import NoiseWatch
 from tests.gcs_formation.noted import Noted
 

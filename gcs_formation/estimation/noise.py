@@ -1,0 +1,201 @@
+"""How noisy a vehicle's telemetry is seen to be, and what of it isn't plausible.
+
+White noise of variance r in a sample makes the increments that the model doesn't explain alternate: successive ones
+have a covariance of -r. Gusts and lags that differ from the model's give increments that are uncorrelated or follow
+each other in sign, so they aren't taken for noise (autocovariance method: Bélanger, Automatica 10, 1974).
+
+A sample has eight values: north, east, height, their rates over ground, airspeed, heading.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from flight_model.arrays import Array, Mask
+from flight_model.autopilot import squared, within
+
+Values = tuple[float, float, float, float, float, float, float, float]
+"""Of a sample."""
+Quantities = tuple[float, float, float, float, float, float]
+"""Of `QUANTITIES`."""
+QUANTITIES: Final = ("position", "height", "velocity", "climb", "airspeed", "heading")
+"""What has a noise of its own. North and east count as one quantity."""
+RESOLUTION = np.array((0.003, 0.001, 0.003, 0.003, 0.0001, 0.00002))
+"""Least standard deviations, m, m/s and rad: rounding by 1e-7 degrees, 1 mm and 1 cm/s; the last two are floats."""
+UNDECLARED = np.array((0.3, 0.3, 0.1, 0.1, 0.3, 0.01))
+"""Where nothing is declared: the noise that a real autopilot's estimates begin with here."""
+MOST_PLACE: Final = 30.0 * 30.0
+"""Largest variance of positions and heights; what is noisier isn't telemetry of a flight in formation."""
+MOST_VELOCITY: Final = 5.0 * 5.0
+"""The same of velocities and climbs, (m/s)²."""
+MOST_AIRSPEED: Final = 10.0 * 10.0
+"""The same of airspeeds."""
+MOST_HEADING: Final = 0.5 * 0.5
+"""The same of headings."""
+MEMORY: Final = 100.0
+"""Samples over which the mean is taken."""
+FIRST_MEMORY: Final = 20.0
+"""The same at the start, of a vehicle's first sample."""
+CLIPPED_AT: Final = 2.0
+"""Standard deviations at which an increment counts no more than that: an outlier isn't noise."""
+IMPLAUSIBLE_SIGMAS: Final = 3.0
+"""Standard deviations beyond which a value of a sample counts less, by the square of the excess."""
+STRAYED: Final = 1.0
+"""Added to their square, (m/s)²: what a vehicle may do between two samples that the model doesn't know of; of positions
+and heights it is by the square of the time between them."""
+STRAYED_ROUND: Final = 0.1 * 0.1
+"""The same of headings, rad²."""
+
+
+class Declared(NamedTuple):
+    """What the vehicles' noise is said to be: standard deviations (6, C) in the order of `QUANTITIES`."""
+
+    sigma: Array
+    least: Array
+    """Lower bounds of the estimates."""
+    stated: Mask | bool = True
+    """(C,) whether the scenario says so."""
+
+
+class VehicleNoise:
+    """The variances of one vehicle's telemetry."""
+
+    __slots__ = ("_before", "_declared", "_least", "by_quantity", "samples", "values")
+
+    def __init__(self, declared: Quantities, least: Quantities) -> None:
+        """Start from what is declared; both are variances."""
+        self._declared = declared
+        self._least = least
+        self.begin()
+
+    def begin(self) -> None:
+        """Start again from what is declared."""
+        self.by_quantity = self._declared
+        self.values: Values = _by_value(self._declared)
+        """Of each value of a sample."""
+        self._before: Values = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        self.samples = 0.0
+
+    def learn(self, increments: Values, spread: Values) -> None:
+        """Take the increments of a sample's values that the model doesn't explain.
+
+        Args:
+            increments: innovation minus the residual of the sample before.
+            spread: variances of the innovations.
+        """
+        now, before, known, least = (
+            _clipped(increments, spread, self.values),
+            self._before,
+            self.by_quantity,
+            self._least,
+        )
+        self._before = now
+        self.samples += 1.0
+        share = 1.0 / min(self.samples + FIRST_MEMORY, MEMORY)
+        place = (0.0 - now[0] * before[0] - now[1] * before[1]) / 2.0
+        velocity = (0.0 - now[3] * before[3] - now[4] * before[4]) / 2.0
+        self.by_quantity = (
+            within(known[0] + share * (place - known[0]), least[0], MOST_PLACE),
+            within(known[1] + share * (0.0 - now[2] * before[2] - known[1]), least[1], MOST_PLACE),
+            within(known[2] + share * (velocity - known[2]), least[2], MOST_VELOCITY),
+            within(known[3] + share * (0.0 - now[5] * before[5] - known[3]), least[3], MOST_VELOCITY),
+            within(known[4] + share * (0.0 - now[6] * before[6] - known[4]), least[4], MOST_AIRSPEED),
+            within(known[5] + share * (0.0 - now[7] * before[7] - known[5]), least[5], MOST_HEADING),
+        )
+        self.values = _by_value(self.by_quantity)
+
+
+def _by_value(quantities: Quantities) -> Values:
+    """Return for each value of a sample what is known of its quantity."""
+    place, height, velocity, climb, airspeed, heading = quantities
+    return place, place, height, velocity, velocity, climb, airspeed, heading
+
+
+def _clipped(increments: Values, spread: Values, noise: Values) -> Values:
+    """Return increments within `CLIPPED_AT` standard deviations."""
+    return (
+        _within_sigmas(increments[0], spread[0] + noise[0]),
+        _within_sigmas(increments[1], spread[1] + noise[1]),
+        _within_sigmas(increments[2], spread[2] + noise[2]),
+        _within_sigmas(increments[3], spread[3] + noise[3]),
+        _within_sigmas(increments[4], spread[4] + noise[4]),
+        _within_sigmas(increments[5], spread[5] + noise[5]),
+        _within_sigmas(increments[6], spread[6] + noise[6]),
+        _within_sigmas(increments[7], spread[7] + noise[7]),
+    )
+
+
+def _within_sigmas(increment: float, variance: float) -> float:
+    bound = CLIPPED_AT * math.sqrt(variance)
+    return within(increment, -bound, bound)
+
+
+class NoiseEstimate:
+    """The noise of C vehicles."""
+
+    def __init__(self, declared: Declared) -> None:
+        """Start from what is declared."""
+        self._declared = declared
+        variances, least = (declared.sigma**2).T.tolist(), (declared.least**2).T.tolist()
+        self.each = [VehicleNoise(tuple(one), tuple(other)) for one, other in zip(variances, least, strict=True)]
+
+    @property
+    def sigma(self) -> Array:
+        """Standard deviations, (6, C)."""
+        return np.sqrt(np.array([each.by_quantity for each in self.each]).T)
+
+    @property
+    def ratios(self) -> Array:
+        """Noise by what is declared, (6, C); 1 where nothing is declared, and before `MEMORY` samples."""
+        samples = np.array([each.samples for each in self.each])
+        judged = (self._declared.sigma > RESOLUTION[:, None]) & (samples >= MEMORY) & self._declared.stated
+        return np.where(judged, self.sigma / self._declared.sigma, 1.0)
+
+
+def excesses(difference: Values, own: Values, elapsed_s: float) -> Values:
+    """Return by how much a sample's values are off beyond what is plausible, squared; 1 for what is.
+
+    `difference`: from what is expected, of the variances `own`.
+    """
+    place = squared(elapsed_s)
+    return (
+        _excess(difference[0], own[0], place),
+        _excess(difference[1], own[1], place),
+        _excess(difference[2], own[2], place),
+        _excess(difference[3], own[3], STRAYED),
+        _excess(difference[4], own[4], STRAYED),
+        _excess(difference[5], own[5], STRAYED),
+        _excess(difference[6], own[6], STRAYED),
+        _excess(difference[7], own[7], STRAYED_ROUND),
+    )
+
+
+def _excess(difference: float, own: float, strayed: float) -> float:
+    excess = squared(difference) / (IMPLAUSIBLE_SIGMAS**2 * (own + strayed))
+    return excess if excess > 1.0 else 1.0
+
+
+def plausible(excess: Values) -> bool:
+    """Return whether all of a sample's values are."""
+    a, b, c, d, e, f, g, h = excess
+    return a == b == c == d == e == f == g == h == 1.0
+
+
+def weighed(variances: Values, own: Values, excess: Values) -> Values:
+    """Return the variances by which a sample's values are weighed.
+
+    A value that is u times too far off is given a noise that makes its innovation's variance u² times as large.
+    """
+    return (
+        variances[0] + own[0] * (excess[0] - 1.0),
+        variances[1] + own[1] * (excess[1] - 1.0),
+        variances[2] + own[2] * (excess[2] - 1.0),
+        variances[3] + own[3] * (excess[3] - 1.0),
+        variances[4] + own[4] * (excess[4] - 1.0),
+        variances[5] + own[5] * (excess[5] - 1.0),
+        variances[6] + own[6] * (excess[6] - 1.0),
+        variances[7] + own[7] * (excess[7] - 1.0),
+    )
