@@ -23,7 +23,7 @@ from gcs_formation.errors import RecordingError, RunAbortedError
 from gcs_formation.mission.starting import Caution
 from gcs_formation.phases import Phase
 from gcs_formation.record.expectations import ControlFigures, Injected, LinkFigures, Outcome
-from gcs_formation.record.flight import join, split
+from gcs_formation.record.flight import join, percentile, split
 from gcs_formation.record.past import Past
 from gcs_formation.record.run_directory import RECORDING, SPOOL, TIMESERIES, RunDirectory
 from gcs_formation.record.summary import Summary, summarise
@@ -235,7 +235,7 @@ class Session:
 
     def _worst_loop_delay_s(self) -> float | None:
         """Return the longest loop delay that was measured, computing, sampling and hold included."""
-        compute_s = float(np.median(self.timed.figures(1.0).compute_s)) if self.station.controlled_ticks else 0.0
+        compute_s = percentile(self.timed.figures(1.0).compute_s, 50) if self.station.controlled_ticks else 0.0
         return _finite(self.station.margins.longest_s + compute_s)
 
 

@@ -202,7 +202,7 @@ def effort(columns: Mapping[str, Array], window: Mask) -> Effort:
         moved, lasted_s = float(size[known].sum()), float(since_s[known].sum())
         found[channel] = {
             "variation_per_s": moved / lasted_s if known.any() else None,
-            "step_p95": float(np.percentile(size[known], 95)) if known.any() else None,
+            "step_p95": percentile(size[known], 95) if known.any() else None,
         }
     return found
 
@@ -307,4 +307,13 @@ def least(values: Array) -> float | None:
 def percentiles(values: Array, *wanted: int) -> dict[str, float | None]:
     """Return percentiles by name, as in {"p50": …}; None where there are no values."""
     finite = values[np.isfinite(values)]
-    return {f"p{q}": float(np.percentile(finite, q)) if finite.size else None for q in wanted}
+    return {f"p{q}": percentile(finite, q) if finite.size else None for q in wanted}
+
+
+def percentile(values: Array, q: float) -> float:
+    """Return the same as `np.percentile` of finite values, at least one; that would import numpy.ma."""
+    ordered, place = np.sort(values), (values.size - 1) * (q / 100.0)
+    below = int(place)
+    low, high = float(ordered[below]), float(ordered[min(below + 1, values.size - 1)])
+    share = place - below
+    return high - (high - low) * (1.0 - share) if share >= 0.5 else low + (high - low) * share

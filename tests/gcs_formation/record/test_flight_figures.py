@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from gcs_formation.record.flight import (
     PAIRWISE_UP_TO,
@@ -14,6 +16,7 @@ from gcs_formation.record.flight import (
     effort,
     in_slot_share,
     left_at_s,
+    percentile,
     separation_m,
     settled_at_s,
 )
@@ -43,6 +46,11 @@ def test_percentiles_over_time_are_of_the_error_s_size():
     figures = axis_figures(TIME_S, errors()[:, 2], None)
     assert [figures[name] for name in ("p50", "p95", "p99")] == pytest.approx([0.01, 0.6, 0.6])
     assert axis_figures(TIME_S[:0], TIME_S[:0], None)["p95"] is None
+
+
+@given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=40), st.sampled_from([0, 5, 50, 95, 99, 100]))
+def test_a_percentile_is_numpys_to_the_last_bit(values, q):
+    assert percentile(np.array(values), q) == np.percentile(values, q)
 
 
 def test_a_vehicle_that_leaves_its_slot_again_is_told_when_and_its_time_there_counts():
