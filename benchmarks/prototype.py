@@ -1,10 +1,11 @@
 """Our flight beside a careful prototype in plain Python: pymavlink's messages with fastcrc, no law and no record.
 
-The prototype exchanges as many messages in the same directions: telemetry at 10 Hz, three setpoints a tick and their
-acknowledgements, heartbeats and what else is streamed once a second. Each datagram is one frame, which it decodes at
-once instead of byte by byte. Its vehicles fly equation (7) without limits; its ground station keeps the newest of each
-message, counts gaps and tells setpoints that depend on the position. Each round measures both, one after the other, in
-processes of their own, by the second half of a flight: start and end are taken out.
+The prototype exchanges as many messages in the same directions: telemetry at 10 Hz, setpoints and their
+acknowledgements (each again when it changes by 0.01, and each second), heartbeats and what else is streamed once a
+second. Each datagram is one frame, which it decodes at once instead of byte by byte. Its vehicles fly equation (7)
+without limits; its ground station keeps the newest of each message, counts gaps and tells setpoints that depend on
+the position. Each round measures both, one after the other, in processes of their own, by the second half of a
+flight: start and end are taken out.
 """
 
 from __future__ import annotations
@@ -39,6 +40,7 @@ PERIOD = 5
 SPEED = dialect.MAV_CMD_GUIDED_CHANGE_SPEED
 HEIGHT = dialect.MAV_CMD_GUIDED_CHANGE_ALTITUDE
 HEADING = dialect.MAV_CMD_GUIDED_CHANGE_HEADING
+RESOLUTION = 0.01
 HEAD = ("vehicles,", "prototype, ms", "its frames,", "ours, ms", "our frames,", "times as fast,", "least and most,")
 """Milliseconds of processor time a simulated second; frames a vehicle and second."""
 SLOW_DOWN, SLOW_UP = 15, 7
@@ -123,11 +125,12 @@ class PrototypeVehicle:
 
 
 class PrototypeStation:
-    """Keeps the newest of each vehicle's messages, and tells it three setpoints a tick."""
+    """Keeps the newest of each vehicle's messages, and tells it three setpoints: as they change, and each second."""
 
     def __init__(self, count: int) -> None:
         self.ends = [End(255) for _ in range(count)]
         self.newest: list[dict[int, Any]] = [{} for _ in range(count)]
+        self.told: list[dict[int, float]] = [{} for _ in range(count)]
 
     def take(self, index: int, raw: bytes) -> None:
         """Take a vehicle's frame."""
@@ -139,18 +142,19 @@ class PrototypeStation:
         position = self.newest[index][dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT]
         east_m = (position.lon - 125e7) / E7
         degrees = math.degrees(-math.atan(east_m / 60.0)) % 360.0
-        messages = [
-            _command(index + 1, SPEED, 0.0, 22.0),
-            _command(index + 1, HEIGHT, 0.0, 0.0, z=200.0),
-            _command(index + 1, HEADING, 1.0, degrees),
-        ]
-        if cycle % CYCLES == 0:
+        told, each_second = self.told[index], cycle % CYCLES == 0
+        messages: list[Any] = []
+        for command, value in ((SPEED, 22.0), (HEIGHT, 200.0), (HEADING, degrees)):
+            if each_second or abs(value - told[command]) > RESOLUTION:
+                told[command] = value
+                messages.append(_command(index + 1, command, value))
+        if each_second:
             messages += [dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3) for _ in range(SLOW_UP)]
         return [self.ends[index].encode(each) for each in messages]
 
 
-def _command(system: int, command: int, param1: float, param2: float, z: float = 0.0) -> Any:  # noqa: ANN401
-    return dialect.MAVLink_command_int_message(system, 1, 0, command, 0, 0, param1, param2, 5.5, 0.0, 0, 0, z)
+def _command(system: int, command: int, value: float) -> Any:  # noqa: ANN401
+    return dialect.MAVLink_command_int_message(system, 1, 0, command, 0, 0, 1.0, value, 5.5, 0.0, 0, 0, value)
 
 
 def fly_prototype(count: int, duration_s: float) -> tuple[float, int]:
