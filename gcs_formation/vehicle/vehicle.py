@@ -31,6 +31,8 @@ STATION_SYSTEM: Final = 255
 STATION_COMPONENT: Final = m.MAV_COMP_ID_MISSIONPLANNER
 UNANSWERED_S: Final = 1.5
 """For how long answers may be missing from a vehicle that hears the ground station."""
+LOSSY_S: Final = 10.0
+"""For how long after a loss a link counts as one that loses."""
 MAX_PROBES: Final = 256
 """Unanswered probes that are kept: a minute of them."""
 CLOCK_LIMIT_NS: Final = 2**62
@@ -87,6 +89,8 @@ class Vehicle:
         """By command: airspeed, heading and height; none where nobody acknowledges setpoints."""
         self._answered: Instant | None = None
         self.take_off = TakeOff()
+        self._lost_at = Instant(0)
+        """When the last frame was found to be missing."""
         self._writer = FrameWriter(STATION_SYSTEM, STATION_COMPONENT)
         self._sampled, self._probes = 0, dict[int, Instant]()
         # What takes each message; all others are telemetry.
@@ -113,7 +117,10 @@ class Vehicle:
             timed: whether it also arrived then; a frame that waited for us says nothing about the link's delay.
         """
         self.messages_in[frame.message_id] = self.messages_in.get(frame.message_id, 0) + 1
+        lost = self.sequence.lost
         self.sequence.observe(frame.sequence)
+        if self.sequence.lost != lost:
+            self._lost_at = now
         message = frame.message
         if message is None:
             return self.connection.heard(now, heartbeat=False)
@@ -220,15 +227,19 @@ class Vehicle:
         )
 
     def new_setpoints(self, messages: tuple[Message, ...], at: Instant) -> list[Message]:
-        """Return those setpoints to be sent at an instant that say more than what the vehicle has acknowledged."""
+        """Return those setpoints to be sent at an instant that say more than what the vehicle has acknowledged.
+
+        All of them after a loss: an acknowledgement doesn't say which of several it answers.
+        """
         found: list[Message] = []
+        loses = seconds_between(self._lost_at, at) < LOSSY_S
         for message in messages:
             channel = self.setpoint_channels.get(message.command) if isinstance(message, CommandInt) else None
             if channel is None or not isinstance(message, CommandInt):
                 found.append(message)
                 continue
             known = channel.known(at)
-            if known is None or not self.autopilot.says_nothing_new(message, known):
+            if loses or known is None or not self.autopilot.says_nothing_new(message, known):
                 channel.sent(message, at)
                 found.append(message)
         return found

@@ -10,6 +10,7 @@ from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.endpoint import VehicleId
 from airlink.frame import Frame
+from airlink.messages import Message
 from airlink.messages.command import CommandAck, CommandInt
 from flight_model.autopilot import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
@@ -18,7 +19,7 @@ from gcs_formation.vehicle.ardupilot import ALTITUDE, HEADING, RESOLUTION, SPEED
 from gcs_formation.vehicle.autopilot import Autopilot
 from gcs_formation.vehicle.px4 import Px4Plane
 from gcs_formation.vehicle.startup import REPEAT_S
-from gcs_formation.vehicle.vehicle import Vehicle
+from gcs_formation.vehicle.vehicle import LOSSY_S, Vehicle
 
 ORIGIN = GeodeticOrigin(0.5, 2.0, 100.0)
 START = Instant(10**10)
@@ -31,7 +32,7 @@ class Told:
 
     def __init__(self, kind: type[Autopilot] = ArduPlane) -> None:
         self.vehicle = Vehicle(VehicleId(1, 2), kind(2, ORIGIN, 0.25), Connection(0), ORIGIN, 10.0)
-        self.now = START
+        self.now, self._number = START, 0
 
     def tick(self, setpoint: Setpoint = STEADY, *, answers: bool = True, later_s: float = 0.1) -> list[int]:
         """Return the ids of the commands that are sent."""
@@ -44,7 +45,12 @@ class Told:
 
     def acknowledge(self, command: int, result: int = m.MAV_RESULT_ACCEPTED) -> None:
         answer = CommandAck(command, result, 0, 0, 255, 190)
-        self.vehicle.take(Frame(2, 1, 0, m.MAVLINK_MSG_ID_COMMAND_ACK, 2, answer, b""), self.now)
+        self.hear(m.MAVLINK_MSG_ID_COMMAND_ACK, answer)
+
+    def hear(self, message_id: int, message: Message | None = None, *, lost: int = 0) -> None:
+        """Hear a frame, the next one but those that were lost."""
+        self._number += 1 + lost
+        self.vehicle.take(Frame(2, 1, self._number % 256, message_id, 2, message, b""), self.now)
 
 
 def test_what_is_acknowledged_is_repeated_after_a_second():
@@ -102,6 +108,15 @@ def test_an_acknowledgement_that_is_too_early_answers_an_earlier_setpoint():
     assert SPEED in told.tick(answers=False, later_s=0.3)
     told.acknowledge(SPEED)
     assert SPEED not in told.tick(answers=False)
+
+
+def test_over_a_link_that_loses_all_are_sent_at_every_tick():
+    told = Told()
+    for lost in (0, 0, 1):
+        told.hear(m.MAVLINK_MSG_ID_VFR_HUD, lost=lost)
+    sent = [len(told.tick()) for _ in range(round(10 * LOSSY_S) + 2)]
+    assert sent[: round(10 * LOSSY_S)] == [3] * round(10 * LOSSY_S)
+    assert sent[-1] == 0
 
 
 def test_a_vehicle_that_may_have_other_setpoints_meanwhile_is_sent_all():
