@@ -26,7 +26,10 @@ UP_M = 5.0
 REPEAT_S: Final = 1.0
 """After this long a setpoint is sent again, though nothing has changed."""
 QUICKEST: Final = 0.75
-"""Share of the usual round trip that the quickest answer takes."""
+PATIENCE: Final = 1.5
+"""Shares of the usual round trip that the quickest answer takes, and the slowest."""
+LOOPS_S: Final = 0.15
+"""For how long a setpoint and its answer may wait for the loops of either end."""
 
 
 class Outcome(Enum):
@@ -135,9 +138,9 @@ class SetpointChannel:
         """Let acknowledgements that come up to this much later than they can not break their run."""
         self._gap_s = gap_s
 
-    def sent(self, command: Command, at: Instant) -> None:
-        """Take what is sent at an instant."""
-        self._command, self._sent = command, at
+    def sent(self, command: Command, at: Instant, round_trip_s: float) -> None:
+        """Take what is sent at an instant, over a link that takes so long there and back."""
+        self._command, self._sent, self._round_trip_s = command, at, round_trip_s
         if self._waiting is None:
             self._waiting = at
 
@@ -145,18 +148,21 @@ class SetpointChannel:
         """Repeat whatever comes next: the vehicle may have other setpoints meanwhile."""
         self._command = None
 
-    def acknowledged(self, now: Instant, round_trip_s: float) -> None:
+    def acknowledged(self, now: Instant) -> None:
         """Take an acknowledgement: it answers what was sent a round trip ago, if nothing was lost or quicker."""
         if self._since is None or self._is_late(now):
             self._since = now
-        self._acknowledged_to, self._round_trip_s = after(now, -QUICKEST * round_trip_s), round_trip_s
+        self._acknowledged_to = after(now, -QUICKEST * self._round_trip_s)
         self._waiting = now if self._sent > self._acknowledged_to else None
 
     def known(self, at: Instant) -> Command | None:
-        """Return what the vehicle has acknowledged last, None if it is to be sent again at an instant in any case."""
-        if self._sent > self._acknowledged_to or seconds_between(self._sent, at) >= REPEAT_S:
-            return None
-        return self._command
+        """Return what the vehicle has been sent last, None if it is to be sent again at an instant in any case."""
+        return None if self.overdue(at) or seconds_between(self._sent, at) >= REPEAT_S else self._command
+
+    def overdue(self, at: Instant) -> bool:
+        """Return whether what was sent last should have been acknowledged by an instant, and isn't."""
+        patience_s = PATIENCE * self._round_trip_s + LOOPS_S
+        return self._sent > self._acknowledged_to and seconds_between(self._sent, at) > patience_s
 
     def since(self, now: Instant) -> Instant | None:
         """Return since when all that was sent has been acknowledged, None if it isn't any more."""

@@ -90,7 +90,7 @@ class Vehicle:
         self._answered: Instant | None = None
         self.take_off = TakeOff()
         self._lost_at = Instant(0)
-        """When the last frame was found to be missing."""
+        """When a frame was last found to be missing, or an answer."""
         self._writer = FrameWriter(STATION_SYSTEM, STATION_COMPONENT)
         self._sampled, self._probes = 0, dict[int, Instant]()
         # What takes each message; all others are telemetry.
@@ -227,12 +227,15 @@ class Vehicle:
         )
 
     def new_setpoints(self, messages: tuple[Message, ...], at: Instant) -> list[Message]:
-        """Return those setpoints to be sent at an instant that say more than what the vehicle has acknowledged.
+        """Return those setpoints to be sent at an instant that say more than what the vehicle has been sent.
 
         All of them after a loss: an acknowledgement doesn't say which of several it answers.
         """
         found: list[Message] = []
-        loses = seconds_between(self._lost_at, at) < LOSSY_S
+        for channel in self.setpoint_channels.values():
+            if channel.overdue(at):
+                self._lost_at = at
+        loses, one_way_s = seconds_between(self._lost_at, at) < LOSSY_S, self.clock.one_way_s
         for message in messages:
             channel = self.setpoint_channels.get(message.command) if isinstance(message, CommandInt) else None
             if channel is None or not isinstance(message, CommandInt):
@@ -240,7 +243,7 @@ class Vehicle:
                 continue
             known = channel.known(at)
             if loses or known is None or not self.autopilot.says_nothing_new(message, known):
-                channel.sent(message, at)
+                channel.sent(message, at, 0.0 if math.isnan(one_way_s) else 2.0 * one_way_s)
                 found.append(message)
         return found
 
@@ -331,5 +334,4 @@ class Vehicle:
             self.effects.acknowledged(effect, self.telemetry, now)
         channel = self.setpoint_channels.get(ack.command)
         if channel is not None and ack.result == ACCEPTED:
-            one_way_s = self.clock.one_way_s
-            channel.acknowledged(now, 0.0 if math.isnan(one_way_s) else 2.0 * one_way_s)
+            channel.acknowledged(now)

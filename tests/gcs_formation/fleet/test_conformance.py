@@ -60,9 +60,9 @@ class Ground:
             self.controller.history.note([(each_mps, 0.0, 100.0) for each_mps in told_mps])
             for each in self.vehicles.values():
                 for channel in each.setpoint_channels.values():
-                    channel.sent(CommandInt(1, 1, 0, 0), now)
+                    channel.sent(CommandInt(1, 1, 0, 0), now, 0.0)
                     if acknowledges(at_s) or each is not self.second():
-                        channel.acknowledged(now, 0.0)
+                        channel.acknowledged(now)
             flown = [FlightState(0.0, 0.0, 100.0, 0.0, mps, 0.0, 0.0, 0.0) for mps in (22.0, airspeed_mps(at_s), 22.0)]
             self.controller.estimator.filters = [SimpleNamespace(state=each, stamp=now) for each in flown]
             tick: Any = SimpleNamespace(active=[True, commanded(at_s), True])

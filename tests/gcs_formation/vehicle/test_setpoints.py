@@ -1,4 +1,4 @@
-"""Which setpoints are sent: those that say more than what the vehicle has acknowledged."""
+"""Which setpoints are sent: those that say more than what the vehicle knows, or may not know."""
 
 from __future__ import annotations
 
@@ -47,6 +47,13 @@ class Told:
         answer = CommandAck(command, result, 0, 0, 255, 190)
         self.hear(m.MAVLINK_MSG_ID_COMMAND_ACK, answer)
 
+    def slow_link(self, one_way_s: float) -> None:
+        """Have it answer probes after this long each way."""
+        for turn in range(3):
+            sent = after(self.now, turn - 30.0)
+            self.vehicle.clock.observe(sent, after(sent, one_way_s), after(sent, 2 * one_way_s))
+        assert self.vehicle.clock.one_way_s == pytest.approx(one_way_s - 0.005)  # a quarter of its loop
+
     def hear(self, message_id: int, message: Message | None = None, *, lost: int = 0) -> None:
         """Hear a frame, the next one but those that were lost."""
         self._number += 1 + lost
@@ -83,31 +90,38 @@ def test_a_slow_change_is_sent_when_it_adds_up():
     assert sent == [True, False, False, True, False, False]
 
 
-def test_what_is_not_acknowledged_is_repeated_at_once():
-    told = Told()
-    assert told.tick(answers=False) == told.tick(answers=False) == told.tick()
-    assert told.tick() == []
+@pytest.mark.parametrize("refuses", [False, True])
+def test_what_is_not_acknowledged_is_repeated_at_every_tick(refuses):
+    told, sent = Told(), list[int]()
+    for _ in range(10):
+        commands = told.tick(answers=False)
+        sent.append(len(commands))
+        for command in commands if refuses else ():
+            told.acknowledge(command, m.MAV_RESULT_FAILED)
+    assert sent == [3, 0] + [3] * 8
 
 
-def test_what_is_refused_is_repeated_at_once():
-    told = Told()
-    for command in told.tick(answers=False):
-        told.acknowledge(command, m.MAV_RESULT_FAILED)
-    assert len(told.tick()) == 3
+def test_over_a_slow_link_an_answer_is_waited_for_as_long_as_it_takes():
+    """Over 150 ms each way answers come after three ticks."""
+    told, sent = Told(), list[int]()
+    told.slow_link(0.15)
+    pending: list[list[int]] = [[], [], []]
+    for _ in range(9):
+        for command in pending.pop(0):
+            told.acknowledge(command)
+        pending.append(told.tick(answers=False))
+        sent.append(len(pending[-1]))
+    assert sum(sent[3:]) == 0
 
 
 def test_an_acknowledgement_that_is_too_early_answers_an_earlier_setpoint():
     """Over a link of 150 ms each way an answer within 0.1 s is another's."""
     told = Told()
-    for turn in range(3):
-        sent = after(told.now, turn - 30.0)
-        told.vehicle.clock.observe(sent, after(sent, 0.15), after(sent, 0.3))
-    assert told.vehicle.clock.one_way_s == pytest.approx(0.145)  # without a quarter of its loop of 20 ms
+    told.slow_link(0.15)
     told.tick(answers=False)
     told.acknowledge(SPEED)
-    assert SPEED in told.tick(answers=False, later_s=0.3)
-    told.acknowledge(SPEED)
-    assert SPEED not in told.tick(answers=False)
+    told.tick(answers=False, later_s=0.5)
+    assert SPEED in told.tick(answers=False)
 
 
 def test_over_a_link_that_loses_all_are_sent_at_every_tick():
