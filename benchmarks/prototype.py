@@ -1,7 +1,7 @@
 """Our flight beside a careful prototype in plain Python: pymavlink's messages with fastcrc, no law and no record.
 
 The prototype exchanges as many messages in the same directions: telemetry at 10 Hz, setpoints and their
-acknowledgements (each again when it changes by 0.01, and each second), heartbeats and what else is streamed once a
+acknowledgements (each again when it changes by 0.005, and each second), heartbeats and what else is streamed once a
 second. Each datagram is one frame, which it decodes at once instead of byte by byte. Its vehicles fly equation (7)
 without limits; its ground station keeps the newest of each message, counts gaps and tells setpoints that depend on
 the position. Each round measures both, one after the other, in processes of their own, by the second half of a
@@ -40,7 +40,7 @@ PERIOD = 5
 SPEED = dialect.MAV_CMD_GUIDED_CHANGE_SPEED
 HEIGHT = dialect.MAV_CMD_GUIDED_CHANGE_ALTITUDE
 HEADING = dialect.MAV_CMD_GUIDED_CHANGE_HEADING
-RESOLUTION = 0.01
+RESOLUTION = 0.005
 HEAD = ("vehicles,", "prototype, ms", "its frames,", "ours, ms", "our frames,", "times as fast,", "least and most,")
 """Milliseconds of processor time a simulated second; frames a vehicle and second."""
 SLOW_DOWN, SLOW_UP = 15, 7

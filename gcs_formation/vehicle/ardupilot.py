@@ -53,8 +53,8 @@ SPEED: Final = m.MAV_CMD_GUIDED_CHANGE_SPEED
 HEADING: Final = m.MAV_CMD_GUIDED_CHANGE_HEADING
 ALTITUDE: Final = m.MAV_CMD_GUIDED_CHANGE_ALTITUDE
 AIRSPEED: Final = m.SPEED_TYPE_AIRSPEED
-RESOLUTION: Final = 0.01
-"""In m/s, m, degrees and m/s2: ArduPlane keeps speeds and heights in centimetres."""
+RESOLUTION: Final = 0.005
+"""In m/s, m, degrees and m/s2: ArduPlane keeps speeds and heights in centimetres, and rounds them."""
 OF_THE_NOSE: Final = m.HEADING_TYPE_HEADING
 ALL_ROUND_DEG = 360.0 - 2.0**-16
 """The first heading that is 360 degrees as a 32-bit float."""

@@ -232,8 +232,8 @@ class Vehicle:
         All of them after a loss: an acknowledgement doesn't say which of several it answers.
         """
         found: list[Message] = []
-        for channel in self.setpoint_channels.values():
-            if channel.overdue(at):
+        for each in self.setpoint_channels.values():
+            if each.overdue(at):
                 self._lost_at = at
         loses, one_way_s = seconds_between(self._lost_at, at) < LOSSY_S, self.clock.one_way_s
         for message in messages:
