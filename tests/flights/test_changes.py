@@ -129,7 +129,8 @@ def test_a_leader_that_its_pilot_has_taken_comes_back_as_a_follower(fly: Fly, tm
         links={"default": {"delay_ms": 20, "jitter_ms": 2}},
         faults=[{"at_s": 10, "until_s": 14, "vehicles": [1], "kind": "pilot", "mode": "CRUISE"}],
     ).to_dict()
-    assert [event["vehicle"] for event in events(tmp_path, "leader")] == ["2"]
+    (change,) = events(tmp_path, "leader")
+    assert change["vehicle"] in {"2", "3"}  # as their links' jitter falls: they are alike otherwise
     own = columns_of(tmp_path, 1)
     late = own["mission_time_s"] > 100
     assert own["active"][late].all()
@@ -137,7 +138,7 @@ def test_a_leader_that_its_pilot_has_taken_comes_back_as_a_follower(fly: Fly, tm
     assert max(np.abs(own[f"error_{axis}_m"][late]).max() for axis in "xyz") < 0.5
     assert "1" in summary["followers"]
     assert (own["margin_used"][late] > 0).all(), "the loops that are watched are those of whoever follows"
-    assert np.isnan(columns_of(tmp_path, 2)["margin_used"][late]).all()
+    assert np.isnan(columns_of(tmp_path, int(change["vehicle"]))["margin_used"][late]).all()
 
 
 @pytest.mark.parametrize(("shape", "count"), [pytest.param("arrow", 4, marks=pytest.mark.slow), ("follower", 2)])
