@@ -5,6 +5,7 @@ Protocol (FTP)".
 """
 
 # Written by: python -m tests.airlink.generate_messages
+# A class for each message of the service, all after one plan: not edited here.
 
 from __future__ import annotations
 

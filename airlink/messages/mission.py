@@ -6,6 +6,7 @@ isn't of the mission, and 3 for a height alone. Source: MAVLink guide, "Mission 
 """
 
 # Written by: python -m tests.airlink.generate_messages
+# A class for each message of the service, all after one plan: not edited here.
 
 from __future__ import annotations
 

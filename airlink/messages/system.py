@@ -1,6 +1,7 @@
 """Messages by which systems show that they are there, compare their clocks and exchange text."""
 
 # Written by: python -m tests.airlink.generate_messages
+# A class for each message of the service, all after one plan: not edited here.
 
 from __future__ import annotations
 

@@ -157,7 +157,7 @@ class SetpointChannel:
 
     def known(self, at: Instant) -> Command | None:
         """Return what the vehicle has been sent last, None if it is to be sent again at an instant in any case."""
-        return None if self.overdue(at) or seconds_between(self._sent, at) >= REPEAT_S else self._command
+        return None if seconds_between(self._sent, at) >= REPEAT_S else self._command
 
     def overdue(self, at: Instant) -> bool:
         """Return whether what was sent last should have been acknowledged by an instant, and isn't."""

@@ -231,21 +231,22 @@ class Vehicle:
 
         All of them after a loss: an acknowledgement doesn't say which of several it answers.
         """
-        found: list[Message] = []
-        for each in self.setpoint_channels.values():
-            if each.overdue(at):
+        for channel in self.setpoint_channels.values():
+            if channel.overdue(at):
                 self._lost_at = at
-        loses, one_way_s = seconds_between(self._lost_at, at) < LOSSY_S, self.clock.one_way_s
-        for message in messages:
-            channel = self.setpoint_channels.get(message.command) if isinstance(message, CommandInt) else None
-            if channel is None or not isinstance(message, CommandInt):
-                found.append(message)
-                continue
-            known = channel.known(at)
-            if loses or known is None or not self.autopilot.says_nothing_new(message, known):
-                channel.sent(message, at, 0.0 if math.isnan(one_way_s) else 2.0 * one_way_s)
-                found.append(message)
+        loses = seconds_between(self._lost_at, at) < LOSSY_S
+        found = [each for each in messages if loses or self._is_news(each, at)]
+        round_trip_s = 0.0 if math.isnan(self.clock.one_way_s) else 2.0 * self.clock.one_way_s
+        for each in found:
+            if isinstance(each, CommandInt) and each.command in self.setpoint_channels:
+                self.setpoint_channels[each.command].sent(each, at, round_trip_s)
         return found
+
+    def _is_news(self, message: Message, at: Instant) -> bool:
+        if not isinstance(message, CommandInt) or message.command not in self.setpoint_channels:
+            return True
+        known = self.setpoint_channels[message.command].known(at)
+        return known is None or not self.autopilot.says_nothing_new(message, known)
 
     def forget_setpoints(self) -> None:
         """Repeat all setpoints: the vehicle may have others meanwhile."""

@@ -369,7 +369,8 @@ def module(of: Module) -> str:
     body = "\n".join(line for said in of.messages for line in rendered(said))
     helpers = [name for name in _helpers() if re.search(rf"\b{name}\b", re.sub(r'"[^"]*"', "", body))]
     math = "import math\n" if "math." in body else ""
-    head = f'"""{of.text}"""\n\n# Written by: {WRITE}\n\nfrom __future__ import annotations\n'
+    origin = f"# Written by: {WRITE}\n# A class for each message of the service, all after one plan: not edited here."
+    head = f'"""{of.text}"""\n\n{origin}\n\nfrom __future__ import annotations\n'
     wire = f"from librt.strings import BytesWriter\n\nfrom airlink.messages.payload import {', '.join(helpers)}\n"
     kinds = f"KINDS: Final = ({', '.join(said.name for said in of.messages)},)"
     return formatted(f"{head}\n{math}from typing import Final\n\n{wire}\n{body}\n\n{kinds}\n")

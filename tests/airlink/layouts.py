@@ -10,7 +10,7 @@ import struct
 from dataclasses import dataclass
 from pathlib import Path
 
-from airlink.mavlink import MAVLINK_MSG_ID_CURRENT_MODE
+from airlink import mavlink
 
 LAYOUTS = Path(__file__).with_name("layouts.json")
 """Each message's id, CRC_EXTRA, packing (as `struct` has it), length without extension fields, and its fields in the
@@ -43,8 +43,7 @@ class Layout:
 LATER = {
     "CURRENT_MODE": Layout(
         "CURRENT_MODE",
-        MAVLINK_MSG_ID_CURRENT_MODE,
-        crc_extra=193,
+        *mavlink.LATER["CURRENT_MODE"],
         packer=struct.Struct("<IIB"),
         base_length=9,
         fields=("standard_mode", "custom_mode", "intended_custom_mode"),
