@@ -50,6 +50,8 @@ class ClockSync:
     _reference: Instant = Instant(0)
     _asked: Instant = Instant(0)
     """When the newest answered probe was sent: the vehicle ran on its clock after that."""
+    _shown_ns: int = 0
+    """What the clock showed last."""
     _variance: tuple[float, float, float] = (1.0, 0.0, INITIAL_DRIFT**2)
     _recent: deque[float] = field(default_factory=lambda: deque[float](maxlen=WINDOW))
 
@@ -78,9 +80,10 @@ class ClockSync:
         sample_s = (vehicle_time_ns - middle) / NANOSECONDS
         off_s = sample_s - self._predict(middle) if self.samples else 0.0
         stepped = abs(off_s) > STEP_S + self.round_trip_s / 2
-        # One that has run for longer than nothing was read of it hasn't begun anew: it stood still (a machine or a
-        # simulator was held up).
-        restarted = stepped and vehicle_time_ns <= (received - self._asked) * (1.0 + INITIAL_DRIFT)
+        # A clock that stood still (a machine or a simulator was held up) is behind, shows no less than it did, and has
+        # run for longer than nothing was read of it. Any other has begun anew, or is another vehicle's.
+        began = vehicle_time_ns <= (received - self._asked) * (1.0 + INITIAL_DRIFT)
+        restarted = stepped and (off_s > 0.0 or vehicle_time_ns < self._shown_ns or began)
         if self.samples == 0 or restarted:
             self._begin(middle, sample_s)
         elif stepped:
@@ -88,7 +91,7 @@ class ClockSync:
         else:
             self._advance(middle)
             self._correct(sample_s)
-        self._asked = max(self._asked, sent)
+        self._asked, self._shown_ns = max(self._asked, sent), vehicle_time_ns
         self.samples += 1
         self.restarts += restarted
         return restarted

@@ -87,6 +87,17 @@ def test_a_clock_that_stood_still_for_a_while_is_followed_at_once_and_has_not_re
     assert sync.to_instant(5.0 - stalled_s + (1 + rate) * now_s) / NANOSECONDS == pytest.approx(now_s, abs=1e-3)
 
 
+@pytest.mark.parametrize("ahead_s", [500.0, 2.0, -7.0, -500.0])
+def test_a_clock_that_is_ahead_or_shows_less_than_it_did_is_another_vehicles(ahead_s: float) -> None:
+    """Silent for 6 s, a clock that stood still is up to 6 s behind and never ahead."""
+    rng, sync = np.random.default_rng(7), ClockSync()
+    for k in range(160):
+        assert not probe(sync, rng, 0.25 * k, 0.1, 0.0, (1000.0, 0.015))
+    assert probe(sync, rng, 45.75, 0.1, 0.0, (1000.0 + ahead_s, 0.0))
+    assert (sync.restarts, sync.drift) == (1, 0.0)
+    assert sync.to_instant(1045.75 + ahead_s) / NANOSECONDS == pytest.approx(45.75, abs=1e-3)
+
+
 @pytest.mark.parametrize("rate", [1.0, 1.015])
 def test_one_that_booted_after_it_was_last_asked_has_restarted_however_late_it_is_heard(rate: float) -> None:
     """It answered at 0.1 s, which came at 2 s; it booted at 0.2 s, and is heard after 200 s without delay."""
