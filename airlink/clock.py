@@ -5,6 +5,7 @@ Nothing else in the packages asks the machine for the time.
 
 from __future__ import annotations
 
+import math
 import time
 from typing import Final, NewType, Protocol, Self
 
@@ -12,6 +13,7 @@ Instant = NewType("Instant", int)
 """Nanoseconds since the epoch of the run's clock."""
 
 NANOSECONDS: Final = 1_000_000_000
+HALF: Final = 0.5
 MICROSECONDS: Final = 1_000_000
 VIRTUAL_EPOCH_US: Final = 1_577_836_800 * MICROSECONDS
 """2020-01-01 00:00 UTC, at which every virtual clock begins."""
@@ -19,7 +21,19 @@ VIRTUAL_EPOCH_US: Final = 1_577_836_800 * MICROSECONDS
 
 def after(instant: Instant, seconds: float) -> Instant:
     """Return the instant that lies `seconds` after `instant`."""
-    return Instant(instant + round(seconds * NANOSECONDS))
+    return Instant(instant + nanoseconds(seconds))
+
+
+def nanoseconds(seconds: float) -> int:
+    """Return a time in whole nanoseconds."""
+    return rounded(seconds * NANOSECONDS)
+
+
+def rounded(value: float) -> int:
+    """Return `round(value)`: compiled, that itself would be a call of Python's own."""
+    below = math.floor(value)
+    above = value - below
+    return below if above < HALF or (above == HALF and below % 2 == 0) else below + 1
 
 
 def seconds_between(earlier: Instant, later: Instant) -> float:

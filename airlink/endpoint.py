@@ -29,11 +29,37 @@ class ImpairmentError(AirlinkError):
     """A setting of an impaired link that isn't allowed."""
 
 
-class Address(NamedTuple):
-    """An IPv4 host, by number or name, and a UDP port."""
+class Address:
+    """An IPv4 host, by number or name, and a UDP port; it isn't changed."""
 
-    host: str
-    port: int
+    __slots__ = ("_hash", "host", "port")
+
+    def __init__(self, host: str, port: int) -> None:
+        """Take both."""
+        self.host = host
+        self.port = port
+        self._hash = hash((host, port))  # tables are looked up by it with every frame
+
+    @property
+    def pair(self) -> tuple[str, int]:
+        """Both, as sockets take them."""
+        return self.host, self.port
+
+    def __hash__(self) -> int:
+        """Return a hash of both."""
+        return self._hash
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether both are the same."""
+        return isinstance(other, Address) and self.port == other.port and self.host == other.host
+
+    def __reduce__(self) -> tuple[type[Address], tuple[str, int]]:
+        """Return what makes it again in another process."""
+        return Address, (self.host, self.port)
+
+    def __repr__(self) -> str:
+        """Return how it is made."""
+        return f"Address({self.host!r}, {self.port})"
 
     def __str__(self) -> str:
         """Return "host:port"."""

@@ -174,7 +174,7 @@ class MemoryNetwork:
     def _is_taken(self, address: Address) -> bool:
         """Return whether an address is in use; a socket on all interfaces uses its port on each of them."""
         if address.host == ANY_HOST:
-            return any(port == address.port for _, port in self._listeners)
+            return any(each.port == address.port for each in self._listeners)
         return address in self._listeners or Address(ANY_HOST, address.port) in self._listeners
 
     def _ephemeral(self) -> Address:

@@ -95,7 +95,7 @@ class Proxy:
     def _open_towards_target(self, peer: Address) -> int:
         opened = open_socket(self._target)
         try:
-            opened.connect(self._target_address)
+            opened.connect(self._target_address.pair)
         except OSError:
             opened.close()
             raise
@@ -114,7 +114,7 @@ class Proxy:
             if passage.direction is Direction.DOWNLINK:
                 self._sockets[passage.remote].send(passage.data)
             else:
-                self._listening.sendto(passage.data, self._peers[passage.remote])
+                self._listening.sendto(passage.data, self._peers[passage.remote].pair)
         except OSError:  # nobody there, or a full buffer: lost, as in any network
             return
 

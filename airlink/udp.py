@@ -34,7 +34,7 @@ def open_socket(endpoint: Endpoint, from_port: int = 0) -> socket.socket:
         opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
         opened.setblocking(False)
         if endpoint.kind == "udpin":
-            opened.bind(endpoint.address)
+            opened.bind(endpoint.address.pair)
         else:
             _bind(opened, from_port)
     except OSError as error:
@@ -142,6 +142,6 @@ class UdpDriver:
     def _send(self) -> None:
         for each in self._engine.datagrams_to_send():
             try:
-                self._sockets[each.socket].sendto(each.data, each.peer)
+                self._sockets[each.socket].sendto(each.data, each.peer.pair)
             except OSError:  # a full buffer or an unreachable peer loses the datagram, as any network may
                 continue

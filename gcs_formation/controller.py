@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from airlink.clock import NANOSECONDS, Instant, after, seconds_between
+from airlink.clock import NANOSECONDS, Instant, after, nanoseconds, seconds_between
 from flight_model.arrays import Array
 from flight_model.autopilot import FlightState, advance, rate, within, wrap
 from flight_model.slot import NOTHING, Slot
@@ -182,7 +182,7 @@ class FormationController:
         acts: list[int] = []
         for link in links:
             way_s = link.on_its_way_s
-            acts.append(now + round(((0.0 if math.isnan(way_s) else way_s) + link.lag_s) * NANOSECONDS))
+            acts.append(now + nanoseconds((0.0 if math.isnan(way_s) else way_s) + link.lag_s))
         if self._leader_amid:
             acts[0] = sum(acts[1:]) // (len(acts) - 1)
         return acts

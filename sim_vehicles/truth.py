@@ -7,9 +7,10 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Final, Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
+from librt.strings import BytesWriter, write_f64_le
 
 from airlink.clock import NANOSECONDS, Instant
 from flight_model.arrays import Array
@@ -21,8 +22,6 @@ if TYPE_CHECKING:
 MAGIC = b"truth\x00\x00\x03"
 HEADER = struct.Struct("<8sQ")
 QUANTITIES = 12
-_TIME: Final = struct.Struct("d").pack
-_ROW: Final = struct.Struct(f"{QUANTITIES}d").pack
 
 
 class TruthError(Exception):
@@ -59,7 +58,7 @@ class TruthWriter:
         self._file.write(HEADER.pack(MAGIC, vehicles))
         self._turns = max(1, round(LOOP_HZ / rate_hz))
         self._turn, self._full = 0, False
-        self._waiting: list[bytes] = []
+        self._waiting = BytesWriter()
 
     def __enter__(self) -> Self:
         """Return the writer."""
@@ -78,9 +77,9 @@ class TruthWriter:
         self._turn += 1
         if self._full or self._turn % self._turns:
             return
-        self._waiting.append(_TIME(now / NANOSECONDS))
+        write_f64_le(self._waiting, now / NANOSECONDS)
         for body in fleet.bodies:
-            self._waiting.append(_ROW(*body.truth()))
+            body.write_truth(self._waiting)
         if self._turn % LOOP_HZ == 0:
             self._write()
 
@@ -89,11 +88,11 @@ class TruthWriter:
         if self._full:
             return
         try:
-            self._file.write(b"".join(self._waiting))
+            self._file.write(self._waiting.getvalue())
             self._file.flush()
         except OSError:
             self._full = True
-        self._waiting = []
+        self._waiting = BytesWriter()
 
 
 def read_truth(path: Path) -> Truth:
@@ -107,7 +106,7 @@ def read_truth(path: Path) -> Truth:
         raise TruthError(f"{path} is not a record of ground truth")
     vehicles = HEADER.unpack_from(data)[1]
     width = 1 + QUANTITIES * vehicles
-    values = np.frombuffer(data, offset=HEADER.size, count=(len(data) - HEADER.size) // 8)
+    values = np.frombuffer(data, "<f8", offset=HEADER.size, count=(len(data) - HEADER.size) // 8)
     rows = values[: len(values) // width * width].reshape(-1, width)
     columns = rows[:, 1:].reshape(len(rows), vehicles, QUANTITIES)
     return Truth(rows[:, 0], *(columns[:, :, i] for i in range(QUANTITIES)))

@@ -22,6 +22,8 @@ from librt.strings import (
     write_i64_le,
 )
 
+from airlink.clock import rounded
+
 DEG: Final = math.pi / 180
 CDEG: Final = math.pi / 180e2
 DEGE7: Final = math.pi / 180e7
@@ -43,7 +45,6 @@ I32_MAX: Final = 2147483647.0
 U32_MAX: Final = 4294967295.0
 UNKNOWN_U16: Final = 0xFFFF
 """In a field with a unit."""
-HALF: Final = 0.5
 _ZEROS: Final = bytes(255)
 FLOAT32_MAX: Final = 3.4028234663852886e38
 
@@ -188,9 +189,7 @@ def knowns(payload: bytes, at: int, length: int, unit: float) -> tuple[float, ..
 def nearest(value: float, low: float, high: float, unknown: int = 0) -> int:
     """Return the nearest whole number in a range, of two the even one."""
     if low <= value <= high:
-        below = math.floor(value)
-        above = value - below
-        return below if above < HALF or (above == HALF and below % 2 == 0) else below + 1
+        return rounded(value)
     return unknown if math.isnan(value) else int(low if value < low else high)
 
 

@@ -11,7 +11,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Final
 
-from flight_model.autopilot import AutopilotModel, FlightState, expm1, rate, rotated, within, wrap
+from flight_model.autopilot import AutopilotModel, FlightState, rate, rotated, within, wrap
 from flight_model.slot import NOTHING, Slot, Triple
 from formation_scenario.formation import Frame
 from gcs_formation.control.feed_forward import Axes, Envelope, LeaderMotion, TrailingSlot, feed_forward, lead
@@ -310,7 +310,7 @@ class FollowerController(Controller):
             self._drift_north_mps, self._drift_east_mps = north_mps, east_mps
         north_mps -= self._drift_north_mps
         east_mps -= self._drift_east_mps
-        share = -expm1(-gust_radps * dt_s)
+        share = 1.0 - math.exp(-gust_radps * dt_s)
         self._drift_north_mps += share * north_mps
         self._drift_east_mps += share * east_mps
         size = max(north_mps * north_mps + east_mps * east_mps, 1e-12)

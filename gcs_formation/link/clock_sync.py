@@ -11,7 +11,7 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import Final
 
-from airlink.clock import NANOSECONDS, Instant
+from airlink.clock import NANOSECONDS, Instant, nanoseconds
 from flight_model.autopilot import squared
 
 WINDOW: Final = 16
@@ -99,7 +99,7 @@ class ClockSync:
     def to_instant(self, vehicle_time_s: float) -> Instant:
         """Return our instant for a vehicle's time since boot in seconds."""
         at_reference_s = self._reference / NANOSECONDS + self.offset_s
-        return Instant(self._reference + round((vehicle_time_s - at_reference_s) / (1 + self.drift) * NANOSECONDS))
+        return Instant(self._reference + nanoseconds((vehicle_time_s - at_reference_s) / (1 + self.drift)))
 
     def age_s(self, vehicle_time_s: float, now: Instant) -> float:
         """Return how long before `now` a vehicle's time since boot was, s."""

@@ -200,8 +200,8 @@ class ArduPlane(ArduPilot):
         """Return whether speed, altitude or heading stay within its resolution."""
         if not isinstance(command, CommandInt) or not isinstance(known, CommandInt):
             return False
-        apart = max(abs(command.param2 - known.param2), abs(command.param3 - known.param3), abs(command.z - known.z))
-        return apart <= RESOLUTION
+        alike = abs(command.param2 - known.param2) <= RESOLUTION and abs(command.param3 - known.param3) <= RESOLUTION
+        return alike and abs(command.z - known.z) <= RESOLUTION
 
     def loiter(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:  # noqa: ARG002 - it circles where it is
         """Return LOITER, then the height, since a change of mode resets heights."""

@@ -27,6 +27,9 @@ TEXT_BYTES: Final = 50
 """Length of STATUSTEXT's field: a text that fills it goes on in another message with its id."""
 SPEED_LIMIT_MPS: Final = 400.0
 ANGLE_LIMIT_RAD: Final = 2 * math.pi
+HALF_TURN_RAD: Final = math.pi
+QUARTER_RAD: Final = math.pi / 2
+INFINITE: Final = math.inf
 TURN_LIMIT_RPS: Final = 50.0
 ALTITUDE_LIMIT_M: Final = 100e3
 """Limits beyond which a state isn't an aircraft's, even if it is finite."""
@@ -173,7 +176,7 @@ class Telemetry:
     @property
     def complete(self) -> bool:
         """Whether all that the law needs has come."""
-        return self.motion is not None and self.attitude is not None and math.isfinite(self.airspeed_mps)
+        return self.motion is not None and self.attitude is not None and abs(self.airspeed_mps) < INFINITE
 
 
 TAKE: Final[dict[type[Message], Callable[[Telemetry, Any], None]]] = {
@@ -195,14 +198,14 @@ def _is_position(message: GlobalPositionInt) -> bool:
     lat_rad, lon_rad, alt_m, above_m = message.lat_rad, message.lon_rad, message.alt_m, message.relative_alt_m
     return (
         (lat_rad != 0.0 or lon_rad != 0.0)
-        and -math.pi / 2 < lat_rad < math.pi / 2
-        and -math.pi <= lon_rad <= math.pi
+        and -QUARTER_RAD < lat_rad < QUARTER_RAD
+        and -HALF_TURN_RAD <= lon_rad <= HALF_TURN_RAD
         and -ALTITUDE_LIMIT_M <= alt_m <= ALTITUDE_LIMIT_M
         and -ALTITUDE_LIMIT_M <= above_m <= ALTITUDE_LIMIT_M
-        and math.isfinite(message.time_boot_s)
-        and math.isfinite(message.vx_mps)
-        and math.isfinite(message.vy_mps)
-        and math.isfinite(message.vz_mps)
+        and abs(message.time_boot_s) < INFINITE
+        and abs(message.vx_mps) < INFINITE
+        and abs(message.vy_mps) < INFINITE
+        and abs(message.vz_mps) < INFINITE
     )
 
 
@@ -214,7 +217,7 @@ def _is_attitude(message: Attitude) -> bool:
         and -TURN_LIMIT_RPS <= message.rollspeed_radps <= TURN_LIMIT_RPS
         and -TURN_LIMIT_RPS <= message.pitchspeed_radps <= TURN_LIMIT_RPS
         and -TURN_LIMIT_RPS <= message.yawspeed_radps <= TURN_LIMIT_RPS
-        and math.isfinite(message.time_boot_s)
+        and abs(message.time_boot_s) < INFINITE
     )
 
 

@@ -9,7 +9,7 @@ from enum import Enum
 from typing import Any, Final
 
 from airlink import mavlink as m
-from airlink.clock import NANOSECONDS, Instant, seconds_between
+from airlink.clock import NANOSECONDS, Instant, nanoseconds, seconds_between
 from airlink.endpoint import VehicleId
 from airlink.frame import Frame, FrameWriter
 from airlink.messages import Message
@@ -157,7 +157,7 @@ class Vehicle:
         if self._answered is None:
             return now
         down_s = self.down_s
-        return self._answered if math.isnan(down_s) else Instant(self._answered - round(down_s * NANOSECONDS))
+        return self._answered if math.isnan(down_s) else Instant(self._answered - nanoseconds(down_s))
 
     @property
     def gnss(self) -> GnssClock | None:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
+from librt.strings import BytesWriter, write_f64_le
 
 from airlink.random_streams import random_stream
 from flight_model import energy
@@ -171,7 +171,11 @@ class Body:
     def shown(self) -> Motion:
         """Return its motion as its own sensors show it."""
         shown_mps = self.shown_mps
-        return self.motion if shown_mps is None else replace(self.motion, airspeed_mps=shown_mps)
+        if shown_mps is None:
+            return self.motion
+        shown = self.motion.copy()
+        shown.airspeed_mps = shown_mps
+        return shown
 
     def ground_velocity(self) -> tuple[float, float, float]:
         """Return north, east and down, m/s: through the air, and what carries it."""
@@ -182,16 +186,24 @@ class Body:
             self.drift_down_mps - state.climb_mps,
         )
 
-    def truth(self) -> tuple[float, ...]:
-        """Return the quantities of `sim_vehicles.truth.Truth`, in their order."""
+    def write_truth(self, row: BytesWriter) -> None:
+        """Append the quantities of `sim_vehicles.truth.Truth`, in their order."""
         state = self.state
         north_mps, east_mps, down_mps = self.ground_velocity()
         airborne = 1.0 if self.steering.airborne else 0.0
         north, east, down = self.disturbance_mps
-        return (
-            *(state.north_m, state.east_m, state.height_m, north_mps, east_mps, -down_mps),
-            *(state.airspeed_mps, state.heading_rad, north * airborne, east * airborne, down * airborne, airborne),
-        )
+        write_f64_le(row, state.north_m)
+        write_f64_le(row, state.east_m)
+        write_f64_le(row, state.height_m)
+        write_f64_le(row, north_mps)
+        write_f64_le(row, east_mps)
+        write_f64_le(row, -down_mps)
+        write_f64_le(row, state.airspeed_mps)
+        write_f64_le(row, state.heading_rad)
+        write_f64_le(row, north * airborne)
+        write_f64_le(row, east * airborne)
+        write_f64_le(row, down * airborne)
+        write_f64_le(row, airborne)
 
     def ground(self) -> None:
         """Put it on the ground, at rest."""
@@ -243,6 +255,7 @@ class Body:
 
     def _made(self) -> Motion:
         state = self.state
+        north_mps, east_mps, down_mps = self.ground_velocity()
         return Motion(
             state.north_m,
             state.east_m,
@@ -250,7 +263,9 @@ class Body:
             state.climb_mps,
             state.airspeed_mps,
             state.heading_rad,
-            *self.ground_velocity(),
+            north_mps,
+            east_mps,
+            down_mps,
             state.wind_north_mps,
             state.wind_east_mps,
             self.drift_down_mps,

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import replace
 from typing import Final
 
 from flight_model.autopilot import slot_axis, within, wrap
@@ -96,7 +95,10 @@ class HoveringBody(Body):
 
     def shown(self) -> Motion:
         """Return its motion as its sensors show it: no airspeed but its own speed, and where its nose points."""
-        return replace(self.motion, airspeed_mps=math.hypot(*self.velocity_mps), heading_rad=self.yaw_rad)
+        shown, (north_mps, east_mps, down_mps) = self.motion.copy(), self.velocity_mps
+        shown.airspeed_mps = math.sqrt(north_mps * north_mps + east_mps * east_mps + down_mps * down_mps)
+        shown.heading_rad = self.yaw_rad
+        return shown
 
     def fly(self) -> None:
         """Move on by a cycle of the main loop; what stands on the ground stays there."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 from flight_model.autopilot import FlightState, within
@@ -31,46 +30,116 @@ class InnovationRatios(NamedTuple):
 USUAL = InnovationRatios()
 
 
-@dataclass
 class Estimate:
     """The estimate at one sample."""
 
-    received: Motion | None
-    """The motion by the GNSS receiver; None without a fix."""
-    pitch_error_rad: float = 0.0
-    bank_error_rad: float = 0.0
-    unknown: int = 0
-    """Bits of EKF_STATUS_FLAGS: which of its estimates are too uncertain to be called good."""
-    ratios: InnovationRatios = USUAL
+    __slots__ = ("bank_error_rad", "pitch_error_rad", "ratios", "received", "unknown")
+
+    def __init__(
+        self,
+        received: Motion | None,
+        pitch_error_rad: float = 0.0,
+        bank_error_rad: float = 0.0,
+        unknown: int = 0,
+        ratios: InnovationRatios = USUAL,
+    ) -> None:
+        """Take the motion by the GNSS receiver (None: without a fix), errors of attitude, and what the filter says.
+
+        `unknown`: bits of EKF_STATUS_FLAGS, which of its estimates are too uncertain to be called good.
+        """
+        self.received = received
+        self.pitch_error_rad = pitch_error_rad
+        self.bank_error_rad = bank_error_rad
+        self.unknown = unknown
+        self.ratios = ratios
 
 
-@dataclass
 class Motion:
     """NED from the fleet's origin, heights upwards; airspeed and heading are air-relative; headings aren't wrapped."""
 
-    north_m: float
-    east_m: float
-    height_m: float
-    climb_mps: float
-    airspeed_mps: float
-    heading_rad: float
-    velocity_north_mps: float
-    velocity_east_mps: float
-    velocity_down_mps: float
-    drift_north_mps: float
-    drift_east_mps: float
-    drift_down_mps: float
-    turn_rate_radps: float
-    airspeed_setpoint_mps: float
-    heading_setpoint_rad: float
-    height_setpoint_m: float
+    __slots__ = (
+        "airspeed_mps",
+        "airspeed_setpoint_mps",
+        "climb_mps",
+        "drift_down_mps",
+        "drift_east_mps",
+        "drift_north_mps",
+        "east_m",
+        "heading_rad",
+        "heading_setpoint_rad",
+        "height_m",
+        "height_setpoint_m",
+        "north_m",
+        "turn_rate_radps",
+        "velocity_down_mps",
+        "velocity_east_mps",
+        "velocity_north_mps",
+    )
+
+    def __init__(  # noqa: PLR0913, PLR0917 - a state and its targets
+        self,
+        north_m: float,
+        east_m: float,
+        height_m: float,
+        climb_mps: float,
+        airspeed_mps: float,
+        heading_rad: float,
+        velocity_north_mps: float,
+        velocity_east_mps: float,
+        velocity_down_mps: float,
+        drift_north_mps: float,
+        drift_east_mps: float,
+        drift_down_mps: float,
+        turn_rate_radps: float,
+        airspeed_setpoint_mps: float,
+        heading_setpoint_rad: float,
+        height_setpoint_m: float,
+    ) -> None:
+        """Take place, motion through the air and over ground, what carries it, its turn, and its targets."""
+        self.north_m = north_m
+        self.east_m = east_m
+        self.height_m = height_m
+        self.climb_mps = climb_mps
+        self.airspeed_mps = airspeed_mps
+        self.heading_rad = heading_rad
+        self.velocity_north_mps = velocity_north_mps
+        self.velocity_east_mps = velocity_east_mps
+        self.velocity_down_mps = velocity_down_mps
+        self.drift_north_mps = drift_north_mps
+        self.drift_east_mps = drift_east_mps
+        self.drift_down_mps = drift_down_mps
+        self.turn_rate_radps = turn_rate_radps
+        self.airspeed_setpoint_mps = airspeed_setpoint_mps
+        self.heading_setpoint_rad = heading_setpoint_rad
+        self.height_setpoint_m = height_setpoint_m
+
+    def copy(self) -> Motion:
+        """Return the same motion as an object of its own."""
+        return Motion(
+            self.north_m,
+            self.east_m,
+            self.height_m,
+            self.climb_mps,
+            self.airspeed_mps,
+            self.heading_rad,
+            self.velocity_north_mps,
+            self.velocity_east_mps,
+            self.velocity_down_mps,
+            self.drift_north_mps,
+            self.drift_east_mps,
+            self.drift_down_mps,
+            self.turn_rate_radps,
+            self.airspeed_setpoint_mps,
+            self.heading_setpoint_rad,
+            self.height_setpoint_m,
+        )
 
 
 def with_drift(sensed: Motion) -> Motion:
-    """Return a motion with the drift as the vehicle estimates it: ground velocity minus airspeed along the heading."""
-    north = sensed.velocity_north_mps - sensed.airspeed_mps * math.cos(sensed.heading_rad)
-    east = sensed.velocity_east_mps - sensed.airspeed_mps * math.sin(sensed.heading_rad)
-    return replace(sensed, drift_north_mps=north, drift_east_mps=east)
+    """Return it with the drift as the vehicle estimates it: ground velocity minus airspeed along the heading."""
+    sensed.drift_north_mps = sensed.velocity_north_mps - sensed.airspeed_mps * math.cos(sensed.heading_rad)
+    sensed.drift_east_mps = sensed.velocity_east_mps - sensed.airspeed_mps * math.sin(sensed.heading_rad)
+    return sensed
 
 
 class Steering:

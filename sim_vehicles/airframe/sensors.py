@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -50,18 +49,16 @@ class Sensors:
             self._off_m = self._stray()
         errors: list[float] = (self._sigmas * self._error).tolist()
         north, east, down, v_north, v_east, v_down, airspeed, heading = errors
-        sensed = replace(
-            true,
-            north_m=true.north_m + north + self._off_m[0],
-            east_m=true.east_m + east + self._off_m[1],
-            height_m=true.height_m - down,
-            climb_mps=true.climb_mps - v_down,
-            airspeed_mps=max(0.0, true.airspeed_mps + airspeed),
-            heading_rad=true.heading_rad + heading,
-            velocity_north_mps=true.velocity_north_mps + v_north,
-            velocity_east_mps=true.velocity_east_mps + v_east,
-            velocity_down_mps=true.velocity_down_mps + v_down,
-        )
+        sensed = true.copy()
+        sensed.north_m += north + self._off_m[0]
+        sensed.east_m += east + self._off_m[1]
+        sensed.height_m -= down
+        sensed.climb_mps -= v_down
+        sensed.airspeed_mps = max(0.0, true.airspeed_mps + airspeed)
+        sensed.heading_rad += heading
+        sensed.velocity_north_mps += v_north
+        sensed.velocity_east_mps += v_east
+        sensed.velocity_down_mps += v_down
         return with_drift(sensed)
 
     def estimate(self, true: Motion, now: Instant) -> Estimate:

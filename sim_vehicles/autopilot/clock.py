@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from airlink.clock import NANOSECONDS, Instant
+from airlink.clock import NANOSECONDS, Instant, nanoseconds, rounded
 
 LOOP_HZ: Final = 50
 """Rate of ArduPlane's main loop, on which it flies, reads and sends."""
@@ -14,22 +14,25 @@ NEVER: Final = Instant(2**62 - 1)
 """Later than any instant of a run."""
 
 
-@dataclass
 class VehicleClock:
     """Nanoseconds since boot, off by `offset_s` and running `1 + drift` times as fast as true time."""
 
-    booted: Instant
-    offset_s: float = 0.0
-    drift: float = 0.0
+    __slots__ = ("booted", "drift", "offset_s")
+
+    def __init__(self, booted: Instant, offset_s: float = 0.0, drift: float = 0.0) -> None:
+        """Start at an instant."""
+        self.booted = booted
+        self.offset_s = offset_s
+        self.drift = drift
 
     def nanoseconds(self, now: Instant) -> int:
         """Return what the clock shows at `now`, in ns."""
         elapsed = now - self.booted
-        return elapsed + round(elapsed * self.drift + self.offset_s * NANOSECONDS)
+        return elapsed + rounded(elapsed * self.drift + self.offset_s * NANOSECONDS)
 
     def began_ns(self) -> int:
         """Return the instant, ns, at which the clock would have shown 0."""
-        return self.booted - round(self.offset_s / (1.0 + self.drift) * NANOSECONDS)
+        return self.booted - nanoseconds(self.offset_s / (1.0 + self.drift))
 
     def seconds(self, now: Instant) -> float:
         """Return what the clock shows at `now`, in s."""
@@ -64,4 +67,4 @@ class UtcClock:
         return (self.clock.nanoseconds(now) + self._ahead_ns) // 1000
 
     def _received_ns(self, now: int) -> int:
-        return self.at_0_us * 1000 + now + round((self.error_s or 0.0) * NANOSECONDS)
+        return self.at_0_us * 1000 + now + nanoseconds(self.error_s or 0.0)

@@ -7,7 +7,6 @@ themselves are propagated, and a filter with their covariance corrects them by t
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -62,11 +61,9 @@ class InertialNavigator:
     def sense(self, true: Motion, now: Instant) -> Motion:
         """Return the motion with the errors of the newest sample at `now`."""
         self._catch_up(true, now)
-        sensed = replace(
-            _displaced(true, self._errors),
-            heading_rad=true.heading_rad + float(self._errors[TILT.start + UP]),
-            airspeed_mps=max(0.0, true.airspeed_mps + self._airspeed_error_mps),
-        )
+        sensed = _displaced(true, self._errors)
+        sensed.heading_rad += float(self._errors[TILT.start + UP])
+        sensed.airspeed_mps = max(0.0, true.airspeed_mps + self._airspeed_error_mps)
         return with_drift(sensed)
 
     def estimate(self, true: Motion, now: Instant) -> Estimate:
@@ -127,16 +124,15 @@ class InertialNavigator:
 def _displaced(true: Motion, errors: Array) -> Motion:
     """Return a motion with errors (6,) or more of place and velocity, east, north and up."""
     east, north, up, v_east, v_north, v_up = errors[:6].tolist()
-    return replace(
-        true,
-        north_m=true.north_m + north,
-        east_m=true.east_m + east,
-        height_m=true.height_m + up,
-        climb_mps=true.climb_mps + v_up,
-        velocity_north_mps=true.velocity_north_mps + v_north,
-        velocity_east_mps=true.velocity_east_mps + v_east,
-        velocity_down_mps=true.velocity_down_mps - v_up,
-    )
+    displaced = true.copy()
+    displaced.north_m += north
+    displaced.east_m += east
+    displaced.height_m += up
+    displaced.climb_mps += v_up
+    displaced.velocity_north_mps += v_north
+    displaced.velocity_east_mps += v_east
+    displaced.velocity_down_mps -= v_up
+    return displaced
 
 
 def _start(

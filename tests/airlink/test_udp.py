@@ -42,7 +42,7 @@ def test_datagrams_come_in_and_answers_go_back(port):
         remote.sendto(b"hello", ("127.0.0.1", port))
         driver.run(lambda: bool(engine.heard) and len(engine.timers) >= 3)
         assert remote.recv(100) == b"HELLO"
-        assert [(each.remote, each.data) for each in engine.heard] == [((0, remote.getsockname()), b"hello")]
+        assert [(each.remote, each.data) for each in engine.heard] == [((0, Address(*remote.getsockname())), b"hello")]
         assert engine.timers == sorted(engine.timers)
 
 
