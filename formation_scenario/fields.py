@@ -39,6 +39,12 @@ class Keys(BaseModel):
             del vars(copied)[name]
         return copied
 
+    def __getstate__(self) -> dict[Any, Any]:
+        """Return what goes to another process: the keys. What was derived from them is derived anew there."""
+        state = super().__getstate__()
+        names = type(self).model_fields
+        return state | {"__dict__": {name: value for name, value in state["__dict__"].items() if name in names}}
+
 
 @dataclass(frozen=True, slots=True)
 class Allowed:

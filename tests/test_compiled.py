@@ -72,6 +72,13 @@ def test_a_compiled_wheel_flies_the_same_bytes(wheel: Path, tmp_path: Path, flig
 
 
 @pytest.mark.slow
+def test_a_compiled_wheel_compares_laws_in_processes_of_their_own(wheel: Path, tmp_path: Path) -> None:
+    short = ("--laws", "pid,consensus", "--until", "2", "--set", "expect=[]", "--out", str(tmp_path / "laws"))
+    compare = [sys.executable, "-P", "-m", "gcs_formation", "compare", "configs/quickstart.yaml", *short]
+    subprocess.run(compare, cwd=ROOT, env={**os.environ, "PYTHONPATH": str(wheel)}, check=True)
+
+
+@pytest.mark.slow
 def test_a_compiled_wheel_decides_as_its_tests_say(wheel: Path) -> None:
     ours = {**os.environ, "PYTHONPATH": str(wheel)}
     tests = [f"tests/{each}" for each in DECIDING]

@@ -1,3 +1,5 @@
+import pickle
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -239,6 +241,17 @@ def test_the_grade_of_inertial_sensors_fills_in_what_is_not_given(load):
     sensors = load(f"vehicles.1.navigation={keys}").vehicles[1].navigation.sensors
     assert (sensors.accel_bias_ug, sensors.gyro_bias_deg_per_h) == (2000.0, (1.0, 2.0, 3.0))
     assert load("vehicles.1.navigation={source: ins}").vehicles[1].navigation.sensors.accel_bias_ug == 100.0
+
+
+def test_a_scenario_goes_to_another_process_by_its_keys_alone(load):
+    """What is derived from them may be compiled, and knows no way there."""
+    scenario = load()
+    end_m = scenario.leader_path.length_m
+    there = pickle.loads(pickle.dumps(scenario))
+    assert "leader_path" not in vars(there)
+    assert "written" not in vars(there.path)
+    assert there == scenario
+    assert there.leader_path.length_m == end_m
 
 
 def test_one_error_carries_every_problem():
