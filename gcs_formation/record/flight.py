@@ -112,8 +112,8 @@ def split(
     vehicles: dict[VehicleId, dict[str, Array]] = {}
     for planned in scenario.vehicles:
         identity = planned.vehicle_id
-        mine = (columns["network"] == identity.network) & (columns["vehicle"] == identity.system)
-        vehicles[identity] = {name: values[mine] for name, values in columns.items()}
+        rows = np.flatnonzero((columns["network"] == identity.network) & (columns["vehicle"] == identity.system))
+        vehicles[identity] = {name: values[rows] for name, values in columns.items()}
         vehicles[identity] |= _injected(injected_s[identity])
     if truth is not None:
         vehicles = {i: {**own, **truth.at(i, own["t_s"])} for i, own in vehicles.items()}

@@ -126,13 +126,14 @@ def read_spool(path: Path) -> dict[str, Array]:
 
 
 def _read_part(path: Path) -> dict[str, Array]:
-    head, _, data = path.read_bytes().partition(b"\n")
-    named: dict[str, Any] = json.loads(head) if data else {"vehicles": [], "values": SPOOLED}
+    with path.open("rb") as file:
+        head, numbers = file.readline(), np.fromfile(file, dtype="<f8")
+    named: dict[str, Any] = json.loads(head) if numbers.size else {"vehicles": [], "values": SPOOLED}
     if tuple(named.get("values", ())) != SPOOLED:
         raise RecordError(f"found other values than this version's in {path}; allowed: a record of this version")
     vehicles = np.array(named["vehicles"], dtype=np.int32).reshape(-1, 2)
-    ticks = len(data) // max(1, 8 * len(SPOOLED) * len(vehicles))
-    numbers = np.frombuffer(data, dtype="<f8", count=ticks * len(SPOOLED) * len(vehicles))
+    ticks = numbers.size // max(1, len(SPOOLED) * len(vehicles))
+    numbers = numbers[: ticks * len(SPOOLED) * len(vehicles)]
     rows = numbers.reshape(ticks * len(vehicles), len(SPOOLED)).T.copy()
     network, system = np.tile(vehicles, (ticks, 1)).T
     return {"network": network, "vehicle": system} | dict(zip(SPOOLED, rows, strict=True))
@@ -147,8 +148,10 @@ def in_words(columns: Mapping[str, Array]) -> dict[str, Any]:
 
 
 def write_parquet(path: Path, columns: Mapping[str, Array]) -> None:
-    """Write the time series of a spool's columns."""
-    pq.write_table(pa.table({name: _arrow(column) for name, column in in_words(columns).items()}), path)
+    """Write the time series of a spool's columns; a dictionary of measured numbers would cost time and space."""
+    table = pa.table({name: _arrow(column) for name, column in in_words(columns).items()})
+    repeated: Any = ["phase", "network", "vehicle"]  # pyarrow's stubs know no list here
+    pq.write_table(table, path, use_dictionary=repeated)
 
 
 def _arrow(column: npt.NDArray[Any]) -> pa.Array[Any]:
@@ -236,10 +239,10 @@ class GroundTruth:
         """Return a vehicle's true columns at the given times: places by cubic interpolation, the rest linearly."""
         column = self.vehicles.index(vehicle)
         heading = np.unwrap(self.heading_rad[:, column])
+        place = np.column_stack([each[:, column] for each in (self.north_m, self.east_m, self.height_m)])
+        rate = np.column_stack([each[:, column] for each in (self.north_mps, self.east_mps, self.climb_mps)])
         values = (
-            _hermite(self.time_s, self.north_m[:, column], self.north_mps[:, column], time_s),
-            _hermite(self.time_s, self.east_m[:, column], self.east_mps[:, column], time_s),
-            _hermite(self.time_s, self.height_m[:, column], self.climb_mps[:, column], time_s),
+            *_hermite(self.time_s, place, rate, time_s).T,
             np.interp(time_s, self.time_s, self.airspeed_mps[:, column]),
             np.interp(time_s, self.time_s, heading),
             *(np.interp(time_s, self.time_s, each[:, column]) for each in self._disturbance()),
@@ -253,10 +256,10 @@ class GroundTruth:
 
 
 def _hermite(known_s: Array, value: Array, rate: Array, wanted_s: Array) -> Array:
-    """Return the cubic through values and rates, constant beyond the ends."""
+    """Return (T, 3) the cubics through values and rates (K, 3), constant beyond the ends."""
     index = np.clip(np.searchsorted(known_s, wanted_s, side="right") - 1, 0, len(known_s) - 2)
-    step_s = known_s[index + 1] - known_s[index]
-    u = np.clip((wanted_s - known_s[index]) / step_s, 0.0, 1.0)
+    step_s = (known_s[index + 1] - known_s[index])[:, None]
+    u = np.clip((wanted_s - known_s[index])[:, None] / step_s, 0.0, 1.0)
     before, after = value[index], value[index + 1]
     slope_before, slope_after = rate[index] * step_s, rate[index + 1] * step_s
     return (
