@@ -24,6 +24,7 @@ class VehicleLink:
 
     __slots__ = (
         "airborne",
+        "circling",
         "delay_s",
         "disobeying",
         "down_s",
@@ -51,6 +52,8 @@ class VehicleLink:
         which the station holds it back."""
         self.airborne = True
         """Whether it flies, as far as it can be heard."""
+        self.circling = False
+        """Whether it isn't commanded and circles, or is about to turn onto its circle."""
         self.heard: int = now
         """Until when it is known to have heard what it was commanded."""
         self.disobeying = False

@@ -10,7 +10,7 @@ from airlink.endpoint import VehicleId
 from flight_model.autopilot import FlightState
 from gcs_formation.controller import FormationController
 from gcs_formation.recorder import Detail, Event, Recorder, Tick
-from gcs_formation.separation.resolver import words
+from gcs_formation.separation.resolver import Encounter
 from gcs_formation.vehicle.vehicle import Vehicle
 
 
@@ -60,3 +60,17 @@ def look_on(tick: Tick, vehicles: Mapping[VehicleId, Vehicle], columns: Mapping[
         if vehicle.clock.samples:
             tick.age_s[column] = seconds_between(vehicle.clock.to_instant(motion.stamp_s), now)
     return tick
+
+
+def words(encounter: Encounter, names: Mapping[int, str]) -> tuple[str, dict[str, Detail]]:
+    """Return what the record says of an encounter that begins or ends, in words and figures."""
+    other = names[encounter.other]
+    if encounter.ended is None:
+        text = (
+            f"gives way to {other}, {'upwards' if encounter.upwards else 'downwards'}: "
+            f"they would be {encounter.nearest_m:.1f} m apart in {encounter.in_s:.1f} s"
+        )
+        return text, {"other": other, "begins": True, "nearest_m": encounter.nearest_m, "in_s": encounter.in_s}
+    lasted_s = seconds_between(encounter.begun, encounter.ended)
+    text = f"no longer gives way to {other}: {lasted_s:.1f} s, {encounter.least_m:.1f} m apart at least"
+    return text, {"other": other, "begins": False, "least_m": encounter.least_m, "lasted_s": lasted_s}

@@ -69,6 +69,7 @@ class Dispatch:
             link.up_s, link.down_s = vehicle.ways_s
             link.jitter_s = vehicle.jitter.jitter_s
             link.airborne = vehicle.airborne
+            link.circling = not link.ready and vehicle.circles
             link.heard = vehicle.heard_at(now)
             link.lag_s = vehicle.autopilot.loop_s / 2
             link.disobeying = disobeying[column]

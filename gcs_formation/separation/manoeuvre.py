@@ -142,6 +142,10 @@ class Traffic:
         """Return the columns of the vehicles at `which`, repeated as often as named."""
         return Traffic(self.state.take(which), self.lead_s[which], self.turn_rps[which], self.model.take(which))
 
+    def turning(self) -> Traffic:
+        """Return these vehicles if each turns clockwise as tightly as it can."""
+        return Traffic(self.state, self.lead_s, self.model.turn_rate_max_rps, self.model)
+
     def beside(self, other: Traffic) -> Traffic:
         """Return these vehicles and others, in this order."""
         return Traffic(

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from airlink.clock import NANOSECONDS, Instant, seconds_between
+from airlink.clock import NANOSECONDS, Instant
 from flight_model.arrays import Array, or_zero
 from flight_model.autopilot import AutopilotModel, FlightState, advance, within, wrap
 from flight_model.slot import NOTHING, Triple
@@ -216,7 +215,7 @@ class ConflictResolver:
         return counted
 
     def _picture(self, tick: Tick, measured: Measured, members: list[int], unresponsive: list[int]) -> TrafficPicture:
-        """Return what the rule looks at; those that may be unresponsive come once more, where they then are."""
+        """Return what the rule looks at; twice, who may be elsewhere: unresponsive, or in a tight turn."""
         acts = [measured.acts[each] for each in members]
         together = max((measured.acts[each] for each in members if tick.active[each]), default=min(acts))
         until = [measured.acts[each] if tick.active[each] else together for each in members]
@@ -224,14 +223,22 @@ class ConflictResolver:
         lead_s = np.array([(together - each) / NANOSECONDS for each in until])
         models = AutopilotModels.from_each(self._models[each] for each in members)
         traffic = Traffic(self._state(tick, measured, members, until, turn_rps), lead_s, turn_rps, models)
-        commanded = [tick.active[each] for each in members] + [False] * len(unresponsive)
+        vehicles, commanded = [*members, *unresponsive], [tick.active[each] for each in members]
+        setpoints = [tick.setpoints[each] if tick.active[each] else NOTHING for each in members]
         if unresponsive:
             traffic = traffic.beside(self._unresponsive.traffic(unresponsive, measured, together))
-        vehicles, timing_s = [*members, *unresponsive], _timing_s(tick)
-        by_law = Setpoints.from_each(tick.setpoints[each] for each in vehicles).table
+            setpoints += [NOTHING] * len(unresponsive)
+        circling = [at for at, each in enumerate(members) if tick.links[each].circling]
+        if circling:
+            turning = traffic.take(np.array(circling)).turning()
+            traffic = traffic.beside(turning)
+            setpoints += [(math.nan, math.nan, height_m) for height_m in turning.state.height_m.tolist()]
+            vehicles += [members[at] for at in circling]
+        commanded += [False] * (len(vehicles) - len(members))
+        timing_s = _timing_s(tick)
         return TrafficPicture(
             traffic=traffic,
-            setpoints=Setpoints.of(np.where(commanded, by_law, np.nan)),
+            setpoints=Setpoints.from_each(setpoints),
             commanded=np.array(commanded),
             vehicles=np.array(vehicles, dtype=np.intp),
             kept_m=self.kept_m,
@@ -320,20 +327,6 @@ def _timing_s(tick: Tick) -> list[float]:
         each = TIMING_SHARE * (tick.age_s[column] + link.delay_s)
         off_s.append(0.0 if math.isnan(each) else each)
     return off_s
-
-
-def words(encounter: Encounter, names: Mapping[int, str]) -> tuple[str, dict[str, str | int | float | bool | None]]:
-    """Return what the record says of an encounter that begins or ends, in words and figures."""
-    other = names[encounter.other]
-    if encounter.ended is None:
-        text = (
-            f"gives way to {other}, {'upwards' if encounter.upwards else 'downwards'}: "
-            f"they would be {encounter.nearest_m:.1f} m apart in {encounter.in_s:.1f} s"
-        )
-        return text, {"other": other, "begins": True, "nearest_m": encounter.nearest_m, "in_s": encounter.in_s}
-    lasted_s = seconds_between(encounter.begun, encounter.ended)
-    text = f"no longer gives way to {other}: {lasted_s:.1f} s, {encounter.least_m:.1f} m apart at least"
-    return text, {"other": other, "begins": False, "least_m": encounter.least_m, "lasted_s": lasted_s}
 
 
 def _nearest_m(slots_m: Array) -> float:

@@ -142,6 +142,7 @@ class ArduPlane(ArduPilot):
     guided_mode = m.PLANE_MODE_GUIDED
     setpoint_commands = (SPEED, HEADING, ALTITUDE)
     loiter_mode = m.PLANE_MODE_LOITER
+    circling_mode = m.PLANE_MODE_LOITER
     home_mode = m.PLANE_MODE_RTL
     approach_m = 55.0
     """AUTOLAND_WP_ALT's default."""

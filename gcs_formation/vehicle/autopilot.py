@@ -132,6 +132,8 @@ class Autopilot(ABC):
     """Whether each setpoint also commands the guided mode, and so undoes a pilot's choice of another."""
     acknowledges_early: ClassVar[bool] = False
     """Whether it acknowledges a change of mode before it has decided on it: heartbeats alone are to be believed."""
+    circling_mode: ClassVar[int] = -1
+    """In which it turns onto a circle, clockwise by default, as soon as it is told; -1: in none."""
     stands: ClassVar[bool] = False
     """Whether it stands where it waits, and needs no height of its own there; others circle."""
     approach_m: ClassVar[float] = 0.0

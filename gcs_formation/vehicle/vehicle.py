@@ -188,6 +188,11 @@ class Vehicle:
         return self.connection.state is not LinkState.LOST and self.autopilot.is_airborne(self.telemetry)
 
     @property
+    def circles(self) -> bool:
+        """Whether its mode is one in which it circles where it is."""
+        return self.telemetry.custom_mode == self.autopilot.circling_mode
+
+    @property
     def frames_implausible(self) -> int:
         """Frames whose values were dropped because they can't be an aircraft's."""
         return self.telemetry.implausible

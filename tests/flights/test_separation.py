@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import pytest
 
 from tests.flights.conftest import Fly
+from tests.flights.in_memory import World
 
 START = {"in_air": True, "run_in_s": 12}
 """Long enough for followers to be settled over late links: the leader doesn't go round again."""
@@ -70,6 +72,26 @@ def test_a_vehicle_that_nobody_commands_is_kept_away_from(fly: Fly, delay_ms: fl
     assert kept["min_separation_m"] > 9.0
     assert kept["violations"] == 0
     assert kept["avoidance_s"] > 0.0
+
+
+@pytest.mark.parametrize("climbed_for_s", [0.0, 2.0])
+def test_who_flies_beside_one_whose_pilot_sets_loiter_climbs_before_it_turns(climbed_for_s: float) -> None:
+    """15 m aside, it is reached after 4 s, in which it climbs 8 m; who waits for a turn to be seen, 5 m.
+
+    Of two that climb side by side, the one in LOITER levels off: the way is upwards.
+    """
+    world = World(formation={"shape": "custom", "slots_m": {2: [0, 40, 0], 3: [0, 55, 0]}}, duration_s=10)
+    world.fly_to(1.0)
+    if climbed_for_s:
+        world.station.course.stop(world.clock.now())
+        world.run(climbed_for_s)
+    world.inject(2, "pilot")
+    nearest_m = 15.0
+    for _ in range(60):
+        world.run(0.1)
+        one, other = (body.motion for body in world.fleet.bodies[1:])
+        nearest_m = min(nearest_m, math.dist(*((each.north_m, each.east_m, each.height_m) for each in (one, other))))
+    assert nearest_m > 7.0
 
 
 OUT = {"at_s": 36, "vehicles": [2]}

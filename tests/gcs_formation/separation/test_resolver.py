@@ -15,7 +15,8 @@ from gcs_formation.estimation.flight_state import FlightStates
 from gcs_formation.estimation.projection import Measured, SetpointHistory
 from gcs_formation.parameters import autopilot_models
 from gcs_formation.recorder import Tick, VehicleLink
-from gcs_formation.separation.resolver import ConflictResolver, words
+from gcs_formation.reporting import words
+from gcs_formation.separation.resolver import ConflictResolver
 from tests.flights.conftest import scenario
 from tests.gcs_formation import tables
 
@@ -50,6 +51,7 @@ class Crossing:
         self.speed, self.heading = np.full(2, 22.0), np.array((0.0, -math.pi / 2))
         self.wind_north, self.ours = np.zeros(2), np.array((True, False))
         self.slots_m: list[Triple] = [(0.0, 0.0, 0.0), (0.0, 30.0, 0.0)]
+        self.circling = False
         self.heard_s: float | None = None
         """Until when the second is known to have heard what it was told; None: now."""
 
@@ -58,6 +60,7 @@ class Crossing:
         table = FlightStates(self.north, self.east, height, none, self.speed, self.heading, self.wind_north, none)
         now = after(Instant(0), at_s)
         links = [VehicleLink(now), VehicleLink(now)]
+        links[1].circling = self.circling
         links[1].heard = now if self.heard_s is None else after(Instant(0), self.heard_s)
         tick = Tick(now, 0.0, "flying", 0, links, [age_s] * 2, [0.0] * 2, ours)
         tick.state = tables.states(table)
@@ -119,6 +122,25 @@ def test_how_those_turn_that_nobody_commands_is_learnt_from_their_headings() -> 
     crossing.heading[1] += 0.2
     assert not crossing.gives_way(at_s=1.0)
     assert crossing.resolver.changes[0].ended is not None
+
+
+@pytest.mark.parametrize(
+    ("aside_m", "circling", "gives"), [(-15.0, True, True), (15.0, True, False), (-15.0, False, False)]
+)
+def test_one_that_is_about_to_circle_turns_right_before_its_headings_show_it(
+    aside_m: float, circling: bool, gives: bool
+) -> None:
+    beside = Crossing()
+    beside.north[:], beside.east[:], beside.heading[:] = 0.0, (0.0, aside_m), 0.0
+    beside.circling = circling
+    assert beside.gives_way() is gives
+
+
+def test_one_that_is_about_to_circle_may_fly_straight_on_too() -> None:
+    """Straight on it crosses; turning right it would be off before."""
+    crossing = Crossing()
+    crossing.circling = True
+    assert crossing.gives_way()
 
 
 def test_nobody_gives_way_to_a_virtual_leader_and_it_to_nobody() -> None:
