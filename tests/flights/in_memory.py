@@ -32,9 +32,9 @@ class Notes:
         """Keep nothing."""
 
     def tick(self, tick: Tick) -> None:
-        """Keep it; whoever still writes into its lists raises a TypeError."""
+        """Keep it; whoever still writes into its lists raises a TypeError (compiled, its fields are lists for good)."""
         self.ticks.append(tick)
-        for name in Tick.__slots__:
+        for name in getattr(Tick, "__slots__", ()):
             value = getattr(tick, name)
             if isinstance(value, list):
                 setattr(tick, name, tuple(value))
