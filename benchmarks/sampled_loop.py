@@ -18,15 +18,11 @@ from scipy.optimize import brentq
 from flight_model.arrays import Array
 from formation_scenario import Scenario, load_scenario
 from formation_scenario.graph import scenario_adjacency
+from gcs_formation.control.fuzzy_pid import PidGains
 from gcs_formation.control.laws import fuzzy_range, nominal_gains
-from gcs_formation.stability import (
-    SMALL_SIGNAL,
-    Mixer,
-    PidGains,
-    consensus_delay_margin,
-    forward_plant,
-    loop_margin,
-)
+from gcs_formation.control.mixer import Mixer
+from gcs_formation.stability import consensus_delay_margin
+from gcs_formation.stability.loops import SMALL_SIGNAL, forward_plant, loop_margin
 from gcs_formation.studies.dataset import markdown
 
 RATES_HZ = (2.5, 5.0, 5.1, 10.0, 20.0, 50.0)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import get_args
+
+import numpy as np
 
 from airlink.endpoint import EndpointError, parse_endpoint
 from formation_scenario.errors import Problem
 from formation_scenario.fields import VehicleRef
 from formation_scenario.formation import LawType, Shape, Slots
+from formation_scenario.graph import components
 from formation_scenario.model import Scenario, long_ref
 from formation_scenario.orders import parse_order
 from formation_scenario.source import KeyPath, Source
@@ -106,28 +109,6 @@ def one_vehicle(ref: VehicleRef, vehicles: tuple[Vehicle, ...], path: KeyPath, s
         yield source.problem(path, f"found {ref}, the id of {len(named)} vehicles", full)
 
 
-def has_spanning_tree(weights: Sequence[Sequence[float]]) -> bool:
-    """Return whether all hear one vehicle, directly or through others; weights[p][q] > 0 when p hears q."""
-    reached: set[int] = set()
-    root = 0
-    for vehicle in range(len(weights)):
-        if vehicle not in reached:
-            root = vehicle
-            reached |= _audience(weights, vehicle)
-    return len(_audience(weights, root)) == len(weights)
-
-
-def _audience(weights: Sequence[Sequence[float]], source: int) -> set[int]:
-    """Return who hears `source`, directly or through others, itself among them."""
-    reached, waiting = {source}, [source]
-    while waiting:
-        heard = waiting.pop()
-        new = {p for p, row in enumerate(weights) if row[heard] > 0} - reached
-        reached |= new
-        waiting.extend(new)
-    return reached
-
-
 def slots(scenario: Scenario, source: Source) -> Iterator[Problem]:
     """Yield slots of vehicles that don't exist, and followers without a slot in a custom shape."""
     formation = scenario.formation
@@ -183,7 +164,7 @@ def consensus(scenario: Scenario, source: Source) -> Iterator[Problem]:
         yield source.problem(path, found, f"{count} rows of {count} weights, one for each vehicle")
     elif any(graph[index][index] for index in range(count)):
         yield source.problem(path, "found a weight on the diagonal", "0 there: no vehicle hears itself")
-    elif not has_spanning_tree(graph):
+    elif sum(part.hears_nobody_outside for part in components(np.array(graph))) > 1:
         allowed = "a vehicle that all hear, directly or through others (a spanning tree)"
         yield source.problem(path, "found nobody whom all hear", allowed)
 

@@ -14,21 +14,14 @@ from formation_scenario import Scenario, ScenarioError, dump_scenario, slot_sche
 from formation_scenario.begin_and_end import planned_end_s
 from formation_scenario.feasibility import refused_orders
 from formation_scenario.gains import AUTO, by_design, figures
+from formation_scenario.graph import scenario_adjacency
 from formation_scenario.shapes import planned_slots
 from gcs_formation.app.assembly import assembly, goes_round, split_errors, ways_s
 from gcs_formation.control.laws import law_kind
 from gcs_formation.fleet.circling import OPENING_LIMIT_S, GroundFloor
 from gcs_formation.guidance.leader import AHEAD_POINTS
-from gcs_formation.stability import (
-    LawMargins,
-    Usage,
-    consensus_margins,
-    follower_margins,
-    law_loops,
-    law_margins,
-    loop_delay_s,
-    scenario_adjacency,
-)
+from gcs_formation.stability import LawMargins, Usage, law_loops, law_margins, loop_delay_s
+from gcs_formation.stability.law import consensus_margins, follower_margins
 from gcs_formation.stability.mismatch import LAGS_OFF, STEP_S, lag_margin, mismatch_margin_with_lags_off
 
 UNITS = {"speed": "m/s", "heading": "rad", "height": "m"}

@@ -1,72 +1,17 @@
 """Delay margins: how much delay a loop closed over the link can have before it loses stability."""
 
-from formation_scenario.graph import as_adjacency, graph_adjacency, scenario_adjacency
-from gcs_formation.stability.consensus import (
-    consensus_delay_margin,
-    consensus_rightmost_root,
-    ground_consensus_delay_margin,
-    ground_consensus_loops,
-)
-from gcs_formation.stability.law import (
-    LawMargins,
-    consensus_margins,
-    follower_loops,
-    follower_margins,
-    law_loops,
-    law_margins,
-    scenario_delay_margin,
-)
-from gcs_formation.stability.loops import (
-    FIXED_GAINS,
-    MID_RANGE,
-    SMALL_SIGNAL,
-    GainRange,
-    Loop,
-    Mixer,
-    PidGains,
-    Plant,
-    delay_margin,
-    forward_plant,
-    height_plant,
-    loop_delay_s,
-    loop_margin,
-    right_plant,
-    worst_loop_margin,
-)
-from gcs_formation.stability.mismatch import LoopDelay, MismatchMargin, Usage, predicted_mismatch_margin
+from gcs_formation.stability.consensus import consensus_delay_margin
+from gcs_formation.stability.law import LawMargins, law_loops, law_margins, scenario_delay_margin
+from gcs_formation.stability.loops import loop_delay_s
+from gcs_formation.stability.mismatch import LoopDelay, Usage
 
 __all__ = [
-    "FIXED_GAINS",
-    "MID_RANGE",
-    "SMALL_SIGNAL",
-    "GainRange",
     "LawMargins",
-    "Loop",
     "LoopDelay",
-    "MismatchMargin",
-    "Mixer",
-    "PidGains",
-    "Plant",
     "Usage",
-    "as_adjacency",
     "consensus_delay_margin",
-    "consensus_margins",
-    "consensus_rightmost_root",
-    "delay_margin",
-    "follower_loops",
-    "follower_margins",
-    "forward_plant",
-    "graph_adjacency",
-    "ground_consensus_delay_margin",
-    "ground_consensus_loops",
-    "height_plant",
     "law_loops",
     "law_margins",
     "loop_delay_s",
-    "loop_margin",
-    "predicted_mismatch_margin",
-    "right_plant",
-    "scenario_adjacency",
     "scenario_delay_margin",
-    "worst_loop_margin",
 ]

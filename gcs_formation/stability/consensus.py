@@ -9,8 +9,7 @@ import numpy.typing as npt
 
 from flight_model.arrays import Array
 from formation_scenario.graph import Component, as_adjacency, laplacian, spanning_components
-from gcs_formation.stability.loops import Loop, PidGains, Plant, delay_margin
-from gcs_formation.stability.roots import rightmost_root
+from gcs_formation.stability.loops import Loop, PidGains, Plant
 
 Complex = npt.NDArray[np.complex128]
 
@@ -57,74 +56,6 @@ def consensus_delay_margin(
     )
 
 
-def consensus_rightmost_root(
-    adjacency: npt.ArrayLike,
-    k1: float,
-    k2: float,
-    k3: float = 0.0,
-    h: npt.ArrayLike = 1.0,
-    delays: npt.ArrayLike = 0.0,
-    nodes: int = 24,
-) -> complex:
-    """Rightmost root of the protocol's disagreement: negative real part when the formation converges.
-
-    The translation of the whole formation is left out, since no term opposes it. So is the common speed where
-    `h` is the same for all vehicles.
-
-    Args:
-        adjacency: (n, n) weights; entry (p, q) > 0 when p hears q.
-        k1: position gain, 1/s^2.
-        k2: velocity gain, 1/s.
-        k3: gain of the undelayed velocity term, 1/s.
-        h: weight of that term, one number or (n,).
-        delays: seconds, one number or (n, n): entry (p, q) delays both states in p's term of q.
-        nodes: collocation intervals over the longest delay.
-
-    Returns:
-        The root in rad/s; -inf for a single vehicle.
-
-    Raises:
-        ValueError: as `consensus_delay_margin`; a delay negative or not finite.
-    """
-    weights = as_adjacency(adjacency)
-    gains = _checked_gains(len(weights), k1, k2, k3, h)
-    stamps = _checked_delays(len(weights), delays)
-    by_delay = {float(tau): laplacian(np.where(stamps == tau, weights, 0.0)) for tau in np.unique(stamps)}
-    roots = [complex(-np.inf)]
-    for part in spanning_components(weights):
-        parts = {tau: _restricted(matrix, part) for tau, matrix in by_delay.items()}
-        terms = _state_terms(parts, part, _of_members(gains, part))
-        if terms[0.0].size:
-            roots.append(rightmost_root(terms, nodes))
-    return max(roots, key=lambda root: root.real)
-
-
-def ground_consensus_delay_margin(
-    adjacency: npt.ArrayLike, k1: float, k2: float, onboard_damping: float, delayed_damping: float
-) -> float:
-    """Delay margin of the protocol closed through a ground station, where the k3 term is delayed too.
-
-    s^2 + c s + [lambda (k1 + k2 s) + d s] exp(-s tau) = 0 over the nonzero eigenvalues of the Laplacian, and
-    s + c + d exp(-s tau) = 0 for the speed that all have in common. A setpoint v_s + tau_v u has the autopilot's lag
-    as its undelayed damping c = 1/tau_v, and d = 0.
-
-    Args:
-        adjacency: (n, n) weights; entry (p, q) > 0 when p hears q.
-        k1: position gain, 1/s^2.
-        k2: velocity gain, 1/s.
-        onboard_damping: c, 1/s.
-        delayed_damping: d, 1/s: gain of the velocity term computed on the ground.
-
-    Returns:
-        Seconds; negative or 0 when unstable without delay; infinite for a single vehicle.
-
-    Raises:
-        ValueError: as `consensus_delay_margin`.
-    """
-    loops = ground_consensus_loops(adjacency, k1, k2, onboard_damping, delayed_damping)
-    return min((delay_margin(loop.open_loop()) for loop in loops), default=float("inf"))
-
-
 def ground_consensus_loops(
     adjacency: npt.ArrayLike, k1: float, k2: float, onboard_damping: float, delayed_damping: float
 ) -> list[Loop]:
@@ -164,15 +95,6 @@ def _checked_gains(count: int, k1: float, k2: float, k3: float, h: npt.ArrayLike
     if not np.all(np.isfinite(weights) & (weights >= 0.0)):
         raise ValueError("h must be finite and not negative")
     return _Gains(float(k1), float(k2), k3 * np.broadcast_to(weights, (count,)))
-
-
-def _checked_delays(count: int, delays: npt.ArrayLike) -> Array:
-    stamps = np.asarray(delays, dtype=np.float64)
-    if stamps.shape not in {(), (count, count)}:
-        raise ValueError(f"delays of shape {stamps.shape}: one number or ({count}, {count})")
-    if not np.all(np.isfinite(stamps) & (stamps >= 0.0)):
-        raise ValueError("delays must be finite and not negative")
-    return np.broadcast_to(stamps, (count, count))
 
 
 def _restricted(matrix: Array, part: Component) -> Array:
@@ -215,8 +137,7 @@ def _mode_margins(eigenvalues: Complex, gains: _Gains, damping: float) -> Array:
 def _unlike_margin(matrix: Array, part: Component, gains: _Gains) -> float:
     crossings = _locus_crossings(matrix, part, gains)
     w, phase = crossings[:, 0], crossings[:, 1]
-    undelayed = rightmost_root(_state_terms({0.0: matrix}, part, gains))
-    if undelayed.real > -_MARGINAL * float(w.max()):
+    if np.linalg.eigvals(_undelayed(matrix, part, gains)).real.max() > -_MARGINAL * float(w.max()):
         return min(float(np.min(phase / w)), 0.0)
     return float(np.min(np.where(phase < 0.0, phase + 2.0 * np.pi, phase) / w))
 
@@ -262,36 +183,12 @@ def _locus_crossings(matrix: Array, part: Component, gains: _Gains) -> Array:
     return np.array(found)
 
 
-def _state_terms(by_delay: dict[float, Array], part: Component, gains: _Gains) -> dict[float, Array]:
-    """Matrix of each delay over position and velocity deviations, without the neutral motion of the group."""
-    count = len(gains.damping)
-    whole = np.eye(count)
+def _undelayed(matrix: Array, part: Component, gains: _Gains) -> Array:
+    """Matrix over position and velocity deviations without any delay, the neutral motion of the group left out."""
+    whole = np.eye(len(gains.damping))
     positions = whole[:, int(part.hears_nobody_outside) :]
-    velocities = positions if np.ptp(gains.damping) == 0.0 else whole
-    relative, speeds = _left_inverse(positions), _left_inverse(velocities)
-    sizes = positions.shape[1], velocities.shape[1]
-    terms = {
-        tau: np.block(
-            [
-                [np.zeros((sizes[0], sum(sizes)))],
-                [-gains.k1 * speeds @ matrix @ positions, -gains.k2 * speeds @ matrix @ velocities],
-            ]
-        )
-        for tau, matrix in by_delay.items()
-    }
-    undelayed = np.block(
-        [
-            [np.zeros((sizes[0], sizes[0])), relative @ velocities],
-            [np.zeros((sizes[1], sizes[0])), -speeds @ np.diag(gains.damping) @ velocities],
-        ]
-    )
-    return {**terms, 0.0: terms.get(0.0, 0.0) + undelayed}
-
-
-def _left_inverse(embedding: Array) -> Array:
-    """Left inverse of an embedding; one that leaves out the common motion gives deviations from the first vehicle."""
-    count, kept = embedding.shape
-    deviations = embedding.T.copy()
-    if kept < count:
-        deviations[:, 0] = -1.0
-    return deviations
+    relative = positions.T.copy()
+    if part.hears_nobody_outside:
+        relative[:, 0] = -1.0  # deviations from the first vehicle
+    damped = -gains.k2 * matrix - np.diag(gains.damping)
+    return np.block([[np.zeros((len(relative),) * 2), relative], [-gains.k1 * matrix @ positions, damped]])

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from airlink.clock import Instant
 from flight_model.slot import NOTHING
 from formation_scenario.formation import Frame
-from formation_scenario.graph import laplacian
+from formation_scenario.graph import graph_adjacency, laplacian
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.control.consensus import ConsensusLaw, ConsensusParameters
 from gcs_formation.control.situation import Lead, Situation
@@ -19,7 +19,6 @@ from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates
 from gcs_formation.estimation.projection import AtOneStamp
 from gcs_formation.guidance.leader import LeaderCommand
 from gcs_formation.guidance.tracking import RouteHeading
-from gcs_formation.stability import graph_adjacency
 from tests.gcs_formation import tables
 from tests.gcs_formation.tables import Decision, TableLaw
 

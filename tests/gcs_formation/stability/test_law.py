@@ -11,17 +11,12 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from formation_scenario import load_scenario
-from formation_scenario.graph import spanning_components
+from formation_scenario.graph import graph_adjacency, spanning_components
 from formation_scenario.model import Scenario
-from formation_scenario.vehicle_rules import has_spanning_tree
-from gcs_formation.stability import (
-    consensus_delay_margin,
-    consensus_margins,
-    graph_adjacency,
-    ground_consensus_delay_margin,
-    law_margins,
-    scenario_delay_margin,
-)
+from gcs_formation.stability import consensus_delay_margin, law_margins, scenario_delay_margin
+from gcs_formation.stability.consensus import ground_consensus_loops
+from gcs_formation.stability.law import consensus_margins
+from gcs_formation.stability.loops import delay_margin
 
 STRAIGHT = {"waypoints_m": [[0, 0, 100], [3000, 0, 100]]}
 
@@ -48,7 +43,8 @@ def test_the_axis_of_the_least_margin_counts() -> None:
     found_along_s, found_across_s = consensus_margins(flown)
     path = graph_adjacency("path", 4)
     assert found_along_s == pytest.approx(consensus_delay_margin(path, 1.0, 1.0, 0.25), abs=1e-9)
-    across_s = ground_consensus_delay_margin(path, 1.0, 1.0, 2 / 3, 0.25 - 2 / 3)
+    loops = ground_consensus_loops(path, 1.0, 1.0, 2 / 3, 0.25 - 2 / 3)
+    across_s = min(delay_margin(loop.open_loop()) for loop in loops)
     assert found_across_s == pytest.approx(across_s, abs=1e-9)
     assert scenario_delay_margin(flown) == min(found_along_s, found_across_s)
     assert dict(law_margins(flown).small_signal) == {"consensus": scenario_delay_margin(flown)}
@@ -83,11 +79,10 @@ def test_the_other_laws_keep_their_three_loops() -> None:
 
 
 @given(arrays.arrays(np.float64, (5, 5), elements=st.sampled_from([0.0, 0.0, 0.0, 1.0])))
-def test_the_scenario_and_the_margins_agree_on_what_a_spanning_tree_is(weights: np.ndarray) -> None:
-    np.fill_diagonal(weights, 0.0)
-    try:
-        spanning_components(weights)
-        spanned = True
-    except ValueError:
-        spanned = False
-    assert has_spanning_tree(weights.tolist()) == spanned
+def test_a_graph_has_a_spanning_tree_if_all_hear_one_vehicle(weights: np.ndarray) -> None:
+    hears = np.linalg.matrix_power(np.eye(5) + weights, 4) > 0.0  # directly or through others
+    if hears.all(axis=0).any():
+        assert sum(part.hears_nobody_outside for part in spanning_components(weights)) == 1
+    else:
+        with pytest.raises(ValueError, match="spanning tree"):
+            spanning_components(weights)

@@ -9,25 +9,24 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from formation_scenario import VehicleModel
-from gcs_formation.stability import (
-    FIXED_GAINS,
+from gcs_formation.control.fuzzy_pid import FIXED_GAINS, GainRange, PidGains
+from gcs_formation.control.mixer import Mixer
+from gcs_formation.stability import loop_delay_s
+from gcs_formation.stability.loops import (
     MID_RANGE,
     SMALL_SIGNAL,
-    GainRange,
     Loop,
-    Mixer,
-    PidGains,
+    Plant,
+    Rational,
     delay_margin,
+    delay_margins,
     forward_plant,
     height_plant,
-    loop_delay_s,
     loop_margin,
-    predicted_mismatch_margin,
     right_plant,
     worst_loop_margin,
 )
-from gcs_formation.stability.loops import Plant, Rational, delay_margins
-from gcs_formation.stability.mismatch import carried
+from gcs_formation.stability.mismatch import carried, predicted_mismatch_margin
 
 MIXER = Mixer(k_v=0.1, k_x=1.0, k_psi=0.1, k_y=0.05, k_z=1.0)
 MODEL = VehicleModel(tau_v_s=4.0, tau_psi_s=1.5, tau_ha_s=1.0, tau_hb_s=3.0)

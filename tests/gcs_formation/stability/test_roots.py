@@ -6,7 +6,7 @@ import numpy as np
 from scipy.optimize import elementwise
 
 from flight_model.arrays import Array
-from gcs_formation.stability.roots import roots_between
+from gcs_formation.stability.mismatch import roots_between
 
 
 def wave(x: Array) -> Array:
