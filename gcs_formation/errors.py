@@ -19,7 +19,3 @@ class NothingRunningError(StationError):
 
 class RecordError(StationError):
     """A run directory that can't be written, or isn't one."""
-
-
-class ExampleError(StationError):
-    """An example that can't be written where it was asked for."""

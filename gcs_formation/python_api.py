@@ -17,7 +17,7 @@ from formation_scenario.orders import Answer, parse_order
 from gcs_formation.app.operator import ClockName, Interrupts, RunOptions
 from gcs_formation.app.order_socket import STATUS
 from gcs_formation.app.order_socket import tell as give_order
-from gcs_formation.app.progress import Silent
+from gcs_formation.app.progress import Progress
 from gcs_formation.app.run import run as run_scenario
 from gcs_formation.record.summary import Summary as RecordedSummary
 
@@ -75,7 +75,7 @@ def run(
     directory = default_directory(loaded.name) if out is None else Path(out)
     options = RunOptions(directory, clock, speedup, until, overwrite)
     with Interrupts() as interrupts:
-        summary = run_scenario(loaded, options, Silent(), interrupts)
+        summary = run_scenario(loaded, options, Progress(), interrupts)
     if interrupts.count:
         raise KeyboardInterrupt
     return Summary(summary.figures, summary.verdicts, summary.breaches, directory)

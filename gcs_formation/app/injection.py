@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from array import array
 from bisect import bisect_right
+from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -28,36 +28,29 @@ from gcs_formation.station import Station
 Both = tuple[Impairment, Impairment]
 
 
-class _Planned(NamedTuple):
-    at_s: float
-    vehicle: VehicleId
-    kind: str
-    ends: bool
-
-
 class InjectedFaults:
     """Records each fault when it's due by mission time. The station isn't told: it has to notice by itself."""
 
     def __init__(self, scenario: Scenario, recorder: Recorder) -> None:
         """Take the faults from the scenario."""
         self._recorder = recorder
-        self._pending = sorted(_planned(scenario))
+        self._pending = deque(sorted(_planned(scenario)))
 
     def note(self, flight: Flight, now: Instant) -> None:
         """Record what has become due."""
-        while self._pending and self._pending[0].at_s <= flight.mission_time_s(now):
-            fault = self._pending.pop(0)
-            text = f"{fault.kind} is over" if fault.ends else fault.kind
-            details = {"fault": fault.kind, "ends": fault.ends}
-            self._recorder.event(Event(now, "fault", text, fault.vehicle, details))
+        while self._pending and self._pending[0][0] <= flight.mission_time_s(now):
+            _, vehicle, kind, ends = self._pending.popleft()
+            text = f"{kind} is over" if ends else kind
+            self._recorder.event(Event(now, "fault", text, vehicle, {"fault": kind, "ends": ends}))
 
 
-def _planned(scenario: Scenario) -> Iterator[_Planned]:
+def _planned(scenario: Scenario) -> Iterator[tuple[float, VehicleId, str, bool]]:
+    """Yield when each fault begins or ends, on which vehicle, its kind, and whether it ends."""
     for fault in scenario.faults:
         for vehicle in scenario.selected(fault.vehicles):
-            yield _Planned(fault.at_s, vehicle.vehicle_id, fault.kind, ends=False)
+            yield fault.at_s, vehicle.vehicle_id, fault.kind, False
             if fault.until_s is not None:
-                yield _Planned(fault.until_s, vehicle.vehicle_id, fault.kind, ends=True)
+                yield fault.until_s, vehicle.vehicle_id, fault.kind, True
 
 
 class LinkPlan:

@@ -7,7 +7,7 @@ import os
 from collections.abc import Sequence
 from contextlib import suppress
 from functools import partial
-from typing import Protocol, TextIO
+from typing import TextIO
 
 import numpy as np
 
@@ -61,44 +61,25 @@ def words(event: Event) -> str:
     return f"{kind}: {event.text}" if event.vehicle is None else f"vehicle {event.vehicle}, {kind}: {event.text}"
 
 
-class Progress(Protocol):
-    """Shows the progress of a flight."""
+class Progress:
+    """Shows the progress of a flight: nothing of it, where no more is asked for."""
 
     def show(self, station: Station) -> None:
         """Show where the station stands; called a few times a second."""
-        ...
 
     def note(self, event: Event, mission_s: float) -> None:
         """Show an event; `mission_s` is NaN before the path has begun."""
-        ...
 
     def close(self) -> None:
         """Show nothing more."""
-        ...
 
 
-class Silent:
-    """Shows nothing."""
-
-    def show(self, station: Station) -> None:
-        """Show nothing."""
-
-    def note(self, event: Event, mission_s: float) -> None:
-        """Show nothing."""
-
-    def close(self) -> None:
-        """Do nothing."""
-
-
-class Lines:
-    """A line for each phase and each event of weight."""
+class Lines(Progress):
+    """A line for each phase and each event of weight; a log has no place that is rewritten."""
 
     def __init__(self, stream: TextIO) -> None:
         """Write to `stream`."""
         self._stream, self._narration = stream, Narration()
-
-    def show(self, station: Station) -> None:
-        """Show nothing; a log has no place that is rewritten."""
 
     def note(self, event: Event, mission_s: float) -> None:
         """Write a line, if the event is of weight."""
@@ -108,11 +89,8 @@ class Lines:
                 self._stream.write(f"{line}\n")
                 self._stream.flush()
 
-    def close(self) -> None:
-        """Do nothing."""
 
-
-class StatusLine:
+class StatusLine(Progress):
     """One line at the bottom of a terminal, rewritten; events of weight as lines above it."""
 
     def __init__(self, stream: TextIO) -> None:
@@ -151,7 +129,7 @@ class StatusLine:
 def progress_on(stream: TextIO | None) -> Progress:
     """Return what shows a flight's progress on a stream; None is one that was closed from the start."""
     if stream is None:
-        return Silent()
+        return Progress()
     return StatusLine(stream) if stream.isatty() and os.environ.get("TERM") != "dumb" else Lines(stream)
 
 

@@ -17,7 +17,7 @@ from formation_scenario import Scenario
 from gcs_formation.app.fly import fly as fly_scenario
 from gcs_formation.app.fly import rehearsal_text, rehearse
 from gcs_formation.app.operator import ClockName, Interrupts, RunOptions
-from gcs_formation.app.progress import Progress, Silent, progress_on
+from gcs_formation.app.progress import Progress, progress_on
 from gcs_formation.app.result_text import result_line, summary_text
 from gcs_formation.app.run import run as run_scenario
 from gcs_formation.cli.scenario import load
@@ -40,7 +40,6 @@ FLY_EXAMPLES = examples(
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 Result = TypeVar("Result")
-Flown = Callable[[Scenario, RunOptions, Progress, Interrupts], Summary]
 
 
 def _options(command: Command) -> Command:
@@ -77,7 +76,7 @@ def _options(command: Command) -> Command:
 )
 def run(clock: ClockName, **given: Any) -> None:
     """Fly SCENARIO with emulated vehicles: start them, take off, fly, record, judge."""
-    sys.exit(_fly(run_scenario, clock, _Given(**given)))
+    sys.exit(_done(run_scenario, clock, _Given(**given), _conclude))
 
 
 @click.command(epilog=FLY_EXAMPLES)
@@ -94,7 +93,9 @@ def fly(**given: Any) -> None:
         fail("--confirm: found beside --dry-run, which arms nobody; allowed: one of them")
     if asked.confirm and not (sys.stdin is not None and sys.stdin.isatty()):
         fail("--confirm: found no terminal to ask on; allowed: a terminal as standard input, or no --confirm")
-    sys.exit(_rehearse(asked) if asked.dry_run else _fly(fly_scenario, "real", asked))
+    if asked.dry_run:
+        sys.exit(_done(rehearse, "real", asked, _tell_rehearsal))
+    sys.exit(_done(fly_scenario, "real", asked, _conclude))
 
 
 NOT_RESUMED = ("scenario", "seed", "overrides", "out", "overwrite", "dry_run")
@@ -140,14 +141,6 @@ class _Given:
     retake: bool = False
 
 
-def _fly(flown: Flown, clock: ClockName, given: _Given) -> Status:
-    return _done(flown, clock, given, _conclude)
-
-
-def _rehearse(given: _Given) -> Status:
-    return _done(rehearse, "real", given, _tell_rehearsal)
-
-
 def _done(
     flown: Callable[[Scenario, RunOptions, Progress, Interrupts], Result],
     clock: ClockName,
@@ -159,7 +152,7 @@ def _done(
     with Interrupts() as interrupts:
         loaded = load(given.scenario, (*given.overrides, *seed))
         options = _run_options(loaded, clock, given)
-        shown = Silent() if given.quiet else progress_on(sys.stderr)
+        shown = Progress() if given.quiet else progress_on(sys.stderr)
         try:
             result = flown(loaded, options, shown, interrupts)
         except RecordError as error:

@@ -14,7 +14,7 @@ from airlink.cli.commands import OUT, Number, Status, WholeNumber, default_direc
 from formation_scenario import Scenario, ScenarioError
 from gcs_formation.app.fly import fly
 from gcs_formation.app.operator import ClockName, Interrupts, RunOptions
-from gcs_formation.app.progress import Silent, progress_on
+from gcs_formation.app.progress import Progress, progress_on
 from gcs_formation.app.run import run
 from gcs_formation.cli.scenario import load
 from gcs_formation.errors import RecordError, RunAbortedError
@@ -82,7 +82,7 @@ def _clock(scenario: Scenario) -> ClockName:
 
 def _fly(believed: Scenario, options: RunOptions, *, quiet: bool) -> None:
     """Fly the steps: emulated vehicles at once, others where they are, at the scenario's endpoints."""
-    shown = Silent() if quiet else progress_on(sys.stderr)
+    shown = Progress() if quiet else progress_on(sys.stderr)
     with Interrupts() as interrupts:
         try:
             scenario = identification_scenario(believed)

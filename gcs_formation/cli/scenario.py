@@ -12,7 +12,6 @@ from airlink.cli.commands import examples, fail
 from formation_scenario import Scenario, ScenarioError, load_scenario
 from formation_scenario.schema import scenario_reference, scenario_schema
 from gcs_formation.app.check import check_report, check_text, refusal_report
-from gcs_formation.errors import ExampleError
 
 INIT_EXAMPLES = examples(
     "gcs-formation init                      quickstart.yaml, here",
@@ -46,11 +45,7 @@ def example_names() -> list[str]:
 
 
 def write_example(name: str, directory: Path) -> Path:
-    """Write an example into a directory, which is created if necessary; return the file.
-
-    Raises:
-        ExampleError: the file exists already, or can't be written.
-    """
+    """Write an example into a directory, which is created if necessary; return the file, or end with what's wrong."""
     path = directory / f"{name}{SUFFIX}"
     text = (_directory() / path.name).read_text(encoding="utf-8").replace(f"{IN_THE_TREE}/", "")
     try:
@@ -59,9 +54,8 @@ def write_example(name: str, directory: Path) -> Path:
             file.write(text)
     except OSError as error:
         if path.exists():
-            found = f"found {path}; allowed: a file that isn't there yet, as init overwrites nothing"
-            raise ExampleError(found) from error
-        raise ExampleError(f"cannot write {path}: {error.strerror}; allowed: a writable directory") from error
+            fail(f"found {path}; allowed: a file that isn't there yet, as init overwrites nothing")
+        fail(f"cannot write {path}: {error.strerror}; allowed: a writable directory")
     return path
 
 
@@ -76,10 +70,7 @@ def _directory() -> Path:
 @click.option("--example", type=click.Choice(example_names()), default="quickstart", show_default=True)
 def init(directory: Path, example: str) -> None:
     """Write an example scenario into DIRECTORY (default: here) to begin with. Overwrites nothing."""
-    try:
-        path = write_example(example, directory)
-    except ExampleError as error:
-        fail(str(error))
+    path = write_example(example, directory)
     emulated = all(vehicle.autopilot == "emulator" for vehicle in load(path, ()).vehicles)
     click.echo(
         f"wrote {path}; next:\n  gcs-formation check {path}\n  gcs-formation {'run' if emulated else 'fly'} {path}"

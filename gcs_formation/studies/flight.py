@@ -17,7 +17,7 @@ from formation_scenario import Scenario, ScenarioError, load_scenario
 from formation_scenario.expectation import FOLLOWER_METRICS, LINK_METRICS, Expectation
 from formation_scenario.load import settings
 from gcs_formation.app.operator import Interrupts, RunOptions
-from gcs_formation.app.progress import Silent
+from gcs_formation.app.progress import Progress
 from gcs_formation.app.run import run
 from gcs_formation.errors import RecordError, RecordingError, RunAbortedError
 from gcs_formation.record.run_directory import EVENTS, SUMMARY, TIMESERIES, TLOG
@@ -168,11 +168,11 @@ def _flown(task: Task) -> tuple[Summary, list[str]]:
         record: Record = "full" if judged else task.record
         options = RunOptions(directory, "virtual", until_s=task.until_s, overwrite=True, record=record)
         options = replace(options, measure=_wanted(task, scenario))
-        summary = run(scenario, options, Silent(), Interrupts())
+        summary = run(scenario, options, Progress(), Interrupts())
         wrong = broken(read_flown(directory, scenario)) if judged else []
         if judged and not wrong and scenario.seed % REPEATED_EVERY == 0:
             again = Path(scratch) / "again"
-            run(scenario, replace(options, out=again), Silent(), Interrupts())
+            run(scenario, replace(options, out=again), Progress(), Interrupts())
             if _digest(directory) != _digest(again):
                 wrong = ["repeatable: flown again, the record differs"]
     if task.record == "summary" and kept is not None:

@@ -18,7 +18,7 @@ from formation_scenario import Scenario, Vehicle, load_scenario
 from formation_scenario.load import settings
 from gcs_formation.app.fly import fly
 from gcs_formation.app.operator import ClockName, Interrupts, RunOptions
-from gcs_formation.app.progress import Silent
+from gcs_formation.app.progress import Progress
 from gcs_formation.app.run import run
 from gcs_formation.phases import COMMANDED
 from gcs_formation.record.run_directory import SCENARIO, TIMESERIES
@@ -275,7 +275,7 @@ class Plan:
         options = RunOptions(directory, self.clock, self.speedup, until)
         flown = run if self.opponent == "emulators" else fly
         with Interrupts() as interrupts:
-            summary = flown(scenario, options, Silent(), interrupts)
+            summary = flown(scenario, options, Progress(), interrupts)
         if interrupts.count:
             raise KeyboardInterrupt
         return Flown(scenario, summary, directory, self.command(directory, until))

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from formation_scenario import load_scenario
 from gcs_formation.app.operator import Interrupts, RunOptions
-from gcs_formation.app.progress import Silent
+from gcs_formation.app.progress import Progress
 from gcs_formation.app.run import run
 from gcs_formation.cli import main
 from gcs_formation.errors import RunAbortedError
@@ -293,7 +293,7 @@ def test_a_full_disk_ends_the_run_with_vehicles_loitering(tmp_path: Path, monkey
 
     monkeypatch.setattr(RunDirectory, "frame", full)
     with pytest.raises(RunAbortedError, match=r"cannot go on recording in .*: No space left on device"):
-        run(load_scenario(scenario(duration_s=60)), RunOptions(out, "virtual"), Silent(), interrupts)
+        run(load_scenario(scenario(duration_s=60)), RunOptions(out, "virtual"), Progress(), interrupts)
     events = [json.loads(line) for line in (out / "events.jsonl").read_text().splitlines()]
     assert sum(event["kind"] == "mode" and event["text"] == "LOITER" for event in events) == 3
     assert events[-1]["text"] == "failed"

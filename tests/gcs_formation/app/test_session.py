@@ -11,7 +11,7 @@ from airlink.clock import VirtualClock
 from airlink.engine import MemoryNetwork
 from formation_scenario import load_scenario
 from gcs_formation.app.operator import Interrupts, RunOptions
-from gcs_formation.app.progress import Silent
+from gcs_formation.app.progress import Progress
 from gcs_formation.app.session import open_session
 from gcs_formation.record.run_directory import TIMESERIES
 from gcs_formation.record.timeseries import read_parquet
@@ -28,7 +28,7 @@ def test_where_nothing_is_injected_here_the_delay_of_others_links_is_unknown(
     planned, clock = load_scenario(scenario(duration_s=1, vehicles={"count": 2})), VirtualClock()
     options = RunOptions(tmp_path, "virtual")
     session, network = (
-        open_session(planned, options, clock, Silent(), Interrupts(), emulated=emulated),
+        open_session(planned, options, clock, Progress(), Interrupts(), emulated=emulated),
         MemoryNetwork(clock),
     )
     network.attach(Fleet(fleet_config(planned)))
