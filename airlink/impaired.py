@@ -2,23 +2,54 @@
 
 from __future__ import annotations
 
+import math
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
-from airlink.clock import Instant
+import numpy as np
+
+from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import Address, Endpoint, VehicleId
 from airlink.engine import Datagram, DelayQueue, Engine
 from airlink.frame import StreamParser, first_system
-from airlink.impairment import UNIMPAIRED, Channel, ChannelStatistics, Direction, Impairment, link_stream
+from airlink.impairment import UNIMPAIRED, Direction, Impairment, link_stream
 
 Schedule = Callable[[VehicleId, Instant], tuple[Impairment, Impairment]]
 """Returns the impairments of a vehicle's uplink and downlink at an instant."""
 
-
-MAX_REMOTES = 1024
+MAX_REMOTES: Final = 1024
 """Addresses that are remembered. The one silent longest is forgotten first, so strangers can't fill the memory."""
-_NETWORK = 1
+MANY_REMOTES: Final = 512
+"""From so many on it matters who has been silent longest."""
+BLOCK: Final = 256
+"""Datagrams whose random numbers are drawn at once."""
+DRAWS: Final = 4
+"""Random numbers that a datagram can need: for its loss, its duplication, and the delays of both copies."""
+_NETWORK: Final = 1
+
+
+class ChannelStatistics:
+    """Counts of a channel so far."""
+
+    def __init__(self) -> None:
+        """Start at 0."""
+        self.datagrams: int = 0
+        """Sent into it."""
+        self.lost: int = 0
+        self.delivered: int = 0
+        """Arrived, counting both copies of duplicated ones."""
+        self.total_delay_s: float = 0.0
+
+    @property
+    def loss(self) -> float:
+        """Share of the datagrams that were lost, 0 to 1."""
+        return self.lost / self.datagrams if self.datagrams else 0.0
+
+    @property
+    def mean_delay_s(self) -> float:
+        """Mean delay of those that arrived, s, including the wait for the limited rate; NaN if none did."""
+        return self.total_delay_s / self.delivered if self.delivered else math.nan
 
 
 class LinkStatistics(NamedTuple):
@@ -26,6 +57,81 @@ class LinkStatistics(NamedTuple):
 
     uplink: ChannelStatistics
     downlink: ChannelStatistics
+
+
+class Channel:
+    """One direction of one link.
+
+    The n-th datagram always uses the n-th random numbers of the stream, whatever the impairment, so runs that
+    differ only in an impairment can be compared datagram by datagram.
+    """
+
+    def __init__(self, stream: np.random.SeedSequence) -> None:
+        """Draw from `stream`."""
+        self.statistics = ChannelStatistics()
+        self._random = np.random.Generator(np.random.Philox(stream))
+        self._draws: list[list[float]] = []
+        """Of this block of datagrams."""
+        self._drawn = 0
+        self._lost_last = False
+        self._busy_until = Instant(0)
+        self._last_delivery = Instant(0)
+        self._impairment = UNIMPAIRED
+        self._transparent = True
+        self._loss_after_arrival, self._loss_after_loss = 0.0, 0.0
+
+    def pass_on(self, size_bytes: int, now: Instant, impairment: Impairment) -> list[Instant]:
+        """Take a datagram at `now`; return when it is delivered: never, once or twice."""
+        if impairment is not self._impairment:
+            self._impairment, self._transparent = impairment, impairment.transparent
+            self._loss_after_arrival, self._loss_after_loss = impairment.loss_after
+        statistics = self.statistics
+        number = statistics.datagrams
+        statistics.datagrams = number + 1
+        if self._transparent:
+            self._lost_last = False
+            deliveries = [max(now, self._last_delivery)]
+        else:
+            deliveries = self._impaired(number, size_bytes, now)
+        if not deliveries:
+            statistics.lost += 1
+            return deliveries
+        statistics.delivered += len(deliveries)
+        total_s = 0.0
+        for delivery in deliveries:
+            total_s += seconds_between(now, delivery)
+            self._last_delivery = max(self._last_delivery, delivery)
+        statistics.total_delay_s += total_s
+        return deliveries
+
+    def _impaired(self, number: int, size_bytes: int, now: Instant) -> list[Instant]:
+        while number >= self._drawn:
+            self._draws = self._random.random((BLOCK, DRAWS)).tolist()
+            self._drawn += BLOCK
+        impairment, draws = self._impairment, self._draws[number - self._drawn]
+        loss = self._loss_after_loss if self._lost_last else self._loss_after_arrival
+        self._lost_last = draws[0] < loss
+        departure = self._departure(size_bytes, now)
+        if impairment.outage or self._lost_last or departure is None:
+            return []
+        deliveries = [after(departure, impairment.delay_of(draws[2], number))]
+        if draws[1] < impairment.duplicate:
+            deliveries.append(after(departure, impairment.delay_of(draws[3], number)))
+            deliveries.sort()
+        if not impairment.reorder:
+            deliveries = [max(delivery, self._last_delivery) for delivery in deliveries]
+        return deliveries
+
+    def _departure(self, size_bytes: int, now: Instant) -> Instant | None:
+        """Return when the last bit has been sent, None when the queue is full."""
+        impairment = self._impairment
+        if impairment.rate_bps == 0.0 or impairment.outage:
+            return now
+        start = max(now, self._busy_until)
+        if seconds_between(now, start) > impairment.queue_s:
+            return None
+        self._busy_until = after(start, 8 * size_bytes / impairment.rate_bps)
+        return self._busy_until
 
 
 class ImpairedEngine:
@@ -82,8 +188,10 @@ class ImpairedEngine:
 
     def next_timer(self) -> Instant | None:
         """Return when the engine's timer is due or the next datagram arrives, whichever is first."""
-        timers = [timer for timer in (self._engine.next_timer(), self._under_way.next()) if timer is not None]
-        return min(timers, default=None)
+        timer, arrival = self._engine.next_timer(), self._under_way.next()
+        if timer is None or arrival is None:
+            return arrival if timer is None else timer
+        return min(timer, arrival)
 
     def handle_timer(self, now: Instant) -> None:
         """Deliver what has arrived; then let the engine handle its timer if it is due."""
@@ -108,15 +216,17 @@ class ImpairedEngine:
     def _sender(self, datagram: Datagram) -> VehicleId | None:
         """Return the vehicle that a datagram comes from, and remember where it can be reached."""
         remote = datagram.remote
-        vehicle = self._vehicle_at.pop(remote, None)
+        vehicle = known = self._vehicle_at.get(remote)
         system = first_system(datagram.data)
         if system is not None and (vehicle is None or vehicle.system != system):
             sound = StreamParser().feed(datagram.data)
             vehicle = VehicleId(self._network_of_socket[datagram.socket], sound[0].system) if sound else vehicle
-        if vehicle is not None:
+        if vehicle is not None and vehicle is not known:
             self._vehicle_at[remote] = vehicle
             if len(self._vehicle_at) > MAX_REMOTES:
                 self._vehicle_at.popitem(last=False)
+        elif vehicle is not None and len(self._vehicle_at) > MANY_REMOTES:
+            self._vehicle_at.move_to_end(remote)
         return vehicle
 
     def _pass_on(self, vehicle: VehicleId, direction: Direction, datagram: Datagram) -> list[Instant]:

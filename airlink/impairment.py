@@ -1,4 +1,4 @@
-"""Impairments of a link: delay, jitter, loss, duplication, limited rate. Pure and seeded.
+"""Impairments of a link: delay, jitter, loss, duplication, limited rate; `impaired` carries them out.
 
 Sources: Gilbert (1960), "Capacity of a burst-noise channel", for losses in bursts; tc-netem(8) for the
 Pareto distribution's shape.
@@ -16,7 +16,6 @@ from typing import Final, Literal, NamedTuple
 
 import numpy as np
 
-from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import VehicleId
 from airlink.random_streams import random_stream
 
@@ -133,100 +132,3 @@ class Direction(IntEnum):
 def link_stream(seed: int, vehicle: VehicleId, direction: Direction) -> np.random.SeedSequence:
     """Return the random stream of one direction of one link, independent of all others."""
     return random_stream(seed, "links", vehicle.network, vehicle.system, direction)
-
-
-@dataclass
-class ChannelStatistics:
-    """Counts of a channel so far."""
-
-    datagrams: int = 0
-    """Sent into it."""
-    lost: int = 0
-    delivered: int = 0
-    """Arrived, counting both copies of duplicated ones."""
-    total_delay_s: float = 0.0
-
-    @property
-    def loss(self) -> float:
-        """Share of the datagrams that were lost, 0 to 1."""
-        return self.lost / self.datagrams if self.datagrams else 0.0
-
-    @property
-    def mean_delay_s(self) -> float:
-        """Mean delay of those that arrived, s, including the wait for the limited rate; NaN if none did."""
-        return self.total_delay_s / self.delivered if self.delivered else math.nan
-
-
-class Channel:
-    """One direction of one link.
-
-    The n-th datagram always uses the n-th random numbers of the stream, whatever the impairment, so runs that
-    differ only in an impairment can be compared datagram by datagram.
-    """
-
-    def __init__(self, stream: np.random.SeedSequence) -> None:
-        """Draw from `stream`."""
-        self.statistics = ChannelStatistics()
-        self._draws = _Draws(stream)
-        self._lost_last = False
-        self._busy_until = Instant(0)
-        self._last_delivery = Instant(0)
-
-    def pass_on(self, size_bytes: int, now: Instant, impairment: Impairment) -> list[Instant]:
-        """Take a datagram at `now`; return when it is delivered: never, once or twice."""
-        number = self.statistics.datagrams
-        self.statistics.datagrams += 1
-        if impairment.transparent:
-            self._lost_last = False
-            deliveries = [max(now, self._last_delivery)]
-        else:
-            deliveries = self._impaired(number, size_bytes, now, impairment)
-        if not deliveries:
-            self.statistics.lost += 1
-            return deliveries
-        self.statistics.delivered += len(deliveries)
-        self.statistics.total_delay_s += sum(seconds_between(now, delivery) for delivery in deliveries)
-        self._last_delivery = max(self._last_delivery, *deliveries)
-        return deliveries
-
-    def _impaired(self, number: int, size_bytes: int, now: Instant, impairment: Impairment) -> list[Instant]:
-        loss_draw, duplicate_draw, *delay_draws = self._draws.of(number)
-        self._lost_last = loss_draw < impairment.loss_after[self._lost_last]
-        departure = self._departure(size_bytes, now, impairment)
-        if impairment.outage or self._lost_last or departure is None:
-            return []
-        copies = 2 if duplicate_draw < impairment.duplicate else 1
-        delays = [impairment.delay_of(draw, number) for draw in delay_draws[:copies]]
-        deliveries = sorted(after(departure, delay_s) for delay_s in delays)
-        if not impairment.reorder:
-            deliveries = [max(delivery, self._last_delivery) for delivery in deliveries]
-        return deliveries
-
-    def _departure(self, size_bytes: int, now: Instant, impairment: Impairment) -> Instant | None:
-        """Return when the last bit has been sent, None when the queue is full."""
-        if impairment.rate_bps == 0.0 or impairment.outage:
-            return now
-        start = max(now, self._busy_until)
-        if seconds_between(now, start) > impairment.queue_s:
-            return None
-        self._busy_until = after(start, 8 * size_bytes / impairment.rate_bps)
-        return self._busy_until
-
-
-class _Draws:
-    """Random numbers from 0 to 1, as many for each datagram as it can need."""
-
-    _BLOCK = 256
-    _EACH = 4
-
-    def __init__(self, stream: np.random.SeedSequence) -> None:
-        self._random = np.random.Generator(np.random.Philox(stream))
-        self._block: list[list[float]] = []
-        self._end = 0
-
-    def of(self, number: int) -> list[float]:
-        """Return those of datagram `number`; numbers never go back."""
-        while number >= self._end:
-            self._block = self._random.random((self._BLOCK, self._EACH)).tolist()
-            self._end += self._BLOCK
-        return self._block[number - self._end]

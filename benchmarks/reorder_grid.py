@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from airlink.clock import Instant, after
-from airlink.impairment import Channel, Impairment
+from airlink.impaired import Channel
+from airlink.impairment import Impairment
 from gcs_formation.studies.dataset import markdown
 
 DELAY_S = 0.150

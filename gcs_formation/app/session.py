@@ -190,6 +190,7 @@ class Session:
         spool = self.recorder.path / SPOOL
         columns = read_spool(spool)
         flight = split(columns, self.scenario, truth, self._injected.series_s(columns["t_s"].size))
+        del columns  # of hundreds of vehicles they are the most that a flight keeps
         if self.options.record in {"full", "series"}:
             write_parquet(self.recorder.path / TIMESERIES, join(flight))
         summary = summarise(

@@ -10,7 +10,8 @@ from scipy.stats import kstest, truncnorm
 
 from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import VehicleId
-from airlink.impairment import STANDARD, UNIMPAIRED, Channel, Direction, Impairment, link_stream
+from airlink.impaired import Channel
+from airlink.impairment import STANDARD, UNIMPAIRED, Direction, Impairment, link_stream
 
 MANY = 100_000
 VEHICLE = VehicleId(1, 2)
