@@ -43,6 +43,13 @@ def extremes(values: Array, buckets: int) -> Indices:
     return np.unique(np.minimum(np.concatenate(kept), size - 1))
 
 
+def reach(places: Array) -> tuple[Array, Array]:
+    """Return the least and the greatest coordinates (D,) of those of (N, D) places that are known, 0 of none."""
+    known = places[np.isfinite(places).all(axis=1)]
+    known = known if known.size else np.zeros_like(places[:1])
+    return known.min(axis=0), known.max(axis=0)
+
+
 def evenly(size: int, count: int) -> Indices:
     """Return at most `count` rising indices spread over a series of `size`, first and last included."""
     if size <= count:

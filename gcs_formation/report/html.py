@@ -8,7 +8,7 @@ from html import escape
 from importlib.resources import files
 from pathlib import Path
 from string import Template
-from typing import Any, NamedTuple
+from typing import Any
 
 from gcs_formation.record.expectations import WORDS
 from gcs_formation.report.run_data import RunData
@@ -44,20 +44,6 @@ class Html(str):
     """Text that is HTML already."""
 
     __slots__ = ()
-
-
-class Card(NamedTuple):
-    """A key figure."""
-
-    name: str
-    value: str
-    detail: str
-
-    def html(self) -> str:
-        """Return the card."""
-        parts = zip(("name", "value", "detail"), self, strict=True)
-        inner = "".join(f'<div class="{kind}">{escape(text)}</div>' for kind, text in parts)
-        return f'<div class="card">{inner}</div>'
 
 
 def number(value: float | None, digits: int = 3, unit: str = "") -> str:
@@ -113,26 +99,32 @@ def cards(run: RunData) -> str:
     control, safety, stability = summary["control"], summary["safety"], summary["stability"]
     limits = run.scenario.safety
     found = [
-        Card("Flown", number(summary["duration_s"], 1, " s"), _pace(summary)),
+        _card("Flown", number(summary["duration_s"], 1, " s"), _pace(summary)),
         *_settled_cards(summary["followers"]),
         _safety_card("Least separation", safety["min_separation_m"], limits.separation_m),
         _safety_card("Least clearance", safety["min_clearance_m"], limits.clearance_m),
-        Card(
+        _card(
             "Late ticks",
             count(control["late_ticks"]),
             f"of {control['ticks']}; {number(control['rate_hz'], 0)} Hz",
         ),
-        Card(
+        _card(
             "Delay margin",
             number(stability["delay_margin_s"], 2, " s"),
             f"longest loop delay {number(stability['worst_loop_delay_s'], 2, ' s')}",
         ),
     ]
-    return "\n".join(card.html() for card in found)
+    return "\n".join(found)
 
 
-def _safety_card(name: str, value: float | None, limit: float) -> Card:
-    return Card(name, number(value, 1, " m"), f"limit {limit:g} m")
+def _card(name: str, value: str, detail: str) -> str:
+    parts = {"name": name, "value": value, "detail": detail}
+    inner = "".join(f'<div class="{kind}">{escape(text)}</div>' for kind, text in parts.items())
+    return f'<div class="card">{inner}</div>'
+
+
+def _safety_card(name: str, value: float | None, limit: float) -> str:
+    return _card(name, number(value, 1, " m"), f"limit {limit:g} m")
 
 
 def _pace(summary: Mapping[str, Any]) -> str:
@@ -140,7 +132,7 @@ def _pace(summary: Mapping[str, Any]) -> str:
     return f"{summary['clock']} clock" + (f", {factor:.1f} × real time" if factor else "")
 
 
-def _settled_cards(followers: Mapping[str, Any]) -> list[Card]:
+def _settled_cards(followers: Mapping[str, Any]) -> list[str]:
     if not followers:
         return []
     times = [follower["settled_at_s"] for follower in followers.values()]
@@ -153,12 +145,12 @@ def _settled_cards(followers: Mapping[str, Any]) -> list[Card]:
     ]
     largest, name, axis = max(steady, default=(None, "", ""))
     return [
-        Card(
+        _card(
             "Settled",
             f"{len(settled)} of {len(times)}",
             f"the last at {max(settled):.1f} s" if settled else "never within 0.5 m for 10 s",
         ),
-        Card(
+        _card(
             "Largest steady error",
             number(largest, 3, " m"),
             f"vehicle {name}, axis {axis}" if name else "none settled",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -62,13 +61,6 @@ WINDOWS = 200
 """Stretches of time over which delay and age, which jump from tick to tick, are summed up."""
 
 
-class Followed(NamedTuple):
-    """A setpoint and the response to it, (T,) each."""
-
-    setpoint: Array
-    response: Array
-
-
 def setpoints(run: RunData) -> Figure:
     """Draw setpoint and response of the leader and of the followers with the largest errors."""
     shown = _shown(run)
@@ -81,24 +73,24 @@ def setpoints(run: RunData) -> Figure:
             ha="center", fontweight="bold",
         )  # fmt: skip
         for row, channel in enumerate(LABELS):
-            _follow(grid[row][column], run, followed(run, vehicle, channel))
+            _follow(grid[row][column], run, *followed(run, vehicle, channel))
     for row, label in enumerate(LABELS.values()):
         grid[row][0].set_ylabel(label)
     finished(figure, run, grid, labels=False)
     return figure
 
 
-def followed(run: RunData, vehicle: VehicleId, channel: str) -> Followed:
-    """Return setpoint and response of a channel over the flown time; headings in degrees, without jumps."""
+def followed(run: RunData, vehicle: VehicleId, channel: str) -> tuple[Array, Array]:
+    """Return setpoint and response (K,) of a channel over the flown time; headings in degrees, without jumps."""
     columns = run.flown.vehicles[vehicle]
     true = "true_" if run.flown.truth else ""
     asked, became = NAMES[channel]
     setpoint, response = columns[f"setpoint_{asked}"], columns[true + became]
     if channel != "heading":
-        return Followed(setpoint, response)
+        return setpoint, response
     steady = _unwrapped_deg(response)
     apart = np.degrees(setpoint) - steady
-    return Followed(steady + (apart + 180.0) % 360.0 - 180.0, steady)
+    return steady + (apart + 180.0) % 360.0 - 180.0, steady
 
 
 def has_gains(run: RunData) -> bool:
@@ -147,10 +139,10 @@ def _shown(run: RunData) -> list[VehicleId]:
     return leaders + [vehicle for vehicle in run.followers if vehicle in worst and vehicle not in leaders]
 
 
-def _follow(axes: Axes, run: RunData, pair: Followed) -> None:
+def _follow(axes: Axes, run: RunData, setpoint: Array, response: Array) -> None:
     for values, colour, width, name in (
-        (pair.setpoint, ASKED, 1.2, "setpoint"),
-        (pair.response, INK, THIN, "response"),
+        (setpoint, ASKED, 1.2, "setpoint"),
+        (response, INK, THIN, "response"),
     ):
         shown = extremes(values, BUCKETS)
         axes.plot(run.time_s[shown], values[shown], color=colour, lw=width, label=name)

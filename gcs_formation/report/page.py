@@ -21,7 +21,7 @@ from gcs_formation.record.timeseries import GROUND
 from gcs_formation.report import html
 from gcs_formation.report.error_figures import transient_end_s
 from gcs_formation.report.figures import Plate, write_figures
-from gcs_formation.report.geometry import Indices, evenly, extremes, heading_rad, path_m
+from gcs_formation.report.geometry import Indices, evenly, extremes, heading_rad, path_m, reach
 from gcs_formation.report.gusts import gusts
 from gcs_formation.report.html import AXES, asset, badge, document, figure, number, table
 from gcs_formation.report.run_data import RunData, load_run
@@ -156,10 +156,8 @@ def _ground(run: RunData) -> dict[str, Any] | None:
     """Return the terrain's heights on a grid around the tracks, rows from south to north; None without terrain."""
     if run.scenario.terrain is None:
         return None
-    places = np.concatenate([run.flown.place(vehicle)[:, :2] for vehicle in run.flown.vehicles])
-    known = places[np.isfinite(places).all(axis=1)]
-    known = known if known.size else np.zeros((1, 2))
-    low, high = known.min(axis=0) - GROUND_AROUND_M, known.max(axis=0) + GROUND_AROUND_M
+    low, high = reach(np.concatenate([run.flown.place(vehicle)[:, :2] for vehicle in run.flown.vehicles]))
+    low, high = low - GROUND_AROUND_M, high + GROUND_AROUND_M
     cell_m = float((high - low).max()) / GROUND_CELLS
     north, east = (np.arange(least, most, cell_m) for least, most in zip(low, high, strict=True))
     height = run.scenario.ground.height(*np.meshgrid(north, east, indexing="ij"))

@@ -14,7 +14,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 
 from flight_model.arrays import Array
-from gcs_formation.report.geometry import Snapshot, evenly, path_m, snapshot, snapshot_ticks
+from gcs_formation.report.geometry import Snapshot, evenly, path_m, reach, snapshot, snapshot_ticks
 from gcs_formation.report.run_data import RunData
 from gcs_formation.report.style import GREY, INK, LIGHT, THIN, WIDTH_CM, axes_grid, legend_below, new_figure
 from gcs_formation.report.time_axes import Group, everyone, span, time_label
@@ -44,12 +44,12 @@ FEW_S = 20.0
 """A flight no longer than this is timed by tenths of a second."""
 
 
-class Space(NamedTuple):
-    """Limits of the axes: (least, greatest) in m."""
+class Extent(NamedTuple):
+    """Limits of the axes: (least, greatest) in m; a plan has no height."""
 
     north: tuple[float, float]
     east: tuple[float, float]
-    height: tuple[float, float]
+    height: tuple[float, float] = (0.0, 0.0)
 
     @property
     def longest(self) -> float:
@@ -60,6 +60,11 @@ class Space(NamedTuple):
     def unit(self) -> tuple[float, str]:
         """Unit of the horizontal axes, in m and by name."""
         return (1000.0, "km") if self.longest >= KILOMETRES_FROM_M else (1.0, "m")
+
+    @property
+    def tall(self) -> bool:
+        """Whether north reaches further than east."""
+        return self.north[1] - self.north[0] > self.east[1] - self.east[0]
 
 
 def trajectory(run: RunData) -> Figure:
@@ -90,12 +95,9 @@ def trajectory(run: RunData) -> Figure:
     return figure
 
 
-def _space(run: RunData) -> Space:
+def _space(run: RunData) -> Extent:
     """Return limits around the flown tracks and, with terrain, the ground below them."""
-    places = np.concatenate([run.flown.place_in_flight(vehicle) for vehicle in run.flown.vehicles])
-    known = places[np.isfinite(places).all(axis=1)]
-    known = known if known.size else np.zeros((1, 3))
-    low, high = known.min(axis=0), known.max(axis=0)
+    low, high = reach(np.concatenate([run.flown.place_in_flight(vehicle) for vehicle in run.flown.vehicles]))
     longest = max(float((high - low)[:2].max()), 10.0)
     half = np.maximum((high - low)[:2], NARROWEST * longest) * 0.52
     middle = (low + high)[:2] / 2
@@ -106,10 +108,10 @@ def _space(run: RunData) -> Space:
         below = np.concatenate([own["ground_height_m"] for own in run.flown.vehicles.values()])
         floor = float(np.fmin.reduce(below, initial=low[2]))
     top = float(high[2]) + 0.1 * max(float(high[2]) - floor, 10.0)
-    return Space((float(south), float(north)), (float(west), float(east)), (floor, top))
+    return Extent((float(south), float(north)), (float(west), float(east)), (floor, top))
 
 
-def _ground(axes: Axes3D, run: RunData, space: Space) -> None:
+def _ground(axes: Axes3D, run: RunData, space: Extent) -> None:
     """Draw the terrain as a shaded surface; nothing where the scenario has none."""
     if run.scenario.terrain is None:
         return
@@ -130,7 +132,7 @@ def _ground(axes: Axes3D, run: RunData, space: Space) -> None:
     )  # fmt: skip
 
 
-def _frame_space(axes: Axes3D, space: Space) -> None:
+def _frame_space(axes: Axes3D, space: Extent) -> None:
     unit, _ = space.unit
     axes.set_xlim(space.east[0] / unit, space.east[1] / unit)
     axes.set_ylim(space.north[0] / unit, space.north[1] / unit)
@@ -159,18 +161,6 @@ def _profile(axes: Axes, run: RunData, group: Group) -> None:
     axes.set_ylabel("height, m")
 
 
-class Extent(NamedTuple):
-    """Least and greatest east and north in m."""
-
-    east: tuple[float, float]
-    north: tuple[float, float]
-
-    @property
-    def tall(self) -> bool:
-        """Whether north reaches further than east."""
-        return self.north[1] - self.north[0] > self.east[1] - self.east[0]
-
-
 def plan(run: RunData) -> Figure:
     """Draw tracks and path from above, and the formation at a few times, all to scale."""
     group = everyone(run)
@@ -188,18 +178,10 @@ def plan(run: RunData) -> Figure:
 
 def _extent(run: RunData) -> Extent:
     """Return the extent of the flown tracks, with a margin and not too slim."""
-    everything = np.concatenate([run.flown.place_in_flight(vehicle)[:, :2] for vehicle in run.flown.vehicles])
-    known = everything[np.isfinite(everything).all(axis=1)]
-    known = known if known.size else np.zeros((1, 2))
-    low, high = known.min(axis=0), known.max(axis=0)
+    low, high = reach(np.concatenate([run.flown.place_in_flight(vehicle)[:, :2] for vehicle in run.flown.vehicles]))
     half = (0.5 + MARGIN) * np.maximum(high - low, SLIMMEST * max(float((high - low).max()), SMALLEST_M))
     (south, west), (north, east) = (low + high) / 2 - half, (low + high) / 2 + half
-    return Extent((float(west), float(east)), (float(south), float(north)))
-
-
-def _unit(extent: Extent) -> tuple[float, str]:
-    longest = max(extent.north[1] - extent.north[0], extent.east[1] - extent.east[0])
-    return (1000.0, "km") if longest >= KILOMETRES_FROM_M else (1.0, "m")
+    return Extent((float(south), float(north)), (float(west), float(east)))
 
 
 def _layout(extent: Extent, count: int) -> tuple[Figure, Axes, list[Axes], float]:
@@ -247,7 +229,7 @@ def _lettered(axes: Axes, stills: Sequence[Snapshot]) -> None:
 
 
 def _frame(axes: Axes, extent: Extent) -> None:
-    unit, name = _unit(extent)
+    unit, name = extent.unit
 
     def shown(value: float, _: int | None) -> str:
         return f"{value / unit:g}".replace("-", "−")

@@ -274,9 +274,9 @@ def test_headings_go_on_through_south_without_jumps(make_run):
     circle = [[600 * np.sin(a), 600 * (1 - np.cos(a)), 200] for a in np.linspace(0, 1.9 * np.pi, 12)]
     scenario = straight({"count": 2}, path={"waypoints_m": np.round(circle).tolist()}, duration_s=150)
     run = load_run(make_run(scenario, truth=False))
-    pair = followed(run, run.followers[0], "heading")
+    setpoint, response = followed(run, run.followers[0], "heading")
     wrapped = run.flown.vehicles[run.followers[0]]["heading_rad"]
     assert np.abs(np.diff(wrapped)).max() > 6.0
-    assert np.abs(np.diff(pair.response)).max() < 1.0
-    assert np.abs(pair.setpoint - pair.response).max() < 2.0
-    np.testing.assert_allclose(np.exp(1j * np.radians(pair.response)), np.exp(1j * wrapped), atol=1e-9)
+    assert np.abs(np.diff(response)).max() < 1.0
+    assert np.abs(setpoint - response).max() < 2.0
+    np.testing.assert_allclose(np.exp(1j * np.radians(response)), np.exp(1j * wrapped), atol=1e-9)
