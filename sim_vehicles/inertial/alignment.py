@@ -145,46 +145,38 @@ def align(
     means = (part[: round(COARSE_S * rate_hz)].mean(axis=0) / period_s for part in samples)
     truth = rest.state(np.array(0.0))
     start = truth._replace(attitude=coarse(*means))
-    return _Run(truth, start, fine).through(samples, period_s, random)
+    navigator, bias = Strapdown.at(start), np.zeros(6)
+    sigma, error, innovations = list[Array](), list[Array](), list[Array]()
+    for first in range(0, len(samples.angle_rad), each):
+        navigator.run(samples.part(first, first + each), period_s)
+        sway_mps = VELOCITY_SIGMA_MPS * random.standard_normal(2)
+        innovation, found = _at_rest(navigator, truth, fine, sway_mps)
+        bias += found
+        navigator.set_biases(bias[:3], bias[3:])
+        innovations.append(innovation)
+        sigma.append(fine.sigma_rad)
+        error.append(misalignment(navigator.state().attitude, truth.attitude))
+    return Alignment(
+        times_s=UPDATE_S * np.arange(1, len(sigma) + 1, dtype=np.float64),
+        sigma_rad=np.array(sigma),
+        error_rad=np.array(error),
+        innovations=np.array(innovations),
+        bias=bias,
+        covariance=fine.covariance(navigator.state().attitude.T),
+        coarse_rad=misalignment(start.attitude, truth.attitude),
+    )
 
 
-class _Run:
-    """A navigator at rest, corrected whenever the filter has estimated its errors."""
+def _at_rest(navigator: Strapdown, truth: NavigationState, fine: FineAlignment, sway_mps: Array) -> tuple[Array, Array]:
+    """Correct a navigator by its zero velocity; return the innovation (2,) and what was found of its biases (6,).
 
-    def __init__(self, truth: NavigationState, start: NavigationState, fine: FineAlignment) -> None:
-        self._truth, self._start, self._fine = truth, start, fine
-        self._navigator = Strapdown.at(start)
-        self._bias: Array = np.zeros(6)
-
-    def through(self, samples: Increments, period_s: float, random: np.random.Generator) -> Alignment:
-        each = round(UPDATE_S / period_s)
-        sigma, error, innovations = list[Array](), list[Array](), list[Array]()
-        for first in range(0, len(samples.angle_rad), each):
-            self._navigator.run(samples.part(first, first + each), period_s)
-            sway = VELOCITY_SIGMA_MPS * random.standard_normal(2)
-            innovations.append(self._update(sway))
-            sigma.append(self._fine.sigma_rad)
-            error.append(misalignment(self._navigator.state().attitude, self._truth.attitude))
-        return Alignment(
-            times_s=UPDATE_S * np.arange(1, len(sigma) + 1, dtype=np.float64),
-            sigma_rad=np.array(sigma),
-            error_rad=np.array(error),
-            innovations=np.array(innovations),
-            bias=self._bias,
-            covariance=self._fine.covariance(self._navigator.state().attitude.T),
-            coarse_rad=misalignment(self._start.attitude, self._truth.attitude),
-        )
-
-    def _update(self, sway_mps: Array) -> Array:
-        """Apply the measurement of zero velocity; the position and the vertical velocity are known as well."""
-        navigator, truth = self._navigator, self._truth
-        velocity = np.array(navigator.velocity)
-        errors, innovation = self._fine.update(velocity[:2] - sway_mps)
-        errors[VELOCITY.start + UP] = velocity[UP]
-        navigator.correct(np.zeros(3), errors[VELOCITY], errors[TILT])
-        navigator.lat_rad, navigator.lon_rad = float(truth.lat_rad), float(truth.lon_rad)
-        navigator.height_m = float(truth.height_m)
-        to_body = navigator.state().attitude.T
-        self._bias += np.concatenate((to_body @ errors[ACCEL_BIAS], to_body @ errors[GYRO_BIAS]))
-        navigator.set_biases(self._bias[:3], self._bias[3:])
-        return innovation
+    The position and the vertical velocity are known as well.
+    """
+    velocity = np.array(navigator.velocity)
+    errors, innovation = fine.update(velocity[:2] - sway_mps)
+    errors[VELOCITY.start + UP] = velocity[UP]
+    navigator.correct(np.zeros(3), errors[VELOCITY], errors[TILT])
+    navigator.lat_rad, navigator.lon_rad = float(truth.lat_rad), float(truth.lon_rad)
+    navigator.height_m = float(truth.height_m)
+    to_body = navigator.state().attitude.T
+    return innovation, np.concatenate((to_body @ errors[ACCEL_BIAS], to_body @ errors[GYRO_BIAS]))

@@ -30,14 +30,6 @@ def attitude(heading_rad: Array, pitch_rad: Array, bank_rad: Array) -> Array:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
-def angles(matrix: Array) -> Array:
-    """Return heading, pitch and bank (..., 3) of body to navigation matrices (..., 3, 3)."""
-    heading = np.arctan2(matrix[..., 0, 1], matrix[..., 1, 1])
-    pitch = np.arcsin(np.clip(matrix[..., 2, 1], -1.0, 1.0))
-    bank = np.arctan2(-matrix[..., 2, 0], matrix[..., 2, 2])
-    return np.stack((heading, pitch, bank), axis=-1)
-
-
 def misalignment(computed: Array, true: Array) -> Array:
     """Return the small rotation phi (..., 3) by which a computed matrix is off: computed = (I - [phi x]) true."""
     off = computed @ np.swapaxes(true, -1, -2)

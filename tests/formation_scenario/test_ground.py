@@ -6,7 +6,7 @@ import pytest
 
 from flight_model.earth import GeodeticOrigin
 from formation_scenario.environment import Hill
-from formation_scenario.ground import ElevationError, ElevationGrid, Hills, Raster, read_elevation
+from formation_scenario.ground import ElevationError, ElevationGrid, Hills, read_elevation
 
 ORIGIN = GeodeticOrigin(math.radians(35.5), math.radians(125.5), 20.0)
 NEAR = np.array([[0.0, 0.0], [500.0, 500.0]])
@@ -47,7 +47,7 @@ def test_a_ridge_is_level_along_its_crest_and_a_hill_across_it_and_beyond_its_en
 
 
 def test_a_raster_is_bilinear_in_latitude_and_longitude_and_counts_from_the_origin():
-    ground = ElevationGrid(Raster(plane(35.51, 125.49, 0.001, 21, 21), 35.51, 125.49, 0.001, 0.001), ORIGIN)
+    ground = ElevationGrid(plane(35.51, 125.49, 0.001, 21, 21), 35.51, 125.49, 0.001, 0.001, ORIGIN)
     assert height(ground, 0.0, 0.0) == pytest.approx(80.0, abs=1e-6)
     lat, lon, _ = ORIGIN.from_ned(456.0, -321.0, 0.0)
     expected = 80.0 + 1000.0 * (math.degrees(lat) - 35.5) + 500.0 * (math.degrees(lon) - 125.5)

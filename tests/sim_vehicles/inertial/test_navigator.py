@@ -21,7 +21,8 @@ from sim_vehicles.inertial.error_model import TILT, gnss
 from sim_vehicles.inertial.experiment import exact_start, navigate
 from sim_vehicles.inertial.imu import InertialSensors, Trajectory, sensor_random
 from sim_vehicles.inertial.navigator import InertialNavigator
-from sim_vehicles.inertial.rotation import angles, attitude, displaced
+from sim_vehicles.inertial.rotation import attitude, displaced
+from tests.sim_vehicles.inertial.angles import angles
 
 ORIGIN = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 0.0)
 PATH, SPEED_MPS = SplinePath([[0, 0, 200], [700, 0, 200], [1400, 300, 220], [2000, 900, 190], [2100, 3000, 200]]), 22.0

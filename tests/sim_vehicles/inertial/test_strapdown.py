@@ -12,8 +12,9 @@ from formation_scenario import SplinePath
 from sim_vehicles.inertial.error_model import NORTH, TILT, VELOCITY, dynamics
 from sim_vehicles.inertial.experiment import Array, Start, exact_start, navigate
 from sim_vehicles.inertial.imu import Increments, InertialSensors, Trajectory
-from sim_vehicles.inertial.rotation import angles, attitude, displaced, misalignment, to_matrix, to_quaternion
+from sim_vehicles.inertial.rotation import attitude, displaced, misalignment, to_matrix, to_quaternion
 from sim_vehicles.inertial.strapdown import Strapdown
+from tests.sim_vehicles.inertial.angles import angles
 
 PLACE = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 1.0)
 MICRO_G, DEGREE_PER_HOUR = 9.797336e-6, math.radians(1.0) / 3600.0
