@@ -36,7 +36,7 @@ from gcs_formation.report.style import (
     save,
 )
 from gcs_formation.report.time_axes import BUCKETS, draw_marks, span
-from gcs_formation.studies.comparison import Comparison, Flown, Line, Row, Window, compare_flights
+from gcs_formation.studies.comparison import Comparison, Line, Row, Window, compare_flights
 from gcs_formation.studies.flight import COULD_NOT_GO_ON, EXPECTED, Task
 from gcs_formation.studies.plan import Planned
 from gcs_formation.studies.workers import Workers
@@ -167,9 +167,9 @@ def comparison_table(comparison: Comparison) -> str:
 
 
 def _about(comparison: Comparison) -> str:
-    window = comparison.window
+    window, scenario = comparison.window, comparison.scenario
     return (
-        f"{comparison.name}, seed {comparison.seed}: errors of the worst follower, frame {comparison.frame}, "
+        f"{scenario.name}, seed {scenario.seed}: errors of the worst follower, frame {scenario.formation.frame}, "
         f"{window.from_s:g} to {window.to_s:g} s; settled: all within 0.5 m for 10 s; steady: max from 30 s "
         "after that on; steps: of the setpoints from tick to tick, 95th percentile"
     )
@@ -216,13 +216,13 @@ def write_comparison(comparison: Comparison, out: Path) -> Path:
 
 
 def _page(comparison: Comparison, picture: Path) -> str:
-    body = files("gcs_formation.studies") / "comparison.html"
+    body, scenario = files("gcs_formation.studies") / "comparison.html", comparison.scenario
     caption = TWO_SPANS + CAPTION if len(spans(comparison.window)) > 1 else CAPTION
     return document(
-        f"{comparison.name}: laws side by side",
+        f"{scenario.name}: laws side by side",
         body.read_text(encoding="utf-8"),
-        seed=str(comparison.seed),
-        frame=escape(comparison.frame.replace("_heading", "")),
+        seed=str(scenario.seed),
+        frame=escape(scenario.formation.frame.replace("_heading", "")),
         from_s=f"{comparison.window.from_s:g}",
         to_s=f"{comparison.window.to_s:g}",
         table=comparison_table(comparison),
@@ -305,8 +305,8 @@ def compare_laws(options: CompareOptions, workers: Workers) -> Compared:
     except KeyboardInterrupt:
         interrupted = True
     said = tuple((laws[flight], rows[flight]["exit"], rows[flight]["words"]) for flight in sorted(rows))
-    flown = [Flown(law, options.out / law, words if status > EXPECTED else "") for law, status, words in said]
-    comparison = compare_flights(flown, scenario.name, scenario.seed, scenario.formation.frame, window)
+    flown = {law: words if status > EXPECTED else "" for law, status, words in said}
+    comparison = compare_flights(flown, options.out, scenario, window)
     return Compared(comparison, said, write_comparison(comparison, options.out), interrupted)
 
 

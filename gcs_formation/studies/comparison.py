@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
 from flight_model.arrays import Array, Mask
+from formation_scenario import Scenario
 from gcs_formation.app.check import warnings
 from gcs_formation.record.flight import Effort, axis_figures, effort, least, separation_m
 from gcs_formation.record.timeseries import CHANNELS
@@ -22,15 +23,6 @@ SCHEMA = 1
 AROUND_S = 1.0
 """Errors cross zero, so the figure shows the largest one within this time before and after each tick."""
 FIGURES = ("rms", "max", "steady_max")
-
-
-class Flown(NamedTuple):
-    """One law's flight."""
-
-    law: str
-    directory: Path
-    aborted: str = ""
-    """Why the run could not go on."""
 
 
 @dataclass(frozen=True)
@@ -75,9 +67,7 @@ class Line:
 class Comparison:
     """All laws' rows and lines."""
 
-    name: str
-    seed: int
-    frame: str
+    scenario: Scenario
     window: Window
     rows: tuple[Row, ...]
     lines: tuple[Line, ...]
@@ -88,31 +78,40 @@ class Comparison:
         """Return what comparison.json holds."""
         laws = {row.law: {key: value for key, value in asdict(row).items() if key != "law"} for row in self.rows}
         window = {"from_s": self.window.from_s, "to_s": self.window.to_s}
-        return {"schema": SCHEMA, "name": self.name, "seed": self.seed, "frame": self.frame, **window, "laws": laws}
+        flown = {"name": self.scenario.name, "seed": self.scenario.seed, "frame": self.scenario.formation.frame}
+        return {"schema": SCHEMA, **flown, **window, "laws": laws}
 
 
-def compare_flights(flown: Sequence[Flown], name: str, seed: int, frame: str, window: Window) -> Comparison:
+def compare_flights(flown: Mapping[str, str], out: Path, scenario: Scenario, window: Window) -> Comparison:
     """Return the comparison of finished flights.
+
+    Args:
+        flown: why each law's run could not go on, "" where it could.
+        out: has a run's directory of each law's name.
+        scenario: that they flew.
+        window: in which errors count.
 
     Raises:
         RecordError: a run directory can't be read.
     """
-    runs = {each.law: load_run(each.directory) for each in flown if not each.aborted}
-    rows = tuple(_row(each, runs.get(each.law), window) for each in flown)
+    runs = {law: load_run(out / law) for law, aborted in flown.items() if not aborted}
+    rows = tuple(_row(law, runs[law], window) if law in runs else _no_row(law, why) for law, why in flown.items())
     lines = tuple(_line(law, run) for law, run in runs.items() if run.followers)
     happened = tuple(marks(next(iter(runs.values())))) if runs else ()
-    return Comparison(name, seed, frame, window, rows, lines, happened)
+    return Comparison(scenario, window, rows, lines, happened)
 
 
-def _row(flown: Flown, run: RunData | None, window: Window) -> Row:
-    if run is None:
-        nothing: dict[str, float | None] = dict.fromkeys(FIGURES)
-        return Row(flown.law, None, nothing, nothing, nothing, {}, None, None, None, aborted=flown.aborted)
+def _no_row(law: str, aborted: str) -> Row:
+    nothing: dict[str, float | None] = dict.fromkeys(FIGURES)
+    return Row(law, None, nothing, nothing, nothing, {}, None, None, None, aborted=aborted)
+
+
+def _row(law: str, run: RunData, window: Window) -> Row:
     within = run.flown.window(window.from_s, window.to_s)
     stability = run.summary["stability"]
     x, y, z = (_axis(run, window, axis) for axis in range(3))
     return Row(
-        law=flown.law,
+        law=law,
         settled_at_s=_settled_s(run),
         error_x_m=x,
         error_y_m=y,

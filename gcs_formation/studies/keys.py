@@ -84,7 +84,6 @@ class Cases(Keys):
     )
 
 
-Distribution = Uniform | Normal | LogUniform
 Values = Annotated[list[Any], Field(min_length=1, max_length=MOST_VALUES)]
 Parameter = Annotated[
     Values | Range | Uniform | Normal | LogUniform | Cases,
@@ -230,19 +229,3 @@ def _one_bound(made: Any, below: float | None, above: float | None) -> Any:  # n
     if below is None and above is None:
         raise PydanticCustomError("bound", "no bound")
     return made
-
-
-__all__ = [
-    "INVARIANTS",
-    "LISTED",
-    "Bisection",
-    "Cases",
-    "Distribution",
-    "Parameter",
-    "Range",
-    "Record",
-    "Study",
-    "Value",
-    "Wanted",
-    "levels_of",
-]

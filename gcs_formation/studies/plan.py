@@ -15,7 +15,6 @@ from airlink.random_streams import random_stream
 from flight_model.arrays import Array
 from gcs_formation.studies.keys import (
     Bisection,
-    Distribution,
     LogUniform,
     Normal,
     Parameter,
@@ -28,7 +27,6 @@ from gcs_formation.studies.keys import (
 Sample: TypeAlias = Mapping[str, Value]
 INSIDE = 1e-12
 """Least distance of a share from 0 and 1, where a normal distribution has no value."""
-__all__ = ["Distribution", "Sample", "at", "count_samples", "drawn", "samples"]
 Row: TypeAlias = Mapping[str, Any]
 """What came of a flight: its columns in flights.parquet."""
 
