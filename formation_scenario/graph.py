@@ -10,8 +10,6 @@ import numpy.typing as npt
 from flight_model.arrays import Array, Indices
 from formation_scenario.model import Scenario
 
-Graph = str | npt.ArrayLike
-
 GRAPH_NAMES = ("star", "path", "ring", "complete")
 
 
@@ -43,28 +41,15 @@ def graph_adjacency(name: str, count: int) -> Array:
     return (edges[name] & (distance > 0)).astype(np.float64)
 
 
-def as_adjacency(graph: Graph, count: int | None = None) -> Array:
-    """Adjacency matrix of a graph given by name or by its weights.
-
-    Args:
-        graph: a name that `graph_adjacency` knows, or square weights, entry (p, q) > 0 when p hears q.
-        count: number of vehicles; needed with a name.
-
-    Returns:
-        (n, n) weights.
+def as_adjacency(graph: npt.ArrayLike) -> Array:
+    """Adjacency matrix (n, n) of a graph given by its weights, entry (p, q) > 0 when p hears q.
 
     Raises:
-        ValueError: unknown name; not square, not of `count` vehicles, a weight negative or not finite.
+        ValueError: not square, a weight negative or not finite.
     """
-    if isinstance(graph, str):
-        if count is None:
-            raise ValueError(f"graph {graph!r} needs the number of vehicles")
-        return graph_adjacency(graph, count)
     weights = np.asarray(graph, dtype=np.float64)
     if weights.size == 0 or weights.shape != (len(weights), len(weights)):
         raise ValueError(f"adjacency of shape {weights.shape}: a square matrix is needed")
-    if count is not None and len(weights) != count:
-        raise ValueError(f"adjacency of {len(weights)} vehicles: {count} are flying")
     if not np.all(np.isfinite(weights) & (weights >= 0.0)):
         raise ValueError("adjacency weights must be finite and not negative")
     return weights
@@ -72,7 +57,8 @@ def as_adjacency(graph: Graph, count: int | None = None) -> Array:
 
 def scenario_adjacency(scenario: Scenario) -> Array:
     """Return the weights of the consensus graph, (N, N) in the order of the scenario's vehicles."""
-    return as_adjacency(scenario.law.consensus.graph, len(scenario.vehicles))
+    graph = scenario.law.consensus.graph
+    return graph_adjacency(graph, len(scenario.vehicles)) if isinstance(graph, str) else as_adjacency(graph)
 
 
 class Component(NamedTuple):

@@ -17,7 +17,7 @@ ALLOWED = f"a file with a number of milliseconds from 0 to {MOST_MS:.0f} on each
 _NUMBER = re.compile(r"^[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")
 Distribution = Literal["normal", "uniform", "pareto"]
 Burst = Annotated[Number, Field(ge=1.0, le=1e6)]
-Milliseconds = Annotated[NonNegative, Field(le=600_000.0)]
+Milliseconds = Annotated[NonNegative, Field(le=MOST_MS)]
 
 
 class TraceError(Exception):

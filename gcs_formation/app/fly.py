@@ -90,7 +90,7 @@ def _messages(vehicle: Vehicle, setpoint: Setpoint, where: FlightState) -> Itera
             yield from (_commanded("start", command, autopilot) for command in step.commands(seen))
     for message in autopilot.setpoint(setpoint, where):
         command = isinstance(message, CommandLong | CommandInt)
-        yield _commanded(SETPOINTS, message, autopilot) if command else _sent(SETPOINTS, message)
+        yield _commanded(SETPOINTS, message, autopilot) if command else _sent(message)
     yield from (_commanded("end", command, autopilot) for command in autopilot.loiter(setpoint.height_m, seen))
 
 
@@ -110,11 +110,11 @@ def _commanded(when: str, command: Command, autopilot: Autopilot) -> dict[str, A
     }
 
 
-def _sent(when: str, message: Message) -> dict[str, Any]:
-    """Return a message that is no command: its values in SI units, without those that are 0."""
+def _sent(message: Message) -> dict[str, Any]:
+    """Return a setpoint that is no command: its values in SI units, without those that are 0."""
     values: dict[str, float] = message.values()
     fields = {name: _rounded(value) for name, value in values.items() if value and not name.startswith("target")}
-    return {"when": when, "message": message.kind().name, "command": "", "values": fields}
+    return {"when": SETPOINTS, "message": message.kind().name, "command": "", "values": fields}
 
 
 def _rounded(value: float) -> float | None:

@@ -17,8 +17,8 @@ from airlink.engine import Engine
 from airlink.impaired import ImpairedEngine, LinkStatistics
 from airlink.impairment import UNIMPAIRED, Impairment
 from flight_model.arrays import Array
-from formation_scenario import Impairment as PlannedImpairment
 from formation_scenario import Scenario
+from formation_scenario.links import Impairment as PlannedImpairment
 from formation_scenario.links import read_trace_ms
 from gcs_formation.phases import Flight
 from gcs_formation.record.expectations import Injected

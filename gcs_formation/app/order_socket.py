@@ -8,7 +8,6 @@ import socket
 from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from formation_scenario.orders import Answer
@@ -48,9 +47,7 @@ class OrderSocket:
             self._listening = opened
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Stop listening."""
         for opened in (*self._callers, *([self._listening] if self._listening else [])):
             opened.close()

@@ -61,9 +61,9 @@ def line(parts: Sequence[tuple[str, ...]], width: int) -> str:
     return _joined(wordings)
 
 
-def wrapped(text: str, width: int, indent: str = "  ") -> list[str]:
+def wrapped(text: str, width: int) -> list[str]:
     """Return a text in lines of whole words; all but the first are indented."""
-    lines = textwrap.wrap(text, max(width, 1), subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+    lines = textwrap.wrap(text, max(width, 1), subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
     return lines or [""]
 
 

@@ -97,9 +97,9 @@ def print_style() -> Generator[None]:
         yield
 
 
-def new_figure(height_cm: float, width_cm: float = WIDTH_CM) -> Figure:
-    """Return an empty figure of a size in cm, with automatic layout."""
-    return Figure(figsize=(width_cm * CM, height_cm * CM), dpi=DPI, layout="constrained")
+def new_figure(height_cm: float) -> Figure:
+    """Return an empty figure as wide as a page, with automatic layout."""
+    return Figure(figsize=(WIDTH_CM * CM, height_cm * CM), dpi=DPI, layout="constrained")
 
 
 def axes_grid(

@@ -13,7 +13,6 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing import forkserver, resource_tracker
 from time import sleep
-from types import TracebackType
 from typing import Any, Protocol, Self
 
 from airlink.clock import Stopwatch
@@ -39,9 +38,7 @@ class Workers(Protocol):
         """Start."""
         ...
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         """Give up what isn't flown yet."""
         ...
 
@@ -71,9 +68,7 @@ class Processes:
         self._pool = self._new_pool()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         """End them: at once where the study was given up."""
         processes = list(self._pool._processes.values()) if kind is not None else []
         self._pool.shutdown(wait=kind is None, cancel_futures=True)
@@ -185,9 +180,7 @@ class Cluster:
         self._client._timeout = GONE_S  # for which it tries to connect again
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         """Disconnect; the scheduler forgets what isn't flown yet."""
         self._client.close()
 

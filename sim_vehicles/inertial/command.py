@@ -31,6 +31,7 @@ from sim_vehicles.inertial.experiment import (
 )
 
 CM: Final = 1 / 2.54
+WIDTH_CM: Final = 16.0
 DPI: Final = 200
 BLUE, ORANGE, GREY = "#0072B2", "#D55E00", "#8C8C8C"
 """Of Okabe and Ito's palette, which colour-blind readers can tell apart."""
@@ -79,12 +80,12 @@ def draw(done: Experiment, directory: Path) -> None:
             figure.savefig(directory / f"{name}.png", format="png", metadata={"Software": None})
 
 
-def _figure(height_cm: float, width_cm: float = 16.0) -> Figure:
-    return Figure(figsize=(width_cm * CM, height_cm * CM), dpi=DPI, layout="constrained")
+def _figure(height_cm: float) -> Figure:
+    return Figure(figsize=(WIDTH_CM * CM, height_cm * CM), dpi=DPI, layout="constrained")
 
 
-def _grid(figure: Figure, rows: int, columns: int) -> list[list[Axes]]:
-    axes = figure.subplots(rows, columns, squeeze=False, sharex=True)
+def _grid(figure: Figure, rows: int) -> list[list[Axes]]:
+    axes = figure.subplots(rows, 3, squeeze=False, sharex=True)
     return cast("list[list[Axes]]", axes.tolist())
 
 
@@ -93,7 +94,7 @@ def _alignment_figure(done: Experiment) -> Figure:
     figure, aligned = _figure(6.5), done.alignment
     labels = ("about east, arcsec", "about north, arcsec", "heading, arcmin")
     limits = done.limit_rad / UNITS
-    for i, (axes, label) in enumerate(zip(_grid(figure, 1, 3)[0], labels, strict=True)):
+    for i, (axes, label) in enumerate(zip(_grid(figure, 1)[0], labels, strict=True)):
         axes.loglog(aligned.times_s, np.abs(aligned.error_rad[:, i]) / UNITS[i], color=BLUE, label="error")
         axes.loglog(aligned.times_s, aligned.sigma_rad[:, i] / UNITS[i], color=ORANGE, label="σ of the filter")
         if limits[i] > 0.0:
@@ -112,7 +113,7 @@ def _navigation(done: Experiment) -> Figure:
         ("about east, arcsec", "about north, arcsec", "heading, arcmin"),
     )
     units = np.concatenate((np.ones(6), UNITS))
-    grid = _grid(figure, 3, 3)
+    grid = _grid(figure, 3)
     for i in range(9):
         axes = grid[i // 3][i % 3]
         sigma = flight.sigmas[:, i] / units[i]

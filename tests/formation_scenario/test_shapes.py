@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from formation_scenario import slot_schedule, slot_table, slots
-from formation_scenario.shapes import SHAPES
+from formation_scenario import slot_schedule, slot_table
+from formation_scenario.shapes import SHAPES, slots
 
 shapes = st.sampled_from(sorted(SHAPES))
 counts = st.integers(1, 60)
