@@ -80,6 +80,17 @@ Metric = Annotated[
 ]
 
 
+def keeps(value: float, below: float | None, above: float | None) -> bool:
+    """Return whether a figure keeps its bounds, None where there is none."""
+    return (below is None or value < below) and (above is None or value > above)
+
+
+def bounds_text(below: float | None, above: float | None) -> str:
+    """Return bounds in words: "below 3 and above 2"."""
+    bounds = {"below": below, "above": above}
+    return " and ".join(f"{name} {bound:g}" for name, bound in bounds.items() if bound is not None)
+
+
 class Expectation(Keys):
     """A bound on one figure of the summary, for some followers and over a window of time."""
 

@@ -11,7 +11,7 @@ from airlink.endpoint import VehicleId
 from airlink.frame import ParserCounts
 from flight_model.arrays import Array
 from formation_scenario import Scenario
-from formation_scenario.expectation import FOLLOWER_METRICS, LINK_METRICS, Expectation
+from formation_scenario.expectation import FOLLOWER_METRICS, LINK_METRICS, Expectation, bounds_text, keeps
 from gcs_formation.record import flight as figures
 from gcs_formation.record.flight import Flight
 
@@ -103,8 +103,7 @@ class Verdict:
             return None
         if self.value is None or not self.reached:
             return False
-        below, above = self.expectation.below, self.expectation.above
-        return (below is None or self.value < below) and (above is None or self.value > above)
+        return keeps(self.value, self.expectation.below, self.expectation.above)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the entry of summary.json."""
@@ -121,16 +120,12 @@ class Verdict:
     def __str__(self) -> str:
         """Return the verdict in words."""
         wanted = self.expectation
-        bounds = [
-            f"{name} {bound:g}"
-            for name, bound in (("below", wanted.below), ("above", wanted.above))
-            if bound is not None
-        ]
         who = f"vehicle {self.vehicle}: " if self.vehicle else ""
         found = "no value" if self.value is None else f"{self.value:.4g}"
         state = WORDS[self.held] + (f": {self.reason}" if self.reason else "")
         window = f"from {wanted.from_s:g} s to {wanted.to_s:g} s"
-        return f"{who}{wanted.metric} {window}: found {found}; expected: {' and '.join(bounds)}: {state}"
+        expected = bounds_text(wanted.below, wanted.above)
+        return f"{who}{wanted.metric} {window}: found {found}; expected: {expected}: {state}"
 
 
 def judge(

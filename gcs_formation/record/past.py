@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -53,7 +53,7 @@ def epoch_us(directory: Path) -> int:
     if (directory / SUMMARY).is_file():
         found = f"found {SUMMARY} in {directory}: that run has come to its end"
         raise RecordError(f"{found}; allowed: the directory of an unfinished run")
-    begins = next((event for event in _events(directory) if event.get("kind") == RECORDING), None)
+    begins = next((event for event in recorded_events(directory)[0] if event.get("kind") == RECORDING), None)
     if begins is None or not isinstance(begins.get("epoch_us"), int):
         raise RecordError(f"found no beginning in {directory / EVENTS}: nothing was recorded that can be resumed")
     return int(begins["epoch_us"])
@@ -61,7 +61,7 @@ def epoch_us(directory: Path) -> int:
 
 def from_ports(directory: Path) -> dict[str, int]:
     """Return the ports that the flight sent from to each `udpout` endpoint: a PX4 answers no other."""
-    those = (event for event in _events(directory) if event.get("kind") == PORT)
+    those = (event for event in recorded_events(directory)[0] if event.get("kind") == PORT)
     return {str(event["endpoint"]): int(event["port"]) for event in those}
 
 
@@ -71,7 +71,7 @@ def read_past(directory: Path, scenario: Scenario, now: Instant, *, retake: bool
     Raises:
         RecordError: the record can't be read, or nobody had taken off.
     """
-    events = _events(directory)
+    events, _ = recorded_events(directory)
     try:
         rows = read_spool(directory / SPOOL)
     except (OSError, ValueError) as error:
@@ -128,19 +128,19 @@ def _last(events: Events, identity: VehicleId, kind: str) -> str | None:
     return next((str(event["text"]) for event in own), None)
 
 
-def _events(directory: Path) -> Events:
+def recorded_events(directory: Path) -> tuple[tuple[Mapping[str, Any], ...], bool]:
+    """Return the events of an unfinished run, and whether the last one was cut off."""
     path = directory / EVENTS
-    return list(_parsed(path.read_bytes().splitlines())) if path.is_file() else []
+    parsed = [_parsed(line) for line in path.read_bytes().splitlines()] if path.is_file() else []
+    return tuple(event for event in parsed if event is not None), parsed[-1:] == [None]
 
 
-def _parsed(lines: list[bytes]) -> Iterator[Mapping[str, Any]]:
-    for line in lines:
-        try:
-            event = json.loads(line)
-        except ValueError:
-            continue  # cut off
-        if isinstance(event, dict):
-            yield event
+def _parsed(line: bytes) -> Mapping[str, Any] | None:
+    try:
+        event: Any = json.loads(line)
+    except ValueError:
+        return None
+    return cast("dict[str, Any]", event) if isinstance(event, dict) else None
 
 
 def _phases(events: Events) -> list[str]:

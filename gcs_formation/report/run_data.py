@@ -204,8 +204,9 @@ def _unfinished(directory: Path, scenario: Scenario) -> RunData:
         RecordError: nothing was flown.
     """
     from gcs_formation.app.run import recorded_truth  # noqa: PLC0415 - few reports need what flies
+    from gcs_formation.record.past import recorded_events  # noqa: PLC0415
 
-    events, cut_off = _recorded_events(directory / EVENTS)
+    events, cut_off = recorded_events(directory)
     columns = read_spool(directory / SPOOL)
     truth = recorded_truth(directory, scenario)
     if truth is not None:
@@ -218,22 +219,6 @@ def _unfinished(directory: Path, scenario: Scenario) -> RunData:
     summary = _without_unknown(summarise(_outcome(_in_force(scenario, events), flight)).to_dict())
     words = _missing(scenario, flight, events, cut_off=cut_off)
     return replace(_run_data(directory, scenario, summary, events, in_words(join(flight))), missing=words)
-
-
-def _recorded_events(path: Path) -> tuple[tuple[Mapping[str, Any], ...], bool]:
-    """Return the events, and whether the last line was cut off."""
-    lines = path.read_bytes().splitlines() if path.is_file() else []
-    events = [_parsed(line) for line in lines]
-    if events and events[-1] is None:
-        return tuple(event for event in events if event is not None), True
-    return tuple(event for event in events if event is not None), False
-
-
-def _parsed(line: bytes) -> Mapping[str, Any] | None:
-    try:
-        return json.loads(line)
-    except ValueError:
-        return None
 
 
 def _in_force(scenario: Scenario, events: Sequence[Mapping[str, Any]]) -> Scenario:

@@ -16,15 +16,15 @@ import pyarrow as pa
 from rich.console import Console
 from rich.live import Live
 from rich.text import Text
-from scipy.special import betaincinv
 
 from airlink.clock import Stopwatch
+from formation_scenario.expectation import bounds_text
 from formation_scenario.source import Plain
 from gcs_formation.errors import RecordingError
 from gcs_formation.studies.dataset import FLIGHTS, RESULT, TABLE_TEXT, Dataset, sample_table
 from gcs_formation.studies.flight import VERSION, Task
 from gcs_formation.studies.keys import Study, Wanted
-from gcs_formation.studies.plan import Plan, Planned, Row, count_flights, keeps, replayed
+from gcs_formation.studies.plan import Plan, Planned, Row, clopper_pearson, count_flights, keeps, replayed
 from gcs_formation.studies.preparation import task_of
 from gcs_formation.studies.workers import Workers
 
@@ -116,7 +116,8 @@ class Verdict(NamedTuple):
     @property
     def interval(self) -> tuple[float, float]:
         """The confidence interval of the share, by Clopper and Pearson (Biometrika 26, 1934)."""
-        return clopper_pearson(self.kept, self.flights, self.wanted.confidence)
+        low, high = clopper_pearson(self.kept, self.flights, self.wanted.confidence)
+        return float(low), float(high)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the entry of study.json."""
@@ -127,8 +128,7 @@ class Verdict(NamedTuple):
 
     def __str__(self) -> str:
         """Return the verdict in words."""
-        bounds = {"below": self.wanted.below, "above": self.wanted.above}
-        bound = " and ".join(f"{name} {value:g}" for name, value in bounds.items() if value is not None)
+        bound = bounds_text(self.wanted.below, self.wanted.above)
         where = "".join(f", {name} = {value}" for name, value in self.wanted.where.items())
         low, high = self.interval
         found = f"{self.kept} of {self.flights} flights{where}"
@@ -141,16 +141,6 @@ def judge(wanted: Wanted, rows: Sequence[Row]) -> Verdict:
     """Return the verdict on the rows that an expectation concerns."""
     concerned = [row for row in rows if _matches(wanted.where, row)]
     return Verdict(wanted, len(concerned), sum(keeps(wanted, row) for row in concerned))
-
-
-def clopper_pearson(kept: int, flights: int, confidence: float) -> tuple[float, float]:
-    """Return the interval in which a binomial share lies with at least this confidence."""
-    if flights == 0:
-        return 0.0, 1.0
-    outside = (1.0 - confidence) / 2.0
-    low = float(betaincinv(kept, flights - kept + 1, outside)) if kept else 0.0
-    high = float(betaincinv(kept + 1, flights - kept, 1.0 - outside)) if kept < flights else 1.0
-    return low, high
 
 
 def _matches(where: Mapping[str, Any], row: Row) -> bool:

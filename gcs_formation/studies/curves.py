@@ -8,13 +8,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
-from scipy.special import betaincinv
 
 from flight_model.arrays import Array
 from gcs_formation.report.style import BAND, FOLLOWERS, LIMIT, THIN, axes_grid, legend_below, new_figure
 from gcs_formation.studies.columns import LEVELS_UP_TO, Flights, Mask, is_wide, scale
 from gcs_formation.studies.flight import LEAST_IS_WORST
 from gcs_formation.studies.keys import Study
+from gcs_formation.studies.plan import clopper_pearson
 
 CONFIDENCE = 0.95
 PANELS = 3
@@ -61,11 +61,7 @@ def worse_than(values: Array, *, least_is_worst: bool) -> Curve:
     if least_is_worst:
         known = known[::-1]
     worse = count - np.arange(1, known.size + 1)
-    outside = (1.0 - CONFIDENCE) / 2.0
-    # It isn't defined where no flight is worse, or every one: the ends are 0 and 1 there.
-    low = np.where(worse > 0, betaincinv(np.maximum(worse, 1), count - worse + 1, outside), 0.0)
-    high = np.where(worse < count, betaincinv(worse + 1, np.maximum(count - worse, 1), 1.0 - outside), 1.0)
-    return Curve(known, worse / count, low, high)
+    return Curve(known, worse / count, *clopper_pearson(worse, count, CONFIDENCE))
 
 
 def distributions(flights: Flights) -> Figure:

@@ -9,10 +9,12 @@ from itertools import product
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-from scipy.special import ndtri
+import numpy.typing as npt
+from scipy.special import betaincinv, ndtri
 
 from airlink.random_streams import random_stream
 from flight_model.arrays import Array
+from formation_scenario import expectation
 from gcs_formation.studies.keys import (
     Bisection,
     LogUniform,
@@ -175,7 +177,19 @@ def keeps(bound: Any, row: Row) -> bool:  # noqa: ANN401 - whatever has a metric
     value = row.get(bound.metric)
     if row["exit"] not in (0, 1) or value is None:
         return False
-    return (bound.below is None or value < bound.below) and (bound.above is None or value > bound.above)
+    return expectation.keeps(value, bound.below, bound.above)
+
+
+def clopper_pearson(kept: npt.ArrayLike, flights: int, confidence: float) -> tuple[Array, Array]:
+    """Return the ends of the intervals in which binomial shares, `kept` (...) of so many flights, lie.
+
+    Each with at least this confidence by itself: Clopper and Pearson, Biometrika 26 (1934).
+    """
+    kept = np.asarray(kept)
+    outside, missed = (1.0 - confidence) / 2.0, flights - kept
+    # It isn't defined where none is kept, or every one: the ends are 0 and 1 there.
+    low = np.where(kept > 0, betaincinv(np.maximum(kept, 1), missed + 1, outside), 0.0)
+    return low, np.where(missed > 0, betaincinv(kept + 1, np.maximum(missed, 1), 1.0 - outside), 1.0)
 
 
 def columns_of(study: Study) -> list[str]:

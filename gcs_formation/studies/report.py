@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from formation_scenario.expectation import bounds_text
 from gcs_formation.errors import RecordError
 from gcs_formation.report import html
 from gcs_formation.report.html import NONE, badge, table
@@ -139,7 +140,7 @@ def _expectations(result: Mapping[str, Any]) -> str:
     rows = [
         [
             entry["metric"],
-            " and ".join(f"{name} {entry[name]:g}" for name in ("below", "above") if name in entry),
+            bounds_text(entry.get("below"), entry.get("above")),
             ", ".join(f"{name} = {value}" for name, value in entry["where"].items()),
             f"{entry['kept']} of {entry['flights']}",
             " to ".join(f"{100 * end:.2f} %" for end in entry["interval"]),
@@ -167,8 +168,8 @@ def _crossings(study: Study, result: Mapping[str, Any]) -> str:
         for entry in result["bisect"]
     ]
     heads = ["Seed", *names, "kept up to", "broken from"]
-    bound = " and ".join(f"{n} {v:g}" for n, v in (("below", search.below), ("above", search.above)) if v is not None)
-    title = escape(f"{search.parameter} at which {search.metric} is no longer {bound}")
+    bounds = bounds_text(search.below, search.above)
+    title = escape(f"{search.parameter} at which {search.metric} is no longer {bounds}")
     return f"<section>\n<h2>{title}</h2>\n{table(heads, rows, ())}\n</section>"
 
 

@@ -23,11 +23,20 @@ from scipy.stats import binom
 from formation_scenario import ScenarioError
 from gcs_formation.cli import main
 from gcs_formation.errors import RecordingError, RunAbortedError
-from gcs_formation.studies.campaign import clopper_pearson, judge
+from gcs_formation.studies.campaign import judge
 from gcs_formation.studies.dataset import Dataset, read_journal, sample_table
 from gcs_formation.studies.flight import Task, figure, fly
 from gcs_formation.studies.keys import Study, study_schema
-from gcs_formation.studies.plan import Plan, Planned, count_flights, count_samples, drawn, replayed, samples
+from gcs_formation.studies.plan import (
+    Plan,
+    Planned,
+    clopper_pearson,
+    count_flights,
+    count_samples,
+    drawn,
+    replayed,
+    samples,
+)
 from gcs_formation.studies.preparation import load_study, prepare, refly_task
 from gcs_formation.studies.workers import Cluster, Processes
 from tests.processes import wait_for

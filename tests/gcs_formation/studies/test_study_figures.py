@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
+from scipy.stats import binomtest
 
-from gcs_formation.studies.campaign import clopper_pearson
 from gcs_formation.studies.columns import Flights, flights_of
 from gcs_formation.studies.curves import by_level, distributions, exceedances, split_by, up_to, worse_than
 from gcs_formation.studies.dataset import Dataset
@@ -53,10 +53,10 @@ def test_a_tail_s_band_is_clopper_and_pearson_s_of_the_flights_that_are_worse():
     least = worse_than(values, least_is_worst=True)
     assert least.values.tolist() == [4, 3, 2, 1]
     for each in (curve, least):
-        expected = [clopper_pearson(worse, 5, 0.95) for worse in (4, 3, 2, 1)]
+        expected = [binomtest(worse, 5).proportion_ci(0.95) for worse in (4, 3, 2, 1)]
         assert np.stack((each.low, each.high), axis=1) == pytest.approx(np.array(expected))
     none_worse = worse_than(np.arange(10.0), least_is_worst=False)
-    assert (none_worse.low[-1], none_worse.high[-1]) == pytest.approx(clopper_pearson(0, 10, 0.95))
+    assert (none_worse.low[-1], none_worse.high[-1]) == pytest.approx(tuple(binomtest(0, 10).proportion_ci(0.95)))
 
 
 def test_a_tail_goes_on_beyond_its_worst_flight_to_what_is_expected():
