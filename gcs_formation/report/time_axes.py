@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -111,41 +111,32 @@ def _label(axes: Axes, marks: Sequence[Mark], beyond_pt: float) -> int:
     taken: list[list[tuple[float, float]]] = [[] for _ in range(MOST_LEVELS)]
     across = axes.get_xaxis_transform()
     for mark in reversed(marks):
-        name = _place(axes, mark, beyond_pt)
-        free = (i for i, row in enumerate(taken) if all(name.end_pt <= b or e <= name.begin_pt for b, e in row))
+        begin_pt, end_pt, shift_pt, aligned = _place(axes, mark, beyond_pt)
+        free = (i for i, row in enumerate(taken) if all(end_pt <= b or e <= begin_pt for b, e in row))
         level = next(free, None)
         if level is None:
             continue
-        taken[level].append((name.begin_pt, name.end_pt))
+        taken[level].append((begin_pt, end_pt))
         at, up_pt = (mark.time_s, 1.0), 3.0 + level * LEVEL_PT
         axes.annotate("", at, (0.0, up_pt), across, "offset points", UP)
-        axes.annotate(
-            mark.label, at, (name.shift_pt, up_pt), across, "offset points", ha=name.aligned, color=DARK, bbox=BEHIND
-        )
+        axes.annotate(mark.label, at, (shift_pt, up_pt), across, "offset points", ha=aligned, color=DARK, bbox=BEHIND)
     return sum(bool(row) for row in taken)
 
 
-class _Name(NamedTuple):
-    """Where a mark's name is, in points from the left end of its axes."""
+def _place(axes: Axes, mark: Mark, beyond_pt: float) -> tuple[float, float, float, Literal["left", "right"]]:
+    """Let a mark's name begin at its line, or end there, or else, in narrow axes, run across it.
 
-    begin_pt: float
-    end_pt: float
-    shift_pt: float
-    """How far from the mark's line it's aligned."""
-    aligned: Literal["left", "right"]
-
-
-def _place(axes: Axes, mark: Mark, beyond_pt: float) -> _Name:
-    """Let a mark's name begin at its line, or end there, or else, in narrow axes, run across it."""
+    Return its begin and end from the left end of the axes, how far from the line it is aligned, in points, and how.
+    """
     begin, end = axes.get_xlim()
     width_pt = axes.bbox.width * 72 / DPI
     at_pt = (mark.time_s - begin) / (end - begin) * width_pt
     wide_pt = CHARACTER_PT * (len(mark.label) + 1)
     last_pt = width_pt + beyond_pt - wide_pt
     if last_pt < at_pt and wide_pt <= at_pt:
-        return _Name(at_pt - wide_pt, at_pt, -BESIDE_PT, "right")
+        return at_pt - wide_pt, at_pt, -BESIDE_PT, "right"
     left_pt = min(at_pt, max(0.0, last_pt))
-    return _Name(left_pt, left_pt + wide_pt, left_pt - at_pt + BESIDE_PT, "left")
+    return left_pt, left_pt + wide_pt, left_pt - at_pt + BESIDE_PT, "left"
 
 
 @dataclass(frozen=True)

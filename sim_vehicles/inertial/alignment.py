@@ -110,10 +110,9 @@ class FineAlignment:
         """Take the velocity (2,) east and north, `UPDATE_S` later; return the errors (15,) and the innovation (2,)."""
         self._filter.predict(self._dynamics, self._density, UPDATE_S)
         seen = np.eye(2, len(STATES))
-        estimate = self._filter.update(seen, velocity_mps, np.full(2, VELOCITY_SIGMA_MPS))
         errors = np.zeros(SIZE)
-        errors[STATES] = estimate.errors
-        return errors, estimate.innovation
+        errors[STATES], innovation = self._filter.update(seen, velocity_mps, np.full(2, VELOCITY_SIGMA_MPS))
+        return errors, innovation
 
     def covariance(self, to_body: Array) -> Array:
         """Return the covariance of all errors (15, 15), biases in body components; `to_body` (3, 3) rotates into them.

@@ -109,15 +109,6 @@ def barometer(rate_hz: float, height_sigma_m: float) -> Aid:
     return Aid(rate_hz, np.eye(SIZE)[PLACE][[UP]], np.array((height_sigma_m,)))
 
 
-class Estimate(NamedTuple):
-    """The result of a measurement."""
-
-    errors: Array
-    """(N,)"""
-    innovation: Array
-    """(M,) normalised and decorrelated: standard normal if the filter is consistent."""
-
-
 class ErrorFilter:
     """The covariance of N errors."""
 
@@ -135,8 +126,12 @@ class ErrorFilter:
         noise = (end + 4.0 * middle + np.diag(noise_density)) * period_s / 6.0
         self.covariance = transition @ self.covariance @ transition.T + noise
 
-    def update(self, seen: Array, measured: Array, sigmas: Array) -> Estimate:
-        """Process a measurement (M,) of `seen` (M, N) @ errors, with independent standard deviations (M,)."""
+    def update(self, seen: Array, measured: Array, sigmas: Array) -> tuple[Array, Array]:
+        """Process a measurement (M,) of `seen` (M, N) @ errors, with independent standard deviations (M,).
+
+        Return the estimated errors (N,) and the innovation (M,), normalised and decorrelated: standard normal if the
+        filter is consistent.
+        """
         import scipy  # noqa: PLC0415 - only aided navigation by inertia solves for a gain
 
         across = self.covariance @ seen.T
@@ -146,4 +141,4 @@ class ErrorFilter:
         kept = np.eye(len(self.covariance)) - gain @ seen
         # Joseph's form stays symmetric and positive definite in spite of rounding.
         self.covariance = kept @ self.covariance @ kept.T + (gain * sigmas**2) @ gain.T
-        return Estimate(gain @ measured, scipy.linalg.solve_triangular(root, measured, lower=True))
+        return gain @ measured, scipy.linalg.solve_triangular(root, measured, lower=True)

@@ -180,7 +180,7 @@ class _Computer:
         errors = np.zeros(SIZE)
         errors[:9] = self.errors(true)
         noise = aid.sigmas * self._random.standard_normal(aid.sigmas.size)
-        estimate = self._filter.update(aid.seen, aid.seen @ errors - noise, aid.sigmas).errors
+        estimate, _ = self._filter.update(aid.seen, aid.seen @ errors - noise, aid.sigmas)
         self._navigator.correct(estimate[PLACE], estimate[VELOCITY], estimate[TILT])
         self._bias += np.concatenate((estimate[ACCEL_BIAS], estimate[GYRO_BIAS]))
         self._navigator.set_biases(self._bias[:3], self._bias[3:])

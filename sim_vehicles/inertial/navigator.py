@@ -102,10 +102,10 @@ class InertialNavigator:
         if aid is not None and self._samples * step_s * aid.rate_hz >= self._measurements + 1 - 1e-9:
             self._measurements += 1
             noise = aid.sigmas * self._random.standard_normal(aid.sigmas.size)
-            found = self._filter.update(aid.seen, aid.seen @ self._errors - noise, aid.sigmas)
-            self._errors = self._errors - found.errors
+            errors, innovation = self._filter.update(aid.seen, aid.seen @ self._errors - noise, aid.sigmas)
+            self._errors = self._errors - errors
             self._received = noise if aid.has_position else None
-            self._ratios = aid.test_ratios(found.innovation)
+            self._ratios = aid.test_ratios(innovation)
 
     def _dynamics(self, true: Motion, step_s: float) -> Array:
         lat_rad, _, height_m = self._origin.from_ned(true.north_m, true.east_m, -true.height_m)
