@@ -22,14 +22,14 @@ COMMANDS = {
     "fly": Entry("gcs_formation.cli.flight", "Fly a scenario with vehicles that are up already."),
     "identify": Entry("gcs_formation.cli.identify", "Find a vehicle's model from a flight; write a vehicle file."),
     "init": Entry("gcs_formation.cli.scenario", "Write an example scenario to begin with."),
-    "report": Entry("gcs_formation.cli.report", "Draw the figures and the page of a finished run."),
+    "report": Entry("gcs_formation.cli.run_directory", "Draw the figures and the page of a finished run."),
     "run": Entry("gcs_formation.cli.flight", "Fly a scenario with emulated vehicles."),
     "schema": Entry(
         "gcs_formation.cli.scenario", "Print the JSON schema of scenarios, or the reference of their keys."
     ),
     "stress": Entry("gcs_formation.cli.study", "Fly random scenarios and look for what must never be."),
     "study": Entry("gcs_formation.cli.study", "Fly one scenario many times, over parameters and seeds."),
-    "tell": Entry("gcs_formation.cli.tell", "Give a flight under way an order."),
+    "tell": Entry("gcs_formation.cli.run_directory", "Give a flight under way an order."),
 }
 
 

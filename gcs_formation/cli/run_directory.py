@@ -1,4 +1,4 @@
-"""`gcs-formation tell`."""
+"""`gcs-formation tell` and `report`: a run's directory while it flies, and afterwards."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from airlink.cli.commands import Status, examples, fail
 from formation_scenario.orders import OrderError, parse_order
 from gcs_formation.app.order_socket import STATUS
 from gcs_formation.app.order_socket import tell as give_order
-from gcs_formation.errors import NothingRunningError
+from gcs_formation.errors import NothingRunningError, RecordError
 
-USAGE = (
+TELL_USAGE = (
     examples(
         "gcs-formation tell runs/quickstart status",
         "gcs-formation tell runs/quickstart shape line",
@@ -38,9 +38,10 @@ Or:
 Exit status 1: refused, with the reason. 3: no flight answers there.
 """
 )
+REPORT_EXAMPLES = examples("gcs-formation report runs/quickstart      writes runs/quickstart/report.html")
 
 
-@click.command(epilog=USAGE)
+@click.command(epilog=TELL_USAGE)
 @click.argument("run_dir", type=click.Path(path_type=Path))
 @click.argument("order", nargs=-1, required=True)
 def tell(run_dir: Path, order: tuple[str, ...]) -> None:
@@ -58,3 +59,20 @@ def tell(run_dir: Path, order: tuple[str, ...]) -> None:
         fail(str(error), Status.COULD_NOT_GO_ON)
     click.echo(answer.text, err=not answer.accepted)
     sys.exit(Status.FINE if answer.accepted else Status.EXPECTATION_BROKEN)
+
+
+@click.command(epilog=REPORT_EXAMPLES)
+@click.argument("run_dir", type=click.Path(path_type=Path))
+def report(run_dir: Path) -> None:
+    """Draw the figures of a run or a study, and one self-contained report.html; of a killed one, what there is."""
+    from gcs_formation.report import write_report  # noqa: PLC0415 - an order waits for no figures
+    from gcs_formation.studies.report import is_study, write_study_report  # noqa: PLC0415
+
+    try:
+        if is_study(run_dir):
+            page = write_study_report(run_dir)
+        else:
+            page = write_report(run_dir, lambda text: click.echo(f"missing: {text}", err=True))
+    except RecordError as error:
+        fail(str(error))
+    click.echo(f"wrote {page}")
