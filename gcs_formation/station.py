@@ -21,15 +21,15 @@ from gcs_formation.estimation.estimator import Sample
 from gcs_formation.fleet.common_clock import CommonClock
 from gcs_formation.fleet.conformance import ConformanceMonitor
 from gcs_formation.fleet.dispatch import Dispatch, HeartbeatScheduler
+from gcs_formation.fleet.interval_watch import MessageIntervals
 from gcs_formation.fleet.membership import Membership
-from gcs_formation.fleet.message_intervals import MessageIntervals
 from gcs_formation.fleet.quality import DesignWatch, MarginWatch, NoiseWatch
 from gcs_formation.fleet.senders import Senders
 from gcs_formation.link.connection import Receiver
 from gcs_formation.mission.course import Course, Orders
 from gcs_formation.mission.reconfiguration import Reconfiguration
+from gcs_formation.mission.resumption import Resumption, Takeover
 from gcs_formation.mission.starting import CARELESS, Caution, PreFlight, Starting
-from gcs_formation.mission.takeover import Resumption, Takeover
 from gcs_formation.phases import COMMANDED, Cause, Phase
 from gcs_formation.recorder import Recorder, Tick
 from gcs_formation.reporting import Reporter, look_on

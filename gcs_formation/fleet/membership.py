@@ -1,9 +1,9 @@
-"""Which vehicles fly in the formation, decided at every tick, who succeeds a lost leader, and what the others do."""
+"""Which vehicles fly in the formation, decided at every tick, when its leader is lost, and what the others do."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Set
+from collections.abc import Callable, Mapping, Set
 from typing import Final, NamedTuple
 
 from airlink.clock import Instant, after, seconds_between
@@ -14,11 +14,9 @@ from gcs_formation.fleet.circling import GroundFloor, loiter_heights
 from gcs_formation.link.connection import TALKING, LinkState
 from gcs_formation.recorder import Note
 from gcs_formation.separation.resolver import FORGOTTEN_AFTER_S
-from gcs_formation.vehicle.startup import Outcome
+from gcs_formation.vehicle.acknowledgement import Outcome
 from gcs_formation.vehicle.vehicle import UNANSWERED_S, Member, Vehicle
 
-DELAY_STEP_S, LOSS_STEP, JITTER_STEP_S = 0.02, 0.02, 0.005
-"""Links that differ by less than about this are equally good: so much is chance in what was measured."""
 SUCCESSION_S: Final = 3.0
 """Silence of a leader, or time without answers from it, after which another vehicle takes over, if one can."""
 MUTE_S: Final = 1.5
@@ -30,40 +28,6 @@ BACK_S: Final = 3.0
 """Largest age of telemetry with which a vehicle returns to the formation."""
 UNCOMMANDED = (Member.FLYING, Member.UNHEARD)
 """Those that haven't been told to loiter."""
-
-
-class Candidate(NamedTuple):
-    """A follower that could lead."""
-
-    column: int
-    distance_m: float
-    """From the leader's place."""
-    delay_s: float
-    """One way; NaN where it isn't known. The same for `jitter_s`."""
-    loss: float
-    jitter_s: float
-
-
-def heir(candidates: Iterable[Candidate], spacing_m: float) -> int | None:
-    """Return the column of the best successor, None if there is no candidate.
-
-    The leader's place suits whoever is at most `spacing_m` farther from it than the nearest. Among those the least
-    delay decides, then the least loss, the least jitter, the least distance to a metre, and the first column.
-    """
-    known = tuple(candidates)
-    nearest_m = min((each.distance_m for each in known), default=0.0)
-    suited = (each for each in known if each.distance_m <= nearest_m + spacing_m)
-    best = min(suited, key=_rank, default=None)
-    return None if best is None else best.column
-
-
-def _rank(each: Candidate) -> tuple[float, ...]:
-    link = (each.delay_s, DELAY_STEP_S), (each.loss, LOSS_STEP), (each.jitter_s, JITTER_STEP_S)
-    return *(_steps(*figure) for figure in link), round(each.distance_m), each.column
-
-
-def _steps(value: float, step: float) -> float:
-    return math.inf if math.isnan(value) else round(value / step)
 
 
 class Sight(NamedTuple):

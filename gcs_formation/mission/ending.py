@@ -19,7 +19,7 @@ from gcs_formation.fleet.circling import OPENING_LIMIT_S, STACK_M, Band, GroundF
 from gcs_formation.link.connection import TALKING
 from gcs_formation.mission.landing import Landings, lowest_circle_m, why_not
 from gcs_formation.recorder import VehicleLink
-from gcs_formation.vehicle.startup import Outcome
+from gcs_formation.vehicle.acknowledgement import Outcome
 from gcs_formation.vehicle.telemetry import Motion
 from gcs_formation.vehicle.vehicle import UNANSWERED_S, Member, Vehicle
 

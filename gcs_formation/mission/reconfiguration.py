@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from airlink.clock import NANOSECONDS, Instant, after, seconds_between
+from airlink.clock import NANOSECONDS, Instant, after
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Mask
 from flight_model.autopilot import FlightState
@@ -21,10 +21,10 @@ from formation_scenario.shapes import Arrangement, SlotStep, assigned
 from formation_scenario.slot_motion import SlotMotion
 from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.controller import FormationController
-from gcs_formation.fleet.membership import Candidate, heir
+from gcs_formation.fleet.succession import Candidate, can_lead, heir
 from gcs_formation.guidance.leader import TurnOnSpot
 from gcs_formation.guidance.tracking import project
-from gcs_formation.mission.takeover import Resumption
+from gcs_formation.mission.resumption import Resumption
 from gcs_formation.recorder import Note, Tick
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 
@@ -36,8 +36,6 @@ GATHERED_M = 300.0
 """Vehicles this near the leader count as having taken off with it; the law brings others to their slots."""
 FACES_RAD = math.radians(15.0)
 """How far off its path a formation that stands may face as it sets out."""
-HEARD_S = 1.0
-"""Largest age of a successor's telemetry, and of the newest sign that it hears."""
 
 
 class Reconfiguration:
@@ -227,8 +225,12 @@ class Reconfiguration:
         tick, leader = self._controller.last_tick, self._controller.plan.leader
         if self._scenario.formation.succession == "none" or leader not in self._by_column or tick is None:
             return None
-        fit = [column for column in self._by_column if column != leader and self._leads_well(column, now)]
-        candidates = (self._candidate(each, _distance_m(tick.state[each], tick.state[leader])) for each in fit)
+        age_s, place = self._controller.estimator.age_s, tick.state[leader]
+        candidates = (
+            Candidate.of(column, vehicle, _distance_m(tick.state[column], place))
+            for column, vehicle in self._by_column.items()
+            if column != leader and can_lead(vehicle, age_s(column, now), now)
+        )
         return heir(candidates, self._controller.plan.arrangement.spacing_m)
 
     def succeed(self, now: Instant) -> None:
@@ -318,16 +320,6 @@ class Reconfiguration:
         there[self._controller.plan.leader] = True
         there[[column for column, vehicle in self._by_column.items() if vehicle.member is Member.FLYING]] = True
         return there
-
-    def _leads_well(self, column: int, now: Instant) -> bool:
-        vehicle, age_s = self._by_column[column], self._controller.estimator.age_s(column, now)
-        hears = seconds_between(vehicle.heard_at(now), now) <= HEARD_S
-        return vehicle.member is Member.FLYING and hears and age_s <= HEARD_S
-
-    def _candidate(self, column: int, distance_m: float) -> Candidate:
-        vehicle = self._by_column[column]
-        delay_s, jitter_s = vehicle.clock.one_way_s, vehicle.jitter.jitter_s
-        return Candidate(column, distance_m, delay_s, vehicle.sequence.loss, jitter_s)
 
     def _in_words(self, wanted: Arrangement) -> str:
         return f"{wanted.shape}, {wanted.spacing_m:g} m, behind {self._names[wanted.leader]}"

@@ -14,7 +14,7 @@ from airlink.messages.system import Heartbeat
 from formation_scenario import Scenario
 from formation_scenario import Vehicle as PlannedVehicle
 from gcs_formation.link.connection import TALKING, LinkState
-from gcs_formation.mission.takeover import Takeover
+from gcs_formation.mission.resumption import Takeover
 from gcs_formation.phases import OVER, Flight, Phase
 from gcs_formation.recorder import GiveUp, Note
 from gcs_formation.vehicle.checks import ParameterReader, demands

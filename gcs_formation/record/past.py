@@ -18,7 +18,7 @@ from formation_scenario.orders import Order, parse_order
 from formation_scenario.shapes import Arrangement, columns, first_arrangement
 from gcs_formation.errors import RecordError
 from gcs_formation.guidance.tracking import nearest, project
-from gcs_formation.mission.takeover import Known, Resumption
+from gcs_formation.mission.resumption import Known, Resumption
 from gcs_formation.phases import Phase
 from gcs_formation.record.run_directory import EVENTS, RECORDING, SCENARIO, SPOOL, SUMMARY
 from gcs_formation.record.timeseries import PHASES, SLOT, read_spool

@@ -11,7 +11,7 @@ from typing import Final
 
 from flight_model.autopilot import AutopilotModel, FlightState, within, wrap
 from flight_model.slot import Triple
-from gcs_formation.separation.manoeuvre import COARSE_S
+from gcs_formation.separation.approach import COARSE_S
 
 hypot: Final = math.hypot
 

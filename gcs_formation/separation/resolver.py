@@ -16,9 +16,9 @@ from formation_scenario import Scenario, slot_schedule
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Indices, Setpoints
 from gcs_formation.estimation.projection import Measured, SetpointHistory
 from gcs_formation.recorder import Tick, VehicleLink
+from gcs_formation.separation.approach import Traffic, sample_times
 from gcs_formation.separation.first_look import Look, nobody_near
-from gcs_formation.separation.manoeuvre import Traffic, sample_times
-from gcs_formation.separation.rule import Conflict, Memory, Resolution, resolve
+from gcs_formation.separation.giving_way import Conflict, Memory, Resolution, resolve
 from gcs_formation.separation.traffic import TrafficPicture
 from gcs_formation.vehicle.vehicle import UNANSWERED_S
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from flight_model.arrays import Array, Mask, all_of, within, wrap
 from gcs_formation.estimation.flight_state import AirLags, FlightStates, Indices, Setpoints
-from gcs_formation.separation.manoeuvre import COARSE_S, Manoeuvre, MinimumDistance, Traffic, reach_m
+from gcs_formation.separation.approach import COARSE_S, Manoeuvre, MinimumDistance, Traffic, reach_m
 
 BESIDE_M = 1.0
 """How much farther than the kept distance above or below another a vehicle aims that gives way."""

@@ -22,8 +22,9 @@ from gcs_formation.link.clock_sync import ClockSync
 from gcs_formation.link.connection import Connection, JitterMeter, LinkState, SequenceTracker
 from gcs_formation.link.gnss_clock import GnssClock, StampMap
 from gcs_formation.link.source_binding import EARLY_S, LONGEST_DELAY_S, SourceBinding
+from gcs_formation.vehicle.acknowledgement import CommandQueue, SetpointChannel
 from gcs_formation.vehicle.autopilot import Autopilot, EffectWatch, Step
-from gcs_formation.vehicle.startup import CommandQueue, PilotsChoice, SetpointChannel, StartUp, TakeOff
+from gcs_formation.vehicle.startup import PilotsChoice, StartUp, TakeOff
 from gcs_formation.vehicle.telemetry import Telemetry
 
 ACCEPTED: Final = m.MAV_RESULT_ACCEPTED

@@ -14,8 +14,8 @@ from airlink.messages.command import CommandAck
 from airlink.messages.system import Heartbeat, Statustext
 from flight_model.earth import GeodeticOrigin
 from gcs_formation.link.connection import Connection
+from gcs_formation.mission.resumption import Takeover
 from gcs_formation.mission.starting import CONNECT_LIMIT_S, Starting
-from gcs_formation.mission.takeover import Takeover
 from gcs_formation.phases import Flight, Phase
 from gcs_formation.vehicle.ardupilot import ArduPlane
 from gcs_formation.vehicle.autopilot import Command, Step

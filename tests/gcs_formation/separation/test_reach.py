@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gcs_formation.estimation.flight_state import FlightStates, Setpoints
+from gcs_formation.separation.approach import approach, fly, fly_level, may_come_near
 from gcs_formation.separation.first_look import Look, nobody_near
-from gcs_formation.separation.manoeuvre import approach, fly, fly_level, may_come_near
 from gcs_formation.separation.traffic import TrafficPicture, bound, possible_pairs
 from tests.gcs_formation import tables
 from tests.gcs_formation.separation.encounters import Vehicles, picture, wanted

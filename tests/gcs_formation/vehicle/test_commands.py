@@ -7,7 +7,7 @@ import pytest
 from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.messages.command import CommandAck, CommandInt, CommandLong
-from gcs_formation.vehicle.startup import MAX_CONFIRMATION, RETRY_S, CommandQueue, Outcome
+from gcs_formation.vehicle.acknowledgement import MAX_CONFIRMATION, RETRY_S, CommandQueue, Outcome
 
 ARM = CommandLong(7, 1, m.MAV_CMD_COMPONENT_ARM_DISARM, param1=1)
 MODE = CommandLong(7, 1, m.MAV_CMD_DO_SET_MODE, param1=1, param2=15)

@@ -14,10 +14,11 @@ from airlink.messages.system import Heartbeat
 from airlink.messages.telemetry import Attitude, ExtendedSysState, SysStatus, VfrHud
 from flight_model.autopilot import FlightState, Setpoint
 from formation_scenario import load_scenario
+from gcs_formation.vehicle.acknowledgement import CommandQueue, Outcome
 from gcs_formation.vehicle.checks import Demands
 from gcs_formation.vehicle.families import autopilot_for
 from gcs_formation.vehicle.px4 import Px4Copter
-from gcs_formation.vehicle.startup import CommandQueue, Outcome, StartUp
+from gcs_formation.vehicle.startup import StartUp
 from gcs_formation.vehicle.telemetry import Telemetry
 from tests.gcs_formation.vehicle.conftest import ORIGIN, position
 

@@ -17,11 +17,12 @@ from airlink.messages.command import CommandAck, CommandInt, CommandLong, ParamV
 from airlink.messages.system import Heartbeat, Statustext
 from airlink.messages.telemetry import Attitude, ExtendedSysState, HomePosition, SysStatus, VfrHud
 from flight_model.autopilot import FlightState, Setpoint
+from gcs_formation.vehicle.acknowledgement import CommandQueue, Outcome
 from gcs_formation.vehicle.autopilot import Command, EffectWatch
 from gcs_formation.vehicle.checks import Demands, ParameterReader
 from gcs_formation.vehicle.families import FAMILIES
 from gcs_formation.vehicle.px4 import Px4Plane
-from gcs_formation.vehicle.startup import CommandQueue, Outcome, StartUp
+from gcs_formation.vehicle.startup import StartUp
 from gcs_formation.vehicle.telemetry import Telemetry
 from tests.gcs_formation.vehicle.conftest import ORIGIN, position
 

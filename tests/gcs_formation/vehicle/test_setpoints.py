@@ -15,10 +15,10 @@ from airlink.messages.command import CommandAck, CommandInt
 from flight_model.autopilot import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
 from gcs_formation.link.connection import Connection
+from gcs_formation.vehicle.acknowledgement import REPEAT_S
 from gcs_formation.vehicle.ardupilot import ALTITUDE, HEADING, RESOLUTION, SPEED, ArduCopter, ArduPlane
 from gcs_formation.vehicle.autopilot import Autopilot
 from gcs_formation.vehicle.px4 import Px4Plane
-from gcs_formation.vehicle.startup import REPEAT_S
 from gcs_formation.vehicle.vehicle import LOSSY_S, Vehicle
 
 ORIGIN = GeodeticOrigin(0.5, 2.0, 100.0)

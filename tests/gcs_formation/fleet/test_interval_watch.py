@@ -16,10 +16,10 @@ from airlink.clock import NANOSECONDS, Instant, after
 from airlink.endpoint import VehicleId
 from airlink.messages.command import CommandAck
 from flight_model.earth import GeodeticOrigin
-from gcs_formation.fleet.message_intervals import ASK_AGAIN_MAX_S, ASK_AGAIN_S, MessageIntervals
+from gcs_formation.fleet.interval_watch import ASK_AGAIN_MAX_S, ASK_AGAIN_S, MessageIntervals
 from gcs_formation.link.connection import STALE_AFTER_S, LinkState
+from gcs_formation.vehicle.acknowledgement import CommandQueue
 from gcs_formation.vehicle.ardupilot import ArduPlane
-from gcs_formation.vehicle.startup import CommandQueue
 from tests.gcs_formation.noted import Noted
 
 ATTITUDE, AIRSPEED, HEARTBEAT = m.MAVLINK_MSG_ID_ATTITUDE, m.MAVLINK_MSG_ID_VFR_HUD, m.MAVLINK_MSG_ID_HEARTBEAT

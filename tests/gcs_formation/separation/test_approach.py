@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gcs_formation.separation.manoeuvre import sample_times
+from gcs_formation.separation.approach import sample_times
 from gcs_formation.separation.traffic import free_heights
 from tests.gcs_formation.separation.encounters import KEPT_M, Vehicles, picture, wanted
 

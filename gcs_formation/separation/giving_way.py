@@ -12,7 +12,7 @@ import numpy as np
 
 from flight_model.arrays import Array, Mask, any_of
 from gcs_formation.estimation.flight_state import Indices, Setpoints
-from gcs_formation.separation.manoeuvre import (
+from gcs_formation.separation.approach import (
     Approach,
     Manoeuvre,
     MinimumDistance,

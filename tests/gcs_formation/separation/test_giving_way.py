@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gcs_formation.separation.rule import Memory, resolve
+from gcs_formation.separation.giving_way import Memory, resolve
 from tests.gcs_formation.separation.encounters import KEPT_M, Vehicles, encounter, picture, wanted
 
 LIMIT_M = 5.0

@@ -18,7 +18,7 @@ from airlink.endpoint import VehicleId
 from airlink.messages import KINDS
 from gcs_formation.link.connection import TALKING, LinkState
 from gcs_formation.recorder import Note
-from gcs_formation.vehicle.startup import Outcome
+from gcs_formation.vehicle.acknowledgement import Outcome
 from gcs_formation.vehicle.vehicle import Vehicle
 
 LOOK_S: Final = 0.5

@@ -1,0 +1,144 @@
+"""What is sent to one vehicle until it acknowledges it: commands, each again until then, and setpoints.
+
+Source: MAVLink guide, "Command Protocol".
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Final
+
+from airlink import mavlink as m
+from airlink.clock import Instant, after, seconds_between
+from airlink.messages.command import CommandAck, CommandLong
+from gcs_formation.vehicle.autopilot import Command
+
+RETRY_S: Final = 0.7
+MAX_CONFIRMATION: Final = 255
+TRY_AGAIN = (m.MAV_RESULT_TEMPORARILY_REJECTED, m.MAV_RESULT_FAILED)
+"""Results that may change without our doing: a vehicle that can't be armed yet answers FAILED."""
+UNDER_WAY: Final = m.MAV_RESULT_IN_PROGRESS
+REPEAT_S: Final = 1.0
+"""After this long a setpoint is sent again, though nothing has changed."""
+QUICKEST: Final = 0.75
+PATIENCE: Final = 1.5
+"""Shares of the usual round trip that the quickest answer takes, and the slowest."""
+LOOPS_S: Final = 0.15
+"""For how long a setpoint and its answer may wait for the loops of either end."""
+
+
+class Outcome(Enum):
+    """Where a list of commands stands."""
+
+    IDLE = "idle"
+    WAITING = "waiting"
+    ACCEPTED = "accepted"
+    REFUSED = "refused"
+
+
+@dataclass
+class CommandQueue:
+    """Sends a list of commands in order, each until its acknowledgement comes."""
+
+    outcome: Outcome = Outcome.IDLE
+    refusal: tuple[int, int] | None = None
+    """Command and MAV_RESULT of the last acknowledgement that wasn't ACCEPTED."""
+    _waiting: deque[Command] = field(default_factory=deque[Command])
+    _attempt: int = 0
+    _next_attempt: Instant = Instant(0)
+
+    def begin(self, commands: tuple[Command, ...], now: Instant) -> None:
+        """Start with these commands, and drop any earlier ones."""
+        self._waiting = deque(commands)
+        self._attempt, self._next_attempt, self.refusal = 0, now, None
+        self.outcome = Outcome.WAITING if commands else Outcome.ACCEPTED
+
+    def due(self, now: Instant) -> Command | None:
+        """Return the command to send now, if any."""
+        if self.outcome is not Outcome.WAITING or now < self._next_attempt:
+            return None
+        command = self._waiting[0]
+        if isinstance(command, CommandLong):
+            command = command.but(confirmation=min(self._attempt, MAX_CONFIRMATION))
+        self._attempt += 1
+        self._next_attempt = after(now, RETRY_S)
+        return command
+
+    @property
+    def under_way(self) -> Command | None:
+        """The command whose acknowledgement is awaited."""
+        return self._waiting[0] if self._waiting else None
+
+    def acknowledge(self, ack: CommandAck, now: Instant, *, early: bool = False) -> Command | None:
+        """Take an acknowledgement; return the command that it accepts. One of any other command changes nothing.
+
+        `early`: being accepted says nothing yet; the command is repeated.
+        """
+        if self.outcome is not Outcome.WAITING or ack.command != self._waiting[0].command or not self._attempt:
+            return None
+        if ack.result == UNDER_WAY:
+            return None
+        if ack.result == m.MAV_RESULT_ACCEPTED:
+            if early:
+                return None
+            accepted = self._waiting.popleft()
+            self._attempt, self._next_attempt = 0, now
+            self.outcome = Outcome.WAITING if self._waiting else Outcome.ACCEPTED
+            return accepted
+        self.refusal = (ack.command, ack.result)
+        if ack.result not in TRY_AGAIN:
+            self.outcome = Outcome.REFUSED
+        return None
+
+
+class SetpointChannel:
+    """One of the setpoints of a vehicle that acknowledges them: what was sent last, and what has been acknowledged."""
+
+    def __init__(self) -> None:
+        """Start with nothing sent."""
+        self._command: Command | None = None
+        self._sent, self._acknowledged_to = Instant(0), Instant(0)
+        self._since: Instant | None = None
+        self._waiting: Instant | None = None
+        """Since when an acknowledgement has been waited for."""
+        self._gap_s, self._round_trip_s = 0.0, 0.0
+
+    def allow(self, gap_s: float) -> None:
+        """Let acknowledgements that come up to this much later than they can not break their run."""
+        self._gap_s = gap_s
+
+    def sent(self, command: Command, at: Instant, round_trip_s: float) -> None:
+        """Take what is sent at an instant, over a link that takes so long there and back."""
+        self._command, self._sent, self._round_trip_s = command, at, round_trip_s
+        if self._waiting is None:
+            self._waiting = at
+
+    def forget(self) -> None:
+        """Repeat whatever comes next: the vehicle may have other setpoints meanwhile."""
+        self._command = None
+
+    def acknowledged(self, now: Instant) -> None:
+        """Take an acknowledgement: it answers what was sent a round trip ago, if nothing was lost or quicker."""
+        if self._since is None or self._is_late(now):
+            self._since = now
+        self._acknowledged_to = after(now, -QUICKEST * self._round_trip_s)
+        self._waiting = now if self._sent > self._acknowledged_to else None
+
+    def known(self, at: Instant) -> Command | None:
+        """Return what the vehicle has been sent last, None if it is to be sent again at an instant in any case."""
+        return None if seconds_between(self._sent, at) >= REPEAT_S else self._command
+
+    def overdue(self, at: Instant) -> bool:
+        """Return whether what was sent last should have been acknowledged by an instant, and isn't."""
+        patience_s = PATIENCE * self._round_trip_s + LOOPS_S
+        return self._sent > self._acknowledged_to and seconds_between(self._sent, at) > patience_s
+
+    def since(self, now: Instant) -> Instant | None:
+        """Return since when all that was sent has been acknowledged, None if it isn't any more."""
+        return None if self._is_late(now) else self._since
+
+    def _is_late(self, now: Instant) -> bool:
+        waiting = self._waiting
+        return waiting is not None and seconds_between(waiting, now) > self._gap_s + self._round_trip_s
