@@ -52,11 +52,6 @@ class Flown(NamedTuple):
         middles = (path.waypoints_at_m[1:] + path.waypoints_at_m[:-1]) / 2.0
         return cls(places, path.at(places), np.searchsorted(middles, places).astype(np.float64))
 
-    def where(self, index: int) -> str:
-        """Return a sample's place in words."""
-        north, east, height = (self.points[axis][index] for axis in range(3))
-        return f"path at {self.places_m[index]:.0f} m (north {north:.0f}, east {east:.0f}, height {height:.0f})"
-
     def stretches(self, over: Mask) -> Iterator[slice]:
         """Yield the stretches of the path where `over` (K,) holds, with gaps of up to `SAME_PLACE_M`."""
         indices = np.flatnonzero(over)
@@ -66,7 +61,8 @@ class Flown(NamedTuple):
 
     def problem(self, source: Source, index: int, found: str, allowed: str) -> Problem:
         """Return a problem at a sample, with the nearest waypoint as its key."""
-        return source.problem((*WAYPOINTS, int(self.waypoints[index])), f"{self.where(index)}: {found}", allowed)
+        where = f"path at {self.places_m[index]:.0f} m ({_place(self.points, index)})"
+        return source.problem((*WAYPOINTS, int(self.waypoints[index])), f"{where}: {found}", allowed)
 
 
 class _Demand(NamedTuple):

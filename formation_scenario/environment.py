@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
@@ -233,3 +234,9 @@ class Fault(Timed):
         json_schema_extra=derived(DEFAULT_MODE),
         examples=["FBWA"],
     )
+
+    def moments(self) -> Iterator[tuple[float, bool]]:
+        """Yield the mission times at which it begins and, if it does, ends, s, and whether it ends then."""
+        yield self.at_s, False
+        if self.until_s is not None:
+            yield self.until_s, True

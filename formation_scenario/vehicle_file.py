@@ -10,7 +10,7 @@ from typing import Literal
 from pydantic import Field, ValidationError
 
 from formation_scenario.describe import problems_of
-from formation_scenario.errors import Problem, ScenarioError, did_you_mean
+from formation_scenario.errors import ScenarioError, did_you_mean
 from formation_scenario.fields import Keys, Name, Number
 from formation_scenario.gains import AUTO
 from formation_scenario.source import Key, KeyPath, Plain, Source, plain_mapping, read_file, read_text
@@ -121,8 +121,5 @@ def _read(name: str, directory: Path, at: Source, path: KeyPath) -> Source:
         if any(each.line is not None for each in error.problems):
             raise
         said = "; ".join(each.found for each in error.problems)
-        raise ScenarioError([_unreadable(at, path, directory / name, said)]) from error
-
-
-def _unreadable(at: Source, path: KeyPath, file: Path, said: str) -> Problem:
-    return at.problem(path, f"found '{file}': {said}", "a vehicle file that can be read")
+        found = f"found '{directory / name}': {said}"
+        raise ScenarioError([at.problem(path, found, "a vehicle file that can be read")]) from error

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
 from airlink.endpoint import Endpoint, VehicleId, parse_endpoint
 from formation_scenario import Scenario, Vehicle, start_states
-from formation_scenario import environment as keys
 from formation_scenario.environment import DEFAULT_MODE, Disturbance, FaultKind
 from formation_scenario.fields import VehicleSelection
 from formation_scenario.navigation import InertialNavigation, InertialSensorKeys, NoisyNavigation, TrueNavigation
@@ -102,12 +100,10 @@ class FleetConfig:
 
 def stand_ins(scenario: Scenario) -> str:
     """Return which vehicles of a real autopilot family are emulated, in words; "" if none is."""
-    named = [_named(vehicle) for vehicle in scenario.vehicles if vehicle.autopilot != "emulator"]
+    named = [
+        f"vehicle {each.vehicle_id} ({each.autopilot})" for each in scenario.vehicles if each.autopilot != "emulator"
+    ]
     return f"{', '.join(named)} {'is' if len(named) == 1 else 'are'} emulated" if named else ""
-
-
-def _named(vehicle: Vehicle) -> str:
-    return f"vehicle {vehicle.vehicle_id} ({vehicle.autopilot})"
 
 
 def fleet_config(scenario: Scenario) -> FleetConfig:
@@ -143,7 +139,11 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
         cruise_mps=scenario.path.speed_mps,
         wind_mps=scenario.wind.velocity_mps,
         disturbances=tuple((each, _selected(scenario, each.vehicles)) for each in scenario.disturbances),
-        faults=tuple(part for each in scenario.faults for part in _fault(each, _selected(scenario, each.vehicles))),
+        faults=tuple(
+            Fault(at_s, _selected(scenario, each.vehicles), each.kind, ends, each.mode or DEFAULT_MODE)
+            for each in scenario.faults
+            for at_s, ends in each.moments()
+        ),
         seed=scenario.seed,
     )
 
@@ -194,11 +194,3 @@ def aid(keys: InertialNavigation) -> Aid | None:
 def _axes(value: float | tuple[float, float, float] | None, unit: float) -> tuple[float, float, float]:
     x, y, z = value if isinstance(value, tuple) else (value or 0.0,) * 3
     return x * unit, y * unit, z * unit
-
-
-def _fault(entry: keys.Fault, vehicles: frozenset[VehicleId]) -> Iterator[Fault]:
-    """Yield a fault's beginning, and its end if it has one."""
-    mode = entry.mode or DEFAULT_MODE
-    yield Fault(entry.at_s, vehicles, entry.kind, mode=mode)
-    if entry.until_s is not None:
-        yield Fault(entry.until_s, vehicles, entry.kind, ends=True, mode=mode)

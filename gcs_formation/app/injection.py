@@ -48,9 +48,7 @@ def _planned(scenario: Scenario) -> Iterator[tuple[float, VehicleId, str, bool]]
     """Yield when each fault begins or ends, on which vehicle, its kind, and whether it ends."""
     for fault in scenario.faults:
         for vehicle in scenario.selected(fault.vehicles):
-            yield fault.at_s, vehicle.vehicle_id, fault.kind, False
-            if fault.until_s is not None:
-                yield fault.until_s, vehicle.vehicle_id, fault.kind, True
+            yield from ((at_s, vehicle.vehicle_id, fault.kind, ends) for at_s, ends in fault.moments())
 
 
 class LinkPlan:
