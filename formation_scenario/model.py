@@ -29,8 +29,9 @@ from formation_scenario.fields import (
     VehicleSelection,
     derived,
 )
-from formation_scenario.formation import Formation, Law, Step
+from formation_scenario.formation import Formation, Step
 from formation_scenario.ground import LEADER_SHARE, Ground, ground_of, lifted
+from formation_scenario.law import Law
 from formation_scenario.links import Links, LinkStep, link_steps
 from formation_scenario.orders import PlannedOrder
 from formation_scenario.vehicles import Vehicle

@@ -5,7 +5,7 @@ from typing import get_args
 import pytest
 
 from formation_scenario import load_scenario
-from formation_scenario.formation import LawType
+from formation_scenario.law import LawType
 from gcs_formation.control.laws import LAWS, law_kind
 from gcs_formation.studies import compare
 from tests.flights.conftest import scenario

@@ -1,0 +1,149 @@
+"""Keys of the formation's law: its gains, mixer, fuzzy scheduler, consensus, and what compensates for delays."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from formation_scenario.fields import (
+    Allowed,
+    Flag,
+    Keys,
+    NonNegative,
+    Positive,
+    Rate,
+    derived,
+)
+
+GraphWeights = tuple[tuple[NonNegative, ...], ...]
+Graph = Annotated[
+    Literal["star", "path", "ring", "complete"] | GraphWeights,
+    Allowed("star, path, ring, complete, or a square list of weights >= 0", ("star", "path", "ring", "complete")),
+]
+LawType = Literal["fuzzy_pid", "pid", "consensus"]
+"""`gcs_formation.control.laws` says what each is."""
+OF_THE_SET = derived("of the set that law.gains names")
+
+
+class Mixer(Keys):
+    """Weights of the mixed errors (equation 13)."""
+
+    k_v: NonNegative = Field(
+        description="weight of the speed difference, m/s, in the mixed speed error",
+        json_schema_extra=OF_THE_SET,
+        examples=[0.5],
+    )
+    k_x: NonNegative = Field(
+        description="weight of the forward error, m, in the mixed speed error",
+        json_schema_extra=OF_THE_SET,
+        examples=[0.5],
+    )
+    k_psi: NonNegative = Field(
+        description="weight of the heading difference, rad, in the mixed heading error",
+        json_schema_extra=OF_THE_SET,
+        examples=[0.2],
+    )
+    k_y: NonNegative = Field(
+        description="weight of the lateral error, m, in the mixed heading error",
+        json_schema_extra=OF_THE_SET,
+        examples=[0.02],
+    )
+    k_z: NonNegative = Field(
+        description="weight of the height error, m, in the mixed height error",
+        json_schema_extra=OF_THE_SET,
+        examples=[0.8],
+    )
+
+
+class PidGains(Keys):
+    """Nominal gains of one channel and the ranges of the fuzzy scheduler's inputs."""
+
+    kp: NonNegative = Field(description="proportional gain", json_schema_extra=OF_THE_SET, examples=[1.5])
+    ki: NonNegative = Field(description="integral gain, 1/s", json_schema_extra=OF_THE_SET, examples=[0.2])
+    kd: NonNegative = Field(description="derivative gain, s", json_schema_extra=OF_THE_SET, examples=[1])
+    error_scale: Positive = Field(
+        description="mixed error that counts as 1", json_schema_extra=OF_THE_SET, examples=[2]
+    )
+    rate_scale: Positive = Field(
+        description="rate of the mixed error that counts as 1, 1/s", json_schema_extra=OF_THE_SET, examples=[2]
+    )
+
+
+class Fuzzy(Keys):
+    """Range of the fuzzy scheduler: gain = (base + span·F)·nominal, F in [0, 1]."""
+
+    base: NonNegative = Field(default=0.7, description="share of the nominal gain at F = 0", examples=[0.8])
+    span: NonNegative = Field(default=0.6, description="share of the nominal gain that F = 1 adds", examples=[0.4])
+    tables: Literal["printed", "symmetric"] = Field(
+        default="printed", description="the rule tables: as the paper prints them, or made symmetric"
+    )
+
+
+class Consensus(Keys):
+    """Gains and graph of the consensus protocol (equation 3)."""
+
+    k1: NonNegative = Field(default=0.1, description="gain on positions, 1/s²", examples=[0.05])
+    k2: NonNegative = Field(default=0.6, description="gain on velocities, 1/s", examples=[0.5])
+    k3: NonNegative = Field(
+        default=0.25,
+        description="gain on the formation's velocity; 1/tau of it is the autopilot's, 1/s",
+        examples=[0.5],
+    )
+    graph: Graph = Field(
+        default="star",
+        description="who hears whom: a name, or weights [p][q] > 0 where vehicle p hears q",
+        examples=["ring"],
+    )
+
+
+class Law(Keys):
+    """The control law and its parameters."""
+
+    type: LawType = Field(default="fuzzy_pid", description="the law", examples=["consensus"])
+    rate_hz: Rate = Field(default=10.0, description="control ticks a second, Hz", examples=[20])
+    delay_compensation: Flag = Field(default=True, description="predict the states over the links' delays")
+    lag_estimation: Flag = Field(
+        default=True, description="learn each vehicle's lags in flight, from half to twice those of its model"
+    )
+    on_delay: Literal["degrade", "hold", "warn"] = Field(
+        default="warn",
+        description="when a loop's delay nears its margin: degrade (gains come down until it holds), hold, warn",
+    )
+    gains: Literal["auto", "clean", "noise"] = Field(
+        description="set of gains that fills what isn't given of mixer, speed, heading, height, derivative_filter_s "
+        "and disturbance_observer_radps; auto: by design, from the vehicles' models, links and noise",
+        json_schema_extra=derived(
+            "auto if any vehicle's model has an airframe or is a file's, else noise if any vehicle's navigation is "
+            "noisy, else clean"
+        ),
+        examples=["noise"],
+    )
+    design_delay_ms: Annotated[NonNegative, Field(le=5000.0)] = Field(
+        default=0.0,
+        description="delay of the links each way that gains: auto are designed for where `links`, which emulates "
+        "links, has less, ms; where longer ones are measured, they are designed anew",
+        examples=[300],
+    )
+    derivative_filter_s: NonNegative = Field(
+        description="time constant of the derivative's filter, s", json_schema_extra=OF_THE_SET, examples=[0.5]
+    )
+    anti_windup_s: Positive = Field(default=1.0, description="time constant of the back-calculation, s", examples=[20])
+    max_age_s: Positive = Field(
+        default=5.0,
+        description="oldest telemetry that is predicted from, s; beyond, the vehicle is told to loiter",
+        examples=[3],
+    )
+    disturbance_observer_radps: NonNegative = Field(
+        description="bandwidth of the disturbance observer, rad/s; 0 switches it off",
+        json_schema_extra=OF_THE_SET,
+        examples=[0.5],
+    )
+    mixer: Mixer = Field(description="weights of the mixed errors", json_schema_extra=OF_THE_SET)
+    speed: PidGains = Field(description="forward channel", json_schema_extra=OF_THE_SET)
+    heading: PidGains = Field(
+        description="lateral channel; defaults depend on formation.frame too", json_schema_extra=OF_THE_SET
+    )
+    height: PidGains = Field(description="height channel", json_schema_extra=OF_THE_SET)
+    fuzzy: Fuzzy = Fuzzy()
+    consensus: Consensus = Consensus()
