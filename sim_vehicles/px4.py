@@ -14,7 +14,7 @@ from airlink.messages.command import CommandInt, CommandLong, SetPositionTargetL
 from airlink.messages.mission import MissionItem, MissionItemInt
 from airlink.messages.system import Heartbeat, Statustext
 from sim_vehicles.airframe.motion import Steering
-from sim_vehicles.autopilot import px4
+from sim_vehicles.autopilot import px4_tables as px4
 from sim_vehicles.autopilot.clock import NEVER
 from sim_vehicles.autopilot.commands import ACCEPTED, Order
 from sim_vehicles.autopilot.modes import (
