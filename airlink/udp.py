@@ -79,10 +79,15 @@ class UdpDriver:
         self._clock = clock
         self._selector = selectors.DefaultSelector()
         self._sockets: list[socket.socket] = []
+        self._last_peers: list[tuple[str, int]] = []
+        self._last_addresses: list[Address] = []
+        """By socket, whom a datagram came from last: most come from the same."""
         try:
             for index, endpoint in enumerate(engine.endpoints()):
                 opened = open_socket(endpoint, (from_ports or {}).get(str(endpoint), 0))
                 self._sockets.append(opened)
+                self._last_peers.append(("", 0))
+                self._last_addresses.append(Address("", 0))
                 self._selector.register(opened, selectors.EVENT_READ, index)
         except PortError:
             self.close()
@@ -129,15 +134,18 @@ class UdpDriver:
             self._drain(key.data)
 
     def _drain(self, index: int) -> None:
-        opened = self._sockets[index]
+        receive, last, address = self._sockets[index].recvfrom, self._last_peers[index], self._last_addresses[index]
         for _ in range(DRAIN_LIMIT):
             try:
-                data, peer = opened.recvfrom(MAX_DATAGRAM)
+                data, peer = receive(MAX_DATAGRAM)
             except BlockingIOError:
-                return
+                break
             except OSError:  # the kernel's report that an earlier datagram found nobody: not ours to act on
                 continue
-            self._engine.receive(Datagram(index, Address(*peer), data), self._clock.now())
+            if peer != last:
+                last, address = peer, Address(peer[0], peer[1])
+            self._engine.receive(Datagram(index, address, data), self._clock.now())
+        self._last_peers[index], self._last_addresses[index] = last, address
 
     def _send(self) -> None:
         for each in self._engine.datagrams_to_send():

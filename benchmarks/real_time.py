@@ -1,0 +1,193 @@
+"""A ground station's processor time in real time, over UDP, beside a loop on pymavlink's mavutil with the same traffic.
+
+The emulated vehicles are a process of their own, and each has a port of its own. The loop on mavutil waits for all
+sockets at once, keeps the newest of each message, and tells setpoints as `prototype`'s does: it has no law, no clocks
+and no record. Ours has everything on and is recorded. Start and end are taken out: of ours by the difference of two
+flights. A tick is late when it starts more than 10 ms after it was due.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import selectors
+import subprocess
+import sys
+import tempfile
+import time
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+os.environ["MAVLINK20"] = "1"
+
+import yaml
+
+import gcs_formation
+from benchmarks.prototype import E7, HEADING, HEIGHT, RESOLUTION, SPEED
+from benchmarks.scale import scenario
+from gcs_formation.studies.dataset import markdown
+
+COUNTS = (4, 100, 250)
+DURATION_S = 20.0
+FIRST_PORT = 21000
+PERIOD_S = 0.1
+SETTLE_S = 5.0
+STREAMS = ("GLOBAL_POSITION_INT", "ATTITUDE", "VFR_HUD")
+HEAD = (
+    "vehicles",
+    "mavutil, µs a vehicle and s",
+    "its frames a vehicle and s",
+    "ours, µs",
+    "our frames",
+    "share",
+    "ticks",
+    "late",
+)
+
+
+def planned(count: int, duration_s: float) -> dict[str, Any]:
+    """Return the scenario, with a port for each vehicle."""
+    keys = scenario(count, duration_s)
+    for place, vehicle in enumerate(keys["vehicles"]):
+        vehicle["endpoint"] = f"udpin:127.0.0.1:{FIRST_PORT + place}"
+    return keys
+
+
+def fly(count: int, duration_s: float) -> tuple[float, int, dict[str, Any]]:
+    """Return processor seconds of our ground station, its frames, and its figures of control."""
+    with tempfile.TemporaryDirectory() as out:
+        began = time.process_time()
+        figures = gcs_formation.run(planned(count, duration_s), clock="real", out=str(Path(out) / "run")).to_dict()
+        spent_s = time.process_time() - began
+    frames = sum(each["frames_in"] + each["frames_out"] for each in figures["links"].values())
+    return spent_s, frames, figures["control"]
+
+
+class Loop:
+    """The loop on mavutil."""
+
+    def __init__(self, count: int) -> None:
+        """Listen at every vehicle's port."""
+        from pymavlink import mavutil  # noqa: PLC0415 - in a process of its own
+
+        self._dialect: Any = mavutil.mavlink
+        self._links: list[Any] = [
+            mavutil.mavlink_connection(f"udpin:127.0.0.1:{FIRST_PORT + place}", source_system=255)
+            for place in range(count)
+        ]
+        self._newest: list[dict[str, Any]] = [{} for _ in self._links]
+        self._told: list[dict[int, float]] = [{} for _ in self._links]
+        self._selector = selectors.DefaultSelector()
+        for place, link in enumerate(self._links):
+            self._selector.register(link.port, selectors.EVENT_READ, place)
+        self.frames = 0
+
+    def run(self, duration_s: float) -> float:
+        """Take and send for a time; return processor seconds."""
+        began, due, ticks = time.process_time(), time.monotonic(), 0
+        until = due + duration_s
+        while (now := time.monotonic()) < until:
+            for key, _ in self._selector.select(max(0.0, due - now)):
+                self._take(key.data)
+            if time.monotonic() >= due:
+                due += PERIOD_S
+                ticks += 1
+                for place in range(len(self._links)):
+                    self._tick(place, each_second=ticks % 10 == 0)
+        return time.process_time() - began
+
+    def request(self) -> None:
+        """Ask every vehicle that was heard for its state at 10 Hz."""
+        for place, link in enumerate(self._links):
+            for name in STREAMS if self._newest[place] else ():
+                number = getattr(self._dialect, f"MAVLINK_MSG_ID_{name}")
+                interval = self._dialect.MAV_CMD_SET_MESSAGE_INTERVAL
+                link.mav.command_long_send(place + 1, 1, interval, 0, number, 1e6 * PERIOD_S, 0, 0, 0, 0, 0)
+
+    def close(self) -> None:
+        """Let go of the ports."""
+        self._selector.close()
+        for link in self._links:
+            link.close()
+
+    def _take(self, place: int) -> None:
+        while (message := self._links[place].recv_match(blocking=False)) is not None:
+            self._newest[place][message.get_type()] = message
+            self.frames += 1
+
+    def _tick(self, place: int, *, each_second: bool) -> None:
+        position = self._newest[place].get("GLOBAL_POSITION_INT")
+        if position is None:
+            return
+        link, told = self._links[place], self._told[place]
+        degrees = math.degrees(-math.atan((position.lon % 1e7) / E7 / 60.0)) % 360.0
+        for command, value in ((SPEED, 22.0), (HEIGHT, 200.0), (HEADING, degrees)):
+            if each_second or abs(value - told.get(command, math.inf)) > RESOLUTION:
+                told[command] = value
+                link.mav.command_int_send(place + 1, 1, 0, command, 0, 0, 1.0, value, 5.5, 0.0, 0, 0, value)
+                self.frames += 1
+        if each_second:
+            link.mav.heartbeat_send(6, 8, 0, 0, 4)
+            for _ in range(4):
+                link.mav.timesync_send(0, time.monotonic_ns())
+            link.mav.named_value_float_send(0, b"MISSION_T", 0.0)
+            self.frames += 6
+
+
+def loop(count: int, duration_s: float) -> tuple[float, int]:
+    """Return processor seconds and frames of the loop on mavutil."""
+    with tempfile.TemporaryDirectory() as place:
+        file = Path(place) / "scenario.yaml"
+        file.write_text(yaml.safe_dump(planned(count, duration_s)))
+        listening = Loop(count)
+        vehicles = subprocess.Popen([sys.executable, "-P", "-m", "sim_vehicles", str(file)], stdout=subprocess.DEVNULL)
+        try:
+            listening.run(SETTLE_S + count / 50.0)
+            listening.request()
+            listening.run(SETTLE_S)
+            before = listening.frames
+            spent_s = listening.run(duration_s)
+            return spent_s, listening.frames - before
+        finally:
+            listening.close()
+            vehicles.terminate()
+            vehicles.wait()
+
+
+def measured(count: int, duration_s: float) -> list[str]:
+    """Return a row of the table."""
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        theirs_s, their_frames = pool.submit(loop, count, duration_s).result()
+        pool.submit(fly, 4, 1.0).result()  # loads the modules that flights need
+        short_s, few, _ = pool.submit(fly, count, duration_s).result()
+        long_s, many, control = pool.submit(fly, count, 2.0 * duration_s).result()
+    each = count * duration_s
+    theirs, ours = theirs_s / each * 1e6, (long_s - short_s) / each * 1e6
+    return [
+        str(count),
+        f"{theirs:.0f}",
+        f"{their_frames / each:.0f}",
+        f"{ours:.0f}",
+        f"{(many - few) / each:.0f}",
+        f"1/{theirs / ours:.1f}",
+        str(control["ticks"]),
+        str(control["late_ticks"]),
+    ]
+
+
+def main() -> None:
+    """Measure every size and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--counts", type=int, nargs="+", default=COUNTS)
+    parser.add_argument("--seconds", type=float, default=DURATION_S)
+    given = parser.parse_args()
+    print(markdown(HEAD, [measured(count, given.seconds) for count in given.counts]))
+    load = ", ".join(f"{load:.1f}" for load in os.getloadavg())
+    print(f"\n{os.cpu_count()} cores; their load over 1, 5 and 15 minutes: {load}")
+
+
+if __name__ == "__main__":
+    main()
