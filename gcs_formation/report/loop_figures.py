@@ -155,7 +155,7 @@ def _gain(axes: Axes, run: RunData, columns: Columns, gain: str, window: Mask) -
         nominal: PidGains = getattr(law, channel)
         values = columns[f"{gain}_{channel}"][window] / (getattr(nominal, gain) or np.nan)
         shown = extremes(values, BUCKETS)
-        label = f"{channel}: $k_p$ {nominal.kp:g}, $k_i$ {nominal.ki:g}/s, $k_d$ {nominal.kd:g} s"
+        label = f"{channel}: $k_p$ {nominal.kp:.3g}, $k_i$ {nominal.ki:.3g}/s, $k_d$ {nominal.kd:.3g} s"
         axes.plot(time_s[shown], values[shown], color=colour, lw=0.8, label=label)
     gain_range = law_kind(run.scenario).gain_range(law)
     if gain_range.span > 0.0:
