@@ -86,7 +86,7 @@ class Loop:
         self.frames = 0
 
     def run(self, duration_s: float) -> float:
-        """Take and send for a time; return processor seconds."""
+        """Take and send for a time by the machine's clock, as a ground station does; return processor seconds."""
         began, due, ticks = time.process_time(), time.monotonic(), 0
         until = due + duration_s
         while (now := time.monotonic()) < until:
