@@ -14,6 +14,9 @@ Instant = NewType("Instant", int)
 
 NANOSECONDS: Final = 1_000_000_000
 HALF: Final = 0.5
+EXACT: Final = 2.0**51
+EVEN: Final = 1.5 * 2.0**52
+"""A sum with it has no digits after the point, and is even where two are as near."""
 MICROSECONDS: Final = 1_000_000
 VIRTUAL_EPOCH_US: Final = 1_577_836_800 * MICROSECONDS
 """2020-01-01 00:00 UTC, at which every virtual clock begins."""
@@ -31,6 +34,8 @@ def nanoseconds(seconds: float) -> int:
 
 def rounded(value: float) -> int:
     """Return `round(value)`: compiled, that itself would be a call of Python's own."""
+    if -EXACT < value < EXACT:
+        return int(value + EVEN - EVEN)
     below = math.floor(value)
     above = value - below
     return below if above < HALF or (above == HALF and below % 2 == 0) else below + 1
@@ -106,6 +111,9 @@ class RealClock:
         return max(0.0, seconds_between(self.now(), instant) / self.speedup)
 
 
+_wall_s: Final = time.perf_counter
+
+
 class Stopwatch:
     """Time spent since it was made: for what is shown and measured of a run. Nothing that flies goes by it."""
 
@@ -116,7 +124,7 @@ class Stopwatch:
     @property
     def wall_s(self) -> float:
         """Wall time, s."""
-        return time.perf_counter() - self._wall_s
+        return _wall_s() - self._wall_s
 
     @property
     def cpu_s(self) -> float:

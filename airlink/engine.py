@@ -5,9 +5,12 @@ An engine never reads a clock, opens a socket or sleeps.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from heapq import heappop, heappush
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, TypeVar
+
+from mypy_extensions import mypyc_attr
 
 from airlink.clock import Instant, VirtualClock
 from airlink.endpoint import ANY_HOST, LOOPBACK, Address, Endpoint, PortError
@@ -17,7 +20,7 @@ FIRST_EPHEMERAL_PORT = 49152
 
 
 class Datagram:
-    """A UDP payload at one of an engine's sockets, with the address at the other end; it isn't changed."""
+    """A UDP payload at one of an engine's sockets, with the address at the other end; whoever is given it owns it."""
 
     __slots__ = ("data", "peer", "socket")
 
@@ -41,31 +44,32 @@ class Datagram:
         return hash((self.remote, self.data))
 
 
-class Engine(Protocol):
+@mypyc_attr(allow_interpreted_subclasses=True)
+class Engine(ABC):
     """A ground station or a fleet of vehicles, driven by `receive` and `handle_timer`.
 
     After the calls of an instant the driver takes what `datagrams_to_send` gives and arms one timer at `next_timer`.
     """
 
+    @abstractmethod
     def endpoints(self) -> tuple[Endpoint, ...]:
         """Return the sockets that the engine needs; `Datagram.socket` is an index into them."""
-        ...
 
-    def receive(self, datagram: Datagram, now: Instant) -> None:
-        """Take a datagram that arrived at `now`. Never raises, whatever the bytes."""
-        ...
+    @abstractmethod
+    def receive(self, datagrams: list[Datagram], now: Instant) -> None:
+        """Take datagrams that arrived at `now`, in their order. Never raises, whatever the bytes."""
 
+    @abstractmethod
     def datagrams_to_send(self) -> list[Datagram]:
         """Remove and return the datagrams to send now."""
-        ...
 
+    @abstractmethod
     def next_timer(self) -> Instant | None:
         """Return when to call `handle_timer`, None if never."""
-        ...
 
+    @abstractmethod
     def handle_timer(self, now: Instant) -> None:
         """Do what is due at `now`."""
-        ...
 
 
 class DelayQueue(Generic[T]):
@@ -93,6 +97,22 @@ class DelayQueue(Generic[T]):
         return self._items[0][0] if self._items else None
 
 
+class _Socket:
+    """A socket of an engine in memory."""
+
+    __slots__ = ("arrived", "number", "peer", "source", "target")
+
+    def __init__(self, number: int, source: Address, arrived: list[Datagram]) -> None:
+        """Take its number, where the other end sees its datagrams come from, and what arrives at its engine."""
+        self.number = number
+        self.source = source
+        self.arrived = arrived
+        self.peer: Address | None = None
+        """Whom it sent to last: most go to the same."""
+        self.target: _Socket | None = None
+        """Which socket that is, None where nobody listens."""
+
+
 class MemoryNetwork:
     """Carries datagrams between attached engines without delay or loss, and runs their timers in order.
 
@@ -103,12 +123,12 @@ class MemoryNetwork:
         """Run everything under `clock`."""
         self.clock = clock
         self._engines: list[Engine] = []
-        self._sources: list[list[Address]] = []
-        """Where the other end sees the datagrams of an engine's sockets come from."""
-        self._listeners: dict[Address, tuple[int, int]] = {}
-        self._listeners_anywhere: dict[int, tuple[int, int]] = {}
+        self._sockets: list[list[_Socket]] = []
+        self._arrived: list[list[Datagram]] = []
+        """By engine, what it hasn't been given yet."""
+        self._listeners: dict[Address, _Socket] = {}
+        self._listeners_anywhere: dict[int, _Socket] = {}
         """By port: those that listen at every address of the machine."""
-        self._in_flight: list[tuple[int, Datagram]] = []
         self._next_port = FIRST_EPHEMERAL_PORT
 
     def attach(self, engine: Engine) -> None:
@@ -117,18 +137,22 @@ class MemoryNetwork:
         Raises:
             PortError: two engines want the same address.
         """
-        index = len(self._engines)
-        sources: list[Address] = []
-        for socket, endpoint in enumerate(engine.endpoints()):
+        index, arrived = len(self._engines), list[Datagram]()
+        sockets: list[_Socket] = []
+        for number, endpoint in enumerate(engine.endpoints()):
             address = endpoint.address if endpoint.kind == "udpin" else self._ephemeral()
             if self._is_taken(address):
                 raise PortError(f"cannot listen at {endpoint}: {address} is taken by another engine")
-            self._listeners[address] = (index, socket)
+            socket = _Socket(number, _source(address), arrived)
+            self._listeners[address] = socket
             if address.host == ANY_HOST:
-                self._listeners_anywhere[address.port] = (index, socket)
-            sources.append(_source(address))
+                self._listeners_anywhere[address.port] = socket
+            sockets.append(socket)
         self._engines.append(engine)
-        self._sources.append(sources)
+        self._sockets.append(sockets)
+        self._arrived.append(arrived)
+        for each in self._listeners.values():
+            each.peer = None  # somebody may listen there now
         self._collect(index)
 
     def run(self, until: Callable[[], bool]) -> None:
@@ -156,20 +180,33 @@ class MemoryNetwork:
 
     def _deliver(self, now: Instant) -> None:
         """Deliver what is under way, then what was sent on receiving that, and so on."""
-        while self._in_flight:
-            arrived, self._in_flight = self._in_flight, []
-            for index, datagram in arrived:
-                self._engines[index].receive(datagram, now)
-            for index in range(len(self._engines)):
+        receivers = self._receivers()
+        while receivers:
+            for index in receivers:
+                arrived = self._arrived[index]
+                datagrams = arrived.copy()
+                arrived.clear()
+                self._engines[index].receive(datagrams, now)
+            for index in receivers:
                 self._collect(index)
+            receivers = self._receivers()
+
+    def _receivers(self) -> list[int]:
+        """Return the engines for which something has arrived."""
+        return [index for index, arrived in enumerate(self._arrived) if arrived]
 
     def _collect(self, sender: int) -> None:
-        sources = self._sources[sender]
+        """Take what an engine sends to where it goes; nobody there: it is lost."""
+        sockets = self._sockets[sender]
         for sent in self._engines[sender].datagrams_to_send():
-            target = self._listeners.get(sent.peer) or self._listeners_anywhere.get(sent.peer.port)
+            socket = sockets[sent.socket]
+            if sent.peer is not socket.peer:
+                socket.peer = sent.peer
+                socket.target = self._listeners.get(sent.peer) or self._listeners_anywhere.get(sent.peer.port)
+            target = socket.target
             if target is not None:
-                index, socket = target
-                self._in_flight.append((index, Datagram(socket, sources[sent.socket], sent.data)))
+                sent.socket, sent.peer = target.number, socket.source
+                target.arrived.append(sent)
 
     def _is_taken(self, address: Address) -> bool:
         """Return whether an address is in use; a socket on all interfaces uses its port on each of them."""

@@ -9,11 +9,11 @@ import re
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from fastcrc import crc16
-from librt.strings import BytesWriter
+from librt.strings import BytesWriter, read_i16_le, read_i32_le, read_i64_le
+from mypy_extensions import i64
 
 from airlink.mavlink import crc_extras
-from airlink.messages import KINDS, Message
+from airlink.messages import Message, kind_of
 
 MARKER_V1: Final = 0xFE
 MARKER_V2: Final = 0xFD
@@ -24,11 +24,11 @@ SIGNATURE: Final = 13
 SIGNED_FLAG: Final = 0x01
 
 _find_marker: Final = re.compile(rb"[\xfd\xfe]").search
-_BEGIN_V1: Final = bytes([MARKER_V1, 0])
-_BEGIN_V2: Final = bytes([MARKER_V2, 0, 0, 0])
-"""Of a header: the payload's length, not known yet, and no flags."""
-_EXTRA_BYTE: Final = {message_id: bytes([extra]) for message_id, extra in crc_extras().items()}
-_checksum: Final = crc16.mcrf4xx
+_EXTRAS: Final = crc_extras()
+WORD: Final = 8
+BYTE: Final = 8
+"""Bytes of a word, bits of a byte."""
+CRC_START: Final = 0xFFFF
 
 
 class Frame:
@@ -61,31 +61,47 @@ class FrameWriter:
 
     def __init__(self, system: int, component: int) -> None:
         """Speak as `component` of `system`."""
-        self._sender = bytes([system, component])
+        self._system, self._component = system, component
         self._sequence = 0
+        self._frame = BytesWriter()
 
     def encode(self, message: Message, version: Literal[1, 2] = 2) -> bytes:
         """Return the frame of `message`, with the next sequence number."""
-        kind = message.kind()
-        sequence = self._sequence
-        self._sequence = (sequence + 1) & 0xFF
-        frame = BytesWriter()
-        frame.write(_BEGIN_V2 if version == 2 else _BEGIN_V1)
-        frame.append(sequence)
-        frame.write(self._sender)
-        frame.write(kind.id_bytes if version == 2 else kind.id_bytes[:1])
-        begin = len(frame)
+        kind, frame = message.kind(), self._frame
+        self._begin(kind.message_id, version)
+        begin: i64 = len(frame)
         message.write(frame)
-        end = len(frame) if version == 2 else begin + kind.base_length
-        while version == 2 and end > begin + 1 and frame[end - 1] == 0:
-            end -= 1
+        end: i64 = len(frame)
+        if version == 2:
+            while end > begin + 1 and frame[end - 1] == 0:
+                end -= 1
+        else:
+            end = begin + kind.base_length
         frame.truncate(end)
-        frame[1] = end - begin
-        frame.append(kind.crc_extra)
-        checksum: int = _checksum(frame.getvalue()[1:])
-        frame[end] = checksum & 0xFF
-        frame.append(checksum >> 8)
+        length: int = end - begin
+        frame[1] = length
+        check: int = checksum(frame.getvalue(), end, kind.crc_extra)
+        frame.append(check & 0xFF)
+        frame.append(check >> 8)
         return frame.getvalue()
+
+    def _begin(self, message_id: int, version: Literal[1, 2]) -> None:
+        """Write a frame's header; the payload's length isn't known yet."""
+        frame, sequence, two = self._frame, self._sequence, version == 2
+        self._sequence = (sequence + 1) & 0xFF
+        frame.truncate(0)
+        frame.append(MARKER_V2 if two else MARKER_V1)
+        frame.append(0)
+        if two:
+            frame.append(0)
+            frame.append(0)
+        frame.append(sequence)
+        frame.append(self._system)
+        frame.append(self._component)
+        frame.append(message_id & 0xFF)
+        if two:
+            frame.append(message_id >> 8 & 0xFF)
+            frame.append(message_id >> 16)
 
 
 @dataclass
@@ -161,26 +177,59 @@ class StreamParser:
     def _accept(self, raw: bytes, *, counted: bool) -> Frame | None:
         """Return the frame, None when it's refused; `counted` unless that lies inside another candidate."""
         if raw[0] == MARKER_V2:
-            length, flags, sequence, system, component = raw[1], raw[2], raw[4], raw[5], raw[6]
-            header, message_id = HEADER_V2, raw[7] | raw[8] << 8 | raw[9] << 16
+            header, flags, at = HEADER_V2, raw[2], 4
+            message_id: int = read_i32_le(raw, 6) >> 8 & 0xFFFFFF
         else:
-            length, flags, sequence, system, component = raw[1], 0, raw[2], raw[3], raw[4]
-            header, message_id = HEADER_V1, raw[5]
-        kind = KINDS.get(message_id)
-        extra = _EXTRA_BYTE.get(message_id) if kind is None else kind.extra
-        end = header + length
+            header, flags, at = HEADER_V1, 0, 2
+            message_id = raw[5]
+        kind = kind_of(message_id)
+        extra = _EXTRAS.get(message_id) if kind is None else kind.crc_extra
         if extra is None:
             self.counts.unknown_messages += counted
             return None
-        checksum: int = _checksum(raw[1:end] + extra)
-        if checksum != raw[end] | raw[end + 1] << 8:
+        end: i64 = header + raw[1]
+        found: int = read_i16_le(raw, end)
+        if checksum(raw, end, extra) != found & 0xFFFF:
             self.counts.bad_checksums += counted
         elif flags & ~SIGNED_FLAG:
             self.counts.incompatible += counted
         else:
             message = None if kind is None else kind.read(raw[header:end])
-            return Frame(system, component, sequence, message_id, 2 if header == HEADER_V2 else 1, message, raw)
+            version: Literal[1, 2] = 2 if header == HEADER_V2 else 1
+            return Frame(raw[at + 1], raw[at + 2], raw[at], message_id, version, message, raw)
         return None
+
+
+def checksum(data: bytes, end: i64, extra: i64) -> i64:
+    """Return the checksum of a frame's bytes from the second to before `end`, and of its message's CRC_EXTRA.
+
+    CRC-16/MCRF4XX: the remainder of the bits, as a polynomial, by P = x^16 + x^12 + x^5 + 1, eight bytes at a time.
+    Their quotient is the product with 1/P = x^-16 / (1 + a), a = x^-4 + x^-11 + x^-16, which modulo 2 is
+    x^-16 (1 + a)(1 + a^2)(1 + a^4)(1 + a^8). In the words read here the highest power is in the lowest bit.
+    """
+    crc: i64 = CRC_START
+    at: i64 = 1
+    while at + WORD <= end:
+        crc = _remainder(read_i64_le(data, at) ^ crc)
+        at += WORD
+    rest: i64 = extra
+    place = end
+    while place > at:
+        place -= 1
+        rest = rest << BYTE | data[place]
+    bits = BYTE * (end - at + 1)
+    later = crc >> BYTE if bits == BYTE else 0  # of the two bytes that it is, one byte more takes up the first alone
+    return _remainder((rest ^ crc) << WORD * BYTE - bits) ^ later
+
+
+def _remainder(word: i64) -> i64:
+    """Return the remainder of a word by P."""
+    word ^= word << 4 ^ word << 11 ^ word << 16
+    word ^= word << 8 ^ word << 22 ^ word << 32
+    word ^= word << 16 ^ word << 44
+    word ^= word << 32
+    crc = word >> 48 & 0xFFFF
+    return crc ^ crc >> 5 ^ crc >> 12
 
 
 def frame_length(data: bytes, offset: int) -> int:

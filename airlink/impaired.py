@@ -134,7 +134,7 @@ class Channel:
         return self._busy_until
 
 
-class ImpairedEngine:
+class ImpairedEngine(Engine):
     """Wraps an engine and impairs the link of each vehicle that it talks to; itself an engine.
 
     A datagram's sender is identified by the system id of its first frame and the network of its socket, once a valid
@@ -158,18 +158,22 @@ class ImpairedEngine:
         """Return the engine's sockets."""
         return self._engine.endpoints()
 
-    def receive(self, datagram: Datagram, now: Instant) -> None:
-        """Send a datagram on its way to the engine."""
+    def receive(self, datagrams: list[Datagram], now: Instant) -> None:
+        """Send datagrams on their way to the engine."""
         self._move_to(now)
-        vehicle = self._sender(datagram)
-        if vehicle is None:
-            self._engine.receive(datagram, now)
-            return
-        for delivery in self._pass_on(vehicle, Direction.DOWNLINK, datagram):
-            if delivery <= now:
-                self._engine.receive(datagram, now)
-            else:
-                self._under_way.push(delivery, (Direction.DOWNLINK, datagram))
+        arrived: list[Datagram] = []
+        for datagram in datagrams:
+            vehicle = self._sender(datagram)
+            if vehicle is None:
+                arrived.append(datagram)
+                continue
+            for delivery in self._pass_on(vehicle, Direction.DOWNLINK, datagram):
+                if delivery <= now:
+                    arrived.append(datagram)
+                else:
+                    self._under_way.push(delivery, (Direction.DOWNLINK, datagram))
+        if arrived:
+            self._engine.receive(arrived, now)
 
     def datagrams_to_send(self) -> list[Datagram]:
         """Remove and return what has passed the uplinks by now."""
@@ -179,10 +183,11 @@ class ImpairedEngine:
                 self._outbox.append(datagram)
                 continue
             for delivery in self._pass_on(vehicle, Direction.UPLINK, datagram):
+                own = Datagram(datagram.socket, datagram.peer, datagram.data)  # of each of two
                 if delivery <= self._now:
-                    self._outbox.append(datagram)
+                    self._outbox.append(own)
                 else:
-                    self._under_way.push(delivery, (Direction.UPLINK, datagram))
+                    self._under_way.push(delivery, (Direction.UPLINK, own))
         sent, self._outbox = self._outbox, []
         return sent
 
@@ -207,11 +212,11 @@ class ImpairedEngine:
 
     def _move_to(self, now: Instant) -> None:
         self._now = max(self._now, now)
+        arrived: list[Datagram] = []
         for direction, datagram in self._under_way.pop_due(now):
-            if direction is Direction.DOWNLINK:
-                self._engine.receive(datagram, now)
-            else:
-                self._outbox.append(datagram)
+            (arrived if direction is Direction.DOWNLINK else self._outbox).append(datagram)
+        if arrived:
+            self._engine.receive(arrived, now)
 
     def _sender(self, datagram: Datagram) -> VehicleId | None:
         """Return the vehicle that a datagram comes from, and remember where it can be reached."""

@@ -135,6 +135,7 @@ class UdpDriver:
 
     def _drain(self, index: int) -> None:
         receive, last, address = self._sockets[index].recvfrom, self._last_peers[index], self._last_addresses[index]
+        arrived: list[Datagram] = []
         for _ in range(DRAIN_LIMIT):
             try:
                 data, peer = receive(MAX_DATAGRAM)
@@ -144,7 +145,9 @@ class UdpDriver:
                 continue
             if peer != last:
                 last, address = peer, Address(peer[0], peer[1])
-            self._engine.receive(Datagram(index, address, data), self._clock.now())
+            arrived.append(Datagram(index, address, data))
+        if arrived:
+            self._engine.receive(arrived, self._clock.now())
         self._last_peers[index], self._last_addresses[index] = last, address
 
     def _send(self) -> None:

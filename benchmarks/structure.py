@@ -60,8 +60,8 @@ def circle(modules: dict[str, ast.Module]) -> list[str] | None:
 class Unrecorded:
     """A recorder that keeps nothing."""
 
-    def frame(self, now: Instant, raw: bytes) -> None:
-        """Drop it."""
+    def frames(self, now: Instant, raws: list[bytes]) -> None:
+        """Drop them."""
 
     def tick(self, tick: Tick) -> None:
         """Drop it."""
@@ -76,12 +76,13 @@ class Traced(Station):
     files: set[str] | None = None
     done = False
 
-    def receive(self, datagram: Datagram, now: Instant) -> None:
+    def receive(self, datagrams: list[Datagram], now: Instant) -> None:
         """Begin the list at a position."""
-        if not self.done and self.files is None and self.flight.phase is Phase.FLYING and _is_position(datagram):
+        begins = not self.done and self.files is None and self.flight.phase is Phase.FLYING
+        if begins and any(map(_is_position, datagrams)):
             self.files = set()
             sys.setprofile(self._note)
-        super().receive(datagram, now)
+        super().receive(datagrams, now)
 
     def tick(self, now: Instant) -> None:
         """End the list."""

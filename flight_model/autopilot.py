@@ -12,12 +12,11 @@ from __future__ import annotations
 import math
 from typing import Final
 
-NODES: Final[tuple[tuple[float, float], ...]] = (
-    (0.1127016653792583, 0.2777777777777778),
-    (0.5, 0.4444444444444444),
-    (0.8872983346207417, 0.2777777777777778),
-)
-"""Gauss's points of a stretch of time, as shares of it, and their weights: exact for polynomials of degree 5."""
+from flight_model.decay import EARLY, LATE, MIDDLE, Decay, Stretch
+
+OUTER: Final = 0.2777777777777778
+INNER: Final = 0.4444444444444444
+"""Weights of Gauss's points of a stretch of time: of the first and the last, and of the one between."""
 NO_LIMIT: Final = math.inf
 CLOSE: Final = 2e-4
 """Exponents less apart than this lose too many digits in the difference of their powers."""
@@ -33,6 +32,10 @@ class AutopilotModel:
     """Time constants (s) and limits of one autopilot."""
 
     __slots__ = (
+        "_advances",
+        "_held",
+        "_held_for",
+        "_responds",
         "accel_max_mps2",
         "climb_max_mps",
         "speed_max_mps",
@@ -66,6 +69,30 @@ class AutopilotModel:
         self.accel_max_mps2 = accel_max_mps2
         self.turn_rate_max_rps = turn_rate_max_rps
         self.climb_max_mps = climb_max_mps
+        self._advances: Stretch | None = None
+        self._responds: Decay | None = None
+        self._held: AutopilotModel | None = None
+        self._held_for = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+    def decay(self, time_s: float) -> Decay:
+        """Return what the lags leave of 1 after a time: as found last, if that was the same."""
+        tau_v_s, tau_psi_s, tau_ha_s, tau_hb_s = self.tau_v_s, self.tau_psi_s, self.tau_ha_s, self.tau_hb_s
+        kept = self._responds
+        if kept is None:
+            kept = self._responds = Decay()
+        if not kept.holds(time_s, tau_v_s, tau_psi_s, tau_ha_s, tau_hb_s):
+            kept.find(time_s, tau_v_s, tau_psi_s, tau_ha_s, tau_hb_s)
+        return kept
+
+    def stretch(self, time_s: float) -> Stretch:
+        """Return the same, and what they leave at Gauss's points of the time."""
+        tau_v_s, tau_psi_s, tau_ha_s, tau_hb_s = self.tau_v_s, self.tau_psi_s, self.tau_ha_s, self.tau_hb_s
+        kept = self._advances
+        if kept is None:
+            kept = self._advances = Stretch()
+        if not kept.holds(time_s, tau_v_s, tau_psi_s, tau_ha_s, tau_hb_s):
+            kept.find(time_s, tau_v_s, tau_psi_s, tau_ha_s, tau_hb_s)
+        return kept
 
     def values(self) -> tuple[float, float, float, float, float, float, float, float, float]:
         """Return the constants in the order of the constructor's arguments."""
@@ -85,8 +112,16 @@ class AutopilotModel:
         """Return the model in which (setpoint - value) / lag is the mean rate while a setpoint is held for a time.
 
         The value is that at the beginning, where the rate is larger than its mean. Speed and heading only, away from
-        the rate limits.
+        the rate limits. It isn't to be changed: it is kept until a lag changes.
         """
+        lags_s = time_s, self.tau_v_s, self.tau_psi_s, self.tau_ha_s, self.tau_hb_s
+        kept = self._held
+        if kept is None or self._held_for != lags_s:
+            kept, self._held_for = self._hold(time_s), lags_s
+            self._held = kept
+        return kept
+
+    def _hold(self, time_s: float) -> AutopilotModel:
         return AutopilotModel(
             -time_s / math.expm1(-time_s / self.tau_v_s),
             -time_s / math.expm1(-time_s / self.tau_psi_s),
@@ -187,7 +222,19 @@ class Setpoint:
 
 def wrap(angle_rad: float) -> float:
     """Return an angle's equal in [-pi, pi)."""
-    return (angle_rad + math.pi) % math.tau - math.pi
+    turned_rad = angle_rad + math.pi
+    if 0.0 <= turned_rad < math.tau:
+        return turned_rad - math.pi
+    return turned_rad % math.tau - math.pi
+
+
+def signed(angle_rad: float) -> float:
+    """Return `math.remainder(angle_rad, math.tau)`: compiled, that itself would be a call of Python's own."""
+    if abs(angle_rad) <= math.pi:
+        return angle_rad
+    if math.pi < angle_rad <= math.tau:
+        return angle_rad - math.tau  # exact
+    return math.remainder(angle_rad, math.tau)
 
 
 def rotated(axis_rad: float, north: float, east: float) -> tuple[float, float]:
@@ -201,6 +248,11 @@ def squared(value: float) -> float:
     return value * value
 
 
+def finite(value: float) -> bool:
+    """Return `math.isfinite(value)`: compiled, that itself would be a call of Python's own."""
+    return not (math.isnan(value) or math.isinf(value))
+
+
 def within(value: float, low: float, high: float) -> float:
     """Return a value clipped to two limits."""
     return low if value < low else min(value, high)
@@ -211,14 +263,14 @@ def rate(error: float, tau_s: float, rate_max: float) -> float:
     return 0.0 if math.isnan(error) else within(error / tau_s, -rate_max, rate_max)
 
 
-def remaining(error: float, time_s: float, tau_s: float, rate_max: float) -> float:
-    """Return what a first-order lag with a limited rate leaves of `error` after `time_s`."""
+def remaining(error: float, time_s: float, tau_s: float, rate_max: float, left: float) -> float:
+    """Return what a first-order lag with a limited rate leaves of `error` after `time_s`; of 1, without, `left`."""
     size = abs(error)
     if size <= rate_max * tau_s:
-        return error * math.exp(-time_s / tau_s)
+        return error * left
     limited_s = min(size / rate_max - tau_s, time_s)
-    left = (size - rate_max * limited_s) * math.exp((limited_s - time_s) / tau_s)
-    return left if error > 0.0 else -left
+    size = (size - rate_max * limited_s) * math.exp((limited_s - time_s) / tau_s)
+    return size if error > 0.0 else -size
 
 
 def advance(
@@ -251,47 +303,51 @@ def advance(
     if not math.isnan(heading_rad):
         turn_rad = wrap(heading_rad - state.heading_rad)
     goal_mps, goal_rad = state.airspeed_mps + faster_mps, state.heading_rad + turn_rad
-    north_mps = east_mps = 0.0
-    for share, weight in NODES:
-        then_s = share * time_s
-        along_mps = weight * (goal_mps - remaining(faster_mps, then_s, model.tau_v_s, accel_max_mps2))
-        along_rad = goal_rad - remaining(turn_rad, then_s, model.tau_psi_s, turn_rate_max_rps)
-        north_mps += along_mps * math.cos(along_rad)
-        east_mps += along_mps * math.sin(along_rad)
+    tau_v_s, tau_psi_s, left = model.tau_v_s, model.tau_psi_s, model.stretch(time_s)
+    early_s, middle_s, late_s = EARLY * time_s, MIDDLE * time_s, LATE * time_s
+    early_mps = OUTER * (goal_mps - remaining(faster_mps, early_s, tau_v_s, accel_max_mps2, left.early_speed))
+    early_rad = goal_rad - remaining(turn_rad, early_s, tau_psi_s, turn_rate_max_rps, left.early_heading)
+    middle_mps = INNER * (goal_mps - remaining(faster_mps, middle_s, tau_v_s, accel_max_mps2, left.middle_speed))
+    middle_rad = goal_rad - remaining(turn_rad, middle_s, tau_psi_s, turn_rate_max_rps, left.middle_heading)
+    late_mps = OUTER * (goal_mps - remaining(faster_mps, late_s, tau_v_s, accel_max_mps2, left.late_speed))
+    late_rad = goal_rad - remaining(turn_rad, late_s, tau_psi_s, turn_rate_max_rps, left.late_heading)
+    north_mps = early_mps * math.cos(early_rad) + middle_mps * math.cos(middle_rad) + late_mps * math.cos(late_rad)
+    east_mps = early_mps * math.sin(early_rad) + middle_mps * math.sin(middle_rad) + late_mps * math.sin(late_rad)
     state.north_m += (north_mps + state.wind_north_mps) * time_s
     state.east_m += (east_mps + state.wind_east_mps) * time_s
-    state.airspeed_mps = goal_mps - remaining(faster_mps, time_s, model.tau_v_s, accel_max_mps2)
-    state.heading_rad = goal_rad - remaining(turn_rad, time_s, model.tau_psi_s, turn_rate_max_rps)
-    climb(state, model, height_m, time_s)
+    state.airspeed_mps = goal_mps - remaining(faster_mps, time_s, tau_v_s, accel_max_mps2, left.speed)
+    state.heading_rad = goal_rad - remaining(turn_rad, time_s, tau_psi_s, turn_rate_max_rps, left.heading)
+    _climb(state, model, height_m, time_s, left)
 
 
 def respond(
     state: FlightState, model: AutopilotModel, speed_mps: float, heading_rad: float, height_m: float, time_s: float
 ) -> None:
     """Move airspeed, heading, height and climb rate on as `advance` does, and leave the place: a third of its cost."""
-    respond_in_air(state, model, speed_mps, heading_rad, time_s)
-    climb(state, model, height_m, time_s)
-
-
-def respond_in_air(
-    state: FlightState, model: AutopilotModel, speed_mps: float, heading_rad: float, time_s: float
-) -> None:
-    """Move airspeed and heading on alone."""
+    left = model.decay(time_s)
     if not math.isnan(speed_mps):
         faster_mps = speed_mps - state.airspeed_mps
-        left_mps = remaining(faster_mps, time_s, model.tau_v_s, model.accel_max_mps2)
+        left_mps = remaining(faster_mps, time_s, model.tau_v_s, model.accel_max_mps2, left.speed)
         state.airspeed_mps = state.airspeed_mps + faster_mps - left_mps
     if not math.isnan(heading_rad):
         turn_rad = wrap(heading_rad - state.heading_rad)
-        left_rad = remaining(turn_rad, time_s, model.tau_psi_s, model.turn_rate_max_rps)
+        left_rad = remaining(turn_rad, time_s, model.tau_psi_s, model.turn_rate_max_rps, left.heading)
         state.heading_rad = state.heading_rad + turn_rad - left_rad
+    _climb(state, model, height_m, time_s, left)
 
 
-def climb(state: FlightState, model: AutopilotModel, height_m: float, time_s: float) -> None:
-    """Move height and climb rate on, the climb within its limit; one beyond it comes down to it by the faster lag."""
-    slow_s, fast_s = max(model.tau_ha_s, model.tau_hb_s), min(model.tau_ha_s, model.tau_hb_s)
-    slow_left, fast_left = math.exp(-time_s / slow_s), math.exp(-time_s / fast_s)
-    climb_by(state, model.climb_max_mps, height_m, time_s, slow_s, fast_s, slow_left, fast_left)
+def _climb(state: FlightState, model: AutopilotModel, height_m: float, time_s: float, left: Decay) -> None:
+    state.height_m, state.climb_mps = climbed(
+        state.height_m,
+        state.climb_mps,
+        model.climb_max_mps,
+        height_m,
+        time_s,
+        left.slow_s,
+        left.fast_s,
+        left.slow,
+        left.fast,
+    )
 
 
 def between(apart: float, slow_left: float, fast_left: float) -> float:
@@ -304,8 +360,9 @@ def between(apart: float, slow_left: float, fast_left: float) -> float:
     return slow_left * (1.0 + apart / 2.0 * (1.0 + apart / 3.0))
 
 
-def climb_by(
-    state: FlightState,
+def climbed(  # noqa: PLR0913, PLR0917 - plain numbers
+    now_m: float,
+    now_mps: float,
     most_mps: float,
     height_m: float,
     time_s: float,
@@ -313,23 +370,22 @@ def climb_by(
     fast_s: float,
     slow_left: float,
     fast_left: float,
-) -> None:
-    """Move height and climb rate on by the slower and the faster lag, and what each leaves of 1 after the time.
+) -> tuple[float, float]:
+    """Return height and climb rate after a time, by the slower and the faster lag, and what each leaves of 1 then.
 
     With equal lags `between` gives the solution for a double pole.
     """
-    error_m = -(slow_s + fast_s) * state.climb_mps if math.isnan(height_m) else state.height_m - height_m
-    push_mps = state.climb_mps + error_m / slow_s
+    error_m = -(slow_s + fast_s) * now_mps if math.isnan(height_m) else now_m - height_m
+    push_mps = now_mps + error_m / slow_s
     between_s = time_s * between(time_s / slow_s - time_s / fast_s, slow_left, fast_left)
     left_m = slow_left * error_m + between_s * push_mps
     climb_mps = fast_left * push_mps - left_m / slow_s
     most_m = most_mps * time_s
-    beyond_mps = abs(state.climb_mps) - most_mps
+    beyond_mps = abs(now_mps) - most_mps
     if beyond_mps > 0.0:
         most_mps += beyond_mps * fast_left
         most_m += beyond_mps * fast_s * (1.0 - fast_left)
-    state.height_m += within(left_m - error_m, -most_m, most_m)
-    state.climb_mps = within(climb_mps, -most_mps, most_mps)
+    return now_m + within(left_m - error_m, -most_m, most_m), within(climb_mps, -most_mps, most_mps)
 
 
 def hovering_course(yaw_rad: float, north_mps: float, east_mps: float, nose_mps: float = STANDS_MPS) -> float:

@@ -6,6 +6,13 @@ import math
 from bisect import bisect_right
 from typing import Final
 
+from librt.vecs import vec
+from mypy_extensions import i64
+
+NORTH: Final = 0
+EAST: Final = 6
+HEIGHT: Final = 12
+"""Where each axis's coefficients begin among those of a piece."""
 atan2: Final = math.atan2
 
 
@@ -98,21 +105,27 @@ class Curve:
     def __init__(self, starts_m: list[float], pieces: list[list[list[float]]]) -> None:
         """Take where each begins, m, and its coefficients: of north, east and height, the lowest power's first."""
         self._starts_m = starts_m
-        self._pieces = pieces
+        self._pieces = [vec[float](piece[0] + piece[1] + piece[2]) for piece in pieces]
+        self._begin_m = self._end_m = 0.0
+        """The ends of the piece that was asked for last: mostly it is asked for again."""
+        self._piece = self._pieces[0]
 
     def at(self, s: float) -> PathPoint:
         """Return the point at an arc length."""
-        index = max(bisect_right(self._starts_m, s) - 1, 0)
-        t, piece = s - self._starts_m[index], self._pieces[index]
-        n, n1, n2, n3 = quintic(piece[0], t)
-        e, e1, e2, e3 = quintic(piece[1], t)
-        h, h1, h2, _ = quintic(piece[2], t)
+        if not self._begin_m <= s < self._end_m:
+            index = max(bisect_right(self._starts_m, s) - 1, 0)
+            self._piece, self._begin_m = self._pieces[index], self._starts_m[index]
+            self._end_m = self._starts_m[index + 1] if index + 1 < len(self._starts_m) else math.inf
+        t, piece = s - self._begin_m, self._piece
+        n, n1, n2, n3 = quintic(piece, NORTH, t)
+        e, e1, e2, e3 = quintic(piece, EAST, t)
+        h, h1, h2, _ = quintic(piece, HEIGHT, t)
         return PathPoint(n, e, h, atan2(e1, n1), n1 * e2 - e1 * n2, n1 * e3 - e1 * n3, h1, h2)
 
 
-def quintic(c: list[float], t: float) -> tuple[float, float, float, float]:
-    """Return a quintic and its first three derivatives at t; c holds its coefficients, lowest power first."""
-    c0, c1, c2, c3, c4, c5 = c[0], c[1], c[2], c[3], c[4], c[5]
+def quintic(c: vec[float], begin: i64, t: float) -> tuple[float, float, float, float]:
+    """Return a quintic and its first three derivatives at t; c holds its coefficients from a place on."""
+    c0, c1, c2, c3, c4, c5 = c[begin], c[begin + 1], c[begin + 2], c[begin + 3], c[begin + 4], c[begin + 5]
     return (
         c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5)))),
         c1 + t * (2.0 * c2 + t * (3.0 * c3 + t * (4.0 * c4 + t * 5.0 * c5))),

@@ -13,6 +13,7 @@ from typing import Final, overload
 import numpy as np
 
 from flight_model.arrays import Array
+from flight_model.autopilot import signed
 
 RATE_RADPS: Final = 7.292115e-5
 EQUATOR_MPS2: Final = 9.7803253359
@@ -67,7 +68,7 @@ class GeodeticOrigin:
     def to_ned(self, lat_rad: float, lon_rad: float, alt_m: float) -> tuple[float, float, float]:
         """Return north, east and down in m."""
         north_radius_m, east_radius_m = _radii((lat_rad + self.lat_rad) / 2)
-        east = math.remainder(lon_rad - self.lon_rad, math.tau)
+        east = signed(lon_rad - self.lon_rad)
         return (lat_rad - self.lat_rad) * north_radius_m, east * east_radius_m, self.alt_m - alt_m
 
     def from_ned(self, north_m: float, east_m: float, down_m: float) -> tuple[float, float, float]:
@@ -78,7 +79,7 @@ class GeodeticOrigin:
             if lat_rad == before_rad:
                 break
         lon_rad = self.lon_rad + east_m / _radii((lat_rad + self.lat_rad) / 2)[1]
-        return lat_rad, math.remainder(lon_rad, math.tau), self.alt_m - down_m
+        return lat_rad, signed(lon_rad), self.alt_m - down_m
 
     def places(self, north_m: Array, east_m: Array) -> tuple[Array, Array]:
         """Return latitudes and longitudes, rad, of many points: `from_ned` for arrays of one shape."""

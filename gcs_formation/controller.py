@@ -7,7 +7,6 @@ fence.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
@@ -15,7 +14,7 @@ import numpy as np
 from airlink.clock import NANOSECONDS, Instant, after, nanoseconds, seconds_between
 from flight_model.arrays import Array
 from flight_model.autopilot import FlightState, advance, rate, within, wrap
-from flight_model.slot import NOTHING, Slot
+from flight_model.slot import NOTHING, Slot, Triple
 from formation_scenario import Scenario
 from formation_scenario.formation import added
 from formation_scenario.slot_motion import SlotMotion
@@ -24,7 +23,8 @@ from gcs_formation.control.feed_forward import Envelope
 from gcs_formation.control.laws import law_kind, law_parameters
 from gcs_formation.control.situation import Lead, Situation
 from gcs_formation.estimation.estimator import Sample, StateEstimator, VehicleFilter
-from gcs_formation.estimation.projection import Measured, SetpointHistory, States
+from gcs_formation.estimation.projection import Measured, States
+from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.guidance.leader import AHEAD_POINTS, ASSEMBLED_S, LeaderCommand, LeaderCommands, LeaderWind, amid
 from gcs_formation.guidance.slots import UP, FormationPlan, Outlook
 from gcs_formation.guidance.tracking import MotionRates
@@ -72,6 +72,8 @@ class FormationController:
         """The last tick at which there was a leader to follow."""
         self._bandwidth = [[1.0] * CHANNELS for _ in range(self._columns)]
         self._lift_m = np.zeros(self._columns)
+        self._placed, self._slots_m = list[Slot](), list[Triple]()
+        """The slots commanded last, and their places as a tick tells them."""
         self.estimator = StateEstimator(
             parameters.declared_noise(scenario),
             self.history,
@@ -109,7 +111,7 @@ class FormationController:
         points = [route.at(begin_m + far_m) for far_m in way_m]
         return [(point.north_m - here.north_m, point.east_m - here.east_m) for point in points]
 
-    def take(self, samples: Mapping[int, Sample]) -> None:
+    def take(self, samples: dict[int, Sample]) -> None:
         """Take the newest sample of each column that has one."""
         commanded = [False] * self._columns if self.last_tick is None else self.last_tick.active
         self.estimator.take(samples, self.models, commanded)
@@ -215,15 +217,16 @@ class FormationController:
         variance = [each.wind_variance for each in self.estimator.filters]
         replaced = self.separation.replaced
         situation = Situation(states, lead, slots, commanded, variance, tick.active, self._bandwidth, replaced)
-        tick.slots_m = [(slot.forward_m, slot.right_m, slot.up_m) for slot in commanded_slots]
-        tick.slots_m[tick.leader] = NOTHING
+        if commanded_slots is not self._placed:  # the same ones while they stand
+            self._placed, self._slots_m = commanded_slots, [_place_of(each) for each in commanded_slots]
+            self._slots_m[tick.leader] = NOTHING
+        tick.slots_m = self._slots_m
         for each in self._law.decide(situation, self._dt_s):
             column = each.column
             if tick.active[column]:
                 tick.setpoints[column] = each.setpoint
                 tick.error_m[column] = each.error_m
-                tick.mixed[column] = each.mixed
-                tick.gains[column] = each.gains
+                tick.decided[column] = each
             if not math.isnan(tick.age_s[column]):
                 tick.state[column] = each.state
 
@@ -325,6 +328,10 @@ class FormationController:
                 self._in_slots_s = 0.0
                 return
         self._in_slots_s += self._dt_s
+
+
+def _place_of(slot: Slot) -> Triple:
+    return slot.forward_m, slot.right_m, slot.up_m
 
 
 def _place_at(known: VehicleFilter, now: Instant) -> tuple[float, float, float]:

@@ -17,7 +17,8 @@ from gcs_formation.control.laws import law_kind
 from gcs_formation.estimation import noise
 from gcs_formation.estimation.lags import LagEstimator
 from gcs_formation.estimation.noise import Declared
-from gcs_formation.estimation.projection import AsMeasured, Pairing, Prediction, Projection, SetpointHistory
+from gcs_formation.estimation.projection import AsMeasured, Pairing, Prediction, Projection
+from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.guidance.leader import LeaderGuidance
 from gcs_formation.guidance.slots import SlotClearance
 

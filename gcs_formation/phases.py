@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from typing import Final
 
 from airlink.clock import Instant, seconds_between
 
@@ -64,11 +65,11 @@ TRANSITIONS: dict[tuple[Phase, Cause], Phase] = {
 }
 """All other combinations change nothing."""
 
-BEFORE_COMMANDS = {Cause.STOP: Cause.CALLED_OFF, Cause.ORDERED: Cause.CALLED_OFF, Cause.FAILURE: Cause.NOT_BEGUN}
+BEFORE_COMMANDS: Final = {Cause.STOP: Cause.CALLED_OFF, Cause.ORDERED: Cause.CALLED_OFF, Cause.FAILURE: Cause.NOT_BEGUN}
 """What an end becomes where nobody may be commanded yet: everybody is left as found."""
-COMMANDED = (Phase.ASSEMBLING, Phase.FLYING, Phase.ENDING)
+COMMANDED: Final = (Phase.ASSEMBLING, Phase.FLYING, Phase.ENDING)
 """Phases in which the law and the separation rule command the formation."""
-OVER = (Phase.ENDING, Phase.LOITERING)
+OVER: Final = (Phase.ENDING, Phase.LOITERING)
 """Phases in which nobody is started any more."""
 
 

@@ -11,7 +11,7 @@ from airlink.clock import Instant
 from airlink.endpoint import VehicleId
 from flight_model.autopilot import FlightState
 from flight_model.slot import NOTHING, Triple
-from gcs_formation.control.fuzzy_pid import NO_GAINS, Gains
+from gcs_formation.control.situation import Decided
 from gcs_formation.vehicle.vehicle import Vehicle
 
 Detail = str | int | float | bool | None
@@ -79,13 +79,12 @@ class Tick:
     __slots__ = (
         "active",
         "age_s",
+        "decided",
         "error_m",
-        "gains",
         "leader",
         "links",
         "margin_used",
         "mission_time_s",
-        "mixed",
         "now",
         "phase",
         "setpoints",
@@ -126,18 +125,17 @@ class Tick:
         self.margin_used = margin_used
         self.active = active
         count = len(links)
-        self.state: list[FlightState] = [unknown_state() for _ in range(count)]
+        self.state: list[FlightState] = [unknown_state()] * count
         """What the law acted on: predicted to when the setpoints act."""
         self.setpoints: list[Triple] = [NOTHING] * count
         """Airspeed in m/s, heading in rad and height in m; NaN where none is sent."""
         self.yielding = [False] * count
         """Which columns' setpoints are the separation rule's, not the law's."""
         self.slots_m: list[Triple] = [NOTHING] * count
-        """Slots, errors and mixed errors, forward, right and up; NaN for the leader."""
+        """Slots and errors, forward, right and up; NaN for the leader."""
         self.error_m: list[Triple] = [NOTHING] * count
-        self.mixed: list[Triple] = [NOTHING] * count
-        self.gains: list[Gains] = [NO_GAINS] * count
-        """k_p of the three channels, k_i, k_d; NaN for the leader."""
+        self.decided: list[Decided | None] = [None] * count
+        """What the law decided, and by which mixed errors and gains; None for the leader and who isn't commanded."""
 
 
 @dataclass(frozen=True)
@@ -154,8 +152,8 @@ class Event:
 class Recorder(Protocol):
     """Stores what the station reports."""
 
-    def frame(self, now: Instant, raw: bytes) -> None:
-        """Keep a frame that came in or went out."""
+    def frames(self, now: Instant, raws: list[bytes]) -> None:
+        """Keep frames that came in or went out."""
         ...
 
     def tick(self, tick: Tick) -> None:

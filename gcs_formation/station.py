@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from typing import Final
 
-from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, Instant, after, seconds_between
 from airlink.endpoint import Endpoint, VehicleId
-from airlink.engine import Datagram
+from airlink.engine import Datagram, Engine
 from airlink.frame import Frame, ParserCounts
 from airlink.messages import Message
 from airlink.messages.command import ParamValue
+from airlink.messages.system import Heartbeat, Statustext, Timesync
 from formation_scenario import Scenario
 from formation_scenario.orders import Answer
 from formation_scenario.shapes import columns
@@ -38,11 +37,9 @@ from gcs_formation.vehicle.vehicle import Vehicle
 
 AWAY_NS: Final = NANOSECONDS // 5
 """A timer that is overdue by more means that the station itself was held up, and datagrams have waited for it."""
-SAYS = frozenset({m.MAVLINK_MSG_ID_HEARTBEAT, m.MAVLINK_MSG_ID_TIMESYNC, m.MAVLINK_MSG_ID_STATUSTEXT})
-"""Messages that may show a vehicle's mode or a text as changed; an answered probe may show that it has restarted."""
 
 
-class Station:
+class Station(Engine):
     """Flies one scenario. Reads no clock and opens no socket; its record goes to the recorder."""
 
     def __init__(
@@ -103,7 +100,7 @@ class Station:
         self._message_intervals = MessageIntervals(self.vehicles, self._reporter.event)
         self._conformance = ConformanceMonitor(scenario, self.controller, *fleet)
         # Of each vehicle's clock, the restarts that have been heeded.
-        self._out, self._next_tick, self._restarts = list[Datagram](), Instant(0), dict.fromkeys(self.vehicles, 0)
+        self._out, self._next_tick, self._restarts = list[Datagram](), Instant(0), [0] * len(self.vehicles)
         if resumed is not None:
             self._resume(resumed)
 
@@ -133,16 +130,20 @@ class Station:
         soonest = min(self._next_tick, self._heartbeats.next_probe)
         return min(soonest, self._dispatch.due)
 
-    def receive(self, datagram: Datagram, now: Instant) -> None:
-        """Take a datagram: pass its frames to their vehicles, and count the rest."""
-        timed = not self._was_away(now)
-        for frame in self._receiver.frames(datagram):
-            self._recorder.frame(now, frame.raw)
-            vehicle = self._senders.sender(frame, datagram, now)
-            if vehicle is None:
-                self.frames_refused += 1
-            else:
-                self._take(vehicle, frame, now, timed=timed)
+    def receive(self, datagrams: list[Datagram], now: Instant) -> None:
+        """Take datagrams: pass their frames to their vehicles, and count the rest."""
+        timed, raws = not self._was_away(now), list[bytes]()
+        try:
+            for datagram in datagrams:
+                for frame in self._receiver.frames(datagram):
+                    raws.append(frame.raw)
+                    vehicle = self._senders.sender(frame, datagram, now)
+                    if vehicle is None:
+                        self.frames_refused += 1
+                    else:
+                        self._take(vehicle, frame, now, timed)
+        finally:
+            self._recorder.frames(now, raws)
 
     def handle_timer(self, now: Instant) -> None:
         """Do what is due: probes and delayed setpoints at any time, everything else at ticks."""
@@ -232,8 +233,9 @@ class Station:
                 self._reporter.link(vehicle, now)
 
     def _start_vehicles(self, now: Instant) -> None:
-        for vehicle in self.vehicles.values():
-            if vehicle.clock.restarts != self._restarts[vehicle.identity]:
+        for place, vehicle in enumerate(self.vehicles.values()):
+            if vehicle.clock.restarts != self._restarts[place]:
+                self._restarts[place] = vehicle.clock.restarts
                 self._begin_anew(vehicle, now)
         self._send_all(self.preflight.requests(now), now)
         self._starting.advance(now)
@@ -261,7 +263,6 @@ class Station:
             self.design.watch(now, begins=True)
 
     def _begin_anew(self, vehicle: Vehicle, now: Instant) -> None:
-        self._restarts[vehicle.identity] = vehicle.clock.restarts
         self.controller.estimator.forget(self.columns[vehicle.identity])
         self._reporter.event(now, "restarted", "its clock has begun anew", vehicle)
 
@@ -276,8 +277,9 @@ class Station:
         if self.flight.phase not in COMMANDED:
             return
         leader, samples = self.controller.plan.leader, dict[int, Sample]()
-        for identity, column in self.columns.items():
-            sample = self.vehicles[identity].new_sample(now, leads=column == leader)
+        for identity, vehicle in self.vehicles.items():
+            column = self.columns[identity]
+            sample = vehicle.new_sample(now, leads=column == leader)
             if sample is not None:
                 samples[column] = sample
         self.controller.take(samples)
@@ -292,8 +294,8 @@ class Station:
             self._reconfiguration.advance(now, mission_s)
         links, hold_s = self._dispatch.links(controller.plan.leader, self._conformance.doubted, now)
         heights_m = None if opening is None else opening.steer(links, now)
-        phase, margins = self.flight.phase.value, (self.margins.used, self.margins.bandwidth)
-        tick = controller.step(now, mission_s, phase, links, *margins, begin_regardless=late, heights_m=heights_m)
+        phase, used, shares = self.flight.phase.value, self.margins.used, self.margins.bandwidth
+        tick = controller.step(now, mission_s, phase, links, used, shares, begin_regardless=late, heights_m=heights_m)
         self._dispatch.take(tick, hold_s, now)
         self.last_tick = tick
         self._record(tick)
@@ -322,20 +324,21 @@ class Station:
 
     # What happens, and what is said about it.
 
-    def _take(self, vehicle: Vehicle, frame: Frame, now: Instant, *, timed: bool) -> None:
-        seen = vehicle.telemetry
+    def _take(self, vehicle: Vehicle, frame: Frame, now: Instant, timed: bool) -> None:
+        seen, message = vehicle.telemetry, frame.message
         mode, texts = seen.custom_mode, seen.texts_reported
         if vehicle.take(frame, now, timed=timed):
             self._reporter.link(vehicle, now)
-        if frame.message_id in SAYS:
+        # An answered probe may show that it has restarted.
+        if isinstance(message, (Heartbeat, Statustext, Timesync)):
             if seen.custom_mode != mode:
                 self._reporter.event(now, "mode", vehicle.autopilot.mode_name(seen), vehicle)
             if seen.texts_reported != texts:
                 self._reporter.event(now, "statustext", seen.texts[-1], vehicle)
-        elif isinstance(frame.message, ParamValue):
-            self.preflight.take(vehicle, frame.message, now)
+        elif isinstance(message, ParamValue):
+            self.preflight.take(vehicle, message, now)
 
-    def _send_all(self, messages: Iterable[tuple[Vehicle, Message]], now: Instant) -> None:
+    def _send_all(self, messages: list[tuple[Vehicle, Message]], now: Instant) -> None:
         for vehicle, message in messages:
             self._send(vehicle, message, now)
 
@@ -344,5 +347,5 @@ class Station:
         if peer is None:
             return
         raw = vehicle.encode(message)
-        self._recorder.frame(now, raw)
+        self._recorder.frames(now, [raw])
         self._out.append(Datagram(vehicle.connection.socket, peer, raw))

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from airlink.clock import Instant, after
 from airlink.endpoint import Endpoint
-from airlink.engine import Datagram
+from airlink.engine import Datagram, Engine
 from flight_model.earth import GeodeticOrigin
 from formation_scenario.vehicles import Family, spoken
 from sim_vehicles.airframe.body import Body
@@ -28,7 +28,7 @@ KINDS: dict[Family, Callable[[int, VehicleConfig, Fleet, Instant], Vehicle]] = {
 TruthListener = Callable[[Instant, "Fleet"], None]
 
 
-class Fleet:
+class Fleet(Engine):
     """Flies all vehicles; each has a socket of its own.
 
     A cycle of the main loop moves the vehicles to its instant, then handles what has arrived (so replies are sent on
@@ -56,9 +56,10 @@ class Fleet:
         """Return each vehicle's own end of its link."""
         return tuple(vehicle.endpoint for vehicle in self.config.vehicles)
 
-    def receive(self, datagram: Datagram, now: Instant) -> None:
-        """Keep a datagram for its vehicle's next cycle."""
-        self.vehicles[datagram.socket].receive(datagram.peer, datagram.data, now)
+    def receive(self, datagrams: list[Datagram], now: Instant) -> None:
+        """Keep datagrams for their vehicles' next cycles."""
+        for datagram in datagrams:
+            self.vehicles[datagram.socket].receive(datagram, now)
 
     def datagrams_to_send(self) -> list[Datagram]:
         """Remove and return the datagrams to send now."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from typing import Final
 
 from airlink import mavlink as m
@@ -10,16 +9,29 @@ from airlink.clock import Instant, seconds_between
 from airlink.endpoint import Address
 from airlink.engine import Datagram
 from airlink.frame import Frame, FrameWriter, StreamParser
-from airlink.messages import KINDS, Message
+from airlink.messages import Message
 from sim_vehicles.autopilot.clock import NEVER
 from sim_vehicles.config import VehicleConfig
 
-ADDRESSED: Final = frozenset(each.message_type for each in KINDS.values() if "target_system" in each.fields)
-"""Messages that may name whom they are for."""
+AUTOPILOT: Final = m.MAV_COMP_ID_AUTOPILOT1
 PEER_FORGOTTEN_S: Final = 10.0
 MAX_PEERS: Final = 16
 MAX_INBOX: Final = 4096
 """Datagrams kept for the next cycle; more are dropped, as by a full serial buffer."""
+
+
+class Peer:
+    """A remote: what it sends, how frames to it are numbered, and when it was last heard."""
+
+    __slots__ = ("address", "heard", "parser", "writer")
+
+    def __init__(self, address: Address, system: int) -> None:
+        """Start with nothing heard from it; `system` is our own."""
+        self.address = address
+        self.parser = StreamParser()
+        self.writer = FrameWriter(system, AUTOPILOT)
+        self.heard: Instant | None = None
+        """When its last valid frame was read."""
 
 
 class Link:
@@ -38,25 +50,27 @@ class Link:
         self._socket = socket
         self._outbox = outbox
         self._system = config.identity.system
-        self._fixed_peer = config.endpoint.address if config.endpoint.kind == "udpout" else None
-        self._inbox: deque[tuple[Instant, Address, bytes]] = deque()
-        self._parsers: dict[Address, StreamParser] = {}
-        self._heard: dict[Address, Instant] = {}
+        self._fixed_address = config.endpoint.address if config.endpoint.kind == "udpout" else None
+        self._inbox: list[tuple[Instant, Datagram]] = []
         self.frames_bad = 0
         """Dropped frames, from all peers."""
         self.restart()
 
     def restart(self) -> None:
         """Start afresh, as after power-up: an empty inbox, no peers, frames numbered from 0."""
-        self._writers: dict[Address, FrameWriter] = {}
         self._inbox.clear()
-        self._parsers.clear()
-        self._heard.clear()
+        self._peers: dict[Address, Peer] = {}
+        """In the order in which they sent last."""
+        self._heard: list[Peer] = []
+        """Those that sent a valid frame, in the order in which they did so first."""
+        self._fixed: Peer | None = None
+        if self._fixed_address is not None:
+            self._fixed = self._peers[self._fixed_address] = Peer(self._fixed_address, self._system)
 
-    def receive(self, peer: Address, data: bytes, now: Instant) -> None:
+    def receive(self, datagram: Datagram, now: Instant) -> None:
         """Keep a datagram that arrived at `now` for the next turn of the main loop."""
         if len(self._inbox) < MAX_INBOX:
-            self._inbox.append((now, peer, data))
+            self._inbox.append((now, datagram))
 
     @property
     def next_arrival(self) -> Instant:
@@ -73,58 +87,69 @@ class Link:
         A process that was held up makes up for its cycles: the earlier of them don't know what arrived afterwards.
         """
         found: list[tuple[Address, Frame]] = []
-        while self._inbox and self._inbox[0][0] <= now:
-            _, peer, data = self._inbox.popleft()
-            if self._locks and self._heard and peer not in self._heard:
+        if not self._inbox:
+            return found
+        inbox, self._inbox = self._inbox, []
+        for arrived, datagram in inbox:
+            if arrived > now:
+                self._inbox.append((arrived, datagram))
                 continue
-            parser = self._parser(peer)
-            before = parser.counts.bad
-            frames = parser.feed(data)
-            self.frames_bad += parser.counts.bad - before
+            peer = self._peer(datagram.peer)
+            if peer is None:
+                continue
+            counts = peer.parser.counts
+            before = counts.bad
+            frames = peer.parser.feed(datagram.data)
+            self.frames_bad += counts.bad - before
+            if frames and peer.heard is None:
+                self._heard.append(peer)
             for frame in frames:
-                self._heard[peer] = now
+                peer.heard = now
                 if self._is_for_us(frame):
-                    found.append((peer, frame))
+                    found.append((peer.address, frame))
         return found
 
     def _is_for_us(self, frame: Frame) -> bool:
         """Return whether a frame is for everyone or names us; what has our own id is our own, back from a loop."""
-        message = frame.message
-        target: int = getattr(message, "target_system") if type(message) in ADDRESSED else 0  # noqa: B009
+        target = 0 if frame.message is None else frame.message.addressee()
         return (not target or target == self._system) and frame.system != self._system
 
-    def answer(self, peer: Address, message: Message) -> None:
+    def answer(self, address: Address, message: Message) -> None:
         """Send to one peer, unless it has been forgotten meanwhile."""
-        writer = self._writers.get(peer)
-        if writer is None:
-            if peer != self._fixed_peer and peer not in self._parsers:
-                return
-            writer = self._writers[peer] = FrameWriter(self._system, m.MAV_COMP_ID_AUTOPILOT1)
-        self._outbox.append(Datagram(self._socket, peer, writer.encode(message)))
+        peer = self._peers.get(address)
+        if peer is not None:
+            self._send(peer, message)
 
     def broadcast(self, message: Message, now: Instant) -> None:
         """Send to everyone."""
-        if self._fixed_peer is not None:
-            self.answer(self._fixed_peer, message)
+        if self._fixed is not None:
+            self._send(self._fixed, message)
             return
-        for peer, heard in self._heard.items():
-            if seconds_between(heard, now) <= PEER_FORGOTTEN_S:
-                self.answer(peer, message)
+        for peer in self._heard:
+            if peer.heard is not None and seconds_between(peer.heard, now) <= PEER_FORGOTTEN_S:
+                self._send(peer, message)
 
-    def _parser(self, peer: Address) -> StreamParser:
-        """Return the parser of what a peer sends."""
-        parser = self._parsers.pop(peer, None)
-        if parser is None:
-            parser = StreamParser()
-            if len(self._parsers) >= MAX_PEERS:
+    def _send(self, peer: Peer, message: Message) -> None:
+        self._outbox.append(Datagram(self._socket, peer.address, peer.writer.encode(message)))
+
+    def _peer(self, address: Address) -> Peer | None:
+        """Return whom a datagram comes from; None: it isn't heard."""
+        peer = self._peers.get(address)
+        if self._locks and self._heard and (peer is None or peer.heard is None):
+            return None
+        if peer is None:
+            if len(self._peers) >= MAX_PEERS:
                 self._forget_one()
-        self._parsers[peer] = parser
-        return parser
+            peer = self._peers[address] = Peer(address, self._system)
+        elif len(self._peers) > 1:
+            del self._peers[address]
+            self._peers[address] = peer
+        return peer
 
     def _forget_one(self) -> None:
         """Make room for a new peer: forget one that never sent a valid frame, else the one silent longest."""
-        known = [peer for peer in self._parsers if peer != self._fixed_peer]
-        gone = next((peer for peer in known if peer not in self._heard), known[0])
-        del self._parsers[gone]
-        self._heard.pop(gone, None)
-        self._writers.pop(gone, None)
+        known = [peer for peer in self._peers.values() if peer is not self._fixed]
+        gone = next((peer for peer in known if peer.heard is None), known[0])
+        del self._peers[gone.address]
+        if gone.heard is not None:
+            self._heard.remove(gone)

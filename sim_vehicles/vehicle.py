@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final, assert_never
 
 from airlink import mavlink as m
 from airlink.clock import Instant, after, seconds_between
-from airlink.endpoint import Address
+from airlink.engine import Datagram
 from airlink.frame import Frame
 from airlink.messages import MISSION_TIME, Message
 from airlink.messages.command import CommandAck, CommandInt, CommandLong, RequestDataStream, SetMode
@@ -121,9 +121,9 @@ class Vehicle(ABC):
         true = self.body.motion
         return Estimate(true) if self._sensors is None else self._sensors.estimate(true, self.now)
 
-    def receive(self, peer: Address, data: bytes, now: Instant) -> None:
+    def receive(self, datagram: Datagram, now: Instant) -> None:
         """Keep a datagram for the next cycle of the main loop: not for one before `now` that is still to be made up."""
-        self.link.receive(peer, data, now)
+        self.link.receive(datagram, now)
         self.wake = min(self.wake, now)
 
     def turn(self, now: Instant) -> None:
@@ -285,14 +285,19 @@ class Vehicle(ABC):
         return granted
 
     def _take(self, frame: Frame) -> None:
+        message = frame.message
+        if isinstance(message, (CommandInt, CommandLong)):
+            for result in self.obey(message):
+                self.answer(CommandAck(message.command, result, 0, 0, frame.system, frame.component))
+        elif isinstance(message, Timesync) and message.tc1_ns == 0:
+            self.answer(Timesync(self.time_ns, message.ts1_ns))
+        elif isinstance(message, Heartbeat):
+            self.heed(frame.system, message)
+        else:
+            self._take_seldom(frame)
+
+    def _take_seldom(self, frame: Frame) -> None:
         match message := frame.message:
-            case CommandInt() | CommandLong():
-                for result in self.obey(message):
-                    self.answer(CommandAck(message.command, result, 0, 0, frame.system, frame.component))
-            case Timesync(tc1_ns=0):
-                self.answer(Timesync(self.time_ns, message.ts1_ns))
-            case Heartbeat():
-                self.heed(frame.system, message)
             case RequestDataStream():
                 rate_hz = message.req_message_rate if message.start_stop else 0
                 self.streams.set_group(message.req_stream_id, rate_hz, self.now)
@@ -318,8 +323,8 @@ class Vehicle(ABC):
             self.link.answer(*listed)
         for peer, message in self.missions.reminders(self.now):
             self.link.answer(peer, message)
-        for message_id in self.streams.take_due(self.now):
-            self.broadcast(self.builders[message_id](self))
+        for stream in self.streams.take_due(self.now):
+            self.link.broadcast(stream.build(self), self.now)
 
     def _plan(self) -> None:
         """Set when there is next something to do other than to read frames."""

@@ -13,7 +13,15 @@ from airlink.messages.payload import Kind, Message
 
 KINDS: Final = {kind.message_id: kind for kind in (*system.KINDS, *telemetry.KINDS, *command.KINDS, *mission.KINDS)}
 """All kinds of messages, by id."""
+for _place, _kind in enumerate(KINDS.values()):
+    _kind.place = _place
+_BY_ID: Final[list[Kind | None]] = [KINDS.get(message_id) for message_id in range(max(KINDS) + 1)]
 MISSION_TIME: Final = "MISSION_T"
 """Name of the NAMED_VALUE_FLOAT in which the ground station tells vehicles the mission time, s."""
 
-__all__ = ["KINDS", "MISSION_TIME", "Kind", "Message"]
+__all__ = ["KINDS", "MISSION_TIME", "Kind", "Message", "kind_of"]
+
+
+def kind_of(message_id: int) -> Kind | None:
+    """Return the kind with an id, None if it isn't one of ours."""
+    return _BY_ID[message_id] if message_id < len(_BY_ID) else None

@@ -89,26 +89,30 @@ class CommandInt(Message):
         put_u8(payload, self.current)
         put_u8(payload, self.autocontinue)
 
-
-def _read_command_int(payload: bytes) -> Message:
-    return CommandInt(
-        payload[30],
-        payload[31],
-        payload[32],
-        u16(payload, 28),
-        payload[33],
-        payload[34],
-        f32(payload, 0),
-        f32(payload, 4),
-        f32(payload, 8),
-        f32(payload, 12),
-        i32(payload, 16),
-        i32(payload, 20),
-        f32(payload, 24),
-    )
+    def addressee(self) -> int:
+        return self.target_system
 
 
-COMMAND_INT: Final = Kind(
+class _CommandIntKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return CommandInt(
+            payload[30],
+            payload[31],
+            payload[32],
+            u16(payload, 28),
+            payload[33],
+            payload[34],
+            f32(payload, 0),
+            f32(payload, 4),
+            f32(payload, 8),
+            f32(payload, 12),
+            i32(payload, 16),
+            i32(payload, 20),
+            f32(payload, 24),
+        )
+
+
+COMMAND_INT: Final = _CommandIntKind(
     "COMMAND_INT",
     75,
     158,
@@ -129,7 +133,6 @@ COMMAND_INT: Final = Kind(
         "z",
     ),
     CommandInt,
-    _read_command_int,
 )
 
 
@@ -178,24 +181,28 @@ class CommandLong(Message):
         put_u8(payload, self.target_component)
         put_u8(payload, self.confirmation)
 
-
-def _read_command_long(payload: bytes) -> Message:
-    return CommandLong(
-        payload[30],
-        payload[31],
-        u16(payload, 28),
-        payload[32],
-        f32(payload, 0),
-        f32(payload, 4),
-        f32(payload, 8),
-        f32(payload, 12),
-        f32(payload, 16),
-        f32(payload, 20),
-        f32(payload, 24),
-    )
+    def addressee(self) -> int:
+        return self.target_system
 
 
-COMMAND_LONG: Final = Kind(
+class _CommandLongKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return CommandLong(
+            payload[30],
+            payload[31],
+            u16(payload, 28),
+            payload[32],
+            f32(payload, 0),
+            f32(payload, 4),
+            f32(payload, 8),
+            f32(payload, 12),
+            f32(payload, 16),
+            f32(payload, 20),
+            f32(payload, 24),
+        )
+
+
+COMMAND_LONG: Final = _CommandLongKind(
     "COMMAND_LONG",
     76,
     152,
@@ -214,7 +221,6 @@ COMMAND_LONG: Final = Kind(
         "param7",
     ),
     CommandLong,
-    _read_command_long,
 )
 
 
@@ -248,19 +254,22 @@ class CommandAck(Message):
         put_u8(payload, self.target_system)
         put_u8(payload, self.target_component)
 
+    def addressee(self) -> int:
+        return self.target_system
 
-def _read_command_ack(payload: bytes) -> Message:
-    return CommandAck(u16(payload, 0), payload[2], payload[3], i32(payload, 4), payload[8], payload[9])
+
+class _CommandAckKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return CommandAck(u16(payload, 0), payload[2], payload[3], i32(payload, 4), payload[8], payload[9])
 
 
-COMMAND_ACK: Final = Kind(
+COMMAND_ACK: Final = _CommandAckKind(
     "COMMAND_ACK",
     77,
     143,
     (3, 10),
     ("command", "result", "progress", "result_param2", "target_system", "target_component"),
     CommandAck,
-    _read_command_ack,
 )
 
 
@@ -280,14 +289,16 @@ class SetMode(Message):
         put_u8(payload, self.target_system)
         put_u8(payload, self.base_mode)
 
+    def addressee(self) -> int:
+        return self.target_system
 
-def _read_set_mode(payload: bytes) -> Message:
-    return SetMode(payload[4], payload[5], u32(payload, 0))
+
+class _SetModeKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return SetMode(payload[4], payload[5], u32(payload, 0))
 
 
-SET_MODE: Final = Kind(
-    "SET_MODE", 11, 89, (6, 6), ("target_system", "base_mode", "custom_mode"), SetMode, _read_set_mode
-)
+SET_MODE: Final = _SetModeKind("SET_MODE", 11, 89, (6, 6), ("target_system", "base_mode", "custom_mode"), SetMode)
 
 
 class RequestDataStream(Message):
@@ -312,19 +323,22 @@ class RequestDataStream(Message):
         put_u8(payload, self.req_stream_id)
         put_u8(payload, self.start_stop)
 
+    def addressee(self) -> int:
+        return self.target_system
 
-def _read_request_data_stream(payload: bytes) -> Message:
-    return RequestDataStream(payload[2], payload[3], payload[4], u16(payload, 0), payload[5])
+
+class _RequestDataStreamKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return RequestDataStream(payload[2], payload[3], payload[4], u16(payload, 0), payload[5])
 
 
-REQUEST_DATA_STREAM: Final = Kind(
+REQUEST_DATA_STREAM: Final = _RequestDataStreamKind(
     "REQUEST_DATA_STREAM",
     66,
     148,
     (6, 6),
     ("target_system", "target_component", "req_stream_id", "req_message_rate", "start_stop"),
     RequestDataStream,
-    _read_request_data_stream,
 )
 
 
@@ -343,12 +357,13 @@ class MessageInterval(Message):
         put_u16(payload, self.message_id)
 
 
-def _read_message_interval(payload: bytes) -> Message:
-    return MessageInterval(u16(payload, 4), i32(payload, 0))
+class _MessageIntervalKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return MessageInterval(u16(payload, 4), i32(payload, 0))
 
 
-MESSAGE_INTERVAL: Final = Kind(
-    "MESSAGE_INTERVAL", 244, 95, (6, 6), ("message_id", "interval_us"), MessageInterval, _read_message_interval
+MESSAGE_INTERVAL: Final = _MessageIntervalKind(
+    "MESSAGE_INTERVAL", 244, 95, (6, 6), ("message_id", "interval_us"), MessageInterval
 )
 
 
@@ -412,29 +427,36 @@ class SetPositionTargetLocalNed(Message):
         put_u8(payload, self.target_component)
         put_u8(payload, self.coordinate_frame)
 
+    def boot_s(self) -> float:
+        return self.time_boot_s
 
-def _read_set_position_target_local_ned(payload: bytes) -> Message:
-    return SetPositionTargetLocalNed(
-        u32(payload, 0) * MILLI,
-        payload[50],
-        payload[51],
-        payload[52],
-        u16(payload, 48),
-        f32(payload, 4),
-        f32(payload, 8),
-        f32(payload, 12),
-        f32(payload, 16),
-        f32(payload, 20),
-        f32(payload, 24),
-        f32(payload, 28),
-        f32(payload, 32),
-        f32(payload, 36),
-        f32(payload, 40),
-        f32(payload, 44),
-    )
+    def addressee(self) -> int:
+        return self.target_system
 
 
-SET_POSITION_TARGET_LOCAL_NED: Final = Kind(
+class _SetPositionTargetLocalNedKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return SetPositionTargetLocalNed(
+            u32(payload, 0) * MILLI,
+            payload[50],
+            payload[51],
+            payload[52],
+            u16(payload, 48),
+            f32(payload, 4),
+            f32(payload, 8),
+            f32(payload, 12),
+            f32(payload, 16),
+            f32(payload, 20),
+            f32(payload, 24),
+            f32(payload, 28),
+            f32(payload, 32),
+            f32(payload, 36),
+            f32(payload, 40),
+            f32(payload, 44),
+        )
+
+
+SET_POSITION_TARGET_LOCAL_NED: Final = _SetPositionTargetLocalNedKind(
     "SET_POSITION_TARGET_LOCAL_NED",
     84,
     143,
@@ -458,7 +480,6 @@ SET_POSITION_TARGET_LOCAL_NED: Final = Kind(
         "yaw_rate_radps",
     ),
     SetPositionTargetLocalNed,
-    _read_set_position_target_local_ned,
 )
 
 
@@ -480,19 +501,22 @@ class ParamRequestRead(Message):
         put_u8(payload, self.target_component)
         put_text(payload, self.param_id, 16)
 
+    def addressee(self) -> int:
+        return self.target_system
 
-def _read_param_request_read(payload: bytes) -> Message:
-    return ParamRequestRead(payload[2], payload[3], text(payload, 4, 16), i16(payload, 0))
+
+class _ParamRequestReadKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return ParamRequestRead(payload[2], payload[3], text(payload, 4, 16), i16(payload, 0))
 
 
-PARAM_REQUEST_READ: Final = Kind(
+PARAM_REQUEST_READ: Final = _ParamRequestReadKind(
     "PARAM_REQUEST_READ",
     20,
     214,
     (20, 20),
     ("target_system", "target_component", "param_id", "param_index"),
     ParamRequestRead,
-    _read_param_request_read,
 )
 
 
@@ -510,19 +534,17 @@ class ParamRequestList(Message):
         put_u8(payload, self.target_system)
         put_u8(payload, self.target_component)
 
+    def addressee(self) -> int:
+        return self.target_system
 
-def _read_param_request_list(payload: bytes) -> Message:
-    return ParamRequestList(payload[0], payload[1])
+
+class _ParamRequestListKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return ParamRequestList(payload[0], payload[1])
 
 
-PARAM_REQUEST_LIST: Final = Kind(
-    "PARAM_REQUEST_LIST",
-    21,
-    159,
-    (2, 2),
-    ("target_system", "target_component"),
-    ParamRequestList,
-    _read_param_request_list,
+PARAM_REQUEST_LIST: Final = _ParamRequestListKind(
+    "PARAM_REQUEST_LIST", 21, 159, (2, 2), ("target_system", "target_component"), ParamRequestList
 )
 
 
@@ -547,18 +569,18 @@ class ParamValue(Message):
         put_u8(payload, self.param_type)
 
 
-def _read_param_value(payload: bytes) -> Message:
-    return ParamValue(text(payload, 8, 16), f32(payload, 0), payload[24], u16(payload, 4), u16(payload, 6))
+class _ParamValueKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return ParamValue(text(payload, 8, 16), f32(payload, 0), payload[24], u16(payload, 4), u16(payload, 6))
 
 
-PARAM_VALUE: Final = Kind(
+PARAM_VALUE: Final = _ParamValueKind(
     "PARAM_VALUE",
     22,
     220,
     (25, 25),
     ("param_id", "param_value", "param_type", "param_count", "param_index"),
     ParamValue,
-    _read_param_value,
 )
 
 
@@ -584,19 +606,22 @@ class ParamSet(Message):
         put_text(payload, self.param_id, 16)
         put_u8(payload, self.param_type)
 
+    def addressee(self) -> int:
+        return self.target_system
 
-def _read_param_set(payload: bytes) -> Message:
-    return ParamSet(payload[4], payload[5], text(payload, 6, 16), f32(payload, 0), payload[22])
+
+class _ParamSetKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return ParamSet(payload[4], payload[5], text(payload, 6, 16), f32(payload, 0), payload[22])
 
 
-PARAM_SET: Final = Kind(
+PARAM_SET: Final = _ParamSetKind(
     "PARAM_SET",
     23,
     168,
     (23, 23),
     ("target_system", "target_component", "param_id", "param_value", "param_type"),
     ParamSet,
-    _read_param_set,
 )
 
 
@@ -620,19 +645,22 @@ class FileTransferProtocol(Message):
         put_u8(payload, self.target_component)
         put_octets(payload, self.payload, 251)
 
+    def addressee(self) -> int:
+        return self.target_system
 
-def _read_file_transfer_protocol(payload: bytes) -> Message:
-    return FileTransferProtocol(payload[0], payload[1], payload[2], octets(payload, 3, 251))
+
+class _FileTransferProtocolKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return FileTransferProtocol(payload[0], payload[1], payload[2], octets(payload, 3, 251))
 
 
-FILE_TRANSFER_PROTOCOL: Final = Kind(
+FILE_TRANSFER_PROTOCOL: Final = _FileTransferProtocolKind(
     "FILE_TRANSFER_PROTOCOL",
     110,
     84,
     (254, 254),
     ("target_network", "target_system", "target_component", "payload"),
     FileTransferProtocol,
-    _read_file_transfer_protocol,
 )
 
 KINDS: Final = (

@@ -52,19 +52,22 @@ class MissionWritePartialList(Message):
         put_u8(payload, self.target_component)
         put_u8(payload, self.mission_type)
 
+    def addressee(self) -> int:
+        return self.target_system
 
-def _read_mission_write_partial_list(payload: bytes) -> Message:
-    return MissionWritePartialList(payload[4], payload[5], i16(payload, 0), i16(payload, 2), payload[6])
+
+class _MissionWritePartialListKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return MissionWritePartialList(payload[4], payload[5], i16(payload, 0), i16(payload, 2), payload[6])
 
 
-MISSION_WRITE_PARTIAL_LIST: Final = Kind(
+MISSION_WRITE_PARTIAL_LIST: Final = _MissionWritePartialListKind(
     "MISSION_WRITE_PARTIAL_LIST",
     38,
     9,
     (6, 7),
     ("target_system", "target_component", "start_index", "end_index", "mission_type"),
     MissionWritePartialList,
-    _read_mission_write_partial_list,
 )
 
 
@@ -125,28 +128,32 @@ class MissionItem(Message):
         put_u8(payload, self.autocontinue)
         put_u8(payload, self.mission_type)
 
-
-def _read_mission_item(payload: bytes) -> Message:
-    return MissionItem(
-        payload[32],
-        payload[33],
-        u16(payload, 28),
-        payload[34],
-        u16(payload, 30),
-        payload[35],
-        payload[36],
-        f32(payload, 0),
-        f32(payload, 4),
-        f32(payload, 8),
-        f32(payload, 12),
-        f32(payload, 16),
-        f32(payload, 20),
-        f32(payload, 24),
-        payload[37],
-    )
+    def addressee(self) -> int:
+        return self.target_system
 
 
-MISSION_ITEM: Final = Kind(
+class _MissionItemKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return MissionItem(
+            payload[32],
+            payload[33],
+            u16(payload, 28),
+            payload[34],
+            u16(payload, 30),
+            payload[35],
+            payload[36],
+            f32(payload, 0),
+            f32(payload, 4),
+            f32(payload, 8),
+            f32(payload, 12),
+            f32(payload, 16),
+            f32(payload, 20),
+            f32(payload, 24),
+            payload[37],
+        )
+
+
+MISSION_ITEM: Final = _MissionItemKind(
     "MISSION_ITEM",
     39,
     254,
@@ -169,7 +176,6 @@ MISSION_ITEM: Final = Kind(
         "mission_type",
     ),
     MissionItem,
-    _read_mission_item,
 )
 
 
@@ -191,19 +197,17 @@ class MissionRequest(Message):
         put_u8(payload, self.target_component)
         put_u8(payload, self.mission_type)
 
+    def addressee(self) -> int:
+        return self.target_system
 
-def _read_mission_request(payload: bytes) -> Message:
-    return MissionRequest(payload[2], payload[3], u16(payload, 0), payload[4])
+
+class _MissionRequestKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return MissionRequest(payload[2], payload[3], u16(payload, 0), payload[4])
 
 
-MISSION_REQUEST: Final = Kind(
-    "MISSION_REQUEST",
-    40,
-    230,
-    (4, 5),
-    ("target_system", "target_component", "seq", "mission_type"),
-    MissionRequest,
-    _read_mission_request,
+MISSION_REQUEST: Final = _MissionRequestKind(
+    "MISSION_REQUEST", 40, 230, (4, 5), ("target_system", "target_component", "seq", "mission_type"), MissionRequest
 )
 
 
@@ -223,19 +227,17 @@ class MissionSetCurrent(Message):
         put_u8(payload, self.target_system)
         put_u8(payload, self.target_component)
 
+    def addressee(self) -> int:
+        return self.target_system
 
-def _read_mission_set_current(payload: bytes) -> Message:
-    return MissionSetCurrent(payload[2], payload[3], u16(payload, 0))
+
+class _MissionSetCurrentKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return MissionSetCurrent(payload[2], payload[3], u16(payload, 0))
 
 
-MISSION_SET_CURRENT: Final = Kind(
-    "MISSION_SET_CURRENT",
-    41,
-    28,
-    (4, 4),
-    ("target_system", "target_component", "seq"),
-    MissionSetCurrent,
-    _read_mission_set_current,
+MISSION_SET_CURRENT: Final = _MissionSetCurrentKind(
+    "MISSION_SET_CURRENT", 41, 28, (4, 4), ("target_system", "target_component", "seq"), MissionSetCurrent
 )
 
 
@@ -257,12 +259,13 @@ class MissionCurrent(Message):
         put_zeros(payload, 1)
 
 
-def _read_mission_current(payload: bytes) -> Message:
-    return MissionCurrent(u16(payload, 0), u16(payload, 2), payload[4])
+class _MissionCurrentKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return MissionCurrent(u16(payload, 0), u16(payload, 2), payload[4])
 
 
-MISSION_CURRENT: Final = Kind(
-    "MISSION_CURRENT", 42, 28, (2, 6), ("seq", "total", "mission_state"), MissionCurrent, _read_mission_current
+MISSION_CURRENT: Final = _MissionCurrentKind(
+    "MISSION_CURRENT", 42, 28, (2, 6), ("seq", "total", "mission_state"), MissionCurrent
 )
 
 
@@ -282,19 +285,17 @@ class MissionRequestList(Message):
         put_u8(payload, self.target_component)
         put_u8(payload, self.mission_type)
 
+    def addressee(self) -> int:
+        return self.target_system
 
-def _read_mission_request_list(payload: bytes) -> Message:
-    return MissionRequestList(payload[0], payload[1], payload[2])
+
+class _MissionRequestListKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return MissionRequestList(payload[0], payload[1], payload[2])
 
 
-MISSION_REQUEST_LIST: Final = Kind(
-    "MISSION_REQUEST_LIST",
-    43,
-    132,
-    (2, 3),
-    ("target_system", "target_component", "mission_type"),
-    MissionRequestList,
-    _read_mission_request_list,
+MISSION_REQUEST_LIST: Final = _MissionRequestListKind(
+    "MISSION_REQUEST_LIST", 43, 132, (2, 3), ("target_system", "target_component", "mission_type"), MissionRequestList
 )
 
 
@@ -316,19 +317,17 @@ class MissionCount(Message):
         put_u8(payload, self.target_component)
         put_u8(payload, self.mission_type)
 
+    def addressee(self) -> int:
+        return self.target_system
 
-def _read_mission_count(payload: bytes) -> Message:
-    return MissionCount(payload[2], payload[3], u16(payload, 0), payload[4])
+
+class _MissionCountKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return MissionCount(payload[2], payload[3], u16(payload, 0), payload[4])
 
 
-MISSION_COUNT: Final = Kind(
-    "MISSION_COUNT",
-    44,
-    221,
-    (4, 5),
-    ("target_system", "target_component", "count", "mission_type"),
-    MissionCount,
-    _read_mission_count,
+MISSION_COUNT: Final = _MissionCountKind(
+    "MISSION_COUNT", 44, 221, (4, 5), ("target_system", "target_component", "count", "mission_type"), MissionCount
 )
 
 
@@ -348,19 +347,17 @@ class MissionClearAll(Message):
         put_u8(payload, self.target_component)
         put_u8(payload, self.mission_type)
 
+    def addressee(self) -> int:
+        return self.target_system
 
-def _read_mission_clear_all(payload: bytes) -> Message:
-    return MissionClearAll(payload[0], payload[1], payload[2])
+
+class _MissionClearAllKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return MissionClearAll(payload[0], payload[1], payload[2])
 
 
-MISSION_CLEAR_ALL: Final = Kind(
-    "MISSION_CLEAR_ALL",
-    45,
-    232,
-    (2, 3),
-    ("target_system", "target_component", "mission_type"),
-    MissionClearAll,
-    _read_mission_clear_all,
+MISSION_CLEAR_ALL: Final = _MissionClearAllKind(
+    "MISSION_CLEAR_ALL", 45, 232, (2, 3), ("target_system", "target_component", "mission_type"), MissionClearAll
 )
 
 
@@ -377,12 +374,13 @@ class MissionItemReached(Message):
         put_u16(payload, self.seq)
 
 
-def _read_mission_item_reached(payload: bytes) -> Message:
-    return MissionItemReached(u16(payload, 0))
+class _MissionItemReachedKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return MissionItemReached(u16(payload, 0))
 
 
-MISSION_ITEM_REACHED: Final = Kind(
-    "MISSION_ITEM_REACHED", 46, 11, (2, 2), ("seq",), MissionItemReached, _read_mission_item_reached
+MISSION_ITEM_REACHED: Final = _MissionItemReachedKind(
+    "MISSION_ITEM_REACHED", 46, 11, (2, 2), ("seq",), MissionItemReached
 )
 
 
@@ -404,19 +402,17 @@ class MissionAck(Message):
         put_u8(payload, self.type)
         put_u8(payload, self.mission_type)
 
+    def addressee(self) -> int:
+        return self.target_system
 
-def _read_mission_ack(payload: bytes) -> Message:
-    return MissionAck(payload[0], payload[1], payload[2], payload[3])
+
+class _MissionAckKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return MissionAck(payload[0], payload[1], payload[2], payload[3])
 
 
-MISSION_ACK: Final = Kind(
-    "MISSION_ACK",
-    47,
-    153,
-    (3, 4),
-    ("target_system", "target_component", "type", "mission_type"),
-    MissionAck,
-    _read_mission_ack,
+MISSION_ACK: Final = _MissionAckKind(
+    "MISSION_ACK", 47, 153, (3, 4), ("target_system", "target_component", "type", "mission_type"), MissionAck
 )
 
 
@@ -438,19 +434,22 @@ class MissionRequestInt(Message):
         put_u8(payload, self.target_component)
         put_u8(payload, self.mission_type)
 
+    def addressee(self) -> int:
+        return self.target_system
 
-def _read_mission_request_int(payload: bytes) -> Message:
-    return MissionRequestInt(payload[2], payload[3], u16(payload, 0), payload[4])
+
+class _MissionRequestIntKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return MissionRequestInt(payload[2], payload[3], u16(payload, 0), payload[4])
 
 
-MISSION_REQUEST_INT: Final = Kind(
+MISSION_REQUEST_INT: Final = _MissionRequestIntKind(
     "MISSION_REQUEST_INT",
     51,
     196,
     (4, 5),
     ("target_system", "target_component", "seq", "mission_type"),
     MissionRequestInt,
-    _read_mission_request_int,
 )
 
 
@@ -511,28 +510,32 @@ class MissionItemInt(Message):
         put_u8(payload, self.autocontinue)
         put_u8(payload, self.mission_type)
 
-
-def _read_mission_item_int(payload: bytes) -> Message:
-    return MissionItemInt(
-        payload[32],
-        payload[33],
-        u16(payload, 28),
-        payload[34],
-        u16(payload, 30),
-        payload[35],
-        payload[36],
-        f32(payload, 0),
-        f32(payload, 4),
-        f32(payload, 8),
-        f32(payload, 12),
-        i32(payload, 16),
-        i32(payload, 20),
-        f32(payload, 24),
-        payload[37],
-    )
+    def addressee(self) -> int:
+        return self.target_system
 
 
-MISSION_ITEM_INT: Final = Kind(
+class _MissionItemIntKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return MissionItemInt(
+            payload[32],
+            payload[33],
+            u16(payload, 28),
+            payload[34],
+            u16(payload, 30),
+            payload[35],
+            payload[36],
+            f32(payload, 0),
+            f32(payload, 4),
+            f32(payload, 8),
+            f32(payload, 12),
+            i32(payload, 16),
+            i32(payload, 20),
+            f32(payload, 24),
+            payload[37],
+        )
+
+
+MISSION_ITEM_INT: Final = _MissionItemIntKind(
     "MISSION_ITEM_INT",
     73,
     38,
@@ -555,7 +558,6 @@ MISSION_ITEM_INT: Final = Kind(
         "mission_type",
     ),
     MissionItemInt,
-    _read_mission_item_int,
 )
 
 KINDS: Final = (

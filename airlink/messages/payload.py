@@ -7,7 +7,6 @@ Source: MAVLink guide, "Serialization".
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any, Final, Self
 
 from librt.strings import (
@@ -45,6 +44,7 @@ I32_MAX: Final = 2147483647.0
 U32_MAX: Final = 4294967295.0
 UNKNOWN_U16: Final = 0xFFFF
 """In a field with a unit."""
+WORD: Final = 2**62 - 1
 _ZEROS: Final = bytes(255)
 FLOAT32_MAX: Final = 3.4028234663852886e38
 
@@ -60,24 +60,25 @@ class Kind:
         lengths: tuple[int, int],
         fields: tuple[str, ...],
         message_type: type[Message],
-        read: Callable[[bytes], Message],
     ) -> None:
         """Take MAVLink's name, the lengths of a payload without and with extension fields, and our fields' names."""
         self.name = name
         self.message_id = message_id
-        self.id_bytes = message_id.to_bytes(3, "little")
         self.crc_extra = crc_extra
-        self.extra = bytes([crc_extra])
         """What a checksum covers besides the frame."""
         self.base_length, self.length = lengths
         self.fields = fields
         self.message_type = message_type
-        self._read = read
+        self.place = 0
+        """In `KINDS`."""
 
     def read(self, payload: bytes) -> Message:
         """Return the message; missing bytes count as zeros, surplus ones (newer extensions) are left out."""
-        missing = self.length - len(payload)
-        return self._read(payload + _ZEROS[:missing] if missing > 0 else payload)
+        return self.unpack(payload if len(payload) >= self.length else payload + _ZEROS)
+
+    def unpack(self, payload: bytes) -> Message:
+        """Return the message of a payload that isn't too short."""
+        raise NotImplementedError
 
 
 class Message:
@@ -90,6 +91,14 @@ class Message:
     def write(self, payload: BytesWriter) -> None:
         """Append the whole payload, extension fields included and not yet truncated."""
         raise NotImplementedError
+
+    def boot_s(self) -> float:
+        """Return the sender's time since boot, NaN where it doesn't tell."""
+        return math.nan
+
+    def addressee(self) -> int:
+        """Return the system that it is for, 0 for everyone."""
+        return 0
 
     def values(self) -> dict[str, Any]:
         """Return the fields by name."""
@@ -232,16 +241,21 @@ def put_i32(payload: BytesWriter, value: int) -> None:
 
 def put_u64(payload: BytesWriter, value: int) -> None:
     """Append an unsigned number of 64 bits."""
-    if value < 0x8000_0000_0000_0000:
+    if value <= WORD:
         write_i64_le(payload, value if value >= 0 else 0)
+    elif value < 0x8000_0000_0000_0000:
+        write_i64_le(payload, value)
     else:
         write_i64_le(payload, value - 0x1_0000_0000_0000_0000 if value <= 0xFFFF_FFFF_FFFF_FFFF else -1)
 
 
 def put_i64(payload: BytesWriter, value: int) -> None:
     """Append a signed number of 64 bits."""
-    inside = -0x8000_0000_0000_0000 <= value <= 0x7FFF_FFFF_FFFF_FFFF
-    write_i64_le(payload, value if inside else (-0x8000_0000_0000_0000 if value < 0 else 0x7FFF_FFFF_FFFF_FFFF))
+    if -WORD <= value <= WORD:  # compiled, larger ones are objects
+        write_i64_le(payload, value)
+    else:
+        inside = -0x8000_0000_0000_0000 <= value <= 0x7FFF_FFFF_FFFF_FFFF
+        write_i64_le(payload, value if inside else (-0x8000_0000_0000_0000 if value < 0 else 0x7FFF_FFFF_FFFF_FFFF))
 
 
 def put_f32(payload: BytesWriter, value: float) -> None:

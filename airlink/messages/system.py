@@ -64,18 +64,18 @@ class Heartbeat(Message):
         put_u8(payload, self.mavlink_version)
 
 
-def _read_heartbeat(payload: bytes) -> Message:
-    return Heartbeat(payload[4], payload[5], payload[6], u32(payload, 0), payload[7], payload[8])
+class _HeartbeatKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return Heartbeat(payload[4], payload[5], payload[6], u32(payload, 0), payload[7], payload[8])
 
 
-HEARTBEAT: Final = Kind(
+HEARTBEAT: Final = _HeartbeatKind(
     "HEARTBEAT",
     0,
     50,
     (9, 9),
     ("type", "autopilot", "base_mode", "custom_mode", "system_status", "mavlink_version"),
     Heartbeat,
-    _read_heartbeat,
 )
 
 
@@ -93,14 +93,16 @@ class SystemTime(Message):
         put_u64(payload, self.time_unix_usec)
         put_u32(payload, nearest(self.time_boot_s * PER_MILLI, 0.0, U32_MAX))
 
+    def boot_s(self) -> float:
+        return self.time_boot_s
 
-def _read_system_time(payload: bytes) -> Message:
-    return SystemTime(u64(payload, 0), u32(payload, 8) * MILLI)
+
+class _SystemTimeKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return SystemTime(u64(payload, 0), u32(payload, 8) * MILLI)
 
 
-SYSTEM_TIME: Final = Kind(
-    "SYSTEM_TIME", 2, 137, (12, 12), ("time_unix_usec", "time_boot_s"), SystemTime, _read_system_time
-)
+SYSTEM_TIME: Final = _SystemTimeKind("SYSTEM_TIME", 2, 137, (12, 12), ("time_unix_usec", "time_boot_s"), SystemTime)
 
 
 class Timesync(Message):
@@ -118,11 +120,12 @@ class Timesync(Message):
         put_i64(payload, self.ts1_ns)
 
 
-def _read_timesync(payload: bytes) -> Message:
-    return Timesync(i64(payload, 0), i64(payload, 8))
+class _TimesyncKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return Timesync(i64(payload, 0), i64(payload, 8))
 
 
-TIMESYNC: Final = Kind("TIMESYNC", 111, 34, (16, 16), ("tc1_ns", "ts1_ns"), Timesync, _read_timesync)
+TIMESYNC: Final = _TimesyncKind("TIMESYNC", 111, 34, (16, 16), ("tc1_ns", "ts1_ns"), Timesync)
 
 
 class AutopilotVersion(Message):
@@ -155,18 +158,18 @@ class AutopilotVersion(Message):
         put_zeros(payload, 46)
 
 
-def _read_autopilot_version(payload: bytes) -> Message:
-    return AutopilotVersion(u64(payload, 0), u32(payload, 16), u32(payload, 20), u32(payload, 24), u32(payload, 28))
+class _AutopilotVersionKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return AutopilotVersion(u64(payload, 0), u32(payload, 16), u32(payload, 20), u32(payload, 24), u32(payload, 28))
 
 
-AUTOPILOT_VERSION: Final = Kind(
+AUTOPILOT_VERSION: Final = _AutopilotVersionKind(
     "AUTOPILOT_VERSION",
     148,
     178,
     (60, 78),
     ("capabilities", "flight_sw_version", "middleware_sw_version", "os_sw_version", "board_version"),
     AutopilotVersion,
-    _read_autopilot_version,
 )
 
 
@@ -186,13 +189,17 @@ class NamedValueFloat(Message):
         put_f32(payload, self.value)
         put_text(payload, self.name, 10)
 
+    def boot_s(self) -> float:
+        return self.time_boot_s
 
-def _read_named_value_float(payload: bytes) -> Message:
-    return NamedValueFloat(u32(payload, 0) * MILLI, text(payload, 8, 10), f32(payload, 4))
+
+class _NamedValueFloatKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return NamedValueFloat(u32(payload, 0) * MILLI, text(payload, 8, 10), f32(payload, 4))
 
 
-NAMED_VALUE_FLOAT: Final = Kind(
-    "NAMED_VALUE_FLOAT", 251, 170, (18, 18), ("time_boot_s", "name", "value"), NamedValueFloat, _read_named_value_float
+NAMED_VALUE_FLOAT: Final = _NamedValueFloatKind(
+    "NAMED_VALUE_FLOAT", 251, 170, (18, 18), ("time_boot_s", "name", "value"), NamedValueFloat
 )
 
 
@@ -215,12 +222,13 @@ class Statustext(Message):
         put_u8(payload, self.chunk_seq)
 
 
-def _read_statustext(payload: bytes) -> Message:
-    return Statustext(payload[0], text(payload, 1, 50), u16(payload, 51), payload[53])
+class _StatustextKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return Statustext(payload[0], text(payload, 1, 50), u16(payload, 51), payload[53])
 
 
-STATUSTEXT: Final = Kind(
-    "STATUSTEXT", 253, 83, (51, 54), ("severity", "text", "id", "chunk_seq"), Statustext, _read_statustext
+STATUSTEXT: Final = _StatustextKind(
+    "STATUSTEXT", 253, 83, (51, 54), ("severity", "text", "id", "chunk_seq"), Statustext
 )
 
 
@@ -241,18 +249,13 @@ class CurrentMode(Message):
         put_u8(payload, self.standard_mode)
 
 
-def _read_current_mode(payload: bytes) -> Message:
-    return CurrentMode(payload[8], u32(payload, 0), u32(payload, 4))
+class _CurrentModeKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return CurrentMode(payload[8], u32(payload, 0), u32(payload, 4))
 
 
-CURRENT_MODE: Final = Kind(
-    "CURRENT_MODE",
-    436,
-    193,
-    (9, 9),
-    ("standard_mode", "custom_mode", "intended_custom_mode"),
-    CurrentMode,
-    _read_current_mode,
+CURRENT_MODE: Final = _CurrentModeKind(
+    "CURRENT_MODE", 436, 193, (9, 9), ("standard_mode", "custom_mode", "intended_custom_mode"), CurrentMode
 )
 
 KINDS: Final = (

@@ -91,19 +91,20 @@ class SysStatus(Message):
         put_zeros(payload, 12)
 
 
-def _read_sys_status(payload: bytes) -> Message:
-    return SysStatus(
-        u32(payload, 0),
-        u32(payload, 4),
-        u32(payload, 8),
-        u16(payload, 12),
-        known(u16(payload, 14)) * MILLI,
-        i16(payload, 16) * CENTI,
-        i8(payload, 30),
-    )
+class _SysStatusKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return SysStatus(
+            u32(payload, 0),
+            u32(payload, 4),
+            u32(payload, 8),
+            u16(payload, 12),
+            known(u16(payload, 14)) * MILLI,
+            i16(payload, 16) * CENTI,
+            i8(payload, 30),
+        )
 
 
-SYS_STATUS: Final = Kind(
+SYS_STATUS: Final = _SysStatusKind(
     "SYS_STATUS",
     1,
     124,
@@ -118,7 +119,6 @@ SYS_STATUS: Final = Kind(
         "battery_remaining",
     ),
     SysStatus,
-    _read_sys_status,
 )
 
 
@@ -166,29 +166,29 @@ class GpsRawInt(Message):
         put_zeros(payload, 22)
 
 
-def _read_gps_raw_int(payload: bytes) -> Message:
-    return GpsRawInt(
-        u64(payload, 0),
-        payload[28],
-        i32(payload, 8) * DEGE7,
-        i32(payload, 12) * DEGE7,
-        i32(payload, 16) * MILLI,
-        u16(payload, 20),
-        u16(payload, 22),
-        known(u16(payload, 24)) * CENTI,
-        known(u16(payload, 26)) * CDEG,
-        payload[29],
-    )
+class _GpsRawIntKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return GpsRawInt(
+            u64(payload, 0),
+            payload[28],
+            i32(payload, 8) * DEGE7,
+            i32(payload, 12) * DEGE7,
+            i32(payload, 16) * MILLI,
+            u16(payload, 20),
+            u16(payload, 22),
+            known(u16(payload, 24)) * CENTI,
+            known(u16(payload, 26)) * CDEG,
+            payload[29],
+        )
 
 
-GPS_RAW_INT: Final = Kind(
+GPS_RAW_INT: Final = _GpsRawIntKind(
     "GPS_RAW_INT",
     24,
     24,
     (30, 52),
     ("time_usec", "fix_type", "lat_rad", "lon_rad", "alt_m", "eph", "epv", "vel_mps", "cog_rad", "satellites_visible"),
     GpsRawInt,
-    _read_gps_raw_int,
 )
 
 
@@ -225,27 +225,30 @@ class Attitude(Message):
         put_f32(payload, self.pitchspeed_radps)
         put_f32(payload, self.yawspeed_radps)
 
-
-def _read_attitude(payload: bytes) -> Message:
-    return Attitude(
-        u32(payload, 0) * MILLI,
-        f32(payload, 4),
-        f32(payload, 8),
-        f32(payload, 12),
-        f32(payload, 16),
-        f32(payload, 20),
-        f32(payload, 24),
-    )
+    def boot_s(self) -> float:
+        return self.time_boot_s
 
 
-ATTITUDE: Final = Kind(
+class _AttitudeKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return Attitude(
+            u32(payload, 0) * MILLI,
+            f32(payload, 4),
+            f32(payload, 8),
+            f32(payload, 12),
+            f32(payload, 16),
+            f32(payload, 20),
+            f32(payload, 24),
+        )
+
+
+ATTITUDE: Final = _AttitudeKind(
     "ATTITUDE",
     30,
     39,
     (28, 28),
     ("time_boot_s", "roll_rad", "pitch_rad", "yaw_rad", "rollspeed_radps", "pitchspeed_radps", "yawspeed_radps"),
     Attitude,
-    _read_attitude,
 )
 
 
@@ -275,27 +278,30 @@ class LocalPositionNed(Message):
         put_f32(payload, self.vy_mps)
         put_f32(payload, self.vz_mps)
 
-
-def _read_local_position_ned(payload: bytes) -> Message:
-    return LocalPositionNed(
-        u32(payload, 0) * MILLI,
-        f32(payload, 4),
-        f32(payload, 8),
-        f32(payload, 12),
-        f32(payload, 16),
-        f32(payload, 20),
-        f32(payload, 24),
-    )
+    def boot_s(self) -> float:
+        return self.time_boot_s
 
 
-LOCAL_POSITION_NED: Final = Kind(
+class _LocalPositionNedKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return LocalPositionNed(
+            u32(payload, 0) * MILLI,
+            f32(payload, 4),
+            f32(payload, 8),
+            f32(payload, 12),
+            f32(payload, 16),
+            f32(payload, 20),
+            f32(payload, 24),
+        )
+
+
+LOCAL_POSITION_NED: Final = _LocalPositionNedKind(
     "LOCAL_POSITION_NED",
     32,
     185,
     (28, 28),
     ("time_boot_s", "x_m", "y_m", "z_m", "vx_mps", "vy_mps", "vz_mps"),
     LocalPositionNed,
-    _read_local_position_ned,
 )
 
 
@@ -338,29 +344,32 @@ class GlobalPositionInt(Message):
         put_i16(payload, nearest(self.vz_mps * PER_CENTI, I16_MIN, I16_MAX))
         put_u16(payload, nearest(self.hdg_rad * PER_CDEG, 0.0, U16_MAX, UNKNOWN_U16))
 
-
-def _read_global_position_int(payload: bytes) -> Message:
-    return GlobalPositionInt(
-        u32(payload, 0) * MILLI,
-        i32(payload, 4) * DEGE7,
-        i32(payload, 8) * DEGE7,
-        i32(payload, 12) * MILLI,
-        i32(payload, 16) * MILLI,
-        i16(payload, 20) * CENTI,
-        i16(payload, 22) * CENTI,
-        i16(payload, 24) * CENTI,
-        known(u16(payload, 26)) * CDEG,
-    )
+    def boot_s(self) -> float:
+        return self.time_boot_s
 
 
-GLOBAL_POSITION_INT: Final = Kind(
+class _GlobalPositionIntKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return GlobalPositionInt(
+            u32(payload, 0) * MILLI,
+            i32(payload, 4) * DEGE7,
+            i32(payload, 8) * DEGE7,
+            i32(payload, 12) * MILLI,
+            i32(payload, 16) * MILLI,
+            i16(payload, 20) * CENTI,
+            i16(payload, 22) * CENTI,
+            i16(payload, 24) * CENTI,
+            known(u16(payload, 26)) * CDEG,
+        )
+
+
+GLOBAL_POSITION_INT: Final = _GlobalPositionIntKind(
     "GLOBAL_POSITION_INT",
     33,
     104,
     (28, 28),
     ("time_boot_s", "lat_rad", "lon_rad", "alt_m", "relative_alt_m", "vx_mps", "vy_mps", "vz_mps", "hdg_rad"),
     GlobalPositionInt,
-    _read_global_position_int,
 )
 
 
@@ -401,20 +410,21 @@ class NavControllerOutput(Message):
         put_u16(payload, nearest(self.wp_dist_m, 0.0, U16_MAX, UNKNOWN_U16))
 
 
-def _read_nav_controller_output(payload: bytes) -> Message:
-    return NavControllerOutput(
-        f32(payload, 0) * DEG,
-        f32(payload, 4) * DEG,
-        i16(payload, 20) * DEG,
-        i16(payload, 22) * DEG,
-        known(u16(payload, 24)) * 1.0,
-        f32(payload, 8),
-        f32(payload, 12),
-        f32(payload, 16),
-    )
+class _NavControllerOutputKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return NavControllerOutput(
+            f32(payload, 0) * DEG,
+            f32(payload, 4) * DEG,
+            i16(payload, 20) * DEG,
+            i16(payload, 22) * DEG,
+            known(u16(payload, 24)) * 1.0,
+            f32(payload, 8),
+            f32(payload, 12),
+            f32(payload, 16),
+        )
 
 
-NAV_CONTROLLER_OUTPUT: Final = Kind(
+NAV_CONTROLLER_OUTPUT: Final = _NavControllerOutputKind(
     "NAV_CONTROLLER_OUTPUT",
     62,
     183,
@@ -430,7 +440,6 @@ NAV_CONTROLLER_OUTPUT: Final = Kind(
         "xtrack_error_m",
     ),
     NavControllerOutput,
-    _read_nav_controller_output,
 )
 
 
@@ -465,20 +474,25 @@ class VfrHud(Message):
         put_u16(payload, self.throttle)
 
 
-def _read_vfr_hud(payload: bytes) -> Message:
-    return VfrHud(
-        f32(payload, 0), f32(payload, 4), i16(payload, 16) * DEG, u16(payload, 18), f32(payload, 8), f32(payload, 12)
-    )
+class _VfrHudKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return VfrHud(
+            f32(payload, 0),
+            f32(payload, 4),
+            i16(payload, 16) * DEG,
+            u16(payload, 18),
+            f32(payload, 8),
+            f32(payload, 12),
+        )
 
 
-VFR_HUD: Final = Kind(
+VFR_HUD: Final = _VfrHudKind(
     "VFR_HUD",
     74,
     20,
     (20, 20),
     ("airspeed_mps", "groundspeed_mps", "heading_rad", "throttle", "alt_m", "climb_mps"),
     VfrHud,
-    _read_vfr_hud,
 )
 
 
@@ -523,21 +537,22 @@ class BatteryStatus(Message):
         put_zeros(payload, 18)
 
 
-def _read_battery_status(payload: bytes) -> Message:
-    return BatteryStatus(
-        payload[32],
-        payload[33],
-        payload[34],
-        i16(payload, 8),
-        knowns(payload, 10, 10, MILLI),
-        i16(payload, 30) * CENTI,
-        i32(payload, 0),
-        i32(payload, 4),
-        i8(payload, 35),
-    )
+class _BatteryStatusKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return BatteryStatus(
+            payload[32],
+            payload[33],
+            payload[34],
+            i16(payload, 8),
+            knowns(payload, 10, 10, MILLI),
+            i16(payload, 30) * CENTI,
+            i32(payload, 0),
+            i32(payload, 4),
+            i8(payload, 35),
+        )
 
 
-BATTERY_STATUS: Final = Kind(
+BATTERY_STATUS: Final = _BatteryStatusKind(
     "BATTERY_STATUS",
     147,
     154,
@@ -554,7 +569,6 @@ BATTERY_STATUS: Final = Kind(
         "battery_remaining",
     ),
     BatteryStatus,
-    _read_battery_status,
 )
 
 
@@ -575,11 +589,12 @@ class Wind(Message):
         put_f32(payload, self.speed_z_mps)
 
 
-def _read_wind(payload: bytes) -> Message:
-    return Wind(f32(payload, 0) * DEG, f32(payload, 4), f32(payload, 8))
+class _WindKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return Wind(f32(payload, 0) * DEG, f32(payload, 4), f32(payload, 8))
 
 
-WIND: Final = Kind("WIND", 168, 1, (12, 12), ("direction_rad", "speed_mps", "speed_z_mps"), Wind, _read_wind)
+WIND: Final = _WindKind("WIND", 168, 1, (12, 12), ("direction_rad", "speed_mps", "speed_z_mps"), Wind)
 
 
 class EkfStatusReport(Message):
@@ -616,19 +631,20 @@ class EkfStatusReport(Message):
         put_f32(payload, self.airspeed_variance)
 
 
-def _read_ekf_status_report(payload: bytes) -> Message:
-    return EkfStatusReport(
-        u16(payload, 20),
-        f32(payload, 0),
-        f32(payload, 4),
-        f32(payload, 8),
-        f32(payload, 12),
-        f32(payload, 16),
-        f32(payload, 22),
-    )
+class _EkfStatusReportKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return EkfStatusReport(
+            u16(payload, 20),
+            f32(payload, 0),
+            f32(payload, 4),
+            f32(payload, 8),
+            f32(payload, 12),
+            f32(payload, 16),
+            f32(payload, 22),
+        )
 
 
-EKF_STATUS_REPORT: Final = Kind(
+EKF_STATUS_REPORT: Final = _EkfStatusReportKind(
     "EKF_STATUS_REPORT",
     193,
     71,
@@ -643,7 +659,6 @@ EKF_STATUS_REPORT: Final = Kind(
         "airspeed_variance",
     ),
     EkfStatusReport,
-    _read_ekf_status_report,
 )
 
 
@@ -693,23 +708,24 @@ class HomePosition(Message):
         put_u64(payload, self.time_usec)
 
 
-def _read_home_position(payload: bytes) -> Message:
-    return HomePosition(
-        i32(payload, 0) * DEGE7,
-        i32(payload, 4) * DEGE7,
-        i32(payload, 8) * MILLI,
-        f32(payload, 12),
-        f32(payload, 16),
-        f32(payload, 20),
-        f32s(payload, 24, 4),
-        f32(payload, 40),
-        f32(payload, 44),
-        f32(payload, 48),
-        u64(payload, 52),
-    )
+class _HomePositionKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return HomePosition(
+            i32(payload, 0) * DEGE7,
+            i32(payload, 4) * DEGE7,
+            i32(payload, 8) * MILLI,
+            f32(payload, 12),
+            f32(payload, 16),
+            f32(payload, 20),
+            f32s(payload, 24, 4),
+            f32(payload, 40),
+            f32(payload, 44),
+            f32(payload, 48),
+            u64(payload, 52),
+        )
 
 
-HOME_POSITION: Final = Kind(
+HOME_POSITION: Final = _HomePositionKind(
     "HOME_POSITION",
     242,
     104,
@@ -728,7 +744,6 @@ HOME_POSITION: Final = Kind(
         "time_usec",
     ),
     HomePosition,
-    _read_home_position,
 )
 
 
@@ -747,12 +762,13 @@ class ExtendedSysState(Message):
         put_u8(payload, self.landed_state)
 
 
-def _read_extended_sys_state(payload: bytes) -> Message:
-    return ExtendedSysState(payload[0], payload[1])
+class _ExtendedSysStateKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return ExtendedSysState(payload[0], payload[1])
 
 
-EXTENDED_SYS_STATE: Final = Kind(
-    "EXTENDED_SYS_STATE", 245, 130, (2, 2), ("vtol_state", "landed_state"), ExtendedSysState, _read_extended_sys_state
+EXTENDED_SYS_STATE: Final = _ExtendedSysStateKind(
+    "EXTENDED_SYS_STATE", 245, 130, (2, 2), ("vtol_state", "landed_state"), ExtendedSysState
 )
 
 KINDS: Final = (

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 import sys
-from array import array
 from dataclasses import dataclass
 
 import numpy as np
+from librt.strings import BytesWriter, write_f64_le
 
 from airlink.clock import MICROSECONDS, NANOSECONDS, Clock, Instant, Stopwatch, seconds_between
-from airlink.endpoint import Endpoint, VehicleId
-from airlink.engine import Datagram, Engine
+from airlink.endpoint import VehicleId
+from airlink.engine import Engine
 from formation_scenario import Scenario
 from formation_scenario.orders import Answer
 from gcs_formation.app.injection import InjectedDelays, InjectedFaults, impair, injected
@@ -20,10 +20,11 @@ from gcs_formation.app.order_socket import STATUS, OrderSocket
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.result_text import status_page
 from gcs_formation.errors import RecordingError, RunAbortedError
+from gcs_formation.mission.resumption import Resumption
 from gcs_formation.mission.starting import Caution
 from gcs_formation.phases import Phase
 from gcs_formation.record.expectations import ControlFigures, Injected, LinkFigures, Outcome
-from gcs_formation.record.flight import join, percentile, split
+from gcs_formation.record.flight import percentile, split, tables
 from gcs_formation.record.past import Past
 from gcs_formation.record.run_directory import RECORDING, SPOOL, TIMESERIES, RunDirectory
 from gcs_formation.record.summary import Summary, summarise
@@ -37,49 +38,38 @@ PROGRESS_S = 0.25
 """Wall time between updates of the progress, s."""
 
 
-class TimedStation:
-    """Wraps a station and times its control ticks; itself an engine."""
+class TimedStation(Station):
+    """A station that times its control ticks."""
 
-    def __init__(self, station: Station) -> None:
-        """Time the ticks of `station`."""
-        self._station = station
+    def __init__(
+        self,
+        scenario: Scenario,
+        recorder: RunDirectory,
+        until_s: float | None,
+        utc_at_0_s: float,
+        caution: Caution,
+        resumed: Resumption | None,
+    ) -> None:
+        """Prepare as a station does."""
+        super().__init__(scenario, recorder, until_s, utc_at_0_s, caution, resumed)
         self._watch = Stopwatch()
-        self._due, self._begun, self._taken = array("d"), array("d"), array("d")
-
-    def endpoints(self) -> tuple[Endpoint, ...]:
-        """Return the station's endpoints."""
-        return self._station.endpoints()
-
-    def receive(self, datagram: Datagram, now: Instant) -> None:
-        """Hand on a datagram."""
-        self._station.receive(datagram, now)
-
-    def datagrams_to_send(self) -> list[Datagram]:
-        """Return what the station sends."""
-        return self._station.datagrams_to_send()
-
-    def next_timer(self) -> Instant | None:
-        """Return the station's timer."""
-        return self._station.next_timer()
+        self._times = BytesWriter()
+        """Three numbers of 64 bits for each: when it was due, when it began, ns, and how long it took, s."""
 
     def handle_timer(self, now: Instant) -> None:
-        """Pass on the timer; record it if it was a tick that commanded the formation."""
-        due, ticks = self._station.next_timer(), self._station.controlled_ticks
+        """Do what is due; record when, if it was a tick that commanded the formation."""
+        due, ticks = self.next_timer(), self.controlled_ticks
         began_s = self._watch.wall_s
-        self._station.handle_timer(now)
-        if due is not None and self._station.controlled_ticks > ticks:
-            self._taken.append(self._watch.wall_s - began_s)
-            self._due.append(due)
-            self._begun.append(now)
+        super().handle_timer(now)
+        if due is not None and self.controlled_ticks > ticks:
+            write_f64_le(self._times, float(due))
+            write_f64_le(self._times, float(now))
+            write_f64_le(self._times, self._watch.wall_s - began_s)
 
     def figures(self, rate_hz: float) -> ControlFigures:
         """Return the times of all ticks."""
-        return ControlFigures(
-            rate_hz,
-            np.array(self._due) / NANOSECONDS,
-            np.array(self._begun) / NANOSECONDS,
-            np.array(self._taken),
-        )
+        due_ns, begun_ns, taken_s = np.frombuffer(self._times.getvalue(), "<f8").reshape(-1, 3).T
+        return ControlFigures(rate_hz, due_ns / NANOSECONDS, begun_ns / NANOSECONDS, taken_s)
 
 
 @dataclass
@@ -89,7 +79,7 @@ class Session:
     scenario: Scenario
     options: RunOptions
     clock: Clock
-    station: Station
+    station: TimedStation
     recorder: RunDirectory
     progress: Progress
     interrupts: Interrupts
@@ -97,10 +87,9 @@ class Session:
     """Whether the vehicles are our emulators, with the scenario's faults in them and nothing unknown on their links."""
 
     def __post_init__(self) -> None:
-        """Wrap the station, and start to measure wall time."""
-        self.timed = TimedStation(self.station)
-        self._links = impair(self.scenario, self.station, self.timed)
-        self.engine: Engine = self._links or self.timed
+        """Impair the links, and start to measure wall time."""
+        self._links = impair(self.scenario, self.station, self.station)
+        self.engine: Engine = self._links or self.station
         self._injected = InjectedDelays(self.station.vehicles, self._links, 0.0 if self.emulated else math.nan)
         self._faults = InjectedFaults(self.scenario, self.recorder) if self.emulated else None
         self._spent, self._began_at = Stopwatch(), self.station.flight.since
@@ -147,12 +136,11 @@ class Session:
 
         The first: the formation opens and loiters; the second: all go home at once; the third: nothing is awaited.
         """
-        now = self.clock.now()
         while self._heeded < self.interrupts.count:
             self._heeded += 1
             if self._heeded == 1:
-                self.station.course.stop(now)
-            elif self._heeded > 2 or not self.station.course.go_home_at_once(now):
+                self.station.course.stop(self.clock.now())
+            elif self._heeded > 2 or not self.station.course.go_home_at_once(self.clock.now()):
                 self._left = True
         return self._left
 
@@ -190,16 +178,15 @@ class Session:
         spool = self.recorder.path / SPOOL
         columns = read_spool(spool)
         flight = split(columns, self.scenario, truth, self._injected.series_s(columns["t_s"].size))
-        del columns  # of hundreds of vehicles they are the most that a flight keeps
         if self.options.record in {"full", "series"}:
-            write_parquet(self.recorder.path / TIMESERIES, join(flight))
+            write_parquet(self.recorder.path / TIMESERIES, tables(flight))
         summary = summarise(
             Outcome(
                 scenario=self.scenario,
                 clock=self.options.clock,
                 flight=flight,
                 links={identity: self._link(identity) for identity in self.station.vehicles},
-                control=self.timed.figures(self.scenario.law.rate_hz),
+                control=self.station.figures(self.scenario.law.rate_hz),
                 delay_margin_s=_finite(scenario_delay_margin(self.station.design.scenario)),
                 worst_loop_delay_s=self._worst_loop_delay_s(),
                 margin_used=self.station.margins.most_used,
@@ -219,7 +206,7 @@ class Session:
     def _link(self, identity: VehicleId) -> LinkFigures:
         vehicle = self.station.vehicles[identity]
         began = self.station.flight.path_began
-        probes = np.array(vehicle.delays).reshape(-1, 4)
+        probes = np.frombuffer(vehicle.delays.getvalue(), "<f8").reshape(-1, 4)
         return LinkFigures(
             delays_s=probes[:, 1:],
             delay_times_s=(probes[:, 0] - began) / NANOSECONDS if began is not None else np.full(len(probes), np.nan),
@@ -236,7 +223,7 @@ class Session:
 
     def _worst_loop_delay_s(self) -> float | None:
         """Return the longest loop delay that was measured, computing, sampling and hold included."""
-        compute_s = percentile(self.timed.figures(1.0).compute_s, 50) if self.station.controlled_ticks else 0.0
+        compute_s = percentile(self.station.figures(1.0).compute_s, 50) if self.station.controlled_ticks else 0.0
         return _finite(self.station.margins.longest_s + compute_s)
 
 
@@ -271,7 +258,7 @@ def open_session(
     )
     read = not emulated and resumed is None
     caution = Caution(parameters=read, confirm=options.confirm, rehearse=options.dry_run)
-    station = Station(scenario, recorder, options.until_s, began_us / MICROSECONDS, caution, resumed)
+    station = TimedStation(scenario, recorder, options.until_s, began_us / MICROSECONDS, caution, resumed)
     if resumed is not None:
         recorder.event(Event(resumed.at, RECORDING, "goes on", None, {"epoch_us": began_us}))
     return Session(scenario, options, clock, station, recorder, progress, interrupts, emulated)

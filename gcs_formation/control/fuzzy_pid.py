@@ -12,6 +12,8 @@ from typing import Final, Literal
 
 import numpy as np
 import numpy.typing as npt
+from librt.vecs import vec
+from mypy_extensions import i64
 
 from flight_model.arrays import Array
 from flight_model.autopilot import within
@@ -62,8 +64,8 @@ class FuzzyGainScheduler:
 
     def __init__(self, tables: Literal["printed", "symmetric"] = "printed") -> None:
         """Use the tables as printed, or symmetrised."""
-        rows: list[list[float]] = rule_tables(tables).reshape(SETS * SETS, 3).tolist()
-        self._rules: list[Triple] = [(p, i, d) for p, i, d in rows]
+        factors: list[list[float]] = rule_tables(tables).reshape(SETS * SETS, 3).T.tolist()
+        self._p, self._i, self._d = vec[float](factors[0]), vec[float](factors[1]), vec[float](factors[2])
 
     def infer(self, error: npt.ArrayLike, error_rate: npt.ArrayLike) -> Array:
         """Return F_p, F_i, F_d in [0, 1], shape (..., 3), for normalised inputs of any shape (...).
@@ -87,14 +89,19 @@ class FuzzyGainScheduler:
         down = (within(error_rate, -1.0, 1.0) + 1.0) * ((SETS - 1) / 2)
         column, row = min(int(across), SETS - 2), min(int(down), SETS - 2)
         across, down, corner = across - column, down - row, row * SETS + column
-        p_1, i_1, d_1 = _between(self._rules[corner], self._rules[corner + 1], across)
-        p_2, i_2, d_2 = _between(self._rules[corner + SETS], self._rules[corner + SETS + 1], across)
-        return _between((p_1, i_1, d_1), (p_2, i_2, d_2), down)
+        return (
+            _between(self._p, corner, across, down),
+            _between(self._i, corner, across, down),
+            _between(self._d, corner, across, down),
+        )
 
 
-def _between(low: Triple, high: Triple, share: float) -> Triple:
-    left = 1.0 - share
-    return low[0] * left + high[0] * share, low[1] * left + high[1] * share, low[2] * left + high[2] * share
+def _between(table: vec[float], corner: i64, across: float, down: float) -> float:
+    """Return the value between four of a table, of which the first is at `corner`."""
+    left, up = 1.0 - across, 1.0 - down
+    upper = table[corner] * left + table[corner + 1] * across
+    lower = table[corner + SETS] * left + table[corner + SETS + 1] * across
+    return upper * up + lower * down
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,6 @@ sent, weighs a sample by the noise that it has been seen to have, and gives litt
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
@@ -38,7 +37,7 @@ from gcs_formation.estimation.noise import (
     plausible,
     weighed,
 )
-from gcs_formation.estimation.projection import SetpointHistory
+from gcs_formation.estimation.setpoint_history import SetpointHistory
 
 STATES: Final = 8
 """Quantities of a state: north, east, height, climb, airspeed, heading, wind north and east."""
@@ -306,7 +305,7 @@ class StateEstimator:
         each = self.filters[column]
         each.state, each.stamp = state, stamp
 
-    def take(self, samples: Mapping[int, Sample], models: list[AutopilotModel], commanded: list[bool]) -> None:
+    def take(self, samples: dict[int, Sample], models: list[AutopilotModel], commanded: list[bool]) -> None:
         """Take the newest sample of each column that has one.
 
         Args:

@@ -13,10 +13,11 @@ import math
 from typing import Final
 
 from airlink.clock import NANOSECONDS
-from flight_model.autopilot import AutopilotModel
+from flight_model.autopilot import AutopilotModel, finite
 from flight_model.slot import Triple
-from gcs_formation.estimation.lag_fit import BATCH_S, Bank, Channel, Motion, Nodes, Tracks
-from gcs_formation.estimation.projection import SentSetpoints, SetpointHistory
+from gcs_formation.estimation.lag_bank import Bank, Motion, Tracks
+from gcs_formation.estimation.lag_fit import BATCH_S, Channel, Nodes
+from gcs_formation.estimation.setpoint_history import Flown, SetpointHistory
 
 RESOLUTION: Final = (0.02, 0.002, 0.05)
 """Residuals of airspeed (m/s), heading (rad) and height (m) count as no smaller: telemetry's digits, and the instant at
@@ -28,8 +29,8 @@ GAP_S: Final = 3.0
 class VehicleLags:
     """A vehicle's batch of samples, and its simulations."""
 
-    def __init__(self, model: AutopilotModel, air: Nodes, height: Nodes) -> None:
-        """Start with the lags that `model` has."""
+    def __init__(self, model: AutopilotModel, air: Nodes, height: Nodes, samples: int) -> None:
+        """Start with the lags that `model` has; so many `samples` are a batch."""
         self.lagging = True
         """Whether it flies by (7); of others, whose model only comes near them, no lags are learnt."""
         self.model = model
@@ -37,6 +38,8 @@ class VehicleLags:
         """Of the samples, ns; the first ended the batch before."""
         self._lags_s = model.tau_v_s, model.tau_psi_s, model.tau_ha_s, model.tau_hb_s
         self._bank = Bank(model, air.at, height.at)
+        self.batch = [Tracks(len(nodes.at), samples) for nodes in (air, air, height)]
+        """Of airspeed, heading and height."""
         self._motion: Motion = (math.nan, math.nan, math.nan, math.nan)
         self._stamp = 0
         self._seen: list[Motion] = []
@@ -59,21 +62,23 @@ class VehicleLags:
             return False
         if (self.stamps[-1] - self.stamps[0]) / NANOSECONDS > GAP_S + BATCH_S:
             return False
-        return all(math.isfinite(speed_mps + heading_rad + height_m) for speed_mps, heading_rad, height_m in setpoints)
+        return all(finite(speed_mps + heading_rad + height_m) for speed_mps, heading_rad, height_m in setpoints)
 
-    def fly(self, acts: list[int], setpoints: list[Triple], batch: list[Tracks], column: int) -> None:
-        """Put the simulations minus telemetry into a batch; (R) `setpoints` act at `acts`, ns, in order."""
-        self._bank.fly(self.stamps, self._seen, acts, setpoints, batch, column)
+    def fly(self, flown: Flown) -> None:
+        """Put the simulations minus telemetry into the batch."""
+        self._bank.fly(self.stamps, self._seen, flown, self.batch)
         self._learnt = self._bank.free()
-        for free, tracks in zip(self._learnt, batch, strict=True):
+        for channel, free in enumerate(self._learnt):
             if not free:
-                tracks.clear(column)
+                self.batch[channel].clear()
 
     def begin(self) -> None:
         """Begin a batch with the newest sample; the simulations that didn't teach begin anew from it."""
         self._bank.begin(self._learnt, self._seen[-1])
         self.stamps, self._seen = self.stamps[-1:], self._seen[-1:]
         self._learning, self._learnt = True, [False, False, False]
+        for tracks in self.batch:
+            tracks.clear()
 
     def use(self, log_ratios: list[float]) -> None:
         """Give its model lags by their ratios to the believed ones: of airspeed and heading, and both of height."""
@@ -102,14 +107,13 @@ class LagEstimator:
 
         Not `in_use`, the models stay as they are, and only their misfit is watched.
         """
-        air, height = Nodes(5, 1), Nodes(4, 2)
-        self.vehicles = [VehicleLags(model, air, height) for model in models]
+        air, height, self._ticks = Nodes(5, 1), Nodes(4, 2), max(2, round(BATCH_S * law_hz))
+        self.vehicles = [VehicleLags(model, air, height, self._ticks) for model in models]
         each = zip((air, air, height), RESOLUTION, strict=True)
         self.channels = [Channel(nodes, len(models), finest, telemetry_hz, in_use=in_use) for nodes, finest in each]
         """Airspeed, heading, height."""
         self._in_use = in_use
         self._history = history
-        self._ticks = max(2, round(BATCH_S * law_hz))
         self._noted = 0
 
     @property
@@ -135,37 +139,22 @@ class LagEstimator:
         self._noted += 1
         if self._noted <= self._ticks:
             return
-        ticks = self._history.between(
-            [each.stamps[0] for each in self.vehicles], [each.stamps[-1] for each in self.vehicles]
-        )
-        self._fit(ticks)
+        begins = [each.stamps[0] for each in self.vehicles]
+        self._fit(self._history.between(begins, [each.stamps[-1] for each in self.vehicles]))
         for each in self.vehicles:
             each.begin()
         self._noted = 1
 
-    def _fit(self, ticks: list[SentSetpoints]) -> None:
-        """Fit the lags to a batch, in which the setpoints of `ticks` acted."""
-        setpoints = [[tick.setpoints[column] for tick in ticks] for column in range(len(self.vehicles))]
-        learns = [each.learns(setpoints[column]) for column, each in enumerate(self.vehicles)]
+    def _fit(self, flown: list[Flown]) -> None:
+        """Fit the lags to a batch, in which each vehicle was `flown` so."""
+        learns = [each.learns(flown[column].setpoints) for column, each in enumerate(self.vehicles)]
         if not any(learns):
             return
-        samples = len(self.vehicles[0].stamps) - 1
-        batch = [Tracks(len(self.vehicles), len(channel.nodes.at), samples) for channel in self.channels]
         for column, each in enumerate(self.vehicles):
             if learns[column]:
-                each.fly(_in_order(ticks, column), setpoints[column], batch, column)
-        for channel, tracks in zip(self.channels, batch, strict=True):
-            channel.learn(tracks)
+                each.fly(flown[column])
+        for place, channel in enumerate(self.channels):
+            channel.learn([each.batch[place] for each in self.vehicles])
         if self._in_use:
             for column, each in enumerate(self.vehicles):
                 each.use(self.log_ratios(column))
-
-
-def _in_order(ticks: list[SentSetpoints], column: int) -> list[int]:
-    """Return when a vehicle's setpoints act, none before the one before it."""
-    acts: list[int] = []
-    latest = 0
-    for tick in ticks:
-        latest = max(latest, tick.acts[column])
-        acts.append(latest)
-    return acts

@@ -138,21 +138,24 @@ class NoiseEstimate:
 
     def __init__(self, declared: Declared) -> None:
         """Start from what is declared."""
-        self._declared = declared
         variances, least = (declared.sigma**2).T.tolist(), (declared.least**2).T.tolist()
         self.each = [VehicleNoise(tuple(one), tuple(other)) for one, other in zip(variances, least, strict=True)]
+        judged = (declared.sigma > RESOLUTION[:, None]) & declared.stated
+        self._declared: list[list[float]] = np.where(judged, declared.sigma, math.nan).T.tolist()
+        """(C, 6) standard deviations, NaN where nothing is declared."""
 
-    @property
-    def sigma(self) -> Array:
-        """Standard deviations, (6, C)."""
-        return np.sqrt(np.array([each.by_quantity for each in self.each]).T)
+    def sigma(self, column: int) -> list[float]:
+        """Return a vehicle's standard deviations, in the order of `QUANTITIES`."""
+        place, height, velocity, climb, airspeed, heading = self.each[column].by_quantity
+        return [math.sqrt(each) for each in (place, height, velocity, climb, airspeed, heading)]
 
-    @property
-    def ratios(self) -> Array:
-        """Noise by what is declared, (6, C); 1 where nothing is declared, and before `MEMORY` samples."""
-        samples = np.array([each.samples for each in self.each])
-        judged = (self._declared.sigma > RESOLUTION[:, None]) & (samples >= MEMORY) & self._declared.stated
-        return np.where(judged, self.sigma / self._declared.sigma, 1.0)
+    def ratios(self, column: int) -> list[float]:
+        """Return its noise by what is declared; 1 where nothing is declared, and before `MEMORY` samples."""
+        declared = self._declared[column]
+        if self.each[column].samples < MEMORY:
+            return [1.0] * len(declared)
+        sigma = self.sigma(column)
+        return [1.0 if math.isnan(least) else sigma[place] / least for place, least in enumerate(declared)]
 
 
 def excesses(difference: Values, own: Values, elapsed_s: float) -> Values:

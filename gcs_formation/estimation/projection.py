@@ -7,92 +7,19 @@ from collections import deque
 from itertools import islice
 from typing import Final
 
-from airlink.clock import NANOSECONDS
-from flight_model.autopilot import AutopilotModel, FlightState, advance, respond, within, wrap
-from flight_model.slot import NOTHING, Triple
+from librt.vecs import vec
+from mypy_extensions import i64
 
-HISTORY_S = 6.0
+from airlink.clock import NANOSECONDS
+from flight_model.autopilot import AutopilotModel, FlightState, wrap
+from gcs_formation.estimation.setpoint_history import HISTORY_S, SetpointHistory
+
 HEADING: Final = 5
 """Which of a state's values is an angle."""
 MISSED: Final = 2
 """Periods of telemetry after which something is missing."""
 LOST_S: Final = 2.0
 """Age from which a vehicle that isn't commanded is taken to be where it was last seen: it costs no prediction."""
-
-
-class SentSetpoints:
-    """One tick's setpoints, vehicle by vehicle, and when each is expected to act, in ns."""
-
-    __slots__ = ("acts", "setpoints")
-
-    def __init__(self, acts: list[int]) -> None:
-        """Begin with none known."""
-        self.acts = acts
-        self.setpoints: list[Triple] = [NOTHING] * len(acts)
-
-
-class SetpointHistory:
-    """The setpoints sent to every vehicle in the last seconds, oldest first."""
-
-    def __init__(self, rate_hz: float) -> None:
-        """Keep `HISTORY_S` of ticks at `rate_hz`."""
-        self.length = max(8, int(HISTORY_S * rate_hz))
-        self._ticks: list[SentSetpoints] = []
-
-    @property
-    def empty(self) -> bool:
-        """Whether nothing has been sent yet."""
-        return not self._ticks
-
-    def begin(self, acts: list[int]) -> None:
-        """Begin a tick whose setpoints act at `acts`, (V,); until they are known, vehicles fly straight on then."""
-        if len(self._ticks) == self.length:
-            del self._ticks[0]
-        self._ticks.append(SentSetpoints(acts))
-
-    def note(self, setpoints: list[Triple]) -> None:
-        """Take the setpoints of the tick that was begun last, (V,), NaN for those that aren't known yet."""
-        self._ticks[-1].setpoints = setpoints.copy()
-
-    def carry(
-        self, state: FlightState, since: int, until: int, vehicle: int, model: AutopilotModel, *, place: bool = True
-    ) -> None:
-        """Move a vehicle's `state` on from `since` to `until`, instants in ns, through what it was sent.
-
-        Before the oldest known setpoint it is taken to follow that one already, and without any setpoint to fly
-        straight on. Without `place`, north and east are left as they are.
-        """
-        ticks, last = self._ticks, len(self._ticks) - 1
-        first = self._acting(since, vehicle)
-        for index in range(first, last + 1):
-            tick, end = ticks[index], until
-            if index < last:
-                end = min(max(ticks[index + 1].acts[vehicle], since), until)
-            if end > since:
-                speed_mps, heading_rad, height_m = tick.setpoints[vehicle]
-                speed_mps = within(speed_mps, model.speed_min_mps, model.speed_max_mps)
-                if place:
-                    advance(state, model, speed_mps, heading_rad, height_m, (end - since) / NANOSECONDS)
-                else:
-                    respond(state, model, speed_mps, heading_rad, height_m, (end - since) / NANOSECONDS)
-                since = end
-
-    def _acting(self, instant: int, vehicle: int) -> int:
-        """Return the place of a vehicle's newest setpoint that acts at an instant; the oldest if none does yet."""
-        index = len(self._ticks) - 1
-        while index > 0 and self._ticks[index].acts[vehicle] > instant:
-            index -= 1
-        return index
-
-    def commanded(self, instant: int, vehicle: int) -> Triple:
-        """Return a vehicle's newest setpoint that acts at an instant, or the oldest one if none does yet."""
-        return self._ticks[self._acting(instant, vehicle)].setpoints[vehicle]
-
-    def between(self, since: list[int], until: list[int]) -> list[SentSetpoints]:
-        """Return the ticks by whose setpoints any vehicle flew from `since` to `until`, instants of each vehicle."""
-        first = min(self._acting(begin, vehicle) for vehicle, begin in enumerate(since))
-        last = max(self._acting(end - 1, vehicle) for vehicle, end in enumerate(until))
-        return self._ticks[first : max(first, last) + 1]
 
 
 class Measured:
@@ -167,16 +94,16 @@ class Sampled:
 
     def __init__(self, stamps: list[int], states: list[FlightState], before: Sampled | None) -> None:
         """Take the states at their stamps, in ns, and what the sample of the tick before knew."""
-        self.stamps = stamps
+        self.stamps = vec[i64](stamps)
         self.states = states
-        self.carried_north_m = [0.0] * len(stamps)
+        self.carried_north_m = vec[float]([0.0] * len(stamps))
         """How far the wind has carried each vehicle since the first sample."""
-        self.carried_east_m = [0.0] * len(stamps)
+        self.carried_east_m = vec[float]([0.0] * len(stamps))
         if before is None:
             return
         for vehicle, now in enumerate(states):
             then = before.states[vehicle]
-            half_s = (stamps[vehicle] - before.stamps[vehicle]) / NANOSECONDS / 2.0
+            half_s = float(self.stamps[vehicle] - before.stamps[vehicle]) / NANOSECONDS / 2.0
             north_m = half_s * (then.wind_north_mps + now.wind_north_mps)
             self.carried_north_m[vehicle] = before.carried_north_m[vehicle] + north_m
             east_m = half_s * (then.wind_east_mps + now.wind_east_mps)
@@ -211,24 +138,23 @@ class WhenSetpointsAct(States):
         for the usual interval between two messages, where it would only add the other's measurement noise.
         """
         newest = self._samples[-1]
-        at = newest.stamps[whose]
-        begin = newest if which == whose else self._nearest(which, at)
+        begin = newest if which == whose else self._nearest(which, newest.stamps[whose])
         state, since = begin.states[which].copy(), begin.stamps[which]
         if which != whose:
-            met = self._nearest(whose, min(since + self._between_messages, at))
+            met = self._nearest(whose, min(since + self._between_messages, newest.stamps[whose]))
             if met is not newest:
                 self._meet(state, whose, met, since)
         self._history.carry(state, since, self._acts[whose], which, self._models[which])
         return state
 
-    def _meet(self, state: FlightState, whose: int, met: Sampled, since: int) -> None:
+    def _meet(self, state: FlightState, whose: int, met: Sampled, since: i64) -> None:
         """Move a state at `since` to where the wind has carried it that `whose` has met since the sample `met`.
 
         The prediction takes the wind to have been as it is now since the beginning.
         """
         newest, then = self._samples[-1], met.states[whose]
-        now, over_s = newest.states[whose], (newest.stamps[whose] - met.stamps[whose]) / NANOSECONDS
-        ago_s = (met.stamps[whose] - since) / NANOSECONDS
+        now, over_s = newest.states[whose], float(newest.stamps[whose] - met.stamps[whose]) / NANOSECONDS
+        ago_s = float(met.stamps[whose] - since) / NANOSECONDS
         north_mps = now.wind_north_mps - then.wind_north_mps
         north_m = newest.carried_north_m[whose] - met.carried_north_m[whose] - now.wind_north_mps * over_s
         state.north_m += north_m - north_mps * ago_s
@@ -238,22 +164,26 @@ class WhenSetpointsAct(States):
         state.east_m += east_m - east_mps * ago_s
         state.wind_east_mps += east_mps
 
-    def _nearest(self, vehicle: int, stamp: int) -> Sampled:
+    def _nearest(self, vehicle: i64, stamp: i64) -> Sampled:
         """Return the sample of a vehicle that is nearest to a stamp."""
         best = index = len(self._samples) - 1
-        apart = abs(self._samples[best].stamps[vehicle] - stamp)
+        nearest = _apart(self._samples[best].stamps[vehicle], stamp)
         while index > 0:
             index -= 1
-            older = abs(self._samples[index].stamps[vehicle] - stamp)
-            if older > apart:
+            older = _apart(self._samples[index].stamps[vehicle], stamp)
+            if older > nearest:
                 break
-            if older < apart:
-                best, apart = index, older
+            if older < nearest:
+                best, nearest = index, older
         return self._samples[best]
 
     def instant(self, whose: int) -> int:
         """Return when the setpoint acts."""
         return self._acts[whose]
+
+
+def _apart(one: i64, other: i64) -> i64:
+    return one - other if one > other else other - one
 
 
 class AsMeasured(Projection):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from statistics import median
 from typing import NamedTuple
 
@@ -59,7 +59,7 @@ class CommonClock:
     """Decides whose UTC is used, and what it is on our clock."""
 
     def __init__(
-        self, scenario: Scenario, vehicles: Mapping[VehicleId, Vehicle], utc_at_0_s: float | None, note: Note
+        self, scenario: Scenario, vehicles: dict[VehicleId, Vehicle], utc_at_0_s: float | None, note: Note
     ) -> None:
         """Serve `vehicles`; `utc_at_0_s` is UTC minus our clock by that clock itself."""
         self._vehicles = [vehicle for vehicle in vehicles.values() if vehicle.gnss is not None]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping
 from typing import Final, NamedTuple
 
 from airlink.clock import NANOSECONDS, Instant, after, seconds_between
@@ -15,7 +14,7 @@ from formation_scenario.navigation import NoisyNavigation
 from formation_scenario.reconfiguration import column_models
 from formation_scenario.shapes import columns
 from gcs_formation.controller import FormationController
-from gcs_formation.estimation.projection import SetpointHistory
+from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.parameters import autopilot_models
 from gcs_formation.recorder import Detail, Note, Tick, unknown_state
 from gcs_formation.vehicle.vehicle import UNANSWERED_S, Member, Vehicle
@@ -225,8 +224,8 @@ class ConformanceMonitor:
         self,
         scenario: Scenario,
         controller: FormationController,
-        vehicles: Mapping[VehicleId, Vehicle],
-        columns: Mapping[VehicleId, int],
+        vehicles: dict[VehicleId, Vehicle],
+        columns: dict[VehicleId, int],
         note: Note,
     ) -> None:
         """Compare `vehicles`; `columns` are theirs in the controller."""
@@ -240,8 +239,8 @@ class ConformanceMonitor:
                 channel.allow(max(GAP_S, 2.5 / scenario.law.rate_hz))
         self._unanswered = set[VehicleId]()
         """Those that were commanded and answered nothing."""
-        self._commanded: dict[int, Instant] = {}
-        """Since when each column has been commanded without interruption."""
+        self._since: list[Instant | None] = [None] * (1 + len(scenario.followers))
+        """Since when each column has been commanded without interruption, (C,)."""
 
     @property
     def doubted(self) -> list[bool]:
@@ -286,18 +285,18 @@ class ConformanceMonitor:
 
     def judge_motion(self, tick: Tick, now: Instant) -> None:
         """Check how the vehicles follow this and earlier ticks' setpoints."""
-        commanded, active = self._commanded, tick.active
-        for column in self._columns.values():
-            if not active[column]:
-                commanded.pop(column, None)
-            elif column not in commanded:
-                commanded[column] = now
+        for column, active in enumerate(tick.active):
+            if not active:
+                self._since[column] = None
+            elif self._since[column] is None:
+                self._since[column] = now
         if not self._motion.due(now):
             return
-        filters, settled = self._controller.estimator.filters, [[False] * len(CHANNELS) for _ in active]
-        commanded_s = [0.0] * len(active)
+        filters, settled = self._controller.estimator.filters, [[False] * len(CHANNELS) for _ in tick.active]
+        commanded_s = [0.0] * len(settled)
         for identity, column in self._columns.items():
-            since = commanded.get(column, now)
+            began = self._since[column]
+            since = now if began is None else began
             commanded_s[column] = seconds_between(since, now)
             settled[column] = self._settled(self._vehicles[identity], since, now)
         before = self._motion.broken

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Set
+from collections.abc import Set
 from typing import Final
 
 from airlink import mavlink as m
@@ -12,7 +12,7 @@ from airlink.endpoint import VehicleId
 from airlink.engine import DelayQueue
 from airlink.messages import MISSION_TIME, Message
 from airlink.messages.system import Heartbeat, NamedValueFloat
-from flight_model.autopilot import Setpoint
+from flight_model.autopilot import Setpoint, finite
 from formation_scenario import Scenario
 from gcs_formation.link.connection import LinkState
 from gcs_formation.recorder import Note, Tick, VehicleLink
@@ -33,9 +33,7 @@ PROBE_DITHER_S: Final = 0.02
 class Dispatch:
     """Sends each vehicle its setpoints; the leader's are delayed until the slowest follower's act."""
 
-    def __init__(
-        self, scenario: Scenario, vehicles: Mapping[VehicleId, Vehicle], columns: Mapping[VehicleId, int]
-    ) -> None:
+    def __init__(self, scenario: Scenario, vehicles: dict[VehicleId, Vehicle], columns: dict[VehicleId, int]) -> None:
         """Serve `vehicles`; `columns` are theirs in a tick."""
         self._virtual_leader = scenario.leader is None
         self._compensates = scenario.law.delay_compensation
@@ -81,9 +79,10 @@ class Dispatch:
         """Take a tick's setpoints; one that isn't finite is never sent."""
         self._guided.clear()
         for identity, vehicle, column in self._each:
-            state, (speed_mps, heading_rad, height_m) = tick.state[column], tick.setpoints[column]
+            state = tick.state[column]
+            speed_mps, heading_rad, height_m = tick.setpoints[column]
             known = state.north_m + state.east_m + state.height_m + state.wind_north_mps + state.wind_east_mps
-            usable = tick.active[column] and math.isfinite(speed_mps + heading_rad + height_m + known)
+            usable = tick.active[column] and finite(speed_mps + heading_rad + height_m + known)
             if usable or vehicle.member is not Member.FLYING:
                 self._without.pop(identity, None)
             else:
@@ -98,19 +97,21 @@ class Dispatch:
 
     def _send(self, vehicle: Vehicle, messages: list[Message], due: Instant, now: Instant) -> None:
         if due <= now:
-            self._at_once.extend((vehicle, message) for message in messages)
+            for message in messages:
+                self._at_once.append((vehicle, message))
         else:
             for message in messages:
                 self._held.push(due, (vehicle, message))
         self.due = min(self.due, due)
 
-    def stand_ins(self, now: Instant) -> Iterator[tuple[Vehicle, Message]]:
-        """Yield what keeps vehicles ready for setpoints where a tick has none, unless that lasts for too long."""
-        unguided = self.unguided(now)
+    def stand_ins(self, now: Instant) -> list[tuple[Vehicle, Message]]:
+        """Return what keeps vehicles ready for setpoints where a tick has none, unless that lasts for too long."""
+        unguided, found = self.unguided(now), list[tuple[Vehicle, Message]]()
         for identity, vehicle, _ in self._each:
             if identity not in self._guided and identity not in unguided and vehicle.start_up.acted:
-                yield from ((vehicle, message) for message in vehicle.autopilot.stand_in)
+                found += [(vehicle, message) for message in vehicle.autopilot.stand_in]
         self._guided.clear()
+        return found
 
     def unguided(self, now: Instant) -> frozenset[VehicleId]:
         """Return the vehicles that fly in the formation, and for which there have been no setpoints for a while."""
@@ -154,7 +155,7 @@ class HeartbeatScheduler:
     comes, gets none. Then its own failsafe acts.
     """
 
-    def __init__(self, vehicles: Mapping[VehicleId, Vehicle], note: Note) -> None:
+    def __init__(self, vehicles: dict[VehicleId, Vehicle], note: Note) -> None:
         """Serve `vehicles`, from the first instant on."""
         self.next_probe = Instant(0)
         self._vehicles = vehicles
@@ -177,25 +178,27 @@ class HeartbeatScheduler:
         self._next_heartbeat = after(now, HEARTBEAT_S)
         return True
 
-    def greetings(self, mission_s: float, unguided: Set[VehicleId], now: Instant) -> Iterator[tuple[Vehicle, Message]]:
-        """Yield the heartbeat of every vehicle but the `unguided`, and the mission time once there is one."""
+    def greetings(self, mission_s: float, unguided: Set[VehicleId], now: Instant) -> list[tuple[Vehicle, Message]]:
+        """Return the heartbeat of every vehicle but the `unguided`, and the mission time once there is one."""
+        found = list[tuple[Vehicle, Message]]()
         for identity, vehicle in self._vehicles.items():
             if (identity in unguided) != (identity in self._withheld):
                 text = "withheld: there is no setpoint for it" if identity in unguided else "sent again"
                 self._note(now, "heartbeats", text, vehicle)
             if identity in unguided:
                 continue
-            yield vehicle, Heartbeat(m.MAV_TYPE_GCS, m.MAV_AUTOPILOT_INVALID, 0, 0, m.MAV_STATE_ACTIVE)
-            if math.isfinite(mission_s):
-                yield vehicle, NamedValueFloat(seconds_between(Instant(0), now), MISSION_TIME, mission_s)
+            found.append((vehicle, Heartbeat(m.MAV_TYPE_GCS, m.MAV_AUTOPILOT_INVALID, 0, 0, m.MAV_STATE_ACTIVE)))
+            if finite(mission_s):
+                since_0_s = seconds_between(Instant(0), now)
+                found.append((vehicle, NamedValueFloat(since_0_s, MISSION_TIME, mission_s)))
         self._withheld = frozenset(unguided)
+        return found
 
-    def probes(self, now: Instant) -> Iterator[tuple[Vehicle, Message]]:
-        """Yield a probe for every vehicle that was ever heard, and schedule the next ones."""
+    def probes(self, now: Instant) -> list[tuple[Vehicle, Message]]:
+        """Return a probe for every vehicle that was ever heard, and schedule the next ones."""
         self._probes += 1
         dither_s = PROBE_DITHER_S * ((self._probes * GOLDEN) % 1.0)
         grid_s = (math.floor(seconds_between(Instant(0), now) / PROBE_S) + 1) * PROBE_S
         self.next_probe = after(Instant(0), grid_s + dither_s)
-        for vehicle in self._vehicles.values():
-            if vehicle.connection.state is not LinkState.SEARCHING:
-                yield vehicle, vehicle.probe(now)
+        heard = [each for each in self._vehicles.values() if each.connection.state is not LinkState.SEARCHING]
+        return [(vehicle, vehicle.probe(now)) for vehicle in heard]

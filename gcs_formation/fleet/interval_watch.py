@@ -9,8 +9,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Final, NamedTuple
+from typing import Final
 
 from airlink import mavlink as m
 from airlink.clock import Instant, after, seconds_between
@@ -32,37 +31,35 @@ ASK_AGAIN_S, ASK_AGAIN_MAX_S = 2.5, 60.0
 """Interval between requests, doubled after each that changes nothing, up to the second value."""
 
 
-class Look(NamedTuple):
+class Look:
     """Counts of what a vehicle has sent up to an instant."""
 
-    heard_s: float
-    """Time during which it was heard at all, s."""
-    received: int
-    lost: int
-    messages: tuple[int, ...]
-    """Count of each requested message."""
+    __slots__ = ("heard_s", "lost", "messages", "received")
+
+    def __init__(self, heard_s: float, received: int, lost: int, messages: list[int]) -> None:
+        """Take the time during which it was heard at all, the frames, and the count of each requested message."""
+        self.heard_s = heard_s
+        self.received = received
+        self.lost = lost
+        self.messages = messages
 
 
-@dataclass
 class Streams:
     """The messages requested from one vehicle, and what has arrived."""
 
-    rates_hz: Mapping[int, float]
-    looks: deque[Look] = field(init=False)
-    missing: tuple[int, ...] = ()
-    refused: bool = False
-    next_request: Instant = Instant(0)
-    wait_s: float = ASK_AGAIN_S
-    last_look: Instant = Instant(0)
-
-    def __post_init__(self) -> None:
+    def __init__(self, rates_hz: Mapping[int, float]) -> None:
         """Keep counts for as long as the slowest message needs."""
-        self._spans = tuple(math.ceil(max(WINDOW_S, FEWEST / rate_hz) / LOOK_S) for rate_hz in self.rates_hz.values())
+        self.rates_hz = dict(rates_hz)
+        self.missing: tuple[int, ...] = ()
+        self.refused = False
+        self.next_request = self.last_look = Instant(0)
+        self.wait_s = ASK_AGAIN_S
+        self._spans = [math.ceil(max(WINDOW_S, FEWEST / rate_hz) / LOOK_S) for rate_hz in self.rates_hz.values()]
         self.looks = deque[Look](maxlen=1 + max(self._spans))
 
     def look(self, vehicle: Vehicle, now: Instant) -> None:
         """Record the counts; time in which nothing arrives isn't counted against a single message."""
-        sequence, messages = vehicle.sequence, tuple(vehicle.messages_in.get(each, 0) for each in self.rates_hz)
+        sequence, messages = vehicle.sequence, [vehicle.messages_in.get(each, 0) for each in self.rates_hz]
         heard_s, arrived = 0.0, True
         if self.looks:
             before = self.looks[-1]
@@ -73,11 +70,12 @@ class Streams:
 
     def too_few(self) -> tuple[int, ...]:
         """Return the messages of which less than half of what the link lets through arrives."""
-        last = self.looks[-1]
+        last, looked = self.looks[-1], len(self.looks)
         found: list[int] = []
         for place, (message_id, rate_hz) in enumerate(self.rates_hz.items()):
-            if len(self.looks) > self._spans[place]:
-                first = self.looks[-1 - self._spans[place]]
+            span = self._spans[place]
+            if looked > span:
+                first = self.looks[-1 - span]
                 count = last.messages[place] - first.messages[place]
                 if _is_too_few(count, rate_hz * (last.heard_s - first.heard_s), _share_arriving(first, last)):
                     found.append(message_id)

@@ -21,12 +21,12 @@ SUCCESSION_S: Final = 3.0
 """Silence of a leader, or time without answers from it, after which another vehicle takes over, if one can."""
 MUTE_S: Final = 1.5
 """How long heartbeats of a vehicle that is heard may be missing; after that its mode counts as unknown."""
-WITHOUT_HEARTBEATS = (LinkState.MUTE, LinkState.LOST)
+WITHOUT_HEARTBEATS: Final = (LinkState.MUTE, LinkState.LOST)
 ORDER_COMES_S: Final = 5.0
 """For how long after it was last sent a command to loiter may still reach a vehicle."""
 BACK_S: Final = 3.0
 """Largest age of telemetry with which a vehicle returns to the formation."""
-UNCOMMANDED = (Member.FLYING, Member.UNHEARD)
+UNCOMMANDED: Final = (Member.FLYING, Member.UNHEARD)
 """Those that haven't been told to loiter."""
 
 
@@ -74,7 +74,7 @@ class Membership:
     """The vehicles' membership in the formation."""
 
     def __init__(
-        self, scenario: Scenario, vehicles: Mapping[VehicleId, Vehicle], columns: Mapping[VehicleId, int], note: Note
+        self, scenario: Scenario, vehicles: dict[VehicleId, Vehicle], columns: dict[VehicleId, int], note: Note
     ) -> None:
         """Judge `vehicles`, the leader first; `columns` are theirs in the estimator."""
         self._holds_delayed, self._max_age_s = scenario.law.on_delay == "hold", scenario.law.max_age_s

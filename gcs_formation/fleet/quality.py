@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from typing import Final
 
 import numpy as np
 
@@ -18,29 +19,32 @@ from gcs_formation.recorder import Detail, Note
 from gcs_formation.stability import LoopDelay, Usage, law_loops, loop_delay_s
 from gcs_formation.vehicle.vehicle import Vehicle
 
-NEAR = 0.8
+NEAR: Final = 0.8
 """Share of the margin from which an event is recorded."""
-CLEAR = 0.7
+CLEAR: Final = 0.7
 """Share below which another event records that it is over."""
-DEGRADE = 0.9
+DEGRADE: Final = 0.9
 """Share from which gains are lowered."""
-RESTORE = 0.5
+RESTORE: Final = 0.5
 """Share below which lowered gains are raised again, after `CALM_LOOKS` looks."""
-CALM_LOOKS = 10
+CALM_LOOKS: Final = 10
 """Consecutive looks, one a second: the standard deviation of a few round trips is uncertain itself."""
-KEPT = 0.7
+KEPT: Final = 0.7
 """Share in use after either change; the fuzzy scheduler can reduce a margin to about 0.77 of itself."""
-CHANNELS = {"x": "speed", "y": "heading", "z": "height"}
-OFF = 1.8
+CHANNELS: Final = {"x": "speed", "y": "heading", "z": "height"}
+PLACES: Final = {axis: [place] for place, axis in enumerate(CHANNELS)}
+"""The channel of each axis."""
+EVERY_PLACE: Final = list(range(len(CHANNELS)))
+OFF: Final = 1.8
 """Ratio to the declared noise, or its inverse, from which it isn't as declared."""
-BACK = 1.4
+BACK: Final = 1.4
 """Ratio below which it is again."""
-UNDESIGNED_S = 0.05
+UNDESIGNED_S: Final = 0.05
 """By how much links may be slower than gains by design are for before these are designed anew."""
-SLOW_LOOKS = 5
+SLOW_LOOKS: Final = 5
 """Consecutive looks, one a second, for which they must have been slower in flight: a machine may be held up."""
-DESIGN_STEP_S = 0.01
-UNITS = ("m", "m", "m/s", "m/s", "m/s", "rad")
+DESIGN_STEP_S: Final = 0.01
+UNITS: Final = ("m", "m", "m/s", "m/s", "m/s", "rad")
 
 
 class DesignWatch:
@@ -49,7 +53,7 @@ class DesignWatch:
     def __init__(
         self,
         scenario: Scenario,
-        vehicles: Mapping[VehicleId, Vehicle],
+        vehicles: dict[VehicleId, Vehicle],
         retunes: Sequence[Callable[[Scenario], None]],
         note: Note,
     ) -> None:
@@ -95,7 +99,7 @@ class MarginWatch:
     """Determines once a second how much of their margin each vehicle's loops use, and acts on it."""
 
     def __init__(
-        self, scenario: Scenario, vehicles: Mapping[VehicleId, Vehicle], columns: Mapping[VehicleId, int], note: Note
+        self, scenario: Scenario, vehicles: dict[VehicleId, Vehicle], columns: dict[VehicleId, int], note: Note
     ) -> None:
         """Watch the loops that the law closes around `vehicles`, whose columns in the controller are `columns`."""
         self.used = [math.nan] * (1 + len(scenario.followers))
@@ -105,7 +109,7 @@ class MarginWatch:
         self.most_used = 0.0
         self.longest_s = math.nan
         """Longest loop delay so far."""
-        self._scenario = scenario
+        self._scenario, self._mutual = scenario, law_kind(scenario).mutual
         self._vehicles = vehicles
         self._columns = columns
         self._note = note
@@ -140,7 +144,7 @@ class MarginWatch:
         self._lags_off = lags_off
         for identity, axes in self._axes.items():
             vehicle = self._vehicles[identity]
-            if vehicle is leader and not law_kind(self._scenario).mutual:
+            if vehicle is leader and not self._mutual:
                 self._let_go(vehicle)
             else:
                 self._look(now, vehicle, axes)
@@ -153,7 +157,8 @@ class MarginWatch:
         by_lags, channel = self._by_lags(column, delay, axes)
         self.used[column] = used = by_delay + by_lags
         self.most_used = max(self.most_used, used if math.isfinite(used) else 0.0)
-        self.longest_s = float(np.fmax(self.longest_s, delay.mean_s))
+        if math.isnan(self.longest_s) or delay.mean_s > self.longest_s:
+            self.longest_s = delay.mean_s
         self._say(now, vehicle, used, channel if by_lags > by_delay else None)
         if by_delay >= 1.0:
             self.beyond.add(vehicle.identity)
@@ -180,7 +185,7 @@ class MarginWatch:
         """Return the delay of a vehicle's loops; without prediction, consensus waits for the latest of all states."""
         clock, law = self._vehicles[identity].clock, self._scenario.law
         down_s = self._vehicles[identity].down_s
-        if law_kind(self._scenario).mutual and not law.delay_compensation:
+        if self._mutual and not law.delay_compensation:
             down_s = float(np.fmax.reduce([self._vehicles[each].down_s for each in self._axes]))
         rates = self._scenario.telemetry.rate_hz, law.rate_hz
         up_s = 2.0 * clock.one_way_s - self._vehicles[identity].down_s
@@ -231,30 +236,30 @@ class MarginWatch:
 
 def _channels(axis: str) -> list[int]:
     """Return the channels of an axis: one, or all for the consensus law."""
-    return [list(CHANNELS).index(axis)] if axis in CHANNELS else list(range(len(CHANNELS)))
+    return PLACES.get(axis, EVERY_PLACE)
 
 
 class NoiseWatch:
     """Compares the noise that is seen with the declared one; the law goes by what is seen."""
 
-    def __init__(self, vehicles: Mapping[VehicleId, Vehicle], columns: Mapping[VehicleId, int], note: Note) -> None:
+    def __init__(self, vehicles: dict[VehicleId, Vehicle], columns: dict[VehicleId, int], note: Note) -> None:
         """Watch `vehicles`, whose columns in the estimate are `columns`."""
         self._vehicles, self._columns, self._note = vehicles, columns, note
         self._off: set[VehicleId] = set()
 
     def watch(self, now: Instant, noise: NoiseEstimate) -> None:
         """Look once a second; of a vehicle whose noise is off, the quantity that is farthest off is named."""
-        of_all = noise.ratios
         for identity, column in self._columns.items():
-            ratios = of_all[:, column]
-            worst = int(np.abs(np.log(ratios)).argmax())
-            ratio, was_off = float(ratios[worst]), identity in self._off
-            apart = max(ratio, 1.0 / ratio)
+            ratios, was_off, worst, apart = noise.ratios(column), identity in self._off, 0, 1.0
+            for place, each in enumerate(ratios):
+                if max(each, 1.0 / each) > apart:
+                    worst, apart = place, max(each, 1.0 / each)
             if not was_off and apart >= OFF:
                 self._off.add(identity)
-                sigma = float(noise.sigma[worst, column])
+                sigma, ratio = noise.sigma(column)[worst], ratios[worst]
                 text = f"{QUANTITIES[worst]} is {ratio:.1f} times as noisy as declared: {sigma:.2g} {UNITS[worst]}"
                 self._note(now, "noise", text, self._vehicles[identity], {"ratio": ratio})
             elif was_off and apart < BACK:
                 self._off.remove(identity)
-                self._note(now, "noise", "is as noisy as declared again", self._vehicles[identity], {"ratio": ratio})
+                details: dict[str, Detail] = {"ratio": ratios[worst]}
+                self._note(now, "noise", "is as noisy as declared again", self._vehicles[identity], details)

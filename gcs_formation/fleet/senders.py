@@ -13,7 +13,6 @@ from airlink.clock import Instant
 from airlink.endpoint import VehicleId
 from airlink.engine import Datagram
 from airlink.frame import Frame
-from airlink.messages import Message
 from airlink.messages.system import Heartbeat
 from gcs_formation.link.source_binding import ADMITTED, Finding
 from gcs_formation.phases import Flight, Phase
@@ -22,6 +21,7 @@ from gcs_formation.vehicle.vehicle import STATION_SYSTEM, Vehicle
 
 AUTOPILOT: Final = m.MAV_COMP_ID_AUTOPILOT1
 NO_AUTOPILOT: Final = m.MAV_AUTOPILOT_INVALID
+SYSTEMS: Final = 256
 EVERYONE = 0
 """MAVLink's broadcast id, which no sender may have."""
 
@@ -39,11 +39,12 @@ class Senders:
     ) -> None:
         """Know `vehicles`; `networks[s]` is the network of socket s."""
         self._networks = networks
-        self._vehicles = [
-            {identity.system: vehicle for identity, vehicle in vehicles.items() if identity.network == network}
-            for network in networks
-        ]
+        self._vehicles: list[list[Vehicle | None]] = [[None] * SYSTEMS for _ in networks]
         """By socket and system id."""
+        for identity, vehicle in vehicles.items():
+            for socket, network in enumerate(networks):
+                if network == identity.network:
+                    self._vehicles[socket][identity.system] = vehicle
         self._flight = flight
         self._note = note
         self._give_up = give_up
@@ -52,12 +53,12 @@ class Senders:
     def sender(self, frame: Frame, datagram: Datagram, now: Instant) -> Vehicle | None:
         """Return the vehicle whose autopilot sent a frame, None if another sender did."""
         socket, message = datagram.socket, frame.message
-        vehicle = self._vehicles[socket].get(frame.system)
+        vehicle = self._vehicles[socket][frame.system]
         if vehicle is None:
             self._note_stranger(VehicleId(self._networks[socket], frame.system), frame, datagram, now)
             return None
-        if frame.component != AUTOPILOT or _is_no_autopilots(message):
-            return None
+        if frame.component != AUTOPILOT or (isinstance(message, Heartbeat) and message.autopilot == NO_AUTOPILOT):
+            return None  # that of a device that isn't an autopilot, such as a companion computer
         ruling = vehicle.source_binding.judge(message, socket, datagram.peer, now)
         if ruling is ADMITTED:
             return vehicle
@@ -84,8 +85,3 @@ class Senders:
         else:
             why = "is everyone's address and nobody's id" if identity.system == EVERYONE else "isn't in the scenario"
             self._note(now, "stranger", f"system {identity} is heard, but {why}", None, details)
-
-
-def _is_no_autopilots(message: Message | None) -> bool:
-    """Return whether it is the heartbeat of a device that isn't an autopilot, such as a companion computer."""
-    return isinstance(message, Heartbeat) and message.autopilot == NO_AUTOPILOT

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from typing import Final
 
 from airlink.clock import Instant, seconds_between
-from flight_model.autopilot import AutopilotModel, FlightState, Setpoint, rotated
+from flight_model.autopilot import AutopilotModel, FlightState, Setpoint, rotated, signed
 from flight_model.curve import PathPoint
 from flight_model.displacement import PEAK_CHANGE, PEAK_RATE, DisplacedPath, minimum_jerk
 from flight_model.path import Route, SplinePath
 from flight_model.slot import Slot
-from gcs_formation.estimation.projection import HISTORY_S
+from gcs_formation.estimation.setpoint_history import HISTORY_S
 from gcs_formation.guidance.tracking import (
     LEAST_MPS,
     JoinRoute,
@@ -173,7 +173,7 @@ class LeaderCommands:
         """Add a tick's command, and when it acts; its heading goes on from the one before without a jump."""
         if self._commands:
             before_rad = self._commands[-1].heading_rad
-            command.heading_rad = before_rad + math.remainder(command.heading_rad - before_rad, math.tau)
+            command.heading_rad = before_rad + signed(command.heading_rad - before_rad)
         self._acts.append(max(acts, self._acts[-1]) if self._acts else acts)
         self._commands.append(command)
         if len(self._commands) > self._length:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
@@ -23,14 +24,14 @@ from formation_scenario.formation import FormationChange, Frame
 from formation_scenario.shapes import Arrangement, assigned
 from formation_scenario.slot_motion import SlotMotion, Transition
 
-APART_S = 0.05
+APART_S: Final = 0.05
 """Interval of the moments at which slots are evaluated; between them they are extrapolated at constant acceleration."""
-AHEAD_STEPS = 100
+AHEAD_STEPS: Final = 100
 """Steps of the lifts' splines: 2 km, on which a climb at the formation's limit gains 190 m."""
-ADVANCE_M = 100.0
+ADVANCE_M: Final = 100.0
 """Distance that the leader flies before lifts are computed again."""
-UP = np.array([0.0, 0.0, 1.0])
-KEPT_M = 40.0
+UP: Final = np.array([0.0, 0.0, 1.0])
+KEPT_M: Final = 40.0
 """Distance around the present position within which a lift isn't changed, since setpoints act at different times."""
 
 

@@ -7,7 +7,6 @@ delay is NTP's clock filter (RFC 5905, section 10) put into a two-state Kalman f
 from __future__ import annotations
 
 import math
-from collections import deque
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -53,7 +52,8 @@ class ClockSync:
     _shown_ns: int = 0
     """What the clock showed last."""
     _variance: tuple[float, float, float] = (1.0, 0.0, INITIAL_DRIFT**2)
-    _recent: deque[float] = field(default_factory=lambda: deque[float](maxlen=WINDOW))
+    _recent: list[float] = field(default_factory=list[float])
+    """The last round trips, `WINDOW` at most."""
 
     @property
     def scatter_s(self) -> float:
@@ -61,11 +61,17 @@ class ClockSync:
         count = len(self._recent)
         if count < 2:
             return 0.0
-        mean_s = sum(self._recent) / count
+        mean_s = self._mean_s()
         total = 0.0
         for each in self._recent:
             total += squared(each - mean_s)
-        return math.sqrt(total / (count - 1))
+        return math.sqrt(total / (count - 1.0))
+
+    def _mean_s(self) -> float:
+        total = 0.0
+        for each in self._recent:
+            total += each
+        return total / float(len(self._recent))
 
     def last_one_way_s(self) -> float:
         """Half of the last round trip, without the answering loop's mean share; can be below 0."""
@@ -75,7 +81,9 @@ class ClockSync:
         """Take an answered probe; return whether it shows that the vehicle's clock has restarted."""
         self.round_trip_s = (received - sent) / NANOSECONDS
         self._recent.append(self.round_trip_s)
-        self.one_way_s = max(0.0, (sum(self._recent) / len(self._recent) - self.loop_s / 2) / 2)
+        if len(self._recent) > WINDOW:
+            del self._recent[0]
+        self.one_way_s = max(0.0, (self._mean_s() - self.loop_s / 2) / 2)
         middle = Instant((sent + received) // 2)
         sample_s = (vehicle_time_ns - middle) / NANOSECONDS
         off_s = sample_s - self._predict(middle) if self.samples else 0.0
@@ -111,7 +119,7 @@ class ClockSync:
 
     def _begin(self, at: Instant, sample_s: float) -> None:
         self.offset_s, self.drift, self._reference = sample_s, 0.0, at
-        self._variance = (self._sample_variance(), 0.0, INITIAL_DRIFT**2)
+        self._variance = (self._sample_variance(), 0.0, squared(INITIAL_DRIFT))
 
     def _step(self, at: Instant, sample_s: float) -> None:
         """Follow a clock that has stepped: its rate is what it was."""
@@ -124,9 +132,9 @@ class ClockSync:
         self.offset_s += self.drift * elapsed_s
         self._reference = to
         self._variance = (
-            p00 + elapsed_s * (2 * p01 + elapsed_s * p11) + OFFSET_NOISE**2 * elapsed_s,
+            p00 + elapsed_s * (2 * p01 + elapsed_s * p11) + squared(OFFSET_NOISE) * elapsed_s,
             p01 + elapsed_s * p11,
-            p11 + DRIFT_NOISE**2 * elapsed_s,
+            p11 + squared(DRIFT_NOISE) * elapsed_s,
         )
 
     def _correct(self, sample_s: float) -> None:
@@ -144,6 +152,9 @@ class ClockSync:
         Where queues cause the delay, the fastest round trips are the most accurate; where both delays vary at random,
         none is better than the others.
         """
-        excess_s = self.round_trip_s - min(self._recent)
+        fastest_s = self.round_trip_s
+        for each in self._recent:
+            fastest_s = min(fastest_s, each)
+        excess_s = self.round_trip_s - fastest_s
         scatter_s = self.scatter_s if len(self._recent) >= FEW else UNKNOWN_SCATTER_S
-        return RESOLUTION_S**2 + (squared(excess_s) + squared(scatter_s)) / 4
+        return squared(RESOLUTION_S) + (squared(excess_s) + squared(scatter_s)) / 4

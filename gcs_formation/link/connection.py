@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import math
 from collections import OrderedDict
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import Enum
 from typing import Final
+
+from librt.vecs import vec
+from mypy_extensions import i64
 
 from airlink.clock import NANOSECONDS, Instant, seconds_between
 from airlink.endpoint import Address
 from airlink.engine import Datagram
 from airlink.frame import Frame, ParserCounts, StreamParser
+from airlink.messages import KINDS, Message, kind_of
 
 MODULUS: Final = 256
+ANY: Final = -1
 LATE: Final = MODULUS // 2
 """A number at most this far behind the newest belongs to a late or repeated frame; any other is ahead of it."""
 SHARE: Final = 1 / 16
@@ -22,7 +27,8 @@ STALE_AFTER_S: Final = 1.5
 LOST_AFTER_S: Final = 5.0
 MUTE_AFTER_S: Final = 3.5
 """Three and a half heartbeats, as is usual in ground stations."""
-STALE_AFTER_NS, MUTE_AFTER_NS = round(STALE_AFTER_S * NANOSECONDS), round(MUTE_AFTER_S * NANOSECONDS)
+STALE_AFTER_NS: Final = round(STALE_AFTER_S * NANOSECONDS)
+MUTE_AFTER_NS: Final = round(MUTE_AFTER_S * NANOSECONDS)
 ALL_LOST: Final = 1e-6
 """On a lossy link it takes longer: until losing all heartbeats that were due is less probable than this."""
 MAX_REMOTES: Final = 1024
@@ -31,7 +37,6 @@ MANY_REMOTES: Final = MAX_REMOTES // 2
 """From here on they are kept in the order in which they were heard."""
 
 
-@dataclass
 class SequenceTracker:
     """Counts frames received and lost (MAVLink guide, "Packet loss").
 
@@ -39,18 +44,21 @@ class SequenceTracker:
     Exact as long as fewer than 127 frames are lost in a row.
     """
 
-    received: int = 0
-    lost: int = 0
-    repeated: int = 0
-    _newest: int | None = None
-    _missing: set[int] = field(default_factory=set[int])
-    """Numbers counted as lost that may still come."""
+    def __init__(self) -> None:
+        """Start with nothing heard."""
+        self.received = self.lost = self.repeated = 0
+        self._newest: int | None = None
+        self._expected = ANY
+        """The number of the next frame if none is missing."""
+        self._missing: set[int] = set()
+        """Numbers counted as lost that may still come."""
 
     def observe(self, sequence: int) -> None:
         """Take the sequence number of a frame that arrived."""
-        if self._newest is not None and sequence == (self._newest + 1) % MODULUS and not self._missing:
+        if sequence == self._expected:
             self.received += 1
             self._newest = sequence
+            self._expected = (sequence + 1) % MODULUS
             return
         newest = (sequence - 1) % MODULUS if self._newest is None else self._newest
         if (newest - sequence) % MODULUS <= LATE:
@@ -63,10 +71,14 @@ class SequenceTracker:
         if gap or self._missing:
             self._missing.update((newest + ahead) % MODULUS for ahead in range(1, gap + 1))
             self._missing = {number for number in self._missing if (sequence - number) % MODULUS <= LATE}
+        self._expect()
+
+    def _expect(self) -> None:
+        self._expected = ANY if self._missing or self._newest is None else (self._newest + 1) % MODULUS
 
     def restart(self) -> None:
         """Forget the last number, because the sender has restarted."""
-        self._newest = None
+        self._newest, self._expected = None, ANY
         self._missing.clear()
 
     @property
@@ -80,8 +92,30 @@ class SequenceTracker:
             self._missing.remove(sequence)
             self.received += 1
             self.lost -= 1
+            self._expect()
         else:
             self.repeated += 1
+
+
+class MessageCounts:
+    """How many messages of each kind have come."""
+
+    def __init__(self) -> None:
+        """Start with none."""
+        self._counts = vec[i64]([0] * len(KINDS))
+        self.total = 0
+        """With those that aren't of `airlink.messages`."""
+
+    def take(self, message: Message | None) -> None:
+        """Count a message."""
+        self.total += 1
+        if message is not None:
+            self._counts[message.kind().place] += 1
+
+    def get(self, message_id: int, default: int = 0) -> int:
+        """Return how many with an id have come."""
+        kind = kind_of(message_id)
+        return default if kind is None else self._counts[kind.place]
 
 
 class JitterMeter:
@@ -95,16 +129,16 @@ class JitterMeter:
         """Start without a sample."""
         self.jitter_s = math.nan
         """NaN before the second sample."""
-        self._last: tuple[float, Instant] | None = None
+        self._sent_s, self._arrived = math.nan, Instant(0)
+        """Stamp and arrival of the last sample; NaN before the first."""
 
     def observe(self, stamp_s: float, arrived: Instant, drift: float) -> None:
         """Take a sample: its stamp on the vehicle's clock, which gains `drift` s a second on ours, and its arrival."""
-        if self._last is not None:
-            sent_s, before = self._last
-            change_s = abs((arrived - before) / NANOSECONDS - (stamp_s - sent_s) / (1.0 + drift))
+        if not math.isnan(self._sent_s):
+            change_s = abs((arrived - self._arrived) / NANOSECONDS - (stamp_s - self._sent_s) / (1.0 + drift))
             known_s = 0.0 if math.isnan(self.jitter_s) else self.jitter_s
             self.jitter_s = known_s + SHARE * (change_s - known_s)
-        self._last = stamp_s, arrived
+        self._sent_s, self._arrived = stamp_s, arrived
 
 
 class LinkState(Enum):
@@ -183,10 +217,19 @@ class Receiver:
         """Start with no remote known."""
         self._parsers: OrderedDict[tuple[int, Address], StreamParser] = OrderedDict()
         self._forgotten = ParserCounts()
+        self._last_socket, self._last_peer = -1, Address("", 0)
+        self._last = StreamParser()
+        """Of the remote that was heard last: several datagrams come from it at a time."""
 
     def frames(self, datagram: Datagram) -> list[Frame]:
         """Return the frames that the datagram completes."""
-        remote = (datagram.socket, datagram.peer)
+        if datagram.peer is not self._last_peer or datagram.socket != self._last_socket:
+            self._last = self._parser(datagram.socket, datagram.peer)
+            self._last_socket, self._last_peer = datagram.socket, datagram.peer
+        return self._last.feed(datagram.data)
+
+    def _parser(self, socket: int, peer: Address) -> StreamParser:
+        remote = (socket, peer)
         parser = self._parsers.get(remote)
         if parser is None:
             parser = self._parsers[remote] = StreamParser()
@@ -194,7 +237,7 @@ class Receiver:
                 self._forgotten += self._parsers.popitem(last=False)[1].counts
         elif len(self._parsers) > MANY_REMOTES:
             self._parsers.move_to_end(remote)
-        return parser.feed(datagram.data)
+        return parser
 
     def counts(self, socket: int, peer: Address | None) -> ParserCounts:
         """Return what has come from a remote, zeros for one that was never heard."""

@@ -7,13 +7,14 @@ boot: its clock must continue the vehicle's, or have started after the vehicle w
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import Enum
 from typing import Final, NamedTuple
 
 from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import Address
-from airlink.messages import KINDS, Message
+from airlink.messages import Message
 from airlink.messages.system import Heartbeat
 from gcs_formation.link.clock_sync import ClockSync
 from gcs_formation.link.connection import TALKING, Connection, LinkState
@@ -30,9 +31,6 @@ DISBELIEVED_S: Final = 2.0
 """After this long without a stamp of the known clock, the answer of another clock is accepted."""
 FORGOTTEN_S: Final = 60.0
 MAX_RIVALS: Final = 8
-
-STAMPED: Final = frozenset(each.message_type for each in KINDS.values() if "time_boot_s" in each.fields)
-"""Messages that tell the sender's time since boot."""
 
 Remote = tuple[int, Address]
 """Socket and address."""
@@ -62,7 +60,12 @@ class Ruling(NamedTuple):
     finding: Finding | None = None
 
 
-ADMITTED, REFUSED = Ruling(True), Ruling(False)
+ADMITTED: Final = Ruling(True)
+REFUSED: Final = Ruling(False)
+NOTHING: Final = Evidence.NONE
+GOES_ON: Final = Evidence.GOES_ON
+ANOTHERS: Final = Evidence.ANOTHERS
+SEARCHING: Final = LinkState.SEARCHING
 
 
 @dataclass
@@ -89,41 +92,43 @@ class SourceBinding:
 
     def judge(self, message: Message | None, socket: int, peer: Address, now: Instant) -> Ruling:
         """Decide on a frame, and bind the vehicle to its address if the evidence supports it."""
-        connection = self._connection
-        stamp_s = getattr(message, "time_boot_s", None) if type(message) in STAMPED else None
-        evidence = Evidence.NONE if stamp_s is None else self._evidence(stamp_s, now)
-        if connection.state is LinkState.SEARCHING:
+        connection, evidence = self._connection, NOTHING
+        if message is not None:
+            stamp_s = message.boot_s()
+            if not math.isnan(stamp_s):
+                evidence = self._evidence(stamp_s, now)
+        if connection.state is SEARCHING:
             if connection.peer is None or isinstance(message, Heartbeat):
                 connection.socket, connection.peer = socket, peer
-        elif peer != connection.peer or socket != connection.socket:
+        elif (peer is not connection.peer and peer != connection.peer) or socket != connection.socket:
             return self._judge_other((socket, peer), evidence, now, heartbeat=isinstance(message, Heartbeat))
-        if evidence is Evidence.ANOTHERS:
+        if evidence is ANOTHERS:
             return Ruling(False, self._another((socket, peer), evidence, now))
-        if evidence is Evidence.GOES_ON or not self._clock.samples:
+        if evidence is GOES_ON or not self._clock.samples:
             self._agreed = now
         return ADMITTED
 
     def believes(self, vehicle_time_s: float, now: Instant) -> bool:
         """Return whether to accept the clock in an answer to a probe as the vehicle's."""
-        doubtful = self._evidence(vehicle_time_s, now) is Evidence.ANOTHERS
+        doubtful = self._evidence(vehicle_time_s, now) is ANOTHERS
         return not doubtful or seconds_between(self._agreed, now) > DISBELIEVED_S
 
     def _evidence(self, stamp_s: float, now: Instant) -> Evidence:
         if not self._clock.samples:
-            return Evidence.NONE
+            return NOTHING
         if -EARLY_S <= self._clock.age_s(stamp_s, now) <= LONGEST_DELAY_S:
-            return Evidence.GOES_ON
+            return GOES_ON
         booted = after(now, -stamp_s)
-        return Evidence.BEGAN_ANEW if booted >= after(self._agreed, -BOOT_SLACK_S) else Evidence.ANOTHERS
+        return Evidence.BEGAN_ANEW if booted >= after(self._agreed, -BOOT_SLACK_S) else ANOTHERS
 
     def _judge_other(self, remote: Remote, evidence: Evidence, now: Instant, *, heartbeat: bool) -> Ruling:
         """Decide on a frame from another address than the vehicle's."""
         state = self._connection.state
-        if state in TALKING or evidence is Evidence.ANOTHERS:
+        if state in TALKING or evidence is ANOTHERS:
             return Ruling(False, self._another(remote, evidence, now))
         refuted = remote in self._duplicates and self._duplicates[remote].refuted
         clockless = heartbeat and not refuted and (state is LinkState.LOST or not self._clock.samples)
-        if evidence is Evidence.NONE and not clockless:
+        if evidence is NOTHING and not clockless:
             return REFUSED
         return Ruling(True, self._move(remote, evidence, now))
 
@@ -146,15 +151,15 @@ class SourceBinding:
                 return None
             duplicate = self._duplicates[remote] = DuplicateId(now, now)
         duplicate.last = now
-        duplicate.refuted |= evidence is Evidence.ANOTHERS
+        duplicate.refuted |= evidence is ANOTHERS
         bound = self._connection.peer
         both = self._last_word(remote) >= after(duplicate.since, BOTH_TALK_S)
-        refused = evidence is Evidence.ANOTHERS and remote[1] != bound
+        refused = evidence is ANOTHERS and remote[1] != bound
         if duplicate.reported or not (both or refused):
             return None
         duplicate.reported = True
         where = "from the same address" if remote[1] == bound else f"from {remote[1]}, beside {bound}"
-        about = f", {evidence.value}" if evidence is not Evidence.NONE else ""
+        about = f", {evidence.value}" if evidence is not NOTHING else ""
         return Finding("duplicate", f"another sender has its system id, {where}{about}; it is ignored", remote[1])
 
     def _last_word(self, remote: Remote) -> Instant:

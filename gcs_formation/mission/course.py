@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
@@ -82,8 +82,8 @@ class Course:
         controller: FormationController,
         membership: Membership,
         dispatch: Dispatch,
-        vehicles: Mapping[VehicleId, Vehicle],
-        columns: Mapping[VehicleId, int],
+        vehicles: dict[VehicleId, Vehicle],
+        columns: dict[VehicleId, int],
         note: Note,
         may_command: Callable[[], bool],
     ) -> None:

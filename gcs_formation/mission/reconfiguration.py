@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from typing import Final
 
 import numpy as np
 
@@ -28,13 +28,13 @@ from gcs_formation.mission.resumption import Resumption
 from gcs_formation.recorder import Note, Tick
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 
-RETRY_S = 1.0
+RETRY_S: Final = 1.0
 """Interval between attempts at a change that can't be flown at the formation's present position."""
-AMID = 2.0
+AMID: Final = 2.0
 """Vehicles up to this many times the farthest slot's distance from the leader count as amid the formation."""
-GATHERED_M = 300.0
+GATHERED_M: Final = 300.0
 """Vehicles this near the leader count as having taken off with it; the law brings others to their slots."""
-FACES_RAD = math.radians(15.0)
+FACES_RAD: Final = math.radians(15.0)
 """How far off its path a formation that stands may face as it sets out."""
 
 
@@ -45,8 +45,8 @@ class Reconfiguration:
         self,
         scenario: Scenario,
         controller: FormationController,
-        vehicles: Mapping[VehicleId, Vehicle],
-        columns: Mapping[VehicleId, int],
+        vehicles: dict[VehicleId, Vehicle],
+        columns: dict[VehicleId, int],
         note: Note,
     ) -> None:
         """Change the formation that `controller` flies; `columns` are the vehicles' in it."""

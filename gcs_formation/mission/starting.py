@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from airlink import mavlink as m
@@ -44,7 +43,7 @@ class PreFlight:
     """Holds all vehicles' start-ups before their first command until everybody may begin."""
 
     def __init__(
-        self, scenario: Scenario, vehicles: Mapping[VehicleId, Vehicle], caution: Caution, note: Note, give_up: GiveUp
+        self, scenario: Scenario, vehicles: dict[VehicleId, Vehicle], caution: Caution, note: Note, give_up: GiveUp
     ) -> None:
         """Read parameters of `vehicles`, unless the scenario starts emulators in the air."""
         self._vehicles, self._caution = vehicles, caution
@@ -92,8 +91,9 @@ class PreFlight:
         """Let everybody begin."""
         self._confirmed = True
 
-    def requests(self, now: Instant) -> Iterator[tuple[Vehicle, Message]]:
-        """Yield the requests for parameters to send now, and judge those that have been read."""
+    def requests(self, now: Instant) -> list[tuple[Vehicle, Message]]:
+        """Return the requests for parameters to send now, and judge those that have been read."""
+        found = list[tuple[Vehicle, Message]]()
         for identity, reader in self._readers.items():
             vehicle = self._vehicles[identity]
             if identity in self._judged or vehicle.connection.state not in TALKING:
@@ -101,7 +101,8 @@ class PreFlight:
             if reader.complete:
                 self._judge(vehicle, reader, now)
             else:
-                yield from ((vehicle, request) for request in reader.requests(now))
+                found += [(vehicle, request) for request in reader.requests(now)]
+        return found
 
     def take(self, vehicle: Vehicle, message: ParamValue, now: Instant) -> None:
         """Take a parameter that a vehicle has told."""
@@ -127,7 +128,7 @@ class Starting:
 
     def __init__(
         self,
-        vehicles: Mapping[VehicleId, Vehicle],
+        vehicles: dict[VehicleId, Vehicle],
         endpoints: tuple[Endpoint, ...],
         flight: Flight,
         preflight: PreFlight,
@@ -151,9 +152,10 @@ class Starting:
             self._wait_for(silent, now)
         if silent if missed is None else missed:
             return
-        foreign = [vehicle for vehicle in self._vehicles.values() if not _is_of_its_family(vehicle)]
-        if foreign and self._flight.phase is Phase.CONNECTING:
-            self._give_up("; ".join(map(_is_another, foreign)), now)
+        if self._flight.phase is Phase.CONNECTING:
+            foreign = [vehicle for vehicle in self._vehicles.values() if not _is_of_its_family(vehicle)]
+            if foreign:
+                self._give_up("; ".join(map(_is_another, foreign)), now)
         for vehicle in self._vehicles.values():
             if not vehicle.start_up.finished and vehicle not in silent and self._flight.phase not in OVER:
                 self._advance(vehicle, now)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Mask, wrap
@@ -21,6 +22,7 @@ from gcs_formation.record.timeseries import (
     INJECTED_MEAN,
     LAW_ERROR,
     PHASES,
+    ROWS_AT_ONCE,
     SETPOINT,
     TRUTH,
     GroundTruth,
@@ -112,7 +114,7 @@ def split(
     vehicles: dict[VehicleId, dict[str, Array]] = {}
     for planned in scenario.vehicles:
         identity = planned.vehicle_id
-        rows = np.flatnonzero((columns["network"] == identity.network) & (columns["vehicle"] == identity.system))
+        rows = _rows_of(identity, columns, len(scenario.vehicles))
         vehicles[identity] = {name: values[rows] for name, values in columns.items()}
         vehicles[identity] |= _injected(injected_s[identity])
     if truth is not None:
@@ -125,6 +127,13 @@ def split(
     return Flight(above, truth is not None)
 
 
+def _rows_of(identity: VehicleId, columns: Columns, count: int) -> npt.NDArray[np.intp] | slice:
+    """Return a vehicle's rows; every `count`-th, which are no copy, unless a resumed flight has another order."""
+    rows = np.flatnonzero((columns["network"] == identity.network) & (columns["vehicle"] == identity.system))
+    regular = slice(rows[0], None, count) if rows.size else slice(0)
+    return regular if np.array_equal(rows, np.arange(columns["network"].size)[regular]) else rows
+
+
 def _injected(ways_s: Array) -> dict[str, Array]:
     """Return the columns of what was injected up and down, (T, 2) s, and the mean over the ways that were used."""
     used = np.isfinite(ways_s)
@@ -132,10 +141,17 @@ def _injected(ways_s: Array) -> dict[str, Array]:
     return dict(zip((*INJECTED, INJECTED_MEAN), (*ways_s.T, mean_s), strict=True))
 
 
-def join(flight: Flight) -> dict[str, Array]:
-    """Return the whole time series again: ticks in order, at each the vehicles in order."""
+def join(flight: Flight, ticks: slice = slice(None)) -> dict[str, Array]:
+    """Return the time series again, of some ticks: these in order, at each the vehicles in order."""
     parts = list(flight.vehicles.values())
-    return {name: np.stack([part[name] for part in parts], axis=1).ravel() for name in parts[0]}
+    return {name: np.stack([part[name][ticks] for part in parts], axis=1).ravel() for name in parts[0]}
+
+
+def tables(flight: Flight) -> Iterator[dict[str, Array]]:
+    """Yield the time series as tables of at most `ROWS_AT_ONCE` rows or a tick, at least one."""
+    ticks, at_once = flight.mission_time_s.size, max(1, ROWS_AT_ONCE // len(flight.vehicles))
+    for begin in range(0, max(1, ticks), at_once):
+        yield join(flight, slice(begin, begin + at_once))
 
 
 def _place(own: Columns, *, truth: bool) -> Array:

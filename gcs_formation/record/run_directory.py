@@ -55,10 +55,12 @@ class TlogWriter:
         self._epoch_us = epoch_us
         self._waiting = BytesWriter()
 
-    def write(self, now: Instant, raw: bytes) -> None:
-        """Append a frame; it waits for `flush`."""
-        write_i64_be(self._waiting, self._epoch_us + now // 1000)
-        self._waiting.write(raw)
+    def write(self, now: Instant, raws: list[bytes]) -> None:
+        """Append frames; they wait for `flush`."""
+        waiting, stamp_us = self._waiting, self._epoch_us + now // 1000
+        for raw in raws:
+            write_i64_be(waiting, stamp_us)
+            waiting.write(raw)
 
     def flush(self) -> None:
         """Write what is waiting to the operating system, so that a crash of this process loses nothing of it."""
@@ -139,11 +141,11 @@ class RunDirectory:
         """Let a function hear every event from now on."""
         self._listener = listener
 
-    def frame(self, now: Instant, raw: bytes) -> None:
-        """Record a frame."""
+    def frames(self, now: Instant, raws: list[bytes]) -> None:
+        """Record frames."""
         if self._tlog is None or self.failure is not None:
             return
-        self._tlog.write(now, raw)
+        self._tlog.write(now, raws)
         if now >= self._next_flush:
             self._flush_in_time(now)
 

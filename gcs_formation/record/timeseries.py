@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,8 @@ from librt.strings import BytesWriter, write_f64_le
 from airlink.clock import NANOSECONDS
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Mask
-from flight_model.slot import Triple
+from flight_model.slot import NOTHING, Triple
+from gcs_formation.control.fuzzy_pid import NO_GAINS
 from gcs_formation.errors import RecordError
 from gcs_formation.recorder import Tick
 
@@ -57,6 +59,9 @@ GROUND = ("ground_height_m", "clearance_m")
 PHASES = ("assembling", "flying", "ending", "loitering", "connecting")
 WAITING_TICKS = 64
 """Most ticks that wait to be written."""
+ROWS_AT_ONCE = 2**16
+"""So many rows are read or written at once: the record of hundreds of vehicles is the most that a flight keeps."""
+NUMBER_BYTES = 8
 SPOOLED = ("phase", *MEASURED)
 """What a spool has of each vehicle at a tick."""
 
@@ -82,8 +87,10 @@ class TickSpool:
 
     def add(self, tick: Tick) -> None:
         """Append a tick."""
+        to, phase = self._waiting, float(PHASES.index(tick.phase))
         for column in self._flying:
-            _write(self._waiting, tick, column)
+            write_f64_le(to, phase)
+            _write(to, tick, column)
         self._count += 1
         if self._count == WAITING_TICKS:
             self.flush()
@@ -121,20 +128,25 @@ def read_spool(path: Path) -> dict[str, Array]:
     Raises:
         RecordError: another version wrote it, with other values.
     """
-    parts = [_read_part(part) for part in spools(path) or [path]]
-    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    first, *others = [_read_part(part) for part in spools(path) or [path]]
+    if not others:
+        return first
+    return {name: np.concatenate([each, *(part[name] for part in others)]) for name, each in first.items()}
 
 
 def _read_part(path: Path) -> dict[str, Array]:
     with path.open("rb") as file:
-        head, numbers = file.readline(), np.fromfile(file, dtype="<f8")
-    named: dict[str, Any] = json.loads(head) if numbers.size else {"vehicles": [], "values": SPOOLED}
-    if tuple(named.get("values", ())) != SPOOLED:
-        raise RecordError(f"found other values than this version's in {path}; allowed: a record of this version")
-    vehicles = np.array(named["vehicles"], dtype=np.int32).reshape(-1, 2)
-    ticks = numbers.size // max(1, len(SPOOLED) * len(vehicles))
-    numbers = numbers[: ticks * len(SPOOLED) * len(vehicles)]
-    rows = numbers.reshape(ticks * len(vehicles), len(SPOOLED)).T.copy()
+        head = file.readline()
+        count = (path.stat().st_size - file.tell()) // (NUMBER_BYTES * len(SPOOLED))
+        named: dict[str, Any] = json.loads(head) if count else {"vehicles": [], "values": SPOOLED}
+        if tuple(named.get("values", ())) != SPOOLED:
+            raise RecordError(f"found other values than this version's in {path}; allowed: a record of this version")
+        vehicles = np.array(named["vehicles"], dtype=np.int32).reshape(-1, 2)
+        ticks = count // max(1, len(vehicles))
+        rows = np.empty((len(SPOOLED), ticks * len(vehicles)))
+        for begin in range(0, rows.shape[1], ROWS_AT_ONCE):
+            some = rows[:, begin : begin + ROWS_AT_ONCE]
+            some[:] = np.fromfile(file, dtype="<f8", count=some.size).reshape(-1, len(SPOOLED)).T
     network, system = np.tile(vehicles, (ticks, 1)).T
     return {"network": network, "vehicle": system} | dict(zip(SPOOLED, rows, strict=True))
 
@@ -147,11 +159,21 @@ def in_words(columns: Mapping[str, Array]) -> dict[str, Any]:
     return named
 
 
-def write_parquet(path: Path, columns: Mapping[str, Array]) -> None:
-    """Write the time series of a spool's columns; a dictionary of measured numbers would cost time and space."""
-    table = pa.table({name: _arrow(column) for name, column in in_words(columns).items()})
+def write_parquet(path: Path, tables: Iterable[Mapping[str, Array]]) -> None:
+    """Write a time series as tables of a spool's columns, of successive ticks, at least one.
+
+    A dictionary of measured numbers would cost time and space, and nobody reads their least and greatest.
+    """
     repeated: Any = ["phase", "network", "vehicle"]  # pyarrow's stubs know no list here
-    pq.write_table(table, path, use_dictionary=repeated)
+    with ExitStack() as stack:
+        writer: pq.ParquetWriter | None = None
+        for columns in tables:
+            arrays = {name: _arrow(column) for name, column in in_words(columns).items()}
+            schema = pa.schema([pa.field(name, array.type, nullable=False) for name, array in arrays.items()])
+            if writer is None:
+                opened = pq.ParquetWriter(path, schema, use_dictionary=repeated, write_statistics=False)
+                writer = stack.enter_context(opened)
+            writer.write_table(pa.table(arrays, schema=schema))
 
 
 def _arrow(column: npt.NDArray[Any]) -> pa.Array[Any]:
@@ -178,8 +200,7 @@ def flying(columns: Mapping[str, Array]) -> Mask:
 
 
 def _write(to: BytesWriter, tick: Tick, column: int) -> None:
-    """Write a vehicle's values of `SPOOLED` at a tick."""
-    write_f64_le(to, float(PHASES.index(tick.phase)))
+    """Write a vehicle's values of `MEASURED` at a tick."""
     write_f64_le(to, tick.now / NANOSECONDS)
     write_f64_le(to, tick.mission_time_s)
     state = tick.state[column]
@@ -191,8 +212,9 @@ def _write(to: BytesWriter, tick: Tick, column: int) -> None:
     _write_link(to, tick, column)
     _write_three(to, tick.slots_m[column])
     _write_three(to, tick.error_m[column])
-    _write_three(to, tick.mixed[column])
-    gains = tick.gains[column]
+    decided = tick.decided[column]
+    _write_three(to, NOTHING if decided is None else decided.mixed)
+    gains = NO_GAINS if decided is None else decided.gains
     _write_three(to, (gains[0], gains[1], gains[2]))
     _write_three(to, (gains[3], gains[4], gains[5]))
     _write_three(to, (gains[6], gains[7], gains[8]))
@@ -204,8 +226,14 @@ def _write_link(to: BytesWriter, tick: Tick, column: int) -> None:
     _write_three(to, (link.delay_s, link.up_s, link.down_s))
     write_f64_le(to, link.jitter_s)
     write_f64_le(to, tick.margin_used[column])
-    for flag in (tick.active[column], column == tick.leader, tick.yielding[column], link.airborne):
-        write_f64_le(to, 1.0 if flag else 0.0)
+    _write_flag(to, tick.active[column])
+    _write_flag(to, column == tick.leader)
+    _write_flag(to, tick.yielding[column])
+    _write_flag(to, link.airborne)
+
+
+def _write_flag(to: BytesWriter, flag: bool) -> None:
+    write_f64_le(to, 1.0 if flag else 0.0)
 
 
 def _write_three(to: BytesWriter, values: Triple) -> None:

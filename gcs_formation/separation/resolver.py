@@ -14,7 +14,8 @@ from flight_model.autopilot import AutopilotModel, FlightState, advance, within,
 from flight_model.slot import NOTHING, Triple
 from formation_scenario import Scenario, slot_schedule
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Indices, Setpoints
-from gcs_formation.estimation.projection import Measured, SetpointHistory
+from gcs_formation.estimation.projection import Measured
+from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.recorder import Tick, VehicleLink
 from gcs_formation.separation.approach import Traffic, sample_times
 from gcs_formation.separation.first_look import Look, nobody_near
@@ -121,6 +122,8 @@ class ConflictResolver:
         self._side, self._turn_rps = [0.0] * columns, [0.0] * columns
         self._last: Measured | None = None
         self._slots: list[Triple] = []
+        self._slots_known: list[Triple] | None = None
+        """The list of a tick that tells nothing new."""
         self._slots_moved = True
         self._kept_from_others_m = self._keys.distance_m + ROOM_M
         slots = slot_schedule(scenario)
@@ -285,6 +288,8 @@ class ConflictResolver:
 
     def _watch_slots(self, slots_m: list[Triple]) -> None:
         """Take note of slots that stand nearer to each other than any of the scenario's."""
+        if slots_m is self._slots_known:
+            return
         places = [place for place in slots_m if not math.isnan(place[0])]
         if not places:
             return  # slots are left: at the end of a flight
@@ -293,6 +298,8 @@ class ConflictResolver:
         elif self._slots_moved:
             self.kept_m = min(self.kept_m, self._kept_in(or_zero(np.array(slots_m))))
             self._slots_moved = False
+        if not self._slots_moved:
+            self._slots_known = slots_m
 
     def _kept_in(self, places_m: Array) -> float:
         """Return the distance that is kept between vehicles at places (C, 3) of a formation."""

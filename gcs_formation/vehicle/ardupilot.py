@@ -36,6 +36,7 @@ HEARTBEATS_S: Final = 3.0
 EKF_READY: Final = 831
 """Attitude, velocities and positions, relative and absolute: all that flying in GUIDED needs."""
 AIRBORNE_M: Final = 10.0
+ACTIVE: Final = m.MAV_STATE_ACTIVE
 
 OUR_HEARTBEATS = Check(
     ("MAV_GCS_SYSID", "SYSID_MYGCS"),
@@ -56,7 +57,8 @@ AIRSPEED: Final = m.SPEED_TYPE_AIRSPEED
 RESOLUTION: Final = 0.005
 """In m/s, m, degrees and m/s2: ArduPlane keeps speeds and heights in centimetres, and rounds them."""
 OF_THE_NOSE: Final = m.HEADING_TYPE_HEADING
-ALL_ROUND_DEG = 360.0 - 2.0**-16
+DEGREES: Final = 180.0 / math.pi
+ALL_ROUND_DEG: Final = 360.0 - 2.0**-16
 """The first heading that is 360 degrees as a 32-bit float."""
 AUTOPILOTS = frozenset({m.MAV_AUTOPILOT_GENERIC, m.MAV_AUTOPILOT_ARDUPILOTMEGA})
 PLANE_TYPES = frozenset(
@@ -88,9 +90,7 @@ class ArduPilot(Autopilot, ABC):
         heartbeat = telemetry.heartbeat
         if heartbeat is None or telemetry.motion is None:
             return False
-        return telemetry.armed and (
-            heartbeat.system_status == m.MAV_STATE_ACTIVE or telemetry.motion.above_home_m > AIRBORNE_M
-        )
+        return telemetry.armed and (heartbeat.system_status == ACTIVE or telemetry.motion.above_home_m > AIRBORNE_M)
 
     def _asked_and_ready(self, rates_hz: Mapping[int, float]) -> tuple[Step, ...]:
         """Return the first two steps: streams, ready."""
@@ -242,7 +242,7 @@ class ArduPlane(ArduPilot):
 
 def _compass(heading_rad: float) -> float:
     """Return degrees in [0, 360) that stay there as a 32-bit float: 360 is refused."""
-    degrees = math.degrees(heading_rad) % 360.0
+    degrees = heading_rad * DEGREES % 360.0
     return degrees if degrees < ALL_ROUND_DEG else 0.0
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import NamedTuple
 
 from airlink.endpoint import Endpoint, VehicleId, parse_endpoint
@@ -44,7 +43,7 @@ class Planned(NamedTuple):
     """The sockets: one for each different endpoint."""
     networks: tuple[int, ...]
     """The MAVLink network that each socket hears."""
-    vehicles: Mapping[VehicleId, Vehicle]
+    vehicles: dict[VehicleId, Vehicle]
     """The leader first."""
 
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Final
 
 from airlink import mavlink as m
 from airlink.messages import Message
@@ -96,9 +95,24 @@ class Telemetry:
 
     def take(self, message: Message) -> None:
         """Store the state in `message`; values that aren't finite or plausible are dropped and counted."""
-        take = TAKE.get(type(message))
-        if take is not None:
-            take(self, message)
+        if isinstance(message, Attitude):
+            self.take_attitude(message)
+        elif isinstance(message, VfrHud):
+            self.take_airspeed(message)
+        elif isinstance(message, Heartbeat):
+            self.take_heartbeat(message)
+        elif isinstance(message, GlobalPositionInt):
+            self.take_position(message)
+        elif isinstance(message, EkfStatusReport):
+            self.ekf_flags = message.flags
+        elif isinstance(message, SysStatus):
+            self.sensors_healthy = message.onboard_control_sensors_health
+        elif isinstance(message, ExtendedSysState):
+            self.landed_state = message.landed_state
+        elif isinstance(message, HomePosition):
+            self.home_m = self.origin.to_ned(message.latitude_rad, message.longitude_rad, message.altitude_m)[:2]
+        elif isinstance(message, Statustext):
+            self.take_text(message)
 
     def take_heartbeat(self, message: Heartbeat) -> None:
         """Store whether it is armed, and in which mode."""
@@ -138,22 +152,6 @@ class Telemetry:
         else:
             self.implausible += 1
 
-    def take_ekf(self, message: EkfStatusReport) -> None:
-        """Store what the autopilot's estimate is good for."""
-        self.ekf_flags = message.flags
-
-    def take_sensors(self, message: SysStatus) -> None:
-        """Store which sensors are healthy."""
-        self.sensors_healthy = message.onboard_control_sensors_health
-
-    def take_landed(self, message: ExtendedSysState) -> None:
-        """Store whether it has landed."""
-        self.landed_state = message.landed_state
-
-    def take_home(self, message: HomePosition) -> None:
-        """Store where its home is."""
-        self.home_m = self.origin.to_ned(message.latitude_rad, message.longitude_rad, message.altitude_m)[:2]
-
     def take_text(self, message: Statustext) -> None:
         """Store a text once its last chunk has come: the one that doesn't fill its field."""
         number, begun = self._chunks
@@ -177,20 +175,6 @@ class Telemetry:
     def complete(self) -> bool:
         """Whether all that the law needs has come."""
         return self.motion is not None and self.attitude is not None and abs(self.airspeed_mps) < INFINITE
-
-
-TAKE: Final[dict[type[Message], Callable[[Telemetry, Any], None]]] = {
-    Heartbeat: Telemetry.take_heartbeat,
-    GlobalPositionInt: Telemetry.take_position,
-    Attitude: Telemetry.take_attitude,
-    VfrHud: Telemetry.take_airspeed,
-    EkfStatusReport: Telemetry.take_ekf,
-    SysStatus: Telemetry.take_sensors,
-    ExtendedSysState: Telemetry.take_landed,
-    HomePosition: Telemetry.take_home,
-    Statustext: Telemetry.take_text,
-}
-"""What stores each message; all others are left."""
 
 
 def _is_position(message: GlobalPositionInt) -> bool:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from array import array
-from collections.abc import Callable
 from enum import Enum
-from typing import Any, Final
+from typing import Final
+
+from librt.strings import BytesWriter, write_f64_le
 
 from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, Instant, nanoseconds, seconds_between
@@ -19,7 +19,7 @@ from airlink.messages.telemetry import GlobalPositionInt
 from flight_model.earth import GeodeticOrigin
 from gcs_formation.estimation.estimator import Sample
 from gcs_formation.link.clock_sync import ClockSync
-from gcs_formation.link.connection import Connection, JitterMeter, LinkState, SequenceTracker
+from gcs_formation.link.connection import Connection, JitterMeter, LinkState, MessageCounts, SequenceTracker
 from gcs_formation.link.gnss_clock import GnssClock, StampMap
 from gcs_formation.link.source_binding import EARLY_S, LONGEST_DELAY_S, SourceBinding
 from gcs_formation.vehicle.acknowledgement import CommandQueue, SetpointChannel
@@ -76,15 +76,14 @@ class Vehicle:
         """Judges which sender with its system id is the vehicle."""
         self.jitter, self.sequence = JitterMeter(), SequenceTracker()
         self.commands = CommandQueue()
-        self.messages_in: dict[int, int] = {}
-        """By message id, how many have come."""
+        self.messages_in = MessageCounts()
         self.rates_hz = autopilot.rates_hz(telemetry_rate_hz, utc=by_utc)  # of each message that it should send
         self.start_up = StartUp(autopilot.start_up(self.rates_hz))
         # The height is the one at which it was last told to loiter while the others fly on.
         self.member, self.holds_at_m = Member.STARTING, math.nan
-        self.delays, self.frames_out = array("d"), 0
-        """Delays: four numbers for each answered probe: when it came back, ns; half the round trip, the way up and the
-        way down, s, NaN where it isn't known how the round trip is split."""
+        self.delays, self.frames_out = BytesWriter(), 0
+        """Delays: four numbers of 64 bits for each answered probe: when it came back, ns; half the round trip, the way
+        up and the way down, s, NaN where it isn't known how the round trip is split."""
         self.effects, self.pilots_choice = EffectWatch(), PilotsChoice()
         self.setpoint_channels = {command: SetpointChannel() for command in autopilot.setpoint_commands}
         """By command: airspeed, heading and height; none where nobody acknowledges setpoints."""
@@ -94,14 +93,6 @@ class Vehicle:
         """When a frame was last found to be missing, or an answer."""
         self._writer = FrameWriter(STATION_SYSTEM, STATION_COMPONENT)
         self._sampled, self._probes = 0, dict[int, Instant]()
-        # What takes each message; all others are telemetry.
-        self._takes: dict[type[Message], Callable[[Any, Instant, bool], None]] = {
-            CommandAck: self._acknowledged,
-            Timesync: self._take_probe,
-            SystemTime: self._take_utc,
-            CurrentMode: self._take_mode,
-            GlobalPositionInt: self._take_position,
-        }
 
     @property
     def follows_setpoints(self) -> bool:
@@ -117,27 +108,31 @@ class Vehicle:
             now: when it was read.
             timed: whether it also arrived then; a frame that waited for us says nothing about the link's delay.
         """
-        self.messages_in[frame.message_id] = self.messages_in.get(frame.message_id, 0) + 1
-        lost = self.sequence.lost
-        self.sequence.observe(frame.sequence)
-        if self.sequence.lost != lost:
+        message, sequence = frame.message, self.sequence
+        self.messages_in.take(message)
+        lost = sequence.lost
+        sequence.observe(frame.sequence)
+        if sequence.lost != lost:
             self._lost_at = now
-        message = frame.message
-        if message is None:
-            return self.connection.heard(now, heartbeat=False)
-        kind = type(message)
-        changed = self.connection.heard(now, heartbeat=kind is Heartbeat)
-        take = self._takes.get(kind)
-        if take is None:
+        changed = self.connection.heard(now, heartbeat=isinstance(message, Heartbeat))
+        if isinstance(message, GlobalPositionInt):
+            self._take_position(message, now, timed)
+        elif isinstance(message, CommandAck):
+            self._acknowledged(message, now)
+        elif isinstance(message, Timesync):
+            self._take_probe(message, now, timed)
+        elif isinstance(message, SystemTime):
+            self._take_utc(message)
+        elif isinstance(message, CurrentMode):
+            self._take_mode(message)
+        elif message is not None:
             self.telemetry.take(message)
-        else:
-            take(message, now, timed)
         return changed
 
     @property
     def frames_in(self) -> int:
         """Frames that have come from it."""
-        return sum(self.messages_in.values())
+        return self.messages_in.total
 
     def leave_to_pilot(self, now: Instant) -> None:
         """Send nothing more until the vehicle flies in the guided mode, as set by its pilot."""
@@ -237,22 +232,22 @@ class Vehicle:
 
         All of them after a loss: an acknowledgement doesn't say which of several it answers.
         """
-        for channel in self.setpoint_channels.values():
-            if channel.overdue(at):
+        for each in self.setpoint_channels.values():
+            if each.overdue(at):
                 self._lost_at = at
         loses = seconds_between(self._lost_at, at) < LOSSY_S
-        found = [each for each in messages if loses or self._is_news(each, at)]
         round_trip_s = 0.0 if math.isnan(self.clock.one_way_s) else 2.0 * self.clock.one_way_s
-        for each in found:
-            if isinstance(each, CommandInt) and each.command in self.setpoint_channels:
-                self.setpoint_channels[each.command].sent(each, at, round_trip_s)
+        found: list[Message] = []
+        for message in messages:
+            if isinstance(message, CommandInt):
+                channel = self.setpoint_channels.get(message.command)
+                if channel is not None:
+                    known = None if loses else channel.known(at)
+                    if known is not None and self.autopilot.says_nothing_new(message, known):
+                        continue
+                    channel.sent(message, at, round_trip_s)
+            found.append(message)
         return found
-
-    def _is_news(self, message: Message, at: Instant) -> bool:
-        if not isinstance(message, CommandInt) or message.command not in self.setpoint_channels:
-            return True
-        known = self.setpoint_channels[message.command].known(at)
-        return known is None or not self.autopilot.says_nothing_new(message, known)
 
     def forget_setpoints(self) -> None:
         """Repeat all setpoints: the vehicle may have others meanwhile."""
@@ -282,11 +277,11 @@ class Vehicle:
             self.jitter.observe(message.time_boot_s, now, self.clock.drift)
             self.take_off.watch(self.telemetry)
 
-    def _take_utc(self, message: SystemTime, _now: Instant, _timed: bool) -> None:
+    def _take_utc(self, message: SystemTime) -> None:
         if self.gnss is not None:
             self.gnss.utc(message.time_unix_usec * 1e-6, message.time_boot_s, armed=self.telemetry.armed)
 
-    def _take_mode(self, message: CurrentMode, _now: Instant, _timed: bool) -> None:
+    def _take_mode(self, message: CurrentMode) -> None:
         if not self.autopilot.setpoints_set_mode:
             self.telemetry.custom_mode = message.custom_mode
         elif self.member is Member.FLYING:
@@ -318,7 +313,11 @@ class Vehicle:
         if self.gnss:
             self.gnss.probe(sent, answer.tc1_ns, now)
         one_way_s = self.clock.last_one_way_s()
-        self.delays.extend((now, one_way_s, *self.stamps.ways_s(one_way_s)))
+        up_s, down_s = self.stamps.ways_s(one_way_s)
+        write_f64_le(self.delays, float(now))
+        write_f64_le(self.delays, one_way_s)
+        write_f64_le(self.delays, up_s)
+        write_f64_le(self.delays, down_s)
 
     def _restart(self) -> None:
         """Start afresh with a vehicle whose clock has restarted: nothing known of it still holds."""
@@ -331,7 +330,7 @@ class Vehicle:
         self.forget_setpoints()
         self.start_up = StartUp(self.autopilot.start_up(self.rates_hz))
 
-    def _acknowledged(self, ack: CommandAck, now: Instant, _timed: bool) -> None:
+    def _acknowledged(self, ack: CommandAck, now: Instant) -> None:
         if ack.target_system not in (0, STATION_SYSTEM):
             return
         self._answered = now

@@ -96,8 +96,8 @@ def from_message(message: MissionItem | MissionItemInt) -> Item | int:
     params = given[0] * kept[0], given[1] * kept[1], given[2] * kept[2], given[3] if kept[3] else 0.0
     if message.command in PLACELESS:
         return Item(message.command, m.MAV_FRAME_GLOBAL, params, 0, 0, 0.0)
-    place = _place(message)
-    return place if isinstance(place, int) else Item(message.command, FRAMES[message.frame], params, *place)
+    where = _place(message)
+    return where if isinstance(where, int) else Item(message.command, FRAMES[message.frame], params, *where)
 
 
 def to_message(item: Item, seq: int, system: int, component: int, *, current: bool) -> MissionItemInt:
@@ -239,11 +239,10 @@ class Missions:
         self, message: MissionCount | MissionClearAll | MissionWritePartialList, sender: Sender, now: Instant
     ) -> list[Message]:
         """Start an upload of all items or of a part, or clear the list; only its sender may restart an upload."""
-        partial = isinstance(message, MissionWritePartialList)
-        if self._upload and (partial or self._upload.sender[1:] != sender[1:]):
+        if self._upload and (isinstance(message, MissionWritePartialList) or self._upload.sender[1:] != sender[1:]):
             return [_ack(sender, m.MAV_MISSION_DENIED)]
         self._upload = None
-        if partial:
+        if isinstance(message, MissionWritePartialList):
             first, last = message.start_index, message.end_index
             if not 0 <= first <= last <= len(self.items):
                 return [_ack(sender, m.MAV_MISSION_ERROR)]

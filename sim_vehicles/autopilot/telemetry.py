@@ -24,6 +24,7 @@ from airlink.messages.telemetry import (
     VfrHud,
     Wind,
 )
+from flight_model.autopilot import signed
 from sim_vehicles.autopilot.clock import LOOP_HZ, NEVER
 from sim_vehicles.autopilot.modes import Condition, system_status
 
@@ -49,13 +50,28 @@ CAPABILITIES: Final = 62319
 VERSION_4_7: Final = 4 << 24 | 7 << 16
 LOAD_PERMILLE: Final = 200
 CRUISE_THROTTLE_PERCENT: Final = 50
-BATTERY_V, BATTERY_A, BATTERY_PERCENT = 12.4, 8.0, 95
-NO_CELLS, NO_TEMPERATURE, NOT_COUNTED = (math.nan,) * 9, 2**15 - 1, -1
-HDOP, SATELLITES = 70, 14
+BATTERY_V: Final = 12.4
+BATTERY_A: Final = 8.0
+BATTERY_PERCENT: Final = 95
+CELLS_V: Final[tuple[float, ...]] = (BATTERY_V, *[math.nan] * 9)
+NO_TEMPERATURE: Final = 2**15 - 1
+NOT_COUNTED: Final = -1
+HDOP: Final = 70
+SATELLITES: Final = 14
 UNKNOWN_DOP: Final = 2**16 - 1
+ARDUPILOT: Final = m.MAV_AUTOPILOT_ARDUPILOTMEGA
+MODE_FLAGS: Final = m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | m.MAV_MODE_FLAG_STABILIZE_ENABLED
+ARMED: Final = m.MAV_MODE_FLAG_SAFETY_ARMED
+RECEIVER: Final = m.MAV_SYS_STATUS_SENSOR_GPS
+FENCE: Final = m.MAV_SYS_STATUS_GEOFENCE
+PREARM_CHECK: Final = m.MAV_SYS_STATUS_PREARM_CHECK
 SHORTEST_US: Final = 1e6 / LOOP_HZ
 LONGEST_US: Final = 60e6
 DEFAULT, STOP = 0.0, -1.0
+_asin: Final = math.asin
+_atan: Final = math.atan
+_hypot: Final = math.hypot
+"""Names of their own are found without a look into the module."""
 GROUPS: dict[int, tuple[int, ...]] = {
     m.MAV_DATA_STREAM_EXTENDED_STATUS: (
         m.MAVLINK_MSG_ID_SYS_STATUS,
@@ -82,12 +98,10 @@ UNASKED: Final = dict.fromkeys((m.MAVLINK_MSG_ID_HEARTBEAT, *STREAMED), UNASKED_
 
 def heartbeat(v: Vehicle) -> Message:
     """Return HEARTBEAT: its kind, its mode, whether it is armed."""
-    mode_flags = m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | m.MAV_MODE_FLAG_STABILIZE_ENABLED
-    armed = m.MAV_MODE_FLAG_SAFETY_ARMED if v.pilot.condition.armed else 0
     return Heartbeat(
         v.mav_type,
-        m.MAV_AUTOPILOT_ARDUPILOTMEGA,
-        mode_flags | armed,
+        ARDUPILOT,
+        MODE_FLAGS | ARMED if v.pilot.condition.armed else MODE_FLAGS,
         int(v.pilot.mode),
         m.MAV_STATE_CRITICAL if v.failsafe.active else system_status(v.pilot.condition),
     )
@@ -95,17 +109,15 @@ def heartbeat(v: Vehicle) -> Message:
 
 def sys_status(v: Vehicle) -> Message:
     """Return SYS_STATUS; the pre-arm bit is healthy once the vehicle may be armed, as is the fence that it lacks."""
-    working = SENSORS if v.estimate.received else SENSORS & ~m.MAV_SYS_STATUS_SENSOR_GPS
-    healthy = working | m.MAV_SYS_STATUS_GEOFENCE | (m.MAV_SYS_STATUS_PREARM_CHECK if v.ready else 0)
-    known = SENSORS | m.MAV_SYS_STATUS_PREARM_CHECK
+    working = SENSORS if v.estimate.received else SENSORS & ~RECEIVER
+    healthy = working | FENCE | (PREARM_CHECK if v.ready else 0)
+    known = SENSORS | PREARM_CHECK
     return SysStatus(known, known, healthy, LOAD_PERMILLE, BATTERY_V, BATTERY_A, BATTERY_PERCENT)
 
 
 def battery_status(_: Vehicle) -> Message:
     """Return BATTERY_STATUS of the battery that SYS_STATUS reports; its cells are unknown."""
-    return BatteryStatus(
-        0, 0, 0, NO_TEMPERATURE, (BATTERY_V, *NO_CELLS), BATTERY_A, NOT_COUNTED, NOT_COUNTED, BATTERY_PERCENT
-    )
+    return BatteryStatus(0, 0, 0, NO_TEMPERATURE, CELLS_V, BATTERY_A, NOT_COUNTED, NOT_COUNTED, BATTERY_PERCENT)
 
 
 def system_time(v: Vehicle) -> Message:
@@ -119,65 +131,75 @@ def gps_raw_int(v: Vehicle) -> Message:
     if received is None:
         return GpsRawInt(v.time_ns // 1000, m.GPS_FIX_TYPE_NO_FIX, 0.0, 0.0, 0.0, UNKNOWN_DOP, UNKNOWN_DOP, 0.0, 0.0, 0)
     lat, lon, alt = v.fleet.origin.from_ned(received.north_m, received.east_m, -received.height_m)
-    north, east, _ = _velocity(received)
+    north, east = received.velocity_north_mps, received.velocity_east_mps
     course = math.atan2(east, north) % math.tau
     fix = m.GPS_FIX_TYPE_3D_FIX
-    return GpsRawInt(v.time_ns // 1000, fix, lat, lon, alt, HDOP, HDOP, math.hypot(north, east), course, SATELLITES)
+    return GpsRawInt(v.time_ns // 1000, fix, lat, lon, alt, HDOP, HDOP, _hypot(north, east), course, SATELLITES)
 
 
 def attitude(v: Vehicle) -> Message:
     """Return ATTITUDE; bank and pitch follow from the turn rate and the climb rate, and are off as the estimate is."""
     motion, estimate = v.sensed, v.estimate
-    pitch = math.asin(min(max(motion.climb_mps / max(motion.airspeed_mps, 1.0), -1.0), 1.0)) + estimate.pitch_error_rad
+    pitch = _asin(min(max(motion.climb_mps / max(motion.airspeed_mps, 1.0), -1.0), 1.0)) + estimate.pitch_error_rad
     bank = _bank(motion) + estimate.bank_error_rad
-    heading = math.remainder(motion.heading_rad, math.tau)
-    return Attitude(v.time_s, bank, pitch, heading, 0.0, 0.0, motion.turn_rate_radps)
+    return Attitude(v.time_s, bank, pitch, signed(motion.heading_rad), 0.0, 0.0, motion.turn_rate_radps)
 
 
 def local_position_ned(v: Vehicle) -> Message:
     """Return LOCAL_POSITION_NED, from home."""
     start, motion = v.config.start, v.sensed
-    place = motion.north_m - start.north_m, motion.east_m - start.east_m, -motion.height_m
-    return LocalPositionNed(v.time_s, *place, *_velocity(motion))
+    north, east = motion.north_m - start.north_m, motion.east_m - start.east_m
+    velocity = motion.velocity_north_mps, motion.velocity_east_mps, motion.velocity_down_mps
+    return LocalPositionNed(v.time_s, north, east, -motion.height_m, *velocity)
 
 
 def global_position_int(v: Vehicle) -> Message:
     """Return GLOBAL_POSITION_INT: place, heights above sea level and home, ground velocity, as sensed."""
     motion = v.sensed
-    heading = motion.heading_rad % math.tau
-    place = v.fleet.origin.from_ned(motion.north_m, motion.east_m, -motion.height_m)
-    return GlobalPositionInt(v.time_s, *place, motion.height_m, *_velocity(motion), heading)
+    lat, lon, alt = v.fleet.origin.from_ned(motion.north_m, motion.east_m, -motion.height_m)
+    return GlobalPositionInt(
+        v.time_s,
+        lat,
+        lon,
+        alt,
+        motion.height_m,
+        motion.velocity_north_mps,
+        motion.velocity_east_mps,
+        motion.velocity_down_mps,
+        motion.heading_rad % math.tau,
+    )
 
 
 def nav_controller_output(v: Vehicle) -> Message:
     """Return NAV_CONTROLLER_OUTPUT: what it steers for, and what it lacks of it."""
     motion = v.sensed
-    bearings = math.remainder(motion.heading_rad, math.tau), math.remainder(motion.heading_setpoint_rad, math.tau)
-    errors = motion.height_setpoint_m - motion.height_m, motion.airspeed_setpoint_mps - motion.airspeed_mps
-    return NavControllerOutput(_bank(motion), 0.0, *bearings, 0.0, *errors, 0.0)
+    nose, target = signed(motion.heading_rad), signed(motion.heading_setpoint_rad)
+    high, fast = motion.height_setpoint_m - motion.height_m, motion.airspeed_setpoint_mps - motion.airspeed_mps
+    return NavControllerOutput(_bank(motion), 0.0, nose, target, 0.0, high, fast, 0.0)
 
 
 def vfr_hud(v: Vehicle) -> Message:
     """Return VFR_HUD, which alone carries the airspeed."""
     motion = v.sensed
-    north, east, down = _velocity(motion)
+    speed = _hypot(motion.velocity_north_mps, motion.velocity_east_mps)
     altitude = v.fleet.origin.alt_m + motion.height_m
     heading = motion.heading_rad % math.tau
     throttle = CRUISE_THROTTLE_PERCENT if v.pilot.airborne else 0
-    return VfrHud(motion.airspeed_mps, math.hypot(north, east), heading, throttle, altitude, -down)
+    return VfrHud(motion.airspeed_mps, speed, heading, throttle, altitude, -motion.velocity_down_mps)
 
 
 def wind(v: Vehicle) -> Message:
     """Return WIND; its direction is where the wind comes from."""
     motion = v.sensed
     north, east, down = motion.drift_north_mps, motion.drift_east_mps, motion.drift_down_mps
-    return Wind(math.remainder(math.atan2(-east, -north), math.tau), math.hypot(north, east), down)
+    return Wind(signed(math.atan2(-east, -north)), _hypot(north, east), down)
 
 
 def ekf_status_report(v: Vehicle) -> Message:
     """Return EKF_STATUS_REPORT: what its estimate is good for, and how well it agrees with the sensors."""
     estimate = v.estimate
-    return EkfStatusReport(EKF_READY & ~estimate.unknown if v.ready else EKF_STARTING, *estimate.ratios, 0.0)
+    flags, ratios = EKF_READY & ~estimate.unknown if v.ready else EKF_STARTING, estimate.ratios
+    return EkfStatusReport(flags, ratios.velocity, ratios.horizontal, ratios.height, ratios.compass, 0.0)
 
 
 def home_position(v: Vehicle) -> Message:
@@ -204,13 +226,8 @@ def autopilot_version(_: Vehicle) -> Message:
     return AutopilotVersion(CAPABILITIES, VERSION_4_7)
 
 
-def _velocity(motion: Motion) -> tuple[float, float, float]:
-    """Return the ground velocity, north, east and down."""
-    return motion.velocity_north_mps, motion.velocity_east_mps, motion.velocity_down_mps
-
-
 def _bank(motion: Motion) -> float:
-    return math.atan(motion.turn_rate_radps * motion.airspeed_mps / G_MPS2)
+    return _atan(motion.turn_rate_radps * motion.airspeed_mps / G_MPS2)
 
 
 Builders = Mapping[int, Callable[[Any], Message]]
@@ -238,11 +255,12 @@ BUILDERS: Builders = {
 class Stream:
     """One message that is sent again and again."""
 
-    __slots__ = ("due", "interval_ns", "message_id")
+    __slots__ = ("build", "due", "interval_ns", "message_id")
 
-    def __init__(self, message_id: int, interval_ns: int, due: Instant) -> None:
-        """Take its id, its interval and when it is due next."""
+    def __init__(self, message_id: int, build: Callable[[Any], Message], interval_ns: int, due: Instant) -> None:
+        """Take its id, what makes it, its interval and when it is due next."""
         self.message_id = message_id
+        self.build = build
         self.interval_ns = interval_ns
         self.due: int = due
 
@@ -253,7 +271,9 @@ class Streams:
     def __init__(self, now: Instant, unasked: Mapping[int, int] = UNASKED, known: Builders = BUILDERS) -> None:
         """Start with the messages that need no request, of those that are `known`."""
         self._unasked, self._known = unasked, known
-        self._streams = [Stream(message_id, unasked[message_id], now) for message_id in sorted(unasked)]
+        self._streams = [
+            Stream(message_id, known[message_id], unasked[message_id], now) for message_id in sorted(unasked)
+        ]
         """In the order of their ids, in which those of a cycle are sent."""
         self.next_due = now
         """When the next message is due; `NEVER` when none is."""
@@ -293,23 +313,25 @@ class Streams:
             each.due = max(each.due, now)
         self._plan()
 
-    def take_due(self, now: Instant) -> list[int]:
-        """Return the ids of the messages that are due, in order, and plan their next ones."""
-        due: list[int] = []
+    def take_due(self, now: Instant) -> list[Stream]:
+        """Return the messages that are due, in order, and plan their next ones."""
+        due: list[Stream] = []
         if now < self.next_due:
             return due
+        next_due: int = NEVER
         for each in self._streams:
             if each.due <= now:
-                due.append(each.message_id)
+                due.append(each)
                 each.due += each.interval_ns
-        self._plan()
+            next_due = min(next_due, each.due)
+        self.next_due = Instant(next_due)
         return due
 
     def _set(self, message_id: int, interval_ns: int | None, now: Instant) -> None:
         if interval_ns is None or message_id in self._known:
             self._streams = [each for each in self._streams if each.message_id != message_id]
         if interval_ns is not None and message_id in self._known:
-            self._streams.append(Stream(message_id, interval_ns, now))
+            self._streams.append(Stream(message_id, self._known[message_id], interval_ns, now))
             self._streams.sort(key=_number)
         self._plan()
 

@@ -2,10 +2,11 @@
 
 from airlink.clock import Instant
 from airlink.endpoint import parse_endpoint
+from airlink.engine import Engine
 
 
-class PlainEngine:
-    """Has sockets, and gives away what it has put into its outbox."""
+class PlainEngine(Engine):
+    """Has sockets, takes datagrams one by one, and gives away what it has put into its outbox."""
 
     def __init__(self, *endpoints):
         self.wanted = tuple(parse_endpoint(text) for text in endpoints)
@@ -21,3 +22,11 @@ class PlainEngine:
 
     def next_timer(self):
         return self.timer
+
+    def take(self, datagram, now): ...
+
+    def handle_timer(self, now): ...
+
+    def receive(self, datagrams, now):
+        for datagram in datagrams:
+            self.take(datagram, now)

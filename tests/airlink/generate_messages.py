@@ -328,7 +328,8 @@ def rendered(said: Declared) -> Iterator[str]:
     names = [each.name for each in everything]
     used = everything[: names.index(said.last) + 1] if said.last else everything
     first = names.index(said.optional) if said.optional else len(used)
-    own, function = class_name(said.name), f"_read_{said.name.lower()}"
+    names = names[: len(used)]
+    own = class_name(said.name)
     arguments = [
         f"{each.name}: {each.of_type}"
         + (f" = {said.defaults.get(each.name, '0.0' if each.of_type == 'float' else '0')}" if place >= first else "")
@@ -342,11 +343,18 @@ def rendered(said: Declared) -> Iterator[str]:
     yield f"        return {said.name}"
     yield "    def write(self, payload: BytesWriter) -> None:"
     yield from (f"        {line}" for line in _written(everything, used))
-    yield f"def {function}(payload: bytes) -> Message:"
-    yield f"    return {own}({', '.join(each.read() for each in used)})"
+    if "time_boot_s" in names:
+        yield "    def boot_s(self) -> float:"
+        yield "        return self.time_boot_s"
+    if "target_system" in names:
+        yield "    def addressee(self) -> int:"
+        yield "        return self.target_system"
+    yield f"class _{own}Kind(Kind):"
+    yield "    def unpack(self, payload: bytes) -> Message:"
+    yield f"        return {own}({', '.join(each.read() for each in used)})"
     length = sum(each.size for each in everything)
     facts = f'"{said.name}", {source.message_id}, {source.crc_extra}, ({source.base_length}, {length})'
-    yield f"{said.name}: Final = Kind({facts}, {tuple(each.name for each in used)}, {own}, {function})"
+    yield f"{said.name}: Final = _{own}Kind({facts}, {tuple(each.name for each in used)}, {own})"
 
 
 def _written(everything: list[Field], used: list[Field]) -> Iterator[str]:

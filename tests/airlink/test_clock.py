@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from airlink.clock import Instant, RealClock, VirtualClock, after, seconds_between
+from airlink.clock import Instant, RealClock, VirtualClock, after, rounded, seconds_between
 
 instants = st.integers(-(10**18), 10**18).map(Instant)
 
@@ -18,6 +18,11 @@ def test_a_duration_taken_back_gives_the_instant_again(start, nanoseconds):
 @given(instants, st.floats(-1e5, 1e5))
 def test_the_seconds_between_are_those_that_were_added(start, seconds):
     assert seconds_between(start, after(start, seconds)) == pytest.approx(seconds, abs=0.51e-9)
+
+
+@given(st.floats(-1e17, 1e17) | st.integers(-(2**52), 2**52).map(lambda halves: halves / 2))
+def test_rounding_is_python_s(value):
+    assert rounded(value) == round(value)
 
 
 def test_a_virtual_clock_never_goes_back():

@@ -5,10 +5,11 @@ import importlib
 from itertools import pairwise
 
 import pytest
+from fastcrc import crc16
 from hypothesis import given
 from hypothesis import strategies as st
 
-from airlink.frame import HEADER_V1, HEADER_V2, FrameWriter, StreamParser
+from airlink.frame import HEADER_V1, HEADER_V2, FrameWriter, StreamParser, checksum
 from airlink.messages.command import CommandAck, ParamValue
 from airlink.messages.system import Heartbeat, Statustext
 from airlink.messages.telemetry import Attitude
@@ -28,6 +29,11 @@ garbage = st.binary(max_size=40) | st.lists(
     st.sampled_from([b"\xfd", b"\xfe", b"\xfd\x00\x00", b"\xfd\xff\x01", b"\xfe\x09", SOUND[:9], SOUND[:-2]]),
     max_size=5,
 ).map(b"".join)
+
+
+@given(st.binary(min_size=1, max_size=300), st.integers(0, 255))
+def test_checksums_are_those_of_a_peer(data, extra):
+    assert checksum(data, len(data), extra) == crc16.mcrf4xx(data[1:] + bytes([extra]))
 
 
 def frames_of(*chunks):

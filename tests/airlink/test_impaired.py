@@ -23,7 +23,7 @@ class Vehicle(PlainEngine):
         super().__init__(f"udpout:127.0.0.1:{port}")
         self.writer = FrameWriter(system, 1)
 
-    def receive(self, datagram, now):
+    def take(self, datagram, now):
         (frame,) = StreamParser().feed(datagram.data)
         message: Any = frame.message
         self.heard.append((now, message.time_boot_s))
@@ -42,7 +42,7 @@ class Ground(PlainEngine):
         self.writer = FrameWriter(255, 190)
         self.ticks = []
 
-    def receive(self, datagram, now):
+    def take(self, datagram, now):
         for frame in StreamParser().feed(datagram.data):
             message: Any = frame.message
             age_s = seconds_between(Instant(0), now) - message.time_boot_s
@@ -121,6 +121,12 @@ def test_changing_one_link_leaves_the_others_alone():
     assert a.ages(2) != b.ages(2)
 
 
+def test_what_is_sent_once_and_arrives_twice_finds_its_receiver_both_times():
+    _, vehicles, _ = fly(only_for(1, Impairment(duplicate=1.0), UNIMPAIRED), 2.0)
+    once, twice = ([sent_s for _, sent_s in vehicles[system].heard] for system in (2, 1))
+    assert twice == [sent_s for sent_s in once for _ in range(2)]
+
+
 def test_a_schedule_may_change_in_flight():
     before, then = Impairment(delay_s=0.1), Impairment(delay_s=0.3)
     ground, _, _ = fly(lambda vehicle, now: (UNIMPAIRED, before if now < after(Instant(0), 5.0) else then))
@@ -145,7 +151,7 @@ def test_one_system_id_on_two_networks_is_two_vehicles():
     engine = ImpairedEngine(ground, [1, 2], lambda vehicle, now: (UNIMPAIRED, Impairment(float(vehicle.network))), 1)
     frame = FrameWriter(7, 1).encode(SystemTime(0, 0.0))
     for socket in (0, 1):
-        engine.receive(Datagram(socket, Address("127.0.0.1", 5), frame), Instant(0))
+        engine.receive([Datagram(socket, Address("127.0.0.1", 5), frame)], Instant(0))
     assert engine.statistics(VehicleId(1, 7)).downlink.mean_delay_s == 1.0
     assert engine.statistics(VehicleId(2, 7)).downlink.mean_delay_s == 2.0
 
@@ -154,7 +160,7 @@ def test_what_belongs_to_no_vehicle_passes_as_it_is():
     ground = Ground()
     engine = ImpairedEngine(ground, [1], lambda vehicle, now: (Impairment(outage=True), UNIMPAIRED), 1)
     stranger = Datagram(0, Address("127.0.0.1", 6), b"no frame")
-    engine.receive(stranger, Instant(0))
+    engine.receive([stranger], Instant(0))
     assert [datagram.peer for datagram in engine.datagrams_to_send()] == [stranger.peer]
 
 
@@ -163,7 +169,7 @@ def test_equal_instants_keep_the_order_in_which_they_came():
     engine = ImpairedEngine(ground, [1], lambda vehicle, now: (UNIMPAIRED, Impairment(delay_s=0.5)), 1)
     for system in (3, 1, 2):
         frame = FrameWriter(system, 1).encode(SystemTime(0, 0.0))
-        engine.receive(Datagram(0, Address("127.0.0.1", system), frame), Instant(0))
+        engine.receive([Datagram(0, Address("127.0.0.1", system), frame)], Instant(0))
     assert engine.next_timer() == ground.next_timer() == 0
     engine.handle_timer(Instant(0))
     ground.timer = None
@@ -178,7 +184,7 @@ def test_a_cut_frame_is_its_senders_too():
     engine = ImpairedEngine(ground, [1], lambda vehicle, now: (UNIMPAIRED, Impairment(delay_s=0.5)), 1)
     frame = FrameWriter(1, 1).encode(Heartbeat(1, 3))
     for part in (frame, frame[:12], frame[12:]):
-        engine.receive(Datagram(0, Address("127.0.0.1", 9), part), Instant(0))
+        engine.receive([Datagram(0, Address("127.0.0.1", 9), part)], Instant(0))
     assert engine.statistics(VehicleId(1, 1)).downlink.datagrams == 3
 
 
@@ -189,8 +195,8 @@ def test_a_header_alone_makes_no_sender():
     for system in (1, 2):
         frame = FrameWriter(system, 1).encode(Heartbeat(1, 3))
         broken = frame[:-1] + bytes([frame[-1] ^ 1])
-        engine.receive(Datagram(0, Address("127.0.0.1", 9), frame if system == 1 else broken), Instant(0))
-        engine.receive(Datagram(0, Address("127.0.0.1", 10), broken), Instant(0))
+        engine.receive([Datagram(0, Address("127.0.0.1", 9), frame if system == 1 else broken)], Instant(0))
+        engine.receive([Datagram(0, Address("127.0.0.1", 10), broken)], Instant(0))
     assert engine.statistics(VehicleId(1, 1)).downlink.datagrams == 2
     assert engine.statistics(VehicleId(1, 2)).downlink.datagrams == 0
 
@@ -199,5 +205,5 @@ def test_thousands_of_senders_are_forgotten_but_for_those_heard_last():
     engine = ImpairedEngine(Ground(), [1], lambda vehicle, now: (UNIMPAIRED, Impairment(delay_s=0.5)), 1)
     frame = FrameWriter(1, 1).encode(Heartbeat(1, 3))
     for port in range(1, 3 * MAX_REMOTES):
-        engine.receive(Datagram(0, Address("127.0.0.1", port), frame), Instant(0))
+        engine.receive([Datagram(0, Address("127.0.0.1", port), frame)], Instant(0))
     assert len(engine._vehicle_at) == MAX_REMOTES

@@ -16,7 +16,7 @@ class Beacon(PlainEngine):
         self.name, self.period_s, self.answers, self.sent = name, period_s, answers, 0
         self.timer = Instant(0) if period_s else None
 
-    def receive(self, datagram, now):
+    def take(self, datagram, now):
         self.heard.append((now, datagram.peer, datagram.data))
         if self.answers:
             self.outbox.append(datagram)
@@ -89,3 +89,13 @@ def test_a_port_is_taken_once(taken, wanted):
 def test_a_port_of_the_networks_choice_is_a_free_one():
     network = network_of(Beacon("a", "udpin:0.0.0.0:49152"))
     network.attach(Beacon("b", "udpout:127.0.0.1:49152"))
+
+
+def test_who_listens_later_at_an_address_that_was_sent_to_in_vain_is_found():
+    sender = Beacon("a", "udpout:127.0.0.1:14550", 0.5)
+    network = network_of(sender)
+    run_until(network, 1.0)
+    ground = Beacon("g", "udpin:127.0.0.1:14550")
+    network.attach(ground)
+    run_until(network, 1.6)
+    assert [data for _, _, data in ground.heard] == [b"a4", b"a5"]

@@ -17,7 +17,7 @@ class Echo(PlainEngine):
         super().__init__(*endpoints)
         self.timers = []
 
-    def receive(self, datagram, now):
+    def take(self, datagram, now):
         self.heard.append(datagram)
         self.outbox.append(Datagram(datagram.socket, datagram.peer, datagram.data.upper()))
 

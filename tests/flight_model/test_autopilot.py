@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from flight_model.autopilot import AutopilotModel, FlightState, advance, rate, respond
+from flight_model.autopilot import AutopilotModel, FlightState, advance, rate, respond, signed, wrap
 
 TAU_V, TAU_PSI, TAU_HA, TAU_HB = 4.0, 1.5, 1.0, 3.0
 ACCEL, TURN, CLIMB = 1.5, 0.25, 3.0
@@ -39,6 +39,30 @@ def fly(begin, commanded, seconds, steps=1, of=None):
     for _ in range(steps):
         advance(end, of or model(), time_s=seconds / steps, **commanded)
     return end
+
+
+@pytest.mark.parametrize("lag", ["tau_v_s", "tau_psi_s", "tau_ha_s", "tau_hb_s"])
+@pytest.mark.parametrize("moves", [advance, respond])
+def test_what_a_model_keeps_of_its_lags_ends_when_one_changes(lag, moves):
+    kept = model()
+    told = {"speed_mps": 23.0, "heading_rad": 0.2, "height_m": 101.0, "time_s": 0.1}
+    moves(state(), kept, **told)
+    fresh = AutopilotModel(*model().values())
+    for each in (kept, fresh):
+        setattr(each, lag, 2.5)
+    one, other = state(), state()
+    moves(one, kept, **told)
+    moves(other, fresh, **told)
+    assert one.values() == other.values()
+    moves(one, kept, **told | {"time_s": 0.3})
+    moves(other, fresh, **told | {"time_s": 0.3})
+    assert one.values() == other.values()
+
+
+@given(st.floats(-50.0, 50.0))
+def test_angles_are_brought_near_zero_as_python_does(angle_rad):
+    assert wrap(angle_rad) == (angle_rad + math.pi) % math.tau - math.pi
+    assert signed(angle_rad) == math.remainder(angle_rad, math.tau)
 
 
 def test_airspeed_closes_63_percent_of_a_small_step_in_its_time_constant():

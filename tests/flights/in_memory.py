@@ -28,7 +28,7 @@ class Notes:
         self.ticks: list[Tick] = []
         self.events: list[Event] = []
 
-    def frame(self, now: Instant, raw: bytes) -> None:
+    def frames(self, now: Instant, raws: list[bytes]) -> None:
         """Keep nothing."""
 
     def tick(self, tick: Tick) -> None:
@@ -43,7 +43,7 @@ class Notes:
         self.events.append(event)
 
 
-class Between:
+class Between(Engine):
     """An engine around a fleet that passes everything on."""
 
     def __init__(self, fleet: Fleet) -> None:
@@ -52,8 +52,12 @@ class Between:
     def endpoints(self) -> tuple[Endpoint, ...]:
         return self.fleet.endpoints()
 
-    def receive(self, datagram: Datagram, now: Instant) -> None:
-        self.fleet.receive(datagram, now)
+    def receive(self, datagrams: list[Datagram], now: Instant) -> None:
+        for datagram in datagrams:
+            self.take(datagram, now)
+
+    def take(self, datagram: Datagram, now: Instant) -> None:
+        self.fleet.receive([datagram], now)
 
     def datagrams_to_send(self) -> list[Datagram]:
         return self.fleet.datagrams_to_send()
@@ -78,11 +82,11 @@ class HeldUp(Between):
         self._until = after(now, seconds)
         self._lost_ns += round(seconds * NANOSECONDS)
 
-    def receive(self, datagram: Datagram, now: Instant) -> None:
+    def receive(self, datagrams: list[Datagram], now: Instant) -> None:
         if now < self._until:
-            self._waiting.append(datagram)
+            self._waiting.extend(datagrams)
         else:
-            self.fleet.receive(datagram, Instant(now - self._lost_ns))
+            self.fleet.receive(datagrams, Instant(now - self._lost_ns))
 
     def next_timer(self) -> Instant | None:
         timer = self.fleet.next_timer()
@@ -90,12 +94,11 @@ class HeldUp(Between):
 
     def handle_timer(self, now: Instant) -> None:
         waiting, self._waiting = self._waiting, []
-        for datagram in waiting:
-            self.receive(datagram, now)
+        self.receive(waiting, now)
         self.fleet.handle_timer(Instant(now - self._lost_ns))
 
 
-class Sleeper:
+class Sleeper(Engine):
     """A station whose process is stopped for a while; what comes meanwhile waits in its sockets."""
 
     def __init__(self, station: Engine) -> None:
@@ -113,11 +116,11 @@ class Sleeper:
     def endpoints(self) -> tuple[Endpoint, ...]:
         return self._station.endpoints()
 
-    def receive(self, datagram: Datagram, now: Instant) -> None:
+    def receive(self, datagrams: list[Datagram], now: Instant) -> None:
         if now < self._until:
-            self._waiting.append(datagram)
+            self._waiting.extend(datagrams)
         else:
-            self._station.receive(datagram, now)
+            self._station.receive(datagrams, now)
 
     def datagrams_to_send(self) -> list[Datagram]:
         return self._station.datagrams_to_send()
@@ -129,8 +132,7 @@ class Sleeper:
     def handle_timer(self, now: Instant) -> None:
         """Take what has come, then do what is due, as a driver over UDP does when its process goes on."""
         waiting, self._waiting = self._waiting, []
-        for datagram in waiting:
-            self._station.receive(datagram, now)
+        self._station.receive(waiting, now)
         self._station.handle_timer(now)
 
 

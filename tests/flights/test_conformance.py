@@ -14,7 +14,7 @@ from airlink.engine import Datagram
 from airlink.messages.system import Heartbeat
 from flight_model.autopilot import FlightState
 from formation_scenario import load_scenario
-from gcs_formation.estimation.projection import SetpointHistory
+from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.fleet.conformance import SETTLED_S, MotionConformance
 from gcs_formation.vehicle.ardupilot import ArduPlane
 from gcs_formation.vehicle.autopilot import EffectWatch
@@ -53,9 +53,9 @@ def test_vehicles_that_obey_are_never_reported(keys: dict[str, Any]) -> None:
 class HeadingsLost(Between):
     """Loses every heading told, and nothing else."""
 
-    def receive(self, datagram: Datagram, now: Instant) -> None:
+    def take(self, datagram: Datagram, now: Instant) -> None:
         if HEADING not in datagram.data:
-            super().receive(datagram, now)
+            super().take(datagram, now)
 
 
 @pytest.mark.slow

@@ -45,7 +45,7 @@ def tell(world: World, number: int, messages: list[Message]) -> float:
     """Let another ground station say something to a vehicle; return when."""
     writer = FrameWriter(254, 190)
     for message in messages:
-        world.fleet.receive(Datagram(number - 1, OTHER, writer.encode(message)), world.clock.now())
+        world.fleet.receive([Datagram(number - 1, OTHER, writer.encode(message))], world.clock.now())
     return world.now_s
 
 

@@ -29,10 +29,10 @@ class Listening(Between):
         super().__init__(fleet)
         self.commands = set[int]()
 
-    def receive(self, datagram: Datagram, now: Instant) -> None:
+    def take(self, datagram: Datagram, now: Instant) -> None:
         messages = (frame.message for frame in StreamParser().feed(datagram.data))
         self.commands |= {each.command for each in messages if isinstance(each, CommandInt | CommandLong)}
-        super().receive(datagram, now)
+        super().take(datagram, now)
 
 
 def commands_to(world: World) -> set[int]:

@@ -41,9 +41,9 @@ class Listener(Between):
         super().__init__(fleet)
         self.parser, self.ids = StreamParser(), list[int]()
 
-    def receive(self, datagram: Datagram, now: Instant) -> None:
+    def take(self, datagram: Datagram, now: Instant) -> None:
         self.ids += [frame.message_id for frame in self.parser.feed(datagram.data)]
-        super().receive(datagram, now)
+        super().take(datagram, now)
 
 
 @pytest.mark.parametrize(("config", "model"), [("px4", "px4"), ("px4_copter", "px4_copter")])

@@ -47,8 +47,8 @@ class Kept(Notes):
         columns = [each.vehicle_id for each in (scenario.leader, *scenario.followers) if each]
         self.directory = RunDirectory(path, scenario, columns, EPOCH_US, resume=resume)
 
-    def frame(self, now: Instant, raw: bytes) -> None:
-        self.directory.frame(now, raw)
+    def frames(self, now: Instant, raws: list[bytes]) -> None:
+        self.directory.frames(now, raws)
 
     def tick(self, tick: Tick) -> None:
         super().tick(tick)
@@ -66,10 +66,10 @@ class Obedient(Between):
         super().__init__(fleet)
         self.commands: list[CommandLong] = []
 
-    def receive(self, datagram: Datagram, now: Instant) -> None:
+    def take(self, datagram: Datagram, now: Instant) -> None:
         messages = (frame.message for frame in StreamParser().feed(datagram.data))
         self.commands += [each for each in messages if isinstance(each, CommandLong)]
-        super().receive(datagram, now)
+        super().take(datagram, now)
 
 
 class Killed:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import copy
+
 import pytest
 
 from airlink import mavlink as m
@@ -30,10 +32,10 @@ class Moving(Between):
     def endpoints(self) -> tuple[Endpoint, ...]:
         return self.fleet.endpoints() * 2
 
-    def receive(self, datagram: Datagram, now: Instant) -> None:
+    def take(self, datagram: Datagram, now: Instant) -> None:
         count = len(self.fleet.vehicles)
         if self.moved == (datagram.socket >= count):
-            self.fleet.receive(Datagram(datagram.socket % count, datagram.peer, datagram.data), now)
+            self.fleet.receive([Datagram(datagram.socket % count, datagram.peer, datagram.data)], now)
 
     def datagrams_to_send(self) -> list[Datagram]:
         shift = len(self.fleet.vehicles) if self.moved else 0
@@ -47,14 +49,14 @@ class Echoing(Between):
         super().__init__(fleet)
         self._back: list[Datagram] = []
 
-    def receive(self, datagram: Datagram, now: Instant) -> None:
-        self._back.append(datagram)
-        super().receive(datagram, now)
+    def take(self, datagram: Datagram, now: Instant) -> None:
+        self._back.append(copy(datagram))
+        super().take(datagram, now)
 
     def datagrams_to_send(self) -> list[Datagram]:
         sent, (back, self._back) = super().datagrams_to_send(), (self._back, [])
         for each in sent:
-            self.fleet.receive(each, Instant(0))
+            self.fleet.receive([copy(each)], Instant(0))
         return [*sent, *back]
 
 
@@ -63,10 +65,10 @@ class Routing(Between):
 
     other: Fleet | None = None
 
-    def receive(self, datagram: Datagram, now: Instant) -> None:
-        super().receive(datagram, now)
+    def take(self, datagram: Datagram, now: Instant) -> None:
+        super().take(datagram, now)
         if self.other and datagram.socket == 1:
-            self.other.receive(Datagram(0, datagram.peer, datagram.data), now)
+            self.other.receive([Datagram(0, datagram.peer, datagram.data)], now)
 
     def handle_timer(self, now: Instant) -> None:
         super().handle_timer(now)
@@ -102,7 +104,7 @@ def test_in_flight_a_second_vehicle_with_the_same_id_is_reported_and_ignored() -
     (reported_s,) = world.times_s("duplicate", 2)
     assert 1.0 <= reported_s - begun_s < 2.5
     assert not world.times_s("address")
-    assert twin.vehicles[0].link._heard == {}  # nothing was ever said to it
+    assert twin.vehicles[0].link._heard == []  # nothing was ever said to it
     taken = sum(vehicle.frames_in for vehicle in world.station.vehicles.values())
     assert world.station.received().frames - taken == world.station.frames_refused > 100
 
@@ -163,7 +165,7 @@ def test_the_place_of_a_silent_vehicle_is_not_taken_by_another_clock() -> None:
         "another sender has its system id, from 127.0.0.1:49155, beside 127.0.0.1:49153, its clock is another's; "
         "it is ignored"
     ]
-    assert impostor.vehicles[0].link._heard == {}
+    assert impostor.vehicles[0].link._heard == []
 
 
 class HeartbeatsOnly(Between):
@@ -213,7 +215,7 @@ def station() -> Station:
 
 
 def hear(station: Station, writer: FrameWriter, message, at_s: float = 0.0, port: int = 40000) -> None:
-    station.receive(Datagram(0, Address(LOOPBACK, port), writer.encode(message)), after(Instant(0), at_s))
+    station.receive([Datagram(0, Address(LOOPBACK, port), writer.encode(message))], after(Instant(0), at_s))
 
 
 @pytest.mark.parametrize(

@@ -38,9 +38,9 @@ class Router(Between):
     def endpoints(self) -> tuple[Endpoint, ...]:
         return self.fleet.endpoints()[:1]
 
-    def receive(self, datagram: Datagram, now: Instant) -> None:
+    def take(self, datagram: Datagram, now: Instant) -> None:
         for socket in range(len(self.fleet.vehicles)):
-            self.fleet.receive(Datagram(socket, datagram.peer, datagram.data), now)
+            self.fleet.receive([Datagram(socket, datagram.peer, datagram.data)], now)
 
     def datagrams_to_send(self) -> list[Datagram]:
         return [Datagram(0, each.peer, each.data) for each in super().datagrams_to_send()]

@@ -29,9 +29,9 @@ ASSEMBLING: dict[str, Any] = {"start": {"in_air": True, "run_in_s": 6, "timeout_
 class Deaf(Between):
     """Nothing reaches the last vehicle."""
 
-    def receive(self, datagram: Datagram, now: Instant) -> None:
+    def take(self, datagram: Datagram, now: Instant) -> None:
         if datagram.socket != LAST - 1:
-            super().receive(datagram, now)
+            super().take(datagram, now)
 
 
 class Unready(Between):

@@ -36,12 +36,12 @@ class Flight:
     def tell_station(self, frame: bytes) -> None:
         """Let the follower's own autopilot say something."""
         peer = Address(LOOPBACK, FIRST_EPHEMERAL_PORT + FOLLOWER.system - 1)
-        self.station.receive(Datagram(0, peer, frame), self.clock.now())
+        self.station.receive([Datagram(0, peer, frame)], self.clock.now())
 
     def tell_vehicle(self, frame: bytes) -> None:
         """Let the ground station say something to the follower."""
         ground = self.station.endpoints()[0].address
-        self.fleet.receive(Datagram(FOLLOWER.system - 1, ground, frame), self.clock.now())
+        self.fleet.receive([Datagram(FOLLOWER.system - 1, ground, frame)], self.clock.now())
 
     def probe(self) -> int:
         """Return the stamp of the last probe to the follower."""

@@ -15,7 +15,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
+from librt.strings import BytesWriter
 from librt.vecs import vec
+from mypy_extensions import i64
 
 from airlink.endpoint import LOOPBACK, Address
 from airlink.engine import FIRST_EPHEMERAL_PORT, Datagram
@@ -36,7 +38,20 @@ COMMANDS = sorted(HANDLERS)
 STRANGER = Address("10.0.0.1", 14550)
 OURS, HELPED, VERSION_1, SIGNED, OTHERS_PORT, COMPONENT = 0x01, 0x02, 0x04, 0x08, 0x10, 0x20
 copyreg.pickle(type(vec[float]()), lambda numbers: (vec[float], (list(numbers),)))
+copyreg.pickle(type(vec[i64]()), lambda numbers: (vec[i64], (list(numbers),)))
+copyreg.pickle(type(vec[vec[float]]()), lambda rows: (_rows, ([list(row) for row in rows],)))
+copyreg.pickle(BytesWriter, lambda written: (_written, (written.getvalue(),)))
 """Packed numbers can be copied in no other way."""
+
+
+def _rows(numbers: list[list[float]]) -> vec[vec[float]]:
+    return vec[vec[float]]([vec[float](row) for row in numbers])
+
+
+def _written(data: bytes) -> BytesWriter:
+    writer = BytesWriter()
+    writer.write(data)
+    return writer
 
 
 class Said(NamedTuple):
@@ -99,7 +114,7 @@ class Ends:
         header = _header(each, system, 1 if not each.flags & COMPONENT else each.payload[0] if each.payload else 0)
         values = {"target_system": STATION_SYSTEM, "ts1": flight.probe()}
         frame = framed(each.layout.message_id, _payload(each, values), header)
-        flight.station.receive(Datagram(0, peer, frame), flight.clock.now())
+        flight.station.receive([Datagram(0, peer, frame)], flight.clock.now())
 
     def _tell_vehicle(self, flight: Flight, each: Said) -> None:
         ground = flight.station.endpoints()[0].address
@@ -107,7 +122,7 @@ class Ends:
         header = _header(each, STATION_SYSTEM if each.flags & OURS else each.system, STATION_COMPONENT)
         values = {"target_system": FOLLOWER.system, "command": COMMANDS[each.system % len(COMMANDS)]}
         frame = framed(each.layout.message_id, _payload(each, values), header)
-        flight.fleet.receive(Datagram(FOLLOWER.system - 1, peer, frame), flight.clock.now())
+        flight.fleet.receive([Datagram(FOLLOWER.system - 1, peer, frame)], flight.clock.now())
 
 
 def _header(each: Said, system: int, component: int) -> Header:

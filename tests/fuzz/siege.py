@@ -52,11 +52,12 @@ class Notes:
         for kept in (self.setpoints, self.errors_m, self.events, self.commands):
             kept.clear()
 
-    def frame(self, now: Instant, raw: bytes) -> None:
+    def frames(self, now: Instant, raws: list[bytes]) -> None:
         """Keep the payloads of commands that the station sent: they are few, for they are told apart."""
-        message_id = int.from_bytes(raw[7:HEADER_V2], "little")
-        if raw[0] == MARKER_V2 and raw[5] == STATION_SYSTEM and message_id == m.MAVLINK_MSG_ID_COMMAND_INT:
-            self.commands.add(raw[HEADER_V2 : HEADER_V2 + raw[1]])
+        for raw in raws:
+            message_id = int.from_bytes(raw[7:HEADER_V2], "little")
+            if raw[0] == MARKER_V2 and raw[5] == STATION_SYSTEM and message_id == m.MAVLINK_MSG_ID_COMMAND_INT:
+                self.commands.add(raw[HEADER_V2 : HEADER_V2 + raw[1]])
 
     def tick(self, tick: Tick) -> None:
         """Keep setpoints, and errors while the path is flown."""
@@ -69,7 +70,7 @@ class Notes:
         self.events.append(event)
 
 
-class Besieged:
+class Besieged(Engine):
     """An engine that is thrown datagrams at, every 20 ms, from its peers' addresses and from thousands of others."""
 
     def __init__(self, engine: Engine, peers: list[list[Address]], siege: Siege) -> None:
@@ -86,9 +87,9 @@ class Besieged:
         """Return the engine's."""
         return self._engine.endpoints()
 
-    def receive(self, datagram: Datagram, now: Instant) -> None:
+    def receive(self, datagrams: list[Datagram], now: Instant) -> None:
         """Hand on what is meant for it."""
-        self._engine.receive(datagram, now)
+        self._engine.receive(datagrams, now)
 
     def datagrams_to_send(self) -> list[Datagram]:
         """Return the engine's."""
@@ -104,7 +105,7 @@ class Besieged:
         if now >= self._next:
             self._next = after(now, TURN_S)
             for _ in range(self._siege.each_turn):
-                self._engine.receive(self._throw(), now)
+                self._engine.receive([self._throw()], now)
             self.thrown += self._siege.each_turn
         timer = self._engine.next_timer()
         if timer is not None and timer <= now:

@@ -77,9 +77,9 @@ def test_memory_does_not_grow_with_what_is_thrown(end: End) -> None:
 def test_broken_frames_are_counted_for_the_vehicle_they_came_from() -> None:
     station = Station(planned(5), Notes())
     peer, writer = Address("127.0.0.1", 40000), FrameWriter(2, 1)
-    station.receive(Datagram(0, peer, writer.encode(Heartbeat(1, 3))), Instant(0))
+    station.receive([Datagram(0, peer, writer.encode(Heartbeat(1, 3)))], Instant(0))
     for _ in range(3):
         broken = bytearray(writer.encode(Heartbeat(1, 3)))
         broken[12] ^= 0x10
-        station.receive(Datagram(0, peer, bytes(broken)), Instant(0))
+        station.receive([Datagram(0, peer, bytes(broken))], Instant(0))
     assert station.bad_frames(VehicleId(1, 2)) == 3

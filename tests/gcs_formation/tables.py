@@ -13,7 +13,7 @@ from flight_model.autopilot import AutopilotModel, FlightState
 from flight_model.slot import Triple
 from gcs_formation.control.situation import Decided, Law, Situation
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
-from gcs_formation.estimation.projection import SetpointHistory
+from gcs_formation.estimation.setpoint_history import SetpointHistory
 
 Made = TypeVar("Made")
 

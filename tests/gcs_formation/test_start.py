@@ -25,7 +25,7 @@ from gcs_formation.record.flight import percentile
 from gcs_formation.record.timeseries import write_parquet
 percentile(numpy.zeros(3), 50)
 flags = ("active", "leads", "yielding", "airborne")
-write_parquet(pathlib.Path("/dev/null"), dict.fromkeys(("phase", "t_s", *flags), numpy.zeros(3)))
+write_parquet(pathlib.Path("/dev/null"), [dict.fromkeys(("phase", "t_s", *flags), numpy.zeros(3))])
 print(*sys.modules)
 """
 THREADS = """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -206,8 +207,9 @@ PLANE = Family(
 def times_s(port: int, family: Family) -> dict[str, tuple[float, float]]:
     """Return the times of 63 % and 90 % of every step of one vehicle that begins on the ground."""
     pilot = Pilot(port, family)
-    while not pilot.ready:
-        pilot.fly(1.0)
-    pilot.fly(2.0)
-    family.take_off(pilot)
-    return {step.name: pilot.step(step) for step in family.steps}
+    with closing(pilot.link):
+        while not pilot.ready:
+            pilot.fly(1.0)
+        pilot.fly(2.0)
+        family.take_off(pilot)
+        return {step.name: pilot.step(step) for step in family.steps}

@@ -30,7 +30,7 @@ class Peer:
         self.send_bytes(message.pack(self.dialect), vehicle)
 
     def send_bytes(self, data, vehicle=0):
-        self.fleet.receive(Datagram(vehicle, self.address, data), self.fleet.next_timer())
+        self.fleet.receive([Datagram(vehicle, self.address, data)], self.fleet.next_timer())
 
     def hear(self, data, seconds):
         self.heard += [(seconds, message) for message in self.parser.parse_buffer(data) or []]

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from airlink.clock import Instant, VirtualClock, after
 from airlink.endpoint import Address, parse_endpoint
-from airlink.engine import Datagram, MemoryNetwork
+from airlink.engine import Datagram, Engine, MemoryNetwork
 from airlink.frame import FrameWriter, StreamParser
 from airlink.messages.command import CommandInt, CommandLong
 from airlink.messages.system import Heartbeat, Timesync
@@ -16,7 +16,7 @@ GROUND = Address("127.0.0.1", 14550)
 SPEED, HEADING = 43000, 43002
 
 
-class Recorder:
+class Recorder(Engine):
     """A ground station that steers vehicle 1 about at 10 Hz and keeps every byte."""
 
     def __init__(self, endpoint="udpin:0.0.0.0:14550"):
@@ -26,7 +26,11 @@ class Recorder:
     def endpoints(self):
         return (self.endpoint,)
 
-    def receive(self, datagram, now):
+    def receive(self, datagrams, now):
+        for datagram in datagrams:
+            self._take(datagram, now)
+
+    def _take(self, datagram, now):
         self.bytes.append((now, datagram.peer, datagram.data))
         if datagram.peer not in self.peers:
             self.peers.append(datagram.peer)
@@ -78,7 +82,7 @@ def test_a_late_timer_catches_up_turn_by_turn(make_air):
 
 def test_a_reply_leaves_on_the_main_loop_and_not_before(make_air):
     fleet = make_air().fleet
-    fleet.receive(Datagram(0, GROUND, FrameWriter(255, 190).encode(CommandLong(1, 1, 520))), Instant(5_000_000))
+    fleet.receive([Datagram(0, GROUND, FrameWriter(255, 190).encode(CommandLong(1, 1, 520)))], Instant(5_000_000))
     assert fleet.datagrams_to_send() == []
     fleet.handle_timer(fleet.next_timer())
     assert fleet.datagrams_to_send()
@@ -169,7 +173,7 @@ def test_what_arrives_after_a_pause_is_read_by_no_cycle_that_is_made_up_for(flyi
     """A probe is answered with the time of its arrival, not with one from before it was sent."""
     cycle, paused_s = flying.fleet.next_timer(), 5.0
     arrived = after(cycle, paused_s)
-    flying.fleet.receive(Datagram(0, GROUND, FrameWriter(255, 190).encode(Timesync(0, 7))), arrived)
+    flying.fleet.receive([Datagram(0, GROUND, FrameWriter(255, 190).encode(Timesync(0, 7)))], arrived)
     flying.fleet.handle_timer(after(cycle, paused_s + 1.0))
     sent = [StreamParser().feed(datagram.data)[0].message for datagram in flying.fleet.datagrams_to_send()]
     (answer,) = [message for message in sent if isinstance(message, Timesync) and message.ts1_ns == 7]

@@ -122,8 +122,7 @@ def test_a_crowd_of_strangers_neither_fills_the_memory_nor_disturbs_the_ground_s
         air.run(0.02)
     air.run(1.0)
     vehicle = air.fleet.vehicles[0]
-    tables = vehicle.link._parsers, vehicle.link._heard, vehicle.link._writers
-    assert max(map(len, tables)) <= MAX_PEERS + 1
+    assert max(map(len, (vehicle.link._peers, vehicle.link._heard))) <= MAX_PEERS + 1
     assert len(vehicle.parameters._to_list) <= MAX_LISTS * len(NAMES)
     numbers = [message.get_seq() for _, message in air.ground.heard]
     assert numbers == [number % 256 for number in range(len(numbers))]
@@ -134,7 +133,7 @@ def test_a_ground_station_that_was_heard_outlasts_addresses_that_send_noise(make
     air.ground.send(dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
     air.run(0.02)
     for number in range(100):
-        air.fleet.receive(Datagram(0, Address("10.0.0.1", number), b"\xfd\x09\x00"), air.fleet.next_timer())
+        air.fleet.receive([Datagram(0, Address("10.0.0.1", number), b"\xfd\x09\x00")], air.fleet.next_timer())
     air.ground.heard.clear()
     air.run(2.0)
     assert air.ground.of("HEARTBEAT")

@@ -12,20 +12,19 @@ from airlink.clock import NANOSECONDS
 from flight_model.arrays import Array, Instants, Mask, within, wrap
 from flight_model.autopilot import AutopilotModel
 from gcs_formation.estimation.flight_state import AirLags, AutopilotModels, Height, HeightSteps
+from gcs_formation.estimation.lag_bank import FREE, Motion
 from gcs_formation.estimation.lag_fit import (
     BATCH_S,
     BELIEVED_SPREAD,
     BOUND,
     CORRELATED_S,
-    FREE,
     LEAST_SPREAD,
     RECENT_S,
     SIGNIFICANT,
     STEP_MAX,
-    Motion,
 )
 from gcs_formation.estimation.lags import GAP_S, RESOLUTION
-from gcs_formation.estimation.projection import SetpointHistory
+from gcs_formation.estimation.setpoint_history import SetpointHistory
 
 
 class Bank:
@@ -316,9 +315,9 @@ class LagsOnArrays:
 
     def _take(self, stamps: Instants, seen: Array) -> None:
         """Fit the lags to a batch of samples (B + 1, 4, C) at `stamps` (B + 1, C); its first ended the one before."""
-        ticks = self._history.between(stamps[0].tolist(), stamps[-1].tolist())
-        acts = np.maximum.accumulate(np.array([tick.acts for tick in ticks], dtype=np.int64))
-        told = np.array([tick.setpoints for tick in ticks]).transpose(0, 2, 1)
+        flown = self._history.between(stamps[0].tolist(), stamps[-1].tolist())
+        acts = np.array([each.acts for each in flown], dtype=np.int64).T
+        told = np.array([each.setpoints for each in flown]).transpose(1, 2, 0)
         gaps = (stamps[-1] - stamps[0]) / NANOSECONDS > GAP_S + BATCH_S
         learning: Mask = self._learning & self.lagging & self._bank.flying
         learning &= np.isfinite(told).all(axis=(0, 1)) & ~gaps

@@ -12,7 +12,7 @@ from gcs_formation.controller import FormationController
 from gcs_formation.estimation.estimator import UNMODELLED, WIND_WALK, Sample, StateEstimator
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
 from gcs_formation.estimation.noise import RESOLUTION, Declared, VehicleNoise
-from gcs_formation.estimation.projection import SetpointHistory
+from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.parameters import declared_noise
 from tests.flights.conftest import scenario
 from tests.gcs_formation import tables
@@ -71,7 +71,7 @@ class Flight:
 
     def learnt(self):
         """Each quantity's noise by its true one."""
-        return self.filter.noise.sigma[:, 0] / self.sigma
+        return np.array(self.filter.noise.sigma(0)) / self.sigma
 
 
 @pytest.mark.slow
@@ -134,7 +134,7 @@ def test_a_wind_that_changes_is_not_taken_for_noise():
     gusts = np.random.default_rng(5).standard_normal(600)
     for gust in gusts:
         flight.fly(gust_mps=0.3 * gust)
-    assert flight.filter.noise.sigma[2, 0] < 0.1
+    assert flight.filter.noise.sigma(0)[2] < 0.1
     assert np.abs(flight.error()[WIND_NORTH:]).max() < 0.2
 
 

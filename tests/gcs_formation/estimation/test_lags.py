@@ -8,7 +8,7 @@ import pytest
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints, advance
 from gcs_formation.estimation.lags import LagEstimator
-from gcs_formation.estimation.projection import SetpointHistory
+from gcs_formation.estimation.setpoint_history import SetpointHistory
 from tests.gcs_formation import tables
 from tests.gcs_formation.estimation.lags_on_arrays import LagsOnArrays
 

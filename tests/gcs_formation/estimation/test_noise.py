@@ -35,10 +35,10 @@ def test_the_estimate_is_the_mean_of_products_of_successive_increments() -> None
         variance = variance + (mean - variance) / min(number + 21.0, 100.0)
         variance = np.clip(variance, (SIGMA / 10.0) ** 2, np.array((30.0, 30.0, 5.0, 5.0, 10.0, 0.5)) ** 2)
         before = clipped
-        np.testing.assert_allclose(noise.sigma[:, 0], np.sqrt(variance))
+        np.testing.assert_allclose(noise.sigma(0), np.sqrt(variance))
         np.testing.assert_allclose(noise.each[0].values, variance[list(ROW_OF)])
         judged = np.sqrt(variance) / SIGMA if number >= 99 else np.ones(6)
-        np.testing.assert_allclose(noise.ratios[:, 0], judged)
+        np.testing.assert_allclose(noise.ratios(0), judged)
 
 
 def test_a_vehicle_that_begins_again_has_what_is_declared_and_the_others_keep_what_was_learnt() -> None:
@@ -46,13 +46,13 @@ def test_a_vehicle_that_begins_again_has_what_is_declared_and_the_others_keep_wh
     for number in range(30):
         for each in noise.each:
             each.learn(each_of_eight(0.2 * (-1) ** number), each_of_eight(1.0))
-    learnt = noise.sigma[:, 1]
+    learnt = noise.sigma(1)
     noise.each[0].begin()
-    np.testing.assert_allclose(noise.sigma[:, 0], SIGMA)
-    np.testing.assert_allclose(noise.sigma[:, 1], learnt)
+    np.testing.assert_allclose(noise.sigma(0), SIGMA)
+    np.testing.assert_allclose(noise.sigma(1), learnt)
     for each in noise.each:
         each.learn(each_of_eight(0.2), each_of_eight(1.0))
-    np.testing.assert_allclose(noise.sigma[:, 0], SIGMA * np.sqrt(20.0 / 21.0))
+    np.testing.assert_allclose(noise.sigma(0), SIGMA * np.sqrt(20.0 / 21.0))
 
 
 @pytest.mark.parametrize("stated", [True, False])
@@ -61,5 +61,5 @@ def test_noise_is_compared_with_what_is_stated_and_more_than_rounding(stated: bo
     noise = NoiseEstimate(Declared(sigma, sigma, np.array([stated])))
     for number in range(100):
         noise.each[0].learn(each_of_eight(0.5 * (-1) ** number), each_of_eight(1.0))
-    compared = np.flatnonzero(noise.ratios[:, 0] != 1.0)
+    compared = np.flatnonzero(np.array(noise.ratios(0)) != 1.0)
     assert compared.tolist() == ([1, 3, 4, 5] if stated else [])

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from airlink.clock import NANOSECONDS
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints, advance
-from gcs_formation.estimation.projection import SetpointHistory
+from gcs_formation.estimation.setpoint_history import SetpointHistory
 from tests.gcs_formation import tables
 
 

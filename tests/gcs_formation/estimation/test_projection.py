@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
-from gcs_formation.estimation.projection import AtOneStamp, Measured, Pairing, Prediction, SetpointHistory, States
+from gcs_formation.estimation.projection import AtOneStamp, Measured, Pairing, Prediction, States
+from gcs_formation.estimation.setpoint_history import SetpointHistory
 from tests.gcs_formation import tables
 
 Array = npt.NDArray[np.float64]

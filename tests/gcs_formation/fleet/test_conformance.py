@@ -17,7 +17,7 @@ from airlink.messages.system import Heartbeat
 from flight_model.autopilot import FlightState
 from flight_model.earth import GeodeticOrigin
 from formation_scenario import load_scenario
-from gcs_formation.estimation.projection import SetpointHistory
+from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.fleet.conformance import SETTLED_S, ConformanceMonitor
 from gcs_formation.link.connection import Connection
 from gcs_formation.vehicle.ardupilot import ArduPlane

@@ -32,10 +32,10 @@ def logged(file, until_s=60.0, silent=(), system=3):
             continue
         yaw = math.remainder(0.1 * at_s, math.tau)
         for command, p2, z in ((43000, 23.0, 0.0), (43001, 0.0, 250.0), (43002, math.degrees(yaw) % 360.0, 0.0)):
-            log.write(now, station.encode(CommandInt(system, 1, 0, command, param2=p2, z=z)))
-        log.write(now, vehicle.encode(VfrHud(22.5, 22.0, 0.0, 50, 251.0, 0.5)))
-        log.write(now, vehicle.encode(Attitude(at_s, 0.0, 0.0, yaw, 0.0, 0.0, 0.0)))
-        log.write(now, vehicle.encode(GlobalPositionInt(at_s, 0.6, 2.1, 251.0, 51.0, 0.0, 0.0, -0.5, 0.0)))
+            log.write(now, [station.encode(CommandInt(system, 1, 0, command, param2=p2, z=z))])
+        log.write(now, [vehicle.encode(VfrHud(22.5, 22.0, 0.0, 50, 251.0, 0.5))])
+        log.write(now, [vehicle.encode(Attitude(at_s, 0.0, 0.0, yaw, 0.0, 0.0, 0.0))])
+        log.write(now, [vehicle.encode(GlobalPositionInt(at_s, 0.6, 2.1, 251.0, 51.0, 0.0, 0.0, -0.5, 0.0))])
     log.close()
     return file
 

@@ -94,7 +94,7 @@ def write_run(
                 columns[name].reshape(mission_s.size, -1)[unseen, -1] = np.nan
     directory.mkdir(parents=True, exist_ok=True)
     (directory / "run.yaml").write_text(dump_scenario(scenario), encoding="utf-8")
-    write_parquet(directory / "timeseries.parquet", columns)
+    write_parquet(directory / "timeseries.parquet", [columns])
     (directory / "events.jsonl").write_text("".join(json.dumps(e) + "\n" for e in some_events(scenario)))
     summary = summary_of(scenario, columns, truth=truth)
     (directory / "summary.json").write_text(json.dumps(summary, allow_nan=False))

@@ -78,7 +78,7 @@ def test_another_schema(make_run):
 def test_no_ticks(make_run):
     directory = make_run()
     path = directory / "timeseries.parquet"
-    write_parquet(path, {name: np.zeros(0) for name in read_parquet(path)})
+    write_parquet(path, [{name: np.zeros(0) for name in read_parquet(path)}])
     with pytest.raises(RecordError, match="found no control tick"):
         load_run(directory)
 

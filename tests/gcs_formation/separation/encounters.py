@@ -10,7 +10,7 @@ import numpy as np
 from airlink.clock import NANOSECONDS, Instant
 from flight_model.arrays import Array, Mask
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints, advance
-from gcs_formation.estimation.projection import SetpointHistory
+from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.separation.approach import Traffic, sample_times
 from gcs_formation.separation.giving_way import Memory, resolve
 from gcs_formation.separation.traffic import TrafficPicture

@@ -12,7 +12,8 @@ from airlink.clock import Instant, after
 from flight_model.slot import NOTHING, Triple
 from formation_scenario import load_scenario
 from gcs_formation.estimation.flight_state import FlightStates
-from gcs_formation.estimation.projection import Measured, SetpointHistory
+from gcs_formation.estimation.projection import Measured
+from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.parameters import autopilot_models
 from gcs_formation.recorder import Tick, VehicleLink
 from gcs_formation.reporting import words

@@ -32,7 +32,7 @@ def flown(directory: Path, **errors: np.ndarray) -> Flown:
     for axis in "xyz":
         parts = [np.full(rows, np.nan), errors.get(f"{axis}2", zero), errors.get(f"{axis}3", zero)]
         columns[f"error_{axis}_m"] = np.stack(parts, axis=1).ravel()
-    write_parquet(directory / TIMESERIES, columns)
+    write_parquet(directory / TIMESERIES, [columns])
     followers = {"2": {"settled_at_s": 4.0}, "3": {"settled_at_s": None}}
     figures = {"duration_s": 30.0, "truth": True, "followers": followers, "safety": {"min_separation_m": 12.5}}
     return Flown(scenario, Summary(figures, (), ("clearance was 1 m",)), directory, "gcs-formation run a.yaml")

@@ -1,0 +1,76 @@
+"""What an autopilot's lags leave of an error after a time: most of what it flies takes the same few times."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+EARLY: Final = 0.1127016653792583
+MIDDLE: Final = 0.5
+LATE: Final = 0.8872983346207417
+"""Gauss's points of a stretch of time, as shares of it: exact for polynomials of degree 5."""
+
+
+class Decay:
+    """What the lags of airspeed, heading and height leave of 1 after a time; kept until another is asked for."""
+
+    __slots__ = (
+        "_tau_ha_s",
+        "_tau_hb_s",
+        "_tau_psi_s",
+        "_tau_v_s",
+        "_time_s",
+        "fast",
+        "fast_s",
+        "heading",
+        "slow",
+        "slow_s",
+        "speed",
+    )
+
+    def __init__(self) -> None:
+        """Start with no time."""
+        self._time_s = self._tau_v_s = self._tau_psi_s = self._tau_ha_s = self._tau_hb_s = math.nan
+        self.speed = self.heading = 1.0
+        self.slow = self.fast = 1.0
+        """Of height, by the slower and the faster of its lags."""
+        self.slow_s = self.fast_s = 0.0
+        """These lags."""
+
+    def holds(self, time_s: float, tau_v_s: float, tau_psi_s: float, tau_ha_s: float, tau_hb_s: float) -> bool:
+        """Return whether it was found for this time and these lags."""
+        return (
+            self._time_s == time_s
+            and self._tau_v_s == tau_v_s
+            and self._tau_psi_s == tau_psi_s
+            and self._tau_ha_s == tau_ha_s
+            and self._tau_hb_s == tau_hb_s
+        )
+
+    def find(self, time_s: float, tau_v_s: float, tau_psi_s: float, tau_ha_s: float, tau_hb_s: float) -> None:
+        """Find it."""
+        self._time_s, self._tau_v_s, self._tau_psi_s = time_s, tau_v_s, tau_psi_s
+        self._tau_ha_s, self._tau_hb_s = tau_ha_s, tau_hb_s
+        self.slow_s, self.fast_s = max(tau_ha_s, tau_hb_s), min(tau_ha_s, tau_hb_s)
+        self.slow, self.fast = math.exp(-time_s / self.slow_s), math.exp(-time_s / self.fast_s)
+        self.speed, self.heading = math.exp(-time_s / tau_v_s), math.exp(-time_s / tau_psi_s)
+
+
+class Stretch(Decay):
+    """The same, and what they leave at Gauss's points of that time."""
+
+    __slots__ = ("early_heading", "early_speed", "late_heading", "late_speed", "middle_heading", "middle_speed")
+
+    def __init__(self) -> None:
+        """Start with no time."""
+        super().__init__()
+        self.early_speed = self.middle_speed = self.late_speed = 1.0
+        self.early_heading = self.middle_heading = self.late_heading = 1.0
+
+    def find(self, time_s: float, tau_v_s: float, tau_psi_s: float, tau_ha_s: float, tau_hb_s: float) -> None:
+        """Find it."""
+        super().find(time_s, tau_v_s, tau_psi_s, tau_ha_s, tau_hb_s)
+        early_s, middle_s, late_s = EARLY * time_s, MIDDLE * time_s, LATE * time_s
+        self.early_speed, self.early_heading = math.exp(-early_s / tau_v_s), math.exp(-early_s / tau_psi_s)
+        self.middle_speed, self.middle_heading = math.exp(-middle_s / tau_v_s), math.exp(-middle_s / tau_psi_s)
+        self.late_speed, self.late_heading = math.exp(-late_s / tau_v_s), math.exp(-late_s / tau_psi_s)

@@ -1,0 +1,141 @@
+"""The setpoints that are on their way to vehicles, and those by which they flew."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from librt.vecs import vec
+from mypy_extensions import i64
+
+from airlink.clock import NANOSECONDS
+from flight_model.autopilot import AutopilotModel, FlightState, advance, respond, within
+from flight_model.slot import NOTHING, Triple
+
+HISTORY_S: Final = 6.0
+
+
+class SentSetpoints:
+    """One vehicle's setpoints of the last ticks, the newest at `end` - 1, and when each is expected to act, in ns."""
+
+    __slots__ = ("_headings_rad", "_heights_m", "_speeds_mps", "acts", "end", "first")
+
+    def __init__(self, length: int) -> None:
+        """Keep those of so many ticks; begin without any."""
+        self.acts = vec[i64]([0] * (2 * length))
+        self._speeds_mps, self._headings_rad, self._heights_m = (vec[float]([0.0] * (2 * length)) for _ in range(3))
+        self.first: i64 = 0
+        self.end: i64 = 0
+
+    def begin(self, acts: i64) -> None:
+        """Begin a tick whose setpoint acts at `acts`; until it is known, the vehicle flies straight on then."""
+        length = len(self.acts) // 2
+        if self.end - self.first == length:
+            self.first += 1
+        if self.end == len(self.acts):
+            for place in range(self.first, self.end):
+                self._move(place, place - self.first)
+            self.first, self.end = 0, length - 1
+        self.acts[self.end] = acts
+        self.end += 1
+        self.note(NOTHING)
+
+    def _move(self, place: i64, to: i64) -> None:
+        self.acts[to], self._speeds_mps[to] = self.acts[place], self._speeds_mps[place]
+        self._headings_rad[to], self._heights_m[to] = self._headings_rad[place], self._heights_m[place]
+
+    def note(self, setpoint: Triple) -> None:
+        """Take the setpoint of the tick that was begun last."""
+        newest = self.end - 1
+        self._speeds_mps[newest], self._headings_rad[newest], self._heights_m[newest] = setpoint
+
+    def acting(self, instant: i64) -> i64:
+        """Return the place of the newest setpoint that acts at an instant; the oldest if none does yet."""
+        acts, index = self.acts, self.end - 1
+        while index > self.first and acts[index] > instant:
+            index -= 1
+        return index
+
+    def at(self, index: i64) -> Triple:
+        """Return the setpoint at a place."""
+        return self._speeds_mps[index], self._headings_rad[index], self._heights_m[index]
+
+    def carry(self, state: FlightState, since: i64, until: i64, model: AutopilotModel, *, place: bool) -> None:
+        """Move the vehicle's `state` on as `SetpointHistory` says."""
+        acts, last = self.acts, self.end - 1
+        for index in range(self.acting(since), self.end):
+            end = until
+            if index < last and acts[index + 1] < until:
+                end = max(acts[index + 1], since)
+            if end > since:
+                speed_mps = within(self._speeds_mps[index], model.speed_min_mps, model.speed_max_mps)
+                heading_rad, height_m = self._headings_rad[index], self._heights_m[index]
+                time_s = float(end - since) / NANOSECONDS
+                if place:
+                    advance(state, model, speed_mps, heading_rad, height_m, time_s)
+                else:
+                    respond(state, model, speed_mps, heading_rad, height_m, time_s)
+                since = end
+
+
+class SetpointHistory:
+    """The setpoints sent to every vehicle in the last seconds."""
+
+    def __init__(self, rate_hz: float) -> None:
+        """Keep `HISTORY_S` of ticks at `rate_hz`."""
+        self.length = max(8, int(HISTORY_S * rate_hz))
+        self._each: list[SentSetpoints] = []
+
+    @property
+    def empty(self) -> bool:
+        """Whether nothing has been sent yet."""
+        return not self._each
+
+    def begin(self, acts: list[int]) -> None:
+        """Begin a tick whose setpoints act at `acts`, (V,)."""
+        if not self._each:
+            self._each = [SentSetpoints(self.length) for _ in acts]
+        for vehicle, instant in enumerate(acts):
+            self._each[vehicle].begin(instant)
+
+    def note(self, setpoints: list[Triple]) -> None:
+        """Take the setpoints of the tick that was begun last, (V,), NaN for those that aren't known yet."""
+        for vehicle, setpoint in enumerate(setpoints):
+            self._each[vehicle].note(setpoint)
+
+    def carry(
+        self, state: FlightState, since: int, until: int, vehicle: int, model: AutopilotModel, *, place: bool = True
+    ) -> None:
+        """Move a vehicle's `state` on from `since` to `until`, instants in ns, through what it was sent.
+
+        Before the oldest known setpoint it is taken to follow that one already; without `place`, north and east are
+        left as they are.
+        """
+        if self._each:
+            self._each[vehicle].carry(state, since, until, model, place=place)
+
+    def commanded(self, instant: int, vehicle: int) -> Triple:
+        """Return a vehicle's newest setpoint that acts at an instant, or the oldest one if none does yet."""
+        sent = self._each[vehicle]
+        return sent.at(sent.acting(instant))
+
+    def between(self, since: list[int], until: list[int]) -> list[Flown]:
+        """Return, vehicle by vehicle, by what it flew from `since` to `until`, its instants; of the same ticks all."""
+        first = min(each.acting(since[vehicle]) for vehicle, each in enumerate(self._each))
+        last = max(each.acting(until[vehicle] - 1) for vehicle, each in enumerate(self._each))
+        return [Flown(each, first, max(first, last)) for each in self._each]
+
+
+class Flown:
+    """By what a vehicle flew for a time: setpoints, and when each acts, none before the one before it."""
+
+    __slots__ = ("acts", "setpoints")
+
+    def __init__(self, sent: SentSetpoints, first: i64, last: i64) -> None:
+        """Take those from the first to the last place."""
+        self.acts: list[int] = []
+        self.setpoints: list[Triple] = []
+        latest = sent.acts[first]
+        for place in range(first, last + 1):
+            latest = max(latest, sent.acts[place])
+            self.acts.append(latest)
+            self.setpoints.append(sent.at(place))
