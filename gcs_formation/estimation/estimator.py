@@ -51,6 +51,9 @@ BEYOND_LIMIT: Final = 1.1
 """Climbs a tenth above its limit aren't flown by our setpoints yet: so a take-off ends."""
 WITHOUT_WIND: Final = 0.1
 """How far positions stray, m in a square root of a second, where the wind isn't observed."""
+PLACE_WALK: Final = 0.05
+"""The same where it is: autopilots' positions aren't the integrals of their velocities, since they correct both (PX4's
+differ by decimetres a second). Taken as such, positions of 3 mm noise told of winds of 3 m/s that weren't there."""
 WIND_WALK: Final = 0.02
 """Of the wind's change in a square root of a second, m/s, without gusts."""
 GUST_RADPS: Final = 1.0
@@ -221,7 +224,7 @@ class VehicleFilter:
         self.height.carry(elapsed_s, model)
         place, wind = WITHOUT_WIND, 0.0
         if self.wind_radps > 0.0:
-            place, noise_mps = 0.0, math.sqrt(variances[3] + variances[6])
+            place, noise_mps = PLACE_WALK, math.sqrt(variances[3] + variances[6])
             wind = min(WIND_WALK, self.wind_radps * noise_mps / self._root_hz)
         of_place, of_wind = squared(place), squared(wind)
         self.level.grow((of_place, of_place, squared(speed), squared(heading), of_wind, of_wind), elapsed_s)
