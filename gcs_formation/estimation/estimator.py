@@ -31,6 +31,7 @@ from gcs_formation.estimation.noise import (
     STRAYED,
     Declared,
     NoiseEstimate,
+    PlaceStray,
     Values,
     VehicleNoise,
     excesses,
@@ -51,9 +52,6 @@ BEYOND_LIMIT: Final = 1.1
 """Climbs a tenth above its limit aren't flown by our setpoints yet: so a take-off ends."""
 WITHOUT_WIND: Final = 0.1
 """How far positions stray, m in a square root of a second, where the wind isn't observed."""
-PLACE_WALK: Final = 0.05
-"""The same where it is: autopilots' positions aren't the integrals of their velocities, since they correct both (PX4's
-differ by decimetres a second). Taken as such, positions of 3 mm noise told of winds of 3 m/s that weren't there."""
 WIND_WALK: Final = 0.02
 """Of the wind's change in a square root of a second, m/s, without gusts."""
 GUST_RADPS: Final = 1.0
@@ -125,6 +123,7 @@ class VehicleFilter:
     def __init__(self, noise: VehicleNoise, wind_radps: float, telemetry_hz: float) -> None:
         """Start with nothing known; `wind_radps` and `telemetry_hz` are those of `StateEstimator`."""
         self.noise = noise
+        self.stray = PlaceStray()
         self.state: FlightState | None = None
         self.stamp = 0
         """Of the state, ns."""
@@ -153,6 +152,7 @@ class VehicleFilter:
         self._residual = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         self._implausible = 0
         self.stamp = stamp
+        self.stray.begin(values)
 
     def correct(
         self,
@@ -169,6 +169,7 @@ class VehicleFilter:
         assert self.state is not None
         elapsed_s = (stamp - self.stamp) / NANOSECONDS
         variances = self.noise.values
+        self.stray.learn(values, elapsed_s, variances)
         self._carry(elapsed_s, model, walk)
         difference, along = innovation(values, predicted), Along(predicted)
         if self.wind_radps >= GUST_RADPS:
@@ -222,11 +223,11 @@ class VehicleFilter:
         climb, speed, heading = walk
         self.level.carry(self.state, elapsed_s, model)
         self.height.carry(elapsed_s, model)
-        place, wind = WITHOUT_WIND, 0.0
+        of_place, wind = squared(WITHOUT_WIND), 0.0
         if self.wind_radps > 0.0:
-            place, noise_mps = PLACE_WALK, math.sqrt(variances[3] + variances[6])
+            of_place, noise_mps = self.stray.variance, math.sqrt(variances[3] + variances[6])
             wind = min(WIND_WALK, self.wind_radps * noise_mps / self._root_hz)
-        of_place, of_wind = squared(place), squared(wind)
+        of_wind = squared(wind)
         self.level.grow((of_place, of_place, squared(speed), squared(heading), of_wind, of_wind), elapsed_s)
         self.height.climb += squared(climb) * elapsed_s
 
@@ -302,6 +303,7 @@ class StateEstimator:
         """Forget a vehicle that has restarted."""
         self.filters[column].state = None
         self.filters[column].noise.begin()
+        self.filters[column].stray = PlaceStray()
 
     def place(self, column: int, state: FlightState, stamp: Instant) -> None:
         """Set a column's state."""

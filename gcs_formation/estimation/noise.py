@@ -49,6 +49,15 @@ and heights it is by the square of the time between them."""
 STRAYED_ROUND: Final = 0.1 * 0.1
 """The same of headings, rad²."""
 
+MOST_STRAY: Final = 0.05 * 0.05
+"""Most by which positions stray in a second from the integral of velocities, m²: beyond it they are followed anyway."""
+STRAY_S: Final = 3.0
+"""Over about so long what positions gain on that integral is added up: an autopilot corrects both more slowly."""
+STRAY_EXCESS: Final = 4.0
+"""Times what noise makes of the mean square of that beyond which positions stray."""
+STRAY_GAP_S: Final = 0.3
+"""What the velocity does between samples that are further apart isn't known well enough."""
+
 
 class Declared(NamedTuple):
     """What the vehicles' noise is said to be: standard deviations (6, C) in the order of `QUANTITIES`."""
@@ -131,6 +140,52 @@ def _clipped(increments: Values, spread: Values, noise: Values) -> Values:
 def _within_sigmas(increment: float, variance: float) -> float:
     bound = CLIPPED_AT * math.sqrt(variance)
     return within(increment, -bound, bound)
+
+
+class PlaceStray:
+    """How far a vehicle's positions stray from the integral of its velocities: an autopilot's filter corrects both.
+
+    What positions gain on velocities from sample to sample adds up where they stray. Noise of positions doesn't, since
+    what one sample gains by it the next one loses; noise of velocities does, and is known.
+    """
+
+    def __init__(self) -> None:
+        """Start with positions that don't stray."""
+        self._values: Values = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        self._samples = self._north_m = self._east_m = self._square = 0.0
+        self.variance = 0.0
+        """In a second, m²."""
+
+    def begin(self, values: Values) -> None:
+        """Start again from a sample; what was learnt is kept."""
+        self._values = values
+        self._north_m = self._east_m = 0.0
+
+    def learn(self, values: Values, elapsed_s: float, noise: Values) -> None:
+        """Take the next sample and the variances of its values."""
+        before = self._values
+        if not 0.0 < elapsed_s < STRAY_GAP_S:
+            self.begin(values)
+            return
+        half_s = elapsed_s / 2.0 * _of_bend(before[3], before[4], values[3], values[4])
+        bound_m = CLIPPED_AT * math.sqrt(2.0 * noise[0] + MOST_STRAY * elapsed_s)
+        north_m = within(values[0] - before[0] - (values[3] + before[3]) * half_s, -bound_m, bound_m)
+        east_m = within(values[1] - before[1] - (values[4] + before[4]) * half_s, -bound_m, bound_m)
+        kept = 1.0 - elapsed_s / STRAY_S
+        self._north_m, self._east_m = kept * self._north_m + north_m, kept * self._east_m + east_m
+        self._samples += 1.0
+        square = (squared(self._north_m) + squared(self._east_m)) / 2.0
+        self._square += (square - self._square) / min(self._samples + FIRST_MEMORY, MEMORY)
+        honest = noise[0] + noise[3] * elapsed_s * STRAY_S / 2.0
+        self.variance = within(2.0 / STRAY_S * (self._square - STRAY_EXCESS * honest), 0.0, MOST_STRAY)
+        self._values = values
+
+
+def _of_bend(north_mps: float, east_mps: float, later_north_mps: float, later_east_mps: float) -> float:
+    """Return a bend's length by the mean of the velocities at its ends: tan x / x, where x is half the angle turned."""
+    cross = north_mps * later_east_mps - east_mps * later_north_mps
+    before, later = squared(north_mps) + squared(east_mps), squared(later_north_mps) + squared(later_east_mps)
+    return 1.0 + squared(cross) / (12.0 * max(before * later, 1.0))
 
 
 class NoiseEstimate:

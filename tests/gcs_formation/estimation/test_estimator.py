@@ -247,7 +247,7 @@ def test_a_step_is_the_extended_kalman_filters(told, off_m, monkeypatch):
         {0: Sample(Instant(STEP_NS), *(filter_on_arrays.expected(state)[:, 0] + off))}, tables.models(MODEL), [told]
     )
     moved, rows = filter_on_arrays.transition(before, np.array([0.1]), MODEL)[0], filter_on_arrays.sensitivity(state)[0]
-    strays = (0.05, 0.05, 0, 0.05, 0.05, 0.003) if told else (0.05, 0.05, 0, 1.0, 1.0, 0.3)
+    strays = (0, 0, 0, 0.05, 0.05, 0.003) if told else (0, 0, 0, 1.0, 1.0, 0.3)
     wind = 2.0 * math.hypot(fine[2], fine[4]) / math.sqrt(RATE_HZ)
     predicted = moved @ covariance @ moved.T + np.diag((*strays, wind, wind)) ** 2 * 0.1
     own = np.diag(rows @ predicted @ rows.T) + variance

@@ -1,11 +1,13 @@
 """The noise of telemetry from what successive increments have in common."""
 
+import math
 from typing import Any
 
 import numpy as np
 import pytest
 
-from gcs_formation.estimation.noise import Declared, NoiseEstimate
+from flight_model.arrays import Array
+from gcs_formation.estimation.noise import MOST_STRAY, Declared, NoiseEstimate, PlaceStray
 
 SIGMA = np.array((0.3, 0.3, 0.1, 0.1, 0.3, 0.01))
 ROW_OF = (0, 0, 1, 2, 2, 3, 4, 5)
@@ -63,3 +65,47 @@ def test_noise_is_compared_with_what_is_stated_and_more_than_rounding(stated: bo
         noise.each[0].learn(each_of_eight(0.5 * (-1) ** number), each_of_eight(1.0))
     compared = np.flatnonzero(np.array(noise.ratios(0)) != 1.0)
     assert compared.tolist() == ([1, 3, 4, 5] if stated else [])
+
+
+def strayed(places: Array, velocities: Array, step_s: float, sigma: float, sigma_mps: float = 0.003) -> list[float]:
+    """How far positions (n, 2) stray by what is learnt of them, m in a square root of a second, at each sample."""
+    place, rate = sigma**2, sigma_mps**2
+    stray, noise = PlaceStray(), (place, place, place, rate, rate, rate, rate, rate)
+    found = []
+    for (north, east), (north_mps, east_mps) in zip(places.tolist(), velocities.tolist(), strict=True):
+        stray.learn((north, east, 0.0, north_mps, east_mps, 0.0, 22.0, 0.0), step_s if found else 0.0, noise)
+        found.append(math.sqrt(stray.variance))
+    return found
+
+
+@pytest.mark.parametrize("step_s", [0.1, 0.25])
+@pytest.mark.parametrize("sigmas", [(0.003, 0.003), (0.3, 0.1), (0.003, 0.3)])
+def test_noisy_positions_in_a_bend_do_not_stray(sigmas, step_s):
+    """22 m/s and 0.3 rad/s: the mean of two velocities is 2.6 mm short of the way in 0.25 s, each time inwards."""
+    random, at = np.random.default_rng(2), 0.3 * step_s * np.arange(600)
+    places = 22.0 / 0.3 * np.stack((np.sin(at), -np.cos(at)), axis=1)
+    velocities = 22.0 * np.stack((np.cos(at), np.sin(at)), axis=1)
+    place, velocity = (
+        each + sigma * random.standard_normal(each.shape)
+        for each, sigma in zip((places, velocities), sigmas, strict=True)
+    )
+    assert max(strayed(place, velocity, step_s, *sigmas)) == 0.0
+
+
+def test_one_position_that_is_off_does_not_stray():
+    places = np.zeros((300, 2))
+    places[150] = 40.0
+    assert max(strayed(places, np.zeros((300, 2)), 0.1, 0.003)) < 0.02
+
+
+@pytest.mark.parametrize("walk", [0.02, 0.04, 0.2])
+def test_positions_that_stray_are_followed_by_as_much_up_to_a_limit(walk):
+    places = walk * math.sqrt(0.1) * np.cumsum(np.random.default_rng(3).standard_normal((3000, 2)), axis=0)
+    found = np.array(strayed(places, np.zeros((3000, 2)), 0.1, 0.003))[300:]
+    assert np.sqrt(np.mean(found**2)) == pytest.approx(min(walk, math.sqrt(MOST_STRAY)), rel=0.25)
+    assert found.max() <= math.sqrt(MOST_STRAY)
+
+
+def test_nothing_is_learnt_over_a_gap():
+    places = np.cumsum(np.full((100, 2), 3.0), axis=0)
+    assert max(strayed(places, np.zeros((100, 2)), 0.3, 0.003)) == 0.0
