@@ -12,7 +12,7 @@ from typing import Final, Self
 
 from airlink.clock import RealClock
 from airlink.endpoint import Address, Endpoint, PortError
-from airlink.impaired import Passage, Relay
+from airlink.impaired_link import Passage, Relay
 from airlink.impairment import Direction
 from airlink.udp import DRAIN_LIMIT, IDLE_WAIT_S, MAX_DATAGRAM, open_socket, select_for
 

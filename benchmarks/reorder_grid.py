@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from airlink.clock import Instant, after
-from airlink.impaired import Channel
+from airlink.impaired_link import Channel
 from airlink.impairment import Impairment
 from gcs_formation.studies.dataset import markdown
 

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flight_model.arrays import Array
-from flight_model.linear import Complex, Responses
+from flight_model.frequency_response import Complex, Responses
 
 FREQUENCIES = np.geomspace(0.005, 25.0, 400)
 BANDWIDTHS = np.geomspace(1.5, 0.03, 60)

@@ -10,15 +10,15 @@ if TYPE_CHECKING:
     from flight_model.path import SplinePath
     from formation_scenario.begin_and_end import start_states
     from formation_scenario.errors import Problem, ScenarioError
-    from formation_scenario.ground import Ground
     from formation_scenario.load import dump_scenario, load_scenario
     from formation_scenario.model import Scenario
     from formation_scenario.shapes import slot_schedule, slot_table
+    from formation_scenario.terrain import Ground
     from formation_scenario.vehicles import Vehicle
 
 
 _HOME = {
-    "Ground": "formation_scenario.ground",
+    "Ground": "formation_scenario.terrain",
     "PathPoint": "flight_model.curve",
     "Problem": "formation_scenario.errors",
     "Scenario": "formation_scenario.model",

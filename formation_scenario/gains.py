@@ -9,7 +9,7 @@ from typing import Any
 
 from flight_model.design import FREQUENCIES, Channel, Telemetry, Weights, design, judged_channels
 from flight_model.energy import AirframeParameters
-from flight_model.linear import Responses, airframe_responses, lag_responses
+from flight_model.frequency_response import Responses, airframe_responses, lag_responses
 from formation_scenario.model import Scenario
 from formation_scenario.navigation import NoisyNavigation
 from formation_scenario.source import Key, Plain, plain_mapping

@@ -30,10 +30,10 @@ from formation_scenario.fields import (
     derived,
 )
 from formation_scenario.formation import Formation, Step
-from formation_scenario.ground import LEADER_SHARE, Ground, ground_of, lifted
 from formation_scenario.law import Law
 from formation_scenario.links import Links, LinkStep, link_steps
 from formation_scenario.orders import PlannedOrder
+from formation_scenario.terrain import LEADER_SHARE, Ground, ground_of, lifted
 from formation_scenario.vehicles import Vehicle
 
 Seconds = Annotated[Positive, Field(le=1e6)]

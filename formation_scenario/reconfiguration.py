@@ -19,10 +19,10 @@ from flight_model.displacement import (
     sample_places,
 )
 from flight_model.path import PathPoints, Route, SplinePath
-from formation_scenario.ground import LEADER_SHARE, Ground
 from formation_scenario.model import Scenario
 from formation_scenario.shapes import Arrangement, assigned, columns
 from formation_scenario.slot_motion import Course, SlotMotion, Transition
+from formation_scenario.terrain import LEADER_SHARE, Ground
 from formation_scenario.transition_plan import (
     MARGIN_M,
     MEAN_SPEED_MPS,
@@ -162,7 +162,7 @@ def take_over(
     way = DisplacedPath(path, from_m, over_s * speed, right_m, above)
     if scenario.terrain is None or ground is None:
         return way
-    from flight_model.lift import least_lift  # noqa: PLC0415 - scipy is for those with ground to clear
+    from flight_model.path_lift import least_lift  # noqa: PLC0415 - scipy is for those with ground to clear
 
     places = sample_places(from_m, ceil(over_s * speed / STEP_M) + LEVEL_OUT_STEPS)
     points = PathPoints(*np.array([way.at(distance).values() for distance in places.tolist()]).T)

@@ -14,8 +14,6 @@ from formation_scenario.environment import PASSING, DrydenTurbulence
 from formation_scenario.errors import Problem
 from formation_scenario.expectation import RUN_METRICS
 from formation_scenario.fields import VehicleSelection
-from formation_scenario.ground import ALLOWED as ELEVATION_FILES
-from formation_scenario.ground import ElevationError
 from formation_scenario.links import (
     ALLOWED,
     DefaultLink,
@@ -29,6 +27,8 @@ from formation_scenario.links import (
 )
 from formation_scenario.model import Scenario
 from formation_scenario.source import KeyPath, Source
+from formation_scenario.terrain import ALLOWED as ELEVATION_FILES
+from formation_scenario.terrain import ElevationError
 from formation_scenario.vehicle_rules import one_vehicle
 from formation_scenario.vehicles import Vehicle
 

@@ -9,10 +9,10 @@ import numpy as np
 from flight_model.arrays import Array
 from flight_model.autopilot import AutopilotModel
 from formation_scenario import Scenario, slot_table
-from formation_scenario.ground import FOLLOWER_SHARE
 from formation_scenario.navigation import NoisyNavigation
 from formation_scenario.reconfiguration import column_models
 from formation_scenario.slot_motion import Course, SlotMotion, slot_needs
+from formation_scenario.terrain import FOLLOWER_SHARE
 from gcs_formation.control.laws import law_kind
 from gcs_formation.estimation import noise
 from gcs_formation.estimation.lags import LagEstimator

@@ -17,12 +17,13 @@ from formation_scenario.orders import Answer
 from formation_scenario.shapes import columns
 from gcs_formation.controller import FormationController
 from gcs_formation.estimation.estimator import Sample
+from gcs_formation.event_reporter import Reporter, look_on
 from gcs_formation.fleet.common_clock import CommonClock
 from gcs_formation.fleet.conformance import ConformanceMonitor
 from gcs_formation.fleet.dispatch import Dispatch, HeartbeatScheduler
 from gcs_formation.fleet.interval_watch import MessageIntervals
+from gcs_formation.fleet.margin_watch import DesignWatch, MarginWatch, NoiseWatch
 from gcs_formation.fleet.membership import Membership
-from gcs_formation.fleet.quality import DesignWatch, MarginWatch, NoiseWatch
 from gcs_formation.fleet.senders import Senders
 from gcs_formation.link.connection import Receiver
 from gcs_formation.mission.course import Course, Orders
@@ -31,7 +32,6 @@ from gcs_formation.mission.resumption import Resumption, Takeover
 from gcs_formation.mission.starting import CARELESS, Caution, PreFlight, Starting
 from gcs_formation.phases import COMMANDED, Cause, Phase
 from gcs_formation.recorder import Recorder, Tick
-from gcs_formation.reporting import Reporter, look_on
 from gcs_formation.vehicle.families import planned
 from gcs_formation.vehicle.vehicle import Vehicle
 

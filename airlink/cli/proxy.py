@@ -12,7 +12,7 @@ import click
 
 from airlink.cli.commands import SEED, VERSION, Status, fail
 from airlink.endpoint import Endpoint, EndpointError, ImpairmentError, PortError, parse_endpoint
-from airlink.impaired import Relay
+from airlink.impaired_link import Relay
 from airlink.impairment import Direction, Impairment
 from airlink.proxy import Proxy
 

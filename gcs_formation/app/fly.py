@@ -19,8 +19,8 @@ from gcs_formation.app.operator import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.session import Session, open_session
 from gcs_formation.errors import RunAbortedError
-from gcs_formation.record.past import PORT, Past, epoch_us, from_ports, read_past
 from gcs_formation.record.summary import Summary
+from gcs_formation.record.unfinished import PORT, Past, epoch_us, from_ports, read_past
 from gcs_formation.recorder import Event
 from gcs_formation.station import Station
 from gcs_formation.vehicle.autopilot import Autopilot, Command

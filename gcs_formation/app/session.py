@@ -25,10 +25,10 @@ from gcs_formation.mission.starting import Caution
 from gcs_formation.phases import Phase
 from gcs_formation.record.expectations import ControlFigures, Injected, LinkFigures, Outcome
 from gcs_formation.record.flight import percentile, split, tables
-from gcs_formation.record.past import Past
 from gcs_formation.record.run_directory import RECORDING, SPOOL, TIMESERIES, RunDirectory
 from gcs_formation.record.summary import Summary, summarise
 from gcs_formation.record.timeseries import GroundTruth, read_spool, spools, write_parquet
+from gcs_formation.record.unfinished import Past
 from gcs_formation.recorder import Event
 from gcs_formation.stability import scenario_delay_margin
 from gcs_formation.station import Station

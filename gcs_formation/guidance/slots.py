@@ -160,7 +160,7 @@ class SlotClearance:
         places = sample_places(first * STEP_M, AHEAD_STEPS)
         points = [outlook.route.at(distance) for distance in places.tolist()]
         slope = np.array([point.slope for point in points])
-        from flight_model.lift import least_lift  # noqa: PLC0415 - scipy is for those with ground to clear
+        from flight_model.path_lift import least_lift  # noqa: PLC0415 - scipy is for those with ground to clear
 
         needed = self._needed(outlook, places, points)
         needed[outlook.leading] = 0.0

@@ -17,7 +17,7 @@ import numpy as np
 from flight_model import energy
 from flight_model.arrays import Array, wrap
 from flight_model.energy import AirframeParameters
-from flight_model.linear import airframe_responses
+from flight_model.frequency_response import airframe_responses
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
 from gcs_formation.errors import RecordError
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Indices, advance

@@ -12,7 +12,7 @@ from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Mask
 from formation_scenario.law import PidGains
 from gcs_formation.control.laws import law_kind
-from gcs_formation.fleet.quality import NEAR
+from gcs_formation.fleet.margin_watch import NEAR
 from gcs_formation.record import flight
 from gcs_formation.record.flight import Columns, setpoint_steps
 from gcs_formation.record.timeseries import CHANNELS, INJECTED_MEAN

@@ -204,7 +204,7 @@ def _unfinished(directory: Path, scenario: Scenario) -> RunData:
         RecordError: nothing was flown.
     """
     from gcs_formation.app.run import recorded_truth  # noqa: PLC0415 - few reports need what flies
-    from gcs_formation.record.past import recorded_events  # noqa: PLC0415
+    from gcs_formation.record.unfinished import recorded_events  # noqa: PLC0415
 
     events, cut_off = recorded_events(directory)
     columns = read_spool(directory / SPOOL)

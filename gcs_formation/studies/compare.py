@@ -36,8 +36,8 @@ from gcs_formation.report.style import (
     save,
 )
 from gcs_formation.report.time_axes import BUCKETS, draw_marks, span
-from gcs_formation.studies.comparison import Comparison, Line, Row, Window, compare_flights
 from gcs_formation.studies.flight import COULD_NOT_GO_ON, EXPECTED, Task
+from gcs_formation.studies.law_scores import Comparison, Line, Row, Window, compare_flights
 from gcs_formation.studies.plan import Planned
 from gcs_formation.studies.workers import Workers
 

@@ -10,7 +10,7 @@ from scipy.stats import kstest, truncnorm
 
 from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import VehicleId
-from airlink.impaired import Channel
+from airlink.impaired_link import Channel
 from airlink.impairment import STANDARD, UNIMPAIRED, Direction, Impairment, link_stream
 
 MANY = 100_000

@@ -9,7 +9,7 @@ import pytest
 from flight_model import energy
 from flight_model.design import BOUNDS, FREQUENCIES, Telemetry, Weights, design, judged_channels
 from flight_model.energy import AirframeParameters
-from flight_model.linear import airframe_responses, lag_responses
+from flight_model.frequency_response import airframe_responses, lag_responses
 from formation_scenario import load_scenario
 from formation_scenario.gains import figures
 from formation_scenario.vehicles import EnergyAirframe

@@ -22,9 +22,9 @@ from airlink.messages.command import CommandLong
 from formation_scenario import Scenario
 from gcs_formation.cli import main
 from gcs_formation.phases import Phase
-from gcs_formation.record.past import epoch_us, read_past
 from gcs_formation.record.run_directory import SPOOL, RunDirectory, read_tlog
 from gcs_formation.record.timeseries import read_parquet, read_spool
+from gcs_formation.record.unfinished import epoch_us, read_past
 from gcs_formation.recorder import Event, Tick
 from gcs_formation.station import Station
 from sim_vehicles.autopilot.modes import Condition, Mode

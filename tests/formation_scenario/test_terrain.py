@@ -1,135 +1,121 @@
+import math
+from typing import Any
+
 import numpy as np
 import pytest
 
-from formation_scenario import SplinePath, load_scenario
-from formation_scenario.begin_and_end import start_states
-from formation_scenario.source import read_text
+from flight_model.earth import GeodeticOrigin
+from formation_scenario.environment import Hill
+from formation_scenario.terrain import ElevationError, ElevationGrid, Hills, read_elevation
 
-HILL = "terrain={clearance_m: 60, hills: [{north_m: 2000, east_m: 0, height_m: 60, radius_m: 300}]}"
-LOW = "path.waypoints_m=[[0, 0, 80], [4000, 0, 80]]"
-
-
-def test_the_path_is_lifted_over_the_hill_and_nowhere_else(load):
-    scenario = load(HILL, LOW)
-    path, ground = scenario.leader_path, scenario.ground
-    places = np.arange(0.0, path.length_m, 2.0)
-    points = path.at(places)
-    clearance = points.height_m - ground.height(points.north_m, points.east_m)
-    assert clearance.min() == pytest.approx(60.0, abs=0.05)
-    assert 120.0 <= points.height_m.max() < 121.0
-    assert np.abs(points.slope).max() * 22.0 <= 0.7 * 3.0 + 1e-6
-    assert points.height_m[[0, -1]] == pytest.approx(80.0)
-    assert path.at(-500.0).height_m == 80.0
+ORIGIN = GeodeticOrigin(math.radians(35.5), math.radians(125.5), 20.0)
+NEAR = np.array([[0.0, 0.0], [500.0, 500.0]])
 
 
-def test_one_place_is_the_same_as_among_many(load):
-    path = load(HILL, LOW).leader_path
-    places = np.array([-10.0, 0.0, 1234.5, 2000.0, 3999.0, 5000.0])
-    for i, s in enumerate(places.tolist()):
-        assert path.at(s).values() == pytest.approx([column[i] for column in path.at(places)])
+def hill(**keys: Any) -> Hill:
+    plain: dict[str, Any] = {"north_m": 100.0, "east_m": 50.0, "height_m": 80.0, "radius_m": 200.0}
+    return Hill(**plain | keys)
 
 
-def test_a_path_clear_of_the_ground_stays_as_written(load):
-    scenario = load(HILL, "path.waypoints_m=[[0, 0, 150], [2000, 300, 170], [4000, 0, 150]]")
-    places = np.arange(-100.0, 4200.0, 7.0)
-    as_written = SplinePath(scenario.path.waypoints_m).at(places)
-    np.testing.assert_array_equal(scenario.leader_path.at(places), as_written)
+def height(ground, north: float, east: float) -> float:
+    return float(ground.height(np.array([north]), np.array([east]))[0])
 
 
-def test_a_hill_too_steep_from_the_start_is_refused_with_its_place_and_figure(refusal):
-    (line,) = refusal(LOW, HILL.replace("height_m: 60", "height_m: 300"))
-    assert line.startswith("path.waypoints_m: path at 19")
-    assert "m too low, with climbs of 2.1 m/s from its start on; 60 m or more (terrain.clearance_m)" in line
+def plane(north_deg: float, west_deg: float, step_deg: float, rows: int, columns: int) -> np.ndarray:
+    """Elevations that rise 1000 m a degree to the north and 500 m a degree to the east, from 100 m at 35.5, 125.5."""
+    lat = north_deg - step_deg * np.arange(rows)[:, None]
+    lon = west_deg + step_deg * np.arange(columns)
+    return 100.0 + 1000.0 * (lat - 35.5) + 500.0 * (lon - 125.5)
 
 
-def test_a_start_or_a_way_to_it_too_near_the_ground_is_refused(refusal):
-    assert refusal(HILL, "path.waypoints_m=[[0, 0, 50], [4000, 0, 80]]") == [
-        "path.waypoints_m.0: north 0, east 0, height 50: 50.0 m above the ground at the path's start; "
-        "60 m or more (terrain.clearance_m)"
-    ]
-    behind = HILL.replace("north_m: 2000", "north_m: -500")
-    (line,) = refusal(behind, LOW, "start={in_air: true, run_in_s: 30}")
-    assert "20.0 m above the ground at 500 m before the path's start" in line
+def test_hills_have_the_heights_of_their_formulas():
+    gaussian = Hills(10.0, [hill()])
+    assert height(gaussian, 100.0, 50.0) == pytest.approx(90.0)
+    assert height(gaussian, 300.0, 50.0) == pytest.approx(10.0 + 80.0 * math.exp(-0.5))
+    cosine = Hills(0.0, [hill(shape="cosine")])
+    assert height(cosine, 200.0, 50.0) == pytest.approx(40.0)
+    assert height(cosine, 100.0, 250.0) == pytest.approx(0.0)
+    assert height(Hills(0.0, [hill(), hill(height_m=-30.0)]), 100.0, 50.0) == pytest.approx(50.0)
 
 
-def test_take_off_from_a_slope_is_refused_for_emulated_vehicles_only(refusal, load):
-    (line,) = refusal(LOW, "terrain={base_m: 4, clearance_m: 60}")
-    assert line.startswith("terrain: found ground at 4 m where emulated vehicle 1 would take off; the origin's height")
-    assert load(LOW, "terrain={base_m: 4, clearance_m: 60}", "start.in_air=true")
+def test_a_ridge_is_level_along_its_crest_and_a_hill_across_it_and_beyond_its_ends():
+    ridge = Hills(0.0, [hill(length_m=600.0, bearing_deg=90.0)])
+    single = Hills(0.0, [hill()])
+    assert height(ridge, 100.0, 350.0) == pytest.approx(80.0)
+    assert height(ridge, 220.0, -250.0) == pytest.approx(height(single, 220.0, 50.0))
+    assert height(ridge, 100.0, 450.0) == pytest.approx(height(single, 100.0, 150.0))
 
 
-@pytest.mark.parametrize(
-    ("override", "said"),
-    [
-        ("terrain={file: x.hgt, hills: [{north_m: 0, east_m: 0, height_m: 1, radius_m: 1}]}", "terrain.hills: found h"),
-        ("terrain={clearance_m: 2}", "safety.clearance_m: found 5; at most terrain.clearance_m, 2"),
-        ("terrain={hills: [{north_m: 0, east_m: 0, height_m: 1, radius_m: 0}]}", "terrain.hills.0.radius_m: found 0;"),
-        ("terrain={hills: [{shape: cone}]}", "terrain.hills.0.shape: found 'cone'; gaussian, cosine"),
-        ("terrain={file: nowhere/N35E125.hgt}", "terrain.file: found "),
-    ],
-)
-def test_wrong_keys_are_refused(refusal, override, said):
-    assert any(line.startswith(said) for line in refusal(override))
+def test_a_raster_is_bilinear_in_latitude_and_longitude_and_counts_from_the_origin():
+    ground = ElevationGrid(plane(35.51, 125.49, 0.001, 21, 21), 35.51, 125.49, 0.001, 0.001, ORIGIN)
+    assert height(ground, 0.0, 0.0) == pytest.approx(80.0, abs=1e-6)
+    lat, lon, _ = ORIGIN.from_ned(456.0, -321.0, 0.0)
+    expected = 80.0 + 1000.0 * (math.degrees(lat) - 35.5) + 500.0 * (math.degrees(lon) - 125.5)
+    assert height(ground, 456.0, -321.0) == pytest.approx(expected, abs=1e-6)
+    assert math.isnan(height(ground, 5000.0, 0.0))
 
 
-def test_a_geotiff_without_the_extra_says_what_to_install(refusal, monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "rasterio", None)
-    (line,) = refusal("terrain={file: a.tif}")
-    assert "found a.tif, and rasterio isn't installed: pip install 'gcs-formation[terrain]'" in line
+def test_an_hgt_tile_is_placed_by_its_name_and_its_voids_are_unknown(tmp_path):
+    values = np.round(plane(36.0, 125.0, 0.01, 101, 101)).astype(">i2")
+    values[50, 51] = -32768
+    values.tofile(tmp_path / "N35E125.hgt")
+    ground = read_elevation(str(tmp_path / "N35E125.hgt"), 35.5, 125.5, 20.0, NEAR)
+    assert height(ground, 0.0, -1.0) == pytest.approx(80.0, abs=0.1)
+    east_of_it = ORIGIN.to_ned(math.radians(35.5), math.radians(125.52), 0.0)[1]
+    assert height(ground, 0.0, east_of_it) == pytest.approx(90.0, abs=0.1)
+    assert math.isnan(height(ground, 1.0, 300.0))
 
 
-def write_tile(directory) -> None:
-    values = np.full((1201, 1201), 30, dtype=">i2")
-    values[0:599, :] = -32768  # north of 35.5
-    values.tofile(directory / "N35E125.hgt")
+@pytest.mark.parametrize(("name", "count", "said"), [("tile.hgt", 9, "where the tile lies"), ("N35E125.hgt", 8, "8")])
+def test_a_tile_without_a_place_or_that_is_no_square_is_refused(tmp_path, name, count, said):
+    np.zeros(count, dtype=">i2").tofile(tmp_path / name)
+    with pytest.raises(ElevationError, match=said):
+        read_elevation(str(tmp_path / name), 35.5, 125.5, 0.0, NEAR)
 
 
-def test_a_file_beside_the_scenario_is_found_and_where_it_ends_is_said(tmp_path):
-    write_tile(tmp_path)
-    text = (
-        "{terrain: {file: N35E125.hgt}, start: {in_air: true}, vehicles: {count: 2}, origin: {lat_deg: 35.49, "
-        "lon_deg: 125.5}, path: {waypoints_m: [[0, 0, 100], [%d, 0, 100]]}}"
-    )
-    (tmp_path / "a.yaml").write_text(text % 900)
-    scenario = load_scenario(tmp_path / "a.yaml")
-    assert scenario.terrain is not None
-    assert scenario.terrain.file == str(tmp_path / "N35E125.hgt")
-    assert scenario.ground.height(np.zeros(1), np.zeros(1))[0] == 30.0
-    with pytest.raises(Exception, match=r"no elevation under the leader at \d+ m of the path \(north \d+, east 0\)"):
-        load_scenario(read_text(text.replace("N35E125.hgt", str(tmp_path / "N35E125.hgt")) % 3000).data)
+def write_geotiff(path, values, crs, transform) -> None:
+    rasterio = pytest.importorskip("rasterio")
+    rows, columns = values.shape
+    keys = {"driver": "GTiff", "count": 1, "dtype": "float32", "nodata": -9999.0}
+    with rasterio.open(path, "w", height=rows, width=columns, crs=crs, transform=transform, **keys) as file:
+        file.write(values.astype(np.float32), 1)
 
 
-def test_the_first_leader_needs_elevations_under_the_slot_it_has_behind_another(tmp_path):
-    """The tile's values end 1202 m north of the origin: 60 m to the left of the path north of it."""
-    write_tile(tmp_path)
-    keys = {
-        "terrain": {"file": str(tmp_path / "N35E125.hgt")},
-        "start": {"in_air": True},
-        "vehicles": {"count": 3},
-        "origin": {"lat_deg": 35.49, "lon_deg": 125.5},
-        "path": {"waypoints_m": [[1150, 0, 100], [1150, 900, 100]]},
-        "formation": {"shape": "custom", "slots_m": {2: [-60, 60, 0], 3: [-60, 120, 0]}},
-    }
-    assert load_scenario(keys)
-    change = "{at_s: 20, leader: 2, slots_m: {2: [-60, -60, 0], 3: [-60, 120, 0]}}"
-    with pytest.raises(Exception, match="no elevation under vehicle 1 in shape custom at "):
-        load_scenario(keys, [f"formation.changes=[{change}]"])
+def test_a_geotiff_has_its_values_amid_the_pixels(tmp_path):
+    affine = pytest.importorskip("affine")
+    values = plane(35.6, 125.4, 0.001, 201, 201)
+    values[95, 120] = -9999.0
+    corner = affine.Affine(0.001, 0.0, 125.4 - 0.0005, 0.0, -0.001, 35.6 + 0.0005)
+    write_geotiff(tmp_path / "a.tif", values, "EPSG:4326", corner)
+    ground = read_elevation(str(tmp_path / "a.tif"), 35.5, 125.5, 20.0, NEAR)
+    assert height(ground, 0.0, 0.0) == pytest.approx(80.0, abs=1e-3)
+    lat, lon, _ = ORIGIN.from_ned(3456.0, -321.0, 0.0)
+    expected = 80.0 + 1000.0 * (math.degrees(lat) - 35.5) + 500.0 * (math.degrees(lon) - 125.5)
+    assert height(ground, 3456.0, -321.0) == pytest.approx(expected, abs=1e-3)
+    void = ORIGIN.to_ned(math.radians(35.505), math.radians(125.52), 0.0)
+    assert math.isnan(height(ground, *void[:2]))
 
 
-def test_followers_in_the_air_begin_clear_of_the_ground(load):
-    beside = "terrain={clearance_m: 60, hills: [{north_m: -220, east_m: 150, height_m: 80, radius_m: 60}]}"
-    scenario = load(beside, LOW, "start={in_air: true, run_in_s: 10}", "formation={shape: line, spacing_m: 100}")
-    start, ground = start_states(scenario), scenario.ground
-    assert start.height_m[0] == 80.0
-    assert (start.height_m - ground.height(start.north_m, start.east_m) >= 60.0 - 1e-9).all()
-    assert start.height_m.max() > 85.0
+def test_a_geotiff_in_another_projection_is_warped(tmp_path):
+    affine = pytest.importorskip("affine")
+    warp = pytest.importorskip("rasterio.warp")
+    (east,), (north,) = warp.transform("EPSG:4326", "EPSG:32651", [125.5], [35.5])
+    values = 100.0 + 0.1 * np.arange(400)[None, :] * 10.0 + np.zeros((400, 1))
+    corner = affine.Affine(10.0, 0.0, east - 2005.0, 0.0, -10.0, north + 2005.0)
+    write_geotiff(tmp_path / "utm.tif", values, "EPSG:32651", corner)
+    ground = read_elevation(str(tmp_path / "utm.tif"), 35.5, 125.5, 20.0, NEAR)
+    for place in (0.0, 1000.0):
+        lat, lon, _ = ORIGIN.from_ned(300.0, place, 0.0)
+        (column,), _ = warp.transform("EPSG:4326", "EPSG:32651", [math.degrees(lon)], [math.degrees(lat)])
+        assert height(ground, 300.0, place) == pytest.approx(80.0 + 200.0 + 0.1 * (column - east), abs=0.5)
 
 
-def test_path_and_ground_are_built_once_and_anew_for_other_keys(load):
-    scenario = load(HILL, LOW)
-    assert scenario.leader_path is scenario.leader_path
-    assert scenario.ground is scenario.ground
-    longer = scenario.path.model_copy(update={"waypoints_m": ((0.0, 0.0, 80.0), (5000.0, 0.0, 80.0))})
-    other = scenario.model_copy(update={"path": longer, "terrain": None})
-    assert other.leader_path.length_m == pytest.approx(5000.0)
-    assert other.ground.height(np.array([2000.0]), np.zeros(1))[0] == 0.0
+def test_many_places_on_the_earth_are_those_of_one_by_one():
+    north, east = np.array([0.0, 4000.0, -20_000.0]), np.array([0.0, -7000.0, 30_000.0])
+    for i, (lat, lon) in enumerate(zip(*ORIGIN.places(north, east), strict=True)):
+        assert (lat, lon) == pytest.approx(ORIGIN.from_ned(north[i], east[i], 0.0)[:2], abs=1e-14)
+
+
+def test_a_tile_that_is_not_there_is_missed_before_its_name_is_judged(tmp_path):
+    with pytest.raises(ElevationError, match="No such file"):
+        read_elevation(str(tmp_path / "tile.hgt"), 35.5, 125.5, 0.0, NEAR)

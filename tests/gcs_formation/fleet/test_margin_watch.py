@@ -12,7 +12,16 @@ import pytest
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
 from formation_scenario import load_scenario
-from gcs_formation.fleet.quality import CALM_LOOKS, CLEAR, DEGRADE, NEAR, RESTORE, SLOW_LOOKS, DesignWatch, MarginWatch
+from gcs_formation.fleet.margin_watch import (
+    CALM_LOOKS,
+    CLEAR,
+    DEGRADE,
+    NEAR,
+    RESTORE,
+    SLOW_LOOKS,
+    DesignWatch,
+    MarginWatch,
+)
 from tests.flights.conftest import scenario
 from tests.gcs_formation.noted import Noted
 

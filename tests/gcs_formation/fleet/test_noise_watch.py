@@ -7,7 +7,7 @@ import numpy as np
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
 from gcs_formation.estimation.noise import Declared, NoiseEstimate
-from gcs_formation.fleet.quality import NoiseWatch
+from gcs_formation.fleet.margin_watch import NoiseWatch
 from tests.gcs_formation.noted import Noted
 
 DECLARED = np.array([0.3, 0.3, 0.1, 0.1, 0.2, 0.01])[:, None]

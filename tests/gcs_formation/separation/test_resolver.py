@@ -14,9 +14,9 @@ from formation_scenario import load_scenario
 from gcs_formation.estimation.flight_state import FlightStates
 from gcs_formation.estimation.projection import Measured
 from gcs_formation.estimation.setpoint_history import SetpointHistory
+from gcs_formation.event_reporter import words
 from gcs_formation.parameters import autopilot_models
 from gcs_formation.recorder import Tick, VehicleLink
-from gcs_formation.reporting import words
 from gcs_formation.separation.resolver import ConflictResolver
 from tests.flights.conftest import scenario
 from tests.gcs_formation import tables

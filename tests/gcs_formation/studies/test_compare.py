@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from gcs_formation.cli import main
 from gcs_formation.report.run_data import load_run
 from gcs_formation.studies.compare import LAWS
-from gcs_formation.studies.comparison import Window, compare_flights
+from gcs_formation.studies.law_scores import Window, compare_flights
 
 SHORT = {
     "schema": 1,

@@ -218,7 +218,7 @@ class LiftedPath(SplinePath):
 
 def lifted(written: SplinePath, ground: Ground, clearance_m: float, bounds: Bounds) -> LiftedPath:
     """Return a path lifted to `clearance_m` above the ground, as far as `bounds` allow."""
-    from flight_model.lift import least_lift  # noqa: PLC0415 - scipy is for those with ground to clear
+    from flight_model.path_lift import least_lift  # noqa: PLC0415 - scipy is for those with ground to clear
 
     places = sample_places(0.0, max(1, int(np.ceil(written.length_m / STEP_M))))
     points = written.at(places)

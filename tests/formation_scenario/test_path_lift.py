@@ -4,9 +4,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flight_model.displacement import Bounds, sample_places
-from flight_model.lift import least_lift
+from flight_model.path_lift import least_lift
 from formation_scenario.environment import Hill
-from formation_scenario.ground import Hills
+from formation_scenario.terrain import Hills
 
 BOUNDS = Bounds(slope=0.095, curvature_1pm=7.7e-4)
 NOTHING = np.zeros(0)

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from formation_scenario import load_scenario
-from gcs_formation.record.past import formation_of
+from gcs_formation.record.unfinished import formation_of
 
 HOVERS = {
     "vehicles": {"count": 3, "autopilot": "arducopter"},
