@@ -1,4 +1,4 @@
-"""Impairments of a link: delay, jitter, loss, duplication, limited rate; `impaired` carries them out.
+"""Impairments of a link: delay, jitter, loss, duplication, limited rate; `impaired_link` draws and carries them out.
 
 Sources: Gilbert (1960), "Capacity of a burst-noise channel", for losses in bursts; tc-netem(8) for the
 Pareto distribution's shape.

@@ -19,11 +19,11 @@ EXAMPLES = examples(
 COMMANDS = {
     "check": Entry("gcs_formation.cli.scenario", "Validate a scenario; print its graph and its delay margins."),
     "compare": Entry("gcs_formation.cli.compare", "Fly a scenario by several laws and set them side by side."),
-    "fly": Entry("gcs_formation.cli.flight", "Fly a scenario with vehicles that are up already."),
+    "fly": Entry("gcs_formation.cli.run_and_fly", "Fly a scenario with vehicles that are up already."),
     "identify": Entry("gcs_formation.cli.identify", "Find a vehicle's model from a flight; write a vehicle file."),
     "init": Entry("gcs_formation.cli.scenario", "Write an example scenario to begin with."),
     "report": Entry("gcs_formation.cli.run_directory", "Draw the figures and the page of a finished run."),
-    "run": Entry("gcs_formation.cli.flight", "Fly a scenario with emulated vehicles."),
+    "run": Entry("gcs_formation.cli.run_and_fly", "Fly a scenario with emulated vehicles."),
     "schema": Entry(
         "gcs_formation.cli.scenario", "Print the JSON schema of scenarios, or the reference of their keys."
     ),

@@ -20,7 +20,7 @@ QUICKSTART = Path(__file__).parents[2] / "configs" / "quickstart.yaml"
 FLY = """
 import pathlib, sys
 import numpy
-import gcs_formation.app.run, gcs_formation.cli.flight
+import gcs_formation.app.run, gcs_formation.cli.run_and_fly
 from gcs_formation.record.flight import percentile
 from gcs_formation.record.timeseries import write_parquet
 percentile(numpy.zeros(3), 50)
