@@ -20,6 +20,7 @@ RECEIVE_BUFFER: Final = 4 * 1024 * 1024
 DRAIN_LIMIT: Final = 4096
 """Datagrams taken from one socket before timers are handled again."""
 IDLE_WAIT_S: Final = 0.1
+IDLE_WAIT_NS: Final = 100_000_000
 SELECTOR_RESOLUTION_S: Final = 1e-3
 
 
@@ -116,15 +117,24 @@ class UdpDriver:
         self._selector.close()
 
     def run(self, until: Callable[[], bool]) -> None:
-        """Run until `until` holds; it is checked after every wake-up, at least ten times a second."""
+        """Run until `until` holds; it is checked after every timer, and ten times a second at least."""
         self._send()
         while not until():
+            self._go_on()
+
+    def _go_on(self) -> None:
+        """Move datagrams until a timer was handled, or for `IDLE_WAIT_S`."""
+        ends_ns = time.monotonic_ns() + IDLE_WAIT_NS
+        while True:
             self._wait()
             timer = self._engine.next_timer()
             now = self._clock.now()
-            if timer is not None and timer <= now:
+            due = timer is not None and timer <= now
+            if due:
                 self._engine.handle_timer(now)
             self._send()
+            if due or time.monotonic_ns() >= ends_ns:
+                return
 
     def _wait(self) -> None:
         """Sleep until a datagram arrives or the timer is due, and pass on what has arrived."""

@@ -46,6 +46,16 @@ def test_datagrams_come_in_and_answers_go_back(port):
         assert engine.timers == sorted(engine.timers)
 
 
+def test_the_end_is_not_looked_for_after_each_datagram_but_without_any_timer_too(port):
+    """300 datagrams, each an answer to the one before, wake it 300 times: looking costs more than most of them."""
+    engine, looks = Echo(f"udpin:127.0.0.1:{port}"), []
+    engine.timer = None
+    engine.outbox.append(Datagram(0, Address("127.0.0.1", port), b"on and on"))
+    with UdpDriver(engine, RealClock()) as driver:
+        driver.run(lambda: looks.append(len(engine.heard)) or looks[-1] >= 300)
+    assert len(looks) < 100
+
+
 def test_a_taken_port_is_named_and_nothing_stays_open(port):
     taken = f"udpin:127.0.0.1:{port}"
     with open_socket(parse_endpoint(taken)), pytest.raises(PortError, match=f"{port} is taken"):
