@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from copy import copy
-
 import pytest
 
 from airlink import mavlink as m
@@ -50,13 +48,13 @@ class Echoing(Between):
         self._back: list[Datagram] = []
 
     def take(self, datagram: Datagram, now: Instant) -> None:
-        self._back.append(copy(datagram))
+        self._back.append(Datagram(datagram.socket, datagram.peer, datagram.data))
         super().take(datagram, now)
 
     def datagrams_to_send(self) -> list[Datagram]:
         sent, (back, self._back) = super().datagrams_to_send(), (self._back, [])
         for each in sent:
-            self.fleet.receive([copy(each)], Instant(0))
+            self.fleet.receive([Datagram(each.socket, each.peer, each.data)], Instant(0))
         return [*sent, *back]
 
 
