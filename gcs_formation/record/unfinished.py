@@ -93,7 +93,7 @@ def read_past(directory: Path, scenario: Scenario, now: Instant, *, retake: bool
         heading_rad=heading_rad,
         arrangement=arrangement._replace(leader=order.index(leading)),
         slots_m=_slots_m(last, order),
-        near=() if leading is None else _near(last, leading),
+        near=() if leading is None else nearest_to(last, leading),
         ending=Phase(PHASES[int(last["phase"][0])]) in AT_END or _phases(events)[-1:] in ([p.value] for p in AT_END),
         retake=retake,
     )
@@ -207,12 +207,12 @@ def _slots_m(last: Mapping[str, Any], order: Sequence[VehicleId | None]) -> Arra
     return np.array([np.zeros(3) if each is None else table[own[each]] for each in order])
 
 
-def _near(last: Mapping[str, Any], leading: VehicleId) -> tuple[VehicleId, ...]:
-    """Return who flew, the leader first and then by their distance from it."""
+def nearest_to(last: Mapping[str, Any], leading: VehicleId) -> tuple[VehicleId, ...]:
+    """Return who flew, the leader first and then by their distance from it to a metre."""
     places = np.stack([last[name] for name in ("north_m", "east_m", "height_m")], axis=1)
     each = [_identity(last, row) for row in range(len(places))]
     away_m = np.linalg.norm(places - places[each.index(leading)], axis=1)
-    order: list[int] = np.argsort(np.nan_to_num(away_m, nan=np.inf), kind="stable").tolist()
+    order: list[int] = np.argsort(np.round(np.nan_to_num(away_m, nan=np.inf)), kind="stable").tolist()
     return tuple(each[row] for row in order)
 
 

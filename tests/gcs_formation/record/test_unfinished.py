@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
 import pytest
 
+from airlink.endpoint import VehicleId
 from formation_scenario import load_scenario
-from gcs_formation.record.unfinished import formation_of
+from gcs_formation.record.unfinished import formation_of, nearest_to
 
 HOVERS = {
     "vehicles": {"count": 3, "autopilot": "arducopter"},
@@ -35,3 +37,15 @@ def test_a_formation_that_was_told_to_stand_stands_and_faces_where_it_was_told_t
 def test_shapes_and_leaders_are_those_that_were_ordered_last():
     arrangement, *_ = formation_of(load_scenario(HOVERS), ordered("shape line 20", "leader 2", "spacing 25"), 40.0)
     assert (arrangement.shape, arrangement.spacing_m, arrangement.leader) == ("line", 25.0, 1)
+
+
+def test_who_is_as_near_to_the_leader_to_a_metre_comes_in_the_order_of_the_vehicles():
+    north_m = np.array([-30.004, -30.001, 0.0, -28.0, np.nan])
+    rows = {
+        "network": np.ones(5, dtype=int),
+        "vehicle": np.array([2, 3, 1, 4, 5]),
+        "north_m": north_m,
+        "east_m": np.zeros(5),
+        "height_m": np.full(5, 100.0),
+    }
+    assert [each.system for each in nearest_to(rows, VehicleId(1, 1))] == [1, 4, 2, 3, 5]
