@@ -13,13 +13,11 @@ from flight_model.displacement import PEAK_CHANGE, PEAK_RATE, DisplacedPath, min
 from flight_model.path import Route, SplinePath
 from flight_model.slot import Slot
 from gcs_formation.estimation.setpoint_history import HISTORY_S
+from gcs_formation.guidance.join_route import JoinRoute, Pose, join
 from gcs_formation.guidance.tracking import (
     LEAST_MPS,
-    JoinRoute,
     MotionRates,
-    Pose,
     RouteHeading,
-    join,
     nearest,
     project,
     route_heading,

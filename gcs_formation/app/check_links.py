@@ -17,8 +17,8 @@ import numpy as np
 from flight_model.arrays import Array
 from formation_scenario import Scenario, Vehicle
 from formation_scenario.links import Impairment, LinkStep, read_trace_ms
+from gcs_formation.guidance.join_route import Pose, join
 from gcs_formation.guidance.leader import ASSEMBLED_S, DECISION_S, SETTLE_S
-from gcs_formation.guidance.tracking import Pose, join
 from gcs_formation.parameters import hold_radius_m
 
 LEAST_M = 0.05

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gcs_formation.guidance.tracking import Pose, join
+from gcs_formation.guidance.join_route import Pose, join
 
 place = st.floats(-3000, 3000)
 course = st.floats(-math.pi, math.pi)
