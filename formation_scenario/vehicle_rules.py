@@ -16,7 +16,7 @@ from formation_scenario.law import LawType
 from formation_scenario.model import Scenario, long_ref
 from formation_scenario.orders import parse_order
 from formation_scenario.source import KeyPath, Source
-from formation_scenario.vehicles import Vehicle, VehicleModel
+from formation_scenario.vehicles import Vehicle, VehicleModel, family_of
 
 LEAST_FLYING_MPS = 1e-3
 
@@ -79,8 +79,11 @@ def hovering(scenario: Scenario, source: Source) -> Iterator[Problem]:
             yield source.problem((*at, "model", "hovers"), f"found true of {vehicle.autopilot}", "false")
         elif not model.hovers and vehicle.autopilot == "arducopter":
             yield source.problem((*at, "model", "hovers"), "found false of arducopter", "true")
-        elif not model.hovers and model.prompt_share < 1.0:
-            found = f"found {model.prompt_share:g} of a vehicle that doesn't hover"
+        elif model.prompt_share < 1.0 and family_of(vehicle) == "arduplane":
+            found = f"found {model.prompt_share:g} of an ArduPlane"
+            yield source.problem((*at, "model", "prompt_share"), found, "1; less of what hovers, and of a PX4")
+        elif model.prompt_share < 1.0 and model.airframe is not None:
+            found = f"found {model.prompt_share:g} beside an airframe, which has lags of its own"
             yield source.problem((*at, "model", "prompt_share"), found, "1")
         elif not model.hovers and model.speed_min_mps < LEAST_FLYING_MPS:
             found = f"found {model.speed_min_mps:g} of a vehicle that doesn't hover"

@@ -164,8 +164,8 @@ class VehicleModel(Keys):
     )
     prompt_share: Annotated[Positive, Field(ge=0.2, le=1.0)] = Field(
         default=1.0,
-        description="of what hovers: share of a change of the velocity told that it flies with tau_v_s; the rest comes "
-        "as its integrator makes up for drag",
+        description="of what hovers, and of a PX4: share of a change of the speed told that it flies with tau_v_s; the "
+        "rest comes as its integrator makes up for drag",
         examples=[0.7],
     )
     rest_s: Lag = Field(default=5.0, description="time constant of that rest, s", examples=[9])

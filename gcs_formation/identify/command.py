@@ -166,7 +166,7 @@ def identify(source: Path, file: Path, vehicle: int | None = None, believed: Sce
     flown = {"equation (7)": flown_by_lags(longest, fitted.model)}
     errors = {name: _rms(longest, values) for name, values in flown.items()}
     model = fitted.model
-    if not begin.hovers:
+    if not begin.hovers and begin.prompt_share == 1.0:
         airframe, by_airframe = fit_airframe(longest, begin.airframe or EnergyAirframe(), begin.turn_rate_max_rps)
         errors["airframe"] = _rms(longest, by_airframe)
         if bool(np.mean(errors["airframe"] / errors["equation (7)"]) < 1.0):

@@ -37,7 +37,7 @@ LEAST_MOVED = {"speed": (0.5, "m/s"), "heading": (0.05, "rad"), "height": (2.0, 
 """By how much each setpoint must have changed for its channel to be learnt."""
 LAGS = ("tau_v_s", "tau_psi_s", "tau_ha_s", "tau_hb_s")
 REST = ("prompt_share", "rest_s")
-"""Fitted too of multirotors that are believed to leave part of a change of velocity to an integrator."""
+"""Fitted too of vehicles that are believed to leave part of a change of speed to an integrator."""
 LEAST_SHARE = 0.2
 AIRFRAME_KEYS = ("thrust_mps2", "drag_mps2", "heading_gain", "bank_lag_s", "airspeed_lag_s", "time_constant_s")
 SPREADS = np.array([0.3, 0.3, 0.3, 0.3, 0.3, 0.1])
@@ -85,7 +85,9 @@ def fit(recordings: Sequence[Recording], begin: VehicleModel) -> Fit:
     windows = [_Windows.of(each) for each in recordings]
 
     def errors_by(values: Array) -> Array:
-        cut = windows if names_fitted == LAGS else [_Windows.of(_aimed(each, *values[4:])) for each in recordings]
+        cut = (
+            windows if names_fitted == LAGS else [_Windows.of(_aimed(each, begin, *values[4:])) for each in recordings]
+        )
         return np.concatenate([each.errors(values[:4], begin) for each in cut], axis=2)
 
     def errors_of(tried: Sequence[Array]) -> Array:
@@ -109,20 +111,22 @@ def fit(recordings: Sequence[Recording], begin: VehicleModel) -> Fit:
     return Fit(model, estimates, rms, dict[str, float](zip(names, explained.tolist(), strict=True)))
 
 
-def _aimed(recording: Recording, prompt_share: float, rest_s: float) -> Recording:
-    """Return a recording as if the multirotor had been commanded at once what its integrator comes to slowly.
+def _aimed(recording: Recording, model: VehicleModel, prompt_share: float, rest_s: float) -> Recording:
+    """Return a recording as if the vehicle had been commanded at once what its integrator comes to slowly.
 
-    Of a velocity w commanded it aims at prompt_share w + (1 - prompt_share) m, and m follows w with the lag rest_s.
+    Of a velocity w commanded it aims at prompt_share w + (1 - prompt_share) m, and m follows w with the lag rest_s. A
+    fixed wing's is its airspeed alone.
     """
     share = min(max(float(prompt_share), LEAST_SHARE), 1.0)
     speed, heading, height = recording.commanded
-    commanded = speed * np.exp(1j * heading)
+    course = heading if model.hovers else np.zeros_like(heading)
+    commanded = speed * np.exp(1j * course)
     filled, kept, m = np.empty_like(commanded), math.exp(-STEP_S / float(rest_s)), commanded[0]
     for point, each in enumerate(commanded.tolist()):
         filled[point] = m
         m = kept * m + (1.0 - kept) * each
     aimed = share * commanded + (1.0 - share) * filled
-    turned = wrap(np.angle(aimed) - heading)
+    turned = wrap(np.angle(aimed) - course)
     return replace(recording, commanded=np.stack((np.abs(aimed), heading + turned, height)))
 
 
@@ -219,7 +223,7 @@ def _nearest(
 def flown_by_lags(recording: Recording, model: VehicleModel) -> Array:
     """Return airspeed, heading and height (3, K) of a vehicle of equation (7) under the recorded setpoints."""
     if model.prompt_share < 1.0:
-        recording = _aimed(recording, model.prompt_share, model.rest_s)
+        recording = _aimed(recording, model, model.prompt_share, model.rest_s)
     columns = _columns(np.array([getattr(model, name) for name in LAGS]), model, 1)
     airspeed, heading, height, climb = recording.seen[:, :1]
     none, step_s, late = np.zeros(1), np.full((1, 1), STEP_S), round(recording.delay_s / STEP_S)

@@ -44,6 +44,11 @@ DATAFLASH_FIELDS = {
 """Of each kind of message: what it tells, in which field, and the field's unit."""
 SYSTEM_PARAMETERS = ("MAV_SYSID", "SYSID_THISMAV")
 CHANNELS = ("speed", "heading", "height")
+SEEN = ("airspeed", "yaw", "alt", "climb")
+SENT_TO_PLACES_SEEN = ("airspeed", "course", "alt", "climb")
+"""Of one that is told places ahead: it flies courses over ground."""
+HOVERING_SEEN = ("speed seen", "course", "alt", "climb")
+"""Of one that is told velocities over ground."""
 
 
 @dataclass(frozen=True)
@@ -68,8 +73,8 @@ class Recording:
 class _Samples:
     """A vehicle's values with the time at which each passed the ground station, s."""
 
-    hovers: bool = False
-    """Whether it is commanded by velocities: what it flies by is its speed over ground, and its course."""
+    seen: tuple[str, str, str, str] = SEEN
+    """What of it follows the setpoints of speed, heading and height, and its climb rate."""
     of: dict[str, list[tuple[float, float]]] = field(default_factory=dict[str, list[tuple[float, float]]])
 
     def add(self, name: str, at_s: float, value: float) -> None:
@@ -99,9 +104,8 @@ def recordings(log: Path, delays_s: Mapping[int, float] | None = None) -> list[R
     kept = [each for each in found if each is not None]
     if not kept:
         wanted = f"{LEAST_S:.0f} s or more of a vehicle that is told speed, heading and height, and sends how it flies"
-        raise RecordError(
-            f"{log}: found no vehicle under setpoints (commands 43000 to 43002, or velocities); allowed: {wanted}"
-        )
+        told = "commands 43000 to 43002, DO_REPOSITION, or velocities"
+        raise RecordError(f"{log}: found no vehicle under setpoints ({told}); allowed: {wanted}")
     return kept
 
 
@@ -137,24 +141,38 @@ def _take(vehicles: dict[int, _Samples], at_s: float, frame: Frame) -> None:
         case CommandInt(target_system=system, command=command, param2=value, z=height_m) if command in COMMANDS:
             values = {"speed": value, "heading": math.radians(value), "height": height_m}
             vehicles.setdefault(system, _Samples()).add(COMMANDS[command], at_s, values[COMMANDS[command]])
+        case CommandInt(command=m.MAV_CMD_DO_REPOSITION) as place:
+            _take_place(vehicles.setdefault(place.target_system, _Samples()), at_s, place)
         case SetPositionTargetLocalNed() as velocity:
             _take_velocity(vehicles.setdefault(velocity.target_system, _Samples()), at_s, velocity)
         case VfrHud(airspeed_mps=airspeed):
             vehicles.setdefault(frame.system, _Samples()).add("airspeed", at_s, airspeed)
         case Attitude(yaw_rad=yaw):
             vehicles.setdefault(frame.system, _Samples()).add("yaw", at_s, yaw)
-        case GlobalPositionInt(alt_m=alt, vx_mps=north, vy_mps=east, vz_mps=down):
-            values = {"alt": alt, "climb": -down, "speed seen": math.hypot(north, east)}
-            values["course"] = math.atan2(east, north)
+        case GlobalPositionInt(vx_mps=north, vy_mps=east) as seen:
+            values = {"alt": seen.alt_m, "climb": -seen.vz_mps, "speed seen": math.hypot(north, east)}
+            values |= {"course": math.atan2(east, north), "lat": seen.lat_rad, "lon": seen.lon_rad}
             for name, value in values.items():
                 vehicles.setdefault(frame.system, _Samples()).add(name, at_s, value)
         case _:
             pass
 
 
+def _take_place(samples: _Samples, at_s: float, place: CommandInt) -> None:
+    """Take the airspeed, the course and the height that a fixed wing is sent to a place ahead with."""
+    flies = place.param1 > 0.0  # or whatever is usual: the formation is at its end
+    if flies and "lat" in samples.of:
+        samples.seen = SENT_TO_PLACES_SEEN
+        (_, lat_rad), (_, lon_rad) = samples.of["lat"][-1], samples.of["lon"][-1]
+        north_rad, east_rad = math.radians(place.x * 1e-7) - lat_rad, math.radians(place.y * 1e-7) - lon_rad
+        course_rad = math.atan2(east_rad * math.cos(lat_rad), north_rad)
+        for name, value in zip(CHANNELS, (place.param1, course_rad, place.z), strict=True):
+            samples.add(name, at_s, value)
+
+
 def _take_velocity(samples: _Samples, at_s: float, velocity: SetPositionTargetLocalNed) -> None:
     """Take the velocity that a multirotor is commanded; its height setpoint is what the vertical velocity leads to."""
-    samples.hovers = True
+    samples.seen = HOVERING_SEEN
     if "alt" in samples.of:
         height_m = samples.of["alt"][-1][1] - HEIGHT_S * velocity.vz_mps
         values = math.hypot(velocity.vx_mps, velocity.vy_mps), math.atan2(velocity.vy_mps, velocity.vx_mps), height_m
@@ -162,13 +180,9 @@ def _take_velocity(samples: _Samples, at_s: float, velocity: SetPositionTargetLo
             samples.add(name, at_s, value)
 
 
-SEEN = ("airspeed", "yaw", "alt", "climb")
-HOVERING_SEEN = ("speed seen", "course", "alt", "climb")
-
-
 def _gridded(system: int, samples: _Samples, delay_s: float) -> Recording | None:
     """Return the longest stretch in which all is there; None where it is too short."""
-    names = HOVERING_SEEN if samples.hovers else SEEN
+    names = samples.seen
     if any(len(samples.of.get(name, ())) < 2 for name in (*CHANNELS, *names)):
         return None
     every = {name: np.array(samples.of[name]) for name in (*CHANNELS, *names)}
@@ -182,7 +196,7 @@ def _gridded(system: int, samples: _Samples, delay_s: float) -> Recording | None
     seen: Array = np.array([np.interp(at_s, every[name][:, 0], every[name][:, 1]) for name in names])
     fresh = np.all([_age_s(each, at_s) < SILENT_S for each in every.values()], axis=0)
     fresh[: round(SETTLING_S / STEP_S)] = False
-    if samples.hovers:
+    if names == HOVERING_SEEN:
         fresh &= np.minimum(commanded[0], seen[0]) > MOVES_MPS
     stretch = _longest(fresh)
     if (stretch.stop - stretch.start) * STEP_S < LEAST_S:

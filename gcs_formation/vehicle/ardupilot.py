@@ -27,7 +27,8 @@ from airlink.messages.system import Heartbeat
 from flight_model.autopilot import FlightState, Setpoint
 from gcs_formation.vehicle.autopilot import Autopilot, Command, Step
 from gcs_formation.vehicle.checks import Check, Demands, envelope_checks
-from gcs_formation.vehicle.hovering import MULTIROTOR_TYPES, VelocityLead, stands, velocity_setpoint
+from gcs_formation.vehicle.hovering import MULTIROTOR_TYPES, stands, velocity_setpoint
+from gcs_formation.vehicle.lead import VelocityLead
 from gcs_formation.vehicle.telemetry import Telemetry
 
 STATION_SYSTEM: Final = 255

@@ -14,7 +14,7 @@ from formation_scenario.vehicles import Family, family_of
 from gcs_formation.link.connection import Connection
 from gcs_formation.vehicle.ardupilot import ArduCopter, ArduPlane
 from gcs_formation.vehicle.autopilot import Autopilot
-from gcs_formation.vehicle.hovering import VelocityLead
+from gcs_formation.vehicle.lead import SpeedLead, VelocityLead
 from gcs_formation.vehicle.px4 import Px4Copter, Px4Plane
 from gcs_formation.vehicle.vehicle import Vehicle
 
@@ -30,9 +30,11 @@ def autopilot_for(vehicle: PlannedVehicle, scenario: Scenario) -> Autopilot:
     """Return the family's class for a vehicle of the scenario."""
     model = vehicle.model
     autopilot = FAMILIES[family_of(vehicle)](vehicle.id, origin_of(scenario), model.turn_rate_max_rps)
-    if isinstance(autopilot, ArduCopter | Px4Copter) and model.prompt_share < 1.0:
-        period_s = 1.0 / scenario.law.rate_hz
-        autopilot.velocity_lead = VelocityLead(model.prompt_share, model.rest_s, model.speed_max_mps, period_s)
+    share, rest_s, period_s = model.prompt_share, model.rest_s, 1.0 / scenario.law.rate_hz
+    if share < 1.0 and isinstance(autopilot, ArduCopter | Px4Copter):
+        autopilot.velocity_lead = VelocityLead(share, rest_s, model.speed_max_mps, period_s)
+    elif share < 1.0 and isinstance(autopilot, Px4Plane):
+        autopilot.speed_lead = SpeedLead(share, rest_s, (model.speed_min_mps, model.speed_max_mps), period_s)
     return autopilot
 
 

@@ -14,6 +14,7 @@ from typing import Final
 from airlink import mavlink as m
 from airlink.messages.command import SetPositionTargetLocalNed
 from flight_model.autopilot import FlightState, Setpoint, hovering_course, slot_axis
+from gcs_formation.vehicle.lead import VelocityLead
 
 MULTIROTOR_TYPES: Final = frozenset(
     {
@@ -84,30 +85,3 @@ def ground_motion(yaw_rad: float, north_mps: float, east_mps: float, *, leads: b
         return math.hypot(north_mps, east_mps), hovering_course(yaw_rad, north_mps, east_mps)
     axis_rad = slot_axis(yaw_rad, north_mps, east_mps)
     return north_mps * math.cos(axis_rad) + east_mps * math.sin(axis_rad), axis_rad
-
-
-class VelocityLead:
-    """Leads velocities, so that an autopilot flies them as if it left no part of a change to its integrator.
-
-    Of a velocity w it flies prompt_share w + (1 - prompt_share) m, and m follows w with the time constant rest_s;
-    so w = (u - (1 - prompt_share) m) / prompt_share has it fly u.
-    """
-
-    def __init__(self, prompt_share: float, rest_s: float, most_mps: float, period_s: float) -> None:
-        """Begin at rest; a velocity is commanded every `period_s`, none faster than `most_mps`."""
-        self._prompt, self._most_mps = prompt_share, most_mps
-        self._filled = -math.expm1(-period_s / rest_s)
-        self._integrated_mps: tuple[float, float] = (0.0, 0.0)
-
-    def lead(self, north_mps: float, east_mps: float) -> tuple[float, float]:
-        """Return the velocity to tell now for one to be flown."""
-        rest, done = 1.0 - self._prompt, self._integrated_mps
-        north = (north_mps - rest * done[0]) / self._prompt
-        east = (east_mps - rest * done[1]) / self._prompt
-        share = min(1.0, self._most_mps / max(math.hypot(north, east), 1e-9))
-        commanded = share * north, share * east
-        self._integrated_mps = (
-            done[0] + self._filled * (commanded[0] - done[0]),
-            done[1] + self._filled * (commanded[1] - done[1]),
-        )
-        return commanded

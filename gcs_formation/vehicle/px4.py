@@ -26,7 +26,8 @@ from flight_model.autopilot import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
 from gcs_formation.vehicle.autopilot import Autopilot, Command, Step
 from gcs_formation.vehicle.checks import Check, Demands, envelope_checks
-from gcs_formation.vehicle.hovering import MULTIROTOR_TYPES, TURNS_FROM_MPS, VelocityLead, stands, velocity_setpoint
+from gcs_formation.vehicle.hovering import MULTIROTOR_TYPES, TURNS_FROM_MPS, stands, velocity_setpoint
+from gcs_formation.vehicle.lead import SpeedLead, VelocityLead
 from gcs_formation.vehicle.telemetry import Telemetry
 
 LEADS_AWAY = (1, 2, 3)
@@ -194,6 +195,8 @@ class Px4Plane(Px4):
     setpoint_commands = (m.MAV_CMD_DO_REPOSITION,) * 3
     setpoints_set_mode = True
     """DO_REPOSITION without that (its second parameter) is UNSUPPORTED."""
+    speed_lead: SpeedLead | None = None
+    """For one whose model leaves part of a change of airspeed to its integrator."""
 
     def checks(self, asked: Demands) -> tuple[Check, ...]:
         """Return failsafe and limits."""
@@ -223,7 +226,10 @@ class Px4Plane(Px4):
         course_rad = math.atan2(east_mps, north_mps)
         north_m = where.north_m + AIM_M * math.cos(course_rad)
         east_m = where.east_m + AIM_M * math.sin(course_rad)
-        return (self._reposition(north_m, east_m, setpoint.height_m, setpoint.speed_mps),)
+        speed_mps, lead = setpoint.speed_mps, self.speed_lead
+        if lead is not None:
+            speed_mps = lead.lead(speed_mps, where.airspeed_mps)
+        return (self._reposition(north_m, east_m, setpoint.height_m, speed_mps),)
 
     def loiter(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:
         """Return HOLD, then the place and height.

@@ -120,7 +120,10 @@ class Body:
 
     __slots__ = (
         "_energy",
+        "_filled",
         "_motion",
+        "_prompt",
+        "_rest_mps",
         "air_down_mps",
         "air_east_mps",
         "air_north_mps",
@@ -153,6 +156,10 @@ class Body:
         self.height_commanded_m: float = start.height_m
         self.turn_rate_radps: float = 0.0
         self._energy: EnergyFlight | None = energy_flight(config, self.state, seed)
+        self._prompt: float = config.model.prompt_share
+        self._filled: float = LOOP_S / config.model.rest_s
+        self._rest_mps: float = start.airspeed_mps
+        """The airspeed that its integrator has come to, where that has a share."""
         self._motion: Motion | None = None
 
     @property
@@ -207,7 +214,7 @@ class Body:
 
     def ground(self) -> None:
         """Put it on the ground, at rest."""
-        self.state.height_m = self.state.climb_mps = self.state.airspeed_mps = 0.0
+        self.state.height_m = self.state.climb_mps = self.state.airspeed_mps = self._rest_mps = 0.0
         self._motion = None
 
     def fly(self) -> None:
@@ -226,6 +233,8 @@ class Body:
             self._energy.fly(state, speed_mps, heading_rad, height_m, accel_mps2, turn_rate_max_rps)
         else:
             model, accel_mps2 = self.model, steering.accel_mps2
+            if self._prompt < 1.0:
+                speed_mps = self._aimed(speed_mps)
             advance(state, model, speed_mps, heading_rad, height_m, LOOP_S, accel_mps2, turn_rate_max_rps)
             if self._energy is not None:
                 self._energy.roll(state, speed_mps, heading_rad, height_m)
@@ -233,6 +242,15 @@ class Body:
         if state.height_m < 0.0:
             state.height_m = state.climb_mps = 0.0
         self.turn_rate_radps = (state.heading_rad - before_rad) / LOOP_S
+
+    def _aimed(self, speed_mps: float) -> float:
+        """Return the airspeed that it comes to for now: the prompt share of the one told, and what is integrated."""
+        if not self.steering.airborne:
+            self._rest_mps = speed_mps
+            return speed_mps
+        rest_mps = self._rest_mps
+        self._rest_mps = rest_mps + self._filled * (speed_mps - rest_mps)
+        return self._prompt * speed_mps + (1.0 - self._prompt) * rest_mps
 
     def _drift(self) -> None:
         """Let the air carry it while it is in the air."""

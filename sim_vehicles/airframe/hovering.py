@@ -45,14 +45,12 @@ class HoveringBody(Body):
         "_air_mps",
         "_climb_lag_s",
         "_commanded",
-        "_filled",
         "_integrated_mps",
         "_jerk_mps3",
         "_lag_s",
         "_nose_aimed_rad",
         "_nose_between_rad",
         "_noses",
-        "_prompt",
         "_sink_aimed_mps",
         "_sinks",
         "velocity_mps",
@@ -71,8 +69,6 @@ class HoveringBody(Body):
         self.velocity_mps: Velocity = (north_mps, east_mps, 0.0)
         self.yaw_rad: float = start.heading_rad
         self._jerk_mps3: float = JERKS_MPS3[model.firmware]
-        self._prompt: float = model.prompt_share
-        self._filled: float = LOOP_S / model.rest_s
         self._integrated_mps: tuple[float, float] = (north_mps, east_mps)
         self._accel: tuple[float, float] = (0.0, 0.0)
         self._air_mps: Velocity = AT_REST
@@ -133,7 +129,7 @@ class HoveringBody(Body):
     def _accelerate(self, commanded: Velocity, sink_mps: float) -> None:
         """Change the velocity by a cycle: towards the one commanded, and by what the air pushes."""
         before, air = self.velocity_mps, (self.air_north_mps, self.air_east_mps, self.air_down_mps)
-        north_mps, east_mps = self._aimed(commanded)
+        north_mps, east_mps = self._aimed_at(commanded)
         wanted = _no_longer(
             (north_mps - before[0]) / self._lag_s, (east_mps - before[1]) / self._lag_s, self.model.accel_max_mps2
         )
@@ -147,7 +143,7 @@ class HoveringBody(Body):
         north, east, down = (v + LOOP_S * a + now - then for v, a, now, then in each)
         self.velocity_mps, self._air_mps = (north, east, down), air
 
-    def _aimed(self, commanded: Velocity) -> tuple[float, float]:
+    def _aimed_at(self, commanded: Velocity) -> tuple[float, float]:
         """Return the velocity that it comes to for now: the prompt share of the one commanded, and the integrated."""
         prompt, share, done = self._prompt, self._filled, self._integrated_mps
         self._integrated_mps = done[0] + share * (commanded[0] - done[0]), done[1] + share * (commanded[1] - done[1])

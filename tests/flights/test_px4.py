@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 
@@ -18,7 +19,8 @@ from sim_vehicles.autopilot.modes import Px4Mode
 from tests.flights.conftest import scenario
 from tests.flights.in_memory import Between, World
 
-CONFIGS = Path(__file__).parents[2] / "configs"
+ROOT = Path(__file__).parents[2]
+CONFIGS = ROOT / "configs"
 PX4_COPTER = {"autopilot": "emulator", "model": "px4_copter"}
 HOVERS: dict[str, Any] = {
     "vehicles": {"count": 3} | PX4_COPTER,
@@ -26,6 +28,7 @@ HOVERS: dict[str, Any] = {
     "path": {"speed_mps": 5, "waypoints_m": [[0, 0, 50], [300, 0, 50]]},
     "safety": {"separation_m": 3, "clearance_m": 5},
 }
+PX4_MODEL: dict[str, Any] = yaml.safe_load((ROOT / "formation_scenario" / "aircraft" / "px4.yaml").read_text())["model"]
 SLOW_PATH = {"speed_mps": 17, "waypoints_m": [[0, 0, 100], [2000, 0, 100]]}
 MIXED: list[dict[str, Any]] = [
     {"id": 1, "role": "leader", "autopilot": "arduplane"},
@@ -84,6 +87,24 @@ def test_a_stream_that_stops_for_two_seconds_is_taken_up_again_by_everybody():
     begun_s = world.station.flight.mission_time_s(world.clock.now())
     world.run(15.0)
     assert world.worst_m(from_s=begun_s + 12.0) < 0.3
+
+
+@pytest.mark.parametrize("share", [0.55, 0.4, 0.75])
+def test_fixed_wings_that_leave_half_of_a_change_of_airspeed_to_an_integrator_keep_their_slots(share):
+    """They are told so much more of a change; a leader that changes its speed, and aircraft that leave another part."""
+    steps = [{"at_s": 2.0, "for_s": 12.0, "speed_mps": 1.5}, {"at_s": 14.0, "for_s": 12.0, "speed_mps": -1.5}]
+    world = World(
+        vehicles={
+            "count": 3,
+            "autopilot": "emulator",
+            "model": "px4",
+            "true_model": PX4_MODEL | {"prompt_share": share},
+        },
+        path={"speed_mps": 14, "waypoints_m": [[0, 0, 100], [1000, 0, 100]], "steps": steps},
+    )
+    world.run(30.0)
+    assert max(np.abs(tick.state[0].airspeed_mps - 14.0) for tick in world.notes.ticks) > 1.0
+    assert world.worst_m(from_s=0.0) < (0.1 if share == 0.55 else 1.0)
 
 
 @pytest.mark.slow

@@ -236,6 +236,21 @@ def test_only_what_hovers_may_stand(refusal):
     assert refusal("vehicles={count: 2, model: {speed_min_mps: 0}}")[0].startswith(told)
 
 
+@pytest.mark.parametrize(
+    ("model", "told"),
+    [
+        ("{prompt_share: 0.5}", "prompt_share: found 0.5 of an ArduPlane; 1; less of what hovers, and of a PX4"),
+        (
+            "{firmware: px4, prompt_share: 0.5, airframe: {}}",
+            "prompt_share: found 0.5 beside an airframe, which has lags of its own; 1",
+        ),
+    ],
+)
+def test_whose_lags_say_all_leaves_nothing_to_an_integrator(refusal, load, model, told):
+    assert f"vehicles.0.model.{told}" in refusal(f"vehicles={{count: 2, model: {model}}}")
+    assert load("vehicles={count: 2, model: {firmware: px4, prompt_share: 0.5}}").vehicles[1].model.prompt_share == 0.5
+
+
 def test_the_grade_of_inertial_sensors_fills_in_what_is_not_given(load):
     keys = "{source: ins, grade: tactical, sensors: {gyro_bias_deg_per_h: [1, 2, 3]}}"
     sensors = load(f"vehicles.1.navigation={keys}").vehicles[1].navigation.sensors

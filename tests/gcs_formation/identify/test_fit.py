@@ -88,9 +88,10 @@ def test_an_aircraft_is_found_again_and_answers_slow_changes_sooner_than_steps()
     assert math.isclose(model.tau_ha_s + model.tau_hb_s, 3.25, rel_tol=0.1)
 
 
-def test_the_part_that_waits_for_an_integrator_is_found_again():
+@pytest.mark.parametrize("hovers", [True, False])
+def test_the_part_that_waits_for_an_integrator_is_found_again(hovers):
     true = VehicleModel(
-        hovers=True, tau_v_s=0.5, tau_psi_s=0.5, speed_min_mps=0.0, speed_max_mps=9.0, prompt_share=0.6, rest_s=6.0
+        hovers=hovers, tau_v_s=0.5, tau_psi_s=0.5, speed_min_mps=0.0, speed_max_mps=9.0, prompt_share=0.6, rest_s=6.0
     )
     commanded = stepped()
     commanded[0] -= 17.0

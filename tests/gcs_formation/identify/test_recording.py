@@ -51,6 +51,28 @@ def test_a_log_gives_what_was_told_and_seen(tmp_path):
     assert np.abs(found.commanded[1] - found.seen[1]).max() < 0.03
 
 
+def test_places_ahead_are_courses_over_ground(tmp_path):
+    """A fixed-wing PX4 that drifts across its heading, sent 400 m ahead to the north-east, at last to a circle."""
+    log, station, vehicle = TlogWriter(tmp_path / "flight.tlog", 10**15), FrameWriter(255, 190), FrameWriter(3, 1)
+    lat, lon = 0.6, 2.1
+    ahead = 400.0 / 6371000.0 / math.sqrt(2.0)
+    x, y = (round(math.degrees(each) * 1e7) for each in (lat + ahead, lon + ahead / math.cos(lat)))
+    for tick in range(700):
+        now, at_s = Instant(tick * 10**8), tick * 0.1
+        log.write(now, [vehicle.encode(VfrHud(14.5, 14.0, 0.0, 50, 90.0, 0.5))])
+        log.write(now, [vehicle.encode(Attitude(at_s, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0))])
+        log.write(now, [vehicle.encode(GlobalPositionInt(at_s, lat, lon, 90.0, 80.0, 10.0, 10.0, 0.0, 0.0))])
+        speed, alt_m = (15.0, 95.0) if at_s < 60.0 else (-1.0, 120.0)
+        log.write(now, [station.encode(CommandInt(3, 1, 0, 192, param1=speed, param2=1.0, x=x, y=y, z=alt_m))])
+    log.close()
+    (found,) = recordings(tmp_path / "flight.tlog")
+    assert found.duration_s == pytest.approx(60.0 - SETTLING_S, abs=1.5)
+    assert found.commanded[[0, 2]].min(axis=1) == pytest.approx([15.0, 95.0])
+    assert found.commanded[[0, 2]].max(axis=1) == pytest.approx([15.0, 95.0])
+    assert found.commanded[1] == pytest.approx(math.pi / 4, abs=0.01)
+    assert found.seen[1] == pytest.approx(math.pi / 4)
+
+
 def test_the_longest_stretch_without_a_gap_counts(tmp_path):
     (found,) = recordings(logged(tmp_path / "flight.tlog", until_s=90.0, silent=[(30.0, 33.0)]))
     assert found.duration_s == pytest.approx(57.0, abs=1.0)

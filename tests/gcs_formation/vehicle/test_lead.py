@@ -1,4 +1,4 @@
-"""What multirotors are told so that they fly what the law asks."""
+"""What vehicles are told so that they fly what the law asks."""
 
 import math
 
@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gcs_formation.vehicle.hovering import VelocityLead
+from gcs_formation.vehicle.lead import SpeedLead, VelocityLead
 
 PROMPT, REST_S, PERIOD_S = 0.72, 8.9, 0.1
 speeds = st.floats(-3.0, 3.0)
@@ -41,3 +41,22 @@ def test_nobody_is_told_more_than_the_fastest_and_the_rest_is_made_up_for_later(
         speeds_mps.append(flown.flies(told[0]))
     assert speeds_mps[0] == pytest.approx(PROMPT * 6.0 / math.sqrt(2.0))
     assert speeds_mps[-1] == pytest.approx(4.0)
+
+
+@given(st.lists(st.floats(12.0, 18.0), min_size=1, max_size=60))
+def test_a_led_airspeed_is_flown_as_asked(asked):
+    lead, flown = SpeedLead(PROMPT, REST_S, (-100.0, 100.0), PERIOD_S), Integrator()
+    flown.filled_mps = 14.0
+    for speed_mps in asked:
+        assert flown.flies(lead.lead(speed_mps, 14.0)) == pytest.approx(speed_mps, abs=1e-9)
+
+
+def test_airspeeds_that_are_told_keep_the_limits_and_the_rest_is_made_up_for_later():
+    lead, flown = SpeedLead(PROMPT, REST_S, (11.0, 15.0), PERIOD_S), Integrator()
+    flown.filled_mps = 14.0
+    for asked_mps, told_first_mps in ((15.0, 15.0), (11.5, 11.0)):
+        told = [lead.lead(asked_mps, 14.0) for _ in range(600)]
+        flies_mps = [flown.flies(each) for each in told]
+        assert told[0] == told_first_mps
+        assert 11.0 <= min(told) <= max(told) <= 15.0
+        assert flies_mps[-1] == pytest.approx(asked_mps, abs=0.01)
