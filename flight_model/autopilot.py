@@ -18,8 +18,6 @@ OUTER: Final = 0.2777777777777778
 INNER: Final = 0.4444444444444444
 """Weights of Gauss's points of a stretch of time: of the first and the last, and of the one between."""
 NO_LIMIT: Final = math.inf
-CLOSE: Final = 2e-4
-"""Exponents less apart than this lose too many digits in the difference of their powers."""
 STANDS_MPS: Final = 0.3
 """A ground speed whose course counts as much as the nose's direction."""
 LEADS_FROM_MPS: Final = 2.0
@@ -347,17 +345,8 @@ def _climb(state: FlightState, model: AutopilotModel, height_m: float, time_s: f
         left.fast_s,
         left.slow,
         left.fast,
+        left.climb_s,
     )
-
-
-def between(apart: float, slow_left: float, fast_left: float) -> float:
-    """Return the mean of e^x from the logarithm of `slow_left` to that of `fast_left`, which lie `apart`.
-
-    Of close ones the series: either way's error is less than 1e-12 of it.
-    """
-    if abs(apart) > CLOSE:
-        return (fast_left - slow_left) / apart
-    return slow_left * (1.0 + apart / 2.0 * (1.0 + apart / 3.0))
 
 
 def climbed(  # noqa: PLR0913, PLR0917 - plain numbers
@@ -370,15 +359,15 @@ def climbed(  # noqa: PLR0913, PLR0917 - plain numbers
     fast_s: float,
     slow_left: float,
     fast_left: float,
+    climb_s: float,
 ) -> tuple[float, float]:
     """Return height and climb rate after a time, by the slower and the faster lag, and what each leaves of 1 then.
 
-    With equal lags `between` gives the solution for a double pole.
+    `climb_s` is `decay.of_climb`.
     """
     error_m = -(slow_s + fast_s) * now_mps if math.isnan(height_m) else now_m - height_m
     push_mps = now_mps + error_m / slow_s
-    between_s = time_s * between(time_s / slow_s - time_s / fast_s, slow_left, fast_left)
-    left_m = slow_left * error_m + between_s * push_mps
+    left_m = slow_left * error_m + climb_s * push_mps
     climb_mps = fast_left * push_mps - left_m / slow_s
     most_m = most_mps * time_s
     beyond_mps = abs(now_mps) - most_mps

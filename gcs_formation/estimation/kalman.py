@@ -11,7 +11,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from flight_model.autopilot import AutopilotModel, FlightState, between, wrap
+from flight_model.autopilot import AutopilotModel, FlightState, wrap
+from flight_model.decay import of_climb
 from gcs_formation.estimation.noise import Values
 
 Level = tuple[float, float, float, float, float, float]
@@ -141,8 +142,8 @@ class HeightCovariance:
         """Carry it on by `elapsed_s` through the height's two poles; their difference 0 makes them a double pole."""
         slow_s, fast_s = max(model.tau_ha_s, model.tau_hb_s), min(model.tau_ha_s, model.tau_hb_s)
         slow, fast = math.exp(-elapsed_s / slow_s), math.exp(-elapsed_s / fast_s)
-        between_s = elapsed_s * between(elapsed_s / slow_s - elapsed_s / fast_s, slow, fast)
-        a, b, c, d = slow + between_s / slow_s, between_s, -between_s / (slow_s * fast_s), fast - between_s / slow_s
+        climb_s = of_climb(elapsed_s, slow_s, fast_s, slow, fast)
+        a, b, c, d = slow + climb_s / slow_s, climb_s, -climb_s / (slow_s * fast_s), fast - climb_s / slow_s
         height, cross, climb = self.height, self.cross, self.climb
         self.height = a * a * height + 2.0 * a * b * cross + b * b * climb
         self.cross = a * c * height + (a * d + b * c) * cross + b * d * climb

@@ -10,6 +10,7 @@ from mypy_extensions import i64
 
 from airlink.clock import NANOSECONDS
 from flight_model.autopilot import AutopilotModel, climbed, remaining, within, wrap
+from flight_model.decay import of_climb
 from flight_model.slot import Triple
 from gcs_formation.estimation.setpoint_history import Flown
 
@@ -161,10 +162,12 @@ class Bank:
         for place in range(len(lags_s)):
             left[place] = math.exp(-time_s / lags_s[place])
         for node in range(len(heights_m)):
-            now_m, slow, fast = heights_m[node], slowest[node], fastest[node]
+            now_m, now_mps, slow, fast = heights_m[node], climbs_mps[node], slowest[node], fastest[node]
+            slow_s, fast_s, slow_left, fast_left = lags_s[slow], lags_s[fast], left[slow], left[fast]
+            climb_s = of_climb(time_s, slow_s, fast_s, slow_left, fast_left)
             off_m += abs(height_m - now_m)
             heights_m[node], climbs_mps[node] = climbed(
-                now_m, climbs_mps[node], most_mps, height_m, time_s, lags_s[slow], lags_s[fast], left[slow], left[fast]
+                now_m, now_mps, most_mps, height_m, time_s, slow_s, fast_s, slow_left, fast_left, climb_s
             )
         return off_m / float(len(heights_m))
 

@@ -102,9 +102,7 @@ class Channel:
             of_all, of_recent = self._all[column], self._recent[column]
             _forget(of_all, self._kept[column])
             _forget(of_recent, STILL_RECENT)
-            _add(of_recent, tracks.rows)
-            if tracks.excited(self._resolution):
-                _add(of_all, tracks.rows)
+            _add(tracks.rows, of_recent, of_all, both=tracks.excited(self._resolution))
             weights = self.nodes.weights(self.log_ratio[column])
             self._fit(column, self._products(of_all, weights), _count(of_all))
             in_use = weights if self._in_use else self._believed
@@ -174,12 +172,15 @@ def _forget(sums: vec[vec[float]], kept: float) -> None:
             row[place] = row[place] * kept
 
 
-def _add(sums: vec[vec[float]], rows: vec[vec[float]]) -> None:
-    """Add the products of each two rows of a batch to the sums."""
+def _add(rows: vec[vec[float]], sums: vec[vec[float]], others: vec[vec[float]], *, both: bool) -> None:
+    """Add the products of each two rows of a batch to sums, and to others if to `both`."""
     for one in range(len(rows)):
-        row, to = rows[one], sums[one]
+        row, to, to_other = rows[one], sums[one], others[one]
         for other in range(one + 1):
-            to[other] = to[other] + _dot(row, rows[other])
+            product = _dot(row, rows[other])
+            to[other] = to[other] + product
+            if both:
+                to_other[other] = to_other[other] + product
 
 
 def _count(sums: vec[vec[float]]) -> float:
