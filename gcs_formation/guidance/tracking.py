@@ -90,11 +90,11 @@ def track(point: PathPoint, state: FlightState, model: AutopilotModel, speed_mps
     """Return the setpoint that keeps a vehicle on its route, whose nearest point is `point`.
 
     The course closes the cross-track error with `BANDWIDTH_RADPS`; the heading is corrected for wind; the route's own
-    turn and climb are fed forward through the lags of (7).
+    turn and climb are fed forward through the lags of (7). One that is to stand faces along the route wherever it is.
     """
     _, right_m = rotated(point.course_rad, state.north_m - point.north_m, state.east_m - point.east_m)
     along_mps, aside_mps = _along_and_aside(state, point.course_rad)
-    gain_1pm = BANDWIDTH_RADPS / max(speed_mps, LEAST_MPS)
+    gain_1pm = _gain_1pm(speed_mps)
     intercept = atan(gain_1pm * right_m)
     limited = within(intercept, -INTERCEPT_MAX_RAD, INTERCEPT_MAX_RAD)
     course = point.course_rad - limited
@@ -127,7 +127,7 @@ def track_turn(
     passed_mps, aside_mps = rotated(point.course_rad, rates.place_mps[0], rates.place_mps[1])
     along_mps2, wind_mps2 = rotated(point.course_rad, rates.wind_mps2[0], rates.wind_mps2[1])
     carried_mps, _ = rotated(point.course_rad, state.wind_north_mps, state.wind_east_mps)
-    path_rps, gain_1pm = point.curvature_1pm * passed_mps, BANDWIDTH_RADPS / max(speed_mps, LEAST_MPS)
+    path_rps, gain_1pm = point.curvature_1pm * passed_mps, _gain_1pm(speed_mps)
     bend_rps2 = point.curvature_rate_1pm2 * passed_mps * along_mps + point.curvature_1pm * along_mps2
     intercept = atan(gain_1pm * right_m)
     limited = within(intercept, -INTERCEPT_MAX_RAD, INTERCEPT_MAX_RAD)
@@ -137,6 +137,11 @@ def track_turn(
     aside_mps2 = (along_mps - carried_mps) * rates.turn_rps - along_mps * path_rps + wind_mps2
     crab_rps = _crab_rate(state, point.course_rad - limited, course_rps, rates.wind_mps2)
     return course_rps - crab_rps + model.tau_psi_s * (bend_rps2 - gain_1pm * aside_mps2)
+
+
+def _gain_1pm(speed_mps: float) -> float:
+    """Return by how much the course turns towards the route for each metre beside it: of one that stands not at all."""
+    return 0.0 if speed_mps == 0.0 else BANDWIDTH_RADPS / max(speed_mps, LEAST_MPS)
 
 
 def _along_and_aside(state: FlightState, course_rad: float) -> tuple[float, float]:

@@ -9,6 +9,7 @@ import json
 import os
 import signal
 import subprocess
+import sys
 import time
 from collections.abc import Generator
 from contextlib import ExitStack, contextmanager
@@ -101,6 +102,22 @@ def test_three_followers_keep_their_slots_to_2_m(run):
     for follower in summary["followers"].values():
         assert max(follower[axis]["rms"] for axis in ("error_x_m", "error_y_m", "error_z_m")) <= 2.0
     assert summary["safety"]["violations"] == 0
+
+
+def test_identify_finds_in_the_flight_what_the_shipped_model_says(run, tmp_path):
+    command = (
+        sys.executable,
+        "-m",
+        "gcs_formation",
+        "identify",
+        str(run),
+        "--out",
+        str(tmp_path / "found.yaml"),
+        "--json",
+    )
+    found = json.loads(subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT).stdout)
+    assert found["lags"]["prompt_share"]["value"] == pytest.approx(0.55, abs=0.15)
+    assert found["lags"]["tau_psi_s"]["value"] == pytest.approx(1.3, abs=0.4)
 
 
 def test_a_pilot_takes_over_with_another_mode_and_gives_back_with_hold(tmp_path):

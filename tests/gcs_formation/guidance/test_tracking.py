@@ -68,6 +68,18 @@ def test_the_told_turn_is_the_derivative_of_the_told_heading(
     assert track_turn(abreast, state, MODEL, SPEED_MPS, rates) == pytest.approx(measured_rps, abs=3e-4)
 
 
+@given(st.floats(950.0, 2200.0), st.floats(-20.0, 20.0))
+def test_who_stands_faces_along_the_route_however_far_beside_it(at_m: float, right_m: float) -> None:
+    """It comes no nearer by turning, and everybody's slots would turn with its nose."""
+    point = ROUTE.at(at_m)
+    north_m = point.north_m - right_m * math.sin(point.course_rad)
+    east_m = point.east_m + right_m * math.cos(point.course_rad)
+    state = FlightState(north_m, east_m, 100.0, 0.0, 0.0, point.course_rad, 0.0, 0.0)
+    drifts = MotionRates((0.2, -0.1), 0.0, (0.0, 0.0))
+    assert track(point, state, MODEL, 0.0).heading_rad == point.course_rad
+    assert abs(track_turn(point, state, MODEL, 0.0, drifts)) <= 0.25 * abs(point.curvature_1pm)
+
+
 @given(st.floats(-200.0, 3400.0), st.floats(-100.0, 100.0), st.floats(-60.0, 60.0))
 def test_a_place_beside_a_path_is_projected_onto_its_foot(s: float, right_m: float, ahead_m: float) -> None:
     path = SplinePath([[0, 0, 100], [1500, 0, 100], [3000, 700, 120]])
