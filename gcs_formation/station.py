@@ -89,6 +89,7 @@ class Station(Engine):
             self._takeover,
             self._reporter.event,
             self.course.fail,
+            together=scenario.hovers and not scenario.start.in_air and resumed is None,
         )
         self._reconfiguration = Reconfiguration(
             scenario, self.controller, self.vehicles, self.columns, self._reporter.event

@@ -16,10 +16,13 @@ from gcs_formation.link.connection import TALKING, LinkState
 from gcs_formation.mission.resumption import Takeover
 from gcs_formation.phases import OVER, Flight, Phase
 from gcs_formation.recorder import GiveUp, Note
+from gcs_formation.vehicle.autopilot import Step
 from gcs_formation.vehicle.checks import ParameterReader, demands
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 
 IN_ORDER = "in order"
+TOGETHER_S = 600.0
+"""Longest wait for the others, each of whose own steps ends sooner or fails."""
 CONNECT_LIMIT_S = 30.0
 """Longest wait for every vehicle's first heartbeat."""
 
@@ -135,14 +138,28 @@ class Starting:
         takeover: Takeover,
         note: Note,
         give_up: GiveUp,
+        *,
+        together: bool = False,
     ) -> None:
-        """Start up `vehicles`, the leader first; `endpoints` are where they should be heard."""
+        """Start up `vehicles`, the leader first; `endpoints` are where they should be heard.
+
+        If they begin `together`, those that are ready stand until all are: nobody is led past others that still climb.
+        """
         self._preflight, self._takeover = preflight, takeover
         self._vehicles = vehicles
         self._endpoints = endpoints
         self._flight = flight
         self._note = note
         self._give_up = give_up
+        if together:
+            wait = Step("waited for the others to be ready", lambda _: self._all_ready(), timeout_s=TOGETHER_S)
+            for vehicle in vehicles.values():
+                vehicle.start_up.steps = (*vehicle.start_up.steps, wait)
+
+    def _all_ready(self) -> bool:
+        """Return whether everybody has done all steps but the last, to wait for this."""
+        each = [vehicle.start_up for vehicle in self._vehicles.values()]
+        return all(one.abandoned or one.index >= len(one.steps) - 1 for one in each)
 
     def advance(self, now: Instant) -> None:
         """Continue the start-up of every vehicle; none takes off before all have answered."""

@@ -211,8 +211,9 @@ def nearest_to(last: Mapping[str, Any], leading: VehicleId) -> tuple[VehicleId, 
     """Return who flew, the leader first and then by their distance from it to a metre."""
     places = np.stack([last[name] for name in ("north_m", "east_m", "height_m")], axis=1)
     each = [_identity(last, row) for row in range(len(places))]
-    away_m = np.linalg.norm(places - places[each.index(leading)], axis=1)
-    order: list[int] = np.argsort(np.round(np.nan_to_num(away_m, nan=np.inf)), kind="stable").tolist()
+    away_m: Array = np.linalg.norm(places - places[each.index(leading)], axis=1)
+    metres: Array = np.where(np.isfinite(away_m), np.round(away_m), np.inf)
+    order: list[int] = np.argsort(metres, kind="stable").tolist()
     return tuple(each[row] for row in order)
 
 

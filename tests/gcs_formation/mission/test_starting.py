@@ -36,7 +36,7 @@ def told(_: Telemetry) -> tuple[Command, ...]:
 class Ground:
     """A leader and a follower that take one step of 20 s: a command, until they report GUIDED."""
 
-    def __init__(self, phase: Phase = Phase.CONNECTING, *, takes_off: bool = False) -> None:
+    def __init__(self, phase: Phase = Phase.CONNECTING, *, takes_off: bool = False, together: bool = False) -> None:
         self.step = Step("set mode GUIDED", lambda seen: seen.custom_mode == m.PLANE_MODE_GUIDED, told, 20.0)
         if takes_off:
             self.step = Step("armed", lambda seen: seen.armed, told, 20.0, takes_off=True)
@@ -46,7 +46,16 @@ class Ground:
         endpoints = (parse_endpoint("udpin:127.0.0.1:14550"), parse_endpoint("udpin:127.0.0.1:14560"))
         preflight: Any = self.preflight
         takeover = Takeover(None, self.vehicles, self.notes)
-        self.starting = Starting(self.vehicles, endpoints, self.flight, preflight, takeover, self.notes, self.given_up)
+        self.starting = Starting(
+            self.vehicles,
+            endpoints,
+            self.flight,
+            preflight,
+            takeover,
+            self.notes,
+            self.given_up,
+            together=together,
+        )
 
     def _vehicle(self, number: int) -> Vehicle:
         plane = ArduPlane(number, ORIGIN, 0.25)
@@ -100,6 +109,22 @@ def test_nobody_is_commanded_before_it_is_allowed_and_waiting_for_that_costs_no_
     ground.preflight.passed = True
     ground.advance(101.0)
     assert ground.sent(1, 101.0)
+    assert ground.given_up == []
+
+
+@pytest.mark.parametrize("together", [True, False])
+def test_who_can_stand_begins_when_all_are_ready(together: bool) -> None:
+    """Where links lost a quarter of their frames, one of four was led past another that still climbed, 5 m away."""
+    ground = Ground(together=together)
+    ground.hear(1, 2)
+    ground.advance(1.0)
+    ground.hear(2, mode=m.PLANE_MODE_GUIDED)
+    ground.advance(2.0)
+    assert ground.at(2).start_up.finished == (not together)
+    ground.hear(1, mode=m.PLANE_MODE_GUIDED)
+    for at_s in (2.1, 2.2):
+        ground.advance(at_s)
+    assert [ground.at(number).start_up.finished for number in (1, 2)] == [True, True]
     assert ground.given_up == []
 
 
