@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from airlink.clock import Instant, seconds_between
-from flight_model.autopilot import AutopilotModel, FlightState, Setpoint, rotated, signed
+from flight_model.autopilot import LEADS_FROM_MPS, AutopilotModel, FlightState, Setpoint, rotated, signed
 from flight_model.curve import PathPoint
 from flight_model.displacement import PEAK_CHANGE, PEAK_RATE, DisplacedPath, minimum_jerk
 from flight_model.path import Route, SplinePath
@@ -304,8 +304,7 @@ class LeaderGuidance:
         """Return to the path, abreast of which the leader is, in turns in which its followers can stay."""
         point = self.path.at(abreast_m)
         right_m, _ = point.aside_m(state.north_m, state.east_m, state.height_m)
-        north_mps, east_mps = state.ground_mps()
-        course = math.atan2(east_mps, north_mps)
+        course = _course(state)
         off_rad = math.remainder(course - point.course_rad, math.tau)
         if abs(right_m) < ON_PATH_M and abs(off_rad) < ON_PATH_RAD:
             self.route, self.distance_m = self.path, abreast_m
@@ -334,8 +333,15 @@ class LeaderGuidance:
     def _join(self, state: FlightState) -> None:
         """Take the route to the start of the run-in."""
         entry = self.path.at(-max(self.run_in_m, SETTLE_S * self.speed_mps))
-        course = math.atan2(*reversed(state.ground_mps()))
-        begin = Pose(state.north_m, state.east_m, state.height_m, course)
+        begin = Pose(state.north_m, state.east_m, state.height_m, _course(state))
         end = Pose(entry.north_m, entry.east_m, entry.height_m, entry.course_rad)
         slope = CLIMB_SHARE * self.climb_max_mps / max(self.speed_mps, LEAST_MPS)
         self.route, self.distance_m = join(begin, end, self.hold_radius_m, slope), 0.0
+
+
+def _course(state: FlightState) -> float:
+    """Return the course over ground; of one that stands, whose velocity is noise, the direction of its nose."""
+    north_mps, east_mps = state.ground_mps()
+    if math.hypot(north_mps, east_mps) < LEADS_FROM_MPS:
+        return state.heading_rad
+    return math.atan2(east_mps, north_mps)

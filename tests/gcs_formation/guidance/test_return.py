@@ -54,3 +54,17 @@ def test_off_the_path_it_returns_in_wide_turns_and_then_follows_it(east_m: float
     leads.steer(state(end.north_m + 1.0, 0.0, 0.0), MODEL, assembled=False)
     assert leads.started
     assert leads.distance_m == pytest.approx(end.north_m + 1.0)
+
+
+@pytest.mark.parametrize("amid_m", [None, (0.0, 2000.0)])
+@pytest.mark.parametrize("noise_mps", [0.05, 0.0, -0.05])
+def test_one_that_stands_sets_out_along_its_nose_not_along_the_noise_of_its_velocity(
+    noise_mps: float, amid_m: tuple[float, float] | None
+) -> None:
+    """Backwards its slots' axis would turn by half a turn, and everybody's slots with it."""
+    leads = guidance()
+    leads.amid_m = amid_m
+    stands = FlightState(700.0, 300.0, 100.0, 0.0, noise_mps, 0.7, 0.0, 0.0)
+    leads.steer(stands, MODEL, assembled=False)
+    assert leads.route is not None
+    assert leads.route.at(0.0).course_rad == pytest.approx(0.7)
