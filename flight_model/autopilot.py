@@ -4,7 +4,8 @@ Airspeed and heading are first-order lags with limited rates; height has two rea
 over ground is the air velocity's integral, plus what carries the air (errata item 17). Emulated vehicles fly by it and
 the station predicts by it, so where the model is the vehicle a prediction is exact.
 
-Plain numbers, vehicle by vehicle: a formation has few vehicles, for which arrays cost more than they save.
+Plain numbers, vehicle by vehicle: a formation has few vehicles, for which arrays cost more than they save. What each
+cycle calls stands in this one file, since a compiler inlines nothing from another.
 """
 
 from __future__ import annotations
@@ -18,12 +19,6 @@ OUTER: Final = 0.2777777777777778
 INNER: Final = 0.4444444444444444
 """Weights of Gauss's points of a stretch of time: of the first and the last, and of the one between."""
 NO_LIMIT: Final = math.inf
-STANDS_MPS: Final = 0.3
-"""A ground speed whose course counts as much as the nose's direction."""
-LEADS_FROM_MPS: Final = 2.0
-"""Ground speed from which a leader's slots go by its course; slower ones more and more by its nose."""
-NOSE_SHARE: Final = 10.0
-"""By how much more the nose counts for each m/s that a leader is slower than that."""
 
 
 class AutopilotModel:
@@ -375,17 +370,3 @@ def climbed(  # noqa: PLR0913, PLR0917 - plain numbers
         most_mps += beyond_mps * fast_left
         most_m += beyond_mps * fast_s * (1.0 - fast_left)
     return now_m + within(left_m - error_m, -most_m, most_m), within(climb_mps, -most_mps, most_mps)
-
-
-def hovering_course(yaw_rad: float, north_mps: float, east_mps: float, nose_mps: float = STANDS_MPS) -> float:
-    """Return the direction that it flies in; a slow one's nose counts too, as much as a ground speed of `nose_mps`."""
-    return math.atan2(east_mps + nose_mps * math.sin(yaw_rad), north_mps + nose_mps * math.cos(yaw_rad))
-
-
-def slot_axis(yaw_rad: float, north_mps: float, east_mps: float) -> float:
-    """Return the direction of the axis that a leader's slots are counted from.
-
-    It is the course of one that flies; a gust or a stop that moves one that stands backwards doesn't turn it round.
-    """
-    slow_mps = max(0.0, LEADS_FROM_MPS - math.hypot(north_mps, east_mps))
-    return hovering_course(yaw_rad, north_mps, east_mps, STANDS_MPS + NOSE_SHARE * slow_mps)

@@ -1,12 +1,19 @@
-"""One slot of a formation, on plain numbers."""
+"""One slot of a formation, and the direction of the axis that slots are counted from, on plain numbers."""
 
 from __future__ import annotations
 
 import math
+from typing import Final
 
 Triple = tuple[float, float, float]
 """Of forward, right and up; or of the channels speed, heading and height."""
 NOTHING: Triple = (math.nan, math.nan, math.nan)
+STANDS_MPS: Final = 0.3
+"""A ground speed whose course counts as much as the nose's direction."""
+LEADS_FROM_MPS: Final = 2.0
+"""Ground speed from which a leader's slots go by its course; slower ones more and more by its nose."""
+NOSE_SHARE: Final = 10.0
+"""By how much more the nose counts for each m/s that a leader is slower than that."""
 
 
 class Slot:
@@ -30,3 +37,17 @@ class Slot:
         self.forward_mps, self.right_mps, self.up_mps = velocity_mps[0], velocity_mps[1], velocity_mps[2]
         self.forward_mps2, self.right_mps2 = acceleration_mps2[0], acceleration_mps2[1]
         self.up_mps2 = acceleration_mps2[2]
+
+
+def hovering_course(yaw_rad: float, north_mps: float, east_mps: float, nose_mps: float = STANDS_MPS) -> float:
+    """Return the direction that it flies in; a slow one's nose counts too, as much as a ground speed of `nose_mps`."""
+    return math.atan2(east_mps + nose_mps * math.sin(yaw_rad), north_mps + nose_mps * math.cos(yaw_rad))
+
+
+def slot_axis(yaw_rad: float, north_mps: float, east_mps: float) -> float:
+    """Return the direction of the axis that a leader's slots are counted from.
+
+    It is the course of one that flies; a gust or a stop that moves one that stands backwards doesn't turn it round.
+    """
+    slow_mps = max(0.0, LEADS_FROM_MPS - math.hypot(north_mps, east_mps))
+    return hovering_course(yaw_rad, north_mps, east_mps, STANDS_MPS + NOSE_SHARE * slow_mps)

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import Final
 
 from airlink.clock import Instant, seconds_between
-from flight_model.autopilot import LEADS_FROM_MPS, AutopilotModel, FlightState, Setpoint, rotated, signed
+from flight_model.autopilot import AutopilotModel, FlightState, Setpoint, rotated, signed
 from flight_model.curve import PathPoint
 from flight_model.displacement import PEAK_CHANGE, PEAK_RATE, DisplacedPath, minimum_jerk
 from flight_model.path import Route, SplinePath
-from flight_model.slot import Slot
+from flight_model.slot import LEADS_FROM_MPS, Slot
 from gcs_formation.estimation.setpoint_history import HISTORY_S
 from gcs_formation.guidance.join_route import JoinRoute, Pose, join
 from gcs_formation.guidance.tracking import (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -30,8 +30,6 @@ SPACING_M = 60.0
 LEGS = 12
 """Waypoints of the straight path."""
 HEIGHT_CM = 14.0
-LABELS = ("airspeed, m/s", "heading, degrees", "height, m")
-HOVERING_LABELS = ("ground speed, m/s", "course, degrees", "height, m")
 CHANNELS = ("airspeed_mps", "heading_rad", "height_m")
 UNITS = ("m/s", "rad", "m")
 
@@ -91,7 +89,7 @@ def identification_scenario(scenario: Scenario) -> Scenario:
     return load_scenario(data)
 
 
-def draw(recording: Recording, flown: dict[str, Array], file: Path, labels: Sequence[str] = LABELS) -> None:
+def draw(recording: Recording, flown: dict[str, Array], file: Path) -> None:
     """Draw a recording and the models' flights by its setpoints alone, (3, K) each by its name, as a PNG."""
     at_s: Array = STEP_S * np.arange(recording.seen.shape[1], dtype=np.float64)
     scales = (1.0, 180.0 / np.pi, 1.0)
@@ -99,7 +97,7 @@ def draw(recording: Recording, flown: dict[str, Array], file: Path, labels: Sequ
         figure = Figure(figsize=(WIDTH_CM * CM, HEIGHT_CM * CM), layout="constrained")
         axes = [figure.add_subplot(3, 1, 1)]
         axes += [figure.add_subplot(3, 1, row, sharex=axes[0]) for row in (2, 3)]
-        for row, (axis, label, scale) in enumerate(zip(axes, labels, scales, strict=True)):
+        for row, (axis, label, scale) in enumerate(zip(axes, recording.labels, scales, strict=True)):
             axis.step(at_s, recording.commanded[row] * scale, where="post", color=GREY, linewidth=0.6, label="setpoint")
             axis.plot(at_s, recording.seen[row] * scale, color=INK, label="measured")
             for (name, values), colour in zip(flown.items(), FOLLOWERS, strict=False):
@@ -175,7 +173,7 @@ def identify(source: Path, file: Path, vehicle: int | None = None, believed: Sce
     figure = file.with_suffix(".png")
     try:
         _write(file, source, fitted, model, errors)
-        draw(longest, flown, figure, HOVERING_LABELS if begin.hovers else LABELS)
+        draw(longest, flown, figure)
     except OSError as error:
         raise RecordError(f"{file}: {error.strerror or error}") from error
     return Identified(fitted, model, errors, tuple(found), figure, file)

@@ -44,6 +44,13 @@ DATAFLASH_FIELDS = {
 """Of each kind of message: what it tells, in which field, and the field's unit."""
 SYSTEM_PARAMETERS = ("MAV_SYSID", "SYSID_THISMAV")
 CHANNELS = ("speed", "heading", "height")
+LABELS = {
+    "airspeed": "airspeed, m/s",
+    "speed seen": "ground speed, m/s",
+    "yaw": "heading, degrees",
+    "course": "course, degrees",
+    "alt": "height, m",
+}
 SEEN = ("airspeed", "yaw", "alt", "climb")
 SENT_TO_PLACES_SEEN = ("airspeed", "course", "alt", "climb")
 """Of one that is told places ahead: it flies courses over ground."""
@@ -62,6 +69,13 @@ class Recording:
     """(3, K) setpoints of speed, heading and height that had been sent by then."""
     delay_s: float = 0.0
     """Of the link, both ways: that much of what is late isn't the vehicle's."""
+    names: tuple[str, ...] = SEEN
+    """What `seen` is."""
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """What the channels are called in a figure, with their units."""
+        return tuple(LABELS[name] for name in self.names[:3])
 
     @property
     def duration_s(self) -> float:
@@ -203,7 +217,7 @@ def _gridded(system: int, samples: _Samples, delay_s: float) -> Recording | None
         return None
     commanded, seen = commanded[:, stretch], seen[:, stretch]
     commanded[1] += 2 * np.pi * np.round(np.median(seen[1] - commanded[1]) / (2 * np.pi))
-    return Recording(system, seen, commanded, delay_s)
+    return Recording(system, seen, commanded, delay_s, names)
 
 
 def _held(samples: Array, at_s: Array) -> Array:

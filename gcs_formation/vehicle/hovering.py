@@ -13,7 +13,8 @@ from typing import Final
 
 from airlink import mavlink as m
 from airlink.messages.command import SetPositionTargetLocalNed
-from flight_model.autopilot import FlightState, Setpoint, hovering_course, slot_axis
+from flight_model.autopilot import FlightState, Setpoint
+from flight_model.slot import hovering_course, slot_axis
 from gcs_formation.vehicle.lead import VelocityLead
 
 MULTIROTOR_TYPES: Final = frozenset(

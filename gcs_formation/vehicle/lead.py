@@ -11,23 +11,37 @@ import math
 from flight_model.autopilot import within
 
 
+class _Rest:
+    """What an autopilot's integrator has come to, of one component of a speed."""
+
+    def __init__(self, prompt_share: float, rest_s: float, period_s: float) -> None:
+        """Begin at rest; a speed is told every `period_s`."""
+        self._prompt = prompt_share
+        self._filled = -math.expm1(-period_s / rest_s)
+        self.integrated_mps: float = 0.0
+
+    def led(self, speed_mps: float) -> float:
+        """Return what to tell for a speed to be flown."""
+        return (speed_mps - (1.0 - self._prompt) * self.integrated_mps) / self._prompt
+
+    def take(self, told_mps: float) -> None:
+        """Take note of what is told for a period."""
+        self.integrated_mps += self._filled * (told_mps - self.integrated_mps)
+
+
 class SpeedLead:
     """Leads the airspeeds that a fixed wing is told."""
 
     def __init__(self, prompt_share: float, rest_s: float, limits_mps: tuple[float, float], period_s: float) -> None:
         """Begin with the airspeed that it has; one between the limits is told every `period_s`."""
-        self._prompt, (self._least_mps, self._most_mps) = prompt_share, limits_mps
-        self._filled = -math.expm1(-period_s / rest_s)
-        self._integrated_mps = math.nan
+        self._rest, self._limits_mps, self._begun = _Rest(prompt_share, rest_s, period_s), limits_mps, False
 
     def lead(self, speed_mps: float, airspeed_mps: float) -> float:
         """Return the airspeed to tell now for one to be flown; `airspeed_mps` is what it flies."""
-        done_mps = self._integrated_mps
-        if math.isnan(done_mps):
-            done_mps = airspeed_mps
-        led_mps = (speed_mps - (1.0 - self._prompt) * done_mps) / self._prompt
-        told_mps = within(led_mps, self._least_mps, self._most_mps)
-        self._integrated_mps = done_mps + self._filled * (told_mps - done_mps)
+        if not self._begun:
+            self._rest.integrated_mps, self._begun = airspeed_mps, True
+        told_mps = within(self._rest.led(speed_mps), self._limits_mps[0], self._limits_mps[1])
+        self._rest.take(told_mps)
         return told_mps
 
 
@@ -36,19 +50,14 @@ class VelocityLead:
 
     def __init__(self, prompt_share: float, rest_s: float, most_mps: float, period_s: float) -> None:
         """Begin at rest; a velocity is told every `period_s`, none faster than `most_mps`."""
-        self._prompt, self._most_mps = prompt_share, most_mps
-        self._filled = -math.expm1(-period_s / rest_s)
-        self._integrated_mps: tuple[float, float] = (0.0, 0.0)
+        self._north, self._east = (_Rest(prompt_share, rest_s, period_s) for _ in range(2))
+        self._most_mps = most_mps
 
     def lead(self, north_mps: float, east_mps: float) -> tuple[float, float]:
         """Return the velocity to tell now for one to be flown."""
-        rest, done = 1.0 - self._prompt, self._integrated_mps
-        north = (north_mps - rest * done[0]) / self._prompt
-        east = (east_mps - rest * done[1]) / self._prompt
+        north, east = self._north.led(north_mps), self._east.led(east_mps)
         share = min(1.0, self._most_mps / max(math.hypot(north, east), 1e-9))
         told = share * north, share * east
-        self._integrated_mps = (
-            done[0] + self._filled * (told[0] - done[0]),
-            done[1] + self._filled * (told[1] - done[1]),
-        )
+        self._north.take(told[0])
+        self._east.take(told[1])
         return told

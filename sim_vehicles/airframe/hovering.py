@@ -11,7 +11,8 @@ import math
 from collections import deque
 from typing import Final
 
-from flight_model.autopilot import slot_axis, within, wrap
+from flight_model.autopilot import within, wrap
+from flight_model.slot import slot_axis
 from sim_vehicles.airframe.body import Body
 from sim_vehicles.airframe.motion import Motion
 from sim_vehicles.autopilot.clock import LOOP_S

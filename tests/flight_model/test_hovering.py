@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flight_model.autopilot import hovering_course, slot_axis
+from flight_model.slot import hovering_course, slot_axis
 
 angles = st.floats(-3.1, 3.1)
 
