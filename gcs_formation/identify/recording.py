@@ -16,12 +16,15 @@ from airlink.messages.telemetry import Attitude, GlobalPositionInt, VfrHud
 from flight_model.arrays import Array
 from gcs_formation.errors import RecordError
 from gcs_formation.record.run_directory import read_tlog
+from gcs_formation.vehicle.acknowledgement import REPEAT_S
 from gcs_formation.vehicle.hovering import HEIGHT_S
 
 STEP_S = 0.1
 """Of the grid."""
 SILENT_S = 1.0
-"""A setpoint or a state older than this breaks the recording."""
+"""A state older than this breaks the recording."""
+UNTOLD_S = 2.5 * REPEAT_S
+"""So does a setpoint older than this: one that doesn't change is told each `REPEAT_S` and a tick, and may be lost."""
 SETTLING_S = 15.0
 """What comes of a take-off, before the setpoints alone steer, isn't learnt from."""
 MOVES_MPS = 1.0
@@ -208,7 +211,8 @@ def _gridded(system: int, samples: _Samples, delay_s: float) -> Recording | None
         every[angle][:, 1] = np.unwrap(every[angle][:, 1])
     commanded = np.array([_held(every[name], at_s) for name in CHANNELS])
     seen: Array = np.array([np.interp(at_s, every[name][:, 0], every[name][:, 1]) for name in names])
-    fresh = np.all([_age_s(each, at_s) < SILENT_S for each in every.values()], axis=0)
+    limits_s = {name: UNTOLD_S if name in CHANNELS else SILENT_S for name in every}
+    fresh = np.all([_age_s(each, at_s) < limits_s[name] for name, each in every.items()], axis=0)
     fresh[: round(SETTLING_S / STEP_S)] = False
     if names == HOVERING_SEEN:
         fresh &= np.minimum(commanded[0], seen[0]) > MOVES_MPS

@@ -22,8 +22,8 @@ from gcs_formation.record.run_directory import TlogWriter
 PATH = {"waypoints_m": [[0, 0, 100], [4000, 2000, 120]]}
 
 
-def logged(file, until_s=60.0, silent=(), system=3):
-    """A log of a vehicle that turns steadily and is told so, at 10 Hz."""
+def logged(file, until_s=60.0, silent=(), system=3, told_every=1):
+    """A log of a vehicle that turns steadily and is told so, at 10 Hz; of speed and height each `told_every` ticks."""
     log, station, vehicle = TlogWriter(file, 10**15), FrameWriter(255, 190), FrameWriter(system, 1)
     for tick in range(round(until_s / 0.1)):
         at_s = tick * 0.1
@@ -32,7 +32,8 @@ def logged(file, until_s=60.0, silent=(), system=3):
             continue
         yaw = math.remainder(0.1 * at_s, math.tau)
         for command, p2, z in ((43000, 23.0, 0.0), (43001, 0.0, 250.0), (43002, math.degrees(yaw) % 360.0, 0.0)):
-            log.write(now, [station.encode(CommandInt(system, 1, 0, command, param2=p2, z=z))])
+            if command == 43002 or tick % told_every == 0:
+                log.write(now, [station.encode(CommandInt(system, 1, 0, command, param2=p2, z=z))])
         log.write(now, [vehicle.encode(VfrHud(22.5, 22.0, 0.0, 50, 251.0, 0.5))])
         log.write(now, [vehicle.encode(Attitude(at_s, 0.0, 0.0, yaw, 0.0, 0.0, 0.0))])
         log.write(now, [vehicle.encode(GlobalPositionInt(at_s, 0.6, 2.1, 251.0, 51.0, 0.0, 0.0, -0.5, 0.0))])
@@ -49,6 +50,13 @@ def test_a_log_gives_what_was_told_and_seen(tmp_path):
     assert np.ptp(np.diff(found.seen[1])) < 1e-3
     assert found.seen[1, -1] - found.seen[1, 0] == pytest.approx(0.1 * (found.duration_s - STEP_S), abs=0.02)
     assert np.abs(found.commanded[1] - found.seen[1]).max() < 0.03
+
+
+def test_setpoints_that_are_told_again_each_second_or_so_break_no_recording(tmp_path):
+    """What doesn't change is told again after a second and a tick, and one of these may be lost."""
+    for told_every in (11, 22):
+        (found,) = recordings(logged(tmp_path / f"{told_every}.tlog", told_every=told_every))
+        assert found.duration_s == pytest.approx(60.0 - SETTLING_S, abs=2.5)
 
 
 def test_places_ahead_are_courses_over_ground(tmp_path):
