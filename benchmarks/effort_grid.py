@@ -32,7 +32,7 @@ from gcs_formation.control import follower, laws
 from gcs_formation.control.follower import Pair
 from gcs_formation.control.mixer import Target
 from gcs_formation.estimation import estimator
-from gcs_formation.record.flight import setpoint_steps
+from gcs_formation.record.figures_of_merit import setpoint_steps
 from gcs_formation.record.run_directory import TIMESERIES
 from gcs_formation.record.timeseries import read_parquet
 from gcs_formation.studies.dataset import markdown

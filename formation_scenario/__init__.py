@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from formation_scenario.errors import Problem, ScenarioError
     from formation_scenario.load import dump_scenario, load_scenario
     from formation_scenario.model import Scenario
-    from formation_scenario.shapes import slot_schedule, slot_table
+    from formation_scenario.slot_assignment import slot_schedule, slot_table
     from formation_scenario.terrain import Ground
     from formation_scenario.vehicles import Vehicle
 
@@ -27,8 +27,8 @@ _HOME = {
     "Vehicle": "formation_scenario.vehicles",
     "dump_scenario": "formation_scenario.load",
     "load_scenario": "formation_scenario.load",
-    "slot_schedule": "formation_scenario.shapes",
-    "slot_table": "formation_scenario.shapes",
+    "slot_schedule": "formation_scenario.slot_assignment",
+    "slot_table": "formation_scenario.slot_assignment",
     "start_states": "formation_scenario.begin_and_end",
 }
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from flight_model.arrays import Array
 from formation_scenario.model import Scenario
-from formation_scenario.shapes import slot_table
+from formation_scenario.slot_assignment import slot_table
 
 POINTS = 1000
 """Of the path, at which the speed over the ground is taken."""

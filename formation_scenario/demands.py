@@ -15,7 +15,7 @@ from formation_scenario.environment import Terrain
 from formation_scenario.errors import Problem
 from formation_scenario.model import Scenario
 from formation_scenario.reconfiguration import column_names
-from formation_scenario.shapes import SlotStep, columns, slot_schedule
+from formation_scenario.slot_assignment import SlotStep, columns, slot_schedule
 from formation_scenario.slot_motion import Course, SlotMotion, slot_needs
 from formation_scenario.source import KeyPath, Source
 from formation_scenario.terrain import LEADER_SHARE, Ground, LiftedPath

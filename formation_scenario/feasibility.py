@@ -16,7 +16,7 @@ from formation_scenario.errors import Problem
 from formation_scenario.model import Scenario
 from formation_scenario.orders import Order, parse_order
 from formation_scenario.reconfiguration import ahead, column_names, plan_change, take_over
-from formation_scenario.shapes import SlotStep, assigned, columns, first_arrangement, slot_schedule
+from formation_scenario.slot_assignment import SlotStep, assigned, columns, first_arrangement, slot_schedule
 from formation_scenario.slot_motion import Transition
 from formation_scenario.source import KeyPath, Source
 from formation_scenario.transition_plan import NotFlyableError

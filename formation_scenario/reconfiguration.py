@@ -20,7 +20,7 @@ from flight_model.displacement import (
 )
 from flight_model.path import PathPoints, Route, SplinePath
 from formation_scenario.model import Scenario
-from formation_scenario.shapes import Arrangement, assigned, columns
+from formation_scenario.slot_assignment import Arrangement, assigned, columns
 from formation_scenario.slot_motion import Course, SlotMotion, Transition
 from formation_scenario.terrain import LEADER_SHARE, Ground
 from formation_scenario.transition_plan import (

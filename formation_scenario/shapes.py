@@ -1,25 +1,15 @@
-"""The slots of each shape, and which vehicle has which, after each change of the formation.
-
-Arrays of vehicles have a column for each: first the scenario's leader, real or virtual, then its followers in the
-scenario's order.
-"""
+"""The slots of each shape."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from itertools import count as naturals
 from itertools import islice
 from math import cos, pi, sin, sqrt
-from typing import NamedTuple
 
 import numpy as np
 
-from airlink.endpoint import VehicleId
-from flight_model.arrays import Array, Mask
-from formation_scenario.fields import Vector, VehicleRef
-from formation_scenario.formation import FormationChange, Shape
-from formation_scenario.model import Scenario, long_ref
-from formation_scenario.vehicles import Vehicle
+from flight_model.arrays import Array
 
 Place = tuple[float, float]
 
@@ -114,140 +104,3 @@ SHAPES: dict[str, Callable[[int], Iterator[Place]]] = {
     "echelon": _echelon,
     "circle": _circle,
 }
-
-
-class Arrangement(NamedTuple):
-    """A formation without its assignment to vehicles: shape, spacing, a custom shape's slots, leading column."""
-
-    shape: Shape
-    spacing_m: float
-    slots_m: Mapping[VehicleRef, Vector] | None
-    leader: int
-
-    def changed(self, change: FormationChange, scenario: Scenario) -> Arrangement:
-        """Return the arrangement after a change; what the change doesn't name stays."""
-        return Arrangement(
-            change.shape or self.shape,
-            change.spacing_m or self.spacing_m,
-            change.slots_m if change.slots_m is not None else self.slots_m,
-            self.leader if change.leader is None else column_of(scenario, change.leader),
-        )
-
-
-class SlotStep(NamedTuple):
-    """The formation from `at_s` on: places (C, 3) of all columns, m forward, right and up of the leader."""
-
-    at_s: float
-    arrangement: Arrangement
-    places_m: Array
-
-    @property
-    def shape(self) -> Shape:
-        """The shape."""
-        return self.arrangement.shape
-
-    @property
-    def following(self) -> tuple[int, ...]:
-        """Return the columns that follow: all but the one that leads."""
-        return tuple(column for column in range(len(self.places_m)) if column != self.arrangement.leader)
-
-
-def columns(scenario: Scenario) -> tuple[Vehicle | None, ...]:
-    """Return the vehicle of each column, None for a virtual leader."""
-    return (scenario.leader, *scenario.followers)
-
-
-def column_of(scenario: Scenario, ref: VehicleRef) -> int:
-    """Return the column of the vehicle with an id, or 'network:id'.
-
-    Raises:
-        ValueError: there is no such vehicle.
-    """
-    for column, vehicle in enumerate(columns(scenario)):
-        if vehicle is not None and ref in (vehicle.id, long_ref(vehicle)):
-            return column
-    known = ", ".join(str(vehicle.vehicle_id) for vehicle in scenario.vehicles)
-    raise ValueError(f"found vehicle {ref}; allowed: {known}")
-
-
-def first_arrangement(scenario: Scenario) -> Arrangement:
-    """Return the formation at the start."""
-    formation = scenario.formation
-    return Arrangement(formation.shape, formation.spacing_m, formation.slots_m, 0)
-
-
-def slot_table(scenario: Scenario) -> Array:
-    """Return the slots (F, 3) at the start, in the order of `scenario.followers`."""
-    return _in_order(scenario, first_arrangement(scenario))[1:]
-
-
-def slot_schedule(scenario: Scenario) -> tuple[SlotStep, ...]:
-    """Return the formation at the start and after each of `formation.changes`, in time order, with all present."""
-    arrangement = first_arrangement(scenario)
-    steps = [SlotStep(0.0, arrangement, _in_order(scenario, arrangement))]
-    everyone = np.ones(1 + len(scenario.followers), dtype=np.bool_)
-    for change in sorted(scenario.formation.changes, key=lambda change: change.at_s):
-        arrangement = arrangement.changed(change, scenario)
-        before = steps[-1].places_m
-        places = assigned(scenario, arrangement, before - before[arrangement.leader], everyone)
-        steps.append(SlotStep(change.at_s, arrangement, places))
-    return tuple(steps)
-
-
-def planned_slots(scenario: Scenario) -> dict[VehicleId, Array]:
-    """Return the slots (S, 3) of each vehicle, for the S steps of the schedule in which it follows.
-
-    The scenario's leader has slots if another vehicle leads later on. A vehicle that never follows has no entry.
-    """
-    steps, planned = slot_schedule(scenario), dict[VehicleId, Array]()
-    for column, vehicle in enumerate(columns(scenario)):
-        slots_m = [step.places_m[column] for step in steps if step.arrangement.leader != column]
-        if vehicle is not None and slots_m:
-            planned[vehicle.vehicle_id] = np.array(slots_m)
-    return planned
-
-
-def assigned(scenario: Scenario, arrangement: Arrangement, now_m: Array, present: Mask) -> Array:
-    """Return the places (C, 3) of an arrangement, assigned at the least sum of squared distances from `now_m` (C, 3).
-
-    Vehicles that aren't `present` (C,) are assigned the last slots, which stay free for them. The slots of a custom
-    shape are assigned by the scenario; if another vehicle leads, its slot goes to the scenario's leader.
-
-    Raises:
-        ValueError: a custom shape has no slot for one of the vehicles.
-    """
-    places = _in_order(scenario, arrangement)
-    if arrangement.shape == "custom":
-        return places
-    following = np.flatnonzero(np.arange(len(places)) != arrangement.leader)
-    there, away = following[present[following]], following[~present[following]]
-    free = places[following]
-    import scipy  # noqa: PLC0415 - only changes of the formation assign places anew
-
-    cost = np.square(now_m[there, None] - free[None, : there.size]).sum(axis=2)
-    _, chosen = scipy.optimize.linear_sum_assignment(cost)
-    given = np.zeros_like(places)
-    given[there], given[away] = free[chosen], free[there.size :]
-    return given
-
-
-def _in_order(scenario: Scenario, arrangement: Arrangement) -> Array:
-    """Return the places (C, 3) with the shape's slots in the order of the columns, 0 for the leader."""
-    count, leader = len(scenario.followers), arrangement.leader
-    places = np.zeros((1 + count, 3))
-    if arrangement.shape != "custom":
-        places[np.arange(1 + count) != leader] = slots(arrangement.shape, count, arrangement.spacing_m)
-        return places
-    table = arrangement.slots_m or {}
-    places[1:] = np.array([_own(table, follower) for follower in scenario.followers]).reshape(count, 3)
-    places[0], places[leader] = places[leader].copy(), 0.0
-    return places
-
-
-def _own(table: Mapping[VehicleRef, Vector], vehicle: Vehicle) -> Vector:
-    own = table.get(vehicle.id, table.get(long_ref(vehicle)))
-    if own is None:
-        raise ValueError(
-            f"found no slot for vehicle {vehicle.vehicle_id}; allowed: formation.slots_m for each follower"
-        )
-    return own

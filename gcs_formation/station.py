@@ -14,7 +14,7 @@ from airlink.messages.command import ParamValue
 from airlink.messages.system import Heartbeat, Statustext, Timesync
 from formation_scenario import Scenario
 from formation_scenario.orders import Answer
-from formation_scenario.shapes import columns
+from formation_scenario.slot_assignment import columns
 from gcs_formation.controller import FormationController
 from gcs_formation.estimation.estimator import Sample
 from gcs_formation.event_reporter import Reporter, look_on

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from airlink.cli.commands import calculate_in_one_thread, end_quietly, look_seldom
+from airlink.cli.commands import calculate_in_one_thread, look_seldom
+from airlink.cli.exit_status import end_quietly
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""What the command lines of all packages share: commands imported when chosen, arguments, exit statuses, Ctrl-C."""
+"""What the command lines of all packages share: commands imported when chosen, arguments, how a process begins."""
 
 from __future__ import annotations
 
@@ -6,83 +6,23 @@ import atexit
 import gc
 import math
 import os
-import signal
-import sys
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
-from datetime import datetime
 from difflib import get_close_matches
-from enum import IntEnum
 from importlib import import_module
 from pathlib import Path
-from types import FrameType
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, NamedTuple
 
 import click
 
 from airlink import clock
 
-INTERRUPTED = 130
-SIGNALS = (signal.SIGINT, signal.SIGTERM)
 OBJECTS = 100_000
 """Made before the next look for garbage, instead of 700: start-up, and a flight of a hundred, are a tenth quicker."""
-RUN = "run.yaml"
-"""The file that makes a directory that of a run."""
 COMPILED = not str(clock.__file__).endswith(".py")
 """Whether this installation has its modules of plain numbers compiled."""
 VERSION = f"%(prog)s, version %(version)s, {'compiled' if COMPILED else 'not compiled: flights take longer'}"
 """What `--version` prints."""
-
-
-class Status(IntEnum):
-    """Exit statuses of all commands."""
-
-    FINE = 0
-    EXPECTATION_BROKEN = 1
-    BAD_USAGE = 2
-    COULD_NOT_GO_ON = 3
-    INTERRUPTED = 130
-
-
-def say(text: str, status: Status) -> Status:
-    """Print a message to standard error; return the status."""
-    click.echo(text, err=True)
-    return status
-
-
-def fail(text: str, status: Status = Status.BAD_USAGE) -> NoReturn:
-    """Print a message to standard error and exit."""
-    sys.exit(say(text, status))
-
-
-def end_quietly() -> None:
-    """End the process with status 130 on Ctrl-C, until the command installs a handler of its own."""
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        signal.signal(signal.SIGINT, _end)
-
-
-@contextmanager
-def raised() -> Generator[None]:
-    """Within, the first Ctrl-C or SIGTERM raises KeyboardInterrupt; the second ends the process at once."""
-    before = {number: signal.getsignal(number) for number in SIGNALS}
-    taken = [number for number, handler in before.items() if handler is not signal.SIG_IGN]
-    for number in taken:
-        signal.signal(number, _raise)
-    try:
-        yield
-    finally:
-        for number in taken:
-            signal.signal(number, before[number])
-
-
-def _raise(_number: int, _frame: FrameType | None) -> None:
-    for number in SIGNALS:
-        signal.signal(number, _end)
-    raise KeyboardInterrupt
-
-
-def _end(_number: int, _frame: FrameType | None) -> None:
-    os._exit(INTERRUPTED)
 
 
 def calculate_in_one_thread() -> None:
@@ -199,34 +139,3 @@ OUT = Directory()
 """Where a command writes to."""
 SEED = WholeNumber(0, 2**63 - 1)
 """A seed of the random streams: the same range as the scenario's key `seed`."""
-
-
-def refusal(path: Path, *, overwrite: bool, mark: str = RUN) -> str | None:
-    """Return why a command may not write into a directory, in words; None if it may.
-
-    Args:
-        path: a directory, which need not exist.
-        overwrite: whether what an earlier command wrote there may be replaced.
-        mark: the file by which a directory of such a command is known.
-
-    Raises:
-        OSError: the directory can't be read.
-    """
-    if not path.is_dir() or next(path.iterdir(), None) is None:
-        return None
-    if not (path / mark).is_file():
-        return f"found files in {path}, and no {mark} of an earlier run; allowed: a new directory, or an empty one"
-    if overwrite:
-        return None
-    found = f"found an earlier run in {path}"
-    return f"{found}; allowed: another directory, or --overwrite (in Python overwrite=True), which replaces that run"
-
-
-def default_directory(name: str) -> Path:
-    """Return runs/NAME-TIME, with a number appended if that exists; slashes in NAME are replaced."""
-    stem = f"{name.replace(os.sep, '-')}-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
-    directory, number = Path("runs") / stem, 1
-    while directory.exists():
-        number += 1
-        directory = Path("runs") / f"{stem}-{number}"
-    return directory

@@ -10,7 +10,8 @@ from typing import Any, Final
 
 import click
 
-from airlink.cli.commands import SEED, VERSION, Status, fail
+from airlink.cli.commands import SEED, VERSION
+from airlink.cli.exit_status import Status, fail
 from airlink.endpoint import Endpoint, EndpointError, ImpairmentError, PortError, parse_endpoint
 from airlink.impaired_link import Relay
 from airlink.impairment import Direction, Impairment

@@ -14,7 +14,7 @@ from airlink.messages.command import CommandInt, CommandLong
 from airlink.udp import UdpDriver
 from flight_model.autopilot import FlightState, Setpoint
 from formation_scenario import Scenario, slot_schedule
-from formation_scenario.shapes import columns
+from formation_scenario.slot_assignment import columns
 from gcs_formation.app.operator import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.session import Session, open_session

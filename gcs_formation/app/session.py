@@ -24,7 +24,8 @@ from gcs_formation.mission.resumption import Resumption
 from gcs_formation.mission.starting import Caution
 from gcs_formation.phases import Phase
 from gcs_formation.record.expectations import ControlFigures, Injected, LinkFigures, Outcome
-from gcs_formation.record.flight import percentile, split, tables
+from gcs_formation.record.figures_of_merit import percentile
+from gcs_formation.record.flight import split, tables
 from gcs_formation.record.run_directory import RECORDING, SPOOL, TIMESERIES, RunDirectory
 from gcs_formation.record.summary import Summary, summarise
 from gcs_formation.record.timeseries import GroundTruth, read_spool, spools, write_parquet

@@ -8,7 +8,9 @@ from typing import Any
 
 import click
 
-from airlink.cli.commands import OUT, SECONDS, SEED, Status, WholeNumber, default_directory, examples, fail, say
+from airlink.cli.commands import OUT, SECONDS, SEED, WholeNumber, examples
+from airlink.cli.exit_status import Status, fail, say
+from airlink.cli.output_directory import default_directory
 from formation_scenario import ScenarioError
 from gcs_formation.errors import RecordError, RunAbortedError
 from gcs_formation.studies.compare import Compared, CompareOptions, compare_laws

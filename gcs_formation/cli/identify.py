@@ -10,7 +10,9 @@ from typing import Any
 
 import click
 
-from airlink.cli.commands import OUT, Number, Status, WholeNumber, default_directory, examples, fail, say
+from airlink.cli.commands import OUT, Number, WholeNumber, examples
+from airlink.cli.exit_status import Status, fail, say
+from airlink.cli.output_directory import default_directory
 from formation_scenario import Scenario, ScenarioError
 from gcs_formation.app.fly import fly
 from gcs_formation.app.operator import ClockName, Interrupts, RunOptions

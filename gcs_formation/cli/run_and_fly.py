@@ -12,7 +12,9 @@ from typing import Any, TypeVar
 
 import click
 
-from airlink.cli.commands import OUT, SECONDS, SEED, Number, Status, default_directory, examples, fail, say
+from airlink.cli.commands import OUT, SECONDS, SEED, Number, examples
+from airlink.cli.exit_status import Status, fail, say
+from airlink.cli.output_directory import default_directory
 from formation_scenario import Scenario
 from gcs_formation.app.fly import fly as fly_scenario
 from gcs_formation.app.fly import rehearsal_text, rehearse

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import click
 
-from airlink.cli.commands import Status, examples, fail
+from airlink.cli.commands import examples
+from airlink.cli.exit_status import Status, fail
 from formation_scenario.orders import OrderError, parse_order
 from gcs_formation.app.order_socket import STATUS
 from gcs_formation.app.order_socket import tell as give_order

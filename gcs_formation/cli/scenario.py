@@ -8,7 +8,8 @@ from pathlib import Path
 
 import click
 
-from airlink.cli.commands import examples, fail
+from airlink.cli.commands import examples
+from airlink.cli.exit_status import fail
 from formation_scenario import Scenario, ScenarioError, load_scenario
 from formation_scenario.schema import scenario_reference, scenario_schema
 from gcs_formation.app.check import check_report, check_text, refusal_report

@@ -11,7 +11,9 @@ from typing import Any
 
 import click
 
-from airlink.cli.commands import OUT, SEED, Status, WholeNumber, examples, fail, raised, refusal, say
+from airlink.cli.commands import OUT, SEED, WholeNumber, examples
+from airlink.cli.exit_status import Status, fail, raised, say
+from airlink.cli.output_directory import refusal
 from formation_scenario import ScenarioError
 from gcs_formation.errors import RecordError, RunAbortedError
 from gcs_formation.studies.campaign import Outcome, StudyProgress, flights, fly_study

@@ -12,7 +12,7 @@ from flight_model.autopilot import AutopilotModel, FlightState, respond, wrap
 from formation_scenario import Scenario
 from formation_scenario.navigation import NoisyNavigation
 from formation_scenario.reconfiguration import column_models
-from formation_scenario.shapes import columns
+from formation_scenario.slot_assignment import columns
 from gcs_formation.controller import FormationController
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.parameters import autopilot_models

@@ -21,7 +21,7 @@ from flight_model.displacement import SAMPLES, STEP_M, Bounds, blend, sample_pla
 from flight_model.path import Route
 from formation_scenario import Ground, PathPoint, Scenario, slot_schedule
 from formation_scenario.formation import FormationChange, Frame
-from formation_scenario.shapes import Arrangement, assigned
+from formation_scenario.slot_assignment import Arrangement, assigned
 from formation_scenario.slot_motion import SlotMotion, Transition
 
 APART_S: Final = 0.05

@@ -12,7 +12,7 @@ from airlink.frame import ParserCounts
 from flight_model.arrays import Array
 from formation_scenario import Scenario
 from formation_scenario.expectation import FOLLOWER_METRICS, LINK_METRICS, Expectation, bounds_text, keeps
-from gcs_formation.record import flight as figures
+from gcs_formation.record import figures_of_merit as figures
 from gcs_formation.record.flight import Flight
 
 WORDS = {True: "held", False: "broken", None: "not judged"}

@@ -1,21 +1,18 @@
-"""A recorded flight as arrays, with its errors, and its figures of merit as summary.json defines them."""
+"""A recorded flight as arrays, with its errors."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from itertools import combinations
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from airlink.endpoint import VehicleId
-from flight_model.arrays import Array, Mask, wrap
+from flight_model.arrays import Array, Mask
 from formation_scenario import Ground, Scenario
 from gcs_formation.record.timeseries import (
     AIRBORNE,
-    CHANNELS,
     ERROR,
     GROUND,
     INJECTED,
@@ -23,20 +20,12 @@ from gcs_formation.record.timeseries import (
     LAW_ERROR,
     PHASES,
     ROWS_AT_ONCE,
-    SETPOINT,
     TRUTH,
     GroundTruth,
     flying,
 )
 
 Columns = Mapping[str, Array]
-Effort = dict[str, dict[str, float | None]]
-SETTLED_M = 0.5
-SETTLED_FOR_S = 10.0
-STEADY_AFTER_S = 30.0
-"""Steady flight begins so long after settling."""
-PAIRWISE_UP_TO = 12
-"""Vehicles up to which every pair is looked at; beyond, a tree finds each tick's nearest pair."""
 
 
 @dataclass(frozen=True)
@@ -193,143 +182,3 @@ def _errors(leader: Columns | None, own: Columns, frame: str) -> dict[str, Array
     )
     both_fly = airborne & (leader[AIRBORNE] > 0)
     return {name: np.where(both_fly, error, np.nan) for name, error in zip(ERROR, errors, strict=True)}
-
-
-def setpoint_steps(columns: Mapping[str, Array], channel: str) -> Array:
-    """Return (T,) sizes of the steps to each tick's setpoint from the one before, m/s, rad or m.
-
-    NaN at the first tick, and where the vehicle wasn't commanded at either.
-    """
-    values = np.where(columns["active"] > 0, columns[SETPOINT[CHANNELS.index(channel)]], np.nan)
-    step = np.diff(values, prepend=np.nan)
-    if channel == "heading":
-        step = wrap(step)
-    return np.abs(step)
-
-
-def effort(columns: Mapping[str, Array], window: Mask) -> Effort:
-    """Return each channel's total variation a second and 95th percentile of its steps over a (T,) window of ticks."""
-    since_s = np.diff(columns["t_s"], prepend=np.nan)
-    within = window & np.concatenate(([False], window[:-1]))
-    found: Effort = {}
-    for channel in CHANNELS:
-        size = setpoint_steps(columns, channel)
-        known = within & np.isfinite(size)
-        moved, lasted_s = float(size[known].sum()), float(since_s[known].sum())
-        found[channel] = {
-            "variation_per_s": moved / lasted_s if known.any() else None,
-            "step_p95": percentile(size[known], 95) if known.any() else None,
-        }
-    return found
-
-
-def of_follower(flight: Flight, vehicle: VehicleId, window: Mask, settled_s: float | None) -> dict[str, Any]:
-    """Return a follower's figures over a (T,) window of ticks, by their names in summary.json.
-
-    `settled_s` is since when it is settled in the whole flight, None if it never is.
-    """
-    time_s, error_m = flight.scored(vehicle, window)
-    axes: dict[str, Any] = {name: axis_figures(time_s, error_m[:, i], settled_s) for i, name in enumerate(ERROR)}
-    return axes | {
-        "settled_at_s": settled_s,
-        "left_at_s": left_at_s(time_s, error_m, settled_s),
-        "in_slot_share": in_slot_share(error_m),
-        "effort": effort(flight.vehicles[vehicle], window),
-    }
-
-
-def settled_at_s(time_s: Array, error_m: Array) -> float | None:
-    """Return the first time from which every axis stays within `SETTLED_M` for `SETTLED_FOR_S`, None if never.
-
-    Args:
-        time_s: (T,) mission times of the scored ticks.
-        error_m: (T, 3) errors at them.
-    """
-    within: list[bool] = _in_slot(error_m).tolist()
-    begins = 0
-    for index, inside in enumerate(within):
-        if not inside:
-            begins = index + 1
-        elif time_s[index] - time_s[begins] >= SETTLED_FOR_S - 1e-9:
-            return float(time_s[begins])
-    return None
-
-
-def axis_figures(time_s: Array, error_m: Array, settled_s: float | None) -> dict[str, float | None]:
-    """Return rms, max and percentiles of |error| (T,), and its maximum from `STEADY_AFTER_S` after `settled_s` on."""
-    size = np.abs(error_m)
-    shares = percentiles(size, 50, 95, 99)
-    if not error_m.size:
-        return {"rms": None, "max": None, **shares, "steady_max": None}
-    later = size[time_s >= (np.inf if settled_s is None else settled_s + STEADY_AFTER_S - 1e-9)]
-    steady = float(later.max()) if later.size else None
-    return {"rms": float(np.sqrt(np.mean(size**2))), "max": float(size.max()), **shares, "steady_max": steady}
-
-
-def in_slot_share(error_m: Array) -> float | None:
-    """Return the share of (T, 3) errors of which every axis is within `SETTLED_M`, None of none."""
-    return float(_in_slot(error_m).mean()) if error_m.size else None
-
-
-def left_at_s(time_s: Array, error_m: Array, settled_s: float | None) -> float | None:
-    """Return when a vehicle that settled at `settled_s` was first beyond `SETTLED_M` on any axis, None if never."""
-    out = ~_in_slot(error_m) & (time_s >= (np.inf if settled_s is None else settled_s))
-    return float(time_s[out.argmax()]) if out.any() else None
-
-
-def _in_slot(error_m: Array) -> Mask:
-    return np.all(np.abs(error_m) <= SETTLED_M, axis=1)
-
-
-def separation_m(flight: Flight, window: Mask) -> Array:
-    """Return the least distance of any two airborne vehicles at each tick of the window, (T,) m; inf below two."""
-    places = [flight.place_in_flight(vehicle)[window] for vehicle in flight.vehicles]
-    ticks = places[0].shape[0]
-    if len(places) <= PAIRWISE_UP_TO:
-        least = np.full(ticks, np.inf)
-        for one, other in combinations(places, 2):
-            least = np.fmin(least, np.linalg.norm(one - other, axis=1))
-        return least
-    stacked = np.stack(places, axis=1)
-    return np.array([_nearest_pair_m(row[np.isfinite(row).all(axis=1)]) for row in stacked])
-
-
-def _nearest_pair_m(places: Array) -> float:
-    import scipy  # noqa: PLC0415 - only a crowd is worth a tree
-
-    if len(places) < 2:
-        return float("inf")
-    distances, _ = scipy.spatial.cKDTree(places).query(places, k=2)
-    return float(np.asarray(distances)[:, 1].min())
-
-
-def gave_way_s(flight: Flight, window: Mask, rate_hz: float) -> float:
-    """Return for how long the separation rule had some vehicle give way, in s."""
-    anybody = np.any([columns["yielding"][window] > 0 for columns in flight.vehicles.values()], axis=0)
-    return float(anybody.sum() / rate_hz)
-
-
-def clearance_m(flight: Flight, window: Mask) -> Array:
-    """Return the least height above ground of airborne vehicles at each tick of the window, (T,) m; NaN without any."""
-    return np.fmin.reduce([flight.clearance(vehicle)[window] for vehicle in flight.vehicles])
-
-
-def least(values: Array) -> float | None:
-    """Return the least of the finite values, None if there are none."""
-    known = values[np.isfinite(values)]
-    return float(known.min()) if known.size else None
-
-
-def percentiles(values: Array, *wanted: int) -> dict[str, float | None]:
-    """Return percentiles by name, as in {"p50": …}; None where there are no values."""
-    finite = values[np.isfinite(values)]
-    return {f"p{q}": percentile(finite, q) if finite.size else None for q in wanted}
-
-
-def percentile(values: Array, q: float) -> float:
-    """Return the same as `np.percentile` of finite values, at least one; that would import numpy.ma."""
-    ordered, place = np.sort(values), (values.size - 1) * (q / 100.0)
-    below = int(place)
-    low, high = float(ordered[below]), float(ordered[min(below + 1, values.size - 1)])
-    share = place - below
-    return high - (high - low) * (1.0 - share) if share >= 0.5 else low + (high - low) * share

@@ -11,7 +11,7 @@ import numpy as np
 from airlink.endpoint import VehicleId
 from airlink.frame import ParserCounts
 from flight_model.arrays import Array, Mask
-from gcs_formation.record import flight as figures
+from gcs_formation.record import figures_of_merit as figures
 from gcs_formation.record.expectations import ControlFigures, Injected, LinkFigures, Outcome, Verdict, judge
 from gcs_formation.record.flight import Flight
 from gcs_formation.record.timeseries import PHASES

@@ -15,7 +15,7 @@ from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
 from formation_scenario import Scenario
 from formation_scenario.orders import Order, parse_order
-from formation_scenario.shapes import Arrangement, columns, first_arrangement
+from formation_scenario.slot_assignment import Arrangement, columns, first_arrangement
 from gcs_formation.errors import RecordError
 from gcs_formation.guidance.tracking import nearest, project
 from gcs_formation.mission.resumption import Known, Resumption

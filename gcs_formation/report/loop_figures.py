@@ -13,8 +13,9 @@ from flight_model.arrays import Array, Mask
 from formation_scenario.law import PidGains
 from gcs_formation.control.laws import law_kind
 from gcs_formation.fleet.margin_watch import NEAR
-from gcs_formation.record import flight
-from gcs_formation.record.flight import Columns, setpoint_steps
+from gcs_formation.record import figures_of_merit
+from gcs_formation.record.figures_of_merit import setpoint_steps
+from gcs_formation.record.flight import Columns
 from gcs_formation.record.timeseries import CHANNELS, INJECTED_MEAN
 from gcs_formation.report.error_figures import WIDTHS, error_windows
 from gcs_formation.report.geometry import extremes
@@ -202,7 +203,7 @@ def separation(run: RunData) -> Figure:
     figure = new_figure(9.5)
     rows = column_of(axes_grid(figure, 2, 1, sharex=True), 0)
     window = np.ones(run.time_s.shape, dtype=bool)
-    least = flight.separation_m(run.flown, window)
+    least = figures_of_merit.separation_m(run.flown, window)
     if len(group.vehicles) > 1:
         least = np.where(np.isfinite(least), least, np.nan)
         shown = extremes(least, BUCKETS)

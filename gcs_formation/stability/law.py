@@ -10,7 +10,7 @@ from functools import cache
 from airlink.endpoint import VehicleId
 from formation_scenario.graph import scenario_adjacency
 from formation_scenario.model import Scenario
-from formation_scenario.shapes import planned_slots
+from formation_scenario.slot_assignment import planned_slots
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.control.laws import law_kind
 from gcs_formation.control.mixer import TRAIL_S

@@ -15,12 +15,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from airlink.cli.commands import raised, refusal
+from airlink.cli.exit_status import raised
+from airlink.cli.output_directory import refusal
 from formation_scenario import Problem, Scenario, ScenarioError, load_scenario
 from formation_scenario.errors import did_you_mean
 from gcs_formation.control import laws
 from gcs_formation.errors import RecordError
-from gcs_formation.record.flight import SETTLED_M
+from gcs_formation.record.figures_of_merit import SETTLED_M
 from gcs_formation.report.geometry import extremes
 from gcs_formation.report.html import document, figure, number, table
 from gcs_formation.report.style import (

@@ -17,7 +17,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import yaml
 
-from airlink.cli.commands import refusal
+from airlink.cli.output_directory import refusal
 from formation_scenario.source import Dumper, Plain
 from gcs_formation.errors import RecordError, RecordingError
 from gcs_formation.studies.flight import VERSION, worst

@@ -13,7 +13,7 @@ from scipy.ndimage import maximum_filter1d
 from flight_model.arrays import Array, Mask
 from formation_scenario import Scenario
 from gcs_formation.app.check import warnings
-from gcs_formation.record.flight import Effort, axis_figures, effort, least, separation_m
+from gcs_formation.record.figures_of_merit import Effort, axis_figures, effort, least, separation_m
 from gcs_formation.record.timeseries import CHANNELS
 from gcs_formation.report.run_data import RunData, load_run
 from gcs_formation.report.style import Mark, marks

@@ -9,7 +9,7 @@ from airlink.endpoint import Endpoint, VehicleId, parse_endpoint
 from flight_model.earth import GeodeticOrigin
 from formation_scenario import Scenario
 from formation_scenario import Vehicle as PlannedVehicle
-from formation_scenario.shapes import columns
+from formation_scenario.slot_assignment import columns
 from formation_scenario.vehicles import Family, family_of
 from gcs_formation.link.connection import Connection
 from gcs_formation.vehicle.ardupilot import ArduCopter, ArduPlane

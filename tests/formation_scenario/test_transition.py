@@ -20,7 +20,7 @@ from formation_scenario.reconfiguration import (
     plan_gathering,
     take_over,
 )
-from formation_scenario.shapes import assigned, slot_schedule
+from formation_scenario.slot_assignment import assigned, slot_schedule
 from formation_scenario.slot_motion import Course, SlotMotion, Transition, slot_needs
 from formation_scenario.transition_plan import NotFlyableError, segment_distances_m
 

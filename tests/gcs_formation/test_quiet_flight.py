@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import gcs_formation
-from gcs_formation.record.flight import setpoint_steps
+from gcs_formation.record.figures_of_merit import setpoint_steps
 from gcs_formation.record.run_directory import TIMESERIES
 from gcs_formation.record.timeseries import read_parquet
 

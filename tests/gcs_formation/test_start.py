@@ -21,7 +21,7 @@ FLY = """
 import pathlib, sys
 import numpy
 import gcs_formation.app.run, gcs_formation.cli.run_and_fly
-from gcs_formation.record.flight import percentile
+from gcs_formation.record.figures_of_merit import (percentile)
 from gcs_formation.record.timeseries import write_parquet
 percentile(numpy.zeros(3), 50)
 flags = ("active", "leads", "yielding", "airborne")

@@ -7,7 +7,7 @@ import pytest
 
 from airlink.clock import Instant
 from formation_scenario import load_scenario
-from formation_scenario.shapes import first_arrangement
+from formation_scenario.slot_assignment import first_arrangement
 from gcs_formation.mission.resumption import Found, Known, Resumption, why_left
 from tests.flights.conftest import scenario
 

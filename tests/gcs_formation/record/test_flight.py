@@ -6,7 +6,8 @@ import pytest
 from airlink.endpoint import VehicleId
 from formation_scenario import load_scenario
 from gcs_formation.record.expectations import judge
-from gcs_formation.record.flight import clearance_m, least, separation_m, split
+from gcs_formation.record.figures_of_merit import clearance_m, least, separation_m
+from gcs_formation.record.flight import split
 from gcs_formation.record.timeseries import MEASURED, PHASES, GroundTruth
 
 LEADER, FOLLOWER, THIRD = (VehicleId(1, system) for system in (1, 2, 3))

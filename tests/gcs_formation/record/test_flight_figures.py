@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gcs_formation.record.flight import (
+from gcs_formation.record.figures_of_merit import (
     PAIRWISE_UP_TO,
     axis_figures,
     effort,

@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 from formation_scenario import Scenario, SplinePath, dump_scenario, load_scenario, slot_schedule
-from gcs_formation.record.flight import (
-    Flight,
+from gcs_formation.record.figures_of_merit import (
     axis_figures,
     effort,
     in_slot_share,
@@ -21,6 +20,7 @@ from gcs_formation.record.flight import (
     separation_m,
     settled_at_s,
 )
+from gcs_formation.record.flight import Flight
 from gcs_formation.record.timeseries import DISTURBANCE, ERROR, GAINS, LAW_ERROR, MIXED, STATE, TRUTH, write_parquet
 from gcs_formation.report import write_report
 from gcs_formation.report.run_data import RunData, load_run
