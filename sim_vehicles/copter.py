@@ -28,7 +28,7 @@ from sim_vehicles.autopilot.modes import (
     Request,
     select,
 )
-from sim_vehicles.autopilot.parameters import Kind, ParameterServer
+from sim_vehicles.autopilot.parameters import Kind, ParameterServer, floating
 from sim_vehicles.autopilot.pilot import Pilot
 from sim_vehicles.autopilot.telemetry import UNASKED_NS
 from sim_vehicles.config import VehicleConfig
@@ -179,44 +179,23 @@ HANDLERS: dict[int, Callable[[Any, Order], int]] = {
 """All others are UNSUPPORTED, as MAV_CMD_GUIDED_CHANGE_SPEED and its like are by a real one."""
 
 
-def _floating(least: float, most: float) -> Kind:
-    return Kind(m.MAV_PARAM_TYPE_REAL32, least, most)
-
-
-KINDS: dict[str, Kind] = {
-    "ARMING_CHECK": Kind(m.MAV_PARAM_TYPE_INT32, 0, 2**24),
-    "DISARM_DELAY": Kind(m.MAV_PARAM_TYPE_INT8, 0, 127),
-    "FS_GCS_ENABLE": Kind(m.MAV_PARAM_TYPE_INT8, 0, 7),
-    "FS_GCS_TIMEOUT": _floating(2, 120),
-    "GUID_TIMEOUT": _floating(0.1, 5),
-    "LAND_SPEED": Kind(m.MAV_PARAM_TYPE_INT16, 30, 200),
-    "MAV_GCS_SYSID": Kind(m.MAV_PARAM_TYPE_INT16, 1, 255),
-    "MAV_SYSID": Kind(m.MAV_PARAM_TYPE_INT16, 1, 255),
-    "RTL_ALT": Kind(m.MAV_PARAM_TYPE_INT32, 30, 300000),
-    "WPNAV_ACCEL": _floating(50, 500),
-    "WPNAV_SPEED": _floating(10, 2000),
-    "WPNAV_SPEED_DN": _floating(10, 500),
-    "WPNAV_SPEED_UP": _floating(10, 1000),
-}
-
-
-def initial_values(config: VehicleConfig) -> dict[str, float]:
-    """Return the initial parameters of a multirotor, in ArduCopter's cm."""
+def copters(config: VehicleConfig) -> dict[str, Kind]:
+    """Return a multirotor's parameters by their names, in ArduCopter's cm."""
     model = config.model
     return {
-        "ARMING_CHECK": 1,
-        "DISARM_DELAY": 10,
-        "FS_GCS_ENABLE": 0,
-        "FS_GCS_TIMEOUT": 5,
-        "GUID_TIMEOUT": 3,
-        "LAND_SPEED": 50,
-        "MAV_GCS_SYSID": 255,
-        "MAV_SYSID": config.identity.system,
-        "RTL_ALT": 1500,
-        "WPNAV_ACCEL": math.ceil(100 * model.accel_max_mps2),
-        "WPNAV_SPEED": max(1000, math.ceil(100 * model.speed_max_mps)),
-        "WPNAV_SPEED_DN": 150,
-        "WPNAV_SPEED_UP": 250,
+        "ARMING_CHECK": Kind(m.MAV_PARAM_TYPE_INT32, 0, 2**24, 1),
+        "DISARM_DELAY": Kind(m.MAV_PARAM_TYPE_INT8, 0, 127, 10),
+        "FS_GCS_ENABLE": Kind(m.MAV_PARAM_TYPE_INT8, 0, 7, 0),
+        "FS_GCS_TIMEOUT": floating(2, 120, 5),
+        "GUID_TIMEOUT": floating(0.1, 5, 3),
+        "LAND_SPEED": Kind(m.MAV_PARAM_TYPE_INT16, 30, 200, 50),
+        "MAV_GCS_SYSID": Kind(m.MAV_PARAM_TYPE_INT16, 1, 255, 255),
+        "MAV_SYSID": Kind(m.MAV_PARAM_TYPE_INT16, 1, 255, config.identity.system),
+        "RTL_ALT": Kind(m.MAV_PARAM_TYPE_INT32, 30, 300000, 1500),
+        "WPNAV_ACCEL": floating(50, 500, math.ceil(100 * model.accel_max_mps2)),
+        "WPNAV_SPEED": floating(10, 2000, max(1000, math.ceil(100 * model.speed_max_mps))),
+        "WPNAV_SPEED_DN": floating(10, 500, 150),
+        "WPNAV_SPEED_UP": floating(10, 1000, 250),
     }
 
 
@@ -235,7 +214,7 @@ class Copter(Vehicle):
 
     def parameters_of(self, config: VehicleConfig) -> ParameterServer:
         """Return ArduCopter's parameters."""
-        return ParameterServer(initial_values(config), KINDS)
+        return ParameterServer(copters(config))
 
     def pilot_of(self, config: VehicleConfig, steering: Steering) -> CopterPilot:
         """Return who flies a multirotor."""

@@ -18,7 +18,7 @@ from sim_vehicles.airframe.motion import Motion, Steering
 from sim_vehicles.autopilot import commands
 from sim_vehicles.autopilot.missions import E7, Item, Missions
 from sim_vehicles.autopilot.modes import LONG_FAILSAFE, FlightMode, Mode, select
-from sim_vehicles.autopilot.parameters import ParameterServer, initial_values
+from sim_vehicles.autopilot.parameters import ParameterServer, planes
 from sim_vehicles.autopilot.pilot import Pilot
 from sim_vehicles.autopilot.telemetry import UNASKED
 from sim_vehicles.config import VehicleConfig
@@ -168,7 +168,7 @@ class Plane(Vehicle):
 
     def parameters_of(self, config: VehicleConfig) -> ParameterServer:
         """Return ArduPlane's parameters."""
-        return ParameterServer(initial_values(config, self.fleet.config.cruise_mps))
+        return ParameterServer(planes(config, self.fleet.config.cruise_mps))
 
     def pilot_of(self, config: VehicleConfig, steering: Steering) -> Pilot:
         """Return who flies it, by sticks, setpoints or a mission."""

@@ -66,6 +66,10 @@ class Px4(Vehicle):
     _texts: int
     _fresh_until: Instant
 
+    def parameters_of(self, config: VehicleConfig) -> ParameterServer:
+        """Return PX4's parameters for its kind."""
+        return px4.Px4Parameters(px4.parameters(config, self.fleet.config.cruise_mps))
+
     @abstractmethod
     def lift_off(self, height_m: float) -> None:
         """Begin to climb to a height above home."""
@@ -227,10 +231,6 @@ class Px4Copter(Px4):
     flier: CopterPilot
     """Its pilot, as what that is."""
 
-    def parameters_of(self, config: VehicleConfig) -> ParameterServer:
-        """Return a multirotor's parameters."""
-        return px4.Px4Parameters(px4.initial_values(config, self.fleet.config.cruise_mps), px4.COPTERS_KINDS)
-
     def pilot_of(self, config: VehicleConfig, steering: Steering) -> CopterPilot:
         """Return who flies a multirotor."""
         self.flier = CopterPilot(config, steering, self.parameters)
@@ -260,10 +260,6 @@ class Px4Plane(Px4):
     mav_type = m.MAV_TYPE_FIXED_WING
     flown = px4.AS_PLANE
     handlers = px4.PLANES_HANDLERS
-
-    def parameters_of(self, config: VehicleConfig) -> ParameterServer:
-        """Return a fixed wing's parameters."""
-        return px4.Px4Parameters(px4.initial_values(config, self.fleet.config.cruise_mps), px4.PLANES_KINDS)
 
     def pilot_of(self, config: VehicleConfig, steering: Steering) -> Pilot:
         """Return who flies a fixed wing."""

@@ -1,8 +1,7 @@
 """Parameters with ArduPlane's names and types, and how ground stations read and write them, and the mission.
 
-Source: MAVLink guide, "Parameter Protocol"; ArduPilot documentation, "Complete Parameter List".
-
-Sources: MAVLink guide, "File Transfer Protocol (FTP)"; ArduPilot, AP_Filesystem's notes on @PARAM/param.pck.
+Source: MAVLink guide, "Parameter Protocol" and "File Transfer Protocol (FTP)"; ArduPilot documentation, "Complete
+Parameter List"; AP_Filesystem's notes on @PARAM/param.pck.
 """
 
 from __future__ import annotations
@@ -50,60 +49,41 @@ PACKED: dict[int, tuple[int, str]] = {
 
 
 class Kind(NamedTuple):
-    """A parameter's type and range; a value outside it is set to the nearest bound."""
+    """A parameter's type, its range and its initial value; a value outside is set to the nearest bound."""
 
     type: int
     least: float
     most: float
+    initial: float
 
 
-def _floating(least: float, most: float) -> Kind:
-    return Kind(m.MAV_PARAM_TYPE_REAL32, least, most)
+def floating(least: float, most: float, initial: float) -> Kind:
+    """Return a parameter that is a float."""
+    return Kind(m.MAV_PARAM_TYPE_REAL32, least, most, initial)
 
 
-KINDS: dict[str, Kind] = {
-    "AIRSPEED_CRUISE": _floating(5, 100),
-    "AIRSPEED_MAX": Kind(m.MAV_PARAM_TYPE_INT16, 5, 100),
-    "AIRSPEED_MIN": Kind(m.MAV_PARAM_TYPE_INT16, 5, 100),
-    "ARMING_CHECK": Kind(m.MAV_PARAM_TYPE_INT32, 0, 2**24),
-    "AUTOLAND_WP_ALT": Kind(m.MAV_PARAM_TYPE_INT16, 10, 200),
-    "AUTOLAND_WP_DIST": Kind(m.MAV_PARAM_TYPE_INT16, 100, 700),
-    "FS_GCS_ENABL": Kind(m.MAV_PARAM_TYPE_INT8, 0, 1),
-    "FS_LONG_ACTN": Kind(m.MAV_PARAM_TYPE_INT8, 0, 4),
-    "FS_LONG_TIMEOUT": _floating(1, 300),
-    "LAND_DISARMDELAY": Kind(m.MAV_PARAM_TYPE_INT8, 0, 127),
-    "MAV_GCS_SYSID": Kind(m.MAV_PARAM_TYPE_INT16, 1, 255),
-    "MAV_SYSID": Kind(m.MAV_PARAM_TYPE_INT16, 1, 255),
-    "ROLL_LIMIT_DEG": _floating(0, 90),
-    "RTL_ALTITUDE": _floating(10, 1000),
-    "TKOFF_ALT": Kind(m.MAV_PARAM_TYPE_INT16, 10, 200),
-    "WP_LOITER_RAD": Kind(m.MAV_PARAM_TYPE_INT16, 1, 32767),
-    "WP_RADIUS": Kind(m.MAV_PARAM_TYPE_INT16, 1, 32767),
-}
-NAMES = tuple(KINDS)
-
-
-def initial_values(config: VehicleConfig, cruise_mps: float) -> dict[str, float]:
-    """Return the initial parameters of a vehicle."""
-    tightest_m = cruise_mps / config.model.turn_rate_max_rps
+def planes(config: VehicleConfig, cruise_mps: float) -> dict[str, Kind]:
+    """Return ArduPlane's parameters for a vehicle, by their names."""
+    model = config.model
+    radius_m = math.ceil(max(LOITER_RADIUS_M, WIDER_THAN_TIGHTEST * (cruise_mps / model.turn_rate_max_rps)))
     return {
-        "AIRSPEED_CRUISE": cruise_mps,
-        "AIRSPEED_MAX": math.ceil(config.model.speed_max_mps),
-        "AIRSPEED_MIN": math.floor(config.model.speed_min_mps),
-        "ARMING_CHECK": 1,
-        "AUTOLAND_WP_ALT": 55,
-        "AUTOLAND_WP_DIST": 400,
-        "FS_GCS_ENABL": 0,
-        "FS_LONG_ACTN": 0,
-        "FS_LONG_TIMEOUT": 5,
-        "LAND_DISARMDELAY": 20,
-        "MAV_GCS_SYSID": 255,
-        "MAV_SYSID": config.identity.system,
-        "ROLL_LIMIT_DEG": max(ROLL_LIMIT_DEG, math.ceil(_steepest_deg(config))),
-        "RTL_ALTITUDE": 100,
-        "TKOFF_ALT": 50,
-        "WP_LOITER_RAD": math.ceil(max(LOITER_RADIUS_M, WIDER_THAN_TIGHTEST * tightest_m)),
-        "WP_RADIUS": 90,
+        "AIRSPEED_CRUISE": floating(5, 100, cruise_mps),
+        "AIRSPEED_MAX": Kind(m.MAV_PARAM_TYPE_INT16, 5, 100, math.ceil(model.speed_max_mps)),
+        "AIRSPEED_MIN": Kind(m.MAV_PARAM_TYPE_INT16, 5, 100, math.floor(model.speed_min_mps)),
+        "ARMING_CHECK": Kind(m.MAV_PARAM_TYPE_INT32, 0, 2**24, 1),
+        "AUTOLAND_WP_ALT": Kind(m.MAV_PARAM_TYPE_INT16, 10, 200, 55),
+        "AUTOLAND_WP_DIST": Kind(m.MAV_PARAM_TYPE_INT16, 100, 700, 400),
+        "FS_GCS_ENABL": Kind(m.MAV_PARAM_TYPE_INT8, 0, 1, 0),
+        "FS_LONG_ACTN": Kind(m.MAV_PARAM_TYPE_INT8, 0, 4, 0),
+        "FS_LONG_TIMEOUT": floating(1, 300, 5),
+        "LAND_DISARMDELAY": Kind(m.MAV_PARAM_TYPE_INT8, 0, 127, 20),
+        "MAV_GCS_SYSID": Kind(m.MAV_PARAM_TYPE_INT16, 1, 255, 255),
+        "MAV_SYSID": Kind(m.MAV_PARAM_TYPE_INT16, 1, 255, config.identity.system),
+        "ROLL_LIMIT_DEG": floating(0, 90, max(ROLL_LIMIT_DEG, math.ceil(_steepest_deg(config)))),
+        "RTL_ALTITUDE": floating(10, 1000, 100),
+        "TKOFF_ALT": Kind(m.MAV_PARAM_TYPE_INT16, 10, 200, 50),
+        "WP_LOITER_RAD": Kind(m.MAV_PARAM_TYPE_INT16, 1, 32767, radius_m),
+        "WP_RADIUS": Kind(m.MAV_PARAM_TYPE_INT16, 1, 32767, 90),
     }
 
 
@@ -116,9 +96,10 @@ def _steepest_deg(config: VehicleConfig) -> float:
 class ParameterServer:
     """One vehicle's parameters, and the answers to requests for them."""
 
-    def __init__(self, values: dict[str, float], kinds: Mapping[str, Kind] = KINDS) -> None:
-        """Start with `values`, one for each name of `kinds`."""
-        self._values, self._kinds, self._names = values, kinds, tuple(kinds)
+    def __init__(self, kinds: Mapping[str, Kind]) -> None:
+        """Start with the initial value of each; their order is that of their indices on the wire."""
+        self._kinds, self._names = kinds, tuple(kinds)
+        self._values = {name: kind.initial for name, kind in kinds.items()}
         self._to_list: deque[tuple[Address, int]] = deque()
 
     def __getitem__(self, name: str) -> float:

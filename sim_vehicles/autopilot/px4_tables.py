@@ -1,9 +1,7 @@
 """An emulated PX4's tables: modes, streams, parameters, failsafe; and what it does with commands.
 
-Source: PX4 user guide, "Flight Modes", "Parameter Reference" and "Safety Configuration (Failsafes)"; its simulator's
-answers and defaults (version 1.17, development).
-
-Source: MAVLink common message set, "MAV_CMD"; PX4's acceptance and refusals as its simulator (SIH) showed them.
+Source: PX4 user guide, "Flight Modes", "Parameter Reference" and "Safety Configuration (Failsafes)"; MAVLink common
+message set, "MAV_CMD"; what PX4's simulator (SIH, version 1.17, development) answers, refuses and begins with.
 """
 
 from __future__ import annotations
@@ -23,7 +21,7 @@ from sim_vehicles.autopilot import commands, telemetry
 from sim_vehicles.autopilot.clock import NEVER
 from sim_vehicles.autopilot.commands import ACCEPTED, DENIED, FAILED, UNSUPPORTED, Order
 from sim_vehicles.autopilot.modes import CopterMode, FailsafeKeys, FlightMode, GroundStationFailsafe, Mode, Px4Mode
-from sim_vehicles.autopilot.parameters import FIXED, LOITER_RADIUS_M, Kind, ParameterServer
+from sim_vehicles.autopilot.parameters import FIXED, LOITER_RADIUS_M, Kind, ParameterServer, floating
 from sim_vehicles.config import VehicleConfig
 
 if TYPE_CHECKING:
@@ -140,69 +138,38 @@ BUILDERS: Final[telemetry.Builders] = {
 }
 
 
-def _floating(least: float, most: float) -> Kind:
-    return Kind(m.MAV_PARAM_TYPE_REAL32, least, most)
+def _whole(least: float, most: float, initial: float) -> Kind:
+    return Kind(m.MAV_PARAM_TYPE_INT32, least, most, initial)
 
 
-def _whole(least: float, most: float) -> Kind:
-    return Kind(m.MAV_PARAM_TYPE_INT32, least, most)
-
-
-KINDS: Final[dict[str, Kind]] = {
-    "COM_DISARM_LAND": _floating(-1, 20),
-    "COM_DISARM_PRFLT": _floating(-1, 30),
-    "COM_DL_LOSS_T": _whole(5, 300),
-    "COM_FAIL_ACT_T": _floating(0, 25),
-    "COM_OBL_RC_ACT": _whole(0, 7),
-    "COM_OF_LOSS_T": _floating(0, 60),
-    "MAV_SYS_ID": _whole(1, 250),
-    "MIS_TAKEOFF_ALT": _floating(0, 1000),
-    "NAV_DLL_ACT": _whole(0, 6),
-    "RTL_RETURN_ALT": _floating(0, 1000),
-}
-PLANES_KINDS: Final = KINDS | {
-    "FW_AIRSPD_MAX": _floating(0.5, 40),
-    "FW_AIRSPD_MIN": _floating(0.5, 40),
-    "FW_AIRSPD_TRIM": _floating(0.5, 40),
-    "FW_R_LIM": _floating(35, 65),
-    "NAV_LOITER_RAD": _floating(-1000, 1000),
-}
-COPTERS_KINDS: Final = KINDS | {
-    "MPC_LAND_SPEED": _floating(0.6, 4),
-    "MPC_XY_VEL_MAX": _floating(0, 20),
-    "MPC_Z_VEL_MAX_DN": _floating(0.5, 4),
-    "MPC_Z_VEL_MAX_UP": _floating(0.5, 8),
-}
-
-
-def initial_values(config: VehicleConfig, cruise_mps: float) -> dict[str, float]:
-    """Return the initial parameters of a vehicle: PX4's defaults, wide enough for its model."""
+def parameters(config: VehicleConfig, cruise_mps: float) -> dict[str, Kind]:
+    """Return the parameters of a vehicle by their names: PX4's defaults, wide enough for its model."""
     model = config.model
-    common: dict[str, float] = {
-        "COM_DISARM_LAND": 2.0,
-        "COM_DISARM_PRFLT": 10.0,
-        "COM_DL_LOSS_T": 10,
-        "COM_FAIL_ACT_T": 5.0,
-        "COM_OBL_RC_ACT": 0,
-        "COM_OF_LOSS_T": 1.0,
-        "MAV_SYS_ID": config.identity.system,
-        "MIS_TAKEOFF_ALT": 2.5 if model.hovers else 30.0,
-        "NAV_DLL_ACT": 0,
-        "RTL_RETURN_ALT": 30.0 if model.hovers else 100.0,
+    common = {
+        "COM_DISARM_LAND": floating(-1, 20, 2.0),
+        "COM_DISARM_PRFLT": floating(-1, 30, 10.0),
+        "COM_DL_LOSS_T": _whole(5, 300, 10),
+        "COM_FAIL_ACT_T": floating(0, 25, 5.0),
+        "COM_OBL_RC_ACT": _whole(0, 7, 0),
+        "COM_OF_LOSS_T": floating(0, 60, 1.0),
+        "MAV_SYS_ID": _whole(1, 250, config.identity.system),
+        "MIS_TAKEOFF_ALT": floating(0, 1000, 2.5 if model.hovers else 30.0),
+        "NAV_DLL_ACT": _whole(0, 6, 0),
+        "RTL_RETURN_ALT": floating(0, 1000, 30.0 if model.hovers else 100.0),
     }
     if model.hovers:
         return common | {
-            "MPC_LAND_SPEED": 0.7,
-            "MPC_XY_VEL_MAX": max(12.0, model.speed_max_mps),
-            "MPC_Z_VEL_MAX_DN": 1.5,
-            "MPC_Z_VEL_MAX_UP": 3.0,
+            "MPC_LAND_SPEED": floating(0.6, 4, 0.7),
+            "MPC_XY_VEL_MAX": floating(0, 20, max(12.0, model.speed_max_mps)),
+            "MPC_Z_VEL_MAX_DN": floating(0.5, 4, 1.5),
+            "MPC_Z_VEL_MAX_UP": floating(0.5, 8, 3.0),
         }
     return common | {
-        "FW_AIRSPD_MAX": math.ceil(model.speed_max_mps),
-        "FW_AIRSPD_MIN": math.floor(model.speed_min_mps),
-        "FW_AIRSPD_TRIM": cruise_mps,
-        "FW_R_LIM": 50.0,
-        "NAV_LOITER_RAD": max(80.0, LOITER_RADIUS_M),
+        "FW_AIRSPD_MAX": floating(0.5, 40, math.ceil(model.speed_max_mps)),
+        "FW_AIRSPD_MIN": floating(0.5, 40, math.floor(model.speed_min_mps)),
+        "FW_AIRSPD_TRIM": floating(0.5, 40, cruise_mps),
+        "FW_R_LIM": floating(35, 65, 50.0),
+        "NAV_LOITER_RAD": floating(-1000, 1000, max(80.0, LOITER_RADIUS_M)),
     }
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from airlink.endpoint import Address
 from airlink.engine import Datagram
 from formation_scenario.vehicles import VehicleModel
-from sim_vehicles.autopilot.parameters import MAX_LISTS, NAMES
+from sim_vehicles.autopilot.parameters import MAX_LISTS
 from sim_vehicles.link import MAX_PEERS
 
 dialect = importlib.import_module("pymavlink.dialects.v20.ardupilotmega")
@@ -123,7 +123,7 @@ def test_a_crowd_of_strangers_neither_fills_the_memory_nor_disturbs_the_ground_s
     air.run(1.0)
     vehicle = air.fleet.vehicles[0]
     assert max(map(len, (vehicle.link._peers, vehicle.link._heard))) <= MAX_PEERS + 1
-    assert len(vehicle.parameters._to_list) <= MAX_LISTS * len(NAMES)
+    assert len(vehicle.parameters._to_list) <= MAX_LISTS * len(vehicle.parameters.entries())
     numbers = [message.get_seq() for _, message in air.ground.heard]
     assert numbers == [number % 256 for number in range(len(numbers))]
 
