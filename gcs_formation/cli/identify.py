@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -44,38 +43,32 @@ LOGS = (".tlog", ".bin")
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key (repeatable).")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 @click.option("--json", "as_json", is_flag=True, help="The result alone on standard output.")
-def identify(source: Path, **given: Any) -> None:
+def identify(
+    source: Path,
+    out: Path | None,
+    run_dir: Path | None,
+    vehicle: int | None,
+    overrides: tuple[str, ...],
+    quiet: bool,
+    as_json: bool,
+    **given: Any,
+) -> None:
     """Find a vehicle's model from SOURCE: a run, a .tlog or .bin; or a scenario, whose vehicles then fly steps."""
-    asked = _Given(**given)
     recorded, believed = source, None
     if not source.is_dir() and source.suffix.lower() not in LOGS:
-        believed = load(source, asked.overrides)
-        recorded = asked.run_dir or default_directory(f"{believed.name}-identify")
-        options = RunOptions(recorded, _clock(believed), asked.speedup, None, asked.overwrite)
-        _fly(believed, options, quiet=asked.quiet)
+        believed = load(source, overrides)
+        recorded = run_dir or default_directory(f"{believed.name}-identify")
+        options = RunOptions(recorded, _clock(believed), **given)
+        _fly(believed, options, quiet=quiet)
     beside = recorded if recorded.is_dir() else recorded.parent
     try:
-        found = command.identify(recorded, asked.out or beside / VEHICLE_FILE, asked.vehicle, believed)
+        found = command.identify(recorded, out or beside / VEHICLE_FILE, vehicle, believed)
     except (RecordError, ScenarioError) as error:
         fail(str(error))
-    if asked.as_json:
+    if as_json:
         click.echo(json.dumps(found.to_dict(), indent=2))
-    elif not asked.quiet:
+    elif not quiet:
         click.echo(command.report(found))
-
-
-@dataclass(frozen=True)
-class _Given:
-    """What stands on the command line."""
-
-    out: Path | None
-    run_dir: Path | None
-    overwrite: bool
-    vehicle: int | None
-    speedup: float
-    overrides: tuple[str, ...]
-    quiet: bool
-    as_json: bool
 
 
 def _clock(scenario: Scenario) -> ClockName:

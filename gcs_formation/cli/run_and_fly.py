@@ -6,7 +6,6 @@ import json
 import shutil
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -54,7 +53,7 @@ def _options(command: Command) -> Command:
                 default=1.0,
                 help="Real clock: X times faster.",
             ),
-            click.option("--until", type=SECONDS, metavar="SECONDS", help="End the flight at this time."),
+            click.option("--until", "until_s", type=SECONDS, metavar="SECONDS", help="End the flight at this time."),
             click.option("--seed", type=SEED, help="Instead of the scenario's."),
             click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key (repeatable)."),
             click.option("--out", type=OUT, help="Run directory; default: runs/NAME-TIME."),
@@ -78,7 +77,7 @@ def _options(command: Command) -> Command:
 )
 def run(clock: ClockName, **given: Any) -> None:
     """Fly SCENARIO with emulated vehicles: start them, take off, fly, record, judge."""
-    sys.exit(_done(run_scenario, clock, _Given(**given), _conclude))
+    sys.exit(_done(run_scenario, _conclude, clock=clock, **given))
 
 
 @click.command(epilog=FLY_EXAMPLES)
@@ -90,14 +89,14 @@ def run(clock: ClockName, **given: Any) -> None:
 @click.option("--retake", is_flag=True, help="With --resume: also those that their failsafe sent home.")
 def fly(**given: Any) -> None:
     """Fly SCENARIO with vehicles that are up already, at the scenario's endpoints."""
-    asked = _resumable(given)
-    if asked.confirm and asked.dry_run:
+    _resume(given)
+    if given["confirm"] and given["dry_run"]:
         fail("--confirm: found beside --dry-run, which arms nobody; allowed: one of them")
-    if asked.confirm and not (sys.stdin is not None and sys.stdin.isatty()):
+    if given["confirm"] and not (sys.stdin is not None and sys.stdin.isatty()):
         fail("--confirm: found no terminal to ask on; allowed: a terminal as standard input, or no --confirm")
-    if asked.dry_run:
-        sys.exit(_done(rehearse, "real", asked, _tell_rehearsal))
-    sys.exit(_done(fly_scenario, "real", asked, _conclude))
+    if given["dry_run"]:
+        sys.exit(_done(rehearse, _tell_rehearsal, **given))
+    sys.exit(_done(fly_scenario, _conclude, **given))
 
 
 NOT_RESUMED = ("scenario", "seed", "overrides", "out", "overwrite", "dry_run")
@@ -105,15 +104,16 @@ NOT_RESUMED = ("scenario", "seed", "overrides", "out", "overwrite", "dry_run")
 OPTION = {"scenario": "SCENARIO", "overrides": "--set"}
 
 
-def _resumable(given: dict[str, Any]) -> _Given:
-    """Return what stands on the command line of `fly`, with the scenario and the directory of the run to resume."""
-    resumed: Path | None = given.pop("resume")
+def _resume(given: dict[str, Any]) -> None:
+    """Put the scenario and the directory of the run to resume, if there is one, among what stands on `fly`'s line."""
+    resumed: Path | None = given["resume"]
+    given["resume"] = resumed is not None
     if resumed is None:
         if given["retake"]:
             fail("--retake: found without --resume; allowed: beside --resume RUN_DIR")
         if given["scenario"] is None:
             fail("found no SCENARIO; allowed: a scenario's file, or --resume RUN_DIR")
-        return _Given(**given)
+        return
     more = next((name for name in NOT_RESUMED if given[name]), None)
     if more is not None:
         name = OPTION.get(more, f"--{more.replace('_', '-')}")
@@ -121,40 +121,32 @@ def _resumable(given: dict[str, Any]) -> _Given:
     if not (resumed / SCENARIO).is_file():
         fail(f"--resume: found no {SCENARIO} in {resumed}; allowed: the directory of a run that was killed")
     given["scenario"], given["out"] = resumed / SCENARIO, resumed
-    return _Given(**given, resume=True)
-
-
-@dataclass(frozen=True)
-class _Given:
-    """What stands on the command line of `run` and `fly`."""
-
-    scenario: Path
-    speedup: float
-    until: float | None
-    seed: int | None
-    overrides: tuple[str, ...]
-    out: Path | None
-    overwrite: bool
-    quiet: bool
-    as_json: bool
-    dry_run: bool = False
-    confirm: bool = False
-    resume: bool = False
-    retake: bool = False
 
 
 def _done(
     flown: Callable[[Scenario, RunOptions, Progress, Interrupts], Result],
-    clock: ClockName,
-    given: _Given,
-    conclude: Callable[[Result, RunOptions, Interrupts, _Given], Status],
+    conclude: Callable[..., Status],
+    *,
+    scenario: Path,
+    seed: int | None,
+    overrides: tuple[str, ...],
+    out: Path | None,
+    quiet: bool,
+    as_json: bool,
+    **given: Any,
 ) -> Status:
-    """Fly or rehearse what stands on the command line, tell what came of it, and return the exit status."""
-    seed = () if given.seed is None else (f"seed={given.seed}",)
+    """Fly or rehearse what stands on the command line, tell what came of it, and return the exit status.
+
+    `given` are the fields of `RunOptions` that have an option of their name.
+    """
+    seeded = () if seed is None else (f"seed={seed}",)
     with Interrupts() as interrupts:
-        loaded = load(given.scenario, (*given.overrides, *seed))
-        options = _run_options(loaded, clock, given)
-        shown = Progress() if given.quiet else progress_on(sys.stderr)
+        loaded = load(scenario, (*overrides, *seeded))
+        try:
+            options = RunOptions(out or default_directory(loaded.name), **given)
+        except ValueError as error:
+            fail(str(error))
+        shown = Progress() if quiet else progress_on(sys.stderr)
         try:
             result = flown(loaded, options, shown, interrupts)
         except RecordError as error:
@@ -163,41 +155,25 @@ def _done(
             return _interrupted(options) if interrupts.count else say(str(error), Status.COULD_NOT_GO_ON)
         finally:
             shown.close()
-        return conclude(result, options, interrupts, given)
+        return conclude(result, options, interrupts, quiet=quiet, as_json=as_json)
 
 
-def _tell_rehearsal(report: dict[str, Any], options: RunOptions, interrupts: Interrupts, given: _Given) -> Status:
-    if given.as_json:
+def _tell_rehearsal(
+    report: dict[str, Any], options: RunOptions, interrupts: Interrupts, *, quiet: bool, as_json: bool
+) -> Status:
+    if as_json:
         click.echo(json.dumps(report, indent=2))
-    elif not given.quiet:
+    elif not quiet:
         click.echo(rehearsal_text(report))
         click.echo(f"recorded in {options.out}")
     return _interrupted(options) if interrupts.count else Status.FINE
 
 
-def _run_options(loaded: Scenario, clock: ClockName, given: _Given) -> RunOptions:
-    out = given.out or default_directory(loaded.name)
-    try:
-        return RunOptions(
-            out,
-            clock,
-            given.speedup,
-            given.until,
-            given.overwrite,
-            confirm=given.confirm,
-            dry_run=given.dry_run,
-            resume=given.resume,
-            retake=given.retake,
-        )
-    except ValueError as error:
-        fail(str(error))
-
-
-def _conclude(summary: Summary, options: RunOptions, interrupts: Interrupts, given: _Given) -> Status:
-    if given.as_json:
+def _conclude(summary: Summary, options: RunOptions, interrupts: Interrupts, *, quiet: bool, as_json: bool) -> Status:
+    if as_json:
         click.echo(json.dumps(summary.to_dict(), indent=2))
-    if not given.quiet:
-        _tell(summary, options, given)
+    if not quiet:
+        _tell(summary, options, as_json=as_json)
     if interrupts.count:
         return _interrupted(options)
     for broken in (*(str(v) for v in summary.verdicts if v.held is False), *summary.breaches):
@@ -205,13 +181,13 @@ def _conclude(summary: Summary, options: RunOptions, interrupts: Interrupts, giv
     return Status.FINE if summary.held else Status.EXPECTATION_BROKEN
 
 
-def _tell(summary: Summary, options: RunOptions, given: _Given) -> None:
+def _tell(summary: Summary, options: RunOptions, *, as_json: bool) -> None:
     """Print the summary, on a terminal in its width; where standard error is a log, a line on the result as well."""
-    stream = sys.stderr if given.as_json else sys.stdout
+    stream = sys.stderr if as_json else sys.stdout
     width = shutil.get_terminal_size().columns if stream is not None and stream.isatty() else None
     if sys.stderr is not None and not sys.stderr.isatty():
         click.echo(result_line(summary), err=True)
-    click.echo(summary_text(summary, options.out, width), err=given.as_json)
+    click.echo(summary_text(summary, options.out, width), err=as_json)
 
 
 def _interrupted(options: RunOptions) -> Status:
