@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import struct
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
@@ -21,32 +20,26 @@ if TYPE_CHECKING:
 
 MAGIC = b"truth\x00\x00\x03"
 HEADER = struct.Struct("<8sQ")
-QUANTITIES = 12
+QUANTITIES = (
+    "north_m",
+    "east_m",
+    "height_m",
+    "north_mps",
+    "east_mps",
+    "climb_mps",
+    "airspeed_mps",
+    "heading_rad",
+    "disturbance_north_mps",
+    "disturbance_east_mps",
+    "disturbance_down_mps",
+    "airborne",
+)
+"""Of each vehicle: NED from the origin, height and climb upwards; the sum of all disturbances without the wind; 1 in
+flight, 0 on the ground."""
 
 
 class TruthError(Exception):
     """A file that isn't a record of ground truth."""
-
-
-@dataclass(frozen=True)
-class Truth:
-    """(T,) times in s since the clock's epoch; (T, V) all else: NED from the origin, heights and climb upwards."""
-
-    time_s: Array
-    north_m: Array
-    east_m: Array
-    height_m: Array
-    north_mps: Array
-    east_mps: Array
-    climb_mps: Array
-    airspeed_mps: Array
-    heading_rad: Array
-    disturbance_north_mps: Array
-    """The sum of all disturbances without the wind; so are the next two."""
-    disturbance_east_mps: Array
-    disturbance_down_mps: Array
-    airborne: Array
-    """1 in flight, 0 on the ground."""
 
 
 class TruthWriter:
@@ -95,8 +88,8 @@ class TruthWriter:
         self._waiting = BytesWriter()
 
 
-def read_truth(path: Path) -> Truth:
-    """Return the complete rows that have been written so far.
+def read_truth(path: Path) -> dict[str, Array]:
+    """Return the complete rows so far: `time_s` (T,) since the clock's epoch, and each of `QUANTITIES` (T, V).
 
     Raises:
         TruthError: the file isn't a record of ground truth.
@@ -105,8 +98,8 @@ def read_truth(path: Path) -> Truth:
     if len(data) < HEADER.size or data[: len(MAGIC)] != MAGIC:
         raise TruthError(f"{path} is not a record of ground truth")
     vehicles = HEADER.unpack_from(data)[1]
-    width = 1 + QUANTITIES * vehicles
+    width = 1 + len(QUANTITIES) * vehicles
     values = np.frombuffer(data, "<f8", offset=HEADER.size, count=(len(data) - HEADER.size) // 8)
     rows = values[: len(values) // width * width].reshape(-1, width)
-    columns = rows[:, 1:].reshape(len(rows), vehicles, QUANTITIES)
-    return Truth(rows[:, 0], *(columns[:, :, i] for i in range(QUANTITIES)))
+    columns = rows[:, 1:].reshape(len(rows), vehicles, len(QUANTITIES))
+    return {"time_s": rows[:, 0], **{name: columns[:, :, i] for i, name in enumerate(QUANTITIES)}}

@@ -10,7 +10,6 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
-from dataclasses import fields
 from pathlib import Path
 
 from airlink.cli.commands import looking_seldom
@@ -142,7 +141,6 @@ def recorded_truth(directory: Path, scenario: Scenario) -> GroundTruth | None:
         rows = read_truth(directory / TRUTH)
     except (FileNotFoundError, TruthError):  # interrupted before the emulators began to write it
         return None
-    if len(rows.time_s) < 2:
+    if len(rows["time_s"]) < 2:
         return None
-    columns = {each.name: getattr(rows, each.name) for each in fields(rows)}
-    return GroundTruth(vehicles=tuple(vehicle.vehicle_id for vehicle in scenario.vehicles), **columns)
+    return GroundTruth(tuple(vehicle.vehicle_id for vehicle in scenario.vehicles), rows)

@@ -46,6 +46,7 @@ GAINS = tuple(f"{gain}_{channel}" for gain in ("kp", "ki", "kd") for channel in 
 TIME = ("t_s", "mission_time_s")
 MEASURED = TIME + STATE + SETPOINT + LINK + (AIRBORNE,) + SLOT + LAW_ERROR + MIXED + GAINS
 DISTURBANCE = ("true_disturbance_north_mps", "true_disturbance_east_mps", "true_disturbance_down_mps")
+PLACE = ("north_m", "east_m", "height_m")
 TRUTH = (
     "true_north_m",
     "true_east_m",
@@ -245,42 +246,24 @@ def _write_three(to: BytesWriter, values: Triple) -> None:
 
 @dataclass(frozen=True)
 class GroundTruth:
-    """What the emulated vehicles really did: (T,) times in s since the clock's epoch, (T, V) everything else."""
+    """What the emulated vehicles really did."""
 
     vehicles: tuple[VehicleId, ...]
-    time_s: Array
-    north_m: Array
-    east_m: Array
-    height_m: Array
-    north_mps: Array
-    east_mps: Array
-    climb_mps: Array
-    airspeed_mps: Array
-    heading_rad: Array
-    disturbance_north_mps: Array
-    disturbance_east_mps: Array
-    disturbance_down_mps: Array
-    airborne: Array
-    """1 in flight, 0 on the ground."""
+    columns: Mapping[str, Array]
+    """As `sim_vehicles.truth` names and reads them: `time_s` (T,) since the clock's epoch, (T, V) all else."""
 
     def at(self, vehicle: VehicleId, time_s: Array) -> dict[str, Array]:
         """Return a vehicle's true columns at the given times: places by cubic interpolation, the rest linearly."""
-        column = self.vehicles.index(vehicle)
-        heading = np.unwrap(self.heading_rad[:, column])
-        place = np.column_stack([each[:, column] for each in (self.north_m, self.east_m, self.height_m)])
-        rate = np.column_stack([each[:, column] for each in (self.north_mps, self.east_mps, self.climb_mps)])
-        values = (
-            *_hermite(self.time_s, place, rate, time_s).T,
-            np.interp(time_s, self.time_s, self.airspeed_mps[:, column]),
-            np.interp(time_s, self.time_s, heading),
-            *(np.interp(time_s, self.time_s, each[:, column]) for each in self._disturbance()),
-        )
+        column, known_s = self.vehicles.index(vehicle), self.columns["time_s"]
+        own = {name: each[:, column] for name, each in self.columns.items() if name != "time_s"}
+        own["heading_rad"] = np.unwrap(own["heading_rad"])
+        place = np.column_stack([own[name] for name in PLACE])
+        rate = np.column_stack([own[name] for name in ("north_mps", "east_mps", "climb_mps")])
+        linear = [np.interp(time_s, known_s, own[name.removeprefix("true_")]) for name in TRUTH[len(PLACE) :]]
         # A place between one in flight and one on the ground is neither.
-        airborne = np.interp(time_s, self.time_s, self.airborne[:, column]) >= 1.0
+        airborne = np.interp(time_s, known_s, own["airborne"]) >= 1.0
+        values = (*_hermite(known_s, place, rate, time_s).T, *linear)
         return {**dict(zip(TRUTH, values, strict=True)), AIRBORNE: airborne.astype(np.float64)}
-
-    def _disturbance(self) -> tuple[Array, Array, Array]:
-        return self.disturbance_north_mps, self.disturbance_east_mps, self.disturbance_down_mps
 
 
 def _hermite(known_s: Array, value: Array, rate: Array, wanted_s: Array) -> Array:

@@ -194,7 +194,7 @@ class Body:
         )
 
     def write_truth(self, row: BytesWriter) -> None:
-        """Append the quantities of `sim_vehicles.truth.Truth`, in their order."""
+        """Append `sim_vehicles.truth.QUANTITIES`, in their order."""
         state = self.state
         north_mps, east_mps, down_mps = self.ground_velocity()
         airborne = 1.0 if self.steering.airborne else 0.0

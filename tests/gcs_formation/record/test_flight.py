@@ -54,22 +54,22 @@ def truth(crashed=None):
         after, column = time_s >= CRASH_S, crashed.system - 1
         flying[after, column] = 0.0
         north_m[after, column] = north_m[~after, column][-1]
-    return GroundTruth(
-        vehicles=(LEADER, FOLLOWER, THIRD),
-        time_s=time_s,
-        north_m=north_m,
-        east_m=nothing,
-        height_m=100.0 * flying,
-        north_mps=22.0 * flying,
-        east_mps=nothing,
-        climb_mps=nothing,
-        airspeed_mps=22.0 * flying,
-        heading_rad=nothing,
-        disturbance_north_mps=nothing,
-        disturbance_east_mps=nothing,
-        disturbance_down_mps=nothing,
-        airborne=flying,
-    )
+    columns = {
+        "time_s": time_s,
+        "north_m": north_m,
+        "east_m": nothing,
+        "height_m": 100.0 * flying,
+        "north_mps": 22.0 * flying,
+        "east_mps": nothing,
+        "climb_mps": nothing,
+        "airspeed_mps": 22.0 * flying,
+        "heading_rad": nothing,
+        "disturbance_north_mps": nothing,
+        "disturbance_east_mps": nothing,
+        "disturbance_down_mps": nothing,
+        "airborne": flying,
+    }
+    return GroundTruth((LEADER, FOLLOWER, THIRD), columns)
 
 
 def flown(crashed=None):
