@@ -13,7 +13,8 @@ from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import Address, Endpoint, VehicleId
 from airlink.engine import Datagram, DelayQueue, Engine
 from airlink.frame import StreamParser, first_system
-from airlink.impairment import UNIMPAIRED, Direction, Impairment, link_stream
+from airlink.impairment import UNIMPAIRED, Direction, Impairment
+from airlink.random_streams import random_stream
 
 Schedule = Callable[[VehicleId, Instant], tuple[Impairment, Impairment]]
 """Returns the impairments of a vehicle's uplink and downlink at an instant."""
@@ -66,10 +67,10 @@ class Channel:
     differ only in an impairment can be compared datagram by datagram.
     """
 
-    def __init__(self, stream: np.random.SeedSequence) -> None:
+    def __init__(self, stream: np.random.Generator) -> None:
         """Draw from `stream`."""
         self.statistics = ChannelStatistics()
-        self._random = np.random.Generator(np.random.Philox(stream))
+        self._random = stream
         self._draws: list[list[float]] = []
         """Of this block of datagrams."""
         self._drawn = 0
@@ -241,7 +242,7 @@ class ImpairedEngine(Engine):
     def _channels_of(self, vehicle: VehicleId) -> tuple[Channel, Channel]:
         channels = self._channels.get(vehicle)
         if channels is None:
-            uplink, downlink = (Channel(link_stream(self._seed, vehicle, way)) for way in Direction)
+            uplink, downlink = (Channel(random_stream(self._seed, "links", *vehicle, way)) for way in Direction)
             channels = self._channels[vehicle] = (uplink, downlink)
         return channels
 
@@ -269,8 +270,8 @@ class Relay:
         key = (passage.remote, passage.direction)
         channel = self._channels.get(key)
         if channel is None:
-            vehicle = VehicleId(_NETWORK, passage.remote + 1)
-            channel = self._channels[key] = Channel(link_stream(self._seed, vehicle, passage.direction))
+            stream = random_stream(self._seed, "links", _NETWORK, passage.remote + 1, passage.direction)
+            channel = self._channels[key] = Channel(stream)
         for delivery in channel.pass_on(len(passage.data), now, self.impairments[passage.direction]):
             self._under_way.push(delivery, passage)
 

@@ -14,11 +14,6 @@ from functools import cached_property
 from statistics import NormalDist
 from typing import Final, Literal, NamedTuple
 
-import numpy as np
-
-from airlink.endpoint import VehicleId
-from airlink.random_streams import random_stream
-
 Distribution = Literal["normal", "uniform", "pareto", "trace"]
 
 _NORMAL = NormalDist()
@@ -127,8 +122,3 @@ class Direction(IntEnum):
     UPLINK = 0
     """Ground station to vehicle."""
     DOWNLINK = 1
-
-
-def link_stream(seed: int, vehicle: VehicleId, direction: Direction) -> np.random.SeedSequence:
-    """Return the random stream of one direction of one link, independent of all others."""
-    return random_stream(seed, "links", vehicle.network, vehicle.system, direction)

@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 
-def random_stream(seed: int, purpose: str, *key: int) -> np.random.SeedSequence:
-    """Return the origin of a stream, independent of the streams of every other purpose and key.
+def random_stream(seed: int, purpose: str, *key: int) -> np.random.Generator:
+    """Return a stream, independent of the streams of every other purpose and key.
 
     Args:
         seed: the run's seed.
         purpose: what the numbers are for, such as "links".
         *key: who they are for among those of one purpose, such as a vehicle's network and system id.
     """
-    return np.random.SeedSequence(seed, spawn_key=(int.from_bytes(purpose.encode(), "big"), *key))
+    origin = np.random.SeedSequence(seed, spawn_key=(int.from_bytes(purpose.encode(), "big"), *key))
+    return np.random.Generator(np.random.Philox(origin))

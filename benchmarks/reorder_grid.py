@@ -18,7 +18,7 @@ DURATION_S = 1000.0
 
 def mean_s(impairment: Impairment, rate_hz: float) -> float:
     """Return the realised mean delay of datagrams at even intervals, s."""
-    channel = Channel(np.random.SeedSequence(1))
+    channel = Channel(np.random.Generator(np.random.Philox(1)))
     for number in range(int(DURATION_S * rate_hz)):
         channel.pass_on(50, after(Instant(0), number / rate_hz), impairment)
     return channel.statistics.mean_delay_s

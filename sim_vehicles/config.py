@@ -7,13 +7,14 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from airlink.endpoint import Endpoint, VehicleId, parse_endpoint
+from airlink.random_streams import random_stream
 from formation_scenario import Scenario, Vehicle, start_states
 from formation_scenario.environment import DEFAULT_MODE, Disturbance, FaultKind
 from formation_scenario.fields import VehicleSelection
 from formation_scenario.navigation import InertialNavigation, InertialSensorKeys, NoisyNavigation, TrueNavigation
 from formation_scenario.vehicles import Family, VehicleModel, family_of
 from sim_vehicles.inertial.error_model import Aid, barometer, gnss
-from sim_vehicles.inertial.imu import InertialSensors, sensor_random
+from sim_vehicles.inertial.imu import InertialSensors
 
 EPOCH_2020_US = 1_577_836_800_000_000
 STANDARD_GRAVITY_MPS2: Final = 9.80665
@@ -168,7 +169,7 @@ def _sensors(vehicle: Vehicle, seed: int) -> NoisyNavigation | InertialConfig | 
 def inertial_sensors(keys: InertialNavigation, seed: int, vehicle: VehicleId) -> InertialSensors:
     """Return a vehicle's sensors in SI units; keys of the resolved scenario, none is missing."""
     given = _given(keys.sensors)
-    return given.drawn(sensor_random(seed, vehicle, "biases")) if keys.biases == "random" else given
+    return given.drawn(random_stream(seed, "biases", *vehicle)) if keys.biases == "random" else given
 
 
 def _given(keys: InertialSensorKeys) -> InertialSensors:

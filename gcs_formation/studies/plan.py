@@ -66,7 +66,7 @@ def drawn(study: Study, flight: int) -> Sample:
     if study.design not in {"grid", "one_at_a_time"}:
         return {}
     open_ones = {name: each for name, each in study.parameters.items() if levels_of(each) is None}
-    random = np.random.Generator(np.random.Philox(random_stream(study.seeds.first, "study", flight)))
+    random = random_stream(study.seeds.first, "study", flight)
     return {name: at(each, float(random.random())) for name, each in open_ones.items()}
 
 
@@ -92,7 +92,7 @@ def _one_at_a_time(study: Study) -> list[Sample]:
 
 def _shares(study: Study, dimensions: int) -> Array:
     """Return (samples, dimensions) points of the unit cube."""
-    count, random = study.samples, np.random.Generator(np.random.Philox(random_stream(study.seeds.first, "design")))
+    count, random = study.samples, random_stream(study.seeds.first, "design")
     if dimensions == 0:
         return np.zeros((count, 0))
     if study.design == "random":

@@ -103,7 +103,7 @@ def energy_flight(config: VehicleConfig, state: FlightState, seed: int) -> Energ
     keys = config.model.airframe
     if keys is None:
         return None
-    random = np.random.Generator(np.random.Philox(random_stream(seed, "airframe", *config.identity)))
+    random = random_stream(seed, "airframe", *config.identity)
     values = keys.parameters()
     for name in PHYSICAL:
         values[name] *= max(1.0 + keys.spread * float(random.standard_normal()), LEAST_SHARE)

@@ -94,7 +94,7 @@ class _Steady:
 class _Turbulent:
     """Gusts that depend on each vehicle's own flight through the air."""
 
-    def __init__(self, keys: DrydenTurbulence, hit: list[Body], streams: list[np.random.SeedSequence]) -> None:
+    def __init__(self, keys: DrydenTurbulence, hit: list[Body], streams: list[np.random.Generator]) -> None:
         self.keys, self._hit = keys, hit
         self._gusts = DrydenGusts(streams, keys)
 

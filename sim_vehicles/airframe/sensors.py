@@ -27,8 +27,7 @@ class Sensors:
 
     def __init__(self, errors: NoisyNavigation, vehicle: VehicleId, seed: int) -> None:
         """Draw from the vehicle's own random streams."""
-        streams = [random_stream(seed, "sensors", *vehicle, sensor) for sensor in range(len(SIZES))]
-        self._random = [np.random.Generator(np.random.Philox(stream)) for stream in streams]
+        self._random = [random_stream(seed, "sensors", *vehicle, sensor) for sensor in range(len(SIZES))]
         self._period_ns = round(NANOSECONDS / errors.rate_hz)
         heading_rad = math.radians(errors.heading_sigma_deg)
         each = errors.position_sigma_m, errors.velocity_sigma_mps, errors.airspeed_sigma_mps, heading_rad
@@ -38,7 +37,7 @@ class Sensors:
         self._block: Array = np.zeros((0, sum(SIZES)))
         self._number = 0
         self._error: Array = self._draw()
-        self._outliers = np.random.Generator(np.random.Philox(random_stream(seed, "outliers", *vehicle)))
+        self._outliers = random_stream(seed, "outliers", *vehicle)
         self._outlier_share, self._outlier_m = errors.outlier_share, errors.outlier_m
         self._off_m = 0.0, 0.0
 

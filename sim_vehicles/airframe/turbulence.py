@@ -65,10 +65,10 @@ class DrydenGusts:
     and height change. They start in the stationary state.
     """
 
-    def __init__(self, streams: Sequence[np.random.SeedSequence], keys: DrydenTurbulence) -> None:
+    def __init__(self, streams: Sequence[np.random.Generator], keys: DrydenTurbulence) -> None:
         """Draw the gusts of vehicle i from `streams[i]`, with the intensity of `keys`."""
         self._keys = keys
-        self._random = [np.random.Generator(np.random.Philox(stream)) for stream in streams]
+        self._random = streams
         self._drawn: Array = np.zeros((0, DRAWS_EACH, len(streams)))
         self._next = 0
         first = self._draw()

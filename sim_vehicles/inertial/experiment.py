@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from airlink.random_streams import random_stream
 from flight_model.arrays import Array
 from flight_model.earth import GeodeticOrigin, radii_m
 from formation_scenario import Scenario, Vehicle
@@ -27,7 +28,7 @@ from sim_vehicles.inertial.error_model import (
     dynamics,
     noise_density,
 )
-from sim_vehicles.inertial.imu import Increments, InertialSensors, NavigationState, Trajectory, measured, sensor_random
+from sim_vehicles.inertial.imu import Increments, InertialSensors, NavigationState, Trajectory, measured
 from sim_vehicles.inertial.rotation import displaced, misalignment
 from sim_vehicles.inertial.strapdown import Strapdown
 
@@ -214,7 +215,7 @@ def experiment(scenario: Scenario, vehicle: Vehicle) -> Experiment:
     assert isinstance(keys, InertialNavigation)
     origin = _origin(scenario)
     sensors = inertial_sensors(keys, scenario.seed, vehicle.vehicle_id)
-    random = sensor_random(scenario.seed, vehicle.vehicle_id)
+    random = random_stream(scenario.seed, "inertial", *vehicle.vehicle_id)
     path, speed_mps = scenario.leader_path, scenario.path.speed_mps
     duration_s = max(LEAST_S, min(scenario.duration_s, path.length_m / speed_mps))
     trajectory = Trajectory.along(path, speed_mps, origin, duration_s)

@@ -13,8 +13,6 @@ from typing import NamedTuple, Self, cast
 
 import numpy as np
 
-from airlink.endpoint import VehicleId
-from airlink.random_streams import random_stream
 from flight_model.arrays import Array
 from flight_model.earth import ECCENTRICITY_SQUARED, RATE_RADPS, GeodeticOrigin, gravity_mps2, radii_m
 from formation_scenario import SplinePath
@@ -219,8 +217,3 @@ def measured(ideal: Increments, sensors: InertialSensors, period_s: float, rando
         shape
     )
     return Increments(ideal.angle_rad + angle, ideal.velocity_mps + change)
-
-
-def sensor_random(seed: int, vehicle: VehicleId, purpose: str = "inertial") -> np.random.Generator:
-    """Return a vehicle's own stream of random numbers for a purpose."""
-    return np.random.Generator(np.random.Philox(random_stream(seed, purpose, *vehicle)))

@@ -14,6 +14,7 @@ import numpy as np
 from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, Instant
 from airlink.endpoint import VehicleId
+from airlink.random_streams import random_stream
 from flight_model.arrays import Array
 from flight_model.earth import GeodeticOrigin, gravity_mps2
 from sim_vehicles.airframe.motion import Estimate, InnovationRatios, Motion, with_drift
@@ -30,7 +31,6 @@ from sim_vehicles.inertial.error_model import (
     dynamics,
     noise_density,
 )
-from sim_vehicles.inertial.imu import sensor_random
 from sim_vehicles.inertial.rotation import attitude
 
 RATE_HZ: Final = 10
@@ -47,11 +47,11 @@ class InertialNavigator:
     ) -> None:
         """Begin at boot with a heading; `origin` is the origin of motions."""
         self._origin, self._aid = origin, keys.aid
-        self._random = sensor_random(seed, vehicle)
+        self._random = random_stream(seed, "inertial", *vehicle)
         self._density = noise_density(keys.sensors)
         covariance, self._errors = _start(keys, origin, heading_rad, self._random)
         self._filter = ErrorFilter(covariance)
-        self._pitot = sensor_random(seed, vehicle, "airspeed")
+        self._pitot = random_stream(seed, "airspeed", *vehicle)
         self._airspeed_mps, self._airspeed_error_mps = keys.airspeed_mps, 0.0
         self._received: Array | None = None
         self._ratios = InnovationRatios(0.0, 0.0, 0.0, 0.0)

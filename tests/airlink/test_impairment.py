@@ -11,14 +11,15 @@ from scipy.stats import kstest, truncnorm
 from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import VehicleId
 from airlink.impaired_link import Channel
-from airlink.impairment import STANDARD, UNIMPAIRED, Direction, Impairment, link_stream
+from airlink.impairment import STANDARD, UNIMPAIRED, Direction, Impairment
+from airlink.random_streams import random_stream
 
 MANY = 100_000
 VEHICLE = VehicleId(1, 2)
 
 
 def channel(seed=1, vehicle=VEHICLE, direction=Direction.DOWNLINK):
-    return Channel(link_stream(seed, vehicle, direction))
+    return Channel(random_stream(seed, "links", *vehicle, direction))
 
 
 def passed(impairment, count, period_s=1.0, size_bytes=50, through=None):

@@ -18,7 +18,8 @@ GIVEN = DrydenTurbulence(kind="dryden", at_s=0.0, sigma_mps=SIGMA_MPS, length_m=
 
 def flown(steps, airspeed_mps: npt.ArrayLike = AIRSPEED_MPS, count=VEHICLES):
     """Return gusts (steps, 3, count)."""
-    gusts = DrydenGusts(np.random.SeedSequence(1).spawn(count), GIVEN)
+    streams = [np.random.Generator(np.random.Philox(each)) for each in np.random.SeedSequence(1).spawn(count)]
+    gusts = DrydenGusts(streams, GIVEN)
     speed, height = np.broadcast_to(airspeed_mps, (steps,)), np.full(count, 100.0)
     return np.stack([gusts.advance(np.full(count, each), height, DT_S) for each in speed])
 

@@ -11,6 +11,7 @@ from scipy.stats import chi2
 from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, Instant
 from airlink.endpoint import VehicleId
+from airlink.random_streams import random_stream
 from flight_model.earth import GeodeticOrigin
 from formation_scenario import SplinePath
 from formation_scenario.navigation import InertialNavigation, InertialSensorKeys
@@ -19,7 +20,7 @@ from sim_vehicles.config import InertialConfig, inertial_sensors
 from sim_vehicles.inertial.alignment import limits
 from sim_vehicles.inertial.error_model import TILT, gnss
 from sim_vehicles.inertial.experiment import exact_start, navigate
-from sim_vehicles.inertial.imu import InertialSensors, Trajectory, sensor_random
+from sim_vehicles.inertial.imu import InertialSensors, Trajectory
 from sim_vehicles.inertial.navigator import InertialNavigator
 from sim_vehicles.inertial.rotation import attitude, displaced
 from tests.sim_vehicles.inertial.angles import angles
@@ -71,7 +72,7 @@ def test_random_biases_are_each_vehicle_s_own_and_the_filter_takes_them_for_what
     """Normalised errors squared of 20 navigators with GNSS, after 30 s: chi-square of 20 times 15."""
     aided, squares = gnss(1.0, 1.5, 3.0, 0.1), list[float]()
     for seed in range(20):
-        sensors = NOISY.drawn(sensor_random(seed, VehicleId(1, 1), "biases"))
+        sensors = NOISY.drawn(random_stream(seed, "biases", 1, 1))
         assert (sensors.accel_bias_sigma, sensors.gyro_bias_sigma) == (NOISY.accel_bias_sigma, NOISY.gyro_bias_sigma)
         navigator = InertialNavigator(InertialConfig(sensors, aided), ORIGIN, 0.0, VehicleId(1, 1), seed)
         for sample in range(305):
