@@ -27,19 +27,36 @@ USUAL = {"link": ("connected",), "member": ("flying in formation", "starting")}
 """Words that are worth telling only after others of the kind: a link is back, a vehicle is in the formation again."""
 
 
-class Narration:
-    """Tells events of weight, each in a line."""
+def words(event: Event) -> str:
+    """Return an event in words: `vehicle 3, link: lost`; phases by their name and what led to them."""
+    if event.kind == "phase":
+        return f"{event.text}: {event.details['cause']}" if "cause" in event.details else event.text
+    kind = event.kind.replace("_", " ")
+    return f"{kind}: {event.text}" if event.vehicle is None else f"vehicle {event.vehicle}, {kind}: {event.text}"
+
+
+class Progress:
+    """Shows where a flight stands, and a line for each of its events that has weight. This one shows nothing."""
 
     def __init__(self) -> None:
         """Begin with vehicles of which nothing unusual has been told."""
         self._unusual = set[tuple[str, VehicleId | None]]()
 
-    def line(self, event: Event, mission_s: float) -> str | None:
-        """Return an event's line, with the mission time in s (NaN before the path); None if it has no weight."""
-        if not self._has_weight(event):
-            return None
-        since = f"start + {event.now / NANOSECONDS:6.1f} s" if math.isnan(mission_s) else f"t     = {mission_s:6.1f} s"
-        return f"{since}  {words(event)}"
+    def show(self, station: Station) -> None:
+        """Show where the station stands; called a few times a second."""
+
+    def note(self, event: Event, mission_s: float) -> None:
+        """Say an event if it has weight; `mission_s` is NaN before the path has begun."""
+        if self._has_weight(event):
+            begun = not math.isnan(mission_s)
+            since = f"t     = {mission_s:6.1f} s" if begun else f"start + {event.now / NANOSECONDS:6.1f} s"
+            self.say(f"{since}  {words(event)}")
+
+    def say(self, line: str) -> None:
+        """Show a line that stays."""
+
+    def close(self) -> None:
+        """Show nothing more."""
 
     def _has_weight(self, event: Event) -> bool:
         if event.kind in QUIET or event.text in PASSING.get(event.kind, ()):
@@ -53,41 +70,19 @@ class Narration:
         return was_unusual
 
 
-def words(event: Event) -> str:
-    """Return an event in words: `vehicle 3, link: lost`; phases by their name and what led to them."""
-    if event.kind == "phase":
-        return f"{event.text}: {event.details['cause']}" if "cause" in event.details else event.text
-    kind = event.kind.replace("_", " ")
-    return f"{kind}: {event.text}" if event.vehicle is None else f"vehicle {event.vehicle}, {kind}: {event.text}"
-
-
-class Progress:
-    """Shows the progress of a flight: nothing of it, where no more is asked for."""
-
-    def show(self, station: Station) -> None:
-        """Show where the station stands; called a few times a second."""
-
-    def note(self, event: Event, mission_s: float) -> None:
-        """Show an event; `mission_s` is NaN before the path has begun."""
-
-    def close(self) -> None:
-        """Show nothing more."""
-
-
 class Lines(Progress):
     """A line for each phase and each event of weight; a log has no place that is rewritten."""
 
     def __init__(self, stream: TextIO) -> None:
         """Write to `stream`."""
-        self._stream, self._narration = stream, Narration()
+        super().__init__()
+        self._stream = stream
 
-    def note(self, event: Event, mission_s: float) -> None:
-        """Write a line, if the event is of weight."""
-        line = self._narration.line(event, mission_s)
-        if line is not None:
-            with suppress(OSError, ValueError):  # nobody reads on while the vehicles still fly
-                self._stream.write(f"{line}\n")
-                self._stream.flush()
+    def say(self, line: str) -> None:
+        """Write a line."""
+        with suppress(OSError, ValueError):  # nobody reads on while the vehicles still fly
+            self._stream.write(f"{line}\n")
+            self._stream.flush()
 
 
 class StatusLine(Progress):
@@ -99,10 +94,10 @@ class StatusLine(Progress):
         from rich.live import Live  # noqa: PLC0415
         from rich.text import Text  # noqa: PLC0415
 
+        super().__init__()
         self._text = partial(Text, no_wrap=True, overflow="crop")
         self._console = Console(file=stream, highlight=False)
         self._live = Live(console=self._console, transient=True, auto_refresh=False)
-        self._narration = Narration()
         self._live.start()
 
     def show(self, station: Station) -> None:
@@ -112,13 +107,11 @@ class StatusLine(Progress):
             text = result_text.line(progress_parts(station), self._console.width - 1)
             self._live.update(self._text(text), refresh=True)
 
-    def note(self, event: Event, mission_s: float) -> None:
-        """Write a line above the status line, if the event is of weight."""
-        line = self._narration.line(event, mission_s)
-        if line is not None:
-            with suppress(OSError):
-                for part in result_text.wrapped(line, self._console.width - 1):
-                    self._console.print(self._text(part))
+    def say(self, line: str) -> None:
+        """Write a line above the status line."""
+        with suppress(OSError):
+            for part in result_text.wrapped(line, self._console.width - 1):
+                self._console.print(self._text(part))
 
     def close(self) -> None:
         """Remove the status line."""

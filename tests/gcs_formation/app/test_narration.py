@@ -7,15 +7,22 @@ import pytest
 
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
-from gcs_formation.app.progress import Lines, Narration, Progress, progress_on
+from gcs_formation.app.progress import Lines, Progress, progress_on
 from gcs_formation.recorder import Event
 
 THREE = VehicleId(1, 3)
 
 
 def told(*events: Event, mission_s: float = math.nan) -> list[str | None]:
-    narration = Narration()
-    return [narration.line(event, mission_s) for event in events]
+    """Return the line that is said of each event, None where none is."""
+    stream = io.StringIO()
+    lines = Lines(stream)
+    said: list[str | None] = []
+    for event in events:
+        before = stream.tell()
+        lines.note(event, mission_s)
+        said.append(stream.getvalue()[before:].removesuffix("\n") or None)
+    return said
 
 
 def test_phases_are_told_with_their_cause_and_the_mission_time_once_there_is_one() -> None:
