@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -26,48 +26,29 @@ LawType = Literal["fuzzy_pid", "pid", "consensus"]
 OF_THE_SET = derived("of the set that law.gains names")
 
 
+def _of_the_set(description: str, example: float) -> Any:  # noqa: ANN401 - as pydantic types the defaults of fields
+    """Return the field of a key that the set of gains fills."""
+    return Field(description=description, json_schema_extra=OF_THE_SET, examples=[example])
+
+
 class Mixer(Keys):
     """Weights of the mixed errors (equation 13)."""
 
-    k_v: NonNegative = Field(
-        description="weight of the speed difference, m/s, in the mixed speed error",
-        json_schema_extra=OF_THE_SET,
-        examples=[0.5],
-    )
-    k_x: NonNegative = Field(
-        description="weight of the forward error, m, in the mixed speed error",
-        json_schema_extra=OF_THE_SET,
-        examples=[0.5],
-    )
-    k_psi: NonNegative = Field(
-        description="weight of the heading difference, rad, in the mixed heading error",
-        json_schema_extra=OF_THE_SET,
-        examples=[0.2],
-    )
-    k_y: NonNegative = Field(
-        description="weight of the lateral error, m, in the mixed heading error",
-        json_schema_extra=OF_THE_SET,
-        examples=[0.02],
-    )
-    k_z: NonNegative = Field(
-        description="weight of the height error, m, in the mixed height error",
-        json_schema_extra=OF_THE_SET,
-        examples=[0.8],
-    )
+    k_v: NonNegative = _of_the_set("weight of the speed difference, m/s, in the mixed speed error", 0.5)
+    k_x: NonNegative = _of_the_set("weight of the forward error, m, in the mixed speed error", 0.5)
+    k_psi: NonNegative = _of_the_set("weight of the heading difference, rad, in the mixed heading error", 0.2)
+    k_y: NonNegative = _of_the_set("weight of the lateral error, m, in the mixed heading error", 0.02)
+    k_z: NonNegative = _of_the_set("weight of the height error, m, in the mixed height error", 0.8)
 
 
 class PidGains(Keys):
     """Nominal gains of one channel and the ranges of the fuzzy scheduler's inputs."""
 
-    kp: NonNegative = Field(description="proportional gain", json_schema_extra=OF_THE_SET, examples=[1.5])
-    ki: NonNegative = Field(description="integral gain, 1/s", json_schema_extra=OF_THE_SET, examples=[0.2])
-    kd: NonNegative = Field(description="derivative gain, s", json_schema_extra=OF_THE_SET, examples=[1])
-    error_scale: Positive = Field(
-        description="mixed error that counts as 1", json_schema_extra=OF_THE_SET, examples=[2]
-    )
-    rate_scale: Positive = Field(
-        description="rate of the mixed error that counts as 1, 1/s", json_schema_extra=OF_THE_SET, examples=[2]
-    )
+    kp: NonNegative = _of_the_set("proportional gain", 1.5)
+    ki: NonNegative = _of_the_set("integral gain, 1/s", 0.2)
+    kd: NonNegative = _of_the_set("derivative gain, s", 1)
+    error_scale: Positive = _of_the_set("mixed error that counts as 1", 2)
+    rate_scale: Positive = _of_the_set("rate of the mixed error that counts as 1, 1/s", 2)
 
 
 class Fuzzy(Keys):
@@ -125,19 +106,15 @@ class Law(Keys):
         "links, has less, ms; where longer ones are measured, they are designed anew",
         examples=[300],
     )
-    derivative_filter_s: NonNegative = Field(
-        description="time constant of the derivative's filter, s", json_schema_extra=OF_THE_SET, examples=[0.5]
-    )
+    derivative_filter_s: NonNegative = _of_the_set("time constant of the derivative's filter, s", 0.5)
     anti_windup_s: Positive = Field(default=1.0, description="time constant of the back-calculation, s", examples=[20])
     max_age_s: Positive = Field(
         default=5.0,
         description="oldest telemetry that is predicted from, s; beyond, the vehicle is told to loiter",
         examples=[3],
     )
-    disturbance_observer_radps: NonNegative = Field(
-        description="bandwidth of the disturbance observer, rad/s; 0 switches it off",
-        json_schema_extra=OF_THE_SET,
-        examples=[0.5],
+    disturbance_observer_radps: NonNegative = _of_the_set(
+        "bandwidth of the disturbance observer, rad/s; 0 switches it off", 0.5
     )
     mixer: Mixer = Field(description="weights of the mixed errors", json_schema_extra=OF_THE_SET)
     speed: PidGains = Field(description="forward channel", json_schema_extra=OF_THE_SET)
