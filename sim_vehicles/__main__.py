@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-from airlink.cli.commands import calculate_in_one_thread, look_seldom
-from airlink.cli.exit_status import end_quietly
+from airlink.cli.commands import start
 
 
 def main() -> None:
     """Run the command line."""
-    end_quietly()
-    look_seldom()
-    calculate_in_one_thread()
-    from sim_vehicles.cli import main as cli  # noqa: PLC0415 - Ctrl-C ends its import too
-
-    cli()
+    start("sim_vehicles.cli")
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import click
 
 from airlink import clock
+from airlink.cli.exit_status import end_quietly
 
 OBJECTS = 100_000
 """Made before the next look for garbage, instead of 700: start-up, and a flight of a hundred, are a tenth quicker."""
@@ -23,6 +24,14 @@ COMPILED = not str(clock.__file__).endswith(".py")
 """Whether this installation has its modules of plain numbers compiled."""
 VERSION = f"%(prog)s, version %(version)s, {'compiled' if COMPILED else 'not compiled: flights take longer'}"
 """What `--version` prints."""
+
+
+def start(module: str) -> None:
+    """Run the function `main` of a module, imported only now, so that Ctrl-C ends its import quietly too."""
+    end_quietly()
+    look_seldom()
+    calculate_in_one_thread()
+    import_module(module).main()
 
 
 def calculate_in_one_thread() -> None:
