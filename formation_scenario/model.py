@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from functools import cached_property
-from math import hypot
+from math import hypot, radians
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
 from flight_model.displacement import Bounds
+from flight_model.earth import GeodeticOrigin
 from flight_model.path import SplinePath
 from formation_scenario.environment import Disturbance, Fault, Fence, Terrain
 from formation_scenario.expectation import Expectation
@@ -56,6 +57,11 @@ class Origin(Keys):
     alt_m: Annotated[Number, Field(ge=-500.0, le=9000.0)] = Field(
         default=0.0, description="height above sea level, m", examples=[488]
     )
+
+    @property
+    def geodetic(self) -> GeodeticOrigin:
+        """The same in radians, which turns places on the Earth into metres."""
+        return GeodeticOrigin(radians(self.lat_deg), radians(self.lon_deg), self.alt_m)
 
 
 class Start(Keys):
@@ -250,8 +256,7 @@ class Scenario(Keys):
         Raises:
             ElevationError: the elevation file can't be read.
         """
-        origin = self.origin.lat_deg, self.origin.lon_deg, self.origin.alt_m
-        return ground_of(self.terrain, origin, np.array(self.path.waypoints_m))
+        return ground_of(self.terrain, self.origin.geodetic, np.array(self.path.waypoints_m))
 
     @cached_property
     def leader_path(self) -> SplinePath:

@@ -69,13 +69,12 @@ class ElevationGrid(NamedTuple):
         return tuple(np.where(inside, corner, np.nan) for corner in corners), down - row, right - column
 
 
-def read_elevation(file: str, lat_deg: float, lon_deg: float, alt_m: float, around_m: Array) -> ElevationGrid:
+def read_elevation(path: Path, origin: GeodeticOrigin, around_m: Array) -> ElevationGrid:
     """Return the ground of a file up to `MARGIN_M` around points (n, 2), m north and east.
 
     Raises:
         ElevationError: the file can't be read or isn't georeferenced, or rasterio isn't installed.
     """
-    path, origin = Path(file), GeodeticOrigin(radians(lat_deg), radians(lon_deg), alt_m)
     if path.suffix.lower() == ".hgt":
         return _read_hgt(path, origin)
     corners = np.array([around_m.min(axis=0) - MARGIN_M, around_m.max(axis=0) + MARGIN_M])
@@ -165,10 +164,8 @@ class Hills:
         return self._base_m + share @ self._height_m
 
 
-def ground_of(terrain: Terrain | None, origin: tuple[float, float, float], waypoints_m: Array) -> Ground:
+def ground_of(terrain: Terrain | None, origin: GeodeticOrigin, waypoints_m: Array) -> Ground:
     """Return the ground around waypoints (n, 3); without terrain, a plain at the origin's height.
-
-    `origin` is latitude and longitude in degrees, and height above sea level in m.
 
     Raises:
         ElevationError: the elevation file can't be read.
@@ -177,7 +174,7 @@ def ground_of(terrain: Terrain | None, origin: tuple[float, float, float], waypo
         return Hills(0.0, ())
     if terrain.file is None:
         return Hills(terrain.base_m, terrain.hills)
-    return read_elevation(terrain.file, *origin, waypoints_m[:, :2])
+    return read_elevation(Path(terrain.file), origin, waypoints_m[:, :2])
 
 
 class LiftedPath(SplinePath):

@@ -8,6 +8,7 @@ from typing import Final
 
 from airlink.endpoint import Endpoint, VehicleId, parse_endpoint
 from airlink.random_streams import random_stream
+from flight_model.earth import GeodeticOrigin
 from formation_scenario import Scenario, Vehicle, start_states
 from formation_scenario.environment import DEFAULT_MODE, Disturbance, FaultKind
 from formation_scenario.fields import VehicleSelection
@@ -82,9 +83,7 @@ class Fault:
 class FleetConfig:
     """Vehicles and the air that they fly in."""
 
-    origin_lat_rad: float
-    origin_lon_rad: float
-    origin_alt_m: float
+    origin: GeodeticOrigin
     vehicles: tuple[VehicleConfig, ...]
     cruise_mps: float = 22.0
     wind_mps: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -131,11 +130,8 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
         )
         for i, vehicle in enumerate(scenario.vehicles)
     )
-    origin = scenario.origin
     return FleetConfig(
-        origin_lat_rad=math.radians(origin.lat_deg),
-        origin_lon_rad=math.radians(origin.lon_deg),
-        origin_alt_m=origin.alt_m,
+        origin=scenario.origin.geodetic,
         vehicles=vehicles,
         cruise_mps=scenario.path.speed_mps,
         wind_mps=scenario.wind.velocity_mps,

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from airlink.clock import Instant, after
 from airlink.endpoint import Endpoint
 from airlink.engine import Datagram, Engine
-from flight_model.earth import GeodeticOrigin
 from formation_scenario.vehicles import Family, spoken
 from sim_vehicles.airframe.body import Body
 from sim_vehicles.airframe.environment import Environment
@@ -38,7 +37,7 @@ class Fleet(Engine):
     def __init__(self, config: FleetConfig, now: Instant = Instant(0), truth: TruthListener | None = None) -> None:
         """Boot every vehicle at `now`; `truth` is called after each cycle."""
         self.config = config
-        self.origin = GeodeticOrigin(config.origin_lat_rad, config.origin_lon_rad, config.origin_alt_m)
+        self.origin = config.origin
         self.bodies = [
             (HoveringBody if vehicle.model.hovers else Body)(vehicle, config.wind_mps, config.seed)
             for vehicle in config.vehicles

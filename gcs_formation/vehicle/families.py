@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 from airlink.endpoint import Endpoint, VehicleId, parse_endpoint
-from flight_model.earth import GeodeticOrigin
 from formation_scenario import Scenario
 from formation_scenario import Vehicle as PlannedVehicle
 from formation_scenario.slot_assignment import columns
@@ -29,7 +27,7 @@ FAMILIES: dict[Family, type[Autopilot]] = {
 def autopilot_for(vehicle: PlannedVehicle, scenario: Scenario) -> Autopilot:
     """Return the family's class for a vehicle of the scenario."""
     model = vehicle.model
-    autopilot = FAMILIES[family_of(vehicle)](vehicle.id, origin_of(scenario), model.turn_rate_max_rps)
+    autopilot = FAMILIES[family_of(vehicle)](vehicle.id, scenario.origin.geodetic, model.turn_rate_max_rps)
     share, rest_s, period_s = model.prompt_share, model.rest_s, 1.0 / scenario.law.rate_hz
     if share < 1.0 and isinstance(autopilot, ArduCopter | Px4Copter):
         autopilot.velocity_lead = VelocityLead(share, rest_s, model.speed_max_mps, period_s)
@@ -59,14 +57,8 @@ def planned(scenario: Scenario) -> Planned:
     return Planned(endpoints, tuple(networks[text] for text in texts), vehicles)
 
 
-def origin_of(scenario: Scenario) -> GeodeticOrigin:
-    """Return the point that the scenario's places are counted from."""
-    keys = scenario.origin
-    return GeodeticOrigin(math.radians(keys.lat_deg), math.radians(keys.lon_deg), keys.alt_m)
-
-
 def _vehicle(planned: PlannedVehicle, socket: int, endpoints: tuple[Endpoint, ...], scenario: Scenario) -> Vehicle:
-    endpoint, origin, telemetry = endpoints[socket], origin_of(scenario), scenario.telemetry
+    endpoint, origin, telemetry = endpoints[socket], scenario.origin.geodetic, scenario.telemetry
     connection = Connection(socket, endpoint.address if endpoint.kind == "udpout" else None)
     autopilot = autopilot_for(planned, scenario)
     return Vehicle(planned.vehicle_id, autopilot, connection, origin, telemetry.rate_hz, by_utc=telemetry.by_utc)

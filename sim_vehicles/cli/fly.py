@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import signal
 import sys
@@ -29,7 +28,6 @@ from sim_vehicles.fleet import Fleet
 from sim_vehicles.truth import TruthWriter
 
 APART_M = 20.0
-ORIGIN = Origin()
 
 
 def run(
@@ -145,7 +143,7 @@ def _plain(count: int, base_port: int, *, one_port: bool) -> FleetConfig:
         )
         for i in range(count)
     )
-    return FleetConfig(math.radians(ORIGIN.lat_deg), math.radians(ORIGIN.lon_deg), ORIGIN.alt_m, vehicles)
+    return FleetConfig(Origin().geodetic, vehicles)
 
 
 def _line(vehicle: VehicleConfig) -> str:

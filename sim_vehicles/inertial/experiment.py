@@ -11,7 +11,7 @@ import numpy as np
 
 from airlink.random_streams import random_stream
 from flight_model.arrays import Array
-from flight_model.earth import GeodeticOrigin, radii_m
+from flight_model.earth import radii_m
 from formation_scenario import Scenario, Vehicle
 from formation_scenario.navigation import InertialNavigation
 from sim_vehicles.config import aid, inertial_sensors
@@ -213,7 +213,7 @@ def experiment(scenario: Scenario, vehicle: Vehicle) -> Experiment:
     """
     keys = vehicle.navigation
     assert isinstance(keys, InertialNavigation)
-    origin = _origin(scenario)
+    origin = scenario.origin.geodetic
     sensors = inertial_sensors(keys, scenario.seed, vehicle.vehicle_id)
     random = random_stream(scenario.seed, "inertial", *vehicle.vehicle_id)
     path, speed_mps = scenario.leader_path, scenario.path.speed_mps
@@ -255,11 +255,6 @@ def summary(done: Experiment) -> dict[str, Any]:
             "sigma_m": dict(zip(AXES, flight.sigmas[-1, :3].tolist(), strict=True)),
         },
     }
-
-
-def _origin(scenario: Scenario) -> GeodeticOrigin:
-    origin = scenario.origin
-    return GeodeticOrigin(math.radians(origin.lat_deg), math.radians(origin.lon_deg), origin.alt_m)
 
 
 def _angles(rad: Array) -> dict[str, float]:

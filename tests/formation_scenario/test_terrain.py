@@ -59,7 +59,7 @@ def test_an_hgt_tile_is_placed_by_its_name_and_its_voids_are_unknown(tmp_path):
     values = np.round(plane(36.0, 125.0, 0.01, 101, 101)).astype(">i2")
     values[50, 51] = -32768
     values.tofile(tmp_path / "N35E125.hgt")
-    ground = read_elevation(str(tmp_path / "N35E125.hgt"), 35.5, 125.5, 20.0, NEAR)
+    ground = read_elevation(tmp_path / "N35E125.hgt", ORIGIN, NEAR)
     assert height(ground, 0.0, -1.0) == pytest.approx(80.0, abs=0.1)
     east_of_it = ORIGIN.to_ned(math.radians(35.5), math.radians(125.52), 0.0)[1]
     assert height(ground, 0.0, east_of_it) == pytest.approx(90.0, abs=0.1)
@@ -70,7 +70,7 @@ def test_an_hgt_tile_is_placed_by_its_name_and_its_voids_are_unknown(tmp_path):
 def test_a_tile_without_a_place_or_that_is_no_square_is_refused(tmp_path, name, count, said):
     np.zeros(count, dtype=">i2").tofile(tmp_path / name)
     with pytest.raises(ElevationError, match=said):
-        read_elevation(str(tmp_path / name), 35.5, 125.5, 0.0, NEAR)
+        read_elevation(tmp_path / name, ORIGIN, NEAR)
 
 
 def write_geotiff(path, values, crs, transform) -> None:
@@ -87,7 +87,7 @@ def test_a_geotiff_has_its_values_amid_the_pixels(tmp_path):
     values[95, 120] = -9999.0
     corner = affine.Affine(0.001, 0.0, 125.4 - 0.0005, 0.0, -0.001, 35.6 + 0.0005)
     write_geotiff(tmp_path / "a.tif", values, "EPSG:4326", corner)
-    ground = read_elevation(str(tmp_path / "a.tif"), 35.5, 125.5, 20.0, NEAR)
+    ground = read_elevation(tmp_path / "a.tif", ORIGIN, NEAR)
     assert height(ground, 0.0, 0.0) == pytest.approx(80.0, abs=1e-3)
     lat, lon, _ = ORIGIN.from_ned(3456.0, -321.0, 0.0)
     expected = 80.0 + 1000.0 * (math.degrees(lat) - 35.5) + 500.0 * (math.degrees(lon) - 125.5)
@@ -103,7 +103,7 @@ def test_a_geotiff_in_another_projection_is_warped(tmp_path):
     values = 100.0 + 0.1 * np.arange(400)[None, :] * 10.0 + np.zeros((400, 1))
     corner = affine.Affine(10.0, 0.0, east - 2005.0, 0.0, -10.0, north + 2005.0)
     write_geotiff(tmp_path / "utm.tif", values, "EPSG:32651", corner)
-    ground = read_elevation(str(tmp_path / "utm.tif"), 35.5, 125.5, 20.0, NEAR)
+    ground = read_elevation(tmp_path / "utm.tif", ORIGIN, NEAR)
     for place in (0.0, 1000.0):
         lat, lon, _ = ORIGIN.from_ned(300.0, place, 0.0)
         (column,), _ = warp.transform("EPSG:4326", "EPSG:32651", [math.degrees(lon)], [math.degrees(lat)])
@@ -118,4 +118,4 @@ def test_many_places_on_the_earth_are_those_of_one_by_one():
 
 def test_a_tile_that_is_not_there_is_missed_before_its_name_is_judged(tmp_path):
     with pytest.raises(ElevationError, match="No such file"):
-        read_elevation(str(tmp_path / "tile.hgt"), 35.5, 125.5, 0.0, NEAR)
+        read_elevation(tmp_path / "tile.hgt", ORIGIN, NEAR)

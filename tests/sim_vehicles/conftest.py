@@ -7,6 +7,7 @@ import pytest
 
 from airlink.endpoint import Address, VehicleId, parse_endpoint
 from airlink.engine import Datagram
+from flight_model.earth import GeodeticOrigin
 from sim_vehicles.config import FleetConfig, Start, VehicleConfig
 from sim_vehicles.fleet import Fleet
 
@@ -117,8 +118,8 @@ def fleet_config(count=1, *, in_air=True, endpoint="udpout:127.0.0.1:14550", apa
         )
         for i in range(count)
     )
-    alt_m = changes.pop("origin_alt_m", 0.0)
-    return FleetConfig(math.radians(35), math.radians(125), alt_m, vehicles, **changes)
+    origin = GeodeticOrigin(math.radians(35), math.radians(125), changes.pop("origin_alt_m", 0.0))
+    return FleetConfig(origin, vehicles, **changes)
 
 
 @pytest.fixture(scope="session")

@@ -43,9 +43,9 @@ def test_models_clocks_and_the_origin_come_over(config):
     assert (leader.model.tau_v_s, follower.model.tau_v_s) == (4.0, 5.0)
     assert (leader.clock_offset_s, leader.clock_drift) == (2.5, pytest.approx(0.015))
     assert (follower.clock_offset_s, follower.clock_drift) == (0.0, 0.0)
-    assert math.degrees(config.origin_lat_rad) == pytest.approx(47.5)
-    assert math.degrees(config.origin_lon_rad) == pytest.approx(8.5)
-    assert (config.origin_alt_m, config.cruise_mps, config.wind_mps) == (400.0, 21.0, (1.0, 2.0, 0.0))
+    assert math.degrees(config.origin.lat_rad) == pytest.approx(47.5)
+    assert math.degrees(config.origin.lon_rad) == pytest.approx(8.5)
+    assert (config.origin.alt_m, config.cruise_mps, config.wind_mps) == (400.0, 21.0, (1.0, 2.0, 0.0))
 
 
 def test_a_vehicles_sensors_are_its_true_ones_where_those_differ_from_what_the_station_believes():

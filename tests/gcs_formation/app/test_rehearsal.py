@@ -12,7 +12,7 @@ import pytest
 
 from formation_scenario import load_scenario
 from gcs_formation.app.fly import rehearsal_text, rehearsed
-from gcs_formation.vehicle.families import origin_of, planned
+from gcs_formation.vehicle.families import planned
 
 PX4 = Path(__file__).parents[3] / "configs" / "px4.yaml"
 
@@ -30,5 +30,5 @@ def test_places_keep_all_their_digits_and_what_is_left_to_the_vehicle_is_unset()
     )
     values = dict(part.split() for part in told.split(": ")[-1].split(", "))
     lat_rad, lon_rad = (math.radians(int(values[name]) / 1e7) for name in ("x", "y"))
-    north_m, east_m, _ = origin_of(scenario).to_ned(lat_rad, lon_rad, 0.0)
+    north_m, east_m, _ = scenario.origin.geodetic.to_ned(lat_rad, lon_rad, 0.0)
     assert math.hypot(north_m - 1400.0, east_m) == pytest.approx(400.0, abs=0.05)
