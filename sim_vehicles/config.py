@@ -10,7 +10,7 @@ from airlink.endpoint import Endpoint, VehicleId, parse_endpoint
 from airlink.random_streams import random_stream
 from flight_model.earth import GeodeticOrigin
 from formation_scenario import Scenario, Vehicle, start_states
-from formation_scenario.environment import DEFAULT_MODE, Disturbance, FaultKind
+from formation_scenario.environment import Disturbance, Fault
 from formation_scenario.fields import VehicleSelection
 from formation_scenario.navigation import InertialNavigation, InertialSensorKeys, NoisyNavigation, TrueNavigation
 from formation_scenario.vehicles import Family, VehicleModel, family_of
@@ -67,19 +67,6 @@ class VehicleConfig:
 
 
 @dataclass(frozen=True)
-class Fault:
-    """Something that happens to some vehicles at a mission time."""
-
-    at_s: float
-    vehicles: frozenset[VehicleId]
-    kind: FaultKind
-    ends: bool = False
-    """Whether the fault ends at `at_s`; it begins then otherwise."""
-    mode: str = DEFAULT_MODE
-    """kind `pilot`: the mode that the pilot switches to."""
-
-
-@dataclass(frozen=True)
 class FleetConfig:
     """Vehicles and the air that they fly in."""
 
@@ -89,7 +76,8 @@ class FleetConfig:
     wind_mps: tuple[float, float, float] = (0.0, 0.0, 0.0)
     disturbances: tuple[tuple[Disturbance, frozenset[VehicleId]], ...] = ()
     """Each with the vehicles that it hits."""
-    faults: tuple[Fault, ...] = ()
+    faults: tuple[tuple[Fault, frozenset[VehicleId]], ...] = ()
+    """Likewise."""
     utc_at_0_us: int = EPOCH_2020_US
     """UTC at instant 0, microseconds since 1970."""
     seed: int = 1
@@ -136,11 +124,7 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
         cruise_mps=scenario.path.speed_mps,
         wind_mps=scenario.wind.velocity_mps,
         disturbances=tuple((each, _selected(scenario, each.vehicles)) for each in scenario.disturbances),
-        faults=tuple(
-            Fault(at_s, _selected(scenario, each.vehicles), each.kind, ends, each.mode or DEFAULT_MODE)
-            for each in scenario.faults
-            for at_s, ends in each.moments()
-        ),
+        faults=tuple((each, _selected(scenario, each.vehicles)) for each in scenario.faults),
         seed=scenario.seed,
     )
 

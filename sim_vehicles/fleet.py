@@ -79,10 +79,10 @@ class Fleet(Engine):
             self._next_turn = after(self._next_turn, LOOP_S)
 
     def _turn(self, now: Instant) -> None:
-        for fault in self.environment.advance(now):
+        for _at_s, ends, fault, hit in self.environment.advance(now):
             for vehicle in self.vehicles:
-                if vehicle.config.identity in fault.vehicles:
-                    vehicle.inject(fault, now)
+                if vehicle.config.identity in hit:
+                    vehicle.inject(fault, now, ends=ends)
         for body in self.bodies:
             body.fly()
         for vehicle in self.vehicles:

@@ -15,6 +15,7 @@ from airlink.messages import MISSION_TIME, Message
 from airlink.messages.command import CommandAck, CommandInt, CommandLong, RequestDataStream, SetMode
 from airlink.messages.mission import MissionAck, MissionItem, MissionItemInt
 from airlink.messages.system import Heartbeat, NamedValueFloat, Statustext, Timesync
+from formation_scenario.environment import DEFAULT_MODE, Fault
 from sim_vehicles.airframe.motion import Estimate, Motion, Steering
 from sim_vehicles.airframe.sensors import sensors_of
 from sim_vehicles.autopilot import commands
@@ -24,7 +25,7 @@ from sim_vehicles.autopilot.modes import FailsafeKeys, FlightMode, GroundStation
 from sim_vehicles.autopilot.parameters import ParameterServer, Storage
 from sim_vehicles.autopilot.pilot import Pilot
 from sim_vehicles.autopilot.telemetry import BUILDERS, Builders, Streams
-from sim_vehicles.config import Fault, VehicleConfig
+from sim_vehicles.config import VehicleConfig
 from sim_vehicles.link import Link
 
 if TYPE_CHECKING:
@@ -153,23 +154,23 @@ class Vehicle(ABC):
         self._tell()
         self._plan()
 
-    def inject(self, fault: Fault, now: Instant) -> None:
+    def inject(self, fault: Fault, now: Instant, *, ends: bool) -> None:
         """Begin or end a fault."""
         self.wake = self.now = now
         match fault.kind:
             case "crash":
                 self._crash(Request.CRASH)
             case "freeze":
-                self._frozen = not fault.ends
+                self._frozen = not ends
                 self.streams.leave_out(now)
             case "ignore":
-                self.ignores = not fault.ends
+                self.ignores = not ends
             case "restart":
                 if self.pilot.request(Request.RESTART):
                     self._boot(now, 0.0)
             case "pilot":
                 if not self._frozen:
-                    self.switch(self.guided_mode if fault.ends else self.mode_named(fault.mode))
+                    self.switch(self.guided_mode if ends else self.mode_named(fault.mode or DEFAULT_MODE))
             case _:
                 assert_never(fault.kind)
 

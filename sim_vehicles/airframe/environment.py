@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from operator import itemgetter
 
 import numpy as np
 
 from airlink.clock import Instant, after, seconds_between
+from airlink.endpoint import VehicleId
 from airlink.random_streams import random_stream
 from formation_scenario.environment import (
     DrydenTurbulence,
+    Fault,
     RampDisturbance,
     SineDisturbance,
     StepDisturbance,
@@ -18,7 +21,10 @@ from formation_scenario.environment import (
 from sim_vehicles.airframe.body import Body
 from sim_vehicles.airframe.turbulence import DrydenGusts
 from sim_vehicles.autopilot.clock import LOOP_S
-from sim_vehicles.config import Fault, FleetConfig
+from sim_vehicles.config import FleetConfig
+
+Due = tuple[float, bool, Fault, frozenset[VehicleId]]
+"""The mission time at which a fault begins or ends, s; whether it ends then; the fault; who has it."""
 
 
 class Environment:
@@ -33,7 +39,8 @@ class Environment:
         self._bodies = bodies
         self._wind_mps = config.wind_mps
         self._disturbances = [_acting(config, index, bodies) for index in range(len(config.disturbances))]
-        self._faults = sorted(config.faults, key=lambda each: each.at_s)
+        due = [(at_s, ends, fault, hit) for fault, hit in config.faults for at_s, ends in fault.moments()]
+        self._faults: list[Due] = sorted(due, key=itemgetter(0))
         self._acting: list[tuple[_Steady | _Turbulent, float]] = []
         """What acts now, with the share of it."""
 
@@ -42,15 +49,15 @@ class Environment:
         if self.mission_zero is None and mission_time_s >= 0:
             self.mission_zero = after(now, -mission_time_s)
 
-    def advance(self, now: Instant) -> list[Fault]:
+    def advance(self, now: Instant) -> list[Due]:
         """Let the air carry the vehicles as it does at `now`; return the faults that have become due."""
         if self.mission_zero is None or not (self._disturbances or self._faults):
             return []
         mission_s = seconds_between(self.mission_zero, now)
         if self._disturbances:
             self._disturb(mission_s)
-        struck: list[Fault] = []
-        while self._faults and self._faults[0].at_s <= mission_s:
+        struck: list[Due] = []
+        while self._faults and self._faults[0][0] <= mission_s:
             struck.append(self._faults.pop(0))
         return struck
 

@@ -12,11 +12,12 @@ from airlink.clock import NANOSECONDS, Instant, VirtualClock, after
 from airlink.endpoint import Endpoint, VehicleId
 from airlink.engine import Datagram, Engine, MemoryNetwork
 from formation_scenario import Scenario, load_scenario
+from formation_scenario.environment import Fault, FaultKind
 from gcs_formation.app.injection import impair
 from gcs_formation.mission.starting import CARELESS, Caution
 from gcs_formation.recorder import Event, Tick
 from gcs_formation.station import Station
-from sim_vehicles.config import Fault, FaultKind, fleet_config
+from sim_vehicles.config import fleet_config
 from sim_vehicles.fleet import Fleet
 from tests.flights.conftest import scenario
 
@@ -179,9 +180,9 @@ class World:
         """Return an emulated vehicle."""
         return self.fleet.vehicles[number - 1]
 
-    def inject(self, number: int, kind: FaultKind, **keys: Any) -> None:
-        """Let a fault happen now."""
-        self.vehicle(number).inject(Fault(0.0, frozenset(), kind, **keys), self.clock.now())
+    def inject(self, number: int, kind: FaultKind, *, ends: bool = False, **keys: Any) -> None:
+        """Let a fault begin or end now."""
+        self.vehicle(number).inject(Fault(at_s=0.0, kind=kind, **keys), self.clock.now(), ends=ends)
 
     def times_s(self, kind: str, number: int | None = None, text: str = "") -> list[float]:
         """Return when events of a kind happened, to a vehicle, with words in them."""

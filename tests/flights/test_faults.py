@@ -16,6 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from formation_scenario import load_scenario
+from formation_scenario.environment import FaultKind
 from gcs_formation.app.operator import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.run import run
@@ -26,7 +27,6 @@ from gcs_formation.record.run_directory import RunDirectory
 from gcs_formation.record.timeseries import read_parquet
 from gcs_formation.recorder import Event
 from sim_vehicles.autopilot.modes import Condition, Mode
-from sim_vehicles.config import FaultKind
 from tests.flights.conftest import Fly, scenario
 from tests.flights.in_memory import HeldUp, World
 

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from airlink.endpoint import VehicleId
-from formation_scenario.environment import DrydenTurbulence, RampDisturbance, SineDisturbance, StepDisturbance
-from sim_vehicles.config import Fault
+from formation_scenario.environment import DrydenTurbulence, Fault, RampDisturbance, SineDisturbance, StepDisturbance
 
 FIRST, SECOND = VehicleId(1, 1), VehicleId(1, 2)
 HEADING, GUIDED = 43002, 15
@@ -137,7 +136,7 @@ def test_a_disturbance_shows_in_the_told_velocity_and_carries_the_vehicle(make_a
 
 
 def test_a_crashed_vehicle_falls_silent_to_the_ground_and_the_others_fly_on(make_air):
-    air = make_air(2, faults=(Fault(5.0, frozenset({FIRST}), "crash"),))
+    air = make_air(2, faults=((Fault(at_s=5.0, kind="crash"), frozenset({FIRST})),))
     air.tell_mission_time(0.0)
     air.run(6.0)
     assert heard_from(air, 1, 5.0) == []
@@ -147,7 +146,7 @@ def test_a_crashed_vehicle_falls_silent_to_the_ground_and_the_others_fly_on(make
 
 
 def test_a_frozen_vehicle_is_deaf_and_dumb_and_flies_on_as_it_was_told(make_air):
-    air = make_air(2, faults=(Fault(60.0, frozenset({FIRST}), "freeze"),))
+    air = make_air(2, faults=((Fault(at_s=60.0, kind="freeze"), frozenset({FIRST})),))
     air.run(3.0)
     air.set_mode(GUIDED)
     air.command_int(HEADING, 1, 90.0, 10.0)
@@ -160,7 +159,7 @@ def test_a_frozen_vehicle_is_deaf_and_dumb_and_flies_on_as_it_was_told(make_air)
 
 
 def test_a_restarted_vehicle_boots_in_the_air_and_has_forgotten_its_setpoints(make_air):
-    air = make_air(1, faults=(Fault(60.0, frozenset({FIRST}), "restart"),))
+    air = make_air(1, faults=((Fault(at_s=60.0, kind="restart"), frozenset({FIRST})),))
     air.run(3.0)
     air.set_mode(GUIDED)
     air.command_int(HEADING, 1, 90.0, 10.0)

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from airlink.endpoint import VehicleId
-from sim_vehicles.config import Fault
+from formation_scenario.environment import Fault, PilotsMode
 
 WHO = frozenset({VehicleId(1, 1)})
 HEADING, INTERVAL, ATTITUDE = 43002, 511, 30
@@ -17,8 +17,8 @@ AT_S, END_S = 60.0, 80.0
 def struck(make_air):
     """Return a vehicle in GUIDED on which a fault has just struck; it ends 20 s later."""
 
-    def made(kind, mode="LOITER"):
-        air = make_air(1, faults=(Fault(AT_S, WHO, kind, mode=mode), Fault(END_S, WHO, kind, ends=True)))
+    def made(kind, mode: PilotsMode = "LOITER"):
+        air = make_air(1, faults=((Fault(at_s=AT_S, until_s=END_S, kind=kind, mode=mode), WHO),))
         air.run(3.0)
         air.set_mode(GUIDED)
         air.tell_mission_time(AT_S)

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from airlink.endpoint import VehicleId
-from sim_vehicles.config import Fault
+from formation_scenario.environment import Fault
 
 FIRST = frozenset({VehicleId(1, 1)})
 HEADING, REPOSITION, ARM = 43002, 192, 400
@@ -39,7 +39,7 @@ def test_a_take_off_run_is_not_blown_aside(make_air):
 
 
 def test_a_crash_of_the_only_vehicle_grounds_it(make_air):
-    air = make_air(faults=(Fault(1.0, FIRST, "crash"),))
+    air = make_air(faults=((Fault(at_s=1.0, kind="crash"), FIRST),))
     air.tell_mission_time(0.0)
     air.run(3.0)
     assert (air.state("height_m"), air.state("airspeed_mps")) == (0.0, 0.0)
@@ -52,7 +52,7 @@ def test_disarming_by_force_in_flight_is_a_crash(flying):
 
 
 def test_a_frozen_vehicle_speaks_again_after_a_restart(make_air):
-    air = make_air(faults=(Fault(1.0, FIRST, "freeze"), Fault(2.0, FIRST, "restart")))
+    air = make_air(faults=((Fault(at_s=1.0, kind="freeze"), FIRST), (Fault(at_s=2.0, kind="restart"), FIRST)))
     air.tell_mission_time(0.0)
     air.run(3.0)
     before = len(air.ground.heard)

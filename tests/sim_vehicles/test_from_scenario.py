@@ -73,7 +73,7 @@ def test_a_vehicle_flies_by_its_true_model_where_that_differs_from_what_the_stat
 
 def test_all_means_every_vehicle(config):
     assert config.disturbances[0][1] == {VehicleId(1, 1), VehicleId(1, 2)}
-    assert config.faults[0].vehicles == {VehicleId(1, 2)}
+    assert config.faults[0][1] == {VehicleId(1, 2)}
 
 
 def test_vehicles_fly_in_their_slots_from_the_start(config):

@@ -6,7 +6,7 @@ import math
 import pytest
 
 from airlink.endpoint import Address, VehicleId
-from sim_vehicles.config import Fault
+from formation_scenario.environment import Fault
 
 dialect = importlib.import_module("pymavlink.dialects.v20.ardupilotmega")
 OK, ERROR, BAD_FRAME, UNSUPPORTED, NO_SPACE, BAD_SEQUENCE, DENIED, CANCELLED = 0, 1, 2, 3, 4, 13, 14, 15
@@ -284,7 +284,7 @@ def test_an_item_marked_as_current_is_flown_to_at_once_in_guided_only(flying, ma
 
 
 def test_the_items_outlast_a_restart_and_the_upload_does_not(make_air):
-    air = make_air(faults=(Fault(2.0, frozenset({VehicleId(1, 1)}), "restart"),))
+    air = make_air(faults=((Fault(at_s=2.0, kind="restart"), frozenset({VehicleId(1, 1)})),))
     air.run(0.1)
     upload(air, item(1))
     ask(air, count(2))

@@ -7,7 +7,8 @@ from itertools import pairwise
 
 import pytest
 
-from sim_vehicles.config import Fault, InertialConfig
+from formation_scenario.environment import Fault
+from sim_vehicles.config import InertialConfig
 from sim_vehicles.inertial.error_model import gnss
 from sim_vehicles.inertial.imu import InertialSensors
 
@@ -125,7 +126,7 @@ def test_every_stamp_is_the_vehicle_s_own_clock(make_air, offset_s, drift):
 def test_a_restarted_clock_begins_at_zero(make_air):
     air = make_air(clock_offset_s=100.0)
     air.run(10.0)
-    air.fleet.vehicles[0].inject(Fault(0.0, frozenset(), "restart"), air.fleet.next_timer())
+    air.fleet.vehicles[0].inject(Fault(at_s=0.0, kind="restart"), air.fleet.next_timer(), ends=False)
     air.run(5.0)
     assert air.ground.of("SYSTEM_TIME")[-1].time_boot_ms / 1e3 == pytest.approx(5.0, abs=1.1)
 
