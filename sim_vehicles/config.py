@@ -9,10 +9,10 @@ from typing import Final
 from airlink.endpoint import Endpoint, VehicleId, parse_endpoint
 from airlink.random_streams import random_stream
 from flight_model.earth import GeodeticOrigin
-from formation_scenario import Scenario, Vehicle, start_states
+from formation_scenario import Scenario, start_states
 from formation_scenario.environment import Disturbance, Fault
 from formation_scenario.fields import VehicleSelection
-from formation_scenario.navigation import InertialNavigation, InertialSensorKeys, NoisyNavigation, TrueNavigation
+from formation_scenario.navigation import InertialNavigation, InertialSensorKeys, Navigation, TrueNavigation
 from formation_scenario.vehicles import Family, VehicleModel, family_of
 from sim_vehicles.inertial.error_model import Aid, barometer, gnss
 from sim_vehicles.inertial.imu import InertialSensors
@@ -35,18 +35,6 @@ class Start:
 
 
 @dataclass(frozen=True)
-class InertialConfig:
-    """Inertial navigation: the sensors, the aid that bounds their drift, and the alignment before the flight."""
-
-    sensors: InertialSensors
-    aid: Aid | None = None
-    aligned_s: int | None = None
-    """Duration of the alignment, at rest, before the vehicle boots, s; None: it starts from its true state."""
-    airspeed_mps: float = 0.0
-    """Standard deviation of the airspeed as measured."""
-
-
-@dataclass(frozen=True)
 class VehicleConfig:
     """One vehicle."""
 
@@ -62,8 +50,8 @@ class VehicleConfig:
     """Relative rate by which its clock runs faster than true time."""
     utc_error_s: float | None = 0.0
     """Error of its receiver's UTC; None: it has none."""
-    sensors: NoisyNavigation | InertialConfig | None = None
-    """None: telemetry carries the exact state."""
+    navigation: Navigation = field(default_factory=TrueNavigation)
+    """Where its telemetry comes from; keys of the resolved scenario, none is missing."""
 
 
 @dataclass(frozen=True)
@@ -114,7 +102,7 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
             clock_offset_s=vehicle.clock.offset_s,
             clock_drift=vehicle.clock.drift_ppm * 1e-6,
             utc_error_s=vehicle.clock.utc_error_s if vehicle.clock.utc else None,
-            sensors=_sensors(vehicle, scenario.seed),
+            navigation=vehicle.true_navigation or vehicle.navigation,
         )
         for i, vehicle in enumerate(scenario.vehicles)
     )
@@ -131,19 +119,6 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
 
 def _selected(scenario: Scenario, selection: VehicleSelection) -> frozenset[VehicleId]:
     return frozenset(vehicle.vehicle_id for vehicle in scenario.selected(selection))
-
-
-def _sensors(vehicle: Vehicle, seed: int) -> NoisyNavigation | InertialConfig | None:
-    navigation = vehicle.true_navigation or vehicle.navigation
-    match navigation:
-        case TrueNavigation():
-            return None
-        case NoisyNavigation():
-            return navigation
-        case InertialNavigation():
-            aligned_s = navigation.alignment_s if navigation.flight_start == "aligned" else None
-            sensors = inertial_sensors(navigation, seed, vehicle.vehicle_id)
-            return InertialConfig(sensors, aid(navigation), aligned_s, navigation.airspeed_sigma_mps)
 
 
 def inertial_sensors(keys: InertialNavigation, seed: int, vehicle: VehicleId) -> InertialSensors:

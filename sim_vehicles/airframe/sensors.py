@@ -12,9 +12,9 @@ from airlink.endpoint import VehicleId
 from airlink.random_streams import random_stream
 from flight_model.arrays import Array
 from flight_model.earth import GeodeticOrigin
-from formation_scenario.navigation import NoisyNavigation
+from formation_scenario.navigation import InertialNavigation, NoisyNavigation
 from sim_vehicles.airframe.motion import Estimate, Motion, with_drift
-from sim_vehicles.config import InertialConfig, VehicleConfig
+from sim_vehicles.config import VehicleConfig
 from sim_vehicles.inertial.navigator import InertialNavigator
 
 SIZES: Final = (3, 3, 1, 1)
@@ -83,9 +83,7 @@ class Sensors:
 
 def sensors_of(config: VehicleConfig, origin: GeodeticOrigin, seed: int) -> Sensors | InertialNavigator | None:
     """Return what measures a vehicle's motion for its telemetry; None where that carries the exact state."""
-    errors, own = config.sensors, (config.identity, seed)
-    if errors is None:
-        return None
-    if isinstance(errors, InertialConfig):
-        return InertialNavigator(errors, origin, config.start.heading_rad, *own)
-    return Sensors(errors, *own)
+    keys, own = config.navigation, (config.identity, seed)
+    if isinstance(keys, InertialNavigation):
+        return InertialNavigator(keys, origin, config.start.heading_rad, *own)
+    return Sensors(keys, *own) if isinstance(keys, NoisyNavigation) else None

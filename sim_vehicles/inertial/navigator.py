@@ -1,7 +1,7 @@
 """Telemetry of an emulated vehicle with inertial navigation: its true motion plus errors by the linear model.
 
-The full strap-down computation (`flight.navigate`) would give the same to first order in the errors. Here the errors
-themselves are propagated, and a filter with their covariance corrects them by the aid's measurements.
+The full strap-down computation (`experiment.navigate`) would give the same to first order in the errors. Here the
+errors themselves are propagated, and a filter with their covariance corrects them by the aid's measurements.
 """
 
 from __future__ import annotations
@@ -17,8 +17,9 @@ from airlink.endpoint import VehicleId
 from airlink.random_streams import random_stream
 from flight_model.arrays import Array
 from flight_model.earth import GeodeticOrigin, gravity_mps2
+from formation_scenario.navigation import InertialNavigation
 from sim_vehicles.airframe.motion import Estimate, InnovationRatios, Motion, with_drift
-from sim_vehicles.config import InertialConfig
+from sim_vehicles.config import aid, inertial_sensors
 from sim_vehicles.inertial.alignment import UPDATE_S, FineAlignment
 from sim_vehicles.inertial.error_model import (
     ACCEL_BIAS,
@@ -31,6 +32,7 @@ from sim_vehicles.inertial.error_model import (
     dynamics,
     noise_density,
 )
+from sim_vehicles.inertial.imu import InertialSensors
 from sim_vehicles.inertial.rotation import attitude
 
 RATE_HZ: Final = 10
@@ -43,16 +45,16 @@ class InertialNavigator:
     """One vehicle's navigation errors. They stay the same until the next sample, however often they are read."""
 
     def __init__(
-        self, keys: InertialConfig, origin: GeodeticOrigin, heading_rad: float, vehicle: VehicleId, seed: int
+        self, keys: InertialNavigation, origin: GeodeticOrigin, heading_rad: float, vehicle: VehicleId, seed: int
     ) -> None:
         """Begin at boot with a heading; `origin` is the origin of motions."""
-        self._origin, self._aid = origin, keys.aid
+        self._origin, self._aid, sensors = origin, aid(keys), inertial_sensors(keys, seed, vehicle)
         self._random = random_stream(seed, "inertial", *vehicle)
-        self._density = noise_density(keys.sensors)
-        covariance, self._errors = _start(keys, origin, heading_rad, self._random)
+        self._density = noise_density(sensors)
+        covariance, self._errors = _start(keys, sensors, origin, heading_rad, self._random)
         self._filter = ErrorFilter(covariance)
         self._pitot = random_stream(seed, "airspeed", *vehicle)
-        self._airspeed_mps, self._airspeed_error_mps = keys.airspeed_mps, 0.0
+        self._airspeed_mps, self._airspeed_error_mps = keys.airspeed_sigma_mps, 0.0
         self._received: Array | None = None
         self._ratios = InnovationRatios(0.0, 0.0, 0.0, 0.0)
         self._samples = self._measurements = 0
@@ -136,17 +138,20 @@ def _displaced(true: Motion, errors: Array) -> Motion:
 
 
 def _start(
-    keys: InertialConfig, place: GeodeticOrigin, heading_rad: float, random: np.random.Generator
+    keys: InertialNavigation,
+    sensors: InertialSensors,
+    place: GeodeticOrigin,
+    heading_rad: float,
+    random: np.random.Generator,
 ) -> tuple[Array, Array]:
     """Return the covariance (15, 15) and the errors (15,) at the start of a flight."""
-    sensors = keys.sensors
-    if keys.aligned_s is None:
+    if keys.flight_start == "exact":
         sigmas, errors = np.zeros(SIZE), np.zeros(SIZE)
         sigmas[ACCEL_BIAS], sigmas[GYRO_BIAS] = sensors.accel_bias_sigma, sensors.gyro_bias_sigma
         errors[ACCEL_BIAS], errors[GYRO_BIAS] = sensors.accel_bias_mps2, sensors.gyro_bias_radps
         return np.diag(sigmas**2), errors
     fine = FineAlignment(place, sensors)
-    for _ in range(round(keys.aligned_s / UPDATE_S)):
+    for _ in range(round(keys.alignment_s / UPDATE_S)):
         fine.update(np.zeros(2))
     level = attitude(*(np.array(angle) for angle in (heading_rad, 0.0, 0.0)))
     covariance = fine.covariance(level.T)

@@ -107,7 +107,7 @@ class Air:
 def fleet_config(count=1, *, in_air=True, endpoint="udpout:127.0.0.1:14550", apart_m=100.0, **changes):
     """Return vehicles abreast, heading north, 100 m up at 22 m/s or standing on the ground."""
     vehicle_keys = {
-        key: changes.pop(key) for key in ("model", "clock_offset_s", "clock_drift", "sensors") if key in changes
+        key: changes.pop(key) for key in ("model", "clock_offset_s", "clock_drift", "navigation") if key in changes
     }
     vehicles = tuple(
         VehicleConfig(

@@ -53,7 +53,7 @@ def test_a_vehicles_sensors_are_its_true_ones_where_those_differ_from_what_the_s
     differing = {"navigation": {"source": "noisy"}, "true_navigation": true}
     path = {"waypoints_m": [[0, 0, 100], [5000, 0, 100]]}
     planned = load_scenario({"vehicles": {"count": 2} | differing, "path": path})
-    (sensors, _) = (each.sensors for each in fleet_config(planned).vehicles)
+    (sensors, _) = (each.navigation for each in fleet_config(planned).vehicles)
     assert isinstance(sensors, NoisyNavigation)
     assert (sensors.position_sigma_m, sensors.velocity_sigma_mps, sensors.outlier_share) == (1.0, 0.1, 0.05)
     believed = planned.vehicles[0].navigation

@@ -55,7 +55,7 @@ def test_a_sample_s_errors_stay_until_the_next_sample_and_depend_on_nothing_else
 
 
 def test_telemetry_is_noisy_and_the_vehicle_flies_as_if_it_were_not(make_air):
-    noisy, clean = make_air(1, sensors=GNSS), make_air(1)
+    noisy, clean = make_air(1, navigation=GNSS), make_air(1)
     for air in (noisy, clean):
         air.set_mode(15)
         air.command_long(511, 33, 100_000)

@@ -8,9 +8,8 @@ from itertools import pairwise
 import pytest
 
 from formation_scenario.environment import Fault
-from sim_vehicles.config import InertialConfig
-from sim_vehicles.inertial.error_model import gnss
 from sim_vehicles.inertial.imu import InertialSensors
+from tests.sim_vehicles.inertial.keys import inertial_keys
 
 mavlink = importlib.import_module("pymavlink.dialects.v20.ardupilotmega")
 INTERVAL, REQUEST = 511, 512
@@ -186,18 +185,20 @@ def test_both_messages_tell_of_the_same_battery(flying):
 
 
 SENSORS = InertialSensors((1e-2, 5e-3, -5e-3), (2e-5, -1e-5, 1e-5), 2e-4, 6e-6)
+BY_INERTIA = inertial_keys(SENSORS, airspeed_sigma_mps=0.0)
+AIDED = inertial_keys(SENSORS, airspeed_sigma_mps=0.0, aiding="gnss")
 GOOD = 831
 
 
-@pytest.mark.parametrize("aid", [None, gnss(1.0, 1.5, 3.0, 0.1)], ids=["by inertia alone", "aided by GNSS"])
-def test_a_vehicle_that_navigates_by_inertia_tells_of_its_receiver_and_of_its_filter(make_air, aid):
+@pytest.mark.parametrize("keys", [BY_INERTIA, AIDED], ids=["by inertia alone", "aided by GNSS"])
+def test_a_vehicle_that_navigates_by_inertia_tells_of_its_receiver_and_of_its_filter(make_air, keys):
     """Gyroscopes of several degrees an hour and accelerometers of a milli-g: useless after minutes without an aid."""
-    air = make_air(sensors=InertialConfig(SENSORS, aid))
+    air = make_air(navigation=keys)
     air.run(200.0)
     fix, ekf, status = (air.ground.of(name)[-1] for name in ("GPS_RAW_INT", "EKF_STATUS_REPORT", "SYS_STATUS"))
     gps_works = bool(status.onboard_control_sensors_health & mavlink.MAV_SYS_STATUS_SENSOR_GPS)
     roll = air.ground.of("ATTITUDE")[-1].roll
-    if aid is None:
+    if keys is BY_INERTIA:
         assert (fix.fix_type, fix.satellites_visible, fix.eph, gps_works) == (1, 0, 65535, False)
         assert ekf.flags & GOOD == GOOD & ~(16 | 512 | 32)
         assert abs(roll) > 1e-3

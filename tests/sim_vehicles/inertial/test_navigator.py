@@ -11,19 +11,19 @@ from scipy.stats import chi2
 from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, Instant
 from airlink.endpoint import VehicleId
-from airlink.random_streams import random_stream
 from flight_model.earth import GeodeticOrigin
 from formation_scenario import SplinePath
 from formation_scenario.navigation import InertialNavigation, InertialSensorKeys
 from sim_vehicles.airframe.motion import Motion
-from sim_vehicles.config import InertialConfig, inertial_sensors
+from sim_vehicles.config import inertial_sensors
 from sim_vehicles.inertial.alignment import limits
-from sim_vehicles.inertial.error_model import TILT, gnss
+from sim_vehicles.inertial.error_model import TILT
 from sim_vehicles.inertial.experiment import exact_start, navigate
 from sim_vehicles.inertial.imu import InertialSensors, Trajectory
 from sim_vehicles.inertial.navigator import InertialNavigator
 from sim_vehicles.inertial.rotation import attitude, displaced
 from tests.sim_vehicles.inertial.angles import angles
+from tests.sim_vehicles.inertial.keys import inertial_keys
 
 ORIGIN = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 0.0)
 PATH, SPEED_MPS = SplinePath([[0, 0, 200], [700, 0, 200], [1400, 300, 220], [2000, 900, 190], [2100, 3000, 200]]), 22.0
@@ -43,7 +43,7 @@ def motion(time_s: float) -> Motion:
     return Motion(*place, north, east, -climb, 0.0, 0.0, 0.0, turn_rate, SPEED_MPS, point.course_rad, point.height_m)
 
 
-def flown(keys: InertialConfig, end_s: int, seed: int = 1) -> np.ndarray:
+def flown(keys: InertialNavigation, end_s: int, seed: int = 1) -> np.ndarray:
     """Return the errors (10 end_s, 4): east, north, up in m and heading in rad, ten times a second."""
     navigator = InertialNavigator(keys, ORIGIN, 0.0, VehicleId(1, 1), seed)
     rows = list[tuple[float, ...]]()
@@ -57,11 +57,11 @@ def flown(keys: InertialConfig, end_s: int, seed: int = 1) -> np.ndarray:
 def test_without_aid_it_errs_as_the_strap_down_computation_does() -> None:
     trajectory = Trajectory.along(PATH, SPEED_MPS, ORIGIN, 200.0)
     whole = navigate(trajectory, exact_start(trajectory, QUIET), QUIET, None, 20.0, np.random.default_rng(1))
-    assert flown(InertialConfig(QUIET), 200)[-1] == pytest.approx(whole.errors[-1, :3], rel=0.03, abs=0.3)
+    assert flown(inertial_keys(QUIET), 200)[-1] == pytest.approx(whole.errors[-1, :3], rel=0.03, abs=0.3)
 
 
 def test_gnss_holds_its_place_and_every_seed_has_its_own_errors() -> None:
-    aided = InertialConfig(NOISY, gnss(1.0, 1.5, 3.0, 0.1))
+    aided = inertial_keys(NOISY, aiding="gnss")
     one, other = flown(aided, 100), flown(aided, 100, seed=2)
     assert np.abs(one[200:]).max() < 2.0
     assert np.abs(one - other)[200:].max() > 0.1
@@ -70,11 +70,12 @@ def test_gnss_holds_its_place_and_every_seed_has_its_own_errors() -> None:
 
 def test_random_biases_are_each_vehicle_s_own_and_the_filter_takes_them_for_what_they_are() -> None:
     """Normalised errors squared of 20 navigators with GNSS, after 30 s: chi-square of 20 times 15."""
-    aided, squares = gnss(1.0, 1.5, 3.0, 0.1), list[float]()
+    drawn, squares = inertial_keys(NOISY, aiding="gnss", biases="random"), list[float]()
     for seed in range(20):
-        sensors = NOISY.drawn(random_stream(seed, "biases", 1, 1))
-        assert (sensors.accel_bias_sigma, sensors.gyro_bias_sigma) == (NOISY.accel_bias_sigma, NOISY.gyro_bias_sigma)
-        navigator = InertialNavigator(InertialConfig(sensors, aided), ORIGIN, 0.0, VehicleId(1, 1), seed)
+        sensors = inertial_sensors(drawn, seed, VehicleId(1, 1))
+        sigmas = NOISY.accel_bias_sigma, NOISY.gyro_bias_sigma
+        assert (sensors.accel_bias_sigma, sensors.gyro_bias_sigma) == pytest.approx(sigmas, rel=1e-12)
+        navigator = InertialNavigator(drawn, ORIGIN, 0.0, VehicleId(1, 1), seed)
         for sample in range(305):
             navigator.sense(motion(sample / 10), Instant(sample * STEP))
         errors, covariance = navigator._errors, navigator._filter.covariance
@@ -89,7 +90,7 @@ def test_random_biases_are_each_vehicle_s_own_and_the_filter_takes_them_for_what
 
 def test_telemetry_shows_the_attitude_that_the_navigator_computes() -> None:
     """The computed attitude is (I - [phi x]) times the true one: all three angles are read off that matrix."""
-    navigator = InertialNavigator(InertialConfig(QUIET), ORIGIN, 0.0, VehicleId(1, 1), 1)
+    navigator = InertialNavigator(inertial_keys(QUIET), ORIGIN, 0.0, VehicleId(1, 1), 1)
     true = motion(60.0)
     true.turn_rate_radps = true.climb_mps = 0.0
     navigator.sense(true, Instant(0))
@@ -103,7 +104,7 @@ def test_telemetry_shows_the_attitude_that_the_navigator_computes() -> None:
 
 
 def test_without_a_receiver_there_is_no_fix_and_a_place_that_drifts_away_is_called_unknown() -> None:
-    navigator = InertialNavigator(InertialConfig(NOISY), ORIGIN, 0.0, VehicleId(1, 1), 1)
+    navigator = InertialNavigator(inertial_keys(NOISY), ORIGIN, 0.0, VehicleId(1, 1), 1)
     sigmas_m = list[float]()
     for second in range(0, 401, 50):
         estimate = navigator.estimate(motion(float(second)), Instant(second * NANOSECONDS))
@@ -115,7 +116,7 @@ def test_without_a_receiver_there_is_no_fix_and_a_place_that_drifts_away_is_call
 
 
 def test_a_receiver_s_fix_errs_as_the_receiver_does_and_not_as_the_navigator() -> None:
-    aided = InertialNavigator(InertialConfig(NOISY, gnss(1.0, 1.5, 3.0, 0.1)), ORIGIN, 0.0, VehicleId(1, 1), 1)
+    aided = InertialNavigator(inertial_keys(NOISY, aiding="gnss"), ORIGIN, 0.0, VehicleId(1, 1), 1)
     off_m, ratios = list[float](), list[float]()
     for sample in range(1, 3000, 10):
         true = motion(sample / 10)
@@ -128,7 +129,7 @@ def test_a_receiver_s_fix_errs_as_the_receiver_does_and_not_as_the_navigator() -
 
 
 def test_the_measured_airspeed_has_its_own_error() -> None:
-    navigator = InertialNavigator(InertialConfig(QUIET, airspeed_mps=0.2), ORIGIN, 0.0, VehicleId(1, 1), 1)
+    navigator = InertialNavigator(inertial_keys(QUIET, airspeed_sigma_mps=0.2), ORIGIN, 0.0, VehicleId(1, 1), 1)
     off_mps = [
         navigator.sense(true, Instant(sample * STEP)).airspeed_mps - true.airspeed_mps
         for sample in range(1000)
@@ -140,14 +141,14 @@ def test_the_measured_airspeed_has_its_own_error() -> None:
 def test_an_aligned_vehicle_begins_with_the_heading_error_that_alignment_leaves() -> None:
     """Draws of the filter's covariance: about epsilon / (Omega cos L)."""
     sigma = limits(NOISY, ORIGIN)[2]
-    aligned = InertialConfig(NOISY, aligned_s=300)
+    aligned = inertial_keys(NOISY, flight_start="aligned", alignment_s=300)
     navigators = [InertialNavigator(aligned, ORIGIN, 0.0, VehicleId(1, 1), seed) for seed in range(20)]
     told = [each.sense(motion(0.0), Instant(0)).heading_rad for each in navigators]
     assert 0.6 * sigma < np.std(told) < 1.5 * sigma
 
 
 def test_the_errors_of_a_sample_stay_until_the_next() -> None:
-    navigator = InertialNavigator(InertialConfig(NOISY), ORIGIN, 0.0, VehicleId(1, 1), 1)
+    navigator = InertialNavigator(inertial_keys(NOISY), ORIGIN, 0.0, VehicleId(1, 1), 1)
     still = motion(0.0)
     instants = Instant(350_000_000), Instant(399_000_000), Instant(400_000_000)
     first, same, other = ([getattr(navigator.sense(still, at), each) for each in Motion.__slots__] for at in instants)
