@@ -19,10 +19,10 @@ from formation_scenario.environment import DEFAULT_MODE, Fault
 from sim_vehicles.airframe.motion import Estimate, Motion, Steering
 from sim_vehicles.airframe.sensors import sensors_of
 from sim_vehicles.autopilot import commands
-from sim_vehicles.autopilot.clock import NEVER, UtcClock, VehicleClock
+from sim_vehicles.autopilot.clock import NEVER, VehicleClock
 from sim_vehicles.autopilot.missions import Missions, Sender, home_of
 from sim_vehicles.autopilot.modes import FailsafeKeys, FlightMode, GroundStationFailsafe, Request
-from sim_vehicles.autopilot.parameters import ParameterServer, Storage
+from sim_vehicles.autopilot.parameters import ParameterServer
 from sim_vehicles.autopilot.pilot import Pilot
 from sim_vehicles.autopilot.telemetry import BUILDERS, Builders, Streams
 from sim_vehicles.config import VehicleConfig
@@ -65,7 +65,6 @@ class Vehicle(ABC):
     disarm_at: Instant
     ignores: bool
     _clock: VehicleClock
-    _utc: UtcClock
 
     def __init__(self, index: int, config: VehicleConfig, fleet: Fleet, now: Instant) -> None:
         """Boot at `now`; a vehicle that starts in the air has booted at once."""
@@ -77,7 +76,6 @@ class Vehicle(ABC):
         self.pilot = self.pilot_of(config, self.body.steering)
         self.link = Link(index, config, fleet.outbox, locks=self.locks)
         self.missions = Missions(lambda: home_of(config.start, fleet.origin))
-        self._storage = Storage(self.parameters, self.missions)
         self._sensors = sensors_of(config, fleet.origin, fleet.config.seed)
         self._asker = config.endpoint.address
         self._boot(now, config.clock_offset_s)
@@ -98,11 +96,11 @@ class Vehicle(ABC):
     def utc_us(self) -> int:
         """UTC as it knows it, microseconds since 1970."""
         self._set_utc()
-        return self._utc.microseconds(self.now)
+        return self._clock.utc_us(self.now)
 
     def _set_utc(self) -> None:
         if not self.pilot.condition.armed:
-            self._utc.set_by_receiver(self.now)
+            self._clock.set_by_receiver(self.now)
 
     @property
     def ready(self) -> bool:
@@ -261,8 +259,8 @@ class Vehicle(ABC):
     def _boot(self, now: Instant, clock_offset_s: float) -> None:
         self.now = now
         self._frozen = self.ignores = False
-        self._clock = VehicleClock(now, clock_offset_s, self.config.clock_drift)
-        self._utc = UtcClock(self._clock, self.fleet.config.utc_at_0_us, self.config.utc_error_s)
+        config, at_0_us = self.config, self.fleet.config.utc_at_0_us
+        self._clock = VehicleClock(now, clock_offset_s, config.clock_drift, at_0_us, config.utc_error_s)
         self._up = after(now, INITIALISING_S)
         self._next_timesync = after(now, TIMESYNC_S) if self.asks_time else NEVER
         self.disarm_at = NEVER
@@ -309,11 +307,12 @@ class Vehicle(ABC):
             case MissionItem() | MissionItemInt() if message.current in commands.AT_ONCE:
                 result = m.MAV_MISSION_ACCEPTED if self.ignores else self.fly_to(message)
                 self.answer(MissionAck(frame.system, frame.component, result))
+            case Message() if not self.take_other(frame):
+                sender = Sender(self._asker, frame.system, frame.component)
+                for answer in self.parameters.answers(message, sender) or self.missions.take(message, sender, self.now):
+                    self.answer(answer)
             case _:
-                if not self.take_other(frame):
-                    sender = Sender(self._asker, frame.system, frame.component)
-                    for answer in self._storage.answers(message, sender, self.now):
-                        self.answer(answer)
+                pass
 
     def _tell(self) -> None:
         if self.now >= self._next_timesync:

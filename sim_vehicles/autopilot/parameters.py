@@ -14,11 +14,10 @@ from enum import IntEnum
 from typing import NamedTuple
 
 from airlink import mavlink as m
-from airlink.clock import Instant
 from airlink.endpoint import Address
-from airlink.messages import Message, mission
+from airlink.messages import Message
 from airlink.messages.command import FileTransferProtocol, ParamRequestList, ParamRequestRead, ParamSet, ParamValue
-from sim_vehicles.autopilot.missions import Missions, Sender
+from sim_vehicles.autopilot.missions import Sender
 from sim_vehicles.config import VehicleConfig
 
 UNINDEXED = 65535
@@ -101,6 +100,24 @@ class ParameterServer:
         self._kinds, self._names = kinds, tuple(kinds)
         self._values = {name: kind.initial for name, kind in kinds.items()}
         self._to_list: deque[tuple[Address, int]] = deque()
+        self._files = Files(self.entries)
+
+    def answers(self, message: Message, sender: Sender) -> list[Message]:
+        """Return the answers to a message, none if it doesn't ask for parameters; a list is sent later."""
+        match message:
+            case ParamRequestList():
+                self.begin_list(sender.peer)
+                return []
+            case ParamRequestRead():
+                value = self.read(message)
+            case ParamSet():
+                value = self.set(message)
+            case FileTransferProtocol():
+                payloads = self._files.answer(bytes(message.payload))
+                return [FileTransferProtocol(0, sender.system, sender.component, tuple(each)) for each in payloads]
+            case _:
+                return []
+        return [] if value is None else [value]
 
     def __getitem__(self, name: str) -> float:
         """Return a value."""
@@ -274,32 +291,3 @@ def _nak(asked: Packet, error: int) -> bytes:
 
 def _seq(asked: Packet, number: int = 0) -> int:
     return (asked.seq + 1 + number) % 2**16
-
-
-class Storage:
-    """Answers requests to read or write."""
-
-    def __init__(self, parameters: ParameterServer, missions: Missions) -> None:
-        """Serve both."""
-        self._parameters = parameters
-        self._missions = missions
-        self._files = Files(parameters.entries)
-
-    def answers(self, message: Message | None, sender: Sender, now: Instant) -> list[Message]:
-        """Return the answers to a message, none if it is no such request; a list of parameters is sent later."""
-        match message:
-            case ParamRequestList():
-                self._parameters.begin_list(sender.peer)
-                return []
-            case ParamRequestRead():
-                value = self._parameters.read(message)
-            case ParamSet():
-                value = self._parameters.set(message)
-            case FileTransferProtocol():
-                payloads = self._files.answer(bytes(message.payload))
-                return [FileTransferProtocol(0, sender.system, sender.component, tuple(each)) for each in payloads]
-            case Message() if message.kind() in mission.KINDS:
-                return self._missions.take(message, sender, now)
-            case _:
-                return []
-        return [] if value is None else [value]

@@ -107,7 +107,7 @@ def test_utc_that_is_absent_or_impossible_is_refused_and_its_vehicle_flies_by_ro
 
 def jump(world: World, number: int, seconds: float) -> None:
     """Let a vehicle's UTC jump, its time since boot doesn't: what ArduPilot doesn't do in flight, but others may."""
-    world.vehicle(number)._utc._ahead_ns += round(seconds * NANOSECONDS)
+    world.vehicle(number)._clock._ahead_ns += round(seconds * NANOSECONDS)
 
 
 def setpoint_steps(world: World, column: int, from_s: float, to_s: float) -> list[float]:
