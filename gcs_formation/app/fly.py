@@ -17,10 +17,10 @@ from formation_scenario import Scenario, slot_schedule
 from formation_scenario.slot_assignment import columns
 from gcs_formation.app.operator import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
-from gcs_formation.app.session import Session, open_session
+from gcs_formation.app.session import Session
 from gcs_formation.errors import RunAbortedError
 from gcs_formation.record.summary import Summary
-from gcs_formation.record.unfinished import PORT, Past, epoch_us, from_ports, read_past
+from gcs_formation.record.unfinished import PORT, epoch_us, from_ports, read_past
 from gcs_formation.recorder import Event
 from gcs_formation.station import Station
 from gcs_formation.vehicle.autopilot import Autopilot, Command
@@ -157,9 +157,9 @@ def _flown(scenario: Scenario, options: RunOptions, progress: Progress, interrup
     if options.resume:
         began_us = epoch_us(options.out)
         clock = RealClock.from_utc(began_us, options.speedup)
-        begun = Past(began_us, read_past(options.out, scenario, clock.now(), retake=options.retake))
+        begun = began_us, read_past(options.out, scenario, clock.now(), retake=options.retake)
         ports = from_ports(options.out)
-    session = open_session(scenario, options, clock, progress, interrupts, emulated=False, begun=begun)
+    session = Session(scenario, options, clock, progress, interrupts, emulated=False, begun=begun)
     try:
         with UdpDriver(session.engine, clock, ports) as driver, session.listening():
             for endpoint, port in driver.from_ports.items():

@@ -20,7 +20,7 @@ from airlink.udp import UdpDriver
 from formation_scenario import Scenario
 from gcs_formation.app.operator import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
-from gcs_formation.app.session import Session, open_session
+from gcs_formation.app.session import Session
 from gcs_formation.errors import RunAbortedError
 from gcs_formation.record.run_directory import SCENARIO, TRUTH
 from gcs_formation.record.summary import Summary
@@ -78,7 +78,7 @@ def _run_real(scenario: Scenario, options: RunOptions, progress: Progress, inter
 
 def _open(scenario: Scenario, options: RunOptions, clock: Clock, progress: Progress, interrupts: Interrupts) -> Session:
     """Return a session with emulated vehicles, that says which of them stand for real ones."""
-    session = open_session(scenario, options, clock, progress, interrupts, emulated=True)
+    session = Session(scenario, options, clock, progress, interrupts, emulated=True)
     text = stand_ins(scenario)
     if text:
         session.recorder.event(Event(Instant(0), "emulation", text))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import sys
-from dataclasses import dataclass
 
 import numpy as np
 from librt.strings import BytesWriter, write_f64_le
@@ -14,6 +13,7 @@ from airlink.endpoint import VehicleId
 from airlink.engine import Engine
 from formation_scenario import Scenario
 from formation_scenario.orders import Answer
+from formation_scenario.slot_assignment import columns
 from gcs_formation.app.injection import InjectedDelays, InjectedFaults, impair, injected
 from gcs_formation.app.operator import Confirmation, Interrupts, RunOptions
 from gcs_formation.app.order_socket import STATUS, OrderSocket
@@ -29,7 +29,6 @@ from gcs_formation.record.flight import split, tables
 from gcs_formation.record.run_directory import RECORDING, SPOOL, TIMESERIES, RunDirectory
 from gcs_formation.record.summary import Summary, summarise
 from gcs_formation.record.timeseries import GroundTruth, read_spool, spools, write_parquet
-from gcs_formation.record.unfinished import Past
 from gcs_formation.recorder import Event
 from gcs_formation.stability import scenario_delay_margin
 from gcs_formation.station import Station
@@ -67,36 +66,67 @@ class TimedStation(Station):
             write_f64_le(self._times, float(now))
             write_f64_le(self._times, self._watch.wall_s - began_s)
 
-    def figures(self, rate_hz: float) -> ControlFigures:
+    def figures(self) -> ControlFigures:
         """Return the times of all ticks."""
         due_ns, begun_ns, taken_s = np.frombuffer(self._times.getvalue(), "<f8").reshape(-1, 3).T
-        return ControlFigures(rate_hz, due_ns / NANOSECONDS, begun_ns / NANOSECONDS, taken_s)
+        return ControlFigures(due_ns / NANOSECONDS, begun_ns / NANOSECONDS, taken_s)
 
 
-@dataclass
 class Session:
     """A station with its record, from the first tick to the summary."""
 
-    scenario: Scenario
-    options: RunOptions
-    clock: Clock
-    station: TimedStation
-    recorder: RunDirectory
-    progress: Progress
-    interrupts: Interrupts
-    emulated: bool
-    """Whether the vehicles are our emulators, with the scenario's faults in them and nothing unknown on their links."""
+    def __init__(
+        self,
+        scenario: Scenario,
+        options: RunOptions,
+        clock: Clock,
+        progress: Progress,
+        interrupts: Interrupts,
+        *,
+        emulated: bool,
+        begun: tuple[int, Resumption] | None = None,
+    ) -> None:
+        """Open the record, impair the links, and start to measure wall time.
 
-    def __post_init__(self) -> None:
-        """Impair the links, and start to measure wall time."""
-        self._links = impair(self.scenario, self.station, self.station)
+        Args:
+            scenario: what is flown.
+            options: how, and where it is recorded.
+            clock: the run's.
+            progress: shows it.
+            interrupts: what the operator's signals are counted by.
+            emulated: whether the vehicles are our emulators, with the scenario's faults in them and nothing unknown on
+                their links.
+            begun: of a flight that goes on, when its clock began, microseconds since 1970, and where it stands.
+
+        Raises:
+            RecordError: the run directory can't be written, or holds other files.
+        """
+        self.scenario, self.options, self.clock = scenario, options, clock
+        self.progress, self.interrupts, self.emulated = progress, interrupts, emulated
+        began_us, resumed = begun or (clock.utc_at_0_us, None)
+        self.recorder = RunDirectory(
+            options.out,
+            scenario,
+            [None if each is None else each.vehicle_id for each in columns(scenario)],
+            began_us,
+            overwrite=options.overwrite,
+            frames=options.record == "full",
+            resume=resumed is not None,
+        )
+        read = not emulated and resumed is None
+        caution = Caution(parameters=read, confirm=options.confirm, rehearse=options.dry_run)
+        utc_s = began_us / MICROSECONDS
+        self.station = TimedStation(scenario, self.recorder, options.until_s, utc_s, caution, resumed)
+        if resumed is not None:
+            self.recorder.event(Event(resumed.at, RECORDING, "goes on", None, {"epoch_us": began_us}))
+        self._links = impair(scenario, self.station, self.station)
         self.engine: Engine = self._links or self.station
-        self._injected = InjectedDelays(self.station.vehicles, self._links, 0.0 if self.emulated else math.nan)
-        self._faults = InjectedFaults(self.scenario, self.recorder) if self.emulated else None
+        self._injected = InjectedDelays(self.station.vehicles, self._links, 0.0 if emulated else math.nan)
+        self._faults = InjectedFaults(scenario, self.recorder) if emulated else None
         self._spent, self._began_at = Stopwatch(), self.station.flight.since
         self._shown_s = 0.0
         self._orders: OrderSocket | None = None
-        self._confirmation = self._confirming() if self.options.confirm else None
+        self._confirmation = self._confirming() if options.confirm else None
         self._heeded, self._left = 0, False
         self.recorder.tell_events_to(self._heard)
         self._heard(
@@ -165,10 +195,10 @@ class Session:
 
     def _answer(self, text: str) -> Answer:
         """Return the answer to a line of `tell`: a page on the flight, or what came of an order."""
-        asked, *columns = text.split()[:2] or [""]
+        asked, *width = text.split()[:2] or [""]
         now = self.clock.now()
         if asked == STATUS:
-            given = (int(each) for each in columns if each.isdecimal() and len(each) < MOST_DIGITS)
+            given = (int(each) for each in width if each.isdecimal() and len(each) < MOST_DIGITS)
             return Answer(True, status_page(self.station, now, *given))
         return self.station.order(text, now)
 
@@ -177,8 +207,8 @@ class Session:
 
     def _make_summary(self, truth: GroundTruth | None, wall_s: float) -> Summary:
         spool = self.recorder.path / SPOOL
-        columns = read_spool(spool)
-        flight = split(columns, self.scenario, truth, self._injected.series_s(columns["t_s"].size))
+        rows = read_spool(spool)
+        flight = split(rows, self.scenario, truth, self._injected.series_s(rows["t_s"].size))
         if self.options.record in {"full", "series"}:
             write_parquet(self.recorder.path / TIMESERIES, tables(flight))
         summary = summarise(
@@ -187,7 +217,7 @@ class Session:
                 clock=self.options.clock,
                 flight=flight,
                 links={identity: self._link(identity) for identity in self.station.vehicles},
-                control=self.station.figures(self.scenario.law.rate_hz),
+                control=self.station.figures(),
                 delay_margin_s=_finite(scenario_delay_margin(self.station.design.scenario)),
                 worst_loop_delay_s=self._worst_loop_delay_s(),
                 margin_used=self.station.margins.most_used,
@@ -224,45 +254,8 @@ class Session:
 
     def _worst_loop_delay_s(self) -> float | None:
         """Return the longest loop delay that was measured, computing, sampling and hold included."""
-        compute_s = percentile(self.station.figures(1.0).compute_s, 50) if self.station.controlled_ticks else 0.0
+        compute_s = percentile(self.station.figures().compute_s, 50) if self.station.controlled_ticks else 0.0
         return _finite(self.station.margins.longest_s + compute_s)
-
-
-def open_session(
-    scenario: Scenario,
-    options: RunOptions,
-    clock: Clock,
-    progress: Progress,
-    interrupts: Interrupts,
-    *,
-    emulated: bool,
-    begun: Past | None = None,
-) -> Session:
-    """Return a session with an open record; `emulated`: our own emulators are what it flies.
-
-    `begun` is what has been recorded in `options.out` of a flight that goes on.
-
-    Raises:
-        RecordError: the run directory can't be written, or holds other files.
-    """
-    leader = scenario.leader.vehicle_id if scenario.leader else None
-    columns = (leader, *(vehicle.vehicle_id for vehicle in scenario.followers))
-    began_us, resumed = begun or (clock.utc_at_0_us, None)
-    recorder = RunDirectory(
-        options.out,
-        scenario,
-        columns,
-        began_us,
-        overwrite=options.overwrite,
-        frames=options.record == "full",
-        resume=resumed is not None,
-    )
-    read = not emulated and resumed is None
-    caution = Caution(parameters=read, confirm=options.confirm, rehearse=options.dry_run)
-    station = TimedStation(scenario, recorder, options.until_s, began_us / MICROSECONDS, caution, resumed)
-    if resumed is not None:
-        recorder.event(Event(resumed.at, RECORDING, "goes on", None, {"epoch_us": began_us}))
-    return Session(scenario, options, clock, station, recorder, progress, interrupts, emulated)
 
 
 def _finite(value: float) -> float | None:

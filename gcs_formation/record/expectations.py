@@ -50,7 +50,6 @@ class LinkFigures:
 class ControlFigures:
     """When ticks were due and when they began, in s of the run's clock; how long they took, in s of real time."""
 
-    rate_hz: float
     due_s: Array
     begun_s: Array
     compute_s: Array

@@ -61,7 +61,7 @@ def summarise(outcome: Outcome) -> Summary:
         "followers": {str(v): _follower(flight, v, window) for v in flight.followers(scenario)},
         "links": {str(i): _link(link, flight.vehicles[i]["jitter_s"]) for i, link in outcome.links.items()},
         "received": _received(outcome.received, outcome.frames_refused),
-        "control": _control(outcome.control),
+        "control": _control(outcome.control, scenario.law.rate_hz),
         "safety": safety,
         "stability": {
             "delay_margin_s": outcome.delay_margin_s,
@@ -123,10 +123,10 @@ def _received(counts: ParserCounts, refused: int) -> dict[str, Any]:
     }
 
 
-def _control(control: ControlFigures) -> dict[str, Any]:
+def _control(control: ControlFigures, rate_hz: float) -> dict[str, Any]:
     period_ms = np.diff(control.begun_s) * 1e3
     return {
-        "rate_hz": control.rate_hz,
+        "rate_hz": rate_hz,
         "ticks": int(control.begun_s.size),
         "late_ticks": int((control.begun_s - control.due_s > LATE_S).sum()),
         "period_ms": figures.percentiles(period_ms, 50, 99)

@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -33,13 +33,6 @@ GAP_S, REACH = 3.0, 2.0
 """A longer gap is one in which nobody was there; in it the leader came this many times as far as planned at most."""
 AT_END = (Phase.ENDING, Phase.LOITERING, Phase.DONE, Phase.FAILED)
 Events = Sequence[Mapping[str, Any]]
-
-
-class Past(NamedTuple):
-    """An unfinished record: when its clock began, microseconds since 1970, and where its flight stands."""
-
-    epoch_us: int
-    resumption: Resumption
 
 
 def epoch_us(directory: Path) -> int:

@@ -248,7 +248,7 @@ def _outcome(scenario: Scenario, flight: Flight) -> Outcome:
             )
             for identity, own in flight.vehicles.items()
         },
-        control=ControlFigures(scenario.law.rate_hz, t_s, t_s, np.full(t_s.shape, np.nan)),
+        control=ControlFigures(t_s, t_s, np.full(t_s.shape, np.nan)),
         delay_margin_s=_finite(scenario_delay_margin(scenario)),
         worst_loop_delay_s=None,
         margin_used=max(_largest(own["margin_used"]) for own in flight.vehicles.values()),

@@ -12,7 +12,7 @@ from airlink.engine import MemoryNetwork
 from formation_scenario import load_scenario
 from gcs_formation.app.operator import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
-from gcs_formation.app.session import open_session
+from gcs_formation.app.session import Session
 from gcs_formation.record.run_directory import TIMESERIES
 from gcs_formation.record.timeseries import read_parquet
 from sim_vehicles.config import fleet_config
@@ -27,10 +27,8 @@ def test_where_nothing_is_injected_here_the_delay_of_others_links_is_unknown(
     """On links that the scenario leaves as they are: 0 of our own emulators', unknown of others'."""
     planned, clock = load_scenario(scenario(duration_s=1, vehicles={"count": 2})), VirtualClock()
     options = RunOptions(tmp_path, "virtual")
-    session, network = (
-        open_session(planned, options, clock, Progress(), Interrupts(), emulated=emulated),
-        MemoryNetwork(clock),
-    )
+    session = Session(planned, options, clock, Progress(), Interrupts(), emulated=emulated)
+    network = MemoryNetwork(clock)
     network.attach(Fleet(fleet_config(planned)))
     network.attach(session.engine)
     network.run(session.attend)
