@@ -25,7 +25,6 @@ from gcs_formation.studies.dataset import FLIGHTS, RESULT, TABLE_TEXT, Dataset, 
 from gcs_formation.studies.flight import VERSION, Task
 from gcs_formation.studies.keys import Study, Wanted
 from gcs_formation.studies.plan import Plan, Planned, Row, clopper_pearson, count_flights, keeps, replayed
-from gcs_formation.studies.preparation import task_of
 from gcs_formation.studies.workers import Workers
 
 TENTHS = 10
@@ -221,9 +220,10 @@ def flights(
         RunAbortedError: no flight can be flown any more.
     """
     study, done = plan.study, set(flown)
+    records = out / FLIGHTS if out is not None and study.record != "none" else None
 
     def task(planned: Planned) -> Task:
-        return task_of(study, base, planned, out / FLIGHTS / f"{planned.flight:06d}" if out is not None else None)
+        return Task(planned, study, base, str(records / f"{planned.flight:06d}") if records is not None else None)
 
     tasks = deque(task(planned) for planned in replayed(plan, flown.values()))
     failed = sum(row["exit"] > 1 for row in flown.values())

@@ -38,6 +38,7 @@ from gcs_formation.report.style import (
 )
 from gcs_formation.report.time_axes import BUCKETS, draw_marks, span
 from gcs_formation.studies.flight import COULD_NOT_GO_ON, EXPECTED, Task
+from gcs_formation.studies.keys import Study
 from gcs_formation.studies.law_scores import Comparison, Line, Row, Window, compare_flights
 from gcs_formation.studies.plan import Planned
 from gcs_formation.studies.workers import Workers
@@ -315,7 +316,7 @@ def _task(number: int, law: str, options: CompareOptions) -> Task:
     """Return a law's flight; its settings take precedence over the command line's."""
     scenario = load_scenario(options.scenario, (*options.overrides, *LAWS[law]))
     planned = Planned(number, scenario.seed, {})
-    return Task(planned, scenario, {}, (), "full", str(options.out / law), options.until_s)
+    return Task(planned, Study(record="full", until_s=options.until_s), scenario, str(options.out / law))
 
 
 def _claim(out: Path, *, overwrite: bool) -> None:

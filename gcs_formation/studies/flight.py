@@ -7,7 +7,7 @@ import json
 import math
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
@@ -23,7 +23,7 @@ from gcs_formation.errors import RecordError, RecordingError, RunAbortedError
 from gcs_formation.record.run_directory import EVENTS, SUMMARY, TIMESERIES, TLOG
 from gcs_formation.record.summary import Summary
 from gcs_formation.studies.invariants import broken, read_flown
-from gcs_formation.studies.keys import INVARIANTS, Record
+from gcs_formation.studies.keys import INVARIANTS, Record, Study
 from gcs_formation.studies.plan import Planned
 from gcs_formation.studies.random_scenarios import SEVERITIES, draw
 
@@ -40,20 +40,11 @@ class Task:
     """A flight with all that it takes to fly it."""
 
     planned: Planned
+    study: Study
     base: Mapping[Any, Any] | Scenario
     """The scenario, or its keys."""
-    set: Mapping[str, Any]
-    metrics: tuple[str, ...]
-    record: Record
-    directory: str | None
-    """Where the record is kept; None where none is."""
-    until_s: float | None = None
-    random: str | None = None
-    """The severity by which the scenario is drawn from the seed, instead of `base`."""
-    cases: Mapping[str, Mapping[str, Mapping[str, Any]]] = field(default_factory=dict[str, Any])
-    """What each case of a parameter sets."""
-    window: tuple[float | None, float | None] = (None, None)
-    """Mission times from which and up to which metrics count; None: the flight's begin, its end."""
+    directory: str | None = None
+    """Where what the study's `record` asks for is kept; None where nothing is."""
 
     def scenario(self) -> Scenario:
         """Return the flight's scenario.
@@ -61,10 +52,11 @@ class Task:
         Raises:
             ScenarioError: it can't be flown with these parameters.
         """
-        seed, keys = self.planned.seed, dict(self.set)
+        seed, study, cases = self.planned.seed, self.study, self.study.cases
+        keys = dict(study.set)
         for name, value in self.planned.parameters.items():
-            keys |= self.cases[name][value] if name in self.cases else {name: value}
-        base = self.base if self.random is None else draw(seed, SEVERITIES[self.random])
+            keys |= cases[name][value] if name in cases else {name: value}
+        base = self.base if study.random is None else draw(seed, SEVERITIES[study.random])
         if isinstance(base, Scenario) and base.seed == seed and not keys:
             return base
         return load_scenario(base, settings({**keys, "seed": seed}), option="")
@@ -77,10 +69,10 @@ def fly(task: Task) -> dict[str, Any]:
         RecordingError: what is to be kept of it can't be written.
     """
     used = Stopwatch()
-    values: dict[str, Any] = dict.fromkeys(task.metrics)
+    values: dict[str, Any] = dict.fromkeys(task.study.measured)
     try:
         summary, wrong = _flown(task)
-        values = {metric: _measured(metric, task, summary, wrong) for metric in task.metrics}
+        values = {metric: _measured(metric, task, summary, wrong) for metric in task.study.measured}
         said = [*wrong, *(str(each) for each in summary.verdicts if each.held is False), *summary.breaches]
         exit_status, words = int(not summary.held or bool(wrong)), "\n".join(said)
     except ScenarioError as error:
@@ -102,7 +94,7 @@ def fly(task: Task) -> dict[str, Any]:
 def lost(task: Task, words: str) -> dict[str, Any]:
     """Return the row of a flight whose worker died with it."""
     planned = task.planned
-    head = {"flight": planned.flight, "seed": planned.seed, **planned.parameters, **dict.fromkeys(task.metrics)}
+    head = {"flight": planned.flight, "seed": planned.seed, **planned.parameters, **dict.fromkeys(task.study.measured)}
     return {**head, "exit": COULD_NOT_GO_ON, "wall_s": None, "cpu_s": None, "version": VERSION, "words": words}
 
 
@@ -139,7 +131,7 @@ def _at(figures: Mapping[str, Any], name: str) -> Any:  # noqa: ANN401 - a value
 def _measured(metric: str, task: Task, summary: Summary, wrong: list[str]) -> float | None:
     if metric == INVARIANTS:
         return float(len(wrong))
-    if task.window == (None, None):
+    if not task.study.windowed:
         return figure(summary.figures, metric)
     found = [each.value for each in summary.measured if each.expectation.metric == metric and each.reached]
     return worst(metric, [value if value is not None and math.isfinite(value) else None for value in found])
@@ -147,26 +139,26 @@ def _measured(metric: str, task: Task, summary: Summary, wrong: list[str]) -> fl
 
 def _wanted(task: Task, scenario: Scenario) -> tuple[Expectation, ...]:
     """Return the metrics that are asked of a part of the flight."""
-    if task.window == (None, None):
+    if not task.study.windowed:
         return ()
-    from_s, to_s = task.window[0] or 0.0, task.window[1] or (task.until_s or scenario.duration_s)
-    named = (metric for metric in task.metrics if metric != INVARIANTS)
+    from_s, to_s = task.study.from_s or 0.0, task.study.to_s or task.study.until_s or scenario.duration_s
+    named = (metric for metric in task.study.measured if metric != INVARIANTS)
     return tuple(Expectation(metric=metric, from_s=from_s, to_s=to_s) for metric in named)
 
 
 def _uncompleted(task: Task) -> dict[str, Any]:
     """Return the figures of a flight that had no end: that it has one is an invariant too."""
-    return {metric: 1.0 if metric == INVARIANTS else None for metric in task.metrics}
+    return {metric: 1.0 if metric == INVARIANTS else None for metric in task.study.measured}
 
 
 def _flown(task: Task) -> tuple[Summary, list[str]]:
     """Return a flight's summary, and which invariants it broke where that is measured."""
-    scenario, judged = task.scenario(), INVARIANTS in task.metrics
+    scenario, judged = task.scenario(), INVARIANTS in task.study.measured
     kept = Path(task.directory) if task.directory is not None else None
     with tempfile.TemporaryDirectory() as scratch:
-        directory = kept if kept is not None and task.record in {"full", "series"} else Path(scratch) / "flight"
-        record: Record = "full" if judged else task.record
-        options = RunOptions(directory, "virtual", until_s=task.until_s, overwrite=True, record=record)
+        directory = kept if kept is not None and task.study.record in {"full", "series"} else Path(scratch) / "flight"
+        record: Record = "full" if judged else task.study.record
+        options = RunOptions(directory, "virtual", until_s=task.study.until_s, overwrite=True, record=record)
         options = replace(options, measure=_wanted(task, scenario))
         summary = run(scenario, options, Progress(), Interrupts())
         wrong = broken(read_flown(directory, scenario)) if judged else []
@@ -175,7 +167,7 @@ def _flown(task: Task) -> tuple[Summary, list[str]]:
             run(scenario, replace(options, out=again), Progress(), Interrupts())
             if _digest(directory) != _digest(again):
                 wrong = ["repeatable: flown again, the record differs"]
-    if task.record == "summary" and kept is not None:
+    if task.study.record == "summary" and kept is not None:
         kept.mkdir(parents=True, exist_ok=True)
         text = json.dumps(summary.to_dict(), ensure_ascii=False, allow_nan=False)
         (kept / SUMMARY).write_text(text + "\n", encoding="utf-8")

@@ -184,6 +184,11 @@ class Study(Keys):
         return {name: each.cases for name, each in self.parameters.items() if isinstance(each, Cases)}
 
     @property
+    def windowed(self) -> bool:
+        """Whether metrics count over a part of the flights."""
+        return self.from_s is not None or self.to_s is not None
+
+    @property
     def measured(self) -> tuple[str, ...]:
         """All figures that are taken of each flight."""
         others = [each.metric for each in self.expect] + ([self.bisect.metric] if self.bisect else [])

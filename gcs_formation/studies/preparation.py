@@ -17,7 +17,7 @@ from formation_scenario.resolve import standalone, with_absolute_files
 from formation_scenario.source import KeyPath, Plain, Source, dotted, plain_mapping, read_file
 from gcs_formation.studies.flight import Task
 from gcs_formation.studies.keys import LISTED, Cases, Parameter, Range, Study, Value, levels_of
-from gcs_formation.studies.plan import Planned, Row, Sample, at, count_flights, samples
+from gcs_formation.studies.plan import Planned, Row, Sample, at, columns_of, count_flights, samples
 
 COLUMNS = ("flight", "seed", "exit", "wall_s", "cpu_s", "version", "words")
 """Of flights.parquet, beside parameters and metrics."""
@@ -150,29 +150,12 @@ def prepare(source: Path | Mapping[str, Any], *, many: bool = True) -> tuple[Stu
 
 def planned_of(study: Study, row: Row) -> Planned:
     """Return the flight that a row is of."""
-    names = [*study.parameters, *([study.bisect.parameter] if study.bisect else [])]
-    return Planned(int(row["flight"]), int(row["seed"]), {name: row[name] for name in names if name in row})
-
-
-def task_of(study: Study, base: Mapping[Any, Plain], planned: Planned, directory: Path | None) -> Task:
-    """Return a flight of a study as a task; what its `record` asks for is kept in `directory`."""
-    return Task(
-        planned,
-        base,
-        study.set,
-        study.measured,
-        study.record,
-        str(directory) if directory is not None and study.record != "none" else None,
-        study.until_s,
-        study.random,
-        study.cases,
-        (study.from_s, study.to_s),
-    )
+    return Planned(int(row["flight"]), int(row["seed"]), {name: row[name] for name in columns_of(study) if name in row})
 
 
 def refly_task(planned: Planned, study: Study, base: Mapping[Any, Plain], out: Path) -> Task:
     """Return a flight of a study as a task whose whole record is kept in `out`."""
-    return replace(task_of(study, base, planned, None), record="full", directory=str(out))
+    return Task(planned, study.model_copy(update={"record": "full"}), base, str(out))
 
 
 class _Wrong(NamedTuple):
@@ -213,7 +196,7 @@ class _Trial:
     def end_s(self) -> float:
         """When flights end at the latest, of those tried first."""
         planned = Planned(0, self._study.seeds.first, self._usual)
-        duration_s = task_of(self._study, self._base, planned, None).scenario().duration_s
+        duration_s = Task(planned, self._study, self._base).scenario().duration_s
         return min(duration_s, self._study.until_s or duration_s)
 
     def wrong_values(self) -> Iterator[_Wrong]:
@@ -239,7 +222,7 @@ class _Trial:
     def _wrong(self, sample: Sample) -> _Wrong | None:
         planned = Planned(0, self._study.seeds.first, {**self._usual, **sample})
         try:
-            task_of(self._study, self._base, planned, None).scenario()
+            Task(planned, self._study, self._base).scenario()
         except ScenarioError as error:
             return _Wrong(error, self._usual, sample)
         return None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import get_args
+from typing import Literal, get_args
 
 import pytest
 from click.testing import CliRunner
@@ -14,16 +14,17 @@ from gcs_formation.cli import main
 from gcs_formation.errors import RunAbortedError
 from gcs_formation.studies import flight
 from gcs_formation.studies.flight import Task, fly
-from gcs_formation.studies.keys import INVARIANTS
+from gcs_formation.studies.keys import INVARIANTS, Study
 from gcs_formation.studies.plan import Planned
 from gcs_formation.studies.random_scenarios import HARD, draw
 
 SEEDS_EACH = 2
 
 
-def flown(seed: int, severity: str = "usual") -> str:
+def flown(seed: int, severity: Literal["usual", "hard"] = "usual") -> str:
     """Fly a seed; return what it broke."""
-    return fly(Task(Planned(0, seed, {}), {}, {}, (INVARIANTS,), "none", None, random=severity))["words"]
+    study = Study(random=severity, metrics=(INVARIANTS,), record="none")
+    return fly(Task(Planned(0, seed, {}), study, {}))["words"]
 
 
 def test_a_seed_is_one_scenario_and_seeds_differ() -> None:

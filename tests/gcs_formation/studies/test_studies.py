@@ -48,6 +48,7 @@ SCENARIO: Any = {
     "path": {"waypoints_m": [[0, 0, 100], [4000, 0, 100]]},
 }
 DELAY, LOSS = "links.default.delay_ms", "links.default.loss"
+MOST = ("error_x_m.max",)
 SEARCH = {"parameter": DELAY, "low": 0, "high": 1000, "tolerance": 10, "metric": "error_x_m.max", "below": 1.0}
 
 
@@ -78,7 +79,7 @@ def test_a_base_brings_along_what_its_file_reads_from_others_beside_it(tmp_path,
     monkeypatch.chdir("/")
     planned, keys = prepare(tmp_path / "study.yaml")
     first = next(iter(Plan(planned).begin()))
-    found = Task(first, keys, planned.set, planned.measured, "none", None).scenario()
+    found = Task(first, planned, keys).scenario()
     assert [each.model.tau_v_s for each in found.vehicles] == [2.5, 2.5]
     assert found.links.default.trace_file == str(tmp_path / "files" / "late.txt")
 
@@ -113,8 +114,9 @@ def test_cases_set_several_keys_by_a_name():
 
 
 def test_metrics_count_in_their_window_of_time(tmp_path):
-    task = Task(Planned(0, 1, {}), SCENARIO | {"start": {"in_air": True, "offset_m": [8, 0, 0]}}, {},
-                ("error_x_m.max", "settled_at_s"), "series", str(tmp_path), window=(1.0, 2.0))  # fmt: skip
+    keys = Study(metrics=("error_x_m.max", "settled_at_s"), record="series", from_s=1.0, to_s=2.0)
+    base = SCENARIO | {"start": {"in_air": True, "offset_m": [8, 0, 0]}}
+    task = Task(Planned(0, 1, {}), keys, base, str(tmp_path))
     found = fly(task)
     rows = pq.read_table(tmp_path / "timeseries.parquet").to_pydict()
     within = [abs(error) for error, at_s, vehicle in zip(rows["error_x_m"], rows["mission_time_s"], rows["vehicle"],
@@ -429,13 +431,13 @@ def test_a_study_flies_resumes_and_flies_one_again_to_the_same_figures(two, tmp_
 @pytest.mark.parametrize(("record", "kept"), [("none", set()), ("summary", {"summary.json"}),
     ("series", {"summary.json", "run.yaml", "timeseries.parquet", "events.jsonl"})])  # fmt: skip
 def test_records_hold_what_their_level_says(tmp_path, record, kept):
-    task = Task(Planned(0, 1, {}), SCENARIO, {}, ("error_x_m.max",), record, str(tmp_path / "flight"))
+    task = Task(Planned(0, 1, {}), Study(metrics=MOST, record=record), SCENARIO, str(tmp_path / "flight"))
     assert fly(task)["exit"] == 0
     assert {path.name for path in tmp_path.glob("flight/*")} == kept
 
 
 def test_a_flight_that_cannot_be_flown_is_a_row_with_its_words(tmp_path):
-    task = Task(Planned(7, 1, {"path.speed_mps": 90}), SCENARIO, {}, ("error_x_m.max",), "none", None)
+    task = Task(Planned(7, 1, {"path.speed_mps": 90}), Study(metrics=MOST, record="none"), SCENARIO)
     found = fly(task)
     assert (found["flight"], found["exit"], found["error_x_m.max"]) == (7, 2, None)
     assert "path.speed_mps" in found["words"]
@@ -444,7 +446,7 @@ def test_a_flight_that_cannot_be_flown_is_a_row_with_its_words(tmp_path):
 @pytest.mark.slow
 def test_a_killed_worker_loses_nothing_and_counts_nothing_twice(two, tmp_path):
     planned, base = prepare(two)
-    tasks = deque(Task(each, base, {}, ("error_x_m.max",), "none", None) for each in Plan(planned).begin())
+    tasks = deque(Task(each, Study(metrics=MOST, record="none"), base) for each in Plan(planned).begin())
     with Processes(2) as workers:
         rows = workers.rows(tasks)
         first = next(rows)
@@ -463,7 +465,7 @@ def test_a_cluster_flies_the_same_as_processes_do_and_survives_a_killed_worker(t
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
         address = cluster.scheduler_address
         assert command("study", two, "--out", there, "--scheduler", address, "--quiet").exit_code == 0
-        tasks = deque(Task(each, base, {}, ("error_x_m.max",), "none", None) for each in Plan(planned).begin())
+        tasks = deque(Task(each, Study(metrics=MOST, record="none"), base) for each in Plan(planned).begin())
         with Cluster(address) as workers:
             rows = workers.rows(tasks)
             first = next(rows)
@@ -480,7 +482,7 @@ def test_a_restarted_scheduler_costs_no_flight_and_one_that_is_gone_ends_the_stu
     distributed = pytest.importorskip("distributed")
     monkeypatch.setattr("gcs_formation.studies.workers.GONE_S", 10.0)
     planned, base = prepare(two)
-    tasks = deque(Task(each, base, {}, ("error_x_m.max",), "none", None) for each in Plan(planned).begin())
+    tasks = deque(Task(each, Study(metrics=MOST, record="none"), base) for each in Plan(planned).begin())
     small = {"n_workers": 1, "threads_per_worker": 1, "dashboard_address": None}
     before = distributed.LocalCluster(**small)
     port = int(before.scheduler_address.rpartition(":")[2])
@@ -574,7 +576,7 @@ def test_a_full_disk_costs_no_flight_that_was_flown(tmp_path, monkeypatch):
 
 
 def test_a_flight_whose_record_cannot_be_written_ends_the_study_and_is_no_row(tmp_path):
-    task = Task(Planned(0, 1, {}), SCENARIO, {}, ("error_x_m.max",), "full", str(tmp_path / "flight"))
+    task = Task(Planned(0, 1, {}), Study(metrics=MOST, record="full"), SCENARIO, str(tmp_path / "flight"))
     with files_up_to(10_000), pytest.raises(RecordingError, match="File too large"):
         fly(task)
 
