@@ -20,9 +20,9 @@ SIGNS = {"below": "<", "above": ">"}
 
 
 def document(title: str, template: str, **parts: str) -> str:
-    """Return a whole page. The body's template takes `title` and `parts`, which are HTML already."""
+    """Return a whole page. The body's template, a file, takes `title` and `parts`, which are HTML already."""
     name = escape(title)
-    body = Template(template).substitute(title=name, **parts)
+    body = Template(asset(template)).substitute(title=name, **parts)
     return Template(asset("page.html")).substitute(title=name, style=asset("report.css"), body=body)
 
 

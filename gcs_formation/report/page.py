@@ -252,7 +252,7 @@ def page(run: RunData, plates: Iterable[tuple[Plate, Path]]) -> str:
     gallery = "".join(figure(plate.name, plate.title, plate.caption, path) for plate, path in plates)
     return document(
         str(summary["name"]),
-        asset("report.html"),
+        "report.html",
         subtitle=escape(_subtitle(run)),
         script="\n".join(asset(name) for name in SCRIPTS),
         data=as_script(embedded(run)),

@@ -6,9 +6,8 @@ import json
 from collections import deque
 from dataclasses import dataclass
 from html import escape
-from importlib.resources import files
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,6 +18,8 @@ from airlink.cli.exit_status import raised
 from airlink.cli.output_directory import refusal
 from formation_scenario import Problem, Scenario, ScenarioError, load_scenario
 from formation_scenario.errors import did_you_mean
+from gcs_formation.app.result_text import WIDE, Group
+from gcs_formation.app.result_text import table as text_table
 from gcs_formation.control import laws
 from gcs_formation.errors import RecordError
 from gcs_formation.record.figures_of_merit import SETTLED_M
@@ -135,37 +136,21 @@ def _plain(value: float, _: int | None) -> str:
     return f"{value:g}"
 
 
-class Cell(NamedTuple):
-    """A figure of a row: its column's head and its text."""
-
-    head: str
-    text: str
-    width: int
-    """Characters of its column in a terminal."""
-
-
 def comparison_text(comparison: Comparison) -> str:
     """Return the table for a terminal, what its figures are, and what is said of each law."""
-    names = [row.law for row in comparison.rows]
-    width = max(map(len, ("law", *names)))
-    lines = [_about(comparison)]
     shown = [row for row in comparison.rows if not row.aborted]
-    if shown:
-        heads = [f"{cell.head:>{cell.width}}" for cell in _cells(shown[0])]
-        lines.append("  ".join((f"{'law':<{width}}", *heads)))
-    for row in shown:
-        cells = (f"{cell.text:>{cell.width}}" for cell in _cells(row))
-        lines.append("  ".join((f"{row.law:<{width}}", *cells)))
-    return "\n".join([*lines, *(f"{law}: {text}" for law, text in _notes(comparison))])
+    rows = [(row.law, *_cells(row).values()) for row in shown]
+    lines = text_table([Group(("law", *_cells(shown[0])), rows, 0)], WIDE) if shown else []
+    return "\n".join([_about(comparison), *lines, *(f"{law}: {text}" for law, text in _notes(comparison))])
 
 
 def comparison_table(comparison: Comparison) -> str:
     """Return the table as HTML."""
     shown = [row for row in comparison.rows if not row.aborted]
-    heads = [cell.head for cell in _cells(shown[0])] if shown else []
-    rows = [[row.law, *(cell.text for cell in _cells(row))] for row in shown]
+    rows = [[row.law, *_cells(row).values()] for row in shown]
     notes = _notes(comparison)
-    return (table(["Law", *heads], rows) if rows else "") + (table(["Law", "note"], notes, (0, 1)) if notes else "")
+    made = table(["Law", *_cells(shown[0])], rows) if shown else ""
+    return made + (table(["Law", "note"], notes, (0, 1)) if notes else "")
 
 
 def _about(comparison: Comparison) -> str:
@@ -186,17 +171,18 @@ def _notes(comparison: Comparison) -> list[tuple[str, str]]:
     ]
 
 
-def _cells(row: Row) -> list[Cell]:
+def _cells(row: Row) -> dict[str, str]:
+    """Return a row's figures by their columns' heads."""
     errors = row.error_x_m, row.error_y_m, row.error_z_m
     used = None if row.margin_used is None else 100.0 * row.margin_used
-    return [
-        Cell("settled, s", number(row.settled_at_s, 1), 10),
-        *(Cell(head, " / ".join(number(axis[figure]) for axis in errors), 21) for figure, head in HEADS.items()),
-        Cell("steps, m/s / rad / m", " / ".join(number(row.effort[each]["step_p95"]) for each in row.effort), 21),
-        Cell("separation, m", number(row.min_separation_m, 1), 13),
-        Cell("margin, s", number(row.delay_margin_s, 2), 9),
-        Cell("used, %", number(used, 0), 7),
-    ]
+    return {
+        "settled, s": number(row.settled_at_s, 1),
+        **{head: " / ".join(number(axis[figure]) for axis in errors) for figure, head in HEADS.items()},
+        "steps, m/s / rad / m": " / ".join(number(row.effort[each]["step_p95"]) for each in row.effort),
+        "separation, m": number(row.min_separation_m, 1),
+        "margin, s": number(row.delay_margin_s, 2),
+        "used, %": number(used, 0),
+    }
 
 
 def write_comparison(comparison: Comparison, out: Path) -> Path:
@@ -218,11 +204,11 @@ def write_comparison(comparison: Comparison, out: Path) -> Path:
 
 
 def _page(comparison: Comparison, picture: Path) -> str:
-    body, scenario = files("gcs_formation.studies") / "comparison.html", comparison.scenario
+    scenario = comparison.scenario
     caption = TWO_SPANS + CAPTION if len(spans(comparison.window)) > 1 else CAPTION
     return document(
         f"{scenario.name}: laws side by side",
-        body.read_text(encoding="utf-8"),
+        "comparison.html",
         seed=str(scenario.seed),
         frame=escape(scenario.formation.frame.replace("_heading", "")),
         from_s=f"{comparison.window.from_s:g}",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from gcs_formation.record.timeseries import CHANNELS
 from gcs_formation.report.run_data import RunData, load_run
 from gcs_formation.report.style import Mark, marks
 from gcs_formation.stability import law_margins
+from gcs_formation.studies.flight import figure, worst
 
 SCHEMA = 1
 AROUND_S = 1.0
@@ -112,7 +113,7 @@ def _row(law: str, run: RunData, window: Window) -> Row:
     x, y, z = (_axis(run, window, axis) for axis in range(3))
     return Row(
         law=law,
-        settled_at_s=_settled_s(run),
+        settled_at_s=figure(run.summary, "settled_at_s"),
         error_x_m=x,
         error_y_m=y,
         error_z_m=z,
@@ -128,7 +129,7 @@ def _effort(run: RunData, within: Mask) -> Effort:
     found = [effort(run.flown.vehicles[vehicle], within) for vehicle in run.followers]
     return {
         channel: {
-            figure: _worst([each[channel][figure] for each in found]) for figure in ("variation_per_s", "step_p95")
+            name: worst(name, [each[channel][name] for each in found]) for name in ("variation_per_s", "step_p95")
         }
         for channel in CHANNELS
     }
@@ -136,22 +137,13 @@ def _effort(run: RunData, within: Mask) -> Effort:
 
 def _axis(run: RunData, window: Window, axis: int) -> dict[str, float | None]:
     """Return the worst follower's figures on an axis; no steady figure unless all have settled."""
-    settled_s = _settled_s(run)
+    settled_s = figure(run.summary, "settled_at_s")
     found: list[dict[str, float | None]] = []
     for vehicle in run.followers:
         error_m = run.flown.error(vehicle)[:, axis]
         kept = run.flown.window(window.from_s, window.to_s) & np.isfinite(error_m)
         found.append(axis_figures(run.time_s[kept], error_m[kept], settled_s))
-    return {figure: _worst([each[figure] for each in found]) for figure in FIGURES}
-
-
-def _settled_s(run: RunData) -> float | None:
-    return _worst([follower["settled_at_s"] for follower in run.summary["followers"].values()])
-
-
-def _worst(values: Sequence[float | None]) -> float | None:
-    known = [value for value in values if value is not None]
-    return max(known) if known and len(known) == len(values) else None
+    return {name: worst(name, [each[name] for each in found]) for name in FIGURES}
 
 
 def _line(law: str, run: RunData) -> Line:

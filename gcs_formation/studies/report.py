@@ -8,7 +8,6 @@ import shlex
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from html import escape
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -110,13 +109,12 @@ def _over_parameters(flights: Flights, metric: str) -> Iterator[Plate]:
 
 
 def _page(study: Study, rows: Rows, result: Mapping[str, Any], gallery: str, directory: Path) -> str:
-    body = (files("gcs_formation.studies") / "study.html").read_text(encoding="utf-8")
     failed = [row for row in rows if row["exit"] > 1]
     heads = ["Flight", "Exit", "In words"]
     failures = table(heads, [[str(r["flight"]), str(r["exit"]), r["words"]] for r in failed[:MOST_FAILED]], (2,))
     return html.document(
         study.name,
-        body,
+        "study.html",
         subtitle=escape(
             f"{len(rows)} flights; design: {study.design}; seeds {study.seeds.first} and on; {rows[0]['version']}"
         ),
