@@ -6,9 +6,11 @@ import math
 from dataclasses import dataclass, field
 from typing import Final
 
+from airlink.clock import VIRTUAL_EPOCH_US
 from airlink.endpoint import Endpoint, VehicleId, parse_endpoint
 from airlink.random_streams import random_stream
 from flight_model.earth import GeodeticOrigin
+from flight_model.energy import GRAVITY_MPS2
 from formation_scenario import Scenario, start_states
 from formation_scenario.environment import Disturbance, Fault
 from formation_scenario.fields import VehicleSelection
@@ -17,8 +19,6 @@ from formation_scenario.vehicles import Family, VehicleModel, family_of
 from sim_vehicles.inertial.error_model import Aid, barometer, gnss
 from sim_vehicles.inertial.imu import InertialSensors
 
-EPOCH_2020_US = 1_577_836_800_000_000
-STANDARD_GRAVITY_MPS2: Final = 9.80665
 DEGREE_PER_HOUR: Final = math.radians(1.0) / 3600.0
 
 
@@ -66,7 +66,7 @@ class FleetConfig:
     """Each with the vehicles that it hits."""
     faults: tuple[tuple[Fault, frozenset[VehicleId]], ...] = ()
     """Likewise."""
-    utc_at_0_us: int = EPOCH_2020_US
+    utc_at_0_us: int = VIRTUAL_EPOCH_US
     """UTC at instant 0, microseconds since 1970."""
     seed: int = 1
     """Seed of every random stream."""
@@ -129,9 +129,9 @@ def inertial_sensors(keys: InertialNavigation, seed: int, vehicle: VehicleId) ->
 
 def _given(keys: InertialSensorKeys) -> InertialSensors:
     return InertialSensors(
-        accel_bias_mps2=_axes(keys.accel_bias_ug, 1e-6 * STANDARD_GRAVITY_MPS2),
+        accel_bias_mps2=_axes(keys.accel_bias_ug, 1e-6 * GRAVITY_MPS2),
         gyro_bias_radps=_axes(keys.gyro_bias_deg_per_h, DEGREE_PER_HOUR),
-        accel_noise=1e-6 * STANDARD_GRAVITY_MPS2 * (keys.accel_noise_ug_per_rthz or 0.0),
+        accel_noise=1e-6 * GRAVITY_MPS2 * (keys.accel_noise_ug_per_rthz or 0.0),
         gyro_noise=math.radians(keys.gyro_noise_deg_per_rth or 0.0) / 60.0,
     )
 

@@ -17,7 +17,7 @@ from airlink.messages.mission import MissionItem, MissionItemInt
 from sim_vehicles.airframe.motion import Motion, Steering
 from sim_vehicles.autopilot import commands
 from sim_vehicles.autopilot.clock import NEVER
-from sim_vehicles.autopilot.commands import ACCEPTED, FAILED, Order
+from sim_vehicles.autopilot.commands import ACCEPTED, FAILED, Order, to_mode
 from sim_vehicles.autopilot.modes import (
     BY_THROTTLE,
     COPTER_FAILSAFE,
@@ -164,17 +164,13 @@ def _take_off(vehicle: Copter, given: Order) -> int:
     return ACCEPTED if vehicle.take_off(given.z) else FAILED
 
 
-def _to_mode(mode: CopterMode) -> Callable[[Any, Order], int]:
-    return lambda vehicle, _given: ACCEPTED if vehicle.switch(mode) else FAILED
-
-
 HANDLERS: dict[int, Callable[[Any, Order], int]] = {
     **{command: commands.HANDLERS[command] for command in LIKE_PLANES},
     m.MAV_CMD_NAV_TAKEOFF: _take_off,
-    m.MAV_CMD_NAV_RETURN_TO_LAUNCH: _to_mode(CopterMode.RTL),
-    m.MAV_CMD_NAV_LAND: _to_mode(CopterMode.LAND),
-    m.MAV_CMD_NAV_LOITER_UNLIM: _to_mode(CopterMode.LOITER),
-    m.MAV_CMD_MISSION_START: _to_mode(CopterMode.AUTO),
+    m.MAV_CMD_NAV_RETURN_TO_LAUNCH: to_mode(CopterMode.RTL),
+    m.MAV_CMD_NAV_LAND: to_mode(CopterMode.LAND),
+    m.MAV_CMD_NAV_LOITER_UNLIM: to_mode(CopterMode.LOITER),
+    m.MAV_CMD_MISSION_START: to_mode(CopterMode.AUTO),
 }
 """All others are UNSUPPORTED, as MAV_CMD_GUIDED_CHANGE_SPEED and its like are by a real one."""
 

@@ -6,7 +6,7 @@ import struct
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Final, Self
 
 import numpy as np
 from librt.strings import BytesWriter, write_f64_le
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from sim_vehicles.fleet import Fleet
 
 MAGIC = b"truth\x00\x00\x03"
+RATE_HZ: Final = 25.0
 HEADER = struct.Struct("<8sQ")
 QUANTITIES = (
     "north_m",
@@ -45,7 +46,7 @@ class TruthError(Exception):
 class TruthWriter:
     """Appends rows to the file; pass it to a fleet as its truth listener."""
 
-    def __init__(self, path: Path, vehicles: int, rate_hz: float) -> None:
+    def __init__(self, path: Path, vehicles: int, rate_hz: float = RATE_HZ) -> None:
         """Create the file; rows are written at `rate_hz`, or at the main loop's rate if that is lower."""
         self._file = path.open("wb")
         self._file.write(HEADER.pack(MAGIC, vehicles))

@@ -10,11 +10,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
-from typing import Any, Literal, Protocol, Self, get_args
+from typing import TYPE_CHECKING, Any, Literal, Self, get_args
 
 from airlink.clock import Instant
 from formation_scenario.expectation import Expectation
 from gcs_formation.recorder import Event, Recorder
+
+if TYPE_CHECKING:
+    from gcs_formation.mission.starting import PreFlight
 
 ClockName = Literal["real", "virtual"]
 Record = Literal["full", "series", "summary", "none"]
@@ -94,27 +97,10 @@ class Interrupts:
         self.count = max(self.count, 1) if number == signal.SIGHUP else self.count + 1
 
 
-class Gate(Protocol):
-    """What waits for the word: a `PreFlight`."""
-
-    @property
-    def awaits_word(self) -> bool:
-        """Whether the question is due."""
-        ...
-
-    def question(self) -> str:
-        """Return it."""
-        ...
-
-    def confirm(self) -> None:
-        """Take the answer yes."""
-        ...
-
-
 class Confirmation:
     """Puts the question when it is due, and passes the answer on."""
 
-    def __init__(self, gate: Gate, recorder: Recorder, terminal: int, decline: Callable[[str], None]) -> None:
+    def __init__(self, gate: PreFlight, recorder: Recorder, terminal: int, decline: Callable[[str], None]) -> None:
         """Ask for `gate` on the file descriptor of a terminal; `decline` ends the run with the reason."""
         self._gate, self._recorder = gate, recorder
         self._terminal, self._decline = terminal, decline

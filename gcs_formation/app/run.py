@@ -30,7 +30,6 @@ from sim_vehicles.config import fleet_config, stand_ins
 from sim_vehicles.fleet import Fleet
 from sim_vehicles.truth import TruthError, TruthWriter, read_truth
 
-TRUTH_RATE_HZ = 25.0
 END_S = 5.0
 """Wall time that the emulators get to end by themselves, s."""
 
@@ -52,7 +51,7 @@ def _run_virtual(scenario: Scenario, options: RunOptions, progress: Progress, in
     clock = VirtualClock()
     session = _open(scenario, options, clock, progress, interrupts)
     network = MemoryNetwork(clock)
-    with TruthWriter(options.out / TRUTH, len(scenario.vehicles), TRUTH_RATE_HZ) as writer:
+    with TruthWriter(options.out / TRUTH, len(scenario.vehicles)) as writer:
         fleet = Fleet(fleet_config(scenario), truth=writer)
         try:
             network.attach(fleet)
@@ -91,7 +90,7 @@ class _Emulators:
     def __init__(self, options: RunOptions, clock: RealClock) -> None:
         command = [sys.executable, "-m", "sim_vehicles", str(options.out / SCENARIO)]
         command += ["--speedup", str(options.speedup), "--clock-origin", str(clock.origin_ns)]
-        command += ["--truth", str(options.out / TRUTH), "--truth-rate", str(TRUTH_RATE_HZ)]
+        command += ["--truth", str(options.out / TRUTH)]
         command += ["--with-parent", str(os.getpid()), "--quiet"]
         self._command = command
 

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import yaml
-from matplotlib.figure import Figure
 
 from flight_model.arrays import Array
 from formation_scenario import Scenario, load_scenario
@@ -21,7 +20,7 @@ from gcs_formation.errors import RecordError
 from gcs_formation.identify.fit import Fit, fit, fit_airframe, flown_by_lags, lags_of
 from gcs_formation.identify.recording import STEP_S, Recording, recordings
 from gcs_formation.record.run_directory import SCENARIO, SUMMARY, TLOG
-from gcs_formation.report.style import CM, DPI, FOLLOWERS, GREY, INK, WIDTH_CM, print_style
+from gcs_formation.report.style import FOLLOWERS, GREY, INK, axes_grid, column_of, new_figure, print_style, save
 
 REST_S, HELD_S = 8.0, 9.0
 SPEED_MPS, SLOW_MPS, HEADING_DEG, HEIGHT_M = 2.0, 1.0, 15.0, 8.0
@@ -94,9 +93,8 @@ def draw(recording: Recording, flown: dict[str, Array], file: Path) -> None:
     at_s: Array = STEP_S * np.arange(recording.seen.shape[1], dtype=np.float64)
     scales = (1.0, 180.0 / np.pi, 1.0)
     with print_style():
-        figure = Figure(figsize=(WIDTH_CM * CM, HEIGHT_CM * CM), layout="constrained")
-        axes = [figure.add_subplot(3, 1, 1)]
-        axes += [figure.add_subplot(3, 1, row, sharex=axes[0]) for row in (2, 3)]
+        figure = new_figure(HEIGHT_CM)
+        axes = column_of(axes_grid(figure, 3, 1, sharex=True), 0)
         for row, (axis, label, scale) in enumerate(zip(axes, recording.labels, scales, strict=True)):
             axis.step(at_s, recording.commanded[row] * scale, where="post", color=GREY, linewidth=0.6, label="setpoint")
             axis.plot(at_s, recording.seen[row] * scale, color=INK, label="measured")
@@ -105,7 +103,7 @@ def draw(recording: Recording, flown: dict[str, Array], file: Path) -> None:
             axis.set_ylabel(label)
         axes[-1].set_xlabel("time, s")
         axes[0].legend(ncols=2 + len(flown), loc="lower left", bbox_to_anchor=(0.0, 1.0))
-        figure.savefig(file, dpi=DPI)
+        save(figure, file)
 
 
 @dataclass(frozen=True)

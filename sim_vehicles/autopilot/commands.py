@@ -149,6 +149,11 @@ def _enter(vehicle: Vehicle, number: float) -> int:
     return ACCEPTED if vehicle.switch(number) else FAILED
 
 
+def to_mode(mode: int, refused: int = FAILED) -> Callable[[Any, Order], int]:
+    """Return what carries out a command to change to a mode."""
+    return lambda vehicle, _given: ACCEPTED if vehicle.switch(mode) else refused
+
+
 def _arm_disarm(vehicle: Vehicle, given: Order) -> int:
     arm, force = given.params[0], given.params[1] == FORCE
     if arm not in (0.0, 1.0):
@@ -250,8 +255,8 @@ HANDLERS: dict[int, Callable[[Any, Order], int]] = {
     m.MAV_CMD_DO_SET_MODE: _set_mode,
     m.MAV_CMD_COMPONENT_ARM_DISARM: _arm_disarm,
     m.MAV_CMD_NAV_TAKEOFF: lambda _vehicle, _given: FAILED,
-    m.MAV_CMD_NAV_RETURN_TO_LAUNCH: lambda vehicle, _: _enter(vehicle, Mode.RTL),
-    m.MAV_CMD_NAV_LOITER_UNLIM: lambda vehicle, _: _enter(vehicle, Mode.LOITER),
+    m.MAV_CMD_NAV_RETURN_TO_LAUNCH: to_mode(Mode.RTL),
+    m.MAV_CMD_NAV_LOITER_UNLIM: to_mode(Mode.LOITER),
     m.MAV_CMD_MISSION_START: _start_mission,
     m.MAV_CMD_DO_SET_MISSION_CURRENT: _choose_item,
     m.MAV_CMD_DO_CHANGE_SPEED: _legacy_speed,

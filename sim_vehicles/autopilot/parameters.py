@@ -17,6 +17,7 @@ from airlink import mavlink as m
 from airlink.endpoint import Address
 from airlink.messages import Message
 from airlink.messages.command import FileTransferProtocol, ParamRequestList, ParamRequestRead, ParamSet, ParamValue
+from flight_model.energy import GRAVITY_MPS2
 from sim_vehicles.autopilot.missions import Sender
 from sim_vehicles.config import VehicleConfig
 
@@ -25,7 +26,6 @@ UNINDEXED = 65535
 WIDER_THAN_TIGHTEST = 1.3
 LOITER_RADIUS_M = 60.0
 ROLL_LIMIT_DEG = 45.0
-GRAVITY_MPS2 = 9.80665
 MAX_LISTS = 16
 """Lists sent at the same time; a further request gets no answer, as from a busy autopilot."""
 FIXED = frozenset({"MAV_SYSID"})

@@ -19,7 +19,7 @@ from airlink.messages.system import CurrentMode, Heartbeat
 from airlink.messages.telemetry import GpsRawInt, VfrHud
 from sim_vehicles.autopilot import commands, telemetry
 from sim_vehicles.autopilot.clock import NEVER
-from sim_vehicles.autopilot.commands import ACCEPTED, DENIED, FAILED, UNSUPPORTED, Order
+from sim_vehicles.autopilot.commands import ACCEPTED, DENIED, FAILED, UNSUPPORTED, Order, to_mode
 from sim_vehicles.autopilot.modes import CopterMode, FailsafeKeys, FlightMode, GroundStationFailsafe, Mode, Px4Mode
 from sim_vehicles.autopilot.parameters import FIXED, LOITER_RADIUS_M, Kind, ParameterServer, floating
 from sim_vehicles.config import VehicleConfig
@@ -249,10 +249,6 @@ def _take_off(vehicle: Px4, given: Order) -> int:
     return ACCEPTED if vehicle.prepare(height_m) else REJECTED
 
 
-def _to_mode(mode: Px4Mode) -> Callable[[Any, Order], int]:
-    return lambda vehicle, _given: ACCEPTED if vehicle.switch(mode) else REJECTED
-
-
 def _reposition(vehicle: Px4, given: Order) -> int:
     if given.params[1] != m.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE:
         return UNSUPPORTED
@@ -290,9 +286,9 @@ HANDLERS: dict[int, Callable[[Any, Order], int]] = {
     m.MAV_CMD_DO_SET_MODE: _set_mode,
     m.MAV_CMD_COMPONENT_ARM_DISARM: _arm_disarm,
     m.MAV_CMD_NAV_TAKEOFF: _take_off,
-    m.MAV_CMD_NAV_RETURN_TO_LAUNCH: _to_mode(Px4Mode.RTL),
-    m.MAV_CMD_NAV_LAND: _to_mode(Px4Mode.LAND),
-    m.MAV_CMD_NAV_LOITER_UNLIM: _to_mode(Px4Mode.HOLD),
+    m.MAV_CMD_NAV_RETURN_TO_LAUNCH: to_mode(Px4Mode.RTL, REJECTED),
+    m.MAV_CMD_NAV_LAND: to_mode(Px4Mode.LAND, REJECTED),
+    m.MAV_CMD_NAV_LOITER_UNLIM: to_mode(Px4Mode.HOLD, REJECTED),
     m.MAV_CMD_SET_MESSAGE_INTERVAL: _set_interval,
     m.MAV_CMD_GET_MESSAGE_INTERVAL: commands.HANDLERS[m.MAV_CMD_GET_MESSAGE_INTERVAL],
     m.MAV_CMD_REQUEST_MESSAGE: commands.HANDLERS[m.MAV_CMD_REQUEST_MESSAGE],

@@ -25,6 +25,7 @@ from airlink.messages.telemetry import (
     Wind,
 )
 from flight_model.autopilot import signed
+from flight_model.energy import GRAVITY_MPS2
 from sim_vehicles.autopilot.clock import LOOP_HZ, NEVER
 from sim_vehicles.autopilot.modes import Condition, system_status
 
@@ -32,7 +33,6 @@ if TYPE_CHECKING:
     from sim_vehicles.airframe.motion import Motion
     from sim_vehicles.vehicle import Vehicle
 
-G_MPS2: Final = 9.80665
 SENSORS: Final = (
     m.MAV_SYS_STATUS_SENSOR_3D_GYRO
     | m.MAV_SYS_STATUS_SENSOR_3D_ACCEL
@@ -227,7 +227,7 @@ def autopilot_version(_: Vehicle) -> Message:
 
 
 def _bank(motion: Motion) -> float:
-    return _atan(motion.turn_rate_radps * motion.airspeed_mps / G_MPS2)
+    return _atan(motion.turn_rate_radps * motion.airspeed_mps / GRAVITY_MPS2)
 
 
 Builders = Mapping[int, Callable[[Any], Message]]

@@ -38,7 +38,6 @@ def run(
     until_s: float | None = None,
     clock_origin_ns: int | None = None,
     truth: Path | None = None,
-    truth_rate_hz: float = 25.0,
     parent_pid: int | None = None,
 ) -> int:
     """Fly until told to stop; return the exit status.
@@ -50,7 +49,6 @@ def run(
         until_s: when to end.
         clock_origin_ns: instant 0 on the machine's monotonic clock, to share instants with another process.
         truth: the file of ground truth.
-        truth_rate_hz: how often that is recorded.
         parent_pid: the process that started us: we end when it does.
 
     Raises:
@@ -59,7 +57,7 @@ def run(
     clock, signals = RealClock(speedup, clock_origin_ns), list[int]()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, _frame: signals.append(number))
-    recording = TruthWriter(truth, len(config.vehicles), truth_rate_hz) if truth else None
+    recording = TruthWriter(truth, len(config.vehicles)) if truth else None
     with recording or nullcontext():
         begun = clock.now()
         fleet = Fleet(replace(config, utc_at_0_us=clock.utc_at_0_us), begun, recording)
@@ -90,7 +88,6 @@ def run(
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 @click.option("--clock-origin", "clock_origin_ns", type=int, hidden=True)
 @click.option("--truth", type=click.Path(path_type=Path), hidden=True)
-@click.option("--truth-rate", "truth_rate_hz", type=Number(0.01, 50), default=25.0, hidden=True)
 @click.option("--with-parent", "parent_pid", type=int, hidden=True)
 def fly(
     scenario: Path | None,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from typing import Any
 
 import pytest
 
@@ -14,7 +15,7 @@ NOW = Instant(0)
 
 
 class Gate:
-    """Stands for the start-ups that wait."""
+    """Stands for a `PreFlight`."""
 
     def __init__(self) -> None:
         self.due = self.confirmed = False
@@ -35,7 +36,8 @@ class Gate:
 )
 def test_only_yes_confirms_and_only_after_the_question(typed: bytes, confirmed: bool) -> None:
     terminal, keyboard = os.pipe()
-    gate, notes, declined = Gate(), Notes(), list[str]()
+    gate: Any = Gate()
+    notes, declined = Notes(), list[str]()
     confirmation = Confirmation(gate, notes, terminal, declined.append)
     os.write(keyboard, b"yes\n")
     confirmation.poll(NOW)
