@@ -18,20 +18,21 @@ SLACK_S = 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class StartStates:
-    """State of each vehicle at the start: arrays (V,) in the order of `scenario.vehicles`, NED, height up."""
+class StartState:
+    """State of a vehicle at boot: NED from the origin, height upwards, heading clockwise from north."""
 
-    north_m: Array
-    east_m: Array
-    height_m: Array
-    heading_rad: Array
-    airspeed_mps: Array
-    in_air: bool
+    north_m: float
+    east_m: float
+    height_m: float = 0.0
+    heading_rad: float = 0.0
+    airspeed_mps: float = 0.0
+    in_air: bool = False
 
 
-def start_states(scenario: Scenario) -> StartStates:
-    """Return the start states: the leader `run_in_s` before the path's start, the followers at their slots.
+def start_states(scenario: Scenario) -> list[StartState]:
+    """Return each vehicle's start state, in the scenario's order.
 
+    The leader's is `run_in_s` before the path's start, the followers' are their slots.
     In the air each follower is `start.offset_m` from its slot, and higher where the terrain's clearance requires it. On
     the ground they stand in a row if the scenario says so; otherwise those that would be nearer to others than
     `safety.separation_m` are placed farther back.
@@ -43,17 +44,12 @@ def start_states(scenario: Scenario) -> StartStates:
     slots = slots + np.array(scenario.start.offset_m) if in_air else _on_ground(scenario, slots)
     places = _with_leader(scenario, slots)
     cosine, sine = np.cos(leader.course_rad), np.sin(leader.course_rad)
-    count = len(scenario.vehicles)
     north_m = leader.north_m + cosine * places[:, 0] - sine * places[:, 1]
     east_m = leader.east_m + sine * places[:, 0] + cosine * places[:, 1]
-    return StartStates(
-        north_m=north_m,
-        east_m=east_m,
-        height_m=_clear(scenario, north_m, east_m, leader.height_m + places[:, 2]) if in_air else np.zeros(count),
-        heading_rad=np.full(count, leader.course_rad),
-        airspeed_mps=np.full(count, scenario.path.speed_mps if in_air else 0.0),
-        in_air=in_air,
-    )
+    height_m = _clear(scenario, north_m, east_m, leader.height_m + places[:, 2]) if in_air else np.zeros_like(north_m)
+    speed_mps = scenario.path.speed_mps if in_air else 0.0
+    each = zip(north_m.tolist(), east_m.tolist(), height_m.tolist(), strict=True)
+    return [StartState(*place, leader.course_rad, speed_mps, in_air) for place in each]
 
 
 def _on_ground(scenario: Scenario, slots: Array) -> Array:

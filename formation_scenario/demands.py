@@ -235,8 +235,8 @@ def _unknown(
 def _take_off(scenario: Scenario, source: Source, ground: Ground) -> Iterator[Problem]:
     if scenario.start.in_air:
         return
-    start = start_states(scenario)
-    height_m = ground.height(start.north_m, start.east_m)
+    places = np.array([(each.north_m, each.east_m) for each in start_states(scenario)])
+    height_m = ground.height(*places.T)
     for vehicle, ground_m in zip(scenario.vehicles, height_m.tolist(), strict=True):
         if vehicle.autopilot == "emulator" and not abs(ground_m) <= LEVEL_M:
             found = f"found ground at {ground_m:.0f} m where emulated vehicle {vehicle.vehicle_id} would take off"

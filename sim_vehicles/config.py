@@ -12,6 +12,7 @@ from airlink.random_streams import random_stream
 from flight_model.earth import GeodeticOrigin
 from flight_model.energy import GRAVITY_MPS2
 from formation_scenario import Scenario, start_states
+from formation_scenario.begin_and_end import StartState
 from formation_scenario.environment import Disturbance, Fault
 from formation_scenario.fields import VehicleSelection
 from formation_scenario.navigation import InertialNavigation, InertialSensorKeys, Navigation, TrueNavigation
@@ -23,25 +24,13 @@ DEGREE_PER_HOUR: Final = math.radians(1.0) / 3600.0
 
 
 @dataclass(frozen=True)
-class Start:
-    """State at boot: NED from the fleet's origin, height upwards, heading clockwise from north."""
-
-    north_m: float
-    east_m: float
-    height_m: float = 0.0
-    heading_rad: float = 0.0
-    airspeed_mps: float = 0.0
-    in_air: bool = False
-
-
-@dataclass(frozen=True)
 class VehicleConfig:
     """One vehicle."""
 
     identity: VehicleId
     endpoint: Endpoint
     """The vehicle's own end: `udpout` to where a ground station listens, or `udpin`."""
-    start: Start
+    start: StartState
     model: VehicleModel = field(default_factory=VehicleModel)
     family: Family | None = None
     """As which autopilot it speaks; None: as an emulator of its model."""
@@ -84,19 +73,11 @@ def stand_ins(scenario: Scenario) -> str:
 
 def fleet_config(scenario: Scenario) -> FleetConfig:
     """Return the fleet that a scenario describes: each vehicle at the other end of its endpoint, at its start."""
-    states = start_states(scenario)
     vehicles = tuple(
         VehicleConfig(
             identity=vehicle.vehicle_id,
             endpoint=parse_endpoint(vehicle.endpoint).opposite(),
-            start=Start(
-                north_m=float(states.north_m[i]),
-                east_m=float(states.east_m[i]),
-                height_m=float(states.height_m[i]),
-                heading_rad=float(states.heading_rad[i]),
-                airspeed_mps=float(states.airspeed_mps[i]),
-                in_air=states.in_air,
-            ),
+            start=start,
             model=vehicle.true_model or vehicle.model,
             family=family_of(vehicle),
             clock_offset_s=vehicle.clock.offset_s,
@@ -104,7 +85,7 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
             utc_error_s=vehicle.clock.utc_error_s if vehicle.clock.utc else None,
             navigation=vehicle.true_navigation or vehicle.navigation,
         )
-        for i, vehicle in enumerate(scenario.vehicles)
+        for vehicle, start in zip(scenario.vehicles, start_states(scenario), strict=True)
     )
     return FleetConfig(
         origin=scenario.origin.geodetic,

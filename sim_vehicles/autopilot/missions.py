@@ -35,8 +35,8 @@ from airlink.messages.mission import (
 )
 from airlink.messages.system import Statustext
 from flight_model.earth import GeodeticOrigin
+from formation_scenario.begin_and_end import StartState
 from sim_vehicles.autopilot.clock import NEVER
-from sim_vehicles.config import Start
 
 E7 = 1e7
 HIGHEST_M = 2**23 / 100
@@ -147,7 +147,7 @@ class Upload:
     give_up: Instant
 
 
-def home_of(start: Start, origin: GeodeticOrigin) -> Item:
+def home_of(start: StartState, origin: GeodeticOrigin) -> Item:
     """Return home, where a vehicle starts, as its mission's first item."""
     lat_rad, lon_rad, alt_m = origin.from_ned(start.north_m, start.east_m, 0.0)
     x, y = (round(math.degrees(each) * E7) for each in (lat_rad, lon_rad))

@@ -19,11 +19,12 @@ from airlink.clock import NANOSECONDS, RealClock
 from airlink.endpoint import LOOPBACK, MAX_PORT, Address, Endpoint, PortError, VehicleId
 from airlink.udp import UdpDriver
 from formation_scenario import ScenarioError, load_scenario
+from formation_scenario.begin_and_end import StartState
 from formation_scenario.fields import MAX_SYSTEM_ID
 from formation_scenario.model import Origin
 from formation_scenario.vehicles import BASE_PORT
 from sim_vehicles.cli import EXAMPLES
-from sim_vehicles.config import FleetConfig, Start, VehicleConfig, fleet_config
+from sim_vehicles.config import FleetConfig, VehicleConfig, fleet_config
 from sim_vehicles.fleet import Fleet
 from sim_vehicles.truth import TruthWriter
 
@@ -136,7 +137,7 @@ def _plain(count: int, base_port: int, *, one_port: bool) -> FleetConfig:
         VehicleConfig(
             VehicleId(1, 1 + i),
             Endpoint("udpout", Address(LOOPBACK, base_port if one_port else base_port + i)),
-            Start(0.0, i * APART_M),
+            StartState(0.0, i * APART_M),
         )
         for i in range(count)
     )

@@ -119,10 +119,11 @@ def test_the_first_leader_needs_elevations_under_the_slot_it_has_behind_another(
 def test_followers_in_the_air_begin_clear_of_the_ground(load):
     beside = "terrain={clearance_m: 60, hills: [{north_m: -220, east_m: 150, height_m: 80, radius_m: 60}]}"
     scenario = load(beside, LOW, "start={in_air: true, run_in_s: 10}", "formation={shape: line, spacing_m: 100}")
-    start, ground = start_states(scenario), scenario.ground
-    assert start.height_m[0] == 80.0
-    assert (start.height_m - ground.height(start.north_m, start.east_m) >= 60.0 - 1e-9).all()
-    assert start.height_m.max() > 85.0
+    start = start_states(scenario)
+    north_m, east_m, height_m = np.array([(each.north_m, each.east_m, each.height_m) for each in start]).T
+    assert height_m[0] == 80.0
+    assert (height_m - scenario.ground.height(north_m, east_m) >= 60.0 - 1e-9).all()
+    assert height_m.max() > 85.0
 
 
 def test_path_and_ground_are_built_once_and_anew_for_other_keys(load):

@@ -8,7 +8,8 @@ import pytest
 from airlink.endpoint import Address, VehicleId, parse_endpoint
 from airlink.engine import Datagram
 from flight_model.earth import GeodeticOrigin
-from sim_vehicles.config import FleetConfig, Start, VehicleConfig
+from formation_scenario.begin_and_end import StartState
+from sim_vehicles.config import FleetConfig, VehicleConfig
 from sim_vehicles.fleet import Fleet
 
 mavlink = importlib.import_module("pymavlink.dialects.v20.ardupilotmega")
@@ -113,7 +114,7 @@ def fleet_config(count=1, *, in_air=True, endpoint="udpout:127.0.0.1:14550", apa
         VehicleConfig(
             VehicleId(1, 1 + i),
             parse_endpoint(endpoint),
-            Start(0.0, apart_m * i, 100.0 if in_air else 0.0, 0.0, 22.0 if in_air else 0.0, in_air),
+            StartState(0.0, apart_m * i, 100.0 if in_air else 0.0, 0.0, 22.0 if in_air else 0.0, in_air),
             **vehicle_keys,
         )
         for i in range(count)

@@ -7,14 +7,15 @@ import pytest
 
 from airlink.endpoint import VehicleId, parse_endpoint
 from flight_model.autopilot import advance
+from formation_scenario.begin_and_end import StartState
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
 from sim_vehicles.airframe.body import Body
-from sim_vehicles.config import Start, VehicleConfig
+from sim_vehicles.config import VehicleConfig
 
 LOOP_S = 0.02
 
 
-START = Start(0.0, 0.0, 100.0, airspeed_mps=22.0, in_air=True)
+START = StartState(0.0, 0.0, 100.0, airspeed_mps=22.0, in_air=True)
 ENDPOINT = parse_endpoint("udpout:127.0.0.1:14550")
 
 
