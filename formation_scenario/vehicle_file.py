@@ -18,8 +18,8 @@ from formation_scenario.vehicles import VehicleModel
 
 SUFFIXES = (".yaml", ".yml")
 MODELS = ("model", "true_model")
-FAMILIES = {"arduplane": "arduplane", "arducopter": "arducopter", "px4": "px4"}
-"""The shipped vehicle file of an autopilot family, for a vehicle without `model`."""
+FAMILIES = ("arduplane", "arducopter", "px4")
+"""Autopilot families with a shipped vehicle file of their name, for a vehicle without `model`."""
 SHIPPED = "aircraft"
 """Folder of the shipped files, inside this package."""
 
@@ -62,7 +62,7 @@ def _whole(vehicle: Plain, directory: Path, source: Source, path: KeyPath, read:
         return vehicle
     names = {key: name for key in MODELS if isinstance(name := vehicle.get(key), str)}
     if vehicle.get("model") is None and vehicle.get("autopilot") in FAMILIES:
-        names["model"] = FAMILIES[str(vehicle["autopilot"])]
+        names["model"] = str(vehicle["autopilot"])
     for key, name in names.items():
         if name not in read:
             read[name] = read_model(name, directory, source, (*path, key))

@@ -37,7 +37,7 @@ class Summary(RecordedSummary):
         Raises:
             RecordError: the run directory can't be read or written.
         """
-        from gcs_formation.report import write_report  # noqa: PLC0415 - drawing needs twice the imports of flying
+        from gcs_formation.report.page import write_report  # noqa: PLC0415 - drawing needs twice the imports of flying
 
         return write_report(self.run_dir)
 

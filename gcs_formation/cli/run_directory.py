@@ -66,7 +66,7 @@ def tell(run_dir: Path, order: tuple[str, ...]) -> None:
 @click.argument("run_dir", type=click.Path(path_type=Path))
 def report(run_dir: Path) -> None:
     """Draw the figures of a run or a study, and one self-contained report.html; of a killed one, what there is."""
-    from gcs_formation.report import write_report  # noqa: PLC0415 - an order waits for no figures
+    from gcs_formation.report.page import write_report  # noqa: PLC0415 - an order waits for no figures
     from gcs_formation.studies.report import is_study, write_study_report  # noqa: PLC0415
 
     try:

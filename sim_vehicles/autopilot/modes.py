@@ -126,11 +126,6 @@ STRAIGHT_ON = frozenset({Mode.MANUAL, Mode.STABILIZE, Mode.FBWA, Mode.FBWB, Mode
 """Modes flown by a pilot's sticks, which nobody touches: the vehicle flies straight and level."""
 
 
-def follow(condition: Condition, request: Request) -> Condition | None:
-    """Return the condition that a request leads to, None when it's refused."""
-    return TRANSITIONS.get((condition, request))
-
-
 def select(condition: Condition, mode: float, selectable: frozenset[int] = SELECTABLE) -> int | None:
     """Return the number of the mode that asking for one leads to, None when it's refused."""
     return None if condition.booting or mode not in selectable else int(mode)

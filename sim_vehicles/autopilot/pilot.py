@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 from airlink.clock import Instant
 from sim_vehicles.airframe.motion import CIRCLE, COURSE, HEADING, Motion, Steering
 from sim_vehicles.autopilot.clock import NEVER
-from sim_vehicles.autopilot.modes import STRAIGHT_ON, Condition, FlightMode, Mode, Request, follow
+from sim_vehicles.autopilot.modes import STRAIGHT_ON, TRANSITIONS, Condition, FlightMode, Mode, Request
 from sim_vehicles.autopilot.parameters import ParameterServer
 from sim_vehicles.config import VehicleConfig
 
@@ -128,7 +128,7 @@ class Pilot:
 
     def request(self, request: Request) -> bool:
         """Make the transition that the table of conditions allows; return whether there is one."""
-        following = follow(self.condition, request)
+        following = TRANSITIONS.get((self.condition, request))
         if following is None:
             return False
         self.condition = following

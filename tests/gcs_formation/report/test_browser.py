@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from formation_scenario import load_scenario
-from gcs_formation.report import write_report
+from gcs_formation.report.page import write_report
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 BROWSER = next(filter(None, map(shutil.which, NAMES)), None)
