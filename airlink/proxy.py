@@ -1,4 +1,4 @@
-"""The shell of the impaired relay: its sockets, the real clock, and lines typed while it runs."""
+"""An impaired relay, and its shell: sockets, the real clock, and lines typed while it runs."""
 
 from __future__ import annotations
 
@@ -8,17 +8,69 @@ import socket
 from collections.abc import Callable
 from functools import partial
 from types import TracebackType
-from typing import Final, Self
+from typing import Final, NamedTuple, Self
 
-from airlink.clock import RealClock
+from airlink.clock import Instant, RealClock
 from airlink.endpoint import Address, Endpoint, PortError
-from airlink.impaired_link import Passage, Relay
-from airlink.impairment import Direction
+from airlink.engine import DelayQueue
+from airlink.impaired_link import Channel, ChannelStatistics
+from airlink.impairment import UNIMPAIRED, Direction, Impairment
+from airlink.random_streams import random_stream
 from airlink.udp import DRAIN_LIMIT, IDLE_WAIT_S, MAX_DATAGRAM, open_socket, select_for
 
 MAX_REMOTES: Final = 256
 """Sockets towards the target. Further remotes are ignored, so strangers can't exhaust the machine's sockets."""
 READ_SIZE: Final = 4096
+NETWORK: Final = 1
+"""Of the vehicles whose random numbers remotes have."""
+
+
+class Passage(NamedTuple):
+    """A datagram of one remote, in transit in one direction."""
+
+    remote: int
+    direction: Direction
+    data: bytes
+
+
+class Relay:
+    """Impairs the links of remotes, numbered from 0; the present settings apply to all of them."""
+
+    def __init__(self, seed: int) -> None:
+        """Start with unimpaired links; remote r has the random numbers of vehicle r + 1 on network 1."""
+        self.impairments: dict[Direction, Impairment] = dict.fromkeys(Direction, UNIMPAIRED)
+        self._seed = seed
+        self._channels: dict[tuple[int, Direction], Channel] = {}
+        self._under_way = DelayQueue[Passage]()
+
+    def accept(self, passage: Passage, now: Instant) -> None:
+        """Send a datagram on its way."""
+        key = (passage.remote, passage.direction)
+        channel = self._channels.get(key)
+        if channel is None:
+            stream = random_stream(self._seed, "links", NETWORK, passage.remote + 1, passage.direction)
+            channel = self._channels[key] = Channel(stream)
+        for delivery in channel.pass_on(len(passage.data), now, self.impairments[passage.direction]):
+            self._under_way.push(delivery, passage)
+
+    def pop_due(self, now: Instant) -> list[Passage]:
+        """Remove and return what has arrived by `now`."""
+        return self._under_way.pop_due(now)
+
+    def next_timer(self) -> Instant | None:
+        """Return when the next datagram arrives, None if none is in transit."""
+        return self._under_way.next()
+
+    def statistics(self, direction: Direction) -> ChannelStatistics:
+        """Return the statistics of one direction, summed over all remotes."""
+        total = ChannelStatistics()
+        for (_, of_direction), channel in self._channels.items():
+            if of_direction is direction:
+                total.datagrams += channel.statistics.datagrams
+                total.lost += channel.statistics.lost
+                total.delivered += channel.statistics.delivered
+                total.total_delay_s += channel.statistics.total_delay_s
+        return total
 
 
 class Proxy:

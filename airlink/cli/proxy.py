@@ -13,9 +13,8 @@ import click
 from airlink.cli.commands import SEED, VERSION
 from airlink.cli.exit_status import Status, fail
 from airlink.endpoint import Endpoint, EndpointError, ImpairmentError, PortError, parse_endpoint
-from airlink.impaired_link import Relay
 from airlink.impairment import Direction, Impairment
-from airlink.proxy import Proxy
+from airlink.proxy import Proxy, Relay
 
 _SHARE = "0 to 1"
 _MILLISECONDS = "0 to 600000"

@@ -10,9 +10,8 @@ from click.testing import CliRunner
 from airlink.cli.proxy import KEYS, Console, apply_line, changed, described, main, summary
 from airlink.clock import Instant, after
 from airlink.endpoint import Address, Endpoint, ImpairmentError, PortError
-from airlink.impaired_link import Passage, Relay
 from airlink.impairment import UNIMPAIRED, Direction, Impairment
-from airlink.proxy import Proxy
+from airlink.proxy import Passage, Proxy, Relay
 from airlink.udp import open_socket
 
 UP, DOWN = Direction.UPLINK, Direction.DOWNLINK
