@@ -24,7 +24,7 @@ from gcs_formation.mission.resumption import Resumption
 from gcs_formation.mission.starting import Caution
 from gcs_formation.phases import Phase
 from gcs_formation.record.expectations import ControlFigures, Injected, LinkFigures, Outcome
-from gcs_formation.record.figures_of_merit import percentile
+from gcs_formation.record.figures_of_merit import if_finite, percentile
 from gcs_formation.record.flight import split, tables
 from gcs_formation.record.run_directory import RECORDING, SPOOL, TIMESERIES, RunDirectory
 from gcs_formation.record.summary import Summary, summarise
@@ -218,7 +218,7 @@ class Session:
                 flight=flight,
                 links={identity: self._link(identity) for identity in self.station.vehicles},
                 control=self.station.figures(),
-                delay_margin_s=_finite(scenario_delay_margin(self.station.design.scenario)),
+                delay_margin_s=if_finite(scenario_delay_margin(self.station.design.scenario)),
                 worst_loop_delay_s=self._worst_loop_delay_s(),
                 margin_used=self.station.margins.most_used,
                 received=self.station.received(),
@@ -255,8 +255,4 @@ class Session:
     def _worst_loop_delay_s(self) -> float | None:
         """Return the longest loop delay that was measured, computing, sampling and hold included."""
         compute_s = percentile(self.station.figures().compute_s, 50) if self.station.controlled_ticks else 0.0
-        return _finite(self.station.margins.longest_s + compute_s)
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
+        return if_finite(self.station.margins.longest_s + compute_s)

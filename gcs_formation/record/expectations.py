@@ -1,4 +1,4 @@
-"""Everything about a run that its summary is made from, and whether it kept to its scenario's `expect`."""
+"""What a run's summary is made from, and the verdicts on its scenario's `expect`."""
 
 from __future__ import annotations
 
@@ -169,10 +169,8 @@ def _leads_throughout(wanted: Expectation, flight: Flight, vehicle: VehicleId) -
 def _follower_value(wanted: Expectation, flight: Flight, vehicle: VehicleId, parts: Mapping[str, Any]) -> float | None:
     """Return a follower's figure over the window; when it settled is of the whole run, for `steady_max` too."""
     settled_s = parts["followers"][str(vehicle)]["settled_at_s"]
-    value: Any = figures.of_follower(flight, vehicle, flight.window(wanted.from_s, wanted.to_s), settled_s)
-    for name in wanted.metric.split("."):
-        value = value[name]
-    return value
+    window = flight.window(wanted.from_s, wanted.to_s)
+    return figure_of(figures.of_follower(flight, vehicle, window, settled_s), wanted.metric)
 
 
 def _link_value(
@@ -198,7 +196,18 @@ def _run_value(wanted: Expectation, flight: Flight, parts: Mapping[str, Any]) ->
         return float(figures.separation_m(flight, window).min())
     if wanted.metric == "min_clearance_m" and window.any():
         return figures.least(figures.clearance_m(flight, window))
-    name, _, figure = wanted.metric.partition(".")
-    sections: list[Mapping[str, Any]] = [parts, *(parts[section] for section in SECTIONS)]
-    value: Any = next((section[name] for section in sections if name in section), None)
-    return value[figure] if figure else value
+    return figure_of_run(parts, wanted.metric)
+
+
+def figure_of_run(summary: Mapping[str, Any], metric: str) -> float | None:
+    """Return a figure of the whole run, from summary.json or a section of it; None if it isn't there."""
+    sections = [summary, *(summary[section] for section in SECTIONS)]
+    return next((figure_of(each, metric) for each in sections if metric.partition(".")[0] in each), None)
+
+
+def figure_of(part: Mapping[str, Any], metric: str) -> Any:  # noqa: ANN401 - a value of JSON
+    """Return a figure of a part of summary.json, by its name with dots on the way down; None below what is None."""
+    value: Any = part
+    for name in metric.split("."):
+        value = value[name] if value is not None else None
+    return value

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from itertools import combinations
 from typing import Any
@@ -139,6 +140,11 @@ def gave_way_s(flight: Flight, window: Mask, rate_hz: float) -> float:
 def clearance_m(flight: Flight, window: Mask) -> Array:
     """Return the least height above ground of airborne vehicles at each tick of the window, (T,) m; NaN without any."""
     return np.fmin.reduce([flight.clearance(vehicle)[window] for vehicle in flight.vehicles])
+
+
+def if_finite(value: float) -> float | None:
+    """Return a figure as a summary has it: None where it isn't finite."""
+    return float(value) if math.isfinite(value) else None
 
 
 def least(values: Array) -> float | None:

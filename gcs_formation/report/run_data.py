@@ -18,6 +18,7 @@ from formation_scenario import Scenario, ScenarioError, load_scenario
 from formation_scenario.gains import redesigned
 from gcs_formation.errors import RecordError
 from gcs_formation.record.expectations import ControlFigures, LinkFigures, Outcome
+from gcs_formation.record.figures_of_merit import if_finite
 from gcs_formation.record.flight import Columns, Flight, join, split
 from gcs_formation.record.run_directory import EVENTS, SCENARIO, SPOOL, SUMMARY, TIMESERIES
 from gcs_formation.record.summary import SCHEMA, summarise
@@ -249,7 +250,7 @@ def _outcome(scenario: Scenario, flight: Flight) -> Outcome:
             for identity, own in flight.vehicles.items()
         },
         control=ControlFigures(t_s, t_s, np.full(t_s.shape, np.nan)),
-        delay_margin_s=_finite(scenario_delay_margin(scenario)),
+        delay_margin_s=if_finite(scenario_delay_margin(scenario)),
         worst_loop_delay_s=None,
         margin_used=max(_largest(own["margin_used"]) for own in flight.vehicles.values()),
         received=ParserCounts(),
@@ -299,7 +300,3 @@ def _missing(
 
 def _largest(values: Array) -> float:
     return float(np.nanmax(values)) if np.isfinite(values).any() else 0.0
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

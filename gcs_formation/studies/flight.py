@@ -20,6 +20,7 @@ from gcs_formation.app.operator import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.run import run
 from gcs_formation.errors import RecordError, RecordingError, RunAbortedError
+from gcs_formation.record.expectations import figure_of, figure_of_run
 from gcs_formation.record.run_directory import EVENTS, SUMMARY, TIMESERIES, TLOG
 from gcs_formation.record.summary import Summary
 from gcs_formation.studies.invariants import broken, read_flown
@@ -29,7 +30,6 @@ from gcs_formation.studies.random_scenarios import SEVERITIES, draw
 
 VERSION: Final = version("gcs-formation")
 EXPECTED, BAD_SCENARIO, COULD_NOT_GO_ON = 1, 2, 3
-SECTIONS = ("safety", "control", "stability")
 REPEATED_EVERY = 10
 """Of flights held against the invariants, one seed in so many is flown again and compared byte for byte."""
 LEAST_IS_WORST = ("min_separation_m", "min_clearance_m", "in_slot_share", "delay_margin_s", "left_at_s")
@@ -104,12 +104,11 @@ def figure(summary: Mapping[str, Any], metric: str) -> float | None:
     A figure that any of them lacks, as `settled_at_s` of one that never settles, is None.
     """
     if metric in FOLLOWER_METRICS:
-        each = [_at(follower, metric) for follower in summary["followers"].values()]
+        each = [figure_of(follower, metric) for follower in summary["followers"].values()]
     elif metric in LINK_METRICS:
-        each = [_at(link, metric) for link in summary["links"].values()]
+        each = [figure_of(link, metric) for link in summary["links"].values()]
     else:
-        sections = [summary, *(summary[name] for name in SECTIONS)]
-        each = [next((_at(one, metric) for one in sections if metric.partition(".")[0] in one), None)]
+        each = [figure_of_run(summary, metric)]
     return worst(metric, each)
 
 
@@ -119,13 +118,6 @@ def worst(metric: str, each: Sequence[Any]) -> float | None:
     if not known or (len(known) < len(each) and metric != "left_at_s"):
         return None
     return min(known) if metric in LEAST_IS_WORST else max(known)
-
-
-def _at(figures: Mapping[str, Any], name: str) -> Any:  # noqa: ANN401 - a value of JSON
-    value: Any = figures
-    for key in name.split("."):
-        value = value[key] if value is not None else None
-    return value
 
 
 def _measured(metric: str, task: Task, summary: Summary, wrong: list[str]) -> float | None:
