@@ -138,7 +138,7 @@ class Ground(Protocol):
 
 
 class Hills:
-    """Level ground with hills, which add up, by the formulas of `terrain.Hill`."""
+    """Level ground with hills, which add up, by the formulas of `environment.Hill`."""
 
     def __init__(self, base_m: float, hills: Sequence[Hill]) -> None:
         """Take H hills."""

@@ -1,1 +1,1 @@
-"""Emulated autopilots that speak MAVLink as an ArduPlane does."""
+"""Emulated autopilots that speak MAVLink as ArduPlane, ArduCopter and PX4 do."""

@@ -1,1 +1,1 @@
-"""An emulated ArduPlane's autopilot: modes, commands, missions, parameters, telemetry."""
+"""An emulated autopilot: its modes, commands, missions, parameters and telemetry."""

@@ -7,7 +7,7 @@ from typing import Final
 from airlink.clock import NANOSECONDS, Instant, nanoseconds, rounded
 
 LOOP_HZ: Final = 50
-"""Rate of ArduPlane's main loop, on which it flies, reads and sends."""
+"""Rate of an emulated autopilot's main loop, as ArduPlane's, on which it flies, reads and sends."""
 LOOP_S: Final = 1.0 / LOOP_HZ
 NEVER: Final = Instant(2**62 - 1)
 """Later than any instant of a run."""
