@@ -37,7 +37,7 @@ LEVEL_M = 1.0
 FILE: KeyPath = ("terrain", "file")
 
 
-class Flown(NamedTuple):
+class SampledPath(NamedTuple):
     """A path that is sampled: its arc lengths (K,), its points there, and the index of the waypoint nearest to each."""
 
     places_m: Array
@@ -45,7 +45,7 @@ class Flown(NamedTuple):
     waypoints: Array
 
     @classmethod
-    def along(cls, path: SplinePath, from_m: float = 0.0) -> Flown:
+    def along(cls, path: SplinePath, from_m: float = 0.0) -> SampledPath:
         """Sample a path from `from_m` to its end."""
         uniform = np.linspace(from_m, path.length_m, int((path.length_m - from_m) / BETWEEN_SAMPLES_M) + 2)
         places = np.array(sorted({*uniform.tolist(), *path.nodes_m[path.nodes_m >= from_m].tolist()}))
@@ -75,22 +75,22 @@ class _Demand(NamedTuple):
     step: SlotStep | None
 
 
-def excesses(scenario: Scenario, source: Source, flown: Flown, steps: tuple[SlotStep, ...]) -> list[Problem]:
+def excesses(scenario: Scenario, source: Source, sampled: SampledPath, steps: tuple[SlotStep, ...]) -> list[Problem]:
     """Return what is outside some vehicle's limits: the path's speed, or else one problem for each place."""
     speed = list(_speed(scenario, source))
-    return speed or _first([*climbs(scenario, source, flown), *_bends(scenario, source, flown, steps)], source)
+    return speed or _first([*climbs(scenario, source, sampled), *_bends(scenario, source, sampled, steps)], source)
 
 
-def climbs(scenario: Scenario, source: Source, flown: Flown) -> Iterator[Problem]:
+def climbs(scenario: Scenario, source: Source, sampled: SampledPath) -> Iterator[Problem]:
     """Yield the steepest point of each stretch that climbs or descends faster than some vehicle can."""
     weakest = min(scenario.vehicles, key=lambda vehicle: vehicle.model.climb_max_mps)
     most_mps = weakest.model.climb_max_mps
-    climb_mps = scenario.path.speed_mps * flown.points.slope
-    for stretch in flown.stretches(np.abs(climb_mps) > most_mps * (1.0 + TOLERANCE)):
+    climb_mps = scenario.path.speed_mps * sampled.points.slope
+    for stretch in sampled.stretches(np.abs(climb_mps) > most_mps * (1.0 + TOLERANCE)):
         index = stretch.start + int(np.argmax(np.abs(climb_mps[stretch])))
         found = f"{'climbs' if climb_mps[index] > 0 else 'descends'} {abs(climb_mps[index]):.3g} m/s"
         allowed = f"up to {most_mps:g} m/s, vehicle {weakest.vehicle_id}'s climb_max_mps"
-        yield flown.problem(source, index, found, allowed)
+        yield sampled.problem(source, index, found, allowed)
 
 
 def _speed(scenario: Scenario, source: Source) -> Iterator[Problem]:
@@ -104,16 +104,16 @@ def _speed(scenario: Scenario, source: Source) -> Iterator[Problem]:
             return
 
 
-def _bends(scenario: Scenario, source: Source, flown: Flown, steps: tuple[SlotStep, ...]) -> Iterator[Problem]:
+def _bends(scenario: Scenario, source: Source, sampled: SampledPath, steps: tuple[SlotStep, ...]) -> Iterator[Problem]:
     """Yield the worst demand of each stretch that is too tight: the leader's if it is too tight for the leader."""
     everyone = columns(scenario)
-    leading = [_leaders(scenario, flown, everyone, steps)]
-    following = [demand for step in steps for demand in _followers(scenario, flown, everyone, step)]
+    leading = [_leaders(scenario, sampled, everyone, steps)]
+    following = [demand for step in steps for demand in _followers(scenario, sampled, everyone, step)]
     of_leader, of_all = (
         np.any([(each.share > 1.0 + TOLERANCE).any(axis=1) for each in demands], axis=0)
         for demands in (leading, [*leading, *following])
     )
-    for stretch in flown.stretches(of_all):
+    for stretch in sampled.stretches(of_all):
         demands = leading if of_leader[stretch].any() else following
         worst = max(demands, key=lambda demand: float(demand.share[stretch].max()))
         share = worst.share[stretch]
@@ -125,24 +125,24 @@ def _bends(scenario: Scenario, source: Source, flown: Flown, steps: tuple[SlotSt
         whose = f"vehicle {who.vehicle_id}'s slot in shape {shape}" if shape else f"leader {who.vehicle_id}"
         more = f", the worst of {int(over.sum())} slots there" if over.sum() > 1 else ""
         found = f"{whose} would need {worst.figure[index, column]:.3g} {worst.unit}{more}"
-        yield flown.problem(source, index, found, _allowed(worst.limit, who.model))
+        yield sampled.problem(source, index, found, _allowed(worst.limit, who.model))
 
 
 def _leaders(
-    scenario: Scenario, flown: Flown, everyone: Sequence[Vehicle | None], steps: tuple[SlotStep, ...]
+    scenario: Scenario, sampled: SampledPath, everyone: Sequence[Vehicle | None], steps: tuple[SlotStep, ...]
 ) -> _Demand:
     """Return the turn rates of those that lead; slots at rest climb as their leader does."""
     leads = {step.arrangement.leader for step in steps}
     most = _limits(everyone, "turn_rate_max_rps", [column not in leads for column in range(len(everyone))])
-    turn = np.abs(scenario.path.speed_mps * flown.points.curvature_1pm)[:, None] * np.ones(len(everyone))
+    turn = np.abs(scenario.path.speed_mps * sampled.points.curvature_1pm)[:, None] * np.ones(len(everyone))
     return _Demand("turn", "rad/s of turn", turn / most, turn, None)
 
 
 def _followers(
-    scenario: Scenario, flown: Flown, everyone: Sequence[Vehicle | None], step: SlotStep
+    scenario: Scenario, sampled: SampledPath, everyone: Sequence[Vehicle | None], step: SlotStep
 ) -> Iterator[_Demand]:
     """Yield what a formation's slots ask of each limit."""
-    course = Course.along(flown.points, scenario.path.speed_mps)
+    course = Course.along(sampled.points, scenario.path.speed_mps)
     needs = slot_needs(course, SlotMotion.at_rest(step.places_m), scenario.formation.frame)
     free = [column == step.arrangement.leader for column in range(len(everyone))]
     speed, turn, accel = needs.speed_mps, np.abs(needs.turn_rate_rps), np.abs(needs.accel_mps2)

@@ -10,7 +10,7 @@ import numpy as np
 from flight_model.arrays import Array
 from flight_model.displacement import Rise
 from flight_model.path import Route, SplinePath
-from formation_scenario.demands import Flown, check_terrain, climbs, excesses
+from formation_scenario.demands import SampledPath, check_terrain, climbs, excesses
 from formation_scenario.environment import CHECKED_M, Fence, inside_m, room_m
 from formation_scenario.errors import Problem
 from formation_scenario.model import Scenario
@@ -37,10 +37,10 @@ def check_fence(
     if fence is None:
         return
     begin_m = -scenario.start.run_in_s * scenario.path.speed_mps if from_m <= 0.0 else from_m
-    flown, flyers = Flown.along(path, begin_m), _flyers(scenario, steps)
-    yield from _heights(fence, source, flown, flyers)
+    sampled, flyers = SampledPath.along(path, begin_m), _flyers(scenario, steps)
+    yield from _heights(fence, source, sampled, flyers)
     if fence.corners_m is not None:
-        yield from _sides(np.array(fence.corners_m), scenario, source, flown, flyers)
+        yield from _sides(np.array(fence.corners_m), scenario, source, sampled, flyers)
 
 
 def _flyers(scenario: Scenario, steps: tuple[SlotStep, ...]) -> dict[Place, tuple[str, Vehicle]]:
@@ -58,10 +58,10 @@ def _flyers(scenario: Scenario, steps: tuple[SlotStep, ...]) -> dict[Place, tupl
 
 
 def _heights(
-    fence: Fence, source: Source, flown: Flown, flyers: Mapping[Place, tuple[str, Vehicle]]
+    fence: Fence, source: Source, sampled: SampledPath, flyers: Mapping[Place, tuple[str, Vehicle]]
 ) -> Iterator[Problem]:
     lowest, highest = min(flyers, key=lambda place: place[2]), max(flyers, key=lambda place: place[2])
-    height_m, (least_m, most_m) = flown.points.height_m, fence.heights_m
+    height_m, (least_m, most_m) = sampled.points.height_m, fence.heights_m
     for place, index, limit, key in (
         (lowest, int(height_m.argmin()), least_m, "height_min_m"),
         (highest, int(height_m.argmax()), most_m, "height_max_m"),
@@ -69,23 +69,27 @@ def _heights(
         found_m = float(height_m[index]) + place[2]
         if found_m < limit - OFF_M if key == "height_min_m" else found_m > limit + OFF_M:
             allowed = f"{limit:g} m or {'more' if key == 'height_min_m' else 'less'} (safety.fence.{key})"
-            yield flown.problem(source, index, f"{flyers[place][0]} is at {found_m:.1f} m", allowed)
+            yield sampled.problem(source, index, f"{flyers[place][0]} is at {found_m:.1f} m", allowed)
 
 
 def _sides(
-    corners_m: Array, scenario: Scenario, source: Source, flown: Flown, flyers: Mapping[Place, tuple[str, Vehicle]]
+    corners_m: Array,
+    scenario: Scenario,
+    source: Source,
+    sampled: SampledPath,
+    flyers: Mapping[Place, tuple[str, Vehicle]],
 ) -> Iterator[Problem]:
     """Yield the place farthest outside; if none is, the one with the least room."""
-    course, speed = flown.points.course_rad, scenario.path.speed_mps
+    course, speed = sampled.points.course_rad, scenario.path.speed_mps
     along = np.stack((np.cos(course), np.sin(course)), axis=-1)
     across = np.stack((-along[:, 1], along[:, 0]), axis=-1)
-    leader = np.stack((flown.points.north_m, flown.points.east_m), axis=-1)
+    leader = np.stack((sampled.points.north_m, sampled.points.east_m), axis=-1)
     places = np.stack([leader + x * along + y * across for x, y, _ in flyers])
     within = inside_m(corners_m, places)
     if within.min() < 0.0:
         who, index = np.unravel_index(int(within.argmin()), within.shape)
         found = f"{list(flyers.values())[who][0]} is {-within.min():.0f} m outside the fence"
-        yield flown.problem(source, int(index), found, "inside it (safety.fence.corners_m)")
+        yield sampled.problem(source, int(index), found, "inside it (safety.fence.corners_m)")
         return
     through_air = speed + math.hypot(*scenario.wind.velocity_mps[:2])
     turn = np.array([vehicle.model.turn_rate_max_rps for _, vehicle in flyers.values()])[:, None]
@@ -94,7 +98,7 @@ def _sides(
         who, index = np.unravel_index(int(room.argmin()), room.shape)
         found = f"{list(flyers.values())[who][0]} is {within[who, index]:.0f} m from the fence and heads for it"
         allowed = f"{CHECKED_M - room.min():.0f} m more room to turn away (safety.fence.corners_m)"
-        yield flown.problem(source, int(index), found, allowed)
+        yield sampled.problem(source, int(index), found, allowed)
 
 
 def check(scenario: Scenario, source: Source) -> list[Problem]:
@@ -104,7 +108,7 @@ def check(scenario: Scenario, source: Source) -> list[Problem]:
     """
     over_ground = check_terrain(scenario, source)
     if over_ground:
-        steep = list(climbs(scenario, source, Flown.along(scenario.path.written)))
+        steep = list(climbs(scenario, source, SampledPath.along(scenario.path.written)))
         return steep or over_ground
     path, steps = scenario.leader_path, slot_schedule(scenario)
     standing = _standing(scenario, source, path, steps, _keys(scenario), 0.0)
@@ -158,7 +162,7 @@ def _standing(
 ) -> list[Problem]:
     """Return what can't be flown from `from_m` on while the slots don't change."""
     return [
-        *excesses(scenario, source, Flown.along(path, from_m), steps),
+        *excesses(scenario, source, SampledPath.along(path, from_m), steps),
         *_separation(scenario, source, steps, keys),
         *_ahead_of_leader(scenario, source, steps, keys),
         *check_fence(scenario, source, path, steps, from_m),

@@ -23,7 +23,7 @@ from gcs_formation.errors import RecordingError, RunAbortedError
 from gcs_formation.mission.resumption import Resumption
 from gcs_formation.mission.starting import Caution
 from gcs_formation.phases import Phase
-from gcs_formation.record.expectations import ControlFigures, Injected, LinkFigures, Outcome
+from gcs_formation.record.expectations import ControlFigures, Injected, LinkFigures, RunOutcome
 from gcs_formation.record.figures_of_merit import if_finite, percentile
 from gcs_formation.record.flight import split, tables
 from gcs_formation.record.run_directory import RECORDING, SPOOL, TIMESERIES, RunDirectory
@@ -212,7 +212,7 @@ class Session:
         if self.options.record in {"full", "series"}:
             write_parquet(self.recorder.path / TIMESERIES, tables(flight))
         summary = summarise(
-            Outcome(
+            RunOutcome(
                 scenario=self.scenario,
                 clock=self.options.clock,
                 flight=flight,

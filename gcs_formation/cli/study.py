@@ -16,7 +16,7 @@ from airlink.cli.exit_status import Status, fail, raised, say
 from airlink.cli.output_directory import refusal
 from formation_scenario import ScenarioError
 from gcs_formation.errors import RecordError, RunAbortedError
-from gcs_formation.studies.campaign import Outcome, StudyProgress, flights, fly_study
+from gcs_formation.studies.campaign import StudyOutcome, StudyProgress, flights, fly_study
 from gcs_formation.studies.dataset import read_journal, read_plan
 from gcs_formation.studies.flight import fly
 from gcs_formation.studies.keys import INVARIANTS, Study
@@ -129,7 +129,7 @@ def _fly(planned: Study, base: dict[Any, Any], **given: Any) -> Status:
     return _conclude(outcome, out, quiet=given["quiet"])
 
 
-def _conclude(outcome: Outcome, out: Path, *, quiet: bool) -> Status:
+def _conclude(outcome: StudyOutcome, out: Path, *, quiet: bool) -> Status:
     for text in () if quiet else _said(outcome, out):
         click.echo(text)
     for verdict in outcome.verdicts:
@@ -145,7 +145,7 @@ def _conclude(outcome: Outcome, out: Path, *, quiet: bool) -> Status:
     return Status.FINE if outcome.held else Status.EXPECTATION_BROKEN
 
 
-def _said(outcome: Outcome, out: Path) -> Iterator[str]:
+def _said(outcome: StudyOutcome, out: Path) -> Iterator[str]:
     """Yield what is said at a study's end: its table, what it took, and what came of it."""
     figures = outcome.figures
     if outcome.text.count("\n") < MOST_LINES:

@@ -56,7 +56,7 @@ class ControlFigures:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class RunOutcome:
     """All that a summary is made from."""
 
     scenario: Scenario

@@ -12,7 +12,7 @@ from airlink.endpoint import VehicleId
 from airlink.frame import ParserCounts
 from flight_model.arrays import Array, Mask
 from gcs_formation.record import figures_of_merit as figures
-from gcs_formation.record.expectations import ControlFigures, Injected, LinkFigures, Outcome, Verdict, judge
+from gcs_formation.record.expectations import ControlFigures, Injected, LinkFigures, RunOutcome, Verdict, judge
 from gcs_formation.record.flight import Flight
 from gcs_formation.record.timeseries import PHASES
 
@@ -42,7 +42,7 @@ class Summary:
         return dict(self.figures)
 
 
-def summarise(outcome: Outcome) -> Summary:
+def summarise(outcome: RunOutcome) -> Summary:
     """Return the summary of a run: scored from the leader's start along its path on."""
     scenario, flight = outcome.scenario, outcome.flight
     window = flight.window(0.0, scenario.duration_s)
@@ -135,7 +135,7 @@ def _control(control: ControlFigures, rate_hz: float) -> dict[str, Any]:
     }
 
 
-def _safety(outcome: Outcome) -> tuple[dict[str, Any], tuple[str, ...]]:
+def _safety(outcome: RunOutcome) -> tuple[dict[str, Any], tuple[str, ...]]:
     """Return the figures of the whole flight, from the first take-off to the last acknowledgement at its end."""
     flight, limits = outcome.flight, outcome.scenario.safety
     whole = np.ones(flight.mission_time_s.shape, dtype=bool)

@@ -17,7 +17,7 @@ from flight_model.arrays import Array
 from formation_scenario import Scenario, ScenarioError, load_scenario
 from formation_scenario.gains import redesigned
 from gcs_formation.errors import RecordError
-from gcs_formation.record.expectations import ControlFigures, LinkFigures, Outcome
+from gcs_formation.record.expectations import ControlFigures, LinkFigures, RunOutcome
 from gcs_formation.record.figures_of_merit import if_finite
 from gcs_formation.record.flight import Columns, Flight, join, split
 from gcs_formation.record.run_directory import EVENTS, SCENARIO, SPOOL, SUMMARY, TIMESERIES
@@ -232,9 +232,9 @@ def _last_phase(events: tuple[Mapping[str, Any], ...]) -> str:
     return f"the last phase of the run was {phases[-1] if phases else 'connecting'}"
 
 
-def _outcome(scenario: Scenario, flight: Flight) -> Outcome:
+def _outcome(scenario: Scenario, flight: Flight) -> RunOutcome:
     t_s = next(iter(flight.vehicles.values()))["t_s"]
-    return Outcome(
+    return RunOutcome(
         scenario=scenario,
         clock="unknown",
         flight=flight,

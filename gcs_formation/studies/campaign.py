@@ -147,7 +147,7 @@ def _matches(where: Mapping[str, Any], row: Row) -> bool:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class StudyOutcome:
     """What came of a study."""
 
     table: pa.Table
@@ -183,7 +183,7 @@ def fly_study(
     *,
     resume: bool,
     overwrite: bool,
-) -> Outcome:
+) -> StudyOutcome:
     """Fly what a study lacks, and judge it.
 
     Raises:
@@ -239,7 +239,7 @@ def flights(
             yield row
 
 
-def _conclude(plan: Plan, data: Dataset, made: pa.Table, wall_s: float) -> Outcome:
+def _conclude(plan: Plan, data: Dataset, made: pa.Table, wall_s: float) -> StudyOutcome:
     study, rows = plan.study, [data.rows[flight] for flight in sorted(data.rows)]
     verdicts = tuple(judge(wanted, rows) for wanted in study.expect)
     exits = {str(status): sum(row["exit"] == status for row in rows) for status in range(4)}
@@ -265,4 +265,4 @@ def _conclude(plan: Plan, data: Dataset, made: pa.Table, wall_s: float) -> Outco
         (data.path / RESULT).write_text(json.dumps(figures, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
     except OSError as error:
         raise RecordingError(f"cannot write {data.path / RESULT}: {error.strerror or error}") from error
-    return Outcome(made, verdicts, figures, text)
+    return StudyOutcome(made, verdicts, figures, text)

@@ -23,7 +23,7 @@ from gcs_formation.errors import RecordError, RecordingError, RunAbortedError
 from gcs_formation.record.expectations import figure_of, figure_of_run
 from gcs_formation.record.run_directory import EVENTS, SUMMARY, TIMESERIES, TLOG
 from gcs_formation.record.summary import Summary
-from gcs_formation.studies.invariants import broken, read_flown
+from gcs_formation.studies.invariants import broken, read_record
 from gcs_formation.studies.keys import INVARIANTS, Record, Study
 from gcs_formation.studies.plan import Planned
 from gcs_formation.studies.random_scenarios import SEVERITIES, draw
@@ -153,7 +153,7 @@ def _flown(task: Task) -> tuple[Summary, list[str]]:
         options = RunOptions(directory, "virtual", until_s=task.study.until_s, overwrite=True, record=record)
         options = replace(options, measure=_wanted(task, scenario))
         summary = run(scenario, options, Progress(), Interrupts())
-        wrong = broken(read_flown(directory, scenario)) if judged else []
+        wrong = broken(read_record(directory, scenario)) if judged else []
         if judged and not wrong and scenario.seed % REPEATED_EVERY == 0:
             again = Path(scratch) / "again"
             run(scenario, replace(options, out=again), Progress(), Interrupts())

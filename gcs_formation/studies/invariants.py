@@ -41,7 +41,7 @@ ROUNDING = 1e-3
 
 
 @dataclass(frozen=True)
-class Flown:
+class FlightRecord:
     """The record of a flight."""
 
     scenario: Scenario
@@ -82,7 +82,7 @@ class Flown:
         return min((each.at_s for each in faults if vehicle in self.scenario.selected(each.vehicles)), default=np.inf)
 
 
-def read_flown(directory: Path, scenario: Scenario) -> Flown:
+def read_record(directory: Path, scenario: Scenario) -> FlightRecord:
     """Return what a run directory holds."""
     parser, sent, frames = StreamParser(), list[tuple[int, CommandInt]](), 0
     for logged in read_tlog(directory / TLOG):
@@ -91,7 +91,7 @@ def read_flown(directory: Path, scenario: Scenario) -> Flown:
             if isinstance(frame.message, CommandInt):
                 sent.append((frame.message.target_system, frame.message))
     lines = (directory / EVENTS).read_text(encoding="utf-8").splitlines()
-    return Flown(
+    return FlightRecord(
         scenario=scenario,
         summary=json.loads((directory / SUMMARY).read_text(encoding="utf-8")),
         events=tuple(json.loads(line) for line in lines),
@@ -101,12 +101,12 @@ def read_flown(directory: Path, scenario: Scenario) -> Flown:
     )
 
 
-def broken(flown: Flown) -> list[str]:
+def broken(flown: FlightRecord) -> list[str]:
     """Return what wasn't so, each in words with its figure."""
     return [text for invariant in INVARIANTS for text in invariant(flown)]
 
 
-def separation(flown: Flown) -> Iterator[str]:
+def separation(flown: FlightRecord) -> Iterator[str]:
     """No two vehicles that fly come nearer than `safety.separation_m`, from the first take-off to the end."""
     least_m = flown.scenario.safety.separation_m
     for one, other in combinations(flown.scenario.vehicles, 2):
@@ -123,7 +123,7 @@ def separation(flown: Flown) -> Iterator[str]:
             )
 
 
-def envelope(flown: Flown) -> Iterator[str]:
+def envelope(flown: FlightRecord) -> Iterator[str]:
     """Every speed on the wire is within the vehicle's limits; every heading and height is a number."""
     models = {vehicle.id: vehicle.model for vehicle in flown.scenario.vehicles}
     for system, command in flown.sent:
@@ -137,7 +137,7 @@ def envelope(flown: Flown) -> Iterator[str]:
             yield f"envelope: vehicle {system} was sent heading {command.param2:.3f} degrees; allowed: 0 to 360"
 
 
-def finite(flown: Flown) -> Iterator[str]:
+def finite(flown: FlightRecord) -> Iterator[str]:
     """State and setpoint of every vehicle that is commanded are numbers, and so is every true state."""
     for names, rows in (((*STATE, *SETPOINT), flown.columns["active"]), (TRUTH, np.isfinite(flown.columns["t_s"]))):
         for name in names:
@@ -148,7 +148,7 @@ def finite(flown: Flown) -> Iterator[str]:
                 yield f"finite: {name} isn't a number in {int(wrong.sum())} rows, first {where}"
 
 
-def acknowledged(flown: Flown) -> Iterator[str]:
+def acknowledged(flown: FlightRecord) -> Iterator[str]:
     """The run came to its end, and every vehicle that is still there acknowledged that it loiters."""
     lost = {str(v.vehicle_id) for v in flown.scenario.vehicles if np.isfinite(flown.lost_at_s(v))}
     for event in flown.events:
@@ -156,7 +156,7 @@ def acknowledged(flown: Flown) -> Iterator[str]:
             yield f"acknowledged: {event.get('vehicle', 'the run')}: {event['text']}"
 
 
-def recorded(flown: Flown) -> Iterator[str]:
+def recorded(flown: FlightRecord) -> Iterator[str]:
     """The log has every frame that was counted, the time series a row for each tick and vehicle, without a gap."""
     links, received = flown.summary["links"].values(), flown.summary["received"]
     taken, sent = (sum(link[count] for link in links) for count in ("frames_in", "frames_out"))
@@ -173,7 +173,7 @@ def recorded(flown: Flown) -> Iterator[str]:
         yield f"recorded: the flight ends at {flown.ends_s:.1f} s of {flown.scenario.duration_s:g}"
 
 
-def regained(flown: Flown) -> Iterator[str]:
+def regained(flown: FlightRecord) -> Iterator[str]:
     """When everything has been calm again for a while, every vehicle that doesn't lead is in its slot."""
     for vehicle in flown.scenario.vehicles:
         rows = flown.rows(vehicle)
@@ -189,7 +189,7 @@ def regained(flown: Flown) -> Iterator[str]:
             )
 
 
-def _held_up(flown: Flown, rows: Mapping[str, Array]) -> bool:
+def _held_up(flown: FlightRecord, rows: Mapping[str, Array]) -> bool:
     """Whether a delay of seconds, as in Pareto's tail, reaches beyond the last change of the links into the calm."""
     calm_from_s = max((change.at_s for change in flown.scenario.links.changes), default=0.0)
     there_and_back_s = 2 * rows[INJECTED_MEAN]

@@ -53,7 +53,7 @@ class Violation(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Flown:
+class FlownFlight:
     """A flown flight. Claims raise AssertionError where they don't hold; each returns the flight for the next one."""
 
     scenario: Scenario
@@ -263,7 +263,7 @@ class Plan:
         """Fly the emulated vehicles over UDP under the machine's clock, `speedup` times faster."""
         return replace(self, clock="real", speedup=speedup)
 
-    def fly(self, until: float | None = None) -> Flown:
+    def fly(self, until: float | None = None) -> FlownFlight:
         """Fly to the scenario's end or until a mission time in seconds, and return the flown flight.
 
         Raises:
@@ -278,7 +278,7 @@ class Plan:
             summary = flown(scenario, options, Progress(), interrupts)
         if interrupts.count:
             raise KeyboardInterrupt
-        return Flown(scenario, summary, directory, self.command(directory, until))
+        return FlownFlight(scenario, summary, directory, self.command(directory, until))
 
     def overrides(self) -> tuple[str, ...]:
         """Return all that replaces keys of the scenario, as `--set` takes it."""

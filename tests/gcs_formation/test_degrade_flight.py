@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gcs_formation.testing.plan import Flown, Formation
+from gcs_formation.testing.plan import FlownFlight, Formation
 
-Fly = Callable[..., Flown]
+Fly = Callable[..., FlownFlight]
 PAPER = Path(__file__).parents[2] / "configs" / "paper.yaml"
 
 
@@ -29,7 +29,7 @@ BEYOND = delayed(700)
 def fly(tmp_path: Path) -> Fly:
     """Fly a leader and a follower, who begins off its slot, without prediction, over links that change as given."""
 
-    def run(changes: list[dict[str, Any]], duration_s: float = 60, **law: Any) -> Flown:
+    def run(changes: list[dict[str, Any]], duration_s: float = 60, **law: Any) -> FlownFlight:
         plain: dict[str, Any] = {
             "duration_s": duration_s,
             "vehicles": {"count": 2},
@@ -45,7 +45,7 @@ def fly(tmp_path: Path) -> Fly:
     return run
 
 
-def gains_events(flown: Flown) -> list[dict[str, Any]]:
+def gains_events(flown: FlownFlight) -> list[dict[str, Any]]:
     lines = (flown.directory / "events.jsonl").read_text().splitlines()
     return [event for event in map(json.loads, lines) if event["kind"] == "gains"]
 

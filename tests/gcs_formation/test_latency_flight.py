@@ -11,7 +11,7 @@ import pytest
 
 from gcs_formation.app.check_links import split_errors
 from gcs_formation.record.timeseries import flying
-from gcs_formation.testing.plan import Flown, Formation, Plan
+from gcs_formation.testing.plan import FlownFlight, Formation, Plan
 from tests.processes import free_port
 
 DELAYS_MS = (0, 50, 150, 300, 600)
@@ -170,7 +170,7 @@ def test_a_change_on_one_link_leaves_the_other_links_delays_alone(plan):
 
 
 @pytest.fixture(scope="module", params=ONE_FAST)
-def outage(plan, request) -> Flown:
+def outage(plan, request) -> FlownFlight:
     """Fly with follower 3's link down from 10 s to 20 s."""
     return plan(duration_s=38).with_outage(3, from_s=10, to_s=20, way=request.param).fly()
 

@@ -12,57 +12,57 @@ import pytest
 import gcs_formation
 from airlink import mavlink as m
 from formation_scenario import load_scenario
-from gcs_formation.studies.invariants import Flown, broken, read_flown
+from gcs_formation.studies.invariants import FlightRecord, broken, read_record
 from tests.flights.conftest import scenario
 
-Tamper = Callable[[Flown], Flown]
+Tamper = Callable[[FlightRecord], FlightRecord]
 
 
 @pytest.fixture(scope="module")
-def sound(tmp_path_factory: pytest.TempPathFactory) -> Flown:
+def sound(tmp_path_factory: pytest.TempPathFactory) -> FlightRecord:
     plan = load_scenario(scenario(duration_s=20))
     out = tmp_path_factory.mktemp("flight") / "run"
     gcs_formation.run(plan, clock="virtual", out=out)
-    return read_flown(out, plan)
+    return read_record(out, plan)
 
 
-def with_column(flown: Flown, name: str, row: int, value: float) -> Flown:
+def with_column(flown: FlightRecord, name: str, row: int, value: float) -> FlightRecord:
     """Return a record with one value changed, in a row counted among those of the path."""
     column = flown.columns[name].copy()
     column[np.flatnonzero(flown.flying)[row]] = value
     return replace(flown, columns={**flown.columns, name: column})
 
 
-def collided(flown: Flown) -> Flown:
+def collided(flown: FlightRecord) -> FlightRecord:
     columns = dict(flown.columns)
     for name in ("true_north_m", "true_east_m", "true_height_m"):
         columns[name] = np.repeat(columns[name][::3], 3)
     return replace(flown, columns=columns)
 
 
-def too_fast(flown: Flown) -> Flown:
+def too_fast(flown: FlightRecord) -> FlightRecord:
     index = next(i for i, (_, c) in enumerate(flown.sent) if c.command == m.MAV_CMD_GUIDED_CHANGE_SPEED)
     system, command = flown.sent[index]
     return replace(flown, sent=(*flown.sent[:index], (system, command.but(param2=28.1))))
 
 
-def without_a_tick(flown: Flown) -> Flown:
+def without_a_tick(flown: FlightRecord) -> FlightRecord:
     kept = np.ones(flown.columns["t_s"].size, dtype=bool)
     kept[30:33] = False
     return replace(flown, columns={name: values[kept] for name, values in flown.columns.items()})
 
 
-def with_a_frame_more(flown: Flown) -> Flown:
+def with_a_frame_more(flown: FlightRecord) -> FlightRecord:
     received = flown.summary["received"]
     return replace(flown, summary={**flown.summary, "received": received | {"frames": received["frames"] + 1}})
 
 
-def unacknowledged(flown: Flown) -> Flown:
+def unacknowledged(flown: FlightRecord) -> FlightRecord:
     event = {"schema": 1, "t_s": 1.0, "kind": "unacknowledged", "text": "has not acknowledged", "vehicle": "2"}
     return replace(flown, events=(*flown.events, event))
 
 
-def test_a_sound_record_breaks_nothing(sound: Flown) -> None:
+def test_a_sound_record_breaks_nothing(sound: FlightRecord) -> None:
     assert broken(sound) == []
     assert len(sound.sent) >= 3 * 20 * 3
     # Three vehicles, told speed, height and heading once a second at least for twenty seconds and more.
@@ -82,16 +82,18 @@ def test_a_sound_record_breaks_nothing(sound: Flown) -> None:
         (lambda flown: with_column(flown, "error_y_m", -1, -1.5), "regained: vehicle 3 was 1.50 m from its slot"),
     ],
 )
-def test_what_is_broken_is_named(sound: Flown, tamper: Tamper, said: str) -> None:
+def test_what_is_broken_is_named(sound: FlightRecord, tamper: Tamper, said: str) -> None:
     assert said in "\n".join(broken(tamper(sound)))
 
 
-def test_a_vehicle_that_a_delay_of_seconds_keeps_unheard_in_the_calm_need_not_be_in_its_slot(sound: Flown) -> None:
+def test_a_vehicle_that_a_delay_of_seconds_keeps_unheard_in_the_calm_need_not_be_in_its_slot(
+    sound: FlightRecord,
+) -> None:
     keys = scenario(duration_s=20, links={"changes": [{"at_s": 10, "distribution": "normal"}]})
     off = replace(with_column(sound, "error_y_m", -1, -1.5), scenario=load_scenario(keys))
     of_the_last = off.columns["vehicle"] == 3
 
-    def with_delay(sent_s: float, mean_s: float) -> Flown:
+    def with_delay(sent_s: float, mean_s: float) -> FlightRecord:
         late = of_the_last & (off.columns["mission_time_s"] > sent_s)
         row = int(np.argmax(late[off.flying]))
         return with_column(off, "injected_delay_s", row, mean_s)
@@ -101,7 +103,7 @@ def test_a_vehicle_that_a_delay_of_seconds_keeps_unheard_in_the_calm_need_not_be
         assert "regained: vehicle 3" in "\n".join(broken(heard))
 
 
-def test_a_flight_may_end_before_its_time_at_its_path_s_end_alone(sound: Flown) -> None:
+def test_a_flight_may_end_before_its_time_at_its_path_s_end_alone(sound: FlightRecord) -> None:
     def flown_of(**keys: Any) -> str:
         return "\n".join(broken(replace(sound, scenario=load_scenario(scenario(duration_s=30, **keys)))))
 

@@ -10,12 +10,12 @@ from formation_scenario import load_scenario
 from gcs_formation.record.run_directory import TIMESERIES
 from gcs_formation.record.summary import Summary
 from gcs_formation.record.timeseries import write_parquet
-from gcs_formation.testing.plan import Flown, Violation
+from gcs_formation.testing.plan import FlownFlight, Violation
 
 TIME_S = np.arange(-20, 301) / 10.0
 
 
-def flown(directory: Path, **errors: np.ndarray) -> Flown:
+def flown(directory: Path, **errors: np.ndarray) -> FlownFlight:
     """Return a flight of 30 s: followers 2 and 3, errors 0 but for the given ones; x2 (T,) is vehicle 2's along x."""
     scenario = load_scenario({"vehicles": {"count": 3}, "path": {"waypoints_m": [[0, 0, 100], [4000, 0, 100]]}})
     rows, zero = TIME_S.size, np.zeros(TIME_S.size)
@@ -35,7 +35,7 @@ def flown(directory: Path, **errors: np.ndarray) -> Flown:
     write_parquet(directory / TIMESERIES, [columns])
     followers = {"2": {"settled_at_s": 4.0}, "3": {"settled_at_s": None}}
     figures = {"duration_s": 30.0, "truth": True, "followers": followers, "safety": {"min_separation_m": 12.5}}
-    return Flown(scenario, Summary(figures, (), ("clearance was 1 m",)), directory, "gcs-formation run a.yaml")
+    return FlownFlight(scenario, Summary(figures, (), ("clearance was 1 m",)), directory, "gcs-formation run a.yaml")
 
 
 def bump(size_m: float, at_s: float) -> np.ndarray:
