@@ -17,7 +17,7 @@ from gcs_formation.control.laws import law_kind
 from gcs_formation.estimation import noise
 from gcs_formation.estimation.lags import LagEstimator
 from gcs_formation.estimation.noise import Declared
-from gcs_formation.estimation.projection import AsMeasured, Pairing, Prediction, Projection
+from gcs_formation.estimation.projection import Pairing, Prediction, Projection
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.guidance.leader import LeaderGuidance
 from gcs_formation.guidance.slots import SlotClearance
@@ -38,7 +38,7 @@ def projection(scenario: Scenario, history: SetpointHistory, models: list[Autopi
     """Return the projection from measured states to those that the law acts on."""
     if scenario.law.delay_compensation:
         return Prediction(history, models, scenario.telemetry.rate_hz)
-    return Pairing(scenario.law.rate_hz) if law_kind(scenario).mutual else AsMeasured()
+    return Pairing(scenario.law.rate_hz) if law_kind(scenario).mutual else Projection()
 
 
 def lag_estimator(scenario: Scenario, history: SetpointHistory, models: list[AutopilotModel]) -> LagEstimator:

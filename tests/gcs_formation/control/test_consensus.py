@@ -16,7 +16,7 @@ from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.control.consensus import ConsensusLaw, ConsensusParameters
 from gcs_formation.control.situation import Lead, Situation
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates
-from gcs_formation.estimation.projection import AtOneStamp
+from gcs_formation.estimation.projection import Measured
 from gcs_formation.guidance.leader import LeaderCommand
 from gcs_formation.guidance.tracking import RouteHeading
 from tests.gcs_formation import tables
@@ -73,7 +73,7 @@ def situation(
     lead = Lead(0, Instant(0), [told] * COUNT, RouteHeading(heading_rad, turn_rps, 0.0, 0.0, SPEED_MPS))
     slots = SlotMotion.at_rest(np.concatenate((np.zeros((1, 3)), SLOTS_M)))
     return Situation(
-        states=AtOneStamp(tables.states(state), 0),
+        states=Measured(tables.states(state), [0] * COUNT, [True] * COUNT, [0] * COUNT),
         lead=lead,
         slots=slots.each,
         commanded=[NOTHING] * COUNT,
