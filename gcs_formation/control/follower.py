@@ -14,7 +14,7 @@ from typing import Final
 from flight_model.autopilot import AutopilotModel, FlightState, rate, rotated, within, wrap
 from flight_model.slot import NOTHING, Slot, Triple
 from formation_scenario.formation import Frame
-from gcs_formation.control.feed_forward import Axes, Envelope, LeaderMotion, TrailingSlot, feed_forward, lead
+from gcs_formation.control.feed_forward import Envelope, LeaderMotion, TrailingSlot, feed_forward, lead
 from gcs_formation.control.fuzzy_pid import Channel, FuzzyGainScheduler, GainRange, Gains, Pid
 from gcs_formation.control.mixer import (
     TRAIL_S,
@@ -171,11 +171,11 @@ class FollowerController(Controller):
         along_mps2, across_mps2 = self._gust(pair, axis_rad, dt_s)
         target, led_mps, led_rad = self._target(pair, axis_rad, turn_rps, across_mps2, dt_s)
         self.mixed = mix(self._parameters.mixer, target, state, self._steady(pair, target))
-        axes = Axes(leader.state.heading_rad if self._trailing is None else target.heading_rad, turn_rps, bend_rps2)
-        speed_mps, heading_rad, height_m = feed_forward(target, leader, axes, slot, model)
+        lies_rad = leader.state.heading_rad if self._trailing is None else target.heading_rad
+        speed_mps, heading_rad, height_m = feed_forward(target, leader, lies_rad, turn_rps, bend_rps2, slot, model)
         forward = (speed_mps + led_mps, heading_rad + led_rad, height_m)
         output = self._output(self._slopes(pair, axis_rad, target, forward, dt_s), self._share_aside(pair), pair, dt_s)
-        answer = lead(target, axes, -along_mps2, -across_mps2, model)
+        answer = lead(target, lies_rad, -along_mps2, -across_mps2, model)
         self.setpoint = self._limited(pair, forward, output, answer, dt_s)
 
     def _target(

@@ -11,7 +11,7 @@ from flight_model.autopilot import AutopilotModel, FlightState, rate, within, wr
 from formation_scenario import Scenario
 from formation_scenario import law as keys
 from formation_scenario.graph import scenario_adjacency
-from gcs_formation.control.consensus import ConsensusLaw, ConsensusParameters
+from gcs_formation.control.consensus import ConsensusLaw
 from gcs_formation.control.feed_forward import LeaderMotion
 from gcs_formation.control.follower import Controller, FollowerController, LawParameters, Pair
 from gcs_formation.control.fuzzy_pid import FIXED_GAINS, Channel, FuzzyGainScheduler, GainRange, PidGains
@@ -163,7 +163,7 @@ def consensus_law(scenario: Scenario, models: list[AutopilotModel]) -> Consensus
     weights = np.zeros((1 + len(followers),) * 2)
     weights[np.ix_(columns, columns)] = scenario_adjacency(scenario)
     frame = scenario.formation.frame
-    return ConsensusLaw(ConsensusParameters(law.k1, law.k2, law.k3, weights, sorted(columns.tolist()), frame), models)
+    return ConsensusLaw((law.k1, law.k2, law.k3), weights, sorted(columns.tolist()), frame, models)
 
 
 @dataclass(frozen=True)
