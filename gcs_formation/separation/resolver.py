@@ -18,7 +18,7 @@ from gcs_formation.estimation.projection import Measured
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.recorder import Tick, VehicleLink
 from gcs_formation.separation.approach import Traffic, sample_times
-from gcs_formation.separation.first_look import Look, nobody_near
+from gcs_formation.separation.first_look import nobody_near
 from gcs_formation.separation.giving_way import Conflict, Memory, Resolution, resolve
 from gcs_formation.separation.traffic import TrafficPicture
 from gcs_formation.vehicle.vehicle import UNANSWERED_S
@@ -177,17 +177,15 @@ class ConflictResolver:
         acts = measured.acts[first:]
         together = max(acts)
         return nobody_near(
-            Look(
-                states=tick.state[first:],
-                setpoints=tick.setpoints[first:],
-                models=self._models[first:],
-                lead_s=[(together - each) / NANOSECONDS for each in acts],
-                timing_s=_timing_s(tick)[first:],
-                reference=max(0, tick.leader - first),
-                kept_m=self.kept_m,
-                first_s=self._first_s,
-                horizon_s=self._horizon_s,
-            )
+            tick.state[first:],
+            tick.setpoints[first:],
+            self._models[first:],
+            [(together - each) / NANOSECONDS for each in acts],
+            _timing_s(tick)[first:],
+            reference=max(0, tick.leader - first),
+            kept_m=self.kept_m,
+            first_s=self._first_s,
+            horizon_s=self._horizon_s,
         )
 
     def _replace(self, tick: Tick, vehicles: Indices, resolution: Resolution) -> None:
