@@ -51,10 +51,6 @@ class Columns:
         """Return the columns of the vehicles at `which`, repeated as often as named."""
         return self.of(self.table[:, which])
 
-    def fill(self, which: Indices, source: Self) -> None:
-        """Put the columns of `source` in the place of those at `which`."""
-        self.table[:, which] = source.table
-
 
 class FlightStates(Columns):
     """Position and motion of vehicles: north, east and up from the scenario's origin.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 
@@ -119,12 +119,6 @@ class Manoeuvre(Columns):
     def first(self) -> Setpoints:
         """The setpoint that comes first."""
         return Setpoints.of(self.table[:3])
-
-    def with_columns(self, which: Indices, other: Self) -> Self:
-        """Return these with the columns `which` taken from `other`."""
-        changed = self.of(self.table.copy())
-        changed.fill(which, other)
-        return changed
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.recorder import Tick, VehicleLink
 from gcs_formation.separation.approach import Traffic, sample_times
 from gcs_formation.separation.first_look import nobody_near
-from gcs_formation.separation.giving_way import Conflict, Memory, Resolution, resolve
+from gcs_formation.separation.giving_way import Conflict, Resolution, resolve
 from gcs_formation.separation.traffic import TrafficPicture
 from gcs_formation.vehicle.vehicle import UNANSWERED_S
 
@@ -160,7 +160,7 @@ class ConflictResolver:
             return
         picture = self._picture(tick, measured, members, self._unresponsive.among(members))
         side = np.array(self._side)[picture.vehicles]
-        resolution = resolve(picture, Memory(np.where(picture.commanded, side, 0.0)))
+        resolution = resolve(picture, np.where(picture.commanded, side, 0.0))
         self._replace(tick, picture.vehicles, resolution)
         self._note(tick.now, picture, resolution.conflicts)
 
@@ -191,7 +191,7 @@ class ConflictResolver:
     def _replace(self, tick: Tick, vehicles: Indices, resolution: Resolution) -> None:
         """Put what the rule decided in the place of what the law did, and remember where they differ."""
         self._side = [0.0] * len(self._models)
-        sides: list[float] = resolution.memory.side.tolist()
+        sides: list[float] = resolution.side.tolist()
         columns: list[int] = vehicles.tolist()
         commanded: list[list[float]] = resolution.setpoints.table.T.tolist()
         for column, side, (speed_mps, heading_rad, height_m) in zip(columns, sides, commanded, strict=True):
@@ -245,7 +245,6 @@ class ConflictResolver:
             kept_m=self.kept_m,
             kept_from_others_m=self._kept_from_others_m,
             timing_s=np.array([timing_s[each] for each in vehicles]),
-            reference=0,
             floor=self._floor_m,
             times_s=self._times_s,
         )

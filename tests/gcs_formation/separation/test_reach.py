@@ -75,7 +75,7 @@ def test_the_first_look_on_plain_numbers_finds_a_pair_where_there_is_one(
         tables.models(made.traffic.model),
         made.traffic.lead_s.tolist(),
         made.timing_s.tolist(),
-        reference=made.reference,
+        reference=0,
         kept_m=made.kept_m,
         first_s=float(made.times_s[1]),
         horizon_s=float(made.times_s[-1]),
