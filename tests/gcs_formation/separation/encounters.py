@@ -131,7 +131,7 @@ def encounter(vehicles: Vehicles, seconds: float = 40.0, *, rule: bool = True) -
             on_the_way += [(now_s + float(late_s[i]), i, setpoints.table[:, i]) for i in arrives]
         on_the_way = _delivered(on_the_way, now_s, held)
         flies = np.where(vehicles.flown_by_us, held, wanted(vehicles, now_s).table)
-        true = advance(true, flies[None], np.full((1, count), STEP_S), each)
+        true = advance(true, flies, np.full(count, STEP_S), each)
         past.append(true)
         flown.least_m = min(flown.least_m, _nearest_m(true))
     return flown
