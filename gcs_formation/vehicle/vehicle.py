@@ -7,19 +7,21 @@ from enum import Enum
 from typing import Final
 
 from librt.strings import BytesWriter, write_f64_le
+from librt.vecs import vec
+from mypy_extensions import i64
 
 from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, Instant, nanoseconds, seconds_between
 from airlink.endpoint import VehicleId
 from airlink.frame import Frame, FrameWriter
-from airlink.messages import Message
+from airlink.messages import KINDS, Message
 from airlink.messages.command import CommandAck, CommandInt
 from airlink.messages.system import CurrentMode, Heartbeat, SystemTime, Timesync
 from airlink.messages.telemetry import GlobalPositionInt
 from flight_model.earth import GeodeticOrigin
 from gcs_formation.estimation.estimator import Sample
 from gcs_formation.link.clock_sync import ClockSync
-from gcs_formation.link.connection import Connection, JitterMeter, LinkState, MessageCounts, SequenceTracker
+from gcs_formation.link.connection import Connection, JitterMeter, LinkState, SequenceTracker
 from gcs_formation.link.gnss_clock import GnssClock, StampMap
 from gcs_formation.link.source_binding import EARLY_S, LONGEST_DELAY_S, SourceBinding
 from gcs_formation.vehicle.acknowledgement import CommandQueue, SetpointChannel
@@ -76,7 +78,8 @@ class Vehicle:
         """Judges which sender with its system id is the vehicle."""
         self.jitter, self.sequence = JitterMeter(), SequenceTracker()
         self.commands = CommandQueue()
-        self.messages_in = MessageCounts()
+        self.messages_in = vec[i64]([0] * len(KINDS))
+        """How many messages of each kind have come, at the kind's place."""
         self.rates_hz = autopilot.rates_hz(telemetry_rate_hz, utc=by_utc)  # of each message that it should send
         self.start_up = StartUp(autopilot.start_up(self.rates_hz))
         # The height is the one at which it was last told to loiter while the others fly on.
@@ -109,7 +112,8 @@ class Vehicle:
             timed: whether it also arrived then; a frame that waited for us says nothing about the link's delay.
         """
         message, sequence = frame.message, self.sequence
-        self.messages_in.take(message)
+        if message is not None:
+            self.messages_in[message.kind().place] += 1
         lost = sequence.lost
         sequence.observe(frame.sequence)
         if sequence.lost != lost:
@@ -132,7 +136,7 @@ class Vehicle:
     @property
     def frames_in(self) -> int:
         """Frames that have come from it."""
-        return self.messages_in.total
+        return self.sequence.received + self.sequence.repeated
 
     def leave_to_pilot(self, now: Instant) -> None:
         """Send nothing more until the vehicle flies in the guided mode, as set by its pilot."""
