@@ -16,7 +16,7 @@ from formation_scenario.terrain import FOLLOWER_SHARE
 from gcs_formation.control.laws import law_kind
 from gcs_formation.estimation import noise
 from gcs_formation.estimation.lags import LagEstimator
-from gcs_formation.estimation.noise import Declared
+from gcs_formation.estimation.noise import VehicleNoise
 from gcs_formation.estimation.projection import Pairing, Prediction, Projection
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.guidance.leader import LeaderGuidance
@@ -50,8 +50,8 @@ def lag_estimator(scenario: Scenario, history: SetpointHistory, models: list[Aut
     return estimator
 
 
-def declared_noise(scenario: Scenario) -> Declared:
-    """Return what the noise of every column's telemetry is said to be; emulated vehicles' is none but rounding.
+def declared_noise(scenario: Scenario) -> list[VehicleNoise]:
+    """Return the noise of every column's telemetry as it is declared; emulated vehicles' is none but rounding.
 
     Noise that several samples share can't be seen from one sample to the next, so what is declared of it is the least.
     """
@@ -65,9 +65,9 @@ def declared_noise(scenario: Scenario) -> Declared:
             least[column] = np.maximum(sigma[column] * (LEAST_OF_DECLARED if shared == 1.0 else 1.0), noise.RESOLUTION)
         elif vehicle.autopilot != "emulator":
             sigma[column] = noise.UNDECLARED
-    stated = np.zeros(len(sigma), dtype=bool)
-    stated[first:] = [isinstance(vehicle.navigation, NoisyNavigation) for vehicle in vehicles]
-    return Declared(sigma.T.copy(), least.T.copy(), stated)
+    stated = [False] * first + [isinstance(vehicle.navigation, NoisyNavigation) for vehicle in vehicles]
+    each = zip(sigma.tolist(), least.tolist(), stated, strict=True)
+    return [VehicleNoise(tuple(declared), tuple(lowest), stated=says) for declared, lowest, says in each]
 
 
 def _noise(keys: NoisyNavigation) -> Array:

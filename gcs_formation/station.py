@@ -166,7 +166,7 @@ class Station(Engine):
             if self.flight.phase in COMMANDED:
                 self.design.watch(now)
             self.margins.watch(now, self._reconfiguration.leader, self.controller.lags.misfit)
-            self._noise.watch(now, self.controller.estimator.noise)
+            self._noise.watch(now, [each.noise for each in self.controller.estimator.filters])
             unguided = self._dispatch.unguided(now)
             self._send_all(self._heartbeats.greetings(self.flight.mission_time_s(now), unguided, now), now)
         self._common_clock.watch(now)

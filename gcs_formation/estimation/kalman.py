@@ -40,10 +40,6 @@ class LevelCovariance:
         self.wind_east: Level = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         self.grow(variances, 1.0)
 
-    def rows(self) -> list[Level]:
-        """Return it row by row."""
-        return [self.north, self.east, self.speed, self.heading, self.wind_north, self.wind_east]
-
     def carry(self, state: FlightState, elapsed_s: float, model: AutopilotModel) -> None:
         """Carry it on by the derivative F of the states `elapsed_s` after `state` by that state: F P F^T.
 

@@ -14,7 +14,7 @@ from airlink.endpoint import VehicleId
 from formation_scenario import Scenario
 from formation_scenario.gains import AUTO, design_delay_s, redesigned
 from gcs_formation.control.laws import law_kind
-from gcs_formation.estimation.noise import QUANTITIES, NoiseEstimate
+from gcs_formation.estimation.noise import QUANTITIES, VehicleNoise
 from gcs_formation.recorder import Detail, Note
 from gcs_formation.stability import LoopDelay, Usage, law_loops, loop_delay_s
 from gcs_formation.vehicle.vehicle import Vehicle
@@ -247,16 +247,16 @@ class NoiseWatch:
         self._vehicles, self._columns, self._note = vehicles, columns, note
         self._off: set[VehicleId] = set()
 
-    def watch(self, now: Instant, noise: NoiseEstimate) -> None:
+    def watch(self, now: Instant, noise: list[VehicleNoise]) -> None:
         """Look once a second; of a vehicle whose noise is off, the quantity that is farthest off is named."""
         for identity, column in self._columns.items():
-            ratios, was_off, worst, apart = noise.ratios(column), identity in self._off, 0, 1.0
+            ratios, was_off, worst, apart = noise[column].ratios(), identity in self._off, 0, 1.0
             for place, each in enumerate(ratios):
                 if max(each, 1.0 / each) > apart:
                     worst, apart = place, max(each, 1.0 / each)
             if not was_off and apart >= OFF:
                 self._off.add(identity)
-                sigma, ratio = noise.sigma(column)[worst], ratios[worst]
+                sigma, ratio = noise[column].sigma()[worst], ratios[worst]
                 text = f"{QUANTITIES[worst]} is {ratio:.1f} times as noisy as declared: {sigma:.2g} {UNITS[worst]}"
                 self._note(now, "noise", text, self._vehicles[identity], {"ratio": ratio})
             elif was_off and apart < BACK:
