@@ -15,7 +15,7 @@ from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
 from formation_scenario.orders import End
 from gcs_formation.controller import FormationController
-from gcs_formation.fleet.circling import OPENING_LIMIT_S, STACK_M, Band, GroundFloor, Place, loiter_heights, may_meet
+from gcs_formation.fleet.circling import OPENING_LIMIT_S, STACK_M, Band, GroundFloor, loiter_heights, may_meet
 from gcs_formation.link.connection import TALKING
 from gcs_formation.mission.landing import Landings, lowest_circle_m, why_not
 from gcs_formation.recorder import VehicleLink
@@ -37,7 +37,7 @@ LOITER_LIMIT_S = 20.0
 class Flier:
     """A vehicle in the air, at the end of a flight."""
 
-    place: Place
+    place: Motion
     commanded_m: float
     """The height that it was told last, or is left at."""
     band: Band | None = None
@@ -80,7 +80,7 @@ class Stack:
         if any(identity not in self.heights_m or self._in_way(identity, taken) for identity in free):
             self._assign(free, taken)
 
-    def add(self, places: Mapping[VehicleId, Place]) -> None:
+    def add(self, places: Mapping[VehicleId, Motion]) -> None:
         """Give a height to those of the vehicles that have none; nobody else's changes."""
         new = {identity: place for identity, place in places.items() if identity not in self.heights_m}
         taken = [*self._taken.values(), *(Band(height_m, height_m) for height_m in self.heights_m.values())]
@@ -97,9 +97,8 @@ class Stack:
         pairs = (pair for pair in combinations(fliers, 2) if not steered.isdisjoint(pair))
         return all(self._gap(*pair, fliers) >= self._gap_m for pair in pairs)
 
-    def _assign(self, places: Mapping[VehicleId, Place], taken: Sequence[Band]) -> None:
-        where = {identity: _Home(place.height_m) if self._together else place for identity, place in places.items()}
-        self.heights_m |= loiter_heights(where, self._floor_m, taken, self._apart_m)
+    def _assign(self, places: Mapping[VehicleId, Motion], taken: Sequence[Band]) -> None:
+        self.heights_m |= loiter_heights(places, self._floor_m, taken, self._apart_m, together=self._together)
 
     def _in_way(self, identity: VehicleId, taken: list[Band]) -> bool:
         height_m = self.heights_m[identity]
@@ -115,15 +114,6 @@ class Stack:
             for each, place in zip((one, other), places, strict=True)
         )
         return max(low_m - others_high_m, others_low_m - high_m)
-
-
-@dataclass(frozen=True)
-class _Home:
-    """The place over which all circle."""
-
-    height_m: float
-    north_m: float = 0.0
-    east_m: float = 0.0
 
 
 class Opening:
