@@ -110,6 +110,8 @@ class Autopilot(ABC):
     """Period of the autopilot's main loop, on which it answers, s."""
     take_off_m: ClassVar[float]
     """Height above home at which a take-off is complete, m."""
+    take_off_mode: ClassVar[int] = -1
+    """In which it takes off; -1: in the guided mode."""
     loiter_mode: ClassVar[int]
     home_mode: ClassVar[int]
     """In which its failsafe flies home."""
@@ -224,9 +226,13 @@ class Autopilot(ABC):
     def is_airborne(self, telemetry: Telemetry) -> bool:
         """Whether the vehicle flies, by its own account."""
 
-    def climbs_out(self, telemetry: Telemetry) -> bool:  # noqa: ARG002 - of fixed wings
-        """Return whether the vehicle is taking off and still too low to do anything else: never one that hovers."""
-        return False
+    def climbs_out(self, telemetry: Telemetry) -> bool:
+        """Return whether a fixed wing is taking off, below the height at which that ends."""
+        motion, taking_off = telemetry.motion, telemetry.custom_mode == self.take_off_mode and not self.stands
+        return motion is not None and taking_off and motion.above_home_m <= self.take_off_m
+
+    def _is_taking_off(self, seen: Telemetry) -> bool:
+        return self.is_airborne(seen) or seen.custom_mode == self.take_off_mode
 
     def air_motion(
         self,
@@ -280,13 +286,16 @@ class Autopilot(ABC):
         """Return the commands to land where the vehicle took off; none for a family that can't."""
         return ()
 
-    @abstractmethod
-    def go_home(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:
-        """Return the commands, in order, to fly home and circle there at `height_m` above the scenario's origin."""
+    def go_home(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:  # noqa: ARG002 - of what lands there
+        """Return the commands, in order, to fly home, and circle there at `height_m` above the scenario's origin.
 
-    @abstractmethod
-    def loiter(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:
+        What stands flies at its own height, or at its parameters' if that is higher, and lands there.
+        """
+        return (self.set_mode(self.home_mode),)
+
+    def loiter(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:  # noqa: ARG002 - of what stands
         """Return the commands, in order, to circle where it was `seen` at `height_m` above the scenario's origin."""
+        return (self.set_mode(self.loiter_mode),)
 
 
 def _mode(seen: Telemetry) -> int | None:

@@ -79,6 +79,7 @@ class Px4(Autopilot, ABC):
 
     loop_s = 0.0
     """It answers TIMESYNC and commands as they come."""
+    take_off_mode = TAKEOFF
     loiter_mode = LOITER
     home_mode = RTL
     slow_messages = (*Autopilot.slow_messages, m.MAVLINK_MSG_ID_EXTENDED_SYS_STATE)
@@ -177,9 +178,6 @@ class Px4(Autopilot, ABC):
         healthy = bool(seen.sensors_healthy & m.MAV_SYS_STATUS_PREARM_CHECK)
         return (standby and healthy) or self.is_airborne(seen)
 
-    def _is_taking_off(self, seen: Telemetry) -> bool:
-        return self.is_airborne(seen) or seen.custom_mode == TAKEOFF
-
     def _has_climbed(self, seen: Telemetry) -> bool:
         return self.is_airborne(seen) and seen.custom_mode != TAKEOFF
 
@@ -210,11 +208,6 @@ class Px4Plane(Px4):
                 lambda value: abs(value) <= LARGEST_CIRCLE_M,
             ),
         )
-
-    def climbs_out(self, telemetry: Telemetry) -> bool:
-        """Return whether it is in TAKEOFF, below the height at which that ends."""
-        motion = telemetry.motion
-        return motion is not None and telemetry.custom_mode == TAKEOFF and motion.above_home_m <= self.take_off_m
 
     def setpoint(self, setpoint: Setpoint, where: FlightState) -> tuple[Command, ...]:
         """Return one command: airspeed, altitude above sea level, and a place ahead.
@@ -336,11 +329,3 @@ class Px4Copter(Px4):
         if setpoint.speed_mps >= TURNS_FROM_MPS or stands(setpoint):
             self._nose_rad = setpoint.heading_rad
         return (velocity_setpoint(self.system, setpoint, where, self._nose_rad, self.velocity_lead),)
-
-    def loiter(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:  # noqa: ARG002 - it stands where it is
-        """Return HOLD."""
-        return (self.set_mode(LOITER),)
-
-    def go_home(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:  # noqa: ARG002 - at the height it has
-        """Return RTL: it flies home at its height, or at RTL_RETURN_ALT if that is higher, and lands there."""
-        return (self.set_mode(RTL),)

@@ -11,7 +11,7 @@ from airlink.frame import FrameWriter, StreamParser
 from airlink.messages.command import CommandLong, SetPositionTargetLocalNed
 from airlink.messages.system import Heartbeat
 from flight_model.autopilot import FlightState, Setpoint
-from gcs_formation.vehicle.ardupilot import ArduCopter, arducopter_checks
+from gcs_formation.vehicle.ardupilot import ArduCopter
 from gcs_formation.vehicle.checks import Demands
 from gcs_formation.vehicle.hovering import HEIGHT_S
 from tests.gcs_formation.vehicle.conftest import ORIGIN, heartbeat
@@ -137,7 +137,7 @@ IN_ORDER = {
     ],
 )
 def test_a_parameter_that_bounds_what_is_asked_is_named(name, value, refuses):
-    checks = arducopter_checks(Demands(5.0, 0.0, 9.0, 0.4, 2.5, 30.0))
+    checks = COPTER.checks(Demands(5.0, 0.0, 9.0, 0.4, 2.5, 30.0))
     assert [found for check in checks if (found := check.judge(IN_ORDER))] == []
     (finding,) = [found for check in checks if (found := check.judge(IN_ORDER | {name: value}))]
     assert finding.text.startswith(f"{name}: found {value}")
