@@ -84,20 +84,7 @@ def _shared(keys: NoisyNavigation, telemetry_hz: float) -> float:
 
 def autopilot_models(scenario: Scenario) -> list[AutopilotModel]:
     """Return the autopilot model of the leader and of each follower."""
-    return [
-        AutopilotModel(
-            each.tau_v_s,
-            each.tau_psi_s,
-            each.tau_ha_s,
-            each.tau_hb_s,
-            each.speed_min_mps,
-            each.speed_max_mps,
-            each.accel_max_mps2,
-            each.turn_rate_max_rps,
-            each.climb_max_mps,
-        )
-        for each in column_models(scenario)
-    ]
+    return [each.autopilot() for each in column_models(scenario)]
 
 
 def leader_guidance(scenario: Scenario) -> LeaderGuidance:
