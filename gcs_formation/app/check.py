@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from flight_model.design import BOUNDS
+from flight_model.design import MISMATCH
 from formation_scenario import Scenario, ScenarioError, dump_scenario, slot_schedule
 from formation_scenario.begin_and_end import planned_end_s
 from formation_scenario.feasibility import refused_orders
@@ -234,7 +234,7 @@ def _design_text(scenario: Scenario) -> Iterator[str]:
         off = f"sensitivity {each.mismatch_peak:.2f}" if math.isfinite(each.mismatch_peak) else "unstable"
         yield (
             f"#   {name}: bandwidth {each.bandwidth_radps:.2f} rad/s, "
-            f"{held if math.isfinite(each.peak) else 'unstable'}; with time scale and gain {BOUNDS.mismatch:.0%} off: "
+            f"{held if math.isfinite(each.peak) else 'unstable'}; with time scale and gain {MISMATCH:.0%} off: "
             f"{off}; setpoint steps {each.step_sigma:.2g} {UNITS[name]} (standard deviation, a tick)"
         )
 
