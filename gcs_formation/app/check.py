@@ -104,7 +104,7 @@ def configured_loop_delay_s(scenario: Scenario) -> float:
         following = planned_slots(scenario)
         loops = (vehicle for vehicle in scenario.vehicles if vehicle.vehicle_id in following)
         ways = [ways_s(step) for vehicle in loops for step in scenario.link_steps(vehicle)]
-    return max((loop_delay_s(up, down, 0.0, *rates) for up, down in ways), default=loop_delay_s(0, 0, 0, *rates))
+    return max((loop_delay_s(up, down, *rates) for up, down in ways), default=loop_delay_s(0, 0, *rates))
 
 
 def mismatch_margins_s(scenario: Scenario) -> dict[str, float]:

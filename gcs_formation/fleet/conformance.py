@@ -131,7 +131,7 @@ class MotionConformance:
         settled: list[list[bool]],
         commanded_s: list[float],
     ) -> list[NonConformance]:
-        """Compare, if a check is due; return new findings. `broken` has all columns that don't follow.
+        """Compare, as a check is due; return new findings. `broken` has all columns that don't follow.
 
         Args:
             now: the tick's instant.
@@ -140,8 +140,6 @@ class MotionConformance:
             settled: (C, 3) channels that have been commanded, and acknowledged, for `SETTLED_S`.
             commanded_s: (C,) for how long each has been commanded without a break.
         """
-        if not self.due(now):
-            return []
         self._next_check = Instant(now + round(CHECK_S * NANOSECONDS))
         found: list[NonConformance] = []
         for column, stamp in enumerate(stamps):

@@ -39,7 +39,6 @@ class Dispatch:
         self._compensates = scenario.law.delay_compensation
         self._count = 1 + len(scenario.followers)
         self._vehicles = vehicles
-        self._columns = columns
         self._each = [(identity, vehicles[identity], column) for identity, column in columns.items()]
         self._at_once: list[tuple[Vehicle, Message]] = []
         self._held = DelayQueue[tuple[Vehicle, Message]]()

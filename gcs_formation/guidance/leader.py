@@ -263,10 +263,6 @@ class LeaderGuidance:
         """Fly at another speed from now on; one that stands goes on facing where it does."""
         self.speed_mps, self.turn = speed_mps, self.turn if speed_mps == 0.0 else None
 
-    def face(self, turn: TurnOnSpot) -> None:
-        """Turn the nose of a leader that stands."""
-        self.turn = turn
-
     def heading(self, state: FlightState) -> RouteHeading:
         """Return the route's own heading, turn and climb at the leader, without corrections towards the route."""
         return route_heading(self._here(), state)

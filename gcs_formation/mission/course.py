@@ -109,12 +109,8 @@ class Course:
         self._vehicles, self._columns = vehicles, columns
         self._note, self._may_command = note, may_command
         self._ending, self._ground, self._late = Ending({}), GroundFloor(scenario), False
-        self._opening: Opening | None = None
-
-    @property
-    def opening(self) -> Opening | None:
+        self.opening: Opening | None = None
         """The opening of the formation at its end, while it lasts."""
-        return self._opening
 
     def move(self, cause: Cause, now: Instant, manner: End = "loiter") -> bool:
         """Go to the phase that `cause` leads to; return whether it leads anywhere. `manner`: if that is the end."""
@@ -195,7 +191,7 @@ class Course:
         gap_m = self._scenario.safety.avoidance.distance_m
         self._ending = Ending(self._vehicles, manner, self._ground, landings, ahead_m, gap_m)
         self._ending.begin(now, self._scenario.finish.loiter_s if cause in (Cause.PATH_ENDED, Cause.ORDERED) else 0.0)
-        self._opening = None
+        self.opening = None
         if opens:
-            self._opening = Opening(self._ending.stack, self._controller, self._vehicles, self._columns, now)
+            self.opening = Opening(self._ending.stack, self._controller, self._vehicles, self._columns, now)
             self._membership.end(self._ending.stack.heights_m)

@@ -207,7 +207,7 @@ class Reconfiguration:
         models, reach_m = controller.models, controller.plan.at(now / NANOSECONDS, begun=True).reach_m
         limits = min(each.speed_max_mps for each in models), min(each.accel_max_mps2 for each in models)
         facing_rad = guidance.facing_rad(tick.state[controller.plan.leader])
-        guidance.face(TurnOnSpot.to(heading_rad, facing_rad, now, reach_m, *limits))
+        guidance.turn = TurnOnSpot.to(heading_rad, facing_rad, now, reach_m, *limits)
         return None
 
     def _path_deg(self) -> float:

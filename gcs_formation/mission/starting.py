@@ -207,7 +207,7 @@ class Starting:
         if self._flight.phase is not Phase.FLYING and self._takeover.resumed is None:
             self._give_up(text, now)
         elif not vehicle.start_up.abandoned:
-            vehicle.start_up.abandon()
+            vehicle.start_up.abandoned = True
             self._note(now, "abandoned", text, vehicle)
 
 

@@ -228,15 +228,13 @@ def _around(outputs: Triple, step: float) -> list[Triple]:
     return near
 
 
-def loop_delay_s(
-    uplink_s: float, downlink_s: float, compute_s: float, telemetry_rate_hz: float, law_rate_hz: float
-) -> float:
+def loop_delay_s(uplink_s: float, downlink_s: float, telemetry_rate_hz: float, law_rate_hz: float) -> float:
     """Delay of the loop closed over the link, to hold against its margin.
 
-    T = uplink + downlink + compute + half a telemetry period (mean age of a sample when its successor is
-    awaited) + half a control period (mean age of a held setpoint).
+    T = uplink + downlink + half a telemetry period (mean age of a sample when its successor is awaited) + half a
+    control period (mean age of a held setpoint).
     """
-    return uplink_s + downlink_s + compute_s + 0.5 / telemetry_rate_hz + 0.5 / law_rate_hz
+    return uplink_s + downlink_s + 0.5 / telemetry_rate_hz + 0.5 / law_rate_hz
 
 
 def _lag_and_integral(tau_s: float, proportional: float, integral: float) -> Plant:

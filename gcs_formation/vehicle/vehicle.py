@@ -27,7 +27,7 @@ from gcs_formation.link.source_binding import EARLY_S, LONGEST_DELAY_S, SourceBi
 from gcs_formation.vehicle.acknowledgement import CommandQueue, SetpointChannel
 from gcs_formation.vehicle.autopilot import Autopilot, EffectWatch, Step
 from gcs_formation.vehicle.startup import PilotsChoice, StartUp, TakeOff
-from gcs_formation.vehicle.telemetry import Telemetry
+from gcs_formation.vehicle.telemetry import Motion, Telemetry
 
 ACCEPTED: Final = m.MAV_RESULT_ACCEPTED
 STATION_SYSTEM: Final = 255
@@ -95,7 +95,8 @@ class Vehicle:
         self._lost_at = Instant(0)
         """When a frame was last found to be missing, or an answer."""
         self._writer = FrameWriter(STATION_SYSTEM, STATION_COMPONENT)
-        self._sampled, self._probes = 0, dict[int, Instant]()
+        self._sampled: Motion | None = None
+        self._probes = dict[int, Instant]()
 
     @property
     def follows_setpoints(self) -> bool:
@@ -192,11 +193,6 @@ class Vehicle:
         """Whether its mode is one in which it circles where it is."""
         return self.telemetry.custom_mode == self.autopilot.circling_mode
 
-    @property
-    def frames_implausible(self) -> int:
-        """Frames whose values were dropped because they can't be an aircraft's."""
-        return self.telemetry.implausible
-
     def new_sample(self, now: Instant, *, leads: bool = False) -> Sample | None:
         """Return the newest sample, once; None before the vehicle's clock is known.
 
@@ -205,10 +201,10 @@ class Vehicle:
         seen = self.telemetry
         if seen.motion is None or seen.attitude is None or not seen.complete or not self.clock.samples:
             return None
-        if seen.updates == self._sampled:
-            return None
-        self._sampled = seen.updates
         motion, attitude = seen.motion, seen.attitude
+        if motion is self._sampled:
+            return None
+        self._sampled = motion
         stamp, apart_s = self.stamps.to_instant(motion.stamp_s), motion.stamp_s - attitude.time_boot_s
         possible = -EARLY_S <= seconds_between(stamp, now) <= LONGEST_DELAY_S
         airspeed_age_s = motion.stamp_s - seen.airspeed_stamp_s

@@ -49,7 +49,7 @@ def test_the_heading_is_that_of_the_position_s_instant_whichever_came_first(vehi
 def test_an_attitude_of_another_time_is_paired_with_no_position(vehicle: Vehicle, apart_s: float) -> None:
     turns(vehicle, 1.0, STAMP_S + apart_s)
     assert vehicle.new_sample(NOW) is None
-    assert vehicle.frames_implausible == 1
+    assert vehicle.telemetry.implausible == 1
 
 
 @pytest.mark.parametrize(("late_s", "taken"), [(-2.1, False), (-1.9, True), (9.9, True), (10.1, False)])
