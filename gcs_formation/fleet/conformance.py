@@ -223,13 +223,11 @@ class ConformanceMonitor:
         scenario: Scenario,
         controller: FormationController,
         vehicles: dict[VehicleId, Vehicle],
-        columns: dict[VehicleId, int],
         note: Note,
     ) -> None:
-        """Compare `vehicles`; `columns` are theirs in the controller."""
+        """Compare `vehicles`."""
         self._controller = controller
         self._vehicles = vehicles
-        self._columns = columns
         self._note = note
         self._motion = MotionConformance(scenario, controller.history)
         for vehicle in vehicles.values():
@@ -292,11 +290,12 @@ class ConformanceMonitor:
             return
         filters, settled = self._controller.estimator.filters, [[False] * len(CHANNELS) for _ in tick.active]
         commanded_s = [0.0] * len(settled)
-        for identity, column in self._columns.items():
+        for vehicle in self._vehicles.values():
+            column = vehicle.column
             began = self._since[column]
             since = now if began is None else began
             commanded_s[column] = seconds_between(since, now)
-            settled[column] = self._settled(self._vehicles[identity], since, now)
+            settled[column] = self._settled(vehicle, since, now)
         before = self._motion.broken
         states = [each.state or unknown_state() for each in filters]
         found = self._motion.check(now, [each.stamp for each in filters], states, settled, commanded_s)
@@ -316,7 +315,7 @@ class ConformanceMonitor:
         return [run is not None and max(since, run) <= latest for run in runs]
 
     def _at(self, column: int) -> Vehicle:
-        return next(self._vehicles[identity] for identity, its in self._columns.items() if its == column)
+        return next(each for each in self._vehicles.values() if each.column == column)
 
 
 def _settled_unanswered(vehicle: Vehicle, since: Instant, now: Instant) -> list[bool]:

@@ -124,13 +124,11 @@ class Opening:
         stack: Stack,
         controller: FormationController,
         vehicles: Mapping[VehicleId, Vehicle],
-        columns: Mapping[VehicleId, int],
         now: Instant,
     ) -> None:
-        """Steer to the heights of `stack`; `columns` are the vehicles' in the controller."""
+        """Steer to the heights of `stack`."""
         self._stack, self._controller = stack, controller
-        self._vehicles, self._columns = vehicles, columns
-        self._since = now
+        self._vehicles, self._since = vehicles, now
         self._fliers: dict[VehicleId, Flier] = {}
 
     def steer(self, links: list[VehicleLink], now: Instant) -> list[float]:
@@ -138,12 +136,12 @@ class Opening:
         self._fliers = {
             identity: flier
             for identity, vehicle in self._vehicles.items()
-            if (flier := self._flier(identity, vehicle, links, now)) is not None
+            if (flier := self._flier(vehicle, links, now)) is not None
         }
         self._stack.take(self._fliers)
         heights_m = [math.nan] * len(links)
-        for identity, column in self._columns.items():
-            heights_m[column] = self._stack.heights_m.get(identity, math.nan)
+        for identity, vehicle in self._vehicles.items():
+            heights_m[vehicle.column] = self._stack.heights_m.get(identity, math.nan)
         return heights_m
 
     def over(self, now: Instant) -> bool:
@@ -151,8 +149,8 @@ class Opening:
         late = seconds_between(self._since, now) >= OPENING_LIMIT_S
         return late or self._stack.apart(self._fliers)
 
-    def _flier(self, identity: VehicleId, vehicle: Vehicle, links: list[VehicleLink], now: Instant) -> Flier | None:
-        place, column = place_of(vehicle), self._columns[identity]
+    def _flier(self, vehicle: Vehicle, links: list[VehicleLink], now: Instant) -> Flier | None:
+        place, column = place_of(vehicle), vehicle.column
         unheard_s = seconds_between(vehicle.connection.last_heard, now)
         if place is None or not vehicle.telemetry.armed or unheard_s > FORGOTTEN_AFTER_S:
             return None

@@ -46,14 +46,13 @@ class Reconfiguration:
         scenario: Scenario,
         controller: FormationController,
         vehicles: dict[VehicleId, Vehicle],
-        columns: dict[VehicleId, int],
         note: Note,
     ) -> None:
-        """Change the formation that `controller` flies; `columns` are the vehicles' in it."""
+        """Change the formation that `controller` flies."""
         self._scenario = scenario
         self._ground = scenario.ground
         self._controller = controller
-        self._by_column = {column: vehicles[identity] for identity, column in columns.items()}
+        self._by_column = {vehicle.column: vehicle for vehicle in vehicles.values()}
         self._names = column_names(scenario)
         self._note = note
         self._wanted: Arrangement | None = None

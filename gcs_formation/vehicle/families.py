@@ -51,11 +51,14 @@ class Planned(NamedTuple):
 
 def planned(scenario: Scenario) -> Planned:
     """Return a scenario's vehicles, none of them heard yet."""
-    order = [vehicle for vehicle in columns(scenario) if vehicle is not None]
-    texts = list(dict.fromkeys(vehicle.endpoint for vehicle in order))
+    order = {column: vehicle for column, vehicle in enumerate(columns(scenario)) if vehicle is not None}
+    texts = list(dict.fromkeys(vehicle.endpoint for vehicle in order.values()))
     endpoints = tuple(parse_endpoint(text) for text in texts)
-    networks = {vehicle.endpoint: vehicle.network for vehicle in order}
-    vehicles = {each.vehicle_id: _vehicle(each, texts.index(each.endpoint), endpoints, scenario) for each in order}
+    networks = {vehicle.endpoint: vehicle.network for vehicle in order.values()}
+    vehicles = {
+        each.vehicle_id: _vehicle(each, column, texts.index(each.endpoint), endpoints, scenario)
+        for column, each in order.items()
+    }
     return Planned(endpoints, tuple(networks[text] for text in texts), vehicles)
 
 
@@ -65,8 +68,11 @@ def origin_of(scenario: Scenario) -> GeodeticOrigin:
     return GeodeticOrigin(math.radians(keys.lat_deg), math.radians(keys.lon_deg), keys.alt_m)
 
 
-def _vehicle(planned: PlannedVehicle, socket: int, endpoints: tuple[Endpoint, ...], scenario: Scenario) -> Vehicle:
+def _vehicle(
+    planned: PlannedVehicle, column: int, socket: int, endpoints: tuple[Endpoint, ...], scenario: Scenario
+) -> Vehicle:
     endpoint, origin, telemetry = endpoints[socket], origin_of(scenario), scenario.telemetry
     connection = Connection(socket, endpoint.address if endpoint.kind == "udpout" else None)
     autopilot = autopilot_for(planned, scenario)
-    return Vehicle(planned.vehicle_id, autopilot, connection, origin, telemetry.rate_hz, by_utc=telemetry.by_utc)
+    rate_hz, by_utc = telemetry.rate_hz, telemetry.by_utc
+    return Vehicle(planned.vehicle_id, column, autopilot, connection, origin, rate_hz, by_utc=by_utc)

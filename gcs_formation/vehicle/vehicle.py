@@ -60,6 +60,7 @@ class Vehicle:
     def __init__(
         self,
         identity: VehicleId,
+        column: int,
         autopilot: Autopilot,
         connection: Connection,
         origin: GeodeticOrigin,
@@ -69,6 +70,8 @@ class Vehicle:
     ) -> None:
         """Start with a vehicle that hasn't been heard; `by_utc`: its stamps are mapped by UTC where that is known."""
         self.identity = identity
+        self.column = column
+        """Its place in every list of a tick."""
         self.autopilot = autopilot
         self.connection = connection
         self.telemetry = Telemetry(origin, autopilot.stands)

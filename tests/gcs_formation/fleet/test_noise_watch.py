@@ -1,5 +1,6 @@
 """What is said of noise that isn't as declared, as a decision."""
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,8 +19,8 @@ def said(times, samples=400, stated=True):
     """Return what is said while the position's noise is `times` the declared one, and as declared after that."""
     noise = VehicleNoise(tuple(DECLARED[:, 0]), tuple(DECLARED[:, 0] / 4), stated=stated)
     random, notes = np.random.default_rng(1), Noted()
-    vehicles: Any = {WHO: None}
-    watch = NoiseWatch(vehicles, {WHO: 0}, notes)
+    vehicles: Any = {WHO: SimpleNamespace(identity=WHO, column=0)}
+    watch = NoiseWatch(vehicles, notes)
     sigma = np.repeat(DECLARED, (2, 1, 2, 1, 1, 1), axis=0)
     for scale in (times, 1.0):
         before = np.zeros((8, 1))
