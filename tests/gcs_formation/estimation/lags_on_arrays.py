@@ -12,7 +12,6 @@ from airlink.clock import NANOSECONDS
 from flight_model.arrays import Array, Instants, Mask, within, wrap
 from flight_model.autopilot import AutopilotModel
 from gcs_formation.estimation.flight_state import AirLags, AutopilotModels, Height, HeightSteps
-from gcs_formation.estimation.lag_bank import FREE, Motion
 from gcs_formation.estimation.lag_fit import (
     BATCH_S,
     BELIEVED_SPREAD,
@@ -23,7 +22,7 @@ from gcs_formation.estimation.lag_fit import (
     SIGNIFICANT,
     STEP_MAX,
 )
-from gcs_formation.estimation.lags import GAP_S, RESOLUTION
+from gcs_formation.estimation.lags import FREE, GAP_S, RESOLUTION, Motion
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 
 
