@@ -19,8 +19,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flight_model.arrays import Array
-from flight_model.frequency_response import Complex, Responses
+from flight_model.arrays import Array, Complex
+from flight_model.frequency_response import Responses
 
 FREQUENCIES = np.geomspace(0.005, 25.0, 400)
 BANDWIDTHS = np.geomspace(1.5, 0.03, 60)

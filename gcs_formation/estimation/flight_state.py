@@ -6,13 +6,11 @@ from collections.abc import Iterable
 from typing import NamedTuple, Self
 
 import numpy as np
-import numpy.typing as npt
 
-from flight_model.arrays import Array, all_of, within, wrap
+from flight_model.arrays import Array, Indices, all_of, within, wrap
 from flight_model.autopilot import AutopilotModel, FlightState
 from flight_model.slot import Triple
 
-Indices = npt.NDArray[np.intp]
 _GAUSS, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 _NODES = ((_GAUSS + 1) / 2)[:, None]
 """Gauss's points of a segment of time, as shares of it: where speed and heading are evaluated for the way made good."""

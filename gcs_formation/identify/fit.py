@@ -15,12 +15,12 @@ from typing import NamedTuple
 import numpy as np
 
 from flight_model import energy
-from flight_model.arrays import Array, wrap
+from flight_model.arrays import Array, Indices, wrap
 from flight_model.energy import AirframeParameters
 from flight_model.frequency_response import airframe_responses
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
 from gcs_formation.errors import RecordError
-from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Indices, advance
+from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, advance
 from gcs_formation.identify.recording import STEP_S, Recording
 
 HORIZON_S = 6.0

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flight_model.arrays import Array, Mask, within
+from flight_model.arrays import Array, Indices, Mask, within
 from gcs_formation.estimation.flight_state import (
     AirLags,
     AutopilotModels,
@@ -15,7 +15,6 @@ from gcs_formation.estimation.flight_state import (
     FlightStates,
     Height,
     HeightSteps,
-    Indices,
     Row,
     Setpoints,
     advance,

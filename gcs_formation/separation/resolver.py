@@ -9,11 +9,11 @@ from typing import Final
 import numpy as np
 
 from airlink.clock import NANOSECONDS, Instant
-from flight_model.arrays import Array, or_zero
+from flight_model.arrays import Array, Indices, or_zero
 from flight_model.autopilot import AutopilotModel, FlightState, advance, within, wrap
 from flight_model.slot import NOTHING, Triple
 from formation_scenario import Scenario, slot_schedule
-from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Indices, Setpoints
+from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
 from gcs_formation.estimation.projection import Measured
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.recorder import Tick, VehicleLink

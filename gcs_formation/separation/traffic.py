@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flight_model.arrays import Array, Mask, all_of, within, wrap
-from gcs_formation.estimation.flight_state import AirLags, FlightStates, Indices, Setpoints
+from flight_model.arrays import Array, Indices, Mask, all_of, within, wrap
+from gcs_formation.estimation.flight_state import AirLags, FlightStates, Setpoints
 from gcs_formation.separation.approach import COARSE_S, Manoeuvre, MinimumDistance, Traffic, reach_m
 
 BESIDE_M = 1.0
