@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 from airlink.endpoint import Endpoint, VehicleId, parse_endpoint
 from flight_model.earth import GeodeticOrigin
@@ -38,19 +37,11 @@ def autopilot_for(vehicle: PlannedVehicle, scenario: Scenario) -> Autopilot:
     return autopilot
 
 
-class Planned(NamedTuple):
-    """A scenario's vehicles and sockets."""
+def planned(scenario: Scenario) -> tuple[tuple[Endpoint, ...], tuple[int, ...], dict[VehicleId, Vehicle]]:
+    """Return the endpoint of each socket, the MAVLink network it hears, and the vehicles, the leader first.
 
-    endpoints: tuple[Endpoint, ...]
-    """The sockets: one for each different endpoint."""
-    networks: tuple[int, ...]
-    """The MAVLink network that each socket hears."""
-    vehicles: dict[VehicleId, Vehicle]
-    """The leader first."""
-
-
-def planned(scenario: Scenario) -> Planned:
-    """Return a scenario's vehicles, none of them heard yet."""
+    There is a socket for each different endpoint; none of the vehicles has been heard yet.
+    """
     order = {column: vehicle for column, vehicle in enumerate(columns(scenario)) if vehicle is not None}
     texts = list(dict.fromkeys(vehicle.endpoint for vehicle in order.values()))
     endpoints = tuple(parse_endpoint(text) for text in texts)
@@ -59,7 +50,7 @@ def planned(scenario: Scenario) -> Planned:
         each.vehicle_id: _vehicle(each, column, texts.index(each.endpoint), endpoints, scenario)
         for column, each in order.items()
     }
-    return Planned(endpoints, tuple(networks[text] for text in texts), vehicles)
+    return endpoints, tuple(networks[text] for text in texts), vehicles
 
 
 def origin_of(scenario: Scenario) -> GeodeticOrigin:
