@@ -105,7 +105,8 @@ class Course:
         self._scenario, self._controller = scenario, controller
         self._membership, self._dispatch = membership, dispatch
         self._vehicles, self._note, self._may_command = vehicles, note, may_command
-        self._ending, self._ground, self._late = Ending({}), GroundFloor(scenario), False
+        self._ground, self._late = GroundFloor(scenario), False
+        self._ending = Ending({}, self._ground)
         self.opening: Opening | None = None
         """The opening of the formation at its end, while it lasts."""
 
@@ -186,7 +187,7 @@ class Course:
         opens, landings = self.flight.phase is Phase.ENDING, self._ending.landings.called_off()
         ahead_m = self._controller.ahead_m(OPENING_LIMIT_S if opens else 0.0)
         gap_m = self._scenario.safety.avoidance.distance_m
-        self._ending = Ending(self._vehicles, manner, self._ground, landings, ahead_m, gap_m)
+        self._ending = Ending(self._vehicles, self._ground, manner, landings, ahead_m, gap_m)
         self._ending.begin(now, self._scenario.finish.loiter_s if cause in (Cause.PATH_ENDED, Cause.ORDERED) else 0.0)
         self.opening = None
         if opens:

@@ -203,8 +203,8 @@ class Ending:
     def __init__(
         self,
         vehicles: Mapping[VehicleId, Vehicle],
+        ground: GroundFloor,
         manner: End = "loiter",
-        ground: GroundFloor | None = None,
         landings: Landings | None = None,
         ahead: Sequence[tuple[float, float]] = ((0.0, 0.0),),
         gap_m: float = 0.0,
@@ -213,13 +213,13 @@ class Ending:
 
         Args:
             vehicles: all of them.
-            manner: how the flight ends.
             ground: the ground to keep clear of.
+            manner: how the flight ends.
             landings: those of an earlier order to land, where a vehicle is still landing; it is left to that.
             ahead: how far north and east the formation may have flown on when it leaves, m, point by point.
             gap_m: the distance that vehicles must be apart.
         """
-        self.landings = landings or Landings(lambda: why_not(vehicles, ground) if ground else None)
+        self.landings = landings or Landings(lambda: why_not(vehicles, ground))
         commanded = {identity: each for identity, each in vehicles.items() if not each.is_left}
         self._ours = {identity: each for identity, each in commanded.items() if not self.landings.is_pending(each)}
         places = [
@@ -289,10 +289,8 @@ class Ending:
         return identity in self._left and vehicle.telemetry.armed
 
 
-def _floor_m(places: Sequence[tuple[float, float]], manner: End, ground: GroundFloor | None) -> float:
+def _floor_m(places: Sequence[tuple[float, float]], manner: End, ground: GroundFloor) -> float:
     """Return the lowest height for all circles: over the ground here or, with `rtl` and `land`, on the ways home."""
-    if ground is None:
-        return -math.inf
     if manner != "loiter":
         return max((ground.over_way_home(*place) for place in places), default=-math.inf)
     return max((ground.top(*place).height_m for place in places), default=-math.inf)

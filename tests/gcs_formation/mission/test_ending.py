@@ -67,7 +67,8 @@ def loiters_at(height_m: float) -> list[tuple[int, Any]]:
 
 
 def ending(*vehicles: Vehicle, manner: End = "loiter", ground: GroundFloor | None = None) -> Ending:
-    end = Ending({vehicle.identity: vehicle for vehicle in vehicles}, manner, ground)
+    ground = ground or GroundFloor(load_scenario(scenario()))
+    end = Ending({vehicle.identity: vehicle for vehicle in vehicles}, ground, manner)
     end.begin(NOW)
     end.leave(NOW)
     return end
