@@ -25,8 +25,10 @@ from airlink.messages import Message
 from airlink.messages.command import CommandInt, CommandLong
 from airlink.messages.system import Heartbeat
 from flight_model.autopilot import FlightState, Setpoint
+from formation_scenario.model import PathPlan
+from formation_scenario.vehicles import VehicleModel
 from gcs_formation.vehicle.autopilot import Autopilot, Command, Step
-from gcs_formation.vehicle.checks import Check, Demands, envelope_checks
+from gcs_formation.vehicle.checks import Check, envelope_checks, lowest_m
 from gcs_formation.vehicle.hovering import MULTIROTOR_TYPES, stands, velocity_setpoint
 from gcs_formation.vehicle.lead import VelocityLead
 from gcs_formation.vehicle.telemetry import Telemetry
@@ -150,7 +152,7 @@ class ArduPlane(ArduPilot):
             ),
         )
 
-    def checks(self, asked: Demands) -> tuple[Check, ...]:
+    def checks(self, model: VehicleModel, path: PathPlan) -> tuple[Check, ...]:
         """Return failsafes, limits and whose heartbeats count."""
         return (
             OUR_HEARTBEATS,
@@ -172,7 +174,7 @@ class ArduPlane(ArduPilot):
                 lambda _: True,
             ),
             *envelope_checks(
-                asked, "AIRSPEED_MIN", "AIRSPEED_MAX", "AIRSPEED_CRUISE", "ROLL_LIMIT_DEG", ("refused", "refused")
+                model, path, "AIRSPEED_MIN", "AIRSPEED_MAX", "AIRSPEED_CRUISE", "ROLL_LIMIT_DEG", ("refused", "refused")
             ),
         )
 
@@ -276,9 +278,9 @@ class ArduCopter(ArduPilot):
             Step("waited for it to climb", self._has_climbed, timeout_s=60.0),
         )
 
-    def checks(self, asked: Demands) -> tuple[Check, ...]:
+    def checks(self, model: VehicleModel, path: PathPlan) -> tuple[Check, ...]:
         """Return failsafe, limits and whose heartbeats count."""
-        fastest, speed = asked.speed_max_mps, asked.speed_mps
+        fastest, speed = model.speed_max_mps, path.speed_mps
         return (
             OUR_HEARTBEATS,
             Check(
@@ -295,14 +297,14 @@ class ArduCopter(ArduPilot):
             ),
             Check(
                 ("WPNAV_ACCEL",),
-                f"{asked.accel_max_mps2 / CM:g} cm/s² or more, its model's accel_max_mps2",
-                lambda value: value * CM >= asked.accel_max_mps2,
+                f"{model.accel_max_mps2 / CM:g} cm/s² or more, its model's accel_max_mps2",
+                lambda value: value * CM >= model.accel_max_mps2,
             ),
             Check(
                 ("RTL_ALT",),
                 "at most the lowest height of the path, in cm: lower than that, nobody climbs into others on the way "
                 "home",
-                lambda value: value * CM <= asked.lowest_m,
+                lambda value: value * CM <= lowest_m(path),
             ),
         )
 

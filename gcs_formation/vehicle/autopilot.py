@@ -14,8 +14,10 @@ from airlink.messages.command import CommandInt, CommandLong, ParamValue
 from airlink.messages.system import Heartbeat
 from flight_model.autopilot import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
+from formation_scenario.model import PathPlan
 from formation_scenario.orders import End
-from gcs_formation.vehicle.checks import Check, Demands
+from formation_scenario.vehicles import VehicleModel
+from gcs_formation.vehicle.checks import Check
 from gcs_formation.vehicle.hovering import ground_motion
 from gcs_formation.vehicle.telemetry import Telemetry
 
@@ -261,8 +263,8 @@ class Autopilot(ABC):
         """Return the messages that carry a setpoint, which acts when the vehicle is in that state."""
 
     @abstractmethod
-    def checks(self, asked: Demands) -> tuple[Check, ...]:
-        """Return the parameters to read before a flight that asks this much of the vehicle."""
+    def checks(self, model: VehicleModel, path: PathPlan) -> tuple[Check, ...]:
+        """Return the parameters to read before a vehicle that is taken for this `model` flies such a path."""
 
     def parameter(self, reported: ParamValue) -> float:
         """Return a parameter's value from the message that tells it."""

@@ -24,8 +24,10 @@ from airlink.messages.command import CommandInt, CommandLong, ParamValue
 from airlink.messages.system import Heartbeat
 from flight_model.autopilot import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
+from formation_scenario.model import PathPlan
+from formation_scenario.vehicles import VehicleModel
 from gcs_formation.vehicle.autopilot import Autopilot, Command, Step
-from gcs_formation.vehicle.checks import Check, Demands, envelope_checks
+from gcs_formation.vehicle.checks import Check, envelope_checks, lowest_m
 from gcs_formation.vehicle.hovering import MULTIROTOR_TYPES, TURNS_FROM_MPS, stands, velocity_setpoint
 from gcs_formation.vehicle.lead import SpeedLead, VelocityLead
 from gcs_formation.vehicle.telemetry import Telemetry
@@ -196,12 +198,12 @@ class Px4Plane(Px4):
     speed_lead: SpeedLead | None = None
     """For one whose model leaves part of a change of airspeed to its integrator."""
 
-    def checks(self, asked: Demands) -> tuple[Check, ...]:
+    def checks(self, model: VehicleModel, path: PathPlan) -> tuple[Check, ...]:
         """Return failsafe and limits."""
         ways = "raised to it", "lowered to it"
         return (
             heartbeats_lost("circles where the last setpoint led"),
-            *envelope_checks(asked, "FW_AIRSPD_MIN", "FW_AIRSPD_MAX", "FW_AIRSPD_TRIM", "FW_R_LIM", ways),
+            *envelope_checks(model, path, "FW_AIRSPD_MIN", "FW_AIRSPD_MAX", "FW_AIRSPD_TRIM", "FW_R_LIM", ways),
             Check(
                 ("NAV_LOITER_RAD",),
                 f"up to {LARGEST_CIRCLE_M:g} m; wider circles may meet, and bend the course",
@@ -289,9 +291,9 @@ class Px4Copter(Px4):
         """A setpoint that has it stand."""
         return (velocity_setpoint(self.system, STAND, ANYWHERE, self._nose_rad, self.velocity_lead),)
 
-    def checks(self, asked: Demands) -> tuple[Check, ...]:
+    def checks(self, model: VehicleModel, path: PathPlan) -> tuple[Check, ...]:
         """Return failsafes and limits."""
-        fastest, speed = asked.speed_max_mps, asked.speed_mps
+        fastest, speed = model.speed_max_mps, path.speed_mps
         return (
             heartbeats_lost("flies on as long as setpoints come"),
             Check(
@@ -315,7 +317,7 @@ class Px4Copter(Px4):
             Check(
                 ("RTL_RETURN_ALT",),
                 "at most the lowest height of the path: lower than that, nobody climbs into others on the way home",
-                lambda value: value <= asked.lowest_m,
+                lambda value: value <= lowest_m(path),
             ),
         )
 
