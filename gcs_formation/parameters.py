@@ -27,7 +27,7 @@ LEAST_OF_DECLARED = 0.25
 HOLD_SHARE = 0.8
 """Share of the speed that vehicles have above and below the path's, used by turns before the path."""
 HOLD_TURN_SHARE = 0.5
-"""The same of the turn rate."""
+"""Share of their turn rate that turns before the path use."""
 SWING_RAD = math.radians(15.0)
 """Most that a follower's heading may differ from the leader's there: slots are swept aside as a turn begins."""
 GENTLEST_RPS = 0.01

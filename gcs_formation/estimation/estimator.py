@@ -40,7 +40,7 @@ LEAST_AIRSPEED_MPS: Final = 1.0
 UNMODELLED: Final[tuple[float, float, float]] = (0.05, 0.05, 0.003)
 """How far climb, airspeed (m/s) and heading (rad) stray from model (7) in a square root of a second."""
 UNCOMMANDED: Final[tuple[float, float, float]] = (1.0, 1.0, 0.3)
-"""The same of a vehicle that isn't commanded by us."""
+"""How far a vehicle's climb, airspeed and heading stray that isn't commanded by us."""
 BEYOND_LIMIT: Final = 1.1
 """Climbs a tenth above its limit aren't flown by our setpoints yet: so a take-off ends."""
 WITHOUT_WIND: Final = 0.1

@@ -133,7 +133,7 @@ class Bank:
         return off_mps / float(len(speeds_mps))
 
     def _turn(self, heading_rad: float, time_s: float) -> float:
-        """Move the headings on likewise."""
+        """Move the headings on; return the mean of how far they were off."""
         headings_rad, lags_s = self._headings_rad, self._heading_lags_s
         off_rad, most_rps = 0.0, self._believed.turn_rate_max_rps
         for node in range(len(headings_rad)):
@@ -145,7 +145,7 @@ class Bank:
         return off_rad / float(len(headings_rad))
 
     def _climb(self, height_m: float, time_s: float) -> float:
-        """Move heights and climb rates on likewise."""
+        """Move heights and climb rates on; return the mean of how far the heights were off."""
         heights_m, climbs_mps, most_mps, off_m = self._heights_m, self._climbs_mps, self._believed.climb_max_mps, 0.0
         lags_s, left, slowest, fastest = self._lags_s, self._left, self._slow, self._fast
         for place in range(len(lags_s)):
@@ -257,7 +257,7 @@ class LagEstimator:
         return [channel.misfit for channel in self.channels]
 
     def log_ratios(self, column: int) -> list[float]:
-        """Return those of a vehicle's lags of airspeed, heading and height (two) to the believed ones."""
+        """Return logarithms of a vehicle's lags by the believed ones: of airspeed, of heading, and both of height."""
         return [each for channel in self.channels for each in channel.log_ratio[column]]
 
     def hear(self, column: int, stamp: int, motion: Motion) -> None:

@@ -27,17 +27,17 @@ RESOLUTION = np.array((0.003, 0.001, 0.003, 0.003, 0.0001, 0.00002))
 UNDECLARED = np.array((0.3, 0.3, 0.1, 0.1, 0.3, 0.01))
 """Where nothing is declared: the noise that a real autopilot's estimates begin with here."""
 MOST_PLACE: Final = 30.0 * 30.0
-"""Largest variance of positions and heights; what is noisier isn't telemetry of a flight in formation."""
+"""Largest variance of positions and heights; what is noisier isn't telemetry of a flight in formation; m²."""
 MOST_VELOCITY: Final = 5.0 * 5.0
-"""The same of velocities and climbs, (m/s)²."""
+"""Largest variance of velocities and climbs, (m/s)²."""
 MOST_AIRSPEED: Final = 10.0 * 10.0
-"""The same of airspeeds."""
+"""Largest variance of airspeeds, (m/s)²."""
 MOST_HEADING: Final = 0.5 * 0.5
-"""The same of headings."""
+"""Largest variance of headings, rad²."""
 MEMORY: Final = 100.0
 """Samples over which the mean is taken."""
 FIRST_MEMORY: Final = 20.0
-"""The same at the start, of a vehicle's first sample."""
+"""As so many samples counts what is declared, at the start."""
 CLIPPED_AT: Final = 2.0
 """Standard deviations at which an increment counts no more than that: an outlier isn't noise."""
 IMPLAUSIBLE_SIGMAS: Final = 3.0
@@ -46,7 +46,7 @@ STRAYED: Final = 1.0
 """Added to their square, (m/s)²: what a vehicle may do between two samples that the model doesn't know of; of positions
 and heights it is by the square of the time between them."""
 STRAYED_ROUND: Final = 0.1 * 0.1
-"""The same of headings, rad²."""
+"""Added to the square of headings, rad²."""
 
 MOST_STRAY: Final = 0.05 * 0.05
 """Most by which positions stray in a second from the integral of velocities, m²: beyond it they are followed anyway."""

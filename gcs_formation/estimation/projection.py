@@ -27,11 +27,11 @@ class States(ABC):
 
     @abstractmethod
     def of(self, which: int, whose: int) -> FlightState:
-        """Return the state of a vehicle at the instant that matters for the setpoint of another, or its own."""
+        """Return the state of vehicle `which` at the instant that counts for the setpoint of vehicle `whose`."""
 
     @abstractmethod
     def instant(self, whose: int) -> int:
-        """Return that instant."""
+        """Return the instant that counts for a vehicle's setpoint, ns."""
 
 
 class Measured(States):

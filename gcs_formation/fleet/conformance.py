@@ -234,7 +234,7 @@ class ConformanceMonitor:
             for channel in vehicle.setpoint_channels.values():
                 channel.allow(max(GAP_S, 2.5 / scenario.law.rate_hz))
         self._unanswered = set[VehicleId]()
-        """Those that were commanded and answered nothing."""
+        """Vehicles that were commanded and answered nothing."""
         self._since: list[Instant | None] = [None] * (1 + len(scenario.followers))
         """Since when each column has been commanded without interruption, (C,)."""
 
@@ -319,7 +319,10 @@ class ConformanceMonitor:
 
 
 def _settled_unanswered(vehicle: Vehicle, since: Instant, now: Instant) -> list[bool]:
-    """Return the same of one that acknowledges no setpoint: it answers probes. What stands has any course."""
+    """Return which channels have been commanded for long enough of a vehicle that acknowledges no setpoint.
+
+    Its answers to probes show that it hears. A vehicle that can stand has any course there.
+    """
     settled = vehicle.talks_on_s <= UNANSWERED_S and since <= after(now, -SETTLED_S)
     return [settled, settled and not vehicle.autopilot.stands, settled]
 

@@ -111,7 +111,7 @@ class MarginWatch:
         self._vehicles = vehicles
         self._note = note
         self.beyond: set[VehicleId] = set()
-        """Those whose loop's delay is beyond what keeps it stable."""
+        """Vehicles whose loop's delay is beyond what keeps it stable."""
         self._near: set[VehicleId] = set()
         self._lags_off = [[0.0] * len(self.used) for _ in CHANNELS]
         self._calm = Counter[tuple[VehicleId, str]]()

@@ -27,7 +27,7 @@ ORDER_COMES_S: Final = 5.0
 BACK_S: Final = 3.0
 """Largest age of telemetry with which a vehicle returns to the formation."""
 UNCOMMANDED: Final = (Member.FLYING, Member.UNHEARD)
-"""Those that haven't been told to loiter."""
+"""Memberships of vehicles that haven't been told to loiter."""
 
 
 class Sight(NamedTuple):

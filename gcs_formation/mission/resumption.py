@@ -47,9 +47,9 @@ class Resumption:
     distance_m: float
     """How far along the path the leader had come."""
     speed_mps: float
-    heading_rad: float | None
-    """Where multirotors that stand had been ordered to face."""
     """At which the path was flown."""
+    heading_rad: float | None
+    """Where multirotors that stand had been ordered to face; None: nowhere."""
     arrangement: Arrangement
     slots_m: Array
     """(C, 3) the slots, forward, right and up of the leader."""

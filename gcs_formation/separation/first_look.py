@@ -22,7 +22,7 @@ class Spot:
     __slots__ = ("east_m", "far_m", "fast_mps", "north_m", "off_s")
 
     def __init__(self, north_m: float, east_m: float, far_m: float, fast_mps: float, off_s: float) -> None:
-        """Take these."""
+        """Take the place in m, how far in m and how fast in m/s it may go, and how much too early or late it is, s."""
         self.north_m = north_m
         self.east_m = east_m
         self.far_m = far_m

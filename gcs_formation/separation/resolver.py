@@ -71,7 +71,7 @@ class Unresponsive:
         return False
 
     def among(self, members: list[int]) -> list[int]:
-        """Return those of some vehicles that may not respond."""
+        """Return which of the columns `members` may not respond."""
         return [each for each in members if self._disobeying[each] or self._held[each] is not None]
 
     def traffic(self, which: list[int], measured: Measured, at: int) -> Traffic:

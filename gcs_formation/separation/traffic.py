@@ -88,7 +88,7 @@ class TrafficPicture:
         return Manoeuvre(setpoints, *self.along, setpoints.height_m)
 
     def straight(self, which: Indices) -> Manoeuvre:
-        """Return the same for some, but straight on instead of along the reference."""
+        """Return what the vehicles `which` do that first fly as commanded, then straight on, as high."""
         setpoints, on = self.setpoints.take(which), np.full(which.size, np.nan)
         return Manoeuvre(setpoints, on, on, setpoints.height_m)
 

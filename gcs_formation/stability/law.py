@@ -73,7 +73,7 @@ def follower_loops(scenario: Scenario) -> dict[VehicleId, dict[str, tuple[Loop, 
 
 
 def leader_loops(scenario: Scenario) -> dict[VehicleId, dict[str, tuple[Loop, ...]]]:
-    """Return the same loops around the scenario's leader while another vehicle leads, for every planned slot."""
+    """Return the loops x, y and z around the scenario's leader while another vehicle leads, for every planned slot."""
     leader, places_m = scenario.leader, [x_rc_m for _, _, row in _planned(scenario) for x_rc_m in row]
     return {leader.vehicle_id: _loops(scenario, leader.model, places_m)} if leader and places_m else {}
 

@@ -1,16 +1,12 @@
 """ArduPilot's families, ArduPlane and ArduCopter: how each is commanded, and the parameters on which a flight depends.
 
-Source: ArduPilot documentation, "Get and set message intervals" and "Complete Parameter List" (names since 4.6).
+An ArduPlane flies in GUIDED by commands of airspeed, altitude and heading, each of which it acknowledges. An ArduCopter
+flies in GUIDED by a stream of SET_POSITION_TARGET_LOCAL_NED with velocity and yaw: it flies the velocity over ground
+that it is told, whatever the wind, so the wind that the station estimates for it is none.
 
-Sources: ArduPilot documentation, "Plane: GUIDED mode", "AUTOLAND Mode", "Get and set message intervals", "Complete
-Parameter List" (names since 4.6) and "Plane Failsafe Function"; its acceptance and refusals as its simulator showed
-them.
-
-It is commanded in GUIDED by a stream of SET_POSITION_TARGET_LOCAL_NED with velocity and yaw. It flies the velocity over
-ground that it is told, whatever the wind: the wind that the station estimates is none.
-
-Sources: ArduPilot documentation, "Copter Commands in Guided Mode", "Complete Parameter List" and "GCS Failsafe"; its
-acceptance and refusals as its simulator showed them.
+Sources: ArduPilot documentation, "Plane: GUIDED mode", "AUTOLAND Mode", "Plane Failsafe Function", "Copter Commands in
+Guided Mode", "GCS Failsafe", "Get and set message intervals" and "Complete Parameter List" (names since 4.6); what each
+accepts and refuses, as ArduPilot's simulator showed it.
 """
 
 from __future__ import annotations

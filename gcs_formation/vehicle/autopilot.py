@@ -127,7 +127,7 @@ class Autopilot(ABC):
         m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
         m.MAVLINK_MSG_ID_VFR_HUD,
     )
-    """Those with its motion, asked for at the scenario's rate."""
+    """Messages with its motion, asked for at the scenario's rate."""
     slow_messages: ClassVar[tuple[int, ...]] = (m.MAVLINK_MSG_ID_SYS_STATUS,)
     """What else is asked for, at `SLOW_RATE_HZ`: `vehicle.telemetry` keeps it."""
     unasked_hz: ClassVar[dict[int, float]] = {m.MAVLINK_MSG_ID_HEARTBEAT: 1.0}

@@ -231,7 +231,7 @@ class Vehicle:
         )
 
     def new_setpoints(self, messages: tuple[Message, ...], at: Instant) -> list[Message]:
-        """Return those setpoints to be sent at an instant that say more than what the vehicle has been sent.
+        """Return which messages of a setpoint must be sent at an instant: those that the vehicle doesn't know yet.
 
         All of them after a loss: an acknowledgement doesn't say which of several it answers.
         """
