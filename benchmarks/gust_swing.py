@@ -55,7 +55,7 @@ def main() -> None:
     """Print a row for each delay."""
     rows: list[list[str]] = []
     for delay_ms in DELAYS_MS:
-        round_trip_s = loop_delay_s(delay_ms / 1e3, delay_ms / 1e3, 0.0, 10.0, 10.0)
+        round_trip_s = loop_delay_s(delay_ms / 1e3, delay_ms / 1e3, 10.0, 10.0)
         shares = [f"{least_share(round_trip_s, *slot):.2f}" for slot in SLOTS_M]
         rows.append([f"{delay_ms} ms", f"{round_trip_s:.3f}", *shares])
     print(markdown(["links each way", "T, s", *(f"slot {x:g} m behind, {y:g} m aside" for x, y in SLOTS_M)], rows))

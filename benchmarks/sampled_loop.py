@@ -19,7 +19,7 @@ from flight_model.arrays import Array
 from formation_scenario import Scenario, load_scenario
 from formation_scenario.graph import scenario_adjacency
 from gcs_formation.control.fuzzy_pid import PidGains
-from gcs_formation.control.laws import fuzzy_range, nominal_gains
+from gcs_formation.control.laws import gain_range, nominal_gains
 from gcs_formation.control.mixer import Mixer
 from gcs_formation.stability import consensus_delay_margin
 from gcs_formation.stability.loops import SMALL_SIGNAL, forward_plant, loop_margin
@@ -101,9 +101,9 @@ def main() -> None:
     fuzzy = load_scenario(KEYS)
     mutual = load_scenario(KEYS, ("law.type=consensus",))
     model, mixer = fuzzy.vehicles[0].model, Mixer(**fuzzy.law.mixer.model_dump())
-    nominal = nominal_gains(fuzzy.law)[0]
-    gains = fuzzy_range(fuzzy.law).gains(nominal, SMALL_SIGNAL)
-    computed = loop_margin(nominal, forward_plant(mixer, model), fuzzy_range(fuzzy.law))
+    nominal = nominal_gains(fuzzy)[0]
+    gains = gain_range(fuzzy).gains(nominal, SMALL_SIGNAL)
+    computed = loop_margin(nominal, forward_plant(mixer, model), gain_range(fuzzy))
     protocol = mutual.law.consensus
     agreed = consensus_delay_margin(scenario_adjacency(mutual), protocol.k1, protocol.k2, protocol.k3)
     rows: list[list[str]] = []

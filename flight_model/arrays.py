@@ -7,12 +7,11 @@ import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
+Complex = npt.NDArray[np.complex128]
 Indices = npt.NDArray[np.intp]
-
-
 Instants = npt.NDArray[np.int64]
 
-__all__ = ["Array", "Indices", "Instants", "Mask", "or_zero", "within", "wrap"]
+__all__ = ["Array", "Complex", "Indices", "Instants", "Mask", "or_zero", "within", "wrap"]
 
 TURN = 2 * np.pi
 

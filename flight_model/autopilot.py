@@ -78,7 +78,7 @@ class AutopilotModel:
         return kept
 
     def stretch(self, time_s: float) -> Stretch:
-        """Return the same, and what they leave at Gauss's points of the time."""
+        """Return what the lags leave of 1 after a time and at its Gauss points: as found last, if that was the same."""
         tau_v_s, tau_psi_s, tau_ha_s, tau_hb_s = self.tau_v_s, self.tau_psi_s, self.tau_ha_s, self.tau_hb_s
         kept = self._advances
         if kept is None:

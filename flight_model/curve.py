@@ -39,12 +39,12 @@ class PathPoint:
         east_m: float,
         height_m: float,
         course_rad: float,
-        curvature_1pm: float,
-        curvature_rate_1pm2: float,
-        slope: float,
-        slope_rate_1pm: float,
+        curvature_1pm: float = 0.0,
+        curvature_rate_1pm2: float = 0.0,
+        slope: float = 0.0,
+        slope_rate_1pm: float = 0.0,
     ) -> None:
-        """Take the place, the course, and how they change."""
+        """Take the place, the course, and how they change: where nothing is said of that, straight on and level."""
         self.north_m = north_m
         self.east_m = east_m
         self.height_m = height_m
@@ -79,10 +79,6 @@ class PathPoint:
             self.east_m + beyond_m * math.sin(self.course_rad),
             self.height_m,
             self.course_rad,
-            0.0,
-            0.0,
-            0.0,
-            0.0,
         )
 
     def lifted(self, height_m: float, slope: float, slope_rate_1pm: float) -> PathPoint:

@@ -56,12 +56,12 @@ class Decay:
         self.slow = self.fast = 1.0
         """Of height, by the slower and the faster of its lags."""
         self.slow_s = self.fast_s = 0.0
-        """These lags."""
+        """The slower and the faster of those lags, s."""
         self.climb_s = 0.0
-        """`of_climb`."""
+        """What `of_climb` returns."""
 
     def holds(self, time_s: float, tau_v_s: float, tau_psi_s: float, tau_ha_s: float, tau_hb_s: float) -> bool:
-        """Return whether it was found for this time and these lags."""
+        """Return whether what is kept is for this time and these lags, s."""
         return (
             self._time_s == time_s
             and self._tau_v_s == tau_v_s
@@ -71,7 +71,7 @@ class Decay:
         )
 
     def find(self, time_s: float, tau_v_s: float, tau_psi_s: float, tau_ha_s: float, tau_hb_s: float) -> None:
-        """Find it."""
+        """Compute what these lags leave after this time, s."""
         self._time_s, self._tau_v_s, self._tau_psi_s = time_s, tau_v_s, tau_psi_s
         self._tau_ha_s, self._tau_hb_s = tau_ha_s, tau_hb_s
         self.slow_s, self.fast_s = max(tau_ha_s, tau_hb_s), min(tau_ha_s, tau_hb_s)
@@ -81,7 +81,7 @@ class Decay:
 
 
 class Stretch(Decay):
-    """The same, and what they leave at Gauss's points of that time."""
+    """What the lags leave of 1 after a time; of airspeed and heading, also at the three Gauss points of that time."""
 
     __slots__ = ("early_heading", "early_speed", "late_heading", "late_speed", "middle_heading", "middle_speed")
 
@@ -92,7 +92,7 @@ class Stretch(Decay):
         self.early_heading = self.middle_heading = self.late_heading = 1.0
 
     def find(self, time_s: float, tau_v_s: float, tau_psi_s: float, tau_ha_s: float, tau_hb_s: float) -> None:
-        """Find it."""
+        """Compute what these lags leave after this time and at its Gauss points, s."""
         super().find(time_s, tau_v_s, tau_psi_s, tau_ha_s, tau_hb_s)
         early_s, middle_s, late_s = EARLY * time_s, MIDDLE * time_s, LATE * time_s
         self.early_speed, self.early_heading = math.exp(-early_s / tau_v_s), math.exp(-early_s / tau_psi_s)

@@ -1,7 +1,7 @@
 """Gains of the formation law by loop shaping on the autopilot's frequency response.
 
 Each channel's loop has the shape kp + ki/s + kd s with two numbers free: its bandwidth, and the share of the
-autopilot's lag that the derivative makes up for. The fastest loop is taken that holds the figures of `Bounds`: with
+autopilot's lag that the derivative makes up for. The fastest loop is taken that holds the constants below: with
 the response as it is known, the sensitivity's peak and the delay margin; with a response that is slower or faster and
 stronger or weaker than known, stability with a peak of its own; and the setpoint's steps that the telemetry's noise
 causes. Nothing of the delay counts as predicted. The wind's observer closes a loop of its own around the airspeed: what
@@ -19,8 +19,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flight_model.arrays import Array
-from flight_model.frequency_response import Complex, Responses
+from flight_model.arrays import Array, Complex
+from flight_model.frequency_response import Responses
 
 FREQUENCIES = np.geomspace(0.005, 25.0, 400)
 BANDWIDTHS = np.geomspace(1.5, 0.03, 60)
@@ -32,24 +32,16 @@ INTEGRAL_SHARE = 0.125
 ROUNDING = 1e-6
 HORIZON = 400
 """Ticks of the controller's answer to one sample's noise."""
-
-
-@dataclass(frozen=True)
-class Bounds:
-    """What a design holds."""
-
-    peak: float = 1.6
-    """Largest sensitivity with the response as known."""
-    mismatch: float = 0.3
-    """By what share the autopilot's time scale and gain may be off together."""
-    mismatch_peak: float = 2.5
-    """Largest sensitivity then."""
-    delay_margin_s: float = 1.0
-    steps: tuple[float, float, float] = (0.03, 0.006, 0.03)
-    """Standard deviations of a tick's setpoint steps by noise: m/s, rad, m."""
-
-
-BOUNDS = Bounds()
+PEAK = 1.6
+"""Largest sensitivity with the response as known."""
+MISMATCH = 0.3
+"""By what share the autopilot's time scale and gain may be off together."""
+MISMATCH_PEAK = 2.5
+"""Largest sensitivity then."""
+DELAY_MARGIN_S = 1.0
+"""Least delay margin of a loop with the response as known."""
+STEPS = (0.03, 0.006, 0.03)
+"""Largest standard deviations of a tick's setpoint steps by noise: m/s, rad, m."""
 
 
 @dataclass(frozen=True)
@@ -120,9 +112,7 @@ Vehicles = Sequence[tuple[Responses, float]]
 """Each kind of vehicle: its responses at `FREQUENCIES`, and the lag of its airspeed that is fed forward, s."""
 
 
-def design(
-    vehicles: Vehicles, speed_mps: float, weights: Weights, telemetry: Telemetry, bounds: Bounds = BOUNDS
-) -> Design:
+def design(vehicles: Vehicles, speed_mps: float, weights: Weights, telemetry: Telemetry) -> Design:
     """Return gains that hold the bounds around every vehicle.
 
     Args:
@@ -130,15 +120,11 @@ def design(
         speed_mps: along the path.
         weights: of the mixed errors.
         telemetry: delay and noise.
-        bounds: what is held.
     """
     loops = _loops(vehicles, speed_mps, weights, telemetry)
-    channels = {
-        name: _channel(each, telemetry, most, bounds)
-        for (name, each), most in zip(loops.items(), bounds.steps, strict=True)
-    }
+    channels = {name: _channel(each, telemetry, most) for (name, each), most in zip(loops.items(), STEPS, strict=True)}
     lag_s = max(lag_s for _, lag_s in vehicles)
-    quiet_radps = bounds.steps[0] / 2.0 / max(2.0 * lag_s * telemetry.airspeed_mps, 1e-9)
+    quiet_radps = STEPS[0] / 2.0 / max(2.0 * lag_s * telemetry.airspeed_mps, 1e-9)
     stands = (
         radps
         for radps in OBSERVERS_RADPS.tolist()
@@ -217,26 +203,26 @@ def _observer_stands(
     return math.isfinite(_peak(observed)) and _delay_margin_s(observed) >= enough_s
 
 
-def _channel(loops: _Loops, telemetry: Telemetry, most: float, bounds: Bounds) -> Channel:
+def _channel(loops: _Loops, telemetry: Telemetry, most: float) -> Channel:
     """Return the fastest channel that holds the bounds; the slowest that is tried where none does."""
     tried = ((bandwidth, share) for bandwidth in BANDWIDTHS.tolist() for share in LAG_SHARES)
     for bandwidth, share in tried:
         gains = loops.gains(bandwidth, share)
         if loops.noise * _step_gain(gains, telemetry.law_dt_s) > most:
             continue
-        if max(_peak(_controller(gains) * _late(telemetry.delay_s) * plant) for plant in loops.plants) > bounds.peak:
+        if max(_peak(_controller(gains) * _late(telemetry.delay_s) * plant) for plant in loops.plants) > PEAK:
             continue
-        found = judged(gains, bandwidth, loops, telemetry, bounds)
-        if found.mismatch_peak <= bounds.mismatch_peak and found.delay_margin_s >= bounds.delay_margin_s:
+        found = judged(gains, bandwidth, loops, telemetry)
+        if found.mismatch_peak <= MISMATCH_PEAK and found.delay_margin_s >= DELAY_MARGIN_S:
             return found
     slowest = float(BANDWIDTHS[-1])
-    return judged(loops.gains(slowest, 0.0), slowest, loops, telemetry, bounds)
+    return judged(loops.gains(slowest, 0.0), slowest, loops, telemetry)
 
 
-def judged(gains: Gains, bandwidth: float, channel: _Loops, telemetry: Telemetry, bounds: Bounds = BOUNDS) -> Channel:
+def judged(gains: Gains, bandwidth: float, channel: _Loops, telemetry: Telemetry) -> Channel:
     """Return the figures of a channel with these gains."""
     loops = [_controller(gains) * _late(telemetry.delay_s) * plant for plant in channel.plants]
-    off = [loop for plant in channel.plants for loop in _mismatched(gains, plant, telemetry.delay_s, bounds.mismatch)]
+    off = [loop for plant in channel.plants for loop in _mismatched(gains, plant, telemetry.delay_s, MISMATCH)]
     return Channel(
         *gains,
         bandwidth,

@@ -6,13 +6,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from flight_model import energy
-from flight_model.arrays import Array
+from flight_model.arrays import Array, Complex
 from flight_model.energy import AirframeParameters
 
-Complex = npt.NDArray[np.complex128]
 HEIGHT, SPEED, HEADING = (energy.QUANTITIES.index(name) for name in ("height_m", "speed_mps", "heading_rad"))
 SMALL = np.array([1e-2, 1e-3, 1e-3, 1e-4])
 """Perturbations of height (m), climb and airspeed (m/s) and heading (rad), far inside every limit."""
@@ -25,12 +23,9 @@ STRAIGHT_RAD = 1.0
 class Responses:
     """From setpoints to motion at (W,) frequencies, complex: of airspeed, heading and height, each to itself."""
 
-    frequency_radps: Array
     speed: Complex
     heading: Complex
     height: Complex
-    height_by_speed: Complex
-    """m of height for a m/s of the speed setpoint."""
 
 
 def lag_responses(
@@ -40,7 +35,7 @@ def lag_responses(
     s = (1j * frequency_radps).astype(np.complex128)
     first, second = heights_s
     height = 1.0 / ((first * s + 1.0) * (second * s + 1.0))
-    return Responses(frequency_radps, 1.0 / (tau_v_s * s + 1.0), 1.0 / (tau_psi_s * s + 1.0), height, 0.0 * s)
+    return Responses(1.0 / (tau_v_s * s + 1.0), 1.0 / (tau_psi_s * s + 1.0), height)
 
 
 def airframe_responses(frequency_radps: Array, airframe: AirframeParameters, speed_mps: float) -> Responses:
@@ -57,13 +52,7 @@ def airframe_responses(frequency_radps: Array, airframe: AirframeParameters, spe
     system = z[:, None, None] * np.eye(len(matrix)) - matrix
     every = np.broadcast_to(inputs, (z.size, *inputs.shape)).astype(np.complex128)
     states = (np.linalg.solve(system, every) * late[:, None, None]).astype(np.complex128)
-    return Responses(
-        frequency_radps,
-        speed=states[:, SPEED, 0],
-        heading=states[:, HEADING, 1],
-        height=states[:, HEIGHT, 2],
-        height_by_speed=states[:, HEIGHT, 0],
-    )
+    return Responses(speed=states[:, SPEED, 0], heading=states[:, HEADING, 1], height=states[:, HEIGHT, 2])
 
 
 def linearised(airframe: AirframeParameters, speed_mps: float) -> tuple[Array, Array]:

@@ -8,6 +8,7 @@ from typing import Annotated, Literal, TypeAlias
 from pydantic import Field
 
 from airlink.endpoint import VehicleId
+from flight_model.autopilot import AutopilotModel
 from formation_scenario.fields import (
     MAX_SYSTEM_ID,
     Allowed,
@@ -177,6 +178,20 @@ class VehicleModel(Keys):
         description="emulators: the aircraft that flies where that isn't equation (7), which the keys above then only "
         "approximate; without it, equation (7) itself",
     )
+
+    def autopilot(self) -> AutopilotModel:
+        """Return equation (7) with these lags and limits, as an object of its own: its lags may be learnt in flight."""
+        return AutopilotModel(
+            self.tau_v_s,
+            self.tau_psi_s,
+            self.tau_ha_s,
+            self.tau_hb_s,
+            self.speed_min_mps,
+            self.speed_max_mps,
+            self.accel_max_mps2,
+            self.turn_rate_max_rps,
+            self.climb_max_mps,
+        )
 
 
 Model: TypeAlias = Annotated[

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
@@ -17,10 +17,10 @@ from gcs_formation.vehicle.vehicle import Vehicle
 class Reporter:
     """Reports events; each module of the station is given `event` as its `recorder.Note`."""
 
-    def __init__(self, recorder: Recorder, columns: Mapping[VehicleId, int]) -> None:
-        """Report to `recorder`; `columns` are the vehicles' in a tick."""
+    def __init__(self, recorder: Recorder, vehicles: Mapping[VehicleId, Vehicle]) -> None:
+        """Report to `recorder`."""
         self._recorder = recorder
-        self._identities = {column: identity for identity, column in columns.items()}
+        self._identities = {vehicle.column: identity for identity, vehicle in vehicles.items()}
 
     def event(
         self,
@@ -47,11 +47,11 @@ class Reporter:
             self._recorder.event(Event(now, "fence", held.text, identity, {"begins": held.begins}))
 
 
-def look_on(tick: Tick, vehicles: Mapping[VehicleId, Vehicle], columns: Mapping[VehicleId, int], now: Instant) -> Tick:
+def look_on(tick: Tick, vehicles: Iterable[Vehicle], now: Instant) -> Tick:
     """Fill in a blank tick and return it: the newest positions as told, and their ages."""
     tick.active = [False] * len(tick.active)
-    for identity, column in columns.items():
-        vehicle, seen = vehicles[identity], vehicles[identity].telemetry
+    for vehicle in vehicles:
+        column, seen = vehicle.column, vehicle.telemetry
         if seen.motion is None:
             continue
         motion, heading_rad = seen.motion, seen.attitude.yaw_rad if seen.attitude else math.nan

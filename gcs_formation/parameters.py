@@ -16,8 +16,8 @@ from formation_scenario.terrain import FOLLOWER_SHARE
 from gcs_formation.control.laws import law_kind
 from gcs_formation.estimation import noise
 from gcs_formation.estimation.lags import LagEstimator
-from gcs_formation.estimation.noise import Declared
-from gcs_formation.estimation.projection import AsMeasured, Pairing, Prediction, Projection
+from gcs_formation.estimation.noise import VehicleNoise
+from gcs_formation.estimation.projection import Pairing, Prediction, Projection
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.guidance.leader import LeaderGuidance
 from gcs_formation.guidance.slots import SlotClearance
@@ -27,7 +27,7 @@ LEAST_OF_DECLARED = 0.25
 HOLD_SHARE = 0.8
 """Share of the speed that vehicles have above and below the path's, used by turns before the path."""
 HOLD_TURN_SHARE = 0.5
-"""The same of the turn rate."""
+"""Share of their turn rate that turns before the path use."""
 SWING_RAD = math.radians(15.0)
 """Most that a follower's heading may differ from the leader's there: slots are swept aside as a turn begins."""
 GENTLEST_RPS = 0.01
@@ -38,7 +38,7 @@ def projection(scenario: Scenario, history: SetpointHistory, models: list[Autopi
     """Return the projection from measured states to those that the law acts on."""
     if scenario.law.delay_compensation:
         return Prediction(history, models, scenario.telemetry.rate_hz)
-    return Pairing(scenario.law.rate_hz) if law_kind(scenario).mutual else AsMeasured()
+    return Pairing(scenario.law.rate_hz) if law_kind(scenario).mutual else Projection()
 
 
 def lag_estimator(scenario: Scenario, history: SetpointHistory, models: list[AutopilotModel]) -> LagEstimator:
@@ -50,8 +50,8 @@ def lag_estimator(scenario: Scenario, history: SetpointHistory, models: list[Aut
     return estimator
 
 
-def declared_noise(scenario: Scenario) -> Declared:
-    """Return what the noise of every column's telemetry is said to be; emulated vehicles' is none but rounding.
+def declared_noise(scenario: Scenario) -> list[VehicleNoise]:
+    """Return the noise of every column's telemetry as it is declared; emulated vehicles' is none but rounding.
 
     Noise that several samples share can't be seen from one sample to the next, so what is declared of it is the least.
     """
@@ -65,9 +65,9 @@ def declared_noise(scenario: Scenario) -> Declared:
             least[column] = np.maximum(sigma[column] * (LEAST_OF_DECLARED if shared == 1.0 else 1.0), noise.RESOLUTION)
         elif vehicle.autopilot != "emulator":
             sigma[column] = noise.UNDECLARED
-    stated = np.zeros(len(sigma), dtype=bool)
-    stated[first:] = [isinstance(vehicle.navigation, NoisyNavigation) for vehicle in vehicles]
-    return Declared(sigma.T.copy(), least.T.copy(), stated)
+    stated = [False] * first + [isinstance(vehicle.navigation, NoisyNavigation) for vehicle in vehicles]
+    each = zip(sigma.tolist(), least.tolist(), stated, strict=True)
+    return [VehicleNoise(tuple(declared), tuple(lowest), stated=says) for declared, lowest, says in each]
 
 
 def _noise(keys: NoisyNavigation) -> Array:
@@ -84,20 +84,7 @@ def _shared(keys: NoisyNavigation, telemetry_hz: float) -> float:
 
 def autopilot_models(scenario: Scenario) -> list[AutopilotModel]:
     """Return the autopilot model of the leader and of each follower."""
-    return [
-        AutopilotModel(
-            each.tau_v_s,
-            each.tau_psi_s,
-            each.tau_ha_s,
-            each.tau_hb_s,
-            each.speed_min_mps,
-            each.speed_max_mps,
-            each.accel_max_mps2,
-            each.turn_rate_max_rps,
-            each.climb_max_mps,
-        )
-        for each in column_models(scenario)
-    ]
+    return [each.autopilot() for each in column_models(scenario)]
 
 
 def leader_guidance(scenario: Scenario) -> LeaderGuidance:

@@ -44,7 +44,7 @@ class VehicleLink:
         self.up_s = math.nan
         """Delay up; NaN where it isn't known how the round trip is split."""
         self.down_s = math.nan
-        """The same down."""
+        """Delay down; NaN where it isn't known how the round trip is split."""
         self.jitter_s = math.nan
         """Interarrival jitter of the telemetry, NaN where there is none yet."""
         self.lag_s = 0.0

@@ -14,7 +14,6 @@ from airlink.messages.command import ParamValue
 from airlink.messages.system import Heartbeat, Statustext, Timesync
 from formation_scenario import Scenario
 from formation_scenario.orders import Answer
-from formation_scenario.slot_assignment import columns
 from gcs_formation.controller import FormationController
 from gcs_formation.estimation.estimator import Sample
 from gcs_formation.event_reporter import Reporter, look_on
@@ -64,11 +63,9 @@ class Station(Engine):
         self.last_tick: Tick | None = None
         self._recorder, self._receiver, self._until_s = recorder, Receiver(), math.inf if until_s is None else until_s
         self._endpoints, self.networks, self.vehicles = planned(scenario)
-        # Each vehicle's column in a tick's lists.
-        self.columns = {vehicle.vehicle_id: i for i, vehicle in enumerate(columns(scenario)) if vehicle is not None}
-        self._reporter = Reporter(recorder, self.columns)
-        fleet = self.vehicles, self.columns, self._reporter.event
-        membership, self._dispatch = Membership(scenario, *fleet), Dispatch(scenario, self.vehicles, self.columns)
+        self._reporter = Reporter(recorder, self.vehicles)
+        fleet = self.vehicles, self._reporter.event
+        membership, self._dispatch = Membership(scenario, *fleet), Dispatch(scenario, self.vehicles)
         self.course = Course(
             scenario, self.controller, membership, self._dispatch, *fleet, lambda: self.preflight.passed
         )
@@ -91,9 +88,7 @@ class Station(Engine):
             self.course.fail,
             together=scenario.hovers and not scenario.start.in_air and resumed is None,
         )
-        self._reconfiguration = Reconfiguration(
-            scenario, self.controller, self.vehicles, self.columns, self._reporter.event
-        )
+        self._reconfiguration = Reconfiguration(scenario, self.controller, *fleet)
         self._orders = Orders(
             scenario, self.flight, self._reconfiguration, self.course.end_by_order, self._reporter.event
         )
@@ -166,7 +161,7 @@ class Station(Engine):
             if self.flight.phase in COMMANDED:
                 self.design.watch(now)
             self.margins.watch(now, self._reconfiguration.leader, self.controller.lags.misfit)
-            self._noise.watch(now, self.controller.estimator.noise)
+            self._noise.watch(now, [each.noise for each in self.controller.estimator.filters])
             unguided = self._dispatch.unguided(now)
             self._send_all(self._heartbeats.greetings(self.flight.mission_time_s(now), unguided, now), now)
         self._common_clock.watch(now)
@@ -264,7 +259,7 @@ class Station(Engine):
             self.design.watch(now, begins=True)
 
     def _begin_anew(self, vehicle: Vehicle, now: Instant) -> None:
-        self.controller.estimator.forget(self.columns[vehicle.identity])
+        self.controller.estimator.forget(vehicle.column)
         self._reporter.event(now, "restarted", "its clock has begun anew", vehicle)
 
     def _send_commands(self, now: Instant) -> None:
@@ -278,11 +273,10 @@ class Station(Engine):
         if self.flight.phase not in COMMANDED:
             return
         leader, samples = self.controller.plan.leader, dict[int, Sample]()
-        for identity, vehicle in self.vehicles.items():
-            column = self.columns[identity]
-            sample = vehicle.new_sample(now, leads=column == leader)
+        for vehicle in self.vehicles.values():
+            sample = vehicle.new_sample(now, leads=vehicle.column == leader)
             if sample is not None:
-                samples[column] = sample
+                samples[vehicle.column] = sample
         self.controller.take(samples)
 
     def _fly(self, now: Instant) -> None:
@@ -317,7 +311,7 @@ class Station(Engine):
         links, _ = self._dispatch.links(self.controller.plan.leader, self._conformance.doubted, now)
         mission_s, unused = self.flight.mission_time_s(now), [math.nan] * len(links)
         tick = self.controller.blank_tick(now, mission_s, self.flight.phase.value, links, unused)
-        self._record(look_on(tick, self.vehicles, self.columns, now))
+        self._record(look_on(tick, self.vehicles.values(), now))
 
     def _record(self, tick: Tick) -> None:
         self._recorder.tick(tick)

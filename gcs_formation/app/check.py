@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from flight_model.design import BOUNDS
+from flight_model.design import MISMATCH
 from formation_scenario import Scenario, ScenarioError, dump_scenario, slot_schedule
 from formation_scenario.begin_and_end import planned_end_s
 from formation_scenario.feasibility import refused_orders
@@ -104,7 +104,7 @@ def configured_loop_delay_s(scenario: Scenario) -> float:
         following = planned_slots(scenario)
         loops = (vehicle for vehicle in scenario.vehicles if vehicle.vehicle_id in following)
         ways = [ways_s(step) for vehicle in loops for step in scenario.link_steps(vehicle)]
-    return max((loop_delay_s(up, down, 0.0, *rates) for up, down in ways), default=loop_delay_s(0, 0, 0, *rates))
+    return max((loop_delay_s(up, down, *rates) for up, down in ways), default=loop_delay_s(0, 0, *rates))
 
 
 def mismatch_margins_s(scenario: Scenario) -> dict[str, float]:
@@ -234,7 +234,7 @@ def _design_text(scenario: Scenario) -> Iterator[str]:
         off = f"sensitivity {each.mismatch_peak:.2f}" if math.isfinite(each.mismatch_peak) else "unstable"
         yield (
             f"#   {name}: bandwidth {each.bandwidth_radps:.2f} rad/s, "
-            f"{held if math.isfinite(each.peak) else 'unstable'}; with time scale and gain {BOUNDS.mismatch:.0%} off: "
+            f"{held if math.isfinite(each.peak) else 'unstable'}; with time scale and gain {MISMATCH:.0%} off: "
             f"{off}; setpoint steps {each.step_sigma:.2g} {UNITS[name]} (standard deviation, a tick)"
         )
 

@@ -15,9 +15,10 @@ from typing import NamedTuple
 import numpy as np
 
 from flight_model.arrays import Array
+from flight_model.curve import PathPoint
 from formation_scenario import Scenario, Vehicle
 from formation_scenario.links import Impairment, LinkStep, read_trace_ms
-from gcs_formation.guidance.join_route import Pose, join
+from gcs_formation.guidance.join_route import join
 from gcs_formation.guidance.leader import ASSEMBLED_S, DECISION_S, SETTLE_S
 from gcs_formation.parameters import hold_radius_m
 
@@ -186,5 +187,5 @@ def _lap_s(scenario: Scenario, radius_m: float) -> float:
     """Return how long the leader goes round, from where it turns off before the path until it has its start again."""
     speed, before_m = scenario.path.speed_mps, DECISION_S * scenario.path.speed_mps
     run_in_m = max(scenario.start.run_in_s, SETTLE_S) * speed
-    round_m = join(Pose(-before_m, 0.0, 0.0, 0.0), Pose(-run_in_m, 0.0, 0.0, 0.0), radius_m, 1.0).length_m
+    round_m = join(PathPoint(-before_m, 0.0, 0.0, 0.0), PathPoint(-run_in_m, 0.0, 0.0, 0.0), radius_m, 1.0).length_m
     return (round_m + run_in_m - before_m) / speed + DECISION_S

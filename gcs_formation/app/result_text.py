@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from airlink.clock import NANOSECONDS, Instant
-from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
 from flight_model.slot import NOTHING
 from gcs_formation.link.connection import LinkState
@@ -196,9 +195,9 @@ def _where(station: Station, now: Instant) -> str:
 def _groups(station: Station) -> list[Group]:
     """Return the table's columns; errors and states stay longest."""
     vehicles, tick = station.vehicles, station.last_tick
-    errors = [NOTHING if tick is None else tick.error_m[station.columns[each]] for each in vehicles]
-    used = [station.margins.used[station.columns[each]] for each in vehicles]
-    state = [(_state(station, each, vehicle),) for each, vehicle in vehicles.items()]
+    errors = [NOTHING if tick is None else tick.error_m[each.column] for each in vehicles.values()]
+    used = [station.margins.used[each.column] for each in vehicles.values()]
+    state = [(_state(station, vehicle),) for vehicle in vehicles.values()]
     return [
         Group(
             ("vehicle", "x", "y", "z"), [(str(i), *_cells(own, 2)) for i, own in zip(vehicles, errors, strict=True)], 5
@@ -211,14 +210,14 @@ def _groups(station: Station) -> list[Group]:
     ]
 
 
-def _state(station: Station, identity: VehicleId, vehicle: Vehicle) -> str:
+def _state(station: Station, vehicle: Vehicle) -> str:
     """Return what a vehicle does: its link if that isn't well, else its start-up, its lead, or its membership."""
     tick, link = station.last_tick, vehicle.connection.state
     if link is not LinkState.CONNECTED:
         return f"link {link.value}"
     if not vehicle.start_up.finished:
         return vehicle.start_up.doing
-    leads = tick is not None and tick.leader == station.columns[identity]
+    leads = tick is not None and tick.leader == vehicle.column
     return "leads" if leads and vehicle.member is Member.FLYING else SHORT[vehicle.member]
 
 

@@ -245,7 +245,7 @@ class Session:
             frames_in=vehicle.frames_in,
             frames_out=vehicle.frames_out,
             frames_bad=self.station.bad_frames(identity),
-            frames_implausible=vehicle.frames_implausible,
+            frames_implausible=vehicle.telemetry.implausible,
             injected=injected(self._links.statistics(identity)) if self._links else self._uninjected(),
         )
 

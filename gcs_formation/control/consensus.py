@@ -13,7 +13,6 @@ height of the path and of its slot by itself: that loop is closed on board, so n
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,26 +21,12 @@ from flight_model.arrays import Array
 from flight_model.autopilot import AutopilotModel, FlightState, rotated
 from flight_model.slot import NOTHING, Slot, Triple
 from formation_scenario.formation import Frame
-from gcs_formation.control.feed_forward import Axes, Envelope, LeaderMotion, feed_forward
+from gcs_formation.control.feed_forward import Envelope, LeaderMotion, feed_forward
 from gcs_formation.control.follower import LawParameters
 from gcs_formation.control.fuzzy_pid import NO_GAINS
 from gcs_formation.control.mixer import Target, formation_error, slot_target
 from gcs_formation.control.situation import Decided, Law, Lead, Situation
 from gcs_formation.estimation.estimator import LEAST_AIRSPEED_MPS
-
-
-@dataclass(frozen=True)
-class ConsensusParameters:
-    """Constants of protocol (3)."""
-
-    k1: float
-    k2: float
-    k3: float
-    weights: Array
-    """(C, C): entry (p, q) > 0 when p hears q; a virtual leader hears nobody and is heard by nobody."""
-    members: list[int]
-    """Columns that take part: all that fly."""
-    frame: Frame
 
 
 class _Reference:
@@ -76,17 +61,28 @@ class _Deviation:
 class ConsensusLaw(Law):
     """The protocol of all vehicles, the leader among them. It remembers nothing between ticks."""
 
-    def __init__(self, parameters: ConsensusParameters, models: list[AutopilotModel]) -> None:
-        """Take the graph and the (C,) autopilots."""
-        self._parameters = parameters
-        self._models = models
+    def __init__(
+        self, gains: Triple, weights: Array, members: list[int], frame: Frame, models: list[AutopilotModel]
+    ) -> None:
+        """Take the constants and the graph of protocol (3).
+
+        Args:
+            gains: k1 in 1/s², k2 in 1/s and k3 in 1/s.
+            weights: (C, C): entry (p, q) > 0 when p hears q; a virtual leader hears nobody and is heard by nobody.
+            members: columns that take part: all that fly.
+            frame: the one in which slots lie.
+            models: the (C,) autopilots.
+        """
+        self._k1, self._k2, self._k3 = gains
+        self._weights, self._members, self._models = weights, members, models
+        self._frame: Frame = frame
         self._lead_by(0)
 
     def _lead_by(self, leader: int) -> None:
         """Swap a new leader and the leader at the start in the graph."""
         self._leader, places = leader, np.arange(len(self._models))
         places[[0, leader]] = places[[leader, 0]]
-        weights = self._parameters.weights[np.ix_(places, places)]
+        weights = self._weights[np.ix_(places, places)]
         receivers, senders = np.nonzero(weights)
         each: list[float] = weights[receivers, senders].tolist()
         self._edges = list(zip(receivers.tolist(), senders.tolist(), each, strict=True))
@@ -106,7 +102,7 @@ class ConsensusLaw(Law):
         own = list(map(self._deviation, flown, references, slots))
         sums = self._protocol(situation, references, slots, own)
         # One for all: weights of its own for each vehicle would make another graph.
-        share = min(min(situation.bandwidth[p]) for p in self._parameters.members)
+        share = min(min(situation.bandwidth[p]) for p in self._members)
         return [
             Decided(
                 p,
@@ -116,18 +112,18 @@ class ConsensusLaw(Law):
                 NOTHING,
                 NO_GAINS,
             )
-            for p in self._parameters.members
+            for p in self._members
         ]
 
     def _error(self, column: int, leader: FlightState, state: FlightState, slot: Slot) -> Triple:
-        axis_rad = leader.heading_rad if self._parameters.frame == "leader_heading" else state.heading_rad
+        axis_rad = leader.heading_rad if self._frame == "leader_heading" else state.heading_rad
         return NOTHING if column == self._leader else formation_error(leader, state, slot, axis_rad)
 
     def _protocol(
         self, situation: Situation, references: list[_Reference], slots: list[Slot], own: list[_Deviation]
     ) -> list[tuple[float, float]]:
         """Return each vehicle's sum of (3) over the neighbours, north and east in m/s^2."""
-        k1, k2 = self._parameters.k1, self._parameters.k2
+        k1, k2 = self._k1, self._k2
         active, sums = situation.active, [(0.0, 0.0)] * len(own)
         for p, q, weight in self._edges:
             if active[p] and active[q]:
@@ -148,8 +144,8 @@ class ConsensusLaw(Law):
         model: AutopilotModel,
     ) -> Triple:
         """Return one vehicle's setpoint: what u of (3) asks of the autopilot's lags, beyond the slot's own motion."""
-        axes = Axes(leader.state.heading_rad, leader.turn_rps, leader.bend_rps2)
-        speed_mps, heading_rad, height_m = feed_forward(own.target, leader, axes, slot, model)
+        axis_rad, turn_rps, bend_rps2 = leader.state.heading_rad, leader.turn_rps, leader.bend_rps2
+        speed_mps, heading_rad, height_m = feed_forward(own.target, leader, axis_rad, turn_rps, bend_rps2, slot, model)
         u_x, u_y = self._acceleration(own, neighbours, model)
         speed_mps += model.tau_v_s * share * u_x
         heading_rad += model.tau_psi_s * share * u_y / max(own.target.speed_mps, LEAST_AIRSPEED_MPS)
@@ -159,7 +155,7 @@ class ConsensusLaw(Law):
         self, own: _Deviation, neighbours: tuple[float, float], model: AutopilotModel
     ) -> tuple[float, float]:
         """Return u of (3) along and across the slot's heading; of k3 what is beyond the autopilot's lag as damping."""
-        axis_rad, k3 = own.target.heading_rad, self._parameters.k3
+        axis_rad, k3 = own.target.heading_rad, self._k3
         u_x, u_y = rotated(axis_rad, *neighbours)
         along_mps, across_mps = rotated(axis_rad, own.north_mps, own.east_mps)
         return u_x + (1.0 / model.tau_v_s - k3) * along_mps, u_y + (1.0 / model.tau_psi_s - k3) * across_mps
@@ -176,7 +172,7 @@ class ConsensusLaw(Law):
         ]
 
     def _deviation(self, state: FlightState, reference: _Reference, slot: Slot) -> _Deviation:
-        leader, frame, turn_rps = reference.leader, self._parameters.frame, reference.leader.turn_rps
+        leader, frame, turn_rps = reference.leader, self._frame, reference.leader.turn_rps
         axis_rad = leader.state.heading_rad
         if frame == "follower_heading":  # what moves aside turns its own axes, at its acceleration by its speed
             turn_rps += slot.right_mps2 / leader.state.airspeed_mps

@@ -75,44 +75,48 @@ class LeaderMotion:
         self.climb_change_mps2 = climb_change_mps2
 
 
-class Axes:
-    """The axes along which a slot lies: their heading and its first two derivatives."""
-
-    __slots__ = ("bend_rps2", "heading_rad", "turn_rps")
-
-    def __init__(self, heading_rad: float, turn_rps: float, bend_rps2: float) -> None:
-        """Take the heading, and how it changes."""
-        self.heading_rad = heading_rad
-        self.turn_rps = turn_rps
-        self.bend_rps2 = bend_rps2
-
-
-def feed_forward(target: Target, leader: LeaderMotion, axes: Axes, slot: Slot, model: AutopilotModel) -> Triple:
+def feed_forward(
+    target: Target,
+    leader: LeaderMotion,
+    axis_rad: float,
+    turn_rps: float,
+    bend_rps2: float,
+    slot: Slot,
+    model: AutopilotModel,
+) -> Triple:
     """Return the speed, heading and height setpoints that hold `target` (errata item 29).
 
     The speed and heading that the slot needs change with three things: the leader's velocity; the axes' turn rate, in
     proportion to the slot's offset; and the slot's own acceleration (the derivative of a velocity in a turning frame).
+
+    Args:
+        target: how the slot moves through the air.
+        leader: how the leader flies.
+        axis_rad: heading of the axes along which the slot lies.
+        turn_rps: rate of that heading.
+        bend_rps2: rate of that rate.
+        slot: offset from the leader along the axes.
+        model: of the vehicle that is to hold it.
     """
-    turn, bend = axes.turn_rps, axes.bend_rps2
-    off_rad = leader.state.heading_rad - axes.heading_rad
+    off_rad = leader.state.heading_rad - axis_rad
     cos, sin = math.cos(off_rad), math.sin(off_rad)
-    swing_mps2 = leader.state.airspeed_mps * (leader.turn_rps - turn)
+    swing_mps2 = leader.state.airspeed_mps * (leader.turn_rps - turn_rps)
     along_mps2 = leader.acceleration_mps2 * cos - swing_mps2 * sin
-    along_mps2 += slot.forward_mps2 - bend * slot.right_m - turn * slot.right_mps
+    along_mps2 += slot.forward_mps2 - bend_rps2 * slot.right_m - turn_rps * slot.right_mps
     across_mps2 = leader.acceleration_mps2 * sin + swing_mps2 * cos
-    across_mps2 += slot.right_mps2 + bend * slot.forward_m + turn * slot.forward_mps
-    speed_mps, heading_rad = lead(target, axes, along_mps2, across_mps2, model)
+    across_mps2 += slot.right_mps2 + bend_rps2 * slot.forward_m + turn_rps * slot.forward_mps
+    speed_mps, heading_rad = lead(target, axis_rad, along_mps2, across_mps2, model)
     height_m = leader.state.height_m + slot.up_m
     height_m += (model.tau_ha_s + model.tau_hb_s) * (leader.state.climb_mps + slot.up_mps)
     height_m += model.tau_ha_s * model.tau_hb_s * (leader.climb_change_mps2 + slot.up_mps2)
-    return target.speed_mps + speed_mps, target.heading_rad + model.tau_psi_s * turn + heading_rad, height_m
+    return target.speed_mps + speed_mps, target.heading_rad + model.tau_psi_s * turn_rps + heading_rad, height_m
 
 
 def lead(
-    target: Target, axes: Axes, along_mps2: float, across_mps2: float, model: AutopilotModel
+    target: Target, axis_rad: float, along_mps2: float, across_mps2: float, model: AutopilotModel
 ) -> tuple[float, float]:
     """Return by how much speed and heading setpoints lead an acceleration of the slot along and across the axes."""
-    angle_rad = target.heading_rad - axes.heading_rad
+    angle_rad = target.heading_rad - axis_rad
     cos, sin = math.cos(angle_rad), math.sin(angle_rad)
     return (
         model.tau_v_s * (cos * along_mps2 + sin * across_mps2),

@@ -14,7 +14,7 @@ from typing import Final
 from flight_model.autopilot import AutopilotModel, FlightState, rate, rotated, within, wrap
 from flight_model.slot import NOTHING, Slot, Triple
 from formation_scenario.formation import Frame
-from gcs_formation.control.feed_forward import Axes, Envelope, LeaderMotion, TrailingSlot, feed_forward, lead
+from gcs_formation.control.feed_forward import Envelope, LeaderMotion, TrailingSlot, feed_forward, lead
 from gcs_formation.control.fuzzy_pid import Channel, FuzzyGainScheduler, GainRange, Gains, Pid
 from gcs_formation.control.mixer import (
     TRAIL_S,
@@ -94,22 +94,48 @@ class Pair:
 class Controller(ABC):
     """The law of one follower, with the state it keeps between ticks and what it decided last."""
 
-    def __init__(self) -> None:
-        """Start with nothing decided."""
+    def __init__(self, parameters: LawParameters) -> None:
+        """Start at rest, with nothing decided."""
+        gain_range, scheduler = parameters.gain_range, parameters.scheduler
+        self._parameters = parameters
+        self._forward = Pid(parameters.speed, gain_range, scheduler)
+        self._right = Pid(parameters.heading, gain_range, scheduler)
+        self._height = Pid(parameters.height, gain_range, scheduler)
         self.setpoint = self.error_m = self.mixed = NOTHING
 
     @property
-    @abstractmethod
     def gains(self) -> Gains:
-        """Those in force."""
+        """The gains in force."""
+        one, two, three = self._forward, self._right, self._height
+        return one.kp, two.kp, three.kp, one.ki, two.ki, three.ki, one.kd, two.kd, three.kd
 
-    @abstractmethod
     def retune(self, parameters: LawParameters) -> None:
         """Go on with other gains and filters."""
+        self._parameters = parameters
+        self._forward.retune(parameters.speed)
+        self._right.retune(parameters.heading)
+        self._height.retune(parameters.height)
 
-    @abstractmethod
     def forget(self) -> None:
         """Start again: it isn't commanded, or follows another leader."""
+        self._forward.forget()
+        self._right.forget()
+        self._height.forget()
+        self.setpoint = self.error_m = self.mixed = NOTHING
+
+    def _output(self, slopes: Triple, right_share: float, pair: Pair, dt_s: float) -> Triple:
+        """Return what the controllers add to the feed-forward, for mixed errors that change at the rates `slopes`.
+
+        The loop to the right, or of the heading, has `right_share` of the bandwidth that it would have.
+        """
+        bandwidth, mixed = pair.bandwidth, self.mixed
+        self._forward.filter_rate(slopes[0], dt_s)
+        self._right.filter_rate(slopes[1], dt_s)
+        self._height.filter_rate(slopes[2], dt_s)
+        self._forward.schedule(mixed[0], bandwidth[0])
+        self._right.schedule(mixed[1], bandwidth[1] * right_share)
+        self._height.schedule(mixed[2], bandwidth[2])
+        return self._forward.output(mixed[0]), self._right.output(mixed[1]), self._height.output(mixed[2])
 
     @abstractmethod
     def decide(self, pair: Pair, dt_s: float) -> None:
@@ -121,39 +147,18 @@ class FollowerController(Controller):
 
     def __init__(self, parameters: LawParameters) -> None:
         """Start at rest."""
-        super().__init__()
-        self._parameters = parameters
-        gain_range, scheduler = parameters.gain_range, parameters.scheduler
-        self._speed = Pid(parameters.speed, gain_range, scheduler)
-        self._heading = Pid(parameters.heading, gain_range, scheduler)
-        self._height = Pid(parameters.height, gain_range, scheduler)
+        super().__init__(parameters)
         self._trailing = TrailingSlot() if parameters.frame == "follower_heading" else None
         self._drift_north_mps = self._drift_east_mps = math.nan
         self._correction: tuple[float, float] = (math.nan, math.nan)
 
-    @property
-    def gains(self) -> Gains:
-        """Those in force."""
-        one, two, three = self._speed, self._heading, self._height
-        return one.kp, two.kp, three.kp, one.ki, two.ki, three.ki, one.kd, two.kd, three.kd
-
-    def retune(self, parameters: LawParameters) -> None:
-        """Go on with other gains and filters."""
-        self._parameters = parameters
-        self._speed.retune(parameters.speed)
-        self._heading.retune(parameters.heading)
-        self._height.retune(parameters.height)
-
     def forget(self) -> None:
         """Start again: it isn't commanded, or follows another leader."""
-        self._speed.forget()
-        self._heading.forget()
-        self._height.forget()
+        super().forget()
         if self._trailing is not None:
             self._trailing.forget()
         self._drift_north_mps = self._drift_east_mps = math.nan
         self._correction = (math.nan, math.nan)
-        self.setpoint = self.error_m = self.mixed = NOTHING
 
     def decide(self, pair: Pair, dt_s: float) -> None:
         """Compute the setpoint of this tick, which is `dt_s` after the last one."""
@@ -166,11 +171,11 @@ class FollowerController(Controller):
         along_mps2, across_mps2 = self._gust(pair, axis_rad, dt_s)
         target, led_mps, led_rad = self._target(pair, axis_rad, turn_rps, across_mps2, dt_s)
         self.mixed = mix(self._parameters.mixer, target, state, self._steady(pair, target))
-        axes = Axes(leader.state.heading_rad if self._trailing is None else target.heading_rad, turn_rps, bend_rps2)
-        speed_mps, heading_rad, height_m = feed_forward(target, leader, axes, slot, model)
+        lies_rad = leader.state.heading_rad if self._trailing is None else target.heading_rad
+        speed_mps, heading_rad, height_m = feed_forward(target, leader, lies_rad, turn_rps, bend_rps2, slot, model)
         forward = (speed_mps + led_mps, heading_rad + led_rad, height_m)
-        output = self._pid(pair, self._slopes(pair, axis_rad, target, forward, dt_s), dt_s)
-        answer = lead(target, axes, -along_mps2, -across_mps2, model)
+        output = self._output(self._slopes(pair, axis_rad, target, forward, dt_s), self._share_aside(pair), pair, dt_s)
+        answer = lead(target, lies_rad, -along_mps2, -across_mps2, model)
         self.setpoint = self._limited(pair, forward, output, answer, dt_s)
 
     def _target(
@@ -235,20 +240,6 @@ class FollowerController(Controller):
             mixer.k_z * z_mps,
         )
 
-    def _pid(self, pair: Pair, slopes: Triple, dt_s: float) -> Triple:
-        """Return what the controllers want besides the feed-forward."""
-        self._speed.filter_rate(slopes[0], dt_s)
-        self._heading.filter_rate(slopes[1], dt_s)
-        self._height.filter_rate(slopes[2], dt_s)
-        self._speed.schedule(self.mixed[0], pair.bandwidth[0])
-        self._heading.schedule(self.mixed[1], pair.bandwidth[1] * self._share_aside(pair))
-        self._height.schedule(self.mixed[2], pair.bandwidth[2])
-        return (
-            self._speed.output(self.mixed[0]),
-            self._heading.output(self.mixed[1]),
-            self._height.output(self.mixed[2]),
-        )
-
     def _share_aside(self, pair: Pair) -> float:
         """Return the share of the design bandwidth for the heading's loop: less for a slot at the side.
 
@@ -283,9 +274,9 @@ class FollowerController(Controller):
         # What the feed-forward alone asks beyond the envelope isn't the integrators' to work off.
         free = bounds.limit(led_mps, led_rad, forward[2])
         if not replaced[0]:
-            self._speed.integrate(self.mixed[0], limited[0] - free[0] - output[0], dt_s)
+            self._forward.integrate(self.mixed[0], limited[0] - free[0] - output[0], dt_s)
         if not replaced[1]:
-            self._heading.integrate(self.mixed[1], limited[1] - free[1] - output[1], dt_s)
+            self._right.integrate(self.mixed[1], limited[1] - free[1] - output[1], dt_s)
         if not replaced[2] and not self._closes_fast(model):
             self._height.integrate(self.mixed[2], limited[2] - free[2] - output[2], dt_s)
         return limited

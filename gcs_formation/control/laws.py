@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from flight_model.autopilot import AutopilotModel, FlightState, rate, within, wr
 from formation_scenario import Scenario
 from formation_scenario import law as keys
 from formation_scenario.graph import scenario_adjacency
-from gcs_formation.control.consensus import ConsensusLaw, ConsensusParameters
+from gcs_formation.control.consensus import ConsensusLaw
 from gcs_formation.control.feed_forward import LeaderMotion
 from gcs_formation.control.follower import Controller, FollowerController, LawParameters, Pair
 from gcs_formation.control.fuzzy_pid import FIXED_GAINS, Channel, FuzzyGainScheduler, GainRange, PidGains
@@ -101,38 +101,34 @@ def led(commanded: LeaderCommand, state: FlightState, model: AutopilotModel) -> 
     return LeaderMotion(state, turn_rps, bend_rps2, acceleration_mps2, to_climb_m / (model.tau_ha_s * model.tau_hb_s))
 
 
-def nominal_gains(law: keys.Law) -> Nominal:
-    """Return the gains that a scenario gives."""
+def nominal_gains(scenario: Scenario) -> Nominal:
+    """Return the gains that a scenario gives; vehicles that hover fly velocities, across as along."""
     speed, heading, height = (
-        PidGains(channel.kp, channel.ki, channel.kd, law.derivative_filter_s)
-        for channel in (law.speed, law.heading, law.height)
+        PidGains(channel.kp, channel.ki, channel.kd, scenario.law.derivative_filter_s)
+        for channel in _channels(scenario)
     )
     return speed, heading, height
 
 
-def both_ways(nominal: Callable[[keys.Law], Nominal]) -> Callable[[keys.Law], Nominal]:
-    """Return a law's nominal gains where it commands velocities: across as along."""
-
-    def gains(law: keys.Law) -> Nominal:
-        speed, _, height = nominal(law)
-        return speed, speed, height
-
-    return gains
+def gain_range(scenario: Scenario) -> GainRange:
+    """Return the range in which the law moves its gains about the nominal ones."""
+    fuzzy = scenario.law.fuzzy
+    return GainRange(fuzzy.base, fuzzy.span) if law_kind(scenario).scheduled else FIXED_GAINS
 
 
-def fuzzy_range(law: keys.Law) -> GainRange:
-    """Return the range in which the fuzzy scheduler moves gains."""
-    return GainRange(law.fuzzy.base, law.fuzzy.span)
+def _by_velocity(scenario: Scenario) -> bool:
+    """Return whether followers are commanded velocities, not speed and heading."""
+    return scenario.hovers and not law_kind(scenario).mutual
 
 
-def fixed(law: keys.Law) -> GainRange:  # noqa: ARG001 - whatever the scenario says
-    """Return the range of gains that stay nominal."""
-    return FIXED_GAINS
+def _channels(scenario: Scenario) -> tuple[keys.PidGains, keys.PidGains, keys.PidGains]:
+    law = scenario.law
+    return law.speed, law.speed if _by_velocity(scenario) else law.heading, law.height
 
 
 def law_parameters(scenario: Scenario) -> LawParameters:
     """Return the constants of a law in which each follows the leader by controllers of its own."""
-    law, kind = scenario.law, law_kind(scenario)
+    law = scenario.law
     speed, heading, height = (
         Channel(
             PidGains(gains.kp, gains.ki, gains.kd, max(gains.filter_s, LEAST_FILTER_S)),
@@ -140,29 +136,24 @@ def law_parameters(scenario: Scenario) -> LawParameters:
             channel.rate_scale,
             law.anti_windup_s,
         )
-        for gains, channel in zip(kind.nominal(law), (law.speed, law.heading, law.height), strict=True)
+        for gains, channel in zip(nominal_gains(scenario), _channels(scenario), strict=True)
     )
-    gain_range = kind.gain_range(law)
     return LawParameters(
         mixer=Mixer(**law.mixer.model_dump()),
         frame=scenario.formation.frame,
         speed=speed,
         heading=heading,
         height=height,
-        gain_range=gain_range,
-        scheduler=None if gain_range is FIXED_GAINS else FuzzyGainScheduler(law.fuzzy.tables),
+        gain_range=gain_range(scenario),
+        scheduler=FuzzyGainScheduler(law.fuzzy.tables) if law_kind(scenario).scheduled else None,
         gust_radps=law.disturbance_observer_radps,
     )
 
 
 def formation_law(scenario: Scenario, models: list[AutopilotModel]) -> FormationLaw:
-    """Return that law."""
-    return FormationLaw(law_parameters(scenario), models)
-
-
-def velocity_law(scenario: Scenario, models: list[AutopilotModel]) -> FormationLaw:
-    """Return that law for vehicles that hover."""
-    return FormationLaw(law_parameters(scenario), models, VelocityController)
+    """Return the law in which each follows the leader by controllers of its own."""
+    controller = VelocityController if _by_velocity(scenario) else FollowerController
+    return FormationLaw(law_parameters(scenario), models, controller)
 
 
 def consensus_law(scenario: Scenario, models: list[AutopilotModel]) -> ConsensusLaw:
@@ -172,7 +163,7 @@ def consensus_law(scenario: Scenario, models: list[AutopilotModel]) -> Consensus
     weights = np.zeros((1 + len(followers),) * 2)
     weights[np.ix_(columns, columns)] = scenario_adjacency(scenario)
     frame = scenario.formation.frame
-    return ConsensusLaw(ConsensusParameters(law.k1, law.k2, law.k3, weights, sorted(columns.tolist()), frame), models)
+    return ConsensusLaw((law.k1, law.k2, law.k3), weights, sorted(columns.tolist()), frame, models)
 
 
 @dataclass(frozen=True)
@@ -187,9 +178,8 @@ class LawKind:
 
     Their states are then needed at one instant, and their loops are closed around all at once.
     """
-    nominal: Callable[[keys.Law], Nominal] = nominal_gains
-    gain_range: Callable[[keys.Law], GainRange] = fixed
-    """Of its gains about the nominal ones."""
+    scheduled: bool = False
+    """Whether gains are moved about the nominal ones."""
     variants: tuple[tuple[str, tuple[str, ...]], ...] = (("", ()),)
     """What `compare` flies of it: the ending of the name, and overrides in the manner of `--set`."""
 
@@ -199,7 +189,7 @@ LAWS: dict[keys.LawType, LawKind] = {
     "fuzzy_pid": LawKind(
         "fuzzy PID",
         formation_law,
-        gain_range=fuzzy_range,
+        scheduled=True,
         variants=(("", (PRINTED,)), ("_symmetric", (SYMMETRIC,))),
     ),
     "consensus": LawKind("consensus", consensus_law, mutual=True),
@@ -208,7 +198,4 @@ LAWS: dict[keys.LawType, LawKind] = {
 
 def law_kind(scenario: Scenario) -> LawKind:
     """Return what there is to know of the law that a scenario flies."""
-    kind = LAWS[scenario.law.type]
-    if kind.mutual or not scenario.hovers:
-        return kind
-    return replace(kind, make=velocity_law, nominal=both_ways(kind.nominal))
+    return LAWS[scenario.law.type]

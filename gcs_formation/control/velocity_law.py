@@ -11,9 +11,8 @@ import math
 from typing import Final
 
 from flight_model.autopilot import within
-from flight_model.slot import NOTHING, Triple
-from gcs_formation.control.follower import Controller, LawParameters, Pair
-from gcs_formation.control.fuzzy_pid import Gains, Pid
+from flight_model.slot import Triple
+from gcs_formation.control.follower import Controller, Pair
 from gcs_formation.control.mixer import error_rate, formation_error
 
 STANDS_MPS: Final = 0.02
@@ -27,58 +26,25 @@ LEAST_CORRECTION_MPS: Final = 0.5
 class VelocityController(Controller):
     """The law of a follower that flies by its velocity."""
 
-    def __init__(self, parameters: LawParameters) -> None:
-        """Start at rest."""
-        super().__init__()
-        gain_range, scheduler = parameters.gain_range, parameters.scheduler
-        self._mixer = parameters.mixer
-        self._along = Pid(parameters.speed, gain_range, scheduler)
-        self._across = Pid(parameters.speed, gain_range, scheduler)
-        self._height = Pid(parameters.height, gain_range, scheduler)
-
-    @property
-    def gains(self) -> Gains:
-        """Those in force."""
-        one, two, three = self._along, self._across, self._height
-        return one.kp, two.kp, three.kp, one.ki, two.ki, three.ki, one.kd, two.kd, three.kd
-
-    def retune(self, parameters: LawParameters) -> None:
-        """Go on with other gains."""
-        self._along.retune(parameters.speed)
-        self._across.retune(parameters.speed)
-        self._height.retune(parameters.height)
-
-    def forget(self) -> None:
-        """Start again: it isn't commanded, or follows another leader."""
-        self._along.forget()
-        self._across.forget()
-        self._height.forget()
-        self.setpoint = self.error_m = self.mixed = NOTHING
-
     def decide(self, pair: Pair, dt_s: float) -> None:
         """Compute the setpoint of this tick, which is `dt_s` after the last one."""
-        leader, state, mixer, axis_rad = pair.leader, pair.state, self._mixer, pair.leader.state.heading_rad
+        leader, state, mixer, axis_rad = pair.leader, pair.state, self._parameters.mixer, pair.leader.state.heading_rad
         self.error_m = formation_error(leader.state, state, pair.slot, axis_rad)
         x_mps, y_mps, z_mps = error_rate(leader.state, state, self.error_m, pair.slot, axis_rad, leader.turn_rps)
         self.mixed = mixer.k_x * self.error_m[0], mixer.k_x * self.error_m[1], mixer.k_z * self.error_m[2]
-        self._along.filter_rate(mixer.k_x * x_mps, dt_s)
-        self._across.filter_rate(mixer.k_x * y_mps, dt_s)
-        self._height.filter_rate(mixer.k_z * z_mps, dt_s)
-        self._along.schedule(self.mixed[0], pair.bandwidth[0])
-        self._across.schedule(self.mixed[1], pair.bandwidth[1])
-        self._height.schedule(self.mixed[2], pair.bandwidth[2])
-        along_mps, across_mps, height_m = self._limited(pair, feed_forward(pair), dt_s)
+        slopes = mixer.k_x * x_mps, mixer.k_x * y_mps, mixer.k_z * z_mps
+        output = self._output(slopes, 1.0, pair, dt_s)
+        along_mps, across_mps, height_m = self._limited(pair, feed_forward(pair), output, dt_s)
         speed_mps = math.hypot(along_mps, across_mps)
         aside_rad = math.atan2(across_mps, along_mps) if speed_mps > STANDS_MPS else 0.0
         self.setpoint = speed_mps, axis_rad + aside_rad, height_m
 
-    def _limited(self, pair: Pair, forward: Triple, dt_s: float) -> Triple:
+    def _limited(self, pair: Pair, forward: Triple, output: Triple, dt_s: float) -> Triple:
         """Return velocities and height within the limits, and have the controllers integrate what is left.
 
         A correction is no faster than a vehicle can brake from until it is in its slot.
         """
         model, mixed = pair.model, self.mixed
-        output = self._along.output(mixed[0]), self._across.output(mixed[1]), self._height.output(mixed[2])
         away_m = math.hypot(self.error_m[0], self.error_m[1])
         most_mps = LEAST_CORRECTION_MPS + math.sqrt(2.0 * BRAKING_SHARE * model.accel_max_mps2 * away_m)
         share = _share(output[0], output[1], most_mps)
@@ -88,8 +54,8 @@ class VelocityController(Controller):
         reach_m = model.climb_max_mps * (model.tau_ha_s + model.tau_hb_s)
         height_m = within(forward[2] + output[2], pair.state.height_m - reach_m, pair.state.height_m + reach_m)
         if not (pair.replaced[0] or pair.replaced[1]):
-            self._along.integrate(mixed[0], along_mps - forward[0] - output[0], dt_s)
-            self._across.integrate(mixed[1], across_mps - forward[1] - output[1], dt_s)
+            self._forward.integrate(mixed[0], along_mps - forward[0] - output[0], dt_s)
+            self._right.integrate(mixed[1], across_mps - forward[1] - output[1], dt_s)
         if not pair.replaced[2]:
             self._height.integrate(mixed[2], height_m - forward[2] - output[2], dt_s)
         return along_mps, across_mps, height_m

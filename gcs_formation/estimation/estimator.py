@@ -9,10 +9,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-import numpy as np
-
 from airlink.clock import NANOSECONDS, Instant, seconds_between
-from flight_model.arrays import Array
 from flight_model.autopilot import AutopilotModel, FlightState, squared, wrap
 from gcs_formation.estimation.kalman import (
     WIND_EAST,
@@ -29,8 +26,6 @@ from gcs_formation.estimation.kalman import (
 from gcs_formation.estimation.noise import (
     IMPLAUSIBLE_SIGMAS,
     STRAYED,
-    Declared,
-    NoiseEstimate,
     PlaceStray,
     Values,
     VehicleNoise,
@@ -40,14 +35,12 @@ from gcs_formation.estimation.noise import (
 )
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 
-STATES: Final = 8
-"""Quantities of a state: north, east, height, climb, airspeed, heading, wind north and east."""
 LEAST_AIRSPEED_MPS: Final = 1.0
 """What a smaller airspeed is taken as: equations divide by it, and what can't hover has more."""
 UNMODELLED: Final[tuple[float, float, float]] = (0.05, 0.05, 0.003)
 """How far climb, airspeed (m/s) and heading (rad) stray from model (7) in a square root of a second."""
 UNCOMMANDED: Final[tuple[float, float, float]] = (1.0, 1.0, 0.3)
-"""The same of a vehicle that isn't commanded by us."""
+"""How far a vehicle's climb, airspeed and heading stray that isn't commanded by us."""
 BEYOND_LIMIT: Final = 1.1
 """Climbs a tenth above its limit aren't flown by our setpoints yet: so a take-off ends."""
 WITHOUT_WIND: Final = 0.1
@@ -200,17 +193,6 @@ class VehicleFilter:
         state.wind_north_mps += wind_north
         state.wind_east_mps += wind_east
 
-    def covariance(self) -> list[list[float]]:
-        """Return the covariance of a state's errors, (8, 8)."""
-        places = 0, 1, 4, 5, 6, 7
-        whole = [[0.0] * STATES for _ in range(STATES)]
-        for row, of_row in zip(places, self.level.rows(), strict=True):
-            for column, value in zip(places, of_row, strict=True):
-                whole[row][column] = value
-        whole[2][2], whole[3][3] = self.height.height, self.height.climb
-        whole[2][3] = whole[3][2] = self.height.cross
-        return whole
-
     @property
     def wind_variance(self) -> float:
         """Of each component of the wind, (m/s)²."""
@@ -269,18 +251,18 @@ class VehicleFilter:
 class StateEstimator:
     """The filters of C columns, one for each vehicle."""
 
-    def __init__(self, declared: Declared, history: SetpointHistory, telemetry_hz: float, wind_radps: float) -> None:
+    def __init__(
+        self, noise: list[VehicleNoise], history: SetpointHistory, telemetry_hz: float, wind_radps: float
+    ) -> None:
         """Start with nothing known.
 
         Args:
-            declared: the noise of the columns' telemetry.
+            noise: of the columns' telemetry, (C,).
             history: the setpoints that were sent to them.
             telemetry_hz: samples a second.
             wind_radps: the most that the wind's estimate follows anything but gusts; 0: the wind stays 0.
         """
-        self.noise = NoiseEstimate(declared)
-        """Of every column's telemetry."""
-        self.filters = [VehicleFilter(noise, wind_radps, telemetry_hz) for noise in self.noise.each]
+        self.filters = [VehicleFilter(each, wind_radps, telemetry_hz) for each in noise]
         """Every column's, with its newest state."""
         self._history = history
 
@@ -288,11 +270,6 @@ class StateEstimator:
         """Follow the wind at most so fast from now on."""
         for each in self.filters:
             each.wind_radps = wind_radps
-
-    @property
-    def covariance(self) -> Array:
-        """(C, 8, 8) of the states' errors."""
-        return np.array([each.covariance() for each in self.filters])
 
     def age_s(self, column: int, now: Instant) -> float:
         """Return how old a column's state is, in s; NaN when it has none."""

@@ -6,17 +6,15 @@ from collections.abc import Iterable
 from typing import NamedTuple, Self
 
 import numpy as np
-import numpy.typing as npt
 
-from flight_model.arrays import Array, all_of, any_of, within, wrap
+from flight_model.arrays import Array, Indices, all_of, within, wrap
 from flight_model.autopilot import AutopilotModel, FlightState
 from flight_model.slot import Triple
 
-Indices = npt.NDArray[np.intp]
 _GAUSS, _WEIGHTS = np.polynomial.legendre.leggauss(3)
-_NODES = ((_GAUSS + 1) / 2)[:, None, None]
+_NODES = ((_GAUSS + 1) / 2)[:, None]
 """Gauss's points of a segment of time, as shares of it: where speed and heading are evaluated for the way made good."""
-_SHARES = (_WEIGHTS / 2)[:, None, None]
+_SHARES = (_WEIGHTS / 2)[:, None]
 
 
 class Row:
@@ -50,10 +48,6 @@ class Columns:
     def take(self, which: Indices) -> Self:
         """Return the columns of the vehicles at `which`, repeated as often as named."""
         return self.of(self.table[:, which])
-
-    def fill(self, which: Indices, source: Self) -> None:
-        """Put the columns of `source` in the place of those at `which`."""
-        self.table[:, which] = source.table
 
 
 class FlightStates(Columns):
@@ -170,47 +164,36 @@ class AutopilotModels(Columns):
 
 
 def advance(state: FlightStates, setpoints: Array, duration_s: Array, model: AutopilotModels) -> FlightStates:
-    """Return the state after K segments of constant setpoints, by the closed forms of equation (7).
+    """Return the state when setpoints have been held for `duration_s`, by the closed forms of equation (7).
 
     Speed and heading errors decay exponentially, and linearly while a rate limit holds them. The distance flown is
     their integral by Gauss quadrature. The height follows its two real poles. The wind is constant.
 
     Args:
         state: (N,) columns.
-        setpoints: (K, 3, N) setpoints of speed, heading and height in m/s, rad and m; NaN means straight on.
-        duration_s: (K, N).
+        setpoints: (3, N) setpoints of speed, heading and height in m/s, rad and m; NaN means straight on.
+        duration_s: in s, (N,).
         model: (N,) columns.
     """
-    setpoints = setpoints.copy()
-    setpoints[:, 0] = within(setpoints[:, 0], model.speed_min_mps, model.speed_max_mps)
-    lags = AirLags.of(model)
-    values, errors = lags.through(state.air_motion, setpoints[:, :2], duration_s[:, None])
-    height = _height_after(Height(state.height_m, state.climb_mps), setpoints[:, 2], HeightSteps.of(model, duration_s))
-    time_s = _NODES * duration_s
-    along = values[:-1] + errors - lags.remaining(errors, time_s[:, :, None])
-    way_m, heading = _SHARES * duration_s * along[:, :, 0], along[:, :, 1]
-    north_m = np.add.reduce(way_m * np.cos(heading), axis=(0, 1))
-    east_m = np.add.reduce(way_m * np.sin(heading), axis=(0, 1))
-    total_s = np.add.reduce(duration_s)
+    speed_mps, heading_rad, aim_m = setpoints
+    speed_mps = within(speed_mps, model.speed_min_mps, model.speed_max_mps)
+    lags, begin = AirLags.of(model), state.air_motion
+    error = lags.errors(begin, np.array((speed_mps, heading_rad)))
+    end = begin + error - lags.remaining(error, duration_s)
+    along = begin + error - lags.remaining(error, (_NODES * duration_s)[:, None])
+    way_m, heading = _SHARES * duration_s * along[:, 0], along[:, 1]
+    height, steps = Height(state.height_m, state.climb_mps), HeightSteps.of(model, duration_s[None])
+    height = steps.after(0, height, np.where(np.isnan(aim_m), steps.level_m(height), aim_m))
     return FlightStates(
-        north_m=state.north_m + north_m + state.wind_north_mps * total_s,
-        east_m=state.east_m + east_m + state.wind_east_mps * total_s,
+        north_m=state.north_m + np.add.reduce(way_m * np.cos(heading)) + state.wind_north_mps * duration_s,
+        east_m=state.east_m + np.add.reduce(way_m * np.sin(heading)) + state.wind_east_mps * duration_s,
         height_m=height.height_m,
         climb_mps=height.climb_mps,
-        airspeed_mps=values[-1, 0],
-        heading_rad=values[-1, 1],
+        airspeed_mps=end[0],
+        heading_rad=end[1],
         wind_north_mps=state.wind_north_mps,
         wind_east_mps=state.wind_east_mps,
     )
-
-
-def _height_after(height: Height, setpoints_m: Array, steps: HeightSteps) -> Height:
-    """Return a height after K steps with targets (K, N); NaN where there is none."""
-    silent = any_of(np.isnan(setpoints_m))
-    for step, target_m in enumerate(setpoints_m):
-        aim_m = np.where(np.isnan(target_m), steps.level_m(height), target_m) if silent else target_m
-        height = steps.after(step, height, aim_m)
-    return height
 
 
 class AirLags(NamedTuple):
@@ -224,37 +207,17 @@ class AirLags(NamedTuple):
         """Return the lags of an autopilot model, (N,) columns."""
         return cls(model.air_rates_max, model.air_lags_s)
 
-    def through(self, begin: Array, setpoints: Array, duration_s: Array) -> tuple[Array, Array]:
-        """Return the values (K + 1, 2, N) at the borders of K segments, and the errors (K, 2, N) as each begins.
-
-        Args:
-            begin: (2, N).
-            setpoints: (K, 2, N); NaN means straight on.
-            duration_s: (K, 1, N).
-        """
-        values, errors = np.empty((len(setpoints) + 1, *begin.shape)), np.empty_like(setpoints)
-        kept, unlimited = np.exp(-duration_s / self.tau_s), self.unlimited
-        silent = any_of(np.isnan(setpoints))
-        values[0] = begin
-        for k, segment_s in enumerate(duration_s):
-            error = np.subtract(setpoints[k], values[k], out=errors[k])
-            error[1] = wrap(error[1])
-            if silent:
-                error[np.isnan(error)] = 0.0
-            free = all_of(np.abs(error) <= unlimited)
-            left = error * kept[k] if free else self.remaining(error, segment_s)
-            np.subtract(values[k] + error, left, out=values[k + 1])
-        return values, errors
-
-    @property
-    def unlimited(self) -> Array:
-        """The largest errors that decay without reaching a rate limit, (2, N)."""
-        return self.rate_max * self.tau_s
+    def errors(self, begin: Array, setpoints: Array) -> Array:
+        """Return what is missing (2, N) from `begin` to setpoints of speed and heading; NaN there: nothing."""
+        error = setpoints - begin
+        error[1] = wrap(error[1])
+        error[np.isnan(error)] = 0.0
+        return error
 
     def remaining(self, error: Array, time_s: Array) -> Array:
         """Return what is left of `error` after `time_s`."""
         size = np.abs(error)
-        if all_of(size <= self.unlimited):
+        if all_of(size <= self.rate_max * self.tau_s):
             return error * np.exp(-time_s / self.tau_s)
         limited_s = np.minimum(np.maximum(size / self.rate_max - self.tau_s, 0.0), time_s)
         left = (size - self.rate_max * limited_s) * np.exp((limited_s - time_s) / self.tau_s)
@@ -284,7 +247,7 @@ class HeightSteps(NamedTuple):
     most_m: Array
     """What the limit of climb rates allows in each step, (K, N)."""
     least_m: Array
-    """The same downwards."""
+    """What it allows downwards, (K, N), negative."""
 
     @classmethod
     def of(cls, model: AutopilotModels, time_s: Array) -> HeightSteps:

@@ -40,10 +40,6 @@ class LevelCovariance:
         self.wind_east: Level = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         self.grow(variances, 1.0)
 
-    def rows(self) -> list[Level]:
-        """Return it row by row."""
-        return [self.north, self.east, self.speed, self.heading, self.wind_north, self.wind_east]
-
     def carry(self, state: FlightState, elapsed_s: float, model: AutopilotModel) -> None:
         """Carry it on by the derivative F of the states `elapsed_s` after `state` by that state: F P F^T.
 
@@ -88,7 +84,7 @@ class LevelCovariance:
         return plus(plus(self.wind_north, along.north_by_speed, self.speed), along.north_by_heading, self.heading)
 
     def of_east_mps(self, along: Along) -> Level:
-        """Return those with the velocity to the east."""
+        """Return the covariances of the states with the velocity over ground to the east."""
         return plus(plus(self.wind_east, along.east_by_speed, self.speed), along.east_by_heading, self.heading)
 
     def take(self, seen: Level, spread: float, off: float) -> Level:
@@ -113,17 +109,20 @@ class Along:
     __slots__ = ("east_by_heading", "east_by_speed", "north_by_heading", "north_by_speed")
 
     def __init__(self, state: FlightState) -> None:
-        """Take those in `state`."""
+        """Take the derivatives in `state`."""
         cos, sin = math.cos(state.heading_rad), math.sin(state.heading_rad)
         self.north_by_speed, self.north_by_heading = cos, -state.airspeed_mps * sin
         self.east_by_speed, self.east_by_heading = sin, state.airspeed_mps * cos
 
     def north_mps(self, states: Level) -> float:
-        """Return what a change of the states changes the velocity to the north by; or its variance by covariances."""
+        """Return by how much the velocity over ground to the north changes with a change of the states.
+
+        Of the states' covariances with that velocity, it makes the velocity's variance.
+        """
         return self.north_by_speed * states[SPEED] + self.north_by_heading * states[HEADING] + states[WIND_NORTH]
 
     def east_mps(self, states: Level) -> float:
-        """Return the same of the velocity to the east."""
+        """Return by how much the velocity over ground to the east changes, or its variance, as `north_mps` does."""
         return self.east_by_speed * states[SPEED] + self.east_by_heading * states[HEADING] + states[WIND_EAST]
 
 

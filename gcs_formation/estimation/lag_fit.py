@@ -9,7 +9,6 @@ import numpy as np
 from librt.vecs import vec
 
 from flight_model.autopilot import squared, within
-from gcs_formation.estimation.lag_bank import Tracks, zeros
 
 RATIO_MAX: Final = 2.0
 """A lag is found between the believed one divided and multiplied by this."""
@@ -32,6 +31,30 @@ STILL_RECENT: Final = math.exp(-BATCH_S / RECENT_S)
 """What it keeps from one fit to the next."""
 SIGNIFICANT: Final = 2.0
 """Standard deviations of the misfit that don't count."""
+
+
+class Tracks:
+    """A vehicle's batch of samples of a channel: K simulations minus telemetry, and 1; all 0: there is no sample."""
+
+    __slots__ = ("rows",)
+
+    def __init__(self, simulations: int, samples: int) -> None:
+        """Take K and B, without a sample."""
+        self.rows = zeros(simulations + 1, samples)
+        """(K + 1, B)."""
+
+    def clear(self) -> None:
+        """Take the samples away."""
+        for row in self.rows:
+            for sample in range(len(row)):
+                row[sample] = 0.0
+
+    def excited(self, resolution: float) -> bool:
+        """Return whether the simulations differ by more than a resolution: the first from the last."""
+        first, last, most = self.rows[0], self.rows[len(self.rows) - 2], 0.0
+        for sample in range(len(first)):
+            most = max(most, abs(first[sample] - last[sample]))
+        return most > resolution
 
 
 class Nodes:
@@ -146,6 +169,11 @@ class Channel:
         left = max(seen[0][0] - squared(shown) / excitation, 0.0) / samples
         chance = math.sqrt((left + self._least_variance) * self._alike / excitation)
         return max(0.0, abs(shown) / excitation - SIGNIFICANT * chance)
+
+
+def zeros(rows: int, columns: int) -> vec[vec[float]]:
+    """Return a matrix of zeros."""
+    return vec[vec[float]]([vec[float]([0.0] * columns) for _ in range(rows)])
 
 
 def _triangle(size: int) -> vec[vec[float]]:

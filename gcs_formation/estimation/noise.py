@@ -10,11 +10,10 @@ A sample has eight values: north, east, height, their rates over ground, airspee
 from __future__ import annotations
 
 import math
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
-from flight_model.arrays import Array, Mask
 from flight_model.autopilot import squared, within
 
 Values = tuple[float, float, float, float, float, float, float, float]
@@ -28,17 +27,17 @@ RESOLUTION = np.array((0.003, 0.001, 0.003, 0.003, 0.0001, 0.00002))
 UNDECLARED = np.array((0.3, 0.3, 0.1, 0.1, 0.3, 0.01))
 """Where nothing is declared: the noise that a real autopilot's estimates begin with here."""
 MOST_PLACE: Final = 30.0 * 30.0
-"""Largest variance of positions and heights; what is noisier isn't telemetry of a flight in formation."""
+"""Largest variance of positions and heights; what is noisier isn't telemetry of a flight in formation; m²."""
 MOST_VELOCITY: Final = 5.0 * 5.0
-"""The same of velocities and climbs, (m/s)²."""
+"""Largest variance of velocities and climbs, (m/s)²."""
 MOST_AIRSPEED: Final = 10.0 * 10.0
-"""The same of airspeeds."""
+"""Largest variance of airspeeds, (m/s)²."""
 MOST_HEADING: Final = 0.5 * 0.5
-"""The same of headings."""
+"""Largest variance of headings, rad²."""
 MEMORY: Final = 100.0
 """Samples over which the mean is taken."""
 FIRST_MEMORY: Final = 20.0
-"""The same at the start, of a vehicle's first sample."""
+"""As so many samples counts what is declared, at the start."""
 CLIPPED_AT: Final = 2.0
 """Standard deviations at which an increment counts no more than that: an outlier isn't noise."""
 IMPLAUSIBLE_SIGMAS: Final = 3.0
@@ -47,7 +46,7 @@ STRAYED: Final = 1.0
 """Added to their square, (m/s)²: what a vehicle may do between two samples that the model doesn't know of; of positions
 and heights it is by the square of the time between them."""
 STRAYED_ROUND: Final = 0.1 * 0.1
-"""The same of headings, rad²."""
+"""Added to the square of headings, rad²."""
 
 MOST_STRAY: Final = 0.05 * 0.05
 """Most by which positions stray in a second from the integral of velocities, m²: beyond it they are followed anyway."""
@@ -59,34 +58,40 @@ STRAY_GAP_S: Final = 0.3
 """What the velocity does between samples that are further apart isn't known well enough."""
 
 
-class Declared(NamedTuple):
-    """What the vehicles' noise is said to be: standard deviations (6, C) in the order of `QUANTITIES`."""
-
-    sigma: Array
-    least: Array
-    """Lower bounds of the estimates."""
-    stated: Mask | bool = True
-    """(C,) whether the scenario says so."""
-
-
 class VehicleNoise:
     """The variances of one vehicle's telemetry."""
 
-    __slots__ = ("_before", "_declared", "_least", "by_quantity", "samples", "values")
+    __slots__ = ("_before", "_declared", "_least", "_stated", "by_quantity", "samples", "values")
 
-    def __init__(self, declared: Quantities, least: Quantities) -> None:
-        """Start from what is declared; both are variances."""
-        self._declared = declared
-        self._least = least
+    def __init__(self, declared: Quantities, least: Quantities, *, stated: bool = True) -> None:
+        """Start from what is declared.
+
+        Args:
+            declared: standard deviations.
+            least: lower bounds of what is estimated, standard deviations.
+            stated: whether the scenario says so, and noise is to be compared with it.
+        """
+        self._declared, self._least, self._stated = declared, _squares(least), stated
         self.begin()
 
     def begin(self) -> None:
         """Start again from what is declared."""
-        self.by_quantity = self._declared
-        self.values: Values = _by_value(self._declared)
+        self.by_quantity = _squares(self._declared)
+        self.values: Values = _by_value(self.by_quantity)
         """Of each value of a sample."""
         self._before: Values = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         self.samples = 0.0
+
+    def sigma(self) -> list[float]:
+        """Return the standard deviations, in the order of `QUANTITIES`."""
+        return [math.sqrt(each) for each in self.by_quantity]
+
+    def ratios(self) -> list[float]:
+        """Return the noise by what is stated; 1 where that is no more than rounding, and before `MEMORY` samples."""
+        if self.samples < MEMORY or not self._stated:
+            return [1.0] * len(QUANTITIES)
+        each = zip(self.sigma(), self._declared, RESOLUTION.tolist(), strict=True)
+        return [sigma / declared if declared > finest else 1.0 for sigma, declared, finest in each]
 
     def learn(self, increments: Values, spread: Values) -> None:
         """Take the increments of a sample's values that the model doesn't explain.
@@ -115,6 +120,11 @@ class VehicleNoise:
             within(known[5] + share * (0.0 - now[7] * before[7] - known[5]), least[5], MOST_HEADING),
         )
         self.values = _by_value(self.by_quantity)
+
+
+def _squares(sigma: Quantities) -> Quantities:
+    place, height, velocity, climb, airspeed, heading = sigma
+    return squared(place), squared(height), squared(velocity), squared(climb), squared(airspeed), squared(heading)
 
 
 def _by_value(quantities: Quantities) -> Values:
@@ -186,31 +196,6 @@ def _of_bend(north_mps: float, east_mps: float, later_north_mps: float, later_ea
     cross = north_mps * later_east_mps - east_mps * later_north_mps
     before, later = squared(north_mps) + squared(east_mps), squared(later_north_mps) + squared(later_east_mps)
     return 1.0 + squared(cross) / (12.0 * max(before * later, 1.0))
-
-
-class NoiseEstimate:
-    """The noise of C vehicles."""
-
-    def __init__(self, declared: Declared) -> None:
-        """Start from what is declared."""
-        variances, least = (declared.sigma**2).T.tolist(), (declared.least**2).T.tolist()
-        self.each = [VehicleNoise(tuple(one), tuple(other)) for one, other in zip(variances, least, strict=True)]
-        judged = (declared.sigma > RESOLUTION[:, None]) & declared.stated
-        self._declared: list[list[float]] = np.where(judged, declared.sigma, math.nan).T.tolist()
-        """(C, 6) standard deviations, NaN where nothing is declared."""
-
-    def sigma(self, column: int) -> list[float]:
-        """Return a vehicle's standard deviations, in the order of `QUANTITIES`."""
-        place, height, velocity, climb, airspeed, heading = self.each[column].by_quantity
-        return [math.sqrt(each) for each in (place, height, velocity, climb, airspeed, heading)]
-
-    def ratios(self, column: int) -> list[float]:
-        """Return its noise by what is declared; 1 where nothing is declared, and before `MEMORY` samples."""
-        declared = self._declared[column]
-        if self.each[column].samples < MEMORY:
-            return [1.0] * len(declared)
-        sigma = self.sigma(column)
-        return [1.0 if math.isnan(least) else sigma[place] / least for place, least in enumerate(declared)]
 
 
 def excesses(difference: Values, own: Values, elapsed_s: float) -> Values:

@@ -22,8 +22,20 @@ LOST_S: Final = 2.0
 """Age from which a vehicle that isn't commanded is taken to be where it was last seen: it costs no prediction."""
 
 
-class Measured:
-    """What is known at a tick, vehicle by vehicle."""
+class States(ABC):
+    """The states that a law acts on at one tick; they aren't to be changed."""
+
+    @abstractmethod
+    def of(self, which: int, whose: int) -> FlightState:
+        """Return the state of vehicle `which` at the instant that counts for the setpoint of vehicle `whose`."""
+
+    @abstractmethod
+    def instant(self, whose: int) -> int:
+        """Return the instant that counts for a vehicle's setpoint, ns."""
+
+
+class Measured(States):
+    """What is known at a tick, vehicle by vehicle: every newest state, each at its own time stamp."""
 
     __slots__ = ("active", "acts", "stamps", "states")
 
@@ -34,57 +46,21 @@ class Measured:
         self.active = active
         self.acts = acts
 
-
-class States(ABC):
-    """The states that a law acts on at one tick; they aren't to be changed."""
-
-    @abstractmethod
-    def of(self, which: int, whose: int) -> FlightState:
-        """Return the state of a vehicle at the instant that matters for the setpoint of another, or its own."""
-
-    @abstractmethod
-    def instant(self, whose: int) -> int:
-        """Return that instant."""
-
-
-class Projection(ABC):
-    """Computes these from the measured states, tick by tick."""
-
-    @abstractmethod
-    def take(self, measured: Measured) -> States:
-        """Return the tick's states."""
-
-
-class AtTheirStamps(States):
-    """Every vehicle's newest state, each at its own time stamp."""
-
-    def __init__(self, measured: Measured) -> None:
-        """Take what is known."""
-        self._measured = measured
-
     def of(self, which: int, whose: int) -> FlightState:  # noqa: ARG002 - the same for everyone
         """Return the newest state."""
-        return self._measured.states[which]
+        return self.states[which]
 
     def instant(self, whose: int) -> int:
         """Return the vehicle's own stamp."""
-        return self._measured.stamps[whose]
+        return self.stamps[whose]
 
 
-class AtOneStamp(States):
-    """Every vehicle's state at one instant."""
+class Projection:
+    """Computes the states from those measured, tick by tick; by itself, it leaves them as they are."""
 
-    def __init__(self, states: list[FlightState], stamp: int) -> None:
-        """Take the states at `stamp`."""
-        self._states, self._stamp = states, stamp
-
-    def of(self, which: int, whose: int) -> FlightState:  # noqa: ARG002 - the same for everyone
-        """Return the state at the stamp."""
-        return self._states[which]
-
-    def instant(self, whose: int) -> int:  # noqa: ARG002 - the same for everyone
-        """Return the stamp."""
-        return self._stamp
+    def take(self, measured: Measured) -> States:
+        """Return the tick's states."""
+        return measured
 
 
 class Sampled:
@@ -186,14 +162,6 @@ def _apart(one: i64, other: i64) -> i64:
     return one - other if one > other else other - one
 
 
-class AsMeasured(Projection):
-    """No projection."""
-
-    def take(self, measured: Measured) -> AtTheirStamps:
-        """Return the states as measured."""
-        return AtTheirStamps(measured)
-
-
 class Prediction(Projection):
     """Model (7) run through the setpoints in flight."""
 
@@ -224,14 +192,15 @@ class Pairing(Projection):
         """Keep `HISTORY_S` of samples, of ticks at `rate_hz`."""
         self._samples: deque[Measured] = deque(maxlen=max(8, int(HISTORY_S * rate_hz)))
 
-    def take(self, measured: Measured) -> AtOneStamp:
+    def take(self, measured: Measured) -> Measured:
         """Return the states at the common stamp; a vehicle that isn't active stays as measured."""
         self._samples.append(measured)
         stamp = max(measured.stamps)
         for its_stamp, active in zip(measured.stamps, measured.active, strict=True):
             if active:
                 stamp = min(stamp, its_stamp)
-        return AtOneStamp([self._at(vehicle, stamp) for vehicle in range(len(measured.states))], stamp)
+        states = [self._at(vehicle, stamp) for vehicle in range(len(measured.states))]
+        return Measured(states, [stamp] * len(states), measured.active, measured.acts)
 
     def _at(self, vehicle: int, stamp: int) -> FlightState:
         """Return a vehicle's state at a stamp: interpolated, or the nearest sample outside the samples' span."""

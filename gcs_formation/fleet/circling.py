@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
 from airlink.endpoint import VehicleId
 from formation_scenario import Scenario
+from gcs_formation.vehicle.telemetry import Motion
 
 STACK_M = 15.0
 """Vertical distance of circles that may meet."""
@@ -29,25 +30,6 @@ class Top(NamedTuple):
     height_m: float
     north_m: float
     east_m: float
-
-
-class Place(Protocol):
-    """A position: NED from the scenario's origin, height upwards."""
-
-    @property
-    def north_m(self) -> float:
-        """North of the origin, m."""
-        ...
-
-    @property
-    def east_m(self) -> float:
-        """East of the origin, m."""
-        ...
-
-    @property
-    def height_m(self) -> float:
-        """Above the origin, m."""
-        ...
 
 
 class GroundFloor:
@@ -96,21 +78,26 @@ class Band(NamedTuple):
 
 
 def loiter_heights(
-    places: Mapping[VehicleId, Place], floor_m: float = -math.inf, taken: Sequence[Band] = (), apart_m: float = STACK_M
+    places: Mapping[VehicleId, Motion],
+    floor_m: float = -math.inf,
+    taken: Sequence[Band] = (),
+    apart_m: float = STACK_M,
+    *,
+    together: bool = False,
 ) -> dict[VehicleId, float]:
     """Return a height above the origin for each vehicle, m; none below its own or `floor_m`.
 
     From the lowest vehicle up, each takes the lowest height that is `apart_m` from those of its neighbours, and from
-    what is taken: nobody sinks, and as few as possible cross another's height.
+    what is taken: nobody sinks, and as few as possible cross another's height. `together`: all circle at one place.
     """
     heights: dict[VehicleId, float] = {}
     for identity in sorted(places, key=lambda each: (places[each].height_m, each)):
-        near = [Band(heights[i], heights[i]) for i in heights if may_meet(places[identity], places[i])]
+        near = [Band(heights[i], heights[i]) for i in heights if together or may_meet(places[identity], places[i])]
         heights[identity] = _free_m(max(places[identity].height_m, floor_m), (*near, *taken), apart_m)
     return heights
 
 
-def may_meet(one: Place, other: Place) -> bool:
+def may_meet(one: Motion, other: Motion) -> bool:
     """Return whether circles that begin at two places may meet."""
     return math.hypot(one.north_m - other.north_m, one.east_m - other.east_m) < CIRCLES_MEET_M
 

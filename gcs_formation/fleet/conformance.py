@@ -131,7 +131,7 @@ class MotionConformance:
         settled: list[list[bool]],
         commanded_s: list[float],
     ) -> list[NonConformance]:
-        """Compare, if a check is due; return new findings. `broken` has all columns that don't follow.
+        """Compare, as a check is due; return new findings. `broken` has all columns that don't follow.
 
         Args:
             now: the tick's instant.
@@ -140,8 +140,6 @@ class MotionConformance:
             settled: (C, 3) channels that have been commanded, and acknowledged, for `SETTLED_S`.
             commanded_s: (C,) for how long each has been commanded without a break.
         """
-        if not self.due(now):
-            return []
         self._next_check = Instant(now + round(CHECK_S * NANOSECONDS))
         found: list[NonConformance] = []
         for column, stamp in enumerate(stamps):
@@ -225,20 +223,18 @@ class ConformanceMonitor:
         scenario: Scenario,
         controller: FormationController,
         vehicles: dict[VehicleId, Vehicle],
-        columns: dict[VehicleId, int],
         note: Note,
     ) -> None:
-        """Compare `vehicles`; `columns` are theirs in the controller."""
+        """Compare `vehicles`."""
         self._controller = controller
         self._vehicles = vehicles
-        self._columns = columns
         self._note = note
         self._motion = MotionConformance(scenario, controller.history)
         for vehicle in vehicles.values():
             for channel in vehicle.setpoint_channels.values():
                 channel.allow(max(GAP_S, 2.5 / scenario.law.rate_hz))
         self._unanswered = set[VehicleId]()
-        """Those that were commanded and answered nothing."""
+        """Vehicles that were commanded and answered nothing."""
         self._since: list[Instant | None] = [None] * (1 + len(scenario.followers))
         """Since when each column has been commanded without interruption, (C,)."""
 
@@ -294,11 +290,12 @@ class ConformanceMonitor:
             return
         filters, settled = self._controller.estimator.filters, [[False] * len(CHANNELS) for _ in tick.active]
         commanded_s = [0.0] * len(settled)
-        for identity, column in self._columns.items():
+        for vehicle in self._vehicles.values():
+            column = vehicle.column
             began = self._since[column]
             since = now if began is None else began
             commanded_s[column] = seconds_between(since, now)
-            settled[column] = self._settled(self._vehicles[identity], since, now)
+            settled[column] = self._settled(vehicle, since, now)
         before = self._motion.broken
         states = [each.state or unknown_state() for each in filters]
         found = self._motion.check(now, [each.stamp for each in filters], states, settled, commanded_s)
@@ -318,11 +315,14 @@ class ConformanceMonitor:
         return [run is not None and max(since, run) <= latest for run in runs]
 
     def _at(self, column: int) -> Vehicle:
-        return next(self._vehicles[identity] for identity, its in self._columns.items() if its == column)
+        return next(each for each in self._vehicles.values() if each.column == column)
 
 
 def _settled_unanswered(vehicle: Vehicle, since: Instant, now: Instant) -> list[bool]:
-    """Return the same of one that acknowledges no setpoint: it answers probes. What stands has any course."""
+    """Return which channels have been commanded for long enough of a vehicle that acknowledges no setpoint.
+
+    Its answers to probes show that it hears. A vehicle that can stand has any course there.
+    """
     settled = vehicle.talks_on_s <= UNANSWERED_S and since <= after(now, -SETTLED_S)
     return [settled, settled and not vehicle.autopilot.stands, settled]
 

@@ -33,14 +33,12 @@ PROBE_DITHER_S: Final = 0.02
 class Dispatch:
     """Sends each vehicle its setpoints; the leader's are delayed until the slowest follower's act."""
 
-    def __init__(self, scenario: Scenario, vehicles: dict[VehicleId, Vehicle], columns: dict[VehicleId, int]) -> None:
-        """Serve `vehicles`; `columns` are theirs in a tick."""
+    def __init__(self, scenario: Scenario, vehicles: dict[VehicleId, Vehicle]) -> None:
+        """Serve `vehicles`."""
         self._virtual_leader = scenario.leader is None
         self._compensates = scenario.law.delay_compensation
         self._count = 1 + len(scenario.followers)
         self._vehicles = vehicles
-        self._columns = columns
-        self._each = [(identity, vehicles[identity], column) for identity, column in columns.items()]
         self._at_once: list[tuple[Vehicle, Message]] = []
         self._held = DelayQueue[tuple[Vehicle, Message]]()
         self.due = NEVER
@@ -60,8 +58,8 @@ class Dispatch:
         """
         links = [VehicleLink(now) for _ in range(self._count)]
         links[0].ready = self._virtual_leader
-        for _, vehicle, column in self._each:
-            link = links[column]
+        for vehicle in self._vehicles.values():
+            link = links[vehicle.column]
             link.ready = vehicle.member is Member.FLYING
             link.delay_s = vehicle.clock.one_way_s
             link.up_s, link.down_s = vehicle.ways_s
@@ -70,7 +68,7 @@ class Dispatch:
             link.circling = not link.ready and vehicle.circles
             link.heard = vehicle.heard_at(now)
             link.lag_s = vehicle.autopilot.loop_s / 2
-            link.disobeying = disobeying[column]
+            link.disobeying = disobeying[vehicle.column]
         hold_s = self._hold_s(leader, links)
         links[leader].lag_s += hold_s
         return links, hold_s
@@ -78,7 +76,8 @@ class Dispatch:
     def take(self, tick: Tick, hold_s: float, now: Instant) -> None:
         """Take a tick's setpoints; one that isn't finite is never sent."""
         self._guided.clear()
-        for identity, vehicle, column in self._each:
+        for identity, vehicle in self._vehicles.items():
+            column = vehicle.column
             state = tick.state[column]
             speed_mps, heading_rad, height_m = tick.setpoints[column]
             known = state.north_m + state.east_m + state.height_m + state.wind_north_mps + state.wind_east_mps
@@ -107,7 +106,7 @@ class Dispatch:
     def stand_ins(self, now: Instant) -> list[tuple[Vehicle, Message]]:
         """Return what keeps vehicles ready for setpoints where a tick has none, unless that lasts for too long."""
         unguided, found = self.unguided(now), list[tuple[Vehicle, Message]]()
-        for identity, vehicle, _ in self._each:
+        for identity, vehicle in self._vehicles.items():
             if identity not in self._guided and identity not in unguided and vehicle.start_up.acted:
                 found += [(vehicle, message) for message in vehicle.autopilot.stand_in]
         self._guided.clear()
@@ -130,7 +129,7 @@ class Dispatch:
     def clear(self) -> None:
         """Drop all messages that are held back: no setpoint may follow an order to loiter."""
         self._held, self._at_once, self.due = DelayQueue[tuple[Vehicle, Message]](), [], NEVER
-        for _, vehicle, _ in self._each:
+        for vehicle in self._vehicles.values():
             vehicle.forget_setpoints()
         self._without.clear()
 

@@ -59,7 +59,7 @@ class Streams:
 
     def look(self, vehicle: Vehicle, now: Instant) -> None:
         """Record the counts; time in which nothing arrives isn't counted against a single message."""
-        sequence, messages = vehicle.sequence, [vehicle.messages_in.get(each, 0) for each in self.rates_hz]
+        sequence, messages = vehicle.sequence, [vehicle.messages_in[KINDS[each].place] for each in self.rates_hz]
         heard_s, arrived = 0.0, True
         if self.looks:
             before = self.looks[-1]

@@ -14,7 +14,7 @@ from airlink.endpoint import VehicleId
 from formation_scenario import Scenario
 from formation_scenario.gains import AUTO, design_delay_s, redesigned
 from gcs_formation.control.laws import law_kind
-from gcs_formation.estimation.noise import QUANTITIES, NoiseEstimate
+from gcs_formation.estimation.noise import QUANTITIES, VehicleNoise
 from gcs_formation.recorder import Detail, Note
 from gcs_formation.stability import LoopDelay, Usage, law_loops, loop_delay_s
 from gcs_formation.vehicle.vehicle import Vehicle
@@ -98,10 +98,8 @@ class DesignWatch:
 class MarginWatch:
     """Determines once a second how much of their margin each vehicle's loops use, and acts on it."""
 
-    def __init__(
-        self, scenario: Scenario, vehicles: dict[VehicleId, Vehicle], columns: dict[VehicleId, int], note: Note
-    ) -> None:
-        """Watch the loops that the law closes around `vehicles`, whose columns in the controller are `columns`."""
+    def __init__(self, scenario: Scenario, vehicles: dict[VehicleId, Vehicle], note: Note) -> None:
+        """Watch the loops that the law closes around `vehicles`."""
         self.used = [math.nan] * (1 + len(scenario.followers))
         """Share of the margin that each column uses at the present gains, (C,); NaN before its delay is known."""
         self.bandwidth = [[1.0] * len(CHANNELS) for _ in self.used]
@@ -111,10 +109,9 @@ class MarginWatch:
         """Longest loop delay so far."""
         self._scenario, self._mutual = scenario, law_kind(scenario).mutual
         self._vehicles = vehicles
-        self._columns = columns
         self._note = note
         self.beyond: set[VehicleId] = set()
-        """Those whose loop's delay is beyond what keeps it stable."""
+        """Vehicles whose loop's delay is beyond what keeps it stable."""
         self._near: set[VehicleId] = set()
         self._lags_off = [[0.0] * len(self.used) for _ in CHANNELS]
         self._calm = Counter[tuple[VehicleId, str]]()
@@ -150,7 +147,7 @@ class MarginWatch:
                 self._look(now, vehicle, axes)
 
     def _look(self, now: Instant, vehicle: Vehicle, axes: Mapping[str, Usage]) -> None:
-        column, delay = self._columns[vehicle.identity], self._delay(vehicle.identity)
+        column, delay = vehicle.column, self._delay(vehicle.identity)
         if self._scenario.law.on_delay == "degrade":
             self._set_bandwidth(now, vehicle, axes, delay)
         by_delay = max(usage.of(delay, self._of(column, axis)) for axis, usage in axes.items())
@@ -176,7 +173,7 @@ class MarginWatch:
 
     def _let_go(self, leader: Vehicle) -> None:
         """Forget the loops of a vehicle that leads now."""
-        column = self._columns[leader.identity]
+        column = leader.column
         self.used[column], self.bandwidth[column] = math.nan, [1.0] * len(CHANNELS)
         self._near.discard(leader.identity)
         self.beyond.discard(leader.identity)
@@ -189,14 +186,14 @@ class MarginWatch:
             down_s = float(np.fmax.reduce([self._vehicles[each].down_s for each in self._axes]))
         rates = self._scenario.telemetry.rate_hz, law.rate_hz
         up_s = 2.0 * clock.one_way_s - self._vehicles[identity].down_s
-        return LoopDelay(loop_delay_s(up_s, down_s, 0.0, *rates), clock.scatter_s)
+        return LoopDelay(loop_delay_s(up_s, down_s, *rates), clock.scatter_s)
 
     def _of(self, column: int, axis: str) -> float:
         return self.bandwidth[column][_channels(axis)[0]]
 
     def _set_bandwidth(self, now: Instant, vehicle: Vehicle, axes: Mapping[str, Usage], delay: LoopDelay) -> None:
         """Choose a new bandwidth on axes that use too much of the margin, or little at lowered gains."""
-        column, changed = self._columns[vehicle.identity], False
+        column, changed = vehicle.column, False
         for axis, usage in axes.items():
             before = self._of(column, axis)
             used, which = usage.of(delay, before), (vehicle.identity, axis)
@@ -217,7 +214,7 @@ class MarginWatch:
             self._near.add(vehicle.identity)
             text, details = f"uses {used:.0%} of its delay margin", dict[str, Detail](used=used)
             if channel is not None:
-                off = self._lags_off[channel][self._columns[vehicle.identity]]
+                off = self._lags_off[channel][vehicle.column]
                 text += f": {list(CHANNELS.values())[channel]} doesn't follow as its model says, lags are {off:.0%} off"
                 details["lags_off"] = off
             self._note(now, "delay_margin", text, vehicle, details)
@@ -226,7 +223,7 @@ class MarginWatch:
             self._note(now, "delay_margin", "is well inside its delay margin again", vehicle, {"used": used})
 
     def _say_gains(self, now: Instant, vehicle: Vehicle, delay: LoopDelay, used: float) -> None:
-        shares = dict(zip(CHANNELS.values(), self.bandwidth[self._columns[vehicle.identity]], strict=True))
+        shares = dict(zip(CHANNELS.values(), self.bandwidth[vehicle.column], strict=True))
         words = ", ".join(f"{channel} {share:.0%}" for channel, share in shares.items())
         lowered = min(shares.values()) < 1.0
         text = f"gains lowered; shares of the bandwidth: {words}" if lowered else "gains are the scenario's again"
@@ -242,24 +239,24 @@ def _channels(axis: str) -> list[int]:
 class NoiseWatch:
     """Compares the noise that is seen with the declared one; the law goes by what is seen."""
 
-    def __init__(self, vehicles: dict[VehicleId, Vehicle], columns: dict[VehicleId, int], note: Note) -> None:
-        """Watch `vehicles`, whose columns in the estimate are `columns`."""
-        self._vehicles, self._columns, self._note = vehicles, columns, note
+    def __init__(self, vehicles: dict[VehicleId, Vehicle], note: Note) -> None:
+        """Watch `vehicles`."""
+        self._vehicles, self._note = vehicles, note
         self._off: set[VehicleId] = set()
 
-    def watch(self, now: Instant, noise: NoiseEstimate) -> None:
+    def watch(self, now: Instant, noise: list[VehicleNoise]) -> None:
         """Look once a second; of a vehicle whose noise is off, the quantity that is farthest off is named."""
-        for identity, column in self._columns.items():
-            ratios, was_off, worst, apart = noise.ratios(column), identity in self._off, 0, 1.0
+        for identity, vehicle in self._vehicles.items():
+            ratios, was_off, worst, apart = noise[vehicle.column].ratios(), identity in self._off, 0, 1.0
             for place, each in enumerate(ratios):
                 if max(each, 1.0 / each) > apart:
                     worst, apart = place, max(each, 1.0 / each)
             if not was_off and apart >= OFF:
                 self._off.add(identity)
-                sigma, ratio = noise.sigma(column)[worst], ratios[worst]
+                sigma, ratio = noise[vehicle.column].sigma()[worst], ratios[worst]
                 text = f"{QUANTITIES[worst]} is {ratio:.1f} times as noisy as declared: {sigma:.2g} {UNITS[worst]}"
-                self._note(now, "noise", text, self._vehicles[identity], {"ratio": ratio})
+                self._note(now, "noise", text, vehicle, {"ratio": ratio})
             elif was_off and apart < BACK:
                 self._off.remove(identity)
                 details: dict[str, Detail] = {"ratio": ratios[worst]}
-                self._note(now, "noise", "is as noisy as declared again", self._vehicles[identity], details)
+                self._note(now, "noise", "is as noisy as declared again", vehicle, details)

@@ -27,7 +27,7 @@ ORDER_COMES_S: Final = 5.0
 BACK_S: Final = 3.0
 """Largest age of telemetry with which a vehicle returns to the formation."""
 UNCOMMANDED: Final = (Member.FLYING, Member.UNHEARD)
-"""Those that haven't been told to loiter."""
+"""Memberships of vehicles that haven't been told to loiter."""
 
 
 class Sight(NamedTuple):
@@ -73,13 +73,10 @@ def following(member: Member, sight: Sight) -> Member:
 class Membership:
     """The vehicles' membership in the formation."""
 
-    def __init__(
-        self, scenario: Scenario, vehicles: dict[VehicleId, Vehicle], columns: dict[VehicleId, int], note: Note
-    ) -> None:
-        """Judge `vehicles`, the leader first; `columns` are theirs in the estimator."""
+    def __init__(self, scenario: Scenario, vehicles: dict[VehicleId, Vehicle], note: Note) -> None:
+        """Judge `vehicles`, the leader first."""
         self._holds_delayed, self._max_age_s = scenario.law.on_delay == "hold", scenario.law.max_age_s
         self._vehicles = vehicles
-        self._columns = columns
         self._note = note
         self._ground = GroundFloor(scenario)
         self._circles_m: Mapping[VehicleId, float] | None = None
@@ -141,7 +138,7 @@ class Membership:
 
     def _sight(self, vehicle: Vehicle, estimator: StateEstimator, now: Instant, *, fresh: bool) -> Sight:
         heard = vehicle.connection.state in TALKING
-        forgotten = not estimator.age_s(self._columns[vehicle.identity], now) <= FORGOTTEN_AFTER_S
+        forgotten = not estimator.age_s(vehicle.column, now) <= FORGOTTEN_AFTER_S
         commanded = self._commanded_to_loiter.get(vehicle.identity)
         return Sight(
             started=vehicle.start_up.finished,
@@ -170,7 +167,7 @@ class Membership:
         limit_s = min(self._max_age_s, BACK_S if out else limit_s)
         if seconds_between(vehicle.heard_at(now), now) > max(limit_s, UNANSWERED_S):
             return False
-        age_s = estimator.age_s(self._columns[vehicle.identity], now)
+        age_s = estimator.age_s(vehicle.column, now)
         return math.isnan(age_s) or age_s <= limit_s
 
     def end(self, circles_m: Mapping[VehicleId, float]) -> None:

@@ -14,7 +14,7 @@ from airlink.endpoint import VehicleId
 from airlink.engine import Datagram
 from airlink.frame import Frame
 from airlink.messages.system import Heartbeat
-from gcs_formation.link.source_binding import ADMITTED, Finding
+from gcs_formation.link.source_binding import ADMITTED
 from gcs_formation.phases import Flight, Phase
 from gcs_formation.recorder import GiveUp, Note
 from gcs_formation.vehicle.vehicle import STATION_SYSTEM, Vehicle
@@ -63,13 +63,12 @@ class Senders:
         if ruling is ADMITTED:
             return vehicle
         if ruling.finding is not None:
-            self._note_finding(vehicle, ruling.finding, now)
+            self._note_finding(vehicle, ruling.finding, datagram, now, admitted=ruling.admitted)
         return vehicle if ruling.admitted else None
 
-    def _note_finding(self, vehicle: Vehicle, finding: Finding, now: Instant) -> None:
-        kind, text, peer = finding
-        self._note(now, kind, text, vehicle, {"peer": str(peer)})
-        if kind == "address":
+    def _note_finding(self, vehicle: Vehicle, text: str, datagram: Datagram, now: Instant, *, admitted: bool) -> None:
+        self._note(now, "address" if admitted else "duplicate", text, vehicle, {"peer": str(datagram.peer)})
+        if admitted:
             vehicle.sequence.restart()
         elif self._flight.phase is Phase.CONNECTING:
             self._give_up(f"vehicle {vehicle.identity}: {text}; allowed: each id once", now)

@@ -1,6 +1,6 @@
 """The route from where the leader is to the start of its run-in: the shortest of a turn, a straight and a turn.
 
-Source: L. E. Dubins, American Journal of Mathematics 79 (1957): the ways with a least radius between two poses.
+Source: L. E. Dubins, American Journal of Mathematics 79 (1957): the ways with a least radius between two points.
 """
 
 from __future__ import annotations
@@ -13,38 +13,29 @@ from flight_model.curve import PathPoint
 TURN: Final = 2 * math.pi
 
 
-class Pose(NamedTuple):
-    """A position and a course over ground (clockwise from north)."""
-
-    north_m: float
-    east_m: float
-    height_m: float
-    course_rad: float
-
-
 class Leg(NamedTuple):
     """A piece of constant curvature: positive to the right."""
 
-    start: Pose
+    start: PathPoint
     length_m: float
     curvature_1pm: float
 
-    def at(self, distance_m: float) -> Pose:
-        """Return the pose at a distance from the leg's start; its height is the start's."""
-        north, east, height, course = self.start
+    def at(self, distance_m: float) -> PathPoint:
+        """Return the point at a distance from the leg's start, as high as that."""
+        start = self.start
         if self.curvature_1pm == 0.0:
-            return Pose(north + distance_m * math.cos(course), east + distance_m * math.sin(course), height, course)
-        turned = course + distance_m * self.curvature_1pm
-        return Pose(
-            north + (math.sin(turned) - math.sin(course)) / self.curvature_1pm,
-            east - (math.cos(turned) - math.cos(course)) / self.curvature_1pm,
-            height,
+            return start.straight_on(distance_m)
+        turned = start.course_rad + distance_m * self.curvature_1pm
+        return PathPoint(
+            start.north_m + (math.sin(turned) - math.sin(start.course_rad)) / self.curvature_1pm,
+            start.east_m - (math.cos(turned) - math.cos(start.course_rad)) / self.curvature_1pm,
+            start.height_m,
             turned,
         )
 
 
 class JoinRoute:
-    """Legs, and a height that changes from that of the first pose to that of the last at `slope`."""
+    """Legs, and a height that changes from that of the first point to that of the last at `slope`."""
 
     def __init__(self, legs: tuple[Leg, ...], begin_height_m: float, end_height_m: float, slope: float) -> None:
         """Take three legs."""
@@ -60,15 +51,15 @@ class JoinRoute:
     def at(self, distance_m: float) -> PathPoint:
         """Return the point at a distance from the start; beyond its ends the route is straight."""
         leg, along_m = self._leg(distance_m)
-        pose = leg.at(along_m)
+        point = leg.at(along_m)
         way_m = self.end_height_m - self.begin_height_m
         climbed_m = math.copysign(min(abs(way_m), max(distance_m, 0.0) * self.slope), way_m)
         climbing = distance_m >= 0.0 and abs(climbed_m) < abs(way_m)
         return PathPoint(
-            pose.north_m,
-            pose.east_m,
+            point.north_m,
+            point.east_m,
             self.begin_height_m + climbed_m,
-            pose.course_rad,
+            point.course_rad,
             leg.curvature_1pm if 0.0 <= distance_m <= self.length_m else 0.0,
             0.0,
             math.copysign(self.slope, way_m) if climbing else 0.0,
@@ -86,14 +77,14 @@ class JoinRoute:
         return Leg(last.at(last.length_m), math.inf, 0.0), distance_m
 
 
-def join(start: Pose, end: Pose, radius_m: float, slope: float) -> JoinRoute:
+def join(start: PathPoint, end: PathPoint, radius_m: float, slope: float) -> JoinRoute:
     """Return the shortest of the four routes turn, straight, turn; turns have `radius_m`."""
     found = (_legs(start, end, radius_m, first, last) for first in (1, -1) for last in (1, -1))
     routes = [JoinRoute(legs, start.height_m, end.height_m, slope) for legs in found if legs]
     return min(routes, key=lambda route: route.length_m)
 
 
-def _legs(start: Pose, end: Pose, radius_m: float, first: int, last: int) -> tuple[Leg, ...]:
+def _legs(start: PathPoint, end: PathPoint, radius_m: float, first: int, last: int) -> tuple[Leg, ...]:
     """Return the legs for turns to the right (1) or left (-1); none if the circles are too near for opposite turns."""
     from_north, from_east = _centre(start, radius_m * first)
     to_north, to_east = _centre(end, radius_m * last)
@@ -112,8 +103,8 @@ def _legs(start: Pose, end: Pose, radius_m: float, first: int, last: int) -> tup
     return turn, straight, Leg(straight.at(straight_m), final_m, last / radius_m)
 
 
-def _centre(pose: Pose, to_the_right_m: float) -> tuple[float, float]:
+def _centre(point: PathPoint, to_the_right_m: float) -> tuple[float, float]:
     return (
-        pose.north_m - to_the_right_m * math.sin(pose.course_rad),
-        pose.east_m + to_the_right_m * math.cos(pose.course_rad),
+        point.north_m - to_the_right_m * math.sin(point.course_rad),
+        point.east_m + to_the_right_m * math.cos(point.course_rad),
     )

@@ -13,7 +13,7 @@ from flight_model.displacement import PEAK_CHANGE, PEAK_RATE, DisplacedPath, min
 from flight_model.path import Route, SplinePath
 from flight_model.slot import LEADS_FROM_MPS, Slot
 from gcs_formation.estimation.setpoint_history import HISTORY_S
-from gcs_formation.guidance.join_route import JoinRoute, Pose, join
+from gcs_formation.guidance.join_route import JoinRoute, join
 from gcs_formation.guidance.tracking import (
     LEAST_MPS,
     MotionRates,
@@ -263,10 +263,6 @@ class LeaderGuidance:
         """Fly at another speed from now on; one that stands goes on facing where it does."""
         self.speed_mps, self.turn = speed_mps, self.turn if speed_mps == 0.0 else None
 
-    def face(self, turn: TurnOnSpot) -> None:
-        """Turn the nose of a leader that stands."""
-        self.turn = turn
-
     def heading(self, state: FlightState) -> RouteHeading:
         """Return the route's own heading, turn and climb at the leader, without corrections towards the route."""
         return route_heading(self._here(), state)
@@ -309,14 +305,12 @@ class LeaderGuidance:
         if abs(right_m) < ON_PATH_M and abs(off_rad) < ON_PATH_RAD:
             self.route, self.distance_m = self.path, abreast_m
             return
-        begin = Pose(state.north_m, state.east_m, state.height_m, course)
+        begin = PathPoint(state.north_m, state.east_m, state.height_m, course)
         slope = CLIMB_SHARE * self.climb_max_mps / max(self.speed_mps, LEAST_MPS)
         ways: list[tuple[float, JoinRoute, float]] = []
         for ahead in range(1, RETURNS + 1):
             to_m = abreast_m + ahead * self.hold_radius_m
-            end = self.path.at(to_m)
-            goal = Pose(end.north_m, end.east_m, end.height_m, end.course_rad)
-            way = join(begin, goal, self.hold_radius_m, slope)
+            way = join(begin, self.path.at(to_m), self.hold_radius_m, slope)
             ways.append((way.length_m - (to_m - abreast_m), way, to_m))
         direct = [way for way in ways if way[0] < self.hold_radius_m]
         _, self.route, self.joins_m = direct[0] if direct else min(ways, key=lambda way: way[0])
@@ -333,10 +327,9 @@ class LeaderGuidance:
     def _join(self, state: FlightState) -> None:
         """Take the route to the start of the run-in."""
         entry = self.path.at(-max(self.run_in_m, SETTLE_S * self.speed_mps))
-        begin = Pose(state.north_m, state.east_m, state.height_m, _course(state))
-        end = Pose(entry.north_m, entry.east_m, entry.height_m, entry.course_rad)
+        begin = PathPoint(state.north_m, state.east_m, state.height_m, _course(state))
         slope = CLIMB_SHARE * self.climb_max_mps / max(self.speed_mps, LEAST_MPS)
-        self.route, self.distance_m = join(begin, end, self.hold_radius_m, slope), 0.0
+        self.route, self.distance_m = join(begin, entry, self.hold_radius_m, slope), 0.0
 
 
 def _course(state: FlightState) -> float:

@@ -15,12 +15,12 @@ from typing import NamedTuple
 import numpy as np
 
 from flight_model import energy
-from flight_model.arrays import Array, wrap
+from flight_model.arrays import Array, Indices, wrap
 from flight_model.energy import AirframeParameters
 from flight_model.frequency_response import airframe_responses
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
 from gcs_formation.errors import RecordError
-from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Indices, advance
+from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, advance
 from gcs_formation.identify.recording import STEP_S, Recording
 
 HORIZON_S = 6.0
@@ -164,9 +164,9 @@ class _Windows:
     def errors(self, lags: Array, limits: VehicleModel) -> Array:
         """Return (3, P, W): predicted less measured, by equation (7) with these lags."""
         model = _columns(lags, limits, self.commanded.shape[2])
-        state, step_s, ends = self.state, np.full((1, self.commanded.shape[2]), STEP_S), list[Array]()
+        state, step_s, ends = self.state, np.full(self.commanded.shape[2], STEP_S), list[Array]()
         for commanded in self.commanded:
-            state = advance(state, commanded[None], step_s, model)
+            state = advance(state, commanded, step_s, model)
             ends.append(np.array((state.airspeed_mps, state.heading_rad, state.height_m)))
         error = np.stack(ends, axis=1) - self.seen
         error[1] = wrap(error[1])
@@ -226,11 +226,11 @@ def flown_by_lags(recording: Recording, model: VehicleModel) -> Array:
         recording = _aimed(recording, model, model.prompt_share, model.rest_s)
     columns = _columns(np.array([getattr(model, name) for name in LAGS]), model, 1)
     airspeed, heading, height, climb = recording.seen[:, :1]
-    none, step_s, late = np.zeros(1), np.full((1, 1), STEP_S), round(recording.delay_s / STEP_S)
+    none, step_s, late = np.zeros(1), np.full(1, STEP_S), round(recording.delay_s / STEP_S)
     state, flown = FlightStates(none, none, height, climb, airspeed, heading, none, none), list[Array]()
     for point in range(recording.seen.shape[1]):
         flown.append(np.array((state.airspeed_mps, state.heading_rad, state.height_m))[:, 0])
-        state = advance(state, recording.commanded[None, :, max(point - late, 0), None], step_s, columns)
+        state = advance(state, recording.commanded[:, max(point - late, 0), None], step_s, columns)
     return np.array(flown).T
 
 

@@ -8,14 +8,10 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Final
 
-from librt.vecs import vec
-from mypy_extensions import i64
-
 from airlink.clock import NANOSECONDS, Instant, seconds_between
 from airlink.endpoint import Address
 from airlink.engine import Datagram
 from airlink.frame import Frame, ParserCounts, StreamParser
-from airlink.messages import KINDS, Message, kind_of
 
 MODULUS: Final = 256
 ANY: Final = -1
@@ -95,27 +91,6 @@ class SequenceTracker:
             self._expect()
         else:
             self.repeated += 1
-
-
-class MessageCounts:
-    """How many messages of each kind have come."""
-
-    def __init__(self) -> None:
-        """Start with none."""
-        self._counts = vec[i64]([0] * len(KINDS))
-        self.total = 0
-        """With those that aren't of `airlink.messages`."""
-
-    def take(self, message: Message | None) -> None:
-        """Count a message."""
-        self.total += 1
-        if message is not None:
-            self._counts[message.kind().place] += 1
-
-    def get(self, message_id: int, default: int = 0) -> int:
-        """Return how many with an id have come."""
-        kind = kind_of(message_id)
-        return default if kind is None else self._counts[kind.place]
 
 
 class JitterMeter:

@@ -45,19 +45,12 @@ class Evidence(Enum):
     ANOTHERS = "its clock is another's"
 
 
-class Finding(NamedTuple):
-    """A finding to report."""
-
-    kind: str
-    text: str
-    peer: Address
-
-
 class Ruling(NamedTuple):
     """Whether a frame is accepted as the vehicle's."""
 
     admitted: bool
-    finding: Finding | None = None
+    finding: str | None = None
+    """What to report: of an accepted frame that the vehicle has moved, of another that there is a second sender."""
 
 
 ADMITTED: Final = Ruling(True)
@@ -132,15 +125,14 @@ class SourceBinding:
             return REFUSED
         return Ruling(True, self._move(remote, evidence, now))
 
-    def _move(self, remote: Remote, evidence: Evidence, now: Instant) -> Finding:
+    def _move(self, remote: Remote, evidence: Evidence, now: Instant) -> str:
         connection = self._connection
         silence_s = seconds_between(connection.last_heard, now)
         before, (connection.socket, connection.peer) = connection.peer, remote
         self._duplicates.pop(remote, None)
-        text = f"is heard from {remote[1]}; {before} fell silent {silence_s:.1f} s ago, {evidence.value}"
-        return Finding("address", text, remote[1])
+        return f"is heard from {remote[1]}; {before} fell silent {silence_s:.1f} s ago, {evidence.value}"
 
-    def _another(self, remote: Remote, evidence: Evidence, now: Instant) -> Finding | None:
+    def _another(self, remote: Remote, evidence: Evidence, now: Instant) -> str | None:
         """Record a frame of another sender; return a finding, once, when it is certain that there are two."""
         self._duplicates = {
             r: each for r, each in self._duplicates.items() if seconds_between(each.last, now) < FORGOTTEN_S
@@ -160,7 +152,7 @@ class SourceBinding:
         duplicate.reported = True
         where = "from the same address" if remote[1] == bound else f"from {remote[1]}, beside {bound}"
         about = f", {evidence.value}" if evidence is not NOTHING else ""
-        return Finding("duplicate", f"another sender has its system id, {where}{about}; it is ignored", remote[1])
+        return f"another sender has its system id, {where}{about}; it is ignored"
 
     def _last_word(self, remote: Remote) -> Instant:
         """Return when the vehicle itself was last heard for certain, given another sender at `remote`."""

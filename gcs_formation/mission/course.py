@@ -83,7 +83,6 @@ class Course:
         membership: Membership,
         dispatch: Dispatch,
         vehicles: dict[VehicleId, Vehicle],
-        columns: dict[VehicleId, int],
         note: Note,
         may_command: Callable[[], bool],
     ) -> None:
@@ -95,7 +94,6 @@ class Course:
             membership: is told then that nobody who loiters comes back.
             dispatch: holds setpoints back, which aren't sent any more once vehicles loiter.
             vehicles: all of them.
-            columns: theirs in a tick.
             note: reports events.
             may_command: whether vehicles may be commanded yet; before that a run ends without a command.
         """
@@ -106,15 +104,11 @@ class Course:
         """Whether the flight was ended before its path or time was."""
         self._scenario, self._controller = scenario, controller
         self._membership, self._dispatch = membership, dispatch
-        self._vehicles, self._columns = vehicles, columns
-        self._note, self._may_command = note, may_command
-        self._ending, self._ground, self._late = Ending({}), GroundFloor(scenario), False
-        self._opening: Opening | None = None
-
-    @property
-    def opening(self) -> Opening | None:
+        self._vehicles, self._note, self._may_command = vehicles, note, may_command
+        self._ground, self._late = GroundFloor(scenario), False
+        self._ending = Ending({}, self._ground)
+        self.opening: Opening | None = None
         """The opening of the formation at its end, while it lasts."""
-        return self._opening
 
     def move(self, cause: Cause, now: Instant, manner: End = "loiter") -> bool:
         """Go to the phase that `cause` leads to; return whether it leads anywhere. `manner`: if that is the end."""
@@ -193,9 +187,9 @@ class Course:
         opens, landings = self.flight.phase is Phase.ENDING, self._ending.landings.called_off()
         ahead_m = self._controller.ahead_m(OPENING_LIMIT_S if opens else 0.0)
         gap_m = self._scenario.safety.avoidance.distance_m
-        self._ending = Ending(self._vehicles, manner, self._ground, landings, ahead_m, gap_m)
+        self._ending = Ending(self._vehicles, self._ground, manner, landings, ahead_m, gap_m)
         self._ending.begin(now, self._scenario.finish.loiter_s if cause in (Cause.PATH_ENDED, Cause.ORDERED) else 0.0)
-        self._opening = None
+        self.opening = None
         if opens:
-            self._opening = Opening(self._ending.stack, self._controller, self._vehicles, self._columns, now)
+            self.opening = Opening(self._ending.stack, self._controller, self._vehicles, now)
             self._membership.end(self._ending.stack.heights_m)

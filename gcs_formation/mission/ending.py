@@ -15,7 +15,7 @@ from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
 from formation_scenario.orders import End
 from gcs_formation.controller import FormationController
-from gcs_formation.fleet.circling import OPENING_LIMIT_S, STACK_M, Band, GroundFloor, Place, loiter_heights, may_meet
+from gcs_formation.fleet.circling import OPENING_LIMIT_S, STACK_M, Band, GroundFloor, loiter_heights, may_meet
 from gcs_formation.link.connection import TALKING
 from gcs_formation.mission.landing import Landings, lowest_circle_m, why_not
 from gcs_formation.recorder import VehicleLink
@@ -37,7 +37,7 @@ LOITER_LIMIT_S = 20.0
 class Flier:
     """A vehicle in the air, at the end of a flight."""
 
-    place: Place
+    place: Motion
     commanded_m: float
     """The height that it was told last, or is left at."""
     band: Band | None = None
@@ -80,7 +80,7 @@ class Stack:
         if any(identity not in self.heights_m or self._in_way(identity, taken) for identity in free):
             self._assign(free, taken)
 
-    def add(self, places: Mapping[VehicleId, Place]) -> None:
+    def add(self, places: Mapping[VehicleId, Motion]) -> None:
         """Give a height to those of the vehicles that have none; nobody else's changes."""
         new = {identity: place for identity, place in places.items() if identity not in self.heights_m}
         taken = [*self._taken.values(), *(Band(height_m, height_m) for height_m in self.heights_m.values())]
@@ -97,9 +97,8 @@ class Stack:
         pairs = (pair for pair in combinations(fliers, 2) if not steered.isdisjoint(pair))
         return all(self._gap(*pair, fliers) >= self._gap_m for pair in pairs)
 
-    def _assign(self, places: Mapping[VehicleId, Place], taken: Sequence[Band]) -> None:
-        where = {identity: _Home(place.height_m) if self._together else place for identity, place in places.items()}
-        self.heights_m |= loiter_heights(where, self._floor_m, taken, self._apart_m)
+    def _assign(self, places: Mapping[VehicleId, Motion], taken: Sequence[Band]) -> None:
+        self.heights_m |= loiter_heights(places, self._floor_m, taken, self._apart_m, together=self._together)
 
     def _in_way(self, identity: VehicleId, taken: list[Band]) -> bool:
         height_m = self.heights_m[identity]
@@ -117,15 +116,6 @@ class Stack:
         return max(low_m - others_high_m, others_low_m - high_m)
 
 
-@dataclass(frozen=True)
-class _Home:
-    """The place over which all circle."""
-
-    height_m: float
-    north_m: float = 0.0
-    east_m: float = 0.0
-
-
 class Opening:
     """Opens a controller's formation, tick by tick."""
 
@@ -134,13 +124,11 @@ class Opening:
         stack: Stack,
         controller: FormationController,
         vehicles: Mapping[VehicleId, Vehicle],
-        columns: Mapping[VehicleId, int],
         now: Instant,
     ) -> None:
-        """Steer to the heights of `stack`; `columns` are the vehicles' in the controller."""
+        """Steer to the heights of `stack`."""
         self._stack, self._controller = stack, controller
-        self._vehicles, self._columns = vehicles, columns
-        self._since = now
+        self._vehicles, self._since = vehicles, now
         self._fliers: dict[VehicleId, Flier] = {}
 
     def steer(self, links: list[VehicleLink], now: Instant) -> list[float]:
@@ -148,12 +136,12 @@ class Opening:
         self._fliers = {
             identity: flier
             for identity, vehicle in self._vehicles.items()
-            if (flier := self._flier(identity, vehicle, links, now)) is not None
+            if (flier := self._flier(vehicle, links, now)) is not None
         }
         self._stack.take(self._fliers)
         heights_m = [math.nan] * len(links)
-        for identity, column in self._columns.items():
-            heights_m[column] = self._stack.heights_m.get(identity, math.nan)
+        for identity, vehicle in self._vehicles.items():
+            heights_m[vehicle.column] = self._stack.heights_m.get(identity, math.nan)
         return heights_m
 
     def over(self, now: Instant) -> bool:
@@ -161,8 +149,8 @@ class Opening:
         late = seconds_between(self._since, now) >= OPENING_LIMIT_S
         return late or self._stack.apart(self._fliers)
 
-    def _flier(self, identity: VehicleId, vehicle: Vehicle, links: list[VehicleLink], now: Instant) -> Flier | None:
-        place, column = place_of(vehicle), self._columns[identity]
+    def _flier(self, vehicle: Vehicle, links: list[VehicleLink], now: Instant) -> Flier | None:
+        place, column = place_of(vehicle), vehicle.column
         unheard_s = seconds_between(vehicle.connection.last_heard, now)
         if place is None or not vehicle.telemetry.armed or unheard_s > FORGOTTEN_AFTER_S:
             return None
@@ -215,8 +203,8 @@ class Ending:
     def __init__(
         self,
         vehicles: Mapping[VehicleId, Vehicle],
+        ground: GroundFloor,
         manner: End = "loiter",
-        ground: GroundFloor | None = None,
         landings: Landings | None = None,
         ahead: Sequence[tuple[float, float]] = ((0.0, 0.0),),
         gap_m: float = 0.0,
@@ -225,13 +213,13 @@ class Ending:
 
         Args:
             vehicles: all of them.
-            manner: how the flight ends.
             ground: the ground to keep clear of.
+            manner: how the flight ends.
             landings: those of an earlier order to land, where a vehicle is still landing; it is left to that.
             ahead: how far north and east the formation may have flown on when it leaves, m, point by point.
             gap_m: the distance that vehicles must be apart.
         """
-        self.landings = landings or Landings(lambda: why_not(vehicles, ground) if ground else None)
+        self.landings = landings or Landings(lambda: why_not(vehicles, ground))
         commanded = {identity: each for identity, each in vehicles.items() if not each.is_left}
         self._ours = {identity: each for identity, each in commanded.items() if not self.landings.is_pending(each)}
         places = [
@@ -301,10 +289,8 @@ class Ending:
         return identity in self._left and vehicle.telemetry.armed
 
 
-def _floor_m(places: Sequence[tuple[float, float]], manner: End, ground: GroundFloor | None) -> float:
+def _floor_m(places: Sequence[tuple[float, float]], manner: End, ground: GroundFloor) -> float:
     """Return the lowest height for all circles: over the ground here or, with `rtl` and `land`, on the ways home."""
-    if ground is None:
-        return -math.inf
     if manner != "loiter":
         return max((ground.over_way_home(*place) for place in places), default=-math.inf)
     return max((ground.top(*place).height_m for place in places), default=-math.inf)

@@ -46,14 +46,13 @@ class Reconfiguration:
         scenario: Scenario,
         controller: FormationController,
         vehicles: dict[VehicleId, Vehicle],
-        columns: dict[VehicleId, int],
         note: Note,
     ) -> None:
-        """Change the formation that `controller` flies; `columns` are the vehicles' in it."""
+        """Change the formation that `controller` flies."""
         self._scenario = scenario
         self._ground = scenario.ground
         self._controller = controller
-        self._by_column = {column: vehicles[identity] for identity, column in columns.items()}
+        self._by_column = {vehicle.column: vehicle for vehicle in vehicles.values()}
         self._names = column_names(scenario)
         self._note = note
         self._wanted: Arrangement | None = None
@@ -207,7 +206,7 @@ class Reconfiguration:
         models, reach_m = controller.models, controller.plan.at(now / NANOSECONDS, begun=True).reach_m
         limits = min(each.speed_max_mps for each in models), min(each.accel_max_mps2 for each in models)
         facing_rad = guidance.facing_rad(tick.state[controller.plan.leader])
-        guidance.face(TurnOnSpot.to(heading_rad, facing_rad, now, reach_m, *limits))
+        guidance.turn = TurnOnSpot.to(heading_rad, facing_rad, now, reach_m, *limits)
         return None
 
     def _path_deg(self) -> float:

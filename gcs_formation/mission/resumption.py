@@ -47,9 +47,9 @@ class Resumption:
     distance_m: float
     """How far along the path the leader had come."""
     speed_mps: float
-    heading_rad: float | None
-    """Where multirotors that stand had been ordered to face."""
     """At which the path was flown."""
+    heading_rad: float | None
+    """Where multirotors that stand had been ordered to face; None: nowhere."""
     arrangement: Arrangement
     slots_m: Array
     """(C, 3) the slots, forward, right and up of the leader."""
@@ -99,20 +99,20 @@ class Takeover:
 
     def __init__(self, resumed: Resumption | None, vehicles: Mapping[VehicleId, Vehicle], note: Note) -> None:
         """Take over `vehicles`."""
-        self._resumed, self._vehicles, self._note = resumed, vehicles, note
+        self.resumed, self._vehicles, self._note = resumed, vehicles, note
         self._decided = set[VehicleId]()
 
     def waits_for(self, now: Instant) -> list[Vehicle] | None:
         """Return the vehicles that haven't been heard and are waited for; None if a start waits for all of them."""
-        if self._resumed is None:
+        if self.resumed is None:
             return None
-        late = seconds_between(self._resumed.at, now) > WAIT_S
-        flew = {identity for identity, known in self._resumed.vehicles.items() if known.flew} or self._vehicles.keys()
+        late = seconds_between(self.resumed.at, now) > WAIT_S
+        flew = {identity for identity, known in self.resumed.vehicles.items() if known.flew} or self._vehicles.keys()
         return [] if late else [each for identity, each in self._silent() if identity in flew]
 
     def may_act(self, vehicle: Vehicle, now: Instant) -> bool:
         """Return whether a vehicle may be commanded; one that is to be left as it is, is left to its pilot here."""
-        resumed, seen = self._resumed, vehicle.telemetry
+        resumed, seen = self.resumed, vehicle.telemetry
         if resumed is None or vehicle.identity in self._decided:
             return True
         if not (vehicle.start_up.asked_for_telemetry and seen.complete and seen.heartbeat):
@@ -133,17 +133,12 @@ class Takeover:
 
     def leader(self, now: Instant) -> VehicleId | None:
         """Return who is to lead: whoever led, or after a while the nearest to it that follows setpoints."""
-        resumed = self._resumed
+        resumed = self.resumed
         if resumed is None or not resumed.near:
             return None
         waited = seconds_between(resumed.at, now) > WAIT_S
         fit: Iterable[VehicleId] = resumed.near if waited else resumed.near[:1]
         return next((each for each in fit if self._vehicles[each].member is Member.FLYING), None)
-
-    @property
-    def resumed(self) -> Resumption | None:
-        """What is resumed."""
-        return self._resumed
 
     def settled(self, now: Instant) -> bool:
         """Return whether it is decided of everybody who is heard, and nobody else is waited for."""
@@ -152,12 +147,12 @@ class Takeover:
 
     def failure(self, now: Instant) -> str | None:
         """Return why there is nothing to take over, None while there is, or may be."""
-        if self._resumed is None or not self.settled(now):
+        if self.resumed is None or not self.settled(now):
             return None
         taken = [vehicle for i, vehicle in self._vehicles.items() if i in self._decided and not vehicle.is_left]
         if not taken:
             return "no vehicle to take over: none was heard in the air as the flight had left it"
-        if not self._resumed.near and len(taken) < len(self._vehicles):
+        if not self.resumed.near and len(taken) < len(self._vehicles):
             return "a virtual leader flies amid all vehicles, and not all can be taken over"
         return None
 

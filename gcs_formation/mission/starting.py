@@ -17,7 +17,7 @@ from gcs_formation.mission.resumption import Takeover
 from gcs_formation.phases import OVER, Flight, Phase
 from gcs_formation.recorder import GiveUp, Note
 from gcs_formation.vehicle.autopilot import Step
-from gcs_formation.vehicle.checks import ParameterReader, demands
+from gcs_formation.vehicle.checks import ParameterReader
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 
 IN_ORDER = "in order"
@@ -56,7 +56,7 @@ class PreFlight:
         if caution.parameters:
             for planned in scenario.vehicles:
                 autopilot = vehicles[planned.vehicle_id].autopilot
-                checks = autopilot.checks(demands(scenario, planned))
+                checks = autopilot.checks(planned.model, scenario.path)
                 self._readers[planned.vehicle_id] = ParameterReader(planned.id, checks, autopilot.parameter)
         self._judged, self._refused = set[VehicleId](), False
         self.warnings: dict[VehicleId, tuple[str, ...]] = {}
@@ -207,7 +207,7 @@ class Starting:
         if self._flight.phase is not Phase.FLYING and self._takeover.resumed is None:
             self._give_up(text, now)
         elif not vehicle.start_up.abandoned:
-            vehicle.start_up.abandon()
+            vehicle.start_up.abandoned = True
             self._note(now, "abandoned", text, vehicle)
 
 

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Mask
 from formation_scenario.law import PidGains
-from gcs_formation.control.laws import law_kind
+from gcs_formation.control.laws import gain_range
 from gcs_formation.fleet.margin_watch import NEAR
 from gcs_formation.record import figures_of_merit
 from gcs_formation.record.figures_of_merit import setpoint_steps
@@ -158,9 +158,9 @@ def _gain(axes: Axes, run: RunData, columns: Columns, gain: str, window: Mask) -
         shown = extremes(values, BUCKETS)
         label = f"{channel}: $k_p$ {nominal.kp:.3g}, $k_i$ {nominal.ki:.3g}/s, $k_d$ {nominal.kd:.3g} s"
         axes.plot(time_s[shown], values[shown], color=colour, lw=0.8, label=label)
-    gain_range = law_kind(run.scenario).gain_range(law)
-    if gain_range.span > 0.0:
-        low, high = gain_range.base, gain_range.base + gain_range.span
+    gains_range = gain_range(run.scenario)
+    if gains_range.span > 0.0:
+        low, high = gains_range.base, gains_range.base + gains_range.span
         axes.axhspan(low, high, color=GREY, alpha=0.12, lw=0, label="range of the fuzzy scheduler")
     span(axes, float(time_s[0]), float(time_s[-1]))
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 
-from flight_model.arrays import Array, Mask, within, wrap
+from flight_model.arrays import Array, Indices, Mask, within
 from gcs_formation.estimation.flight_state import (
     AirLags,
     AutopilotModels,
@@ -15,7 +15,6 @@ from gcs_formation.estimation.flight_state import (
     FlightStates,
     Height,
     HeightSteps,
-    Indices,
     Row,
     Setpoints,
     advance,
@@ -120,12 +119,6 @@ class Manoeuvre(Columns):
         """The setpoint that comes first."""
         return Setpoints.of(self.table[:3])
 
-    def with_columns(self, which: Indices, other: Self) -> Self:
-        """Return these with the columns `which` taken from `other`."""
-        changed = self.of(self.table.copy())
-        changed.fill(which, other)
-        return changed
-
 
 @dataclass(frozen=True)
 class Traffic:
@@ -190,7 +183,7 @@ def _begun(traffic: Traffic, manoeuvre: Manoeuvre, times_s: Array) -> tuple[Flig
     count = traffic.lead_s.size
     twice = np.concatenate((np.arange(count), np.arange(count)))
     both, elapsed_s = traffic.take(twice), np.concatenate((traffic.lead_s, traffic.lead_s + times_s[1]))
-    state = advance(both.state, manoeuvre.first.table[None][:, :, twice], elapsed_s[None], both.model)
+    state = advance(both.state, manoeuvre.first.table[:, twice], elapsed_s, both.model)
     state = state.turned(both.turn_rps, elapsed_s)
     return state.take(twice[:count]), state.take(twice[count:] + count)
 
@@ -203,12 +196,9 @@ def _level(traffic: Traffic, manoeuvre: Manoeuvre, times_s: Array, begin: Flight
 def _way(traffic: Traffic, state: FlightStates, manoeuvre: Manoeuvre, times_s: Array) -> Array:
     """Return (2, S, N) north and east, `times_s` after `state`, by the trapezium rule of the velocity."""
     model = traffic.model
-    value = state.air_motion
-    error = manoeuvre.air_motion - value
-    error[1] = wrap(error[1])
-    error[np.isnan(error)] = 0.0
     lags = AirLags.of(model)
-    along = value + error - lags.remaining(error, times_s[:, None, None])
+    error = lags.errors(state.air_motion, manoeuvre.air_motion)
+    along = state.air_motion + error - lags.remaining(error, times_s[:, None, None])
     speed, heading = along[:, 0], along[:, 1] + traffic.turn_rps * times_s[:, None]
     velocity = np.array((speed * np.cos(heading) + state.wind_north_mps, speed * np.sin(heading) + state.wind_east_mps))
     steps = (velocity[:, 1:] + velocity[:, :-1]) / 2 * np.diff(times_s)[:, None]

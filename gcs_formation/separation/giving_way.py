@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flight_model.arrays import Array, Mask, any_of
-from gcs_formation.estimation.flight_state import Indices, Setpoints
+from flight_model.arrays import Array, Indices, Mask, any_of
+from gcs_formation.estimation.flight_state import Setpoints
 from gcs_formation.separation.approach import (
     Approach,
     Manoeuvre,
@@ -21,7 +21,7 @@ from gcs_formation.separation.approach import (
     fly_level,
     may_come_near,
 )
-from gcs_formation.separation.traffic import TrafficPicture, free_heights, possible_pairs, take_height
+from gcs_formation.separation.traffic import REFERENCE, TrafficPicture, free_heights, possible_pairs, take_height
 
 RELEASE = 1.1
 """Share of the kept distance that must stay free before a vehicle stops giving way."""
@@ -31,18 +31,6 @@ HELPED_BELOW = 0.9
 HEIGHTS_MAX = 8
 """Most heights that are looked at for one vehicle."""
 SWEEPS = 2
-
-
-@dataclass(frozen=True)
-class Memory:
-    """What the rule remembers between ticks, (N,): 1 above, -1 below the others, 0 of those that don't give way."""
-
-    side: Array
-
-    @property
-    def yielding(self) -> Mask:
-        """Who gives way."""
-        return self.side != 0
 
 
 @dataclass(frozen=True)
@@ -60,16 +48,20 @@ class Resolution:
     """What is commanded instead."""
 
     setpoints: Setpoints
-    memory: Memory
+    side: Array
+    """(N,) what is remembered until the next tick: 1 above, -1 below the others, 0 of those that don't give way."""
     conflicts: tuple[Conflict, ...]
 
 
-def resolve(picture: TrafficPicture, memory: Memory) -> Resolution:
-    """Return the setpoints that keep the distances; exactly those that came in where nobody need give way."""
+def resolve(picture: TrafficPicture, side: Array) -> Resolution:
+    """Return the setpoints that keep the distances; exactly those that came in where nobody need give way.
+
+    `side` is that of the last tick's resolution, (N,).
+    """
     one, other = possible_pairs(picture)
-    if not any_of(memory.yielding) and not any_of(_near_level(picture, one, other)):
-        return Resolution(picture.setpoints, memory, ())
-    return _Search(picture, memory, one, other).resolution()
+    if not any_of(side != 0) and not any_of(_near_level(picture, one, other)):
+        return Resolution(picture.setpoints, side, ())
+    return _Search(picture, side, one, other).resolution()
 
 
 def _near_level(picture: TrafficPicture, one: Indices, other: Indices) -> Mask:
@@ -85,17 +77,17 @@ def _near_level(picture: TrafficPicture, one: Indices, other: Indices) -> Mask:
 class _Search:
     """One tick's search, vehicle by vehicle."""
 
-    def __init__(self, picture: TrafficPicture, memory: Memory, one: Indices, other: Indices) -> None:
+    def __init__(self, picture: TrafficPicture, side: Array, one: Indices, other: Indices) -> None:
         self._picture = picture
-        self._side = memory.side.copy()
-        self._before = memory.yielding
+        self._side = side.copy()
+        self._before = side != 0
         self._manoeuvre = picture.as_commanded()
         self._ways = fly(picture.traffic, self._manoeuvre, picture.times_s)
         self._conflicts: dict[int, tuple[Conflict, ...]] = {}
         near = approach(self._ways[:, :, one], self._ways[:, :, other], picture.minimum(one, other), picture.times_s)
         bad = near.deficit_ms > NEGLIGIBLE_MS
         self._waiting = {self._second(i, j) for i, j in zip(one[bad].tolist(), other[bad].tolist(), strict=True)}
-        self._waiting |= set(np.flatnonzero(memory.yielding & picture.commanded).tolist())
+        self._waiting |= set(np.flatnonzero(self._before & picture.commanded).tolist())
 
     def resolution(self) -> Resolution:
         self._side[~self._picture.commanded] = 0.0
@@ -107,7 +99,7 @@ class _Search:
         found = [
             conflict for vehicle, each in sorted(self._conflicts.items()) if yielding[vehicle] for conflict in each
         ]
-        return Resolution(Setpoints.of(setpoints), Memory(self._side), tuple(found))
+        return Resolution(Setpoints.of(setpoints), self._side, tuple(found))
 
     def _second(self, i: int, j: int) -> int:
         """Return who of a pair gives way first: the later one, if it's commanded."""
@@ -174,7 +166,7 @@ class _Search:
 
     def _adopt(self, vehicle: int, chosen: Manoeuvre, *, yielding: bool) -> None:
         which = np.array([vehicle])
-        self._manoeuvre = self._manoeuvre.with_columns(which, chosen)
+        self._manoeuvre.table[:, which] = chosen.table
         self._ways[:, :, which] = fly(self._picture.traffic.take(which), chosen, self._picture.times_s)
         upwards = chosen.height_m[0] >= self._picture.setpoints.height_m[vehicle]
         self._side[vehicle] = 0.0 if not yielding else (1.0 if upwards else -1.0)
@@ -188,7 +180,7 @@ class _Search:
         picture = self._picture
         courses = take_height(picture, vehicle, picture.setpoints.height_m[[vehicle]])
         which = np.full(courses.height_m.size, vehicle, dtype=np.intp)
-        moved = picture.velocity_mps[:, picture.reference, None, None] * picture.times_s[:, None]
+        moved = picture.velocity_mps[:, REFERENCE, None, None] * picture.times_s[:, None]
         ours = fly_level(picture.traffic.take(which), courses, picture.times_s) - moved
         others = np.delete(np.arange(picture.commanded.size, dtype=np.intp), vehicle)
         theirs = self._ways[:2, :, others] - moved

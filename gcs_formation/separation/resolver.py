@@ -9,17 +9,17 @@ from typing import Final
 import numpy as np
 
 from airlink.clock import NANOSECONDS, Instant
-from flight_model.arrays import Array, or_zero
+from flight_model.arrays import Array, Indices, or_zero
 from flight_model.autopilot import AutopilotModel, FlightState, advance, within, wrap
 from flight_model.slot import NOTHING, Triple
 from formation_scenario import Scenario, slot_schedule
-from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Indices, Setpoints
+from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
 from gcs_formation.estimation.projection import Measured
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.recorder import Tick, VehicleLink
 from gcs_formation.separation.approach import Traffic, sample_times
-from gcs_formation.separation.first_look import Look, nobody_near
-from gcs_formation.separation.giving_way import Conflict, Memory, Resolution, resolve
+from gcs_formation.separation.first_look import nobody_near
+from gcs_formation.separation.giving_way import Conflict, Resolution, resolve
 from gcs_formation.separation.traffic import TrafficPicture
 from gcs_formation.vehicle.vehicle import UNANSWERED_S
 
@@ -71,7 +71,7 @@ class Unresponsive:
         return False
 
     def among(self, members: list[int]) -> list[int]:
-        """Return those of some vehicles that may not respond."""
+        """Return which of the columns `members` may not respond."""
         return [each for each in members if self._disobeying[each] or self._held[each] is not None]
 
     def traffic(self, which: list[int], measured: Measured, at: int) -> Traffic:
@@ -160,7 +160,7 @@ class ConflictResolver:
             return
         picture = self._picture(tick, measured, members, self._unresponsive.among(members))
         side = np.array(self._side)[picture.vehicles]
-        resolution = resolve(picture, Memory(np.where(picture.commanded, side, 0.0)))
+        resolution = resolve(picture, np.where(picture.commanded, side, 0.0))
         self._replace(tick, picture.vehicles, resolution)
         self._note(tick.now, picture, resolution.conflicts)
 
@@ -177,23 +177,21 @@ class ConflictResolver:
         acts = measured.acts[first:]
         together = max(acts)
         return nobody_near(
-            Look(
-                states=tick.state[first:],
-                setpoints=tick.setpoints[first:],
-                models=self._models[first:],
-                lead_s=[(together - each) / NANOSECONDS for each in acts],
-                timing_s=_timing_s(tick)[first:],
-                reference=max(0, tick.leader - first),
-                kept_m=self.kept_m,
-                first_s=self._first_s,
-                horizon_s=self._horizon_s,
-            )
+            tick.state[first:],
+            tick.setpoints[first:],
+            self._models[first:],
+            [(together - each) / NANOSECONDS for each in acts],
+            _timing_s(tick)[first:],
+            reference=max(0, tick.leader - first),
+            kept_m=self.kept_m,
+            first_s=self._first_s,
+            horizon_s=self._horizon_s,
         )
 
     def _replace(self, tick: Tick, vehicles: Indices, resolution: Resolution) -> None:
         """Put what the rule decided in the place of what the law did, and remember where they differ."""
         self._side = [0.0] * len(self._models)
-        sides: list[float] = resolution.memory.side.tolist()
+        sides: list[float] = resolution.side.tolist()
         columns: list[int] = vehicles.tolist()
         commanded: list[list[float]] = resolution.setpoints.table.T.tolist()
         for column, side, (speed_mps, heading_rad, height_m) in zip(columns, sides, commanded, strict=True):
@@ -247,7 +245,6 @@ class ConflictResolver:
             kept_m=self.kept_m,
             kept_from_others_m=self._kept_from_others_m,
             timing_s=np.array([timing_s[each] for each in vehicles]),
-            reference=0,
             floor=self._floor_m,
             times_s=self._times_s,
         )

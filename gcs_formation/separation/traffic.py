@@ -9,12 +9,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flight_model.arrays import Array, Mask, all_of, within, wrap
-from gcs_formation.estimation.flight_state import AirLags, FlightStates, Indices, Setpoints
+from flight_model.arrays import Array, Indices, Mask, all_of, within, wrap
+from gcs_formation.estimation.flight_state import AirLags, FlightStates, Setpoints
 from gcs_formation.separation.approach import COARSE_S, Manoeuvre, MinimumDistance, Traffic, reach_m
 
 BESIDE_M = 1.0
 """How much farther than the kept distance above or below another a vehicle aims that gives way."""
+REFERENCE = 0
+"""The vehicle along whose velocity the others can always fly: a picture's first, the leader where it counts."""
 FEW = 32
 """Vehicles of whom a look at every pair costs less than a search for those that are near."""
 
@@ -35,8 +37,6 @@ class TrafficPicture:
     """The one that's kept from those that aren't."""
     timing_s: Array
     """(N,) how much earlier or later than reckoned a vehicle may be where it's reckoned to be."""
-    reference: int
-    """The vehicle along whose velocity the others can always fly: the leader."""
     floor: Callable[[FlightStates], Array]
     """Gives the height (N,) that no vehicle is sent below by the rule."""
     times_s: Array
@@ -53,8 +53,8 @@ class TrafficPicture:
     def along(self) -> tuple[Array, Array]:
         """Airspeed and heading of the reference as each vehicle can fly them, (N,); NaN for those not commanded."""
         state, model = self.traffic.state, self.traffic.model
-        speed = within(state.airspeed_mps[self.reference], model.speed_min_mps, model.speed_max_mps)
-        heading = np.full(speed.size, state.heading_rad[self.reference])
+        speed = within(state.airspeed_mps[REFERENCE], model.speed_min_mps, model.speed_max_mps)
+        heading = np.full(speed.size, state.heading_rad[REFERENCE])
         return np.where(self.commanded, speed, np.nan), np.where(self.commanded, heading, np.nan)
 
     def lasting(self, vehicle: int) -> tuple[float, float]:
@@ -64,7 +64,7 @@ class TrafficPicture:
         isn't the heading of now any more: a way that begins so and turns back couldn't be flown on at the next tick.
         """
         speed, heading = self.along
-        turns = vehicle == self.reference
+        turns = vehicle == REFERENCE
         return (np.nan, np.nan) if turns else (float(speed[vehicle]), float(heading[vehicle]))
 
     def minimum(self, one: Indices, other: Indices) -> MinimumDistance:
@@ -88,7 +88,7 @@ class TrafficPicture:
         return Manoeuvre(setpoints, *self.along, setpoints.height_m)
 
     def straight(self, which: Indices) -> Manoeuvre:
-        """Return the same for some, but straight on instead of along the reference."""
+        """Return what the vehicles `which` do that first fly as commanded, then straight on, as high."""
         setpoints, on = self.setpoints.take(which), np.full(which.size, np.nan)
         return Manoeuvre(setpoints, on, on, setpoints.height_m)
 
@@ -178,13 +178,12 @@ def bound(picture: TrafficPicture) -> Reach:
     first_s, horizon_s = traffic.lead_s + picture.times_s[1], traffic.lead_s + picture.times_s[-1]
     error += np.minimum(to_setpoint / lags.tau_s, lags.rate_max) * first_s
     off = error * (first_s + lags.tau_s + COARSE_S / 2) + error**2 / (2 * lags.rate_max)
-    reference = picture.reference
-    drift_mps = _length(state.wind_mps - state.wind_mps[:, [reference]]) + np.abs(
-        along[0] - state.airspeed_mps[reference]
+    drift_mps = _length(state.wind_mps - state.wind_mps[:, [REFERENCE]]) + np.abs(
+        along[0] - state.airspeed_mps[REFERENCE]
     )
     far_m = off[0] + along[0] * off[1] + drift_mps * horizon_s
     fast_mps = error[0] + along[0] * error[1] + drift_mps
-    frame_mps = picture.velocity_mps[:, [reference]]
+    frame_mps = picture.velocity_mps[:, [REFERENCE]]
     place_m = state.level_m + frame_mps * traffic.lead_s
     if not all_of(picture.commanded):
         _free(picture, frame_mps, far_m, fast_mps, horizon_s)

@@ -7,11 +7,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from flight_model.arrays import Array
+from flight_model.arrays import Array, Complex
 from formation_scenario.graph import Component, as_adjacency, laplacian, spanning_components
 from gcs_formation.stability.loops import Loop, PidGains, Plant
-
-Complex = npt.NDArray[np.complex128]
 
 _GRID = 400
 _MARGINAL = 1e-10

@@ -12,7 +12,7 @@ from formation_scenario.graph import scenario_adjacency
 from formation_scenario.model import Scenario
 from formation_scenario.slot_assignment import planned_slots
 from formation_scenario.vehicles import VehicleModel
-from gcs_formation.control.laws import law_kind
+from gcs_formation.control.laws import gain_range, law_kind, nominal_gains
 from gcs_formation.control.mixer import TRAIL_S
 from gcs_formation.stability.consensus import ground_consensus_loops
 from gcs_formation.stability.loops import (
@@ -47,16 +47,15 @@ def follower_margins(scenario: Scenario) -> dict[VehicleId, LawMargins]:
     A follower's margin is the least over the slots that it has during the run, at the speed along the path. The
     scenario's leader counts as a follower where another vehicle is to lead.
     """
-    kind = law_kind(scenario)
-    gain_range, nominal_gains = kind.gain_range(scenario.law), kind.nominal(scenario.law)
+    gains_range, nominal = gain_range(scenario), nominal_gains(scenario)
 
     @cache
-    def axis(nominal: PidGains, plant: Plant) -> tuple[float, float]:
-        return loop_margin(nominal, plant, gain_range), worst_loop_margin(nominal, plant, gain_range)
+    def axis(gains: PidGains, plant: Plant) -> tuple[float, float]:
+        return loop_margin(gains, plant, gains_range), worst_loop_margin(gains, plant, gains_range)
 
     def margins(model: VehicleModel, x_rc_m: float) -> LawMargins:
         plants = _plants(scenario, model, x_rc_m)
-        axes = {name: axis(*loop) for name, *loop in zip("xyz", nominal_gains, plants, strict=True)}
+        axes = {name: axis(*loop) for name, *loop in zip("xyz", nominal, plants, strict=True)}
         return LawMargins(*({name: each[which] for name, each in axes.items()} for which in (0, 1)))
 
     return {
@@ -74,7 +73,7 @@ def follower_loops(scenario: Scenario) -> dict[VehicleId, dict[str, tuple[Loop, 
 
 
 def leader_loops(scenario: Scenario) -> dict[VehicleId, dict[str, tuple[Loop, ...]]]:
-    """Return the same loops around the scenario's leader while another vehicle leads, for every planned slot."""
+    """Return the loops x, y and z around the scenario's leader while another vehicle leads, for every planned slot."""
     leader, places_m = scenario.leader, [x_rc_m for _, _, row in _planned(scenario) for x_rc_m in row]
     return {leader.vehicle_id: _loops(scenario, leader.model, places_m)} if leader and places_m else {}
 
@@ -86,9 +85,7 @@ def _planned(scenario: Scenario) -> list[tuple[VehicleId, VehicleModel, list[flo
 
 
 def _loops(scenario: Scenario, model: VehicleModel, places_m: Sequence[float]) -> dict[str, tuple[Loop, ...]]:
-    kind = law_kind(scenario)
-    gain_range = kind.gain_range(scenario.law)
-    gains = [gain_range.gains(nominal, SMALL_SIGNAL) for nominal in kind.nominal(scenario.law)]
+    gains = [gain_range(scenario).gains(nominal, SMALL_SIGNAL) for nominal in nominal_gains(scenario)]
     plants = [_plants(scenario, model, x_rc_m) for x_rc_m in sorted(set(places_m))]
     return {
         axis: tuple(dict.fromkeys(Loop(pid, of_slot[i]) for of_slot in plants))
@@ -104,8 +101,7 @@ def _least(margins: Collection[LawMargins]) -> LawMargins:
 
 
 def _plants(scenario: Scenario, model: VehicleModel, x_rc_m: float) -> tuple[Plant, Plant, Plant]:
-    weights = scenario.law.mixer
-    mixer = Mixer(weights.k_v, weights.k_x, weights.k_psi, weights.k_y, weights.k_z)
+    mixer = Mixer(**scenario.law.mixer.model_dump())
     speed_mps, towed = scenario.path.speed_mps, scenario.formation.frame == "follower_heading"
     right = right_plant(mixer, model, speed_mps, max(x_rc_m, TRAIL_S * speed_mps) if towed else 0.0)
     forward = forward_plant(mixer, model)

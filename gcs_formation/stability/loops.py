@@ -14,13 +14,13 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from flight_model.arrays import Array
+from flight_model.arrays import Array, Complex
 from flight_model.slot import Triple
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.control.fuzzy_pid import FIXED_GAINS, GainRange, PidGains
 from gcs_formation.control.mixer import Mixer
 
-Coefficients = npt.NDArray[np.float64] | npt.NDArray[np.complex128]
+Coefficients = Array | Complex
 MID_RANGE: Triple = (0.5, 0.5, 0.5)
 """(F_p, F_i, F_d) of the nominal gains with the default range."""
 
@@ -76,12 +76,12 @@ class Rational(NamedTuple):
     numerator: Coefficients
     denominator: Coefficients
 
-    def at(self, frequency: npt.ArrayLike) -> npt.NDArray[np.complex128]:
+    def at(self, frequency: npt.ArrayLike) -> Complex:
         """Frequency response at w, rad/s."""
         s = np.asarray(1j * np.asarray(frequency, dtype=np.float64), dtype=np.complex128)
         return np.asarray(_values(self.numerator, s) / _values(self.denominator, s))
 
-    def closed_loop_poles(self) -> npt.NDArray[np.complex128]:
+    def closed_loop_poles(self) -> Complex:
         """Poles with unit negative feedback."""
         return _roots(_sum(self.denominator, self.numerator))
 
@@ -228,15 +228,13 @@ def _around(outputs: Triple, step: float) -> list[Triple]:
     return near
 
 
-def loop_delay_s(
-    uplink_s: float, downlink_s: float, compute_s: float, telemetry_rate_hz: float, law_rate_hz: float
-) -> float:
+def loop_delay_s(uplink_s: float, downlink_s: float, telemetry_rate_hz: float, law_rate_hz: float) -> float:
     """Delay of the loop closed over the link, to hold against its margin.
 
-    T = uplink + downlink + compute + half a telemetry period (mean age of a sample when its successor is
-    awaited) + half a control period (mean age of a held setpoint).
+    T = uplink + downlink + half a telemetry period (mean age of a sample when its successor is awaited) + half a
+    control period (mean age of a held setpoint).
     """
-    return uplink_s + downlink_s + compute_s + 0.5 / telemetry_rate_hz + 0.5 / law_rate_hz
+    return uplink_s + downlink_s + 0.5 / telemetry_rate_hz + 0.5 / law_rate_hz
 
 
 def _lag_and_integral(tau_s: float, proportional: float, integral: float) -> Plant:
@@ -262,7 +260,7 @@ def _sum(longer: Coefficients, shorter: Coefficients) -> Coefficients:
     return total
 
 
-def _values(polynomials: Coefficients, s: npt.NDArray[np.complex128]) -> npt.NDArray[np.complex128]:
+def _values(polynomials: Coefficients, s: Complex) -> Complex:
     """Values of each row's polynomial at the same row of s, by Horner's rule."""
     values = np.zeros_like(s)
     for power in range(polynomials.shape[-1]):
@@ -270,7 +268,7 @@ def _values(polynomials: Coefficients, s: npt.NDArray[np.complex128]) -> npt.NDA
     return values
 
 
-def _roots(polynomials: Coefficients) -> npt.NDArray[np.complex128]:
+def _roots(polynomials: Coefficients) -> Complex:
     """Return the roots (n, m - 1) of each row's polynomial (n, m): the eigenvalues of its companion matrix."""
     degree = polynomials.shape[-1] - 1
     companions = np.zeros((*polynomials.shape[:-1], degree, degree), dtype=polynomials.dtype)
@@ -282,5 +280,5 @@ def _roots(polynomials: Coefficients) -> npt.NDArray[np.complex128]:
 def _squared_moduli(polynomials: Coefficients) -> Array:
     """|p(iw)|^2 of each row's polynomial (n, m), as polynomials in w (n, 2 m - 1)."""
     turns = np.asarray(1j ** np.arange(polynomials.shape[-1] - 1, -1, -1), dtype=np.complex128)
-    along_axis: list[npt.NDArray[np.complex128]] = list(polynomials * turns)
+    along_axis: list[Complex] = list(polynomials * turns)
     return np.array([np.convolve(row, row.conj()).real for row in along_axis])

@@ -13,10 +13,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from flight_model.arrays import Array
+from flight_model.arrays import Array, Complex
 from gcs_formation.stability.loops import Loop, Plant, Rational, delay_margin, stacked
-
-Response = npt.NDArray[np.complex128]
 
 _GRID = 4000
 LAGS_OFF = 0.3
@@ -103,7 +101,7 @@ def mismatch_crossings(loop: Loop, delay_s: float, true: Loop) -> Array:
     exact, row = loop.open_loop(), carried(loop.plant, delay_s)
     late, true_late = (each.with_output(row).open_loop() for each in (loop, true))
 
-    def ratio(w: Array) -> npt.NDArray[np.complex128]:
+    def ratio(w: Array) -> Complex:
         behind = np.exp(-1j * w * delay_s)
         return true_late.at(w) * behind / (1.0 + exact.at(w) - late.at(w) * behind)
 
@@ -222,13 +220,13 @@ class _OnGrid(NamedTuple):
     """What of the characteristic equation hangs on the model alone, at frequencies w, rad/s."""
 
     w: Array
-    returned: Response
+    returned: Complex
     """1 + L."""
-    late: Response
+    late: Complex
     """M."""
-    delay: Response
+    delay: Complex
     """exp(-sT)."""
-    origin: Response
+    origin: Complex
     """The factors s/(s + 1)."""
 
 

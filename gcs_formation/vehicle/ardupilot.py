@@ -1,16 +1,12 @@
 """ArduPilot's families, ArduPlane and ArduCopter: how each is commanded, and the parameters on which a flight depends.
 
-Source: ArduPilot documentation, "Get and set message intervals" and "Complete Parameter List" (names since 4.6).
+An ArduPlane flies in GUIDED by commands of airspeed, altitude and heading, each of which it acknowledges. An ArduCopter
+flies in GUIDED by a stream of SET_POSITION_TARGET_LOCAL_NED with velocity and yaw: it flies the velocity over ground
+that it is told, whatever the wind, so the wind that the station estimates for it is none.
 
-Sources: ArduPilot documentation, "Plane: GUIDED mode", "AUTOLAND Mode", "Get and set message intervals", "Complete
-Parameter List" (names since 4.6) and "Plane Failsafe Function"; its acceptance and refusals as its simulator showed
-them.
-
-It is commanded in GUIDED by a stream of SET_POSITION_TARGET_LOCAL_NED with velocity and yaw. It flies the velocity over
-ground that it is told, whatever the wind: the wind that the station estimates is none.
-
-Sources: ArduPilot documentation, "Copter Commands in Guided Mode", "Complete Parameter List" and "GCS Failsafe"; its
-acceptance and refusals as its simulator showed them.
+Sources: ArduPilot documentation, "Plane: GUIDED mode", "AUTOLAND Mode", "Plane Failsafe Function", "Copter Commands in
+Guided Mode", "GCS Failsafe", "Get and set message intervals" and "Complete Parameter List" (names since 4.6); what each
+accepts and refuses, as ArduPilot's simulator showed it.
 """
 
 from __future__ import annotations
@@ -25,8 +21,10 @@ from airlink.messages import Message
 from airlink.messages.command import CommandInt, CommandLong
 from airlink.messages.system import Heartbeat
 from flight_model.autopilot import FlightState, Setpoint
+from formation_scenario.model import PathPlan
+from formation_scenario.vehicles import VehicleModel
 from gcs_formation.vehicle.autopilot import Autopilot, Command, Step
-from gcs_formation.vehicle.checks import Check, Demands, envelope_checks
+from gcs_formation.vehicle.checks import Check, envelope_checks, lowest_m
 from gcs_formation.vehicle.hovering import MULTIROTOR_TYPES, stands, velocity_setpoint
 from gcs_formation.vehicle.lead import VelocityLead
 from gcs_formation.vehicle.telemetry import Telemetry
@@ -106,33 +104,6 @@ class ArduPilot(Autopilot, ABC):
         return on_ground or self.is_airborne(seen)
 
 
-def arduplane_checks(asked: Demands) -> tuple[Check, ...]:
-    """Return what to read from an ArduPlane of which a scenario asks this much."""
-    return (
-        OUR_HEARTBEATS,
-        Check(
-            ("FS_GCS_ENABL",),
-            "1 or 2; without it a plane whose setpoints stop flies straight on for ever",
-            lambda value: value in FAILSAFE_BY_HEARTBEAT,
-        ),
-        Check(
-            ("FS_LONG_ACTN",),
-            "1 (RTL), 4 (AUTO) or 5 (AUTOLAND) when our heartbeats stop",
-            lambda value: value in PLANE_LEADS_AWAY,
-        ),
-        patience("FS_LONG_TIMEOUT"),
-        Check(
-            ("TKOFF_ALT",),
-            f"{LEAST_TAKE_OFF_M} m or more; lower, the climb ends before the formation takes over",
-            lambda value: value >= LEAST_TAKE_OFF_M,
-            lambda _: True,
-        ),
-        *envelope_checks(
-            asked, "AIRSPEED_MIN", "AIRSPEED_MAX", "AIRSPEED_CRUISE", "ROLL_LIMIT_DEG", ("refused", "refused")
-        ),
-    )
-
-
 class ArduPlane(ArduPilot):
     """A fixed-wing ArduPilot, commanded in GUIDED by MAV_CMD_GUIDED_CHANGE_SPEED, _ALTITUDE and _HEADING."""
 
@@ -142,6 +113,7 @@ class ArduPlane(ArduPilot):
     """TKOFF_ALT is 50 m, and the climb ends softly."""
     guided_mode = m.PLANE_MODE_GUIDED
     setpoint_commands = (SPEED, HEADING, ALTITUDE)
+    take_off_mode = m.PLANE_MODE_TAKEOFF
     loiter_mode = m.PLANE_MODE_LOITER
     circling_mode = m.PLANE_MODE_LOITER
     home_mode = m.PLANE_MODE_RTL
@@ -176,14 +148,31 @@ class ArduPlane(ArduPilot):
             ),
         )
 
-    def checks(self, asked: Demands) -> tuple[Check, ...]:
+    def checks(self, model: VehicleModel, path: PathPlan) -> tuple[Check, ...]:
         """Return failsafes, limits and whose heartbeats count."""
-        return arduplane_checks(asked)
-
-    def climbs_out(self, telemetry: Telemetry) -> bool:
-        """Return whether it is in TAKEOFF, below the height at which that ends."""
-        motion, mode = telemetry.motion, telemetry.custom_mode
-        return motion is not None and mode == m.PLANE_MODE_TAKEOFF and motion.above_home_m <= self.take_off_m
+        return (
+            OUR_HEARTBEATS,
+            Check(
+                ("FS_GCS_ENABL",),
+                "1 or 2; without it a plane whose setpoints stop flies straight on for ever",
+                lambda value: value in FAILSAFE_BY_HEARTBEAT,
+            ),
+            Check(
+                ("FS_LONG_ACTN",),
+                "1 (RTL), 4 (AUTO) or 5 (AUTOLAND) when our heartbeats stop",
+                lambda value: value in PLANE_LEADS_AWAY,
+            ),
+            patience("FS_LONG_TIMEOUT"),
+            Check(
+                ("TKOFF_ALT",),
+                f"{LEAST_TAKE_OFF_M} m or more; lower, the climb ends before the formation takes over",
+                lambda value: value >= LEAST_TAKE_OFF_M,
+                lambda _: True,
+            ),
+            *envelope_checks(
+                model, path, "AIRSPEED_MIN", "AIRSPEED_MAX", "AIRSPEED_CRUISE", "ROLL_LIMIT_DEG", ("refused", "refused")
+            ),
+        )
 
     def setpoint(self, setpoint: Setpoint, where: FlightState) -> tuple[Command, ...]:  # noqa: ARG002 - no place is told
         """Return speed, altitude above sea level and heading, in this order.
@@ -232,9 +221,6 @@ class ArduPlane(ArduPilot):
     def _to_take_off(self, _: Telemetry) -> tuple[Command, ...]:
         return (self.set_mode(m.PLANE_MODE_TAKEOFF),)
 
-    def _is_taking_off(self, seen: Telemetry) -> bool:
-        return self.is_airborne(seen) or seen.custom_mode == m.PLANE_MODE_TAKEOFF
-
     def _has_climbed(self, seen: Telemetry) -> bool:
         if seen.custom_mode != m.PLANE_MODE_TAKEOFF and self.is_airborne(seen):
             return True
@@ -245,36 +231,6 @@ def _compass(heading_rad: float) -> float:
     """Return degrees in [0, 360) that stay there as a 32-bit float: 360 is refused."""
     degrees = heading_rad * DEGREES % 360.0
     return degrees if degrees < ALL_ROUND_DEG else 0.0
-
-
-def arducopter_checks(asked: Demands) -> tuple[Check, ...]:
-    """Return what to read from an ArduCopter of which a scenario asks this much."""
-    fastest, speed = asked.speed_max_mps, asked.speed_mps
-    return (
-        OUR_HEARTBEATS,
-        Check(
-            ("FS_GCS_ENABLE",),
-            "1 (RTL) to 7; without it a copter whose setpoints stop stands where it is until its battery fails",
-            lambda value: value in COPTER_LEADS_AWAY,
-        ),
-        patience("FS_GCS_TIMEOUT"),
-        Check(
-            ("WPNAV_SPEED",),
-            f"{fastest / CM:g} cm/s or more, its model's speed_max_mps; it flies no faster",
-            lambda value: value * CM >= fastest,
-            lambda value: value * CM < speed,
-        ),
-        Check(
-            ("WPNAV_ACCEL",),
-            f"{asked.accel_max_mps2 / CM:g} cm/s² or more, its model's accel_max_mps2",
-            lambda value: value * CM >= asked.accel_max_mps2,
-        ),
-        Check(
-            ("RTL_ALT",),
-            "at most the lowest height of the path, in cm: lower than that, nobody climbs into others on the way home",
-            lambda value: value * CM <= asked.lowest_m,
-        ),
-    )
 
 
 class ArduCopter(ArduPilot):
@@ -318,9 +274,35 @@ class ArduCopter(ArduPilot):
             Step("waited for it to climb", self._has_climbed, timeout_s=60.0),
         )
 
-    def checks(self, asked: Demands) -> tuple[Check, ...]:
+    def checks(self, model: VehicleModel, path: PathPlan) -> tuple[Check, ...]:
         """Return failsafe, limits and whose heartbeats count."""
-        return arducopter_checks(asked)
+        fastest, speed = model.speed_max_mps, path.speed_mps
+        return (
+            OUR_HEARTBEATS,
+            Check(
+                ("FS_GCS_ENABLE",),
+                "1 (RTL) to 7; without it a copter whose setpoints stop stands where it is until its battery fails",
+                lambda value: value in COPTER_LEADS_AWAY,
+            ),
+            patience("FS_GCS_TIMEOUT"),
+            Check(
+                ("WPNAV_SPEED",),
+                f"{fastest / CM:g} cm/s or more, its model's speed_max_mps; it flies no faster",
+                lambda value: value * CM >= fastest,
+                lambda value: value * CM < speed,
+            ),
+            Check(
+                ("WPNAV_ACCEL",),
+                f"{model.accel_max_mps2 / CM:g} cm/s² or more, its model's accel_max_mps2",
+                lambda value: value * CM >= model.accel_max_mps2,
+            ),
+            Check(
+                ("RTL_ALT",),
+                "at most the lowest height of the path, in cm: lower than that, nobody climbs into others on the way "
+                "home",
+                lambda value: value * CM <= lowest_m(path),
+            ),
+        )
 
     def setpoint(self, setpoint: Setpoint, where: FlightState) -> tuple[Message, ...]:
         """Return one message: velocity over ground, and the course as yaw where it moves.
@@ -329,14 +311,6 @@ class ArduCopter(ArduPilot):
         """
         nose_rad = setpoint.heading_rad if stands(setpoint) else math.nan
         return (velocity_setpoint(self.system, setpoint, where, nose_rad, self.velocity_lead),)
-
-    def loiter(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:  # noqa: ARG002 - it stands where it is
-        """Return BRAKE."""
-        return (self.set_mode(self.loiter_mode),)
-
-    def go_home(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:  # noqa: ARG002 - at the height it has
-        """Return RTL: it flies home at its height, or at RTL_ALT if that is higher, and lands there."""
-        return (self.set_mode(self.home_mode),)
 
     def _is_guided(self, seen: Telemetry) -> bool:
         return seen.custom_mode == self.guided_mode

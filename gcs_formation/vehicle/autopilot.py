@@ -14,8 +14,10 @@ from airlink.messages.command import CommandInt, CommandLong, ParamValue
 from airlink.messages.system import Heartbeat
 from flight_model.autopilot import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
+from formation_scenario.model import PathPlan
 from formation_scenario.orders import End
-from gcs_formation.vehicle.checks import Check, Demands
+from formation_scenario.vehicles import VehicleModel
+from gcs_formation.vehicle.checks import Check
 from gcs_formation.vehicle.hovering import ground_motion
 from gcs_formation.vehicle.telemetry import Telemetry
 
@@ -110,6 +112,8 @@ class Autopilot(ABC):
     """Period of the autopilot's main loop, on which it answers, s."""
     take_off_m: ClassVar[float]
     """Height above home at which a take-off is complete, m."""
+    take_off_mode: ClassVar[int] = -1
+    """In which it takes off; -1: in the guided mode."""
     loiter_mode: ClassVar[int]
     home_mode: ClassVar[int]
     """In which its failsafe flies home."""
@@ -123,7 +127,7 @@ class Autopilot(ABC):
         m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
         m.MAVLINK_MSG_ID_VFR_HUD,
     )
-    """Those with its motion, asked for at the scenario's rate."""
+    """Messages with its motion, asked for at the scenario's rate."""
     slow_messages: ClassVar[tuple[int, ...]] = (m.MAVLINK_MSG_ID_SYS_STATUS,)
     """What else is asked for, at `SLOW_RATE_HZ`: `vehicle.telemetry` keeps it."""
     unasked_hz: ClassVar[dict[int, float]] = {m.MAVLINK_MSG_ID_HEARTBEAT: 1.0}
@@ -224,9 +228,13 @@ class Autopilot(ABC):
     def is_airborne(self, telemetry: Telemetry) -> bool:
         """Whether the vehicle flies, by its own account."""
 
-    def climbs_out(self, telemetry: Telemetry) -> bool:  # noqa: ARG002 - of fixed wings
-        """Return whether the vehicle is taking off and still too low to do anything else: never one that hovers."""
-        return False
+    def climbs_out(self, telemetry: Telemetry) -> bool:
+        """Return whether a fixed wing is taking off, below the height at which that ends."""
+        motion, taking_off = telemetry.motion, telemetry.custom_mode == self.take_off_mode and not self.stands
+        return motion is not None and taking_off and motion.above_home_m <= self.take_off_m
+
+    def _is_taking_off(self, seen: Telemetry) -> bool:
+        return self.is_airborne(seen) or seen.custom_mode == self.take_off_mode
 
     def air_motion(
         self,
@@ -255,8 +263,8 @@ class Autopilot(ABC):
         """Return the messages that carry a setpoint, which acts when the vehicle is in that state."""
 
     @abstractmethod
-    def checks(self, asked: Demands) -> tuple[Check, ...]:
-        """Return the parameters to read before a flight that asks this much of the vehicle."""
+    def checks(self, model: VehicleModel, path: PathPlan) -> tuple[Check, ...]:
+        """Return the parameters to read before a vehicle that is taken for this `model` flies such a path."""
 
     def parameter(self, reported: ParamValue) -> float:
         """Return a parameter's value from the message that tells it."""
@@ -280,13 +288,16 @@ class Autopilot(ABC):
         """Return the commands to land where the vehicle took off; none for a family that can't."""
         return ()
 
-    @abstractmethod
-    def go_home(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:
-        """Return the commands, in order, to fly home and circle there at `height_m` above the scenario's origin."""
+    def go_home(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:  # noqa: ARG002 - of what lands there
+        """Return the commands, in order, to fly home, and circle there at `height_m` above the scenario's origin.
 
-    @abstractmethod
-    def loiter(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:
+        What stands flies at its own height, or at its parameters' if that is higher, and lands there.
+        """
+        return (self.set_mode(self.home_mode),)
+
+    def loiter(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:  # noqa: ARG002 - of what stands
         """Return the commands, in order, to circle where it was `seen` at `height_m` above the scenario's origin."""
+        return (self.set_mode(self.loiter_mode),)
 
 
 def _mode(seen: Telemetry) -> int | None:

@@ -15,7 +15,8 @@ from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.messages.command import ParamRequestRead, ParamValue
 from flight_model.energy import GRAVITY_MPS2
-from formation_scenario import Scenario, Vehicle
+from formation_scenario.model import PathPlan
+from formation_scenario.vehicles import VehicleModel
 
 RETRY_S = 0.7
 TRIES = 8
@@ -24,28 +25,6 @@ TRIM_OFF_MPS = 1.0
 """By how much the trim airspeed may differ from the path's."""
 AT_ONCE = 4
 """Requests sent in one go: autopilots answer them from a short queue."""
-
-
-class Demands(NamedTuple):
-    """What a scenario asks of one vehicle."""
-
-    speed_mps: float
-    """The path's."""
-    speed_min_mps: float
-    speed_max_mps: float
-    """Between these lie its airspeed setpoints."""
-    turn_rate_max_rps: float
-    accel_max_mps2: float
-    lowest_m: float
-    """Height of the path's lowest waypoint above the origin."""
-
-
-def demands(scenario: Scenario, vehicle: Vehicle) -> Demands:
-    """Return what a scenario asks of one of its vehicles."""
-    model = vehicle.model
-    speeds_mps = scenario.path.speed_mps, model.speed_min_mps, model.speed_max_mps
-    lowest_m = min(height_m for _, _, height_m in scenario.path.waypoints_m)
-    return Demands(*speeds_mps, model.turn_rate_max_rps, model.accel_max_mps2, lowest_m)
 
 
 class Finding(NamedTuple):
@@ -76,21 +55,27 @@ class Check:
         return Finding(f"{found[0]}: found {found[1]:g}; allowed: {self.allowed}", self.refuses(found[1]))
 
 
+def lowest_m(path: PathPlan) -> float:
+    """Return the height of a path's lowest waypoint above the origin, m."""
+    return min(height_m for _, _, height_m in path.waypoints_m)
+
+
 def envelope_checks(
-    asked: Demands, least: str, most: str, trim: str, bank: str, beyond: tuple[str, str]
+    model: VehicleModel, path: PathPlan, least: str, most: str, trim: str, bank: str, beyond: tuple[str, str]
 ) -> list[Check]:
     """Return the checks that a fixed wing can fly at the speeds and turn as fast as is asked of it.
 
     Args:
-        asked: by the scenario.
+        model: whose limits its setpoints keep.
+        path: what the formation flies.
         least: name of the parameter with the lowest airspeed, m/s.
         most: with the highest one.
         trim: with the airspeed of level flight.
         bank: with the largest angle of bank, degrees.
         beyond: what becomes of setpoints below the lowest and above the highest airspeed.
     """
-    slowest, fastest, speed = asked.speed_min_mps, asked.speed_max_mps, asked.speed_mps
-    bank_deg = math.degrees(math.atan(speed * asked.turn_rate_max_rps / GRAVITY_MPS2))
+    slowest, fastest, speed = model.speed_min_mps, model.speed_max_mps, path.speed_mps
+    bank_deg = math.degrees(math.atan(speed * model.turn_rate_max_rps / GRAVITY_MPS2))
     return [
         Check(
             (least,),

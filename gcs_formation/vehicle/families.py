@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 from airlink.endpoint import Endpoint, VehicleId, parse_endpoint
 from formation_scenario import Scenario
 from formation_scenario import Vehicle as PlannedVehicle
@@ -36,29 +34,27 @@ def autopilot_for(vehicle: PlannedVehicle, scenario: Scenario) -> Autopilot:
     return autopilot
 
 
-class Planned(NamedTuple):
-    """A scenario's vehicles and sockets."""
+def planned(scenario: Scenario) -> tuple[tuple[Endpoint, ...], tuple[int, ...], dict[VehicleId, Vehicle]]:
+    """Return the endpoint of each socket, the MAVLink network it hears, and the vehicles, the leader first.
 
-    endpoints: tuple[Endpoint, ...]
-    """The sockets: one for each different endpoint."""
-    networks: tuple[int, ...]
-    """The MAVLink network that each socket hears."""
-    vehicles: dict[VehicleId, Vehicle]
-    """The leader first."""
-
-
-def planned(scenario: Scenario) -> Planned:
-    """Return a scenario's vehicles, none of them heard yet."""
-    order = [vehicle for vehicle in columns(scenario) if vehicle is not None]
-    texts = list(dict.fromkeys(vehicle.endpoint for vehicle in order))
+    There is a socket for each different endpoint; none of the vehicles has been heard yet.
+    """
+    order = {column: vehicle for column, vehicle in enumerate(columns(scenario)) if vehicle is not None}
+    texts = list(dict.fromkeys(vehicle.endpoint for vehicle in order.values()))
     endpoints = tuple(parse_endpoint(text) for text in texts)
-    networks = {vehicle.endpoint: vehicle.network for vehicle in order}
-    vehicles = {each.vehicle_id: _vehicle(each, texts.index(each.endpoint), endpoints, scenario) for each in order}
-    return Planned(endpoints, tuple(networks[text] for text in texts), vehicles)
+    networks = {vehicle.endpoint: vehicle.network for vehicle in order.values()}
+    vehicles = {
+        each.vehicle_id: _vehicle(each, column, texts.index(each.endpoint), endpoints, scenario)
+        for column, each in order.items()
+    }
+    return endpoints, tuple(networks[text] for text in texts), vehicles
 
 
-def _vehicle(planned: PlannedVehicle, socket: int, endpoints: tuple[Endpoint, ...], scenario: Scenario) -> Vehicle:
+def _vehicle(
+    planned: PlannedVehicle, column: int, socket: int, endpoints: tuple[Endpoint, ...], scenario: Scenario
+) -> Vehicle:
     endpoint, origin, telemetry = endpoints[socket], scenario.origin.geodetic, scenario.telemetry
     connection = Connection(socket, endpoint.address if endpoint.kind == "udpout" else None)
     autopilot = autopilot_for(planned, scenario)
-    return Vehicle(planned.vehicle_id, autopilot, connection, origin, telemetry.rate_hz, by_utc=telemetry.by_utc)
+    rate_hz, by_utc = telemetry.rate_hz, telemetry.by_utc
+    return Vehicle(planned.vehicle_id, column, autopilot, connection, origin, rate_hz, by_utc=by_utc)

@@ -24,8 +24,10 @@ from airlink.messages.command import CommandInt, CommandLong, ParamValue
 from airlink.messages.system import Heartbeat
 from flight_model.autopilot import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
+from formation_scenario.model import PathPlan
+from formation_scenario.vehicles import VehicleModel
 from gcs_formation.vehicle.autopilot import Autopilot, Command, Step
-from gcs_formation.vehicle.checks import Check, Demands, envelope_checks
+from gcs_formation.vehicle.checks import Check, envelope_checks, lowest_m
 from gcs_formation.vehicle.hovering import MULTIROTOR_TYPES, TURNS_FROM_MPS, stands, velocity_setpoint
 from gcs_formation.vehicle.lead import SpeedLead, VelocityLead
 from gcs_formation.vehicle.telemetry import Telemetry
@@ -79,6 +81,7 @@ class Px4(Autopilot, ABC):
 
     loop_s = 0.0
     """It answers TIMESYNC and commands as they come."""
+    take_off_mode = TAKEOFF
     loiter_mode = LOITER
     home_mode = RTL
     slow_messages = (*Autopilot.slow_messages, m.MAVLINK_MSG_ID_EXTENDED_SYS_STATE)
@@ -177,9 +180,6 @@ class Px4(Autopilot, ABC):
         healthy = bool(seen.sensors_healthy & m.MAV_SYS_STATUS_PREARM_CHECK)
         return (standby and healthy) or self.is_airborne(seen)
 
-    def _is_taking_off(self, seen: Telemetry) -> bool:
-        return self.is_airborne(seen) or seen.custom_mode == TAKEOFF
-
     def _has_climbed(self, seen: Telemetry) -> bool:
         return self.is_airborne(seen) and seen.custom_mode != TAKEOFF
 
@@ -198,23 +198,18 @@ class Px4Plane(Px4):
     speed_lead: SpeedLead | None = None
     """For one whose model leaves part of a change of airspeed to its integrator."""
 
-    def checks(self, asked: Demands) -> tuple[Check, ...]:
+    def checks(self, model: VehicleModel, path: PathPlan) -> tuple[Check, ...]:
         """Return failsafe and limits."""
         ways = "raised to it", "lowered to it"
         return (
             heartbeats_lost("circles where the last setpoint led"),
-            *envelope_checks(asked, "FW_AIRSPD_MIN", "FW_AIRSPD_MAX", "FW_AIRSPD_TRIM", "FW_R_LIM", ways),
+            *envelope_checks(model, path, "FW_AIRSPD_MIN", "FW_AIRSPD_MAX", "FW_AIRSPD_TRIM", "FW_R_LIM", ways),
             Check(
                 ("NAV_LOITER_RAD",),
                 f"up to {LARGEST_CIRCLE_M:g} m; wider circles may meet, and bend the course",
                 lambda value: abs(value) <= LARGEST_CIRCLE_M,
             ),
         )
-
-    def climbs_out(self, telemetry: Telemetry) -> bool:
-        """Return whether it is in TAKEOFF, below the height at which that ends."""
-        motion = telemetry.motion
-        return motion is not None and telemetry.custom_mode == TAKEOFF and motion.above_home_m <= self.take_off_m
 
     def setpoint(self, setpoint: Setpoint, where: FlightState) -> tuple[Command, ...]:
         """Return one command: airspeed, altitude above sea level, and a place ahead.
@@ -296,9 +291,9 @@ class Px4Copter(Px4):
         """A setpoint that has it stand."""
         return (velocity_setpoint(self.system, STAND, ANYWHERE, self._nose_rad, self.velocity_lead),)
 
-    def checks(self, asked: Demands) -> tuple[Check, ...]:
+    def checks(self, model: VehicleModel, path: PathPlan) -> tuple[Check, ...]:
         """Return failsafes and limits."""
-        fastest, speed = asked.speed_max_mps, asked.speed_mps
+        fastest, speed = model.speed_max_mps, path.speed_mps
         return (
             heartbeats_lost("flies on as long as setpoints come"),
             Check(
@@ -322,7 +317,7 @@ class Px4Copter(Px4):
             Check(
                 ("RTL_RETURN_ALT",),
                 "at most the lowest height of the path: lower than that, nobody climbs into others on the way home",
-                lambda value: value <= asked.lowest_m,
+                lambda value: value <= lowest_m(path),
             ),
         )
 
@@ -336,11 +331,3 @@ class Px4Copter(Px4):
         if setpoint.speed_mps >= TURNS_FROM_MPS or stands(setpoint):
             self._nose_rad = setpoint.heading_rad
         return (velocity_setpoint(self.system, setpoint, where, self._nose_rad, self.velocity_lead),)
-
-    def loiter(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:  # noqa: ARG002 - it stands where it is
-        """Return HOLD."""
-        return (self.set_mode(LOITER),)
-
-    def go_home(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:  # noqa: ARG002 - at the height it has
-        """Return RTL: it flies home at its height, or at RTL_RETURN_ALT if that is higher, and lands there."""
-        return (self.set_mode(RTL),)

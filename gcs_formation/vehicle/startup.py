@@ -75,10 +75,6 @@ class StartUp:
     """Whether it is ready for its first command, and that may not be given yet."""
     _began: Instant = Instant(0)
 
-    def abandon(self) -> None:
-        """Give up a vehicle that could not be started."""
-        self.abandoned = True
-
     @property
     def finished(self) -> bool:
         """Whether every step is done."""

@@ -63,7 +63,7 @@ class Motion:
 
 @dataclass
 class Telemetry:
-    """The newest of each message; `updates` counts positions, so that a reader notices a new one."""
+    """The newest of each message."""
 
     origin: GeodeticOrigin
     stands: bool = False
@@ -84,7 +84,6 @@ class Telemetry:
     landed_state: int = m.MAV_LANDED_STATE_UNDEFINED
     home_m: tuple[float, float] | None = None
     """Its home, north and east of the origin, if it has told."""
-    updates: int = 0
     implausible: int = 0
     """Messages that were dropped because they can't be an aircraft's."""
     texts: deque[str] = field(default_factory=lambda: deque[str](maxlen=KEPT_TEXTS))
@@ -133,7 +132,6 @@ class Telemetry:
         )
         if math.isnan(self.airspeed_stamp_s):
             self.airspeed_stamp_s = stamp_s
-        self.updates += 1
 
     def take_attitude(self, message: Attitude) -> None:
         """Store an attitude."""

@@ -7,25 +7,27 @@ from enum import Enum
 from typing import Final
 
 from librt.strings import BytesWriter, write_f64_le
+from librt.vecs import vec
+from mypy_extensions import i64
 
 from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, Instant, nanoseconds, seconds_between
 from airlink.endpoint import VehicleId
 from airlink.frame import Frame, FrameWriter
-from airlink.messages import Message
+from airlink.messages import KINDS, Message
 from airlink.messages.command import CommandAck, CommandInt
 from airlink.messages.system import CurrentMode, Heartbeat, SystemTime, Timesync
 from airlink.messages.telemetry import GlobalPositionInt
 from flight_model.earth import GeodeticOrigin
 from gcs_formation.estimation.estimator import Sample
 from gcs_formation.link.clock_sync import ClockSync
-from gcs_formation.link.connection import Connection, JitterMeter, LinkState, MessageCounts, SequenceTracker
+from gcs_formation.link.connection import Connection, JitterMeter, LinkState, SequenceTracker
 from gcs_formation.link.gnss_clock import GnssClock, StampMap
 from gcs_formation.link.source_binding import EARLY_S, LONGEST_DELAY_S, SourceBinding
 from gcs_formation.vehicle.acknowledgement import CommandQueue, SetpointChannel
 from gcs_formation.vehicle.autopilot import Autopilot, EffectWatch, Step
 from gcs_formation.vehicle.startup import PilotsChoice, StartUp, TakeOff
-from gcs_formation.vehicle.telemetry import Telemetry
+from gcs_formation.vehicle.telemetry import Motion, Telemetry
 
 ACCEPTED: Final = m.MAV_RESULT_ACCEPTED
 STATION_SYSTEM: Final = 255
@@ -58,6 +60,7 @@ class Vehicle:
     def __init__(
         self,
         identity: VehicleId,
+        column: int,
         autopilot: Autopilot,
         connection: Connection,
         origin: GeodeticOrigin,
@@ -67,6 +70,8 @@ class Vehicle:
     ) -> None:
         """Start with a vehicle that hasn't been heard; `by_utc`: its stamps are mapped by UTC where that is known."""
         self.identity = identity
+        self.column = column
+        """Its place in every list of a tick."""
         self.autopilot = autopilot
         self.connection = connection
         self.telemetry = Telemetry(origin, autopilot.stands)
@@ -76,7 +81,8 @@ class Vehicle:
         """Judges which sender with its system id is the vehicle."""
         self.jitter, self.sequence = JitterMeter(), SequenceTracker()
         self.commands = CommandQueue()
-        self.messages_in = MessageCounts()
+        self.messages_in = vec[i64]([0] * len(KINDS))
+        """How many messages of each kind have come, at the kind's place."""
         self.rates_hz = autopilot.rates_hz(telemetry_rate_hz, utc=by_utc)  # of each message that it should send
         self.start_up = StartUp(autopilot.start_up(self.rates_hz))
         # The height is the one at which it was last told to loiter while the others fly on.
@@ -92,7 +98,8 @@ class Vehicle:
         self._lost_at = Instant(0)
         """When a frame was last found to be missing, or an answer."""
         self._writer = FrameWriter(STATION_SYSTEM, STATION_COMPONENT)
-        self._sampled, self._probes = 0, dict[int, Instant]()
+        self._sampled: Motion | None = None
+        self._probes = dict[int, Instant]()
 
     @property
     def follows_setpoints(self) -> bool:
@@ -109,7 +116,8 @@ class Vehicle:
             timed: whether it also arrived then; a frame that waited for us says nothing about the link's delay.
         """
         message, sequence = frame.message, self.sequence
-        self.messages_in.take(message)
+        if message is not None:
+            self.messages_in[message.kind().place] += 1
         lost = sequence.lost
         sequence.observe(frame.sequence)
         if sequence.lost != lost:
@@ -132,7 +140,7 @@ class Vehicle:
     @property
     def frames_in(self) -> int:
         """Frames that have come from it."""
-        return self.messages_in.total
+        return self.sequence.received + self.sequence.repeated
 
     def leave_to_pilot(self, now: Instant) -> None:
         """Send nothing more until the vehicle flies in the guided mode, as set by its pilot."""
@@ -188,11 +196,6 @@ class Vehicle:
         """Whether its mode is one in which it circles where it is."""
         return self.telemetry.custom_mode == self.autopilot.circling_mode
 
-    @property
-    def frames_implausible(self) -> int:
-        """Frames whose values were dropped because they can't be an aircraft's."""
-        return self.telemetry.implausible
-
     def new_sample(self, now: Instant, *, leads: bool = False) -> Sample | None:
         """Return the newest sample, once; None before the vehicle's clock is known.
 
@@ -201,10 +204,10 @@ class Vehicle:
         seen = self.telemetry
         if seen.motion is None or seen.attitude is None or not seen.complete or not self.clock.samples:
             return None
-        if seen.updates == self._sampled:
-            return None
-        self._sampled = seen.updates
         motion, attitude = seen.motion, seen.attitude
+        if motion is self._sampled:
+            return None
+        self._sampled = motion
         stamp, apart_s = self.stamps.to_instant(motion.stamp_s), motion.stamp_s - attitude.time_boot_s
         possible = -EARLY_S <= seconds_between(stamp, now) <= LONGEST_DELAY_S
         airspeed_age_s = motion.stamp_s - seen.airspeed_stamp_s
@@ -228,7 +231,7 @@ class Vehicle:
         )
 
     def new_setpoints(self, messages: tuple[Message, ...], at: Instant) -> list[Message]:
-        """Return those setpoints to be sent at an instant that say more than what the vehicle has been sent.
+        """Return which messages of a setpoint must be sent at an instant: those that the vehicle doesn't know yet.
 
         All of them after a loss: an acknowledgement doesn't say which of several it answers.
         """

@@ -11,9 +11,9 @@ from librt.strings import BytesWriter, write_f64_le
 
 from airlink.random_streams import random_stream
 from flight_model import energy
-from flight_model.autopilot import AutopilotModel, FlightState, advance, within
+from flight_model.autopilot import FlightState, advance, within
 from flight_model.energy import GRAVITY_MPS2, PHYSICAL, AirframeParameters
-from formation_scenario.vehicles import EnergyAirframe, VehicleModel
+from formation_scenario.vehicles import EnergyAirframe
 from sim_vehicles.airframe.motion import LEAST_SPEED_MPS, Motion, Steering
 from sim_vehicles.autopilot.clock import LOOP_S
 from sim_vehicles.config import VehicleConfig
@@ -141,7 +141,7 @@ class Body:
     def __init__(self, config: VehicleConfig, wind_mps: tuple[float, float, float], seed: int) -> None:
         """Start as configured; `wind_mps` is north, east and down, `seed` the fleet's."""
         start = config.start
-        self.model = _autopilot_model(config.model)
+        self.model = config.model.autopilot()
         self.state = FlightState(
             start.north_m, start.east_m, start.height_m, 0.0, start.airspeed_mps, start.heading_rad, 0.0, 0.0
         )
@@ -292,17 +292,3 @@ class Body:
             self.heading_commanded_rad,
             self.height_commanded_m,
         )
-
-
-def _autopilot_model(keys: VehicleModel) -> AutopilotModel:
-    return AutopilotModel(
-        keys.tau_v_s,
-        keys.tau_psi_s,
-        keys.tau_ha_s,
-        keys.tau_hb_s,
-        keys.speed_min_mps,
-        keys.speed_max_mps,
-        keys.accel_max_mps2,
-        keys.turn_rate_max_rps,
-        keys.climb_max_mps,
-    )

@@ -208,8 +208,9 @@ def judged(
         history.note([told] * 3)
         settled = [[column == 1 and at_s >= SETTLED_S] * 3 for column in range(3)]
         flown = [FlightState(0.0, 0.0, 100.0, climb_mps(at_s), airspeed_mps(at_s), 0.0, 0.0, 0.0) for _ in range(3)]
-        new = conformance.check(now, [now] * 3, flown, settled, [0.0, at_s, 0.0])
-        found += [(each.channel, at_s) for each in new]
+        if conformance.due(now):
+            new = conformance.check(now, [now] * 3, flown, settled, [0.0, at_s, 0.0])
+            found += [(each.channel, at_s) for each in new]
     return found
 
 

@@ -34,7 +34,7 @@ def test_no_value_that_a_vehicle_tells_breaks_the_flight() -> None:
             flight.tell_station(framed(layout.message_id, payload, Header(FOLLOWER.system)))
             flight.run(TURN_S)
         flight.check()
-    assert flight.station.vehicles[FOLLOWER].frames_implausible > 20
+    assert flight.station.vehicles[FOLLOWER].telemetry.implausible > 20
     flight.flies_on()
 
 

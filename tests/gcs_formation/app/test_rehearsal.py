@@ -20,7 +20,7 @@ PX4 = Path(__file__).parents[3] / "configs" / "px4.yaml"
 def test_places_keep_all_their_digits_and_what_is_left_to_the_vehicle_is_unset() -> None:
     """The first place is 400 m from the path's start, which is 1400 m north of the origin."""
     scenario = load_scenario(PX4)
-    vehicles = planned(scenario).vehicles
+    _, _, vehicles = planned(scenario)
     station: Any = SimpleNamespace(scenario=scenario, vehicles=vehicles, preflight=SimpleNamespace(warnings={}))
     report = rehearsed(station)
     assert json.loads(json.dumps(report, allow_nan=False)) == report

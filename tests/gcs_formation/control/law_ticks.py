@@ -14,7 +14,7 @@ from gcs_formation.control.laws import FormationLaw
 from gcs_formation.control.mixer import Mixer
 from gcs_formation.control.situation import Lead, Situation
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
-from gcs_formation.estimation.projection import AtOneStamp
+from gcs_formation.estimation.projection import Measured
 from gcs_formation.guidance.leader import LeaderCommand
 from gcs_formation.guidance.tracking import RouteHeading
 from tests.gcs_formation import tables
@@ -107,7 +107,7 @@ def situation(
         RouteHeading(to_leader.heading_rad, turn_rps, 0.0, 0.0, SPEED_MPS),
     )
     return Situation(
-        states=AtOneStamp(tables.states(states), 0),
+        states=Measured(tables.states(states), [0] * 9, [True] * 9, [0] * 9),
         lead=lead,
         slots=(slots or SlotMotion.at_rest(SLOTS_M)).each,
         commanded=tables.setpoints(told),

@@ -13,10 +13,10 @@ from flight_model.slot import NOTHING
 from formation_scenario.formation import Frame
 from formation_scenario.graph import graph_adjacency, laplacian
 from formation_scenario.slot_motion import SlotMotion
-from gcs_formation.control.consensus import ConsensusLaw, ConsensusParameters
+from gcs_formation.control.consensus import ConsensusLaw
 from gcs_formation.control.situation import Lead, Situation
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates
-from gcs_formation.estimation.projection import AtOneStamp
+from gcs_formation.estimation.projection import Measured
 from gcs_formation.guidance.leader import LeaderCommand
 from gcs_formation.guidance.tracking import RouteHeading
 from tests.gcs_formation import tables
@@ -44,8 +44,7 @@ MODEL = AutopilotModels(*map(column, (TAU_V_S, TAU_PSI_S, 1.0, 3.0, 1.0, 99.0, 1
 
 
 def law(k3: float = 0.25, graph: Array = GRAPH, frame: Frame = "leader_heading") -> TableLaw:
-    parameters = ConsensusParameters(K1, K2, k3, graph, list(range(COUNT)), frame)
-    return TableLaw(ConsensusLaw(parameters, tables.models(MODEL)))
+    return TableLaw(ConsensusLaw((K1, K2, k3), graph, list(range(COUNT)), frame, tables.models(MODEL)))
 
 
 def places(heading_rad: float) -> tuple[Array, Array]:
@@ -73,7 +72,7 @@ def situation(
     lead = Lead(0, Instant(0), [told] * COUNT, RouteHeading(heading_rad, turn_rps, 0.0, 0.0, SPEED_MPS))
     slots = SlotMotion.at_rest(np.concatenate((np.zeros((1, 3)), SLOTS_M)))
     return Situation(
-        states=AtOneStamp(tables.states(state), 0),
+        states=Measured(tables.states(state), [0] * COUNT, [True] * COUNT, [0] * COUNT),
         lead=lead,
         slots=slots.each,
         commanded=[NOTHING] * COUNT,

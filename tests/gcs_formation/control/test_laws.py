@@ -6,7 +6,7 @@ import pytest
 
 from formation_scenario import load_scenario
 from formation_scenario.law import LawType
-from gcs_formation.control.laws import LAWS, law_kind
+from gcs_formation.control.laws import LAWS, gain_range
 from gcs_formation.studies import compare
 from tests.flights.conftest import scenario
 
@@ -34,4 +34,4 @@ def test_names_of_compared_laws_are_those_that_were_always_there() -> None:
 @pytest.mark.parametrize(("law", "span"), [("pid", 0.0), ("fuzzy_pid", 0.6)])
 def test_only_the_scheduled_law_moves_its_gains(law: str, span: float) -> None:
     flown = load_scenario(scenario(law={"type": law}))
-    assert law_kind(flown).gain_range(flown.law).span == span
+    assert gain_range(flown).span == span

@@ -10,9 +10,9 @@ import numpy as np
 import scipy
 
 from flight_model.arrays import Array
-from gcs_formation.estimation.estimator import STATES
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates
 
+STATES = 8
 NORTH, EAST, HEIGHT, CLIMB, SPEED, HEADING, WIND_NORTH, WIND_EAST = range(STATES)
 GROUND_NORTH, GROUND_EAST, RISE, AIRSPEED, YAW = range(3, STATES)
 """Rows of a sample after its north, east and height."""

@@ -12,7 +12,6 @@ from airlink.clock import NANOSECONDS
 from flight_model.arrays import Array, Instants, Mask, within, wrap
 from flight_model.autopilot import AutopilotModel
 from gcs_formation.estimation.flight_state import AirLags, AutopilotModels, Height, HeightSteps
-from gcs_formation.estimation.lag_bank import FREE, Motion
 from gcs_formation.estimation.lag_fit import (
     BATCH_S,
     BELIEVED_SPREAD,
@@ -23,7 +22,7 @@ from gcs_formation.estimation.lag_fit import (
     SIGNIFICANT,
     STEP_MAX,
 )
-from gcs_formation.estimation.lags import GAP_S, RESOLUTION
+from gcs_formation.estimation.lags import FREE, GAP_S, RESOLUTION, Motion
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 
 
@@ -80,11 +79,14 @@ class Bank:
         told = np.repeat(told, count, axis=2)
         told[:, 0] = within(told[:, 0], model.speed_min_mps, model.speed_max_mps)
         lags, each_s = AirLags.of(model), np.repeat(duration_s, count, axis=1)[:, None]
-        values, errors = lags.through(self._air, told, each_s)
+        values, errors = [self._air], list[Array]()
+        for segment, segment_s in zip(told, each_s, strict=True):
+            errors.append(lags.errors(values[-1], segment))
+            values.append(values[-1] + errors[-1] - lags.remaining(errors[-1], segment_s))
         self._air = values[-1]
         error = np.abs(errors).reshape(-1, 2, self._columns, count).mean(axis=3).max(axis=0)
-        free: Mask = error < FREE * AirLags.of(self._believed).unlimited
-        return values.reshape(-1, 2, self._columns, count), free
+        free: Mask = error < FREE * self._believed.air_rates_max * self._believed.air_lags_s
+        return np.array(values).reshape(-1, 2, self._columns, count), free
 
     def _through_heights(self, told_m: Array, duration_s: Array) -> tuple[Array, Mask]:
         """Return heights at the borders of S segments, (S + 1, C, K), and which were free, (C,)."""

@@ -11,7 +11,7 @@ from formation_scenario import load_scenario
 from gcs_formation.controller import FormationController
 from gcs_formation.estimation.estimator import UNMODELLED, WIND_WALK, Sample, StateEstimator
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
-from gcs_formation.estimation.noise import RESOLUTION, Declared, VehicleNoise
+from gcs_formation.estimation.noise import RESOLUTION, VehicleNoise
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.parameters import declared_noise
 from tests.flights.conftest import scenario
@@ -33,10 +33,9 @@ class Flight:
         self.random = np.random.default_rng(seed)
         self.sigma = np.asarray(sigma)
         self.history = SetpointHistory(RATE_HZ)
-        of_column = np.maximum(np.asarray(declared), RESOLUTION)[:, None]
-        self.filter = StateEstimator(
-            Declared(of_column, np.maximum(of_column / 4, RESOLUTION[:, None])), self.history, RATE_HZ, 2.0
-        )
+        sigma = np.maximum(np.asarray(declared), RESOLUTION)
+        noise = VehicleNoise(tuple(sigma.tolist()), tuple(np.maximum(sigma / 4, RESOLUTION).tolist()))
+        self.filter = StateEstimator([noise], self.history, RATE_HZ, 2.0)
         self.now, self.true = 0, START
         self.see()
 
@@ -69,9 +68,18 @@ class Flight:
         error[HEADING] = math.remainder(error[HEADING], math.tau)
         return error
 
+    def covariance(self):
+        """Of the state's errors, (8, 8)."""
+        its, whole, places = self.filter.filters[0], np.zeros((8, 8)), [0, 1, 4, 5, 6, 7]
+        level, height = its.level, its.height
+        rows = level.north, level.east, level.speed, level.heading, level.wind_north, level.wind_east
+        whole[np.ix_(places, places)] = rows
+        whole[2:4, 2:4] = (height.height, height.cross), (height.cross, height.climb)
+        return whole
+
     def learnt(self):
         """Each quantity's noise by its true one."""
-        return np.array(self.filter.noise.sigma(0)) / self.sigma
+        return np.array(self.filter.filters[0].noise.sigma()) / self.sigma
 
 
 @pytest.mark.slow
@@ -82,7 +90,7 @@ def test_errors_are_as_large_as_the_filter_says():
         flight = Flight(seed)
         for step in range(200):
             flight.fly(heading_rad=0.5 if step % 100 < 50 else -0.2)
-        normalised.append(flight.error() @ np.linalg.solve(flight.filter.covariance[0], flight.error()))
+        normalised.append(flight.error() @ np.linalg.solve(flight.covariance(), flight.error()))
     assert np.mean(normalised) == pytest.approx(8.0, abs=2.5)
 
 
@@ -150,7 +158,7 @@ def test_a_wind_that_changes_is_not_taken_for_noise():
     gusts = np.random.default_rng(5).standard_normal(600)
     for gust in gusts:
         flight.fly(gust_mps=0.3 * gust)
-    assert flight.filter.noise.sigma(0)[2] < 0.1
+    assert flight.filter.filters[0].noise.sigma()[2] < 0.1
     assert np.abs(flight.error()[WIND_NORTH:]).max() < 0.2
 
 
@@ -188,7 +196,8 @@ def test_a_vehicle_that_somebody_else_turns_is_followed():
 def test_the_wind_is_kept_where_a_state_begins_anew():
     """Somebody else turns the vehicle while its airspeed is told 3 m/s too low: its air is what it was."""
     flight = Flight()
-    flight.filter = StateEstimator(Declared(GNSS[:, None], GNSS[:, None] / 4), flight.history, RATE_HZ, 0.1)
+    noise = VehicleNoise(tuple(GNSS.tolist()), tuple((GNSS / 4).tolist()))
+    flight.filter = StateEstimator([noise], flight.history, RATE_HZ, 0.1)
     for _ in range(300):
         flight.fly()
     before, headings, changes_mps = flight.state, [], []
@@ -203,7 +212,8 @@ def test_the_wind_is_kept_where_a_state_begins_anew():
 
 def test_a_column_without_wind_keeps_none():
     flight = Flight(sigma=RESOLUTION, declared=RESOLUTION)
-    flight.filter = StateEstimator(Declared(RESOLUTION[:, None], RESOLUTION[:, None]), flight.history, RATE_HZ, 0.0)
+    finest = tuple(RESOLUTION.tolist())
+    flight.filter = StateEstimator([VehicleNoise(finest, finest)], flight.history, RATE_HZ, 0.0)
     for _ in range(100):
         flight.fly()
     assert flight.state.wind_north_mps == flight.state.wind_east_mps == 0.0
@@ -240,7 +250,7 @@ def test_a_step_is_the_extended_kalman_filters(told, off_m, monkeypatch):
     monkeypatch.setattr(VehicleNoise, "learn", note)
     tables.send(flight.history, np.array([0]), Setpoints(*(np.array([each]) for each in (22.0, 0.3, 100.0))))
     before, until = FlightStates.from_each([flight.state]), np.array([STEP_NS])
-    covariance, variance = flight.filter.covariance[0], fine[QUANTITY_OF] ** 2
+    covariance, variance = flight.covariance(), fine[QUANTITY_OF] ** 2
     state = tables.predict(flight.history, before, np.array([0]), until, MODEL)
     off = np.array((off_m, -off_m, off_m, *0.3 * fine[QUANTITY_OF][3:]))
     flight.filter.take(
@@ -257,7 +267,7 @@ def test_a_step_is_the_extended_kalman_filters(told, off_m, monkeypatch):
     gain = predicted @ rows.T @ np.linalg.inv(rows @ predicted @ rows.T + np.diag(variance))
     kept = np.eye(8) - gain @ rows
     corrected = kept @ predicted @ kept.T + gain @ np.diag(variance) @ gain.T
-    np.testing.assert_allclose(flight.filter.covariance[0], corrected, rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(flight.covariance(), corrected, rtol=1e-6, atol=1e-12)
     np.testing.assert_allclose(flight.state.values(), state.table[:, 0] + gain @ off, rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(learnt[0], off, rtol=1e-6, atol=1e-9)
 
@@ -282,11 +292,13 @@ def test_headings_stay_within_half_a_turn():
 
 def test_of_whom_nothing_is_declared_noise_is_taken_as_of_a_gnss_receiver_and_of_the_emulated_as_rounding():
     vehicles = [{"id": 1, "role": "leader", "autopilot": "arduplane"}, {"id": 2, "role": "follower"}]
-    declared = declared_noise(load_scenario(scenario(vehicles=vehicles)))
-    np.testing.assert_allclose(declared.sigma[:, 0], (0.3, 0.3, 0.1, 0.1, 0.3, 0.01))
-    np.testing.assert_allclose(declared.sigma[:, 1], (0.003, 0.001, 0.003, 0.003, 0.0001, 0.00002))
-    np.testing.assert_allclose(declared.least, np.repeat(declared.sigma[:, 1:], 2, axis=1))
-    assert not np.any(declared.stated)
+    leader, follower = declared_noise(load_scenario(scenario(vehicles=vehicles)))
+    finest = (0.003, 0.001, 0.003, 0.003, 0.0001, 0.00002)
+    np.testing.assert_allclose(leader.sigma(), (0.3, 0.3, 0.1, 0.1, 0.3, 0.01))
+    np.testing.assert_allclose(follower.sigma(), finest)
+    for each in (leader, follower):
+        np.testing.assert_allclose(np.sqrt(each._least), finest)
+        assert not each._stated
 
 
 def test_the_controller_filters_what_noisy_vehicles_tell():

@@ -68,8 +68,8 @@ def flown(
         lags.learn([learning] * count)
         tables.send(history, acts, Setpoints.of(told))
         # A setpoint acts 3.5 ticks after it was told.
-        late = [acting[max(0, tick - 4)], acting[max(0, tick - 3)]]
-        state = advance(state, np.array(late), np.full((2, count), TICK_S / 2), true)
+        for late in (4, 3):
+            state = advance(state, acting[max(0, tick - late)], np.full(count, TICK_S / 2), true)
     return lags
 
 

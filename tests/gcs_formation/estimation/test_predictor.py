@@ -52,8 +52,8 @@ def test_equals_the_integrated_model(
     peer = solve_ivp(derivative, (0, duration_s), start, args=(told,), rtol=1e-10, atol=1e-10, max_step=0.01).y[:, -1]
     ours = advance(
         FlightStates(*column(*start, 0.7, -0.4)),
-        np.array(told)[None, :, None],
-        np.array([[duration_s]]),
+        np.array(told)[:, None],
+        np.array([duration_s]),
         MODEL,
     )
     assert [v[0] for v in (ours.north_m, ours.east_m, ours.height_m, ours.climb_mps)] == pytest.approx(
@@ -65,10 +65,10 @@ def test_equals_the_integrated_model(
 @given(st.floats(0.02, 2.0), st.floats(0.1, 0.9))
 def test_a_way_made_in_two_pieces_ends_at_the_same_place(duration_s: float, share: float) -> None:
     state = FlightStates(*column(0, 0, 100, 0.5, 20, 1.0, 1.0, 2.0))
-    told = np.array([24.0, 1.2, 101.0])[None, :, None]
-    whole = advance(state, told, np.array([[duration_s]]), MODEL)
-    first = advance(state, told, np.array([[duration_s * share]]), MODEL)
-    both = advance(first, told, np.array([[duration_s * (1 - share)]]), MODEL)
+    told = np.array([24.0, 1.2, 101.0])[:, None]
+    whole = advance(state, told, np.array([duration_s]), MODEL)
+    first = advance(state, told, np.array([duration_s * share]), MODEL)
+    both = advance(first, told, np.array([duration_s * (1 - share)]), MODEL)
     for name in ("north_m", "east_m", "height_m", "climb_mps", "airspeed_mps", "heading_rad"):
         assert getattr(both, name) == pytest.approx(getattr(whole, name), abs=1e-4)
 
@@ -86,14 +86,14 @@ def test_setpoints_act_when_they_arrive() -> None:
     for instant_s, values in ((0.2, told[0]), (0.35, told[0]), (0.45, told[1]), (9.0, told[2])):
         assert history.commanded(round(instant_s * NANOSECONDS), 0) == values
     for values, duration_s in zip(told, (0.15, 0.1, 0.15), strict=True):
-        state = advance(state, np.array(values)[None, :, None], np.array([[duration_s]]), MODEL)
+        state = advance(state, np.array(values)[:, None], np.array([duration_s]), MODEL)
     for name in ("north_m", "east_m", "height_m", "airspeed_mps", "heading_rad"):
         assert getattr(predicted, name) == pytest.approx(getattr(state, name), abs=1e-6)
 
 
 def test_untold_vehicles_fly_straight_on() -> None:
     state = FlightStates(*column(0, 0, 100, 1.0, 22, 0.5, 0, 0))
-    later = advance(state, np.full((1, 3, 1), np.nan), np.array([[2.0]]), MODEL)
+    later = advance(state, np.full((3, 1), np.nan), np.array([2.0]), MODEL)
     assert later.heading_rad == pytest.approx([0.5])
     assert later.airspeed_mps == pytest.approx([22.0])
     assert later.north_m == pytest.approx([44.0 * np.cos(0.5)])
@@ -102,7 +102,7 @@ def test_untold_vehicles_fly_straight_on() -> None:
 @pytest.mark.parametrize("turn_rps", [0.0, 1e-9, 0.2, -0.2])
 def test_an_untold_vehicle_in_a_turn_flies_an_arc(turn_rps: float) -> None:
     state, over_s = FlightStates(*column(0, 0, 100, 0, 22, 0.5, 3, -2)), 12.0
-    straight = advance(state, np.full((1, 3, 1), np.nan), np.array([[over_s]]), MODEL)
+    straight = advance(state, np.full((3, 1), np.nan), np.array([over_s]), MODEL)
     turned = straight.turned(*column(turn_rps, over_s))
 
     def velocity(time_s: float, _: Any) -> list[float]:
@@ -115,7 +115,7 @@ def test_an_untold_vehicle_in_a_turn_flies_an_arc(turn_rps: float) -> None:
 
 def test_limits_hold() -> None:
     state = FlightStates(*column(0, 0, 100, 0, 16, 0, 0, 0))
-    later = advance(state, np.array([99.0, 3.0, 500.0])[None, :, None], np.array([[1.0]]), MODEL)
+    later = advance(state, np.array([99.0, 3.0, 500.0])[:, None], np.array([1.0]), MODEL)
     assert later.airspeed_mps == pytest.approx([17.5])
     assert later.heading_rad == pytest.approx([0.25])
     assert later.height_m[0] <= 103.0
@@ -126,6 +126,6 @@ def test_equal_time_constants_of_the_height_make_a_double_pole(apart: float) -> 
     """After 2 s of a step of 1 m with 2 s twice, 2/e m are left, and it climbs at 1/(2 e) m/s."""
     model = AutopilotModels(*column(4.0, 1.5, 2.0, 2.0 * (1 + apart), 16.0, 28.0, 1.5, 0.25, 3.0))
     state = FlightStates(*column(0, 0, 100, 0, 22, 0, 0, 0))
-    later = advance(state, np.array([22.0, 0.0, 101.0])[None, :, None], np.array([[2.0]]), model)
+    later = advance(state, np.array([22.0, 0.0, 101.0])[:, None], np.array([2.0]), model)
     assert later.height_m == pytest.approx([101 - 2 / np.e], abs=1e-8)
     assert later.climb_mps == pytest.approx([0.5 / np.e], abs=1e-8)

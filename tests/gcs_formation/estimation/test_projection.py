@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
-from gcs_formation.estimation.projection import AtOneStamp, Measured, Pairing, Prediction, States
+from gcs_formation.estimation.projection import Measured, Pairing, Prediction, States
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from tests.gcs_formation import tables
 
@@ -62,7 +62,7 @@ def test_a_vehicle_that_is_not_active_holds_nobody_back() -> None:
     for now in (1000, 1100, 1200):
         stamps = np.array([now, now, 300]) * MS
         states = pairing.take(measured(stamps, np.array([True, True, False])))
-    assert isinstance(states, AtOneStamp)
+    assert isinstance(states, Measured)
     assert states.instant(2) == 1200 * MS
 
 

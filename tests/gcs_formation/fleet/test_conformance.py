@@ -37,10 +37,7 @@ class Ground:
         self.vehicles = {VehicleId(1, number): vehicle(number) for number in NUMBERS}
         self.notes, self.airspeed_mps = Noted(), 22.0
         self.controller: Any = SimpleNamespace(history=SetpointHistory(10.0), estimator=SimpleNamespace())
-        columns = {identity: column for column, identity in enumerate(self.vehicles)}
-        self.monitor = ConformanceMonitor(
-            load_scenario(scenario()), self.controller, self.vehicles, columns, self.notes
-        )
+        self.monitor = ConformanceMonitor(load_scenario(scenario()), self.controller, self.vehicles, self.notes)
 
     def second(self) -> Vehicle:
         return self.vehicles[VehicleId(1, 2)]
@@ -71,7 +68,7 @@ class Ground:
 
 
 def vehicle(number: int) -> Vehicle:
-    made = Vehicle(VehicleId(1, number), ArduPlane(number, ORIGIN, 0.25), Connection(0), ORIGIN, 10.0)
+    made = Vehicle(VehicleId(1, number), number - 1, ArduPlane(number, ORIGIN, 0.25), Connection(0), ORIGIN, 10.0)
     made.member, made._answered = Member.FLYING, START
     return made
 

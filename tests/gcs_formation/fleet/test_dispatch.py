@@ -21,15 +21,16 @@ NOW = Instant(0)
 LEADER, QUICK, SLOW = 0, 1, 2
 
 
-def vehicle(name: str, up_s: float) -> SimpleNamespace:
+def vehicle(column: int, up_s: float) -> SimpleNamespace:
     return SimpleNamespace(
+        column=column,
         member=Member.FLYING,
         airborne=True,
         clock=SimpleNamespace(one_way_s=up_s),
         ways_s=(math.nan, math.nan),
         jitter=SimpleNamespace(jitter_s=0.0),
         heard_at=lambda now: now,
-        autopilot=SimpleNamespace(loop_s=0.1, setpoint=lambda setpoint, _: [(name, setpoint)]),
+        autopilot=SimpleNamespace(loop_s=0.1, setpoint=lambda setpoint, _: [(str(column), setpoint)]),
         new_setpoints=lambda messages, _: messages,
         forget_setpoints=lambda: None,
     )
@@ -39,9 +40,9 @@ def dispatch(*delays_s: float, **law: Any) -> Dispatch:
     """Serve a leader and followers with these delays of their links."""
     keys = scenario(vehicles={"count": len(delays_s)}, law={"type": "fuzzy_pid", **law})
     vehicles: dict[VehicleId, Any] = {
-        VehicleId(1, 1 + column): vehicle(str(column), delay_s) for column, delay_s in enumerate(delays_s)
+        VehicleId(1, 1 + column): vehicle(column, delay_s) for column, delay_s in enumerate(delays_s)
     }
-    return Dispatch(load_scenario(keys), vehicles, {each: column for column, each in enumerate(vehicles)})
+    return Dispatch(load_scenario(keys), vehicles)
 
 
 def links(served: Dispatch) -> list[VehicleLink]:

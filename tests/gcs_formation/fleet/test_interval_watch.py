@@ -14,6 +14,7 @@ import pytest
 from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, Instant, after
 from airlink.endpoint import VehicleId
+from airlink.messages import KINDS
 from airlink.messages.command import CommandAck
 from flight_model.earth import GeodeticOrigin
 from gcs_formation.fleet.interval_watch import ASK_AGAIN_MAX_S, ASK_AGAIN_S, MessageIntervals
@@ -37,7 +38,7 @@ class Sender:
         self.vehicle: Any = SimpleNamespace(
             identity=VehicleId(1, 2),
             rates_hz=ASKED_HZ,
-            messages_in=Counter[int](),
+            messages_in=[0] * len(KINDS),
             sequence=SimpleNamespace(received=0, lost=0),
             start_up=SimpleNamespace(asked_for_telemetry=True),
             connection=SimpleNamespace(state=LinkState.CONNECTED),
@@ -68,7 +69,7 @@ class Sender:
                 arrives = bool(self._random.random() >= self.loss)
                 self.vehicle.sequence.received += arrives
                 self.vehicle.sequence.lost += not arrives
-                self.vehicle.messages_in[message_id] += arrives
+                self.vehicle.messages_in[KINDS[message_id].place] += arrives
 
 
 @pytest.fixture

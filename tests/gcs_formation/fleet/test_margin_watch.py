@@ -35,11 +35,12 @@ class Formation:
     def __init__(self, count: int = 2, **law: Any) -> None:
         keys = scenario(vehicles={"count": count}, law={"type": "fuzzy_pid", "delay_compensation": False, **law})
         self.vehicles: dict[VehicleId, Any] = {
-            VehicleId(1, number): SimpleNamespace(identity=VehicleId(1, number)) for number in range(1, count + 1)
+            VehicleId(1, 1 + column): SimpleNamespace(identity=VehicleId(1, 1 + column), column=column)
+            for column in range(count)
         }
         self.leader, self.follower, *_ = self.vehicles.values()
-        self.notes, columns = Noted(), {identity: column for column, identity in enumerate(self.vehicles)}
-        self.watch = MarginWatch(load_scenario(keys), self.vehicles, columns, self.notes)
+        self.notes = Noted()
+        self.watch = MarginWatch(load_scenario(keys), self.vehicles, self.notes)
         for each in self.vehicles.values():
             self.delay(each, 0.0)
 
@@ -62,7 +63,7 @@ class Formation:
     def full(self) -> tuple[float, float]:
         """Share used at no delay, and what it grows by with each second each way: it is proportional to the loop's."""
         if not hasattr(self, "_full"):
-            fresh = MarginWatch(self.watch._scenario, self.vehicles, self.watch._columns, Noted())
+            fresh = MarginWatch(self.watch._scenario, self.vehicles, Noted())
             used: list[float] = []
             for one_way_s in (0.0, 0.1):
                 self.delay(self.follower, one_way_s)

@@ -36,9 +36,8 @@ class Formation:
         planned = load_scenario(scenario(vehicles={"count": 2}, law={"type": "fuzzy_pid", **law}))
         self.max_age_s = planned.law.max_age_s
         self.vehicles = {identity: vehicle(identity) for identity in (LEADER, FOLLOWER)}
-        columns = {LEADER: 0, FOLLOWER: 1}
         self.notes, self.ages_s, self.beyond = Noted(), [0.0, 0.0], set[VehicleId]()
-        self.membership = Membership(planned, self.vehicles, columns, self.notes)
+        self.membership = Membership(planned, self.vehicles, self.notes)
         self.estimator: Any = SimpleNamespace(age_s=lambda column, _: self.ages_s[column])
         self.now = Instant(0)
         self.judge(0.0)
@@ -79,7 +78,14 @@ SET_MODE = m.MAV_CMD_DO_SET_MODE
 
 
 def vehicle(identity: VehicleId) -> Vehicle:
-    made = Vehicle(identity, ArduPlane(identity.system, ORIGIN, 0.25), Connection(0), ORIGIN, 10.0)
+    made = Vehicle(
+        identity,
+        (LEADER, FOLLOWER).index(identity),
+        ArduPlane(identity.system, ORIGIN, 0.25),
+        Connection(0),
+        ORIGIN,
+        10.0,
+    )
     made.start_up = StartUp((), index=0)
     lat_rad, lon_rad, alt_m = ORIGIN.from_ned(30.0 * identity.system, 0.0, -100.0)
     made.telemetry.take(GlobalPositionInt(1.0, lat_rad, lon_rad, alt_m, 100.0, 22.0, 0.0, 0.0, 0.0))

@@ -1,12 +1,13 @@
 """What is said of noise that isn't as declared, as a decision."""
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
-from gcs_formation.estimation.noise import Declared, NoiseEstimate
+from gcs_formation.estimation.noise import VehicleNoise
 from gcs_formation.fleet.margin_watch import NoiseWatch
 from tests.gcs_formation.noted import Noted
 
@@ -16,10 +17,10 @@ WHO = VehicleId(1, 2)
 
 def said(times, samples=400, stated=True):
     """Return what is said while the position's noise is `times` the declared one, and as declared after that."""
-    noise = NoiseEstimate(Declared(DECLARED, DECLARED / 4, np.array([stated])))
+    noise = VehicleNoise(tuple(DECLARED[:, 0]), tuple(DECLARED[:, 0] / 4), stated=stated)
     random, notes = np.random.default_rng(1), Noted()
-    vehicles: Any = {WHO: None}
-    watch = NoiseWatch(vehicles, {WHO: 0}, notes)
+    vehicles: Any = {WHO: SimpleNamespace(identity=WHO, column=0)}
+    watch = NoiseWatch(vehicles, notes)
     sigma = np.repeat(DECLARED, (2, 1, 2, 1, 1, 1), axis=0)
     for scale in (times, 1.0):
         before = np.zeros((8, 1))
@@ -27,9 +28,9 @@ def said(times, samples=400, stated=True):
             white = sigma * random.standard_normal((8, 1))
             white[:2] *= scale
             spread = 2.0 * (sigma * scale) ** 2
-            noise.each[0].learn(tuple((white - before)[:, 0].tolist()), tuple(spread[:, 0].tolist()))
+            noise.learn(tuple((white - before)[:, 0].tolist()), tuple(spread[:, 0].tolist()))
             before = white
-            watch.watch(Instant(0), noise)
+            watch.watch(Instant(0), [noise])
     return notes.of("noise")
 
 

@@ -36,7 +36,7 @@ def place() -> Place:
 
     def placed(number: int, mode: int, height_m: float, *, armed: bool = True, status: int = FLYING) -> Vehicle:
         connection = Connection(0, Address("127.0.0.1", 1), LinkState.CONNECTED)
-        vehicle = Vehicle(VehicleId(1, number), ArduPlane(number, ORIGIN, 0.25), connection, ORIGIN, 10.0)
+        vehicle = Vehicle(VehicleId(1, number), number - 1, ArduPlane(number, ORIGIN, 0.25), connection, ORIGIN, 10.0)
         tell(vehicle, mode, height_m, armed=armed, status=status)
         return vehicle
 
@@ -67,7 +67,8 @@ def loiters_at(height_m: float) -> list[tuple[int, Any]]:
 
 
 def ending(*vehicles: Vehicle, manner: End = "loiter", ground: GroundFloor | None = None) -> Ending:
-    end = Ending({vehicle.identity: vehicle for vehicle in vehicles}, manner, ground)
+    ground = ground or GroundFloor(load_scenario(scenario()))
+    end = Ending({vehicle.identity: vehicle for vehicle in vehicles}, ground, manner)
     end.begin(NOW)
     end.leave(NOW)
     return end

@@ -12,7 +12,7 @@ from flight_model.arrays import Array, Mask
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints, advance
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.separation.approach import Traffic, sample_times
-from gcs_formation.separation.giving_way import Memory, resolve
+from gcs_formation.separation.giving_way import resolve
 from gcs_formation.separation.traffic import TrafficPicture
 from tests.gcs_formation import tables
 
@@ -90,7 +90,6 @@ def picture(vehicles: Vehicles, state: FlightStates, setpoints: Setpoints, age_s
         kept_m=KEPT_M,
         kept_from_others_m=KEPT_M,
         timing_s=np.full(count, 0.1 * (2 * vehicles.delay_s + age_s)),
-        reference=0,
         floor=lambda state: np.full(state.north_m.size, vehicles.floor_m),
         times_s=TIMES_S,
     )
@@ -107,7 +106,7 @@ def encounter(vehicles: Vehicles, seconds: float = 40.0, *, rule: bool = True) -
     """Fly; states are told with the link's delay, setpoints act after it, or never."""
     count, random = len(vehicles.rows), np.random.default_rng(vehicles.seed)
     each = model(count)
-    true, memory, flown = vehicles.state, Memory(np.zeros(count)), Flown()
+    true, side, flown = vehicles.state, np.zeros(count), Flown()
     history = SetpointHistory(1 / DT_S)
     held = wanted(vehicles, 0.0).table
     reckoned = round(vehicles.delay_s * NANOSECONDS)
@@ -123,28 +122,28 @@ def encounter(vehicles: Vehicles, seconds: float = 40.0, *, rule: bool = True) -
             history.begin(acts.tolist())
             state = tables.predict(history, seen, since, acts, each)
             if rule:
-                memory = _give_way(picture(vehicles, state, setpoints), memory, setpoints)
+                side = _give_way(picture(vehicles, state, setpoints), side, setpoints)
             history.note(tables.setpoints(setpoints))
-            flown.sides.append(memory.side)
+            flown.sides.append(side)
             flown.setpoints.append(setpoints.table)
             late_s = np.maximum(0.0, vehicles.delay_s + vehicles.jitter_s * random.standard_normal(count))
             arrives = np.flatnonzero(random.random(count) >= vehicles.loss).tolist()
             on_the_way += [(now_s + float(late_s[i]), i, setpoints.table[:, i]) for i in arrives]
         on_the_way = _delivered(on_the_way, now_s, held)
         flies = np.where(vehicles.flown_by_us, held, wanted(vehicles, now_s).table)
-        true = advance(true, flies[None], np.full((1, count), STEP_S), each)
+        true = advance(true, flies, np.full(count, STEP_S), each)
         past.append(true)
         flown.least_m = min(flown.least_m, _nearest_m(true))
     return flown
 
 
-def _give_way(picture: TrafficPicture, memory: Memory, setpoints: Setpoints) -> Memory:
-    decided = resolve(picture, memory)
+def _give_way(picture: TrafficPicture, side: Array, setpoints: Setpoints) -> Array:
+    decided = resolve(picture, side)
     for sent, instead in zip(
         (setpoints.speed_mps, setpoints.heading_rad, setpoints.height_m), decided.setpoints.table, strict=True
     ):
         sent[:] = instead
-    return decided.memory
+    return decided.side
 
 
 def _delivered(on_the_way: list[tuple[float, int, Array]], now_s: float, held: Array) -> list[tuple[float, int, Array]]:

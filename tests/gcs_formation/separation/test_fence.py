@@ -67,7 +67,7 @@ def test_whatever_heading_is_asked_for_nobody_leaves(corners: Any) -> None:
             wanted = rng.uniform(-np.pi, np.pi, count)
         now = tick(state, Setpoints.of(np.array([speed, wanted, height])))
         turned |= minimum(limits, now)[:, 1]
-        state = advance(state, Setpoints.from_each(now.setpoints).table[None], np.full((1, count), TICK_S), model)
+        state = advance(state, Setpoints.from_each(now.setpoints).table, np.full(count, TICK_S), model)
         assert inside_m(polygon, state.place_m[:2].T).min() > 0.0, f"after {step * TICK_S:.2f} s"
     assert turned.sum() > count / 2
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gcs_formation.separation.giving_way import Memory, resolve
+from gcs_formation.separation.giving_way import resolve
 from tests.gcs_formation.separation.encounters import KEPT_M, Vehicles, encounter, picture, wanted
 
 LIMIT_M = 5.0
@@ -100,8 +100,8 @@ rows = st.lists(
 def test_what_is_told_stays_in_the_envelope_and_whoever_passes_is_told_the_same_bits(rows: list[list[float]]) -> None:
     vehicles = Vehicles(rows)
     law = wanted(vehicles, 0.0)
-    decided = resolve(picture(vehicles, vehicles.state, law), Memory(np.zeros(len(rows))))
-    setpoints, yielding = decided.setpoints, decided.memory.yielding
+    decided = resolve(picture(vehicles, vehicles.state, law), np.zeros(len(rows)))
+    setpoints, yielding = decided.setpoints, decided.side != 0
     assert np.array_equal(setpoints.table[:, ~yielding], law.table[:, ~yielding])
     assert np.isfinite(setpoints.table).all()
     assert ((setpoints.speed_mps >= 16) & (setpoints.speed_mps <= 28)).all()
@@ -120,6 +120,6 @@ def test_a_formation_is_left_alone(count: int, spacing_m: float, heading: float,
     ]
     vehicles = Vehicles(rows)
     law = wanted(vehicles, 0.0)
-    decided = resolve(picture(vehicles, vehicles.state, law), Memory(np.zeros(count)))
+    decided = resolve(picture(vehicles, vehicles.state, law), np.zeros(count))
     assert decided.setpoints.table.tobytes() == law.table.tobytes()
-    assert not decided.memory.yielding.any()
+    assert not decided.side.any()

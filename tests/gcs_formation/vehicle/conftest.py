@@ -11,10 +11,18 @@ from airlink import mavlink as m
 from airlink.messages.system import Heartbeat
 from airlink.messages.telemetry import Attitude, EkfStatusReport, GlobalPositionInt, SysStatus, VfrHud
 from flight_model.earth import GeodeticOrigin
+from formation_scenario.model import PathPlan
+from formation_scenario.vehicles import VehicleModel
 from gcs_formation.vehicle.ardupilot import EKF_READY, ArduPlane
 from gcs_formation.vehicle.telemetry import Telemetry
 
 ORIGIN = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 20.0)
+
+
+def planned(speed_mps: float, lowest_m: float, **model: float) -> tuple[VehicleModel, PathPlan]:
+    """Return the model of a vehicle, and a path at this speed with this lowest height."""
+    places = ((0.0, 0.0, lowest_m + 20.0), (1000.0, 0.0, lowest_m), (2000.0, 0.0, lowest_m + 10.0))
+    return VehicleModel.model_validate(model), PathPlan(speed_mps=speed_mps, waypoints_m=places)
 
 
 def heartbeat(mode: int, *, armed: bool, status: int = m.MAV_STATE_STANDBY) -> Heartbeat:

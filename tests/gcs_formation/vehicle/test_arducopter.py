@@ -11,10 +11,9 @@ from airlink.frame import FrameWriter, StreamParser
 from airlink.messages.command import CommandLong, SetPositionTargetLocalNed
 from airlink.messages.system import Heartbeat
 from flight_model.autopilot import FlightState, Setpoint
-from gcs_formation.vehicle.ardupilot import ArduCopter, arducopter_checks
-from gcs_formation.vehicle.checks import Demands
+from gcs_formation.vehicle.ardupilot import ArduCopter
 from gcs_formation.vehicle.hovering import HEIGHT_S
-from tests.gcs_formation.vehicle.conftest import ORIGIN, heartbeat
+from tests.gcs_formation.vehicle.conftest import ORIGIN, heartbeat, planned
 
 COPTER, HERE = ArduCopter(7, ORIGIN, 0.4), FlightState(0.0, 0.0, 30.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 VELOCITY_AND_YAW, VELOCITY_ALONE = 0b100111000111, 0b010111000111
@@ -137,7 +136,9 @@ IN_ORDER = {
     ],
 )
 def test_a_parameter_that_bounds_what_is_asked_is_named(name, value, refuses):
-    checks = arducopter_checks(Demands(5.0, 0.0, 9.0, 0.4, 2.5, 30.0))
+    checks = COPTER.checks(
+        *planned(5.0, 30.0, speed_min_mps=0.0, speed_max_mps=9.0, turn_rate_max_rps=0.4, accel_max_mps2=2.5)
+    )
     assert [found for check in checks if (found := check.judge(IN_ORDER))] == []
     (finding,) = [found for check in checks if (found := check.judge(IN_ORDER | {name: value}))]
     assert finding.text.startswith(f"{name}: found {value}")

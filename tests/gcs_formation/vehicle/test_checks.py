@@ -7,12 +7,11 @@ import pytest
 from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.messages.command import ParamValue
-from gcs_formation.vehicle.ardupilot import arduplane_checks
-from gcs_formation.vehicle.checks import AT_ONCE, RETRY_S, TRIES, Demands, Finding, ParameterReader
+from gcs_formation.vehicle.ardupilot import ArduPlane
+from gcs_formation.vehicle.checks import AT_ONCE, RETRY_S, TRIES, Finding, ParameterReader
+from tests.gcs_formation.vehicle.conftest import ORIGIN, planned
 
-ASKED = Demands(
-    speed_mps=22.0, speed_min_mps=14.0, speed_max_mps=29.0, turn_rate_max_rps=0.25, accel_max_mps2=1.5, lowest_m=80.0
-)
+MODEL, PATH = planned(22.0, 80.0, speed_min_mps=14.0, speed_max_mps=29.0, turn_rate_max_rps=0.25, accel_max_mps2=1.5)
 IN_ORDER = {
     "MAV_GCS_SYSID": 255,
     "FS_GCS_ENABL": 1,
@@ -24,7 +23,7 @@ IN_ORDER = {
     "AIRSPEED_CRUISE": 22,
     "ROLL_LIMIT_DEG": 45,
 }
-START = Instant(0)
+START, PLANE = Instant(0), ArduPlane(2, ORIGIN, 0.25)
 
 
 def told(reader: ParameterReader, values: dict[str, float], now: Instant = START) -> None:
@@ -33,7 +32,7 @@ def told(reader: ParameterReader, values: dict[str, float], now: Instant = START
 
 
 def findings(**changed: float) -> list[Finding]:
-    reader = ParameterReader(2, arduplane_checks(ASKED))
+    reader = ParameterReader(2, PLANE.checks(MODEL, PATH))
     told(reader, IN_ORDER | changed)
     assert reader.complete
     return reader.findings()
@@ -69,7 +68,7 @@ def test_a_parameter_that_is_not_as_it_should_be_is_named_with_what_is_allowed(
 
 
 def test_a_parameter_is_read_by_whichever_of_its_names_the_version_knows() -> None:
-    reader = ParameterReader(2, arduplane_checks(ASKED))
+    reader = ParameterReader(2, PLANE.checks(MODEL, PATH))
     others = {name: value for name, value in IN_ORDER.items() if name != "MAV_GCS_SYSID"}
     told(reader, {**others, "SYSID_MYGCS": 1})
     (finding,) = reader.findings()
@@ -78,7 +77,7 @@ def test_a_parameter_is_read_by_whichever_of_its_names_the_version_knows() -> No
 
 
 def test_requests_come_a_few_at_once_and_the_next_ones_as_soon_as_those_are_answered() -> None:
-    reader, asked, now = ParameterReader(2, arduplane_checks(ASKED)), list[str](), START
+    reader, asked, now = ParameterReader(2, PLANE.checks(MODEL, PATH)), list[str](), START
     while requests := reader.requests(now):
         assert len(requests) <= AT_ONCE
         assert {request.target_system for request in requests} == {2}
@@ -88,7 +87,7 @@ def test_requests_come_a_few_at_once_and_the_next_ones_as_soon_as_those_are_answ
 
 
 def test_what_is_lost_is_asked_for_again_and_what_never_comes_is_named() -> None:
-    reader, tries, now = ParameterReader(2, arduplane_checks(ASKED)), 0, START
+    reader, tries, now = ParameterReader(2, PLANE.checks(MODEL, PATH)), 0, START
     while not reader.complete:
         tries += sum(request.param_id == "TKOFF_ALT" for request in reader.requests(now))
         told(reader, {name: value for name, value in IN_ORDER.items() if name != "TKOFF_ALT"}, now)
@@ -98,7 +97,7 @@ def test_what_is_lost_is_asked_for_again_and_what_never_comes_is_named() -> None
 
 
 def test_parameters_that_nobody_asked_for_are_ignored() -> None:
-    reader = ParameterReader(2, arduplane_checks(ASKED))
+    reader = ParameterReader(2, PLANE.checks(MODEL, PATH))
     told(reader, {f"OTHER_{number}": 1.0 for number in range(1000)})
     assert not reader.complete
     assert len(reader._values) == 0

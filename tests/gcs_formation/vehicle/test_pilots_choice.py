@@ -34,11 +34,11 @@ class Flight:
 
     def __init__(self) -> None:
         identity = VehicleId(1, 1)
-        self.plane = Vehicle(identity, Px4Plane(1, ORIGIN, 0.25), Connection(0), ORIGIN, 10.0)
+        self.plane = Vehicle(identity, 0, Px4Plane(1, ORIGIN, 0.25), Connection(0), ORIGIN, 10.0)
         self.plane.start_up = StartUp(())
         self.plane.start_up.index, self.plane.member = 1, Member.FLYING
         keys = scenario(vehicles={"count": 2}, law={"type": "fuzzy_pid"})
-        self.membership = Membership(load_scenario(keys), {identity: self.plane}, {identity: 0}, Noted())
+        self.membership = Membership(load_scenario(keys), {identity: self.plane}, Noted())
         self.now, self._writer = Instant(0), FrameWriter(1, 1)
         lat_rad, lon_rad, alt_m = ORIGIN.from_ned(0.0, 0.0, -80.0)
         self.hears(GlobalPositionInt(1.0, lat_rad, lon_rad, alt_m, 80.0, 0.0, 0.0, 0.0, 0.0))

@@ -15,12 +15,11 @@ from airlink.messages.telemetry import Attitude, ExtendedSysState, SysStatus, Vf
 from flight_model.autopilot import FlightState, Setpoint
 from formation_scenario import load_scenario
 from gcs_formation.vehicle.acknowledgement import CommandQueue, Outcome
-from gcs_formation.vehicle.checks import Demands
 from gcs_formation.vehicle.families import autopilot_for
 from gcs_formation.vehicle.px4 import Px4Copter
 from gcs_formation.vehicle.startup import StartUp
 from gcs_formation.vehicle.telemetry import Telemetry
-from tests.gcs_formation.vehicle.conftest import ORIGIN, position
+from tests.gcs_formation.vehicle.conftest import ORIGIN, planned, position
 
 HOLD, TAKEOFF, RTL, OFFBOARD = 0x03040000, 0x02040000, 0x05040000, 0x00060000
 COPTER, HERE = Px4Copter(7, ORIGIN, 0.4), FlightState(0.0, 0.0, 30.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -186,7 +185,9 @@ IN_ORDER = {
     ],
 )
 def test_a_parameter_that_bounds_what_is_asked_is_named(name, value, refuses):
-    checks = COPTER.checks(Demands(5.0, 0.0, 9.0, 0.4, 2.5, 30.0))
+    checks = COPTER.checks(
+        *planned(5.0, 30.0, speed_min_mps=0.0, speed_max_mps=9.0, turn_rate_max_rps=0.4, accel_max_mps2=2.5)
+    )
     assert [found for check in checks if (found := check.judge(IN_ORDER))] == []
     (finding,) = [found for check in checks if (found := check.judge(IN_ORDER | {name: value}))]
     assert finding.text.startswith(f"{name}: found {value}")

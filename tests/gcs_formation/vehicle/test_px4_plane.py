@@ -19,12 +19,12 @@ from airlink.messages.telemetry import Attitude, ExtendedSysState, HomePosition,
 from flight_model.autopilot import FlightState, Setpoint
 from gcs_formation.vehicle.acknowledgement import CommandQueue, Outcome
 from gcs_formation.vehicle.autopilot import Command, EffectWatch
-from gcs_formation.vehicle.checks import Demands, ParameterReader
+from gcs_formation.vehicle.checks import ParameterReader
 from gcs_formation.vehicle.families import FAMILIES
 from gcs_formation.vehicle.px4 import Px4Plane
 from gcs_formation.vehicle.startup import StartUp
 from gcs_formation.vehicle.telemetry import Telemetry
-from tests.gcs_formation.vehicle.conftest import ORIGIN, position
+from tests.gcs_formation.vehicle.conftest import ORIGIN, planned, position
 
 HOLD, TAKEOFF, RTL = 0x03040000, 0x02040000, 0x05040000
 PLANE, HERE = Px4Plane(7, ORIGIN, 0.25), FlightState(300.0, -200.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -248,7 +248,8 @@ def test_a_parameter_that_bounds_what_is_asked_is_named(name, value, refuses):
         "FW_R_LIM": 50.0,
         "NAV_LOITER_RAD": 80.0,
     }
-    reader = ParameterReader(7, PLANE.checks(Demands(14.0, 11.0, 20.0, 0.25, 1.0, 80.0)), PLANE.parameter)
+    flown = planned(14.0, 80.0, speed_min_mps=11.0, speed_max_mps=20.0, turn_rate_max_rps=0.25, accel_max_mps2=1.0)
+    reader = ParameterReader(7, PLANE.checks(*flown), PLANE.parameter)
     two = struct.unpack("<f", struct.pack("<i", 2))[0]
     reader.take(ParamValue("NAV_DLL_ACT", two, m.MAV_PARAM_TYPE_INT32, 900, 1), NOW)
     for each, its in (in_order | {name: value}).items():

@@ -21,7 +21,7 @@ NOW = Instant(0)
 @pytest.fixture
 def vehicle(tell, telemetry) -> Vehicle:
     """A vehicle whose clock is 50 s ahead of ours, and that has told everything but an attitude of now."""
-    made = Vehicle(VehicleId(1, 7), ArduPlane(7, ORIGIN, 0.25), Connection(0), ORIGIN, 10.0)
+    made = Vehicle(VehicleId(1, 7), 0, ArduPlane(7, ORIGIN, 0.25), Connection(0), ORIGIN, 10.0)
     tell(0, armed=True, above_home_m=100.0)
     made.telemetry = telemetry
     made.clock.observe(NOW, round(STAMP_S * NANOSECONDS), NOW)
@@ -49,7 +49,7 @@ def test_the_heading_is_that_of_the_position_s_instant_whichever_came_first(vehi
 def test_an_attitude_of_another_time_is_paired_with_no_position(vehicle: Vehicle, apart_s: float) -> None:
     turns(vehicle, 1.0, STAMP_S + apart_s)
     assert vehicle.new_sample(NOW) is None
-    assert vehicle.frames_implausible == 1
+    assert vehicle.telemetry.implausible == 1
 
 
 @pytest.mark.parametrize(("late_s", "taken"), [(-2.1, False), (-1.9, True), (9.9, True), (10.1, False)])
@@ -60,7 +60,7 @@ def test_a_stamp_of_the_future_or_of_long_ago_is_no_sample(vehicle: Vehicle, lat
 
 
 def test_before_its_clock_is_known_there_is_no_sample(tell, telemetry) -> None:
-    made = Vehicle(VehicleId(1, 7), ArduPlane(7, ORIGIN, 0.25), Connection(0), ORIGIN, 10.0)
+    made = Vehicle(VehicleId(1, 7), 0, ArduPlane(7, ORIGIN, 0.25), Connection(0), ORIGIN, 10.0)
     tell(0, armed=True, above_home_m=100.0)
     made.telemetry = telemetry
     assert made.new_sample(NOW) is None
