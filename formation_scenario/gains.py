@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
+from flight_model.autopilot import UNMODELLED
 from flight_model.design import FREQUENCIES, Channel, Telemetry, Weights, design, judged_channels
 from flight_model.energy import AirframeParameters
+from flight_model.filtered_noise import left_by_filter
 from flight_model.frequency_response import Responses, airframe_responses, lag_responses
 from formation_scenario.model import Scenario
 from formation_scenario.navigation import NoisyNavigation
@@ -53,8 +54,10 @@ SCALES = {"speed": 1.0, "heading": 0.1, "height": 2.0}
 """Mixed errors, and rates of them, that count as 1 for the fuzzy scheduler."""
 WEIGHTS = {"k_v": 0.0, "k_x": 1.0, "k_psi": 0.1, "k_y": 0.05, "k_z": 1.0}
 SENSORS = 0.02, 0.03, 0.002
-"""What is taken for the telemetry's noise in position (m), airspeed (m/s) and heading (rad) where none is declared:
-its last digits, and an airspeed sensor's."""
+"""What the telemetry's noise in position (m), airspeed (m/s) and heading (rad) is taken for at least: its last digits,
+and an airspeed sensor's."""
+LEAST = 0.001
+"""Declared noise counts as no less, m, m/s and rad."""
 
 
 def gain_groups(gains: str, frame: str) -> dict[str, Group]:
@@ -136,11 +139,13 @@ def _weights(mixer: Mapping[str, float]) -> Weights:
 def _telemetry(scenario: Scenario) -> Telemetry:
     """Return the longest loop delay that is designed for, and the noise of the worst sensors."""
     dt_s, sample_s = 1.0 / scenario.law.rate_hz, 1.0 / scenario.telemetry.rate_hz
-    known = Telemetry(dt_s, 2.0 * design_delay_s(scenario) + dt_s / 2.0 + sample_s / 2.0, *SENSORS)
-    for each in scenario.vehicles:
-        if isinstance(each.navigation, NoisyNavigation):
-            known = _noisier(known, each.navigation)
-    return known
+    delay_s = 2.0 * design_delay_s(scenario) + dt_s / 2.0 + sample_s / 2.0
+    kinds = dict.fromkeys((each.model, each.navigation) for each in scenario.vehicles)
+    noise = [SENSORS]
+    for model, keys in kinds:
+        if isinstance(keys, NoisyNavigation):
+            noise.append(_left(keys, model, scenario.path.speed_mps, sample_s))
+    return Telemetry(dt_s, delay_s, *(max(each) for each in zip(*noise, strict=True)))
 
 
 def design_delay_s(scenario: Scenario) -> float:
@@ -153,13 +158,16 @@ def design_delay_s(scenario: Scenario) -> float:
     return max(*round_trips_ms, 2.0 * scenario.law.design_delay_ms) / 2e3
 
 
-def _noisier(known: Telemetry, keys: NoisyNavigation) -> Telemetry:
-    return replace(
-        known,
-        position_m=max(known.position_m, keys.position_sigma_m),
-        airspeed_mps=max(known.airspeed_mps, keys.airspeed_sigma_mps),
-        heading_rad=max(known.heading_rad, math.radians(keys.heading_sigma_deg)),
-    )
+def _left(keys: NoisyNavigation, model: VehicleModel, speed_mps: float, sample_s: float) -> tuple[float, float, float]:
+    """Return what the station's filter leaves of declared noise, in the order of `SENSORS`."""
+    round_rad = max(math.radians(keys.heading_sigma_deg), LEAST)
+    place_m, velocity_mps = max(keys.position_sigma_m, LEAST), max(keys.velocity_sigma_mps, LEAST)
+    _, speed_walk, heading_walk = UNMODELLED
+    along = place_m, velocity_mps, max(keys.airspeed_sigma_mps, LEAST)
+    across = place_m, velocity_mps, speed_mps * round_rad
+    along_m, airspeed_mps = left_by_filter(along, speed_walk, model.tau_v_s, sample_s)
+    across_m, swing_mps = left_by_filter(across, speed_mps * heading_walk, model.tau_psi_s, sample_s)
+    return max(along_m, across_m), airspeed_mps, swing_mps / speed_mps
 
 
 def _written(law: Mapping[Any, Plain], group: str) -> dict[str, Any]:

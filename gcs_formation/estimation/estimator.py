@@ -10,7 +10,7 @@ import math
 from typing import Final
 
 from airlink.clock import NANOSECONDS, Instant, seconds_between
-from flight_model.autopilot import AutopilotModel, FlightState, squared, wrap
+from flight_model.autopilot import UNMODELLED, WIND_WALK, AutopilotModel, FlightState, squared, wrap
 from gcs_formation.estimation.kalman import (
     WIND_EAST,
     WIND_NORTH,
@@ -37,21 +37,20 @@ from gcs_formation.estimation.setpoint_history import SetpointHistory
 
 LEAST_AIRSPEED_MPS: Final = 1.0
 """What a smaller airspeed is taken as: equations divide by it, and what can't hover has more."""
-UNMODELLED: Final[tuple[float, float, float]] = (0.05, 0.05, 0.003)
-"""How far climb, airspeed (m/s) and heading (rad) stray from model (7) in a square root of a second."""
 UNCOMMANDED: Final[tuple[float, float, float]] = (1.0, 1.0, 0.3)
-"""How far a vehicle's climb, airspeed and heading stray that isn't commanded by us."""
+"""What `UNMODELLED` is for a vehicle that isn't commanded by us."""
 BEYOND_LIMIT: Final = 1.1
 """Climbs a tenth above its limit aren't flown by our setpoints yet: so a take-off ends."""
 WITHOUT_WIND: Final = 0.1
 """How far positions stray, m in a square root of a second, where the wind isn't observed."""
-WIND_WALK: Final = 0.02
-"""Of the wind's change in a square root of a second, m/s, without gusts."""
 GUST_RADPS: Final = 1.0
 """Bandwidth of the wind's observation from which a gust is believed at once: a slower one is asked for where airspeed
 lags or is off, and would show gusts that aren't there."""
 GUST_SIGMAS: Final = 4.0
 """Standard deviations of the wind that a sample tells beyond which it is a gust: believed, at once."""
+FIRST_WIND_RADPS: Final = 0.2
+"""Bandwidth from which the wind's observation slows down to a slower one that is asked for: a first sample is off by
+its whole noise, which would be flown for as long as the observation is slow."""
 IMPLAUSIBLE_SAMPLES: Final = 5
 """So many in a row aren't outliers: somebody else flies the vehicle. Its state begins anew from the newest."""
 FORGOTTEN_S: Final = 5.0
@@ -221,7 +220,7 @@ class VehicleFilter:
         return values[3] - airspeed_mps * math.cos(heading_rad), values[4] - airspeed_mps * math.sin(heading_rad)
 
     def _first_wind_variance(self, airspeed_mps: float) -> float:
-        """Return the variance of the wind that a first sample tells: its own, or that of an estimate as slow as asked.
+        """Return the variance of the wind that a first sample tells: its own, or that of an estimate that is slow.
 
         An estimate that begins with a sample's own follows the next ones at once: for its first seconds it would be as
         fast as those asked not to have that lag.
@@ -232,7 +231,7 @@ class VehicleFilter:
         if self.wind_radps >= GUST_RADPS:
             return sample
         variances = self.noise.values
-        return min(sample, self.wind_radps * (variances[3] + variances[6]) / self._root_hz**2)
+        return min(sample, max(FIRST_WIND_RADPS, self.wind_radps) * (variances[3] + variances[6]) / self._root_hz**2)
 
     def _wind_noise(self, airspeed_mps: float) -> float:
         """Return the variance of that."""

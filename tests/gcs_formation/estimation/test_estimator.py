@@ -7,9 +7,10 @@ import pytest
 
 from airlink.clock import Instant, after
 from flight_model.arrays import Array
+from flight_model.autopilot import UNMODELLED, WIND_WALK
 from formation_scenario import load_scenario
 from gcs_formation.controller import FormationController
-from gcs_formation.estimation.estimator import UNMODELLED, WIND_WALK, Sample, StateEstimator
+from gcs_formation.estimation.estimator import Sample, StateEstimator
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
 from gcs_formation.estimation.noise import RESOLUTION, VehicleNoise
 from gcs_formation.estimation.setpoint_history import SetpointHistory
