@@ -89,7 +89,7 @@ class Verdict:
     value: float | None
     """Infinite for the separation of one that is alone, null in summary.json."""
     reached: bool = True
-    """Whether the window was flown to its end."""
+    """Whether the window was flown to its end, by a follower itself."""
     judged: bool = True
     """False where the window was cut by `--until` or an order, or where the vehicle led all through it."""
     reason: str = ""
@@ -137,8 +137,8 @@ def judge(
 ) -> Iterator[Verdict]:
     """Yield a verdict for each expectation, by default the scenario's; for followers or links, one for each of them.
 
-    A window that wasn't flown to its end is broken, since what was promised of it wasn't shown. With `cut_short` it
-    isn't judged: somebody wanted the run to end before its path or its time did.
+    A window that wasn't flown to its end is broken, since what was promised of it wasn't shown; so is one in which the
+    follower was lost. With `cut_short` it isn't judged: somebody wanted the run to end before its path or its time did.
     """
     for each in scenario.expect if wanted is None else wanted:
         flown_s = float(parts["duration_s"])
@@ -149,8 +149,11 @@ def judge(
             chosen = {planned.vehicle_id for planned in scenario.selected(each.followers)}
             for vehicle in (one for one in flight.followers(scenario) if one in chosen):
                 value = _follower_value(each, flight, vehicle, parts)
+                lost_s = _lost_at_s(each, flight, vehicle)
                 if _leads_throughout(each, flight, vehicle):
                     yield Verdict(each, vehicle, value, reached, judged=False, reason="led all the time")
+                elif lost_s is not None:
+                    yield Verdict(each, vehicle, value, reached=False, reason=f"lost at {lost_s:.1f} s")
                 else:
                     yield Verdict(each, vehicle, value, reached, judged, why)
         elif each.metric in LINK_METRICS:
@@ -164,6 +167,13 @@ def judge(
 def _leads_throughout(wanted: Expectation, flight: Flight, vehicle: VehicleId) -> bool:
     leads = flight.vehicles[vehicle]["leads"][flight.window(wanted.from_s, wanted.to_s)] > 0
     return bool(leads.size and leads.all())
+
+
+def _lost_at_s(wanted: Expectation, flight: Flight, vehicle: VehicleId) -> float | None:
+    """Return when a follower was down, or without a leader, for the rest of the window; None if it never was."""
+    window = flight.window(wanted.from_s, wanted.to_s)
+    missed = flight.missed(vehicle, window)
+    return float(flight.mission_time_s[window][-missed]) if missed > 1 else None
 
 
 def _follower_value(wanted: Expectation, flight: Flight, vehicle: VehicleId, parts: Mapping[str, Any]) -> float | None:

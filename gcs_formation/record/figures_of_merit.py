@@ -61,7 +61,7 @@ def of_follower(flight: Flight, vehicle: VehicleId, window: Mask, settled_s: flo
     return axes | {
         "settled_at_s": settled_s,
         "left_at_s": left_at_s(time_s, error_m, settled_s),
-        "in_slot_share": in_slot_share(error_m),
+        "in_slot_share": in_slot_share(error_m, flight.missed(vehicle, window)),
         "effort": effort(flight.vehicles[vehicle], window),
     }
 
@@ -94,9 +94,13 @@ def axis_figures(time_s: Array, error_m: Array, settled_s: float | None) -> dict
     return {"rms": float(np.sqrt(np.mean(size**2))), "max": float(size.max()), **shares, "steady_max": steady}
 
 
-def in_slot_share(error_m: Array) -> float | None:
-    """Return the share of (T, 3) errors of which every axis is within `SETTLED_M`, None of none."""
-    return float(_in_slot(error_m).mean()) if error_m.size else None
+def in_slot_share(error_m: Array, missed: int = 0) -> float | None:
+    """Return the share of (T, 3) errors of which every axis is within `SETTLED_M`, None of none.
+
+    `missed` ticks, at which the vehicle was lost, count as out of its slot.
+    """
+    ticks = len(error_m) + missed
+    return float(_in_slot(error_m).sum() / ticks) if ticks else None
 
 
 def left_at_s(time_s: Array, error_m: Array, settled_s: float | None) -> float | None:

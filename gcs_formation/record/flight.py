@@ -95,6 +95,14 @@ class Flight:
         seen = np.isfinite(error_m).all(axis=1)
         return time_s[seen], error_m[seen]
 
+    def missed(self, vehicle: VehicleId, window: Mask) -> int:
+        """Return at how many ticks at the end of a (T,) window a vehicle neither has errors nor leads: it is lost.
+
+        It is down, or has no leader any more.
+        """
+        seen = np.isfinite(self.error(vehicle)[window]).all(axis=1) | (self.vehicles[vehicle]["leads"][window] > 0)
+        return int(seen[::-1].argmax()) if seen.any() else seen.size
+
 
 def split(
     columns: Columns, scenario: Scenario, truth: GroundTruth | None, injected_s: Mapping[VehicleId, Array]

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import pytest
+
 from formation_scenario import load_scenario
 from gcs_formation.record.expectations import Verdict, judge
-from tests.gcs_formation.record.test_flight import KEYS, flown
+from tests.gcs_formation.record.test_flight import CRASH_S, FOLLOWER, KEYS, LEADER, flown
 
 FLOWN_S = 10.0
 PARTS = {"duration_s": FLOWN_S, "followers": {str(system): {"settled_at_s": 0.0} for system in (1, 2, 3)}}
 
 
-def verdict(cut_short: bool = False, **expect) -> Verdict:
+def verdict(cut_short: bool = False, crashed=None, **expect) -> Verdict:
     """Return what comes of an expectation of the second vehicle, flown for 10 s without any error."""
     entry = {"metric": "error_x_m.max", "followers": [2], "below": 0.1} | expect
     scenario = load_scenario(KEYS | {"duration_s": 100, "expect": [entry]})
-    (found,) = judge(scenario, flown(), PARTS, {}, cut_short)
+    (found,) = judge(scenario, flown(crashed), PARTS, {}, cut_short)
     return found
 
 
@@ -41,3 +43,19 @@ def test_a_window_that_somebody_cut_short_is_not_judged():
 def test_a_window_may_end_with_the_last_tick_before_it():
     assert verdict(to_s=FLOWN_S + 0.1).held is True
     assert verdict(to_s=FLOWN_S + 0.2).held is False
+
+
+@pytest.mark.parametrize("crashed", [FOLLOWER, LEADER])
+def test_a_follower_that_is_lost_before_its_window_ends_breaks_what_is_expected_of_it(crashed):
+    """By its own crash, or its leader's that nobody succeeds: it had no error while it flew."""
+    for metric, bound in (("error_x_m.max", {"below": 0.1}), ("in_slot_share", {"below": None, "above": 0.9})):
+        found = verdict(crashed=crashed, metric=metric, to_s=FLOWN_S, **bound)
+        assert (found.held, found.judged, found.reached) == (False, True, False)
+        assert found.reason == "lost at 4.1 s"
+    assert verdict(crashed=crashed, to_s=CRASH_S).held is True
+    assert verdict(cut_short=True, crashed=crashed, to_s=90).held is False
+
+
+def test_a_lost_follower_s_time_counts_as_out_of_its_slot():
+    found = verdict(crashed=FOLLOWER, metric="in_slot_share", to_s=FLOWN_S, below=None, above=0.0)
+    assert found.value == pytest.approx(41 / 101)
