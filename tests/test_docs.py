@@ -1,5 +1,6 @@
 """Documents name files, names in them and pictures that are there."""
 
+import ast
 import json
 import re
 from pathlib import Path
@@ -58,3 +59,20 @@ def test_the_reference_of_scenario_keys_and_their_schema_are_those_of_the_models
     schema = (ROOT / "docs" / "scenario.schema.json").read_text(encoding="utf-8")
     fresh = reference == scenario_reference() and json.loads(schema) == json.loads(json.dumps(scenario_schema()))
     assert fresh, f"docs/scenario.md and docs/scenario.schema.json are stale; write them again by: {REGENERATE}"
+
+
+def noted_kinds(source):
+    """Yield the kinds of events that a module notes."""
+    for call in ast.walk(ast.parse(source)):
+        if isinstance(call, ast.Call) and len(call.args) >= 3 and isinstance(call.args[1], ast.Constant):
+            name = getattr(call.func, "attr", getattr(call.func, "id", ""))
+            if "note" in name:
+                yield call.args[1].value
+
+
+def test_every_kind_of_event_that_is_noted_is_in_the_events_schema():
+    schema = json.loads((ROOT / "docs" / "events.schema.json").read_text())["properties"]["kind"]
+    noted = {kind for path in (ROOT / "gcs_formation").rglob("*.py") for kind in noted_kinds(path.read_text())}
+    assert len(noted) > 20
+    assert sorted(noted - set(schema["enum"])) == []
+    assert sorted(kind for kind in schema["enum"] if f"{kind}: " not in schema["description"]) == []
