@@ -186,7 +186,7 @@ class MarginWatch:
             down_s = float(np.fmax.reduce([self._vehicles[each].down_s for each in self._axes]))
         rates = self._scenario.telemetry.rate_hz, law.rate_hz
         up_s = 2.0 * clock.one_way_s - self._vehicles[identity].down_s
-        return LoopDelay(loop_delay_s(up_s, down_s, *rates), clock.scatter_s)
+        return LoopDelay(loop_delay_s(up_s, down_s, *rates), clock.usual_scatter_s)
 
     def _of(self, column: int, axis: str) -> float:
         return self.bandwidth[column][_channels(axis)[0]]

@@ -17,6 +17,12 @@ WINDOW: Final = 16
 """Number of round trips (4 s) over which the fastest is determined and the delay is averaged."""
 RESOLUTION_S: Final = 0.5e-3
 """Standard deviation of a sample that had no excess delay."""
+STEPPED: Final = 4
+"""So many round trips in a row (1 s) that are far from those before are what the link takes from now on."""
+FAR: Final = 4.0
+"""By how many times what either scatters they are that."""
+NORMAL: Final = 1.4826
+"""Standard deviation of normal noise by its median absolute deviation."""
 FEW: Final = 8
 UNKNOWN_SCATTER_S: Final = 0.02
 """Assumed standard deviation of round trips as long as there are fewer than `FEW`."""
@@ -67,6 +73,20 @@ class ClockSync:
             total += squared(each - mean_s)
         return math.sqrt(total / (count - 1.0))
 
+    @property
+    def usual_scatter_s(self) -> float:
+        """The same, of most round trips alone: a few that are far off, as where a link's delay steps, aren't in it."""
+        return min(self.scatter_s, _usual_scatter(self._recent))
+
+    def _forget_before_step(self) -> None:
+        """Forget the round trips before the last few, where these are far from the others' median."""
+        if len(self._recent) <= STEPPED:
+            return
+        before, since = self._recent[:-STEPPED], self._recent[-STEPPED:]
+        apart_s = abs(_median(since) - _median(before))
+        if apart_s > FAR * (_usual_scatter(before) + max(since) - min(since)):
+            self._recent = since
+
     def _mean_s(self) -> float:
         total = 0.0
         for each in self._recent:
@@ -83,6 +103,7 @@ class ClockSync:
         self._recent.append(self.round_trip_s)
         if len(self._recent) > WINDOW:
             del self._recent[0]
+        self._forget_before_step()
         self.one_way_s = max(0.0, (self._mean_s() - self.loop_s / 2) / 2)
         middle = Instant((sent + received) // 2)
         sample_s = (vehicle_time_ns - middle) / NANOSECONDS
@@ -158,3 +179,17 @@ class ClockSync:
         excess_s = self.round_trip_s - fastest_s
         scatter_s = self.scatter_s if len(self._recent) >= FEW else UNKNOWN_SCATTER_S
         return squared(RESOLUTION_S) + (squared(excess_s) + squared(scatter_s)) / 4
+
+
+def _usual_scatter(values: list[float]) -> float:
+    """Return the standard deviation of normal noise that has the values' median absolute deviation."""
+    middle = _median(values)
+    return NORMAL * _median([abs(each - middle) for each in values])
+
+
+def _median(values: list[float]) -> float:
+    """Return the median, 0 of none."""
+    ordered, middle = sorted(values), len(values) // 2
+    if len(values) % 2:
+        return ordered[middle]
+    return (ordered[middle - 1] + ordered[middle]) / 2.0 if values else 0.0

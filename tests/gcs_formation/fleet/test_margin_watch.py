@@ -45,7 +45,7 @@ class Formation:
             self.delay(each, 0.0)
 
     def delay(self, vehicle: Any, one_way_s: float, scatter_s: float = 0.0) -> None:
-        vehicle.clock, vehicle.down_s = SimpleNamespace(one_way_s=one_way_s, scatter_s=scatter_s), one_way_s
+        vehicle.clock, vehicle.down_s = SimpleNamespace(one_way_s=one_way_s, usual_scatter_s=scatter_s), one_way_s
 
     def look(self, leader: Any = None) -> float:
         """Look once; return the share of the margin that the follower uses."""

@@ -151,3 +151,26 @@ def test_offset_and_drift_are_those_of_the_two_state_kalman_filter() -> None:
             x, p = x + gain * (sample_s - x[0]), p - np.outer(gain, p[0])
         at_s = middle_s
         assert (sync.offset_s, sync.drift) == (pytest.approx(x[0], abs=1e-8), pytest.approx(x[1], abs=1e-8))
+
+
+@pytest.mark.parametrize("after_s", [0.02, 1.0])
+def test_a_step_in_delay_is_the_delay_after_a_second_and_never_counts_as_scatter(after_s: float) -> None:
+    rng, sync = np.random.default_rng(1), ClockSync()
+    for k in range(40):
+        probe(sync, rng, 0.25 * k, 0.4, 0.005, (0.0, 0.0))
+    for k in range(40, 60):
+        probe(sync, rng, 0.25 * k, after_s, 0.005, (0.0, 0.0))
+        assert sync.usual_scatter_s < 0.02
+        if k >= 43:
+            assert sync.one_way_s == pytest.approx(after_s, abs=0.01)
+
+
+def test_scatter_that_stays_is_seen_and_moves_no_window() -> None:
+    """Jitter of 40 ms each way: round trips scatter by 57 ms, and the mean is over the whole window of 4 s."""
+    rng, sync, scatters_s, delays_s = np.random.default_rng(2), ClockSync(), [], []
+    for k in range(400):
+        probe(sync, rng, 0.25 * k, 0.4, 0.04, (0.0, 0.0))
+        scatters_s.append(sync.usual_scatter_s)
+        delays_s.append(sync.one_way_s)
+    assert np.median(scatters_s[20:]) == pytest.approx(0.04 * math.sqrt(2), rel=0.2)
+    assert np.std(delays_s[20:]) < 0.04 / math.sqrt(2) / 3.0
