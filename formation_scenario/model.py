@@ -24,7 +24,6 @@ from formation_scenario.fields import (
     Number,
     Offset,
     Positive,
-    Rate,
     Speed,
     Vector,
     VehicleSelection,
@@ -134,7 +133,11 @@ class Finish(Keys):
 class Telemetry(Keys):
     """What the vehicles send."""
 
-    rate_hz: Rate = Field(default=10.0, description="position and attitude messages a second, Hz", examples=[5])
+    rate_hz: Annotated[Number, Field(ge=0.5, le=50.0)] = Field(
+        default=10.0,
+        description="position and attitude messages a second, Hz; no more than turns of an autopilot's main loop",
+        examples=[5],
+    )
     clock: Literal["round_trip", "gnss"] = Field(
         default="round_trip",
         description="how stamps are mapped to one clock: by half of each link's round trip, or by the vehicles' UTC "

@@ -39,7 +39,7 @@ LOGS = (".tlog", ".bin")
 @click.option("--run-dir", type=OUT, help="Where the flight is recorded; default: runs/NAME-TIME.")
 @click.option("--overwrite", is_flag=True, help="Replace an earlier run in --run-dir.")
 @click.option("--vehicle", type=WholeNumber(1), help="Of this system id alone; default: all, as of one kind.")
-@click.option("--speedup", type=Number(0.01, 1000), default=1.0, help="Of simulated autopilots.")
+@click.option("--speedup", type=Number(0.01, 1000), default=1.0, help="Of simulated autopilots that fly the steps.")
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key (repeatable).")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 @click.option("--json", "as_json", is_flag=True, help="The result alone on standard output.")
@@ -58,7 +58,10 @@ def identify(
     if not source.is_dir() and source.suffix.lower() not in LOGS:
         believed = load(source, overrides)
         recorded = run_dir or default_directory(f"{believed.name}-identify")
-        options = RunOptions(recorded, _clock(believed), **given)
+        try:
+            options = RunOptions(recorded, _clock(believed), **given)
+        except ValueError as error:
+            fail(str(error))
         _fly(believed, options, quiet=quiet)
     beside = recorded if recorded.is_dir() else recorded.parent
     try:

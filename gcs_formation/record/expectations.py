@@ -94,6 +94,8 @@ class Verdict:
     """False where the window was cut by `--until` or an order, or where the vehicle led all through it."""
     reason: str = ""
     """Why it wasn't reached or isn't judged, in words."""
+    lost: bool = False
+    """Whether the flight reached the window's end, or was ended, without this follower."""
 
     @property
     def held(self) -> bool | None:
@@ -153,7 +155,7 @@ def judge(
                 if _leads_throughout(each, flight, vehicle):
                     yield Verdict(each, vehicle, value, reached, judged=False, reason="led all the time")
                 elif lost_s is not None:
-                    yield Verdict(each, vehicle, value, reached=False, reason=f"lost at {lost_s:.1f} s")
+                    yield Verdict(each, vehicle, value, reached=False, reason=f"lost at {lost_s:.1f} s", lost=True)
                 else:
                     yield Verdict(each, vehicle, value, reached, judged, why)
         elif each.metric in LINK_METRICS:

@@ -125,7 +125,8 @@ def _measured(metric: str, task: Task, summary: Summary, wrong: list[str]) -> fl
         return float(len(wrong))
     if not task.study.windowed:
         return figure(summary.figures, metric)
-    found = [each.value for each in summary.measured if each.expectation.metric == metric and each.reached]
+    own = [each for each in summary.measured if each.expectation.metric == metric]
+    found = [each.value for each in own if each.reached or each.lost]
     return worst(metric, [value if value is not None and math.isfinite(value) else None for value in found])
 
 

@@ -78,6 +78,7 @@ WRONG = [
     ("law: {mixer: {7: 1}}\n", "a.yaml:3:15: law.mixer.7: found an unknown key '7'; allowed: k_v, k_x,"),
     ("orders: [{at_s: 1, order: sped 20}]\n", "loiter, rtl, land (did you mean 'speed 24'?)"),
     ("law: {rate_hz: 0.01}\n", "law.rate_hz: found 0.01; allowed: a number from 0.5 to 1000"),
+    ("telemetry: {rate_hz: 100}\n", "telemetry.rate_hz: found 100; allowed: a number from 0.5 to 50"),
     ("safety: {separation_m: 1e9}\n", "safety.separation_m: found 1000000000.0; allowed: a number from 0 to 10000"),
     ("start: {offset_m: [1e6, 0, 0]}\n", "allowed: a list of 3 numbers, up to ±10000"),
 ]

@@ -2,8 +2,11 @@ import math
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
+from airlink.cli.exit_status import Status
 from gcs_formation.app.operator import RunOptions
+from gcs_formation.cli import main
 
 
 @pytest.mark.parametrize(
@@ -20,3 +23,13 @@ from gcs_formation.app.operator import RunOptions
 def test_what_the_command_line_refuses_is_refused_from_python_too(wrong) -> None:
     with pytest.raises(ValueError, match="allowed: "):
         RunOptions(Path("run"), **wrong)
+
+
+def test_identify_refuses_what_only_simulated_autopilots_can_be_told(tmp_path) -> None:
+    """Emulated vehicles fly their steps under the virtual clock, which no speed-up makes faster."""
+    scenario = tmp_path / "scenario.yaml"
+    scenario.write_text("vehicles: {count: 2}\npath: {waypoints_m: [[0, 0, 100], [6000, 0, 100]]}\n")
+    told = CliRunner().invoke(main, ["identify", str(scenario), "--speedup", "10", "--run-dir", str(tmp_path / "run")])
+    assert told.exit_code == Status.BAD_USAGE
+    assert "speedup: found 10 under the virtual clock" in told.output
+    assert not (tmp_path / "run").exists()
