@@ -72,7 +72,8 @@ class HoveringBody(Body):
         self._jerk_mps3: float = JERKS_MPS3[model.firmware]
         self._integrated_mps: tuple[float, float] = (north_mps, east_mps)
         self._accel: tuple[float, float] = (0.0, 0.0)
-        self._air_mps: Velocity = AT_REST
+        self._air_mps: Velocity = wind_mps
+        """The air's velocity that it holds out against already."""
         self._commanded: deque[Velocity] = deque([self.velocity_mps] * DEAD_CYCLES[model.firmware])
         self._sinks: deque[float] = deque([0.0] * CLIMB_DEAD_CYCLES)
         self._sink_aimed_mps: float = 0.0
@@ -89,6 +90,7 @@ class HoveringBody(Body):
         super().ground()
         self.velocity_mps, self._accel, self._sink_aimed_mps = AT_REST, (0.0, 0.0), 0.0
         self._integrated_mps = 0.0, 0.0
+        self._air_mps = self.air_north_mps, self.air_east_mps, self.air_down_mps
 
     def shown(self) -> Motion:
         """Return its motion as its sensors show it: no airspeed but its own speed, and where its nose points."""

@@ -170,6 +170,19 @@ def test_wind_pushes_it_once_and_doesnt_carry_it_away(make_air):
     assert abs(copter.motion.velocity_north_mps) < 0.02
 
 
+def test_it_lifts_off_straight_up_in_any_wind_it_stood_in(make_air):
+    gust = StepDisturbance(at_s=0.0, velocity_mps=(0.0, 8.0, 0.0)), frozenset({VehicleId(1, 1)})
+    air = make_air(model=MODEL, in_air=False, disturbances=(gust,))
+    air.tell_mission_time(0.0)
+    air.run(4.0)
+    air.set_mode(GUIDED)
+    air.command_long(ARM, 1)
+    air.command_long(TAKEOFF, 0, 0, 0, 0, 0, 0, 20.0)
+    air.run(14.0)
+    assert air.state("height_m") == pytest.approx(20.0, abs=0.3)
+    assert abs(air.state("east_m")) < 0.01
+
+
 @pytest.mark.parametrize("command", [43000, 43001, 43002, 192, 12345])
 def test_what_planes_are_told_is_unsupported(standing, command):
     assert standing.air.command_long(command, 0, 5.0) == UNSUPPORTED
