@@ -125,7 +125,7 @@ def _bends(scenario: Scenario, source: Source, sampled: SampledPath, steps: tupl
         whose = f"vehicle {who.vehicle_id}'s slot in shape {shape}" if shape else f"leader {who.vehicle_id}"
         more = f", the worst of {int(over.sum())} slots there" if over.sum() > 1 else ""
         found = f"{whose} would need {worst.figure[index, column]:.3g} {worst.unit}{more}"
-        yield sampled.problem(source, index, found, _allowed(worst.limit, who.model))
+        yield sampled.problem(source, index, found, _allowed(worst.limit, who.model, scenario.path.speed_mps))
 
 
 def _leaders(
@@ -146,24 +146,30 @@ def _followers(
     needs = slot_needs(course, SlotMotion.at_rest(step.places_m), scenario.formation.frame)
     free = [column == step.arrangement.leader for column in range(len(everyone))]
     speed, turn, accel = needs.speed_mps, np.abs(needs.turn_rate_rps), np.abs(needs.accel_mps2)
-    slowest = _limits(everyone, "speed_min_mps", free, unlimited=0.0)
-    yield _Demand("speed", "m/s", speed / _limits(everyone, "speed_max_mps", free), speed, step)
+    soon = [
+        (0.0, np.inf) if who is None or exempt else who.model.soon_mps(scenario.path.speed_mps)
+        for who, exempt in zip(everyone, free, strict=True)
+    ]
+    slowest, fastest = np.array(soon).T
+    yield _Demand("speed", "m/s", speed / fastest, speed, step)
     yield _Demand("speed", "m/s", slowest / np.maximum(speed, TOLERANCE), speed, step)
     turns = [exempt or (who is not None and who.model.hovers) for who, exempt in zip(everyone, free, strict=True)]
     yield _Demand("turn", "rad/s of turn", turn / _limits(everyone, "turn_rate_max_rps", turns), turn, step)
     yield _Demand("accel", "m/s² of acceleration", accel / _limits(everyone, "accel_max_mps2", free), accel, step)
 
 
-def _limits(everyone: Sequence[Vehicle | None], name: str, free: Sequence[bool], unlimited: float = np.inf) -> Array:
-    """Return a limit of each column, (N,); `unlimited` for a virtual leader and for who is `free` of it."""
+def _limits(everyone: Sequence[Vehicle | None], name: str, free: Sequence[bool]) -> Array:
+    """Return a limit of each column, (N,); none for a virtual leader and for who is `free` of it."""
     each = zip(everyone, free, strict=True)
-    bound = [unlimited if who is None or exempt else getattr(who.model, name) for who, exempt in each]
+    bound = [np.inf if who is None or exempt else getattr(who.model, name) for who, exempt in each]
     return np.array(bound, dtype=np.float64)
 
 
-def _allowed(limit: str, model: VehicleModel) -> str:
+def _allowed(limit: str, model: VehicleModel, speed_mps: float) -> str:
+    slowest, fastest = model.soon_mps(speed_mps)
+    soon = "" if fastest == model.speed_max_mps else f", as it soon flies of {_speeds(model)} (prompt_share)"
     return {
-        "speed": _speeds(model),
+        "speed": f"{slowest:.3g} to {fastest:.3g} m/s{soon}" if soon else _speeds(model),
         "turn": f"up to {model.turn_rate_max_rps:g} rad/s",
         "accel": f"up to {model.accel_max_mps2:g} m/s²",
     }[limit]

@@ -126,7 +126,7 @@ def _conditions(scenario: Scenario, leader: int, course: Callable[[Array], Cours
     return Conditions(
         course=course,
         frame=scenario.formation.frame,
-        limits=Limits.of(column_models(scenario)),
+        limits=Limits.of(column_models(scenario), scenario.path.speed_mps),
         separation_m=scenario.safety.separation_m,
         leader=leader,
         present=present,
@@ -174,7 +174,7 @@ def take_over(
 def keepable_turn_rps(scenario: Scenario, reach_m: float) -> float:
     """Return the highest turn rate of a leader at which slots `reach_m` away keep up, outside and inside the turn."""
     speed, models = scenario.path.speed_mps, column_models(scenario)
-    spare_mps = min(min(model.speed_max_mps - speed, speed - model.speed_min_mps) for model in models)
+    spare_mps = min(abs(bound - speed) for model in models for bound in model.soon_mps(speed))
     return max(min(*(model.turn_rate_max_rps for model in models), spare_mps / max(reach_m, 1.0)), 1e-3)
 
 

@@ -60,10 +60,11 @@ class Limits:
     """tau_ha tau_hb / (tau_ha + tau_hb): how far height setpoints lead a change of climb."""
 
     @classmethod
-    def of(cls, models: tuple[VehicleModel, ...]) -> Limits:
-        """Return the limits of vehicles of these models."""
-        names = ("speed_min_mps", "speed_max_mps", "accel_max_mps2", "turn_rate_max_rps", "climb_max_mps", "tau_v_s")
+    def of(cls, models: tuple[VehicleModel, ...], speed_mps: float) -> Limits:
+        """Return the limits of vehicles of these models behind a leader of this speed."""
+        names = ("accel_max_mps2", "turn_rate_max_rps", "climb_max_mps", "tau_v_s")
         columns: list[Array] = [np.array([getattr(model, name) for model in models]) for name in names]
+        columns = [*np.array([model.soon_mps(speed_mps) for model in models]).T, *columns]
         lead = [model.tau_ha_s * model.tau_hb_s / (model.tau_ha_s + model.tau_hb_s) for model in models]
         limits = cls(*columns, climb_lead_s=np.array(lead))
         limits.turn_rate_max_rps[[model.hovers for model in models]] = np.inf

@@ -193,6 +193,16 @@ class VehicleModel(Keys):
             self.climb_max_mps,
         )
 
+    def soon_mps(self, speed_mps: float) -> tuple[float, float]:
+        """Return the lowest and the highest airspeed that one that flies at `speed_mps` comes to within its lag.
+
+        Of what a fixed wing's integrator makes up for, nothing counts: that takes longer than bends and ways to slots.
+        """
+        if self.hovers or self.prompt_share == 1.0:
+            return self.speed_min_mps, self.speed_max_mps
+        slower_mps, faster_mps = speed_mps - self.speed_min_mps, self.speed_max_mps - speed_mps
+        return speed_mps - self.prompt_share * slower_mps, speed_mps + self.prompt_share * faster_mps
+
 
 Model: TypeAlias = Annotated[
     VehicleModel,

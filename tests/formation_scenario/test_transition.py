@@ -26,6 +26,7 @@ from formation_scenario.transition_plan import NotFlyableError, segment_distance
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 SPEED = 22.0
+STRAIGHT = [[0, 0, 100], [6000, 0, 100]]
 CHANGES = "formation.changes=[{at_s: 10, shape: line}, {at_s: 80, shape: circle}, {at_s: 150, shape: square}]"
 vectors = st.lists(st.floats(-60, 60), min_size=12, max_size=12).map(lambda values: np.array(values).reshape(4, 3))
 
@@ -302,3 +303,18 @@ def test_a_change_of_nothing_or_to_nobody_is_refused(refusal, change, found):
 def test_under_a_virtual_leader_nobody_takes_over(refusal):
     (line,) = refusal("vehicles=[{id: 2}, {id: 3}]", "formation.changes=[{at_s: 20, leader: 3}]")
     assert line.startswith("formation.changes.0.leader: found 3, but a virtual leader flies the path")
+
+
+def test_of_a_speed_that_comes_with_an_integrator_a_way_counts_on_the_prompt_share_alone():
+    """A PX4 at 18 of 20 m/s soon flies 55 % of what is left: 19.1; of what hovers all comes within seconds."""
+    keys = {"vehicles": {"count": 4, "autopilot": "px4"}, "path": {"speed_mps": 18, "waypoints_m": STRAIGHT}}
+    scenario = load_scenario(keys | {"formation": {"changes": [{"at_s": 10, "shape": "line"}]}})
+    model = scenario.vehicles[0].model
+    assert model.soon_mps(18.0) == pytest.approx((14.15, 19.1))
+    assert model.model_copy(update={"hovers": True}).soon_mps(18.0) == (11.0, 20.0)
+    course, (first, last) = ahead(SplinePath(scenario.path.waypoints_m), 18.0, 180.0), slot_schedule(scenario)
+    way = plan_change(scenario, SlotMotion.at_rest(first.places_m), last.arrangement, 10.0, course)
+    moments_s = np.linspace(0.0, way.duration_s, 101)
+    needs = slot_needs(course(moments_s), way.sample(moments_s), "leader_heading")
+    assert needs.speed_mps.max() < 19.1
+    assert needs.speed_mps.min() > 14.15
