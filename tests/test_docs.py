@@ -67,7 +67,7 @@ def noted_kinds(source):
         if isinstance(call, ast.Call) and len(call.args) >= 3 and isinstance(call.args[1], ast.Constant):
             name = getattr(call.func, "attr", getattr(call.func, "id", ""))
             if "note" in name:
-                yield call.args[1].value
+                yield str(call.args[1].value)
 
 
 def test_every_kind_of_event_that_is_noted_is_in_the_events_schema():

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Final
 
-from airlink.clock import NANOSECONDS, Instant, seconds_between
+from airlink.clock import NANOSECONDS, Instant, rounded, seconds_between
 from airlink.endpoint import Address
 from airlink.engine import Datagram
 from airlink.frame import Frame, ParserCounts, StreamParser
@@ -37,26 +37,37 @@ class SequenceTracker:
     """Counts frames received and lost (MAVLink guide, "Packet loss").
 
     A late frame cancels the loss that its gap was counted as; a repeated one counts as neither received nor lost.
-    Exact as long as fewer than 127 frames are lost in a row.
+    Numbers come round: how many were lost in a silence is the count that fits them and the rate before it.
     """
 
     def __init__(self) -> None:
         """Start with nothing heard."""
         self.received = self.lost = self.repeated = 0
+        self.missed = 0
+        """Frames that were lost in silences, besides `lost`: they say nothing of how the link loses those that pass."""
+        self._since, self._next = (Instant(0), 0), (Instant(0), 0)
+        """An instant and how many frames had been sent by then, from which their rate is counted, and the next such."""
         self._newest: int | None = None
         self._expected = ANY
         """The number of the next frame if none is missing."""
         self._missing: set[int] = set()
         """Numbers counted as lost that may still come."""
 
-    def observe(self, sequence: int) -> None:
-        """Take the sequence number of a frame that arrived."""
-        if sequence == self._expected:
+    def observe(self, sequence: int, now: Instant, heard: Instant) -> None:
+        """Take the sequence number of a frame that arrived now; another had been `heard` last."""
+        if self.received % MODULUS == 0:
+            self._since, self._next = self._next, (now, self.received + self.lost)
+        if self._newest is None:
+            self._newest = (sequence - 1) % MODULUS
+        elif now - heard >= STALE_AFTER_NS:
+            self._observe_after_silence(sequence, now, heard)
+            return
+        elif sequence == self._expected:
             self.received += 1
             self._newest = sequence
             self._expected = (sequence + 1) % MODULUS
             return
-        newest = (sequence - 1) % MODULUS if self._newest is None else self._newest
+        newest = self._newest
         if (newest - sequence) % MODULUS <= LATE:
             self._observe_late(sequence)
             return
@@ -79,9 +90,28 @@ class SequenceTracker:
 
     @property
     def loss(self) -> float:
-        """Share of the sent frames that didn't arrive, 0 to 1."""
+        """Share of the sent frames that didn't arrive while others did, 0 to 1."""
         sent = self.received + self.lost
         return self.lost / sent if sent else 0.0
+
+    @property
+    def whole_loss(self) -> float:
+        """Share of all sent frames that didn't arrive, silences included, 0 to 1."""
+        lost = self.lost + self.missed
+        return lost / (self.received + lost) if lost else 0.0
+
+    def _observe_after_silence(self, sequence: int, now: Instant, heard: Instant) -> None:
+        """Take the first number after a silence: what was missed isn't late."""
+        assert self._newest is not None
+        since, sent = self._since if self._since[0] else self._next
+        usual = (self.received + self.lost - sent) * (now - heard) / max(heard - since, STALE_AFTER_NS)
+        gap = (sequence - self._newest - 1) % MODULUS
+        self.missed += gap + MODULUS * max(0, rounded((usual - gap) / MODULUS))
+        self.received += 1
+        self._newest = sequence
+        self._since = self._next = now, self.received + self.lost
+        self._missing.clear()
+        self._expect()
 
     def _observe_late(self, sequence: int) -> None:
         if sequence in self._missing:

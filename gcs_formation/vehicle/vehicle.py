@@ -118,9 +118,9 @@ class Vehicle:
         message, sequence = frame.message, self.sequence
         if message is not None:
             self.messages_in[message.kind().place] += 1
-        lost = sequence.lost
-        sequence.observe(frame.sequence)
-        if sequence.lost != lost:
+        lost = sequence.lost + sequence.missed
+        sequence.observe(frame.sequence, now, self.connection.last_heard)
+        if sequence.lost + sequence.missed != lost:
             self._lost_at = now
         changed = self.connection.heard(now, heartbeat=isinstance(message, Heartbeat))
         if isinstance(message, GlobalPositionInt):

@@ -4,13 +4,16 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from airlink.clock import Instant, after
 from gcs_formation.link.connection import MODULUS, SequenceTracker
+
+AT_ONCE = Instant(0), Instant(0)
 
 
 def tracked(numbers):
     tracker = SequenceTracker()
     for number in numbers:
-        tracker.observe(number % MODULUS)
+        tracker.observe(number % MODULUS, *AT_ONCE)
     return tracker
 
 
@@ -54,10 +57,28 @@ def test_a_restart_loses_nothing():
     tracker = tracked([7, 8, 10])
     tracker.restart()
     for number in (0, 1, 3):
-        tracker.observe(number)
+        tracker.observe(number, *AT_ONCE)
     assert (tracker.received, tracker.lost) == (6, 2)
     assert tracker.loss == pytest.approx(0.25)
 
 
 def test_nothing_heard_is_no_loss():
     assert SequenceTracker().loss == 0.0
+
+
+@given(st.floats(1.6, 60.0), st.sampled_from([0.0, 0.1]), st.floats(20.0, 120.0))
+def test_what_a_silence_lost_is_counted_however_often_numbers_come_round(silent_s, loss, rate_hz):
+    """20 s of frames, a silence, 20 s more; of what passes a tenth is lost, regularly."""
+    tracker, heard, came, sent = SequenceTracker(), Instant(0), 0, round((40.0 + silent_s) * rate_hz)
+    for number in range(sent):
+        at_s = number / rate_hz
+        if 20.0 <= at_s < 20.0 + silent_s or (loss and number % 10 == 5):
+            continue
+        now = after(Instant(1), at_s)
+        tracker.observe(number % MODULUS, now, heard)
+        heard, came = now, came + 1
+    last = sent - 1 if not loss or (sent - 1) % 10 != 5 else sent - 2
+    assert tracker.received == came
+    assert tracker.whole_loss == pytest.approx(1.0 - came / (last + 1))
+    assert tracker.loss == pytest.approx(loss, abs=0.01)
+    assert tracker.repeated == 0

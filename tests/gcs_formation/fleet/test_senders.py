@@ -103,11 +103,11 @@ def test_two_with_one_id_are_not_taken_off_and_the_second_is_ignored_in_flight(p
 def test_one_that_has_moved_is_the_same_and_its_sequence_numbers_begin_again(ground: Ground) -> None:
     vehicle = ground.vehicles[FIRST]
     ground.hear(PLANE)
-    vehicle.sequence.observe(200)
+    vehicle.sequence.observe(200, Instant(0), Instant(0))
     while vehicle.connection.check(after(Instant(0), 6.0)):
         pass
     assert ground.hear(PLANE, port=THERE, at_s=6.0) is vehicle
-    vehicle.sequence.observe(3)
+    vehicle.sequence.observe(3, after(Instant(0), 6.0), Instant(0))
     assert vehicle.sequence.lost == 0
     (said,) = ground.notes.of("address", 2)
     assert said.startswith("is heard from 127.0.0.1:50000; 127.0.0.1:40000 fell silent 6.0 s ago")
