@@ -116,7 +116,7 @@ def hold_radius_m(scenario: Scenario) -> float:
     most_rps = HOLD_TURN_SHARE * min(each.turn_rate_max_rps for each in column_models(scenario))
     turn_rps = np.geomspace(min(GENTLEST_RPS, most_rps), most_rps, 200)
     still, slots = np.zeros_like(turn_rps), SlotMotion.at_rest(slot_table(scenario))
-    low, high = np.array([each.soon_mps(speed) for each in models]).T
+    low, high = np.array([each.soon_mps(speed) for each in models]).reshape(-1, 2).T
     kept = np.ones_like(turn_rps, dtype=np.bool_)
     for way in (1.0, -1.0):
         needs = slot_needs(Course(speed, way * turn_rps, still, still, still), slots, scenario.formation.frame)
