@@ -148,11 +148,22 @@ def warnings(scenario: Scenario, margins: LawMargins) -> Iterator[str]:
     yield from split_errors(scenario)
     if lifted := circles_lifted(scenario):
         yield lifted
+    if text := slots_of_no_shape(scenario):
+        yield text
     yield from never_reached(scenario)
     for index, reason in refused_orders(scenario):
         yield f"orders.{index}: '{scenario.orders[index].order}' will be refused: {reason}"
     if text := goes_round(scenario):
         yield text
+
+
+def slots_of_no_shape(scenario: Scenario) -> str | None:
+    """Return that slots are given which no shape of the flight has, unless it is ordered; None where there are none."""
+    formation = scenario.formation
+    flown = dict.fromkeys([formation.shape, *(each.shape for each in formation.changes if each.shape)])
+    if formation.slots_m is None or "custom" in flown:
+        return None
+    return f"formation.slots_m: found slots; shape {', '.join(flown)} has its own, only custom has these"
 
 
 def never_reached(scenario: Scenario) -> Iterator[str]:

@@ -15,7 +15,7 @@ from formation_scenario import ScenarioError, load_scenario
 from formation_scenario.begin_and_end import path_end_s
 from formation_scenario.feasibility import refused_orders
 from formation_scenario.graph import graph_adjacency
-from gcs_formation.app.check import check_report, never_reached
+from gcs_formation.app.check import check_report, never_reached, slots_of_no_shape
 from gcs_formation.app.check_links import Assembly, assembly, goes_round, split_errors
 from gcs_formation.cli import main
 from gcs_formation.phases import Phase
@@ -246,3 +246,12 @@ def test_no_formation_makes_the_leader_turn_gentler_than_half_a_degree_a_second(
     """At its highest speed nobody has any to spare for a turn."""
     fast = {"speed_mps": 28, "waypoints_m": [[0, 0, 200], [9000, 0, 200]]}
     assert started(path=fast).lap_radius_m == pytest.approx(28 / 0.01)
+
+
+def test_slots_that_no_shape_of_the_flight_has_are_warned_of() -> None:
+    keys = {"vehicles": {"count": 3}, "path": {"waypoints_m": [[0, 0, 200], [9000, 0, 200]]}}
+    slots_m = {"slots_m": {2: [-30, 30, 0], 3: [-30, -30, 0]}}
+    found = slots_of_no_shape(load_scenario(keys | {"formation": slots_m | {"shape": "line"}}))
+    assert found == "formation.slots_m: found slots; shape line has its own, only custom has these"
+    for formation in ({"shape": "custom"}, {"changes": [{"at_s": 20, "shape": "custom"}]}):
+        assert slots_of_no_shape(load_scenario(keys | {"formation": slots_m | formation})) is None
