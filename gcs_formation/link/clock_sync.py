@@ -17,8 +17,8 @@ WINDOW: Final = 16
 """Number of round trips (4 s) over which the fastest is determined and the delay is averaged."""
 RESOLUTION_S: Final = 0.5e-3
 """Standard deviation of a sample that had no excess delay."""
-STEPPED: Final = 4
-"""So many round trips in a row (1 s) that are far from those before are what the link takes from now on."""
+STEPPED: Final = 8
+"""So many round trips in a row (2 s) that are far from those before are what the link takes from now on."""
 FAR: Final = 4.0
 """By how many times what either scatters they are that."""
 NORMAL: Final = 1.4826

@@ -140,7 +140,8 @@ def judge(
     """Yield a verdict for each expectation, by default the scenario's; for followers or links, one for each of them.
 
     A window that wasn't flown to its end is broken, since what was promised of it wasn't shown; so is one in which the
-    follower was lost. With `cut_short` it isn't judged: somebody wanted the run to end before its path or its time did.
+    follower was lost. It isn't judged where that was wanted: with `cut_short`, when the run was ended before its path
+    or its time was, and of a follower that crashes by the scenario's faults.
     """
     for each in scenario.expect if wanted is None else wanted:
         flown_s = float(parts["duration_s"])
@@ -155,7 +156,9 @@ def judge(
                 if _leads_throughout(each, flight, vehicle):
                     yield Verdict(each, vehicle, value, reached, judged=False, reason="led all the time")
                 elif lost_s is not None:
-                    yield Verdict(each, vehicle, value, reached=False, reason=f"lost at {lost_s:.1f} s", lost=True)
+                    planned = _crashes(scenario, vehicle, lost_s)
+                    reason = f"{'crashed' if planned else 'lost'} at {lost_s:.1f} s"
+                    yield Verdict(each, vehicle, value, reached=False, judged=not planned, reason=reason, lost=True)
                 else:
                     yield Verdict(each, vehicle, value, reached, judged, why)
         elif each.metric in LINK_METRICS:
@@ -176,6 +179,12 @@ def _lost_at_s(wanted: Expectation, flight: Flight, vehicle: VehicleId) -> float
     window = flight.window(wanted.from_s, wanted.to_s)
     missed = flight.missed(vehicle, window)
     return float(flight.mission_time_s[window][-missed]) if missed > 1 else None
+
+
+def _crashes(scenario: Scenario, vehicle: VehicleId, by_s: float) -> bool:
+    """Return whether the scenario's faults have crashed a vehicle by a mission time."""
+    due = (fault for fault in scenario.faults if fault.kind == "crash" and fault.at_s <= by_s)
+    return any(vehicle in {each.vehicle_id for each in scenario.selected(fault.vehicles)} for fault in due)
 
 
 def _follower_value(wanted: Expectation, flight: Flight, vehicle: VehicleId, parts: Mapping[str, Any]) -> float | None:

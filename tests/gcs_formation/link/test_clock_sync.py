@@ -154,14 +154,15 @@ def test_offset_and_drift_are_those_of_the_two_state_kalman_filter() -> None:
 
 
 @pytest.mark.parametrize("after_s", [0.02, 1.0])
-def test_a_step_in_delay_is_the_delay_after_a_second_and_never_counts_as_scatter(after_s: float) -> None:
+def test_a_step_in_delay_is_the_delay_after_two_seconds_and_no_scatter(after_s: float) -> None:
+    """The round trips' standard deviation is half of the step meanwhile; jitter alone makes 7 ms of it."""
     rng, sync = np.random.default_rng(1), ClockSync()
     for k in range(40):
         probe(sync, rng, 0.25 * k, 0.4, 0.005, (0.0, 0.0))
     for k in range(40, 60):
         probe(sync, rng, 0.25 * k, after_s, 0.005, (0.0, 0.0))
-        assert sync.usual_scatter_s < 0.02
-        if k >= 43:
+        assert sync.usual_scatter_s < 0.03
+        if k >= 47:
             assert sync.one_way_s == pytest.approx(after_s, abs=0.01)
 
 

@@ -14,10 +14,10 @@ FLOWN_S = 10.0
 PARTS = {"duration_s": FLOWN_S, "followers": {str(system): {"settled_at_s": 0.0} for system in (1, 2, 3)}}
 
 
-def verdict(cut_short: bool = False, crashed=None, **expect) -> Verdict:
+def verdict(cut_short: bool = False, crashed=None, faults=(), **expect) -> Verdict:
     """Return what comes of an expectation of the second vehicle, flown for 10 s without any error."""
     entry = {"metric": "error_x_m.max", "followers": [2], "below": 0.1} | expect
-    scenario = load_scenario(KEYS | {"duration_s": 100, "expect": [entry]})
+    scenario = load_scenario(KEYS | {"duration_s": 100, "expect": [entry], "faults": list(faults)})
     (found,) = judge(scenario, flown(crashed), PARTS, {}, cut_short)
     return found
 
@@ -49,7 +49,7 @@ def test_a_window_may_end_with_the_last_tick_before_it():
 
 @pytest.mark.parametrize("crashed", [FOLLOWER, LEADER])
 def test_a_follower_that_is_lost_before_its_window_ends_breaks_what_is_expected_of_it(crashed):
-    """By its own crash, or its leader's that nobody succeeds: it had no error while it flew."""
+    """It is down, or its leader is and nobody succeeds it: it had no error while it flew."""
     expected: list[dict[str, Any]] = [{"below": 0.1}, {"metric": "in_slot_share", "below": None, "above": 0.9}]
     for each in expected:
         found = verdict(crashed=crashed, to_s=FLOWN_S, **each)
@@ -57,6 +57,16 @@ def test_a_follower_that_is_lost_before_its_window_ends_breaks_what_is_expected_
         assert found.reason == "lost at 4.1 s"
     assert verdict(crashed=crashed, to_s=CRASH_S).held is True
     assert verdict(cut_short=True, crashed=crashed, to_s=90).held is False
+
+
+def test_what_the_scenario_s_own_faults_crash_is_not_judged():
+    faults = [{"at_s": 4.0, "vehicles": [2], "kind": "crash"}]
+    found = verdict(crashed=FOLLOWER, to_s=FLOWN_S, faults=faults)
+    assert (found.held, found.judged, found.reason) == (None, False, "crashed at 4.1 s")
+    assert verdict(crashed=FOLLOWER, to_s=CRASH_S, faults=faults).held is True
+    others = [{"at_s": 4.0, "vehicles": [3], "kind": "crash"}]
+    assert verdict(crashed=FOLLOWER, to_s=FLOWN_S, faults=others).held is False
+    assert verdict(crashed=FOLLOWER, to_s=FLOWN_S, faults=[faults[0] | {"at_s": 8.0}]).held is False
 
 
 def test_a_lost_follower_s_time_counts_as_out_of_its_slot():
