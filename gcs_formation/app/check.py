@@ -18,7 +18,7 @@ from formation_scenario.graph import scenario_adjacency
 from formation_scenario.slot_assignment import planned_slots
 from gcs_formation.app.check_links import assembly, goes_round, split_errors, ways_s
 from gcs_formation.control.laws import law_kind
-from gcs_formation.fleet.circling import OPENING_LIMIT_S, GroundFloor
+from gcs_formation.fleet.circle_heights import OPENING_LIMIT_S, GroundFloor
 from gcs_formation.guidance.leader import AHEAD_POINTS
 from gcs_formation.stability import LawMargins, Usage, law_loops, law_margins, loop_delay_s
 from gcs_formation.stability.law import consensus_margins, follower_margins

@@ -14,7 +14,8 @@ from typing import Final
 from flight_model.autopilot import AutopilotModel, FlightState, rate, rotated, within, wrap
 from flight_model.slot import NOTHING, Slot, Triple
 from formation_scenario.formation import Frame
-from gcs_formation.control.feed_forward import Envelope, LeaderMotion, TrailingSlot, feed_forward, lead
+from gcs_formation.control.envelope import Envelope
+from gcs_formation.control.feed_forward import LeaderMotion, TrailingSlot, feed_forward, lead
 from gcs_formation.control.fuzzy_pid import Channel, FuzzyGainScheduler, GainRange, Gains, Pid
 from gcs_formation.control.mixer import (
     TRAIL_S,

@@ -10,7 +10,7 @@ from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import VehicleId
 from formation_scenario import Scenario
 from gcs_formation.estimation.estimator import StateEstimator
-from gcs_formation.fleet.circling import GroundFloor, loiter_heights
+from gcs_formation.fleet.circle_heights import GroundFloor, loiter_heights
 from gcs_formation.link.connection import TALKING, LinkState
 from gcs_formation.recorder import Note
 from gcs_formation.separation.resolver import FORGOTTEN_AFTER_S

@@ -11,7 +11,7 @@ from formation_scenario import Scenario
 from formation_scenario.orders import Answer, End, Order, OrderError, parse_order
 from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.controller import FormationController
-from gcs_formation.fleet.circling import OPENING_LIMIT_S, GroundFloor
+from gcs_formation.fleet.circle_heights import OPENING_LIMIT_S, GroundFloor
 from gcs_formation.fleet.dispatch import Dispatch
 from gcs_formation.fleet.membership import Membership
 from gcs_formation.mission.ending import Ending, Opening

@@ -15,7 +15,7 @@ from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
 from formation_scenario.orders import End
 from gcs_formation.controller import FormationController
-from gcs_formation.fleet.circling import OPENING_LIMIT_S, STACK_M, Band, GroundFloor, loiter_heights, may_meet
+from gcs_formation.fleet.circle_heights import OPENING_LIMIT_S, STACK_M, Band, GroundFloor, loiter_heights, may_meet
 from gcs_formation.link.connection import TALKING
 from gcs_formation.mission.landing import Landings, lowest_circle_m, why_not
 from gcs_formation.recorder import VehicleLink

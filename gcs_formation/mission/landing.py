@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from airlink import mavlink as m
 from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
-from gcs_formation.fleet.circling import CIRCLES_MEET_M, STACK_M, GroundFloor
+from gcs_formation.fleet.circle_heights import CIRCLES_MEET_M, STACK_M, GroundFloor
 from gcs_formation.vehicle.acknowledgement import Outcome
 from gcs_formation.vehicle.telemetry import Motion
 from gcs_formation.vehicle.vehicle import Member, Vehicle

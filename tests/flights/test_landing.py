@@ -15,7 +15,7 @@ from airlink.messages.system import Heartbeat
 from airlink.messages.telemetry import GlobalPositionInt
 from flight_model.earth import GeodeticOrigin
 from formation_scenario import load_scenario
-from gcs_formation.fleet.circling import GroundFloor
+from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.link.connection import Connection, LinkState
 from gcs_formation.mission.landing import Landings, why_not
 from gcs_formation.phases import Phase

@@ -17,7 +17,7 @@ from airlink.messages.telemetry import GlobalPositionInt
 from flight_model.earth import GeodeticOrigin
 from formation_scenario import load_scenario
 from formation_scenario.orders import End
-from gcs_formation.fleet.circling import GroundFloor
+from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.link.connection import Connection, LinkState
 from gcs_formation.mission.ending import Ending, place_of
 from gcs_formation.vehicle.ardupilot import ArduPlane
