@@ -19,11 +19,6 @@ OUTER: Final = 0.2777777777777778
 INNER: Final = 0.4444444444444444
 """Weights of Gauss's points of a stretch of time: of the first and the last, and of the one between."""
 NO_LIMIT: Final = math.inf
-UNMODELLED: Final[tuple[float, float, float]] = (0.05, 0.05, 0.003)
-"""How far climb, airspeed (m/s) and heading (rad) of a vehicle are taken to stray from (7) in a square root of a
-second."""
-WIND_WALK: Final = 0.02
-"""The same of the wind without gusts, m/s."""
 
 
 class AutopilotModel:

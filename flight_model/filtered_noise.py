@@ -7,12 +7,17 @@ moves them by from tick to tick is a small part of a sample's. Source: Gelb, "Ap
 from __future__ import annotations
 
 import math
+from typing import Final
 
 import numpy as np
 
 from flight_model.arrays import Array
-from flight_model.autopilot import WIND_WALK
 
+UNMODELLED: Final[tuple[float, float, float]] = (0.05, 0.05, 0.003)
+"""How far climb, airspeed (m/s) and heading (rad) of a vehicle are taken to stray from model (7) in a square root
+of a second."""
+WIND_WALK: Final = 0.02
+"""The same of the wind without gusts, m/s."""
 SAMPLES = 400
 """After which the filter's gain is taken for its steady one, and its answer to one sample for over."""
 SEEN = np.array(((1.0, 0.0, 0.0), (0.0, 1.0, 1.0), (0.0, 1.0, 0.0)))

@@ -10,7 +10,8 @@ import math
 from typing import Final
 
 from airlink.clock import NANOSECONDS, Instant, seconds_between
-from flight_model.autopilot import UNMODELLED, WIND_WALK, AutopilotModel, FlightState, squared, wrap
+from flight_model.autopilot import AutopilotModel, FlightState, squared, wrap
+from flight_model.filtered_noise import UNMODELLED, WIND_WALK
 from gcs_formation.estimation.kalman import (
     WIND_EAST,
     WIND_NORTH,
