@@ -54,7 +54,7 @@ class FleetConfig:
     disturbances: tuple[tuple[Disturbance, frozenset[VehicleId]], ...] = ()
     """Each with the vehicles that it hits."""
     faults: tuple[tuple[Fault, frozenset[VehicleId]], ...] = ()
-    """Likewise."""
+    """Each with the vehicles that have it."""
     utc_at_0_us: int = VIRTUAL_EPOCH_US
     """UTC at instant 0, microseconds since 1970."""
     seed: int = 1

@@ -99,7 +99,7 @@ def draw(recording: Recording, flown: dict[str, Array], file: Path) -> None:
             axis.step(at_s, recording.commanded[row] * scale, where="post", color=GREY, linewidth=0.6, label="setpoint")
             axis.plot(at_s, recording.seen[row] * scale, color=INK, label="measured")
             for (name, values), colour in zip(flown.items(), FOLLOWERS, strict=False):
-                axis.plot(at_s, values[row] * scale, color=colour, label=name)
+                axis.plot(at_s, values[row] * scale, color=colour, linestyle="--", label=name)
             axis.set_ylabel(label)
         axes[-1].set_xlabel("time, s")
         axes[0].legend(ncols=2 + len(flown), loc="lower left", bbox_to_anchor=(0.0, 1.0))
