@@ -11,9 +11,10 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from flight_model.arrays import Array
-from gcs_formation.studies.keys import LISTED, Study
+from gcs_formation.studies.keys import LISTED, LogUniform, Study
 from gcs_formation.studies.plan import Row, columns_of
 from gcs_formation.studies.preparation import DRAWN
 
@@ -25,6 +26,8 @@ IN_A_BIN = 5
 """Flights that a bin should have at least, on average."""
 WIDE = 30.0
 """Largest by median from which a scale is logarithmic."""
+ROUND = (1.0, 2.0, 5.0)
+"""What is written of each decade of a logarithmic axis."""
 LABEL = 24
 """Characters of a name."""
 IN_A_ROW = 24
@@ -98,6 +101,11 @@ def cells_of(values: Array, edges: Array) -> npt.NDArray[np.intp]:
 def tick(flights: Flights, axis: Axis, name: str, *, below: bool) -> None:
     """Name a parameter at its axis, and its levels where there are few: upright below an axis with no room for them."""
     axis.set_label_text(name if len(name) <= LABEL or "." not in name else ".\n".join(name.rsplit(".", 1)))
+    if isinstance(flights.study.parameters.get(name), LogUniform):
+        (axis.axes.set_xscale if below else axis.axes.set_yscale)("log")
+        axis.set_major_locator(LogLocator(subs=ROUND))
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter(NullFormatter())
     levels = np.unique(flights.parameters[name])
     if levels.size <= LEVELS_UP_TO:
         words = words_of(flights, name)

@@ -104,6 +104,17 @@ def test_a_heat_map_shows_where_delays_reach_the_computed_margin_and_a_figure_it
     assert places_of(axes, f"{ERROR} = 0.1, as expected") == [pytest.approx([100.0, 100.0])] * 2
 
 
+def test_what_is_drawn_uniformly_by_its_logarithm_lies_so_on_its_axis():
+    delay, loss = np.geomspace(10.0, 1000.0, 60), np.tile([0.0, 0.1], 30)
+    drawn = study(parameters={DELAY: {"log_uniform": [10, 1000]}, LOSS: [0, 0.1]}, design="random", samples=60)
+    flights = Flights(drawn, {DELAY: delay, LOSS: loss}, {ERROR: delay})
+    for figure in (heat_maps(flights, ERROR), marginals(flights, ERROR)):
+        axes = figure.axes[0]
+        assert (axes.get_xscale(), axes.get_yscale()) == ("log", "linear")
+        written = {label.get_text() for label in axes.get_xticklabels()}
+        assert {"20", "50", "100", "200", "500"} <= written
+
+
 def test_a_boundary_is_found_between_neighbours_that_are_known():
     assert crossings_of(np.arange(4.0), np.array([0.0, 2.0, np.nan, 0.0]), 1.0) == [0.5]
     assert crossings_of(np.arange(3.0), np.array([4.0, 2.0, 4.0]), 3.0) == [0.5, 1.5]
