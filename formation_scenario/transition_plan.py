@@ -264,7 +264,11 @@ def _lift(level: Transition, lift_m: Array, course: Course, conditions: Conditio
     # Setpoints also lead the change of climb, so their peak is higher than PEAK_RATE.
     rise_s = 1.3 * PEAK_RATE * float((lift_m[rises] / room_mps[rises]).max())
     if rise_s > level.duration_s / 2:
-        raise NotFlyableError("no time is left for some to pass over others", "a path less steep there", 0.0)
+        raise NotFlyableError(
+            "no time is left for some to pass over others",
+            "slots less far apart in height, or a path less steep there",
+            0.0,
+        )
     return replace(level, lift_m=lift_m, rise_s=rise_s)
 
 

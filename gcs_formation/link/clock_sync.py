@@ -83,8 +83,9 @@ class ClockSync:
         if len(self._recent) <= STEPPED:
             return
         before, since = self._recent[:-STEPPED], self._recent[-STEPPED:]
+        near_s = FAR * (max(since) - min(since))
         apart_s = abs(_median(since) - _median(before))
-        if apart_s > FAR * (_usual_scatter(before) + max(since) - min(since)):
+        if apart_s > near_s and apart_s > near_s + FAR * _usual_scatter(before):
             self._recent = since
 
     def _mean_s(self) -> float:
