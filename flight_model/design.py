@@ -4,7 +4,8 @@ Each channel's loop has the shape kp + ki/s + kd s with two numbers free: its ba
 autopilot's lag that the derivative makes up for. The fastest loop is taken that holds the constants below: with
 the response as it is known, the sensitivity's peak and the delay margin; with a response that is slower or faster and
 stronger or weaker than known, stability with a peak of its own; and the setpoint's steps that the telemetry's noise
-causes. Nothing of the delay counts as predicted. The wind's observer closes a loop of its own around the airspeed: what
+causes: the law takes rates of errors from velocities, not from differences of positions. Nothing of the delay counts as
+predicted. The wind's observer closes a loop of its own around the airspeed: what
 an aircraft does otherwise than its model looks like wind, which is then flown against. It is as fast as the airspeed's
 loop with it stands. Source: S. Skogestad and I. Postlethwaite, "Multivariable Feedback
 Control", 2nd ed., 2.4 and 2.6; K. J. Astrom and T. Hagglund, "Advanced PID Control", 4.5.
@@ -30,8 +31,6 @@ LAG_SHARES = (1.0, 0.5, 0.0)
 INTEGRAL_SHARE = 0.125
 """Corner of the integral by the bandwidth."""
 ROUNDING = 1e-6
-HORIZON = 400
-"""Ticks of the controller's answer to one sample's noise."""
 PEAK = 1.6
 """Largest sensitivity with the response as known."""
 MISMATCH = 0.3
@@ -44,8 +43,7 @@ STEPS = (0.03, 0.006, 0.03)
 """Largest standard deviations of a tick's setpoint steps by noise: m/s, rad, m."""
 
 
-@dataclass(frozen=True)
-class Telemetry:
+class Telemetry(NamedTuple):
     """What a design must know of the links and the sensors; standard deviations of white noise."""
 
     law_dt_s: float
@@ -65,6 +63,8 @@ class Weights(NamedTuple):
     k_z: float
 
 
+PAIR = math.sqrt(2.0)
+"""Noise of a difference of two vehicles, as a share of one's."""
 Gains = tuple[float, float, float]
 """kp, ki and kd."""
 
@@ -108,33 +108,31 @@ UNKNOWN_DELAY_S = 0.6
 """Delay beyond the links' configured one over which that holds: 300 ms each way."""
 
 
-Vehicles = Sequence[tuple[Responses, float]]
-"""Each kind of vehicle: its responses at `FREQUENCIES`, and the lag of its airspeed that is fed forward, s."""
-
-
-def design(vehicles: Vehicles, speed_mps: float, weights: Weights, telemetry: Telemetry) -> Design:
+def design(vehicles: Sequence[Responses], speed_mps: float, weights: Weights, telemetry: Telemetry) -> Design:
     """Return gains that hold the bounds around every vehicle.
 
     Args:
-        vehicles: their kinds.
+        vehicles: each kind's responses at `FREQUENCIES`.
         speed_mps: along the path.
         weights: of the mixed errors.
         telemetry: delay and noise.
     """
     loops = _loops(vehicles, speed_mps, weights, telemetry)
     channels = {name: _channel(each, telemetry, most) for (name, each), most in zip(loops.items(), STEPS, strict=True)}
-    lag_s = max(lag_s for _, lag_s in vehicles)
-    quiet_radps = STEPS[0] / 2.0 / max(2.0 * lag_s * telemetry.airspeed_mps, 1e-9)
     stands = (
         radps
         for radps in OBSERVERS_RADPS.tolist()
-        if all(_observer_stands(radps, each, channels["speed"], weights, telemetry) for each, _ in vehicles)
+        if all(_observer_stands(radps, each, channels["speed"], weights, telemetry) for each in vehicles)
     )
-    return Design(channels, DERIVATIVE_FILTER_S, min(next(stands, float(OBSERVERS_RADPS[-1])), quiet_radps))
+    return Design(channels, DERIVATIVE_FILTER_S, next(stands, float(OBSERVERS_RADPS[-1])))
 
 
 def judged_channels(
-    gains: Mapping[str, Gains], vehicles: Vehicles, speed_mps: float, weights: Weights, telemetry: Telemetry
+    gains: Mapping[str, Gains],
+    vehicles: Sequence[Responses],
+    speed_mps: float,
+    weights: Weights,
+    telemetry: Telemetry,
 ) -> dict[str, Channel]:
     """Return what given gains (kp, ki, kd of speed, heading and height) hold; arguments as for `design`."""
     loops = _loops(vehicles, speed_mps, weights, telemetry)
@@ -143,18 +141,21 @@ def judged_channels(
     }
 
 
-def _loops(vehicles: Vehicles, speed_mps: float, weights: Weights, telemetry: Telemetry) -> dict[str, _Loops]:
-    s, pair, late_s = 1j * FREQUENCIES, float(np.sqrt(2.0)), telemetry.delay_s
-    along_m = pair * float(np.hypot(telemetry.position_m, late_s * telemetry.airspeed_mps))
-    across_m = pair * float(np.hypot(telemetry.position_m, late_s * speed_mps * telemetry.heading_rad))
-    across = float(np.hypot(weights.k_y * across_m, weights.k_psi * pair * telemetry.heading_rad))
-    forward = [weights.k_x * each.speed / s for each, _ in vehicles]
-    right = [(weights.k_psi + weights.k_y * speed_mps / s) * each.heading for each, _ in vehicles]
-    up = [weights.k_z * each.height for each, _ in vehicles]
+def _loops(
+    vehicles: Sequence[Responses], speed_mps: float, weights: Weights, telemetry: Telemetry
+) -> dict[str, _Loops]:
+    s, late_s = 1j * FREQUENCIES, telemetry.delay_s
+    place_m, along_mps, heading_rad = (PAIR * each for each in telemetry[2:])
+    across_mps = speed_mps * heading_rad
+    along_m, across_m = math.hypot(place_m, late_s * along_mps), math.hypot(place_m, late_s * across_mps)
+    forward = [weights.k_x * each.speed / s for each in vehicles]
+    right = [(weights.k_psi + weights.k_y * speed_mps / s) * each.heading for each in vehicles]
+    up = [weights.k_z * each.height for each in vehicles]
+    across = math.hypot(weights.k_y * across_m, weights.k_psi * heading_rad)
     return {
-        "speed": _Loops(forward, weights.k_x, False, weights.k_x * along_m),
-        "heading": _Loops(right, weights.k_y * speed_mps, False, across),
-        "height": _Loops(up, weights.k_z, True, weights.k_z * pair * telemetry.position_m),
+        "speed": _Loops(forward, weights.k_x, False, weights.k_x * along_m, weights.k_x * along_mps),
+        "heading": _Loops(right, weights.k_y * speed_mps, False, across, weights.k_y * across_mps),
+        "height": _Loops(up, weights.k_z, True, weights.k_z * place_m, 0.0),
     }
 
 
@@ -167,6 +168,8 @@ class _Loops(NamedTuple):
     restoring: bool
     noise: float
     """Of the mixed error."""
+    rate_noise: float
+    """Of its rate of change, a second."""
 
     def bandwidth_radps(self, gains: Gains) -> float:
         """Return the bandwidth that gains give."""
@@ -185,6 +188,13 @@ class _Loops(NamedTuple):
             return bandwidth * share * self.lag_s / self.slope, bandwidth / self.slope, 0.0
         kp = bandwidth / self.slope
         return kp, kp * bandwidth * INTEGRAL_SHARE, kp * share * self.lag_s
+
+    def step_sigma(self, gains: Gains, dt_s: float) -> float:
+        """Return the standard deviation of the setpoint's steps, tick by tick, for noise that is white."""
+        kp, ki, kd = gains
+        kept = math.exp(-dt_s / DERIVATIVE_FILTER_S)
+        of_rate = kd * (1.0 - kept) * math.sqrt(2.0 / (1.0 + kept))
+        return math.hypot(self.noise * math.hypot(kp + ki * dt_s, kp), self.rate_noise * of_rate)
 
 
 def _observer_stands(
@@ -208,7 +218,7 @@ def _channel(loops: _Loops, telemetry: Telemetry, most: float) -> Channel:
     tried = ((bandwidth, share) for bandwidth in BANDWIDTHS.tolist() for share in LAG_SHARES)
     for bandwidth, share in tried:
         gains = loops.gains(bandwidth, share)
-        if loops.noise * _step_gain(gains, telemetry.law_dt_s) > most:
+        if loops.step_sigma(gains, telemetry.law_dt_s) > most:
             continue
         if max(_peak(_controller(gains) * _late(telemetry.delay_s) * plant) for plant in loops.plants) > PEAK:
             continue
@@ -229,7 +239,7 @@ def judged(gains: Gains, bandwidth: float, channel: _Loops, telemetry: Telemetry
         min(_delay_margin_s(loop) for loop in loops),
         max(_peak(loop) for loop in loops),
         max(_peak(loop) for loop in off),
-        channel.noise * _step_gain(gains, telemetry.law_dt_s),
+        channel.step_sigma(gains, telemetry.law_dt_s),
     )
 
 
@@ -277,16 +287,3 @@ def _delay_margin_s(loop: Complex) -> float:
         return float("inf")
     phase = np.mod(np.angle(-loop[crossings]), 2.0 * np.pi)
     return float(np.min(phase / FREQUENCIES[crossings]))
-
-
-def _step_gain(gains: Gains, dt_s: float) -> float:
-    """Return the standard deviation of the setpoint's steps, tick by tick, for white noise of 1 in the mixed error."""
-    kp, ki, kd = gains
-    kept = float(np.exp(-dt_s / DERIVATIVE_FILTER_S))
-    impulse = np.zeros(HORIZON)
-    impulse[0] = 1.0
-    fading = (1.0 - kept) * kept ** np.arange(HORIZON) / dt_s
-    rates = np.diff(fading, prepend=0.0)
-    answer: Array = kp * impulse + ki * dt_s * np.cumsum(impulse) + kd * rates
-    steps: Array = np.concatenate((answer[:1], answer[1:] - answer[:-1]))
-    return math.sqrt(float(steps @ steps))

@@ -119,10 +119,10 @@ def by_design(scenario: Scenario) -> bool:
     return scenario.law.gains == AUTO or any(each.model.airframe for each in scenario.vehicles)
 
 
-def _known(scenario: Scenario) -> tuple[list[tuple[Responses, float]], float]:
-    """Return each kind of vehicle's responses and the lag of its airspeed; and the speed along the path."""
+def _known(scenario: Scenario) -> tuple[list[Responses], float]:
+    """Return each kind of vehicle's responses, and the speed along the path."""
     speed_mps, kinds = scenario.path.speed_mps, list(dict.fromkeys(each.model for each in scenario.vehicles))
-    return [(_responses(each, speed_mps), each.tau_v_s) for each in kinds], speed_mps
+    return [_responses(each, speed_mps) for each in kinds], speed_mps
 
 
 def _responses(model: VehicleModel, speed_mps: float) -> Responses:

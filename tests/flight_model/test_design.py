@@ -1,7 +1,6 @@
 """Frequency responses and the gains designed from them, against closed forms and flights of the models themselves."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -23,6 +22,7 @@ from flight_model.frequency_response import airframe_responses, lag_responses, l
 from formation_scenario import load_scenario
 from formation_scenario.gains import figures
 from formation_scenario.vehicles import EnergyAirframe
+from gcs_formation.control.fuzzy_pid import FIXED_GAINS, Channel, Pid, PidGains
 
 WEIGHTS = Weights(1.0, 0.1, 0.05, 1.0)
 QUIET = Telemetry(0.1, 0.1, 0.0, 0.0, 0.0)
@@ -70,7 +70,7 @@ def test_faster_swings_of_speed_than_half_a_radian_a_second_cost_height():
 
 def test_figures_of_a_first_order_loop_are_the_closed_forms():
     """kp/s has its crossover at kp, a phase margin of 90 degrees less the delay's."""
-    plants = [(lag_responses(FREQUENCIES, 1e-4, 1e-4, (1e-4, 1e-4)), 0.0)]
+    plants = [lag_responses(FREQUENCIES, 1e-4, 1e-4, (1e-4, 1e-4))]
     gains = {"speed": (0.5, 0.0, 0.0), "heading": (0.5, 0.0, 0.0), "height": (0.0, 0.5, 0.0)}
     found = judged_channels(gains, plants, 20.0, Weights(1.0, 0.0, 0.05, 1.0), NOISY)
     for name in ("speed", "heading", "height"):
@@ -79,8 +79,27 @@ def test_figures_of_a_first_order_loop_are_the_closed_forms():
     assert found["speed"].step_sigma == pytest.approx(0.5 * math.sqrt(2) * math.sqrt(2) * math.hypot(0.02, 0.003))
 
 
+def test_noise_moves_setpoints_as_it_moves_the_laws_controllers():
+    """White noise of a position of 0.02 m and a velocity of 0.03 m/s, each of the difference of two vehicles."""
+    plants, weights, gains = (
+        [lag_responses(FREQUENCIES, 4.0, 1.5, (1.0, 3.0))],
+        Weights(1.0, 0.0, 0.05, 1.0),
+        (0.6, 0.05, 1.2),
+    )
+    known = Telemetry(0.1, 0.0, 0.02, 0.03, 0.0)
+    found = judged_channels(dict.fromkeys(("speed", "heading", "height"), gains), plants, 22.0, weights, known)
+    pid = Pid(Channel(PidGains(*gains, 0.3), 1.0, 1.0, math.inf), FIXED_GAINS, None)
+    rng, setpoints = np.random.default_rng(1), []
+    for error, slope in np.sqrt(2.0) * rng.normal(0.0, (0.02, 0.03), (20000, 2)):
+        pid.filter_rate(slope, 0.1)
+        pid.schedule(error, 1.0)
+        setpoints.append(pid.output(error))
+        pid.integrate(error, 0.0, 0.1)
+    assert found["speed"].step_sigma == pytest.approx(np.std(np.diff(setpoints)), rel=0.03)
+
+
 def test_a_loop_beyond_its_delay_margin_is_unstable():
-    plants = [(lag_responses(FREQUENCIES, 1e-4, 1e-4, (1e-4, 1e-4)), 0.0)]
+    plants = [lag_responses(FREQUENCIES, 1e-4, 1e-4, (1e-4, 1e-4))]
     gains = dict.fromkeys(("speed", "heading"), (0.5, 0.0, 0.0)) | {"height": (0.0, 0.5, 0.0)}
     for delay_s, stable in ((3.0, True), (3.3, False)):
         late = Telemetry(0.1, delay_s, 0.0, 0.0, 0.0)
@@ -93,7 +112,7 @@ def test_a_loop_beyond_its_delay_margin_is_unstable():
 )
 @pytest.mark.parametrize("delay_s", [0.1, 0.7])
 def test_a_design_holds_its_bounds(response, delay_s):
-    found = design([(response, 1.0)], 22.0, WEIGHTS, Telemetry(0.1, delay_s, 0.02, 0.03, 0.002))
+    found = design([response], 22.0, WEIGHTS, Telemetry(0.1, delay_s, 0.02, 0.03, 0.002))
     for channel, steps in zip(found.channels.values(), STEPS, strict=True):
         assert channel.peak <= PEAK
         assert channel.mismatch_peak <= MISMATCH_PEAK
@@ -105,7 +124,7 @@ def test_a_design_holds_its_bounds(response, delay_s):
 def test_the_winds_observer_leaves_85_percent_of_the_airspeeds_delay_margin(delay_s):
     """An aircraft that does 4 times what it is told at 2 rad/s seems to be in wind, and is told to make up for it."""
     response = airframe_responses(FREQUENCIES, AIRCRAFT, 22.0)
-    found = design([(response, 1.0)], 22.0, WEIGHTS, replace(NOISY, delay_s=delay_s, airspeed_mps=0.0))
+    found = design([response], 22.0, WEIGHTS, NOISY._replace(delay_s=delay_s))
     channel, s = found.channels["speed"], 1j * FREQUENCIES
     plant = response.speed * np.exp(-s * (delay_s + 0.6))  # over 300 ms each way that nobody has told the design of
     alone = (channel.kp + channel.ki / s + channel.kd * s / (0.3 * s + 1)) / s * plant
@@ -121,7 +140,7 @@ def test_the_winds_observer_leaves_85_percent_of_the_airspeeds_delay_margin(dela
 
 
 def test_a_longer_delay_and_more_noise_make_slower_loops():
-    plants = [(airframe_responses(FREQUENCIES, AIRCRAFT, 22.0), 1.0)]
+    plants = [airframe_responses(FREQUENCIES, AIRCRAFT, 22.0)]
     near = design(plants, 22.0, WEIGHTS, QUIET).channels
     far = design(plants, 22.0, WEIGHTS, Telemetry(0.1, 1.5, 0.0, 0.0, 0.0)).channels
     loud = design(plants, 22.0, WEIGHTS, Telemetry(0.1, 0.1, 0.2, 0.3, 0.02)).channels
