@@ -43,7 +43,7 @@ def check_report(scenario: Scenario) -> dict[str, Any]:
         **_design(scenario),
         "loop_delay_s": configured_loop_delay_s(scenario),
         "assembly": assembly(scenario)._asdict(),
-        "warnings": list(warnings(scenario, margins)),
+        "warnings": list(warnings(scenario, margins, lags_off)),
     }
 
 
@@ -58,15 +58,15 @@ def check_text(scenario: Scenario) -> str:
     lines = [dump_scenario(scenario).rstrip(), "", *law_text(scenario)]
     lines.append(f"# loop delay as configured: {configured_loop_delay_s(scenario):.3f} s (sampling and hold included)")
     stood = ", ".join(f"{loop} {margin_s:.3f}" for loop, margin_s in mismatch_margins_s(scenario).items())
+    lags_off, mismatch_lags_off_s = lag_margins(scenario)
     if stood:
-        lags_off, mismatch_lags_off_s = lag_margins(scenario)
         lines.append(f"# mismatch of delay that the predicted loops stand there, s: {stood}")
         lines.append(f"# with every lag up to {LAGS_OFF:.0%} off: {_listed(mismatch_lags_off_s, '.3f')}")
         lines.append(f"# by how much every lag may be off its model's there: {_listed(lags_off, '.0%')}")
     lines.extend(_design_text(scenario))
     lines.append(f"# {assembly(scenario)}")
     lines.extend(f"# {bounds}" for bounds in common_limits(scenario))
-    lines.extend(f"# warning: {warning}" for warning in warnings(scenario, law_margins(scenario)))
+    lines.extend(f"# warning: {warning}" for warning in warnings(scenario, law_margins(scenario), lags_off))
     return "\n".join(lines)
 
 
@@ -134,14 +134,21 @@ def lag_margins(scenario: Scenario) -> tuple[dict[str, float], dict[str, float]]
     return dict(sorted(off.items())), dict(sorted(mismatch_s.items()))
 
 
-def warnings(scenario: Scenario, margins: LawMargins) -> Iterator[str]:
-    """Yield what a user should know before flying. With prediction, only its mismatch is limited by a margin."""
+def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, float]) -> Iterator[str]:
+    """Yield what a user should know before flying. With prediction, only its mismatch is limited by a margin.
+
+    `lags_off`: by what share of itself every lag may be off, by loop.
+    """
     delay_s = configured_loop_delay_s(scenario)
     for loop, margin_s in margins.small_signal.items():
         if margin_s <= 0:
             yield f"loop {loop} is unstable without any delay"
         elif delay_s > NEAR * margin_s and not scenario.law.delay_compensation:
             yield f"loop {loop}: {delay_s:.3f} s of delay is {delay_s / margin_s:.0%} of its margin {margin_s:.3f} s"
+    for loop, share in lags_off.items():
+        if share < LAGS_OFF:
+            stands = f"at {delay_s:.3f} s of delay it is stable with lags up to {share:.0%} off their model's"
+            yield f"loop {loop}: {stands}; {LAGS_OFF:.0%} should be"
     for channel, each in figures(scenario).items() if by_design(scenario) else ():
         if not math.isfinite(each.peak):
             yield f"law.{channel}: unstable around the aircraft of the vehicles' models; law.gains: auto isn't"

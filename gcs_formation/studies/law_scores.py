@@ -12,7 +12,7 @@ from scipy.ndimage import maximum_filter1d
 
 from flight_model.arrays import Array, Mask
 from formation_scenario import Scenario
-from gcs_formation.app.check import warnings
+from gcs_formation.app.check import lag_margins, warnings
 from gcs_formation.record.figures_of_merit import Effort, axis_figures, effort, least, separation_m
 from gcs_formation.record.timeseries import CHANNELS
 from gcs_formation.report.run_data import RunData, load_run
@@ -121,7 +121,7 @@ def _row(law: str, run: RunData, window: Window) -> Row:
         min_separation_m=least(separation_m(run.flown, within)),
         delay_margin_s=stability["delay_margin_s"],
         margin_used=stability.get("margin_used"),
-        warnings=tuple(warnings(run.scenario, law_margins(run.scenario))),
+        warnings=tuple(warnings(run.scenario, law_margins(run.scenario), lag_margins(run.scenario)[0])),
     )
 
 

@@ -96,6 +96,14 @@ def test_recorded_delays_count_with_their_mean(check, tmp_path: Path) -> None:
     assert json.loads(check("--json", *links)[1])["loop_delay_s"] == pytest.approx(0.7)
 
 
+@pytest.mark.parametrize(("rate_hz", "warned"), [(0.5, True), (2.0, False)])
+def test_loops_that_lags_a_little_off_make_unstable_are_warned_of(check, rate_hz, warned) -> None:
+    slow = ("--set", "law.type=fuzzy_pid", "--set", f"telemetry.rate_hz={rate_hz}", "--set", f"law.rate_hz={rate_hz}")
+    found = json.loads(check("--json", *slow)[1])
+    assert (min(found["lag_margin"].values()) < 0.3) == warned
+    assert [text.startswith("loop x: at 2.000 s of delay") for text in found["warnings"]] == [True] * warned
+
+
 @pytest.mark.parametrize(("law", "loops"), [("consensus", ["consensus"]), ("fuzzy_pid", ["x", "y", "z"])])
 def test_predicted_loops_have_a_margin_against_mismatch_alone(check, law, loops) -> None:
     found = json.loads(check("--json", "--set", f"law.type={law}", "--set", "links.default.delay_ms=300")[1])
