@@ -89,7 +89,7 @@ class Station(Engine):
             together=scenario.hovers and not scenario.start.in_air and resumed is None,
         )
         self._reconfiguration = Reconfiguration(scenario, self.controller, *fleet)
-        self._orders = Orders(
+        self.orders = Orders(
             scenario, self.flight, self._reconfiguration, self.course.end_by_order, self._reporter.event
         )
         self._heartbeats = HeartbeatScheduler(self.vehicles, self._reporter.event)
@@ -106,7 +106,7 @@ class Station(Engine):
         self._heartbeats.resume(resumed.at)
         self._next_tick = resumed.at
         self._reconfiguration.resume(resumed)
-        self._orders.resume(resumed.mission_s)
+        self.orders.resume(resumed.mission_s)
 
     # The engine's side.
 
@@ -205,7 +205,7 @@ class Station(Engine):
 
     def order(self, text: str, now: Instant) -> Answer:
         """Carry out an order such as `shape line`, or refuse it with a reason."""
-        return self._orders.take(text, now)
+        return self.orders.take(text, now)
 
     def bad_frames(self, identity: VehicleId) -> int:
         """Return how many frames from a vehicle's address were dropped."""
@@ -285,7 +285,7 @@ class Station(Engine):
         mission_s = self.flight.mission_time_s(now)
         opening = self.course.opening
         if opening is None:
-            self._orders.advance(now)
+            self.orders.advance(now)
             self._reconfiguration.advance(now, mission_s)
         links, hold_s = self._dispatch.links(controller.plan.leader, self._conformance.doubted, now)
         heights_m = None if opening is None else opening.steer(links, now)

@@ -97,7 +97,7 @@ def summary_text(summary: Summary, directory: Path, width: int | None = None) ->
     words = [_headline(figures), _source(figures)]
     rows = table(_follower_groups(figures), width or TABLE_WIDTH) if figures["followers"] else []
     more = [_more(figures)] if len(figures["followers"]) > MOST_ROWS else []
-    after = [_safety(figures), *_verdicts(summary), *(f"safety broken: {breach}" for breach in summary.breaches)]
+    after = [_safety(figures), *_verdicts(summary), *summary.breaches]
     lines = [*_wrapped(words, width), *rows, *_wrapped([*more, *after, f"recorded in {directory}"], width)]
     return "\n".join(lines)
 
@@ -110,6 +110,8 @@ def result_line(summary: Summary) -> str:
     violations = summary.to_dict()["safety"]["violations"]
     flown_s = summary.to_dict()["duration_s"]
     said_of = f"expectations: {', '.join(said)}; safety: {violations} violations"
+    if undone := summary.to_dict()["undone"]:
+        said_of += f"; {len(undone)} not done as planned"
     return f"{'result':<16}  flown to t = {flown_s:.1f} s; {said_of}"
 
 

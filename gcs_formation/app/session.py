@@ -226,6 +226,7 @@ class Session:
                 simulated_s=seconds_between(self._began_at, self.clock.now()),
                 wall_s=wall_s,
                 cut_short=self.station.course.cut_short,
+                undone=tuple(self.station.orders.undone),
                 measure=self.options.measure,
             )
         )

@@ -39,6 +39,12 @@ class Orders:
         self._end = end
         self._note = note
         self._planned = deque(sorted(scenario.orders, key=lambda each: each.at_s))
+        self._refused: list[str] = []
+
+    @property
+    def undone(self) -> list[str]:
+        """What the scenario planned and wasn't done, with the reasons: orders, and a change that is still postponed."""
+        return self._refused + self._reconfiguration.unflown
 
     def resume(self, mission_s: float) -> None:
         """Go on after a mission time; what was planned for before has been given."""
@@ -49,7 +55,10 @@ class Orders:
         """Give the planned orders that are due."""
         mission_s = self._flight.mission_time_s(now)
         while self._planned and mission_s >= self._planned[0].at_s:
-            self.take(self._planned.popleft().order, now)
+            planned = self._planned.popleft()
+            answer = self.take(planned.order, now)
+            if not answer.accepted:
+                self._refused.append(f"order at {planned.at_s:g} s: {answer.text}")
 
     def take(self, text: str, now: Instant) -> Answer:
         """Carry out an order, or refuse it with a reason; record either as an event."""

@@ -58,6 +58,8 @@ class Reconfiguration:
         self._wanted: Arrangement | None = None
         self._next_try = Instant(0)
         self._postponed: Arrangement | None = None
+        self._postponed_for = ""
+        """Why, in words."""
         self._planned_for = np.zeros(len(self._names), dtype=np.bool_)
         """(C,) which vehicles the present transition was planned for."""
         self._planned_for[controller.plan.leader] = True
@@ -68,6 +70,14 @@ class Reconfiguration:
     def leader(self) -> Vehicle | None:
         """The vehicle that leads, None for a virtual leader."""
         return self._by_column.get(self._controller.plan.leader)
+
+    @property
+    def unflown(self) -> list[str]:
+        """The planned change that is still postponed, with the reason; none if there is none."""
+        wanted = self._wanted
+        if wanted is None or wanted == self._controller.plan.arrangement:
+            return []
+        return [f"the change to {self._in_words(wanted)} wasn't flown: {self._postponed_for}"]
 
     def resume(self, resumed: Resumption) -> None:
         """Begin where a flight stood; on the path, everybody's way to their slots begins where they are found."""
@@ -111,7 +121,7 @@ class Reconfiguration:
             self.change(self._wanted, now)
         except NotFlyableError as error:
             if self._postponed != self._wanted:
-                self._postponed = self._wanted
+                self._postponed, self._postponed_for = self._wanted, str(error)
                 self._note(now, "postponed", f"the change is tried again: {error}")
 
     def _gather(self, now: Instant) -> None:

@@ -76,6 +76,8 @@ class RunOutcome:
     wall_s: float
     cut_short: bool
     """Whether the run was ended (`--until`, an order, Ctrl-C) before the path or the time was."""
+    undone: tuple[str, ...] = ()
+    """What the scenario planned and the flight didn't do, in words."""
     measure: tuple[Expectation, ...] = ()
     """Figures that are wanted besides, whatever their bounds."""
 

@@ -28,13 +28,13 @@ class Summary:
     figures: Mapping[str, Any]
     verdicts: tuple[Verdict, ...]
     breaches: tuple[str, ...]
-    """Safety limits that were broken, in words."""
+    """Safety limits that were broken, and what the scenario planned and wasn't done, in words."""
     measured: tuple[Verdict, ...] = field(default=(), kw_only=True)
     """Figures that the run's options ask for besides; whether their bounds held means nothing."""
 
     @property
     def held(self) -> bool:
-        """Whether every expectation that was judged held, and no safety limit was broken."""
+        """Whether every expectation that was judged held, no safety limit was broken, and all was done as planned."""
         return not self.breaches and all(verdict.held is not False for verdict in self.verdicts)
 
     def to_dict(self) -> dict[str, Any]:
@@ -63,6 +63,7 @@ def summarise(outcome: RunOutcome) -> Summary:
         "received": _received(outcome.received, outcome.frames_refused),
         "control": _control(outcome.control, scenario.law.rate_hz),
         "safety": safety,
+        "undone": list(outcome.undone),
         "stability": {
             "delay_margin_s": outcome.delay_margin_s,
             "worst_loop_delay_s": outcome.worst_loop_delay_s,
@@ -74,7 +75,7 @@ def summarise(outcome: RunOutcome) -> Summary:
         for wanted in (scenario.expect, outcome.measure)
     )
     parts["expect"] = [verdict.to_dict() for verdict in verdicts]
-    return Summary(parts, verdicts, breaches, measured=measured)
+    return Summary(parts, verdicts, (*breaches, *outcome.undone), measured=measured)
 
 
 def _begun_s(flight: Flight) -> float | None:
@@ -151,7 +152,7 @@ def _safety(outcome: RunOutcome) -> tuple[dict[str, Any], tuple[str, ...]]:
         if (values < allowed).any():
             worst = int(np.nanargmin(values))
             found = f"{name} was {values[worst]:.2f} m {_when(flight, worst)}"
-            breaches.append(f"{found}; allowed: {allowed:g} m or more")
+            breaches.append(f"safety broken: {found}; allowed: {allowed:g} m or more")
     violations = _episodes(separation < limits.separation_m) + _episodes(clearance < limits.clearance_m)
     measured = {"min_separation_m": figures.least(separation), "min_clearance_m": figures.least(clearance)}
     gave_way_s = figures.gave_way_s(flight, whole, outcome.scenario.law.rate_hz)

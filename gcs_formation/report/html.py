@@ -74,6 +74,7 @@ def verdict(summary: Mapping[str, Any]) -> str:
     broken, violations = verdicts.count(False), summary["safety"]["violations"]
     words = [f"{broken} of {len(verdicts)} expectations broken"] if broken else []
     words += [f"{violations} safety violation{'s' * (violations != 1)}"] if violations else []
+    words += [f"{len(undone)} not done as planned"] if (undone := summary.get("undone")) else []
     if words:
         return badge(False, ", ".join(words))
     if not verdicts:

@@ -199,5 +199,6 @@ def test_orders_are_carried_out_or_refused_with_the_reason(fly: Fly, tmp_path: P
     assert [event["text"] for event in events(tmp_path, "mode")][-3:] == ["RTL"] * 3
     assert summary["duration_s"] == pytest.approx(45.0, abs=0.2)
     assert summary["expect"][0]["held"]
+    assert [text.split(":")[0] for text in summary["undone"]] == [f"order at {at_s} s" for at_s in (9, 10, 14, 19, 44)]
     assert summary["safety"]["min_separation_m"] > 10.0  # on the ways home
     assert max(f[f"error_{axis}_m"]["max"] for f in summary["followers"].values() for axis in "xyz") < 0.5

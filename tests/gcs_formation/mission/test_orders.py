@@ -25,6 +25,7 @@ class Formation:
     def __init__(self, phase: Phase = Phase.FLYING, planned: dict[float, str] | None = None) -> None:
         self.done: list[Any] = []
         self.refusal: str | None = None
+        self.unflown: list[str] = []
         self.error: Exception | None = None
         self.flight, self.notes = Flight(phase), Noted()
         keys = scenario(orders=[{"at_s": at_s, "order": order} for at_s, order in (planned or {}).items()])
@@ -93,6 +94,18 @@ def test_changes_are_for_a_formation_that_flies_and_its_end_for_any_time(phase: 
     if not taken:
         assert formation.notes[0].text.endswith(f"the run is {phase.value}; allowed: assembling, flying")
     assert formation.orders.take("loiter", START).accepted
+
+
+def test_planned_orders_that_are_refused_are_left_undone_and_so_is_a_change_that_is_still_postponed() -> None:
+    formation = Formation(planned={5: "speed 24", 9: "speed 40"})
+    formation.flight.path_began = START
+    formation.orders.advance(after(START, 6.0))
+    formation.refusal = "found 40 m/s"
+    formation.orders.advance(after(START, 10.0))
+    assert not formation.orders.take("speed 50", START).accepted
+    assert formation.orders.undone == ["order at 9 s: speed 40: refused: found 40 m/s"], "the operator was told"
+    formation.unflown = ["the change to line wasn't flown"]
+    assert formation.orders.undone[1:] == formation.unflown
 
 
 def test_planned_orders_are_given_when_they_are_due_each_once_in_the_order_of_their_times() -> None:
