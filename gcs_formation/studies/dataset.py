@@ -20,6 +20,7 @@ import yaml
 from airlink.cli.output_directory import refusal
 from formation_scenario.source import Dumper, Plain
 from gcs_formation.errors import RecordError, RecordingError
+from gcs_formation.record.run_directory import lock
 from gcs_formation.studies.flight import VERSION, worst
 from gcs_formation.studies.keys import Study
 from gcs_formation.studies.plan import Crossing, Planned, Row, columns_of
@@ -40,7 +41,8 @@ class Dataset:
         """Open the directory of a study.
 
         Raises:
-            RecordError: it has other files, or the study there is another one, or it can't be written.
+            RecordError: it has other files, or the study there is another one or is being flown, or it can't be
+                written.
             RecordingError: the disk is full.
         """
         self.path, self.study = path, study
@@ -56,12 +58,18 @@ class Dataset:
                 raise RecordError(f"{refused}; or --resume, which flies what a study lacks")
             else:
                 path.mkdir(parents=True, exist_ok=True)
-                for name in (JOURNAL, TABLE, RESULT, TABLE_TEXT):
+            self._journal = (path / JOURNAL).open("ab", buffering=0)
+            lock(self._journal)
+            if not resume:
+                self._journal.truncate(0)
+                for name in (TABLE, RESULT, TABLE_TEXT):
                     (path / name).unlink(missing_ok=True)
                 (path / STUDY).write_text(_text(plan), encoding="utf-8")
             self.rows = {int(row["flight"]): row for row in read_journal(path)}
-            self._journal = (path / JOURNAL).open("ab", buffering=0)
             self._end_torn_line()
+        except BlockingIOError as error:
+            found = f"found another study that is being flown into {path}"
+            raise RecordError(f"{found}; allowed: a directory of its own") from error
         except OSError as error:
             full = error.errno in {errno.ENOSPC, errno.EDQUOT}
             raise (RecordingError if full else RecordError)(

@@ -22,7 +22,7 @@ from scipy.stats import binom
 
 from formation_scenario import ScenarioError
 from gcs_formation.cli import main
-from gcs_formation.errors import RecordingError, RunAbortedError
+from gcs_formation.errors import RecordError, RecordingError, RunAbortedError
 from gcs_formation.studies.campaign import judge
 from gcs_formation.studies.dataset import Dataset, read_journal, sample_table
 from gcs_formation.studies.flight import Task, figure, fly
@@ -522,6 +522,19 @@ def test_a_row_counts_once(two, tmp_path):
         data.add({**done, "error_x_m.max": 0.2})
         assert data.write_table().num_rows == 1
     assert list(read_journal(tmp_path / "out")) == [done]
+
+
+@pytest.mark.parametrize("resume", [False, True])
+def test_a_directory_takes_one_study_at_a_time(two, tmp_path, resume):
+    planned, base = prepare(two)
+    out = tmp_path / "out"
+    with Dataset(out, planned, base, resume=False, overwrite=False) as data:
+        with pytest.raises(RecordError, match="another study that is being flown into"):
+            Dataset(out, planned, base, resume=resume, overwrite=True)
+        data.add({"flight": 1, "exit": 0})
+    assert [each["flight"] for each in read_journal(out)] == [1]
+    with Dataset(out, planned, base, resume=True, overwrite=False) as data:
+        assert set(data.rows) == {1}
 
 
 class Instant:
