@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import errno
 import json
+import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from statistics import median
@@ -20,7 +21,7 @@ import yaml
 from airlink.cli.output_directory import refusal
 from formation_scenario.source import Dumper, Plain
 from gcs_formation.errors import RecordError, RecordingError
-from gcs_formation.record.run_directory import lock
+from gcs_formation.record.run_directory import FIGURES, REPORT, lock
 from gcs_formation.studies.flight import VERSION, worst
 from gcs_formation.studies.keys import Study
 from gcs_formation.studies.plan import Crossing, Planned, Row, columns_of
@@ -30,7 +31,8 @@ JOURNAL = "flights.jsonl"
 TABLE = "flights.parquet"
 RESULT = "study.json"
 TABLE_TEXT = "table.md"
-FLIGHTS = "flights"
+FLIGHTS, AGAIN = "flights", "again"
+"""Records of flights, and of those that were flown again."""
 NONE = "–"
 
 
@@ -62,8 +64,7 @@ class Dataset:
             lock(self._journal)
             if not resume:
                 self._journal.truncate(0)
-                for name in (TABLE, RESULT, TABLE_TEXT):
-                    (path / name).unlink(missing_ok=True)
+                _clear(path)
                 (path / STUDY).write_text(_text(plan), encoding="utf-8")
             self.rows = {int(row["flight"]): row for row in read_journal(path)}
             self._end_torn_line()
@@ -138,6 +139,16 @@ class Dataset:
 def _flown(path: Path) -> bool:
     """Whether a study's directory has a flight: of one that found no scheduler there is nothing to lose."""
     return next(read_journal(path), None) is not None
+
+
+def _clear(path: Path) -> None:
+    """Remove what an earlier study, its flights flown again and its report have left."""
+    left = (TABLE, RESULT, TABLE_TEXT, REPORT)
+    for stale in (*(path / name for name in left), *(path / FIGURES).glob("*.png")):
+        stale.unlink(missing_ok=True)
+    for records in (path / FLIGHTS, path / AGAIN):
+        if records.is_dir():
+            shutil.rmtree(records)
 
 
 def read_plan(path: Path) -> dict[str, Any]:

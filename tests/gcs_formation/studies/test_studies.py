@@ -537,6 +537,21 @@ def test_a_directory_takes_one_study_at_a_time(two, tmp_path, resume):
         assert set(data.rows) == {1}
 
 
+def test_of_an_earlier_study_nothing_is_left_where_it_is_replaced(two, tmp_path):
+    planned, base = prepare(two)
+    out = tmp_path / "out"
+    with Dataset(out, planned, base, resume=False, overwrite=False) as data:
+        data.add({"flight": 1, "exit": 0})
+    earlier = ("flights/000017/summary.json", "again/000017/run.yaml", "figures/maps.png", "report.html", "study.json")
+    for name in earlier:
+        (out / name).parent.mkdir(parents=True, exist_ok=True)
+        (out / name).touch()
+    with Dataset(out, planned, base, resume=True, overwrite=False):
+        assert all((out / name).exists() for name in earlier)
+    with Dataset(out, planned, base, resume=False, overwrite=True):
+        assert {str(path.relative_to(out)) for path in out.rglob("*")} == {"study.yaml", "flights.jsonl", "figures"}
+
+
 class Instant:
     """Workers whose flights take no time; `unflown` of them couldn't be flown."""
 
