@@ -274,6 +274,18 @@ def test_of_several_vehicles_the_worst_counts_and_one_that_never_settles_has_no_
             {"parameters": {DELAY: [0]}, "bisect": SEARCH},
             f"bisect.parameter: found '{DELAY}'; allowed: a parameter that",
         ),
+        (
+            {"parameters": {DELAY: [0, 100], "links.default": [{"loss": 0.1}]}},
+            f"parameters.links.default: found 'links.default', which replaces {DELAY} of '{DELAY}'; allowed: keys that",
+        ),
+        (
+            {"parameters": {"link": {"cases": {"late": {DELAY: 100}}}, "other": {"cases": {"late": {DELAY: 50}}}}},
+            f"parameters.other: found 'other', which replaces {DELAY} of 'link'",
+        ),
+        (
+            {"parameters": {"link": {"cases": {"late": {DELAY: 100}}}}, "bisect": SEARCH},
+            f"bisect.parameter: found '{DELAY}', which replaces {DELAY} of 'link'",
+        ),
         ({"from_s": 2, "to_s": 1}, "to_s: found 2 to 1 s; allowed: a time after from_s"),
         ({"from_s": 3}, "from_s: found 3 s; allowed: less than 3 s, where flights end"),
         ({"to_s": 2.5, "until_s": 2}, "to_s: found 2.5 s; allowed: up to 2 s, where flights end"),
@@ -292,6 +304,14 @@ def test_of_several_vehicles_the_worst_counts_and_one_that_never_settles_has_no_
 def test_a_wrong_study_is_refused_in_words(keys, words):
     with pytest.raises(ScenarioError, match="(?s)" + re.escape(words)):
         prepare({"base": SCENARIO, **keys})
+
+
+def test_a_parameter_may_set_a_part_of_what_one_before_it_sets():
+    parameters = {"links.default": [{"loss": 0.1}], DELAY: [50], "links.default.jitter_ms": [0]}
+    planned, base = prepare({"base": SCENARIO, "parameters": parameters})
+    (flight,) = Plan(planned).begin()
+    default = Task(flight, planned, base).scenario().links.default
+    assert (default.loss, default.delay_ms) == (0.1, 50)
 
 
 @pytest.mark.parametrize(
