@@ -7,6 +7,7 @@ import resource
 import signal
 import subprocess
 import sys
+import time
 from collections import Counter, deque
 from contextlib import contextmanager
 from itertools import product
@@ -474,6 +475,24 @@ def test_a_killed_worker_loses_nothing_and_counts_nothing_twice(two, tmp_path):
         flown = [first, *rows]
     assert sorted(each["flight"] for each in flown) == [0, 1, 2, 3]
     assert all(each["exit"] == 0 for each in flown)
+
+
+def kill_or_fly(task):
+    """Flight 0 kills the process that flies it, before any other that is flown beside it is over."""
+    if task.planned.flight == 0:
+        os.kill(os.getpid(), signal.SIGKILL)
+    time.sleep(0.5)
+    return row(task.planned)
+
+
+@pytest.mark.slow
+def test_a_flight_that_kills_its_worker_is_the_only_one_that_is_lost(two, monkeypatch):
+    monkeypatch.setattr("gcs_formation.studies.workers.fly", kill_or_fly)
+    planned, base = prepare(two)
+    tasks = deque(Task(each, planned, base) for each in Plan(planned).begin())
+    with Processes(2) as workers:
+        flown = list(workers.rows(tasks))
+    assert sorted((each["flight"], each["exit"]) for each in flown) == [(0, 3), (1, 0), (2, 0), (3, 0)]
 
 
 @pytest.mark.slow
