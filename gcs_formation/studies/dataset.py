@@ -229,7 +229,7 @@ def sample_table(study: Study, rows: Sequence[Row], crossings: Sequence[tuple[Pl
     found = dict[int, list[Row]]()
     for row in rows:
         found.setdefault(int(row["flight"]) // study.seeds.count, []).append(row)
-    cells = [[*_parameters(study, each[0]), *_figures(study, each)] for each in found.values()]
+    cells = [[*_parameters(study, each), *_figures(study, each)] for each in found.values()]
     return markdown([*study.parameters, *(f"{name}," for name in study.measured)], cells).replace(", |", " |")
 
 
@@ -246,13 +246,17 @@ def _searches(
             flown = {row[name]: row for row in rows if row["flight"] // each == first.flight // each}
             ends = [flown[value] for value in crossing if value is not None]
             figures = [" to ".join(dict.fromkeys(_shown(end.get(metric)) for end in ends)) for metric in others]
-            yield [*_parameters(study, first.parameters), str(first.seed), *map(_shown, crossing), *figures]
+            yield [*_parameters(study, [first.parameters]), str(first.seed), *map(_shown, crossing), *figures]
 
     return [*study.parameters, "seed", f"{name} kept up to", "broken from", *others], cells()
 
 
-def _parameters(study: Study, row: Mapping[str, Any]) -> list[str]:
-    return [_shown(row.get(name)) for name in study.parameters]
+def _parameters(study: Study, rows: Sequence[Row]) -> Iterator[str]:
+    """Yield the parameters of a sample; of one that each of its flights has drawn by itself the least and the most."""
+    for name in study.parameters:
+        values = [row[name] for row in rows]
+        same = all(value == values[0] for value in values)
+        yield _shown(values[0]) if same else f"{_shown(min(values))} to {_shown(max(values))}"
 
 
 def _figures(study: Study, rows: Sequence[Row]) -> Iterator[str]:

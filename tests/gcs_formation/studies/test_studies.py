@@ -142,6 +142,14 @@ def test_a_table_has_a_row_for_each_sample_and_of_several_seeds_median_and_worst
     ]
 
 
+def test_a_table_has_the_least_and_the_most_of_what_each_flight_of_a_sample_draws():
+    planned = study(parameters={DELAY: [0, 100], LOSS: {"uniform": [0.0, 0.1]}}, seeds={"count": 3}, metrics=MOST)
+    rows = [row(each, **{"error_x_m.max": 0.1}) for each in Plan(planned).begin()]
+    losses = [each[LOSS] for each in rows[:3]]
+    shown = f"| 0 | {min(losses):.3g} to {max(losses):.3g} | 0.1 (0.1) |"
+    assert sample_table(planned, rows, []).splitlines()[2] == shown
+
+
 def test_a_search_s_row_has_both_flights_between_which_the_bound_is_crossed():
     plan = Plan(study(bisect=SEARCH, metrics=["margin_used"]))
     flown = [{**each, "margin_used": each[DELAY] / 500} for each in searched(plan, breaks_at={1: 437.0})]
