@@ -81,6 +81,11 @@ class FormationController:
             0.0 if scenario.hovers else scenario.law.disturbance_observer_radps,
         )
 
+    @property
+    def assembled(self) -> bool:
+        """Whether every follower has been in its slot for a while."""
+        return self._in_slots_s >= ASSEMBLED_S
+
     def hand_over(self, leader: int, swing_rad: float) -> None:
         """Make another column the leader; it heads `swing_rad` clockwise of the present one."""
         self.plan.hand_over(leader, swing_rad)
@@ -143,7 +148,7 @@ class FormationController:
             begin_regardless: begin the path even if followers haven't been in their slots for a while.
             heights_m: (C,) commanded instead of the law's at the end of a flight; NaN where there is none.
         """
-        assembled = self._in_slots_s >= ASSEMBLED_S or begin_regardless
+        assembled = self.assembled or begin_regardless
         if self._virtual:
             self._place_virtual_leader(now)
         acts = self._acts(now, links)

@@ -118,10 +118,12 @@ class _Emulators:
 
 
 def _watch(session: Session, emulators: _Emulators) -> Callable[[], bool]:
+    station = session.station
+
     def over() -> bool:
-        said = emulators.ended()
-        if said is not None and not session.station.flight.ended:
-            session.station.course.fail(f"the emulated vehicles' process has ended: {said}", session.clock.now())
+        said = emulators.ended() if station.course.failure is None else None
+        if said is not None and not station.flight.ended:
+            station.course.fail(f"the emulated vehicles' process has ended: {said}", session.clock.now())
         return session.attend()
 
     return over

@@ -17,7 +17,7 @@ from airlink.cli.output_directory import refusal
 from formation_scenario import ScenarioError
 from gcs_formation.errors import RecordError, RunAbortedError
 from gcs_formation.studies.campaign import StudyOutcome, StudyProgress, flights, fly_study
-from gcs_formation.studies.dataset import read_journal, read_plan
+from gcs_formation.studies.dataset import AGAIN, read_journal, read_plan
 from gcs_formation.studies.flight import fly
 from gcs_formation.studies.keys import INVARIANTS, Study
 from gcs_formation.studies.plan import Plan
@@ -97,7 +97,7 @@ def fly_again(directory: Path, flight: int, out: Path | None, overwrite: bool) -
     if out is not None and (refused := refusal(out, overwrite=overwrite)) is not None:
         fail(refused)
     study = Study.model_validate(plan["study"])
-    kept = out or directory / "again" / f"{flight:06d}"
+    kept = out or directory / AGAIN / f"{flight:06d}"
     try:
         row = fly(refly_task(planned_of(study, rows[flight]), study, plan["base"], kept))
     except RunAbortedError as error:

@@ -114,7 +114,7 @@ class Course:
         self._scenario, self._controller = scenario, controller
         self._membership, self._dispatch = membership, dispatch
         self._vehicles, self._note, self._may_command = vehicles, note, may_command
-        self._ground, self._late = GroundFloor(scenario), False
+        self._ground, self._unassembled = GroundFloor(scenario), False
         self._ending = Ending({}, self._ground)
         self.opening: Opening | None = None
         """The opening of the formation at its end, while it lasts."""
@@ -136,11 +136,12 @@ class Course:
         """Return whether the time to assemble is over; if the leader wasn't there to follow by then, the run fails."""
         limit_s = self._scenario.start.timeout_s
         late = self.flight.phase is Phase.ASSEMBLING and seconds_between(self.flight.since, now) > limit_s
+        self._unassembled = self._unassembled and late
         if late and tick is not None and not tick.active[tick.leader]:
             self.fail(f"the leader was not there to follow within {limit_s:g} s", now)
-        elif late and not self._late:
+        elif late and not self._unassembled and not self._controller.assembled:
+            self._unassembled = True
             self._note(now, "unassembled", "not every follower is in its slot, but the time for that is over")
-        self._late = late
         return late
 
     def end_rehearsal(self, now: Instant) -> None:

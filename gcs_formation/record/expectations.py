@@ -215,10 +215,10 @@ def _link_value(
 
 def _run_value(wanted: Expectation, flight: Flight, parts: Mapping[str, Any]) -> float | None:
     window = flight.window(wanted.from_s, wanted.to_s)
-    if wanted.metric == "min_separation_m" and window.any():
-        return float(figures.separation_m(flight, window).min())
-    if wanted.metric == "min_clearance_m" and window.any():
-        return figures.least(figures.clearance_m(flight, window))
+    if wanted.metric == "min_separation_m":
+        return float(figures.separation_m(flight, window).min()) if window.any() else None
+    if wanted.metric == "min_clearance_m":
+        return figures.least(figures.clearance_m(flight, window)) if window.any() else None
     return figure_of_run(parts, wanted.metric)
 
 

@@ -7,7 +7,7 @@ import json
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, BinaryIO, Final, NamedTuple, TextIO
+from typing import IO, Any, BinaryIO, Final, NamedTuple, TextIO
 
 from librt.strings import BytesWriter, read_i64_be, write_i64_be
 
@@ -215,6 +215,17 @@ def _own(path: Path, *, whole_lines: bool) -> TextIO:
         BlockingIOError: another process has it locked.
     """
     file = path.open("a", encoding="utf-8")
+    lock(file)
+    file.truncate(path.read_bytes().rfind(b"\n") + 1 if whole_lines else 0)
+    return file
+
+
+def lock(file: IO[Any]) -> None:
+    """Lock a file for as long as it's open.
+
+    Raises:
+        BlockingIOError: another process has it locked; the file is closed.
+    """
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -222,8 +233,6 @@ def _own(path: Path, *, whole_lines: bool) -> TextIO:
         raise
     except OSError:
         pass  # a file system without locks
-    file.truncate(path.read_bytes().rfind(b"\n") + 1 if whole_lines else 0)
-    return file
 
 
 def event_line(event: Event) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections import deque
 from dataclasses import dataclass
 from html import escape
@@ -23,6 +24,7 @@ from gcs_formation.app.result_text import table as text_table
 from gcs_formation.control import laws
 from gcs_formation.errors import RecordError
 from gcs_formation.record.figures_of_merit import SETTLED_M
+from gcs_formation.record.run_directory import SCENARIO
 from gcs_formation.report.geometry import extremes
 from gcs_formation.report.html import document, figure, number, table
 from gcs_formation.report.style import (
@@ -282,8 +284,8 @@ def compare_laws(options: CompareOptions, workers: Workers) -> Compared:
     laws = named_laws(options.laws)
     scenario = load_scenario(options.scenario, options.overrides)
     window = _window(scenario, options)
-    _claim(options.out, overwrite=options.overwrite)
     tasks = [_task(number, law, options) for number, law in enumerate(laws)]
+    _claim(options.out, overwrite=options.overwrite)
     rows = dict[int, dict[str, Any]]()
     interrupted = False
     try:
@@ -306,12 +308,23 @@ def _task(number: int, law: str, options: CompareOptions) -> Task:
 
 
 def _claim(out: Path, *, overwrite: bool) -> None:
+    """Make the directory, without what an earlier comparison has left in it.
+
+    Raises:
+        RecordError: it holds an earlier comparison or other files, or it can't be written.
+    """
     try:
         refused = refusal(out, overwrite=overwrite, mark=f"{NAME}.json")
+        if refused is not None:
+            raise RecordError(refused)
+        out.mkdir(parents=True, exist_ok=True)
+        for stale in out.glob(f"{NAME}.*"):
+            stale.unlink()
+        for law in LAWS:
+            if (out / law / SCENARIO).is_file():
+                shutil.rmtree(out / law)
     except OSError as error:
-        raise RecordError(f"cannot read {out}: {error.strerror}; allowed: a directory that can be written") from error
-    if refused is not None:
-        raise RecordError(refused)
+        raise RecordError(f"cannot write {out}: {error.strerror}; allowed: a directory that can be written") from error
 
 
 def _window(scenario: Scenario, options: CompareOptions) -> Window:

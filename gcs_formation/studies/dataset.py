@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import errno
 import json
+import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from statistics import median
@@ -20,6 +21,7 @@ import yaml
 from airlink.cli.output_directory import refusal
 from formation_scenario.source import Dumper, Plain
 from gcs_formation.errors import RecordError, RecordingError
+from gcs_formation.record.run_directory import FIGURES, REPORT, lock
 from gcs_formation.studies.flight import VERSION, worst
 from gcs_formation.studies.keys import Study
 from gcs_formation.studies.plan import Crossing, Planned, Row, columns_of
@@ -29,7 +31,8 @@ JOURNAL = "flights.jsonl"
 TABLE = "flights.parquet"
 RESULT = "study.json"
 TABLE_TEXT = "table.md"
-FLIGHTS = "flights"
+FLIGHTS, AGAIN = "flights", "again"
+"""Records of flights, and of those that were flown again."""
 NONE = "–"
 
 
@@ -40,7 +43,8 @@ class Dataset:
         """Open the directory of a study.
 
         Raises:
-            RecordError: it has other files, or the study there is another one, or it can't be written.
+            RecordError: it has other files, or the study there is another one or is being flown, or it can't be
+                written.
             RecordingError: the disk is full.
         """
         self.path, self.study = path, study
@@ -56,12 +60,17 @@ class Dataset:
                 raise RecordError(f"{refused}; or --resume, which flies what a study lacks")
             else:
                 path.mkdir(parents=True, exist_ok=True)
-                for name in (JOURNAL, TABLE, RESULT, TABLE_TEXT):
-                    (path / name).unlink(missing_ok=True)
+            self._journal = (path / JOURNAL).open("ab", buffering=0)
+            lock(self._journal)
+            if not resume:
+                self._journal.truncate(0)
+                _clear(path)
                 (path / STUDY).write_text(_text(plan), encoding="utf-8")
             self.rows = {int(row["flight"]): row for row in read_journal(path)}
-            self._journal = (path / JOURNAL).open("ab", buffering=0)
             self._end_torn_line()
+        except BlockingIOError as error:
+            found = f"found another study that is being flown into {path}"
+            raise RecordError(f"{found}; allowed: a directory of its own") from error
         except OSError as error:
             full = error.errno in {errno.ENOSPC, errno.EDQUOT}
             raise (RecordingError if full else RecordError)(
@@ -130,6 +139,16 @@ class Dataset:
 def _flown(path: Path) -> bool:
     """Whether a study's directory has a flight: of one that found no scheduler there is nothing to lose."""
     return next(read_journal(path), None) is not None
+
+
+def _clear(path: Path) -> None:
+    """Remove what an earlier study, its flights flown again and its report have left."""
+    left = (TABLE, RESULT, TABLE_TEXT, REPORT)
+    for stale in (*(path / name for name in left), *(path / FIGURES).glob("*.png")):
+        stale.unlink(missing_ok=True)
+    for records in (path / FLIGHTS, path / AGAIN):
+        if records.is_dir():
+            shutil.rmtree(records)
 
 
 def read_plan(path: Path) -> dict[str, Any]:
@@ -210,7 +229,7 @@ def sample_table(study: Study, rows: Sequence[Row], crossings: Sequence[tuple[Pl
     found = dict[int, list[Row]]()
     for row in rows:
         found.setdefault(int(row["flight"]) // study.seeds.count, []).append(row)
-    cells = [[*_parameters(study, each[0]), *_figures(study, each)] for each in found.values()]
+    cells = [[*_parameters(study, each), *_figures(study, each)] for each in found.values()]
     return markdown([*study.parameters, *(f"{name}," for name in study.measured)], cells).replace(", |", " |")
 
 
@@ -227,13 +246,17 @@ def _searches(
             flown = {row[name]: row for row in rows if row["flight"] // each == first.flight // each}
             ends = [flown[value] for value in crossing if value is not None]
             figures = [" to ".join(dict.fromkeys(_shown(end.get(metric)) for end in ends)) for metric in others]
-            yield [*_parameters(study, first.parameters), str(first.seed), *map(_shown, crossing), *figures]
+            yield [*_parameters(study, [first.parameters]), str(first.seed), *map(_shown, crossing), *figures]
 
     return [*study.parameters, "seed", f"{name} kept up to", "broken from", *others], cells()
 
 
-def _parameters(study: Study, row: Mapping[str, Any]) -> list[str]:
-    return [_shown(row.get(name)) for name in study.parameters]
+def _parameters(study: Study, rows: Sequence[Row]) -> Iterator[str]:
+    """Yield the parameters of a sample; of one that each of its flights has drawn by itself the least and the most."""
+    for name in study.parameters:
+        values = [row[name] for row in rows]
+        same = all(value == values[0] for value in values)
+        yield _shown(values[0]) if same else f"{_shown(min(values))} to {_shown(max(values))}"
 
 
 def _figures(study: Study, rows: Sequence[Row]) -> Iterator[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import islice
+from itertools import combinations, islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -49,7 +49,7 @@ def load_study(source: Path | Mapping[str, Any]) -> tuple[Study, Source]:
     if (study.random is None) == (not study.base):
         found = "found `random` beside it" if study.random else "not found"
         raise ScenarioError([read.problem(("base",), found, "a scenario's file or its keys, or `random` instead")])
-    if wrong := [*_together(study, read), *_nowhere(study, read)]:
+    if wrong := [*_together(study, read), *_replaced(study, read), *_nowhere(study, read)]:
         raise ScenarioError(wrong)
     home = Path(read.file).parent if read.file else Path()
     return study.model_copy(update=_with_absolute_files(study, home)), read
@@ -86,6 +86,21 @@ def _together(study: Study, read: Source) -> Iterator[Problem]:
         yield read.problem(("samples",), f"found {study.samples} for design: {study.design}", f"for {', '.join(DRAWN)}")
     if study.from_s is not None and study.to_s is not None and study.from_s >= study.to_s:
         yield read.problem(("to_s",), f"found {study.from_s:g} to {study.to_s:g} s", "a time after from_s")
+
+
+def _replaced(study: Study, read: Source) -> Iterator[Problem]:
+    """Yield parameters that replace what one before them sets: flights wouldn't have the values of their rows."""
+    search, sets = study.bisect, list[tuple[str, KeyPath, set[str]]]()
+    for name, each in study.parameters.items():
+        own = {key for case in each.cases.values() for key in case} if isinstance(each, Cases) else {name}
+        sets.append((name, ("parameters", name), own))
+    if search is not None and search.parameter not in study.parameters:
+        sets.append((search.parameter, ("bisect", "parameter"), {search.parameter}))
+    for (earlier, _, before), (name, place, after) in combinations(sets, 2):
+        gone = sorted(key for key in before if any(f"{key}.".startswith(f"{each}.") for each in after))
+        if gone:
+            found = f"found '{name}', which replaces {', '.join(gone)} of '{earlier}'"
+            yield read.problem(place, found, "keys that none before it sets; what sets most of them stands first")
 
 
 def _with_absolute_files(study: Study, home: Path) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 
 from formation_scenario.expectation import bounds_text
 from gcs_formation.errors import RecordError
+from gcs_formation.record.run_directory import FIGURES, REPORT
 from gcs_formation.report import html
 from gcs_formation.report.html import NONE, badge, table
 from gcs_formation.report.style import print_style, save
@@ -27,7 +28,6 @@ from gcs_formation.studies.flight import LEAST_IS_WORST
 from gcs_formation.studies.keys import Study
 from gcs_formation.studies.plan import columns_of
 
-REPORT, FIGURES = "report.html", "figures"
 WORST = 3
 MOST_FAILED = 50
 CAPTIONS = {

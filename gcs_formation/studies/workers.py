@@ -7,7 +7,7 @@ import os
 import signal
 import threading
 from collections import Counter, deque
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Generator, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
@@ -81,21 +81,30 @@ class Processes:
         return ""
 
     def rows(self, tasks: deque[Task]) -> Iterator[dict[str, Any]]:
-        """Yield the rows. A killed process takes all that were handed out with it: they are flown again."""
-        flying, deaths = dict[Future[dict[str, Any]], Task](), Counter[int]()
+        """Yield the rows. A killed process takes all that were handed out with it, and nobody knows whose fault it was.
+
+        Each of them is flown again by itself, so that one that always kills its process counts for no other.
+        """
+        flying, deaths, suspects = dict[Future[dict[str, Any]], Task](), Counter[int](), set[int]()
         while tasks or flying:
-            while tasks and len(flying) < AHEAD * self._count:
+            while tasks and len(flying) < (1 if suspects else AHEAD * self._count):
                 task = tasks.popleft()
                 with _uncut():
                     flying[self._pool.submit(fly, task)] = task
             done, _ = wait(flying, return_when=FIRST_COMPLETED)
             broken = [flying.pop(future) for future in done if _died(future)]
-            yield from (future.result() for future in done if flying.pop(future, None) is not None)
+            ended = [future.result() for future in done if flying.pop(future, None) is not None]
             if broken:
                 broken += flying.values()
                 flying.clear()
                 self._pool = self._new_pool()
-                yield from _again(broken, deaths, tasks)
+                if len(broken) == 1:
+                    ended += _again(broken[0], deaths, tasks)
+                else:
+                    suspects.update(task.planned.flight for task in broken)
+                    tasks.extendleft(broken)
+            suspects.difference_update(row["flight"] for row in ended)
+            yield from ended
 
     def _new_pool(self) -> ProcessPoolExecutor:
         context = multiprocessing.get_context("forkserver")
@@ -143,14 +152,13 @@ def _died(future: Future[dict[str, Any]]) -> bool:
     return isinstance(future.exception(), BrokenProcessPool)
 
 
-def _again(broken: Iterable[Task], deaths: Counter[int], tasks: deque[Task]) -> Iterator[dict[str, Any]]:
-    """Queue tasks whose worker died, first of all; yield the row of one that has been tried often enough."""
-    for task in broken:
-        deaths[task.planned.flight] += 1
-        if deaths[task.planned.flight] < TRIES:
-            tasks.appendleft(task)
-        else:
-            yield lost(task, f"the process that flew it was ended from outside, {TRIES} times")
+def _again(task: Task, deaths: Counter[int], tasks: deque[Task]) -> Iterator[dict[str, Any]]:
+    """Queue a task whose worker died, first of all; yield the row of one that has been tried often enough."""
+    deaths[task.planned.flight] += 1
+    if deaths[task.planned.flight] < TRIES:
+        tasks.appendleft(task)
+    else:
+        yield lost(task, f"the process that flew it was ended from outside, {TRIES} times")
 
 
 class Cluster:
@@ -218,7 +226,7 @@ class Cluster:
             except FutureCancelledError:
                 tasks.appendleft(task)
             except KilledWorker:
-                yield from _again([task], deaths, tasks)
+                yield from _again(task, deaths, tasks)
 
     def _wait_a_little(self) -> None:
         """Wait for whatever comes next.

@@ -89,6 +89,8 @@ class FlownFlight:
     ) -> Self:
         """Claim that followers are within `limit_m` of their slots along each axis, at every tick of a window.
 
+        At ticks at which one leads it has no slot; a leader that follows later has one from then on.
+
         Args:
             limit_m: the largest |error| allowed, m.
             axes: of x (forward), y (right) and z (up), in the scenario's slot frame.
@@ -101,7 +103,7 @@ class FlownFlight:
             raise ValueError(f"found axes {axes!r}; allowed: one or more of x, y, z")
         end_s = self.figures["duration_s"] if to_s is None else to_s
         window = f"from {from_s:g} s to {end_s:g} s"
-        chosen = self._chosen(followers, self.scenario.followers)
+        chosen = self._chosen(followers, self._followers)
         reached_s = self.figures["duration_s"]
         within = from_s <= end_s <= reached_s + 1.0 / self.scenario.law.rate_hz
         self._require(within, f"the flight went to {reached_s:.1f} s, not through {window}")
@@ -114,7 +116,7 @@ class FlownFlight:
     def settles(self, *, before_s: float, followers: Followers = "all") -> Self:
         """Claim that followers come within 0.5 m of their slots, and stay there for 10 s, before a mission time."""
         __tracebackhide__ = True
-        chosen = [str(vehicle.vehicle_id) for vehicle in self._chosen(followers, self.scenario.followers)]
+        chosen = [str(vehicle.vehicle_id) for vehicle in self._chosen(followers, self._followers)]
         times = {who: self.figures["followers"][who]["settled_at_s"] for who in chosen}
         late = [
             f"vehicle {who}: " + ("never" if at_s is None else f"at {at_s:.1f} s")
@@ -139,6 +141,11 @@ class FlownFlight:
         self._require(not broken and not self.summary.breaches, "not as expected", [*broken, *self.summary.breaches])
         return self
 
+    @property
+    def _followers(self) -> Sequence[Vehicle]:
+        """Who has followed at some time of the flight."""
+        return [each for each in self.scenario.vehicles if str(each.vehicle_id) in self.figures["followers"]]
+
     @cached_property
     def _columns(self) -> Mapping[str, Array]:
         return read_parquet(self.directory / TIMESERIES)
@@ -154,8 +161,12 @@ class FlownFlight:
         series = self._series_of(vehicle)
         time_s = series["mission_time_s"]
         window = (time_s >= from_s - 1e-9) & (time_s <= to_s + 1e-9)
+        leads = series["leads"] > 0
+        led, window = (window & leads).any(), window & ~leads
         for axis in axes:
             if not window.any():
+                if led:
+                    return
                 yield Violation(math.nan, from_s, axis, vehicle)
                 continue
             size_m = np.abs(series[f"error_{axis}_m"][window])
@@ -166,6 +177,8 @@ class FlownFlight:
         if names == "all":
             return list(among)
         wanted = [names] if isinstance(names, int | str) else list(names)
+        if not wanted:
+            raise ValueError('found no vehicle; allowed: one or more, or "all"')
         known = {name: each for each in among for name in (each.id, str(each.vehicle_id), f"{each.network}:{each.id}")}
         missing = [name for name in wanted if name not in known]
         if missing:

@@ -94,6 +94,7 @@ def test_emulators_that_are_killed_end_the_run_with_3_and_a_whole_record(path: P
         assert station.returncode == 3
     assert "the emulated vehicles' process has ended" in said
     assert "Traceback" not in said
+    assert [event["kind"] for event in events_of(out)].count("failure") == 1
     assert events_of(out)[-1]["text"] == "failed"
     assert len(read_spool(out / "timeseries.ticks")["t_s"]) > 0
 

@@ -160,6 +160,13 @@ def test_after_the_path_has_begun_a_vehicle_that_can_not_be_started_again_is_aba
     assert world.station.flight.phase is Phase.DONE
 
 
+def test_who_is_in_its_slot_when_the_time_for_assembly_is_over_is_not_said_to_be_out_of_it() -> None:
+    world = World(start={"in_air": True, "run_in_s": 20, "timeout_s": 8}, duration_s=1)
+    world.run()
+    assert world.times_s("phase", text="flying")
+    assert world.times_s("unassembled") == []
+
+
 @pytest.mark.slow
 def test_when_the_time_for_assembly_is_over_the_path_begins_as_the_leader_comes_by_again() -> None:
     world = World(**ASSEMBLING)

@@ -11,7 +11,13 @@ from gcs_formation.record.expectations import Verdict, judge
 from tests.gcs_formation.record.test_flight import CRASH_S, FOLLOWER, KEYS, LEADER, flown
 
 FLOWN_S = 10.0
-PARTS = {"duration_s": FLOWN_S, "followers": {str(system): {"settled_at_s": 0.0} for system in (1, 2, 3)}}
+PARTS: dict[str, Any] = {
+    "duration_s": FLOWN_S,
+    "followers": {str(system): {"settled_at_s": 0.0} for system in (1, 2, 3)},
+    "safety": {"min_separation_m": 30.0, "min_clearance_m": 50.0},
+    "control": {},
+    "stability": {},
+}
 
 
 def verdict(cut_short: bool = False, crashed=None, faults=(), **expect) -> Verdict:
@@ -40,6 +46,14 @@ def test_a_window_that_somebody_cut_short_is_not_judged():
     assert (found.held, found.judged, found.reached) == (None, False, False)
     assert str(found).endswith("not judged: flown to 10.0 s of 90 s")
     assert found.to_dict()["reason"] == "flown to 10.0 s of 90 s"
+
+
+@pytest.mark.parametrize("metric", ["min_separation_m", "min_clearance_m"])
+@pytest.mark.parametrize("window", [{"from_s": 50, "to_s": 90}, {"from_s": 5.02, "to_s": 5.04}])
+def test_a_window_without_a_tick_has_no_least_distance(metric, window):
+    """Nor has it that of the whole flight."""
+    found = verdict(metric=metric, followers="all", below=None, above=10, **window)
+    assert (found.value, found.held) == (None, False)
 
 
 def test_a_window_may_end_with_the_last_tick_before_it():

@@ -94,6 +94,24 @@ def test_what_is_wrong_is_found_before_anything_flies(scenario, tmp_path, argume
     assert not out.exists()
 
 
+def test_a_directory_that_cannot_be_written_is_refused(scenario, tmp_path):
+    result = CliRunner().invoke(main, ["compare", scenario, "--out", f"{scenario}/laws"])
+    assert result.exit_code == 2
+    assert f"cannot write {scenario}/laws: Not a directory" in result.stderr
+
+
+@pytest.mark.slow
+def test_of_an_earlier_comparison_nothing_is_left(scenario, tmp_path):
+    out = tmp_path / "laws"
+    for name in ("comparison.json", "consensus/run.yaml", "own/run.yaml"):
+        (out / name).parent.mkdir(parents=True, exist_ok=True)
+        (out / name).touch()
+    short = ["--laws", "pid", "--until", "0.5", "--overwrite", "--out", str(out)]
+    assert CliRunner().invoke(main, ["compare", scenario, *short]).exit_code == 0
+    files = {"comparison.json", "comparison.png", "comparison.html"}
+    assert {path.name for path in out.iterdir()} == files | {"pid", "own"}
+
+
 def test_laws_differ_only_in_what_their_names_say():
     assert len({tuple(sorted(settings)) for settings in LAWS.values()}) == len(LAWS)
     assert all(("_uncompensated" in law) == ("law.delay_compensation=false" in LAWS[law]) for law in LAWS)

@@ -7,6 +7,7 @@ import resource
 import signal
 import subprocess
 import sys
+import time
 from collections import Counter, deque
 from contextlib import contextmanager
 from itertools import product
@@ -22,7 +23,7 @@ from scipy.stats import binom
 
 from formation_scenario import ScenarioError
 from gcs_formation.cli import main
-from gcs_formation.errors import RecordingError, RunAbortedError
+from gcs_formation.errors import RecordError, RecordingError, RunAbortedError
 from gcs_formation.studies.campaign import judge
 from gcs_formation.studies.dataset import Dataset, read_journal, sample_table
 from gcs_formation.studies.flight import Task, figure, fly
@@ -139,6 +140,14 @@ def test_a_table_has_a_row_for_each_sample_and_of_several_seeds_median_and_worst
         "| 0 | 0.1 (0.2) | 19 (18) |",
         "| 100 | 0.4 (0.5) | 16.5 (–) |",
     ]
+
+
+def test_a_table_has_the_least_and_the_most_of_what_each_flight_of_a_sample_draws():
+    planned = study(parameters={DELAY: [0, 100], LOSS: {"uniform": [0.0, 0.1]}}, seeds={"count": 3}, metrics=MOST)
+    rows = [row(each, **{"error_x_m.max": 0.1}) for each in Plan(planned).begin()]
+    losses = [each[LOSS] for each in rows[:3]]
+    shown = f"| 0 | {min(losses):.3g} to {max(losses):.3g} | 0.1 (0.1) |"
+    assert sample_table(planned, rows, []).splitlines()[2] == shown
 
 
 def test_a_search_s_row_has_both_flights_between_which_the_bound_is_crossed():
@@ -274,6 +283,18 @@ def test_of_several_vehicles_the_worst_counts_and_one_that_never_settles_has_no_
             {"parameters": {DELAY: [0]}, "bisect": SEARCH},
             f"bisect.parameter: found '{DELAY}'; allowed: a parameter that",
         ),
+        (
+            {"parameters": {DELAY: [0, 100], "links.default": [{"loss": 0.1}]}},
+            f"parameters.links.default: found 'links.default', which replaces {DELAY} of '{DELAY}'; allowed: keys that",
+        ),
+        (
+            {"parameters": {"link": {"cases": {"late": {DELAY: 100}}}, "other": {"cases": {"late": {DELAY: 50}}}}},
+            f"parameters.other: found 'other', which replaces {DELAY} of 'link'",
+        ),
+        (
+            {"parameters": {"link": {"cases": {"late": {DELAY: 100}}}}, "bisect": SEARCH},
+            f"bisect.parameter: found '{DELAY}', which replaces {DELAY} of 'link'",
+        ),
         ({"from_s": 2, "to_s": 1}, "to_s: found 2 to 1 s; allowed: a time after from_s"),
         ({"from_s": 3}, "from_s: found 3 s; allowed: less than 3 s, where flights end"),
         ({"to_s": 2.5, "until_s": 2}, "to_s: found 2.5 s; allowed: up to 2 s, where flights end"),
@@ -292,6 +313,14 @@ def test_of_several_vehicles_the_worst_counts_and_one_that_never_settles_has_no_
 def test_a_wrong_study_is_refused_in_words(keys, words):
     with pytest.raises(ScenarioError, match="(?s)" + re.escape(words)):
         prepare({"base": SCENARIO, **keys})
+
+
+def test_a_parameter_may_set_a_part_of_what_one_before_it_sets():
+    parameters = {"links.default": [{"loss": 0.1}], DELAY: [50], "links.default.jitter_ms": [0]}
+    planned, base = prepare({"base": SCENARIO, "parameters": parameters})
+    (flight,) = Plan(planned).begin()
+    default = Task(flight, planned, base).scenario().links.default
+    assert (default.loss, default.delay_ms) == (0.1, 50)
 
 
 @pytest.mark.parametrize(
@@ -456,6 +485,24 @@ def test_a_killed_worker_loses_nothing_and_counts_nothing_twice(two, tmp_path):
     assert all(each["exit"] == 0 for each in flown)
 
 
+def kill_or_fly(task):
+    """Flight 0 kills the process that flies it, before any other that is flown beside it is over."""
+    if task.planned.flight == 0:
+        os.kill(os.getpid(), signal.SIGKILL)
+    time.sleep(0.5)
+    return row(task.planned)
+
+
+@pytest.mark.slow
+def test_a_flight_that_kills_its_worker_is_the_only_one_that_is_lost(two, monkeypatch):
+    monkeypatch.setattr("gcs_formation.studies.workers.fly", kill_or_fly)
+    planned, base = prepare(two)
+    tasks = deque(Task(each, planned, base) for each in Plan(planned).begin())
+    with Processes(2) as workers:
+        flown = list(workers.rows(tasks))
+    assert sorted((each["flight"], each["exit"]) for each in flown) == [(0, 3), (1, 0), (2, 0), (3, 0)]
+
+
 @pytest.mark.slow
 def test_a_cluster_flies_the_same_as_processes_do_and_survives_a_killed_worker(two, tmp_path):
     distributed = pytest.importorskip("distributed")
@@ -522,6 +569,34 @@ def test_a_row_counts_once(two, tmp_path):
         data.add({**done, "error_x_m.max": 0.2})
         assert data.write_table().num_rows == 1
     assert list(read_journal(tmp_path / "out")) == [done]
+
+
+@pytest.mark.parametrize("resume", [False, True])
+def test_a_directory_takes_one_study_at_a_time(two, tmp_path, resume):
+    planned, base = prepare(two)
+    out = tmp_path / "out"
+    with Dataset(out, planned, base, resume=False, overwrite=False) as data:
+        with pytest.raises(RecordError, match="another study that is being flown into"):
+            Dataset(out, planned, base, resume=resume, overwrite=True)
+        data.add({"flight": 1, "exit": 0})
+    assert [each["flight"] for each in read_journal(out)] == [1]
+    with Dataset(out, planned, base, resume=True, overwrite=False) as data:
+        assert set(data.rows) == {1}
+
+
+def test_of_an_earlier_study_nothing_is_left_where_it_is_replaced(two, tmp_path):
+    planned, base = prepare(two)
+    out = tmp_path / "out"
+    with Dataset(out, planned, base, resume=False, overwrite=False) as data:
+        data.add({"flight": 1, "exit": 0})
+    earlier = ("flights/000017/summary.json", "again/000017/run.yaml", "figures/maps.png", "report.html", "study.json")
+    for name in earlier:
+        (out / name).parent.mkdir(parents=True, exist_ok=True)
+        (out / name).touch()
+    with Dataset(out, planned, base, resume=True, overwrite=False):
+        assert all((out / name).exists() for name in earlier)
+    with Dataset(out, planned, base, resume=False, overwrite=True):
+        assert {str(path.relative_to(out)) for path in out.rglob("*")} == {"study.yaml", "flights.jsonl", "figures"}
 
 
 class Instant:

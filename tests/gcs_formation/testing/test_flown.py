@@ -15,8 +15,9 @@ from gcs_formation.testing.plan import FlownFlight, Violation
 TIME_S = np.arange(-20, 301) / 10.0
 
 
-def flown(directory: Path, **errors: np.ndarray) -> FlownFlight:
-    """Return a flight of 30 s: followers 2 and 3, errors 0 but for the given ones; x2 (T,) is vehicle 2's along x."""
+def flown(directory: Path, leads_from_10_s: int = 1, /, **errors: np.ndarray) -> FlownFlight:
+    """Return a flight of 30 s: 1 leads, errors 0 but for the given ones; x2 (T,) is vehicle 2's along x."""
+    leader = np.where(TIME_S < 10, 1, leads_from_10_s)
     scenario = load_scenario({"vehicles": {"count": 3}, "path": {"waypoints_m": [[0, 0, 100], [4000, 0, 100]]}})
     rows, zero = TIME_S.size, np.zeros(TIME_S.size)
     columns: dict[str, Any] = {
@@ -24,16 +25,18 @@ def flown(directory: Path, **errors: np.ndarray) -> FlownFlight:
         "vehicle": np.tile(np.array([1, 2, 3], dtype=np.int32), rows),
         "phase": np.ones(3 * rows, dtype=np.int8),
         "active": np.ones(3 * rows),
-        "leads": np.tile([1.0, 0.0, 0.0], rows),
+        "leads": np.equal.outer(leader, [1, 2, 3]).astype(float).ravel(),
         "yielding": np.zeros(3 * rows),
         "airborne": np.ones(3 * rows),
         "mission_time_s": np.repeat(np.where(TIME_S < 0, np.nan, TIME_S), 3),
     }
     for axis in "xyz":
-        parts = [np.full(rows, np.nan), errors.get(f"{axis}2", zero), errors.get(f"{axis}3", zero)]
+        parts = [np.where(leader == each, np.nan, errors.get(f"{axis}{each}", zero)) for each in (1, 2, 3)]
         columns[f"error_{axis}_m"] = np.stack(parts, axis=1).ravel()
     write_parquet(directory / TIMESERIES, [columns])
     followers = {"2": {"settled_at_s": 4.0}, "3": {"settled_at_s": None}}
+    if leads_from_10_s != 1:
+        followers["1"] = {"settled_at_s": 20.0}
     figures = {"duration_s": 30.0, "truth": True, "followers": followers, "safety": {"min_separation_m": 12.5}}
     return FlownFlight(scenario, Summary(figures, (), ("clearance was 1 m",)), directory, "gcs-formation run a.yaml")
 
@@ -90,6 +93,20 @@ def test_axes_are_x_y_and_z(tmp_path, axes):
 def test_only_followers_have_a_slot(tmp_path):
     with pytest.raises(ValueError, match="found vehicle 1; allowed: 2, 3"):
         flown(tmp_path).stays_within(1.0, followers=1)
+
+
+def test_nobody_is_no_follower(tmp_path):
+    with pytest.raises(ValueError, match="found no vehicle; allowed: one or more"):
+        flown(tmp_path).stays_within(1.0, followers=[])
+
+
+def test_who_leads_has_no_slot_and_a_leader_that_follows_has_one_from_then_on(tmp_path):
+    flight = flown(tmp_path, 2, x1=bump(2.0, 15.0), x2=bump(2.0, 15.0))
+    flight.stays_within(1.0, followers=[2, 3]).stays_within(1.0, to_s=14).stays_within(1.0, followers=2, from_s=12)
+    with pytest.raises(AssertionError, match=r"slot.*\n  vehicle 1: \|error_x\| = 2.000 m at 15.0 s\nseed"):
+        flight.stays_within(1.0)
+    with pytest.raises(AssertionError, match=r"not settled before 5 s\n  vehicle 1: at 20.0 s\n  vehicle 3: never"):
+        flight.settles(before_s=5)
 
 
 def test_settling_is_by_follower(tmp_path):
