@@ -49,8 +49,12 @@ class Flights(NamedTuple):
     @property
     def by_chance(self) -> bool:
         """Whether chance is in the flights, by seeds or draws: else shares of them are the design's, and sure."""
-        drawn = [each for each in self.study.parameters.values() if not isinstance(each, LISTED)]
-        return self.study.seeds.count > 1 or self.study.design in DRAWN or bool(drawn)
+        drawn = any(map(self.draws, self.study.parameters))
+        return self.study.seeds.count > 1 or self.study.design in DRAWN or drawn
+
+    def draws(self, name: str) -> bool:
+        """Return whether a parameter's values are drawn from a distribution."""
+        return not isinstance(self.study.parameters.get(name, []), LISTED)
 
     def groups(self, name: str) -> dict[str, Mask]:
         """Return which flights have each value of a parameter, by the value in words."""
@@ -84,7 +88,7 @@ def edges_of(flights: Flights, name: str, most: int) -> Array:
     """Return the borders of a parameter's levels, halfway between; of bins of as many each where they are drawn."""
     levels: Array = np.unique(flights.parameters[name])
     listed = isinstance(flights.study.parameters.get(name), LISTED)
-    if levels.size > (LISTED_UP_TO if listed else LEVELS_UP_TO):
+    if flights.draws(name) or levels.size > (LISTED_UP_TO if listed else LEVELS_UP_TO):
         bins = int(np.clip(most, 2, LEVELS_UP_TO))
         return np.quantile(levels, np.linspace(0.0, 1.0, bins + 1))
     if levels.size == 1:
@@ -107,7 +111,7 @@ def tick(flights: Flights, axis: Axis, name: str, *, below: bool) -> None:
         axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter(NullFormatter())
     levels = np.unique(flights.parameters[name])
-    if levels.size <= LEVELS_UP_TO:
+    if levels.size <= LEVELS_UP_TO and not flights.draws(name):
         words = words_of(flights, name)
         axis.set_ticks(levels, labels=words, rotation=90 if below and is_crowded(words) else 0)
 

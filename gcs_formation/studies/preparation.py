@@ -89,13 +89,15 @@ def _together(study: Study, read: Source) -> Iterator[Problem]:
 
 
 def _replaced(study: Study, read: Source) -> Iterator[Problem]:
-    """Yield parameters that replace what one before them sets: flights wouldn't have the values of their rows."""
+    """Yield parameters that replace what one before them or `set` sets: flights wouldn't have these values."""
     search, sets = study.bisect, list[tuple[str, KeyPath, set[str]]]()
     for name, each in study.parameters.items():
         own = {key for case in each.cases.values() for key in case} if isinstance(each, Cases) else {name}
         sets.append((name, ("parameters", name), own))
     if search is not None and search.parameter not in study.parameters:
         sets.append((search.parameter, ("bisect", "parameter"), {search.parameter}))
+    varied = {key for _, _, own in sets for key in own}
+    sets.insert(0, ("set", ("set",), {key for key in study.set if key not in varied}))
     for (earlier, _, before), (name, place, after) in combinations(sets, 2):
         gone = sorted(key for key in before if any(f"{key}.".startswith(f"{each}.") for each in after))
         if gone:

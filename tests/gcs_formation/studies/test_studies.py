@@ -288,6 +288,10 @@ def test_of_several_vehicles_the_worst_counts_and_one_that_never_settles_has_no_
             f"parameters.links.default: found 'links.default', which replaces {DELAY} of '{DELAY}'; allowed: keys that",
         ),
         (
+            {"set": {DELAY: 100}, "parameters": {"links.default": [{"loss": 0.1}, {"loss": 0.0}]}},
+            f"parameters.links.default: found 'links.default', which replaces {DELAY} of 'set'",
+        ),
+        (
             {"parameters": {"link": {"cases": {"late": {DELAY: 100}}}, "other": {"cases": {"late": {DELAY: 50}}}}},
             f"parameters.other: found 'other', which replaces {DELAY} of 'link'",
         ),

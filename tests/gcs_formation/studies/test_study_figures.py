@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 from scipy.stats import binomtest
 
-from gcs_formation.studies.columns import Flights, flights_of
+from gcs_formation.studies.columns import Flights, edges_of, flights_of
 from gcs_formation.studies.curves import by_level, distributions, exceedances, split_by, up_to, worse_than
 from gcs_formation.studies.dataset import Dataset
 from gcs_formation.studies.figures import crossings_of, heat_maps, marginals, pairs, searched, telling
@@ -113,6 +113,16 @@ def test_what_is_drawn_uniformly_by_its_logarithm_lies_so_on_its_axis():
         assert (axes.get_xscale(), axes.get_yscale()) == ("log", "linear")
         written = {label.get_text() for label in axes.get_xticklabels()}
         assert {"20", "50", "100", "200", "500"} <= written
+
+
+def test_numbers_that_are_drawn_are_put_into_bins_however_few_they_are():
+    """Each would be a level of its own, with a name of six digits over its neighbour's."""
+    delay, loss = np.array([10.0, 11.0, 200.0, 390.0]), np.tile([0.0, 0.1], 2)
+    drawn = study(parameters={DELAY: {"uniform": [10, 400]}, LOSS: [0, 0.1]}, design="random", samples=4)
+    flights = Flights(drawn, {DELAY: delay, LOSS: loss}, {ERROR: delay})
+    assert edges_of(flights, DELAY, 1).tolist() == [10.0, 105.5, 390.0]
+    (axes, _) = heat_maps(flights, ERROR).axes
+    assert "11" not in {label.get_text() for label in axes.get_xticklabels()}
 
 
 def test_a_boundary_is_found_between_neighbours_that_are_known():
