@@ -51,7 +51,7 @@ AT_ONCE = PLACE_NOW, HEIGHT_NOW = 2, 3
 class Order:
     """A command, whichever message brought it."""
 
-    __slots__ = ("command", "frame", "lat_rad", "lon_rad", "params", "z")
+    __slots__ = ("command", "frame", "in_integers", "lat_rad", "lon_rad", "params", "z")
 
     def __init__(
         self,
@@ -61,14 +61,20 @@ class Order:
         lat_rad: float,
         lon_rad: float,
         z: float,
+        *,
+        in_integers: bool,
     ) -> None:
-        """Take MAV_CMD, MAV_FRAME, `param1` to `param4`, and a place, whose `z` is by the frame."""
+        """Take MAV_CMD, MAV_FRAME, `param1` to `param4`, and a place, whose `z` is by the frame.
+
+        `in_integers`: the place came as such, in COMMAND_INT.
+        """
         self.command = command
         self.frame = frame
         self.params = params
         self.lat_rad = lat_rad
         self.lon_rad = lon_rad
         self.z = z
+        self.in_integers = in_integers
 
 
 def order(message: CommandInt | CommandLong) -> Order:
@@ -76,9 +82,10 @@ def order(message: CommandInt | CommandLong) -> Order:
     params = (message.param1, message.param2, message.param3, message.param4)
     if isinstance(message, CommandInt):
         place = message.x * DEGREES_E7, message.y * DEGREES_E7
-        return Order(message.command, message.frame, params, place[0], place[1], message.z)
+        return Order(message.command, message.frame, params, place[0], place[1], message.z, in_integers=True)
     place = math.radians(message.param5), math.radians(message.param6)
-    return Order(message.command, m.MAV_FRAME_GLOBAL_RELATIVE_ALT, params, place[0], place[1], message.param7)
+    frame, z = m.MAV_FRAME_GLOBAL_RELATIVE_ALT, message.param7
+    return Order(message.command, frame, params, place[0], place[1], z, in_integers=False)
 
 
 def execute(vehicle: Vehicle, given: Order) -> int:
@@ -183,6 +190,9 @@ def _legacy_altitude(vehicle: Vehicle, given: Order) -> int:
 
 
 def _reposition(vehicle: Plane, given: Order) -> int:
+    """Circle a place; ArduPlane takes one from COMMAND_INT alone."""
+    if not given.in_integers:
+        return UNSUPPORTED
     height_m = _height_m(vehicle, given.z, given.frame)
     on_earth = abs(given.lat_rad) <= math.radians(POLE_DEG) and abs(given.lon_rad) <= math.pi
     if height_m is None or not on_earth or (given.lat_rad, given.lon_rad) == (0.0, 0.0):

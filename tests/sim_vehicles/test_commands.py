@@ -191,6 +191,12 @@ def test_reposition_changes_the_mode_when_asked_and_circles_the_place(flying):
     assert flying.state("height_m") == pytest.approx(120.0, abs=0.01)
 
 
+def test_reposition_by_floats_is_unsupported(flying):
+    flying.set_mode(LOITER)
+    assert flying.command_long(192, -1, 1, 0, 0, 35.005, 125.005, 120.0) == UNSUPPORTED
+    assert flying.ground.of("HEARTBEAT")[-1].custom_mode == LOITER
+
+
 def test_reposition_while_booting_is_refused(make_air):
     air = make_air(in_air=False)
     air.run(0.1)
