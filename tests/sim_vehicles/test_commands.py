@@ -114,6 +114,15 @@ def test_each_command_is_acknowledged_singly_to_its_sender(flying):
     assert {(a.target_system, a.target_component) for a in flying.ground.of("COMMAND_ACK")} == {(255, 190)}
 
 
+def test_a_companion_computer_with_the_same_system_id_is_obeyed_and_its_own_frames_are_not(flying):
+    companion = flying.peer(Address("127.0.0.1", 15000), system=1, component=191)
+    assert flying.command_long(SET_MODE, 1, LOITER, peer=companion) == ACCEPTED
+    (answer,) = companion.of("COMMAND_ACK")
+    assert (answer.target_system, answer.target_component) == (1, 191)
+    itself = flying.peer(Address("127.0.0.1", 15001), system=1, component=1)
+    assert flying.command_long(SET_MODE, 1, RTL, peer=itself) is None
+
+
 @pytest.mark.parametrize("command", [12345, 65535, 21])
 def test_unknown_commands_are_unsupported(flying, command):
     assert flying.command_long(command) == UNSUPPORTED
