@@ -32,6 +32,7 @@ from sim_vehicles.config import VehicleConfig
 from sim_vehicles.copter import PLACE, VELOCITY, YAW, CopterPilot
 from sim_vehicles.vehicle import CRITICAL, NOTICE, Vehicle
 
+COMPONENTS: Final = (m.MAV_COMP_ID_ALL, m.MAV_COMP_ID_AUTOPILOT1)
 WRONG_FRAME: Final = 9
 """MAV_RESULT_COMMAND_UNSUPPORTED_MAV_FRAME, which not every dialect names yet."""
 TEXT_BYTES: Final = 50
@@ -140,7 +141,12 @@ class Px4(Vehicle):
             self._unsaid.clear()
 
     def obey(self, message: CommandInt | CommandLong) -> tuple[int, ...]:
-        """Carry out a command; a change of mode is acknowledged twice, the first time before it is decided on."""
+        """Carry out a command; a change of mode is acknowledged twice, the first time before it is decided on.
+
+        Nobody answers for other components.
+        """
+        if message.target_component not in COMPONENTS:
+            return ()
         if isinstance(message, CommandInt) and message.frame != m.MAV_FRAME_GLOBAL_INT:
             return (WRONG_FRAME,)
         results = super().obey(message)

@@ -130,6 +130,12 @@ def test_a_change_of_mode_is_acknowledged_twice_and_heartbeats_show_it_up_to_a_s
     assert copter.shown == RTL
 
 
+def test_commands_to_other_components_get_no_answer(px4):
+    copter = px4()
+    for component, result in ((0, ACCEPTED), (1, ACCEPTED), (77, None), (190, None)):
+        assert copter.air.command_long(m.MAV_CMD_GET_MESSAGE_INTERVAL, 33, component=component) == result
+
+
 def test_a_change_is_told_at_once_to_who_asked_for_current_mode(px4):
     copter = px4()
     reported = []
