@@ -143,12 +143,15 @@ class Px4(Vehicle):
     def obey(self, message: CommandInt | CommandLong) -> tuple[int, ...]:
         """Carry out a command; a change of mode is acknowledged twice, the first time before it is decided on.
 
-        Nobody answers for other components.
+        Nobody answers for other components, nor an order that neither arms nor disarms.
         """
         if message.target_component not in COMPONENTS:
             return ()
         if isinstance(message, CommandInt) and message.frame != m.MAV_FRAME_GLOBAL_INT:
             return (WRONG_FRAME,)
+        if message.command == m.MAV_CMD_COMPONENT_ARM_DISARM and message.param1 not in (0.0, 1.0):
+            self.say(CRITICAL, f"Unsupported ARM_DISARM param: {message.param1:.3f}")
+            return ()
         results = super().obey(message)
         return (ACCEPTED, *results) if message.command == m.MAV_CMD_DO_SET_MODE else results
 

@@ -136,6 +136,14 @@ def test_commands_to_other_components_get_no_answer(px4):
         assert copter.air.command_long(m.MAV_CMD_GET_MESSAGE_INTERVAL, 33, component=component) == result
 
 
+def test_neither_arm_nor_disarm_is_only_remarked_on(px4):
+    copter = px4(in_air=False)
+    assert copter.results(m.MAV_CMD_COMPONENT_ARM_DISARM, 1) == [ACCEPTED]
+    assert copter.results(m.MAV_CMD_COMPONENT_ARM_DISARM, 2) == []
+    assert copter.texts[-1] == "Unsupported ARM_DISARM param: 2.000"
+    assert copter.vehicle.pilot.condition.armed
+
+
 def test_a_change_is_told_at_once_to_who_asked_for_current_mode(px4):
     copter = px4()
     reported = []
