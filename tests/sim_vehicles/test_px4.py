@@ -144,6 +144,13 @@ def test_neither_arm_nor_disarm_is_only_remarked_on(px4):
     assert copter.vehicle.pilot.condition.armed
 
 
+def test_to_loiter_is_no_command(px4):
+    copter = px4()
+    copter.set_mode(RTL)
+    assert copter.results(m.MAV_CMD_NAV_LOITER_UNLIM) == [UNSUPPORTED]
+    assert copter.mode == RTL
+
+
 def test_a_change_is_told_at_once_to_who_asked_for_current_mode(px4):
     copter = px4()
     reported = []
