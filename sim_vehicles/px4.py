@@ -122,6 +122,14 @@ class Px4(Vehicle):
         self.tell_heartbeat()
         return True
 
+    def disarm(self, *, force: bool) -> bool:
+        """Disarm, and wait in HOLD if the flight has ended in a landing."""
+        landed = not self.pilot.airborne and self.pilot.condition.armed
+        granted = super().disarm(force=force)
+        if granted and landed and self.mode in px4.NOT_ARMABLE:
+            self.switch(Px4Mode.HOLD)
+        return granted
+
     def prepare(self, height_m: float) -> bool:
         """Change to TAKEOFF on the ground, to a height; return whether that was allowed."""
         self._rise_m = height_m

@@ -269,6 +269,19 @@ def test_take_off_is_to_an_altitude_above_sea_level_and_ends_in_hold(px4, model,
     assert vehicle.motion.height_m == pytest.approx(20.0, abs=2.5)
 
 
+@pytest.mark.parametrize("home", [LAND, RTL])
+def test_a_multirotor_that_has_landed_waits_in_hold_and_can_be_armed_again(px4, home):
+    copter = px4(in_air=False)
+    assert copter.results(m.MAV_CMD_NAV_TAKEOFF, -1, 0, 0, math.nan, math.nan, math.nan, 10.0) == [ACCEPTED]
+    copter.results(m.MAV_CMD_COMPONENT_ARM_DISARM, 1)
+    copter.wait(10.0)
+    assert copter.set_mode(home) == ACCEPTED
+    copter.wait(60.0)
+    assert not copter.vehicle.pilot.condition.armed
+    assert copter.shown == HOLD
+    assert copter.results(m.MAV_CMD_COMPONENT_ARM_DISARM, 1) == [ACCEPTED]
+
+
 def test_a_fixed_wing_that_leaves_a_high_field_soon_after_boot_dives_into_the_ground(px4):
     plane = px4(PLANE, in_air=False, origin_alt_m=489.0)
     plane.results(m.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, math.nan, math.nan, math.nan, 489.0 + 50.0)
