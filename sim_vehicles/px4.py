@@ -84,6 +84,11 @@ class Px4(Vehicle):
         """Whether setpoints come."""
         return self.now < self._fresh_until
 
+    @property
+    def in_failsafe(self) -> bool:
+        """Whether its ground station's heartbeats or its setpoints are missing."""
+        return self.failsafe.active or self._lost
+
     def enter(self, mode: FlightMode) -> None:
         """Change to a mode, unless it is in it already; heartbeats tell it later."""
         if mode is not self.mode:

@@ -90,11 +90,11 @@ LEAST_CHANGES_US: Final = 500_000
 
 
 def heartbeat(v: Px4) -> Message:
-    """Return HEARTBEAT: ACTIVE as soon as it is armed."""
+    """Return HEARTBEAT: ACTIVE as soon as it is armed, CRITICAL in a failsafe."""
     armed = v.pilot.condition.armed
     flags = m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | (m.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0)
     up = m.MAV_STATE_STANDBY if v.ready else m.MAV_STATE_UNINIT
-    state = m.MAV_STATE_CRITICAL if armed and v.failsafe.active else m.MAV_STATE_ACTIVE if armed else up
+    state = m.MAV_STATE_CRITICAL if armed and v.in_failsafe else m.MAV_STATE_ACTIVE if armed else up
     return Heartbeat(v.mav_type, m.MAV_AUTOPILOT_PX4, flags, int(v.mode), state)
 
 

@@ -192,8 +192,11 @@ def test_when_setpoints_stop_it_returns_after_a_second_and_comes_back_by_itself_
     copter.wait(0.2)
     assert copter.mode == RTL
     copter.wait(1.0)
+    assert copter.air.ground.of("HEARTBEAT")[-1].system_status == m.MAV_STATE_CRITICAL
     copter.wait(0.2, every=copter.stand)
     assert copter.mode == OFFBOARD
+    copter.wait(1.0, every=copter.stand)
+    assert copter.air.ground.of("HEARTBEAT")[-1].system_status == m.MAV_STATE_ACTIVE
 
 
 def test_who_was_told_another_mode_meanwhile_doesnt_come_back(px4):
