@@ -39,6 +39,13 @@ TEXT_BYTES: Final = 50
 KEPT_TEXTS: Final = 16
 """Texts that wait for a ground station."""
 FRAMES_TAKEN: Final = (m.MAV_FRAME_LOCAL_NED, m.MAV_FRAME_BODY_NED)
+ALL_IGNORED: Final = (
+    PLACE
+    | VELOCITY
+    | m.POSITION_TARGET_TYPEMASK_AX_IGNORE
+    | m.POSITION_TARGET_TYPEMASK_AY_IGNORE
+    | m.POSITION_TARGET_TYPEMASK_AZ_IGNORE
+)
 REFERENCE_CLIMB_MPS: Final = 3.0
 """A fixed wing's height reference begins at sea level at boot and rises this fast."""
 
@@ -184,6 +191,8 @@ class Px4(Vehicle):
             return False
         if not self.ignores and message.coordinate_frame not in FRAMES_TAKEN:
             self.say(CRITICAL, f"SET_POSITION_TARGET_LOCAL_NED coordinate frame {message.coordinate_frame} unsupported")
+        elif not self.ignores and message.type_mask & ALL_IGNORED == ALL_IGNORED:
+            self.say(CRITICAL, "SET_POSITION_TARGET_LOCAL_NED invalid")
         elif not self.ignores:
             self._fresh_until = after(self.now, self.parameters["COM_OF_LOSS_T"])
             if self._lost:

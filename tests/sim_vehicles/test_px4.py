@@ -199,6 +199,14 @@ def test_when_setpoints_stop_it_returns_after_a_second_and_comes_back_by_itself_
     assert copter.air.ground.of("HEARTBEAT")[-1].system_status == m.MAV_STATE_ACTIVE
 
 
+def test_setpoints_that_say_nothing_are_none(px4):
+    copter = px4()
+    copter.offboard()
+    copter.wait(1.2, every=lambda: copter.tell(0.0, 0.0, 0.0, mask=0xFFF))
+    assert copter.mode == RTL
+    assert "SET_POSITION_TARGET_LOCAL_NED invalid" in copter.texts
+
+
 def test_who_was_told_another_mode_meanwhile_doesnt_come_back(px4):
     copter = px4()
     copter.offboard()
