@@ -10,7 +10,7 @@ from typing import ClassVar, Final
 from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.frame import Frame
-from airlink.messages.command import CommandInt, CommandLong, SetPositionTargetLocalNed
+from airlink.messages.command import CommandAck, CommandInt, CommandLong, SetMode, SetPositionTargetLocalNed
 from airlink.messages.mission import MissionItem, MissionItemInt
 from airlink.messages.system import Heartbeat, Statustext
 from sim_vehicles.airframe.motion import Steering
@@ -183,6 +183,13 @@ class Px4(Vehicle):
     def landed(self) -> None:
         """Disarm a while after it has touched down."""
         self.disarm_at = after(self.now, self.parameters["COM_DISARM_LAND"])
+
+    def take_mode(self, message: SetMode, frame: Frame) -> bool:
+        """Change to a mode by the old message, which is acknowledged like the command, but once."""
+        allowed = super().take_mode(message, frame)
+        result = ACCEPTED if allowed else px4.REJECTED
+        self.answer(CommandAck(m.MAV_CMD_DO_SET_MODE, result, 0, 0, frame.system, frame.component))
+        return allowed
 
     def take_other(self, frame: Frame) -> bool:
         """Take a setpoint; return whether the frame is one."""

@@ -256,6 +256,11 @@ class Vehicle(ABC):
         """Take a message of the family's own; return whether it is one."""
         return False
 
+    def take_mode(self, message: SetMode, frame: Frame) -> bool:  # noqa: ARG002 - nobody is answered
+        """Change to a mode by the old message; return whether that was allowed."""
+        custom = bool(message.base_mode & m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED)
+        return custom and (self.ignores or self.switch(message.custom_mode))
+
     def _boot(self, now: Instant, clock_offset_s: float) -> None:
         self.now = now
         self._frozen = self.ignores = False
@@ -300,8 +305,8 @@ class Vehicle(ABC):
             case RequestDataStream():
                 rate_hz = message.req_message_rate if message.start_stop else 0
                 self.streams.set_group(message.req_stream_id, rate_hz, self.now)
-            case SetMode() if not self.ignores and message.base_mode & m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
-                self.switch(message.custom_mode)
+            case SetMode():
+                self.take_mode(message, frame)
             case NamedValueFloat(name=name, value=value) if name == MISSION_TIME and math.isfinite(value):
                 self.fleet.environment.hear_mission_time(value, self.now)
             case MissionItem() | MissionItemInt() if message.current in commands.AT_ONCE:

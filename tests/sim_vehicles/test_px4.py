@@ -130,6 +130,17 @@ def test_a_change_of_mode_is_acknowledged_twice_and_heartbeats_show_it_up_to_a_s
     assert copter.shown == RTL
 
 
+def test_the_old_message_for_modes_is_acknowledged_once(px4):
+    copter = px4()
+    for flags, mode, result in ((1, RTL, ACCEPTED), (157, HOLD, ACCEPTED), (1, 99 << 16, REJECTED), (0, RTL, REJECTED)):
+        before = len(copter.air.ground.of("COMMAND_ACK"))
+        copter.air.ground.send(mavlink.MAVLink_set_mode_message(1, flags, mode))
+        copter.air.run(0.02)
+        answers = [(each.command, each.result) for each in copter.air.ground.of("COMMAND_ACK")[before:]]
+        assert answers == [(m.MAV_CMD_DO_SET_MODE, result)]
+    assert copter.mode == HOLD
+
+
 def test_commands_to_other_components_get_no_answer(px4):
     copter = px4()
     for component, result in ((0, ACCEPTED), (1, ACCEPTED), (77, None), (190, None)):
