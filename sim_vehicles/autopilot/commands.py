@@ -40,6 +40,8 @@ COURSE: Final = m.HEADING_TYPE_COURSE_OVER_GROUND
 HEADING: Final = m.HEADING_TYPE_HEADING
 FORCE: Final = 21196
 GUIDED: Final = Mode.GUIDED
+SPEED_MODES: Final = (Mode.GUIDED, Mode.AUTO)
+USUAL_SPEED: Final = -2.0
 FULL_TURN_DEG, POLE_DEG = 360.0, 90.0
 HIGHEST_M: Final = 2**31 / 100
 """ArduPlane stores heights as 32-bit integers of centimetres."""
@@ -170,10 +172,17 @@ def _arm_disarm(vehicle: Vehicle, given: Order) -> int:
 
 
 def _legacy_speed(vehicle: Vehicle, given: Order) -> int:
+    """Change the airspeed, or raise it to a ground speed, which is the least that it then flies in still air."""
     kind, speed_mps = given.params[0], given.params[1]
-    if not math.isfinite(speed_mps) or kind not in (m.SPEED_TYPE_AIRSPEED, m.SPEED_TYPE_GROUNDSPEED):
+    if vehicle.pilot.mode not in SPEED_MODES:
+        return FAILED
+    if not math.isfinite(speed_mps):
         return DENIED
-    if not vehicle.parameters.is_airspeed(speed_mps):
+    if kind == m.SPEED_TYPE_GROUNDSPEED:
+        speed_mps = max(vehicle.body.steering.speed_mps, min(speed_mps, vehicle.parameters["AIRSPEED_MAX"]))
+    elif kind == AIRSPEED and speed_mps == USUAL_SPEED:
+        speed_mps = vehicle.parameters["AIRSPEED_CRUISE"]
+    elif kind != AIRSPEED or not vehicle.parameters.is_airspeed(speed_mps):
         return FAILED
     if not vehicle.pilot.guided_by_setpoints:
         vehicle.pilot.change_speed(speed_mps, math.inf)

@@ -187,6 +187,33 @@ def test_old_speed_and_height_commands_do_nothing_after_setpoints_and_again_afte
     assert (flying.fleet.bodies[0].steering.speed_mps, flying.fleet.bodies[0].steering.height_m) == (18.0, 150.0)
 
 
+@pytest.mark.parametrize("mode", [MANUAL, RTL, LOITER])
+def test_the_old_speed_command_fails_outside_guided_and_auto(flying, mode):
+    flying.set_mode(mode)
+    assert flying.command_long(178, 0, 22.0) == FAILED
+    assert flying.command_long(178, 1, 25.0) == FAILED
+
+
+@pytest.mark.parametrize(
+    ("params", "result", "flown_mps"),
+    [
+        ((0, 25.0), ACCEPTED, 25.0),
+        ((0, 99.0), FAILED, 20.0),
+        ((0, -1.0), FAILED, 20.0),
+        ((0, -2.0), ACCEPTED, 22.0),
+        ((1, 24.0), ACCEPTED, 24.0),
+        ((1, 5.0), ACCEPTED, 20.0),
+        ((1, 99.0), ACCEPTED, 28.0),
+        ((2, 3.0), FAILED, 20.0),
+        ((9, 22.0), FAILED, 20.0),
+    ],
+)
+def test_the_old_speed_command_takes_airspeeds_within_limits_and_any_ground_speed(flying, params, result, flown_mps):
+    assert flying.command_long(178, 0, 20.0) == ACCEPTED
+    assert flying.command_long(178, *params, -1) == result
+    assert flying.fleet.bodies[0].steering.speed_mps == flown_mps
+
+
 def test_reposition_changes_the_mode_when_asked_and_circles_the_place(flying):
     flying.set_mode(LOITER)
     place = {"x": round(35.005e7), "y": round(125.005e7), "z": 120.0, "frame": 3}
