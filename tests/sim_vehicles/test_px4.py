@@ -13,7 +13,7 @@ from formation_scenario import load_scenario
 from sim_vehicles.autopilot.modes import Condition
 from tests.sim_vehicles.conftest import mavlink
 
-ACCEPTED, REJECTED, UNSUPPORTED, FAILED, WRONG_FRAME = 0, 1, 3, 4, 9
+ACCEPTED, REJECTED, DENIED, UNSUPPORTED, FAILED, WRONG_FRAME = 0, 1, 2, 3, 4, 9
 HOLD, TAKEOFF, RTL, LAND = 0x03040000, 0x02040000, 0x05040000, 0x06040000
 OFFBOARD, POSITION = 0x00060000, 0x00030000
 VELOCITY_AND_YAW, VELOCITY_ALONE, PLACE_ALONE = 0x9C7, 0x5C7, 0xDF8
@@ -139,6 +139,19 @@ def test_the_old_message_for_modes_is_acknowledged_once(px4):
         answers = [(each.command, each.result) for each in copter.air.ground.of("COMMAND_ACK")[before:]]
         assert answers == [(m.MAV_CMD_DO_SET_MODE, result)]
     assert copter.mode == HOLD
+
+
+def test_version_and_home_are_sent_on_request_and_what_it_has_not_is_denied(px4):
+    copter = px4()
+    for command, param in ((m.MAV_CMD_REQUEST_MESSAGE, 148), (m.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES, 1)):
+        before = len(copter.air.ground.of("AUTOPILOT_VERSION"))
+        assert copter.results(command, param) == [ACCEPTED]
+        (version,) = copter.air.ground.of("AUTOPILOT_VERSION")[before:]
+        assert (version.flight_sw_version >> 16, version.capabilities) == (0x0111, 59647)
+    before = len(copter.air.ground.of("HOME_POSITION"))
+    assert copter.results(m.MAV_CMD_GET_HOME_POSITION) == [ACCEPTED]
+    assert len(copter.air.ground.of("HOME_POSITION")) > before
+    assert copter.results(m.MAV_CMD_REQUEST_MESSAGE, 193) == [DENIED]
 
 
 def test_commands_to_other_components_get_no_answer(px4):
