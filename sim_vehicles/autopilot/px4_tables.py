@@ -282,12 +282,17 @@ def _change_altitude(vehicle: Px4, given: Order) -> int:
 
 
 def _set_interval(vehicle: Px4, given: Order) -> int:
-    """Set a message's interval; HEARTBEAT's is fixed, and FAILED is also the answer for what isn't known."""
+    """Set a message's interval; HEARTBEAT's is fixed, and FAILED is also the answer for what isn't known.
+
+    A shorter one than the main loop's is taken, but in each loop a message is sent once.
+    """
     message_id, interval_us = given.params[0], given.params[1]
     if message_id == m.MAVLINK_MSG_ID_HEARTBEAT or message_id not in BUILDERS or not math.isfinite(interval_us):
         return FAILED
     if message_id == m.MAVLINK_MSG_ID_CURRENT_MODE and interval_us > 0.0:
         interval_us = max(interval_us, LEAST_CHANGES_US)
+    elif interval_us > 0.0:
+        interval_us = max(interval_us, telemetry.SHORTEST_US)
     return ACCEPTED if vehicle.streams.set_interval(int(message_id), interval_us, vehicle.now) else DENIED
 
 

@@ -402,6 +402,8 @@ def test_its_streams_are_fast_unasked_and_zero_restores_that(px4):
     assert rates() == usual | {"ATTITUDE": 10}
     assert copter.air.command_long(m.MAV_CMD_SET_MESSAGE_INTERVAL, m.MAVLINK_MSG_ID_ATTITUDE, 0) == ACCEPTED
     assert rates() == usual
+    assert copter.air.command_long(m.MAV_CMD_SET_MESSAGE_INTERVAL, m.MAVLINK_MSG_ID_ATTITUDE, 10_000) == ACCEPTED
+    assert rates() == usual  # the main loop's
     for message_id in (m.MAVLINK_MSG_ID_HEARTBEAT, 65000):
         assert copter.air.command_long(m.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, 100_000) == FAILED
 
