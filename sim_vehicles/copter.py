@@ -17,7 +17,7 @@ from airlink.messages.mission import MissionItem, MissionItemInt
 from sim_vehicles.airframe.motion import Motion, Steering
 from sim_vehicles.autopilot import commands
 from sim_vehicles.autopilot.clock import NEVER
-from sim_vehicles.autopilot.commands import ACCEPTED, FAILED, Order, to_mode
+from sim_vehicles.autopilot.commands import ACCEPTED, DENIED, FAILED, Order, to_mode
 from sim_vehicles.autopilot.modes import (
     BY_THROTTLE,
     COPTER_FAILSAFE,
@@ -161,6 +161,9 @@ class CopterPilot(Pilot):
 
 
 def _take_off(vehicle: Copter, given: Order) -> int:
+    """Take off to a height above home, which no other frame gives."""
+    if given.frame != m.MAV_FRAME_GLOBAL_RELATIVE_ALT:
+        return DENIED
     return ACCEPTED if vehicle.take_off(given.z) else FAILED
 
 
