@@ -32,7 +32,7 @@ from sim_vehicles.autopilot.parameters import Kind, ParameterServer, floating
 from sim_vehicles.autopilot.pilot import Pilot
 from sim_vehicles.autopilot.telemetry import UNASKED_NS
 from sim_vehicles.config import VehicleConfig
-from sim_vehicles.vehicle import NOTICE, WARNING, Vehicle
+from sim_vehicles.vehicle import WARNING, Vehicle
 
 CM = 0.01
 TAKEOFF_DONE_M = 0.05
@@ -207,6 +207,8 @@ class Copter(Vehicle):
     ground_mode = CopterMode.STABILIZE
     boot_mode = CopterMode.STABILIZE
     failsafe_keys = COPTER_FAILSAFE
+    armed_text = "Arming motors"
+    disarmed_text = "Disarming motors"
     handlers = HANDLERS
     flier: CopterPilot
     """Its pilot, as what that is."""
@@ -233,7 +235,7 @@ class Copter(Vehicle):
             self.say(WARNING, "Mode change to AUTO failed: init failed")
             return False
         if mode is None:
-            self.say(NOTICE, f"No such mode {number:g}")
+            self.say(WARNING, f"No such mode {number:g}")
             return False
         self.enter(CopterMode(mode))
         return True

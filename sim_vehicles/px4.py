@@ -30,7 +30,7 @@ from sim_vehicles.autopilot.parameters import ParameterServer
 from sim_vehicles.autopilot.pilot import Pilot
 from sim_vehicles.config import VehicleConfig
 from sim_vehicles.copter import PLACE, VELOCITY, YAW, CopterPilot
-from sim_vehicles.vehicle import CRITICAL, NOTICE, Vehicle
+from sim_vehicles.vehicle import CRITICAL, INFO, Vehicle
 
 COMPONENTS: Final = (m.MAV_COMP_ID_ALL, m.MAV_COMP_ID_AUTOPILOT1)
 WRONG_FRAME: Final = 9
@@ -61,6 +61,8 @@ class Px4(Vehicle):
     ground_mode = Px4Mode.HOLD
     boot_mode = Px4Mode.HOLD
     failsafe_keys = px4.LINK_LOSS
+    armed_text = "Armed by external command"
+    disarmed_text = "Disarmed"
     handlers = px4.HANDLERS
     flown: ClassVar[Mapping[Px4Mode, FlightMode]]
     """Its modes, and the pilot's that are flown alike."""
@@ -121,12 +123,12 @@ class Px4(Vehicle):
         if not force and (not self.ready or stale or self.mode in px4.NOT_ARMABLE):
             self.say(CRITICAL, "Arming denied: Resolve system health failures first")
             return False
-        if self.pilot.airborne:
+        if self.pilot.condition.armed:
             return True
         self._set_utc()
         if not self.pilot.request(Request.ARM):
             return False
-        self.say(NOTICE, "Armed by external command")
+        self.say(INFO, self.armed_text)
         self.disarm_at = after(self.now, self.parameters["COM_DISARM_PRFLT"])
         if self.mode is Px4Mode.TAKEOFF:
             self.disarm_at = NEVER
