@@ -32,7 +32,7 @@ from sim_vehicles.autopilot.parameters import Kind, ParameterServer, floating
 from sim_vehicles.autopilot.pilot import Pilot
 from sim_vehicles.autopilot.telemetry import UNASKED_NS
 from sim_vehicles.config import VehicleConfig
-from sim_vehicles.vehicle import WARNING, Vehicle
+from sim_vehicles.vehicle import CRITICAL, WARNING, Vehicle
 
 CM = 0.01
 TAKEOFF_DONE_M = 0.05
@@ -241,8 +241,10 @@ class Copter(Vehicle):
         return True
 
     def arm(self, *, force: bool) -> bool:
-        """Arm; one that doesn't take off disarms by itself."""
+        """Arm, where the mode allows it; one that doesn't take off disarms by itself."""
         armed = super().arm(force=force)
+        if not armed and self.ready:
+            self.say(CRITICAL, f"Arm: {self.pilot.mode.name} mode not armable")
         if armed and not self.pilot.airborne:
             self.disarm_at = after(self.now, self.parameters["DISARM_DELAY"])
         return armed

@@ -140,6 +140,14 @@ def test_unknown_modes_fail(flying, number):
     assert flying.ground.of("HEARTBEAT")[-1].custom_mode == GUIDED
 
 
+def test_a_mode_that_there_is_not_is_remarked_on(flying):
+    assert flying.set_mode(99) == FAILED
+    flying.ground.send(flying.ground.dialect.set_mode_encode(1, 1, 98))
+    flying.run(0.1)
+    said = [(each.severity, each.text) for each in flying.ground.of("STATUSTEXT")]
+    assert said == [(4, "No such mode 99"), (4, "No such mode 98")]
+
+
 def test_a_change_of_mode_is_told_by_a_heartbeat_at_once(flying):
     before = len(flying.ground.of("HEARTBEAT"))
     assert flying.set_mode(LOITER) == ACCEPTED

@@ -211,6 +211,13 @@ def test_it_takes_off_in_guided_once_armed(grounded):
     assert grounded.ground.of("HEARTBEAT")[-1].type == mavlink.MAV_TYPE_QUADROTOR
 
 
+@pytest.mark.parametrize(("mode", "name"), [(RTL, "RTL"), (LAND, "LAND"), (BRAKE, "BRAKE")])
+def test_in_modes_that_end_a_flight_it_isnt_armed_and_says_so(grounded, mode, name):
+    assert grounded.set_mode(mode) == ACCEPTED
+    assert grounded.command_long(ARM, 1) == FAILED
+    assert grounded.ground.of("STATUSTEXT")[-1].text == f"Arm: {name} mode not armable"
+
+
 def test_on_the_ground_it_disarms_by_itself(grounded):
     grounded.set_mode(GUIDED)
     grounded.command_long(ARM, 1)
