@@ -227,7 +227,7 @@ class Missions:
             return [_ack(sender, m.MAV_MISSION_DENIED)]
         if isinstance(request, MissionRequestList):
             return [count]
-        if request.seq >= len(self.items):
+        if request.seq >= max(1, len(self.items)):
             refusal = _ack(sender, m.MAV_MISSION_INVALID_SEQUENCE)
             return [count, refusal] if integers else [refusal]
         item = self.items[request.seq] if request.seq else self._home()

@@ -173,6 +173,13 @@ def test_a_mission_is_cleared(flying, clear):
     assert current(flying) == (0, NONE)
 
 
+def test_of_a_cleared_mission_home_is_still_told(flying):
+    ask(flying, dialect.MAVLink_mission_clear_all_message(1, 1))
+    home = read(flying, 0)
+    assert (home.seq, home.frame, home.command, home.x, home.y, home.z) == HOME
+    assert read(flying, 0, floats=True).x == pytest.approx(35.0, abs=1e-5)
+
+
 @pytest.mark.parametrize("kind", [1, 2])
 def test_lists_of_fences_and_rally_points_are_empty_and_stay_so(flying, kind):
     assert ask(flying, count(5, kind)) == [("MISSION_ACK", UNSUPPORTED)]
