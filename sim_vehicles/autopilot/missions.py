@@ -239,8 +239,9 @@ class Missions:
         self, message: MissionCount | MissionClearAll | MissionWritePartialList, sender: Sender, now: Instant
     ) -> list[Message]:
         """Start an upload of all items or of a part, or clear the list; only its sender may restart an upload."""
-        if self._upload and (isinstance(message, MissionWritePartialList) or self._upload.sender[1:] != sender[1:]):
-            return [_ack(sender, m.MAV_MISSION_DENIED)]
+        refusal = self._refusal(message, sender)
+        if refusal is not None:
+            return [_ack(sender, refusal)]
         self._upload = None
         if isinstance(message, MissionWritePartialList):
             first, last = message.start_index, message.end_index
@@ -254,6 +255,13 @@ class Missions:
         if count:
             return [self._ask(Upload(sender, 0, count - 1, now, now), now, fresh=True)]
         return [_ack(sender, ACCEPTED), *([RECEIVED] if isinstance(message, MissionCount) else [])]
+
+    def _refusal(self, message: MissionCount | MissionClearAll | MissionWritePartialList, sender: Sender) -> int | None:
+        """Return why the list can't be changed: somebody uploads one, or it is being flown and can't be cleared."""
+        if self._upload and (isinstance(message, MissionWritePartialList) or self._upload.sender[1:] != sender[1:]):
+            return m.MAV_MISSION_DENIED
+        flown = self.state == m.MISSION_STATE_ACTIVE and isinstance(message, MissionClearAll)
+        return m.MAV_MISSION_ERROR if flown else None
 
     def _write(self, message: MissionItem | MissionItemInt, sender: Sender, now: Instant) -> list[Message]:
         upload = self._upload

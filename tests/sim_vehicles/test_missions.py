@@ -264,12 +264,25 @@ def test_a_mission_that_only_jumps_has_ended(flying):
     assert mode(flying) == RTL
 
 
-def test_a_mission_cleared_while_it_is_flown_leads_home(flying):
+def test_a_mission_that_is_flown_cannot_be_cleared(flying):
+    clear = dialect.MAVLink_mission_clear_all_message(1, 1)
+    upload(flying, item(1, lat=35.03))
+    flying.set_mode(AUTO)
+    flying.run(5.0)
+    assert ask(flying, clear) == [("MISSION_ACK", ERROR)]
+    assert mode(flying) == AUTO
+    assert listed(flying) == [("MISSION_COUNT", 2)]
+    flying.set_mode(LOITER)
+    assert ask(flying, clear) == [("MISSION_ACK", OK)]
+    assert listed(flying) == [("MISSION_COUNT", 0)]
+
+
+def test_a_mission_replaced_by_none_while_it_is_flown_leads_home(flying):
     upload(flying, item(1, lat=35.03))
     flying.set_mode(AUTO)
     flying.run(5.0)
     assert mode(flying) == AUTO
-    ask(flying, dialect.MAVLink_mission_clear_all_message(1, 1))
+    ask(flying, count(0))
     assert mode(flying) == RTL
 
 
