@@ -60,7 +60,7 @@ KEPT: dict[int, tuple[bool, bool, bool, bool]] = {
     m.MAV_CMD_DO_JUMP: (True, True, False, False),
     m.MAV_CMD_DO_CHANGE_SPEED: (True, True, True, False),
 }
-"""Accepted commands -> which of their four parameters are kept."""
+"""Accepted commands -> which of their four parameters are kept; of NAV_LOITER_TIME its direction, and whole seconds."""
 PLACELESS = frozenset({m.MAV_CMD_NAV_RETURN_TO_LAUNCH, m.MAV_CMD_DO_JUMP, m.MAV_CMD_DO_CHANGE_SPEED})
 YAW_MAY_BE_NAN = frozenset({m.MAV_CMD_NAV_WAYPOINT, m.MAV_CMD_NAV_LOITER_UNLIM, m.MAV_CMD_NAV_TAKEOFF})
 MOST_ITEMS = 655
@@ -94,6 +94,8 @@ def from_message(message: MissionItem | MissionItemInt) -> Item | int:
         if not (math.isfinite(value) or (yaw and math.isnan(value))):
             return m.MAV_MISSION_INVALID_PARAM1 + place
     params = given[0] * kept[0], given[1] * kept[1], given[2] * kept[2], given[3] if kept[3] else 0.0
+    if message.command == m.MAV_CMD_NAV_LOITER_TIME:
+        params = float(int(given[0])), 0.0, -1.0 if given[2] < 0.0 else 1.0, float(given[3] > 0.0)
     if message.command in PLACELESS:
         return Item(message.command, m.MAV_FRAME_GLOBAL, params, 0, 0, 0.0)
     where = _place(message)

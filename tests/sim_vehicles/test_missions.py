@@ -86,6 +86,16 @@ def test_what_was_written_is_read_back_with_home_first(flying):
     assert {each.target_system for each in (home, place, circle, back)} == {255}
 
 
+@pytest.mark.parametrize(
+    ("sent", "kept"),
+    [((30, 1, -60, 1), (30, 0, -1, 1)), ((30, 0, 60, 0), (30, 0, 1, 0)), ((0.5, 0, 0, 1), (0, 0, 1, 1))],
+)
+def test_of_a_circle_for_a_time_whole_seconds_and_its_direction_are_kept(flying, sent, kept):
+    upload(flying, item(1, TIME, params=sent))
+    back = read(flying, 1)
+    assert (back.param1, back.param2, back.param3, back.param4) == kept
+
+
 def test_items_with_floats_are_written_and_read_by_those_who_ask_for_them(flying):
     assert ask(flying, count(2)) == [("MISSION_REQUEST", 0)]
     assert ask(flying, float_item(0)) == [("MISSION_REQUEST", 1)]
