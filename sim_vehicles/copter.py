@@ -17,7 +17,7 @@ from airlink.messages.mission import MissionItem, MissionItemInt
 from sim_vehicles.airframe.motion import Motion, Steering
 from sim_vehicles.autopilot import commands
 from sim_vehicles.autopilot.clock import NEVER
-from sim_vehicles.autopilot.commands import ACCEPTED, FAILED, Order, to_mode
+from sim_vehicles.autopilot.commands import ACCEPTED, DENIED, FAILED, Order, to_mode
 from sim_vehicles.autopilot.modes import (
     BY_THROTTLE,
     COPTER_FAILSAFE,
@@ -32,7 +32,7 @@ from sim_vehicles.autopilot.parameters import Kind, ParameterServer, floating
 from sim_vehicles.autopilot.pilot import Pilot
 from sim_vehicles.autopilot.telemetry import UNASKED_NS
 from sim_vehicles.config import VehicleConfig
-from sim_vehicles.vehicle import NOTICE, WARNING, Vehicle
+from sim_vehicles.vehicle import CRITICAL, WARNING, Vehicle
 
 CM = 0.01
 TAKEOFF_DONE_M = 0.05
@@ -161,6 +161,9 @@ class CopterPilot(Pilot):
 
 
 def _take_off(vehicle: Copter, given: Order) -> int:
+    """Take off to a height above home, which no other frame gives."""
+    if given.frame != m.MAV_FRAME_GLOBAL_RELATIVE_ALT:
+        return DENIED
     return ACCEPTED if vehicle.take_off(given.z) else FAILED
 
 
@@ -204,6 +207,8 @@ class Copter(Vehicle):
     ground_mode = CopterMode.STABILIZE
     boot_mode = CopterMode.STABILIZE
     failsafe_keys = COPTER_FAILSAFE
+    armed_text = "Arming motors"
+    disarmed_text = "Disarming motors"
     handlers = HANDLERS
     flier: CopterPilot
     """Its pilot, as what that is."""
@@ -230,14 +235,16 @@ class Copter(Vehicle):
             self.say(WARNING, "Mode change to AUTO failed: init failed")
             return False
         if mode is None:
-            self.say(NOTICE, f"No such mode {number:g}")
+            self.say(WARNING, f"No such mode {number:g}")
             return False
         self.enter(CopterMode(mode))
         return True
 
     def arm(self, *, force: bool) -> bool:
-        """Arm; one that doesn't take off disarms by itself."""
+        """Arm, where the mode allows it; one that doesn't take off disarms by itself."""
         armed = super().arm(force=force)
+        if not armed and self.ready:
+            self.say(CRITICAL, f"Arm: {self.pilot.mode.name} mode not armable")
         if armed and not self.pilot.airborne:
             self.disarm_at = after(self.now, self.parameters["DISARM_DELAY"])
         return armed

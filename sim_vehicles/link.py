@@ -110,9 +110,13 @@ class Link:
         return found
 
     def _is_for_us(self, frame: Frame) -> bool:
-        """Return whether a frame is for everyone or names us; what has our own id is our own, back from a loop."""
+        """Return whether a frame is for everyone or names us; what has our own ids is our own, back from a loop.
+
+        A companion computer has our system id, and a component id of its own.
+        """
         target = 0 if frame.message is None else frame.message.addressee()
-        return (not target or target == self._system) and frame.system != self._system
+        own = frame.system == self._system and frame.component == AUTOPILOT
+        return (not target or target == self._system) and not own
 
     def answer(self, address: Address, message: Message) -> None:
         """Send to one peer, unless it has been forgotten meanwhile."""

@@ -193,6 +193,8 @@ class Plane(Vehicle):
     def switch(self, number: float) -> bool:
         """Change to a mode by its number; return whether that was allowed. AUTOLAND needs the take-off's direction."""
         mode = select(self.pilot.condition, number)
+        if number not in frozenset(Mode):
+            self.say(WARNING, f"No such mode {number:g}")
         if mode == Mode.AUTOLAND and (not self.pilot.airborne or self.pilot.landing_rad is None):
             flies = self.pilot.airborne
             self.say(WARNING, "Takeoff initial direction not set" if flies else "Must already be flying!")

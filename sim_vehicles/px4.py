@@ -10,7 +10,7 @@ from typing import ClassVar, Final
 from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.frame import Frame
-from airlink.messages.command import CommandInt, CommandLong, SetPositionTargetLocalNed
+from airlink.messages.command import CommandAck, CommandInt, CommandLong, SetMode, SetPositionTargetLocalNed
 from airlink.messages.mission import MissionItem, MissionItemInt
 from airlink.messages.system import Heartbeat, Statustext
 from sim_vehicles.airframe.motion import Steering
@@ -30,14 +30,22 @@ from sim_vehicles.autopilot.parameters import ParameterServer
 from sim_vehicles.autopilot.pilot import Pilot
 from sim_vehicles.config import VehicleConfig
 from sim_vehicles.copter import PLACE, VELOCITY, YAW, CopterPilot
-from sim_vehicles.vehicle import CRITICAL, NOTICE, Vehicle
+from sim_vehicles.vehicle import CRITICAL, INFO, Vehicle
 
+COMPONENTS: Final = (m.MAV_COMP_ID_ALL, m.MAV_COMP_ID_AUTOPILOT1)
 WRONG_FRAME: Final = 9
 """MAV_RESULT_COMMAND_UNSUPPORTED_MAV_FRAME, which not every dialect names yet."""
 TEXT_BYTES: Final = 50
 KEPT_TEXTS: Final = 16
 """Texts that wait for a ground station."""
 FRAMES_TAKEN: Final = (m.MAV_FRAME_LOCAL_NED, m.MAV_FRAME_BODY_NED)
+ALL_IGNORED: Final = (
+    PLACE
+    | VELOCITY
+    | m.POSITION_TARGET_TYPEMASK_AX_IGNORE
+    | m.POSITION_TARGET_TYPEMASK_AY_IGNORE
+    | m.POSITION_TARGET_TYPEMASK_AZ_IGNORE
+)
 REFERENCE_CLIMB_MPS: Final = 3.0
 """A fixed wing's height reference begins at sea level at boot and rises this fast."""
 
@@ -53,6 +61,8 @@ class Px4(Vehicle):
     ground_mode = Px4Mode.HOLD
     boot_mode = Px4Mode.HOLD
     failsafe_keys = px4.LINK_LOSS
+    armed_text = "Armed by external command"
+    disarmed_text = "Disarmed"
     handlers = px4.HANDLERS
     flown: ClassVar[Mapping[Px4Mode, FlightMode]]
     """Its modes, and the pilot's that are flown alike."""
@@ -83,6 +93,11 @@ class Px4(Vehicle):
         """Whether setpoints come."""
         return self.now < self._fresh_until
 
+    @property
+    def in_failsafe(self) -> bool:
+        """Whether its ground station's heartbeats or its setpoints are missing."""
+        return self.failsafe.active or self._lost
+
     def enter(self, mode: FlightMode) -> None:
         """Change to a mode, unless it is in it already; heartbeats tell it later."""
         if mode is not self.mode:
@@ -108,18 +123,26 @@ class Px4(Vehicle):
         if not force and (not self.ready or stale or self.mode in px4.NOT_ARMABLE):
             self.say(CRITICAL, "Arming denied: Resolve system health failures first")
             return False
-        if self.pilot.airborne:
+        if self.pilot.condition.armed:
             return True
         self._set_utc()
         if not self.pilot.request(Request.ARM):
             return False
-        self.say(NOTICE, "Armed by external command")
+        self.say(INFO, self.armed_text)
         self.disarm_at = after(self.now, self.parameters["COM_DISARM_PRFLT"])
         if self.mode is Px4Mode.TAKEOFF:
             self.disarm_at = NEVER
             self.lift_off(self._rise_m)
         self.tell_heartbeat()
         return True
+
+    def disarm(self, *, force: bool) -> bool:
+        """Disarm, and wait in HOLD if the flight has ended in a landing."""
+        landed = not self.pilot.airborne and self.pilot.condition.armed
+        granted = super().disarm(force=force)
+        if granted and landed and self.mode in px4.NOT_ARMABLE:
+            self.switch(Px4Mode.HOLD)
+        return granted
 
     def prepare(self, height_m: float) -> bool:
         """Change to TAKEOFF on the ground, to a height; return whether that was allowed."""
@@ -140,9 +163,17 @@ class Px4(Vehicle):
             self._unsaid.clear()
 
     def obey(self, message: CommandInt | CommandLong) -> tuple[int, ...]:
-        """Carry out a command; a change of mode is acknowledged twice, the first time before it is decided on."""
+        """Carry out a command; a change of mode is acknowledged twice, the first time before it is decided on.
+
+        Nobody answers for other components, nor an order that neither arms nor disarms.
+        """
+        if message.target_component not in COMPONENTS:
+            return ()
         if isinstance(message, CommandInt) and message.frame != m.MAV_FRAME_GLOBAL_INT:
             return (WRONG_FRAME,)
+        if message.command == m.MAV_CMD_COMPONENT_ARM_DISARM and message.param1 not in (0.0, 1.0):
+            self.say(CRITICAL, f"Unsupported ARM_DISARM param: {message.param1:.3f}")
+            return ()
         results = super().obey(message)
         return (ACCEPTED, *results) if message.command == m.MAV_CMD_DO_SET_MODE else results
 
@@ -155,6 +186,13 @@ class Px4(Vehicle):
         """Disarm a while after it has touched down."""
         self.disarm_at = after(self.now, self.parameters["COM_DISARM_LAND"])
 
+    def take_mode(self, message: SetMode, frame: Frame) -> bool:
+        """Change to a mode by the old message, which is acknowledged like the command, but once."""
+        allowed = super().take_mode(message, frame)
+        result = ACCEPTED if allowed else px4.REJECTED
+        self.answer(CommandAck(m.MAV_CMD_DO_SET_MODE, result, 0, 0, frame.system, frame.component))
+        return allowed
+
     def take_other(self, frame: Frame) -> bool:
         """Take a setpoint; return whether the frame is one."""
         message = frame.message
@@ -162,6 +200,8 @@ class Px4(Vehicle):
             return False
         if not self.ignores and message.coordinate_frame not in FRAMES_TAKEN:
             self.say(CRITICAL, f"SET_POSITION_TARGET_LOCAL_NED coordinate frame {message.coordinate_frame} unsupported")
+        elif not self.ignores and message.type_mask & ALL_IGNORED == ALL_IGNORED:
+            self.say(CRITICAL, "SET_POSITION_TARGET_LOCAL_NED invalid")
         elif not self.ignores:
             self._fresh_until = after(self.now, self.parameters["COM_OF_LOSS_T"])
             if self._lost:

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 INITIALISING_S: Final = 1.0
 TIMESYNC_S: Final = 10.0
-NOTICE, WARNING, CRITICAL = m.MAV_SEVERITY_NOTICE, m.MAV_SEVERITY_WARNING, m.MAV_SEVERITY_CRITICAL
+INFO, WARNING, CRITICAL = m.MAV_SEVERITY_INFO, m.MAV_SEVERITY_WARNING, m.MAV_SEVERITY_CRITICAL
 
 
 class Vehicle(ABC):
@@ -54,6 +54,8 @@ class Vehicle(ABC):
     """On the ground, once it is up."""
     boot_mode: ClassVar[FlightMode]
     failsafe_keys: ClassVar[FailsafeKeys]
+    armed_text: ClassVar[str] = "Throttle armed"
+    disarmed_text: ClassVar[str] = "Throttle disarmed"
     handlers: ClassVar[Mapping[int, Callable[[Any, Order], int]]]
     """What carries out each command that it knows."""
 
@@ -178,21 +180,25 @@ class Vehicle(ABC):
             self.say(CRITICAL, "PreArm: AHRS: waiting for home")
             return False
         self._set_utc()
+        before = self.pilot.condition.armed
         if not self.pilot.arm(self.body.motion):
             return False
-        self.say(NOTICE, "Throttle armed")
+        if not before:
+            self.say(INFO, self.armed_text)
         self.tell_heartbeat()
         self.broadcast(self.builders[m.MAVLINK_MSG_ID_HOME_POSITION](self))
         return True
 
     def disarm(self, *, force: bool) -> bool:
         """Disarm; refused in flight, unless forced: then it crashes."""
+        before = self.pilot.condition.armed
         if force and self.pilot.airborne:
             granted = self._crash(Request.FORCE_DISARM)
         else:
             granted = self.pilot.request(Request.FORCE_DISARM if force else Request.DISARM)
+        if granted and before:
+            self.say(INFO, self.disarmed_text)
         if granted:
-            self.say(NOTICE, "Throttle disarmed")
             self.tell_heartbeat()
         return granted
 
@@ -256,6 +262,11 @@ class Vehicle(ABC):
         """Take a message of the family's own; return whether it is one."""
         return False
 
+    def take_mode(self, message: SetMode, frame: Frame) -> bool:  # noqa: ARG002 - nobody is answered
+        """Change to a mode by the old message; return whether that was allowed."""
+        custom = bool(message.base_mode & m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED)
+        return custom and (self.ignores or self.switch(message.custom_mode))
+
     def _boot(self, now: Instant, clock_offset_s: float) -> None:
         self.now = now
         self._frozen = self.ignores = False
@@ -300,8 +311,8 @@ class Vehicle(ABC):
             case RequestDataStream():
                 rate_hz = message.req_message_rate if message.start_stop else 0
                 self.streams.set_group(message.req_stream_id, rate_hz, self.now)
-            case SetMode() if not self.ignores and message.base_mode & m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
-                self.switch(message.custom_mode)
+            case SetMode():
+                self.take_mode(message, frame)
             case NamedValueFloat(name=name, value=value) if name == MISSION_TIME and math.isfinite(value):
                 self.fleet.environment.hear_mission_time(value, self.now)
             case MissionItem() | MissionItemInt() if message.current in commands.AT_ONCE:

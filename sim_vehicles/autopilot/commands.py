@@ -40,6 +40,8 @@ COURSE: Final = m.HEADING_TYPE_COURSE_OVER_GROUND
 HEADING: Final = m.HEADING_TYPE_HEADING
 FORCE: Final = 21196
 GUIDED: Final = Mode.GUIDED
+SPEED_MODES: Final = (Mode.GUIDED, Mode.AUTO)
+USUAL_SPEED: Final = -2.0
 FULL_TURN_DEG, POLE_DEG = 360.0, 90.0
 HIGHEST_M: Final = 2**31 / 100
 """ArduPlane stores heights as 32-bit integers of centimetres."""
@@ -51,7 +53,7 @@ AT_ONCE = PLACE_NOW, HEIGHT_NOW = 2, 3
 class Order:
     """A command, whichever message brought it."""
 
-    __slots__ = ("command", "frame", "lat_rad", "lon_rad", "params", "z")
+    __slots__ = ("command", "frame", "in_integers", "lat_rad", "lon_rad", "params", "z")
 
     def __init__(
         self,
@@ -61,14 +63,20 @@ class Order:
         lat_rad: float,
         lon_rad: float,
         z: float,
+        *,
+        in_integers: bool,
     ) -> None:
-        """Take MAV_CMD, MAV_FRAME, `param1` to `param4`, and a place, whose `z` is by the frame."""
+        """Take MAV_CMD, MAV_FRAME, `param1` to `param4`, and a place, whose `z` is by the frame.
+
+        `in_integers`: the place came as such, in COMMAND_INT.
+        """
         self.command = command
         self.frame = frame
         self.params = params
         self.lat_rad = lat_rad
         self.lon_rad = lon_rad
         self.z = z
+        self.in_integers = in_integers
 
 
 def order(message: CommandInt | CommandLong) -> Order:
@@ -76,9 +84,10 @@ def order(message: CommandInt | CommandLong) -> Order:
     params = (message.param1, message.param2, message.param3, message.param4)
     if isinstance(message, CommandInt):
         place = message.x * DEGREES_E7, message.y * DEGREES_E7
-        return Order(message.command, message.frame, params, place[0], place[1], message.z)
+        return Order(message.command, message.frame, params, place[0], place[1], message.z, in_integers=True)
     place = math.radians(message.param5), math.radians(message.param6)
-    return Order(message.command, m.MAV_FRAME_GLOBAL_RELATIVE_ALT, params, place[0], place[1], message.param7)
+    frame, z = m.MAV_FRAME_GLOBAL_RELATIVE_ALT, message.param7
+    return Order(message.command, frame, params, place[0], place[1], z, in_integers=False)
 
 
 def execute(vehicle: Vehicle, given: Order) -> int:
@@ -163,10 +172,17 @@ def _arm_disarm(vehicle: Vehicle, given: Order) -> int:
 
 
 def _legacy_speed(vehicle: Vehicle, given: Order) -> int:
+    """Change the airspeed, or raise it to a ground speed, which is the least that it then flies in still air."""
     kind, speed_mps = given.params[0], given.params[1]
-    if not math.isfinite(speed_mps) or kind not in (m.SPEED_TYPE_AIRSPEED, m.SPEED_TYPE_GROUNDSPEED):
+    if vehicle.pilot.mode not in SPEED_MODES:
+        return FAILED
+    if not math.isfinite(speed_mps):
         return DENIED
-    if not vehicle.parameters.is_airspeed(speed_mps):
+    if kind == m.SPEED_TYPE_GROUNDSPEED:
+        speed_mps = max(vehicle.body.steering.speed_mps, min(speed_mps, vehicle.parameters["AIRSPEED_MAX"]))
+    elif kind == AIRSPEED and speed_mps == USUAL_SPEED:
+        speed_mps = vehicle.parameters["AIRSPEED_CRUISE"]
+    elif kind != AIRSPEED or not vehicle.parameters.is_airspeed(speed_mps):
         return FAILED
     if not vehicle.pilot.guided_by_setpoints:
         vehicle.pilot.change_speed(speed_mps, math.inf)
@@ -183,6 +199,9 @@ def _legacy_altitude(vehicle: Vehicle, given: Order) -> int:
 
 
 def _reposition(vehicle: Plane, given: Order) -> int:
+    """Circle a place; ArduPlane takes one from COMMAND_INT alone."""
+    if not given.in_integers:
+        return UNSUPPORTED
     height_m = _height_m(vehicle, given.z, given.frame)
     on_earth = abs(given.lat_rad) <= math.radians(POLE_DEG) and abs(given.lon_rad) <= math.pi
     if height_m is None or not on_earth or (given.lat_rad, given.lon_rad) == (0.0, 0.0):

@@ -60,7 +60,7 @@ KEPT: dict[int, tuple[bool, bool, bool, bool]] = {
     m.MAV_CMD_DO_JUMP: (True, True, False, False),
     m.MAV_CMD_DO_CHANGE_SPEED: (True, True, True, False),
 }
-"""Accepted commands -> which of their four parameters are kept."""
+"""Accepted commands -> which of their four parameters are kept; of NAV_LOITER_TIME its direction, and whole seconds."""
 PLACELESS = frozenset({m.MAV_CMD_NAV_RETURN_TO_LAUNCH, m.MAV_CMD_DO_JUMP, m.MAV_CMD_DO_CHANGE_SPEED})
 YAW_MAY_BE_NAN = frozenset({m.MAV_CMD_NAV_WAYPOINT, m.MAV_CMD_NAV_LOITER_UNLIM, m.MAV_CMD_NAV_TAKEOFF})
 MOST_ITEMS = 655
@@ -94,6 +94,8 @@ def from_message(message: MissionItem | MissionItemInt) -> Item | int:
         if not (math.isfinite(value) or (yaw and math.isnan(value))):
             return m.MAV_MISSION_INVALID_PARAM1 + place
     params = given[0] * kept[0], given[1] * kept[1], given[2] * kept[2], given[3] if kept[3] else 0.0
+    if message.command == m.MAV_CMD_NAV_LOITER_TIME:
+        params = float(int(given[0])), 0.0, -1.0 if given[2] < 0.0 else 1.0, float(given[3] > 0.0)
     if message.command in PLACELESS:
         return Item(message.command, m.MAV_FRAME_GLOBAL, params, 0, 0, 0.0)
     where = _place(message)
@@ -227,7 +229,7 @@ class Missions:
             return [_ack(sender, m.MAV_MISSION_DENIED)]
         if isinstance(request, MissionRequestList):
             return [count]
-        if request.seq >= len(self.items):
+        if request.seq >= max(1, len(self.items)):
             refusal = _ack(sender, m.MAV_MISSION_INVALID_SEQUENCE)
             return [count, refusal] if integers else [refusal]
         item = self.items[request.seq] if request.seq else self._home()
@@ -239,8 +241,9 @@ class Missions:
         self, message: MissionCount | MissionClearAll | MissionWritePartialList, sender: Sender, now: Instant
     ) -> list[Message]:
         """Start an upload of all items or of a part, or clear the list; only its sender may restart an upload."""
-        if self._upload and (isinstance(message, MissionWritePartialList) or self._upload.sender[1:] != sender[1:]):
-            return [_ack(sender, m.MAV_MISSION_DENIED)]
+        refusal = self._refusal(message, sender)
+        if refusal is not None:
+            return [_ack(sender, refusal)]
         self._upload = None
         if isinstance(message, MissionWritePartialList):
             first, last = message.start_index, message.end_index
@@ -254,6 +257,13 @@ class Missions:
         if count:
             return [self._ask(Upload(sender, 0, count - 1, now, now), now, fresh=True)]
         return [_ack(sender, ACCEPTED), *([RECEIVED] if isinstance(message, MissionCount) else [])]
+
+    def _refusal(self, message: MissionCount | MissionClearAll | MissionWritePartialList, sender: Sender) -> int | None:
+        """Return why the list can't be changed: somebody uploads one, or it is being flown and can't be cleared."""
+        if self._upload and (isinstance(message, MissionWritePartialList) or self._upload.sender[1:] != sender[1:]):
+            return m.MAV_MISSION_DENIED
+        flown = self.state == m.MISSION_STATE_ACTIVE and isinstance(message, MissionClearAll)
+        return m.MAV_MISSION_ERROR if flown else None
 
     def _write(self, message: MissionItem | MissionItemInt, sender: Sender, now: Instant) -> list[Message]:
         upload = self._upload

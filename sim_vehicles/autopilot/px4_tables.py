@@ -15,7 +15,7 @@ from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, Instant, after
 from airlink.messages import Message
 from airlink.messages.command import ParamSet, ParamValue
-from airlink.messages.system import CurrentMode, Heartbeat
+from airlink.messages.system import AutopilotVersion, CurrentMode, Heartbeat
 from airlink.messages.telemetry import GpsRawInt, VfrHud
 from sim_vehicles.autopilot import commands, telemetry
 from sim_vehicles.autopilot.clock import NEVER
@@ -85,16 +85,19 @@ ALSO_NAMED: Final = {
 }
 """What ArduPilot's pilots, who fly its modes, call a parameter, and what a unit of it is there."""
 REJECTED: Final = m.MAV_RESULT_TEMPORARILY_REJECTED
+CAPABILITIES: Final = 59647
+"""Those of PX4 1.17, though not all are emulated: ground stations recognise the family by them."""
+VERSION_1_17: Final = 1 << 24 | 17 << 16
 LEAST_CHANGES_US: Final = 500_000
 """CURRENT_MODE comes with each change, and this often otherwise, however often it is asked for."""
 
 
 def heartbeat(v: Px4) -> Message:
-    """Return HEARTBEAT: ACTIVE as soon as it is armed."""
+    """Return HEARTBEAT: ACTIVE as soon as it is armed, CRITICAL in a failsafe."""
     armed = v.pilot.condition.armed
     flags = m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | (m.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0)
     up = m.MAV_STATE_STANDBY if v.ready else m.MAV_STATE_UNINIT
-    state = m.MAV_STATE_CRITICAL if armed and v.failsafe.active else m.MAV_STATE_ACTIVE if armed else up
+    state = m.MAV_STATE_CRITICAL if armed and v.in_failsafe else m.MAV_STATE_ACTIVE if armed else up
     return Heartbeat(v.mav_type, m.MAV_AUTOPILOT_PX4, flags, int(v.mode), state)
 
 
@@ -117,6 +120,11 @@ def vfr_hud(v: Px4) -> Message:
     return reported.but(airspeed_mps=math.nan) if v.config.model.hovers else reported
 
 
+def autopilot_version(_: Vehicle) -> Message:
+    """Return AUTOPILOT_VERSION, by which ground stations tell what it can do."""
+    return AutopilotVersion(CAPABILITIES, VERSION_1_17)
+
+
 BUILDERS: Final[telemetry.Builders] = {
     each: telemetry.BUILDERS[each]
     for each in (
@@ -135,6 +143,7 @@ BUILDERS: Final[telemetry.Builders] = {
     m.MAVLINK_MSG_ID_CURRENT_MODE: current_mode,
     m.MAVLINK_MSG_ID_GPS_RAW_INT: gps_raw_int,
     m.MAVLINK_MSG_ID_VFR_HUD: vfr_hud,
+    m.MAVLINK_MSG_ID_AUTOPILOT_VERSION: autopilot_version,
 }
 
 
@@ -273,13 +282,23 @@ def _change_altitude(vehicle: Px4, given: Order) -> int:
 
 
 def _set_interval(vehicle: Px4, given: Order) -> int:
-    """Set a message's interval; HEARTBEAT's is fixed, and FAILED is also the answer for what isn't known."""
+    """Set a message's interval; HEARTBEAT's is fixed, and FAILED is also the answer for what isn't known.
+
+    A shorter one than the main loop's is taken, but in each loop a message is sent once.
+    """
     message_id, interval_us = given.params[0], given.params[1]
     if message_id == m.MAVLINK_MSG_ID_HEARTBEAT or message_id not in BUILDERS or not math.isfinite(interval_us):
         return FAILED
     if message_id == m.MAVLINK_MSG_ID_CURRENT_MODE and interval_us > 0.0:
         interval_us = max(interval_us, LEAST_CHANGES_US)
+    elif interval_us > 0.0:
+        interval_us = max(interval_us, telemetry.SHORTEST_US)
     return ACCEPTED if vehicle.streams.set_interval(int(message_id), interval_us, vehicle.now) else DENIED
+
+
+def _request_message(vehicle: Px4, given: Order) -> int:
+    """Send a message once; what it doesn't know is DENIED."""
+    return commands.HANDLERS[m.MAV_CMD_REQUEST_MESSAGE](vehicle, given) if given.params[0] in BUILDERS else DENIED
 
 
 HANDLERS: dict[int, Callable[[Any, Order], int]] = {
@@ -288,10 +307,11 @@ HANDLERS: dict[int, Callable[[Any, Order], int]] = {
     m.MAV_CMD_NAV_TAKEOFF: _take_off,
     m.MAV_CMD_NAV_RETURN_TO_LAUNCH: to_mode(Px4Mode.RTL, REJECTED),
     m.MAV_CMD_NAV_LAND: to_mode(Px4Mode.LAND, REJECTED),
-    m.MAV_CMD_NAV_LOITER_UNLIM: to_mode(Px4Mode.HOLD, REJECTED),
     m.MAV_CMD_SET_MESSAGE_INTERVAL: _set_interval,
     m.MAV_CMD_GET_MESSAGE_INTERVAL: commands.HANDLERS[m.MAV_CMD_GET_MESSAGE_INTERVAL],
-    m.MAV_CMD_REQUEST_MESSAGE: commands.HANDLERS[m.MAV_CMD_REQUEST_MESSAGE],
+    m.MAV_CMD_REQUEST_MESSAGE: _request_message,
+    m.MAV_CMD_GET_HOME_POSITION: commands.HANDLERS[m.MAV_CMD_GET_HOME_POSITION],
+    m.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: commands.HANDLERS[m.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES],
 }
 PLANES_HANDLERS: dict[int, Callable[[Any, Order], int]] = HANDLERS | {
     m.MAV_CMD_DO_REPOSITION: _reposition,

@@ -114,6 +114,15 @@ def test_each_command_is_acknowledged_singly_to_its_sender(flying):
     assert {(a.target_system, a.target_component) for a in flying.ground.of("COMMAND_ACK")} == {(255, 190)}
 
 
+def test_a_companion_computer_with_the_same_system_id_is_obeyed_and_its_own_frames_are_not(flying):
+    companion = flying.peer(Address("127.0.0.1", 15000), system=1, component=191)
+    assert flying.command_long(SET_MODE, 1, LOITER, peer=companion) == ACCEPTED
+    (answer,) = companion.of("COMMAND_ACK")
+    assert (answer.target_system, answer.target_component) == (1, 191)
+    itself = flying.peer(Address("127.0.0.1", 15001), system=1, component=1)
+    assert flying.command_long(SET_MODE, 1, RTL, peer=itself) is None
+
+
 @pytest.mark.parametrize("command", [12345, 65535, 21])
 def test_unknown_commands_are_unsupported(flying, command):
     assert flying.command_long(command) == UNSUPPORTED
@@ -129,6 +138,14 @@ def test_unknown_modes_fail(flying, number):
     assert flying.set_mode(number) == FAILED
     flying.run(2.0)
     assert flying.ground.of("HEARTBEAT")[-1].custom_mode == GUIDED
+
+
+def test_a_mode_that_there_is_not_is_remarked_on(flying):
+    assert flying.set_mode(99) == FAILED
+    flying.ground.send(flying.ground.dialect.set_mode_encode(1, 1, 98))
+    flying.run(0.1)
+    said = [(each.severity, each.text) for each in flying.ground.of("STATUSTEXT")]
+    assert said == [(4, "No such mode 99"), (4, "No such mode 98")]
 
 
 def test_a_change_of_mode_is_told_by_a_heartbeat_at_once(flying):
@@ -178,6 +195,33 @@ def test_old_speed_and_height_commands_do_nothing_after_setpoints_and_again_afte
     assert (flying.fleet.bodies[0].steering.speed_mps, flying.fleet.bodies[0].steering.height_m) == (18.0, 150.0)
 
 
+@pytest.mark.parametrize("mode", [MANUAL, RTL, LOITER])
+def test_the_old_speed_command_fails_outside_guided_and_auto(flying, mode):
+    flying.set_mode(mode)
+    assert flying.command_long(178, 0, 22.0) == FAILED
+    assert flying.command_long(178, 1, 25.0) == FAILED
+
+
+@pytest.mark.parametrize(
+    ("params", "result", "flown_mps"),
+    [
+        ((0, 25.0), ACCEPTED, 25.0),
+        ((0, 99.0), FAILED, 20.0),
+        ((0, -1.0), FAILED, 20.0),
+        ((0, -2.0), ACCEPTED, 22.0),
+        ((1, 24.0), ACCEPTED, 24.0),
+        ((1, 5.0), ACCEPTED, 20.0),
+        ((1, 99.0), ACCEPTED, 28.0),
+        ((2, 3.0), FAILED, 20.0),
+        ((9, 22.0), FAILED, 20.0),
+    ],
+)
+def test_the_old_speed_command_takes_airspeeds_within_limits_and_any_ground_speed(flying, params, result, flown_mps):
+    assert flying.command_long(178, 0, 20.0) == ACCEPTED
+    assert flying.command_long(178, *params, -1) == result
+    assert flying.fleet.bodies[0].steering.speed_mps == flown_mps
+
+
 def test_reposition_changes_the_mode_when_asked_and_circles_the_place(flying):
     flying.set_mode(LOITER)
     place = {"x": round(35.005e7), "y": round(125.005e7), "z": 120.0, "frame": 3}
@@ -189,6 +233,12 @@ def test_reposition_changes_the_mode_when_asked_and_circles_the_place(flying):
     distance = math.hypot(flying.state("north_m") - north, flying.state("east_m") - east)
     assert distance == pytest.approx(flying.fleet.bodies[0].steering.radius_m, rel=0.1)
     assert flying.state("height_m") == pytest.approx(120.0, abs=0.01)
+
+
+def test_reposition_by_floats_is_unsupported(flying):
+    flying.set_mode(LOITER)
+    assert flying.command_long(192, -1, 1, 0, 0, 35.005, 125.005, 120.0) == UNSUPPORTED
+    assert flying.ground.of("HEARTBEAT")[-1].custom_mode == LOITER
 
 
 def test_reposition_while_booting_is_refused(make_air):

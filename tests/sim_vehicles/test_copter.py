@@ -11,7 +11,7 @@ from formation_scenario import load_scenario
 from formation_scenario.environment import StepDisturbance
 from tests.sim_vehicles.conftest import mavlink
 
-ACCEPTED, UNSUPPORTED, FAILED = 0, 3, 4
+ACCEPTED, DENIED, UNSUPPORTED, FAILED = 0, 2, 3, 4
 SET_MODE, ARM, TAKEOFF, INTERVAL = 176, 400, 22, 511
 STABILIZE, AUTO, GUIDED, LOITER, RTL, LAND, BRAKE = 0, 3, 4, 5, 6, 9, 17
 PATH = {"speed_mps": 5, "waypoints_m": [[0, 0, 30], [500, 0, 30]]}
@@ -201,12 +201,21 @@ def test_it_takes_off_in_guided_once_armed(grounded):
     assert grounded.set_mode(GUIDED) == ACCEPTED
     assert grounded.command_long(TAKEOFF, 0, 0, 0, 0, 0, 0, 20.0) == FAILED
     assert grounded.command_long(ARM, 1) == ACCEPTED
+    for frame in (0, 5, 6):
+        assert grounded.command_int(TAKEOFF, frame=frame, z=20.0) == DENIED
     assert grounded.command_long(TAKEOFF, 0, 0, 0, 0, 0, 0, 20.0) == ACCEPTED
     grounded.run(14.0)
     assert grounded.state("height_m") == pytest.approx(20.0, abs=0.3)
     assert grounded.command_long(TAKEOFF, 0, 0, 0, 0, 0, 0, 30.0) == FAILED
     assert grounded.command_long(ARM, 0) == FAILED
     assert grounded.ground.of("HEARTBEAT")[-1].type == mavlink.MAV_TYPE_QUADROTOR
+
+
+@pytest.mark.parametrize(("mode", "name"), [(RTL, "RTL"), (LAND, "LAND"), (BRAKE, "BRAKE")])
+def test_in_modes_that_end_a_flight_it_isnt_armed_and_says_so(grounded, mode, name):
+    assert grounded.set_mode(mode) == ACCEPTED
+    assert grounded.command_long(ARM, 1) == FAILED
+    assert grounded.ground.of("STATUSTEXT")[-1].text == f"Arm: {name} mode not armable"
 
 
 def test_on_the_ground_it_disarms_by_itself(grounded):

@@ -86,6 +86,16 @@ def test_what_was_written_is_read_back_with_home_first(flying):
     assert {each.target_system for each in (home, place, circle, back)} == {255}
 
 
+@pytest.mark.parametrize(
+    ("sent", "kept"),
+    [((30, 1, -60, 1), (30, 0, -1, 1)), ((30, 0, 60, 0), (30, 0, 1, 0)), ((0.5, 0, 0, 1), (0, 0, 1, 1))],
+)
+def test_of_a_circle_for_a_time_whole_seconds_and_its_direction_are_kept(flying, sent, kept):
+    upload(flying, item(1, TIME, params=sent))
+    back = read(flying, 1)
+    assert (back.param1, back.param2, back.param3, back.param4) == kept
+
+
 def test_items_with_floats_are_written_and_read_by_those_who_ask_for_them(flying):
     assert ask(flying, count(2)) == [("MISSION_REQUEST", 0)]
     assert ask(flying, float_item(0)) == [("MISSION_REQUEST", 1)]
@@ -173,6 +183,13 @@ def test_a_mission_is_cleared(flying, clear):
     assert current(flying) == (0, NONE)
 
 
+def test_of_a_cleared_mission_home_is_still_told(flying):
+    ask(flying, dialect.MAVLink_mission_clear_all_message(1, 1))
+    home = read(flying, 0)
+    assert (home.seq, home.frame, home.command, home.x, home.y, home.z) == HOME
+    assert read(flying, 0, floats=True).x == pytest.approx(35.0, abs=1e-5)
+
+
 @pytest.mark.parametrize("kind", [1, 2])
 def test_lists_of_fences_and_rally_points_are_empty_and_stay_so(flying, kind):
     assert ask(flying, count(5, kind)) == [("MISSION_ACK", UNSUPPORTED)]
@@ -257,12 +274,25 @@ def test_a_mission_that_only_jumps_has_ended(flying):
     assert mode(flying) == RTL
 
 
-def test_a_mission_cleared_while_it_is_flown_leads_home(flying):
+def test_a_mission_that_is_flown_cannot_be_cleared(flying):
+    clear = dialect.MAVLink_mission_clear_all_message(1, 1)
+    upload(flying, item(1, lat=35.03))
+    flying.set_mode(AUTO)
+    flying.run(5.0)
+    assert ask(flying, clear) == [("MISSION_ACK", ERROR)]
+    assert mode(flying) == AUTO
+    assert listed(flying) == [("MISSION_COUNT", 2)]
+    flying.set_mode(LOITER)
+    assert ask(flying, clear) == [("MISSION_ACK", OK)]
+    assert listed(flying) == [("MISSION_COUNT", 0)]
+
+
+def test_a_mission_replaced_by_none_while_it_is_flown_leads_home(flying):
     upload(flying, item(1, lat=35.03))
     flying.set_mode(AUTO)
     flying.run(5.0)
     assert mode(flying) == AUTO
-    ask(flying, dialect.MAVLink_mission_clear_all_message(1, 1))
+    ask(flying, count(0))
     assert mode(flying) == RTL
 
 

@@ -13,7 +13,7 @@ from formation_scenario import load_scenario
 from sim_vehicles.autopilot.modes import Condition
 from tests.sim_vehicles.conftest import mavlink
 
-ACCEPTED, REJECTED, UNSUPPORTED, FAILED, WRONG_FRAME = 0, 1, 3, 4, 9
+ACCEPTED, REJECTED, DENIED, UNSUPPORTED, FAILED, WRONG_FRAME = 0, 1, 2, 3, 4, 9
 HOLD, TAKEOFF, RTL, LAND = 0x03040000, 0x02040000, 0x05040000, 0x06040000
 OFFBOARD, POSITION = 0x00060000, 0x00030000
 VELOCITY_AND_YAW, VELOCITY_ALONE, PLACE_ALONE = 0x9C7, 0x5C7, 0xDF8
@@ -130,6 +130,51 @@ def test_a_change_of_mode_is_acknowledged_twice_and_heartbeats_show_it_up_to_a_s
     assert copter.shown == RTL
 
 
+def test_the_old_message_for_modes_is_acknowledged_once(px4):
+    copter = px4()
+    for flags, mode, result in ((1, RTL, ACCEPTED), (157, HOLD, ACCEPTED), (1, 99 << 16, REJECTED), (0, RTL, REJECTED)):
+        before = len(copter.air.ground.of("COMMAND_ACK"))
+        copter.air.ground.send(mavlink.MAVLink_set_mode_message(1, flags, mode))
+        copter.air.run(0.02)
+        answers = [(each.command, each.result) for each in copter.air.ground.of("COMMAND_ACK")[before:]]
+        assert answers == [(m.MAV_CMD_DO_SET_MODE, result)]
+    assert copter.mode == HOLD
+
+
+def test_version_and_home_are_sent_on_request_and_what_it_has_not_is_denied(px4):
+    copter = px4()
+    for command, param in ((m.MAV_CMD_REQUEST_MESSAGE, 148), (m.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES, 1)):
+        before = len(copter.air.ground.of("AUTOPILOT_VERSION"))
+        assert copter.results(command, param) == [ACCEPTED]
+        (version,) = copter.air.ground.of("AUTOPILOT_VERSION")[before:]
+        assert (version.flight_sw_version >> 16, version.capabilities) == (0x0111, 59647)
+    before = len(copter.air.ground.of("HOME_POSITION"))
+    assert copter.results(m.MAV_CMD_GET_HOME_POSITION) == [ACCEPTED]
+    assert len(copter.air.ground.of("HOME_POSITION")) > before
+    assert copter.results(m.MAV_CMD_REQUEST_MESSAGE, 193) == [DENIED]
+
+
+def test_commands_to_other_components_get_no_answer(px4):
+    copter = px4()
+    for component, result in ((0, ACCEPTED), (1, ACCEPTED), (77, None), (190, None)):
+        assert copter.air.command_long(m.MAV_CMD_GET_MESSAGE_INTERVAL, 33, component=component) == result
+
+
+def test_neither_arm_nor_disarm_is_only_remarked_on(px4):
+    copter = px4(in_air=False)
+    assert copter.results(m.MAV_CMD_COMPONENT_ARM_DISARM, 1) == [ACCEPTED]
+    assert copter.results(m.MAV_CMD_COMPONENT_ARM_DISARM, 2) == []
+    assert copter.texts[-1] == "Unsupported ARM_DISARM param: 2.000"
+    assert copter.vehicle.pilot.condition.armed
+
+
+def test_to_loiter_is_no_command(px4):
+    copter = px4()
+    copter.set_mode(RTL)
+    assert copter.results(m.MAV_CMD_NAV_LOITER_UNLIM) == [UNSUPPORTED]
+    assert copter.mode == RTL
+
+
 def test_a_change_is_told_at_once_to_who_asked_for_current_mode(px4):
     copter = px4()
     reported = []
@@ -171,8 +216,19 @@ def test_when_setpoints_stop_it_returns_after_a_second_and_comes_back_by_itself_
     copter.wait(0.2)
     assert copter.mode == RTL
     copter.wait(1.0)
+    assert copter.air.ground.of("HEARTBEAT")[-1].system_status == m.MAV_STATE_CRITICAL
     copter.wait(0.2, every=copter.stand)
     assert copter.mode == OFFBOARD
+    copter.wait(1.0, every=copter.stand)
+    assert copter.air.ground.of("HEARTBEAT")[-1].system_status == m.MAV_STATE_ACTIVE
+
+
+def test_setpoints_that_say_nothing_are_none(px4):
+    copter = px4()
+    copter.offboard()
+    copter.wait(1.2, every=lambda: copter.tell(0.0, 0.0, 0.0, mask=0xFFF))
+    assert copter.mode == RTL
+    assert "SET_POSITION_TARGET_LOCAL_NED invalid" in copter.texts
 
 
 def test_who_was_told_another_mode_meanwhile_doesnt_come_back(px4):
@@ -246,6 +302,19 @@ def test_take_off_is_to_an_altitude_above_sea_level_and_ends_in_hold(px4, model,
     vehicle.wait(limit_s)
     assert vehicle.mode == HOLD
     assert vehicle.motion.height_m == pytest.approx(20.0, abs=2.5)
+
+
+@pytest.mark.parametrize("home", [LAND, RTL])
+def test_a_multirotor_that_has_landed_waits_in_hold_and_can_be_armed_again(px4, home):
+    copter = px4(in_air=False)
+    assert copter.results(m.MAV_CMD_NAV_TAKEOFF, -1, 0, 0, math.nan, math.nan, math.nan, 10.0) == [ACCEPTED]
+    copter.results(m.MAV_CMD_COMPONENT_ARM_DISARM, 1)
+    copter.wait(10.0)
+    assert copter.set_mode(home) == ACCEPTED
+    copter.wait(60.0)
+    assert not copter.vehicle.pilot.condition.armed
+    assert copter.shown == HOLD
+    assert copter.results(m.MAV_CMD_COMPONENT_ARM_DISARM, 1) == [ACCEPTED]
 
 
 def test_a_fixed_wing_that_leaves_a_high_field_soon_after_boot_dives_into_the_ground(px4):
@@ -333,6 +402,8 @@ def test_its_streams_are_fast_unasked_and_zero_restores_that(px4):
     assert rates() == usual | {"ATTITUDE": 10}
     assert copter.air.command_long(m.MAV_CMD_SET_MESSAGE_INTERVAL, m.MAVLINK_MSG_ID_ATTITUDE, 0) == ACCEPTED
     assert rates() == usual
+    assert copter.air.command_long(m.MAV_CMD_SET_MESSAGE_INTERVAL, m.MAVLINK_MSG_ID_ATTITUDE, 10_000) == ACCEPTED
+    assert rates() == usual  # the main loop's
     for message_id in (m.MAVLINK_MSG_ID_HEARTBEAT, 65000):
         assert copter.air.command_long(m.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, 100_000) == FAILED
 
