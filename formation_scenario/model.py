@@ -144,10 +144,12 @@ class Telemetry(Keys):
         "(SYSTEM_TIME), which no link is in",
         examples=["gnss"],
     )
-    station_utc: Flag = Field(
-        default=False,
+    station_utc: Flag | None = Field(
+        default=None,
         description="with `clock: gnss`: whether the ground station's own clock keeps UTC to a few ms, as by a GNSS "
         "receiver; delays up and down are then known without a common error",
+        json_schema_extra=derived("true with the emulated vehicles of `run`, which have the same clock, else false"),
+        examples=[True],
     )
 
     @property

@@ -52,8 +52,8 @@ class Station(Engine):
     ) -> None:
         """Prepare; nothing happens before the first timer. `until_s`: mission time at which to end early.
 
-        `utc_at_0_s` is UTC at instant 0 by the machine's clock, s since 1970; `caution`: what is done before anybody is
-        commanded; `resumed`: the flight to take over, which stood there.
+        `utc_at_0_s` is UTC at instant 0, s since 1970, where the machine's clock keeps it; `caution`: what is done
+        before anybody is commanded; `resumed`: the flight to take over, which stood there.
         """
         self.scenario, self.controller = scenario, FormationController(scenario)
         self.controlled_ticks = self.recorded_ticks = 0
@@ -75,7 +75,7 @@ class Station(Engine):
         self.design = DesignWatch(
             scenario, self.vehicles, (self.controller.retune, self.margins.retune), self._reporter.event
         )
-        self._common_clock = CommonClock(scenario, self.vehicles, utc_at_0_s, self._reporter.event)
+        self._common_clock = CommonClock(self.vehicles, utc_at_0_s, self._reporter.event)
         self.preflight = PreFlight(scenario, self.vehicles, caution, self._reporter.event, self.course.fail)
         self._takeover = Takeover(resumed, self.vehicles, self._reporter.event)
         self._starting = Starting(

@@ -46,7 +46,7 @@ class TimedStation(Station):
         scenario: Scenario,
         recorder: RunDirectory,
         until_s: float | None,
-        utc_at_0_s: float,
+        utc_at_0_s: float | None,
         caution: Caution,
         resumed: Resumption | None,
     ) -> None:
@@ -115,7 +115,9 @@ class Session:
         )
         read = not emulated and resumed is None
         caution = Caution(parameters=read, confirm=options.confirm, rehearse=options.dry_run)
-        utc_s = began_us / MICROSECONDS
+        given = scenario.telemetry.station_utc
+        self._keeps_utc = emulated if given is None else given
+        utc_s = began_us / MICROSECONDS if self._keeps_utc else None
         self.station = TimedStation(scenario, self.recorder, options.until_s, utc_s, caution, resumed)
         if resumed is not None:
             self.recorder.event(Event(resumed.at, RECORDING, "goes on", None, {"epoch_us": began_us}))
@@ -238,7 +240,9 @@ class Session:
     def _link(self, identity: VehicleId) -> LinkFigures:
         vehicle = self.station.vehicles[identity]
         began = self.station.flight.path_began
-        probes = np.frombuffer(vehicle.delays.getvalue(), "<f8").reshape(-1, 4)
+        probes = np.frombuffer(vehicle.delays.getvalue(), "<f8").reshape(-1, 4).copy()
+        if not self._keeps_utc:
+            probes[:, 2:] = np.nan  # a common error of all vehicles' UTC is in how their round trips are split
         return LinkFigures(
             delays_s=probes[:, 1:],
             delay_times_s=(probes[:, 0] - began) / NANOSECONDS if began is not None else np.full(len(probes), np.nan),

@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
-from formation_scenario import Scenario
 from gcs_formation.recorder import Note
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 
@@ -58,12 +57,10 @@ def agreed_s(bounds: Sequence[Bounds], before_s: float = math.nan) -> float:
 class CommonClock:
     """Decides whose UTC is used, and what it is on our clock."""
 
-    def __init__(
-        self, scenario: Scenario, vehicles: dict[VehicleId, Vehicle], utc_at_0_s: float | None, note: Note
-    ) -> None:
-        """Serve `vehicles`; `utc_at_0_s` is UTC minus our clock by that clock itself."""
+    def __init__(self, vehicles: dict[VehicleId, Vehicle], known_s: float | None, note: Note) -> None:
+        """Serve `vehicles`; `known_s` is UTC minus our clock, None where that doesn't keep UTC."""
         self._vehicles = [vehicle for vehicle in vehicles.values() if vehicle.gnss is not None]
-        self._known_s = utc_at_0_s if scenario.telemetry.station_utc else None
+        self._known_s = known_s
         self._note = note
         self._utc_s = math.nan
         """UTC minus our clock, as used; NaN before there is any."""

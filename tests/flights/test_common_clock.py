@@ -82,6 +82,13 @@ def test_unequally_split_links_cost_no_more_than_equal_ones(plan):
         assert measured_ms(split, vehicle) == close(ways)
 
 
+@pytest.mark.parametrize(("known", "ways"), [({}, close(SLOW_UP)), ({"station_utc": False}, (None, None))])
+def test_links_that_are_all_split_alike_are_known_where_the_stations_clock_keeps_utc(plan, known, ways):
+    """As the emulated vehicles' clock does; by the vehicles' UTC alone they would be 240 ms up and 240 ms down."""
+    flight: Plan = plan(keys(5.0, *(link(each, SLOW_UP) for each in (1, 2, 3))) | {"telemetry": GNSS | known})
+    assert [measured_ms(flight.fly(), each) for each in (2, 3)] == [ways, ways]
+
+
 @pytest.mark.slow
 def test_a_split_that_changes_in_flight_is_followed_within_20_s(plan):
     flown = fly(plan, 70.0, link(2, EQUAL), link(3, EQUAL), link(2, SLOW_UP, 40.0))
