@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, Instant, after
 from airlink.messages import Message
-from airlink.messages.command import ParamSet, ParamValue
+from airlink.messages.command import MessageInterval, ParamSet, ParamValue
 from airlink.messages.system import AutopilotVersion, CurrentMode, Heartbeat
 from airlink.messages.telemetry import GpsRawInt, VfrHud
 from sim_vehicles.autopilot import commands, telemetry
@@ -296,6 +296,15 @@ def _set_interval(vehicle: Px4, given: Order) -> int:
     return ACCEPTED if vehicle.streams.set_interval(int(message_id), interval_us, vehicle.now) else DENIED
 
 
+def _get_interval(vehicle: Px4, given: Order) -> int:
+    """Tell a message's interval: of one that it doesn't know, that it isn't streamed."""
+    if not 0.0 <= given.params[0] <= commands.HIGHEST_MESSAGE_ID:
+        return DENIED
+    message_id = int(given.params[0])
+    vehicle.answer(MessageInterval(message_id, vehicle.streams.interval_us(message_id)))
+    return ACCEPTED
+
+
 def _request_message(vehicle: Px4, given: Order) -> int:
     """Send a message once; what it doesn't know is DENIED."""
     return commands.HANDLERS[m.MAV_CMD_REQUEST_MESSAGE](vehicle, given) if given.params[0] in BUILDERS else DENIED
@@ -308,7 +317,7 @@ HANDLERS: dict[int, Callable[[Any, Order], int]] = {
     m.MAV_CMD_NAV_RETURN_TO_LAUNCH: to_mode(Px4Mode.RTL, REJECTED),
     m.MAV_CMD_NAV_LAND: to_mode(Px4Mode.LAND, REJECTED),
     m.MAV_CMD_SET_MESSAGE_INTERVAL: _set_interval,
-    m.MAV_CMD_GET_MESSAGE_INTERVAL: commands.HANDLERS[m.MAV_CMD_GET_MESSAGE_INTERVAL],
+    m.MAV_CMD_GET_MESSAGE_INTERVAL: _get_interval,
     m.MAV_CMD_REQUEST_MESSAGE: _request_message,
     m.MAV_CMD_GET_HOME_POSITION: commands.HANDLERS[m.MAV_CMD_GET_HOME_POSITION],
     m.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: commands.HANDLERS[m.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES],

@@ -343,10 +343,10 @@ def test_a_cancelled_heading_circles_where_guided_was_entered(flying):
 
 
 def test_the_interval_of_a_message_is_told(flying):
-    for message_id, interval_us in ((33, 1_000_000), (30, 50_000), (242, -1), (7777, -1)):
+    for message_id, interval_us in ((33, 1_000_000), (30, 50_000), (242, -1), (7777, 0)):
         if message_id == 30:
             flying.command_long(INTERVAL, message_id, interval_us)
-        assert flying.command_long(510, message_id) == ACCEPTED
+        assert flying.command_long(510, message_id) == (ACCEPTED if interval_us else FAILED)
         reported = flying.ground.of("MESSAGE_INTERVAL")[-1]
         assert (reported.message_id, reported.interval_us) == (message_id, interval_us)
 

@@ -408,6 +408,12 @@ def test_its_streams_are_fast_unasked_and_zero_restores_that(px4):
         assert copter.air.command_long(m.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, 100_000) == FAILED
 
 
+def test_the_interval_of_what_it_does_not_know_is_told_as_none(px4):
+    copter = px4()
+    assert copter.results(m.MAV_CMD_GET_MESSAGE_INTERVAL, 9999) == [ACCEPTED]
+    assert copter.air.ground.of("MESSAGE_INTERVAL")[-1].interval_us == -1
+
+
 def test_a_multirotor_measures_no_airspeed_and_the_receiver_has_no_time(px4):
     copter, plane = px4(), px4(PLANE)
     assert all(math.isnan(each.airspeed) for each in copter.air.ground.of("VFR_HUD"))
