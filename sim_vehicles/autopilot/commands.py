@@ -45,6 +45,7 @@ USUAL_SPEED: Final = -2.0
 FULL_TURN_DEG, POLE_DEG = 360.0, 90.0
 HIGHEST_M: Final = 2**31 / 100
 """ArduPlane stores heights as 32-bit integers of centimetres."""
+HIGHEST_PLACE_M: Final = 83000.0
 HIGHEST_MESSAGE_ID: Final = 2**16 - 1
 UNAVAILABLE: Final = 0
 """MESSAGE_INTERVAL of a message that can't be sent."""
@@ -204,7 +205,7 @@ def _reposition(vehicle: Plane, given: Order) -> int:
     """Circle a place; ArduPlane takes one from COMMAND_INT alone."""
     if not given.in_integers:
         return UNSUPPORTED
-    height_m = _height_m(vehicle, given.z, given.frame)
+    height_m = _height_m(vehicle, given.z, given.frame) if abs(given.z) <= HIGHEST_PLACE_M else None
     on_earth = abs(given.lat_rad) <= math.radians(POLE_DEG) and abs(given.lon_rad) <= math.pi
     if height_m is None or not on_earth or (given.lat_rad, given.lon_rad) == (0.0, 0.0):
         return DENIED
