@@ -27,7 +27,7 @@ from airlink.messages.telemetry import (
 from flight_model.autopilot import signed
 from flight_model.energy import GRAVITY_MPS2
 from sim_vehicles.autopilot.clock import LOOP_HZ, NEVER
-from sim_vehicles.autopilot.modes import Condition, system_status
+from sim_vehicles.autopilot.modes import system_status
 
 if TYPE_CHECKING:
     from sim_vehicles.airframe.motion import Motion
@@ -215,10 +215,8 @@ def mission_current(v: Vehicle) -> Message:
 
 
 def extended_sys_state(v: Vehicle) -> Message:
-    """Return EXTENDED_SYS_STATE: whether it is on the ground or in the air."""
-    flying = v.pilot.condition is Condition.FLYING
-    landed = m.MAV_LANDED_STATE_IN_AIR if flying else m.MAV_LANDED_STATE_ON_GROUND
-    return ExtendedSysState(m.MAV_VTOL_STATE_UNDEFINED, landed)
+    """Return EXTENDED_SYS_STATE: whether it is on the ground, in the air or, of a multirotor, in between."""
+    return ExtendedSysState(m.MAV_VTOL_STATE_UNDEFINED, v.pilot.landed_state)
 
 
 def autopilot_version(_: Vehicle) -> Message:
