@@ -216,6 +216,7 @@ class Copter(Vehicle):
     guided_mode = CopterMode.GUIDED
     ground_mode = CopterMode.STABILIZE
     boot_mode = CopterMode.STABILIZE
+    by_hand = frozenset({CopterMode.STABILIZE, CopterMode.ALT_HOLD})
     failsafe_keys = COPTER_FAILSAFE
     armed_text = "Arming motors"
     disarmed_text = "Disarming motors"

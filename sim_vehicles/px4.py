@@ -60,6 +60,7 @@ class Px4(Vehicle):
     guided_mode = Px4Mode.HOLD
     ground_mode = Px4Mode.HOLD
     boot_mode = Px4Mode.HOLD
+    by_hand = frozenset({Px4Mode.MANUAL, Px4Mode.ALTITUDE, Px4Mode.POSITION, Px4Mode.STABILIZED})
     failsafe_keys = px4.LINK_LOSS
     armed_text = "Armed by external command"
     disarmed_text = "Disarmed"

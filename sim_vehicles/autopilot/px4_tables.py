@@ -85,6 +85,9 @@ ALSO_NAMED: Final = {
 }
 """What ArduPilot's pilots, who fly its modes, call a parameter, and what a unit of it is there."""
 REJECTED: Final = m.MAV_RESULT_TEMPORARILY_REJECTED
+FOLLOWS: Final = m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | m.MAV_MODE_FLAG_STABILIZE_ENABLED
+FINDS_ITS_WAY: Final = FOLLOWS | m.MAV_MODE_FLAG_GUIDED_ENABLED | m.MAV_MODE_FLAG_AUTO_ENABLED
+"""HEARTBEAT's flags in OFFBOARD and in the modes without a pilot, by which pymavlink and others tell these."""
 CAPABILITIES: Final = 59647
 """Those of PX4 1.17, though not all are emulated: ground stations recognise the family by them."""
 VERSION_1_17: Final = 1 << 24 | 17 << 16
@@ -95,7 +98,8 @@ LEAST_CHANGES_US: Final = 500_000
 def heartbeat(v: Px4) -> Message:
     """Return HEARTBEAT: ACTIVE as soon as it is armed, CRITICAL in a failsafe."""
     armed = v.pilot.condition.armed
-    flags = m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | (m.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0)
+    flags = telemetry.MODE_FLAGS if v.mode in v.by_hand else FOLLOWS if v.mode is Px4Mode.OFFBOARD else FINDS_ITS_WAY
+    flags |= m.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0
     up = m.MAV_STATE_STANDBY if v.ready else m.MAV_STATE_UNINIT
     state = m.MAV_STATE_CRITICAL if armed and v.in_failsafe else m.MAV_STATE_ACTIVE if armed else up
     return Heartbeat(v.mav_type, m.MAV_AUTOPILOT_PX4, flags, int(v.mode), state)

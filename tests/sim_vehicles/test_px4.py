@@ -6,6 +6,7 @@ import math
 import struct
 
 import pytest
+from pymavlink import mavutil
 
 from airlink import mavlink as m
 from airlink.endpoint import Address
@@ -173,6 +174,26 @@ def test_to_loiter_is_no_command(px4):
     copter.set_mode(RTL)
     assert copter.results(m.MAV_CMD_NAV_LOITER_UNLIM) == [UNSUPPORTED]
     assert copter.mode == RTL
+
+
+@pytest.mark.parametrize(
+    ("mode", "flags", "name"),
+    [(HOLD, 29, "LOITER"), (TAKEOFF, 29, "TAKEOFF"), (RTL, 29, "RTL"), (LAND, 29, "LAND"), (POSITION, 81, "POSCTL")],
+)
+def test_flags_tell_pymavlink_its_mode(px4, mode, flags, name):
+    copter = px4(in_air=False)
+    copter.set_mode(mode)
+    copter.wait(1.0)
+    beat = copter.air.ground.of("HEARTBEAT")[-1]
+    assert beat.base_mode == flags
+    assert mavutil.mode_string_v10(beat) == name
+
+
+def test_flags_in_offboard(px4):
+    copter = px4()
+    copter.offboard()
+    copter.wait(1.2, every=copter.stand)
+    assert copter.air.ground.of("HEARTBEAT")[-1].base_mode == 145
 
 
 def test_a_change_is_told_at_once_to_who_asked_for_current_mode(px4):
