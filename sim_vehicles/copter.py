@@ -84,6 +84,16 @@ class CopterPilot(Pilot):
         """Return False: `taking_off` tells of landings too."""
         return False
 
+    @property
+    def landed_state(self) -> int:
+        """MAV_LANDED_STATE, take-offs and landings too."""
+        if self.condition is not Condition.FLYING:
+            return m.MAV_LANDED_STATE_ON_GROUND
+        if self.takeoff_m is not None:
+            return m.MAV_LANDED_STATE_TAKEOFF
+        lands = self.mode is CopterMode.LAND or (self.mode is CopterMode.RTL and self._home_over)
+        return m.MAV_LANDED_STATE_LANDING if lands else m.MAV_LANDED_STATE_IN_AIR
+
     def arm(self, motion: Motion) -> bool:  # noqa: ARG002 - it stands until it takes off
         """Arm; return whether the mode and the condition allow it."""
         return self.mode not in NOT_ARMABLE and self.request(Request.ARM)
@@ -206,6 +216,7 @@ class Copter(Vehicle):
     guided_mode = CopterMode.GUIDED
     ground_mode = CopterMode.STABILIZE
     boot_mode = CopterMode.STABILIZE
+    by_hand = frozenset({CopterMode.STABILIZE, CopterMode.ALT_HOLD})
     failsafe_keys = COPTER_FAILSAFE
     armed_text = "Arming motors"
     disarmed_text = "Disarming motors"

@@ -17,7 +17,7 @@ from flight_model.earth import GeodeticOrigin
 from sim_vehicles.airframe.motion import Motion, Steering
 from sim_vehicles.autopilot import commands
 from sim_vehicles.autopilot.missions import E7, Item, Missions
-from sim_vehicles.autopilot.modes import LONG_FAILSAFE, FlightMode, Mode, select
+from sim_vehicles.autopilot.modes import LONG_FAILSAFE, STRAIGHT_ON, FlightMode, Mode, select
 from sim_vehicles.autopilot.parameters import ParameterServer, planes
 from sim_vehicles.autopilot.pilot import Pilot
 from sim_vehicles.autopilot.telemetry import UNASKED
@@ -158,6 +158,7 @@ class Plane(Vehicle):
     guided_mode = Mode.GUIDED
     ground_mode = Mode.MANUAL
     boot_mode = Mode.INITIALISING
+    by_hand = STRAIGHT_ON | {Mode.INITIALISING}
     failsafe_keys = LONG_FAILSAFE
     handlers = commands.HANDLERS
 

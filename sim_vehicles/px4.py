@@ -18,6 +18,7 @@ from sim_vehicles.autopilot import px4_tables as px4
 from sim_vehicles.autopilot.clock import NEVER
 from sim_vehicles.autopilot.commands import ACCEPTED, Order
 from sim_vehicles.autopilot.modes import (
+    Condition,
     CopterMode,
     FlightMode,
     GroundStationFailsafe,
@@ -60,6 +61,7 @@ class Px4(Vehicle):
     guided_mode = Px4Mode.HOLD
     ground_mode = Px4Mode.HOLD
     boot_mode = Px4Mode.HOLD
+    by_hand = frozenset({Px4Mode.MANUAL, Px4Mode.ALTITUDE, Px4Mode.POSITION, Px4Mode.STABILIZED})
     failsafe_keys = px4.LINK_LOSS
     armed_text = "Armed by external command"
     disarmed_text = "Disarmed"
@@ -115,6 +117,8 @@ class Px4(Vehicle):
             return False
         self.intended, self._lost = Px4Mode(chosen), False
         self.enter(self.intended)
+        if self.pilot.condition is Condition.ARMED:
+            self._climb_in_takeoff()
         return True
 
     def arm(self, *, force: bool) -> bool:
@@ -130,9 +134,7 @@ class Px4(Vehicle):
             return False
         self.say(INFO, self.armed_text)
         self.disarm_at = after(self.now, self.parameters["COM_DISARM_PRFLT"])
-        if self.mode is Px4Mode.TAKEOFF:
-            self.disarm_at = NEVER
-            self.lift_off(self._rise_m)
+        self._climb_in_takeoff()
         self.tell_heartbeat()
         return True
 
@@ -145,7 +147,7 @@ class Px4(Vehicle):
         return granted
 
     def prepare(self, height_m: float) -> bool:
-        """Change to TAKEOFF on the ground, to a height; return whether that was allowed."""
+        """Change to TAKEOFF on the ground, to a height; armed, it climbs. Return whether that was allowed."""
         self._rise_m = height_m
         return not self.pilot.airborne and self.switch(Px4Mode.TAKEOFF)
 
@@ -250,6 +252,12 @@ class Px4(Vehicle):
                 self.broadcast(part)
             elif len(self._unsaid) < KEPT_TEXTS:
                 self._unsaid.append(part)
+
+    def _climb_in_takeoff(self) -> None:
+        """Begin to climb if TAKEOFF is its mode, by default to MIS_TAKEOFF_ALT."""
+        if self.mode is Px4Mode.TAKEOFF:
+            self.disarm_at = NEVER
+            self.lift_off(self._rise_m or self.parameters["MIS_TAKEOFF_ALT"])
 
     def _boot(self, now: Instant, clock_offset_s: float) -> None:
         self.mode = self.intended = Px4Mode.HOLD

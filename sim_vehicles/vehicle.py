@@ -53,6 +53,8 @@ class Vehicle(ABC):
     ground_mode: ClassVar[FlightMode]
     """On the ground, once it is up."""
     boot_mode: ClassVar[FlightMode]
+    by_hand: ClassVar[frozenset[int]]
+    """Modes in which it doesn't choose its own way, by HEARTBEAT's flags."""
     failsafe_keys: ClassVar[FailsafeKeys]
     armed_text: ClassVar[str] = "Throttle armed"
     disarmed_text: ClassVar[str] = "Throttle disarmed"

@@ -25,6 +25,8 @@ from gcs_formation.stability.law import consensus_margins, follower_margins
 from gcs_formation.stability.mismatch import LAGS_OFF, STEP_S, lag_margin, mismatch_margin_with_lags_off
 
 UNITS = {"speed": "m/s", "heading": "rad", "height": "m"}
+PLANES_MOST_HZ = 40.0
+"""Four fifths of SCHED_LOOP_RATE, beyond which ArduPilot denies MAV_CMD_SET_MESSAGE_INTERVAL."""
 NEAR = 0.8
 """Share of the delay margin from which `check` warns of the configured delay."""
 
@@ -157,11 +159,25 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
         yield lifted
     if text := slots_of_no_shape(scenario):
         yield text
+    if text := refused_rate(scenario):
+        yield text
     yield from never_reached(scenario)
     for index, reason in refused_orders(scenario):
         yield f"orders.{index}: '{scenario.orders[index].order}' will be refused: {reason}"
     if text := goes_round(scenario):
         yield text
+
+
+def refused_rate(scenario: Scenario) -> str | None:
+    """Return that real ArduPlanes refuse the rate of the telemetry as they are shipped; None where they don't."""
+    planes = [str(each.vehicle_id) for each in scenario.vehicles if each.autopilot == "arduplane"]
+    rate_hz = scenario.telemetry.rate_hz
+    if not planes or rate_hz <= PLANES_MOST_HZ:
+        return None
+    return (
+        f"telemetry.rate_hz: found {rate_hz:g}; a real ArduPlane (vehicle {', '.join(planes)}) refuses more than "
+        f"{PLANES_MOST_HZ:g} with SCHED_LOOP_RATE 50, its default"
+    )
 
 
 def slots_of_no_shape(scenario: Scenario) -> str | None:

@@ -38,6 +38,8 @@ MAIN_AUTO = 4
 CHANGES_HZ = 50.0
 """CURRENT_MODE is sent at this rate while there are changes: a mode must be seen before a setpoint undoes it."""
 AIRBORNE_M = 10.0
+OFF_THE_GROUND = (m.MAV_LANDED_STATE_IN_AIR, m.MAV_LANDED_STATE_TAKEOFF, m.MAV_LANDED_STATE_LANDING)
+"""Below 10 m a PX4 says for seconds that it takes off, and that it lands."""
 UNCHANGED = math.nan
 LARGEST_CIRCLE_M = 100.0
 """Radius for which circles at the end are kept apart, and beyond which a place 400 m ahead is no course."""
@@ -131,9 +133,9 @@ class Px4(Autopilot, ABC):
         return ()
 
     def is_airborne(self, telemetry: Telemetry) -> bool:
-        """Return whether it is armed and says that it is in the air, or is well above home."""
+        """Return whether it is armed and says that it flies, takes off or lands, or is well above home."""
         aloft = telemetry.motion is not None and telemetry.motion.above_home_m > AIRBORNE_M
-        return telemetry.armed and (aloft or telemetry.landed_state == m.MAV_LANDED_STATE_IN_AIR)
+        return telemetry.armed and (aloft or telemetry.landed_state in OFF_THE_GROUND)
 
     def mode_asked(self, command: Command) -> int | None:
         """Return the main and sub mode that a command asks for, as one number."""

@@ -45,7 +45,10 @@ USUAL_SPEED: Final = -2.0
 FULL_TURN_DEG, POLE_DEG = 360.0, 90.0
 HIGHEST_M: Final = 2**31 / 100
 """ArduPlane stores heights as 32-bit integers of centimetres."""
+HIGHEST_PLACE_M: Final = 83000.0
 HIGHEST_MESSAGE_ID: Final = 2**16 - 1
+UNAVAILABLE: Final = 0
+"""MESSAGE_INTERVAL of a message that can't be sent."""
 AT_ONCE = PLACE_NOW, HEIGHT_NOW = 2, 3
 """`current` of an item to be flown at once instead of being stored: a position, or a height alone."""
 
@@ -202,7 +205,7 @@ def _reposition(vehicle: Plane, given: Order) -> int:
     """Circle a place; ArduPlane takes one from COMMAND_INT alone."""
     if not given.in_integers:
         return UNSUPPORTED
-    height_m = _height_m(vehicle, given.z, given.frame)
+    height_m = _height_m(vehicle, given.z, given.frame) if abs(given.z) <= HIGHEST_PLACE_M else None
     on_earth = abs(given.lat_rad) <= math.radians(POLE_DEG) and abs(given.lon_rad) <= math.pi
     if height_m is None or not on_earth or (given.lat_rad, given.lon_rad) == (0.0, 0.0):
         return DENIED
@@ -249,11 +252,13 @@ def _set_interval(vehicle: Vehicle, given: Order) -> int:
 
 
 def _get_interval(vehicle: Vehicle, given: Order) -> int:
+    """Tell a message's interval: of one that it can't send, that there is none."""
     if not 0.0 <= given.params[0] <= HIGHEST_MESSAGE_ID:
         return DENIED
     message_id = int(given.params[0])
-    vehicle.answer(MessageInterval(message_id, vehicle.streams.interval_us(message_id)))
-    return ACCEPTED
+    known = message_id in vehicle.builders
+    vehicle.answer(MessageInterval(message_id, vehicle.streams.interval_us(message_id) if known else UNAVAILABLE))
+    return ACCEPTED if known else FAILED
 
 
 def _request_message(vehicle: Vehicle, given: Order) -> int:

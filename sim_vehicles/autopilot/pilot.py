@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from typing import Final, NamedTuple
 
+from airlink import mavlink as m
 from airlink.clock import Instant
 from sim_vehicles.airframe.motion import CIRCLE, COURSE, HEADING, Motion, Steering
 from sim_vehicles.autopilot.clock import NEVER
@@ -115,6 +116,11 @@ class Pilot:
     def taking_off(self) -> bool:
         """Whether it is armed and on its way up to `takeoff_m`."""
         return self.takeoff_m is not None and self.condition.armed
+
+    @property
+    def landed_state(self) -> int:
+        """MAV_LANDED_STATE: in the air or on the ground."""
+        return m.MAV_LANDED_STATE_IN_AIR if self.condition is FLYING else m.MAV_LANDED_STATE_ON_GROUND
 
     @property
     def radius_m(self) -> float:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, Instant, after
 from airlink.messages import Message
-from airlink.messages.command import ParamSet, ParamValue
+from airlink.messages.command import MessageInterval, ParamSet, ParamValue
 from airlink.messages.system import AutopilotVersion, CurrentMode, Heartbeat
 from airlink.messages.telemetry import GpsRawInt, VfrHud
 from sim_vehicles.autopilot import commands, telemetry
@@ -85,6 +85,9 @@ ALSO_NAMED: Final = {
 }
 """What ArduPilot's pilots, who fly its modes, call a parameter, and what a unit of it is there."""
 REJECTED: Final = m.MAV_RESULT_TEMPORARILY_REJECTED
+FOLLOWS: Final = m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | m.MAV_MODE_FLAG_STABILIZE_ENABLED
+FINDS_ITS_WAY: Final = FOLLOWS | m.MAV_MODE_FLAG_GUIDED_ENABLED | m.MAV_MODE_FLAG_AUTO_ENABLED
+"""HEARTBEAT's flags in OFFBOARD and in the modes without a pilot, by which pymavlink and others tell these."""
 CAPABILITIES: Final = 59647
 """Those of PX4 1.17, though not all are emulated: ground stations recognise the family by them."""
 VERSION_1_17: Final = 1 << 24 | 17 << 16
@@ -95,7 +98,8 @@ LEAST_CHANGES_US: Final = 500_000
 def heartbeat(v: Px4) -> Message:
     """Return HEARTBEAT: ACTIVE as soon as it is armed, CRITICAL in a failsafe."""
     armed = v.pilot.condition.armed
-    flags = m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | (m.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0)
+    flags = telemetry.MODE_FLAGS if v.mode in v.by_hand else FOLLOWS if v.mode is Px4Mode.OFFBOARD else FINDS_ITS_WAY
+    flags |= m.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0
     up = m.MAV_STATE_STANDBY if v.ready else m.MAV_STATE_UNINIT
     state = m.MAV_STATE_CRITICAL if armed and v.in_failsafe else m.MAV_STATE_ACTIVE if armed else up
     return Heartbeat(v.mav_type, m.MAV_AUTOPILOT_PX4, flags, int(v.mode), state)
@@ -296,6 +300,15 @@ def _set_interval(vehicle: Px4, given: Order) -> int:
     return ACCEPTED if vehicle.streams.set_interval(int(message_id), interval_us, vehicle.now) else DENIED
 
 
+def _get_interval(vehicle: Px4, given: Order) -> int:
+    """Tell a message's interval: of one that it doesn't know, that it isn't streamed."""
+    if not 0.0 <= given.params[0] <= commands.HIGHEST_MESSAGE_ID:
+        return DENIED
+    message_id = int(given.params[0])
+    vehicle.answer(MessageInterval(message_id, vehicle.streams.interval_us(message_id)))
+    return ACCEPTED
+
+
 def _request_message(vehicle: Px4, given: Order) -> int:
     """Send a message once; what it doesn't know is DENIED."""
     return commands.HANDLERS[m.MAV_CMD_REQUEST_MESSAGE](vehicle, given) if given.params[0] in BUILDERS else DENIED
@@ -308,7 +321,7 @@ HANDLERS: dict[int, Callable[[Any, Order], int]] = {
     m.MAV_CMD_NAV_RETURN_TO_LAUNCH: to_mode(Px4Mode.RTL, REJECTED),
     m.MAV_CMD_NAV_LAND: to_mode(Px4Mode.LAND, REJECTED),
     m.MAV_CMD_SET_MESSAGE_INTERVAL: _set_interval,
-    m.MAV_CMD_GET_MESSAGE_INTERVAL: commands.HANDLERS[m.MAV_CMD_GET_MESSAGE_INTERVAL],
+    m.MAV_CMD_GET_MESSAGE_INTERVAL: _get_interval,
     m.MAV_CMD_REQUEST_MESSAGE: _request_message,
     m.MAV_CMD_GET_HOME_POSITION: commands.HANDLERS[m.MAV_CMD_GET_HOME_POSITION],
     m.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: commands.HANDLERS[m.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES],

@@ -27,7 +27,7 @@ from airlink.messages.telemetry import (
 from flight_model.autopilot import signed
 from flight_model.energy import GRAVITY_MPS2
 from sim_vehicles.autopilot.clock import LOOP_HZ, NEVER
-from sim_vehicles.autopilot.modes import Condition, system_status
+from sim_vehicles.autopilot.modes import system_status
 
 if TYPE_CHECKING:
     from sim_vehicles.airframe.motion import Motion
@@ -60,7 +60,10 @@ HDOP: Final = 70
 SATELLITES: Final = 14
 UNKNOWN_DOP: Final = 2**16 - 1
 ARDUPILOT: Final = m.MAV_AUTOPILOT_ARDUPILOTMEGA
-MODE_FLAGS: Final = m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | m.MAV_MODE_FLAG_STABILIZE_ENABLED
+MODE_FLAGS: Final = (
+    m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | m.MAV_MODE_FLAG_STABILIZE_ENABLED | m.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED
+)
+STEERS: Final = m.MAV_MODE_FLAG_GUIDED_ENABLED
 ARMED: Final = m.MAV_MODE_FLAG_SAFETY_ARMED
 RECEIVER: Final = m.MAV_SYS_STATUS_SENSOR_GPS
 FENCE: Final = m.MAV_SYS_STATUS_GEOFENCE
@@ -98,10 +101,11 @@ UNASKED: Final = dict.fromkeys((m.MAVLINK_MSG_ID_HEARTBEAT, *STREAMED), UNASKED_
 
 def heartbeat(v: Vehicle) -> Message:
     """Return HEARTBEAT: its kind, its mode, whether it is armed."""
+    flags = MODE_FLAGS if v.pilot.mode in v.by_hand else MODE_FLAGS | STEERS
     return Heartbeat(
         v.mav_type,
         ARDUPILOT,
-        MODE_FLAGS | ARMED if v.pilot.condition.armed else MODE_FLAGS,
+        flags | ARMED if v.pilot.condition.armed else flags,
         int(v.pilot.mode),
         m.MAV_STATE_CRITICAL if v.failsafe.active else system_status(v.pilot.condition),
     )
@@ -215,10 +219,8 @@ def mission_current(v: Vehicle) -> Message:
 
 
 def extended_sys_state(v: Vehicle) -> Message:
-    """Return EXTENDED_SYS_STATE: whether it is on the ground or in the air."""
-    flying = v.pilot.condition is Condition.FLYING
-    landed = m.MAV_LANDED_STATE_IN_AIR if flying else m.MAV_LANDED_STATE_ON_GROUND
-    return ExtendedSysState(m.MAV_VTOL_STATE_UNDEFINED, landed)
+    """Return EXTENDED_SYS_STATE: whether it is on the ground, in the air or, of a multirotor, in between."""
+    return ExtendedSysState(m.MAV_VTOL_STATE_UNDEFINED, v.pilot.landed_state)
 
 
 def autopilot_version(_: Vehicle) -> Message:

@@ -15,7 +15,7 @@ from formation_scenario import ScenarioError, load_scenario
 from formation_scenario.begin_and_end import path_end_s
 from formation_scenario.feasibility import refused_orders
 from formation_scenario.graph import graph_adjacency
-from gcs_formation.app.check import check_report, never_reached, slots_of_no_shape
+from gcs_formation.app.check import check_report, never_reached, refused_rate, slots_of_no_shape
 from gcs_formation.app.check_links import Assembly, assembly, goes_round, split_errors
 from gcs_formation.cli import main
 from gcs_formation.phases import Phase
@@ -254,6 +254,22 @@ def test_no_formation_makes_the_leader_turn_gentler_than_half_a_degree_a_second(
     """At its highest speed nobody has any to spare for a turn."""
     fast = {"speed_mps": 28, "waypoints_m": [[0, 0, 200], [9000, 0, 200]]}
     assert started(path=fast).lap_radius_m == pytest.approx(28 / 0.01)
+
+
+def test_telemetry_that_real_arduplanes_refuse_is_warned_of() -> None:
+    """ArduPlane 4.7 denies intervals of 24.999 ms and takes 25 ms; an emulated one takes 20 ms."""
+    path = {"waypoints_m": [[0, 0, 200], [9000, 0, 200]]}
+
+    def warned(autopilot: str, rate_hz: float) -> str | None:
+        vehicles = {"count": 2, "autopilot": autopilot}
+        return refused_rate(load_scenario({"vehicles": vehicles, "telemetry": {"rate_hz": rate_hz}, "path": path}))
+
+    assert warned("arduplane", 50.0) == (
+        "telemetry.rate_hz: found 50; a real ArduPlane (vehicle 1, 2) refuses more than 40 with SCHED_LOOP_RATE 50, "
+        "its default"
+    )
+    assert warned("arduplane", 40.0) is None
+    assert warned("emulator", 50.0) is None
 
 
 def test_slots_that_no_shape_of_the_flight_has_are_warned_of() -> None:

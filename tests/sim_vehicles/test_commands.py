@@ -306,6 +306,11 @@ def test_heights_that_centimetres_of_32_bits_do_not_hold_are_denied(flying):
     assert flying.command_int(192, -1, 1, 0, 0, x=1, y=1, z=1e30) == DENIED
 
 
+@pytest.mark.parametrize(("z", "result"), [(83000.0, ACCEPTED), (83001.0, DENIED), (1e6, DENIED), (math.nan, DENIED)])
+def test_a_place_is_at_most_83_km_high(flying, z, result):
+    assert flying.command_int(192, -1, 1, 0, 0, x=round(35.005e7), y=round(125e7), z=z) == result
+
+
 @pytest.mark.parametrize("value", [2.0, -1.0, math.nan, math.inf])
 def test_neither_arm_nor_disarm_is_unsupported(flying, value):
     assert flying.command_long(ARM, value) == UNSUPPORTED
@@ -343,10 +348,10 @@ def test_a_cancelled_heading_circles_where_guided_was_entered(flying):
 
 
 def test_the_interval_of_a_message_is_told(flying):
-    for message_id, interval_us in ((33, 1_000_000), (30, 50_000), (242, -1), (7777, -1)):
+    for message_id, interval_us in ((33, 1_000_000), (30, 50_000), (242, -1), (7777, 0)):
         if message_id == 30:
             flying.command_long(INTERVAL, message_id, interval_us)
-        assert flying.command_long(510, message_id) == ACCEPTED
+        assert flying.command_long(510, message_id) == (ACCEPTED if interval_us else FAILED)
         reported = flying.ground.of("MESSAGE_INTERVAL")[-1]
         assert (reported.message_id, reported.interval_us) == (message_id, interval_us)
 

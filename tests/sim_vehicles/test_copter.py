@@ -12,7 +12,7 @@ from formation_scenario.environment import StepDisturbance
 from tests.sim_vehicles.conftest import mavlink
 
 ACCEPTED, DENIED, UNSUPPORTED, FAILED = 0, 2, 3, 4
-SET_MODE, ARM, TAKEOFF, INTERVAL = 176, 400, 22, 511
+SET_MODE, ARM, TAKEOFF, INTERVAL, REQUEST = 176, 400, 22, 511, 512
 STABILIZE, AUTO, GUIDED, LOITER, RTL, LAND, BRAKE = 0, 3, 4, 5, 6, 9, 17
 PATH = {"speed_mps": 5, "waypoints_m": [[0, 0, 30], [500, 0, 30]]}
 VELOCITY_AND_YAW, VELOCITY_ALONE, VELOCITY_ONLY, HEIGHT_TOO = 0x9C7, 0x5C7, 0xDC7, 0x9C3
@@ -209,6 +209,24 @@ def test_it_takes_off_in_guided_once_armed(grounded):
     assert grounded.command_long(TAKEOFF, 0, 0, 0, 0, 0, 0, 30.0) == FAILED
     assert grounded.command_long(ARM, 0) == FAILED
     assert grounded.ground.of("HEARTBEAT")[-1].type == mavlink.MAV_TYPE_QUADROTOR
+
+
+def test_it_tells_take_offs_and_landings(grounded):
+    def landed_state():
+        assert grounded.command_long(REQUEST, 245) == ACCEPTED
+        return grounded.ground.of("EXTENDED_SYS_STATE")[-1].landed_state
+
+    grounded.set_mode(GUIDED)
+    grounded.command_long(ARM, 1)
+    assert landed_state() == mavlink.MAV_LANDED_STATE_ON_GROUND
+    grounded.command_long(TAKEOFF, 0, 0, 0, 0, 0, 0, 20.0)
+    grounded.run(4.0)
+    assert landed_state() == mavlink.MAV_LANDED_STATE_TAKEOFF
+    grounded.run(10.0)
+    assert landed_state() == mavlink.MAV_LANDED_STATE_IN_AIR
+    grounded.set_mode(LAND)
+    grounded.run(2.0)
+    assert landed_state() == mavlink.MAV_LANDED_STATE_LANDING
 
 
 @pytest.mark.parametrize(("mode", "name"), [(RTL, "RTL"), (LAND, "LAND"), (BRAKE, "BRAKE")])

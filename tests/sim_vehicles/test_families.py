@@ -47,3 +47,16 @@ def test_arming_and_disarming_are_said_in_its_own_words_and_once(make_air, autop
         assert air.command_long(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, order) == mavlink.MAV_RESULT_ACCEPTED
     said = [(each.severity, each.text) for each in air.ground.of("STATUSTEXT")]
     assert said == [(mavlink.MAV_SEVERITY_INFO, armed), (mavlink.MAV_SEVERITY_INFO, disarmed)]
+
+
+def test_flags_of_heartbeats_tell_by_whom_an_ardupilot_is_flown(flying, make_air):
+    for mode, flags in ((0, 81), (5, 81), (7, 81), (11, 89), (12, 89), (15, 89)):
+        flying.set_mode(mode)
+        assert flying.ground.of("HEARTBEAT")[-1].base_mode == flags | mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+    keys = {"count": 1, "autopilot": "arducopter"}
+    model = load_scenario({"vehicles": keys, "path": PATH | {"speed_mps": 5}}).vehicles[0].model
+    air = make_air(model=model)
+    air.run(2.0)
+    for mode, flags in ((0, 81), (2, 81), (5, 89), (6, 89), (9, 89), (17, 89), (4, 89)):
+        air.set_mode(mode)
+        assert air.ground.of("HEARTBEAT")[-1].base_mode == flags | mavlink.MAV_MODE_FLAG_SAFETY_ARMED

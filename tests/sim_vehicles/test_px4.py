@@ -6,6 +6,7 @@ import math
 import struct
 
 import pytest
+from pymavlink import mavutil
 
 from airlink import mavlink as m
 from airlink.endpoint import Address
@@ -175,6 +176,26 @@ def test_to_loiter_is_no_command(px4):
     assert copter.mode == RTL
 
 
+@pytest.mark.parametrize(
+    ("mode", "flags", "name"),
+    [(HOLD, 29, "LOITER"), (TAKEOFF, 29, "TAKEOFF"), (RTL, 29, "RTL"), (LAND, 29, "LAND"), (POSITION, 81, "POSCTL")],
+)
+def test_flags_tell_pymavlink_its_mode(px4, mode, flags, name):
+    copter = px4(in_air=False)
+    copter.set_mode(mode)
+    copter.wait(1.0)
+    beat = copter.air.ground.of("HEARTBEAT")[-1]
+    assert beat.base_mode == flags
+    assert mavutil.mode_string_v10(beat) == name
+
+
+def test_flags_in_offboard(px4):
+    copter = px4()
+    copter.offboard()
+    copter.wait(1.2, every=copter.stand)
+    assert copter.air.ground.of("HEARTBEAT")[-1].base_mode == 145
+
+
 def test_a_change_is_told_at_once_to_who_asked_for_current_mode(px4):
     copter = px4()
     reported = []
@@ -317,6 +338,25 @@ def test_a_multirotor_that_has_landed_waits_in_hold_and_can_be_armed_again(px4, 
     assert copter.results(m.MAV_CMD_COMPONENT_ARM_DISARM, 1) == [ACCEPTED]
 
 
+def test_one_that_is_armed_already_takes_off_when_it_is_told(px4):
+    copter = px4(in_air=False)
+    assert copter.results(m.MAV_CMD_COMPONENT_ARM_DISARM, 1) == [ACCEPTED]
+    assert copter.results(m.MAV_CMD_NAV_TAKEOFF, -1, 0, 0, math.nan, math.nan, math.nan, 10.0) == [ACCEPTED]
+    copter.wait(12.0)
+    assert copter.motion.height_m == pytest.approx(10.0, abs=0.3)
+    assert copter.mode == HOLD
+
+
+@pytest.mark.parametrize("armed_first", [False, True])
+def test_by_its_mode_alone_it_takes_off_to_its_parameters_height(px4, armed_first):
+    copter = px4(in_air=False)
+    orders = [lambda: copter.set_mode(TAKEOFF), lambda: copter.results(m.MAV_CMD_COMPONENT_ARM_DISARM, 1)[0]]
+    for order in reversed(orders) if armed_first else orders:
+        assert order() == ACCEPTED
+    copter.wait(8.0)
+    assert copter.motion.height_m == pytest.approx(copter.vehicle.parameters["MIS_TAKEOFF_ALT"], abs=0.3)
+
+
 def test_a_fixed_wing_that_leaves_a_high_field_soon_after_boot_dives_into_the_ground(px4):
     plane = px4(PLANE, in_air=False, origin_alt_m=489.0)
     plane.results(m.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, math.nan, math.nan, math.nan, 489.0 + 50.0)
@@ -406,6 +446,12 @@ def test_its_streams_are_fast_unasked_and_zero_restores_that(px4):
     assert rates() == usual  # the main loop's
     for message_id in (m.MAVLINK_MSG_ID_HEARTBEAT, 65000):
         assert copter.air.command_long(m.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, 100_000) == FAILED
+
+
+def test_the_interval_of_what_it_does_not_know_is_told_as_none(px4):
+    copter = px4()
+    assert copter.results(m.MAV_CMD_GET_MESSAGE_INTERVAL, 9999) == [ACCEPTED]
+    assert copter.air.ground.of("MESSAGE_INTERVAL")[-1].interval_us == -1
 
 
 def test_a_multirotor_measures_no_airspeed_and_the_receiver_has_no_time(px4):

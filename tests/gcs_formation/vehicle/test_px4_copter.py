@@ -54,6 +54,21 @@ def sent(setpoint: Setpoint) -> SetPositionTargetLocalNed:
     return frame.message
 
 
+@pytest.mark.parametrize(
+    ("landed_state", "airborne"),
+    [
+        (m.MAV_LANDED_STATE_ON_GROUND, False),
+        (m.MAV_LANDED_STATE_TAKEOFF, True),
+        (m.MAV_LANDED_STATE_IN_AIR, True),
+        (m.MAV_LANDED_STATE_LANDING, True),
+    ],
+)
+def test_one_that_takes_off_or_lands_is_airborne_below_10_m(landed_state, airborne):
+    seen = tell(Telemetry(ORIGIN, COPTER.stands), COPTER.home_mode, armed=True, up_m=5.0)
+    seen.take(ExtendedSysState(0, landed_state))
+    assert COPTER.is_airborne(seen) == airborne
+
+
 def test_a_model_that_hovers_makes_a_px4_a_multirotor():
     keys = {"vehicles": {"count": 1, "autopilot": "px4", "model": "px4_copter"}, "path": PATH}
     scenario = load_scenario(keys)
