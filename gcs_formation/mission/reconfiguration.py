@@ -23,7 +23,7 @@ from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.controller import FormationController
 from gcs_formation.fleet.succession import Candidate, can_lead, heir
 from gcs_formation.guidance.leader import TurnOnSpot
-from gcs_formation.guidance.tracking import project
+from gcs_formation.guidance.tracking import LEAST_MPS, project
 from gcs_formation.mission.resumption import Resumption
 from gcs_formation.recorder import Note, Tick
 from gcs_formation.vehicle.vehicle import Member, Vehicle
@@ -297,7 +297,8 @@ class Reconfiguration:
         to_climb_m = 0.0 if math.isnan(height_m) else height_m - state.height_m
         change_mps2 = (to_climb_m - (lag_s + other_s) * climb_mps) / (lag_s * other_s)
         # Per metre of the path: on the inside of a bend, the vehicle covers less distance than the path.
-        along_mps = self._controller.guidance.speed_mps / (1.0 - point.curvature_1pm * right_m)
+        speed_mps = max(self._controller.guidance.speed_mps, LEAST_MPS)
+        along_mps = speed_mps / (1.0 - point.curvature_1pm * right_m)
         change_mps2 = min(max(change_mps2, -most_mps2), most_mps2)
         return Rise(0.0, climb_mps / along_mps - point.slope, change_mps2 / along_mps**2 - point.slope_rate_1pm)
 
