@@ -74,7 +74,9 @@ def test_another_leads_those_that_stand_by_order_or_where_the_leader_is_lost(tmp
     assert len(led) == 2
     assert led[0]["vehicle"] == "3"
     assert not flown["undone"]
-    assert flown["safety"]["min_separation_m"] > 5.0
+    assert flown["safety"]["min_separation_m"] > 7.0
+    for follower in flown["followers"].values():
+        assert max(follower[axis]["max"] for axis in ("error_x_m", "error_y_m")) < 0.6
 
 
 @pytest.mark.slow
