@@ -23,9 +23,10 @@ from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.controller import FormationController
 from gcs_formation.fleet.succession import Candidate, can_lead, heir
 from gcs_formation.guidance.leader import TurnOnSpot
-from gcs_formation.guidance.tracking import project
+from gcs_formation.guidance.tracking import LEAST_MPS, project
 from gcs_formation.mission.resumption import Resumption
 from gcs_formation.recorder import Note, Tick
+from gcs_formation.vehicle.hovering import ground_motion
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 
 RETRY_S: Final = 1.0
@@ -213,11 +214,14 @@ class Reconfiguration:
             return "found vehicles that can't stand; allowed: of vehicles that hover"
         if guidance.speed_mps > 0.0 or tick is None or guidance.route is None:
             return f"found a formation that flies at {guidance.speed_mps:g} m/s; allowed: after `speed 0`"
-        models, reach_m = controller.models, controller.plan.at(now / NANOSECONDS, begun=True).reach_m
-        limits = min(each.speed_max_mps for each in models), min(each.accel_max_mps2 for each in models)
-        facing_rad = guidance.facing_rad(tick.state[controller.plan.leader])
-        guidance.turn = TurnOnSpot.to(heading_rad, facing_rad, now, reach_m, *limits)
+        self._turn_on_spot(heading_rad, guidance.facing_rad(tick.state[controller.plan.leader]), now)
         return None
+
+    def _turn_on_spot(self, heading_rad: float, from_rad: float, now: Instant) -> None:
+        controller, models = self._controller, self._controller.models
+        reach_m = controller.plan.at(now / NANOSECONDS, begun=True).reach_m
+        limits = min(each.speed_max_mps for each in models), min(each.accel_max_mps2 for each in models)
+        controller.guidance.turn = TurnOnSpot.to(heading_rad, from_rad, now, reach_m, *limits)
 
     def _path_deg(self) -> float:
         guidance = self._controller.guidance
@@ -267,9 +271,28 @@ class Reconfiguration:
         route, distance_m, swing_rad = self._take_over(leader, now / NANOSECONDS)
         controller.guidance.take_over(route, distance_m)
         controller.hand_over(leader, swing_rad)
+        self._lead_standing(leader, now)
         if self._wanted is not None:
             self._wanted = self._wanted._replace(leader=leader)
         self._note(now, "leader", "leads the formation", self._by_column[leader])
+
+    def _lead_standing(self, leader: int, now: Instant) -> None:
+        """Count slots from where the nose of a leader that may stand points; one that stands turns it gently."""
+        guidance, seen = self._controller.guidance, self._controller.estimator.filters[leader].state
+        if not self._scenario.hovers or seen is None:
+            return
+        seen.airspeed_mps, seen.heading_rad = self._as_leader(leader, seen)
+        if guidance.speed_mps == 0.0:
+            facing_rad = math.radians(self._path_deg()) if guidance.turn is None else guidance.turn.goal_rad
+            self._turn_on_spot(facing_rad, seen.heading_rad, now)
+
+    def _as_leader(self, column: int, state: FlightState) -> tuple[float, float]:
+        """Return speed and heading of a vehicle in `state` once others' slots go by them."""
+        vehicle = self._by_column[column]
+        attitude = vehicle.telemetry.attitude
+        if not self._scenario.hovers or attitude is None:
+            return state.airspeed_mps, state.heading_rad
+        return ground_motion(attitude.yaw_rad, *state.ground_mps(), leads=True)
 
     def _take_over(self, leader: int, now_s: float) -> tuple[DisplacedPath | None, float, float]:
         """Return a successor's route onto the path, its distance along it, and its heading relative to the leader's."""
@@ -278,7 +301,7 @@ class Reconfiguration:
         if tick is None:
             return None, 0.0, 0.0
         place, before = tick.state[leader], tick.state[controller.plan.leader]
-        swing_rad = math.remainder(place.heading_rad - before.heading_rad, math.tau)
+        swing_rad = math.remainder(self._as_leader(leader, place)[1] - before.heading_rad, math.tau)
         if not guidance.started:
             return None, 0.0, swing_rad
         slots = controller.plan.seen_from(leader, swing_rad, now_s)
@@ -297,7 +320,8 @@ class Reconfiguration:
         to_climb_m = 0.0 if math.isnan(height_m) else height_m - state.height_m
         change_mps2 = (to_climb_m - (lag_s + other_s) * climb_mps) / (lag_s * other_s)
         # Per metre of the path: on the inside of a bend, the vehicle covers less distance than the path.
-        along_mps = self._controller.guidance.speed_mps / (1.0 - point.curvature_1pm * right_m)
+        speed_mps = max(self._controller.guidance.speed_mps, LEAST_MPS)
+        along_mps = speed_mps / (1.0 - point.curvature_1pm * right_m)
         change_mps2 = min(max(change_mps2, -most_mps2), most_mps2)
         return Rise(0.0, climb_mps / along_mps - point.slope, change_mps2 / along_mps**2 - point.slope_rate_1pm)
 

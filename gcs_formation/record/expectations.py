@@ -158,9 +158,9 @@ def judge(
                 if _leads_throughout(each, flight, vehicle):
                     yield Verdict(each, vehicle, value, reached, judged=False, reason="led all the time")
                 elif lost_s is not None:
-                    planned = _crashes(scenario, vehicle, lost_s)
-                    reason = f"{'crashed' if planned else 'lost'} at {lost_s:.1f} s"
-                    yield Verdict(each, vehicle, value, reached=False, judged=not planned, reason=reason, lost=True)
+                    crash_s = _crashes_at_s(scenario, vehicle, lost_s)
+                    reason = f"lost at {lost_s:.1f} s" if crash_s is None else f"crashed at {crash_s:.1f} s"
+                    yield Verdict(each, vehicle, value, False, judged=crash_s is None, reason=reason, lost=True)
                 else:
                     yield Verdict(each, vehicle, value, reached, judged, why)
         elif each.metric in LINK_METRICS:
@@ -177,16 +177,25 @@ def _leads_throughout(wanted: Expectation, flight: Flight, vehicle: VehicleId) -
 
 
 def _lost_at_s(wanted: Expectation, flight: Flight, vehicle: VehicleId) -> float | None:
-    """Return when a follower was down, or without a leader, for the rest of the window; None if it never was."""
+    """Return when a follower was down, or without a leader, for the rest of the window; None if it never was.
+
+    Where another vehicle has taken over meanwhile, that the first one was lost isn't why this one is.
+    """
     window = flight.window(wanted.from_s, wanted.to_s)
     missed = flight.missed(vehicle, window)
-    return float(flight.mission_time_s[window][-missed]) if missed > 1 else None
+    if missed <= 1:
+        return None
+    led = ~flight.leaderless(window)[-missed:]
+    return float(flight.mission_time_s[window][-missed:][led.argmax()])
 
 
-def _crashes(scenario: Scenario, vehicle: VehicleId, by_s: float) -> bool:
-    """Return whether the scenario's faults have crashed a vehicle by a mission time."""
+def _crashes_at_s(scenario: Scenario, vehicle: VehicleId, by_s: float) -> float | None:
+    """Return when the scenario's faults crash a vehicle, None if they haven't by a mission time."""
     due = (fault for fault in scenario.faults if fault.kind == "crash" and fault.at_s <= by_s)
-    return any(vehicle in {each.vehicle_id for each in scenario.selected(fault.vehicles)} for fault in due)
+    crashes_s = (
+        fault.at_s for fault in due if vehicle in {each.vehicle_id for each in scenario.selected(fault.vehicles)}
+    )
+    return min(crashes_s, default=None)
 
 
 def _follower_value(wanted: Expectation, flight: Flight, vehicle: VehicleId, parts: Mapping[str, Any]) -> float | None:

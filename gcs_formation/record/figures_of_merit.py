@@ -71,7 +71,7 @@ def settled_at_s(time_s: Array, error_m: Array) -> float | None:
 
     Args:
         time_s: (T,) mission times of the scored ticks.
-        error_m: (T, 3) errors at them.
+        error_m: (T, 3) errors at them; NaN where none is known: the 10 s begin anew after that.
     """
     within: list[bool] = _in_slot(error_m).tolist()
     begins = 0

@@ -103,6 +103,11 @@ class Flight:
         seen = np.isfinite(self.error(vehicle)[window]).all(axis=1) | (self.vehicles[vehicle]["leads"][window] > 0)
         return int(seen[::-1].argmax()) if seen.any() else seen.size
 
+    def leaderless(self, window: Mask) -> Mask:
+        """Return at which ticks of a (T,) window the vehicle that leads lies on the ground."""
+        down = [(own["leads"] > 0) & ~(own[AIRBORNE] > 0) for own in self.vehicles.values()]
+        return np.any(down, axis=0)[window]
+
 
 def split(
     columns: Columns, scenario: Scenario, truth: GroundTruth | None, injected_s: Mapping[VehicleId, Array]

@@ -57,6 +57,29 @@ def test_they_stand_through_gusts_while_they_stand(tmp_path):
 
 
 @pytest.mark.slow
+def test_another_leads_those_that_stand_by_order_or_where_the_leader_is_lost(tmp_path):
+    keys = yaml.safe_load(CONFIG.read_text()) | {
+        "start": {"in_air": True, "run_in_s": 6},
+        "duration_s": 80,
+        "orders": [
+            {"at_s": 20, "order": "speed 0"},
+            {"at_s": 30, "order": "leader 3"},
+            {"at_s": 65, "order": "speed 5"},
+        ],
+        "faults": [{"at_s": 45, "vehicles": [3], "kind": "crash"}],
+        "expect": [],
+    }
+    flown = gcs_formation.run(keys, clock="virtual", out=tmp_path / "run").to_dict()
+    led = [each for each in events(tmp_path / "run") if each["kind"] == "leader"]
+    assert len(led) == 2
+    assert led[0]["vehicle"] == "3"
+    assert not flown["undone"]
+    assert flown["safety"]["min_separation_m"] > 7.0
+    for follower in flown["followers"].values():
+        assert max(follower[axis]["max"] for axis in ("error_x_m", "error_y_m")) < 0.6
+
+
+@pytest.mark.slow
 def test_they_turn_on_the_spot_and_are_let_go_along_their_path_alone(tmp_path):
     keys = yaml.safe_load(CONFIG.read_text()) | {
         "start": {"in_air": True, "run_in_s": 6},

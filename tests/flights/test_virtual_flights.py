@@ -177,3 +177,11 @@ def test_slots_in_the_followers_own_frame_are_kept_in_bends_and_beside_the_leade
     followers = summary.to_dict()["followers"].values()
     assert all(follower["settled_at_s"] < 40 for follower in followers)
     assert all(follower["left_at_s"] is None for follower in followers)
+
+
+@pytest.mark.slow
+def test_who_led_meanwhile_is_settled_by_what_it_flies_afterwards(fly: Fly) -> None:
+    """It followed for 4 s, which is no 10 s in its slot, and follows again from 20 s on."""
+    changes = [{"at_s": 4, "leader": 2}, {"at_s": 20, "leader": 1}]
+    summary = fly(duration_s=60, vehicles={"count": 3}, formation={"shape": "diamond", "changes": changes})
+    assert summary.to_dict()["followers"]["2"]["settled_at_s"] >= 20.0

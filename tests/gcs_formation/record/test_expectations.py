@@ -20,11 +20,11 @@ PARTS: dict[str, Any] = {
 }
 
 
-def verdict(cut_short: bool = False, crashed=None, faults=(), **expect) -> Verdict:
+def verdict(cut_short: bool = False, crashed=(), faults=(), **expect) -> Verdict:
     """Return what comes of an expectation of the second vehicle, flown for 10 s without any error."""
     entry = {"metric": "error_x_m.max", "followers": [2], "below": 0.1} | expect
     scenario = load_scenario(KEYS | {"duration_s": 100, "expect": [entry], "faults": list(faults)})
-    (found,) = judge(scenario, flown(crashed), PARTS, {}, cut_short)
+    (found,) = judge(scenario, flown(*crashed), PARTS, {}, cut_short)
     return found
 
 
@@ -61,7 +61,7 @@ def test_a_window_may_end_with_the_last_tick_before_it():
     assert verdict(to_s=FLOWN_S + 0.2).held is False
 
 
-@pytest.mark.parametrize("crashed", [FOLLOWER, LEADER])
+@pytest.mark.parametrize("crashed", [[FOLLOWER], [LEADER]])
 def test_a_follower_that_is_lost_before_its_window_ends_breaks_what_is_expected_of_it(crashed):
     """It is down, or its leader is and nobody succeeds it: it had no error while it flew."""
     expected: list[dict[str, Any]] = [{"below": 0.1}, {"metric": "in_slot_share", "below": None, "above": 0.9}]
@@ -75,14 +75,27 @@ def test_a_follower_that_is_lost_before_its_window_ends_breaks_what_is_expected_
 
 def test_what_the_scenario_s_own_faults_crash_is_not_judged():
     faults = [{"at_s": 4.0, "vehicles": [2], "kind": "crash"}]
-    found = verdict(crashed=FOLLOWER, to_s=FLOWN_S, faults=faults)
-    assert (found.held, found.judged, found.reason) == (None, False, "crashed at 4.1 s")
-    assert verdict(crashed=FOLLOWER, to_s=CRASH_S, faults=faults).held is True
+    found = verdict(crashed=[FOLLOWER], to_s=FLOWN_S, faults=faults)
+    assert (found.held, found.judged, found.reason) == (None, False, "crashed at 4.0 s")
+    assert verdict(crashed=[FOLLOWER], to_s=CRASH_S, faults=faults).held is True
     others = [{"at_s": 4.0, "vehicles": [3], "kind": "crash"}]
-    assert verdict(crashed=FOLLOWER, to_s=FLOWN_S, faults=others).held is False
-    assert verdict(crashed=FOLLOWER, to_s=FLOWN_S, faults=[faults[0] | {"at_s": 8.0}]).held is False
+    assert verdict(crashed=[FOLLOWER], to_s=FLOWN_S, faults=others).held is False
+    assert verdict(crashed=[FOLLOWER], to_s=FLOWN_S, faults=[faults[0] | {"at_s": 8.0}]).held is False
+
+
+def test_a_follower_that_crashes_while_nobody_leads_is_not_judged_either():
+    """Both are down at 4.1 s, the leader by a fault of 4 s, it by one of 5 s, and the third leads from 6 s on."""
+    keys = KEYS | {
+        "duration_s": 100,
+        "faults": [{"at_s": 4.0, "vehicles": [1], "kind": "crash"}, {"at_s": 5.0, "vehicles": [2], "kind": "crash"}],
+        "expect": [{"metric": "error_x_m.max", "followers": [2], "below": 0.1, "to_s": FLOWN_S}],
+    }
+    (found,) = judge(load_scenario(keys), flown(LEADER, FOLLOWER, third_leads_from_s=6.0), PARTS, {}, False)
+    assert (found.held, found.judged, found.reason) == (None, False, "crashed at 5.0 s")
+    (found,) = judge(load_scenario(keys), flown(LEADER), PARTS, {}, False)
+    assert (found.held, found.reason) == (False, "lost at 4.1 s")
 
 
 def test_a_lost_follower_s_time_counts_as_out_of_its_slot():
-    found = verdict(crashed=FOLLOWER, metric="in_slot_share", to_s=FLOWN_S, below=None, above=0.0)
+    found = verdict(crashed=[FOLLOWER], metric="in_slot_share", to_s=FLOWN_S, below=None, above=0.0)
     assert found.value == pytest.approx(41 / 101)

@@ -18,12 +18,12 @@ KEYS = {"vehicles": {"count": 3}, "duration_s": 10, "path": {"waypoints_m": [[0,
 SCENARIO = load_scenario(KEYS)
 
 
-def spool(*, station_airborne=None, handed_over_s=np.inf):
+def spool(*, station_airborne=None, handed_over_s=np.inf, heir=FOLLOWER):
     """Return the station's columns of three vehicles in a row, 30 m apart, at 22 m/s; each in its slot.
 
-    From `handed_over_s` on the second leads.
+    From `handed_over_s` on `heir` leads.
     """
-    parts, leader = [], np.where(handed_over_s <= TIME_S, 1, 0)
+    parts, leader = [], np.where(handed_over_s <= TIME_S, heir.system - 1, 0)
     for index in range(3):
         slot_m = 30.0 * (leader - index)
         own = {name: np.zeros(TIME_S.size) for name in MEASURED} | {
@@ -45,13 +45,13 @@ def spool(*, station_airborne=None, handed_over_s=np.inf):
     return {name: np.stack([part[name] for part in parts], axis=1).ravel() for name in parts[0]}
 
 
-def truth(crashed=None):
-    """Return the truth of the same flight at 25 Hz; `crashed` falls to the ground at `CRASH_S` and lies there."""
+def truth(*crashed):
+    """Return the truth of the same flight at 25 Hz; `crashed` fall to the ground at `CRASH_S` and lie there."""
     time_s = np.arange(0.0, 10.01, 0.04)
     flying, nothing = np.ones((time_s.size, 3)), np.zeros((time_s.size, 3))
     north_m = 22.0 * time_s[:, None] - np.array([0.0, 30.0, 60.0])
-    if crashed is not None:
-        after, column = time_s >= CRASH_S, crashed.system - 1
+    for each in crashed:
+        after, column = time_s >= CRASH_S, each.system - 1
         flying[after, column] = 0.0
         north_m[after, column] = north_m[~after, column][-1]
     columns = {
@@ -72,9 +72,9 @@ def truth(crashed=None):
     return GroundTruth((LEADER, FOLLOWER, THIRD), columns)
 
 
-def flown(crashed=None):
+def flown(*crashed, third_leads_from_s=np.inf):
     injected = dict.fromkeys((LEADER, FOLLOWER, THIRD), np.zeros((TIME_S.size, 2)))
-    return split(spool(), SCENARIO, truth(crashed), injected)
+    return split(spool(handed_over_s=third_leads_from_s, heir=THIRD), SCENARIO, truth(*crashed), injected)
 
 
 WHOLE = np.ones(TIME_S.size, dtype=bool)
