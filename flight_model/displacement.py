@@ -27,6 +27,8 @@ PEAK_CHANGE = 5.77
 """Largest second derivative, 10 / sqrt(3)."""
 PEAK_JERK = 60.0
 """Largest third derivative, at both ends."""
+SLOPE_CHANGE, SLOPE_JERK = 3.94, 36.0
+"""Largest second and third derivatives of the quintic that begins at 0 with a slope of 1 and ends at 0 and at rest."""
 STEP_M = 20.0
 """Distance between knots."""
 SAMPLES = 4
@@ -95,24 +97,35 @@ class Rise(NamedTuple):
 class DisplacedPath:
     """A path with a displacement that fades out from `from_m` on, over `over_m`, as a minimum-jerk step.
 
+    A slope of it, to the right or upwards, is continued by the quintic that begins with it and ends at rest.
+
     It can be lifted in addition, to clear the ground. Distances are those along the path itself. A curve of curvature k
     that is displaced by o along its normal n has the tangent (1 - k o) t + o' n; the rate at which its curvature
     changes is approximated by the derivatives of o.
     """
 
     def __init__(
-        self, path: SplinePath, from_m: float, over_m: float, right_m: float, above: Rise, lift: Lift | None = None
+        self,
+        path: SplinePath,
+        from_m: float,
+        over_m: float,
+        right_m: float,
+        above: Rise,
+        lift: Lift | None = None,
+        *,
+        right_slope: float = 0.0,
     ) -> None:
-        """Displace `path` to the right by `right_m`, and in height by `above`, whose slope it continues."""
+        """Displace `path` to the right by `right_m`, growing by `right_slope` at first, and in height by `above`."""
         self.path = path
         self.length_m = path.length_m
         self._from_m, self._over_m = from_m, over_m
-        self._right_m, self._above, self._lift = right_m, above, lift
+        self._right_m, self._right_slope, self._above, self._lift = right_m, right_slope, above, lift
         self._control_m: list[float] = [] if lift is None else lift.control_m.tolist()
 
     def lifted(self, lift: Lift) -> DisplacedPath:
         """Return the same path with a lift."""
-        return DisplacedPath(self.path, self._from_m, self._over_m, self._right_m, self._above, lift)
+        begin = self._from_m, self._over_m, self._right_m, self._above
+        return DisplacedPath(self.path, *begin, lift, right_slope=self._right_slope)
 
     def at(self, distance_m: float) -> PathPoint:
         """Return the point at a distance along the path."""
@@ -128,8 +141,7 @@ class DisplacedPath:
         point = self.path.at(distance_m)
         if distance_m >= self._from_m + self._over_m:
             return point
-        kept, rate, change, jerk = self._kept(distance_m)
-        o, o1, o2, o3 = (self._right_m * each for each in (kept, rate, change, jerk))
+        o, o1, o2, o3 = self._right(distance_m)
         up = self._up(distance_m)
         k, k1 = point.curvature_1pm, point.curvature_rate_1pm2
         along, along_rate = 1.0 - k * o, -k1 * o - k * o1
@@ -146,13 +158,18 @@ class DisplacedPath:
             point.slope_rate_1pm + up.curvature_1pm,
         )
 
-    def _kept(self, distance_m: float) -> tuple[float, float, float, float]:
-        """Return the remaining share of the displacement, and its first three derivatives by distance."""
-        length = self._over_m
+    def _right(self, distance_m: float) -> tuple[float, float, float, float]:
+        """Return the remaining displacement to the right, and its first three derivatives by distance."""
+        length, p, q = self._over_m, self._right_m, self._right_slope
         u = max(distance_m - self._from_m, 0.0) / length
         gone, rate, change = minimum_jerk(u)
-        jerk = 60 * (1 - 6 * u + 6 * u**2) if u > 0.0 else 0.0
-        return 1.0 - gone, -rate / length, -change / length**2, -jerk / length**3
+        jerk, slope_jerk = (60 * (1 - 6 * u + 6 * u**2), 192 * u - 180 * u**2 - 36) if u > 0.0 else (0.0, 0.0)
+        return (
+            p * (1.0 - gone) + q * length * (u - 6 * u**3 + 8 * u**4 - 3 * u**5),
+            -p * rate / length + q * (1.0 - 18 * u**2 + 32 * u**3 - 15 * u**4),
+            -p * change / length**2 + q * (96 * u**2 - 36 * u - 60 * u**3) / length,
+            -p * jerk / length**3 + q * slope_jerk / length**2,
+        )
 
     def _up(self, distance_m: float) -> Rise:
         """Return the remaining height: the quintic that continues `above` and ends level at 0."""

@@ -13,6 +13,8 @@ from flight_model.displacement import (
     PEAK_CHANGE,
     PEAK_JERK,
     PEAK_RATE,
+    SLOPE_CHANGE,
+    SLOPE_JERK,
     STEP_M,
     DisplacedPath,
     Rise,
@@ -142,11 +144,13 @@ def take_over(
     above: Rise,
     reach_m: float,
     ground: Ground | None = None,
+    *,
+    right_slope: float = 0.0,
 ) -> DisplacedPath:
     """Return the way onto the path of a new leader that is abreast of `from_m`, to the right of the path and above it.
 
-    Its turns are gentle enough for slots up to `reach_m` away to keep up. It continues the vehicle's climb; if a ground
-    is given, it is lifted to clear it.
+    Its turns are gentle enough for slots up to `reach_m` away to keep up. It continues the vehicle's climb, and its way
+    aside: `right_slope` to the right for each metre along the path. If a ground is given, it is lifted to clear it.
     """
     speed, models = max(scenario.path.speed_mps, LEAST_MPS), column_models(scenario)
     turn_rps = TURN_SHARE * keepable_turn_rps(scenario, reach_m)
@@ -155,11 +159,12 @@ def take_over(
     over_s = max(
         LEAST_S,
         abs(right_m) / MEAN_SPEED_MPS,
-        sqrt(PEAK_CHANGE * abs(right_m) / (speed * turn_rps)),
-        cbrt(PEAK_JERK * abs(right_m) * reach_m / (speed * slot_mps2)),
+        sqrt(PEAK_CHANGE * abs(right_m) / (speed * turn_rps)) + SLOPE_CHANGE * abs(right_slope) / turn_rps,
+        cbrt(PEAK_JERK * abs(right_m) * reach_m / (speed * slot_mps2))
+        + sqrt(SLOPE_JERK * abs(right_slope) * reach_m / slot_mps2),
         PEAK_RATE * abs(above.height_m) / climb_mps,
     )
-    way = DisplacedPath(path, from_m, over_s * speed, right_m, above)
+    way = DisplacedPath(path, from_m, over_s * speed, right_m, above, right_slope=right_slope)
     if scenario.terrain is None or ground is None:
         return way
     from flight_model.path_lift import least_lift  # noqa: PLC0415 - scipy is for those with ground to clear

@@ -10,9 +10,10 @@ import numpy as np
 from airlink.clock import NANOSECONDS, Instant, after
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Mask
-from flight_model.autopilot import FlightState
+from flight_model.autopilot import FlightState, within
 from flight_model.curve import PathPoint
 from flight_model.displacement import DisplacedPath, Rise
+from flight_model.slot import LEADS_FROM_MPS
 from formation_scenario import Scenario
 from formation_scenario.feasibility import check_ahead
 from formation_scenario.formation import FormationChange
@@ -35,6 +36,8 @@ AMID: Final = 2.0
 """Vehicles up to this many times the farthest slot's distance from the leader count as amid the formation."""
 GATHERED_M: Final = 300.0
 """Vehicles this near the leader count as having taken off with it; the law brings others to their slots."""
+MOST_ASIDE_RAD: Final = math.radians(30.0)
+"""Up to which angle to the path a new leader's way onto it continues its own."""
 FACES_RAD: Final = math.radians(15.0)
 """How far off its path a formation that stands may face as it sets out."""
 
@@ -309,7 +312,9 @@ class Reconfiguration:
         point = guidance.path.at(distance_m)
         right_m, up_m = point.aside_m(place.north_m, place.east_m, place.height_m)
         above = self._climbing(leader, tick, point, right_m)._replace(height_m=up_m)
-        way = take_over(self._scenario, guidance.path, distance_m, right_m, above, slots.reach_m, self._ground)
+        aside = _aside(place, point, right_m)
+        scenario, path, reach_m = self._scenario, guidance.path, slots.reach_m
+        way = take_over(scenario, path, distance_m, right_m, above, reach_m, self._ground, right_slope=aside)
         return way, distance_m, swing_rad
 
     def _climbing(self, leader: int, tick: Tick, point: PathPoint, right_m: float) -> Rise:
@@ -360,3 +365,12 @@ class Reconfiguration:
 
 def _distance_m(one: FlightState, other: FlightState) -> float:
     return math.hypot(one.north_m - other.north_m, one.east_m - other.east_m, one.height_m - other.height_m)
+
+
+def _aside(state: FlightState, point: PathPoint, right_m: float) -> float:
+    """Return how far a vehicle gets to the right for each metre of the path, `right_m` beside which it is."""
+    north_mps, east_mps = state.ground_mps()
+    if math.hypot(north_mps, east_mps) < LEADS_FROM_MPS:
+        return 0.0
+    off_rad = math.remainder(math.atan2(east_mps, north_mps) - point.course_rad, math.tau)
+    return (1.0 - point.curvature_1pm * right_m) * math.tan(within(off_rad, -MOST_ASIDE_RAD, MOST_ASIDE_RAD))

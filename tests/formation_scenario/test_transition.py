@@ -242,9 +242,10 @@ def test_a_moving_slot_needs_what_its_place_over_ground_does():
     assert np.angle(ground[4] / ground[2]) / (2 * step) == pytest.approx(needs.turn_rate_rps[0, 0], abs=1e-4)
 
 
-def test_a_displaced_path_is_a_curve_whose_course_and_curvature_are_its_own():
+@pytest.mark.parametrize("right_slope", [0.0, 0.2])
+def test_a_displaced_path_is_a_curve_whose_course_and_curvature_are_its_own(right_slope):
     path = SplinePath([[0, 0, 100], [1500, 0, 100], [3000, 700, 120]])
-    way = DisplacedPath(path, 400.0, 600.0, 40.0, Rise(15.0))
+    way = DisplacedPath(path, 400.0, 600.0, 40.0, Rise(15.0), right_slope=right_slope)
     for distance in np.linspace(410.0, 990.0, 9):
         before, point, after = (way.at(distance + d) for d in (-0.5, 0.0, 0.5))
         north, east = after.north_m - before.north_m, after.east_m - before.east_m
@@ -253,7 +254,10 @@ def test_a_displaced_path_is_a_curve_whose_course_and_curvature_are_its_own():
         assert (after.course_rad - before.course_rad) / made == pytest.approx(point.curvature_1pm, abs=1e-5)
         assert (after.height_m - before.height_m) / made == pytest.approx(point.slope, abs=1e-5)
     assert way.at(1000.0).values() == path.at(1000.0).values()
-    assert way.at(400.0).aside_m(*path.at(400.0).values()[:3]) == pytest.approx((-40.0, -15.0))
+    begun, abreast = way.at(400.0), path.at(400.0)
+    assert abreast.aside_m(begun.north_m, begun.east_m, begun.height_m) == pytest.approx((40.0, 15.0))
+    along = 1.0 - 40.0 * abreast.curvature_1pm
+    assert begun.course_rad - abreast.course_rad == pytest.approx(np.arctan2(right_slope, along), abs=1e-9)
 
 
 def test_a_displaced_path_goes_on_with_the_climb_that_it_begins_with():
@@ -268,12 +272,15 @@ def test_a_displaced_path_goes_on_with_the_climb_that_it_begins_with():
         assert after.slope - before.slope == pytest.approx(point.slope_rate_1pm, abs=1e-7)
 
 
+@pytest.mark.parametrize("right_slope", [0.0, 0.1, -0.3])
 @pytest.mark.parametrize(("right_m", "reach_m"), [(30.0, 60.0), (-80.0, 20.0), (15.0, 200.0)])
-def test_a_new_leader_turns_onto_the_path_as_gently_as_the_farthest_slot_can_follow(load, right_m, reach_m):
+def test_a_new_leader_turns_onto_the_path_as_gently_as_the_farthest_slot_can_follow(
+    load, right_m, reach_m, right_slope
+):
     """On the inside of a turn a slot slows down with the rate of turn, and brakes with the rate at which that grows."""
     scenario, path = load(), SplinePath([[0, 0, 100], [3000, 0, 100], [6000, 0, 100]])
     speed, most_mps2 = scenario.path.speed_mps, scenario.vehicles[0].model.accel_max_mps2
-    way = take_over(scenario, path, 1000.0, right_m, Rise(), reach_m)
+    way = take_over(scenario, path, 1000.0, right_m, Rise(), reach_m, right_slope=right_slope)
     places = 1000.0 + np.arange(1.0, 3000.0, 2.0)
     rates = speed * np.array([way.at(distance).curvature_1pm for distance in places.tolist()])
     assert np.abs(rates).max() <= 1.02 * TURN_SHARE * keepable_turn_rps(scenario, reach_m)
