@@ -10,10 +10,8 @@ import numpy as np
 from airlink.clock import NANOSECONDS, Instant, after
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Mask
-from flight_model.autopilot import FlightState, within
-from flight_model.curve import PathPoint
-from flight_model.displacement import DisplacedPath, Rise
-from flight_model.slot import LEADS_FROM_MPS
+from flight_model.autopilot import FlightState
+from flight_model.displacement import DisplacedPath
 from formation_scenario import Scenario
 from formation_scenario.feasibility import check_ahead
 from formation_scenario.formation import FormationChange
@@ -24,9 +22,10 @@ from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.controller import FormationController
 from gcs_formation.fleet.succession import Candidate, can_lead, heir
 from gcs_formation.guidance.leader import TurnOnSpot
-from gcs_formation.guidance.tracking import LEAST_MPS, project
+from gcs_formation.guidance.tracking import project
+from gcs_formation.mission.abreast import Abreast
 from gcs_formation.mission.resumption import Resumption
-from gcs_formation.recorder import Note, Tick
+from gcs_formation.recorder import Note
 from gcs_formation.vehicle.hovering import ground_motion
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 
@@ -36,8 +35,6 @@ AMID: Final = 2.0
 """Vehicles up to this many times the farthest slot's distance from the leader count as amid the formation."""
 GATHERED_M: Final = 300.0
 """Vehicles this near the leader count as having taken off with it; the law brings others to their slots."""
-MOST_ASIDE_RAD: Final = math.radians(30.0)
-"""Up to which angle to the path a new leader's way onto it continues its own."""
 FACES_RAD: Final = math.radians(15.0)
 """How far off its path a formation that stands may face as it sets out."""
 
@@ -258,10 +255,8 @@ class Reconfiguration:
 
     def _unflyable(self, scenario: Scenario, wanted: Arrangement, now: Instant) -> str | None:
         """Return why an arrangement can't be flown from here on, in the words of `check`; None if it can."""
-        guidance, slots = (
-            self._controller.guidance,
-            self._controller.plan.seen_from(wanted.leader, 0.0, now / NANOSECONDS),
-        )
+        guidance = self._controller.guidance
+        slots = self._controller.plan.seen_from(wanted.leader, 0.0, now / NANOSECONDS)
         step = SlotStep(0.0, wanted, assigned(scenario, wanted, slots.position_m, self._present()))
         found = check_ahead(scenario, step, guidance.path, guidance.distance_m if guidance.on_path else 0.0)
         return found[0] if found else None
@@ -311,24 +306,15 @@ class Reconfiguration:
         distance_m = project(guidance.path, place.north_m, place.east_m, guidance.distance_m)
         point = guidance.path.at(distance_m)
         right_m, up_m = point.aside_m(place.north_m, place.east_m, place.height_m)
-        above = self._climbing(leader, tick, point, right_m)._replace(height_m=up_m)
-        aside = _aside(place, point, right_m)
+        model, commanded_m, abreast = (
+            controller.models[leader],
+            tick.setpoints[leader][2],
+            Abreast(point, right_m, up_m),
+        )
+        above, aside = abreast.rise(place, commanded_m, model, guidance.speed_mps), abreast.slope_aside(place)
         scenario, path, reach_m = self._scenario, guidance.path, slots.reach_m
         way = take_over(scenario, path, distance_m, right_m, above, reach_m, self._ground, right_slope=aside)
         return way, distance_m, swing_rad
-
-    def _climbing(self, leader: int, tick: Tick, point: PathPoint, right_m: float) -> Rise:
-        """Return how a successor's climb, and the climb commanded of it, differ from the path's abreast of it."""
-        model, state, (_, _, height_m) = self._controller.models[leader], tick.state[leader], tick.setpoints[leader]
-        climb_mps, lag_s, other_s = state.climb_mps, model.tau_ha_s, model.tau_hb_s
-        most_mps2 = model.climb_max_mps / (2.0 * (lag_s + other_s))
-        to_climb_m = 0.0 if math.isnan(height_m) else height_m - state.height_m
-        change_mps2 = (to_climb_m - (lag_s + other_s) * climb_mps) / (lag_s * other_s)
-        # Per metre of the path: on the inside of a bend, the vehicle covers less distance than the path.
-        speed_mps = max(self._controller.guidance.speed_mps, LEAST_MPS)
-        along_mps = speed_mps / (1.0 - point.curvature_1pm * right_m)
-        change_mps2 = min(max(change_mps2, -most_mps2), most_mps2)
-        return Rise(0.0, climb_mps / along_mps - point.slope, change_mps2 / along_mps**2 - point.slope_rate_1pm)
 
     def _slots(self, now: Instant) -> SlotMotion:
         """Return the present slots; vehicles that return amid the formation have theirs where they are themselves.
@@ -365,12 +351,3 @@ class Reconfiguration:
 
 def _distance_m(one: FlightState, other: FlightState) -> float:
     return math.hypot(one.north_m - other.north_m, one.east_m - other.east_m, one.height_m - other.height_m)
-
-
-def _aside(state: FlightState, point: PathPoint, right_m: float) -> float:
-    """Return how far a vehicle gets to the right for each metre of the path, `right_m` beside which it is."""
-    north_mps, east_mps = state.ground_mps()
-    if math.hypot(north_mps, east_mps) < LEADS_FROM_MPS:
-        return 0.0
-    off_rad = math.remainder(math.atan2(east_mps, north_mps) - point.course_rad, math.tau)
-    return (1.0 - point.curvature_1pm * right_m) * math.tan(within(off_rad, -MOST_ASIDE_RAD, MOST_ASIDE_RAD))
