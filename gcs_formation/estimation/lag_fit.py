@@ -17,9 +17,12 @@ BELIEVED_SPREAD: Final = 0.35
 """Standard deviation of the logarithm of a lag's ratio before anything is learnt: 40 %."""
 BELIEF: Final = 1.0 / BELIEVED_SPREAD**2
 CORRELATED_S: Final = 1.0
-"""Residuals this far apart count as independent."""
+"""Residuals this far apart count as independent, unless they are seen to stay alike for longer."""
 BATCH_S: Final = 1.0
 """How often lags are fitted."""
+ALIKE_S: Final = 60.0
+"""Memory of how long they do."""
+STILL_ALIKE: Final = math.exp(-BATCH_S / ALIKE_S)
 STEP_MAX: Final = 0.1
 """Largest change of a ratio's logarithm at a fit."""
 LEAST_SPREAD: Final = 0.02
@@ -91,6 +94,38 @@ class Nodes:
         return weights, slopes
 
 
+class Persistence:
+    """How long residuals stay alike: turbulence moves a vehicle for longer than a batch, and tells nothing of lags.
+
+    By von Neumann's ratio of the means of batch after batch: rho = 1 - steps / (2 size), of squares.
+    """
+
+    __slots__ = ("_before", "_count", "_mean", "_size", "_steps")
+
+    def __init__(self, resolution: float) -> None:
+        """Begin with residuals that are independent, and no larger than a `resolution`."""
+        self._before: float = math.nan
+        self._count: float = 0.0
+        self._mean: float = 0.0
+        self._size: float = squared(resolution)
+        self._steps: float = 2.0 * self._size
+
+    def take(self, mean: float) -> None:
+        """Take the mean of a batch's residuals; NaN where it has none."""
+        if not math.isnan(mean - self._before):
+            self._count = STILL_ALIKE * self._count + 1.0
+            off = mean - self._mean
+            self._mean += off / self._count
+            self._size = STILL_ALIKE * self._size + off * (mean - self._mean)
+            self._steps = STILL_ALIKE * self._steps + squared(mean - self._before)
+        self._before = mean
+
+    @property
+    def batches(self) -> float:
+        """How many batches in a row tell no more than one of independent residuals: (1 + rho) / (1 - rho)."""
+        return max(1.0, 4.0 * self._size / self._steps - 1.0)
+
+
 class Channel:
     """Airspeed, heading or height of all vehicles: what was seen, and the P lags that fit it."""
 
@@ -113,6 +148,7 @@ class Channel:
         """Share of what was seen that counts from now on."""
         self._believed = nodes.weights([0.0] * nodes.parameters)
         """Weights of the simulations at the believed lags."""
+        self._persistence = [Persistence(resolution) for _ in range(columns)]
         self._found = zeros(nodes.parameters + 1, nodes.parameters + 1)
         self._all = [_triangle(len(nodes.at) + 1) for _ in range(columns)]
         self._recent = [_triangle(len(nodes.at) + 1) for _ in range(columns)]
@@ -126,10 +162,15 @@ class Channel:
             _forget(of_all, self._kept[column])
             _forget(of_recent, STILL_RECENT)
             _add(tracks.rows, of_recent, of_all, both=tracks.excited(self._resolution))
-            weights = self.nodes.weights(self.log_ratio[column])
-            self._fit(column, self._products(of_all, weights), _count(of_all))
+            weights, samples = self.nodes.weights(self.log_ratio[column]), _count(of_all)
+            seen = self._products(of_all, weights)
+            nearer = self._nearer(seen)
+            persistence = self._persistence[column]
+            persistence.take(_mean(tracks.rows, _moved(weights, nearer)))
+            self._fit(column, seen, persistence.batches * _left(seen, nearer) / samples)
             in_use = weights if self._in_use else self._believed
-            self.misfit[column] = self._misfit(self._products(of_recent, in_use), _count(of_recent))
+            recent = self._products(of_recent, in_use)
+            self.misfit[column] = self._misfit(recent, persistence.batches / _count(of_recent))
 
     def _products(self, sums: vec[vec[float]], weights: vec[vec[float]]) -> vec[vec[float]]:
         """Return, until the next call, (P + 1, P + 1) products of each two weighted means about their own means."""
@@ -140,13 +181,26 @@ class Channel:
                 products[one][other] = products[other][one] = _dot(weights[other], along)
         return products
 
-    def _fit(self, column: int, seen: vec[vec[float]], samples: float) -> None:
+    def _nearer(self, seen: vec[vec[float]]) -> list[float]:
+        """Return by how much other ratios would come nearest to what was `seen`, as far as it stands out."""
+        parameters = range(self.nodes.parameters)
+        information = [[seen[1 + one][1 + other] for other in parameters] for one in parameters]
+        found = [0.0 for _ in parameters]
+        for place, row in enumerate(_inverse_with(information, BELIEF * self._least_variance * self._alike)):
+            for other, each in enumerate(row):
+                found[place] -= each * seen[1 + other][0]
+        return found
+
+    def _fit(self, column: int, seen: vec[vec[float]], variance: float) -> None:
         """Make a Gauss-Newton step towards the most likely lags, and forget what is more than enough.
 
-        `seen`: the products of the simulation with these lags, and of its derivatives, about their means.
+        Args:
+            column: whose.
+            seen: the products of the simulation with its lags, and of its derivatives, about their means.
+            variance: of what no lags would explain, so often as it stays alike.
         """
         log_ratio, spread, count, most = self.log_ratio[column], self.spread[column], self.nodes.parameters, 1.0
-        worth = 1.0 / ((seen[0][0] / samples + self._least_variance) * self._alike)
+        worth = 1.0 / ((variance + self._least_variance) * self._alike)
         information = [[seen[1 + one][1 + other] * worth for other in range(count)] for one in range(count)]
         pull = [-seen[1 + place][0] * worth - log_ratio[place] * BELIEF for place in range(count)]
         for place, row in enumerate(_inverse_with(information, BELIEF)):
@@ -158,15 +212,18 @@ class Channel:
             most = max(most, information[place][place])
         self._kept[column] = min(1.0, 1.0 / (LEAST_SPREAD**2 * most))
 
-    def _misfit(self, seen: vec[vec[float]], samples: float) -> float:
-        """Return by what common share the lags in use, those of `seen`, differ from those of what was flown last."""
+    def _misfit(self, seen: vec[vec[float]], worth: float) -> float:
+        """Return by what common share the lags in use, those of `seen`, differ from those of what was flown last.
+
+        `worth`: of what no lags would explain, as a share of its sum: a sample's, so often as it stays alike.
+        """
         by_all = shown = 0.0
         for one in range(1, len(seen)):
             shown += seen[one][0]
             for other in range(1, len(seen)):
                 by_all += seen[one][other]
         excitation = max(by_all, 1e-12)
-        left = max(seen[0][0] - squared(shown) / excitation, 0.0) / samples
+        left = max(seen[0][0] - squared(shown) / excitation, 0.0) * worth
         chance = math.sqrt((left + self._least_variance) * self._alike / excitation)
         return max(0.0, abs(shown) / excitation - SIGNIFICANT * chance)
 
@@ -187,6 +244,39 @@ def _dot(one: vec[float], other: vec[float]) -> float:
     for place in range(len(one)):
         total += one[place] * other[place]
     return total
+
+
+def _moved(weights: vec[vec[float]], by: list[float]) -> vec[float]:
+    """Return the weights (K) of the simulations at ratios that are moved, from weights and their derivatives."""
+    moved = vec[float]([0.0] * len(weights[0]))
+    for node in range(len(moved)):
+        weight = weights[0][node]
+        for place, each in enumerate(by):
+            weight += each * weights[1 + place][node]
+        moved[node] = weight
+    return moved
+
+
+def _left(seen: vec[vec[float]], by: list[float]) -> float:
+    """Return the simulation's product with itself, about its mean, at ratios that are moved."""
+    left = seen[0][0]
+    for one, each in enumerate(by):
+        left += 2.0 * each * seen[1 + one][0]
+        for other, another in enumerate(by):
+            left += each * another * seen[1 + one][1 + other]
+    return max(left, 0.0)
+
+
+def _mean(rows: vec[vec[float]], weights: vec[float]) -> float:
+    """Return the weighted mean of a batch's simulations minus telemetry, over its samples; NaN where it has none."""
+    samples = rows[len(weights)]
+    count = _dot(samples, samples)
+    if count == 0.0:
+        return math.nan
+    total = 0.0
+    for node in range(len(weights)):
+        total += weights[node] * _dot(rows[node], samples)
+    return total / count
 
 
 def _each(rows: vec[float], columns: vec[float]) -> vec[float]:

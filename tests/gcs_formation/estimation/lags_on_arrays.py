@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -13,6 +14,7 @@ from flight_model.arrays import Array, Instants, Mask, within, wrap
 from flight_model.autopilot import AutopilotModel
 from gcs_formation.estimation.flight_state import AirLags, AutopilotModels, Height, HeightSteps
 from gcs_formation.estimation.lag_fit import (
+    ALIKE_S,
     BATCH_S,
     BELIEVED_SPREAD,
     BOUND,
@@ -183,14 +185,41 @@ class Fit(NamedTuple):
     """(C, P, P)."""
 
     @classmethod
-    def of(cls, sums: Sums, weights: Array, slopes: Array, resolution: float, rate_hz: float) -> Fit:
-        """Return the fit at the simulations' `weights` (C, K), whose derivatives are `slopes` (C, P, K)."""
-        scatter = sums.scatter()
+    def of(cls, scatter: Array, weights: Array, slopes: Array, worth: Array) -> Fit:
+        """Return the fit at the simulations' `weights` (C, K), whose derivatives are `slopes` (C, P, K).
+
+        `worth`: of each sample, the inverse of a variance, (C,).
+        """
         misfit = (scatter @ weights[..., None])[..., 0]
-        variance = (weights * misfit).sum(axis=1) / np.maximum(sums.count, 1.0) + resolution**2
-        worth = 1.0 / (variance * max(1.0, CORRELATED_S * rate_hz))
         pull = -(slopes @ misfit[..., None])[..., 0] * worth[:, None]
         return cls(pull, slopes @ scatter @ slopes.swapaxes(1, 2) * worth[:, None, None])
+
+
+class Means:
+    """The means of batch after batch of residuals of C vehicles, each weighed anew."""
+
+    def __init__(self, columns: int, resolution: float) -> None:
+        """Begin without any."""
+        self._means: list[list[float]] = [[] for _ in range(columns)]
+        self._resolution = resolution
+
+    def take(self, means: Array, counted: Mask) -> Array:
+        """Take a batch's, NaN where none is `counted`, and return what a batch of independent residuals is worth."""
+        for column, each in enumerate(self._means):
+            each.append(float(means[column]) if counted[:, column].any() else math.nan)
+        return np.array([self._batches(each) for each in self._means])
+
+    def _batches(self, means: list[float]) -> float:
+        """Return (1 + rho) / (1 - rho) of pairs of neighbours, by definitions instead of running sums."""
+        share = math.exp(-BATCH_S / ALIKE_S)
+        pairs = [(a, b) for a, b in itertools.pairwise(means) if not math.isnan(a + b)]
+        kept = np.array([share ** (len(pairs) - 1 - place) for place in range(len(pairs))])
+        later, step = np.array([b for _, b in pairs]), np.array([b - a for a, b in pairs])
+        resolution = self._resolution**2 * share ** len(pairs)
+        mean = float(kept @ later / kept.sum()) if pairs else 0.0
+        size = resolution + float(kept @ (later - mean) ** 2)
+        steps = 2.0 * resolution + float(kept @ step**2)
+        return max(1.0, 4.0 * size / steps - 1.0)
 
 
 class Channel:
@@ -208,7 +237,9 @@ class Channel:
         """(C, P) standard deviations of these."""
         self.misfit: Array = np.zeros(columns)
         """(C,) share by which lags seem to differ from those in use, beyond chance, in what was flown last."""
-        self._resolution, self._rate_hz, self._in_use = resolution, rate_hz, in_use
+        self._resolution, self._in_use = resolution, in_use
+        self._independent = max(1.0, CORRELATED_S * rate_hz)
+        self._means = Means(columns, resolution)
         self._all, self._recent = (Sums.none(columns, len(nodes.at)) for _ in range(2))
 
     def learn(self, differences: Array, counted: Mask) -> None:
@@ -219,13 +250,26 @@ class Channel:
         self._recent.add(differences, counted)
         self._all.add(differences, counted & excited)
         weights, slopes = self.nodes.weights(self.log_ratio)
-        self._judge(*((weights, slopes) if self._in_use else self.nodes.weights(np.zeros_like(self.log_ratio))))
-        self._fit(weights, slopes)
+        scatter, count = self._all.scatter(), np.maximum(self._all.count, 1.0)
+        nearer = self._nearer(scatter, weights, slopes)
+        moved = weights + np.einsum("cp,cpk->ck", nearer, slopes)
+        samples = np.maximum(counted.sum(axis=0), 1)
+        means = np.einsum("ck,bck->c", moved, np.where(counted[..., None], differences, 0.0)) / samples
+        alike = self._means.take(means, counted)
+        variance = alike * np.einsum("ck,ckl,cl->c", moved, scatter, moved) / count + self._resolution**2
+        self._judge(*((weights, slopes) if self._in_use else self.nodes.weights(np.zeros_like(self.log_ratio))), alike)
+        self._fit(Fit.of(scatter, weights, slopes, 1.0 / (variance * self._independent)))
 
-    def _fit(self, weights: Array, slopes: Array) -> None:
+    def _nearer(self, scatter: Array, weights: Array, slopes: Array) -> Array:
+        """Return (C, P): by how much other ratios would come nearest, held by the prior where only digits differ."""
+        worth = np.full(len(weights), 1.0 / (self._resolution**2 * self._independent))
+        fit = Fit.of(scatter, weights, slopes, worth)
+        held = fit.information + np.eye(slopes.shape[1]) / BELIEVED_SPREAD**2
+        return np.linalg.solve(held, fit.pull[..., None])[..., 0].astype(np.float64)
+
+    def _fit(self, fit: Fit) -> None:
         """Make a Gauss-Newton step towards the most likely lags, and forget what is more than enough."""
-        fit = Fit.of(self._all, weights, slopes, self._resolution, self._rate_hz)
-        believed = np.eye(slopes.shape[1]) / BELIEVED_SPREAD**2
+        believed = np.eye(self.log_ratio.shape[1]) / BELIEVED_SPREAD**2
         covariance = np.linalg.inv(fit.information + believed)
         wanted = (covariance @ (fit.pull - self.log_ratio / BELIEVED_SPREAD**2)[..., None])[..., 0]
         self.log_ratio = within(self.log_ratio + within(wanted, -STEP_MAX, STEP_MAX), -BOUND, BOUND)
@@ -233,15 +277,18 @@ class Channel:
         most = np.diagonal(fit.information, axis1=1, axis2=2).max(axis=1)
         self._all.keep(np.minimum(1.0, 1.0 / (LEAST_SPREAD**2 * np.maximum(most, 1.0))))
 
-    def _judge(self, weights: Array, slopes: Array) -> None:
-        """Find by what common share the lags in use, those of `weights`, differ from those of the last flight."""
+    def _judge(self, weights: Array, slopes: Array, alike: Array) -> None:
+        """Find by what common share the lags in use, those of `weights`, differ from those of the last flight.
+
+        `alike`: so many batches tell no more of residuals than one of independent ones, (C,).
+        """
         sums, slope = self._recent, slopes.sum(axis=1)
         scatter = sums.scatter()
         by_slope = (scatter @ slope[..., None])[..., 0]
         excitation = np.maximum((slope * by_slope).sum(axis=1), 1e-12)
         shown, misfit = (weights * by_slope).sum(axis=1), np.einsum("ck,ckl,cl->c", weights, scatter, weights)
-        left = np.maximum(misfit - shown**2 / excitation, 0.0) / np.maximum(sums.count, 1.0)
-        chance = np.sqrt((left + self._resolution**2) * max(1.0, CORRELATED_S * self._rate_hz) / excitation)
+        left = alike * np.maximum(misfit - shown**2 / excitation, 0.0) / np.maximum(sums.count, 1.0)
+        chance = np.sqrt((left + self._resolution**2) * self._independent / excitation)
         self.misfit = np.maximum(0.0, np.abs(shown) / excitation - SIGNIFICANT * chance)
 
 

@@ -46,9 +46,13 @@ def flown(
     true=None,
     in_use=True,
     silent_s=(0, 0),
+    lifted_m=None,
     kind: Any = LagEstimator,
 ):
-    """Return the estimator, of a `kind`, after a flight of vehicles whose lags are `ratios` times the believed ones."""
+    """Return the estimator, of a `kind`, after a flight of vehicles whose lags are `ratios` times the believed ones.
+
+    `lifted_m`: by how much the air lifts them, tick by tick.
+    """
     true, count = true or models(ratios), len(ratios)
     history = SetpointHistory(1 / TICK_S)
     believed = tables.models(models(np.ones((count, 4))))
@@ -63,6 +67,8 @@ def flown(
         table = state.table
         for column in range(count) if not silent_s[0] < tick * TICK_S < silent_s[1] else ():
             errors = random.normal(size=3) * noise
+            if lifted_m is not None:
+                errors[2] += lifted_m[tick]
             motion = table[4:6, column] + errors[:2], table[2, column] + errors[2], table[3, column]
             lags.hear(column, tick * tick_ns, (*motion[0].tolist(), float(motion[1]), float(motion[2])))
         lags.learn([learning] * count)
@@ -97,6 +103,18 @@ def test_the_model_in_use_has_the_lags_that_were_found():
 def test_white_noise_in_the_telemetry_does_not_bias_them():
     found = np.mean([ratios_of(flown(CORNERS[2:], 60, noise=(0.2, 0.01, 0.3), seed=seed)) for seed in range(3)], axis=0)
     assert found[:2] == pytest.approx(np.array(CORNERS[2:]).T[:2], rel=0.05)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_heights_that_turbulence_moves_are_not_taken_for_other_lags(seed):
+    """Gusts displace an aircraft by 1.5 m RMS, for 5 s: many samples in a row tell of one gust."""
+    kept, random = np.exp(-TICK_S / 5.0), np.random.default_rng(seed)
+    lifted_m = [0.0]
+    for _ in range(round(120 / TICK_S)):
+        lifted_m.append(kept * lifted_m[-1] + 1.5 * np.sqrt(1 - kept**2) * random.normal())
+    lags = flown(np.ones((1, 4)), 120, lifted_m=lifted_m)
+    assert ratios_of(lags)[2:] == pytest.approx(1.0, abs=0.25)
+    assert lags.misfit[2][0] < 0.1
 
 
 def test_beyond_half_and_twice_the_believed_lags_nothing_is_taken_and_the_misfit_tells():
