@@ -105,7 +105,7 @@ class AutopilotModel:
         """Return the model in which (setpoint - value) / lag is the mean rate while a setpoint is held for a time.
 
         The value is that at the beginning, where the rate is larger than its mean. Speed and heading only, away from
-        the rate limits. It isn't to be changed: it is kept until a lag changes.
+        the rate limits. It isn't to be changed: it is kept until a lag or the airspeeds' range changes.
         """
         lags_s = time_s, self.tau_v_s, self.tau_psi_s, self.tau_ha_s, self.tau_hb_s
         kept = self._held
@@ -113,6 +113,10 @@ class AutopilotModel:
             kept, self._held_for = self._hold(time_s), lags_s
             self._held = kept
         return kept
+
+    def reach(self, slowest_mps: float, fastest_mps: float) -> None:
+        """Have another range of airspeeds from now on."""
+        self.speed_min_mps, self.speed_max_mps, self._held = slowest_mps, fastest_mps, None
 
     def _hold(self, time_s: float) -> AutopilotModel:
         return AutopilotModel(

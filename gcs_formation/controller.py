@@ -22,7 +22,7 @@ from gcs_formation import parameters
 from gcs_formation.control.envelope import Envelope
 from gcs_formation.control.laws import law_kind, law_parameters
 from gcs_formation.control.situation import Lead, Situation
-from gcs_formation.estimation.estimator import Sample, StateEstimator, VehicleFilter
+from gcs_formation.estimation.estimator import Sample, StateEstimator, VehicleFilter, heading_shown
 from gcs_formation.estimation.projection import Measured, States
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.guidance.leader import AHEAD_POINTS, ASSEMBLED_S, LeaderCommand, LeaderCommands, LeaderWind, amid
@@ -121,7 +121,10 @@ class FormationController:
         commanded = [False] * self._columns if self.last_tick is None else self.last_tick.active
         self.estimator.take(samples, self.models, commanded)
         for column, sample in samples.items():
-            motion = sample.airspeed_mps, sample.heading_rad, sample.height_m, sample.climb_mps
+            state, heading_rad = self.estimator.filters[column].state, sample.heading_rad
+            if sample.by_course and state is not None:
+                heading_rad = heading_shown(state, sample.north_mps, sample.east_mps)
+            motion = sample.airspeed_mps, heading_rad, sample.height_m, sample.climb_mps
             self.lags.hear(column, sample.stamp, motion)
 
     def step(
@@ -151,6 +154,7 @@ class FormationController:
         assembled = self.assembled or begin_regardless
         if self._virtual:
             self._place_virtual_leader(now)
+        self._limit_speeds(links)
         acts = self._acts(now, links)
         tick = self.blank_tick(now, mission_time_s, phase, links, margin_used)
         self.lags.learn([tick.active[column] and not link.disobeying for column, link in enumerate(links)])
@@ -183,6 +187,12 @@ class FormationController:
         age_s = [self.estimator.age_s(column, now) for column in range(self._columns)]
         active = [link.ready and not math.isnan(age_s[column]) for column, link in enumerate(links)]
         return Tick(now, mission_time_s, phase, self.plan.leader, links, age_s, list(margin_used), active)
+
+    def _limit_speeds(self, links: list[VehicleLink]) -> None:
+        """Have the models fly the airspeeds that vehicles can be had to fly now."""
+        for model, link in zip(self.models, links, strict=True):
+            if link.speeds_mps is not None:
+                model.reach(*link.speeds_mps)
 
     def _acts(self, now: Instant, links: list[VehicleLink]) -> list[int]:
         """Return when each column's present setpoint acts; a virtual leader amid the followers acts as they do."""

@@ -32,6 +32,7 @@ class VehicleLink:
         "jitter_s",
         "lag_s",
         "ready",
+        "speeds_mps",
         "up_s",
     )
 
@@ -58,6 +59,8 @@ class VehicleLink:
         """Until when it is known to have heard what it was commanded."""
         self.disobeying = False
         """Whether it doesn't seem to fly as it was commanded, though it hears it."""
+        self.speeds_mps: tuple[float, float] | None = None
+        """The airspeeds that it can be had to fly now, where they aren't its model's."""
 
     @property
     def on_its_way_s(self) -> float:

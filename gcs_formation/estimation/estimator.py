@@ -63,6 +63,7 @@ class Sample:
 
     __slots__ = (
         "airspeed_mps",
+        "by_course",
         "climb_mps",
         "east_m",
         "east_mps",
@@ -84,8 +85,13 @@ class Sample:
         climb_mps: float,
         airspeed_mps: float,
         heading_rad: float,
+        *,
+        by_course: bool = False,
     ) -> None:
-        """Take the instant, the place, the velocity over ground, and the motion in the air."""
+        """Take the instant, the place, the velocity over ground, and the motion in the air.
+
+        `by_course`: the vehicle is told courses over ground, and turns against the wind by itself.
+        """
         self.stamp = stamp
         self.north_m = north_m
         self.east_m = east_m
@@ -95,6 +101,7 @@ class Sample:
         self.climb_mps = climb_mps
         self.airspeed_mps = airspeed_mps
         self.heading_rad = heading_rad
+        self.by_course = by_course
 
     def values(self, least_mps: float) -> Values:
         """Return what was measured, in the order of the constructor's arguments; the airspeed no less than a limit."""
@@ -108,6 +115,16 @@ class Sample:
             max(self.airspeed_mps, least_mps),
             self.heading_rad,
         )
+
+
+def heading_shown(state: FlightState, north_mps: float, east_mps: float) -> float:
+    """Return the heading that a velocity over ground shows of a vehicle in the wind that is known of its `state`.
+
+    What is told courses turns against a gust by itself, before the wind's estimate has it.
+    """
+    known_north_mps, known_east_mps = state.ground_mps()
+    crabbed_rad = math.atan2(known_east_mps, known_north_mps) - state.heading_rad
+    return wrap(math.atan2(east_mps, north_mps) - crabbed_rad)
 
 
 class VehicleFilter:

@@ -23,6 +23,11 @@ BATCH_S: Final = 1.0
 ALIKE_S: Final = 60.0
 """Memory of how long they do."""
 STILL_ALIKE: Final = math.exp(-BATCH_S / ALIKE_S)
+GUST_ALIKE: Final = 6.0
+"""Batches that tell as much as one before it is known. What stays alike for longer may be lags that are far off: it is
+worth no less to their misfit."""
+GUST_WORTH: Final = 5.0
+"""As many pairs of batches as the belief in that is worth."""
 STEP_MAX: Final = 0.1
 """Largest change of a ratio's logarithm at a fit."""
 LEAST_SPREAD: Final = 0.02
@@ -32,6 +37,9 @@ RECENT_S: Final = 20.0
 """Memory of the misfit."""
 STILL_RECENT: Final = math.exp(-BATCH_S / RECENT_S)
 """What it keeps from one fit to the next."""
+FITTED: Final = 2.0
+LEAST_FREE: Final = 0.1
+"""Residuals that are left of so many by what was fitted to them, at least."""
 SIGNIFICANT: Final = 2.0
 """Standard deviations of the misfit that don't count."""
 
@@ -123,7 +131,8 @@ class Persistence:
     @property
     def batches(self) -> float:
         """How many batches in a row tell no more than one of independent residuals: (1 + rho) / (1 - rho)."""
-        return max(1.0, 4.0 * self._size / self._steps - 1.0)
+        seen = max(1.0, 4.0 * self._size / self._steps - 1.0)
+        return (GUST_WORTH * GUST_ALIKE + self._count * seen) / (GUST_WORTH + self._count)
 
 
 class Channel:
@@ -170,7 +179,7 @@ class Channel:
             self._fit(column, seen, persistence.batches * _left(seen, nearer) / samples)
             in_use = weights if self._in_use else self._believed
             recent = self._products(of_recent, in_use)
-            self.misfit[column] = self._misfit(recent, persistence.batches / _count(of_recent))
+            self.misfit[column] = self._misfit(recent, _count(of_recent), min(persistence.batches, GUST_ALIKE))
 
     def _products(self, sums: vec[vec[float]], weights: vec[vec[float]]) -> vec[vec[float]]:
         """Return, until the next call, (P + 1, P + 1) products of each two weighted means about their own means."""
@@ -212,10 +221,11 @@ class Channel:
             most = max(most, information[place][place])
         self._kept[column] = min(1.0, 1.0 / (LEAST_SPREAD**2 * most))
 
-    def _misfit(self, seen: vec[vec[float]], worth: float) -> float:
+    def _misfit(self, seen: vec[vec[float]], samples: float, batches: float) -> float:
         """Return by what common share the lags in use, those of `seen`, differ from those of what was flown last.
 
-        `worth`: of what no lags would explain, as a share of its sum: a sample's, so often as it stays alike.
+        So many `batches` tell no more than one of independent residuals. Few of these, less a mean and a share that
+        were fitted to them, tell little of how large they are.
         """
         by_all = shown = 0.0
         for one in range(1, len(seen)):
@@ -223,7 +233,9 @@ class Channel:
             for other in range(1, len(seen)):
                 by_all += seen[one][other]
         excitation = max(by_all, 1e-12)
-        left = max(seen[0][0] - squared(shown) / excitation, 0.0) * worth
+        independent = samples / (self._alike * batches)
+        worth = independent / max(independent - FITTED, LEAST_FREE)
+        left = max(seen[0][0] - squared(shown) / excitation, 0.0) * batches * worth / samples
         chance = math.sqrt((left + self._least_variance) * self._alike / excitation)
         return max(0.0, abs(shown) / excitation - SIGNIFICANT * chance)
 

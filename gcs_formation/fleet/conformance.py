@@ -14,9 +14,11 @@ from formation_scenario.navigation import NoisyNavigation
 from formation_scenario.reconfiguration import column_models
 from formation_scenario.slot_assignment import columns
 from gcs_formation.controller import FormationController
+from gcs_formation.estimation.estimator import heading_shown
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.parameters import autopilot_models
 from gcs_formation.recorder import Detail, Note, Tick, unknown_state
+from gcs_formation.vehicle.telemetry import Motion
 from gcs_formation.vehicle.vehicle import UNANSWERED_S, Member, Vehicle
 
 CHECK_S: Final = 0.4
@@ -298,6 +300,9 @@ class ConformanceMonitor:
             settled[column] = self._settled(vehicle, since, now)
         before = self._motion.broken
         states = [each.state or unknown_state() for each in filters]
+        for vehicle in self._vehicles.values():
+            if vehicle.autopilot.flies_courses:
+                states[vehicle.column] = _by_course(states[vehicle.column], vehicle.telemetry.motion)
         found = self._motion.check(now, [each.stamp for each in filters], states, settled, commanded_s)
         for each in found:
             self._note(now, "disobeys", _words(each), self._at(each.column), _figures(each))
@@ -316,6 +321,14 @@ class ConformanceMonitor:
 
     def _at(self, column: int) -> Vehicle:
         return next(each for each in self._vehicles.values() if each.column == column)
+
+
+def _by_course(state: FlightState, seen: Motion | None) -> FlightState:
+    """Return a state with the heading that the course over ground shows."""
+    shown = state.copy()
+    if seen is not None:
+        shown.heading_rad = heading_shown(state, seen.north_mps, seen.east_mps)
+    return shown
 
 
 def _settled_unanswered(vehicle: Vehicle, since: Instant, now: Instant) -> list[bool]:

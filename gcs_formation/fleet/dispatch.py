@@ -69,6 +69,7 @@ class Dispatch:
             link.heard = vehicle.heard_at(now)
             link.lag_s = vehicle.autopilot.loop_s / 2
             link.disobeying = disobeying[vehicle.column]
+            link.speeds_mps = vehicle.autopilot.speeds_mps
         hold_s = self._hold_s(leader, links)
         links[leader].lag_s += hold_s
         return links, hold_s

@@ -140,6 +140,8 @@ class Autopilot(ABC):
     """In which it turns onto a circle, clockwise by default, as soon as it is told; -1: in none."""
     stands: ClassVar[bool] = False
     """Whether it stands where it waits, and needs no height of its own there; others circle."""
+    flies_courses: ClassVar[bool] = False
+    """Whether a fixed wing is told courses over ground instead of headings."""
     approach_m: ClassVar[float] = 0.0
     """Height above home of the approach that `land` begins with."""
 
@@ -257,6 +259,11 @@ class Autopilot(ABC):
         if self.stands:
             return ground_motion(yaw_rad, north_mps, east_mps, leads=leads)
         return airspeed_mps, yaw_rad
+
+    @property
+    def speeds_mps(self) -> tuple[float, float] | None:
+        """The least and the highest airspeed that it can be had to fly now; None where they are its model's."""
+        return None
 
     @abstractmethod
     def setpoint(self, setpoint: Setpoint, where: FlightState) -> tuple[Message, ...]:

@@ -24,6 +24,10 @@ class _Rest:
         """Return what to tell for a speed to be flown."""
         return (speed_mps - (1.0 - self._prompt) * self.integrated_mps) / self._prompt
 
+    def flown(self, told_mps: float) -> float:
+        """Return the speed that is flown for one that is told: `led` the other way round."""
+        return self._prompt * told_mps + (1.0 - self._prompt) * self.integrated_mps
+
     def take(self, told_mps: float) -> None:
         """Take note of what is told for a period."""
         self.integrated_mps += self._filled * (told_mps - self.integrated_mps)
@@ -35,6 +39,13 @@ class SpeedLead:
     def __init__(self, prompt_share: float, rest_s: float, limits_mps: tuple[float, float], period_s: float) -> None:
         """Begin with the airspeed that it has; one between the limits is told every `period_s`."""
         self._rest, self._limits_mps, self._begun = _Rest(prompt_share, rest_s, period_s), limits_mps, False
+
+    @property
+    def within_reach_mps(self) -> tuple[float, float]:
+        """The least and the highest airspeed that it can be had to fly now; its integrator does the rest in time."""
+        if not self._begun:
+            return self._limits_mps
+        return self._rest.flown(self._limits_mps[0]), self._rest.flown(self._limits_mps[1])
 
     def lead(self, speed_mps: float, airspeed_mps: float) -> float:
         """Return the airspeed to tell now for one to be flown; `airspeed_mps` is what it flies."""

@@ -197,6 +197,7 @@ class Px4Plane(Px4):
     setpoint_commands = (m.MAV_CMD_DO_REPOSITION,) * 3
     setpoints_set_mode = True
     """DO_REPOSITION without that (its second parameter) is UNSUPPORTED."""
+    flies_courses = True
     speed_lead: SpeedLead | None = None
     """For one whose model leaves part of a change of airspeed to its integrator."""
 
@@ -212,6 +213,11 @@ class Px4Plane(Px4):
                 lambda value: abs(value) <= LARGEST_CIRCLE_M,
             ),
         )
+
+    @property
+    def speeds_mps(self) -> tuple[float, float] | None:
+        """What is left of a change to its integrator is flown in a minute, not now."""
+        return None if self.speed_lead is None else self.speed_lead.within_reach_mps
 
     def setpoint(self, setpoint: Setpoint, where: FlightState) -> tuple[Command, ...]:
         """Return one command: airspeed, altitude above sea level, and a place ahead.

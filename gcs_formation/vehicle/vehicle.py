@@ -228,6 +228,7 @@ class Vehicle:
             motion.climb_mps,
             airspeed_mps,
             heading_rad,
+            by_course=self.autopilot.flies_courses,
         )
 
     def new_setpoints(self, messages: tuple[Message, ...], at: Instant) -> list[Message]:

@@ -240,3 +240,10 @@ def test_a_held_models_rates_are_the_means_while_a_setpoint_is_held(held_s, asid
 @pytest.mark.parametrize(("error", "expected"), [(2.0, 0.5), (10.0, 1.5), (-12.0, -1.5), (math.nan, 0.0)])
 def test_a_rate_is_the_errors_share_of_the_lag_within_its_limit_and_none_without_a_setpoint(error, expected):
     assert rate(error, TAU_V, ACCEL) == expected
+
+
+def test_a_held_model_has_the_airspeeds_that_are_within_reach_now():
+    flies = model()
+    assert flies.held(0.1).speed_max_mps == flies.speed_max_mps
+    flies.reach(20.5, 23.5)
+    assert (flies.held(0.1).speed_min_mps, flies.held(0.1).speed_max_mps) == (20.5, 23.5)

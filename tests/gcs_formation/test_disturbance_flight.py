@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -130,3 +131,15 @@ def test_with_noise_like_a_gnss_receivers_the_rms_error_stays_below_a_quarter_of
         after = flying(series) & (series["mission_time_s"] > 20)
         for axis in "xyz":
             assert np.sqrt(np.mean(series[f"error_{axis}_m"][after] ** 2)) <= 0.25
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("autopilot", "speed_mps"), [("emulator", 22), ("px4", 14)])
+def test_in_turbulence_nobody_is_said_to_disobey_or_to_come_near_a_delay_margin(plan, autopilot, speed_mps):
+    """PX4 turns against gusts by itself, as it is told courses; its airspeeds have little room for a minute."""
+    vehicles = {"count": 3, "autopilot": autopilot}
+    path = {"speed_mps": speed_mps, "waypoints_m": [[0, 0, 120], [1000, 0, 120], [2000, 600, 130], [9000, 600, 120]]}
+    gusts = [{"at_s": 2, "kind": "dryden", "wind_6m_mps": 7}]
+    flown = plan(vehicles=vehicles, disturbances=gusts, path=path, duration_s=200).fly()
+    events = [json.loads(line) for line in (flown.directory / "events.jsonl").read_text().splitlines()]
+    assert not [each for each in events if each["kind"] in {"disobeys", "delay_margin"}]

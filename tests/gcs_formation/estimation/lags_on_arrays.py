@@ -19,6 +19,8 @@ from gcs_formation.estimation.lag_fit import (
     BELIEVED_SPREAD,
     BOUND,
     CORRELATED_S,
+    GUST_ALIKE,
+    GUST_WORTH,
     LEAST_SPREAD,
     RECENT_S,
     SIGNIFICANT,
@@ -219,7 +221,8 @@ class Means:
         mean = float(kept @ later / kept.sum()) if pairs else 0.0
         size = resolution + float(kept @ (later - mean) ** 2)
         steps = 2.0 * resolution + float(kept @ step**2)
-        return max(1.0, 4.0 * size / steps - 1.0)
+        seen = max(1.0, 4.0 * size / steps - 1.0)
+        return float(np.average((GUST_ALIKE, seen), weights=(GUST_WORTH, kept.sum())))
 
 
 class Channel:
@@ -282,12 +285,14 @@ class Channel:
 
         `alike`: so many batches tell no more of residuals than one of independent ones, (C,).
         """
-        sums, slope = self._recent, slopes.sum(axis=1)
+        sums, slope, alike = self._recent, slopes.sum(axis=1), np.minimum(alike, GUST_ALIKE)
         scatter = sums.scatter()
         by_slope = (scatter @ slope[..., None])[..., 0]
         excitation = np.maximum((slope * by_slope).sum(axis=1), 1e-12)
         shown, misfit = (weights * by_slope).sum(axis=1), np.einsum("ck,ckl,cl->c", weights, scatter, weights)
-        left = alike * np.maximum(misfit - shown**2 / excitation, 0.0) / np.maximum(sums.count, 1.0)
+        count = np.maximum(sums.count, 1.0)
+        free = np.maximum(count / (self._independent * alike) - 2.0, 0.1)
+        left = np.maximum(misfit - shown**2 / excitation, 0.0) / (free * self._independent)
         chance = np.sqrt((left + self._resolution**2) * self._independent / excitation)
         self.misfit = np.maximum(0.0, np.abs(shown) / excitation - SIGNIFICANT * chance)
 

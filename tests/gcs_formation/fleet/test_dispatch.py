@@ -30,7 +30,7 @@ def vehicle(column: int, up_s: float) -> SimpleNamespace:
         ways_s=(math.nan, math.nan),
         jitter=SimpleNamespace(jitter_s=0.0),
         heard_at=lambda now: now,
-        autopilot=SimpleNamespace(loop_s=0.1, setpoint=lambda setpoint, _: [(str(column), setpoint)]),
+        autopilot=SimpleNamespace(loop_s=0.1, speeds_mps=None, setpoint=lambda setpoint, _: [(str(column), setpoint)]),
         new_setpoints=lambda messages, _: messages,
         forget_setpoints=lambda: None,
     )

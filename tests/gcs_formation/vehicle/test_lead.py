@@ -60,3 +60,15 @@ def test_airspeeds_that_are_told_keep_the_limits_and_the_rest_is_made_up_for_lat
         assert told[0] == told_first_mps
         assert 11.0 <= min(told) <= max(told) <= 15.0
         assert flies_mps[-1] == pytest.approx(asked_mps, abs=0.01)
+
+
+@given(st.lists(st.floats(9.0, 17.0), min_size=1, max_size=60))
+def test_an_airspeed_within_reach_is_flown_at_once_and_none_beyond(asked):
+    lead, flown = SpeedLead(PROMPT, REST_S, (11.0, 15.0), PERIOD_S), Integrator()
+    flown.filled_mps = 14.0
+    lead.lead(14.0, 14.0)
+    flown.flies(14.0)
+    for asked_mps in asked:
+        low_mps, high_mps = lead.within_reach_mps
+        flies_mps = flown.flies(lead.lead(asked_mps, 14.0))
+        assert flies_mps == pytest.approx(min(max(asked_mps, low_mps), high_mps), abs=1e-9)
