@@ -42,12 +42,18 @@ ON_PATH_M, ON_PATH_RAD = 10.0, math.radians(10.0)
 """Within these the leader is on the path, and needs no way back."""
 QUICK_RADPS, SLOW_RADPS = 1.0, 0.5
 """Bandwidths of the wind estimate for the leader's guidance: followers' slots can't keep up with quicker turns."""
+AHEAD_M: Final = 200.0
+"""Longest distance of the places along the leader's way around which the ground is looked at."""
 RETURNS: Final = 8
 """How many places are tried to return to, each a turn's radius farther along the path than the one before."""
-AHEAD_POINTS: Final = 5
-"""Places along the leader's way at which the ground is looked at."""
 CLIMB_SHARE: Final = 0.7
 """Share of the climb limit that the route to the start uses; followers need the rest."""
+
+
+def points_ahead(way_m: float) -> list[float]:
+    """Return how far along a way the ground is looked at, m: near enough to each other to miss none."""
+    count = 2 + int(way_m / AHEAD_M)
+    return [way_m * each / (count - 1) for each in range(count)]
 
 
 @dataclass(frozen=True)
