@@ -122,6 +122,13 @@ def check_ahead(scenario: Scenario, step: SlotStep, path: SplinePath, from_m: fl
     return [f"{problem.found}; allowed: {problem.allowed}" for problem in problems]
 
 
+def slots_without_room(scenario: Scenario, room_m: float) -> Iterator[str]:
+    """Yield the slots that leave less than `room_m` of the separation to errors, with the key that places them."""
+    least_m = scenario.safety.separation_m + room_m
+    for path, found in _near(scenario, slot_schedule(scenario), _keys(scenario), least_m):
+        yield f"{'.'.join(map(str, path))}: {found}"
+
+
 def refused_orders(scenario: Scenario) -> Iterator[tuple[int, str]]:
     """Yield the planned orders that will be refused, each with its index and the reason, as `check_ahead` has it.
 
@@ -197,6 +204,14 @@ def _separation(
     scenario: Scenario, source: Source, steps: tuple[SlotStep, ...], keys: Sequence[KeyPath]
 ) -> Iterator[Problem]:
     allowed = f"{scenario.safety.separation_m:g} m or more (safety.separation_m)"
+    for path, found in _near(scenario, steps, keys, scenario.safety.separation_m * (1.0 - TOLERANCE)):
+        yield source.problem(path, found, allowed)
+
+
+def _near(
+    scenario: Scenario, steps: tuple[SlotStep, ...], keys: Sequence[KeyPath], least_m: float
+) -> Iterator[tuple[KeyPath, str]]:
+    """Yield the two nearest slots of each step where they are nearer than `least_m`, with the key that places them."""
     everyone = column_names(scenario)
     for path, step in zip(keys, steps, strict=True):
         places = step.places_m
@@ -204,11 +219,10 @@ def _separation(
         distances[np.tril_indices(len(places))] = np.inf
         one, other = np.unravel_index(int(np.argmin(distances)), distances.shape)
         nearest = float(distances[one, other])
-        if nearest < scenario.safety.separation_m * (1.0 - TOLERANCE):
+        if nearest < least_m:
             pair = " and ".join(_who(step, column, everyone) for column in (one, other))
-            found = f"found slots of {pair} {nearest:.3g} m apart in {step.shape}"
             key = "slots_m" if step.shape == "custom" else "spacing_m"
-            yield source.problem((*path, key), found, allowed)
+            yield (*path, key), f"found slots of {pair} {nearest:.3g} m apart in {step.shape}"
 
 
 def _ahead_of_leader(

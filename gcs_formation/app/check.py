@@ -12,13 +12,14 @@ import numpy as np
 from flight_model.design import MISMATCH
 from formation_scenario import Scenario, ScenarioError, dump_scenario
 from formation_scenario.begin_and_end import planned_end_s
-from formation_scenario.feasibility import refused_orders
+from formation_scenario.feasibility import refused_orders, slots_without_room
 from formation_scenario.gains import AUTO, by_design, figures
 from formation_scenario.graph import scenario_adjacency
 from formation_scenario.slot_assignment import planned_slots
 from gcs_formation.app.check_end import final_circles
 from gcs_formation.app.check_links import assembly, goes_round, split_errors, ways_s
 from gcs_formation.control.laws import law_kind
+from gcs_formation.record.figures_of_merit import SETTLED_M
 from gcs_formation.stability import LawMargins, Usage, law_loops, law_margins, loop_delay_s
 from gcs_formation.stability.law import consensus_margins, follower_margins
 from gcs_formation.stability.mismatch import LAGS_OFF, STEP_S, lag_margin, mismatch_margin_with_lags_off
@@ -26,6 +27,8 @@ from gcs_formation.stability.mismatch import LAGS_OFF, STEP_S, lag_margin, misma
 UNITS = {"speed": "m/s", "heading": "rad", "height": "m"}
 PLANES_MOST_HZ = 40.0
 """Four fifths of SCHED_LOOP_RATE, beyond which ArduPilot denies MAV_CMD_SET_MESSAGE_INTERVAL."""
+ROOM_M = 2 * SETTLED_M
+"""By how much two vehicles that are in their slots may be nearer to each other than these are."""
 NEAR = 0.8
 """Share of the delay margin from which `check` warns of the configured delay."""
 
@@ -155,6 +158,9 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
             yield f"law.{channel}: unstable around the aircraft of the vehicles' models; law.gains: auto isn't"
     yield from split_errors(scenario)
     yield from final_circles(scenario)
+    for found in slots_without_room(scenario, ROOM_M):
+        asked = f"{scenario.safety.separation_m:g} m asked for (safety.separation_m)"
+        yield f"{found}, {asked}: no {ROOM_M:g} m left for errors"
     if text := slots_of_no_shape(scenario):
         yield text
     if text := refused_rate(scenario):

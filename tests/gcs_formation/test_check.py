@@ -185,6 +185,17 @@ def test_holes_of_elevation_data_below_the_last_circles_are_told(tmp_path: Path)
         assert any("found no elevation at north 5" in text for text in check_report(planned)["warnings"]) == told
 
 
+@pytest.mark.parametrize(("spacing_m", "told"), [(5.0, True), (5.99, True), (6.0, False)])
+def test_slots_that_leave_no_room_for_errors_are_told(spacing_m: float, told: bool) -> None:
+    """Slots 5 m apart may be flown, but who is a millimetre off breaks a separation of 5 m."""
+    wide, near = {"shape": "line", "spacing_m": 30}, {"at_s": 20, "spacing_m": spacing_m}
+    planned = load_scenario(flight(formation=wide | {"changes": [near]}))
+    found = [text for text in check_report(planned)["warnings"] if "left for errors" in text]
+    who = "formation.changes.0.spacing_m: found slots of the leader and vehicle 2"
+    said = f"{who} {spacing_m:.3g} m apart in line, 5 m asked for (safety.separation_m): no 1 m left for errors"
+    assert found == ([said] if told else [])
+
+
 def test_what_is_planned_for_after_the_flight_is_warned_of() -> None:
     late = {
         "faults": [{"at_s": 50, "kind": "crash", "vehicles": [2]}, {"at_s": 500, "kind": "crash", "vehicles": [2]}],
