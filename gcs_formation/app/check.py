@@ -12,7 +12,7 @@ import numpy as np
 from flight_model.design import MISMATCH
 from formation_scenario import Scenario, ScenarioError, dump_scenario
 from formation_scenario.begin_and_end import planned_end_s
-from formation_scenario.feasibility import refused_orders, slots_without_room
+from formation_scenario.feasibility import refused_orders, slots_without_room, unfinished_change
 from formation_scenario.gains import AUTO, by_design, figures
 from formation_scenario.graph import scenario_adjacency
 from formation_scenario.slot_assignment import planned_slots
@@ -194,7 +194,7 @@ def slots_of_no_shape(scenario: Scenario) -> str | None:
 
 
 def never_reached(scenario: Scenario) -> Iterator[str]:
-    """Yield what is planned for after the flight's end: the last of `duration_s` itself, windows, events."""
+    """Yield what is planned for after the flight's end: the last of `duration_s` itself, windows, events, a change."""
     end_s, whole_s = planned_end_s(scenario), scenario.duration_s
     over = f"the flight is over at {end_s:.4g} s"
     if end_s < whole_s:
@@ -215,6 +215,8 @@ def never_reached(scenario: Scenario) -> Iterator[str]:
     for key, at_s in times_s.items():
         if at_s >= end_s:
             yield f"{key}: found {at_s:g}; {over}"
+    if text := unfinished_change(scenario, end_s):
+        yield text
 
 
 def _followers_text(scenario: Scenario) -> Iterator[str]:

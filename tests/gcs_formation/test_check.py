@@ -196,6 +196,16 @@ def test_slots_that_leave_no_room_for_errors_are_told(spacing_m: float, told: bo
     assert found == ([said] if told else [])
 
 
+def test_a_change_that_takes_longer_than_the_flight_is_told() -> None:
+    """From diamond to line takes 14.7 s."""
+    changes = {"shape": "diamond", "spacing_m": 30, "changes": [{"at_s": 20, "shape": "line"}]}
+    for duration_s, told in ((30, True), (40, False)):
+        planned = load_scenario(flight(formation=changes, duration_s=duration_s))
+        texts = [text for text in check_report(planned)["warnings"] if text.startswith("formation.changes.0: ")]
+        assert bool(texts) == told
+        assert not told or texts[0].endswith("s from 20 s on, and the flight is over at 30 s")
+
+
 def test_what_is_planned_for_after_the_flight_is_warned_of() -> None:
     late = {
         "faults": [{"at_s": 50, "kind": "crash", "vehicles": [2]}, {"at_s": 500, "kind": "crash", "vehicles": [2]}],
