@@ -84,6 +84,10 @@ class TurnOnSpot:
         """Where it ends."""
         return self.begin_rad + self.by_rad
 
+    def over(self, at: Instant) -> bool:
+        """Whether it has come round, and whoever follows it too: they turn their noses to where they swing."""
+        return seconds_between(self.begun, at) >= self.duration_s + LEAST_S
+
     def setpoint(self, at: int, lag_s: float) -> tuple[float, float]:
         """Return the heading to tell at an instant (ns) to what follows with a lag, and how fast that turns, rad/s."""
         elapsed_s = seconds_between(self.begun, Instant(at))

@@ -174,6 +174,9 @@ class Reconfiguration:
             if not present[wanted.leader]:
                 found = f"{self._names[wanted.leader]} doesn't fly in the formation"
                 raise NotFlyableError(found, "a vehicle that does", 0.0)
+            turn = controller.guidance.turn
+            if turn is not None and not turn.over(now):
+                raise NotFlyableError("the formation turns on the spot", "another leader once it stands", 0.0)
             route, distance_m, swing_rad = self._take_over(wanted.leader, now_s)
         start = self._slots(now).seen_from(wanted.leader, swing_rad)
         if route is None:
@@ -263,6 +266,7 @@ class Reconfiguration:
         heir = self.successor(now)
         if heir is not None:
             self._hand_over(heir, now)
+            self._flown_at = now  # nobody planned what comes now
             self._want(self._wanted or self._controller.plan.arrangement, now)
 
     def _unflyable(self, scenario: Scenario, wanted: Arrangement, now: Instant) -> str | None:
