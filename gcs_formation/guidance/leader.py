@@ -42,8 +42,8 @@ ON_PATH_M, ON_PATH_RAD = 10.0, math.radians(10.0)
 """Within these the leader is on the path, and needs no way back."""
 QUICK_RADPS, SLOW_RADPS = 1.0, 0.5
 """Bandwidths of the wind estimate for the leader's guidance: followers' slots can't keep up with quicker turns."""
-AHEAD_M: Final = 200.0
-"""Longest distance of the places along the leader's way around which the ground is looked at."""
+AHEAD_M: Final = 165.0
+"""Distance of the places along the leader's way around which the ground is looked at."""
 RETURNS: Final = 8
 """How many places are tried to return to, each a turn's radius farther along the path than the one before."""
 CLIMB_SHARE: Final = 0.7
@@ -51,9 +51,8 @@ CLIMB_SHARE: Final = 0.7
 
 
 def points_ahead(way_m: float) -> list[float]:
-    """Return how far along a way the ground is looked at, m: near enough to each other to miss none."""
-    count = 2 + int(way_m / AHEAD_M)
-    return [way_m * each / (count - 1) for each in range(count)]
+    """Return how far along a way the ground is looked at, m: of a longer way the same places, and more."""
+    return [AHEAD_M * each for each in range(1 + math.ceil(way_m / AHEAD_M))]
 
 
 @dataclass(frozen=True)

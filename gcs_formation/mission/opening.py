@@ -14,7 +14,15 @@ from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
 from formation_scenario.orders import End
 from gcs_formation.controller import FormationController
-from gcs_formation.fleet.circle_heights import STACK_M, Band, GroundFloor, loiter_heights, may_meet, opening_limit_s
+from gcs_formation.fleet.circle_heights import (
+    OPENING_LIMIT_S,
+    STACK_M,
+    Band,
+    GroundFloor,
+    loiter_heights,
+    may_meet,
+    opening_limit_s,
+)
 from gcs_formation.recorder import VehicleLink
 from gcs_formation.vehicle.telemetry import Motion
 from gcs_formation.vehicle.vehicle import UNANSWERED_S, Member, Vehicle
@@ -27,7 +35,7 @@ BESIDE_M = 5.0
 """What circles are farther apart than vehicles must be."""
 
 Ahead = Callable[[float], Sequence[tuple[float, float]]]
-"""How far north and east the formation gets in some seconds, m, point by point."""
+"""How far north and east the formation gets in some seconds, m, point by point; in more seconds by more points."""
 
 
 def stays(_: float) -> Sequence[tuple[float, float]]:
@@ -142,10 +150,14 @@ def stacked(
         ahead: the formation's way on.
         climb_mps: how fast all of them climb.
     """
+    seen = 0
     while True:
         limit_s = opening_limit_s(stack.climb_m(places), climb_mps)
-        if not stack.lift(_floor_m(places.values(), ahead(limit_s), manner, ground)):
+        way, leaves = ahead(limit_s), len(ahead(limit_s - OPENING_LIMIT_S)) - 1  # nobody goes home sooner
+        floor_m = _floor_m(places.values(), way[seen:leaves], "loiter", ground)
+        if not stack.lift(max(floor_m, _floor_m(places.values(), way[max(seen, leaves) :], manner, ground))):
             return limit_s
+        seen = len(way)
 
 
 def _floor_m(places: Iterable[Motion], way: Sequence[tuple[float, float]], manner: End, ground: GroundFloor) -> float:
