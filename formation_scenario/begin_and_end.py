@@ -96,6 +96,22 @@ def path_end_s(scenario: Scenario) -> float:
     Raises:
         PathError: no path leads through the waypoints.
     """
+    _, times_s = _progress(scenario)
+    return float(times_s[-1])
+
+
+def planned_end_m(scenario: Scenario) -> float:
+    """Return how far along its path the leader is when the flight is over, m, as planned.
+
+    Raises:
+        PathError: no path leads through the waypoints.
+    """
+    at_m, times_s = _progress(scenario)
+    return float(np.interp(scenario.duration_s, times_s, at_m))
+
+
+def _progress(scenario: Scenario) -> tuple[Array, Array]:
+    """Return places along the path, m, and when the leader is there, s; infinite where the wind blows it back."""
     path = scenario.path.written
     at_m = np.linspace(0.0, path.length_m, POINTS)
     course_rad = path.at(at_m).course_rad
@@ -103,7 +119,10 @@ def path_end_s(scenario: Scenario) -> float:
     along_mps = north_mps * np.cos(course_rad) + east_mps * np.sin(course_rad)
     aside_mps = east_mps * np.cos(course_rad) - north_mps * np.sin(course_rad)
     speed_mps = np.sqrt(np.maximum(scenario.path.speed_mps**2 - aside_mps**2, 0.0)) + along_mps
-    return math.inf if speed_mps.min() <= 0.0 else float(np.trapezoid(1.0 / speed_mps, at_m))
+    if speed_mps.min() <= 0.0:
+        return at_m, np.where(at_m > 0.0, math.inf, 0.0)
+    took_s = np.diff(at_m) * (1.0 / speed_mps[1:] + 1.0 / speed_mps[:-1]) / 2.0
+    return at_m, np.concatenate((np.zeros(1), np.cumsum(took_s)))
 
 
 def planned_end_s(scenario: Scenario) -> float:

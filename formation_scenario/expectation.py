@@ -36,7 +36,7 @@ EFFORT_METRICS = {
 FOLLOWER_METRICS = {
     **ERROR_METRICS,
     **EFFORT_METRICS,
-    "in_slot_share": "share of the window with every error within 0.5 m",
+    "in_slot_share": "share of the window with every error within 0.5 m, without the time in which it leads",
     "settled_at_s": "from when on every error stays within 0.5 m for 10 s, s; of the whole flight",
 }
 LINK_METRICS = {

@@ -122,6 +122,13 @@ def check_ahead(scenario: Scenario, step: SlotStep, path: SplinePath, from_m: fl
     return [f"{problem.found}; allowed: {problem.allowed}" for problem in problems]
 
 
+def slots_without_room(scenario: Scenario, room_m: float) -> Iterator[str]:
+    """Yield the slots that leave less than `room_m` of the separation to errors, with the key that places them."""
+    least_m = scenario.safety.separation_m + room_m
+    for path, found in _near(scenario, slot_schedule(scenario), _keys(scenario), least_m):
+        yield f"{'.'.join(map(str, path))}: {found}"
+
+
 def refused_orders(scenario: Scenario) -> Iterator[tuple[int, str]]:
     """Yield the planned orders that will be refused, each with its index and the reason, as `check_ahead` has it.
 
@@ -171,11 +178,37 @@ def _standing(
 
 def _transitions(scenario: Scenario, source: Source, path: SplinePath, steps: tuple[SlotStep, ...]) -> list[Problem]:
     """Return the first change that can't be flown: the start of the later ones isn't known then."""
+    for key, at_m, way in _ways(scenario, path, steps):
+        if isinstance(way, NotFlyableError):
+            missed_m = at_m + way.elapsed_s * scenario.path.speed_mps
+            place = path.at(missed_m)
+            where = f"north {place.north_m:.0f}, east {place.east_m:.0f}, height {place.height_m:.0f}"
+            return [source.problem(key, f"path at {missed_m:.0f} m ({where}): {way.found}", way.allowed)]
+    return []
+
+
+def unfinished_change(scenario: Scenario, end_s: float) -> str | None:
+    """Return the change that is under way at the flight's end, `end_s`, and since when; None if none is."""
+    said = None
+    for key, _, way in _ways(scenario, scenario.leader_path, slot_schedule(scenario)):
+        if isinstance(way, Transition) and way.at_s < end_s:
+            takes = f"it takes {way.duration_s:.3g} s from {way.at_s:g} s on, and the flight is over at {end_s:.4g} s"
+            said = None if way.over(end_s) else f"{'.'.join(map(str, key))}: {takes}"
+    return said
+
+
+def _ways(
+    scenario: Scenario, path: SplinePath, steps: tuple[SlotStep, ...]
+) -> Iterator[tuple[KeyPath, float, Transition | NotFlyableError]]:
+    """Yield the changes that begin on the path, where on it, m, and how they're flown; with one that can't be it ends.
+
+    One that begins before another is over goes on from there.
+    """
     speed, way, leader = scenario.path.speed_mps, Transition.standing(steps[0].places_m), 0
     for key, step in zip(_keys(scenario)[1:], steps[1:], strict=True):
         at_m = step.at_s * speed
         if at_m > path.length_m or step.at_s > scenario.duration_s:
-            break
+            return
         slots = way.at(step.at_s)
         flown: Route = path
         if step.arrangement.leader != leader:
@@ -186,17 +219,23 @@ def _transitions(scenario: Scenario, source: Source, path: SplinePath, steps: tu
         try:
             way = plan_change(scenario, slots, step.arrangement, step.at_s, ahead(flown, speed, at_m))
         except NotFlyableError as error:
-            place = path.at(at_m + error.elapsed_s * speed)
-            where = f"north {place.north_m:.0f}, east {place.east_m:.0f}, height {place.height_m:.0f}"
-            found = f"path at {at_m + error.elapsed_s * speed:.0f} m ({where}): {error.found}"
-            return [source.problem(key, found, error.allowed)]
-    return []
+            yield key, at_m, error
+            return
+        yield key, at_m, way
 
 
 def _separation(
     scenario: Scenario, source: Source, steps: tuple[SlotStep, ...], keys: Sequence[KeyPath]
 ) -> Iterator[Problem]:
     allowed = f"{scenario.safety.separation_m:g} m or more (safety.separation_m)"
+    for path, found in _near(scenario, steps, keys, scenario.safety.separation_m * (1.0 - TOLERANCE)):
+        yield source.problem(path, found, allowed)
+
+
+def _near(
+    scenario: Scenario, steps: tuple[SlotStep, ...], keys: Sequence[KeyPath], least_m: float
+) -> Iterator[tuple[KeyPath, str]]:
+    """Yield the two nearest slots of each step where they are nearer than `least_m`, with the key that places them."""
     everyone = column_names(scenario)
     for path, step in zip(keys, steps, strict=True):
         places = step.places_m
@@ -204,11 +243,10 @@ def _separation(
         distances[np.tril_indices(len(places))] = np.inf
         one, other = np.unravel_index(int(np.argmin(distances)), distances.shape)
         nearest = float(distances[one, other])
-        if nearest < scenario.safety.separation_m * (1.0 - TOLERANCE):
+        if nearest < least_m:
             pair = " and ".join(_who(step, column, everyone) for column in (one, other))
-            found = f"found slots of {pair} {nearest:.3g} m apart in {step.shape}"
             key = "slots_m" if step.shape == "custom" else "spacing_m"
-            yield source.problem((*path, key), found, allowed)
+            yield (*path, key), f"found slots of {pair} {nearest:.3g} m apart in {step.shape}"
 
 
 def _ahead_of_leader(

@@ -25,7 +25,7 @@ from gcs_formation.control.situation import Lead, Situation
 from gcs_formation.estimation.estimator import Sample, StateEstimator, VehicleFilter, heading_shown
 from gcs_formation.estimation.projection import Measured, States
 from gcs_formation.estimation.setpoint_history import SetpointHistory
-from gcs_formation.guidance.leader import AHEAD_POINTS, ASSEMBLED_S, LeaderCommand, LeaderCommands, LeaderWind, amid
+from gcs_formation.guidance.leader import ASSEMBLED_S, LeaderCommand, LeaderCommands, LeaderWind, amid, points_ahead
 from gcs_formation.guidance.slots import UP, FormationPlan, Outlook
 from gcs_formation.guidance.tracking import MotionRates
 from gcs_formation.recorder import Tick, VehicleLink, unknown_state
@@ -112,8 +112,7 @@ class FormationController:
         if route is None:
             return [(0.0, 0.0)]
         here = route.at(begin_m)
-        way_m = np.linspace(0.0, seconds * self.guidance.speed_mps, AHEAD_POINTS).tolist()
-        points = [route.at(begin_m + far_m) for far_m in way_m]
+        points = [route.at(begin_m + far_m) for far_m in points_ahead(seconds * self.guidance.speed_mps)]
         return [(point.north_m - here.north_m, point.east_m - here.east_m) for point in points]
 
     def take(self, samples: dict[int, Sample]) -> None:

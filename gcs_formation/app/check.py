@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 
 from flight_model.design import MISMATCH
-from formation_scenario import Scenario, ScenarioError, dump_scenario, slot_schedule
+from formation_scenario import Scenario, ScenarioError, dump_scenario
 from formation_scenario.begin_and_end import planned_end_s
-from formation_scenario.feasibility import refused_orders
+from formation_scenario.feasibility import refused_orders, slots_without_room, unfinished_change
 from formation_scenario.gains import AUTO, by_design, figures
 from formation_scenario.graph import scenario_adjacency
 from formation_scenario.slot_assignment import planned_slots
+from gcs_formation.app.check_end import final_circles
 from gcs_formation.app.check_links import assembly, goes_round, split_errors, ways_s
 from gcs_formation.control.laws import law_kind
-from gcs_formation.fleet.circle_heights import OPENING_LIMIT_S, GroundFloor
-from gcs_formation.guidance.leader import AHEAD_POINTS
+from gcs_formation.record.figures_of_merit import SETTLED_M
 from gcs_formation.stability import LawMargins, Usage, law_loops, law_margins, loop_delay_s
 from gcs_formation.stability.law import consensus_margins, follower_margins
 from gcs_formation.stability.mismatch import LAGS_OFF, STEP_S, lag_margin, mismatch_margin_with_lags_off
@@ -27,6 +27,8 @@ from gcs_formation.stability.mismatch import LAGS_OFF, STEP_S, lag_margin, misma
 UNITS = {"speed": "m/s", "heading": "rad", "height": "m"}
 PLANES_MOST_HZ = 40.0
 """Four fifths of SCHED_LOOP_RATE, beyond which ArduPilot denies MAV_CMD_SET_MESSAGE_INTERVAL."""
+ROOM_M = 2 * SETTLED_M
+"""By how much two vehicles that are in their slots may be nearer to each other than these are."""
 NEAR = 0.8
 """Share of the delay margin from which `check` warns of the configured delay."""
 
@@ -155,8 +157,10 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
         if not math.isfinite(each.peak):
             yield f"law.{channel}: unstable around the aircraft of the vehicles' models; law.gains: auto isn't"
     yield from split_errors(scenario)
-    if lifted := circles_lifted(scenario):
-        yield lifted
+    yield from final_circles(scenario)
+    for found in slots_without_room(scenario, ROOM_M):
+        asked = f"{scenario.safety.separation_m:g} m asked for (safety.separation_m)"
+        yield f"{found}, {asked}: no {ROOM_M:g} m left for errors"
     if text := slots_of_no_shape(scenario):
         yield text
     if text := refused_rate(scenario):
@@ -190,7 +194,7 @@ def slots_of_no_shape(scenario: Scenario) -> str | None:
 
 
 def never_reached(scenario: Scenario) -> Iterator[str]:
-    """Yield what is planned for after the flight's end: the last of `duration_s` itself, windows, events."""
+    """Yield what is planned for after the flight's end: the last of `duration_s` itself, windows, events, a change."""
     end_s, whole_s = planned_end_s(scenario), scenario.duration_s
     over = f"the flight is over at {end_s:.4g} s"
     if end_s < whole_s:
@@ -211,22 +215,8 @@ def never_reached(scenario: Scenario) -> Iterator[str]:
     for key, at_s in times_s.items():
         if at_s >= end_s:
             yield f"{key}: found {at_s:g}; {over}"
-
-
-def circles_lifted(scenario: Scenario) -> str | None:
-    """Return by how much vehicles climb to circle beyond the path's end, and for which ground; None if they don't."""
-    path = scenario.leader_path
-    end, ground = path.at(path.length_m), GroundFloor(scenario)
-    cos, sin = math.cos(end.course_rad), math.sin(end.course_rad)
-    ways_m = np.linspace(0.0, OPENING_LIMIT_S * scenario.path.speed_mps, AHEAD_POINTS).tolist()
-    places = [(x + way_m, y) for x, y, _ in slot_schedule(scenario)[-1].places_m.tolist() for way_m in ways_m]
-    top = max(ground.top(end.north_m + x * cos - y * sin, end.east_m + x * sin + y * cos) for x, y in places)
-    if top.height_m <= end.height_m:
-        return None
-    return (
-        f"path at {path.length_m:.0f} m, its end: vehicles circle {top.height_m - end.height_m:.1f} m above it, at "
-        f"{top.height_m:.0f} m and higher, for the ground at north {top.north_m:.0f}, east {top.east_m:.0f}"
-    )
+    if text := unfinished_change(scenario, end_s):
+        yield text
 
 
 def _followers_text(scenario: Scenario) -> Iterator[str]:

@@ -19,6 +19,8 @@ from gcs_formation.vehicle.vehicle import Member, Vehicle
 GAP = "  "
 WIDE = 10**6
 MOST_ROWS = 24
+WHOLE = 0.995
+"""Share of the time that is said to be all of it."""
 TABLE_WIDTH = 80
 """Of tables in a pipe or a file; lines of words are whole there."""
 WIDTH = 80
@@ -97,7 +99,7 @@ def summary_text(summary: Summary, directory: Path, width: int | None = None) ->
     words = [_headline(figures), _source(figures)]
     rows = table(_follower_groups(figures), width or TABLE_WIDTH) if figures["followers"] else []
     more = [_more(figures)] if len(figures["followers"]) > MOST_ROWS else []
-    after = [_safety(figures), *_verdicts(summary), *summary.breaches]
+    after = [*_partly(figures), _safety(figures), *_verdicts(summary), *summary.breaches]
     lines = [*_wrapped(words, width), *rows, *_wrapped([*more, *after, f"recorded in {directory}"], width)]
     return "\n".join(lines)
 
@@ -166,6 +168,13 @@ def _follower_groups(figures: dict[str, Any]) -> list[Group]:
 
 def _more(figures: dict[str, Any]) -> str:
     return f"… and {len(figures['followers']) - MOST_ROWS} more in summary.json"
+
+
+def _partly(figures: dict[str, Any]) -> list[str]:
+    """Return of what share of the time the errors of those are that didn't follow all of it."""
+    shares = {vehicle: follower["followed_share"] for vehicle, follower in figures["followers"].items()}
+    partly = [f"{vehicle} {share:.0%}" for vehicle, share in shares.items() if share is not None and share < WHOLE]
+    return [f"errors of a part of the time, in which they followed: {', '.join(partly)}"] if partly else []
 
 
 def _safety(figures: dict[str, Any]) -> str:

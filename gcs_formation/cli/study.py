@@ -135,12 +135,15 @@ def _conclude(outcome: StudyOutcome, out: Path, *, quiet: bool) -> Status:
     for verdict in outcome.verdicts:
         if quiet and not verdict.held:
             click.echo(str(verdict), err=True)
-    unflown, count = outcome.unflown, outcome.figures["flights"]
-    if unflown:
-        first = unflown[0]
-        why = f"flight {first['flight']}: {first['words']}"
-        click.echo(f"{len(unflown)} of {count} flights couldn't be flown to their end; the first, {why}", err=True)
-    if len(unflown) == count:
+    count = outcome.figures["flights"]
+    for failed, what in (
+        (outcome.unflown, "couldn't be flown to their end"),
+        (outcome.broken, "broke an expectation or a safety limit of their own, and the study has no expect"),
+    ):
+        if failed:
+            why = f"flight {failed[0]['flight']}: {failed[0]['words']}"
+            click.echo(f"{len(failed)} of {count} flights {what}; the first, {why}", err=True)
+    if len(outcome.unflown) == count:
         return Status.COULD_NOT_GO_ON
     return Status.FINE if outcome.held else Status.EXPECTATION_BROKEN
 

@@ -17,8 +17,9 @@ STACK_M = 15.0
 CIRCLES_MEET_M = 400.0
 """Circles whose vehicles start this far apart don't meet: twice the diameter of a circle of 100 m radius."""
 OPENING_LIMIT_S = 30.0
-"""Longest time for which vehicles are kept from circling: three levels are climbed in half of it."""
-
+"""For how long vehicles are kept from circling at least, if not all get to their heights before."""
+OPENING_RESERVE_S = 15.0
+"""How much longer than the climb to the highest level takes they are kept from it."""
 AROUND_M = CIRCLES_MEET_M / 2
 """Largest distance of a circle from where it was commanded."""
 SAMPLE_M = 10.0
@@ -52,6 +53,14 @@ class GroundFloor:
         height_m = np.nan_to_num(self._ground.height(north, east), nan=-math.inf)
         highest = int(np.argmax(height_m))
         return Top(float(height_m[highest]) + self._clearance_m, float(north[highest]), float(east[highest]))
+
+    def unknown(self, north_m: float, east_m: float) -> tuple[float, float] | None:
+        """Return a place north and east, m, below a circle that begins at a position, of which no height is known."""
+        if self._ground is None:
+            return None
+        north, east = north_m + self._north_m, east_m + self._east_m
+        void = np.flatnonzero(np.isnan(self._ground.height(north, east)))
+        return (float(north[void[0]]), float(east[void[0]])) if void.size else None
 
     def highest_m(self, north_m: float, east_m: float, around_m: float) -> float:
         """Return the highest ground within `around_m` of a position, m; minus infinity without terrain."""
@@ -95,6 +104,11 @@ def loiter_heights(
         near = [Band(heights[i], heights[i]) for i in heights if together or may_meet(places[identity], places[i])]
         heights[identity] = _free_m(max(places[identity].height_m, floor_m), (*near, *taken), apart_m)
     return heights
+
+
+def opening_limit_s(climb_m: float, climb_mps: float) -> float:
+    """Return for how long vehicles are kept from circling at most, the highest of which have to climb this far."""
+    return max(OPENING_LIMIT_S, climb_m / climb_mps + OPENING_RESERVE_S)
 
 
 def may_meet(one: Motion, other: Motion) -> bool:

@@ -34,7 +34,7 @@ class Sight(NamedTuple):
     """What the membership depends on, at one tick."""
 
     started: bool
-    """Whether its start-up is finished."""
+    """Whether its start-up is finished, and it doesn't boot again."""
     guided: bool
     """Whether it's in the mode in which it follows setpoints."""
     loiters: bool
@@ -141,7 +141,7 @@ class Membership:
         forgotten = not estimator.age_s(vehicle.column, now) <= FORGOTTEN_AFTER_S
         commanded = self._commanded_to_loiter.get(vehicle.identity)
         return Sight(
-            started=vehicle.start_up.finished,
+            started=vehicle.start_up.finished and not vehicle.telemetry.boots,
             guided=vehicle.follows_setpoints,
             loiters=vehicle.telemetry.custom_mode == vehicle.autopilot.loiter_mode,
             fresh=fresh,

@@ -42,12 +42,17 @@ ON_PATH_M, ON_PATH_RAD = 10.0, math.radians(10.0)
 """Within these the leader is on the path, and needs no way back."""
 QUICK_RADPS, SLOW_RADPS = 1.0, 0.5
 """Bandwidths of the wind estimate for the leader's guidance: followers' slots can't keep up with quicker turns."""
+AHEAD_M: Final = 165.0
+"""Distance of the places along the leader's way around which the ground is looked at."""
 RETURNS: Final = 8
 """How many places are tried to return to, each a turn's radius farther along the path than the one before."""
-AHEAD_POINTS: Final = 5
-"""Places along the leader's way at which the ground is looked at."""
 CLIMB_SHARE: Final = 0.7
 """Share of the climb limit that the route to the start uses; followers need the rest."""
+
+
+def points_ahead(way_m: float) -> list[float]:
+    """Return how far along a way the ground is looked at, m: of a longer way the same places, and more."""
+    return [AHEAD_M * each for each in range(1 + math.ceil(way_m / AHEAD_M))]
 
 
 @dataclass(frozen=True)
@@ -77,6 +82,10 @@ class TurnOnSpot:
     def goal_rad(self) -> float:
         """Where it ends."""
         return self.begin_rad + self.by_rad
+
+    def over(self, at: Instant) -> bool:
+        """Whether it has come round, and whoever follows it too: they turn their noses to where they swing."""
+        return seconds_between(self.begun, at) >= self.duration_s + LEAST_S
 
     def setpoint(self, at: int, lag_s: float) -> tuple[float, float]:
         """Return the heading to tell at an instant (ns) to what follows with a lag, and how fast that turns, rad/s."""

@@ -27,17 +27,28 @@ STALE_AFTER_NS: Final = round(STALE_AFTER_S * NANOSECONDS)
 MUTE_AFTER_NS: Final = round(MUTE_AFTER_S * NANOSECONDS)
 ALL_LOST: Final = 1e-6
 """On a lossy link it takes longer: until losing all heartbeats that were due is less probable than this."""
+RARELY: Final = 1e-3
+"""Probability of losing more frames in a row where a vehicle fell silent by itself."""
+RATE_SHARE: Final = 0.02
+"""Share of themselves by which rates of frames are off."""
 MAX_REMOTES: Final = 1024
 """Parsers that are kept. The remote silent longest is forgotten first, so strangers can't fill the memory."""
 MANY_REMOTES: Final = MAX_REMOTES // 2
 """From here on they are kept in the order in which they were heard."""
 
 
+def probable_run(loss: float, probability: float) -> float:
+    """Return how many frames in a row a link loses with a probability, by a share of lost ones of 0 to 1."""
+    return math.log(probability) / math.log(loss) if 0.0 < loss < 1.0 else 0.0
+
+
 class SequenceTracker:
     """Counts frames received and lost (MAVLink guide, "Packet loss").
 
     A late frame cancels the loss that its gap was counted as; a repeated one counts as neither received nor lost.
-    Numbers come round: how many were lost in a silence is the count that fits them and the rate before it.
+    Numbers come round: how many were lost in a silence is the count that fits them and the rate before it. Where they
+    go on from where they stopped, but for what the link loses in a row anyway, and the rate doesn't say that they came
+    round, the sender hung and sent nothing.
     """
 
     def __init__(self) -> None:
@@ -106,7 +117,9 @@ class SequenceTracker:
         since, sent = self._since if self._since[0] else self._next
         usual = (self.received + self.lost - sent) * (now - heard) / max(heard - since, STALE_AFTER_NS)
         gap = (sequence - self._newest - 1) % MODULUS
-        self.missed += gap + MODULUS * max(0, rounded((usual - gap) / MODULUS))
+        lost = gap + MODULUS * max(0, rounded((usual - gap) / MODULUS))
+        hung = gap <= probable_run(self.loss, RARELY) and abs(usual - lost) > RATE_SHARE * usual
+        self.missed += gap if hung else lost
         self.received += 1
         self._newest = sequence
         self._since = self._next = now, self.received + self.lost
@@ -211,7 +224,7 @@ class Connection:
 
     def mute_s(self, loss: float) -> float:
         """Return for how long heartbeats have been missing beyond what `loss` explains, s; negative if they aren't."""
-        due_s = math.log(ALL_LOST) / math.log(loss) if 0.0 < loss < 1.0 else 0.0
+        due_s = probable_run(loss, ALL_LOST)
         return seconds_between(self.last_heartbeat, self.last_heard) - max(MUTE_AFTER_S, due_s)
 
 

@@ -11,11 +11,12 @@ from formation_scenario import Scenario
 from formation_scenario.orders import Answer, End, Order, OrderError, parse_order
 from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.controller import FormationController
-from gcs_formation.fleet.circle_heights import OPENING_LIMIT_S, GroundFloor
+from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.fleet.dispatch import Dispatch
 from gcs_formation.fleet.membership import Membership
-from gcs_formation.mission.ending import Ending, Opening
+from gcs_formation.mission.ending import Ending
 from gcs_formation.mission.landing import why_not
+from gcs_formation.mission.opening import Opening, stays
 from gcs_formation.mission.reconfiguration import Reconfiguration
 from gcs_formation.phases import BEFORE_COMMANDS, OVER, Cause, Flight, Phase
 from gcs_formation.recorder import Note, Tick
@@ -195,11 +196,12 @@ class Course:
     def _begin_to_end(self, cause: Cause, manner: End, now: Instant) -> None:
         """Prepare heights at which vehicles circle, go home or wait to land; a formation is opened at them first."""
         opens, landings = self.flight.phase is Phase.ENDING, self._ending.landings.called_off()
-        ahead_m = self._controller.ahead_m(OPENING_LIMIT_S if opens else 0.0)
+        ahead = self._controller.ahead_m if opens else stays
         gap_m = self._scenario.safety.avoidance.distance_m
-        self._ending = Ending(self._vehicles, self._ground, manner, landings, ahead_m, gap_m)
+        climb_mps = min(each.model.climb_max_mps for each in self._scenario.vehicles)
+        self._ending = Ending(self._vehicles, self._ground, manner, landings, ahead, gap_m, climb_mps)
         self._ending.begin(now, self._scenario.finish.loiter_s if cause in (Cause.PATH_ENDED, Cause.ORDERED) else 0.0)
         self.opening = None
         if opens:
-            self.opening = Opening(self._ending.stack, self._controller, self._vehicles, now)
+            self.opening = Opening(self._ending.stack, self._controller, self._vehicles, now, self._ending.limit_s)
             self._membership.end(self._ending.stack.heights_m)

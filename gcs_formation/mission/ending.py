@@ -1,197 +1,23 @@
-"""The end of a run: the formation opens in height, then vehicles circle, here or at home, or land.
-
-Heights are separate before anyone is told to circle, so it makes no difference who hears that: whoever doesn't flies on
-at a height that nobody else has.
-"""
+"""The end of a run: the formation opens in height, then vehicles circle, here or at home, or land."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from itertools import combinations
+from collections.abc import Mapping
 
-from airlink.clock import Instant, seconds_between
+from airlink.clock import Instant
 from airlink.endpoint import VehicleId
 from formation_scenario.orders import End
-from gcs_formation.controller import FormationController
-from gcs_formation.fleet.circle_heights import OPENING_LIMIT_S, STACK_M, Band, GroundFloor, loiter_heights, may_meet
+from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.link.connection import TALKING
 from gcs_formation.mission.landing import Landings, lowest_circle_m, why_not
-from gcs_formation.recorder import VehicleLink
+from gcs_formation.mission.opening import Ahead, Stack, place_of, stacked, stays
 from gcs_formation.vehicle.acknowledgement import Outcome
 from gcs_formation.vehicle.telemetry import Motion
-from gcs_formation.vehicle.vehicle import UNANSWERED_S, Member, Vehicle
+from gcs_formation.vehicle.vehicle import Member, Vehicle
 
-FORGOTTEN_AFTER_S = 30.0
-"""For how long one that isn't heard is kept clear of."""
-COMMANDED_M = 0.5
-"""How near its own height one must be told to fly."""
-BESIDE_M = 5.0
-"""What circles are farther apart than vehicles must be."""
 LOITER_LIMIT_S = 20.0
 """Longest wait for vehicles to climb out and acknowledge that they loiter."""
-
-
-@dataclass(frozen=True)
-class Flier:
-    """A vehicle in the air, at the end of a flight."""
-
-    place: Motion
-    commanded_m: float
-    """The height that it was told last, or is left at."""
-    band: Band | None = None
-    """Where its height may come to, of one that can't be moved: it doesn't answer or obey, or isn't ours to command."""
-    steered: bool = False
-    """Whether it is commanded, and responds."""
-
-
-class Stack:
-    """Heights at which vehicles circle, one above the other."""
-
-    def __init__(
-        self, gap_m: float = 0.0, floor_m: float = -math.inf, *, together: bool = False, stand: bool = False
-    ) -> None:
-        """Start empty; nobody is given a height below `floor_m`.
-
-        Args:
-            gap_m: the distance that vehicles must be apart.
-            floor_m: the lowest height.
-            together: whether all circle at one place, wherever they are now.
-            stand: whether all stand where they are instead, at the heights that they have.
-        """
-        self.heights_m: dict[VehicleId, float] = {}
-        """Everybody's height above the origin."""
-        self._gap_m, self._apart_m = (-math.inf, 0.0) if stand else (gap_m, max(STACK_M, gap_m + BESIDE_M))
-        self._floor_m, self._together = floor_m, together
-        self._taken: dict[VehicleId, Band] = {}
-
-    def take(self, fliers: Mapping[VehicleId, Flier]) -> None:
-        """Give a height to everybody who has none, and other ones where somebody can't be moved out of the way."""
-        for identity, flier in fliers.items():
-            if flier.band is None:
-                self._taken.pop(identity, None)
-            elif identity in self._taken:
-                self._taken[identity] = _hull(self._taken[identity], flier.band)
-            else:
-                self._taken[identity], self.heights_m[identity] = flier.band, flier.commanded_m
-        free = {identity: flier.place for identity, flier in fliers.items() if flier.band is None}
-        taken = [self._taken[identity] for identity in fliers if identity in self._taken]
-        if any(identity not in self.heights_m or self._in_way(identity, taken) for identity in free):
-            self._assign(free, taken)
-
-    def add(self, places: Mapping[VehicleId, Motion]) -> None:
-        """Give a height to those of the vehicles that have none; nobody else's changes."""
-        new = {identity: place for identity, place in places.items() if identity not in self.heights_m}
-        taken = [*self._taken.values(), *(Band(height_m, height_m) for height_m in self.heights_m.values())]
-        self._assign(new, taken)
-
-    def apart(self, fliers: Mapping[VehicleId, Flier]) -> bool:
-        """Return whether those that are steered are clear of all others in height, and fly to their own heights."""
-        steered = {identity for identity, flier in fliers.items() if flier.steered}
-        if (
-            any(abs(fliers[each].commanded_m - self.heights_m[each]) > COMMANDED_M for each in steered)
-            and len(fliers) > 1
-        ):
-            return False
-        pairs = (pair for pair in combinations(fliers, 2) if not steered.isdisjoint(pair))
-        return all(self._gap(*pair, fliers) >= self._gap_m for pair in pairs)
-
-    def _assign(self, places: Mapping[VehicleId, Motion], taken: Sequence[Band]) -> None:
-        self.heights_m |= loiter_heights(places, self._floor_m, taken, self._apart_m, together=self._together)
-
-    def _in_way(self, identity: VehicleId, taken: list[Band]) -> bool:
-        height_m = self.heights_m[identity]
-        return any(low_m - self._apart_m < height_m < high_m + self._apart_m for low_m, high_m in taken)
-
-    def _gap(self, one: VehicleId, other: VehicleId, fliers: Mapping[VehicleId, Flier]) -> float:
-        """Return how far apart two are in height, infinite where they can't meet anyway."""
-        places, moves_on = [fliers[each].place for each in (one, other)], one in self._taken or other in self._taken
-        if not (moves_on or self._together or may_meet(*places)):
-            return math.inf
-        (low_m, high_m), (others_low_m, others_high_m) = (
-            self._taken.get(each, Band(place.height_m, place.height_m))
-            for each, place in zip((one, other), places, strict=True)
-        )
-        return max(low_m - others_high_m, others_low_m - high_m)
-
-
-class Opening:
-    """Opens a controller's formation, tick by tick."""
-
-    def __init__(
-        self,
-        stack: Stack,
-        controller: FormationController,
-        vehicles: Mapping[VehicleId, Vehicle],
-        now: Instant,
-    ) -> None:
-        """Steer to the heights of `stack`."""
-        self._stack, self._controller = stack, controller
-        self._vehicles, self._since = vehicles, now
-        self._fliers: dict[VehicleId, Flier] = {}
-
-    def steer(self, links: list[VehicleLink], now: Instant) -> list[float]:
-        """Look where everyone is, and return the heights (C,) to command now; NaN where there is none."""
-        self._fliers = {
-            identity: flier
-            for identity, vehicle in self._vehicles.items()
-            if (flier := self._flier(vehicle, links, now)) is not None
-        }
-        self._stack.take(self._fliers)
-        heights_m = [math.nan] * len(links)
-        for identity, vehicle in self._vehicles.items():
-            heights_m[vehicle.column] = self._stack.heights_m.get(identity, math.nan)
-        return heights_m
-
-    def over(self, now: Instant) -> bool:
-        """Return whether everyone may circle, or it must do."""
-        late = seconds_between(self._since, now) >= OPENING_LIMIT_S
-        return late or self._stack.apart(self._fliers)
-
-    def _flier(self, vehicle: Vehicle, links: list[VehicleLink], now: Instant) -> Flier | None:
-        place, column = place_of(vehicle), vehicle.column
-        unheard_s = seconds_between(vehicle.connection.last_heard, now)
-        if place is None or not vehicle.telemetry.armed or unheard_s > FORGOTTEN_AFTER_S:
-            return None
-        if vehicle.autopilot.climbs_out(vehicle.telemetry):
-            return Flier(place, place.height_m)
-        answers = seconds_between(vehicle.heard_at(now), now) <= UNANSWERED_S
-        led = links[column].ready and links[self._controller.plan.leader].ready
-        if led and answers and not links[column].disobeying:
-            return Flier(place, self._commanded_m(column), steered=True)
-        orders_m = self._orders_m(vehicle, column, links, answers=answers)
-        heights_m = [place.height_m, *(height_m for height_m in orders_m if math.isfinite(height_m))]
-        return Flier(place, heights_m[-1], Band(min(heights_m), max(heights_m)))
-
-    def _orders_m(self, vehicle: Vehicle, column: int, links: list[VehicleLink], *, answers: bool) -> tuple[float, ...]:
-        """Return the heights that one may be on its way to, the last order last; NaN where there was none."""
-        if vehicle.member in (Member.HOLDING, Member.RETURNING):
-            return self._heard_m(column, links), vehicle.holds_at_m
-        return () if answers else (self._heard_m(column, links), self._commanded_m(column))
-
-    def _heard_m(self, column: int, links: list[VehicleLink]) -> float:
-        """Return the height that a vehicle was told when it was last known to hear."""
-        _, _, height_m = self._controller.history.commanded(links[column].heard, column)
-        return height_m
-
-    def _commanded_m(self, column: int) -> float:
-        tick = self._controller.last_tick
-        return math.nan if tick is None else tick.setpoints[column][2]
-
-
-def place_of(vehicle: Vehicle) -> Motion | None:
-    """Return a vehicle's position; that of one that is taking off has the height at which it will be done."""
-    motion = vehicle.telemetry.motion
-    if motion is None or not vehicle.autopilot.climbs_out(vehicle.telemetry):
-        return motion
-    height_m = motion.height_m - motion.above_home_m + vehicle.autopilot.take_off_m
-    velocity = motion.north_mps, motion.east_mps, motion.climb_mps
-    return Motion(motion.stamp_s, motion.north_m, motion.east_m, height_m, *velocity, motion.above_home_m)
-
-
-def _hull(one: Band, other: Band) -> Band:
-    return Band(min(one.low_m, other.low_m), max(one.high_m, other.high_m))
 
 
 class Ending:
@@ -206,8 +32,9 @@ class Ending:
         ground: GroundFloor,
         manner: End = "loiter",
         landings: Landings | None = None,
-        ahead: Sequence[tuple[float, float]] = ((0.0, 0.0),),
+        ahead: Ahead = stays,
         gap_m: float = 0.0,
+        climb_mps: float = math.inf,
     ) -> None:
         """Find everyone's place for the end; nobody is commanded yet.
 
@@ -216,22 +43,18 @@ class Ending:
             ground: the ground to keep clear of.
             manner: how the flight ends.
             landings: those of an earlier order to land, where a vehicle is still landing; it is left to that.
-            ahead: how far north and east the formation may have flown on when it leaves, m, point by point.
+            ahead: the way on of a formation that is opened; by default vehicles leave where they are.
             gap_m: the distance that vehicles must be apart.
+            climb_mps: how fast all of them climb.
         """
         self.landings = landings or Landings(lambda: why_not(vehicles, ground))
         commanded = {identity: each for identity, each in vehicles.items() if not each.is_left}
         self._ours = {identity: each for identity, each in commanded.items() if not self.landings.is_pending(each)}
-        places = [
-            (place.north_m + north_m, place.east_m + east_m)
-            for place in self._places().values()
-            for north_m, east_m in ahead
-        ]
-        floor_m = _floor_m(places, manner, ground)
-        if manner == "land":
-            floor_m = max(floor_m, lowest_circle_m(vehicles))
         stand = manner == "loiter" and all(each.autopilot.stands for each in self._ours.values())
-        self.stack = Stack(gap_m, floor_m, together=manner != "loiter", stand=stand)
+        lowest_m = lowest_circle_m(vehicles) if manner == "land" else -math.inf
+        self.stack = Stack(gap_m, lowest_m, together=manner != "loiter", stand=stand)
+        self.limit_s = stacked(self._places(), self.stack, ground, manner, ahead, climb_mps)
+        """Longest time for which the formation is opened."""
         self._loiter_s = 0.0
         self._manner: End = manner
         self._vehicles = vehicles
@@ -287,13 +110,6 @@ class Ending:
         if vehicle.commands.outcome is Outcome.WAITING or self.landings.is_pending(vehicle):
             return True
         return identity in self._left and vehicle.telemetry.armed
-
-
-def _floor_m(places: Sequence[tuple[float, float]], manner: End, ground: GroundFloor) -> float:
-    """Return the lowest height for all circles: over the ground here or, with `rtl` and `land`, on the ways home."""
-    if manner != "loiter":
-        return max((ground.over_way_home(*place) for place in places), default=-math.inf)
-    return max((ground.top(*place).height_m for place in places), default=-math.inf)
 
 
 def _keep_down(vehicle: Vehicle, now: Instant) -> None:

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from airlink.clock import NANOSECONDS, Instant, after
+from airlink.clock import NANOSECONDS, Instant, after, seconds_between
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Mask
 from flight_model.autopilot import FlightState
@@ -61,6 +61,9 @@ class Reconfiguration:
         self._postponed: Arrangement | None = None
         self._postponed_for = ""
         """Why, in words."""
+        self._flown_at = Instant(0)
+        """When everybody will be in the slots that were changed to last."""
+        self._interrupted: list[str] = []
         self._planned_for = np.zeros(len(self._names), dtype=np.bool_)
         """(C,) which vehicles the present transition was planned for."""
         self._planned_for[controller.plan.leader] = True
@@ -74,11 +77,18 @@ class Reconfiguration:
 
     @property
     def unflown(self) -> list[str]:
-        """The planned change that is still postponed, with the reason; none if there is none."""
+        """The changes that weren't flown to their end: one that the flight's end came before, one still postponed."""
         wanted = self._wanted
         if wanted is None or wanted == self._controller.plan.arrangement:
-            return []
-        return [f"the change to {self._in_words(wanted)} wasn't flown: {self._postponed_for}"]
+            return self._interrupted
+        return [*self._interrupted, f"the change to {self._in_words(wanted)} wasn't flown: {self._postponed_for}"]
+
+    def end(self, now: Instant) -> None:
+        """Take note of a change that is under way as the flight ends."""
+        if now < self._flown_at:
+            missing_s = seconds_between(now, self._flown_at)
+            words = self._in_words(self._controller.plan.arrangement)
+            self._interrupted = [f"the change to {words} wasn't flown to its end: {missing_s:.1f} s were missing"]
 
     def resume(self, resumed: Resumption) -> None:
         """Begin where a flight stood; on the path, everybody's way to their slots begins where they are found."""
@@ -164,12 +174,17 @@ class Reconfiguration:
             if not present[wanted.leader]:
                 found = f"{self._names[wanted.leader]} doesn't fly in the formation"
                 raise NotFlyableError(found, "a vehicle that does", 0.0)
+            turn = controller.guidance.turn
+            if turn is not None and not turn.over(now):
+                raise NotFlyableError("the formation turns on the spot", "another leader once it stands", 0.0)
             route, distance_m, swing_rad = self._take_over(wanted.leader, now_s)
         start = self._slots(now).seen_from(wanted.leader, swing_rad)
         if route is None:
             raise NotFlyableError("the leader isn't on its way yet", "a change in flight", 0.0)
         course = ahead(route, controller.guidance.speed_mps, distance_m)
         way = plan_change(self._scenario, start, wanted, now_s, course, present)
+        if wanted != plan.arrangement or now < self._flown_at:
+            self._flown_at = after(now, way.duration_s)
         if wanted.leader != plan.leader:
             self._hand_over(wanted.leader, now)
         plan.adopt(wanted, way)
@@ -251,6 +266,7 @@ class Reconfiguration:
         heir = self.successor(now)
         if heir is not None:
             self._hand_over(heir, now)
+            self._flown_at = now  # nobody planned what comes now
             self._want(self._wanted or self._controller.plan.arrangement, now)
 
     def _unflyable(self, scenario: Scenario, wanted: Arrangement, now: Instant) -> str | None:

@@ -62,6 +62,7 @@ def of_follower(flight: Flight, vehicle: VehicleId, window: Mask, settled_s: flo
         "settled_at_s": settled_s,
         "left_at_s": left_at_s(time_s, error_m, settled_s),
         "in_slot_share": in_slot_share(error_m, flight.missed(vehicle, window)),
+        "followed_share": float(time_s.size / window.sum()) if window.any() else None,
         "effort": effort(flight.vehicles[vehicle], window),
     }
 

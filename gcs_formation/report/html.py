@@ -162,7 +162,8 @@ def _settled_cards(followers: Mapping[str, Any]) -> list[str]:
 def followers(summary: Mapping[str, Any]) -> str:
     """Return the errors of every follower."""
     keys = [(axis, key) for axis in AXES for key in ("rms", "max", "steady_max")]
-    heads = ["Vehicle", *(f"{axis} {key.replace('_', ' ')}" for axis, key in keys), "settled, s", "left, s", "in slot"]
+    times = "settled, s", "left, s", "in slot", "followed"
+    heads = ["Vehicle", *(f"{axis} {key.replace('_', ' ')}" for axis, key in keys), *times]
     rows = [
         [
             name,
@@ -170,6 +171,7 @@ def followers(summary: Mapping[str, Any]) -> str:
             number(follower["settled_at_s"], 1),
             number(follower["left_at_s"], 1),
             _share(follower["in_slot_share"]),
+            _share(follower.get("followed_share")),
         ]
         for name, follower in summary["followers"].items()
     ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -159,14 +159,25 @@ class StudyOutcome:
 
     @property
     def held(self) -> bool:
-        """Whether every flight was flown, and every expectation kept."""
-        return not self.unflown and all(verdict.held for verdict in self.verdicts)
+        """Whether every flight was flown, and every expectation kept: the study's or, without any, the flights' own."""
+        return not self.unflown and not self.broken and all(verdict.held for verdict in self.verdicts)
+
+    @property
+    def broken(self) -> Sequence[Row]:
+        """The flights that broke their own scenario's expectations or limits, where the study has no word of its own.
+
+        A search flies beyond the bounds that it looks for.
+        """
+        return () if self.verdicts or "bisect" in self.figures else self._ended(lambda status: status == 1)
 
     @property
     def unflown(self) -> Sequence[Row]:
         """The flights that couldn't be flown, or not to their end."""
+        return self._ended(lambda status: status > 1)
+
+    def _ended(self, how: Callable[[int], bool]) -> Sequence[Row]:
         rows: Sequence[Row] = self.table.select(["flight", "exit", "words"]).to_pylist()
-        return [row for row in rows if row["exit"] > 1]
+        return [row for row in rows if how(row["exit"])]
 
     @property
     def uncrossed(self) -> int:

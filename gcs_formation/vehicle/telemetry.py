@@ -21,6 +21,8 @@ from airlink.messages.telemetry import (
 )
 from flight_model.earth import GeodeticOrigin
 
+ACTIVE: Final = m.MAV_STATE_ACTIVE
+BOOTING: Final = (m.MAV_STATE_BOOT, m.MAV_STATE_CALIBRATING)
 KEPT_TEXTS: Final = 8
 TEXT_BYTES: Final = 50
 """Length of STATUSTEXT's field: a text that fills it goes on in another message with its id."""
@@ -168,6 +170,12 @@ class Telemetry:
         self.airspeed_mps = self.airspeed_stamp_s = math.nan
         self.ekf_flags = self.sensors_healthy = 0
         self.landed_state, self.home_m = m.MAV_LANDED_STATE_UNDEFINED, None
+
+    @property
+    def boots(self) -> bool:
+        """Whether its last heartbeat says that its autopilot is still starting: no mode of it is a pilot's choice."""
+        status = ACTIVE if self.heartbeat is None else self.heartbeat.system_status
+        return status in BOOTING or (status == m.MAV_STATE_UNINIT and not self.armed)
 
     @property
     def complete(self) -> bool:

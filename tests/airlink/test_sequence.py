@@ -1,3 +1,4 @@
+import random
 from itertools import pairwise
 
 import pytest
@@ -82,3 +83,16 @@ def test_what_a_silence_lost_is_counted_however_often_numbers_come_round(silent_
     assert tracker.whole_loss == pytest.approx(1.0 - came / (last + 1))
     assert tracker.loss == pytest.approx(loss, abs=0.01)
     assert tracker.repeated == 0
+
+
+@pytest.mark.parametrize("silent_s", [1.6, 2.0, 4.0, 7.0])
+@pytest.mark.parametrize("loss", [0.0, 0.1, 0.3])
+def test_a_vehicle_that_hangs_loses_nothing_by_that(silent_s, loss):
+    """It sends nothing meanwhile, and its numbers go on where they stopped."""
+    tracker, drops, heard, came, last = SequenceTracker(), random.Random(1), Instant(0), 0, 0
+    for number in range(4000):
+        now = after(Instant(1), 0.01 * number + (silent_s if number >= 3000 else 0.0))
+        if drops.random() >= loss:
+            tracker.observe(number % MODULUS, now, heard)
+            heard, came, last = now, came + 1, number
+    assert tracker.whole_loss == pytest.approx(1.0 - came / (last + 1), abs=1e-3)

@@ -13,6 +13,7 @@ import yaml
 import gcs_formation
 from formation_scenario import load_scenario
 from formation_scenario.feasibility import refused_orders
+from tests.flights.in_memory import World
 
 CONFIG = Path(__file__).parents[2] / "configs" / "arducopter.yaml"
 FAMILY = "arducopter"
@@ -152,3 +153,25 @@ def test_planes_may_not_stand():
     }
     ((_, reason),) = refused_orders(load_scenario(keys))
     assert reason.startswith("found 0 m/s; allowed: 16 to 28 m/s")
+
+
+def test_another_leads_only_when_a_turn_on_the_spot_is_over():
+    """Amid a turn noses of followers turn to where they swing: slots that went by one of them were 15 m off."""
+    world = World(
+        vehicles={"count": 3, "model": FAMILY},
+        path={"speed_mps": 5, "waypoints_m": [[0, 0, 40], [1000, 0, 40]]},
+        formation={"shape": "diamond", "spacing_m": 12},
+        start={"in_air": True, "run_in_s": 6},
+    )
+    world.fly_to(1.0)
+    orders = world.station.orders
+    assert orders.take("speed 0", world.clock.now()).accepted
+    world.run(5.0)
+    assert orders.take("heading 30", world.clock.now()).accepted
+    world.run(1.0)
+    said = "leader 3: refused: the formation turns on the spot; allowed: another leader once it stands"
+    assert orders.take("leader 3", world.clock.now()).text == said
+    world.run(8.0)
+    assert orders.take("leader 3", world.clock.now()).accepted
+    world.run(3.0)
+    assert world.worst_m() < 0.7

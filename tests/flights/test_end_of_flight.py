@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from gcs_formation.phases import Phase
@@ -49,6 +50,16 @@ def test_a_pair_that_is_stopped_loiters_after_5_s() -> None:
     world.run()
     told_s = [world.times_s("mode", number, "LOITER")[0] - stopped_s for number in (1, 2)]
     assert 4.5 < min(told_s) <= max(told_s) < 6.0
+
+
+def test_they_circle_once_all_are_apart_however_long_the_climb_takes() -> None:
+    """At 0.5 m/s the third one is 30 m above the first after a minute."""
+    world = World(vehicles={"count": 3, "model": {"climb_max_mps": 0.5}}, finish={"loiter_s": 0})
+    world.fly_to(1.0)
+    world.station.course.stop(world.clock.now())
+    world.network.run(lambda: world.station.flight.phase is Phase.LOITERING)
+    heights_m = sorted(body.state.height_m for body in world.fleet.bodies)
+    assert np.diff(heights_m).min() > 9.9
 
 
 @pytest.mark.parametrize("phase", [Phase.ENDING, Phase.LOITERING])

@@ -91,6 +91,7 @@ def test_a_restart_in_flight_is_taken_up_again(number: int) -> None:
     (restarted_s,) = world.times_s("restarted", number)
     (again_s,) = [at_s for at_s in world.times_s("ready", number) if at_s > struck_s]
     assert restarted_s - struck_s < 0.5
+    assert not world.times_s("member", number, "pilot"), "a mode that it boots in is nobody's choice"
     assert again_s - struck_s < 6.0
     assert world.worst_m(14.0) < 0.1
     assert world.station.course.failure is None

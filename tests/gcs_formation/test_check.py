@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 from click.testing import CliRunner
@@ -147,12 +148,62 @@ def test_circles_that_are_lifted_at_the_paths_end_are_told_with_place_and_figure
     """The hill's top is 150 m aside of the path's end, which is 100 m high; 60 m above 90 m are 150 m."""
     hill = {"shape": "cosine", "north_m": 2000, "east_m": 150, "height_m": 90, "radius_m": 100}
     path = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [2000, 0, 100]]}
-    planned = load_scenario(flight(terrain={"clearance_m": 60, "hills": [hill]}, path=path))
-    (told,) = [text for text in check_report(planned)["warnings"] if text.startswith("path at 2000 m")]
+    planned = load_scenario(flight(terrain={"clearance_m": 60, "hills": [hill]}, path=path, duration_s=100))
+    told, *_ = [text for text in check_report(planned)["warnings"] if text.startswith("path at 2000 m")]
     assert told == (
-        "path at 2000 m, its end: vehicles circle 50.0 m above it, at 150 m and higher, for the ground at north 2000, "
-        "east 150"
+        "path at 2000 m, the flight's end: vehicles circle 50.0 m above it, at 150 m and higher, for the ground at "
+        "north 2000, east 150"
     )
+
+
+STRAIGHT_ON = {"speed_mps": 22, "waypoints_m": [[3000, 3000, 100], [5000, 3000, 100]]}
+
+
+@pytest.mark.parametrize(
+    ("height_m", "found"), [(150, "to -17.0 m above the ground straight on, at north 5231"), (50, "")]
+)
+def test_a_hill_straight_beyond_the_flights_end_is_told_where_vehicles_cannot_climb_in_time(
+    height_m: float, found: str
+) -> None:
+    """Its top is 250 m ahead: flown into at 3 m/s. Over one of 50 m they are 10 m higher in time."""
+    hill = {"shape": "cosine", "north_m": 5250, "east_m": 3000, "height_m": height_m, "radius_m": 300}
+    planned = load_scenario(flight(terrain={"clearance_m": 60, "hills": [hill]}, path=STRAIGHT_ON, duration_s=100))
+    told = [text for text in check_report(planned)["warnings"] if "straight on" in text]
+    assert len(told) == bool(found)
+    assert not told or found in told[0]
+
+
+def test_holes_of_elevation_data_below_the_last_circles_are_told(tmp_path: Path) -> None:
+    """A tile of zeros, one of whose values is missing 400 m beyond the path's end; values are 93 m apart."""
+    elevations = np.zeros((1201, 1201), dtype=">i2")
+    for north_m, told in ((5400, True), (6400, False)):
+        elevations[:] = 0
+        elevations[1200 - round(north_m / 92.5), round(3000 / 75.9)] = -32768
+        elevations.tofile(tmp_path / "N35E125.hgt")
+        ground = {"clearance_m": 60, "file": str(tmp_path / "N35E125.hgt")}
+        planned = load_scenario(flight(terrain=ground, path=STRAIGHT_ON, duration_s=100))
+        assert any("found no elevation at north 5" in text for text in check_report(planned)["warnings"]) == told
+
+
+@pytest.mark.parametrize(("spacing_m", "told"), [(5.0, True), (5.99, True), (6.0, False)])
+def test_slots_that_leave_no_room_for_errors_are_told(spacing_m: float, told: bool) -> None:
+    """Slots 5 m apart may be flown, but who is a millimetre off breaks a separation of 5 m."""
+    wide, near = {"shape": "line", "spacing_m": 30}, {"at_s": 20, "spacing_m": spacing_m}
+    planned = load_scenario(flight(formation=wide | {"changes": [near]}))
+    found = [text for text in check_report(planned)["warnings"] if "left for errors" in text]
+    who = "formation.changes.0.spacing_m: found slots of the leader and vehicle 2"
+    said = f"{who} {spacing_m:.3g} m apart in line, 5 m asked for (safety.separation_m): no 1 m left for errors"
+    assert found == ([said] if told else [])
+
+
+def test_a_change_that_takes_longer_than_the_flight_is_told() -> None:
+    """From diamond to line takes 14.7 s."""
+    changes = {"shape": "diamond", "spacing_m": 30, "changes": [{"at_s": 20, "shape": "line"}]}
+    for duration_s, told in ((30, True), (40, False)):
+        planned = load_scenario(flight(formation=changes, duration_s=duration_s))
+        texts = [text for text in check_report(planned)["warnings"] if text.startswith("formation.changes.0: ")]
+        assert bool(texts) == told
+        assert not told or texts[0].endswith("s from 20 s on, and the flight is over at 30 s")
 
 
 def test_what_is_planned_for_after_the_flight_is_warned_of() -> None:

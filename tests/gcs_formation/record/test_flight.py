@@ -6,7 +6,7 @@ import pytest
 from airlink.endpoint import VehicleId
 from formation_scenario import load_scenario
 from gcs_formation.record.expectations import judge
-from gcs_formation.record.figures_of_merit import clearance_m, least, separation_m
+from gcs_formation.record.figures_of_merit import clearance_m, least, of_follower, separation_m
 from gcs_formation.record.flight import split
 from gcs_formation.record.timeseries import MEASURED, PHASES, GroundTruth
 
@@ -129,6 +129,15 @@ def test_expectations_are_of_whoever_follows_in_their_window():
     assert held[:3] == [("1", None), ("2", True), ("3", True)]
     assert held[3:6] == [("1", True), ("2", None), ("3", True)]
     assert held[6:] == [("1", True), ("2", True), ("3", True)]
+
+
+def test_figures_of_one_that_led_say_of_what_share_of_the_time_they_are() -> None:
+    """It is in its slot whenever it follows, 0.3 s of 10."""
+    injected = dict.fromkeys((LEADER, FOLLOWER, THIRD), np.zeros((TIME_S.size, 2)))
+    flight = split(spool(handed_over_s=0.3), SCENARIO, truth(), injected)
+    figures = [of_follower(flight, each, flight.window(0.0, 10.0), 0.0) for each in (FOLLOWER, THIRD)]
+    assert [each["in_slot_share"] for each in figures] == [1.0, 1.0]
+    assert [each["followed_share"] for each in figures] == [pytest.approx(3 / 101), 1.0]
 
 
 def test_of_nothing_there_is_no_least():

@@ -263,6 +263,7 @@ def summary_of(scenario: Scenario, columns: dict[str, np.ndarray], *, truth: boo
             "settled_at_s": settled,
             "left_at_s": left_at_s(time_s[seen], error[seen], settled),
             "in_slot_share": in_slot_share(error[seen]),
+            "followed_share": float(seen.mean()) if seen.size else None,
             "effort": effort(flight.vehicles[planned.vehicle_id], window),
         }
     least = separation_m(flight, window)

@@ -604,12 +604,12 @@ def test_of_an_earlier_study_nothing_is_left_where_it_is_replaced(two, tmp_path)
 
 
 class Instant:
-    """Workers whose flights take no time; `unflown` of them couldn't be flown."""
+    """Workers whose flights take no time; `unflown` couldn't be flown, `broken` broke what they were to keep."""
 
     where = ""
 
-    def __init__(self, unflown=()):
-        self.unflown = unflown
+    def __init__(self, unflown=(), broken=()):
+        self.unflown, self.broken = unflown, broken
 
     def __enter__(self):
         return self
@@ -622,7 +622,9 @@ class Instant:
             task = tasks.popleft()
             head = {"flight": task.planned.flight, "seed": task.planned.seed, **task.planned.parameters}
             lost = task.planned.flight in self.unflown
-            ended = {"error_x_m.max": None, "exit": 3, "words": "bad air"} if lost else {"exit": 0, "words": ""}
+            status = int(task.planned.flight in self.broken)
+            ended = {"exit": status, "words": "error_x_m.max broken" * status}
+            ended = {"error_x_m.max": None, "exit": 3, "words": "bad air"} if lost else ended
             yield {**head, "error_x_m.max": 0.1, "wall_s": 1.0, "cpu_s": 1.0, "version": "x", **ended}
 
 
@@ -686,6 +688,28 @@ def test_a_study_with_flights_that_could_not_be_flown_says_so_and_is_no_success(
     first = f"the first, flight {min(unflown, default=0)}: bad air"
     said = f"{len(unflown)} of 4 flights couldn't be flown to their end; {first}\n"
     assert done.output == (said if unflown else "")
+
+
+@pytest.mark.parametrize(
+    ("own", "broken", "status"),
+    [
+        ({}, (), 0),
+        ({}, (2,), 1),
+        ({}, range(4), 1),
+        ({"expect": [{"metric": "error_x_m.max", "below": 0.2}]}, range(4), 0),
+        ({"bisect": SEARCH, "parameters": {}}, range(4), 0),
+    ],
+    ids=["kept", "one broken", "all broken", "the study's own rules", "a search goes beyond"],
+)
+def test_without_an_expectation_of_the_study_those_of_its_flights_count(
+    two, tmp_path, monkeypatch, own, broken, status
+):
+    monkeypatch.setattr("gcs_formation.cli.study.Processes", lambda _count: Instant(broken=broken))
+    two.write_text(json.dumps(json.loads(two.read_text()) | own))
+    done = command("study", two, "--out", tmp_path / "out", "--quiet")
+    assert done.exit_code == status
+    said = f"{len(broken)} of 4 flights broke an expectation or a safety limit of their own"
+    assert (said in done.output) == bool(status)
 
 
 def test_a_search_that_finds_no_crossing_says_so(two, tmp_path, monkeypatch):
