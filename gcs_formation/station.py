@@ -301,8 +301,6 @@ class Station(Engine):
             self._heartbeats.hasten(now)
         if opening is None:
             self.course.end_in_time(self._until_s, now)
-            if self.course.opening and not self.course.cut_short:
-                self._reconfiguration.end(now)
         elif opening.over(now):
             self.course.move(Cause.OPENED, now)
 

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from airlink.clock import NANOSECONDS, Instant, after, seconds_between
+from airlink.clock import NANOSECONDS, Instant, after
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Mask
 from flight_model.autopilot import FlightState
@@ -61,9 +61,6 @@ class Reconfiguration:
         self._postponed: Arrangement | None = None
         self._postponed_for = ""
         """Why, in words."""
-        self._flown_at = Instant(0)
-        """When everybody will be in the slots that were changed to last."""
-        self._interrupted: list[str] = []
         self._planned_for = np.zeros(len(self._names), dtype=np.bool_)
         """(C,) which vehicles the present transition was planned for."""
         self._planned_for[controller.plan.leader] = True
@@ -77,18 +74,11 @@ class Reconfiguration:
 
     @property
     def unflown(self) -> list[str]:
-        """The changes that weren't flown to their end: one that the flight's end came before, one still postponed."""
+        """The planned change that is still postponed, with the reason; none if there is none."""
         wanted = self._wanted
         if wanted is None or wanted == self._controller.plan.arrangement:
-            return self._interrupted
-        return [*self._interrupted, f"the change to {self._in_words(wanted)} wasn't flown: {self._postponed_for}"]
-
-    def end(self, now: Instant) -> None:
-        """Take note of a change that is under way as the flight ends."""
-        if now < self._flown_at:
-            missing_s = seconds_between(now, self._flown_at)
-            words = self._in_words(self._controller.plan.arrangement)
-            self._interrupted = [f"the change to {words} wasn't flown to its end: {missing_s:.1f} s were missing"]
+            return []
+        return [f"the change to {self._in_words(wanted)} wasn't flown: {self._postponed_for}"]
 
     def resume(self, resumed: Resumption) -> None:
         """Begin where a flight stood; on the path, everybody's way to their slots begins where they are found."""
@@ -183,8 +173,6 @@ class Reconfiguration:
             raise NotFlyableError("the leader isn't on its way yet", "a change in flight", 0.0)
         course = ahead(route, controller.guidance.speed_mps, distance_m)
         way = plan_change(self._scenario, start, wanted, now_s, course, present)
-        if wanted != plan.arrangement or now < self._flown_at:
-            self._flown_at = after(now, way.duration_s)
         if wanted.leader != plan.leader:
             self._hand_over(wanted.leader, now)
         plan.adopt(wanted, way)

@@ -10,7 +10,6 @@ import numpy as np
 
 from formation_scenario import Scenario, ScenarioError, load_scenario
 from formation_scenario.environment import PASSING
-from formation_scenario.feasibility import unfinished_change
 
 Keys = dict[str, Any]
 Choice = TypeVar("Choice")
@@ -21,8 +20,6 @@ ASSEMBLY_S = 7.0
 FIRST_TROUBLE_S = 5.0
 LEG_M = 600.0
 MOST_DRAWS = 100
-SPARE_S = 5.0
-"""How long before a flight's end its changes are over: one may begin late, or go on from where a vehicle returns."""
 
 
 @dataclass(frozen=True)
@@ -88,8 +85,6 @@ SEVERITIES = {"usual": USUAL, "hard": HARD}
 def draw(seed: int, severity: Severity = USUAL) -> Scenario:
     """Return the scenario of a seed and a severity: of those drawn one after the other, the first that can be flown.
 
-    All of it: a change of its formation is over with some time to spare.
-
     Raises:
         ScenarioError: none of many could.
     """
@@ -97,11 +92,9 @@ def draw(seed: int, severity: Severity = USUAL) -> Scenario:
     for _ in range(MOST_DRAWS - 1):
         keys = _scenario(rng, seed, severity)
         try:
-            scenario = load_scenario(keys)
+            return load_scenario(keys)
         except ScenarioError:
             continue
-        if unfinished_change(scenario, scenario.duration_s - SPARE_S) is None:
-            return scenario
     return load_scenario(_scenario(rng, seed, severity))
 
 

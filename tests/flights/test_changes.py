@@ -11,7 +11,6 @@ import pytest
 
 from gcs_formation.record.timeseries import flying, read_parquet
 from tests.flights.conftest import Fly
-from tests.flights.in_memory import World
 
 STRAIGHT = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [3000, 0, 100], [6000, 0, 100]]}
 BEFORE_M = 0.2
@@ -215,22 +214,3 @@ def test_orders_are_carried_out_or_refused_with_the_reason(fly: Fly, tmp_path: P
     assert [text.split(":")[0] for text in summary["undone"]] == [f"order at {at_s} s" for at_s in (9, 10, 14, 19, 44)]
     assert summary["safety"]["min_separation_m"] > 10.0  # on the ways home
     assert max(f[f"error_{axis}_m"]["max"] for f in summary["followers"].values() for axis in "xyz") < 0.5
-
-
-@pytest.mark.parametrize("duration_s", [8, 40])
-def test_a_change_that_is_under_way_as_the_path_ends_is_left_undone(fly: Fly, duration_s: float) -> None:
-    """From diamond to line takes 14 s, from 5 s on."""
-    keys = {"path": STRAIGHT, "vehicles": {"count": 3}, "start": {"in_air": True, "run_in_s": 6}}
-    changes = {"shape": "diamond", "spacing_m": 30, "changes": [{"at_s": 5, "shape": "line"}]}
-    undone = fly(**keys, duration_s=duration_s, formation=changes, finish={"loiter_s": 0}).to_dict()["undone"]
-    said = "the change to line, 30 m, behind vehicle 1 wasn't flown to its end: "
-    assert [text.startswith(said) for text in undone] == [True] * (duration_s == 8)
-
-
-def test_a_change_that_an_order_cuts_is_not_left_undone() -> None:
-    world = World(formation={"shape": "diamond", "spacing_m": 30, "changes": [{"at_s": 1, "shape": "line"}]})
-    world.fly_to(2.0)
-    world.station.course.stop(world.clock.now())
-    world.run()
-    assert world.words("formation")
-    assert world.station.orders.undone == []
