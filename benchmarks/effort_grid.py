@@ -194,6 +194,8 @@ def main() -> None:
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--only", default="", metavar="TEXT", help="points whose name has TEXT in it")
     given = parser.parse_args()
+    if not follower.__file__.endswith(".py"):
+        parser.error("compiled modules don't heed what points change of them; run it where they are Python")
     chosen = [point for point in POINTS if given.only in point.name]
     jobs = [(point, way) for point in chosen for way in WAYS]
     with ProcessPoolExecutor(given.processes) as pool:

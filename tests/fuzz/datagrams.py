@@ -69,7 +69,7 @@ class Hostile:
         component, sequence = draw.choice((1, 1, 1, 0, 190, 255)), draw.randrange(256)
         header = Header(draw.choice(names.systems), component, sequence, version, draw.random() < 0.2)
         if draw.random() < 0.1:
-            message_id = draw.choice(_OTHERS) & (0xFF if version == 1 else 0xFFFFFF)
+            message_id = draw.choice(_OTHERS_OF_VERSION_1 if version == 1 else _OTHERS)
             return framed(message_id, draw.randbytes(draw.randrange(256)), header)
         layout = draw.choice(LAYOUTS)
         payload = self._payload(layout)
@@ -121,6 +121,8 @@ class Hostile:
 
 
 _OTHERS = sorted(EXTRAS.keys() - {layout.message_id for layout in LAYOUTS})
+_OTHERS_OF_VERSION_1 = [message_id for message_id in _OTHERS if message_id <= 0xFF]
+"""Its ids have one byte: a longer one's last byte may name a message that we have a type for, a command to everyone."""
 
 
 def _retargeted(layout: Layout, payload: bytes, target: int) -> bytes:

@@ -10,9 +10,10 @@ import pytest
 from airlink.clock import Instant
 from airlink.endpoint import Address, VehicleId
 from airlink.engine import Datagram
-from airlink.frame import FrameWriter
+from airlink.frame import FrameWriter, StreamParser
 from airlink.messages.system import Heartbeat
 from gcs_formation.station import Station
+from tests.fuzz.datagrams import FOREIGN, FOREIGN_TARGET, Hostile
 from tests.fuzz.siege import End, Notes, Siege, check, fly, planned, worst_error_m
 
 DURATION_S = 5
@@ -83,3 +84,12 @@ def test_broken_frames_are_counted_for_the_vehicle_they_came_from() -> None:
         broken[12] ^= 0x10
         station.receive([Datagram(0, peer, bytes(broken))], Instant(0))
     assert station.bad_frames(VehicleId(1, 2)) == 3
+
+
+def test_sound_frames_of_strangers_are_to_nobody_in_the_formation() -> None:
+    """Those of version 1 had the last byte of a longer id, which may be a command's, and any target."""
+    source = Hostile(1)
+    frames = [frame for _ in range(4000) for frame in StreamParser().feed(source._sound(FOREIGN))]
+    targets = {getattr(frame.message, "target_system", FOREIGN_TARGET) for frame in frames}
+    assert len(frames) > 3900
+    assert targets == {FOREIGN_TARGET}
