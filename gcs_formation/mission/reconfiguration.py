@@ -254,7 +254,6 @@ class Reconfiguration:
         heir = self.successor(now)
         if heir is not None:
             self._hand_over(heir, now)
-            self._flown_at = now  # nobody planned what comes now
             self._want(self._wanted or self._controller.plan.arrangement, now)
 
     def _unflyable(self, scenario: Scenario, wanted: Arrangement, now: Instant) -> str | None:
