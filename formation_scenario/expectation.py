@@ -9,6 +9,8 @@ from pydantic_core import PydanticCustomError
 
 from formation_scenario.fields import Allowed, Keys, NonNegative, Number, VehicleSelection, derived
 
+SETTLED_M = 0.5
+"""Within so much of its slot on every axis a vehicle is in it."""
 _AXES = {"x": "forward error, m", "y": "lateral error, m", "z": "height error, m"}
 _FIGURES = {
     "rms": "root mean square over the window",

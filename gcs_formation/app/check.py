@@ -12,6 +12,7 @@ import numpy as np
 from flight_model.design import MISMATCH
 from formation_scenario import Scenario, ScenarioError, dump_scenario
 from formation_scenario.begin_and_end import planned_end_s
+from formation_scenario.expectation import SETTLED_M
 from formation_scenario.feasibility import refused_orders, slots_without_room, unfinished_change
 from formation_scenario.gains import AUTO, by_design, figures
 from formation_scenario.graph import scenario_adjacency
@@ -19,7 +20,6 @@ from formation_scenario.slot_assignment import planned_slots
 from gcs_formation.app.check_end import final_circles
 from gcs_formation.app.check_links import assembly, goes_round, split_errors, ways_s
 from gcs_formation.control.laws import law_kind
-from gcs_formation.record.figures_of_merit import SETTLED_M
 from gcs_formation.stability import LawMargins, Usage, law_loops, law_margins, loop_delay_s
 from gcs_formation.stability.law import consensus_margins, follower_margins
 from gcs_formation.stability.mismatch import LAGS_OFF, STEP_S, lag_margin, mismatch_margin_with_lags_off

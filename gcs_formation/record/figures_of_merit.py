@@ -11,11 +11,11 @@ import numpy as np
 
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Mask, wrap
+from formation_scenario.expectation import SETTLED_M
 from gcs_formation.record.flight import Flight
 from gcs_formation.record.timeseries import CHANNELS, ERROR, SETPOINT
 
 Effort = dict[str, dict[str, float | None]]
-SETTLED_M = 0.5
 SETTLED_FOR_S = 10.0
 STEADY_AFTER_S = 30.0
 """Steady flight begins so long after settling."""

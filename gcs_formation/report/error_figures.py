@@ -9,8 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from flight_model.arrays import Array, Mask
-from formation_scenario.expectation import Expectation
-from gcs_formation.record.figures_of_merit import SETTLED_M
+from formation_scenario.expectation import SETTLED_M, Expectation
 from gcs_formation.record.timeseries import DISTURBANCE
 from gcs_formation.report.geometry import evenly
 from gcs_formation.report.gusts import Gust, gusts

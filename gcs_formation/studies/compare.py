@@ -19,11 +19,11 @@ from airlink.cli.exit_status import raised
 from airlink.cli.output_directory import refusal
 from formation_scenario import Problem, Scenario, ScenarioError, load_scenario
 from formation_scenario.errors import did_you_mean
+from formation_scenario.expectation import SETTLED_M
 from gcs_formation.app.result_text import WIDE, Group
 from gcs_formation.app.result_text import table as text_table
 from gcs_formation.control import laws
 from gcs_formation.errors import RecordError
-from gcs_formation.record.figures_of_merit import SETTLED_M
 from gcs_formation.record.run_directory import SCENARIO
 from gcs_formation.report.geometry import extremes
 from gcs_formation.report.html import document, figure, number, table
