@@ -24,8 +24,8 @@ ALIKE_S: Final = 60.0
 """Memory of how long they do."""
 STILL_ALIKE: Final = math.exp(-BATCH_S / ALIKE_S)
 GUST_ALIKE: Final = 6.0
-"""Batches that tell as much as one before it is known. What stays alike for longer may be lags that are far off: it is
-worth no less to their misfit."""
+"""Batches that tell as much as one, before it is seen how many. The misfit counts no more: what stays alike for longer
+may be lags that are far off."""
 GUST_WORTH: Final = 5.0
 """As many pairs of batches as the belief in that is worth."""
 STEP_MAX: Final = 0.1
@@ -38,8 +38,9 @@ RECENT_S: Final = 20.0
 STILL_RECENT: Final = math.exp(-BATCH_S / RECENT_S)
 """What it keeps from one fit to the next."""
 FITTED: Final = 2.0
+"""Independent residuals that a mean and a share take up which are fitted to them."""
 LEAST_FREE: Final = 0.1
-"""Residuals that are left of so many by what was fitted to them, at least."""
+"""That are left then, at least."""
 SIGNIFICANT: Final = 2.0
 """Standard deviations of the misfit that don't count."""
 
@@ -233,9 +234,8 @@ class Channel:
             for other in range(1, len(seen)):
                 by_all += seen[one][other]
         excitation = max(by_all, 1e-12)
-        independent = samples / (self._alike * batches)
-        worth = independent / max(independent - FITTED, LEAST_FREE)
-        left = max(seen[0][0] - squared(shown) / excitation, 0.0) * batches * worth / samples
+        free = max(samples / (self._alike * batches) - FITTED, LEAST_FREE)
+        left = max(seen[0][0] - squared(shown) / excitation, 0.0) / (self._alike * free)
         chance = math.sqrt((left + self._least_variance) * self._alike / excitation)
         return max(0.0, abs(shown) / excitation - SIGNIFICANT * chance)
 

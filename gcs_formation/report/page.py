@@ -294,7 +294,8 @@ def _error_source(run: RunData) -> str:
     return (
         f"Metres, absolute values, from {source}; x forward and y right of the {frame} heading, z up. "
         "Settled: the first time from which every axis stays within 0.5 m for 10 s; steady max: the maximum from "
-        "30 s after it on; left: when a settled vehicle was beyond 0.5 m first. "
+        "30 s after it on; left: when a settled vehicle was beyond 0.5 m first; "
+        "followed: the share of the time that these are of; else it led or was lost. "
         "Steps: of the setpoints from tick to tick."
     )
 
