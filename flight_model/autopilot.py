@@ -136,7 +136,7 @@ class FlightState:
     """Where a vehicle is and how it moves: north, east and up from the origin.
 
     Airspeed and heading are relative to the air. The velocity over ground is the airspeed along the heading, plus the
-    wind and whatever else carries the vehicle.
+    wind and whatever else carries the vehicle. The climb is over ground too: an updraught's share of it stays.
     """
 
     __slots__ = (
@@ -146,11 +146,12 @@ class FlightState:
         "heading_rad",
         "height_m",
         "north_m",
+        "updraught_mps",
         "wind_east_mps",
         "wind_north_mps",
     )
 
-    def __init__(
+    def __init__(  # noqa: PLR0913, PLR0917 - a state's values
         self,
         north_m: float,
         east_m: float,
@@ -160,8 +161,9 @@ class FlightState:
         heading_rad: float,
         wind_north_mps: float,
         wind_east_mps: float,
+        updraught_mps: float = 0.0,
     ) -> None:
-        """Take position, climb rate, air motion and wind."""
+        """Take position, climb rate, air motion, wind, and what of the climb rate is the air's."""
         self.north_m = north_m
         self.east_m = east_m
         self.height_m = height_m
@@ -170,6 +172,7 @@ class FlightState:
         self.heading_rad = heading_rad
         self.wind_north_mps = wind_north_mps
         self.wind_east_mps = wind_east_mps
+        self.updraught_mps = updraught_mps
 
     def copy(self) -> FlightState:
         """Return the same state as an object of its own."""
@@ -182,6 +185,7 @@ class FlightState:
             self.heading_rad,
             self.wind_north_mps,
             self.wind_east_mps,
+            self.updraught_mps,
         )
 
     def ground_mps(self) -> tuple[float, float]:
@@ -192,7 +196,7 @@ class FlightState:
         )
 
     def values(self) -> tuple[float, float, float, float, float, float, float, float]:
-        """Return the quantities in the order of the constructor's arguments."""
+        """Return the quantities in the order of the constructor's arguments, without the updraught."""
         return (
             self.north_m,
             self.east_m,
@@ -334,6 +338,8 @@ def respond(
 
 
 def _climb(state: FlightState, model: AutopilotModel, height_m: float, time_s: float, left: Decay) -> None:
+    """Move height and climb rate on: in an updraught u, what (7) says of the climb it says of the climb less u."""
+    height_m += (left.slow_s + left.fast_s) * state.updraught_mps
     state.height_m, state.climb_mps = climbed(
         state.height_m,
         state.climb_mps,

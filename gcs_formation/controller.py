@@ -22,7 +22,7 @@ from gcs_formation import parameters
 from gcs_formation.control.envelope import Envelope
 from gcs_formation.control.laws import law_kind, law_parameters
 from gcs_formation.control.situation import Lead, Situation
-from gcs_formation.estimation.estimator import Sample, StateEstimator, VehicleFilter, heading_shown
+from gcs_formation.estimation.estimator import UPDRAUGHT_RADPS, Sample, StateEstimator, VehicleFilter, heading_shown
 from gcs_formation.estimation.projection import Measured, States
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.guidance.leader import ASSEMBLED_S, LeaderCommand, LeaderCommands, LeaderWind, amid, points_ahead
@@ -74,11 +74,13 @@ class FormationController:
         self._lift_m = np.zeros(self._columns)
         self._placed, self._slots_m = list[Slot](), list[Triple]()
         """The slots commanded last, and their places as a tick tells them."""
+        observer_radps = scenario.law.disturbance_observer_radps
         self.estimator = StateEstimator(
             parameters.declared_noise(scenario),
             self.history,
             scenario.telemetry.rate_hz,
-            0.0 if scenario.hovers else scenario.law.disturbance_observer_radps,
+            0.0 if scenario.hovers else observer_radps,
+            UPDRAUGHT_RADPS if observer_radps > 0.0 else 0.0,
         )
 
     @property

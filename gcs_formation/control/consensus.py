@@ -146,7 +146,9 @@ class ConsensusLaw(Law):
     ) -> Triple:
         """Return one vehicle's setpoint: what u of (3) asks of the autopilot's lags, beyond the slot's own motion."""
         axis_rad, turn_rps, bend_rps2 = leader.state.heading_rad, leader.turn_rps, leader.bend_rps2
-        speed_mps, heading_rad, height_m = feed_forward(own.target, leader, axis_rad, turn_rps, bend_rps2, slot, model)
+        speed_mps, heading_rad, height_m = feed_forward(
+            own.target, leader, axis_rad, turn_rps, bend_rps2, slot, model, state.updraught_mps
+        )
         u_x, u_y = self._acceleration(own, neighbours, model)
         speed_mps += model.tau_v_s * share * u_x
         heading_rad += model.tau_psi_s * share * u_y / max(own.target.speed_mps, LEAST_AIRSPEED_MPS)

@@ -42,6 +42,7 @@ def feed_forward(
     bend_rps2: float,
     slot: Slot,
     model: AutopilotModel,
+    updraught_mps: float,
 ) -> Triple:
     """Return the speed, heading and height setpoints that hold `target` (errata item 29).
 
@@ -56,6 +57,7 @@ def feed_forward(
         bend_rps2: rate of that rate.
         slot: offset from the leader along the axes.
         model: of the vehicle that is to hold it.
+        updraught_mps: what carries that vehicle up.
     """
     off_rad = leader.state.heading_rad - axis_rad
     cos, sin = math.cos(off_rad), math.sin(off_rad)
@@ -65,10 +67,15 @@ def feed_forward(
     across_mps2 = leader.acceleration_mps2 * sin + swing_mps2 * cos
     across_mps2 += slot.right_mps2 + bend_rps2 * slot.forward_m + turn_rps * slot.forward_mps
     speed_mps, heading_rad = lead(target, axis_rad, along_mps2, across_mps2, model)
-    height_m = leader.state.height_m + slot.up_m
-    height_m += (model.tau_ha_s + model.tau_hb_s) * (leader.state.climb_mps + slot.up_mps)
-    height_m += model.tau_ha_s * model.tau_hb_s * (leader.climb_change_mps2 + slot.up_mps2)
+    height_m = lead_height(leader, slot, model, updraught_mps)
     return target.speed_mps + speed_mps, target.heading_rad + model.tau_psi_s * turn_rps + heading_rad, height_m
+
+
+def lead_height(leader: LeaderMotion, slot: Slot, model: AutopilotModel, updraught_mps: float) -> float:
+    """Return the height setpoint that holds a slot: the slot's own, led by (7) as far as the air doesn't do it."""
+    height_m = leader.state.height_m + slot.up_m
+    height_m += (model.tau_ha_s + model.tau_hb_s) * (leader.state.climb_mps + slot.up_mps - updraught_mps)
+    return height_m + model.tau_ha_s * model.tau_hb_s * (leader.climb_change_mps2 + slot.up_mps2)
 
 
 def lead(

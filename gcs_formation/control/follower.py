@@ -173,7 +173,9 @@ class FollowerController(Controller):
         target, led_mps, led_rad = self._target(pair, axis_rad, turn_rps, across_mps2, dt_s)
         self.mixed = mix(self._parameters.mixer, target, state, self._steady(pair, target))
         lies_rad = leader.state.heading_rad if self._trailing is None else target.heading_rad
-        speed_mps, heading_rad, height_m = feed_forward(target, leader, lies_rad, turn_rps, bend_rps2, slot, model)
+        speed_mps, heading_rad, height_m = feed_forward(
+            target, leader, lies_rad, turn_rps, bend_rps2, slot, model, state.updraught_mps
+        )
         forward = (speed_mps + led_mps, heading_rad + led_rad, height_m)
         output = self._output(self._slopes(pair, axis_rad, target, forward, dt_s), self._share_aside(pair), pair, dt_s)
         answer = lead(target, lies_rad, -along_mps2, -across_mps2, model)

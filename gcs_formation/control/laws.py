@@ -97,7 +97,8 @@ def led(commanded: LeaderCommand, state: FlightState, model: AutopilotModel) -> 
     turn_rps = rate(wrap(commanded.heading_rad - state.heading_rad), model.tau_psi_s, most_rps)
     bend_rps2 = (within(commanded.turn_rps, -most_rps, most_rps) - turn_rps) / model.tau_psi_s
     acceleration_mps2 = rate(commanded.speed_mps - state.airspeed_mps, model.tau_v_s, model.accel_max_mps2)
-    to_climb_m = commanded.height_m - state.height_m - (model.tau_ha_s + model.tau_hb_s) * state.climb_mps
+    own_mps = state.climb_mps - state.updraught_mps
+    to_climb_m = commanded.height_m - state.height_m - (model.tau_ha_s + model.tau_hb_s) * own_mps
     return LeaderMotion(state, turn_rps, bend_rps2, acceleration_mps2, to_climb_m / (model.tau_ha_s * model.tau_hb_s))
 
 

@@ -12,6 +12,7 @@ from typing import Final
 
 from flight_model.autopilot import within
 from flight_model.slot import Triple
+from gcs_formation.control.feed_forward import lead_height
 from gcs_formation.control.follower import Controller, Pair
 from gcs_formation.control.mixer import error_rate, formation_error
 
@@ -75,9 +76,7 @@ def feed_forward(pair: Pair) -> Triple:
     along_mps2 += slot.forward_mps2 - 2.0 * turn_rps * slot.right_mps
     across_mps2 = speed_mps * turn_rps + bend_rps2 * slot.forward_m - turn_rps * turn_rps * slot.right_m
     across_mps2 += slot.right_mps2 + 2.0 * turn_rps * slot.forward_mps
-    height_m = leader.state.height_m + slot.up_m
-    height_m += (model.tau_ha_s + model.tau_hb_s) * (leader.state.climb_mps + slot.up_mps)
-    height_m += model.tau_ha_s * model.tau_hb_s * (leader.climb_change_mps2 + slot.up_mps2)
+    height_m = lead_height(leader, slot, model, pair.state.updraught_mps)
     return along_mps + model.tau_v_s * along_mps2, across_mps + model.tau_psi_s * across_mps2, height_m
 
 

@@ -49,6 +49,9 @@ GUST_RADPS: Final = 1.0
 lags or is off, and would show gusts that aren't there."""
 GUST_SIGMAS: Final = 4.0
 """Standard deviations of the wind that a sample tells beyond which it is a gust: believed, at once."""
+UPDRAUGHT_RADPS: Final = 1.0
+"""Bandwidth with which what carries a vehicle up or down is followed: of a vehicle of which the model tells nothing it
+takes no more of the height loop's delay margin than links of 0.3 s each way leave."""
 FIRST_WIND_RADPS: Final = 0.2
 """Bandwidth from which the wind's observation slows down to a slower one that is asked for: a first sample is off by
 its whole noise, which would be flown for as long as the observation is slow."""
@@ -130,8 +133,8 @@ def heading_shown(state: FlightState, north_mps: float, east_mps: float) -> floa
 class VehicleFilter:
     """The filter of one vehicle."""
 
-    def __init__(self, noise: VehicleNoise, wind_radps: float, telemetry_hz: float) -> None:
-        """Start with nothing known; `wind_radps` and `telemetry_hz` are those of `StateEstimator`."""
+    def __init__(self, noise: VehicleNoise, wind_radps: float, updraught_radps: float, telemetry_hz: float) -> None:
+        """Start with nothing known; the bandwidths and `telemetry_hz` are those of `StateEstimator`."""
         self.noise = noise
         self.stray = PlaceStray()
         self.state: FlightState | None = None
@@ -139,6 +142,9 @@ class VehicleFilter:
         """Of the state, ns."""
         self.level = LevelCovariance((0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
         self.height = HeightCovariance(0.0, 0.0)
+        self._felt_mps: float = 0.0
+        """What carries it up besides its own climb; of its state it is as far as that is followed."""
+        self._updraught_radps = updraught_radps
         self.wind_radps = wind_radps
         """The most that the wind's estimate follows anything but gusts."""
         self._root_hz = math.sqrt(telemetry_hz)
@@ -159,6 +165,7 @@ class VehicleFilter:
         )
         self.level = LevelCovariance((noise[0], noise[1], noise[6], noise[7], variances[0], variances[1]))
         self.height = HeightCovariance(noise[2], noise[5])
+        self._felt_mps = 0.0
         self._residual = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         self._implausible = 0
         self.stamp = stamp
@@ -187,7 +194,9 @@ class VehicleFilter:
         own = spreads(self.level, self.height, along, variances)
         self.noise.learn(minus(difference, self._residual), own)
         excess = excesses(difference, own, elapsed_s)
+        climb_mps = predicted.climb_mps
         self._move(predicted, along, difference, weighed(variances, own, excess))
+        self._feel(predicted, predicted.climb_mps - climb_mps, elapsed_s, model)
         predicted.airspeed_mps = max(predicted.airspeed_mps, _least_mps(model))
         self.state, self.stamp = predicted, stamp
         self._residual = innovation(values, predicted)
@@ -230,6 +239,17 @@ class VehicleFilter:
         self.level.grow((of_place, of_place, squared(speed), squared(heading), of_wind, of_wind), elapsed_s)
         self.height.climb += squared(climb) * elapsed_s
 
+    def _feel(self, state: FlightState, climbs_mps: float, elapsed_s: float, model: AutopilotModel) -> None:
+        """Take by how much it climbs faster than the model has it in the updraught that its `state` has.
+
+        Its own climb follows its setpoints by (7): what it climbs faster than that, it keeps as long as the air carries
+        it, and a difference that doesn't last ends by both lags.
+        """
+        left = math.exp(-(1.0 / model.tau_ha_s + 1.0 / model.tau_hb_s) * elapsed_s)
+        self._felt_mps += climbs_mps + (1.0 - left) * (state.updraught_mps - self._felt_mps)
+        share = 1.0 - math.exp(-self._updraught_radps * elapsed_s)
+        state.updraught_mps += share * (self._felt_mps - state.updraught_mps)
+
     def _wind_of(self, values: Values) -> tuple[float, float]:
         """Return the wind that a sample tells by itself."""
         if self.wind_radps <= 0.0:
@@ -269,7 +289,12 @@ class StateEstimator:
     """The filters of C columns, one for each vehicle."""
 
     def __init__(
-        self, noise: list[VehicleNoise], history: SetpointHistory, telemetry_hz: float, wind_radps: float
+        self,
+        noise: list[VehicleNoise],
+        history: SetpointHistory,
+        telemetry_hz: float,
+        wind_radps: float,
+        updraught_radps: float = UPDRAUGHT_RADPS,
     ) -> None:
         """Start with nothing known.
 
@@ -278,8 +303,9 @@ class StateEstimator:
             history: the setpoints that were sent to them.
             telemetry_hz: samples a second.
             wind_radps: the most that the wind's estimate follows anything but gusts; 0: the wind stays 0.
+            updraught_radps: bandwidth with which what carries them up or down is followed; 0: it stays 0.
         """
-        self.filters = [VehicleFilter(each, wind_radps, telemetry_hz) for each in noise]
+        self.filters = [VehicleFilter(each, wind_radps, updraught_radps, telemetry_hz) for each in noise]
         """Every column's, with its newest state."""
         self._history = history
 

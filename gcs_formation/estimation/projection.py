@@ -222,4 +222,5 @@ def _between(before: FlightState, after: FlightState, share: float) -> FlightSta
     """Return the state at a share of the way between two."""
     steps = [late - early for early, late in zip(before.values(), after.values(), strict=True)]
     steps[HEADING] = wrap(steps[HEADING])
-    return FlightState(*(early + share * step for early, step in zip(before.values(), steps, strict=True)))
+    values = (early + share * step for early, step in zip(before.values(), steps, strict=True))
+    return FlightState(*values, updraught_mps=before.updraught_mps)

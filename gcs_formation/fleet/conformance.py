@@ -14,7 +14,7 @@ from formation_scenario.navigation import NoisyNavigation
 from formation_scenario.reconfiguration import column_models
 from formation_scenario.slot_assignment import columns
 from gcs_formation.controller import FormationController
-from gcs_formation.estimation.estimator import heading_shown
+from gcs_formation.estimation.estimator import LEAST_AIRSPEED_MPS, heading_shown
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.parameters import autopilot_models
 from gcs_formation.recorder import Detail, Note, Tick, unknown_state
@@ -41,7 +41,8 @@ RISING_AIR_MPS: Final = 1.5
 """Vertical air motion that may keep a vehicle from its height, and that telemetry doesn't show."""
 AIR_SIGMAS: Final = 4.0
 AIR_MEMORY_S: Final = 60.0
-"""If that is more, so many standard deviations of what a vehicle has shown of it within about that time."""
+"""If that is more, so many standard deviations of what a vehicle has shown of it within about that time; as much may
+come from the side."""
 MISSED_SHARE: Final = 0.75
 """A vehicle that falls short by more isn't following. One that does, as the model says, falls short by 0.3 at most, or
 overshoots; a real one, whose turns begin 0.6 s later than the model's, by 0.65 at the beginning of a bend."""
@@ -84,14 +85,20 @@ class _Flier:
         """Of the vertical motion of the air that would explain its heights, (m/s)²."""
         self.bad, self.good, self.broken = [0, 0, 0], 0, False
 
-    def judge(self, expected: list[float], flown: list[float], settled: list[bool]) -> int | None:
-        """Take the changes of the window, of channels that are judged; return the channel that newly isn't followed."""
+    def judge(self, expected: list[float], flown: list[float], settled: list[bool], speed_mps: float) -> int | None:
+        """Take the changes of the window, of channels that are judged; return the channel that newly isn't followed.
+
+        `speed_mps` is its airspeed: the faster it flies, the less a gust aside turns its course.
+        """
+        gust_mps = AIR_SIGMAS * math.sqrt(self.air_variance)
         kept_up = settled[AIRSPEED] and settled[HEADING] and settled[HEIGHT]
         for channel, change in enumerate(expected):
             seen = flown[channel]
             limit, short = MISSED_SHARE * abs(change), change - seen if change > 0.0 else seen - change
-            if channel == HEIGHT:
-                limit = max(limit, max(RISING_AIR_MPS, AIR_SIGMAS * math.sqrt(self.air_variance)) * self.carried_m)
+            if channel == HEADING:
+                limit = max(limit, gust_mps / max(speed_mps, gust_mps, LEAST_AIRSPEED_MPS))
+            elif channel == HEIGHT:
+                limit = max(limit, max(RISING_AIR_MPS, gust_mps) * self.carried_m)
                 if settled[channel]:
                     air_mps = (change - seen) / self.carried_m
                     self.air_variance += CHECK_S / AIR_MEMORY_S * (air_mps * air_mps - self.air_variance)
@@ -173,7 +180,7 @@ class MotionConformance:
         fast = max(seen.airspeed_mps, before.airspeed_mps) > FAST_SHARE * flier.model.speed_max_mps
         if fast and expected[HEIGHT] > 0.0:
             settled[HEIGHT] = False
-        channel = flier.judge(expected, flown, settled)
+        channel = flier.judge(expected, flown, settled, seen.airspeed_mps)
         return None if channel is None else NonConformance(column, CHANNELS[channel], expected[channel], flown[channel])
 
 

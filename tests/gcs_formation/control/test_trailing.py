@@ -70,7 +70,7 @@ def test_what_is_fed_forward_leads_the_trailing_target_by_its_rate(forward_m: tu
         leader, slot = leader_at(tick * tick_s), slot_at(tick * tick_s, start, way)
         turning = trailing.turning(leader, slot, tick_s)
         target = target_of(leader, turning[0], slot)
-        speed_mps, heading_rad, _ = feed_forward(target, leader, target.heading_rad, *turning, slot, MODEL)
+        speed_mps, heading_rad, _ = feed_forward(target, leader, target.heading_rad, *turning, slot, MODEL, 0.0)
         targets.append([target.speed_mps, target.heading_rad])
         led.append(
             [(speed_mps - target.speed_mps) / MODEL.tau_v_s, (heading_rad - target.heading_rad) / MODEL.tau_psi_s]

@@ -171,6 +171,25 @@ def test_a_gust_on_exact_telemetry_is_believed_at_once():
     assert np.abs(flight.error()[WIND_NORTH:]).max() < 0.05
 
 
+def test_what_carries_a_vehicle_up_is_told_from_its_own_climb():
+    """It climbs by 10 m as it was commanded; then 0.5 m/s carry it up besides, of which (7) knows nothing."""
+    flight, felt_mps = Flight(sigma=RESOLUTION, declared=RESOLUTION), []
+    for step in range(200):
+        told = Setpoints(*(np.array([value]) for value in (22.0, 0.5, 110.0)))
+        since, until = np.array([flight.now]), np.array([flight.now + STEP_NS])
+        tables.send(flight.history, since, told)
+        flown = FlightStates(*flight.true[:, None])
+        flight.true = tables.predict(flight.history, flown, since, until, MODEL).table[:, 0]
+        carried_mps = 0.5 if step >= 100 else 0.0
+        flight.true[2] += carried_mps * STEP_NS / 1e9
+        flight.now += STEP_NS
+        flight.see(off=np.array((0.0, 0.0, 0.0, 0.0, 0.0, carried_mps, 0.0, 0.0)))
+        felt_mps.append(flight.state.updraught_mps)
+    assert felt_mps[:100] == pytest.approx([0.0] * 100, abs=0.02)
+    assert felt_mps[115] > 0.3
+    assert felt_mps[150:] == pytest.approx([0.5] * 50, abs=0.05)
+
+
 def test_outliers_are_ridden_through():
     """One sample in twenty lies 20 m off."""
     flight, errors = Flight(), []
