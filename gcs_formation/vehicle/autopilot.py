@@ -23,6 +23,9 @@ from gcs_formation.vehicle.telemetry import Telemetry
 
 SLOW_RATE_HZ: Final = 2.0
 UTC_RATE_HZ: Final = 1.0
+ASKED_S: Final = 30.0
+"""Longest wait for the answer to a request: of 43 tries, with half of all datagrams lost either way, some are all lost
+in four starts of a million."""
 SHOWN_WITHIN_S: Final = 2.0
 SHOWN_IN_HEARTBEATS: Final = 2
 """A command has no effect when both this time and so many heartbeats have passed since its acknowledgement."""
@@ -87,7 +90,7 @@ def nothing(_: Telemetry) -> tuple[Command, ...]:
 
 @dataclass(frozen=True)
 class Step:
-    """One step of getting a vehicle ready: commands until `done` holds, within `timeout_s`."""
+    """One step of getting a vehicle ready: commands until `done` holds, within `timeout_s` of the last one's turn."""
 
     name: str
     done: Callable[[Telemetry], bool]
