@@ -134,8 +134,8 @@ def test_a_vehicle_that_can_not_be_started_ends_the_run_with_nobody_left_flying_
 @pytest.mark.parametrize("seed", [1, 2, 3, 4, 5, 6])
 def test_half_of_all_datagrams_lost_each_way_keep_nobody_from_starting(seed: int) -> None:
     """An answer comes to every fourth request, so five take 14 s on average, and often more than 20 s."""
-    lossy: dict[str, Any] = {"vehicles": {"count": 6}, "links": {"default": {"loss": 0.5}}}
-    world = World(**ON_THE_GROUND | lossy | {"seed": seed})
+    lossy: dict[str, Any] = {"seed": seed, "vehicles": {"count": 6}, "links": {"default": {"loss": 0.5}}}
+    world = World(**ON_THE_GROUND | lossy)
     world.network.run(
         lambda: world.station.flight.ended or all(each.start_up.finished for each in world.station.vehicles.values())
     )
