@@ -90,7 +90,7 @@ def nothing(_: Telemetry) -> tuple[Command, ...]:
 
 @dataclass(frozen=True)
 class Step:
-    """One step of getting a vehicle ready: commands until `done` holds, within `timeout_s` of the last one's turn."""
+    """One step of getting a vehicle ready: commands until `done` holds, within `timeout_s`."""
 
     name: str
     done: Callable[[Telemetry], bool]
@@ -98,6 +98,7 @@ class Step:
     """Returns what to send, by the telemetry of the instant at which the step begins."""
     timeout_s: float = 20.0
     every_command_acknowledged: bool = False
+    """Then each of them has `timeout_s` of its own."""
     takes_off: bool = False
     """Whether its commands bring a vehicle off the ground."""
 
