@@ -26,6 +26,8 @@ WGS_84 = "EPSG:4326"
 ALLOWED = "a .hgt tile (N35E125.hgt), or a GeoTIFF with a coordinate system"
 LEADER_SHARE = 0.7
 """Share of the climb limit that the lifted path uses; followers and disturbances need the rest."""
+ROUNDING_M = 1e-6
+"""By how much a bound lies above what it bounds, for the last digits."""
 FOLLOWER_SHARE = 0.85
 """Share of the climb limit that the path and a follower's own lift use together."""
 
@@ -55,12 +57,30 @@ class ElevationGrid(NamedTuple):
         lower = south_west + right * (south_east - south_west)
         return upper + down * (lower - upper) - self.origin.alt_m
 
+    def bound_m(self, north_m: Array, east_m: Array, around_m: float) -> Array:
+        """Return what no height within `around_m` of each place (n,) exceeds: the highest value there."""
+        rows, columns = self.elevation_m.shape
+        (up, left), (down, right) = (
+            self._at(north_m + around_m, east_m - around_m),
+            self._at(north_m - around_m, east_m + around_m),
+        )
+        first_row, last_row = np.clip(np.floor(up), 0, rows), np.clip(np.ceil(down) + 1, 0, rows)
+        first, last = np.clip(np.floor(left), 0, columns), np.clip(np.ceil(right) + 1, 0, columns)
+        windows = np.stack((first_row, last_row, first, last), axis=1).astype(np.intp).tolist()
+        filled = np.nan_to_num(self.elevation_m, nan=-np.inf)
+        highest = [filled[a:b, c:d].max(initial=-np.inf) for a, b, c, d in windows]
+        return np.array(highest) - self.origin.alt_m + ROUNDING_M
+
+    def _at(self, north_m: Array, east_m: Array) -> tuple[Array, Array]:
+        """Return places in rows from the top and columns from the left."""
+        lat_rad, lon_rad = self.origin.places(north_m, east_m)
+        down = (self.north_deg - np.degrees(lat_rad)) / self.step_lat_deg
+        return down, (np.degrees(lon_rad) - self.west_deg) / self.step_lon_deg
+
     def _cell(self, north_m: Array, east_m: Array) -> tuple[tuple[Array, ...], Array, Array]:
         """Return the four values around each point, and its position in the cell, down and right, 0 to 1."""
         values = self.elevation_m
-        lat_rad, lon_rad = self.origin.places(north_m, east_m)
-        down = (self.north_deg - np.degrees(lat_rad)) / self.step_lat_deg
-        right = (np.degrees(lon_rad) - self.west_deg) / self.step_lon_deg
+        down, right = self._at(north_m, east_m)
         rows, columns = values.shape
         row = np.clip(np.floor(down), 0, rows - 2).astype(np.intp)
         column = np.clip(np.floor(right), 0, columns - 2).astype(np.intp)
@@ -136,6 +156,10 @@ class Ground(Protocol):
         """Return the ground's height; NaN where it isn't known."""
         ...
 
+    def bound_m(self, north_m: Array, east_m: Array, around_m: float) -> Array:
+        """Return a height that no ground within `around_m` of each place (n,) exceeds; it is quickly found."""
+        ...
+
 
 class Hills:
     """Level ground with hills, which add up, by the formulas of `environment.Hill`."""
@@ -154,14 +178,29 @@ class Hills:
 
     def height(self, north_m: Array, east_m: Array) -> Array:
         """Return the ground's height."""
+        return self._base_m + self._share(self._squared_m2(north_m, east_m) / self._radius_m**2) @ self._height_m
+
+    def bound_m(self, north_m: Array, east_m: Array, around_m: float) -> Array:
+        """Return what the ground around each place would be if it were as near to all hills as it can be.
+
+        And as far as it can be from hollows: hills fall off with the distance from their crest lines.
+        """
+        away_m = np.sqrt(self._squared_m2(north_m, east_m))
+        nearest_m = np.where(self._height_m > 0.0, np.maximum(away_m - around_m, 0.0), away_m + around_m)
+        return self._base_m + self._share((nearest_m / self._radius_m) ** 2) @ self._height_m + ROUNDING_M
+
+    def _squared_m2(self, north_m: Array, east_m: Array) -> Array:
+        """Return the squares of the distances from the crest lines (..., H)."""
         north, east = north_m[..., None] - self._north_m, east_m[..., None] - self._east_m
         along = north * self._cosine + east * self._sine
         across = east * self._cosine - north * self._sine
         beyond = np.maximum(np.abs(along) - self._half_m, 0.0)  # the ends of the crest line
-        squared = (beyond**2 + across**2) / self._radius_m**2
+        return beyond**2 + across**2
+
+    def _share(self, squared: Array) -> Array:
+        """Return which share of each hill's height is left at squares of distances by radius, (..., H)."""
         cosine = np.cos(np.pi / 2 * np.sqrt(np.minimum(squared, 1.0))) ** 2
-        share = np.where(self._gaussian, np.exp(-squared / 2), cosine)
-        return self._base_m + share @ self._height_m
+        return np.where(self._gaussian, np.exp(-squared / 2), cosine)
 
 
 def ground_of(terrain: Terrain | None, origin: GeodeticOrigin, waypoints_m: Array) -> Ground:

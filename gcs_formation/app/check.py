@@ -19,6 +19,7 @@ from formation_scenario.graph import scenario_adjacency
 from formation_scenario.slot_assignment import planned_slots
 from gcs_formation.app.check_end import final_circles
 from gcs_formation.app.check_links import assembly, goes_round, split_errors, ways_s
+from gcs_formation.app.check_speed import little_left
 from gcs_formation.control.laws import law_kind
 from gcs_formation.stability import LawMargins, Usage, law_loops, law_margins, loop_delay_s
 from gcs_formation.stability.law import consensus_margins, follower_margins
@@ -157,6 +158,7 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
         if not math.isfinite(each.peak):
             yield f"law.{channel}: unstable around the aircraft of the vehicles' models; law.gains: auto isn't"
     yield from split_errors(scenario)
+    yield from little_left(scenario)
     yield from final_circles(scenario)
     for found in slots_without_room(scenario, ROOM_M):
         asked = f"{scenario.safety.separation_m:g} m asked for (safety.separation_m)"

@@ -24,9 +24,18 @@ SHORT_M = 0.5
 
 
 def final_circles(scenario: Scenario) -> Iterator[str]:
-    """Yield which ground the vehicles' last circles are lifted for, and where they come too near to it before."""
-    if scenario.terrain is not None:
-        yield from _Climb(scenario, scenario.terrain.clearance_m).warnings()
+    """Yield which ground the vehicles' last circles are lifted for, and where they come too near to it before.
+
+    And how far above the fence they are: one above the other, many vehicles need much height.
+    """
+    terrain, fence = scenario.terrain, scenario.safety.fence
+    if terrain is None and fence is None:
+        return
+    climb = _Climb(scenario, -math.inf if terrain is None else terrain.clearance_m)
+    if terrain is not None:
+        yield from climb.warnings()
+    if fence is not None:
+        yield from climb.beyond(fence.heights_m[1])
 
 
 class _Climb:
@@ -49,6 +58,7 @@ class _Climb:
         self._stack = Stack(scenario.safety.avoidance.distance_m, stand=scenario.hovers)
         climb_mps = min(model.climb_max_mps for model in self._models)
         self._limit_s = stacked(self._begin, self._stack, self._floor, "loiter", self._ahead, climb_mps)
+        self._stack.add(self._begin)
 
     def warnings(self) -> Iterator[str]:
         where, height_m = f"path at {self._end_m:.0f} m, the flight's end", self._end.height_m
@@ -57,7 +67,7 @@ class _Climb:
             for place in self._begin.values()
             for north_m, east_m in self._ahead(self._limit_s)
         ]
-        top = max(self._floor.top(*begin) for begin in begins)
+        top = self._floor.highest(begins)
         if top.height_m > height_m:
             yield (
                 f"{where}: vehicles circle {top.height_m - height_m:.1f} m above it, at "
@@ -72,13 +82,21 @@ class _Climb:
             )
         yield from self._too_low()
 
+    def beyond(self, most_m: float) -> Iterator[str]:
+        """Yield by how much the highest circle is above `most_m`."""
+        highest_m = max(self._stack.heights_m.values())
+        if highest_m > most_m + SHORT_M:
+            yield (
+                f"path at {self._end_m:.0f} m, the flight's end: vehicles circle one above the other, up to "
+                f"{highest_m:.0f} m; {most_m:g} m are allowed (safety.fence.height_max_m)"
+            )
+
     def _ahead(self, seconds: float) -> list[tuple[float, float]]:
         points = [self._path.at(self._end_m + far_m) for far_m in points_ahead(seconds * self._speed_mps)]
         return [(point.north_m - self._end.north_m, point.east_m - self._end.east_m) for point in points]
 
     def _too_low(self) -> Iterator[str]:
         """Yield the lowest clearance on the way straight on, until the last vehicle is at its height."""
-        self._stack.add(self._begin)
         goals_m = [self._stack.heights_m[identity] for identity in self._begin]
         times_s = np.arange(0.0, self._limit_s, STEP_S)
         ways = zip(self._models, self._begin.values(), goals_m, strict=True)

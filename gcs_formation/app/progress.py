@@ -13,6 +13,7 @@ import numpy as np
 
 from airlink.clock import NANOSECONDS
 from airlink.endpoint import VehicleId
+from airlink.words import counted
 from gcs_formation.app import result_text
 from gcs_formation.link.connection import LinkState
 from gcs_formation.mission.starting import IN_ORDER
@@ -163,4 +164,4 @@ def _links(station: Station) -> tuple[str, ...]:
     states = [vehicle.connection.state for vehicle in station.vehicles.values()]
     named = [f"{states.count(state)} {state.value}" for state in LinkState if state in states]
     well = states.count(LinkState.CONNECTED)
-    return ", ".join(named), f"{well} of {len(states)} links"
+    return ", ".join(named), f"{well} of {counted(len(states), 'link')}"

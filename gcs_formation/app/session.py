@@ -11,6 +11,7 @@ from librt.strings import BytesWriter, write_f64_le
 from airlink.clock import MICROSECONDS, NANOSECONDS, Clock, Instant, Stopwatch, seconds_between
 from airlink.endpoint import VehicleId
 from airlink.engine import Engine
+from airlink.words import counted
 from formation_scenario import Scenario
 from formation_scenario.orders import Answer
 from formation_scenario.slot_assignment import columns
@@ -131,9 +132,8 @@ class Session:
         self._confirmation = self._confirming() if options.confirm else None
         self._heeded, self._left = 0, False
         self.recorder.tell_events_to(self._heard)
-        self._heard(
-            Event(self._began_at, "phase", f"{Phase.CONNECTING.value} to {len(self.station.vehicles)} vehicles")
-        )
+        whom = counted(len(self.station.vehicles), "vehicle")
+        self._heard(Event(self._began_at, "phase", f"{Phase.CONNECTING.value} to {whom}"))
 
     def listening(self) -> OrderSocket:
         """Return the socket that takes orders for this flight, as a context manager."""

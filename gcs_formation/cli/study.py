@@ -14,6 +14,7 @@ import click
 from airlink.cli.commands import OUT, SEED, WholeNumber, examples
 from airlink.cli.exit_status import Status, fail, raised, say
 from airlink.cli.output_directory import refusal
+from airlink.words import counted
 from formation_scenario import ScenarioError
 from gcs_formation.errors import RecordError, RunAbortedError
 from gcs_formation.studies.campaign import StudyOutcome, StudyProgress, flights, fly_study
@@ -142,7 +143,7 @@ def _conclude(outcome: StudyOutcome, out: Path, *, quiet: bool) -> Status:
     ):
         if failed:
             why = f"flight {failed[0]['flight']}: {failed[0]['words']}"
-            click.echo(f"{len(failed)} of {count} flights {what}; the first, {why}", err=True)
+            click.echo(f"{len(failed)} of {counted(count, 'flight')} {what}; the first, {why}", err=True)
     if len(outcome.unflown) == count:
         return Status.COULD_NOT_GO_ON
     return Status.FINE if outcome.held else Status.EXPECTATION_BROKEN
@@ -156,16 +157,12 @@ def _said(outcome: StudyOutcome, out: Path) -> Iterator[str]:
     spent = f"{figures['wall_s']:.0f} s, {figures['flights_cpu_s']:.0f} s of processor time in flights"
     broke = figures["exits"]["1"]
     own = f"; {broke} broke an expectation or a safety limit of the scenario" if broke else ""
-    yield f"{_count(figures['flights'], 'flight')} in {spent}{own}"
+    yield f"{counted(figures['flights'], 'flight')} in {spent}{own}"
     if outcome.uncrossed:
-        searches = _count(len(figures["bisect"]), "search", "es")
+        searches = counted(len(figures["bisect"]), "search", "es")
         yield f"{outcome.uncrossed} of {searches} found no crossing: broken at the low end, or kept at the high one"
     yield from map(str, outcome.verdicts)
     yield f"flights.parquet, table.md and study.json are in {out}; figures: gcs-formation report {out}"
-
-
-def _count(number: int, what: str, plural: str = "s") -> str:
-    return f"{number:,} {what}{plural * (number != 1)}"
 
 
 @click.command(epilog=STRESS_EXAMPLES)
@@ -193,7 +190,8 @@ def stress(count: int, seed: int, jobs: int, hard: bool, out: Path | None, overw
         fail(str(error), Status.COULD_NOT_GO_ON)
     except KeyboardInterrupt:
         sys.exit(say("interrupted", Status.INTERRUPTED))
-    click.echo(f"{count} flights, seeds {seed} to {seed + count - 1}: {wrong or 'none'} broke an invariant")
+    seeds = f"seed {seed}" if count == 1 else f"seeds {seed} to {seed + count - 1}"
+    click.echo(f"{counted(count, 'flight')}, {seeds}: {wrong or 'none'} broke an invariant")
     sys.exit(Status.EXPECTATION_BROKEN if wrong else Status.FINE)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -54,6 +54,20 @@ class GroundFloor:
         highest = int(np.argmax(height_m))
         return Top(float(height_m[highest]) + self._clearance_m, float(north[highest]), float(east[highest]))
 
+    def highest(self, places: Iterable[tuple[float, float]]) -> Top:
+        """Return the highest `top` of several positions; those that can't have it aren't looked at."""
+        begins, best = list(places), Top(-math.inf, math.nan, math.nan)
+        if self._ground is None or not begins:
+            return best
+        north_m, east_m = np.array([north for north, _ in begins]), np.array([east for _, east in begins])
+        bounds_m = self._ground.bound_m(north_m, east_m, AROUND_M) + self._clearance_m
+        likely: list[int] = np.argsort(-bounds_m).tolist()
+        for index in likely:
+            if bounds_m[index] < best.height_m:
+                break
+            best = max(best, self.top(*begins[index]))
+        return best
+
     def unknown(self, north_m: float, east_m: float) -> tuple[float, float] | None:
         """Return a place north and east, m, below a circle that begins at a position, of which no height is known."""
         if self._ground is None:
@@ -76,7 +90,7 @@ class GroundFloor:
         if self._ground is None:
             return -math.inf
         steps = np.linspace(0.0, 1.0, 2 + int(math.hypot(north_m, east_m) / AROUND_M))
-        return max(self.top(north_m * step, east_m * step).height_m for step in steps.tolist())
+        return self.highest((north_m * step, east_m * step) for step in steps.tolist()).height_m
 
 
 class Band(NamedTuple):

@@ -192,6 +192,6 @@ class Membership:
             return self._circles_m[vehicle.identity]
         places = {i: v.telemetry.motion for i, v in self._vehicles.items() if v.telemetry.motion}
         if now != self._floor_at:
-            tops = [self._ground.top(place.north_m, place.east_m).height_m for place in places.values()]
-            self._floor_at, self._floor_m = now, max(tops)
+            top = self._ground.highest((place.north_m, place.east_m) for place in places.values())
+            self._floor_at, self._floor_m = now, top.height_m
         return loiter_heights(places, self._floor_m)[vehicle.identity]

@@ -24,8 +24,9 @@ from gcs_formation.report.style import FOLLOWERS, GREY, INK, axes_grid, column_o
 
 REST_S, HELD_S = 8.0, 9.0
 SPEED_MPS, SLOW_MPS, HEADING_DEG, HEIGHT_M = 2.0, 1.0, 15.0, 8.0
-SPACING_M = 60.0
-"""Followers keep at least so far away."""
+SPACING_S = 3.0
+"""Followers keep at least as far away as they fly within this time: slots that are farther off swing with the leader's
+steps of heading faster than anybody follows."""
 LEGS = 12
 """Waypoints of the straight path."""
 HEIGHT_CM = 14.0
@@ -63,7 +64,7 @@ def identification_scenario(scenario: Scenario) -> Scenario:
     models = [vehicle.model for vehicle in scenario.vehicles]
     speed = scenario.path.speed_mps
     spare = min(min(each.speed_max_mps - speed, speed - each.speed_min_mps) for each in models)
-    flown = steps(spare)
+    flown, spacing_m = steps(spare), max(SPACING_S * speed, scenario.formation.spacing_m)
     last_s = flown[-1].at_s + flown[-1].for_s + REST_S
     along = np.linspace(0.0, (last_s + REST_S) * (speed + SPEED_MPS), LEGS)
     north, east = np.cos(begin.course_rad), np.sin(begin.course_rad)
@@ -71,7 +72,7 @@ def identification_scenario(scenario: Scenario) -> Scenario:
     data |= {
         "name": f"{scenario.name}-identify"[:80],
         "duration_s": last_s,
-        "formation": {"shape": scenario.formation.shape, "spacing_m": max(SPACING_M, scenario.formation.spacing_m)}
+        "formation": {"shape": scenario.formation.shape, "spacing_m": spacing_m}
         if scenario.formation.shape != "custom"
         else {"shape": "custom", "slots_m": data["formation"]["slots_m"]},
         "path": {

@@ -165,7 +165,7 @@ def _floor_m(places: Iterable[Motion], way: Sequence[tuple[float, float]], manne
     begins = [(place.north_m + north_m, place.east_m + east_m) for place in places for north_m, east_m in way]
     if manner != "loiter":
         return max((ground.over_way_home(*begin) for begin in begins), default=-math.inf)
-    return max((ground.top(*begin).height_m for begin in begins), default=-math.inf)
+    return ground.highest(begins).height_m
 
 
 class Opening:

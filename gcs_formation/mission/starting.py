@@ -10,6 +10,7 @@ from airlink.endpoint import Endpoint, VehicleId
 from airlink.messages import Message
 from airlink.messages.command import ParamValue
 from airlink.messages.system import Heartbeat
+from airlink.words import counted
 from formation_scenario import Scenario
 from formation_scenario import Vehicle as PlannedVehicle
 from gcs_formation.link.connection import TALKING, LinkState
@@ -86,7 +87,9 @@ class PreFlight:
         """Return what to ask when `awaits_word`."""
         flying = sum(vehicle.airborne for vehicle in self._vehicles.values())
         warned = sum(map(bool, self.warnings.values()))
-        state = f"{len(self._vehicles)} vehicles are connected, ready and checked ({warned} with warnings)"
+        count = len(self._vehicles)
+        are = f"{counted(count, 'vehicle')} {'is' if count == 1 else 'are'}"
+        state = f"{are} connected, ready and checked ({warned} with warnings)"
         what = f"arm {len(self._vehicles) - flying} and take off" + (f", take over {flying}" if flying else "")
         return f"{state}. Type yes to {what}; anything else ends the run"
 

@@ -18,6 +18,7 @@ from rich.live import Live
 from rich.text import Text
 
 from airlink.clock import Stopwatch
+from airlink.words import counted
 from formation_scenario.expectation import bounds_text
 from formation_scenario.source import Plain
 from gcs_formation.errors import RecordingError
@@ -79,7 +80,7 @@ def progress_text(done: int, total: int, failed: int, rate_hz: float) -> str:
     """Return the progress in words."""
     left_s = (total - done) / rate_hz
     failures = f"  {failed} failed" if failed else ""
-    return f"{done} of {total} flights  {rate_hz:.2g}/s  {_time(left_s)} left{failures}"
+    return f"{done} of {counted(total, 'flight')}  {rate_hz:.2g}/s  {_time(left_s)} left{failures}"
 
 
 def _time(seconds: float) -> str:
@@ -130,7 +131,7 @@ class Verdict(NamedTuple):
         bound = bounds_text(self.wanted.below, self.wanted.above)
         where = "".join(f", {name} = {value}" for name, value in self.wanted.where.items())
         low, high = self.interval
-        found = f"{self.kept} of {self.flights} flights{where}"
+        found = f"{self.kept} of {counted(self.flights, 'flight')}{where}"
         sure = f"({self.wanted.confidence:.0%} confidence: {low:.2%} to {high:.2%})"
         state = "held" if self.held else "broken"
         return f"{self.wanted.metric} {bound}: {found} {sure}; expected: {self.wanted.share:.2%} or more: {state}"

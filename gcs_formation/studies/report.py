@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from airlink.words import counted
 from formation_scenario.expectation import bounds_text
 from gcs_formation.errors import RecordError
 from gcs_formation.record.run_directory import FIGURES, REPORT
@@ -112,12 +113,11 @@ def _page(study: Study, rows: Rows, result: Mapping[str, Any], gallery: str, dir
     failed = [row for row in rows if row["exit"] > 1]
     heads = ["Flight", "Exit", "In words"]
     failures = table(heads, [[str(r["flight"]), str(r["exit"]), r["words"]] for r in failed[:MOST_FAILED]], (2,))
+    flown = counted(len(rows), "flight")
     return html.document(
         study.name,
         "study.html",
-        subtitle=escape(
-            f"{len(rows)} flights; design: {study.design}; seeds {study.seeds.first} and on; {rows[0]['version']}"
-        ),
+        subtitle=escape(f"{flown}; design: {study.design}; seeds {study.seeds.first} and on; {rows[0]['version']}"),
         expectations=_expectations(result),
         crossings=_crossings(study, result),
         figures=gallery,

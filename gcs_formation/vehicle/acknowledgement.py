@@ -45,6 +45,8 @@ class CommandQueue:
     outcome: Outcome = Outcome.IDLE
     refusal: tuple[int, int] | None = None
     """Command and MAV_RESULT of the last acknowledgement that wasn't ACCEPTED."""
+    since: Instant = Instant(0)
+    """Since when the command under way has been, or none."""
     _waiting: deque[Command] = field(default_factory=deque[Command])
     _attempt: int = 0
     _next_attempt: Instant = Instant(0)
@@ -52,7 +54,7 @@ class CommandQueue:
     def begin(self, commands: tuple[Command, ...], now: Instant) -> None:
         """Start with these commands, and drop any earlier ones."""
         self._waiting = deque(commands)
-        self._attempt, self._next_attempt, self.refusal = 0, now, None
+        self._attempt, self._next_attempt, self.since, self.refusal = 0, now, now, None
         self.outcome = Outcome.WAITING if commands else Outcome.ACCEPTED
 
     def due(self, now: Instant) -> Command | None:
@@ -84,7 +86,7 @@ class CommandQueue:
             if early:
                 return None
             accepted = self._waiting.popleft()
-            self._attempt, self._next_attempt = 0, now
+            self._attempt, self._next_attempt, self.since = 0, now, now
             self.outcome = Outcome.WAITING if self._waiting else Outcome.ACCEPTED
             return accepted
         self.refusal = (ack.command, ack.result)

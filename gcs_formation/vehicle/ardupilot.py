@@ -23,7 +23,7 @@ from airlink.messages.system import Heartbeat
 from flight_model.autopilot import FlightState, Setpoint
 from formation_scenario.model import PathPlan
 from formation_scenario.vehicles import VehicleModel
-from gcs_formation.vehicle.autopilot import Autopilot, Command, Step
+from gcs_formation.vehicle.autopilot import ASKED_S, Autopilot, Command, Step
 from gcs_formation.vehicle.checks import Check, envelope_checks, lowest_m
 from gcs_formation.vehicle.hovering import MULTIROTOR_TYPES, stands, velocity_setpoint
 from gcs_formation.vehicle.lead import VelocityLead
@@ -94,7 +94,7 @@ class ArduPilot(Autopilot, ABC):
     def _asked_and_ready(self, rates_hz: Mapping[int, float]) -> tuple[Step, ...]:
         """Return the first two steps: streams, ready."""
         return (
-            Step("asked for telemetry", lambda seen: seen.complete, lambda _: self.requests(rates_hz), 20.0, True),
+            Step("asked for telemetry", lambda seen: seen.complete, lambda _: self.requests(rates_hz), ASKED_S, True),
             Step("waited for it to be ready to arm", self._is_ready, timeout_s=90.0),
         )
 

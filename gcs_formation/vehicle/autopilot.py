@@ -23,6 +23,9 @@ from gcs_formation.vehicle.telemetry import Telemetry
 
 SLOW_RATE_HZ: Final = 2.0
 UTC_RATE_HZ: Final = 1.0
+ASKED_S: Final = 30.0
+"""Longest wait for the answer to a request: of 43 tries, with half of all datagrams lost either way, some are all lost
+in four starts of a million."""
 SHOWN_WITHIN_S: Final = 2.0
 SHOWN_IN_HEARTBEATS: Final = 2
 """A command has no effect when both this time and so many heartbeats have passed since its acknowledgement."""
@@ -95,6 +98,7 @@ class Step:
     """Returns what to send, by the telemetry of the instant at which the step begins."""
     timeout_s: float = 20.0
     every_command_acknowledged: bool = False
+    """Then each of them has `timeout_s` of its own."""
     takes_off: bool = False
     """Whether its commands bring a vehicle off the ground."""
 

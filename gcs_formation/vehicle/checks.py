@@ -19,8 +19,9 @@ from formation_scenario.model import PathPlan
 from formation_scenario.vehicles import VehicleModel
 
 RETRY_S = 0.7
-TRIES = 8
-"""Requests for one parameter; a name that an autopilot doesn't know gets no answer."""
+TRIES = 24
+"""Requests for one parameter; a name that an autopilot doesn't know gets no answer. With half of all datagrams lost
+either way one in a thousand isn't read."""
 TRIM_OFF_MPS = 1.0
 """By how much the trim airspeed may differ from the path's."""
 AT_ONCE = 4

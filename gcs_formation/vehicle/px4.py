@@ -26,7 +26,7 @@ from flight_model.autopilot import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
 from formation_scenario.model import PathPlan
 from formation_scenario.vehicles import VehicleModel
-from gcs_formation.vehicle.autopilot import Autopilot, Command, Step
+from gcs_formation.vehicle.autopilot import ASKED_S, Autopilot, Command, Step
 from gcs_formation.vehicle.checks import Check, envelope_checks, lowest_m
 from gcs_formation.vehicle.hovering import MULTIROTOR_TYPES, TURNS_FROM_MPS, stands, velocity_setpoint
 from gcs_formation.vehicle.lead import SpeedLead, VelocityLead
@@ -119,7 +119,7 @@ class Px4(Autopilot, ABC):
         """Return the steps: streams, ready, take-off, which ends in HOLD, guided mode; what is done is left out."""
         guided, named = self.guided_mode, self.mode_names[self.guided_mode]
         return (
-            Step("asked for telemetry", lambda seen: seen.complete, lambda _: self._questions(rates_hz), 20.0, True),
+            Step("asked for telemetry", lambda seen: seen.complete, lambda _: self._questions(rates_hz), ASKED_S, True),
             Step("waited for it to be ready to arm", self._is_ready, timeout_s=90.0),
             *self._waits(),
             Step("told it to take off", self._is_taking_off, self._to_take_off, takes_off=True),

@@ -124,7 +124,8 @@ class StartUp:
         if commands.outcome is Outcome.REFUSED:
             return f"refused when we {self.doing}"
         step = self.steps[self.index]
-        if seconds_between(self._began, now) > step.timeout_s:
+        began = max(self._began, commands.since) if step.every_command_acknowledged else self._began
+        if seconds_between(began, now) > step.timeout_s:
             return f"not done within {step.timeout_s:.0f} s after we {self.doing}"
         return None
 

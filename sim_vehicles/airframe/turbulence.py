@@ -1,7 +1,7 @@
 """Dryden's turbulence: the gusts that it adds to vehicles.
 
-Sources: MIL-F-8785C (1980), section 3.7.1.2 for the spectra, 3.7.3.4 for intensities and scale lengths at low altitude.
-There u points along the horizontal motion through the air and w downwards; v completes the axes.
+Source: MIL-F-8785C (1980), section 3.7.1.2. There u points along the horizontal motion through the air and w downwards;
+v completes the axes.
 """
 
 from __future__ import annotations
@@ -12,29 +12,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from flight_model.arrays import Array
+from flight_model.gusts import low_altitude
 from formation_scenario.environment import DrydenTurbulence
 
-FOOT_M = 0.3048
-LOWEST_FT, HIGHEST_FT = 10.0, 1000.0
-"""Range of heights for which the low-altitude formulas hold; outside it their values at its ends are used."""
 LEAST_AIRSPEED_MPS = 1.0
 """Lower bound of the airspeed: for a vehicle at rest a gust would last for ever."""
 DRAWS_EACH = 5
 BLOCK = 256
 SQRT3 = math.sqrt(3.0)
-
-
-def low_altitude(wind_6m_mps: float, height_m: Array) -> tuple[Array, Array]:
-    """Return rms velocities in m/s and scale lengths in m, (3, N) each, at heights (N,) above ground.
-
-    L_w = h, L_u = L_v = h / (0.177 + 0.000823 h)^1.2, sigma_w = 0.1 W_20, sigma_u = sigma_v =
-    sigma_w / (0.177 + 0.000823 h)^0.4, with h in feet.
-    """
-    height_ft = np.clip(height_m / FOOT_M, LOWEST_FT, HIGHEST_FT)
-    shape = 0.177 + 0.000823 * height_ft
-    across_ft, down_mps = height_ft / shape**1.2, np.full_like(height_ft, 0.1 * wind_6m_mps)
-    across_mps = down_mps / shape**0.4
-    return np.stack((across_mps, across_mps, down_mps)), FOOT_M * np.stack((across_ft, across_ft, height_ft))
 
 
 def discretised(duration: Array) -> tuple[Array, Array]:

@@ -8,8 +8,9 @@ import pytest
 from scipy.linalg import expm
 from scipy.signal import welch
 
+from flight_model.gusts import low_altitude
 from formation_scenario.environment import DrydenTurbulence
-from sim_vehicles.airframe.turbulence import DrydenGusts, discretised, low_altitude
+from sim_vehicles.airframe.turbulence import DrydenGusts, discretised
 
 AIRSPEED_MPS, DT_S, VEHICLES = 22.0, 0.1, 64
 SIGMA_MPS, LENGTH_M = (1.5, 1.0, 0.5), (60.0, 40.0, 20.0)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+import gcs_formation
 from airlink.clock import Instant
 from airlink.frame import FrameWriter
 from airlink.messages.command import CommandInt
@@ -130,6 +131,26 @@ def test_the_flight_for_identification_is_straight_and_within_the_limits():
     directions = np.diff(np.array(flown.path.waypoints_m)[:, :2], axis=0)
     headings = np.arctan2(directions[:, 1], directions[:, 0])
     assert np.ptp(headings) < 1e-6
+
+
+@pytest.mark.parametrize(("speed_mps", "spacing_m", "kept_m"), [(5, 12, 15), (20, 30, 60), (20, 90, 90)])
+def test_slots_are_three_seconds_of_flight_apart_or_as_far_as_the_scenario_has_them(speed_mps, spacing_m, kept_m):
+    model = {"speed_min_mps": 2.0, "turn_rate_max_rps": 0.4}
+    keys = {"vehicles": {"count": 3, "model": model}, "path": PATH | {"speed_mps": speed_mps}}
+    flown = identification_scenario(load_scenario(keys | {"formation": {"spacing_m": spacing_m}}))
+    assert flown.formation.spacing_m == pytest.approx(kept_m)
+
+
+@pytest.mark.slow
+def test_multirotors_that_fly_steps_are_said_to_do_as_they_are_told(tmp_path):
+    """A slot that swings through 30 degrees at 180 m was 50 m off, and its vehicle's speed the wrong way round."""
+    flown = identification_scenario(load_scenario("configs/px4_copter.yaml", ["formation.shape=line"]))
+    summary = gcs_formation.run(flown, clock="virtual", out=tmp_path / "run")
+    events = (tmp_path / "run" / "events.jsonl").read_text(encoding="utf-8")
+    assert '"disobeys"' not in events
+    errors = [each["error_x_m"] for each in summary.to_dict()["followers"].values()]
+    assert max(each["p95"] for each in errors) < 4.0
+    assert summary.to_dict()["safety"]["min_separation_m"] > 12.0
 
 
 def dataflash(file, until_s=60.0):

@@ -90,7 +90,7 @@ def test_the_command_names_the_seed_that_breaks_something(
     name = "stress-hard-7" if hard else "stress-7"
     assert f"seed 7: completed: {name}: vehicle 2 doesn't answer" in result.stderr
     assert " ".join(["gcs-formation stress", *hard, "--count 1 --seed 7"]) in result.stderr
-    assert result.stdout == "1 flights, seeds 7 to 7: 1 broke an invariant\n"
+    assert result.stdout == "1 flight, seed 7: 1 broke an invariant\n"
 
 
 def test_a_flight_that_raises_is_one_that_broke_something(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,6 +11,7 @@ from airlink.clock import Instant, after
 from airlink.messages.command import CommandAck
 from gcs_formation.vehicle.acknowledgement import CommandQueue, Outcome
 from gcs_formation.vehicle.ardupilot import ArduPlane
+from gcs_formation.vehicle.autopilot import ASKED_S
 from gcs_formation.vehicle.startup import StartUp
 from gcs_formation.vehicle.telemetry import Telemetry
 
@@ -84,6 +85,21 @@ def test_a_plane_that_isnt_ready_is_neither_moved_to_take_off_nor_armed(
     assert walk.failure() is None
     walk.now = after(START, 91.0)
     assert walk.failure() == "not done within 90 s after we waited for it to be ready to arm"
+
+
+def test_the_time_of_a_step_is_that_of_each_of_its_requests(walk: Walk):
+    """Answers that are lost and asked for again for 19 s each are all waited for; one that never comes ends it."""
+    for _ in range(4):
+        walk.start_up.advance(walk.telemetry, walk.commands, walk.now)
+        asked = walk.commands.due(walk.now)
+        assert asked is not None
+        walk.now = after(walk.now, 19.0)
+        assert walk.failure() is None
+        walk.commands.acknowledge(CommandAck(asked.command, m.MAV_RESULT_ACCEPTED), walk.now)
+    walk.now = after(walk.now, ASKED_S - 0.1)
+    assert walk.failure() is None
+    walk.now = after(walk.now, 0.2)
+    assert walk.failure() == "not done within 30 s after we asked for telemetry"
 
 
 def test_a_refused_command_is_why_it_failed(walk: Walk):
