@@ -249,8 +249,7 @@ class Px4(Vehicle):
                 self._unsaid.append(part)
 
     def _take_setpoint(self, message: Setpoint) -> None:
-        refusal = setpoints.refusal_of_px4(message)
-        if refusal is not None:
+        if (refusal := setpoints.refusal_of_px4(message)) is not None:
             self.say(CRITICAL, refusal)
         else:
             self._fresh_until = after(self.now, self.parameters["COM_OF_LOSS_T"])
