@@ -143,6 +143,15 @@ def bursts(scenario: Scenario, source: Source) -> Iterator[Problem]:
                     yield source.problem((*path, "mean_burst"), found, allowed)
 
 
+def link_changes(scenario: Scenario, source: Source) -> Iterator[Problem]:
+    """Yield changes of links that change nothing."""
+    for index, change in enumerate(scenario.links.changes):
+        given = change.model_dump(exclude={"at_s", "vehicles"}, exclude_none=True)
+        if all(value == {} for value in given.values()):
+            keys = ", ".join(key for key in LinkChange.model_fields if key not in {"at_s", "vehicles"})
+            yield source.problem(("links", "changes", index), "found a change of nothing", f"one or more of {keys}")
+
+
 def _link_groups(scenario: Scenario) -> Iterator[tuple[KeyPath, Impairment | ImpairmentPatch]]:
     """Yield every group of keys that says what a link is like, and its place."""
     links = scenario.links
@@ -256,6 +265,7 @@ RULES = (
     references,
     disturbances,
     faults,
+    link_changes,
     traces,
     bursts,
     vehicle_rules.slots,

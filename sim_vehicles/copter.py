@@ -12,10 +12,10 @@ from typing import Any
 from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.frame import Frame
-from airlink.messages.command import SetPositionTargetLocalNed
 from airlink.messages.mission import MissionItem, MissionItemInt
+from flight_model.autopilot import within
 from sim_vehicles.airframe.motion import Motion, Steering
-from sim_vehicles.autopilot import commands
+from sim_vehicles.autopilot import commands, setpoints
 from sim_vehicles.autopilot.clock import NEVER
 from sim_vehicles.autopilot.commands import ACCEPTED, DENIED, FAILED, Order, to_mode
 from sim_vehicles.autopilot.modes import (
@@ -30,6 +30,7 @@ from sim_vehicles.autopilot.modes import (
 )
 from sim_vehicles.autopilot.parameters import Kind, ParameterServer, floating
 from sim_vehicles.autopilot.pilot import Pilot
+from sim_vehicles.autopilot.setpoints import Setpoint, Vector
 from sim_vehicles.autopilot.telemetry import UNASKED_NS
 from sim_vehicles.config import VehicleConfig
 from sim_vehicles.vehicle import CRITICAL, WARNING, Vehicle
@@ -38,6 +39,8 @@ CM = 0.01
 TAKEOFF_DONE_M = 0.05
 LOW_M = 10.0
 """Height below which a landing goes on at LAND_SPEED (LAND_ALT_LOW)."""
+TURNS_FROM_M = 2.0
+"""Its nose turns to a place that is farther than this (WP_YAW_BEHAVIOR)."""
 HOME_M = 0.5
 """A copter this near its home is over it."""
 PER_S, BRAKES_MPS2 = 0.5, 1.5
@@ -46,17 +49,12 @@ TOUCH_DOWN_M = 0.05
 AS_IT_IS = math.nan
 SEEING = BY_THROTTLE | {CopterMode.RTL, CopterMode.LAND}
 """Modes in which it has to look where it is."""
-FRAMES = (m.MAV_FRAME_LOCAL_NED, m.MAV_FRAME_LOCAL_OFFSET_NED)
-"""What an emulated one follows; velocities relative to the nose aren't emulated."""
-PLACE = m.POSITION_TARGET_TYPEMASK_X_IGNORE | m.POSITION_TARGET_TYPEMASK_Y_IGNORE | m.POSITION_TARGET_TYPEMASK_Z_IGNORE
-VELOCITY = (
-    m.POSITION_TARGET_TYPEMASK_VX_IGNORE | m.POSITION_TARGET_TYPEMASK_VY_IGNORE | m.POSITION_TARGET_TYPEMASK_VZ_IGNORE
-)
-YAW, YAW_RATE = m.POSITION_TARGET_TYPEMASK_YAW_IGNORE, m.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE
 HEARTBEAT_ALONE = {m.MAVLINK_MSG_ID_HEARTBEAT: UNASKED_NS}
 LIKE_PLANES = (
     m.MAV_CMD_DO_SET_MODE,
     m.MAV_CMD_COMPONENT_ARM_DISARM,
+    m.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN,
+    m.MAV_CMD_DO_REPOSITION,
     m.MAV_CMD_GET_MESSAGE_INTERVAL,
     m.MAV_CMD_SET_MESSAGE_INTERVAL,
     m.MAV_CMD_REQUEST_MESSAGE,
@@ -71,13 +69,16 @@ class CopterPilot(Pilot):
     def __init__(self, config: VehicleConfig, steering: Steering, parameters: ParameterServer) -> None:
         """Start in the condition of booting."""
         self._home_over = False
+        self._place_m: Vector | None = None
+        """Where it flies to, or stays: north, east and above the origin."""
+        self._place_yaw_rad = AS_IT_IS
         super().__init__(config, steering, parameters)
         self.mode = CopterMode.STABILIZE
 
     @property
     def taking_off(self) -> bool:
-        """Whether it has to look where it is: it takes off, comes home, lands or sinks."""
-        return (self.takeoff_m is not None or self.mode in SEEING) and self.airborne
+        """Whether it has to look where it is: it takes off, flies to a place, comes home, lands or sinks."""
+        return (self.takeoff_m is not None or self._place_m is not None or self.mode in SEEING) and self.airborne
 
     @property
     def landing(self) -> bool:
@@ -110,11 +111,17 @@ class CopterPilot(Pilot):
 
     def stop(self) -> None:
         """Stand where it is."""
-        self.silent_at = NEVER
+        self.silent_at, self._place_m = NEVER, None
         self._fly(0.0, 0.0, 0.0)
 
-    def obey(self, velocity_mps: tuple[float, float, float], yaw_rad: float | None, now: Instant) -> None:
+    def go_to(self, place_m: Vector, yaw_rad: float | None) -> None:
+        """Fly to a place and stay there; `yaw_rad` None: the nose stays where it is."""
+        self.silent_at, self._place_m = NEVER, place_m
+        self._place_yaw_rad = AS_IT_IS if yaw_rad is None else yaw_rad
+
+    def obey(self, velocity_mps: Vector, yaw_rad: float | None, now: Instant) -> None:
         """Fly a velocity, north, east and down, until GUID_TIMEOUT; `yaw_rad` None: the nose stays where it is."""
+        self._place_m = None
         north, east, down = velocity_mps
         most_mps, speed = CM * self._parameters["WPNAV_SPEED"], math.hypot(north, east)
         share = min(1.0, most_mps / speed) if speed > 0.0 else 0.0
@@ -132,6 +139,9 @@ class CopterPilot(Pilot):
         """Continue a take-off, a way home or a landing; return whether it has just touched the ground."""
         if self.takeoff_m is not None:
             self._climb(motion, self.takeoff_m)
+            return False
+        if self._place_m is not None:
+            self._fly_towards(motion, *self._place_m, self._place_yaw_rad)
             return False
         sink_mps = CM * self._parameters["WPNAV_SPEED_DN"]
         if self.mode is CopterMode.RTL and not self._home_over:
@@ -155,15 +165,23 @@ class CopterPilot(Pilot):
 
     def _go_home(self, motion: Motion) -> None:
         """Climb to RTL_ALT, unless it is higher already, and fly straight home."""
-        start = self._config.start
-        north_m, east_m = start.north_m - motion.north_m, start.east_m - motion.east_m
-        away_m, below_m = math.hypot(north_m, east_m), CM * self._parameters["RTL_ALT"] - motion.height_m
-        self._home_over = away_m < HOME_M
-        if below_m > HOME_M and not self._home_over:
-            self._fly(0.0, 0.0, -min(PER_S * below_m, CM * self._parameters["WPNAV_SPEED_UP"]))
+        start, height_m = self._config.start, CM * self._parameters["RTL_ALT"]
+        self._home_over = math.hypot(start.north_m - motion.north_m, start.east_m - motion.east_m) < HOME_M
+        if height_m - motion.height_m > HOME_M and not self._home_over:
+            self._fly_towards(motion, motion.north_m, motion.east_m, height_m)
         else:
-            speed = min(PER_S * away_m, math.sqrt(BRAKES_MPS2 * away_m), CM * self._parameters["WPNAV_SPEED"])
-            self._fly(speed * north_m / max(away_m, HOME_M), speed * east_m / max(away_m, HOME_M), 0.0)
+            self._fly_towards(motion, start.north_m, start.east_m, motion.height_m)
+
+    def _fly_towards(
+        self, motion: Motion, north_m: float, east_m: float, height_m: float, yaw_rad: float = AS_IT_IS
+    ) -> None:
+        """Fly straight to a place, and brake before it."""
+        to_north_m, to_east_m = north_m - motion.north_m, east_m - motion.east_m
+        away_m, below_m = math.hypot(to_north_m, to_east_m), height_m - motion.height_m
+        speed = min(PER_S * away_m, math.sqrt(BRAKES_MPS2 * away_m), CM * self._parameters["WPNAV_SPEED"])
+        sinks, climbs = CM * self._parameters["WPNAV_SPEED_DN"], CM * self._parameters["WPNAV_SPEED_UP"]
+        sink_mps = -within(PER_S * below_m, -sinks, climbs)
+        self._fly(speed * to_north_m / max(away_m, HOME_M), speed * to_east_m / max(away_m, HOME_M), sink_mps, yaw_rad)
 
     def _fly(self, north_mps: float, east_mps: float, down_mps: float, yaw_rad: float = AS_IT_IS) -> None:
         self._steering.velocity_mps = (north_mps, east_mps, down_mps)
@@ -209,9 +227,10 @@ def copters(config: VehicleConfig) -> dict[str, Kind]:
 
 
 class Copter(Vehicle):
-    """An emulated ArduCopter; a position as a target isn't emulated."""
+    """An emulated ArduCopter; missions aren't emulated."""
 
     mav_type = m.MAV_TYPE_QUADROTOR
+    capabilities = 64495
     unasked = HEARTBEAT_ALONE
     guided_mode = CopterMode.GUIDED
     ground_mode = CopterMode.STABILIZE
@@ -279,30 +298,44 @@ class Copter(Vehicle):
     def take_other(self, frame: Frame) -> bool:
         """Take a setpoint; return whether the frame is one."""
         message = frame.message
-        if not isinstance(message, SetPositionTargetLocalNed):
+        if not isinstance(message, setpoints.MESSAGES):
             return False
-        if self.pilot.mode is CopterMode.GUIDED and not self.ignores:
+        if self.pilot.mode is CopterMode.GUIDED and not self.ignores and not self.pilot.takeoff_m:
             self._take_setpoint(message)
         return True
 
-    def fly_to(self, item: MissionItem | MissionItemInt) -> int:  # noqa: ARG002 - none is followed
-        """Refuse: a position as a target isn't emulated."""
-        return m.MAV_MISSION_ERROR
+    def fly_to(self, item: MissionItem | MissionItemInt) -> int:
+        """Fly at once to a place that came as a mission item; return the MAV_MISSION_RESULT."""
+        return commands.fly_to(self, item)
+
+    def go_to(self, lat_rad: float, lon_rad: float, height_m: float) -> None:
+        """Fly to a place and stay there."""
+        north_m, east_m, _ = self.fleet.origin.to_ned(lat_rad, lon_rad, self.fleet.origin.alt_m)
+        self._go_to((north_m, east_m, height_m), None)
 
     def follow_time(self) -> None:
         """Stand once the last velocity is too old."""
         if self.now >= self.pilot.silent_at:
             self.flier.stop()
 
-    def _take_setpoint(self, message: SetPositionTargetLocalNed) -> None:
-        """Fly a velocity; whatever else is asked stops it, as does what isn't finite."""
-        mask, velocity_mps = message.type_mask, (message.vx_mps, message.vy_mps, message.vz_mps)
-        alone = bool(mask & PLACE) and not mask & VELOCITY and message.coordinate_frame in FRAMES
-        if not alone or not all(map(math.isfinite, velocity_mps)):
+    def _go_to(self, place_m: Vector, yaw_rad: float | None) -> None:
+        """Fly to a place; the nose turns there first, unless it is told where to turn or the place is near."""
+        here = self.body.motion
+        north_m, east_m = place_m[0] - here.north_m, place_m[1] - here.east_m
+        if yaw_rad is None and math.hypot(north_m, east_m) > TURNS_FROM_M:
+            yaw_rad = math.atan2(east_m, north_m)
+        self.flier.go_to(place_m, yaw_rad)
+
+    def _take_setpoint(self, message: Setpoint) -> None:
+        """Fly to a place, or a velocity; whatever else is asked stops it, as does what isn't finite."""
+        mask = message.type_mask
+        place_m, velocity_mps = setpoints.place_of(self, message), setpoints.velocity_of(self, message)
+        yaw_rad = None if mask & setpoints.YAW or not math.isfinite(message.yaw_rad) else message.yaw_rad
+        if place_m is not None:
+            self._go_to(place_m, yaw_rad)
+        elif velocity_mps is None:
             self.flier.stop()
-            return
-        yaw_rad = None if mask & YAW else message.yaw_rad
-        if mask & YAW and mask & YAW_RATE:  # the nose then turns to where it flies
-            yaw_rad = math.atan2(message.vy_mps, message.vx_mps)
-        if not self.pilot.takeoff_m:
+        else:
+            if mask & setpoints.YAW and mask & setpoints.YAW_RATE:  # the nose then turns to where it flies
+                yaw_rad = math.atan2(velocity_mps[1], velocity_mps[0])
             self.flier.obey(velocity_mps, yaw_rad, self.now)

@@ -154,6 +154,7 @@ class Plane(Vehicle):
     """An emulated ArduPlane."""
 
     mav_type = m.MAV_TYPE_FIXED_WING
+    capabilities = 62319
     unasked = UNASKED
     guided_mode = Mode.GUIDED
     ground_mode = Mode.MANUAL

@@ -10,11 +10,12 @@ from typing import ClassVar, Final
 from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.frame import Frame
-from airlink.messages.command import CommandAck, CommandInt, CommandLong, SetMode, SetPositionTargetLocalNed
+from airlink.messages.command import CommandAck, CommandInt, CommandLong, SetMode
 from airlink.messages.mission import MissionItem, MissionItemInt
-from airlink.messages.system import Heartbeat, Statustext
+from airlink.messages.system import Heartbeat, Ping, Statustext
 from sim_vehicles.airframe.motion import Steering
 from sim_vehicles.autopilot import px4_tables as px4
+from sim_vehicles.autopilot import setpoints
 from sim_vehicles.autopilot.clock import NEVER
 from sim_vehicles.autopilot.commands import ACCEPTED, Order
 from sim_vehicles.autopilot.modes import (
@@ -29,8 +30,9 @@ from sim_vehicles.autopilot.modes import (
 )
 from sim_vehicles.autopilot.parameters import ParameterServer
 from sim_vehicles.autopilot.pilot import Pilot
+from sim_vehicles.autopilot.setpoints import Setpoint, Vector
 from sim_vehicles.config import VehicleConfig
-from sim_vehicles.copter import PLACE, VELOCITY, YAW, CopterPilot
+from sim_vehicles.copter import CopterPilot
 from sim_vehicles.vehicle import CRITICAL, INFO, Vehicle
 
 COMPONENTS: Final = (m.MAV_COMP_ID_ALL, m.MAV_COMP_ID_AUTOPILOT1)
@@ -39,14 +41,6 @@ WRONG_FRAME: Final = 9
 TEXT_BYTES: Final = 50
 KEPT_TEXTS: Final = 16
 """Texts that wait for a ground station."""
-FRAMES_TAKEN: Final = (m.MAV_FRAME_LOCAL_NED, m.MAV_FRAME_BODY_NED)
-ALL_IGNORED: Final = (
-    PLACE
-    | VELOCITY
-    | m.POSITION_TARGET_TYPEMASK_AX_IGNORE
-    | m.POSITION_TARGET_TYPEMASK_AY_IGNORE
-    | m.POSITION_TARGET_TYPEMASK_AZ_IGNORE
-)
 REFERENCE_CLIMB_MPS: Final = 3.0
 """A fixed wing's height reference begins at sea level at boot and rises this fast."""
 
@@ -54,9 +48,12 @@ REFERENCE_CLIMB_MPS: Final = 3.0
 class Px4(Vehicle):
     """What emulated PX4s have in common."""
 
+    capabilities = 59647
+    version = 1 << 24 | 17 << 16
     unasked = px4.STREAMS
     builders = px4.BUILDERS
     asks_time = False
+    stores_missions = False
     locks = True
     guided_mode = Px4Mode.HOLD
     ground_mode = Px4Mode.HOLD
@@ -87,7 +84,7 @@ class Px4(Vehicle):
         """Begin to climb to a height above home."""
 
     @abstractmethod
-    def follow(self, message: SetPositionTargetLocalNed) -> None:
+    def follow(self, message: Setpoint) -> None:
         """Fly a setpoint of OFFBOARD."""
 
     @property
@@ -196,23 +193,13 @@ class Px4(Vehicle):
         return allowed
 
     def take_other(self, frame: Frame) -> bool:
-        """Take a setpoint; return whether the frame is one."""
+        """Take a setpoint, or answer a PING; return whether the frame is one of these."""
         message = frame.message
-        if not isinstance(message, SetPositionTargetLocalNed):
-            return False
-        if not self.ignores and message.coordinate_frame not in FRAMES_TAKEN:
-            self.say(CRITICAL, f"SET_POSITION_TARGET_LOCAL_NED coordinate frame {message.coordinate_frame} unsupported")
-        elif not self.ignores and message.type_mask & ALL_IGNORED == ALL_IGNORED:
-            self.say(CRITICAL, "SET_POSITION_TARGET_LOCAL_NED invalid")
-        elif not self.ignores:
-            self._fresh_until = after(self.now, self.parameters["COM_OF_LOSS_T"])
-            if self._lost:
-                self._lost = False
-                self.enter(Px4Mode.OFFBOARD)
-            if self.mode is Px4Mode.OFFBOARD:
-                self.follow(message)
-                self.pilot.silent_at = self._fresh_until
-        return True
+        if isinstance(message, Ping) and not message.target_system:
+            self.answer(message.but(target_system=frame.system, target_component=frame.component))
+        elif isinstance(message, setpoints.MESSAGES) and not self.ignores:
+            self._take_setpoint(message)
+        return isinstance(message, (Ping, *setpoints.MESSAGES))
 
     def fly_to(self, item: MissionItem | MissionItemInt) -> int:  # noqa: ARG002 - none is followed
         """Refuse: PX4 knows no item that is flown at once."""
@@ -228,8 +215,16 @@ class Px4(Vehicle):
             self.intended = Px4Mode.HOLD
             self.enter(Px4Mode.HOLD)
 
+    @abstractmethod
+    def fly_there(self, place_m: Vector, speed_mps: float) -> None:
+        """Fly straight to a place, north, east and above the origin, and stay there; a speed of 0 or less is none."""
+
     def go_to(self, given: Order) -> None:
-        """Fly to a place; only a fixed wing does."""
+        """Fly to a place; altitudes are above sea level."""
+        height_m = given.z - self.fleet.origin.alt_m
+        if math.isfinite(height_m):
+            north_m, east_m, _ = self.fleet.origin.to_ned(given.lat_rad, given.lon_rad, self.fleet.origin.alt_m)
+            self.fly_there((north_m, east_m, height_m), given.params[0])
 
     def airspeed(self, speed_mps: float) -> float:
         """Return an airspeed within its limits, beyond which it is cut off, unsaid."""
@@ -252,6 +247,18 @@ class Px4(Vehicle):
                 self.broadcast(part)
             elif len(self._unsaid) < KEPT_TEXTS:
                 self._unsaid.append(part)
+
+    def _take_setpoint(self, message: Setpoint) -> None:
+        if (refusal := setpoints.refusal_of_px4(message)) is not None:
+            self.say(CRITICAL, refusal)
+        else:
+            self._fresh_until = after(self.now, self.parameters["COM_OF_LOSS_T"])
+            if self._lost:
+                self._lost = False
+                self.enter(Px4Mode.OFFBOARD)
+            if self.mode is Px4Mode.OFFBOARD:
+                self.follow(message)
+                self.pilot.silent_at = self._fresh_until
 
     def _climb_in_takeoff(self) -> None:
         """Begin to climb if TAKEOFF is its mode, by default to MIS_TAKEOFF_ALT."""
@@ -289,17 +296,21 @@ class Px4Copter(Px4):
         self.flier.mode = CopterMode.GUIDED
         self.flier.rise(height_m)
 
-    def follow(self, message: SetPositionTargetLocalNed) -> None:
-        """Fly a velocity; whatever else is asked has it stand."""
-        velocity_mps, mask = (message.vx_mps, message.vy_mps, message.vz_mps), message.type_mask
-        if mask & PLACE != PLACE or mask & VELOCITY or not all(map(math.isfinite, velocity_mps)):
+    def follow(self, message: Setpoint) -> None:
+        """Fly to a place, or a velocity; whatever else is asked has it stand."""
+        place_m, velocity_mps = setpoints.place_of(self, message), setpoints.velocity_of(self, message)
+        yaw_rad = None if message.type_mask & setpoints.YAW else message.yaw_rad
+        if place_m is not None:
+            self.flier.go_to(place_m, yaw_rad)
+        elif velocity_mps is not None:
+            self.flier.obey(velocity_mps, yaw_rad, self.now)
+        else:
             self.flier.stop()
-            return
-        if message.coordinate_frame == m.MAV_FRAME_BODY_NED:
-            cos, sin = math.cos(self.body.shown().heading_rad), math.sin(self.body.shown().heading_rad)
-            ahead, right, down = velocity_mps
-            velocity_mps = ahead * cos - right * sin, ahead * sin + right * cos, down
-        self.flier.obey(velocity_mps, None if mask & YAW else message.yaw_rad, self.now)
+
+    def fly_there(self, place_m: Vector, speed_mps: float) -> None:  # noqa: ARG002 - at its own speed
+        """Fly straight to a place, its nose ahead, and stay there."""
+        here = self.body.motion
+        self.flier.go_to(place_m, math.atan2(place_m[1] - here.east_m, place_m[0] - here.north_m))
 
 
 class Px4Plane(Px4):
@@ -318,13 +329,12 @@ class Px4Plane(Px4):
         self.pilot.enter(Mode.TAKEOFF, self.body.motion)
         self.pilot.take_off(height_m, self.body.motion)
 
-    def follow(self, message: SetPositionTargetLocalNed) -> None:
+    def follow(self, message: Setpoint) -> None:
         """Fly to a place, at its trim speed whatever is asked; a velocity alone is ignored, unsaid."""
-        place_m = message.x_m, message.y_m, message.z_m
-        if not message.type_mask & PLACE and all(map(math.isfinite, place_m)):
-            start = self.config.start
+        place_m = setpoints.place_of(self, message)
+        if place_m is not None:
             self.pilot.change_speed(self.parameters["FW_AIRSPD_TRIM"], math.inf)
-            self.pilot.circle(start.north_m + message.x_m, start.east_m + message.y_m, -message.z_m)
+            self.pilot.circle(*place_m)
 
     def follow_time(self) -> None:
         """Dive into the ground if it has left it before its height reference came up to the field."""
@@ -333,12 +343,8 @@ class Px4Plane(Px4):
         if climbs and REFERENCE_CLIMB_MPS * self.time_s < self.fleet.origin.alt_m:
             self._crash(Request.CRASH)
 
-    def go_to(self, given: Order) -> None:
-        """Fly straight to a place far away, and circle it; altitudes are above sea level."""
-        speed_mps = given.params[0]
+    def fly_there(self, place_m: Vector, speed_mps: float) -> None:
+        """Fly straight to a place far away, and circle it."""
         if speed_mps > 0.0:
             self.pilot.change_speed(self.airspeed(speed_mps), math.inf)
-        height_m = given.z - self.fleet.origin.alt_m
-        if math.isfinite(height_m):
-            north_m, east_m, _ = self.fleet.origin.to_ned(given.lat_rad, given.lon_rad, self.fleet.origin.alt_m)
-            self.pilot.circle(north_m, east_m, height_m)
+        self.pilot.circle(*place_m)

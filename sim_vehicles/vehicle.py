@@ -12,7 +12,15 @@ from airlink.clock import Instant, after, seconds_between
 from airlink.engine import Datagram
 from airlink.frame import Frame
 from airlink.messages import MISSION_TIME, Message
-from airlink.messages.command import CommandAck, CommandInt, CommandLong, RequestDataStream, SetMode
+from airlink.messages.command import (
+    CommandAck,
+    CommandInt,
+    CommandLong,
+    LogEntry,
+    LogRequestList,
+    RequestDataStream,
+    SetMode,
+)
 from airlink.messages.mission import MissionAck, MissionItem, MissionItemInt
 from airlink.messages.system import Heartbeat, NamedValueFloat, Statustext, Timesync
 from formation_scenario.environment import DEFAULT_MODE, Fault
@@ -41,12 +49,17 @@ class Vehicle(ABC):
     """An emulated autopilot: its link, modes and messages; its body flies."""
 
     mav_type: ClassVar[int]
+    capabilities: ClassVar[int]
+    """Those of the real one (MAV_PROTOCOL_CAPABILITY), though not all are emulated."""
+    version: ClassVar[int] = 4 << 24 | 7 << 16
     unasked: ClassVar[Mapping[int, int]]
     """Messages that it sends without a request, and every how many ns."""
     builders: ClassVar[Builders] = BUILDERS
     """All that it can send."""
     asks_time: ClassVar[bool] = True
     """Whether it asks others for their time (TIMESYNC)."""
+    stores_missions: ClassVar[bool] = True
+    """Whether missions can be written to it."""
     locks: ClassVar[bool] = False
     """Whether its link hears the first sender alone, until it restarts."""
     guided_mode: ClassVar[FlightMode]
@@ -67,6 +80,8 @@ class Vehicle(ABC):
     _up: Instant
     _next_timesync: Instant
     disarm_at: Instant
+    reboots: bool
+    """Whether it was told to restart."""
     ignores: bool
     _clock: VehicleClock
 
@@ -79,7 +94,7 @@ class Vehicle(ABC):
         self.parameters = self.parameters_of(config)
         self.pilot = self.pilot_of(config, self.body.steering)
         self.link = Link(index, config, fleet.outbox, locks=self.locks)
-        self.missions = Missions(lambda: home_of(config.start, fleet.origin))
+        self.missions = Missions(lambda: home_of(config.start, fleet.origin), stored=self.stores_missions)
         self._sensors = sensors_of(config, fleet.origin, fleet.config.seed)
         self._asker = config.endpoint.address
         self._boot(now, config.clock_offset_s)
@@ -141,6 +156,8 @@ class Vehicle(ABC):
         for peer, frame in self.link.frames(now):
             self._asker = peer
             self._take(frame)
+        if self.reboots:
+            self._restart()
         if (self.pilot.taking_off or self.pilot.landing) and self.pilot.progress(self.body.motion):
             self.tell_heartbeat()
             if not self.pilot.airborne:
@@ -168,8 +185,7 @@ class Vehicle(ABC):
             case "ignore":
                 self.ignores = not ends
             case "restart":
-                if self.pilot.request(Request.RESTART):
-                    self._boot(now, 0.0)
+                self._restart()
             case "pilot":
                 if not self._frozen:
                     self.switch(self.guided_mode if ends else self.mode_named(fault.mode or DEFAULT_MODE))
@@ -271,7 +287,7 @@ class Vehicle(ABC):
 
     def _boot(self, now: Instant, clock_offset_s: float) -> None:
         self.now = now
-        self._frozen = self.ignores = False
+        self._frozen = self.ignores = self.reboots = False
         config, at_0_us = self.config, self.fleet.config.utc_at_0_us
         self._clock = VehicleClock(now, clock_offset_s, config.clock_drift, at_0_us, config.utc_error_s)
         self._up = after(now, INITIALISING_S)
@@ -283,6 +299,10 @@ class Vehicle(ABC):
         self.link.restart()
         self.missions.restart()
         self.pilot.mode = self.boot_mode
+
+    def _restart(self) -> None:
+        if self.pilot.request(Request.RESTART):
+            self._boot(self.now, 0.0)
 
     def _come_up(self, mode: FlightMode) -> None:
         self.pilot.request(Request.BOOTED)
@@ -315,6 +335,8 @@ class Vehicle(ABC):
                 self.streams.set_group(message.req_stream_id, rate_hz, self.now)
             case SetMode():
                 self.take_mode(message, frame)
+            case LogRequestList():
+                self.answer(LogEntry(0, 0, 0, 0, 0))
             case NamedValueFloat(name=name, value=value) if name == MISSION_TIME and math.isfinite(value):
                 self.fleet.environment.hear_mission_time(value, self.now)
             case MissionItem() | MissionItemInt() if message.current in commands.AT_ONCE:

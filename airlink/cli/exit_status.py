@@ -43,6 +43,20 @@ def end_quietly() -> None:
         signal.signal(signal.SIGINT, _end)
 
 
+def end_unheard(error: OSError) -> NoReturn:
+    """Exit: what was said can't be written (a full disk, a pipe whose reader has gone).
+
+    What is left of it is dropped; otherwise Python would fail to write it once more as it ends, and choose the status.
+    """
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        say(f"cannot go on: {error}", Status.COULD_NOT_GO_ON)
+    except OSError:
+        os.dup2(nowhere, sys.__stderr__.fileno() if sys.__stderr__ else nowhere)
+    os.dup2(nowhere, sys.__stdout__.fileno() if sys.__stdout__ else nowhere)
+    sys.exit(Status.COULD_NOT_GO_ON)
+
+
 @contextmanager
 def raised() -> Generator[None]:
     """Within, the first Ctrl-C or SIGTERM raises KeyboardInterrupt; the second ends the process at once."""

@@ -21,6 +21,8 @@ def refusal(path: Path, *, overwrite: bool, mark: str = RUN) -> str | None:
     Raises:
         OSError: the directory can't be read.
     """
+    if any("\ud800" <= each <= "\udfff" for each in str(path)):
+        return f"found {str(path)!a}; allowed: a name whose bytes are UTF-8"
     if not path.is_dir() or next(path.iterdir(), None) is None:
         return None
     if not (path / mark).is_file():

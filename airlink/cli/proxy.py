@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import click
 
-from airlink.cli.commands import SEED, VERSION
+from airlink.cli.commands import SEED, VERSION, Command
 from airlink.cli.exit_status import Status, fail
 from airlink.endpoint import Endpoint, EndpointError, ImpairmentError, PortError, parse_endpoint
 from airlink.impairment import Direction, Impairment
@@ -224,7 +224,7 @@ def _set(relay: Relay, options: dict[str, str | None]) -> None:
                     raise click.UsageError(f"--{prefix}{error}") from error
 
 
-@click.command(epilog=EXAMPLES, context_settings={"help_option_names": ["-h", "--help"]})
+@click.command(cls=Command, epilog=EXAMPLES, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="gcs-formation", message=VERSION)
 @click.option(
     "--listen", metavar="UDPIN", callback=_connection("udpin"), required=True, help="where the vehicles send to"

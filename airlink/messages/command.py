@@ -14,7 +14,11 @@ from typing import Final
 from librt.strings import BytesWriter
 
 from airlink.messages.payload import (
+    DEGE7,
+    I32_MAX,
+    I32_MIN,
     MILLI,
+    PER_DEGE7,
     PER_MILLI,
     U32_MAX,
     Kind,
@@ -483,6 +487,122 @@ SET_POSITION_TARGET_LOCAL_NED: Final = _SetPositionTargetLocalNedKind(
 )
 
 
+class SetPositionTargetGlobalInt(Message):
+    """SET_POSITION_TARGET_GLOBAL_INT (86): a setpoint by latitude and longitude; `type_mask` leaves fields out."""
+
+    def __init__(
+        self,
+        time_boot_s: float,
+        target_system: int,
+        target_component: int,
+        coordinate_frame: int,
+        type_mask: int,
+        lat_int_rad: float,
+        lon_int_rad: float,
+        alt_m: float,
+        vx_mps: float,
+        vy_mps: float,
+        vz_mps: float,
+        afx_mps2: float,
+        afy_mps2: float,
+        afz_mps2: float,
+        yaw_rad: float,
+        yaw_rate_radps: float,
+    ) -> None:
+        self.time_boot_s = time_boot_s
+        self.target_system = target_system
+        self.target_component = target_component
+        self.coordinate_frame = coordinate_frame
+        self.type_mask = type_mask
+        self.lat_int_rad = lat_int_rad
+        self.lon_int_rad = lon_int_rad
+        self.alt_m = alt_m
+        self.vx_mps = vx_mps
+        self.vy_mps = vy_mps
+        self.vz_mps = vz_mps
+        self.afx_mps2 = afx_mps2
+        self.afy_mps2 = afy_mps2
+        self.afz_mps2 = afz_mps2
+        self.yaw_rad = yaw_rad
+        self.yaw_rate_radps = yaw_rate_radps
+
+    def kind(self) -> Kind:
+        return SET_POSITION_TARGET_GLOBAL_INT
+
+    def write(self, payload: BytesWriter) -> None:
+        put_u32(payload, nearest(self.time_boot_s * PER_MILLI, 0.0, U32_MAX))
+        put_i32(payload, nearest(self.lat_int_rad * PER_DEGE7, I32_MIN, I32_MAX))
+        put_i32(payload, nearest(self.lon_int_rad * PER_DEGE7, I32_MIN, I32_MAX))
+        put_f32(payload, self.alt_m)
+        put_f32(payload, self.vx_mps)
+        put_f32(payload, self.vy_mps)
+        put_f32(payload, self.vz_mps)
+        put_f32(payload, self.afx_mps2)
+        put_f32(payload, self.afy_mps2)
+        put_f32(payload, self.afz_mps2)
+        put_f32(payload, self.yaw_rad)
+        put_f32(payload, self.yaw_rate_radps)
+        put_u16(payload, self.type_mask)
+        put_u8(payload, self.target_system)
+        put_u8(payload, self.target_component)
+        put_u8(payload, self.coordinate_frame)
+
+    def boot_s(self) -> float:
+        return self.time_boot_s
+
+    def addressee(self) -> int:
+        return self.target_system
+
+
+class _SetPositionTargetGlobalIntKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return SetPositionTargetGlobalInt(
+            u32(payload, 0) * MILLI,
+            payload[50],
+            payload[51],
+            payload[52],
+            u16(payload, 48),
+            i32(payload, 4) * DEGE7,
+            i32(payload, 8) * DEGE7,
+            f32(payload, 12),
+            f32(payload, 16),
+            f32(payload, 20),
+            f32(payload, 24),
+            f32(payload, 28),
+            f32(payload, 32),
+            f32(payload, 36),
+            f32(payload, 40),
+            f32(payload, 44),
+        )
+
+
+SET_POSITION_TARGET_GLOBAL_INT: Final = _SetPositionTargetGlobalIntKind(
+    "SET_POSITION_TARGET_GLOBAL_INT",
+    86,
+    5,
+    (53, 53),
+    (
+        "time_boot_s",
+        "target_system",
+        "target_component",
+        "coordinate_frame",
+        "type_mask",
+        "lat_int_rad",
+        "lon_int_rad",
+        "alt_m",
+        "vx_mps",
+        "vy_mps",
+        "vz_mps",
+        "afx_mps2",
+        "afy_mps2",
+        "afz_mps2",
+        "yaw_rad",
+        "yaw_rate_radps",
+    ),
+    SetPositionTargetGlobalInt,
+)
+
+
 class ParamRequestRead(Message):
     """PARAM_REQUEST_READ (20): one parameter, by name or, where index isn't -1, by index."""
 
@@ -663,6 +783,69 @@ FILE_TRANSFER_PROTOCOL: Final = _FileTransferProtocolKind(
     FileTransferProtocol,
 )
 
+
+class LogRequestList(Message):
+    """LOG_REQUEST_LIST (117): asks for the list of stored logs."""
+
+    def __init__(self, target_system: int, target_component: int, start: int, end: int) -> None:
+        self.target_system = target_system
+        self.target_component = target_component
+        self.start = start
+        self.end = end
+
+    def kind(self) -> Kind:
+        return LOG_REQUEST_LIST
+
+    def write(self, payload: BytesWriter) -> None:
+        put_u16(payload, self.start)
+        put_u16(payload, self.end)
+        put_u8(payload, self.target_system)
+        put_u8(payload, self.target_component)
+
+    def addressee(self) -> int:
+        return self.target_system
+
+
+class _LogRequestListKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return LogRequestList(payload[4], payload[5], u16(payload, 0), u16(payload, 2))
+
+
+LOG_REQUEST_LIST: Final = _LogRequestListKind(
+    "LOG_REQUEST_LIST", 117, 128, (6, 6), ("target_system", "target_component", "start", "end"), LogRequestList
+)
+
+
+class LogEntry(Message):
+    """LOG_ENTRY (118): one stored log, of `num_logs`; there is none where that is 0."""
+
+    def __init__(self, id: int, num_logs: int, last_log_num: int, time_utc: int, size: int) -> None:
+        self.id = id
+        self.num_logs = num_logs
+        self.last_log_num = last_log_num
+        self.time_utc = time_utc
+        self.size = size
+
+    def kind(self) -> Kind:
+        return LOG_ENTRY
+
+    def write(self, payload: BytesWriter) -> None:
+        put_u32(payload, self.time_utc)
+        put_u32(payload, self.size)
+        put_u16(payload, self.id)
+        put_u16(payload, self.num_logs)
+        put_u16(payload, self.last_log_num)
+
+
+class _LogEntryKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return LogEntry(u16(payload, 8), u16(payload, 10), u16(payload, 12), u32(payload, 0), u32(payload, 4))
+
+
+LOG_ENTRY: Final = _LogEntryKind(
+    "LOG_ENTRY", 118, 56, (14, 14), ("id", "num_logs", "last_log_num", "time_utc", "size"), LogEntry
+)
+
 KINDS: Final = (
     COMMAND_INT,
     COMMAND_LONG,
@@ -671,9 +854,12 @@ KINDS: Final = (
     REQUEST_DATA_STREAM,
     MESSAGE_INTERVAL,
     SET_POSITION_TARGET_LOCAL_NED,
+    SET_POSITION_TARGET_GLOBAL_INT,
     PARAM_REQUEST_READ,
     PARAM_REQUEST_LIST,
     PARAM_VALUE,
     PARAM_SET,
     FILE_TRANSFER_PROTOCOL,
+    LOG_REQUEST_LIST,
+    LOG_ENTRY,
 )

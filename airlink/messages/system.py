@@ -128,6 +128,36 @@ class _TimesyncKind(Kind):
 TIMESYNC: Final = _TimesyncKind("TIMESYNC", 111, 34, (16, 16), ("tc1_ns", "ts1_ns"), Timesync)
 
 
+class Ping(Message):
+    """PING (4): a request has target 0; the answer echoes it to its sender."""
+
+    def __init__(self, time_usec: int, seq: int, target_system: int, target_component: int) -> None:
+        self.time_usec = time_usec
+        self.seq = seq
+        self.target_system = target_system
+        self.target_component = target_component
+
+    def kind(self) -> Kind:
+        return PING
+
+    def write(self, payload: BytesWriter) -> None:
+        put_u64(payload, self.time_usec)
+        put_u32(payload, self.seq)
+        put_u8(payload, self.target_system)
+        put_u8(payload, self.target_component)
+
+    def addressee(self) -> int:
+        return self.target_system
+
+
+class _PingKind(Kind):
+    def unpack(self, payload: bytes) -> Message:
+        return Ping(u64(payload, 0), u32(payload, 8), payload[12], payload[13])
+
+
+PING: Final = _PingKind("PING", 4, 237, (14, 14), ("time_usec", "seq", "target_system", "target_component"), Ping)
+
+
 class AutopilotVersion(Message):
     """AUTOPILOT_VERSION (148): capabilities (bits of MAV_PROTOCOL_CAPABILITY) and firmware version."""
 
@@ -262,6 +292,7 @@ KINDS: Final = (
     HEARTBEAT,
     SYSTEM_TIME,
     TIMESYNC,
+    PING,
     AUTOPILOT_VERSION,
     NAMED_VALUE_FLOAT,
     STATUSTEXT,

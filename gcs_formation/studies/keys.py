@@ -98,7 +98,9 @@ Parameter = Annotated[
 class Seeds(Keys):
     """The seeds with which every sample is flown."""
 
-    first: Annotated[int, Field(strict=True, ge=0, le=2**62)] = Field(default=1, description="the first seed")
+    first: Annotated[int, Field(strict=True, ge=0, le=2**62), Allowed("a whole number from 0 to 2^62")] = Field(
+        default=1, description="the first seed"
+    )
     count: Annotated[int, Field(strict=True, ge=1, le=10**6)] = Field(
         default=1, description="how many, one after another"
     )
@@ -110,8 +112,10 @@ class Wanted(Keys):
     metric: Metric = Field(description="a figure of the flights")
     below: Number | None = Field(default=None, description="it must be smaller")
     above: Number | None = Field(default=None, description="it must be larger")
-    share: Fraction = Field(default=1.0, description="of the flights, at least")
-    confidence: Annotated[Fraction, Field(gt=0.0, lt=1.0)] = Field(
+    share: Annotated[Fraction, Field(gt=0.0), Allowed("a number > 0 and <= 1")] = Field(
+        default=1.0, description="of the flights, at least"
+    )
+    confidence: Annotated[Fraction, Field(gt=0.0, lt=1.0), Allowed("a number > 0 and < 1")] = Field(
         default=0.95, description="of the interval that is stated for the share (Clopper and Pearson)"
     )
     where: dict[str, Any] = Field(default={}, description="only flights whose parameters have these values")
@@ -134,7 +138,8 @@ class Bisection(Keys):
 
     @model_validator(mode="after")
     def _bounded(self) -> Self:
-        _rising(self, self.low, self.high)
+        if not self.low < self.high:
+            raise PydanticCustomError("ends", "low isn't below high")
         return _one_bound(self, self.below, self.above)
 
     @property
@@ -167,7 +172,7 @@ class Study(Keys):
     )
     samples: Annotated[int, Field(strict=True, ge=1, le=10**7)] = Field(default=100, description="for the last three")
     seeds: Seeds = Seeds()
-    metrics: Annotated[tuple[Metric, ...], Field(min_length=1)] = Field(
+    metrics: Annotated[tuple[Metric, ...], Field(min_length=1), Allowed("a list of 1 or more figures")] = Field(
         default=("error_x_m.rms", "error_y_m.rms", "error_z_m.rms", "min_separation_m", "settled_at_s"),
         description="figures of each flight, as in the scenario's `expect`; of several vehicles the worst",
     )

@@ -29,6 +29,11 @@ EXTREMES = (0.5, 0.0, 1.0 - 1e-9)
 """Shares of a distribution at which it is tried: its median, and its ends."""
 TRIED_WITH = 3
 """Drawn samples with which a value is tried that can't be with the others' first values."""
+RULES = {
+    "bound": ("found no bound", "below, above or both"),
+    "ends": ("found a low that isn't below high", "a high that is more than low"),
+}
+"""Of rules between keys what was found, and what is allowed."""
 
 
 def load_study(source: Path | Mapping[str, Any]) -> tuple[Study, Source]:
@@ -121,8 +126,8 @@ def _with_absolute_files(study: Study, home: Path) -> dict[str, Any]:
 
 def _problems(error: ValidationError, read: Source) -> list[Problem]:
     """Return what is wrong; of a parameter's value what is allowed, not what each kind of value lacks."""
-    unbounded = [each["loc"] for each in error.errors() if each["type"] == "bound"]
-    bounds = [read.problem(path, "found no bound", "below, above or both") for path in unbounded]
+    unbounded = {each["loc"]: RULES[each["type"]] for each in error.errors() if each["type"] in RULES}
+    bounds = [read.problem(path, found, allowed) for path, (found, allowed) in unbounded.items()]
     keys = {dotted(path) for path in unbounded}
     others = problems_of(error, Study, read)
     return bounds + [each for each in others if each.allowed and each.key not in keys]

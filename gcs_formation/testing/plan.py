@@ -8,13 +8,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, Self
+from typing import Any, Literal, NamedTuple, Self, get_args
 
 import numpy as np
 
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Mask
 from formation_scenario import Scenario, Vehicle, load_scenario
+from formation_scenario.begin_and_end import planned_end_s
 from formation_scenario.load import settings
 from gcs_formation.app.fly import fly
 from gcs_formation.app.operator import ClockName, Interrupts, RunOptions
@@ -89,7 +90,8 @@ class FlownFlight:
     ) -> Self:
         """Claim that followers are within `limit_m` of their slots along each axis, at every tick of a window.
 
-        At ticks at which one leads it has no slot; a leader that follows later has one from then on.
+        At ticks at which one leads it has no slot; a leader that follows later has one from then on. A window in which
+        none of them follows is no success.
 
         Args:
             limit_m: the largest |error| allowed, m.
@@ -108,6 +110,7 @@ class FlownFlight:
         within = from_s <= end_s <= reached_s + 1.0 / self.scenario.law.rate_hz
         self._require(within, f"the flight went to {reached_s:.1f} s, not through {window}")
         worst = [each for vehicle in chosen for each in self._worst(vehicle.vehicle_id, axes, from_s, end_s)]
+        self._require(bool(worst), f"none of these followed anybody {window}", [each.vehicle_id for each in chosen])
         broken = sorted((each for each in worst if not each.size_m <= limit_m), key=_unknown_first, reverse=True)
         on = ", ".join(axes)
         self._require(not broken, f"more than {limit_m:g} m from the slot along {on} {window}", broken)
@@ -121,7 +124,7 @@ class FlownFlight:
         late = [
             f"vehicle {who}: " + ("never" if at_s is None else f"at {at_s:.1f} s")
             for who, at_s in times.items()
-            if at_s is None or at_s >= before_s
+            if at_s is None or not at_s < before_s
         ]
         self._require(not late, f"not settled before {before_s:g} s", late)
         return self
@@ -135,9 +138,12 @@ class FlownFlight:
         return self
 
     def meets_its_expectations(self) -> Self:
-        """Claim what exit status 0 says: every `expect` that was judged holds, no safety limit is broken."""
+        """Claim what exit status 0 says: what was judged of `expect` holds, and some was; no safety limit is broken."""
         __tracebackhide__ = True
-        broken = [str(verdict) for verdict in self.summary.verdicts if verdict.held is False]
+        verdicts = self.summary.verdicts
+        judged = not verdicts or any(verdict.held is not None for verdict in verdicts)
+        self._require(judged, "no expectation was judged", verdicts)
+        broken = [str(verdict) for verdict in verdicts if verdict.held is False]
         self._require(not broken and not self.summary.breaches, "not as expected", [*broken, *self.summary.breaches])
         return self
 
@@ -262,6 +268,8 @@ class Plan:
 
     def with_outage(self, vehicle: Vehicles = "all", *, from_s: float, to_s: float, way: Way = "both") -> Plan:
         """Cut the link of one vehicle, several, or all for a while: both ways, to the vehicle, or from it."""
+        if not from_s < to_s:
+            raise ValueError(f"found an outage from {from_s:g} s to {to_s:g} s; allowed: one that ends after it begins")
         begins, ends = ({"outage": lost} if way == "both" else {way: {"outage": lost}} for lost in (True, False))
         return self.with_link(vehicle, from_s=from_s, **begins).with_link(vehicle, from_s=to_s, **ends)
 
@@ -270,6 +278,8 @@ class Plan:
 
         The latter is what the command `fly` does: autopilots in a simulator of their own, or real ones; in real time.
         """
+        if opponent not in get_args(Against):
+            raise ValueError(f"found {opponent!r}; allowed: {', '.join(get_args(Against))}")
         return replace(self, opponent=opponent)
 
     def in_real_time(self, speedup: float = 1.0) -> Plan:
@@ -282,8 +292,13 @@ class Plan:
         Raises:
             ScenarioError: the scenario or what replaces its keys is wrong; nothing was started.
             RunAbortedError: a port is taken, no vehicle answered, a vehicle refused.
+            ValueError: a link would change only after the end.
         """
         scenario = load_scenario(self.scenario, self.overrides(), option="")
+        end_s = min(planned_end_s(scenario), math.inf if until is None else until)
+        for at_s in (change["at_s"] for change in self.link_changes if not _ends_outage(change)):
+            if at_s >= end_s:
+                raise ValueError(f"found a link that changes at {at_s:g} s; the flight is over at {end_s:.4g} s")
         directory = self._free_directory()
         options = RunOptions(directory, self.clock, self.speedup, until)
         flown = run if self.opponent == "emulators" else fly
@@ -320,6 +335,12 @@ class Plan:
         while (self.directory / f"flight-{number}").exists():
             number += 1
         return self.directory / f"flight-{number}"
+
+
+def _ends_outage(change: Mapping[str, Any]) -> bool:
+    """Return whether a change does no more than to end an outage, which may as well go on to the flight's end."""
+    what = {key: change[key] for key in change if key not in {"at_s", "vehicles"}}
+    return {"outage": False} in [what, *what.values()]
 
 
 def _shown(path: Path) -> str:

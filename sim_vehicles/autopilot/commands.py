@@ -18,6 +18,7 @@ from sim_vehicles.autopilot.missions import from_message
 from sim_vehicles.autopilot.modes import Mode
 
 if TYPE_CHECKING:
+    from sim_vehicles.copter import Copter
     from sim_vehicles.plane import Plane
     from sim_vehicles.vehicle import Vehicle
 
@@ -99,7 +100,7 @@ def execute(vehicle: Vehicle, given: Order) -> int:
     return UNSUPPORTED if handler is None else handler(vehicle, given)
 
 
-def _height_m(vehicle: Vehicle, z: float, frame: float) -> float | None:
+def height_of(vehicle: Vehicle, z: float, frame: float) -> float | None:
     """Return a height above the fleet's origin, None for a frame or a height that isn't accepted."""
     if not abs(z) <= HIGHEST_M:
         return None
@@ -128,7 +129,7 @@ def _change_speed(vehicle: Vehicle, given: Order) -> int:
 def _change_altitude(vehicle: Vehicle, given: Order) -> int:
     if vehicle.pilot.mode is not GUIDED:
         return FAILED
-    height_m = _height_m(vehicle, given.z, given.frame)
+    height_m = height_of(vehicle, given.z, given.frame)
     if height_m is None or given.z in (0.0, -1.0):
         return DENIED
     vehicle.pilot.guide_height(height_m)
@@ -166,6 +167,16 @@ def to_mode(mode: int, refused: int = FAILED) -> Callable[[Any, Order], int]:
     return lambda vehicle, _given: ACCEPTED if vehicle.switch(mode) else refused
 
 
+def reboot(refused: int) -> Callable[[Any, Order], int]:
+    """Return what restarts a vehicle, once the command is acknowledged; an armed one refuses."""
+
+    def carry_out(vehicle: Vehicle, given: Order) -> int:
+        vehicle.reboots = given.params[0] == 1.0 and not vehicle.pilot.condition.armed
+        return ACCEPTED if vehicle.reboots else refused
+
+    return carry_out
+
+
 def _arm_disarm(vehicle: Vehicle, given: Order) -> int:
     arm, force = given.params[0], given.params[1] == FORCE
     if arm not in (0.0, 1.0):
@@ -193,7 +204,7 @@ def _legacy_speed(vehicle: Vehicle, given: Order) -> int:
 
 
 def _legacy_altitude(vehicle: Vehicle, given: Order) -> int:
-    height_m = _height_m(vehicle, given.params[0], given.params[1])
+    height_m = height_of(vehicle, given.params[0], given.params[1])
     if height_m is None:
         return DENIED
     if not vehicle.pilot.guided_by_setpoints:
@@ -201,29 +212,30 @@ def _legacy_altitude(vehicle: Vehicle, given: Order) -> int:
     return ACCEPTED
 
 
-def _reposition(vehicle: Plane, given: Order) -> int:
-    """Circle a place; ArduPlane takes one from COMMAND_INT alone."""
+def reposition(vehicle: Copter | Plane, given: Order) -> int:
+    """Fly to a place and stay there; ArduPilot takes one from COMMAND_INT alone."""
     if not given.in_integers:
         return UNSUPPORTED
-    height_m = _height_m(vehicle, given.z, given.frame) if abs(given.z) <= HIGHEST_PLACE_M else None
+    height_m = height_of(vehicle, given.z, given.frame) if abs(given.z) <= HIGHEST_PLACE_M else None
     on_earth = abs(given.lat_rad) <= math.radians(POLE_DEG) and abs(given.lon_rad) <= math.pi
     if height_m is None or not on_earth or (given.lat_rad, given.lon_rad) == (0.0, 0.0):
         return DENIED
-    if vehicle.pilot.mode is not GUIDED and not _flag(given.params[1], m.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE):
+    guided = vehicle.guided_mode
+    if vehicle.pilot.mode is not guided and not _flag(given.params[1], m.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE):
         return FAILED
-    if _enter(vehicle, Mode.GUIDED) != ACCEPTED:
+    if _enter(vehicle, guided) != ACCEPTED:
         return FAILED
     vehicle.go_to(given.lat_rad, given.lon_rad, height_m)
     return ACCEPTED
 
 
-def fly_to(vehicle: Plane, item: MissionItem | MissionItemInt) -> int:
+def fly_to(vehicle: Copter | Plane, item: MissionItem | MissionItemInt) -> int:
     """Fly at once to a position or a height that came as a mission item; return the MAV_MISSION_RESULT."""
     found = from_message(item)
     if isinstance(found, int):
         return found
-    height_m = _height_m(vehicle, found.z, found.frame)
-    if height_m is None or (item.current == PLACE_NOW and vehicle.pilot.mode is not GUIDED):
+    height_m = height_of(vehicle, found.z, found.frame)
+    if height_m is None or (item.current == PLACE_NOW and vehicle.pilot.mode is not vehicle.guided_mode):
         return m.MAV_MISSION_ERROR
     if item.current == PLACE_NOW:
         vehicle.go_to(found.x * DEGREES_E7, found.y * DEGREES_E7, height_m)
@@ -285,7 +297,8 @@ HANDLERS: dict[int, Callable[[Any, Order], int]] = {
     m.MAV_CMD_DO_SET_MISSION_CURRENT: _choose_item,
     m.MAV_CMD_DO_CHANGE_SPEED: _legacy_speed,
     m.MAV_CMD_DO_CHANGE_ALTITUDE: _legacy_altitude,
-    m.MAV_CMD_DO_REPOSITION: _reposition,
+    m.MAV_CMD_DO_REPOSITION: reposition,
+    m.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: reboot(FAILED),
     m.MAV_CMD_GET_MESSAGE_INTERVAL: _get_interval,
     m.MAV_CMD_SET_MESSAGE_INTERVAL: _set_interval,
     m.MAV_CMD_REQUEST_MESSAGE: _request_message,

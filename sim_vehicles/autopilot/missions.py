@@ -6,7 +6,7 @@ above home (the ground is level), and commands that the emulator can't fly, such
 kept.
 
 Item 0 is always home, whatever is written there. There are no fences and no rally points: their lists are always
-empty.
+empty, as is an emulated PX4's mission, whose items would begin with the first one.
 """
 
 from __future__ import annotations
@@ -67,7 +67,8 @@ MOST_ITEMS = 655
 ASK_AGAIN_S, GIVE_UP_S = 1.0, 8.0
 """Time until a missing item is requested again, and until the upload is abandoned."""
 ACCEPTED = m.MAV_MISSION_ACCEPTED
-PLAN, EMPTY_LISTS = m.MAV_MISSION_TYPE_MISSION, (m.MAV_MISSION_TYPE_FENCE, m.MAV_MISSION_TYPE_RALLY)
+PLAN = m.MAV_MISSION_TYPE_MISSION
+EMPTY_LISTS = (PLAN, m.MAV_MISSION_TYPE_FENCE, m.MAV_MISSION_TYPE_RALLY)
 RECEIVED = Statustext(m.MAV_SEVERITY_INFO, "Flight plan received")
 GIVEN_UP = Statustext(m.MAV_SEVERITY_WARNING, "Mission upload timeout")
 
@@ -159,8 +160,9 @@ def home_of(start: StartState, origin: GeodeticOrigin) -> Item:
 class Missions:
     """The stored items, the number of the current one, and the upload in progress, if any."""
 
-    def __init__(self, home: Callable[[], Item]) -> None:
-        """Start with home alone."""
+    def __init__(self, home: Callable[[], Item], *, stored: bool = True) -> None:
+        """Start with home alone; `stored`: whether more can be written."""
+        self._stored = stored
         self.items: list[Item] = [home()]
         self.current: int
         """Number of the current item; 0 before the mission has begun and after it has ended."""
@@ -194,7 +196,7 @@ class Missions:
     def take(self, message: Message, sender: Sender, now: Instant) -> list[Message]:
         """Return the answers to a message."""
         kind = getattr(message, "mission_type", PLAN)
-        if kind != PLAN:
+        if kind != PLAN or not self._stored:
             return _answer_of_empty_list(message, kind, sender)
         match message:
             case MissionRequestList() | MissionRequestInt() | MissionRequest():
@@ -305,15 +307,24 @@ def _ack(sender: Sender, result: int, kind: int = PLAN) -> MissionAck:
 
 
 def _answer_of_empty_list(message: Message, kind: int, sender: Sender) -> list[Message]:
-    """Return the answers about a list other than the plan."""
+    """Return the answers about a list that nothing is written to."""
     match message:
-        case MissionAck():
-            return []
         case MissionRequestList() if kind in EMPTY_LISTS:
             return [MissionCount(sender.system, sender.component, 0, kind)]
         case MissionClearAll() | MissionCount(count=0) if kind in EMPTY_LISTS:
             return [_ack(sender, ACCEPTED, kind)]
         case MissionRequest() | MissionRequestInt() if kind in EMPTY_LISTS:
             return [_ack(sender, m.MAV_MISSION_INVALID_SEQUENCE, kind)]
-        case _:
+        case (
+            MissionRequestList()
+            | MissionClearAll()
+            | MissionCount()
+            | MissionRequest()
+            | MissionRequestInt()
+            | MissionWritePartialList()
+            | MissionItem()
+            | MissionItemInt()
+        ):
             return [_ack(sender, m.MAV_MISSION_UNSUPPORTED, kind)]
+        case _:
+            return []

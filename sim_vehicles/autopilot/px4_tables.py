@@ -15,7 +15,7 @@ from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, Instant, after
 from airlink.messages import Message
 from airlink.messages.command import MessageInterval, ParamSet, ParamValue
-from airlink.messages.system import AutopilotVersion, CurrentMode, Heartbeat
+from airlink.messages.system import CurrentMode, Heartbeat
 from airlink.messages.telemetry import GpsRawInt, VfrHud
 from sim_vehicles.autopilot import commands, telemetry
 from sim_vehicles.autopilot.clock import NEVER
@@ -88,9 +88,6 @@ REJECTED: Final = m.MAV_RESULT_TEMPORARILY_REJECTED
 FOLLOWS: Final = m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | m.MAV_MODE_FLAG_STABILIZE_ENABLED
 FINDS_ITS_WAY: Final = FOLLOWS | m.MAV_MODE_FLAG_GUIDED_ENABLED | m.MAV_MODE_FLAG_AUTO_ENABLED
 """HEARTBEAT's flags in OFFBOARD and in the modes without a pilot, by which pymavlink and others tell these."""
-CAPABILITIES: Final = 59647
-"""Those of PX4 1.17, though not all are emulated: ground stations recognise the family by them."""
-VERSION_1_17: Final = 1 << 24 | 17 << 16
 LEAST_CHANGES_US: Final = 500_000
 """CURRENT_MODE comes with each change, and this often otherwise, however often it is asked for."""
 
@@ -124,11 +121,6 @@ def vfr_hud(v: Px4) -> Message:
     return reported.but(airspeed_mps=math.nan) if v.config.model.hovers else reported
 
 
-def autopilot_version(_: Vehicle) -> Message:
-    """Return AUTOPILOT_VERSION, by which ground stations tell what it can do."""
-    return AutopilotVersion(CAPABILITIES, VERSION_1_17)
-
-
 BUILDERS: Final[telemetry.Builders] = {
     each: telemetry.BUILDERS[each]
     for each in (
@@ -141,13 +133,13 @@ BUILDERS: Final[telemetry.Builders] = {
         m.MAVLINK_MSG_ID_BATTERY_STATUS,
         m.MAVLINK_MSG_ID_HOME_POSITION,
         m.MAVLINK_MSG_ID_EXTENDED_SYS_STATE,
+        m.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
     )
 } | {
     m.MAVLINK_MSG_ID_HEARTBEAT: heartbeat,
     m.MAVLINK_MSG_ID_CURRENT_MODE: current_mode,
     m.MAVLINK_MSG_ID_GPS_RAW_INT: gps_raw_int,
     m.MAVLINK_MSG_ID_VFR_HUD: vfr_hud,
-    m.MAVLINK_MSG_ID_AUTOPILOT_VERSION: autopilot_version,
 }
 
 
@@ -320,15 +312,16 @@ HANDLERS: dict[int, Callable[[Any, Order], int]] = {
     m.MAV_CMD_NAV_TAKEOFF: _take_off,
     m.MAV_CMD_NAV_RETURN_TO_LAUNCH: to_mode(Px4Mode.RTL, REJECTED),
     m.MAV_CMD_NAV_LAND: to_mode(Px4Mode.LAND, REJECTED),
+    m.MAV_CMD_DO_REPOSITION: _reposition,
     m.MAV_CMD_SET_MESSAGE_INTERVAL: _set_interval,
     m.MAV_CMD_GET_MESSAGE_INTERVAL: _get_interval,
     m.MAV_CMD_REQUEST_MESSAGE: _request_message,
+    m.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: commands.reboot(DENIED),
     m.MAV_CMD_GET_HOME_POSITION: commands.HANDLERS[m.MAV_CMD_GET_HOME_POSITION],
     m.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: commands.HANDLERS[m.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES],
 }
 PLANES_HANDLERS: dict[int, Callable[[Any, Order], int]] = HANDLERS | {
-    m.MAV_CMD_DO_REPOSITION: _reposition,
     m.MAV_CMD_DO_CHANGE_SPEED: _change_speed,
     m.MAV_CMD_DO_CHANGE_ALTITUDE: _change_altitude,
 }
-"""All others are UNSUPPORTED; a multirotor's positions as targets aren't emulated."""
+"""All others are UNSUPPORTED."""

@@ -45,9 +45,6 @@ SENSORS: Final = (
 )
 EKF_READY: Final = 831
 EKF_STARTING: Final = 1024
-CAPABILITIES: Final = 62319
-"""Those of ArduPlane 4.7, though not all are emulated: ground stations recognise the family by them."""
-VERSION_4_7: Final = 4 << 24 | 7 << 16
 LOAD_PERMILLE: Final = 200
 CRUISE_THROTTLE_PERCENT: Final = 50
 BATTERY_V: Final = 12.4
@@ -223,9 +220,9 @@ def extended_sys_state(v: Vehicle) -> Message:
     return ExtendedSysState(m.MAV_VTOL_STATE_UNDEFINED, v.pilot.landed_state)
 
 
-def autopilot_version(_: Vehicle) -> Message:
+def autopilot_version(v: Vehicle) -> Message:
     """Return AUTOPILOT_VERSION, by which ground stations tell what it can do."""
-    return AutopilotVersion(CAPABILITIES, VERSION_4_7)
+    return AutopilotVersion(v.capabilities, v.version)
 
 
 def _bank(motion: Motion) -> float:

@@ -58,6 +58,7 @@ MODULES = {
                 "TIMESYNC",
                 "a request has tc1 = 0; the answer echoes ts1 and has the answering system's time in tc1.",
             ),
+            Declared("PING", "a request has target 0; the answer echoes it to its sender."),
             Declared(
                 "AUTOPILOT_VERSION",
                 "capabilities (bits of MAV_PROTOCOL_CAPABILITY) and firmware version.",
@@ -139,6 +140,10 @@ Protocol (FTP)".
                 optional="x_m",
             ),
             Declared(
+                "SET_POSITION_TARGET_GLOBAL_INT",
+                "a setpoint by latitude and longitude; `type_mask` leaves fields out.",
+            ),
+            Declared(
                 "PARAM_REQUEST_READ",
                 "one parameter, by name or, where index isn't -1, by index.",
                 optional="param_index",
@@ -148,6 +153,8 @@ Protocol (FTP)".
             Declared("PARAM_VALUE", "a parameter's value, as a float whatever its type."),
             Declared("PARAM_SET", "change a parameter."),
             Declared("FILE_TRANSFER_PROTOCOL", "one packet of MAVLink FTP, as bytes."),
+            Declared("LOG_REQUEST_LIST", "asks for the list of stored logs."),
+            Declared("LOG_ENTRY", "one stored log, of `num_logs`; there is none where that is 0."),
         ),
     ),
     "mission": Module(

@@ -174,3 +174,9 @@ def test_a_trace_file_that_is_not_there_is_refused_with_the_place_looked_at(trac
     assert text.startswith(
         f"{path}:8:29: links.changes.0.downlink.trace_file: found {tmp_path}/delays/modem.txt: No such"
     )
+
+
+@pytest.mark.parametrize("nothing", ["at_s: 5", "at_s: 5, vehicles: [2], uplink: {}", "at_s: 5, delay_ms: null"])
+def test_a_change_of_nothing_is_refused(load, nothing):
+    with pytest.raises(ScenarioError, match=r"links\.changes\.0: found a change of nothing; allowed: one or more of"):
+        load(f"links.changes=[{{{nothing}}}]")

@@ -423,6 +423,16 @@ def values_of(directory):
     [
         ({"expect": [{"metric": "error_x_m.max"}]}, "expect.0: found no bound; allowed: below, above or both"),
         (
+            {"expect": [{"metric": "error_x_m.max", "below": 1, "share": 0}]},
+            "expect.0.share: found 0; allowed: a number > 0 and <= 1",
+        ),
+        (
+            {"bisect": {**SEARCH, "low": 9, "high": 9}},
+            "bisect: found a low that isn't below high; allowed: a high that",
+        ),
+        ({"metrics": []}, "metrics: found []; allowed: a list of 1 or more figures"),
+        ({"seeds": {"first": 2**63}}, f"seeds.first: found {2**63}; allowed: a whole number from 0 to 2^62"),
+        (
             {"parameters": {DELAY: {"uniform": [5, 5]}}},
             f"parameters.{DELAY}: found {{uniform: [5, 5]}}; allowed: a list",
         ),

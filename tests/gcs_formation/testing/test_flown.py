@@ -1,4 +1,6 @@
+import math
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -7,6 +9,8 @@ import pytest
 
 from airlink.endpoint import VehicleId
 from formation_scenario import load_scenario
+from formation_scenario.expectation import Expectation
+from gcs_formation.record.expectations import Verdict
 from gcs_formation.record.run_directory import TIMESERIES
 from gcs_formation.record.summary import Summary
 from gcs_formation.record.timeseries import write_parquet
@@ -102,7 +106,7 @@ def test_nobody_is_no_follower(tmp_path):
 
 def test_who_leads_has_no_slot_and_a_leader_that_follows_has_one_from_then_on(tmp_path):
     flight = flown(tmp_path, 2, x1=bump(2.0, 15.0), x2=bump(2.0, 15.0))
-    flight.stays_within(1.0, followers=[2, 3]).stays_within(1.0, to_s=14).stays_within(1.0, followers=2, from_s=12)
+    flight.stays_within(1.0, followers=[2, 3]).stays_within(1.0, to_s=14)
     with pytest.raises(AssertionError, match=r"slot.*\n  vehicle 1: \|error_x\| = 2.000 m at 15.0 s\nseed"):
         flight.stays_within(1.0)
     with pytest.raises(AssertionError, match=r"not settled before 5 s\n  vehicle 1: at 20.0 s\n  vehicle 3: never"):
@@ -130,3 +134,22 @@ def test_many_violations_are_counted(tmp_path):
         flight.stays_within(1.0)
     assert str(broken.value).count("|error_") == 6
     assert str(Violation(1.0, 2.0, "x", VehicleId(2, 9))).startswith("vehicle 2:9:")
+
+
+def test_a_bound_that_is_no_number_settles_nobody(tmp_path):
+    with pytest.raises(AssertionError, match="vehicle 2: at 4"):
+        flown(tmp_path).settles(before_s=math.nan, followers=2)
+
+
+def test_a_window_in_which_those_named_only_led_is_no_success(tmp_path):
+    flight = flown(tmp_path, 3)
+    with pytest.raises(AssertionError, match="none of these followed anybody from 15 s to 30 s\n  3"):
+        flight.stays_within(1.0, followers=3, from_s=15)
+
+
+def test_expectations_none_of_which_was_judged_arent_met(tmp_path):
+    flight = flown(tmp_path)
+    expectation = Expectation(metric="error_x_m.max", to_s=20.0, below=1.0)
+    unjudged = Verdict(expectation, VehicleId(1, 2), None, reached=False, judged=False, reason="cut by --until")
+    with pytest.raises(AssertionError, match="no expectation was judged"):
+        replace(flight, summary=Summary(flight.figures, (unjudged,), ())).meets_its_expectations()

@@ -1,3 +1,4 @@
+import math
 import shlex
 
 import pytest
@@ -74,3 +75,27 @@ def test_the_command_against_real_endpoints_is_fly(plan, tmp_path):
 def test_a_mapping_is_flown_again_from_the_runs_own_copy(tmp_path):
     plan = Formation((), tmp_path)({"vehicles": {"count": 2}}, seed=3)
     assert shlex.split(plan.command(tmp_path / "flight-1"))[2].endswith("flight-1/run.yaml")
+
+
+@pytest.mark.parametrize("to_s", [20, 10, math.nan])
+def test_an_outage_ends_after_it_begins(plan, to_s):
+    with pytest.raises(ValueError, match="found an outage from 20 s to"):
+        plan.with_outage(2, from_s=20, to_s=to_s)
+
+
+def test_who_flies_is_one_of_two(plan):
+    """Everything else had been the real endpoints, whose vehicles are armed."""
+    with pytest.raises(ValueError, match="found 'emulator'; allowed: emulators, real endpoints"):
+        plan.against("emulator")
+
+
+@pytest.mark.parametrize("late", [{"delay_ms": 300}, {"outage": True}, {"uplink": {"loss": 0.5}}])
+def test_a_link_that_would_change_after_the_end_is_refused(plan, late, tmp_path):
+    with pytest.raises(ValueError, match="found a link that changes at 7 s; the flight is over at 6 s"):
+        plan.with_link(2, from_s=7, **late).fly(until=6)
+    assert not (tmp_path / "runs").exists()
+
+
+@pytest.mark.parametrize("way", ["both", "uplink"])
+def test_an_outage_may_outlast_the_flight(plan, way):
+    assert plan.with_keys(start__in_air=True).with_outage(2, from_s=1, to_s=7, way=way).fly(until=2).link(2)

@@ -1,0 +1,75 @@
+"""What ground stations ask beside flying: restarts, logs, echoes, what a vehicle can do."""
+
+from __future__ import annotations
+
+import pytest
+
+from airlink import mavlink as m
+from tests.sim_vehicles.conftest import mavlink
+from tests.sim_vehicles.test_copter import MODEL
+from tests.sim_vehicles.test_px4 import COPTER
+
+ACCEPTED, DENIED, UNSUPPORTED, FAILED = 0, 2, 3, 4
+REBOOT, ARM = m.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, m.MAV_CMD_COMPONENT_ARM_DISARM
+
+
+@pytest.mark.parametrize(("model", "refused"), [(None, FAILED), (MODEL, FAILED), (COPTER, DENIED)])
+def test_a_vehicle_restarts_when_told_unless_it_is_armed(make_air, model, refused):
+    air = make_air(in_air=False, endpoint="udpin:127.0.0.1:14551", **({} if model is None else {"model": model}))
+    air.ground.send(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
+    air.run(5.0)
+    if model is MODEL:
+        air.set_mode(4)
+    assert air.command_long(ARM, 1) == ACCEPTED
+    assert air.command_long(REBOOT, 1) == refused
+    assert air.command_long(ARM, 0) == ACCEPTED
+    assert air.command_long(REBOOT, 1) == ACCEPTED
+    assert air.command_long(ARM, 1) is not ACCEPTED  # it boots
+    air.ground.send(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
+    air.run(4.0)
+    assert air.fleet.vehicles[0].time_s == pytest.approx(4.0, abs=0.1)
+
+
+def test_what_is_no_restart_fails(parked):
+    assert parked.command_long(REBOOT, 0) == FAILED
+
+
+def test_there_are_no_logs(flying):
+    flying.ground.send(mavlink.MAVLink_log_request_list_message(1, 1, 0, 0xFFFF))
+    flying.run(0.1)
+    (entry,) = flying.ground.of("LOG_ENTRY")
+    assert entry.num_logs == 0
+
+
+def test_a_px4_echoes_a_ping_to_all_alone(make_air):
+    air = make_air(model=COPTER)
+    air.run(3.5)
+    for target in (0, 1):
+        air.ground.send(mavlink.MAVLink_ping_message(123, 7 + target, target, 0))
+    air.run(0.1)
+    (echo,) = air.ground.of("PING")
+    assert (echo.time_usec, echo.seq, echo.target_system, echo.target_component) == (123, 7, 255, 190)
+
+
+@pytest.mark.parametrize(("model", "capabilities"), [(MODEL, 64495), (COPTER, 59647)])
+def test_a_multirotor_says_that_it_takes_setpoints(make_air, model, capabilities):
+    air = make_air(model=model)
+    air.run(3.5)
+    air.command_long(m.MAV_CMD_REQUEST_MESSAGE, m.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
+    assert air.ground.of("AUTOPILOT_VERSION")[0].capabilities == capabilities
+    assert capabilities & m.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED
+
+
+def test_a_px4_has_no_mission_and_takes_none(make_air):
+    """One written to it would lose its first item, in whose place ArduPilot has home, and never be flown."""
+    air = make_air(model=COPTER)
+    air.run(3.5)
+    for message in (
+        mavlink.MAVLink_mission_request_list_message(1, 1, 0),
+        mavlink.MAVLink_mission_count_message(1, 1, 2),
+    ):
+        air.ground.send(message)
+    air.ground.send(mavlink.MAVLink_mission_set_current_message(1, 1, 1))
+    air.run(0.1)
+    assert [each.count for each in air.ground.of("MISSION_COUNT")] == [0]
+    assert [each.type for each in air.ground.of("MISSION_ACK")] == [m.MAV_MISSION_UNSUPPORTED]
