@@ -18,7 +18,7 @@ EXAMPLES = examples(
 
 COMMANDS = {
     "check": Entry("gcs_formation.cli.scenario", "Validate a scenario; print its graph and its delay margins."),
-    "compare": Entry("gcs_formation.cli.compare", "Fly a scenario by several laws and set them side by side."),
+    "compare": Entry("gcs_formation.cli.study", "Fly a scenario by several laws and set them side by side."),
     "fly": Entry("gcs_formation.cli.run_and_fly", "Fly a scenario with vehicles that are up already."),
     "identify": Entry("gcs_formation.cli.identify", "Find a vehicle's model from a flight; write a vehicle file."),
     "init": Entry("gcs_formation.cli.scenario", "Write an example scenario to begin with."),
