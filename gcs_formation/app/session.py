@@ -11,6 +11,7 @@ from librt.strings import BytesWriter, write_f64_le
 from airlink.clock import MICROSECONDS, NANOSECONDS, Clock, Instant, Stopwatch, seconds_between
 from airlink.endpoint import VehicleId
 from airlink.engine import Engine
+from flight_model.arrays import Array
 from formation_scenario import Scenario
 from formation_scenario.orders import Answer
 from formation_scenario.slot_assignment import columns
@@ -23,7 +24,7 @@ from gcs_formation.errors import RecordingError, RunAbortedError
 from gcs_formation.mission.resumption import Resumption
 from gcs_formation.mission.starting import Caution
 from gcs_formation.phases import Phase
-from gcs_formation.record.expectations import ControlFigures, Injected, LinkFigures, RunOutcome
+from gcs_formation.record.expectations import LinkFigures, RunOutcome
 from gcs_formation.record.figures_of_merit import if_finite, percentile
 from gcs_formation.record.flight import split, tables
 from gcs_formation.record.run_directory import RECORDING, SPOOL, TIMESERIES, RunDirectory
@@ -66,10 +67,10 @@ class TimedStation(Station):
             write_f64_le(self._times, float(now))
             write_f64_le(self._times, self._watch.wall_s - began_s)
 
-    def figures(self) -> ControlFigures:
-        """Return the times of all ticks."""
+    def times_s(self) -> Array:
+        """Return (3, K): when all ticks were due, when they began, and how long they took."""
         due_ns, begun_ns, taken_s = np.frombuffer(self._times.getvalue(), "<f8").reshape(-1, 3).T
-        return ControlFigures(due_ns / NANOSECONDS, begun_ns / NANOSECONDS, taken_s)
+        return np.array((due_ns / NANOSECONDS, begun_ns / NANOSECONDS, taken_s))
 
 
 class Session:
@@ -121,7 +122,7 @@ class Session:
         self.station = TimedStation(scenario, self.recorder, options.until_s, utc_s, caution, resumed)
         if resumed is not None:
             self.recorder.event(Event(resumed.at, RECORDING, "goes on", None, {"epoch_us": began_us}))
-        self._links = impair(scenario, self.station, self.station)
+        self._links = impair(scenario, self.station)
         self.engine: Engine = self._links or self.station
         self._injected = InjectedDelays(self.station.vehicles, self._links, 0.0 if emulated else math.nan)
         self._faults = InjectedFaults(scenario, self.recorder) if emulated else None
@@ -219,7 +220,7 @@ class Session:
                 clock=self.options.clock,
                 flight=flight,
                 links={identity: self._link(identity) for identity in self.station.vehicles},
-                control=self.station.figures(),
+                ticks_s=self.station.times_s(),
                 delay_margin_s=if_finite(scenario_delay_margin(self.station.design.scenario)),
                 worst_loop_delay_s=self._worst_loop_delay_s(),
                 margin_used=self.station.margins.most_used,
@@ -240,6 +241,7 @@ class Session:
     def _link(self, identity: VehicleId) -> LinkFigures:
         vehicle = self.station.vehicles[identity]
         began = self.station.flight.path_began
+        uninjected = (0.0, 0.0, 0.0) if self.emulated else None
         probes = np.frombuffer(vehicle.delays.getvalue(), "<f8").reshape(-1, 4).copy()
         if not self._keeps_utc:
             probes[:, 2:] = np.nan  # a common error of all vehicles' UTC is in how their round trips are split
@@ -251,13 +253,10 @@ class Session:
             frames_out=vehicle.frames_out,
             frames_bad=self.station.bad_frames(identity),
             frames_implausible=vehicle.telemetry.implausible,
-            injected=injected(self._links.statistics(identity)) if self._links else self._uninjected(),
+            injected=injected(self._links.statistics(identity)) if self._links else uninjected,
         )
-
-    def _uninjected(self) -> Injected | None:
-        return Injected(0.0, 0.0, 0.0) if self.emulated else None
 
     def _worst_loop_delay_s(self) -> float | None:
         """Return the longest loop delay that was measured, computing, sampling and hold included."""
-        compute_s = percentile(self.station.figures().compute_s, 50) if self.station.controlled_ticks else 0.0
+        compute_s = percentile(self.station.times_s()[2], 50) if self.station.controlled_ticks else 0.0
         return if_finite(self.station.margins.longest_s + compute_s)

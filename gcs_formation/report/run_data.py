@@ -17,7 +17,7 @@ from flight_model.arrays import Array
 from formation_scenario import Scenario, ScenarioError, load_scenario
 from formation_scenario.gains import redesigned
 from gcs_formation.errors import RecordError
-from gcs_formation.record.expectations import ControlFigures, LinkFigures, RunOutcome
+from gcs_formation.record.expectations import LinkFigures, RunOutcome
 from gcs_formation.record.figures_of_merit import if_finite
 from gcs_formation.record.flight import Columns, Flight, join, split
 from gcs_formation.record.run_directory import EVENTS, SCENARIO, SPOOL, SUMMARY, TIMESERIES
@@ -249,7 +249,7 @@ def _outcome(scenario: Scenario, flight: Flight) -> RunOutcome:
             )
             for identity, own in flight.vehicles.items()
         },
-        control=ControlFigures(t_s, t_s, np.full(t_s.shape, np.nan)),
+        ticks_s=np.array((t_s, t_s, np.full(t_s.shape, np.nan))),
         delay_margin_s=if_finite(scenario_delay_margin(scenario)),
         worst_loop_delay_s=None,
         margin_used=max(_largest(own["margin_used"]) for own in flight.vehicles.values()),
