@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Mapping
 
 import numpy as np
 from librt.strings import BytesWriter, write_f64_le
@@ -29,7 +30,7 @@ from gcs_formation.record.figures_of_merit import if_finite, percentile
 from gcs_formation.record.flight import split, tables
 from gcs_formation.record.run_directory import RECORDING, SPOOL, TIMESERIES, RunDirectory
 from gcs_formation.record.summary import Summary, summarise
-from gcs_formation.record.timeseries import GroundTruth, read_spool, spools, write_parquet
+from gcs_formation.record.timeseries import read_spool, spools, write_parquet
 from gcs_formation.recorder import Event
 from gcs_formation.stability import scenario_delay_margin
 from gcs_formation.station import Station
@@ -178,7 +179,7 @@ class Session:
                 self._left = True
         return self._left
 
-    def conclude(self, truth: GroundTruth | None) -> Summary:
+    def conclude(self, truth: Mapping[str, Array] | None) -> Summary:
         """Close the record, and write the time series and the summary.
 
         Raises:
@@ -208,7 +209,7 @@ class Session:
     def _heard(self, event: Event) -> None:
         self.progress.note(event, self.station.flight.mission_time_s(event.now))
 
-    def _make_summary(self, truth: GroundTruth | None, wall_s: float) -> Summary:
+    def _make_summary(self, truth: Mapping[str, Array] | None, wall_s: float) -> Summary:
         spool = self.recorder.path / SPOOL
         rows = read_spool(spool)
         flight = split(rows, self.scenario, truth, self._injected.series_s(rows["t_s"].size))

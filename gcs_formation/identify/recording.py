@@ -147,10 +147,10 @@ def _of_dataflash(log: Path) -> dict[int, _Samples]:
 
 def _frames(log: Path) -> Iterator[tuple[float, Frame]]:
     parser, begin_us = StreamParser(), None
-    for logged in read_tlog(log):
-        begin_us = logged.time_us if begin_us is None else begin_us
-        for frame in parser.feed(logged.raw):
-            yield (logged.time_us - begin_us) * 1e-6, frame
+    for time_us, raw in read_tlog(log):
+        begin_us = time_us if begin_us is None else begin_us
+        for frame in parser.feed(raw):
+            yield (time_us - begin_us) * 1e-6, frame
 
 
 def _take(vehicles: dict[int, _Samples], at_s: float, frame: Frame) -> None:

@@ -209,9 +209,9 @@ def _unfinished(directory: Path, scenario: Scenario) -> RunData:
 
     events, cut_off = recorded_events(directory)
     columns = read_spool(directory / SPOOL)
-    truth = recorded_truth(directory, scenario)
+    truth = recorded_truth(directory)
     if truth is not None:
-        known = columns["t_s"] <= truth.columns["time_s"][-1]
+        known = columns["t_s"] <= truth["time_s"][-1]
         columns = {name: values[known] for name, values in columns.items()}
     if not columns["t_s"].size:
         raise RecordError(f"found no control tick in {directory}: {_last_phase(events)}, and nothing was flown")
