@@ -12,9 +12,8 @@ from typing import Any
 
 import click
 
-from airlink.cli.commands import OUT, SECONDS, SEED, WholeNumber, examples
+from airlink.cli.commands import OUT, SECONDS, SEED, WholeNumber, default_directory, examples, refusal
 from airlink.cli.exit_status import Status, fail, raised, say
-from airlink.cli.output_directory import default_directory, refusal
 from formation_scenario import ScenarioError
 from gcs_formation.errors import RecordError, RunAbortedError
 from gcs_formation.studies.campaign import StudyOutcome, StudyProgress, flights, fly_study

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from airlink.cli.commands import refusal
 from airlink.cli.exit_status import raised
-from airlink.cli.output_directory import refusal
 from formation_scenario import Problem, Scenario, ScenarioError, load_scenario
 from formation_scenario.errors import did_you_mean
 from gcs_formation.app.check import lag_margins, warnings

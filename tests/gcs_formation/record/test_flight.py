@@ -54,7 +54,7 @@ def truth(*crashed):
         after, column = time_s >= CRASH_S, each.system - 1
         flying[after, column] = 0.0
         north_m[after, column] = north_m[~after, column][-1]
-    columns = {
+    return {
         "time_s": time_s,
         "north_m": north_m,
         "east_m": nothing,
@@ -69,7 +69,6 @@ def truth(*crashed):
         "disturbance_down_mps": nothing,
         "airborne": flying,
     }
-    return columns
 
 
 def flown(*crashed, third_leads_from_s=np.inf):
