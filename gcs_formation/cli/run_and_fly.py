@@ -252,7 +252,7 @@ def identify(
     except (RecordError, ScenarioError) as error:
         fail(str(error))
     if as_json:
-        click.echo(json.dumps(found.to_dict(), indent=2))
+        click.echo(json.dumps(found, indent=2))
     elif not quiet:
         click.echo(command.report(found))
 
