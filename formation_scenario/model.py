@@ -259,7 +259,7 @@ class Scenario(Keys):
         """The ground; without terrain, a plain at the origin's height.
 
         Raises:
-            ElevationError: the elevation file can't be read.
+            FileError: the elevation file can't be read.
         """
         return ground_of(self.terrain, self.origin.geodetic, np.array(self.path.waypoints_m))
 
@@ -268,7 +268,7 @@ class Scenario(Keys):
         """The path that the leader flies: lifted where the scenario has terrain, as written otherwise.
 
         Raises:
-            ElevationError: the elevation file can't be read.
+            FileError: the elevation file can't be read.
         """
         if self.terrain is None:
             return self.path.written

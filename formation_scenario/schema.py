@@ -6,6 +6,7 @@ import inspect
 import re
 import types
 from collections.abc import Iterator, Mapping, Sequence
+from importlib.resources import files
 from typing import Any, Literal, NamedTuple, Union, cast, get_args, get_origin
 
 import yaml
@@ -25,47 +26,6 @@ from formation_scenario.vehicles import VehicleGroup
 Schema = dict[str, Any]
 ANNOTATIONS = ("title", "description", "default", "examples", DERIVED)
 """Keywords that allow or refuse nothing."""
-REGENERATE = "gcs-formation schema --markdown > docs/scenario.md; gcs-formation schema > docs/scenario.schema.json"
-HEAD = f"""\
-# Scenario keys
-
-<!-- Generated from the models of the keys by: {REGENERATE} -->
-
-A scenario is a YAML file. Two keys are enough:
-
-```yaml
-vehicles: {{count: 4}}
-path: {{waypoints_m: [[0, 0, 100], [4000, 0, 100]]}}
-```
-
-- Every key carries its unit in its name. Unknown keys, values of another type and values out of range are refused, with
-  file, line and what is allowed.
-- `gcs-formation check FILE` prints the scenario with every default filled in. `--set KEY=VALUE` overrides a key:
-  `--set law.rate_hz=20`, `--set vehicles.1.model.tau_v_s=5` (items of a list from 0),
-  `--set "links.default={{delay_ms: 300, loss: 0.02}}"`.
-- Times (`at_s`, `until_s`, `from_s`, `to_s`) are mission times: t = 0 is when the leader starts along its path.
-- Places are north, east and height above `origin`; slots are forward, right and up of the leader. Velocities of the air
-  are north, east and down, where it blows to.
-- `vehicles` in an entry of a list is `all` or a list of ids. Where several networks use an id, the vehicle is
-  `network:id`, in quotes: `[2, '2:7']`.
-
-Below, `[]` stands for each item of a list.
-
-## In an editor
-
-`gcs-formation schema > scenario.schema.json` writes the JSON schema (draft 2020-12); that of this version is
-[scenario.schema.json](scenario.schema.json). With yaml-language-server (VS Code's YAML extension by Red Hat, Neovim,
-Emacs, Helix and others) it completes keys, explains them and marks mistakes, after this first line of the scenario:
-
-```yaml
-# yaml-language-server: $schema=scenario.schema.json
-```
-
-For all scenarios of a folder, in VS Code's `settings.json`:
-`"yaml.schemas": {{"./scenario.schema.json": "scenarios/*.yaml"}}`. In CI:
-`check-jsonschema --schemafile scenario.schema.json FILE`. The schema knows each key by itself; what keys must be to
-each other, and whether the formation can be flown, `gcs-formation check` knows.
-"""
 METRICS_HEAD = """
 ## Metrics
 
@@ -192,7 +152,8 @@ def scenario_reference() -> str:
     for group in _groups_in(top, ""):
         sections.setdefault(group.model, []).append(group)
     links = _links([groups[0] for groups in sections.values()])
-    parts = [HEAD, "## Top level\n", _table(top, links)]
+    head = (files("formation_scenario") / "reference.md").read_text(encoding="utf-8")
+    parts = [head, "## Top level\n", _table(top, links)]
     for model, groups in sections.items():
         also = [title for title in dict.fromkeys(group.title for group in groups) if title != groups[0].title]
         parts += [f"\n## {groups[0].title}\n", *([f"Also: {', '.join(also)}.\n"] if also else [])]
