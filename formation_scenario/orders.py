@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from typing import Annotated, Literal, NamedTuple, get_args
 
-from pydantic import BeforeValidator, Field, WithJsonSchema
+from pydantic import BeforeValidator, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
 from formation_scenario.errors import did_you_mean
-from formation_scenario.fields import MAX_NEAR_M, Allowed, Keys, NonNegative, VehicleRef
+from formation_scenario.fields import MAX_NEAR_M, Allowed, Keys, NonNegative, VehicleRef, key
 from formation_scenario.formation import FormationChange, Shape
 
 End = Literal["loiter", "rtl", "land"]
@@ -116,10 +116,10 @@ def _known_order(value: object) -> object:
 class PlannedOrder(Keys):
     """An order that is given at a mission time, as by `gcs-formation tell`."""
 
-    at_s: NonNegative = Field(description="when, s", examples=[40])
+    at_s: NonNegative = key(..., "when, s", 40)
     order: Annotated[
         str, BeforeValidator(_known_order), WithJsonSchema({"type": "string"}), Allowed(ALLOWED, EXAMPLES)
-    ] = Field(description="the order", examples=["shape line 40"])
+    ] = key(..., "the order", "shape line 40")
 
 
 class Answer(NamedTuple):

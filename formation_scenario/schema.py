@@ -222,7 +222,7 @@ def _row(key: str, field: FieldInfo, links: Mapping[type[BaseModel], str]) -> st
     said = field.description or "".join(_docstring(group).partition("\n")[0].rstrip(".") for group in groups[:1])
     shown = None if groups else example(field)
     if not said or shown is PydanticUndefined:
-        raise ValueError(f"key {key}: found no description or no example; allowed: Field(description=…, examples=[…])")
+        raise ValueError(f"key {key}: found no description or no example; allowed: key(default, description, example)")
     text, unit = _unit(key, said)
     words = allowed(field)
     words = "one of the [metrics](#metrics)" if words == ", ".join(METRICS) else words
