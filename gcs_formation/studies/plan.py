@@ -15,16 +15,7 @@ from scipy.special import betaincinv, ndtri
 from airlink.random_streams import random_stream
 from flight_model.arrays import Array
 from formation_scenario import expectation
-from gcs_formation.studies.keys import (
-    Bisection,
-    LogUniform,
-    Normal,
-    Parameter,
-    Study,
-    Uniform,
-    Value,
-    levels_of,
-)
+from gcs_formation.studies.keys import Bisection, LogUniform, Normal, Parameter, Study, Uniform, Value, levels_of
 
 Sample: TypeAlias = Mapping[str, Value]
 INSIDE = 1e-12
