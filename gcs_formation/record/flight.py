@@ -50,6 +50,10 @@ class Flight:
         """Return (T, 3) north, east, height: true ones where there is truth."""
         return _place(self.vehicles[vehicle], truth=self.truth)
 
+    def heading(self, vehicle: VehicleId) -> Array:
+        """Return (T,) headings, rad: true ones where there is truth."""
+        return self.vehicles[vehicle]["true_heading_rad" if self.truth else "heading_rad"]
+
     def place_in_flight(self, vehicle: VehicleId) -> Array:
         """Return (T, 3) the same, NaN where the vehicle doesn't fly."""
         return np.where(self.airborne(vehicle)[:, None], self.place(vehicle), np.nan)

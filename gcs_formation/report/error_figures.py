@@ -13,7 +13,7 @@ from flight_model.arrays import Array, Mask
 from formation_scenario.expectation import SETTLED_M, Expectation
 from gcs_formation.record.timeseries import DISTURBANCE
 from gcs_formation.report.geometry import evenly, extremes
-from gcs_formation.report.gusts import Gust, gusts
+from gcs_formation.report.gusts import GustError, gusts
 from gcs_formation.report.run_data import RunData
 from gcs_formation.report.style import (
     GREY,
@@ -206,15 +206,14 @@ def _expected(axes: Axes, wanted: tuple[Expectation, ...], axis: str) -> None:
                 _both_ways(axes, reach, bound.below, "expected bound", color=LIMIT, ls=(0, (1, 1.5)))
 
 
-def _after_gusts(axes: Axes, gusted: list[Gust], axis: str) -> None:
+def _after_gusts(axes: Axes, gusted: list[GustError], axis: str) -> None:
     """Draw the least error that any law can achieve after each gust on followers only, and the bound on ours."""
     begin, end = axes.get_xlim()
-    for gust in gusted:
-        reach = max(begin, gust.at_s), min(end, gust.to_s)
-        for error in gust.errors:
-            if error.axis == axis and reach[0] < reach[1]:
-                _both_ways(axes, reach, error.allowed_m, ALLOWED, color=INK, ls=(0, (6, 2)))
-                _both_ways(axes, reach, error.least_m, LEAST, color=INK, ls=(0, (1, 1.5)))
+    for error in gusted:
+        reach = max(begin, error.at_s), min(end, error.to_s)
+        if error.axis == axis and reach[0] < reach[1]:
+            _both_ways(axes, reach, error.allowed_m, ALLOWED, color=INK, ls=(0, (6, 2)))
+            _both_ways(axes, reach, error.least_m, LEAST, color=INK, ls=(0, (1, 1.5)))
 
 
 def _both_ways(axes: Axes, reach: tuple[float, float], size: float, label: str, **look: Any) -> None:

@@ -252,7 +252,7 @@ def _outcome(scenario: Scenario, flight: Flight) -> RunOutcome:
         ticks_s=np.array((t_s, t_s, np.full(t_s.shape, np.nan))),
         delay_margin_s=if_finite(scenario_delay_margin(scenario)),
         worst_loop_delay_s=None,
-        margin_used=max(_largest(own["margin_used"]) for own in flight.vehicles.values()),
+        margin_used=max(float(np.fmax.reduce(own["margin_used"], initial=0.0)) for own in flight.vehicles.values()),
         received=ParserCounts(),
         frames_refused=0,
         simulated_s=float(t_s[-1]),
@@ -296,7 +296,3 @@ def _missing(
     ]
     missing += [] if flight.truth else ["ground truth: errors are from telemetry, as the law saw them"]
     return (*missing, *(["the end of the last event"] if cut_off else []))
-
-
-def _largest(values: Array) -> float:
-    return float(np.nanmax(values)) if np.isfinite(values).any() else 0.0
