@@ -78,11 +78,9 @@ class Dataset:
             ) from error
 
     def __enter__(self) -> Self:
-        """Return itself."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Close the journal."""
         self._journal.close()
 
     def add(self, row: Mapping[str, Any]) -> None:
