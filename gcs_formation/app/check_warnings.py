@@ -1,4 +1,4 @@
-"""What `check` says of links: how long a formation takes to assemble, and what unequal delays cost.
+"""What `check` warns of beside margins: unequal delays, the start, the end, and what is planned but never comes.
 
 A round trip doesn't tell how it is split, so half of it is taken each way. A vehicle whose uplink takes d longer than
 its downlink then has its clock mapped d/2 too early, and is kept where it should have been d/2 ago. What leader and
@@ -14,14 +14,23 @@ from typing import NamedTuple
 
 import numpy as np
 
+from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
+from flight_model.autopilot import AutopilotModel, FlightState, advance
 from flight_model.curve import PathPoint
-from formation_scenario import Scenario, Vehicle
+from formation_scenario import Scenario, Vehicle, slot_schedule
+from formation_scenario.begin_and_end import planned_end_m, planned_end_s
+from formation_scenario.feasibility import unfinished_change
 from formation_scenario.links import Impairment, LinkStep, read_trace_ms
+from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.guidance.join_route import join
-from gcs_formation.guidance.leader import ASSEMBLED_S, DECISION_S, SETTLE_S
-from gcs_formation.parameters import hold_radius_m
+from gcs_formation.guidance.leader import ASSEMBLED_S, DECISION_S, SETTLE_S, points_ahead
+from gcs_formation.mission.opening import Stack, stacked
+from gcs_formation.parameters import autopilot_models, hold_radius_m
+from gcs_formation.vehicle.telemetry import Motion
 
+PLANES_MOST_HZ = 40.0
+"""Four fifths of SCHED_LOOP_RATE, beyond which ArduPilot denies MAV_CMD_SET_MESSAGE_INTERVAL."""
 LEAST_M = 0.05
 """Smallest error that is worth a warning."""
 SURE = 0.95
@@ -29,6 +38,9 @@ SURE = 0.95
 HEARTBEAT_S = 1.0
 CELL_S = 0.1
 MOST_S = 120.0
+STEP_S = 0.5
+SHORT_M = 0.5
+"""A lack of clearance that isn't worth a warning."""
 
 
 def split_errors(scenario: Scenario) -> Iterator[str]:
@@ -189,3 +201,140 @@ def _lap_s(scenario: Scenario, radius_m: float) -> float:
     run_in_m = max(scenario.start.run_in_s, SETTLE_S) * speed
     round_m = join(PathPoint(-before_m, 0.0, 0.0, 0.0), PathPoint(-run_in_m, 0.0, 0.0, 0.0), radius_m, 1.0).length_m
     return (round_m + run_in_m - before_m) / speed + DECISION_S
+
+
+def final_circles(scenario: Scenario) -> Iterator[str]:
+    """Yield which ground the vehicles' last circles are lifted for, and where they come too near to it before."""
+    if scenario.terrain is not None:
+        yield from _Climb(scenario, scenario.terrain.clearance_m).warnings()
+
+
+class _Climb:
+    """The climb of all vehicles to their circles, straight on from where the flight is planned to end."""
+
+    def __init__(self, scenario: Scenario, clearance_m: float) -> None:
+        self._path, self._speed_mps = scenario.leader_path, scenario.path.speed_mps
+        self._end_m = planned_end_m(scenario)
+        self._ground, self._floor, self._clearance_m = scenario.ground, GroundFloor(scenario), clearance_m
+        first = 1 if scenario.leader is None else 0
+        self._models = autopilot_models(scenario)[first:]
+        self._slots_m = slot_schedule(scenario)[-1].places_m[first:]
+        self._end = self._path.at(self._end_m)
+        north_m, east_m = self._places(np.zeros(1))
+        lowest_m = self._ground.height(north_m, east_m)[:, 0] + clearance_m  # slots are lifted that far
+        up_m = np.fmax(self._end.height_m + self._slots_m[:, 2], lowest_m).tolist()
+        each = zip(north_m[:, 0].tolist(), east_m[:, 0].tolist(), up_m, strict=True)
+        climb_mps = self._end.slope * self._speed_mps
+        self._begin = {VehicleId(1, at): Motion(0.0, *place, 0.0, 0.0, climb_mps, 0.0) for at, place in enumerate(each)}
+        self._stack = Stack(scenario.safety.avoidance.distance_m, stand=scenario.hovers)
+        climb_mps = min(model.climb_max_mps for model in self._models)
+        self._limit_s = stacked(self._begin, self._stack, self._floor, "loiter", self._ahead, climb_mps)
+
+    def warnings(self) -> Iterator[str]:
+        where, height_m = f"path at {self._end_m:.0f} m, the flight's end", self._end.height_m
+        begins = [
+            (place.north_m + north_m, place.east_m + east_m)
+            for place in self._begin.values()
+            for north_m, east_m in self._ahead(self._limit_s)
+        ]
+        top = max(self._floor.top(*begin) for begin in begins)
+        if top.height_m > height_m:
+            yield (
+                f"{where}: vehicles circle {top.height_m - height_m:.1f} m above it, at "
+                f"{top.height_m:.0f} m and higher, for the ground at north {top.north_m:.0f}, east {top.east_m:.0f}"
+            )
+        unknown = next((place for begin in begins if (place := self._floor.unknown(*begin)) is not None), None)
+        if unknown is not None:
+            north_m, east_m = unknown
+            yield (
+                f"{where}: found no elevation at north {north_m:.0f}, east {east_m:.0f}, below "
+                "the vehicles' circles or their way there; the ground there isn't kept clear of"
+            )
+        yield from self._too_low()
+
+    def _ahead(self, seconds: float) -> list[tuple[float, float]]:
+        points = [self._path.at(self._end_m + far_m) for far_m in points_ahead(seconds * self._speed_mps)]
+        return [(point.north_m - self._end.north_m, point.east_m - self._end.east_m) for point in points]
+
+    def _too_low(self) -> Iterator[str]:
+        """Yield the lowest clearance on the way straight on, until the last vehicle is at its height."""
+        self._stack.add(self._begin)
+        goals_m = [self._stack.heights_m[identity] for identity in self._begin]
+        times_s = np.arange(0.0, self._limit_s, STEP_S)
+        ways = zip(self._models, self._begin.values(), goals_m, strict=True)
+        height_m = np.array([_climb(model, begin, goal_m, len(times_s)) for model, begin, goal_m in ways])
+        climbing = times_s <= times_s[(height_m < np.array(goals_m)[:, None] - SHORT_M).any(axis=0)].max(initial=0.0)
+        north_m, east_m = self._places(times_s[climbing] * self._speed_mps)
+        clearance_m = height_m[:, climbing] - self._ground.height(north_m, east_m)
+        worst = np.unravel_index(np.nanargmin(clearance_m), clearance_m.shape)
+        if clearance_m[worst] < self._clearance_m - SHORT_M:
+            place = f"north {north_m[worst]:.0f}, east {east_m[worst]:.0f}"
+            yield (
+                f"path at {self._end_m:.0f} m, the flight's end: vehicles that climb to circle come to "
+                f"{clearance_m[worst]:.1f} m above the ground straight on, at {place}; {self._clearance_m:g} m are "
+                "asked for (terrain.clearance_m)"
+            )
+
+    def _places(self, ahead_m: Array) -> tuple[Array, Array]:
+        """Return how far north and east everybody is (V, T) where the leader is so far (T,) beyond the end."""
+        points = self._path.at(self._end_m + ahead_m)
+        cosine, sine = np.cos(points.course_rad), np.sin(points.course_rad)
+        forward_m, right_m, _ = self._slots_m.T[:, :, None]
+        return points.north_m + forward_m * cosine - right_m * sine, points.east_m + forward_m * sine + right_m * cosine
+
+
+def _climb(model: AutopilotModel, begin: Motion, goal_m: float, count: int) -> list[float]:
+    """Return the heights of a vehicle that is told another one, every `STEP_S`."""
+    state = FlightState(0.0, 0.0, begin.height_m, begin.climb_mps, model.speed_min_mps, 0.0, 0.0, 0.0)
+    heights_m = list[float]()
+    for _ in range(count):
+        heights_m.append(state.height_m)
+        advance(state, model, math.nan, math.nan, goal_m, STEP_S)
+    return heights_m
+
+
+def refused_rate(scenario: Scenario) -> str | None:
+    """Return that real ArduPlanes refuse the rate of the telemetry as they are shipped; None where they don't."""
+    planes = [str(each.vehicle_id) for each in scenario.vehicles if each.autopilot == "arduplane"]
+    rate_hz = scenario.telemetry.rate_hz
+    if not planes or rate_hz <= PLANES_MOST_HZ:
+        return None
+    return (
+        f"telemetry.rate_hz: found {rate_hz:g}; a real ArduPlane (vehicle {', '.join(planes)}) refuses more than "
+        f"{PLANES_MOST_HZ:g} with SCHED_LOOP_RATE 50, its default"
+    )
+
+
+def slots_of_no_shape(scenario: Scenario) -> str | None:
+    """Return that slots are given which no shape of the flight has, unless it is ordered; None where there are none."""
+    formation = scenario.formation
+    flown = dict.fromkeys([formation.shape, *(each.shape for each in formation.changes if each.shape)])
+    if formation.slots_m is None or "custom" in flown:
+        return None
+    return f"formation.slots_m: found slots; shape {', '.join(flown)} has its own, only custom has these"
+
+
+def never_reached(scenario: Scenario) -> Iterator[str]:
+    """Yield what is planned for after the flight's end: the last of `duration_s` itself, windows, events, a change."""
+    end_s, whole_s = planned_end_s(scenario), scenario.duration_s
+    over = f"the flight is over at {end_s:.4g} s"
+    if end_s < whole_s:
+        broken = "; windows of expect that reach beyond are broken" if scenario.expect else ""
+        yield f"duration_s: found {whole_s:g}; the path ends at {end_s:.4g} s{broken}"
+    for i, entry in enumerate(scenario.expect):
+        if entry.to_s > whole_s:
+            yield f"expect.{i}.to_s: found {entry.to_s:g}; {over}, so this is broken"
+    planned = {
+        "formation.changes": scenario.formation.changes,
+        "links.changes": scenario.links.changes,
+        "disturbances": scenario.disturbances,
+        "orders": scenario.orders,
+        "faults": scenario.faults,
+    }
+    times_s = {f"{key}.{i}.at_s": entry.at_s for key, entries in planned.items() for i, entry in enumerate(entries)}
+    times_s |= {f"expect.{i}.from_s": entry.from_s for i, entry in enumerate(scenario.expect)}
+    for key, at_s in times_s.items():
+        if at_s >= end_s:
+            yield f"{key}: found {at_s:g}; {over}"
+    if text := unfinished_change(scenario, end_s):
+        yield text
