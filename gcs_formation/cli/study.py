@@ -191,8 +191,10 @@ def stress(count: int, seed: int, jobs: int, hard: bool, out: Path | None, overw
     plan = Plan(_study(count, seed, hard=hard))
     try:
         with raised(), StudyProgress(quiet=not sys.stderr.isatty()) as progress:
-            rows = flights(plan, {}, None, Processes(min(jobs, count)), progress, {})
-            wrong = _name_broken(_alone(plan, out) if out else rows, "stress --hard" if hard else "stress")
+            rows: Iterable[Row] = flights(plan, {}, None, Processes(min(jobs, count)), progress, {})
+            if out is not None:  # the one flight, its record kept
+                rows = [fly(refly_task(next(plan.begin()), plan.study, {}, out))]
+            wrong = _name_broken(rows, "stress --hard" if hard else "stress")
     except RunAbortedError as error:
         fail(str(error), Status.COULD_NOT_GO_ON)
     except KeyboardInterrupt:
@@ -204,11 +206,6 @@ def stress(count: int, seed: int, jobs: int, hard: bool, out: Path | None, overw
 def _study(count: int, seed: int, *, hard: bool) -> Study:
     keys = {"random": "hard" if hard else "usual", "seeds": {"first": seed, "count": count}, "metrics": [INVARIANTS]}
     return Study.model_validate({**keys, "name": "stress", "record": "none"})
-
-
-def _alone(plan: Plan, out: Path) -> Iterable[Row]:
-    """Yield the one flight, its record kept."""
-    yield fly(refly_task(next(plan.begin()), plan.study, {}, out))
 
 
 def _name_broken(rows: Iterable[Row], command: str) -> int:

@@ -16,7 +16,7 @@ from formation_scenario.formation import Step
 from formation_scenario.source import Dumper, plain_mapping
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
 from gcs_formation.errors import RecordError
-from gcs_formation.identify.fit import Fit, fit, fit_airframe, flown_by_lags, lags_of
+from gcs_formation.identify.fit import CHANNELS, Fit, fit, fit_airframe, flown_by_lags, lags_of
 from gcs_formation.identify.recording import STEP_S, Recording, recordings
 from gcs_formation.record.run_directory import SCENARIO, SUMMARY, TLOG
 from gcs_formation.report.style import FOLLOWERS, GREY, INK, axes_grid, column_of, new_figure, print_style, save
@@ -28,7 +28,6 @@ SPACING_M = 60.0
 LEGS = 12
 """Waypoints of the straight path."""
 HEIGHT_CM = 14.0
-CHANNELS = ("airspeed_mps", "heading_rad", "height_m")
 UNITS = ("m/s", "rad", "m")
 
 

@@ -23,7 +23,7 @@ from formation_scenario.source import Dumper, Plain
 from gcs_formation.errors import RecordError, RecordingError
 from gcs_formation.record.run_directory import FIGURES, REPORT, lock
 from gcs_formation.studies.flight import VERSION, worst
-from gcs_formation.studies.keys import Study
+from gcs_formation.studies.keys import Bisection, Study
 from gcs_formation.studies.plan import Crossing, Planned, Row, columns_of
 
 STUDY = "study.yaml"
@@ -223,7 +223,7 @@ def sample_table(study: Study, rows: Sequence[Row], crossings: Sequence[tuple[Pl
     figures of the two flights between which the bound is crossed.
     """
     if study.bisect is not None:
-        return markdown(*_searches(study, rows, crossings))
+        return markdown(*_searches(study, study.bisect, rows, crossings))
     found = dict[int, list[Row]]()
     for row in rows:
         found.setdefault(int(row["flight"]) // study.seeds.count, []).append(row)
@@ -232,14 +232,12 @@ def sample_table(study: Study, rows: Sequence[Row], crossings: Sequence[tuple[Pl
 
 
 def _searches(
-    study: Study, rows: Sequence[Row], crossings: Sequence[tuple[Planned, Crossing]]
+    study: Study, search: Bisection, rows: Sequence[Row], crossings: Sequence[tuple[Planned, Crossing]]
 ) -> tuple[list[str], Iterator[list[str]]]:
-    search = study.bisect
-    name = "" if search is None else search.parameter
-    others = [each for each in study.measured if search is None or each != search.metric]
+    name, each = search.parameter, search.most_flights
+    others = [metric for metric in study.measured if metric != search.metric]
 
     def cells() -> Iterator[list[str]]:
-        each = 1 if search is None else search.most_flights
         for first, crossing in crossings:
             flown = {row[name]: row for row in rows if row["flight"] // each == first.flight // each}
             ends = [flown[value] for value in crossing if value is not None]

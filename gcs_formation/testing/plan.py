@@ -25,16 +25,12 @@ from gcs_formation.record.run_directory import SCENARIO, TIMESERIES
 from gcs_formation.record.summary import Summary
 from gcs_formation.record.timeseries import PHASES, read_parquet
 
-Followers = int | str | Sequence[int | str]
-"""One follower's id (or "network:id"), several, or "all"."""
 AXES = "xyz"
 MOST_NAMED = 8
 Against = Literal["emulators", "real endpoints"]
 Way = Literal["both", "uplink", "downlink"]
-VehicleName = int | str
-"""A vehicle's id, or "network:id"."""
-Vehicles = VehicleName | Sequence[VehicleName]
-"""One or several vehicles, or "all"."""
+Vehicles = int | str | Sequence[int | str]
+"""One vehicle's id (or "network:id"), several, or "all"."""
 
 
 class Violation(NamedTuple):
@@ -83,7 +79,7 @@ class FlownFlight:
         limit_m: float,
         *,
         axes: str = AXES,
-        followers: Followers = "all",
+        followers: Vehicles = "all",
         from_s: float = 0.0,
         to_s: float | None = None,
     ) -> Self:
@@ -113,7 +109,7 @@ class FlownFlight:
         self._require(not broken, f"more than {limit_m:g} m from the slot along {on} {window}", broken)
         return self
 
-    def settles(self, *, before_s: float, followers: Followers = "all") -> Self:
+    def settles(self, *, before_s: float, followers: Vehicles = "all") -> Self:
         """Claim that followers come within 0.5 m of their slots, and stay there for 10 s, before a mission time."""
         __tracebackhide__ = True
         chosen = [str(vehicle.vehicle_id) for vehicle in self._chosen(followers, self._followers)]
@@ -173,7 +169,7 @@ class FlownFlight:
             index = int(np.argmax(size_m))
             yield Violation(float(size_m[index]), float(time_s[window][index]), axis, vehicle)
 
-    def _chosen(self, names: Followers, among: Sequence[Vehicle]) -> list[Vehicle]:
+    def _chosen(self, names: Vehicles, among: Sequence[Vehicle]) -> list[Vehicle]:
         if names == "all":
             return list(among)
         wanted = [names] if isinstance(names, int | str) else list(names)
