@@ -68,22 +68,16 @@ def scenario_schema() -> Schema:
     It allows every value that a key by itself may have. What keys must be to each other, and whether the formation can
     be flown, only `load_scenario` knows.
     """
-    generated = written_model().model_json_schema(schema_generator=_WithoutTitlesOfKeys)
+    generated = written_model().model_json_schema()
     for group in _groups(generated):
+        for value in group["properties"].values():
+            value.pop("title", None)  # which only repeats the key
         _name_models(group)
         _release_derived(group)
     properties: Schema = generated["properties"]
     properties |= {key: _or_null(properties[key]) for key in MAY_BE_EMPTY}
     head = {"$schema": GenerateJsonSchema.schema_dialect, "title": "Scenario of a formation flight"}
     return head | generated | {"title": head["title"]}
-
-
-class _WithoutTitlesOfKeys(GenerateJsonSchema):
-    """pydantic's generator, without titles that only repeat a key."""
-
-    def field_title_should_be_set(self, schema: Any) -> bool:  # noqa: ANN401, ARG002 - pydantic's signature
-        """Return False."""
-        return False
 
 
 def _groups(schema: Schema) -> Iterator[Schema]:
