@@ -130,7 +130,6 @@ class Hills:
     """Level ground with hills, which add up, by the formulas of `environment.Hill`."""
 
     def __init__(self, base_m: float, hills: Sequence[Hill]) -> None:
-        """Take H hills."""
         self._base_m = base_m
         self._north_m = np.array([hill.north_m for hill in hills])
         self._east_m = np.array([hill.east_m for hill in hills])

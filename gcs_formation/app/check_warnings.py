@@ -106,7 +106,6 @@ class Assembly(NamedTuple):
     lap_radius_m: float
 
     def __str__(self) -> str:
-        """Return it in words."""
         needed = (
             "" if self.least_run_in_s is None else f"begins at once after a run-in of {self.least_run_in_s:.1f} s; "
         )

@@ -30,7 +30,6 @@ class InjectedFaults:
     """Records each fault when it's due by mission time. The station isn't told: it has to notice by itself."""
 
     def __init__(self, scenario: Scenario, recorder: Recorder) -> None:
-        """Take the faults from the scenario."""
         self._recorder = recorder
         self._pending = deque(sorted(_planned(scenario)))
 

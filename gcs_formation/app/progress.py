@@ -79,7 +79,6 @@ class StatusLine(Progress):
     """One line at the bottom of a terminal, rewritten; events of weight as lines above it."""
 
     def __init__(self, stream: TextIO) -> None:
-        """Write to the terminal behind `stream`."""
         from rich.console import Console  # noqa: PLC0415 - rich takes 5 % of a short flight to import
         from rich.live import Live  # noqa: PLC0415
         from rich.text import Text  # noqa: PLC0415

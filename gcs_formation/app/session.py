@@ -52,7 +52,6 @@ class TimedStation(Station):
         caution: Caution,
         resumed: Resumption | None,
     ) -> None:
-        """Prepare as a station does."""
         super().__init__(scenario, recorder, until_s, utc_at_0_s, caution, resumed)
         self._watch = Stopwatch()
         self._times = BytesWriter()

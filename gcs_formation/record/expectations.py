@@ -106,7 +106,6 @@ class Verdict:
         return entry | ({"reason": self.reason} if self.reason else {})
 
     def __str__(self) -> str:
-        """Return the verdict in words."""
         wanted = self.expectation
         who = f"vehicle {self.vehicle}: " if self.vehicle else ""
         found = "no value" if self.value is None else f"{self.value:.4g}"
