@@ -138,6 +138,10 @@ class Bisection(Keys):
         return 2 + max(0, math.ceil(math.log2((self.high - self.low) / self.tolerance)))
 
 
+DRAWN = ("random", "latin_hypercube", "sobol")
+"""Designs of so many samples."""
+
+
 class Study(Keys):
     """Many flights of one scenario."""
 

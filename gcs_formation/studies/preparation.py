@@ -16,13 +16,11 @@ from formation_scenario.errors import did_you_mean
 from formation_scenario.resolve import standalone, with_absolute_files
 from formation_scenario.source import KeyPath, Plain, Source, dotted, plain_mapping, read_file
 from gcs_formation.studies.flight import Task
-from gcs_formation.studies.keys import LISTED, Cases, Parameter, Range, Study, Value, levels_of
+from gcs_formation.studies.keys import DRAWN, LISTED, Cases, Parameter, Range, Study, Value, levels_of
 from gcs_formation.studies.plan import Planned, Row, Sample, at, columns_of, count_flights, samples
 
 COLUMNS = ("flight", "seed", "exit", "wall_s", "cpu_s", "version", "words")
 """Of flights.parquet, beside parameters and metrics."""
-DRAWN = ("random", "latin_hypercube", "sobol")
-"""Designs of so many samples."""
 MANY = 100_000
 """Flights beyond which a study asks whether that many are meant."""
 EXTREMES = (0.5, 0.0, 1.0 - 1e-9)
@@ -221,7 +219,7 @@ class _Trial:
     def _wrong_level(self, name: str, value: Value) -> ScenarioError | None:
         """Return why a value can't be flown: with the others' first values, and with those that it is drawn with."""
         wrong = self._wrong({name: value})
-        if wrong is None or self._study.design in {"grid", "one_at_a_time"}:
+        if wrong is None or self._study.design not in DRAWN:
             return wrong
         drawn = islice((sample for sample in samples(self._study) if sample[name] == value), TRIED_WITH)
         return wrong if all(self._wrong(sample) for sample in drawn) else None
